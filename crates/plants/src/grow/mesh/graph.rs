@@ -25,7 +25,7 @@ pub(super) struct SkeletonNode {
     pub p: DVec3,
     /// Mean radius of the wood, m.
     pub r: f32,
-    /// Index of the piece of wood.
+    /// Index of its piece among the solid pieces of wood.
     pub piece: u32,
     /// Neighbours in the tree, of its own piece first.
     pub neighbours: Vec<u32>,

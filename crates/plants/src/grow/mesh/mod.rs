@@ -55,7 +55,7 @@ pub struct SkeletonOptions {
     pub spacing: Option<f32>,
     /// Where the trunk begins, m; `None`: at the lowest thick end.
     pub root: Option<Vec3>,
-    /// Seed of the random draws of the clusters.
+    /// Seed of the draws that place the first clusters; the skeleton depends on it.
     pub seed: u64,
 }
 

@@ -27,7 +27,7 @@ const MIN_WOOD_POINTS: usize = 12;
 /// A volume below this share of area^(3/2) counts as zero; a sphere has 0.094.
 const MIN_VOLUME_RATIO: f64 = 1e-4;
 
-/// Points welded by position.
+/// Points of a mesh welded by position, since files repeat them along seams.
 #[derive(Debug)]
 pub(super) struct WeldedPoints {
     /// Index into `points` of each point of the mesh.
@@ -63,7 +63,7 @@ pub(super) struct WoodPiece {
     pub triangles: Vec<[u32; 3]>,
     /// Index of each point in `WeldedPoints::points`.
     pub welded: Vec<u32>,
-    /// Area of the surface, m^2.
+    /// Area of the surface, m^2, without the fans that close its holes.
     pub area: f64,
     /// Enclosed volume once holes are closed, m^3; negative if the surface faces inwards.
     pub volume: f64,

@@ -147,7 +147,7 @@ pub struct Spawning {
     pub up_bias: f64,
     /// Share 0..1 of the parent's direction in a child's first velocity, from which it bends out.
     pub flow: f64,
-    /// True if the string is interpreted only to answer its queries.
+    /// Profile of the lengths of children along their parent, which shapes the crown.
     pub crown: CrownShape,
     /// Probability that an axis forks at its tip into two of its own level.
     pub split: ByLevel,
@@ -193,7 +193,7 @@ pub struct Thickness {
     pub exponent: f64,
 }
 
-/// How radii follow from the branching.
+/// Rule by which radii follow from the branching, once all axes have grown.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ThicknessRule {
     /// At a fork the n-th powers of the radii add up.
@@ -205,7 +205,7 @@ pub enum ThicknessRule {
     Cone(Vec<WeightedRatio>),
 }
 
-/// A ratio of top to bottom radius of an internode.
+/// A ratio of top to bottom radius that an internode may draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WeightedRatio {
     /// Top radius over bottom radius, above 0, at most 1.
@@ -227,7 +227,7 @@ pub struct Leaves {
     pub angle_deviation: f64,
     /// Standard deviation of the logarithm of the size of leaves; 0: all are alike.
     pub size_deviation: f64,
-    /// Share 0..1 by which the upper side is turned towards the light.
+    /// Share 0..1 by which the upper side is turned upwards.
     pub face_up: f64,
 }
 

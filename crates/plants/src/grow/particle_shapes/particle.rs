@@ -45,7 +45,7 @@ pub struct Influence {
     pub other: DVec3,
 }
 
-/// Constants of the step of one axis.
+/// Rates of the motion of one axis, and the length of its steps.
 #[derive(Debug, Clone, Copy)]
 pub struct StepRates {
     /// Speed to which the particle tends, m/t; above 0.
@@ -62,7 +62,7 @@ pub struct StepRates {
     pub gravity: f64,
     /// Rate at which the target direction turns upwards, 1/t.
     pub up: f64,
-    /// Length of a step, m.
+    /// Length of a step, m, at which the time step aims.
     pub step_length: f64,
     /// Length that the axis grows to, m.
     pub length: f64,

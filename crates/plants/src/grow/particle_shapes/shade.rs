@@ -18,7 +18,7 @@ const MIN_GRADIENT: f64 = 1e-6;
 /// Shade around a plant in cubic cells, cast by its nodes on the layers below them.
 #[derive(Debug, Clone)]
 pub struct ShadeGrid {
-    /// Edge length of a cell, m.
+    /// Edge length of a cell, m; at least [`MIN_CELL`].
     cell: f64,
     /// Corner of the cell (0, 0, 0), m.
     origin: DVec3,

@@ -73,10 +73,10 @@ impl ProtoRange {
     }
 }
 
-/// How large an organ is placed.
+/// Size of a placed organ, and its distance from the wood.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct OrganSize {
-    /// Scale of the prototype.
+    /// Uniform scale of the prototype.
     pub scale: f64,
     /// Distance from the centreline to the pivot, m.
     pub petiole: f64,

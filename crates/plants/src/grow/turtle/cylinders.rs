@@ -70,7 +70,7 @@ pub(super) enum CurveKind {
 pub(super) struct OpenCylinder {
     pub kind: CurveKind,
     pub closed: bool,
-    /// Whether steps add points.
+    /// Whether `F` and `f` add points, as they do between `{(1)` and `}`.
     pub marks_steps: bool,
     /// Number of polygons that were open when it began.
     pub polygons: usize,

@@ -129,7 +129,7 @@ pub(super) enum DialectCommand {
 pub(super) struct DialectState {
     /// Fractint: pointer in units, counter-clockwise from +X.
     units: i64,
-    /// Fractint: pointer in degrees.
+    /// Fractint: pointer in degrees, counter-clockwise from +X.
     degrees: f64,
     reversed: bool,
     /// Fractint: size of a step; LParser: length of a segment.

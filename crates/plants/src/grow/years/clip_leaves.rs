@@ -31,7 +31,7 @@ const DECIDUOUS_YEARS: f32 = 1.5;
 /// Age of the fall of a leaf that outlives the record.
 const STAYS: f32 = f32::INFINITY;
 
-/// How leaves come and go in a clip.
+/// Whether the leaves of a clip follow the seasons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ClipLeaves {
     /// They unfold in spring and fall in autumn, on species whose leaves live at most 1.5 years.
@@ -60,12 +60,12 @@ pub struct LeafNow {
     pub size: f32,
 }
 
-/// Where a leaf grows.
+/// Site of a leaf, which decides how it moves as the tree grows.
 #[derive(Debug, Clone, Copy)]
 enum LeafSite {
     /// In the rosette at the tip of an axis, which moves with the tip.
     Tip { axis: u32 },
-    /// Along an internode.
+    /// Along an internode, where it stays.
     Along { node: u32 },
 }
 

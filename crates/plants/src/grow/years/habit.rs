@@ -6,7 +6,7 @@ use osier_base::{Error, Result};
 /// Orders of axes that tables distinguish: 0, the trunk, to 5; higher orders do not occur.
 pub const ORDERS: usize = 6;
 
-/// A value for each order of axes.
+/// A value for each order of axes, from 0, the trunk, to 5.
 pub type PerOrder = [f32; ORDERS];
 
 /// How many numbers a key takes.
@@ -23,17 +23,17 @@ pub enum Arity {
 /// A parameter that a table or a scene may set.
 #[derive(Debug, Clone, Copy)]
 pub struct HabitKey {
-    /// Name in snake_case.
+    /// Name as tables and scenes write it, in snake_case.
     pub name: &'static str,
     /// Unit of the value; empty for a pure number.
     pub unit: &'static str,
     /// Meaning, one sentence.
     pub help: &'static str,
-    /// Smallest value allowed.
+    /// Smallest value allowed, in `unit`.
     pub min: f64,
-    /// Largest value allowed.
+    /// Largest value allowed, in `unit`.
     pub max: f64,
-    /// How many numbers it takes.
+    /// Whether it takes one number, two numbers, or a list by order of axes.
     pub arity: Arity,
     values: fn(&Habit) -> &[f32],
     values_mut: fn(&mut Habit) -> &mut [f32],

@@ -38,7 +38,7 @@ const OPAQUE: f32 = 30.0;
 /// Index of cells whose light is not computed.
 const NO_SAMPLE: u32 = u32::MAX;
 
-/// A direction of the sky.
+/// A direction from which light of the sky comes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SkyDirection {
     /// Unit vector towards it.
@@ -106,7 +106,7 @@ fn sun_directions(latitude_deg: f64) -> Vec<DVec3> {
 pub(super) struct Grid {
     /// Corner with the smallest coordinates, m.
     pub origin: Vec3,
-    /// Side of a cell, m.
+    /// Side of a cell, m; at least [`CELL`].
     pub cell: f32,
     /// Reciprocal of `cell`, 1/m, as positions are divided often.
     pub per_cell: f32,
@@ -226,7 +226,7 @@ impl LeafAreas {
     }
 }
 
-/// Light at a point.
+/// Amount and mean direction of the light at the middle of a cell.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Light {
     /// Share of the light of the open sky.

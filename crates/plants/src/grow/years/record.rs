@@ -72,7 +72,7 @@ pub struct GrowthRecord {
 pub(super) struct Wood {
     /// End of the internode, m.
     pub p: Vec<Vec3>,
-    /// Frame of the internode.
+    /// Frame of the internode, +Y along it.
     pub q: Vec<Quat>,
     /// Radius, m, also of nodes that are not visible at this time.
     pub r: Vec<f32>,
@@ -191,7 +191,7 @@ impl GrowthRecord {
         (self.fell[i] != STANDS).then_some([start, start + FALL_YEARS])
     }
 
-    /// The wood at an age, years.
+    /// State of the wood at an age, years, interpolated between stored years.
     pub(super) fn wood(&self, time: f32) -> Wood {
         self.posed(time, false)
     }

@@ -3,7 +3,7 @@
 use super::habit::{Habit, ORDERS, PerOrder};
 use osier_base::math;
 
-/// Acceleration of gravity, m/s2.
+/// Acceleration of gravity, m/s2, along -Y.
 pub(super) const GRAVITY: f32 = 9.81;
 /// Greenhill's constant: a column of diameter d buckles under its own weight at the length c (E / (rho g))^(1/3) d^(2/3).
 /// Source: [mcmahon], after Greenhill 1881.
@@ -18,7 +18,7 @@ pub(super) struct Season {
     pub apical_control: PerOrder,
     /// By order, angle at which a shoot leaves its parent, rad.
     pub angle: PerOrder,
-    /// Standard deviation of the angle, rad.
+    /// Standard deviation of `angle`, rad, for all orders.
     pub angle_var: f32,
     /// Sine and cosine of the elevation that axes turn to.
     pub elevation: [[f32; 2]; ORDERS],

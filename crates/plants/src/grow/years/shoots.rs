@@ -39,7 +39,7 @@ const WHORL_LEAST: f32 = 0.35;
 /// Projected directions of a smaller squared length count as zero.
 const LEVEL_EPSILON: f32 = 1e-6;
 
-/// A shoot of this year.
+/// A shoot planned for this year.
 #[derive(Debug, Clone, Copy)]
 struct Shoot {
     /// Node whose end it grows from.
@@ -195,7 +195,7 @@ impl Tree {
         self.draw(mix64(&[self.node_id(i), u64::from(year)]), Purpose::Extend)
     }
 
-    /// Adds the internodes of a shoot and their buds.
+    /// Adds the internodes of a shoot and their buds; an obstacle may end the shoot early.
     fn grow_shoot(&mut self, shoot: &Shoot, season: &Season, field: &LightField, obstacles: Obstacles<'_>) {
         let from = shoot.node as usize;
         let order = usize::from(self.nodes.order[from]) + usize::from(shoot.bud.is_some());
@@ -424,7 +424,7 @@ struct Turns {
     wander: f32,
     /// Part of the way to the elevation.
     rise: f32,
-    /// Sine and cosine of the elevation.
+    /// Sine and cosine of the elevation to which the axis turns.
     elevation: [f32; 2],
     /// Direction of the light, times the phototropism and the length of an internode.
     light: Vec3,

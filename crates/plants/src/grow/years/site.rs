@@ -22,7 +22,7 @@ const RING_HEIGHTS: [f32; 2] = [0.3, 0.92];
 /// Share of a cell's side that a solid's surface may lie beyond its center and still make it opaque; thin walls need it.
 const OPAQUE_REACH: f32 = 0.25;
 
-/// The place of the trees that grow in one field of light.
+/// Sky, sunlight and solids around the trees that grow in one field of light.
 #[derive(Debug, Clone, Default)]
 pub struct Site {
     /// Vector towards the brighter side of the sky: light from the direction d is multiplied by 1 + side . d. Shorter than 1.
@@ -126,7 +126,7 @@ impl Prune {
 pub(super) struct Step {
     /// Unit direction of the internode.
     pub d: Vec3,
-    /// Length of the internode, m.
+    /// Length of the internode, m; less than planned after sliding.
     pub length: f32,
 }
 

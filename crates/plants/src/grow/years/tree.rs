@@ -56,7 +56,7 @@ macro_rules! columns {
             $($(#[$field_doc])* pub $field: Vec<$kind>,)*
         }
 
-        /// One entry of the arrays.
+        /// One row of the arrays, with a value for each column.
         #[derive(Debug, Clone, Copy)]
         pub(super) struct $row {
             $(pub $field: $kind,)*
@@ -103,7 +103,7 @@ columns! {
         p: Vec3,
         /// Frame: +Y along the internode, +X the roll reference.
         q: Quat,
-        /// Length of the internode, m.
+        /// Length of the internode, m; cuts shorten it.
         length: f32,
         /// Radius of the internode, m, from the pipe model.
         r: f32,
@@ -125,7 +125,7 @@ columns! {
         light: f32,
         /// Light that its living tips and buds receive, in fully lit tips.
         gathered: f32,
-        /// Vigour that it receives.
+        /// Vigour that it receives in a year, in tips in full light.
         vigour: f32,
     }
 }
@@ -220,7 +220,7 @@ pub(super) struct Loss {
     pub light: f32,
 }
 
-/// A cut through an internode.
+/// A cut through an internode, which a clip must show.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CutThrough {
     /// Node whose internode was shortened.
@@ -237,7 +237,7 @@ pub(super) struct Tree {
     /// Name of the plant in the scene, for messages.
     pub name: String,
     pub habit: Habit,
-    /// Key of its random draws.
+    /// Key of its random draws, from seed and id of the plant.
     pub key: u64,
     /// Place of its base in the scene, m.
     pub base: Vec3,
