@@ -134,10 +134,10 @@ fn accumulate(
     let mut acc = pow_tip;
     let mut loads = loads.iter().peekable();
     let mut above: Option<(f64, f32)> = None;
-    // Half a millionth of the length: attachments and nodes were rounded separately.
+    // A millionth of the length, because attachments and nodes were rounded separately.
     let slack = plant.axes[axis].length * 1e-6;
     for k in range.rev() {
-        // Add all loads at or above this node, then take the n-th root of the sum.
+        // By the pipe model, the n-th power of the radius is the sum of all loads at or above the node.
         while let Some((_, amount)) = loads.next_if(|l| l.0 >= s[k] - slack) {
             acc += amount;
         }

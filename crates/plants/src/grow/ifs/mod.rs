@@ -251,7 +251,7 @@ fn place_leaves(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, 
             }
             let on = AxisSite { axis: site.axis, s: narrow(site.s * scale) };
             let organ = leaf_organ(plant, on, LeafCopy { stems, cut, copy, size, up: options.up }, &mut draw);
-            // Bits of a positive float order as the float does.
+            // The bits of positive floats have the order of the floats.
             placed.insert((site.axis, organ.s.to_bits(), organ.id), organ);
         }
     }

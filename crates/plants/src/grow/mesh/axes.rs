@@ -302,7 +302,7 @@ impl ParentAttachment {
         let way = p - self.p;
         let length = way.length();
         let Some(out) = way.try_normalize() else { return p };
-        // A cylinder of radius r is left after r / sin(angle) along the way; never more than 80 % of it.
+        // The surface of a cylinder of radius r is reached after r / sin(angle); at most 80 % of the segment is used.
         let sine = out.cross(self.t).length().max(f64::from(MIN_LEAVING_SINE));
         self.p + out * (f64::from(self.r) / sine).min(0.8 * length)
     }

@@ -115,7 +115,7 @@ impl Clusters {
                 let far = fine.points[k].as_dvec3().distance(middle) / size;
                 if self.cluster_of[k] == u32::MAX && far < queued[k] {
                     queued[k] = far;
-                    // Bits of a positive float order as the float does.
+                    // The bits of positive floats have the order of the floats.
                     heap.push(Reverse((far.to_bits(), cluster, *next)));
                 }
             }

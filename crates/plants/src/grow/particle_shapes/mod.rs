@@ -1,8 +1,8 @@
 //! Particle-shapes: plants as the traces of particles that wander, twist and spread, and spawn others on their way.
 //!
 //! Source: R. Hoetzlein, Natural Structures through the Convergence of Particles and Shapes (Generative Art 2020), section 3. A
-//! particle leaves a chain of nodes behind; an axis is such a chain. Particles spawn others at irregular intervals, which carry
-//! their level on. Length, age and level end growth.
+//! particle leaves a chain of nodes behind; an axis is such a chain. Particles spawn others at irregular intervals; these
+//! have the next level. Length, age and level end growth.
 //!
 //! Own: units, a random walk and an approach to the target direction that do not depend on the step, tropisms, light, crown
 //! guide, solids, radii. [`params::Variant::Paper`] has the printed equations.

@@ -103,7 +103,7 @@ pub fn carried(reference: DVec3, from: DVec3, to: DVec3) -> DVec3 {
     // `from`. Opposite tangents leave the reference as it is.
     let k = 1.0 + from.dot(to);
     let moved = if k > 1e-12 { reference - (from + to) * (to.dot(reference) / k) } else { reference };
-    // Rounding would add up over thousands of steps.
+    // Projected once more, because rounding would add up over thousands of steps.
     let flat = moved - to * to.dot(moved);
     flat.try_normalize().unwrap_or_else(|| to.any_orthonormal_vector())
 }

@@ -1,4 +1,4 @@
-//! Actions of symbols that the grammar binds itself, as the dialects of papers do.
+//! Actions of symbols that a grammar binds, as the dialects of papers do.
 
 use super::frame::TurtleFrame;
 use super::interpreter::{Turtle, color_index};

@@ -127,7 +127,7 @@ impl OpenCylinder {
                 points.push(section.p - *up * (r * x) - *left * (r * y) + section.tangent * (r * z));
             }
         }
-        // Into the space of the pose, over the largest coordinate.
+        // Points in the space of the pose, divided by their largest coordinate.
         let back = pose.q.inverse();
         let local: Vec<DVec3> = points.iter().map(|p| back * (*p - pose.p)).collect();
         let size = local.iter().fold(0.0_f64, |m, p| m.max(p.abs().max_element()));
@@ -135,7 +135,7 @@ impl OpenCylinder {
             return None;
         }
         let mut mesh = Mesh { points: local.iter().map(|p| narrow(*p / size)).collect(), ..Mesh::default() };
-        // Texture coordinates: u once around, v by length over the girth of the first section.
+        // Texture coordinates: u runs once around, v is the length over the girth of the thickest section.
         let girth = std::f64::consts::TAU * sections.iter().map(|s| s.radius).fold(1e-9, f64::max);
         let mut length = 0.0;
         for (k, section) in sections.iter().enumerate() {
@@ -270,7 +270,7 @@ fn frames(sections: &[CrossSection], twist: bool) -> Vec<(DVec3, DVec3)> {
             // Parallel transport: the section does not twist about the axis.
             up = DQuat::from_rotation_arc(sections[i - 1].tangent, section.tangent) * up;
         }
-        // Rounding errors of many rotations are taken out at each section.
+        // Rounding errors of many rotations are removed at each section.
         up = (up - section.tangent * up.dot(section.tangent)).normalize_or(section.tangent.any_orthonormal_vector());
         let own = section.up - section.tangent * section.up.dot(section.tangent);
         let shown = if twist { own.normalize_or(up) } else { up };

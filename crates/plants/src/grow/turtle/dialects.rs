@@ -192,7 +192,7 @@ impl DialectTurtle {
             };
         }
         match self.kind {
-            // Fractint draws from +X, its plane faces the viewer.
+            // Fractint's turtle starts along +X, in a plane that faces the viewer.
             Dialect::Fractint => state.frame = TurtleFrame { h: DVec3::X, l: DVec3::Y, u: DVec3::Z },
             Dialect::LParser => state.frame = TurtleFrame { h: DVec3::Y, l: DVec3::NEG_Z, u: DVec3::NEG_X },
             Dialect::LPy => {
@@ -501,7 +501,7 @@ impl Turtle<'_> {
         let (c, s) = (math::cos(radians(degrees)), math::sin(radians(degrees)));
         let before = self.s.frame.h;
         self.s.frame = TurtleFrame { h: DVec3::new(c, s, 0.0), l: DVec3::new(-s, c, 0.0), u: DVec3::Z };
-        // A tube cannot turn back upon itself: the way back is a line of its own.
+        // A tube cannot turn back upon itself: the way back begins a new axis.
         if draws && self.s.frame.h.dot(before) < REVERSAL {
             self.jump_to(self.s.p, m);
         }

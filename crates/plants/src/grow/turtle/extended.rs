@@ -75,7 +75,7 @@ impl Turtle<'_> {
                 0 => (self.s.cylinder.slopes, self.s.cylinder.relative) = (None, false),
                 1 => self.s.cylinder.relative = self.param(m, 0, 0.0).abs() > 0.0,
                 _ => {
-                    // A tangent of a length at an angle to the axis changes the radius by its sine.
+                    // A tangent of length l at the angle a to the axis changes the radius by l sin(a).
                     let [a1, l1, a2, l2] = [0, 1, 2, 3].map(|i| self.param(m, i, 0.0));
                     let slope = |angle: f64, length: f64| length * math::sin(radians(angle));
                     self.s.cylinder.slopes = Some([slope(a1, l1), slope(a2, l2)]);
@@ -221,7 +221,7 @@ impl Turtle<'_> {
         let id = self.param(m, 0, 0.0);
         let quads = [1, 2].map(|i| self.param(m, i, 8.0).clamp(1.0, MAX_QUADS) as u32);
         let Some(patch) = self.patches.get(&number(id)) else { return self.unknown_patch(id) };
-        // Bezier points of all rows, then of all columns; around the first point of the patch.
+        // Bezier form of all rows, then of all columns; coordinates become relative to the first point of the patch.
         let rows = patch.points.map(|row| patch.basis.bezier(row));
         let columns = [0, 1, 2, 3].map(|j| patch.basis.bezier([0, 1, 2, 3].map(|i| rows[i][j])));
         let origin = columns[0][0];

@@ -588,7 +588,7 @@ impl<'a> Turtle<'a> {
         }
         // A cylinder that is open here is the stem itself.
         let is_stem = self.cylinder().is_some();
-        // A drawn step extends the current axis. A jump ends it: what is drawn next opens an axis of its own.
+        // A drawn step extends the current axis. A jump ends it: what is drawn next begins a new axis.
         if draws && !is_stem {
             self.segment(from, m);
             self.s.last = self.s.frame;
@@ -686,8 +686,7 @@ impl<'a> Turtle<'a> {
     fn at_command(&mut self, c: char, m: Module<'_>) {
         match c {
             'v' => self.s.frame.level(),
-            // Absolute position: what is drawn next begins an axis of its own, since the jump is no part of the
-            // plant.
+            // Absolute position: what is drawn next begins a new axis, since the jump is no part of the plant.
             'M' => {
                 let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 0.0));
                 self.s.p = DVec3::new(x, y, z) * self.options.unit_m;

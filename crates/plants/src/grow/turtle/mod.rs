@@ -93,7 +93,7 @@ pub fn grow(
         dialects::set_least_radius(&mut plant);
     }
     set_exposed_lengths(&mut plant);
-    // Axes that are thin at their base get the material of shoots, all others that of bark.
+    // Only thickness distinguishes shoots from old wood, since strings name no materials for axes.
     for axis in &mut plant.axes {
         let base = plant.nodes.r.get(axis.first as usize).copied().unwrap_or(0.0);
         let thin = f64::from(base) < options.shoot_radius;

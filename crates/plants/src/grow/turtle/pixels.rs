@@ -1,4 +1,4 @@
-//! Lines whose widths are pixels: a drawing has no pixels, so that its size gives them theirs.
+//! Lines whose widths are pixels: the size of a pixel follows from the extent of the drawing.
 
 use glam::Vec3;
 

@@ -1,4 +1,4 @@
-//! Derivation of grammars that ask the turtle where it stands.
+//! Derivation of grammars with queries, which a turtle answers with its position and orientation.
 
 use super::interpreter::Turtle;
 use super::options::TurtleOptions;

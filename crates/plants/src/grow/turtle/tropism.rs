@@ -41,8 +41,7 @@ pub(super) fn apply_tropisms(
     }
     // Torques roll the frame about its heading, until up points along the projection of their direction.
     for (t, e) in tropisms.iter().zip(elasticity).filter(|(t, _)| t.torque) {
-        // T', the direction projected onto the plane across the heading; |U x T'| is the sine of the angle that is
-        // left.
+        // T', the direction projected onto the plane across the heading; |U x T'| is the sine of the remaining angle.
         let across = t.dir - frame.h * t.dir.dot(frame.h);
         let Some(aim) = across.try_normalize() else { continue };
         let turn = frame.u.cross(aim);
@@ -57,8 +56,8 @@ pub(super) fn apply_tropisms(
 /// heading.
 fn sought_direction(frame: &TurtleFrame, t: &Tropism) -> DVec3 {
     let dir = t.dir.normalize_or(DVec3::Y);
-    // The point of the cone in the plane of H and T: T turned towards H by the rest angle A. Along T itself
-    // every side of the cone is as near; left decides.
+    // The point of the cone in the plane of H and T: T turned towards H by the rest angle A. If H points along T, all of the cone
+    // is equally near, and left decides.
     let n = frame.h.cross(dir);
     let n = if n.length_squared() > 1e-24 { n.normalize() } else { frame.l };
     dir * math::cos(t.angle) + dir.cross(n) * math::sin(t.angle)

@@ -1,4 +1,4 @@
-//! From light to vigour: what tips and buds receive, summed to the base, and its share for each of them.
+//! From light to vigour: the light of tips and buds is summed to the base, then each of them receives its share of vigour.
 
 use super::light::{CellMarks, Grid, LeafAreas, LightField};
 use super::season::Season;
@@ -64,7 +64,7 @@ impl Tree {
         }
         // Light above the compensation point, scaled so that the open sky gives 1; below it is negative.
         let net = |q: f32| (q - habit.shade_point) / (1.0 - habit.shade_point);
-        // A tip's own leaves do not shade it: half of the depth that they add to its cell is taken back.
+        // A tip's own leaves do not shade it: half of the depth that they add to its cell is removed.
         let area = habit.leaf_area_tip * habit.extinction;
         let own = 0.5 * MEAN_PATH * area / (field.grid.cell * field.grid.cell);
         for i in 0..count {

@@ -69,7 +69,7 @@ impl GrowthRecord {
         let posed: Vec<_> = sources.iter().map(|source| posed_node(&tree, &all, *source)).collect();
         plant.nodes.q = posed.iter().map(|n| n.q).collect();
 
-        // What is validated must keep its nodes, which are bound to those of the tree.
+        // Validation must not drop nodes, because each is bound to nodes of the tree.
         osier_scene::plant::validate(&mut plant)?;
         if plant.nodes.len() != sources.len() {
             return Err(Error::export("X001", format!("plant \"{}\" has internodes of no length", self.tree.name)));
@@ -77,7 +77,7 @@ impl GrowthRecord {
         set_exposed_lengths(&mut plant);
         let thinning = plant.nodes.r.iter().zip(&posed).map(|(r, n)| r / n.r.max(f32::MIN_POSITIVE)).collect();
 
-        // Leaves: as many as are seen at once, each the place of several in succession.
+        // There are as many organs as leaves are visible at once; each shows several leaves in succession.
         let slot_options = SlotOptions { clip, limits };
         let slots = leaves.map(|leaves| LeafSlots::new(self, &leaves, slot_options)).transpose()?;
         if let Some(slots) = &slots {

@@ -1,4 +1,4 @@
-//! Death and its replacement: cuts, crown lifting, falling wood, new leaders, dormant buds that wake.
+//! Death and replacement: cuts, crown lifting, falling wood, new leaders, dormant buds that wake.
 
 use glam::Vec3;
 

@@ -249,8 +249,8 @@ impl LightField {
     /// The light in the cells marked in `wanted`. `opaque`: cells inside solids.
     pub fn compute(areas: &LeafAreas, sky: &[SkyDirection], opaque: &[u32], wanted: &CellMarks) -> Self {
         let grid = areas.grid;
-        // Optical depth of a cell passed straight down, and the cells that light is wanted in, in the order of the sweep.
-        // Depth = extinction x leaf area / ground area of the cell.
+        // Optical depth of a cell passed straight down = extinction x leaf area / ground area of the cell. The cells whose light
+        // is wanted are listed in the order of the sweep.
         let to_depth = 1.0 / (AREA_UNITS * f64::from(grid.cell) * f64::from(grid.cell));
         let mut depth: Vec<f32> = areas.areas.iter().map(|a| narrow(*a as f64 * to_depth)).collect();
         for cell in opaque {

@@ -1,4 +1,4 @@
-//! Numbers that describe a tree as foresters do.
+//! Measures of a tree as in forestry: height, crown, diameter at breast height, leaf area.
 
 use glam::Vec3;
 

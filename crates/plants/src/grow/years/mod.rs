@@ -180,14 +180,14 @@ fn plant_seed(spec: &TreeSpec) -> Tree {
 /// Indices of trees that may shade each other, group by group, in the order of the first tree of each group.
 fn groups_in_shade(specs: &[TreeSpec]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
-    // The greatest height of a tree: it bounds the path of water to its top.
+    // `path_max` limits the path of water to the top, and so the height of a tree.
     let reach = |spec: &TreeSpec| SHADE_DISTANCE * spec.habit.path_max.min(spec.habit.height_max);
     for (i, spec) in specs.iter().enumerate() {
         let near = |other: &usize| {
             let other = &specs[*other];
             other.base.distance(spec.base) < reach(other).max(reach(spec))
         };
-        // All groups that it is near to become one with it.
+        // The groups of all trees near this one are merged with it.
         let (joined, apart): (Vec<_>, Vec<_>) = groups.into_iter().partition(|group| group.iter().any(near));
         let mut group: Vec<usize> = joined.into_iter().flatten().collect();
         group.push(i);
@@ -221,7 +221,7 @@ fn grow_group(
         |(i, tree): (&usize, &Tree)| span(*i).map(|span| GrowthRecord::new(tree, span, specs[*i].id, specs[*i].seed));
     let mut records: Vec<Option<GrowthRecord>> = group.iter().zip(&stand.trees).map(record_of).collect();
 
-    // Full years, then the one that is shown in part.
+    // All full years first; the last one, shown in part, follows below.
     for year in 1..=last {
         stand.grow_year(true)?;
         let grew = stand.trees.iter().zip(&mut records).filter(|(tree, _)| tree.sown < year);

@@ -24,7 +24,7 @@ impl Tree {
                 nodes.area[i] = math::lerp(before.nodes.area[i], nodes.area[i], part);
                 nodes.q[i] = math::nlerp(before.nodes.q[i], nodes.q[i], part);
             } else {
-                // It grows from the birth of the internode before it, or from the start of the year, to its own birth.
+                // An internode grows from the birth of the one before it, or from the start of the year, to its own birth.
                 let start = if parent >= first_new { nodes.birth[parent] - start_of_year } else { 0.0 };
                 let end = nodes.birth[i] - start_of_year;
                 let shown = ((part - start) / (end - start).max(1e-6)).clamp(0.0, 1.0);

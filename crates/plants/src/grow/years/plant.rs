@@ -361,7 +361,8 @@ impl<'a> AxisBuilder<'a> {
             let straight = next.is_some_and(|n| {
                 let ahead = nodes.p[n] - here;
                 let cosine = way.dot(ahead) / (way.length() * ahead.length()).max(1e-12);
-                // How far the next node lies beside the chord so far: long arcs of small bends would leave their own branches.
+                // Distance of the next node from the chord so far: on a long arc of small bends the skin would drift away from
+                // its branches.
                 let beside = way.length() * (1.0 - cosine * cosine).max(0.0).sqrt();
                 cosine > STRAIGHT[0] && beside < MAX_DRIFT * r && (r - kept_r).abs() < STRAIGHT[1] * kept_r
             });
@@ -444,7 +445,7 @@ impl<'a> TreeFoliage<'a> {
     pub fn new(tree: &Tree, foliage: &'a Foliage) -> Option<Self> {
         let organ = foliage.organ();
         let first = organ.meshes.first()?;
-        // Needles stick out over the ends of their piece, whose length is the organ's size.
+        // Needles extend beyond the ends of their piece, whose length is the organ's size.
         let length = match foliage {
             Foliage::Blades(_) => first.bounds().max.y.max(1e-9),
             Foliage::Needles(_) => narrow(organ.size).max(1e-9),

@@ -36,7 +36,7 @@ impl Tree {
             if least > nodes.r[i] {
                 area = area.max(math::pow_f32(least, exponent));
             }
-            // Powers only where the wood grew.
+            // The power is computed only where the wood grew.
             if area > nodes.area[i] {
                 nodes.area[i] = area;
                 nodes.r[i] = math::pow_f32(area, root);
@@ -44,7 +44,7 @@ impl Tree {
             let parent = nodes.parent[i];
             if parent != NONE {
                 scratch.area[parent as usize] += nodes.area[i];
-                // Only the own continuation lengthens the column; side branches are columns of their own.
+                // Only the continuation of the axis lengthens the column; side branches are columns by themselves.
                 if nodes.flags[i] & flag::MAIN != 0 {
                     scratch.beyond[parent as usize] = beyond;
                 }

@@ -1,4 +1,4 @@
-//! A tree through the years of a clip: what its wood was like at any time between two ages. Own.
+//! A tree through the years of a clip: the state of its wood at any time between two ages. Own.
 
 use glam::{Quat, Vec3};
 

@@ -43,7 +43,7 @@ impl Season {
             out
         };
         let juvenile = if habit.juvenile > 0.0 {
-            // In its first year a seedling has a third of its years as a head start, so that it grows at all.
+            // In every year a seedling counts as 0.35 `juvenile` years older, so that it grows at all in its first.
             math::smoothstep(0.0, 1.0, (at + 0.35 * habit.juvenile) / habit.juvenile)
         } else {
             1.0

@@ -104,7 +104,7 @@ impl Tree {
     /// Plans the shoots of open tips; a tip without the vigour for a shoot stays a short shoot.
     fn plan_tips(&mut self, season: &Season, shoots: &mut Vec<Shoot>) {
         let habit = &self.habit;
-        // The largest factor that chance can give.
+        // Largest random factor on the length of a shoot.
         let luck = 1.0 + LENGTH_DEVIATION[0] * NORMAL_MAX;
         for i in 0..self.nodes.len() {
             if !self.nodes.grows(i) {
@@ -185,7 +185,7 @@ impl Tree {
     /// Id of the axis that grows from a bud, the same in every run: a hash of the bearing axis, the node and the bud's slot.
     fn axis_of_bud(&self, bud: &Bud) -> u64 {
         let i = bud.node as usize;
-        // At most 12 buds share a node: 64 keeps the ordinals of neighbouring nodes apart.
+        // Slots lie below 64, those of woken buds included, so that nodes of an axis share no ordinal.
         let ordinal = u64::from(self.nodes.index[i]) * 64 + u64::from(bud.slot);
         mix64(&[self.axis_ids[self.nodes.axis[i] as usize], word("bud"), ordinal])
     }
@@ -232,7 +232,8 @@ impl Tree {
             let d = y_axis(q);
             let wanted = Step { d: turns.turn(d, &mut self.draw(id, Purpose::Wander)), length };
             let t = (f32::from(j) + 1.0) / count;
-            // Longer shoots are stouter; each tapers linearly to its tip. From the next year on the pipe model rules.
+            // Longer shoots are stouter; each tapers linearly to its tip. From the next year on the pipe model determines the
+            // radius.
             let radius = self.habit.tip_radius + self.habit.stout[order] * shoot.length * (1.0 - TIP_TAPER * t);
             let Some(step) = obstacles.slide(at, wanted, radius) else {
                 end_flag = flag::OBSTACLE;
@@ -325,7 +326,7 @@ impl Tree {
             across
         };
         let out = d * math::cos_f32(angle) + side * math::sin_f32(angle);
-        // The roll reference is level, so that two ranks of buds are.
+        // The roll reference is level, so that two ranks of buds lie level.
         let level = math::normalize_or(Vec3::Y.cross(out), math::perpendicular(out));
         Quat::from_mat3(&glam::Mat3::from_cols(level, out, level.cross(out))).normalize()
     }
@@ -337,7 +338,7 @@ impl Tree {
         if death <= 0.0 {
             return q;
         }
-        // The length's draw comes first in this stream.
+        // The first draw of this stream gave the length of the shoot.
         let mut draw = self.tip_draw(from, season.year);
         normal(&mut draw);
         if !draw.chance(death) {

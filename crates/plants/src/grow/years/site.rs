@@ -64,7 +64,7 @@ impl Neighbours {
                 for x in 0..nx {
                     let at = grid.center(x, y, z) - base;
                     let away = (at.x * at.x + at.z * at.z).sqrt();
-                    // Cells count whole, by their centers.
+                    // A cell counts as a whole: it lies in the ring if its center does.
                     let ring = (self.radius..self.radius + RING_THICKNESS).contains(&away);
                     if ring && (RING_HEIGHTS[0] * height..RING_HEIGHTS[1] * height).contains(&at.y) {
                         areas.add_to_cell((y * nz + z) * nx + x, area);

@@ -29,7 +29,7 @@ pub(super) struct Stand<'a> {
 
 impl<'a> Stand<'a> {
     pub fn new(mut trees: Vec<Tree>, site: &'a Site, limits: &'a Limits) -> Self {
-        // The tree is chosen by its place, for the order of the list must not matter.
+        // The tree is chosen by its place, because the order of the list must not matter.
         let key = |t: &&Tree| (t.base.x, t.base.z, t.base.y);
         let first = trees.iter().min_by(|a, b| {
             let (a, b) = (key(a), key(b));
@@ -67,7 +67,7 @@ impl<'a> Stand<'a> {
     fn light(&mut self) -> LightField {
         let year = self.year;
         let solids = self.site.solids.as_deref();
-        // The box of all that lives, of neighbours and of solids that shade it.
+        // Box of all living wood, of neighbours and of solids that shade it.
         let mut bounds = Bounds::default();
         let mut heights = Vec::new();
         for tree in &self.trees {
@@ -115,13 +115,13 @@ impl Tree {
         let season = Season::new(&self.habit, self.year);
         self.losses.clear();
 
-        // What is cut, and the light of what is left.
+        // Cuts come first: only what is left receives light.
         self.cut(&season);
         self.gather_light(field);
         self.sum_light(true);
         self.note_darkness();
 
-        // Death passes on to what stands on the dead; axes without a tip get a new leader; dormant buds wake for next year.
+        // Wood on dead wood dies too; axes without a tip get a new leader; dormant buds wake for next year.
         self.let_fall();
         if self.replace_leaders() {
             self.sum_light_again();

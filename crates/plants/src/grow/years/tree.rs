@@ -138,7 +138,7 @@ impl Nodes {
     /// Position of the base of a node's internode, from the tree's base, m.
     #[inline]
     pub fn base(&self, i: usize) -> Vec3 {
-        // Roots start from a point that is stored as their end less their length.
+        // The base of a root is not stored: it lies one length behind the root's end.
         match self.p.get(self.parent[i] as usize) {
             Some(p) => *p,
             None => self.p[i] - self.direction(i) * self.length[i],
@@ -364,7 +364,7 @@ impl Tree {
     #[inline]
     pub fn leaf_area(&self, i: usize) -> f32 {
         let habit = &self.habit;
-        // Leaves at an open tip, and others along a shoot that is young enough.
+        // Species without leaves along shoots have only those of open tips.
         let tip = if self.nodes.flags[i] & flag::OPEN != 0 { habit.leaf_area_tip } else { 0.0 };
         if self.bears_along(i) { tip + habit.leaf_area_shoot * self.nodes.length[i] } else { tip }
     }
