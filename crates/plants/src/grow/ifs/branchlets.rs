@@ -113,8 +113,8 @@ struct BranchletCopies {
 /// [`super::grow`].
 /// Source: J. Hart, T. DeFanti, "Efficient antialiased rendering of 3-D linear fractals", 1991: object instancing of
 /// the attractor's own parts.
-/// Differs: a part is as deep as its size asks, so that leaves keep their size to half an octave, and is grown for
-/// each direction that may be up, so that leaves face the sky.
+/// Differs: a part has the depth that its size requires, so that leaves keep their size to half an octave, and there is one part
+/// for each direction that may be up, so that leaves face the sky.
 /// # Errors
 /// As [`super::grow`].
 pub fn grow(

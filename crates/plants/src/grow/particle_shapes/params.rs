@@ -104,7 +104,7 @@ pub struct Motion {
     pub wander: ByLevel,
     /// Rotation of the velocity about the target direction, and of the frame about the velocity, rad/t.
     pub twist: ByLevel,
-    /// Rotation of the target direction about the home direction, rad/t: what keeps a vine winding.
+    /// Rotation of the target direction about the home direction, rad/t: keeps a vine winding.
     pub coil: ByLevel,
     /// Angle between target and home direction where `coil` is not 0, rad.
     pub coil_angle: f64,
@@ -149,7 +149,7 @@ pub struct Spawning {
     pub flow: f64,
     /// Profile of the lengths of children along their parent, which shapes the crown.
     pub crown: CrownShape,
-    /// Probability that an axis forks at its tip into two of its own level.
+    /// Probability that an axis forks at its tip into two axes of its level.
     pub split: ByLevel,
     /// Angle between the two axes of a fork, rad.
     pub split_angle: f64,
@@ -234,7 +234,7 @@ pub struct Leaves {
 /// Parameters of a plant of particle-shapes. Lengths in m, growth time in t, an arbitrary unit.
 #[derive(Debug, Clone)]
 pub struct ShapeParams {
-    /// Which equations move a particle: those with units, or the printed ones.
+    /// Equations of motion: with units, or as the paper prints them.
     pub variant: Variant,
     /// Factor of the length of all steps: 1 is 1/16 of an axis, 2 to 50 mm.
     pub step: f64,

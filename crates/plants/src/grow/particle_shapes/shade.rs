@@ -1,4 +1,4 @@
-//! Shade of a growing plant: voxels that count what grows above them, from which axes turn away.
+//! Shade of a growing plant: voxels that sum the shade of the nodes above them. Axes turn away from it.
 
 use glam::{DVec3, IVec3};
 

@@ -643,7 +643,7 @@ impl<'a> Turtle<'a> {
         self.jump_to(self.s.p + by, m);
     }
 
-    /// Moves to a point without drawing; what is drawn next opens an axis of its own.
+    /// Moves to a point of plant space without drawing; what is drawn next begins a new axis.
     pub(super) fn jump_to(&mut self, to: DVec3, m: Module<'_>) {
         self.s.p = to;
         self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };

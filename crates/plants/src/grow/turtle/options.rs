@@ -118,7 +118,7 @@ pub struct TurtleOptions {
     pub sides: u32,
     /// Whether the cross-sections of generalised cylinders roll with the turtle; else they have the least twist.
     pub twist: bool,
-    /// Whether what stands behind a `%` of the final string is drawn, up to the end of its branch.
+    /// Whether the part of the final string behind a `%` is drawn, up to the end of its branch.
     pub past_cut: bool,
     /// Materials by the number that `@Tx` gives; 0 is no texture.
     pub textures: BTreeMap<u32, MaterialId>,

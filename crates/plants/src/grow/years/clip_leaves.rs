@@ -1,4 +1,4 @@
-//! Leaves of a recorded tree: when each unfolds and falls, and as few places for them as are seen at once. Own.
+//! Leaves of a recorded tree: when each unfolds and falls, and places for as many as are visible at once. Own.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

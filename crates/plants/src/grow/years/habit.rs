@@ -107,8 +107,8 @@ impl HabitValue for PerOrder {
 
 macro_rules! habit {
     ($($name:ident: $kind:ty = [$($default:expr),+], $unit:literal, $min:literal to $max:literal, $help:literal;)*) => {
-        /// How a species grows. All lengths in m, times in years, angles in degrees. Arrays hold a value for each order of
-        /// the axis concerned, that of the new shoot where a shoot is made.
+        /// How a species grows. All lengths in m, times in years, angles in degrees. Arrays hold a value for each order of axes;
+        /// a rule that makes a shoot uses the order of the new shoot.
         #[derive(Debug, Clone, PartialEq)]
         pub struct Habit {
             $(#[doc = $help] pub $name: $kind,)*

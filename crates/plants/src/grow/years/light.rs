@@ -48,9 +48,9 @@ pub(super) struct SkyDirection {
 }
 
 /// The directions of a place's sky; their weights sum to 1.
-/// Source: weights (1 + 2 sin e) / 3, the overcast sky of the CIE. Own: without the cosine of a receiver, for a shoot takes
-/// light from all around; brighter towards `side` by the factor max(1 + side . d, 0); `direct` of the light comes from the sun
-/// at six hours of the growing season.
+/// Source: weights (1 + 2 sin e) / 3, the overcast sky of the CIE.
+/// Own: without the cosine of a receiver, since a shoot takes light from all sides; brighter towards `side` by the factor max(1 +
+/// side . d, 0); the share `direct` comes from the sun at six hours of the growing season.
 pub(super) fn sky(site: &Site) -> Vec<SkyDirection> {
     let mut directions = Vec::with_capacity(20);
     let mut diffuse = Vec::new();

@@ -266,7 +266,7 @@ impl<'a> AxisBuilder<'a> {
         let nodes = &tree.nodes;
         let (head, tail) = (start.node as usize, chain.last().copied().unwrap_or(start.node) as usize);
         let carrier = nodes.parent[head] as usize;
-        // An axis that falls during the clip has no parent: it must not thicken with a carrier that goes on growing.
+        // An axis that falls during the clip has no parent: it must not thicken with one that continues to grow.
         let breaks_off = self.is_gone(head) && carrier < nodes.len() && !self.is_gone(carrier);
         let on = self.at.get(carrier).copied().filter(|_| !breaks_off);
         let parent = on.and_then(|on| self.plant.axes.get(on.axis as usize));

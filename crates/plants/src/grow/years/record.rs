@@ -147,7 +147,7 @@ impl GrowthRecord {
         self.span.ordered()
     }
 
-    /// Whether a node is seen at some time of the clip.
+    /// Whether a node is visible at some time of the clip.
     pub(super) fn is_shown(&self, i: usize) -> bool {
         let [first, last] = self.span.ordered();
         self.start(i) < last && self.fall_window(i).is_none_or(|[_, end]| end > first)
@@ -196,12 +196,13 @@ impl GrowthRecord {
         self.posed(time, false)
     }
 
-    /// The wood that all shown nodes have together: as at the end of the clip, fallen nodes as they were when they fell.
+    /// The wood of all nodes that the clip shows, at once: as at the end of the clip, fallen nodes as they were when they fell.
     pub(super) fn wood_of_all(&self) -> Wood {
         self.posed(self.span.ordered()[1], true)
     }
 
-    /// Wood at a time; `all`: fallen nodes stand, and what is still to grow is there.
+    /// State of the wood at an age, years. With `all`, fallen nodes stand, and nodes that are still to grow have their full
+    /// length.
     fn posed(&self, time: f32, all: bool) -> Wood {
         let nodes = &self.tree.nodes;
         let count = nodes.len();

@@ -30,7 +30,7 @@ const RELAY_KINK: [f32; 2] = [0.45, 0.2];
 const LEAVE_RANGE: [f32; 2] = [5.0, 150.0];
 /// Deviation of the azimuth of buds, degrees.
 const AZIMUTH_DEVIATION: f32 = 8.0;
-/// Divergence beyond which buds are two-ranked, degrees. Two ranks are those of level shoots; along upright stems they turn.
+/// Divergence beyond which buds are two-ranked, degrees. Only level shoots keep two ranks; along upright stems the ranks turn.
 const TWO_RANKED: f32 = 150.0;
 /// Radius of a new shoot at its tip as a share of that at its base.
 const TIP_TAPER: f32 = 0.6;

@@ -81,7 +81,7 @@ macro_rules! columns {
 columns! {
     /// Internodes of a tree, one column for each property.
     Nodes / Node {
-        /// Index of the parent, or [`NONE`]; always below the own index.
+        /// Index of the parent, or [`NONE`]; always below the index of the node.
         parent: u32,
         /// Index of the axis in [`Tree::axis_ids`].
         axis: u32,
@@ -186,18 +186,18 @@ pub(super) struct Bud {
     pub gathered: f32,
 }
 
-/// Numbers of a year that passes hand to each other, by node; kept to save their allocation.
+/// Intermediate results of a year by node, which later passes read; kept to save their allocation.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
     /// Cell of the light field, for nodes with an open tip or buds.
     pub cell: Vec<u32>,
-    /// Light of the continuation or of the own open tip.
+    /// Light of the continuation, or of the node itself if its tip is open.
     pub main: Vec<f32>,
     /// Light of all other children and buds.
     pub side: Vec<f32>,
     /// Length of living wood from its base on, m.
     pub wood: Vec<f32>,
-    /// Vigour per light of what it feeds, before its share.
+    /// Vigour of the node over its weighted light; times light and weight it is the vigour of a child or bud.
     pub factor: Vec<f32>,
     /// Light lost since last year by death and cuts above.
     pub lost_light: Vec<f32>,
@@ -205,9 +205,9 @@ pub(super) struct Scratch {
     pub area: Vec<f32>,
     /// Length of the axis beyond its end, m.
     pub beyond: Vec<f32>,
-    /// Mass from its base on and its first moments along x and z; then the moments about its base alone.
+    /// Mass from its base on and its first moments along x and z; in the end only the moments about its base.
     pub weight: Vec<Vec3>,
-    /// Rotation that bending gives it.
+    /// Rotation of the year, by bending and righting, from the root to the node.
     pub turn: Vec<Quat>,
 }
 
@@ -252,7 +252,7 @@ pub(super) struct Tree {
     pub buds: Vec<Bud>,
     pub neighbours: Option<Neighbours>,
     pub prunes: Vec<Prune>,
-    /// Number of nodes marked as fallen that still take up room.
+    /// Number of nodes marked as fallen that are still in the arrays.
     pub fallen: usize,
     /// Years in a row without any light.
     pub dark: u8,
