@@ -1,8 +1,8 @@
 //! Light in a crown: how much the crown shades each leaf, and the direction out of it.
 //!
-//! The leaf area of a crown is summed in a coarse grid of cubic cells. Light is attenuated along 26 directions from each cell to the
-//! edge of the grid by the leaf area that it passes. A leaf's occlusion is the share of skylight that does not reach it; its outward
-//! direction is the mean of the directions around it, each weighted by the light that comes from there.
+//! The leaf area of a crown is summed in a coarse grid of cubic cells. Light is attenuated along 26 directions from each cell to
+//! the edge of the grid by the leaf area that it passes. A leaf's occlusion is the share of skylight that does not reach it; its
+//! outward direction is the mean of the directions around it, each weighted by the light that comes from there.
 //!
 //! ```
 //! use glam::Vec3;

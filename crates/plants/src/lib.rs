@@ -1,5 +1,5 @@
-//! Plants: growth from grammars, iterated function systems and meshes ([`grow`]), their meshes and materials ([`surface`]), the light in
-//! their crowns ([`crown`]), and their leaves through the year ([`season`]).
+//! Plants: growth from grammars, iterated function systems and meshes ([`grow`]), their meshes and materials ([`surface`]), the
+//! light in their crowns ([`crown`]), and their leaves through the year ([`season`]).
 
 pub mod crown;
 pub mod grow;

@@ -1,8 +1,8 @@
 //! Skeletons of artists' meshes: the axes of the wood are extracted, and the unchanged mesh is bound to them.
 //!
 //! `parts` separates blades from wood; `thickness` measures the wood, `refine` and `clusters` divide its surface into clusters.
-//! Their centroids become a tree (`graph`), chains (`chains`) and axes (`axes`). `bind` binds every vertex to an axis, and `leaves`
-//! turns the blades into organs.
+//! Their centroids become a tree (`graph`), chains (`chains`) and axes (`axes`). `bind` binds every vertex to an axis, and
+//! `leaves` turns the blades into organs.
 
 mod axes;
 mod bind;

@@ -1,7 +1,7 @@
 //! Generalised cylinders: a contour swept along a spline of points that the turtle marks.
 //!
-//! `@Gs`, `@Gc(n)`, `@Ge(n)` mark a Hermite spline; `{(1)` to `{(4)` an open or closed Hermite spline or B-spline. One cylinder may be
-//! open at each bracket level, and while it is, segments at that level are not drawn: the cylinder is the stem.
+//! `@Gs`, `@Gc(n)`, `@Ge(n)` mark a Hermite spline; `{(1)` to `{(4)` an open or closed Hermite spline or B-spline. One cylinder
+//! may be open at each bracket level, and while it is, segments at that level are not drawn: the cylinder is the stem.
 
 use std::collections::BTreeMap;
 
@@ -93,7 +93,8 @@ impl OpenCylinder {
         Self { kind, closed, marks_steps: false, polygons: 0, points: Vec::new() }
     }
 
-    /// The curve that the parameter of `{` selects: 1 and 2 Hermite, 3 and 4 B-spline, the even ones closed; `None` for a polygon.
+    /// The curve that the parameter of `{` selects: 1 and 2 Hermite, 3 and 4 B-spline, the even ones closed; `None` for a
+    /// polygon.
     pub fn of_parameter(value: f64) -> Option<Self> {
         match value {
             v if (0.5..1.5).contains(&v) => Some(Self::new(CurveKind::Hermite, false)),

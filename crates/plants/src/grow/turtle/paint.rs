@@ -1,7 +1,7 @@
 //! Colour indices as provisional materials of the shapes that the turtle draws.
 //!
-//! Which indices a string uses is known only when it is drawn. Until then meshes of polygons, discs, spheres and surfaces name the
-//! materials of this module; the code that knows the colours replaces them by real ones.
+//! Which indices a string uses is known only when it is drawn. Until then meshes of polygons, discs, spheres and surfaces name
+//! the materials of this module; the code that knows the colours replaces them by real ones.
 
 use osier_scene::MaterialId;
 

@@ -123,7 +123,8 @@ impl Tree {
                 continue;
             }
             let is_main = nodes.flags[i] & flag::MAIN != 0;
-            // [palubicki] 4.2, shedding: light per length of wood below a threshold. Continuations are exempt: an axis is shed as a whole.
+            // [palubicki] 4.2, shedding: light per length of wood below a threshold. Continuations are exempt: an axis is shed as
+            // a whole.
             let old = !is_main && year - nodes.birth[i] > habit.shed_age;
             if shed && (total <= 0.0 || old && total < habit.shed * wood) {
                 nodes.flags[i] |= flag::DEAD;

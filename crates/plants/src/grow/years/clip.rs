@@ -1,7 +1,7 @@
 //! A recorded tree as a plant whose wood and leaves can be posed at any time of a clip. Own.
 //!
-//! The plant holds every axis that is seen at some time, so that its skin has one topology. Before its birth a node lies at the tip
-//! that its axis has reached; a branch that falls thins out and then lies at its base.
+//! The plant holds every axis that is seen at some time, so that its skin has one topology. Before its birth a node lies at the
+//! tip that its axis has reached; a branch that falls thins out and then lies at its base.
 
 use std::sync::Arc;
 
