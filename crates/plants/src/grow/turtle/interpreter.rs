@@ -37,7 +37,7 @@ struct Attachment {
     ordinal: u64,
 }
 
-/// The part of the state that brackets save and restore; commands change only this.
+/// The part of the state that brackets save and restore: `[` pushes a copy, `]` returns to it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TurtleState {
     /// Position in plant space, m.

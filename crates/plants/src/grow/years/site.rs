@@ -25,7 +25,7 @@ const OPAQUE_REACH: f32 = 0.25;
 /// Sky, sunlight and solids around the trees that grow in one field of light.
 #[derive(Debug, Clone, Default)]
 pub struct Site {
-    /// Vector towards the brighter side of the sky: light from the direction d is multiplied by 1 + side . d. Shorter than 1.
+    /// Vector towards the brighter side of the sky: light from the direction d is multiplied by 1 + side . d. Its length is below 1.
     pub side: Vec3,
     /// Geographic latitude, degrees, for direct light.
     pub latitude: f64,
