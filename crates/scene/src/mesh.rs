@@ -66,7 +66,8 @@ impl Mesh {
         self
     }
 
-    /// Appends another mesh; its subsets follow, one equal to the last is merged into it.
+    /// Appends another mesh, whose first subset is merged into the last one here if both have one material. Texture
+    /// coordinates and colours are joined too: both meshes must have them, or neither.
     pub fn append(&mut self, other: &Self) {
         let (base, first) = (self.next_point(), self.next_triangle());
         Attribute::append_all(&mut self.attributes, self.points.len(), &other.attributes, other.points.len());
@@ -95,7 +96,7 @@ impl Mesh {
         }
     }
 
-    /// Appends triangles of one material as a subset.
+    /// Appends triangles over points of the mesh as a new subset, even if the last one has the same material.
     pub fn append_subset(&mut self, material: MaterialId, triangles: Vec<[u32; 3]>) {
         let first = self.next_triangle();
         self.triangles.extend(triangles);
@@ -118,9 +119,9 @@ pub enum MeshMotion {
     Still,
     /// By its skin and the asset's skeleton; frames carry poses only.
     Skinned,
-    /// Frames carry new points of the same topology. A skin beside it is the light stand-in for formats without caches.
+    /// Frames carry new points of the same topology. A skin in addition approximates them, for formats without vertex caches.
     Deforming,
-    /// Frames carry whole meshes.
+    /// Frames carry whole meshes, whose numbers of points and triangles change.
     Varying,
 }
 
@@ -133,7 +134,7 @@ pub struct SkinWeights {
     pub weights: Vec<[f32; 4]>,
 }
 
-/// A mesh in an asset.
+/// A mesh that an asset shows once, and how it moves.
 #[derive(Debug, Clone)]
 pub struct MeshObject {
     /// Prim and node name, `[a-z0-9_]+`, unique in the asset.

@@ -18,7 +18,7 @@ pub struct PixelFootprint {
 }
 
 impl PixelFootprint {
-    /// For the picture of a camera.
+    /// Footprint for a camera's vertical angle of view; pixels are square.
     pub fn new(camera: &Camera) -> Self {
         let half = camera.vfov * 0.5;
         Self { eye: camera.eye, at_one_metre: 2.0 * math::sin_f32(half) / math::cos_f32(half) / PICTURE_ROWS }

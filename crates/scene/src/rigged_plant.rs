@@ -2,8 +2,8 @@
 
 use super::{Instancer, MeshObject, Skeleton};
 
-/// A plant at rest with joints on its branches, for programs that simulate the wind themselves. It stands beside the meshes that
-/// the scene's own motion moves and does not depend on that motion.
+/// A plant at rest with joints on its branches, for programs that simulate the wind themselves. It does not depend on the motion
+/// that the scene's frames have.
 #[derive(Debug, Clone, Default)]
 pub struct RiggedPlant {
     /// Joints in asset space; joint 0 is the fixed root.
@@ -16,7 +16,7 @@ pub struct RiggedPlant {
     pub instancers: Vec<Instancer>,
 }
 
-/// The stretch of a branch that a joint bends.
+/// The part of a branch that a joint bends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointBranch {
     /// Index of its axis in the plant.

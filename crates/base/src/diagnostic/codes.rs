@@ -2,14 +2,14 @@
 
 use super::Severity::{self, Error, Warning};
 
-/// One row of the table.
+/// A row of [`CODES`]: what all diagnostics of one code have in common.
 #[derive(Debug, Clone, Copy)]
 pub struct Code {
     /// `L001`, `S001`, `X001`, ...
     pub code: &'static str,
     /// Error or warning; the same wherever the code is reported.
     pub severity: Severity,
-    /// Shape of the message.
+    /// What the code means, as `osier list codes` and `docs/codes.md` print it; a message adds names and values.
     pub summary: &'static str,
 }
 

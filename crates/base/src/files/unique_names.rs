@@ -36,12 +36,12 @@ fn is_device(name: &str) -> bool {
 #[derive(Debug, Clone, Default)]
 pub struct Names {
     taken: BTreeSet<String>,
-    /// Number to try next, by the name that was asked for: a thousand of one name are not counted through a thousand times.
+    /// Number to try next for each safe name, so that n equal names take about n attempts, not n^2 / 2.
     next: BTreeMap<String, u64>,
 }
 
 impl Names {
-    /// A safe name that no earlier call returned.
+    /// [`safe_name`] of `name`, with a number if an earlier call returned it; at most 120 bytes.
     pub fn unique(&mut self, name: &str) -> String {
         let base = safe_name(name);
         if self.taken.insert(base.clone()) {

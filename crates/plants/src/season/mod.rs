@@ -39,7 +39,7 @@ const SPRING_DELAY: f64 = 4.0;
 const WINTER_ADVANCE: f64 = 2.5;
 /// Least and greatest latitude of these rules: nearer to the equator cold does not end the year, nearer to the poles no trees grow.
 const LATITUDES: [f64; 2] = [25.0, 70.0];
-/// Days of a year; leap years are not told apart.
+/// Days of a year; leap years are not distinguished.
 const YEAR: f64 = 365.0;
 
 /// The season of a day of the year, 1..=366, at a latitude in degrees, negative in the south: 0..1, 1 in winter.
@@ -68,14 +68,14 @@ pub enum FallOrder {
 pub struct AutumnColor {
     /// Linear RGB of the leaf, 0 to 1.
     pub color: [f32; 3],
-    /// How frequent it is beside the others, above 0.
+    /// Frequency relative to the other colours, above 0.
     pub weight: f64,
 }
 
-/// How the leaves of an organ go through the year.
+/// Colours of the leaves of an organ over the year, and how they fall.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafHabit {
-    /// Whether they stay on the plant and green.
+    /// Whether the leaves stay on the plant and green; only those of the youngest shoots then change, in spring.
     pub evergreen: bool,
     /// Linear colour in summer.
     pub green: [f32; 3],
@@ -110,7 +110,7 @@ pub enum LeafColor {
     Aged(u8),
 }
 
-/// Shape of a leaf at a stage of its year; each is a prototype of its own.
+/// Shape of a leaf at a stage of its year; each shape has a separate prototype.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LeafShape {
     /// Both halves lie against each other.
@@ -123,10 +123,10 @@ pub enum LeafShape {
     Withered,
 }
 
-/// Colour and shape of a leaf in steps; each pair that occurs is a prototype of its own.
+/// Colour and shape of a leaf in steps; each pair that occurs has a separate prototype.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LeafLook {
-    /// Step of its way from spring to dry.
+    /// Step of the colours from spring to dry.
     pub color: LeafColor,
     /// Step of its unfolding or withering.
     pub shape: LeafShape,
@@ -149,7 +149,7 @@ impl LeafHabit {
         self.autumn.get(usize::from(index)).map_or(self.green, |c| c.color)
     }
 
-    /// Mean linear colour of a leaf.
+    /// Mean linear colour of a blade in a step of colour, which for a turning leaf averages veins and what is between them.
     pub fn color(&self, color: LeafColor) -> [f32; 3] {
         match color {
             LeafColor::Green => self.green,

@@ -60,7 +60,7 @@ pub struct BarkGrain {
 }
 
 impl BarkGrain {
-    /// The value at (x, y) of the unit square, y up; repeats beyond it, straight between cells.
+    /// The value at (x, y) of the unit square, y up; repeats beyond it, linear between the centres of cells.
     pub fn at(&self, x: f32, y: f32) -> f32 {
         let n = self.side.max(1);
         let cell = |v: f32| {
@@ -202,7 +202,7 @@ impl BarkSpec {
         }
     }
 
-    /// Checks all ranges.
+    /// Checks the ranges given at the fields, without those of colours and roughness.
     /// # Errors
     /// `Range` naming the first value outside its range.
     pub fn check(&self) -> Result<()> {

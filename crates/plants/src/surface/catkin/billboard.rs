@@ -13,17 +13,17 @@ use osier_scene::{Material, Mesh};
 
 /// Pixels along a side of the picture.
 const SIDE: usize = SIDE_U32 as usize;
-/// [`SIDE`] as images count.
+/// [`SIDE`] in the type of image sizes.
 const SIDE_U32: u32 = 256;
 /// Samples along a side of a pixel: hairs are thinner than a pixel, and 64 samples resolve their coverage.
 const SUPERSAMPLING: usize = 8;
-/// Passes of dilation, one pixel each: as many mipmap levels as their logarithm stay free of background.
+/// Passes of dilation, one pixel each: about log2 of their number of mipmap levels stay free of background.
 const DILATION_PASSES: usize = 4;
 
 /// A square picture of one view, rows from the top.
 struct TuftRaster {
     view: BillboardView,
-    /// Half of what a side shows, m.
+    /// Half of the length that a side of the picture spans, m.
     reach: f32,
     /// Samples along a side.
     side: usize,
@@ -48,7 +48,7 @@ impl TuftRaster {
         (Vec2::new(half + p.dot(right) * self.scale(), half - p.dot(up) * self.scale()), p.dot(out))
     }
 
-    /// Draws the samples of a box for which `f` has something to show.
+    /// Draws the surface that `f` returns for the positions of samples in a box; nothing where it returns `None`.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     fn draw(&mut self, [low, high]: [Vec2; 2], f: impl Fn(Vec2) -> Option<BillboardSample>) {
         // Scan the bounding box; a sample keeps the surface nearest to the viewer (depth test).
