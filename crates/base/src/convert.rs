@@ -90,7 +90,8 @@ pub fn limit(n: u64) -> usize {
     usize::try_from(n).unwrap_or(usize::MAX)
 }
 
-/// A count as a 32-bit index, for collections whose size a limit or the memory bounds below 2^32; the largest index for counts beyond.
+/// A count as a 32-bit index, for collections whose size a limit or the memory bounds below 2^32; the largest index for counts
+/// beyond.
 /// # Examples
 /// ```
 /// use osier_base::convert::saturating_index;

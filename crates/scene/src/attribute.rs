@@ -57,7 +57,8 @@ pub struct Attribute {
 pub const LEAF_COLOR: &str = "leaf_color";
 /// Share of the skylight that other leaves of the crown take from a leaf, 0 to 1.
 pub const CANOPY_OCCLUSION: &str = "canopy_occlusion";
-/// Direction out of the crown in which a leaf's normals are bent: n' = n (1 - |c|) + c, where the length |c|, 0 to 1, is how much.
+/// Direction out of the crown in which a leaf's normals are bent: n' = n (1 - |c|) + c, where the length |c|, 0 to 1, is how
+/// much.
 pub const CANOPY_NORMAL: &str = "canopy_normal";
 
 /// The index of a branch, a cluster or a drop as a value of [`AttributeData::I32`]. Indices from 2^31 on, which the limits

@@ -92,8 +92,8 @@ impl Coat {
     /// Albedo of a wet leaf as a share of that of a dry one: light is caught in the film of water. Own: chosen by eye against
     /// photographs of wet leaves, 0.4..0.8; a smaller value darkens wet leaves in previews and POV-Ray.
     pub const WET_ALBEDO: f32 = 0.55;
-    /// Roughness of a closed film, 0 to 1: smooth, with the ripple that the surface below leaves in it. A surface that is smoother
-    /// keeps its own roughness.
+    /// Roughness of a closed film, 0 to 1: smooth, with the ripple that the surface below leaves in it. A surface that is
+    /// smoother keeps its own roughness.
     pub const WET_ROUGHNESS: f32 = 0.08;
 }
 

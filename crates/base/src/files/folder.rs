@@ -344,8 +344,8 @@ impl Folder {
         Ok(())
     }
 
-    /// Renames a finished part to its name. The journal entry is written first: if the process dies between the two, the file counts
-    /// as osier's.
+    /// Renames a finished part to its name. The journal entry is written first: if the process dies between the two, the file
+    /// counts as osier's.
     pub(super) fn publish(&self, record: FileRecord, rename: impl FnOnce(&Path) -> io::Result<()>) -> Result<()> {
         let target = self.root().join(&record.path);
         let mut state = self.state();

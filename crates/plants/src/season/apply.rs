@@ -105,7 +105,8 @@ enum Slot {
     Bud(usize),
 }
 
-/// The organs of a plant whose leaves change over a clip: one for each look that a leaf has in it, of which one is shown at a time.
+/// The organs of a plant whose leaves change over a clip: one for each look that a leaf has in it, of which one is shown at a
+/// time.
 #[derive(Debug, Clone)]
 pub struct SeasonSlots {
     habits: Vec<LeafHabit>,

@@ -1,8 +1,8 @@
 //! Leaves through the growing year: buds, unfolding, summer, autumn colours, fall, bare twigs.
 //!
-//! A season is a number: 0 at bud burst, 1 on the bare winter tree; [`season_of_day`] finds it for a day of the year. Every leaf has a
-//! [`LeafCalendar`] of its own, drawn from its place in the crown: leaves in the sun and single branches turn first, and the leaves of
-//! a branch turn alike. [`apply_season`] shows a grown [`osier_scene::plant::Plant`] at a season.
+//! A season is a number: 0 at bud burst, 1 on the bare winter tree; [`season_of_day`] finds it for a day of the year. Every
+//! leaf has a [`LeafCalendar`] of its own, drawn from its place in the crown: leaves in the sun and single branches turn first,
+//! and the leaves of a branch turn alike. [`apply_season`] shows a grown [`osier_scene::plant::Plant`] at a season.
 //!
 //! ```
 //! use osier_plants::season::season_of_day;
@@ -37,7 +37,8 @@ const MIDDLE: f64 = 50.0;
 /// Days by which spring is later and winter earlier with each degree towards the pole.
 const SPRING_DELAY: f64 = 4.0;
 const WINTER_ADVANCE: f64 = 2.5;
-/// Least and greatest latitude of these rules: nearer to the equator cold does not end the year, nearer to the poles no trees grow.
+/// Least and greatest latitude of these rules: nearer to the equator cold does not end the year, nearer to the poles no trees
+/// grow.
 const LATITUDES: [f64; 2] = [25.0, 70.0];
 /// Days of a year; leap years are not distinguished.
 const YEAR: f64 = 365.0;

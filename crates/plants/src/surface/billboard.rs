@@ -32,8 +32,8 @@ pub(super) struct BillboardTexel {
     pub(super) normal: Vec3,
 }
 
-/// Pixels of a square of samples, rows from the top. `side`: samples along a side, `supersampling` of them to a pixel; `color`: of a
-/// pixel, from the sum of its samples' colours and their number.
+/// Pixels of a square of samples, rows from the top. `side`: samples along a side, `supersampling` of them to a pixel; `color`:
+/// of a pixel, from the sum of its samples' colours and their number.
 pub(super) fn texels(
     samples: &[Option<BillboardSample>],
     side: usize,

@@ -115,7 +115,8 @@ impl Solid {
         if let Form::Shell(s) = &self.form { s.open_edges() } else { 0 }
     }
 
-    /// Text of the warning S032 for a mesh that is not closed; `None` for all other solids. `stopped`: what its surface stops all the same.
+    /// Text of the warning S032 for a mesh that is not closed; `None` for all other solids. `stopped`: what its surface stops
+    /// all the same.
     pub fn open_mesh_warning(&self, stopped: &str) -> Option<String> {
         let edges = self.open_edges();
         (edges > 0).then(|| {

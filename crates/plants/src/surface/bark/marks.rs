@@ -1,5 +1,5 @@
-//! Marks on a bark: cross cracks, dashes and scars, diamonds, pores (lenticels). Their sizes are in cells of a cellular noise, and
-//! the cell's hash decides which cells bear a mark.
+//! Marks on a bark: cross cracks, dashes and scars, diamonds, pores (lenticels). Their sizes are in cells of a cellular noise,
+//! and the cell's hash decides which cells bear a mark.
 
 use crate::surface::periodic_noise::{CellularNoise, FractalNoise, NearestFeature};
 use osier_base::math::smoothstep;

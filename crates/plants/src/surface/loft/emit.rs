@@ -49,7 +49,7 @@ fn sized<T: bytemuck::Zeroable + Clone>(mut buffer: Vec<T>, n: usize) -> Vec<T> 
     buffer
 }
 
-/// Consecutive triangles of one material as subsets of a mesh.
+/// Runs of triangles as subsets of a mesh, one after the other from triangle 0 on.
 fn subsets(runs: &[MaterialRun]) -> Vec<Subset> {
     let mut first = 0;
     let subset = |run: &MaterialRun| {
@@ -96,7 +96,7 @@ fn split_arrays<'a>(
     tasks
 }
 
-/// Splits the first `n` entries off a slice.
+/// Returns the first `n` entries of a slice and leaves the others in it.
 fn split_off<'a, T>(from: &mut &'a mut [T], n: usize) -> &'a mut [T] {
     let (head, tail) = std::mem::take(from).split_at_mut(n);
     *from = tail;
