@@ -10,12 +10,12 @@ pub enum Error {
     /// Diagnostics about the user's files; the cli renders them with source lines.
     #[error("{0}")]
     Input(Box<Report>),
-    /// The system refused a file operation.
+    /// A system call on a file or folder failed.
     #[error("cannot {action} \"{}\": {source}", path.display())]
     Io {
         /// What was attempted, as a verb: "open", "write", "rename".
         action: &'static str,
-        /// The file or folder concerned.
+        /// The file or folder that the call named; of a rename the new name.
         path: PathBuf,
         /// Error of the system call; its kind selects the exit code.
         source: std::io::Error,

@@ -91,7 +91,7 @@ pub fn triangulate(outline: &[Vec2]) -> Vec<[u32; 3]> {
     // Outlines have fewer than 2^32 corners: earcut would not end on more.
     #[allow(clippy::cast_possible_truncation, reason = "indices into an outline of fewer corners")]
     let index = |i: usize| i as u32;
-    // The shoelace sum, twice the signed area: its sign tells the direction of the outline.
+    // The shoelace sum, twice the signed area: its sign is the sense of rotation of the outline.
     let area: f32 = (0..outline.len()).fold(0.0, |s, i| s + outline[i].perp_dot(outline[(i + 1) % outline.len()]));
     let side = |t: &[usize]| (outline[t[1]] - outline[t[0]]).perp_dot(outline[t[2]] - outline[t[0]]);
     // Triangles of the opposite sense are reversed, whatever order the library returns.

@@ -1,4 +1,4 @@
-//! Random numbers with addresses: every decision has a stream of its own, so no draw depends on the order of work.
+//! Random numbers with addresses: every decision has a separate stream, so that no draw depends on the order of work.
 //!
 //! A stream is named by a seed and a path of integers and words; the same address gives the same numbers for ever.
 

@@ -46,14 +46,14 @@ pub fn srgb_from_linear(c: f32) -> f32 {
     if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * math::pow_f32(c, 1.0 / 2.4) - 0.055 }
 }
 
-/// A value in [0, 1] as a byte, rounded to nearest.
+/// A value as a byte, rounded to nearest: 0 is 0, 1 is 255, values outside of [0, 1] are clamped.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 before the cast")]
 #[inline]
 pub fn byte(c: f32) -> u8 {
     (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-/// Steps of [`byte`] of [`srgb_from_linear`].
+/// Table of the step function that [`byte`] of [`srgb_from_linear`] is.
 struct Steps {
     /// The byte of i / 4096.
     at: Vec<u8>,

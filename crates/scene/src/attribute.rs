@@ -53,7 +53,7 @@ pub struct Attribute {
     pub data: AttributeData,
 }
 
-/// Linear colour of each leaf of a plant that shows a season, with an alpha of 1; white for what is no leaf.
+/// Linear colour of each leaf of a plant with a season, with an alpha of 1; white for what is no leaf.
 pub const LEAF_COLOR: &str = "leaf_color";
 /// Share of the skylight that other leaves of the crown take from a leaf, 0 to 1.
 pub const CANOPY_OCCLUSION: &str = "canopy_occlusion";
@@ -201,7 +201,7 @@ impl Attribute {
         for attribute in other {
             let same = |a: &Self| a.name == attribute.name && a.domain == attribute.domain;
             match own.iter_mut().find(|a| same(a)) {
-                // A merged geometry has room for one value of this domain: the first part's.
+                // A merged geometry has one value of this domain: the first part's.
                 Some(known) if known.domain == AttributeDomain::Mesh => {}
                 Some(known) => {
                     // The list is too short if the parts appended last lacked the attribute: zeros for their elements.

@@ -7,7 +7,7 @@ use glam::Vec3;
 pub struct Camera {
     /// Position in the world, m.
     pub eye: Vec3,
-    /// Point of the world that the middle of the picture shows, m.
+    /// Point of the world that projects to the centre of the picture, m.
     pub target: Vec3,
     /// Full angle between the upper and the lower edge of the picture, rad.
     pub vfov: f32,
@@ -145,6 +145,8 @@ impl Fog {
             _ => self.height,
         };
         let share = |y: f32| if y <= 0.0 { 1.0 } else { 1.0 / ((1.0 + y / self.height) * (1.0 + y / self.height)) };
+        // Along the ray the density integrates to a difference of `below` over its slope; for a nearly level ray that would be
+        // 0 / 0.
         let rise = along.y * length;
         let amount = if rise.abs() < 1e-3 * self.height {
             share(from.y) * length
@@ -193,6 +195,7 @@ impl Sky {
         if glow == Vec3::ZERO {
             return plain;
         }
+        // The glow is interpolated between the two entries of the table that enclose the cosine; below the first there is none.
         let cos = direction.dot(sun);
         let inner = Self::GLOW.iter().position(|(c, _)| cos < *c).unwrap_or(Self::GLOW.len() - 1);
         let Some(outer) = inner.checked_sub(1) else { return plain };

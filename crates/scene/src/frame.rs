@@ -72,7 +72,7 @@ pub enum MeshFrame {
     },
     /// A whole mesh ([`super::MeshMotion::Varying`]); may be empty.
     Whole {
-        /// The mesh of this frame, with attributes of its own.
+        /// The mesh of this frame with its attributes, which need not be those at rest.
         mesh: Mesh,
         /// Velocities of the points in asset space, m/s, one per point; empty where they are not known.
         velocities: Vec<Vec3>,

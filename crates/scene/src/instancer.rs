@@ -45,7 +45,7 @@ impl Prototype {
     }
 }
 
-/// How the instances move.
+/// How instances move: not at all, with joints, or by states in the frames.
 #[derive(Debug, Clone, PartialEq)]
 pub enum InstancerMotion {
     /// Instances keep their rest state over the clip.
@@ -77,7 +77,7 @@ pub struct InstanceState {
 }
 
 impl InstanceState {
-    /// Whether instance `i` is shown; true where `alive` has no entry for it.
+    /// Whether instance `i` exists at this time; true where `alive` has no entry for it.
     #[inline]
     pub fn is_alive(&self, i: usize) -> bool {
         self.alive.get(i).copied().unwrap_or(true)
@@ -157,7 +157,7 @@ pub struct Instancer {
     pub scales: Vec<Vec3>,
     /// State of all instances at rest, which formats without animation show.
     pub rest: InstanceState,
-    /// How frames change the instances.
+    /// Kind of motion, which decides whether frames hold states of the instances.
     pub motion: InstancerMotion,
     /// Whether exporters also write the instances as points with orientation and scale, for things that users track one by
     /// one, such as catkins and drops.

@@ -179,13 +179,13 @@ pub struct Asset {
     pub group: String,
     /// Joints that skinned meshes and joint-bound instancers follow.
     pub skeleton: Option<Skeleton>,
-    /// Meshes that are shown once.
+    /// Meshes that occur once in the asset, such as bark.
     pub meshes: Vec<MeshObject>,
-    /// Meshes that are shown many times, such as leaves.
+    /// Meshes that are repeated in the asset, such as leaves.
     pub instancers: Vec<Instancer>,
-    /// Clouds of points, with attributes of their own.
+    /// Clouds of points, each with widths, colours and attributes.
     pub points: Vec<Points>,
-    /// Sets of polylines with thickness.
+    /// Sets of polylines such as trails, each with one material.
     pub curves: Vec<Curves>,
     /// The same plant at rest, with joints for formats whose readers simulate the wind; made only if such a format is written.
     pub rigged: Option<Arc<RiggedPlant>>,
@@ -201,7 +201,7 @@ impl Asset {
     }
 }
 
-/// One showing of an asset in the scene.
+/// A copy of an asset at a place in the scene.
 #[derive(Debug, Clone)]
 pub struct Placement {
     /// Node and prim name, `[a-z0-9_]+`, unique in the scene.
@@ -226,7 +226,7 @@ pub struct Scene {
     pub seed: u64,
     /// Hash of the resolved scene and its input files, 64 hex digits.
     pub hash: String,
-    /// Numbers and rate of the frames.
+    /// First and last frame number, and frames per second.
     pub clip: Clip,
     /// Camera of all frames; it does not move.
     pub camera: Camera,
@@ -238,9 +238,9 @@ pub struct Scene {
     pub images: Vec<Image>,
     /// Materials; meshes name them by their index.
     pub materials: Vec<Material>,
-    /// Things with files of their own; placements name them by index.
+    /// Plants, ground, clouds and other things that get separate files; placements name them by index.
     pub assets: Vec<Asset>,
-    /// Where the assets stand. An asset without a placement is written but not shown.
+    /// Copies of assets in the scene. An asset without a placement is written, but is not part of the picture.
     pub placements: Vec<Placement>,
     /// Heights of the terrain on their original grid; `None` for a scene without a height field.
     pub land: Option<HeightField>,

@@ -12,7 +12,7 @@ pub enum MaterialClass {
     Bark,
     /// Thin, lit through from behind.
     Leaf,
-    /// Like leaf, fleshier.
+    /// White translucent hairs of seeds and catkins.
     Catkin,
     /// A transparent, refracting volume.
     Water,
@@ -47,7 +47,7 @@ pub struct Maps {
     pub height: Option<u32>,
 }
 
-/// A thin clear film over a surface, such as water on a leaf, shown where a map sequence gives it weight. OpenPBR: coat.
+/// A thin clear film over a surface, such as water on a leaf, where a map sequence gives it weight. OpenPBR: coat.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coat {
     /// Maps of the surface: index into [`crate::Scene::map_sequences`].

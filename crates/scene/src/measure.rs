@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-/// A table with a row per frame.
+/// A table of statistics with a row per frame, and what is made of it: plots, totals and warnings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     /// File name, `[a-z0-9_]+`, unique in the scene.
@@ -58,12 +58,12 @@ pub fn largest<'a>(rows: impl IntoIterator<Item = &'a [f64]>) -> Vec<f64> {
     most
 }
 
-/// A map of numbers over a rectangle.
+/// A map of measured numbers over a rectangle in the world, such as a deposition.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
     /// File name, `[a-z0-9_]+`, unique in the scene.
     pub name: String,
-    /// What it shows, which is the name of its folder in `maps/`: "deposition".
+    /// The measured quantity, which is the name of its folder in `maps/`: "deposition".
     pub what: &'static str,
     /// Number of texels along `along`.
     pub width: usize,

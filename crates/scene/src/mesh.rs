@@ -15,7 +15,7 @@ pub struct Subset {
     pub material: MaterialId,
     /// Index of the run's first triangle in the mesh.
     pub first: u32,
-    /// Number of triangles.
+    /// Number of triangles; the next subset begins at `first + count`.
     pub count: u32,
 }
 
@@ -58,7 +58,7 @@ impl Mesh {
         saturating_index(self.triangles.len())
     }
 
-    /// The mesh with one subset over all triangles in place of its own subsets.
+    /// The mesh with one subset over all triangles in place of its subsets.
     #[inline]
     pub fn with_material(mut self, material: MaterialId) -> Self {
         let count = self.next_triangle();
@@ -112,7 +112,7 @@ impl Mesh {
     }
 }
 
-/// How a mesh changes over the clip.
+/// How a mesh changes over the clip: not at all, by joints, or by data in the frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MeshMotion {
     /// The mesh keeps its rest shape over the clip.
@@ -134,14 +134,14 @@ pub struct SkinWeights {
     pub weights: Vec<[f32; 4]>,
 }
 
-/// A mesh that an asset shows once, and how it moves.
+/// A mesh that occurs once in an asset, and how it moves.
 #[derive(Debug, Clone)]
 pub struct MeshObject {
     /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
     pub name: String,
-    /// Rest shape (for a varying mesh: the shape shown by formats that cannot vary; may be empty).
+    /// Rest shape (for a varying mesh: the shape in formats whose meshes cannot vary; may be empty).
     pub mesh: Mesh,
-    /// How frames change the mesh.
+    /// Kind of change, which decides what frames hold for the mesh.
     pub motion: MeshMotion,
     /// Present for skinned meshes, optional for deforming ones.
     pub skin: Option<SkinWeights>,

@@ -1,4 +1,4 @@
-//! Plants with joints for programs that bend them in a wind of their own.
+//! Plants with joints for programs that simulate the wind themselves.
 
 use super::{Instancer, MeshObject, Skeleton};
 
@@ -24,6 +24,6 @@ pub struct JointBranch {
     /// Branching order of that axis: 0 for the trunk, equal for both halves of an apical fork.
     pub order: u8,
     /// Angle by which the joint turns under a dynamic pressure of 1 Pa on everything that it and the branches below it carry,
-    /// rad/Pa: the slope of its own beam and of the beams that it springs from.
+    /// rad/Pa: the slope of its beam and of the beams that it springs from.
     pub compliance: f64,
 }

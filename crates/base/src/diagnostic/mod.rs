@@ -22,7 +22,7 @@ pub enum Severity {
 /// A text edit that resolves a diagnostic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fix {
-    /// Range of bytes that the fix replaces.
+    /// Range of bytes that the fix replaces; empty to insert there.
     pub span: Span,
     /// Text that replaces them; empty to delete.
     pub replacement: String,
@@ -88,7 +88,7 @@ impl Diagnostic {
 /// Largest number of diagnostics in a report, so that a damaged file of any size gives a short report.
 const MAX_DIAGNOSTICS: usize = 250;
 
-/// Diagnostics with the sources they point into.
+/// Diagnostics, the sources they point into, and what the sources printed.
 #[derive(Debug, Clone, Default)]
 pub struct Report {
     /// The texts that spans point into, by id.

@@ -190,7 +190,7 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
         main = main.element(Level::HELP.message(help.as_str()));
     }
     let fix = diagnostic.fix.as_ref();
-    // A fix is rendered as a patch of its own excerpt, since it may lie far from the labels.
+    // A fix is rendered as a patch of a separate excerpt, since it may lie far from the labels.
     let fixed =
         fix.map(|f| (f, Excerpt::around(sources.text(f.span.source), &[f.span]), visible_lines(&f.replacement)));
     let mut groups = vec![main];

@@ -32,7 +32,7 @@ pub struct FileRecord {
     pub blake3: String,
 }
 
-/// How a folder is written.
+/// Options of an output folder: what its files depend on, and what may be overwritten.
 #[derive(Debug, Clone)]
 pub struct WriteOptions {
     /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept.
@@ -66,7 +66,7 @@ enum FolderKind {
 pub(super) struct FolderState {
     finished: BTreeMap<String, FileRecord>,
     journal: Option<Journal>,
-    /// Folders made and swept, relative.
+    /// Relative paths of folders that were made and cleared of stale parts.
     prepared_folders: BTreeSet<String>,
     /// A file was begun, so the manifest is withdrawn.
     manifest_withdrawn: bool,

@@ -93,7 +93,7 @@ impl Journal {
         Ok(())
     }
 
-    /// True if some line claims the path.
+    /// True if the journal has a line for the path, under any key.
     pub(super) fn claims(&self, path: &str) -> bool {
         self.files.contains_key(path)
     }

@@ -1,6 +1,6 @@
 //! Files in the making: `.NAME.HOST-PID-N.part` beside the final name, unique per writer and gone when it ends.
 //!
-//! A writer locks its part for as long as it is one. Process numbers alone would not tell the living from the dead: two
+//! A writer locks its part for as long as it is one. Process ids alone do not show whether the writer is still alive: two
 //! containers on one machine have the same ones. N counts from a random number, so that no two processes ever name the
 //! same part: who removes its own part by name cannot remove another's.
 

@@ -180,7 +180,7 @@ impl SearchPaths {
     }
 }
 
-/// The components of a reference, or what is wrong with its spelling.
+/// Components of a reference without empty ones and `.`, of which `..` may be any; an error for a spelling that is refused.
 fn spell(reference: &str) -> std::result::Result<Vec<String>, ReadError> {
     let refuse = |reason| Err(ReadError::Spelling { reference: reference.into(), reason });
     // Exporters on Windows write backslashes.

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Longest safe name, bytes.
 const LONGEST: usize = 120;
 
-/// Names that Windows gives to devices.
+/// Windows device names without a number; `com0` to `com9` and `lpt0` to `lpt9` are tested apart.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
 
 /// A name in `[a-z0-9_]+`: other characters become `_`, a leading digit gets one before it, a Windows device name one

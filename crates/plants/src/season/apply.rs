@@ -105,8 +105,8 @@ enum Slot {
     Bud(usize),
 }
 
-/// The organs of a plant whose leaves change over a clip: one for each look that a leaf has in it, of which one is shown at a
-/// time.
+/// Meanings of the organs of a plant whose leaves change over a clip: for each leaf one organ per look that it has in the clip,
+/// of which at most one has a size above 0 at a time.
 #[derive(Debug, Clone)]
 pub struct SeasonSlots {
     habits: Vec<LeafHabit>,
@@ -117,7 +117,7 @@ pub struct SeasonSlots {
 /// Size, direction and colour of an organ at a season.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SlotNow {
-    /// Factor on its size; 0 while it is not shown.
+    /// Factor on the size of the organ; 0 at seasons at which the leaf has another look, or none.
     pub size: f32,
     /// Its rotation relative to its axis.
     pub q: Quat,

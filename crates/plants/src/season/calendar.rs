@@ -143,7 +143,7 @@ impl LeafCalendar {
 /// The colours, besides green, that leaves of a habit have at some time between two seasons.
 pub fn colors_between(habit: &LeafHabit, seasons: [f32; 2]) -> BTreeSet<LeafColor> {
     let mut colors = BTreeSet::new();
-    // Calendars and seasons on a grid that is finer than the shortest time that a colour is shown.
+    // Calendars and seasons on a grid that is finer than the shortest time for which a leaf has a colour.
     let steps = 60_u8;
     let grid = |k: u8| f32::from(k) / f32::from(steps);
     let seasons: Vec<f32> = (0..=steps).map(|k| lerp(seasons[0], seasons[1], grid(k))).collect();
@@ -193,7 +193,7 @@ pub fn leaf_calendars(
     seed: u64,
 ) -> Vec<LeafCalendar> {
     let limbs = limbs(plant);
-    // Ranks instead of scores: a season then shows the same share of leaves on every plant.
+    // Ranks instead of scores: at a season, every plant then has the same share of leaves.
     let rank = |word: &'static str, shares: &Shares| {
         let score = |i: &usize| {
             let organ = &plant.organs[*i];

@@ -1,8 +1,8 @@
 //! Leaves through the growing year: buds, unfolding, summer, autumn colours, fall, bare twigs.
 //!
-//! A season is a number: 0 at bud burst, 1 on the bare winter tree; [`season_of_day`] finds it for a day of the year. Every
-//! leaf has a [`LeafCalendar`] of its own, drawn from its place in the crown: leaves in the sun and single branches turn first,
-//! and the leaves of a branch turn alike. [`apply_season`] shows a grown [`osier_scene::plant::Plant`] at a season.
+//! A season is a number: 0 at bud burst, 1 on the bare winter tree; [`season_of_day`] computes it for a day of the year. Every
+//! leaf has a separate [`LeafCalendar`], which depends on its place in the crown: leaves in the sun and single branches turn
+//! first, and the leaves of a branch turn alike. [`apply_season`] puts a grown [`osier_scene::plant::Plant`] into a season.
 //!
 //! ```
 //! use osier_plants::season::season_of_day;
@@ -64,7 +64,7 @@ pub enum FallOrder {
     Random,
 }
 
-/// A colour of a leaf in autumn.
+/// A colour that leaves turn to in autumn, and how many of them do.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AutumnColor {
     /// Linear RGB of the leaf, 0 to 1.
@@ -101,7 +101,7 @@ pub enum LeafColor {
     Green,
     /// The pale green of a leaf that has just unfolded.
     Fresh,
-    /// Between fresh and green.
+    /// Halfway between fresh and green.
     Young,
     /// Green along the veins, the autumn colour between them.
     Turning(u8),

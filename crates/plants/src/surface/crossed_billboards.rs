@@ -219,7 +219,8 @@ pub fn crossed_billboards(
     (quads.into_iter().map(|q| q.with_material(0)).collect(), surface)
 }
 
-/// The material of all billboards from their texels.
+/// The material of all billboards from their texels; empty texels get the mean colour. Translucency and roughness are those of
+/// the first material of leaves.
 fn billboard_material(
     mut texels: Vec<BillboardTexel>,
     source: SourceMaterials<'_>,

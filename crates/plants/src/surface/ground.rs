@@ -11,7 +11,7 @@ use osier_base::par::par_map;
 use osier_base::{Error, Result};
 use osier_scene::{Maps, Material, MaterialClass, Mesh};
 
-/// A disc of ground around the origin.
+/// Parameters of an undulating disc of ground around the origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ground {
     /// Radius, m, 0.1..10000.
@@ -138,7 +138,7 @@ pub struct GroundColors {
     pub green: [[f32; 3]; 2],
     /// Fallen leaves and stalks.
     pub litter: [f32; 3],
-    /// Share of green, 0..1.
+    /// Share of the ground that grass and moss cover, 0..1.
     pub cover: f32,
     /// Air between the eye and the far ground: its colour, and the share of it at the rim of a map that covers the whole
     /// ground, 0..1.
@@ -157,7 +157,7 @@ impl Default for GroundColors {
     }
 }
 
-/// The noises of the ground's pattern.
+/// Tabulated noises of soil, grass and litter; one period is one repeat of the maps.
 struct GroundNoise {
     /// Lush and dry parts of a meadow.
     meadow: FractalNoise,

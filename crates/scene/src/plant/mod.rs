@@ -56,7 +56,7 @@ pub enum AxisKind {
 pub enum AxisEnd {
     /// It ends at a grown tip, without a cut face.
     Tip,
-    /// Cut off: shows a disc of wood.
+    /// Cut off: ends with a flat disc of wood.
     Cut,
     /// It ran into an obstacle of its growth.
     Obstacle,

@@ -46,14 +46,14 @@ pub struct BarkSpec {
     pub roughness: [f32; 2],
     /// Pixels along a side of the maps, a power of two, 16..=4096.
     pub side: u32,
-    /// Seed of all noises.
+    /// Seed of all noises: another one gives other plates and marks of the same kind.
     pub seed: u64,
 }
 
 /// A pattern that is laid over a bark, in relief and tint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BarkGrain {
-    /// Cells along a side.
+    /// Cells along each side of the square pattern, at least 1.
     pub side: usize,
     /// Values 0..1, rows from the top, `side` x `side`.
     pub values: Vec<f32>,

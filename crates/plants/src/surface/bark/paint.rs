@@ -13,7 +13,7 @@ use osier_base::par::par_map;
 use osier_base::units::byte;
 use osier_scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
 
-/// The noises of a bark, tabulated; each has a seed of its own.
+/// The noises of a bark, tabulated; their seeds are derived from that of the bark and differ.
 struct BarkNoise {
     warp: [FractalNoise; 2],
     plates: CellularNoise,

@@ -11,7 +11,7 @@ use crate::surface::pixels::next_index;
 use osier_base::math::{self, narrow};
 use osier_scene::{Material, Mesh};
 
-/// Pixels along a side of the picture.
+/// Pixels along a side of the texture, which three crossed billboards share.
 const SIDE: usize = SIDE_U32 as usize;
 /// [`SIDE`] in the type of image sizes.
 const SIDE_U32: u32 = 256;
@@ -162,7 +162,7 @@ impl Tuft {
         (mesh.with_material(0), SurfaceMaterial { material, images })
     }
 
-    /// Rasterizes the tuft in one view.
+    /// Rasterizes hairs and stalk in one view. `pixels`: along a side of the picture.
     fn rasterize(&self, view: BillboardView, pixels: usize) -> TuftRaster {
         let mut raster = TuftRaster::new(view, self.radius.max(1e-6), pixels);
         let mut first = 0;

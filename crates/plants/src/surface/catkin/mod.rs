@@ -41,7 +41,7 @@ pub enum TuftDetail {
     Tubes,
     /// All hairs as two-sided ribbons.
     Ribbons,
-    /// A third of the hairs as wider ribbons that cover the same area.
+    /// Three tenths of the hairs as ribbons, widened to cover the area of all.
     Thinned,
 }
 
@@ -52,7 +52,7 @@ pub struct Tuft {
     pub hairs: Curves,
     /// Radius of the smallest ball around the origin that holds all hairs and the stalk, m.
     pub radius: f32,
-    /// Lowest point, m, at most 0.
+    /// Least y of hairs and stalk, m, at most 0.
     pub lowest: f32,
     spec: TuftSpec,
     key: u64,
@@ -71,7 +71,7 @@ pub fn tuft(plant: &Plant, spec: &TuftSpec, key: u64) -> Tuft {
         moving: false,
     };
     for (i, axis) in plant.axes.iter().enumerate() {
-        // Scale every hair by a draw of its own stream, resample it, and give it its widths.
+        // Scale every hair by a draw of a separate stream, resample it, and give it its widths.
         let mut stream = Rng::from_key(child(child(key, word("jitter")), i as u64));
         let scale = narrow(1.0 + spec.jitter * stream.range(-1.0, 1.0));
         let line: Vec<Vec3> = plant.nodes.p[plant.nodes_of(axis)].iter().map(|p| *p * scale).collect();
@@ -183,7 +183,7 @@ impl Tuft {
             out.points.extend_from_slice(&self.hairs.points[range.clone()]);
             out.widths.extend_from_slice(&self.hairs.widths[range]);
         }
-        // Widen by the ratio of projected areas.
+        // A tuft without hairs, or with hairs of no width, has no area to preserve.
         let own = projected_area(&out);
         let factor = if own > 0.0 { narrow(projected_area(&self.hairs) / own) } else { 1.0 };
         out.widths.iter_mut().for_each(|w| *w *= factor);

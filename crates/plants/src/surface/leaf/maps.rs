@@ -13,7 +13,7 @@ use osier_base::rng::Rng;
 use osier_base::{Error, Result};
 use osier_scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
 
-/// Linear colours of a leaf.
+/// Linear colours of the maps of a leaf, and their roughness.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafColors {
     /// Blade, in its darker and lighter patches.
@@ -22,7 +22,7 @@ pub struct LeafColors {
     pub vein: [f32; 3],
     /// Along the margin and in small blemishes.
     pub edge: [f32; 3],
-    /// Roughness of the blade between veins.
+    /// Roughness of the blade between veins, 0..1; veins are rougher.
     pub roughness: f32,
 }
 

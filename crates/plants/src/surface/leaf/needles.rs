@@ -71,7 +71,7 @@ impl NeedleSpec {
     }
 }
 
-/// A straight shoot that bears needles.
+/// The shoot or one of its side twigs, a straight line along which needles are spread.
 struct Shoot {
     base: Vec3,
     /// Rotation of +Y to the direction of the shoot.

@@ -191,7 +191,7 @@ fn palmate(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
     out.push(at(shoulder, out_to));
     out.push(at(0.34 * shoulder, 0.84));
     out.push(Vec2::new(0.0, 1.0));
-    // In shares of the half width.
+    // x in shares of the widest lobe, since the caller multiplies by the half width.
     let widest = out.iter().fold(0.0_f32, |w, p| w.max(p.x)).max(1e-3);
     out.iter().map(|p| Vec2::new(p.x / widest, p.y)).collect()
 }
@@ -200,7 +200,7 @@ fn palmate(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
 fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> BladeHalf {
     let word = if side > 0.0 { "right" } else { "left" };
     let mut draw = Rng::at(spec.seed, &["blade".into(), word.into()]);
-    // Work on the positive side, then mirror: both sides draw from streams of their own and so differ a little.
+    // Work on the positive side, then mirror: the sides draw from different streams and so differ a little.
     let scale = Vec2::new(spec.width * 0.5, spec.length);
     let points: Vec<Vec2> = control_points(spec, &mut draw).iter().map(|p| *p * scale).collect();
     let lobed = matches!(spec.form, LeafForm::Lobed { .. } | LeafForm::Palmate { .. });

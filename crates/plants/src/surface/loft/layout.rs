@@ -34,9 +34,9 @@ pub(super) struct SkinLayout {
     pub tubes: Vec<TubeRange>,
     /// Consecutive tubes of one material.
     pub subsets: Vec<MaterialRun>,
-    /// Number of points of all tubes.
+    /// Number of points of all tubes, without those of blades.
     pub points: u32,
-    /// Number of triangles of all tubes.
+    /// Number of triangles of all tubes, without those of blades.
     pub triangles: u32,
 }
 
@@ -45,7 +45,7 @@ pub(super) struct SkinLayout {
 pub(super) struct MaterialRun {
     /// Index into the plant's materials.
     pub material: u16,
-    /// Number of triangles.
+    /// Number of triangles of its tubes together.
     pub triangles: u32,
 }
 

@@ -21,7 +21,7 @@ use osier_scene::plant::{Axis, AxisEnd, NONE, PAINTED, Plant};
 pub(super) struct Junction {
     /// Where the centreline meets the parent's surface, m.
     pub o: Vec3,
-    /// Unit direction there.
+    /// Unit direction of the line, out of the parent.
     pub t: Vec3,
     /// Arc length of `o` on the branch, m.
     pub s: f32,

@@ -164,7 +164,7 @@ impl TerrainShape {
         };
         let [columns, rows] = self.counts;
         let ((i, f), (j, g)) = (split(x, columns), split(y, rows));
-        // Bilinear interpolation of slope and relative height.
+        // The slopes themselves are interpolated: those of a bilinear surface would jump at the borders of cells.
         let row = |j: usize| {
             let [a, b] = [self.cells[j * columns + i], self.cells[j * columns + i + 1]];
             [0, 1].map(|k| osier_base::math::lerp(a[k], b[k], f))
@@ -187,7 +187,7 @@ fn sample(colors: &TerrainColors, shape: [f32; 2], noise: [f32; 4]) -> MaterialT
     let bare = earth * (1.0 + 0.5 * tufts + 0.25 * strata);
     let stone = rock * (0.9 + 0.55 * strata + 0.25 * tufts);
 
-    // Soil shows where the grass is worn (in patches, on crests, on steeper ground), rock from the steep slope on.
+    // Soil is bare where the grass is worn (in patches, on crests, on steeper ground), rock from the steep slope on.
     let worn_away = worn + 0.30 * tufts + 0.12 * bulge.clamp(-2.0, 2.0) + 1.2 * (slope - 0.6 * colors.steep).max(0.0);
     let soil = smoothstep(-0.12, 0.16, worn_away - (colors.cover - 0.5) * 1.1);
     let crag = smoothstep(-0.09, 0.09, slope - colors.steep + 0.16 * strata + 0.08 * worn);

@@ -32,9 +32,9 @@ pub struct ScatterDisc {
 /// Grey picture over the whole terrain, row 0 at -z, whose values multiply the density: 0 is black.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DensityMask {
-    /// Width of the image, pixels.
+    /// Pixels along x, which span the terrain from -x to +x.
     pub width: usize,
-    /// Height of the image, pixels.
+    /// Pixels along z, which span the terrain from -z to +z.
     pub height: usize,
     /// `width * height` factors of the density, 0..1, in each row from -x.
     pub values: Vec<f32>,
@@ -186,7 +186,7 @@ pub fn scatter(
                 return Ok(points);
             }
             let cell = *cell as usize;
-            // Every candidate has a stream of its own: position, acceptance, and what the caller draws later.
+            // One stream per candidate gives its position, its acceptance, and what the caller draws later.
             let mut rng = candidate_rng(&cells, key, cell);
             rng.next_u64();
             let at = candidate_position(&cells, land, cell, &mut rng);
