@@ -84,7 +84,7 @@ pub struct Material {
     pub tile: f32,
     /// Textures that replace the uniform values above.
     pub maps: Maps,
-    /// A film of water over it, whose weight changes from frame to frame; `None` for surfaces that stay dry.
+    /// A thin film over it, such as water, whose weight changes from frame to frame; `None` for surfaces that stay dry.
     pub coat: Option<Coat>,
 }
 

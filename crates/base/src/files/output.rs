@@ -56,7 +56,7 @@ impl Folder {
         Output::on_disk(self.clone(), record).map(Some)
     }
 
-    /// Writes a file whose bytes are in memory, at once, as no member of a sequence; a file that is already finished is kept.
+    /// Writes a file from bytes in memory, without a frame number; a file that is already finished is kept.
     /// # Errors
     /// As [`Folder::create`].
     pub fn write(&self, path: &str, kind: &'static str, bytes: &[u8]) -> Result<()> {

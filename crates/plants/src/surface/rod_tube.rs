@@ -22,7 +22,7 @@ use osier_scene::{Mesh, SkinWeights};
 pub struct TubeResolution {
     /// Sides of the polygon of each ring, at least 3.
     pub sides: u32,
-    /// Rings from one section to the next, with one of both; at least 1.
+    /// Pieces of the tube from one section to the next, each between two rings; at least 1.
     pub rings: u32,
 }
 

@@ -8,5 +8,5 @@ pub const VARIANTS: [(f64, f64); 5] = [(25.0, 10.0), (25.0, 35.0), (60.0, 24.0),
 pub const HAIR: [f32; 3] = [0.90, 0.89, 0.86];
 /// Share of light that hairs let through, 0..1; a larger one makes them brighter against the sun.
 pub const HAIR_LIGHT: f32 = 0.45;
-/// Colour of the stalk, linear: dark brown, as a ripe seed capsule.
+/// Colour of the stalk, linear: a dark brown.
 pub const STALK: [f32; 3] = [0.13, 0.075, 0.033];

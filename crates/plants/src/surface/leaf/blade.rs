@@ -158,7 +158,7 @@ impl BladeTriangulation {
     }
 }
 
-/// Triangulates an outline so that midrib and veins are edges; Delaunay-like by edge flips, and subdivided for close views.
+/// Triangulates an outline so that midrib and veins are edges; improved by edge flips, and subdivided for close views.
 fn triangulate_blade(outline: &BladeOutline, detail: BladeDetail) -> BladeTriangulation {
     let mut flat = BladeTriangulation { points: Vec::new(), triangles: Vec::new(), creases: BTreeSet::new() };
     let midrib: Vec<u32> = outline.midrib.iter().map(|y| flat.push(Vec2::new(0.0, *y))).collect();
