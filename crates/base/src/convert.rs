@@ -7,9 +7,9 @@ use crate::{Error, Result};
 
 const _: () = assert!(usize::BITS >= 32, "supported targets have addresses of 32 or 64 bits");
 
-/// An integer type that indices and counts are stored in.
+/// Integer types that [`narrow`] converts to, each with the limit that its error message names.
 pub trait IndexType {
-    /// Largest index of the type.
+    /// `MAX` of the type, as the `limit` of [`Error::TooMany`].
     const LARGEST: u64;
 }
 
@@ -90,7 +90,8 @@ pub fn limit(n: u64) -> usize {
     usize::try_from(n).unwrap_or(usize::MAX)
 }
 
-/// A count as a 32-bit index, for collections whose size a limit or the memory bounds below 2^32; the largest index for counts beyond.
+/// A count as a 32-bit index, for collections whose size a limit or the memory bounds below 2^32; the largest index for counts
+/// beyond.
 /// # Examples
 /// ```
 /// use osier_base::convert::saturating_index;
@@ -102,7 +103,7 @@ pub fn saturating_index(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }
 
-/// `n` as a byte, 255 for all that is larger: a colour or a weight that rounding may have carried over the end.
+/// `n` as a byte, 255 for larger values: for colours and weights that rounding may have raised to 256.
 /// # Examples
 /// ```
 /// assert_eq!(osier_base::convert::saturating_byte(256), 255);

@@ -4,37 +4,37 @@ use std::path::PathBuf;
 
 use crate::diagnostic::{Diagnostic, Report};
 
-/// Everything that can end a run, one kind per remedy.
+/// Everything that can end a run, one variant per remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// Diagnostics about the user's files; the cli renders them with source lines.
     #[error("{0}")]
     Input(Box<Report>),
-    /// The system refused a file operation.
+    /// A system call on a file or folder failed.
     #[error("cannot {action} \"{}\": {source}", path.display())]
     Io {
         /// What was attempted, as a verb: "open", "write", "rename".
         action: &'static str,
-        /// The file or folder concerned.
+        /// The file or folder that the call named; of a rename the new name.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system call; its kind selects the exit code.
         source: std::io::Error,
     },
     /// A value outside its documented range.
     #[error("{name} is {value}, but must lie in {min} to {max} {unit}")]
     Range {
-        /// The key or parameter.
+        /// Key of a scene, or parameter of a function, that has the value.
         name: String,
-        /// The value that was given.
+        /// The rejected value, which may be NaN.
         value: f64,
-        /// Smallest allowed value.
+        /// Lower end of the allowed range.
         min: f64,
-        /// Largest allowed value.
+        /// Upper end of the allowed range, which may be infinite.
         max: f64,
         /// Unit of all three, empty if none.
         unit: &'static str,
     },
-    /// Work that would pass a limit; refused before it starts.
+    /// Work that would exceed a limit; refused before it starts.
     #[error("{name} would be {wanted}, the limit is {limit}; raise it with {flag}")]
     Limit {
         /// Description of the counted quantity.
@@ -43,7 +43,7 @@ pub enum Error {
         wanted: String,
         /// Amount in force, with separators of thousands.
         limit: String,
-        /// The flag that lifts it, or the key to change.
+        /// Flag that raises the limit, or the key to change.
         flag: String,
     },
     /// More things than the integer that numbers them can count.
@@ -59,7 +59,7 @@ pub enum Error {
     /// A simulation left its bounds.
     #[error("frame {frame}: {quantity} is out of bounds; shorten the step or soften the input")]
     Simulation {
-        /// Number of the frame being simulated.
+        /// Number of the frame whose step failed.
         frame: u32,
         /// The quantity that became infinite or left its range.
         quantity: String,
@@ -75,7 +75,7 @@ pub enum Error {
     /// The output folder holds something that osier did not write.
     #[error("\"{}\" was not written by osier; choose another folder with -o, or pass --force to overwrite it", path.display())]
     Foreign {
-        /// The file in the way.
+        /// The file, or the journal of a folder, that would be overwritten.
         path: PathBuf,
     },
     /// A signal asked the run to end.
@@ -86,7 +86,7 @@ pub enum Error {
     },
 }
 
-/// Result with osier's [`Error`].
+/// `Result` of the fallible functions of all osier crates.
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Report {
@@ -109,30 +109,30 @@ impl Error {
         }
     }
 
-    /// Wraps a system error with what was attempted.
+    /// [`Error::Io`] for a failed system call. `action`: the verb of the message; "open" gives an absent file exit code 1.
     pub fn io(action: &'static str, path: impl Into<PathBuf>, source: std::io::Error) -> Self {
         Self::Io { action, path: path.into(), source }
     }
 
-    /// A fault of the input that shows only while it is used, so that it has no place in a file. `message`: subject, fact, next step.
+    /// A fault of the input that is found only while it is used and so has no span. `message`: subject, fact, next step.
     pub fn input(code: &'static str, message: impl Into<String>) -> Self {
         Diagnostic::about(code, message).into()
     }
 
-    /// An export error with its stable code, X001 to X030.
+    /// [`Error::Export`] with a stable code, X001 to X030. `reason`: subject, fact, next step.
     pub fn export(code: &'static str, reason: impl Into<String>) -> Self {
         Self::Export { code, reason: reason.into() }
     }
 }
 
-/// 1 for an absent input, 75 (EX_TEMPFAIL) for errors that may pass, 74 (EX_IOERR) for the others; see sysexits.h.
-/// The fault of one diagnostic without a place.
+/// [`Error::Input`] with this diagnostic and no source texts; meant for diagnostics without labels.
 impl From<Diagnostic> for Error {
     fn from(diagnostic: Diagnostic) -> Self {
         Self::Input(Box::new(Report { diagnostics: vec![diagnostic], ..Report::default() }))
     }
 }
 
+/// 1 for an absent input, 75 (EX_TEMPFAIL) for errors that may pass, 74 (EX_IOERR) for the others; see sysexits.h.
 fn io_code(action: &str, source: &std::io::Error) -> u8 {
     match source.kind() {
         std::io::ErrorKind::NotFound if action == "open" => 1,
@@ -157,7 +157,7 @@ pub(crate) fn is_transient(source: &std::io::Error) -> bool {
             | K::ConnectionReset
             | K::ConnectionAborted
     );
-    // ENFILE and EMFILE have no kind of their own.
+    // ENFILE (23) and EMFILE (24), too many open files, have no `ErrorKind`.
     kind || (cfg!(unix) && matches!(source.raw_os_error(), Some(23 | 24)))
 }
 

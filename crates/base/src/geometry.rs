@@ -45,7 +45,7 @@ impl Bounds {
         if self.is_empty() { self } else { Self { min: self.min - Vec3::splat(d), max: self.max + Vec3::splat(d) } }
     }
 
-    /// True if no point was added.
+    /// True if no point was added, that is if the minimum exceeds the maximum.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.min.x > self.max.x
@@ -61,13 +61,13 @@ impl Bounds {
         })
     }
 
-    /// The middle; zero for an empty box.
+    /// Midpoint of the corners, m; the origin for an empty box.
     #[inline]
     pub fn center(&self) -> Vec3 {
         if self.is_empty() { Vec3::ZERO } else { (self.min + self.max) * 0.5 }
     }
 
-    /// Side lengths; zero for an empty box.
+    /// Side lengths along x, y and z, m; zero for an empty box.
     #[inline]
     pub fn size(&self) -> Vec3 {
         if self.is_empty() { Vec3::ZERO } else { self.max - self.min }
@@ -82,7 +82,8 @@ pub fn newell(points: &[Vec3]) -> Vec3 {
     (0..n).fold(Vec3::ZERO, |s, i| s + points[i].cross(points[(i + 1) % n]))
 }
 
-/// Triangles of a simple polygon in the plane, counter-clockwise as given; empty if it has no area.
+/// Triangles of a simple polygon by ear clipping, as indices into `outline`, each in the same sense of rotation as the
+/// outline; empty if the polygon has no area.
 #[inline]
 pub fn triangulate(outline: &[Vec2]) -> Vec<[u32; 3]> {
     let flat: Vec<f32> = outline.iter().flat_map(|p| [p.x, p.y]).collect();
@@ -90,10 +91,10 @@ pub fn triangulate(outline: &[Vec2]) -> Vec<[u32; 3]> {
     // Outlines have fewer than 2^32 corners: earcut would not end on more.
     #[allow(clippy::cast_possible_truncation, reason = "indices into an outline of fewer corners")]
     let index = |i: usize| i as u32;
-    // The shoelace sum, twice the signed area: its sign tells the direction of the outline.
+    // The shoelace sum, twice the signed area: its sign is the sense of rotation of the outline.
     let area: f32 = (0..outline.len()).fold(0.0, |s, i| s + outline[i].perp_dot(outline[(i + 1) % outline.len()]));
     let side = |t: &[usize]| (outline[t[1]] - outline[t[0]]).perp_dot(outline[t[2]] - outline[t[0]]);
-    // Triangles that run against the outline are turned, whatever order the library returns.
+    // Triangles of the opposite sense are reversed, whatever order the library returns.
     let orient = |t: &[usize]| {
         let flip = side(t) * area < 0.0;
         if flip { [index(t[0]), index(t[2]), index(t[1])] } else { [index(t[0]), index(t[1]), index(t[2])] }

@@ -2,14 +2,14 @@
 
 use crate::{Error, Result};
 
-/// One limit with its default.
+/// A row of [`LIMITS`]: one bound on the memory, work or output of a command.
 #[derive(Debug, Clone, Copy)]
 pub struct Limit {
-    /// Name as in `--max-NAME`.
+    /// NAME of the flag `--max-NAME` and of [`Limits::get`].
     pub name: &'static str,
     /// Value in force unless the user sets another.
     pub default: u64,
-    /// The counted quantity, in the plural.
+    /// The counted quantity, in the plural, as `osier list limits` prints it.
     pub counts: &'static str,
 }
 
@@ -54,7 +54,7 @@ pub const LIMITS: &[Limit] = &[
     row("work", 100_000_000, "modules rewritten by one derivation, over all of its steps"),
 ];
 
-/// The limits in force: defaults, then what the user lifted or lowered.
+/// The limits in force: defaults, then the changes by the user and by the memory of the machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Limits {
     values: Vec<u64>,
@@ -67,9 +67,9 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// The defaults, but of the memory of this machine, or what a container may use of it, three quarters, where the system
-    /// tells. What is written never depends on it. `machine`, `container`: text of `/proc/meminfo` and of a control group's
-    /// `memory.max`, or none.
+    /// The defaults, with `memory` set to three quarters of the memory of the machine or of the container, whichever is less,
+    /// where the system reports it. Written bytes never depend on it. `machine`, `container`: texts of `/proc/meminfo` and of a
+    /// control group's `memory.max`, empty if there are none.
     pub fn of_machine(machine: &str, container: &str) -> Self {
         let mut limits = Self::default();
         let place = LIMITS.iter().position(|l| l.name == "memory");
@@ -80,8 +80,8 @@ impl Limits {
         limits
     }
 
-    /// Lowers the memory to three quarters of what the process may address, where that is bounded. `text`: of
-    /// `/proc/self/limits`, or none.
+    /// Lowers `memory` to three quarters of the address space of the process, where that is bounded. `text`: of
+    /// `/proc/self/limits`, empty if there is none.
     pub fn within_process(mut self, text: &str) -> Self {
         let line = text.lines().find_map(|line| line.strip_prefix("Max address space"));
         let most = line.and_then(|l| l.split_whitespace().next()?.parse::<u64>().ok());
@@ -92,7 +92,7 @@ impl Limits {
         self
     }
 
-    /// Value in force; 0 for an unknown name (which then refuses everything, and shows in the first test).
+    /// Value in force; 0 for an unknown name, which refuses all work, so that tests find a misspelt name.
     pub fn get(&self, name: &str) -> u64 {
         LIMITS.iter().position(|l| l.name == name).map_or(0, |i| self.values[i])
     }
@@ -108,7 +108,7 @@ impl Limits {
         Ok(())
     }
 
-    /// Refuses `wanted` beyond the limit.
+    /// Succeeds if `wanted` does not exceed the limit `name`. `what`: the subject of the message, such as "number of frames".
     /// # Errors
     /// `Limit` naming the flag that lifts it.
     pub fn check(&self, name: &str, wanted: u64, what: &str) -> Result<()> {
@@ -121,7 +121,7 @@ impl Limits {
     }
 }
 
-/// Bytes of memory by Linux's files of the machine and of the container; none if neither tells.
+/// Bytes of memory by Linux's files of the machine and of the container, the smaller; `None` if neither has a number.
 fn usable(machine: &str, container: &str) -> Option<u64> {
     let total = machine.lines().find_map(|line| line.strip_prefix("MemTotal:")?.trim().strip_suffix("kB"));
     let total = total.and_then(|kib| kib.trim().parse::<u64>().ok()?.checked_mul(1024));
@@ -143,7 +143,7 @@ fn parse(text: &str) -> Option<u64> {
     digits.parse::<u64>().ok()?.checked_mul(factor)
 }
 
-/// 1234567 as `1,234,567`.
+/// Decimal digits with a comma before every group of three: 1234567 as `1,234,567`.
 pub fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();

@@ -18,27 +18,27 @@ macro_rules! wrap {
 }
 
 wrap! {
-    /// Sine of an angle in radians.
+    /// Sine of an angle in radians; NaN for infinity.
     sin / sin_f32 => sin / sinf;
-    /// Cosine of an angle in radians.
+    /// Cosine of an angle in radians; NaN for infinity.
     cos / cos_f32 => cos / cosf;
-    /// Tangent of an angle in radians.
+    /// Tangent of an angle in radians; NaN for infinity.
     tan / tan_f32 => tan / tanf;
     /// Arc sine, radians; NaN beyond +-1.
     asin / asin_f32 => asin / asinf;
     /// Arc cosine, radians; NaN beyond +-1.
     acos / acos_f32 => acos / acosf;
-    /// Arc tangent, radians.
+    /// Arc tangent, radians in [-pi/2, pi/2].
     atan / atan_f32 => atan / atanf;
-    /// Natural exponential.
+    /// e^x; infinity for results beyond the largest number, 0 below the smallest.
     exp / exp_f32 => exp / expf;
-    /// e^x - 1, exact for small x.
+    /// e^x - 1 without the cancellation near x = 0.
     exp_m1 / exp_m1_f32 => expm1 / expm1f;
     /// Real cube root, of the sign of x.
     cbrt / cbrt_f32 => cbrt / cbrtf;
-    /// Natural logarithm; NaN below 0.
+    /// Natural logarithm; NaN below 0, -infinity at 0.
     ln / ln_f32 => log / logf;
-    /// Hyperbolic tangent.
+    /// Hyperbolic tangent, in [-1, 1].
     tanh / tanh_f32 => tanh / tanhf;
     /// Square root; NaN below 0.
     sqrt / sqrt_f32 => sqrt / sqrtf;
@@ -46,7 +46,7 @@ wrap! {
 
 /// Golden angle, rad: successive turns by it spread evenly for any number of them. 180 (3 - sqrt 5) degrees.
 pub const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-/// [`GOLDEN_ANGLE`] in single precision.
+/// [`GOLDEN_ANGLE`] rounded to single precision.
 pub const GOLDEN_ANGLE_F32: f32 = 2.399_963_2;
 
 /// Angle of the point (x, y) from the x axis, radians in (-pi, pi].
@@ -55,13 +55,13 @@ pub fn atan2(y: f64, x: f64) -> f64 {
     libm::atan2(y, x)
 }
 
-/// `base` to the power `exponent`.
+/// `base` to the power `exponent`; NaN for a negative base with a fractional exponent, 1 for exponent 0.
 #[inline]
 pub fn pow(base: f64, exponent: f64) -> f64 {
     libm::pow(base, exponent)
 }
 
-/// `base` to the power `exponent`, single precision.
+/// [`pow`] in single precision, computed as such and not rounded from it.
 #[inline]
 pub fn pow_f32(base: f32, exponent: f32) -> f32 {
     libm::powf(base, exponent)
@@ -88,7 +88,7 @@ pub fn narrow(x: f64) -> f32 {
     x as f32
 }
 
-/// Linear blend, exact at both ends.
+/// Linear interpolation a (1 - t) + b t, exactly `a` at t = 0 and `b` at t = 1; extrapolates outside of [0, 1].
 #[inline]
 pub fn lerp(a: f32, b: f32, t: f32) -> f32 {
     // Not a + (b - a) t, which may miss b by a rounding error at t = 1.
@@ -124,7 +124,7 @@ pub fn perpendicular(v: Vec3) -> Vec3 {
     normalize_or(v.cross(axis), Vec3::X)
 }
 
-/// The smallest rotation that takes unit vector `from` to unit vector `to`.
+/// The rotation of smallest angle that takes unit vector `from` to unit vector `to`; a half-turn for opposite vectors.
 #[inline]
 pub fn rotation_between(from: Vec3, to: Vec3) -> Quat {
     let d = from.dot(to);
@@ -140,14 +140,14 @@ pub fn rotation_between(from: Vec3, to: Vec3) -> Quat {
     Quat::from_xyzw(c.x, c.y, c.z, 1.0 + d).normalize()
 }
 
-/// The rotation by `angle`, rad, about unit vector `axis`, counterclockwise seen against it.
+/// The rotation by `angle`, rad, about unit vector `axis`, counterclockwise for a viewer whom the axis points at.
 #[inline]
 pub fn rotation_about(axis: Vec3, angle: f32) -> Quat {
     let v = axis * sin_f32(0.5 * angle);
     Quat::from_xyzw(v.x, v.y, v.z, cos_f32(0.5 * angle)).normalize()
 }
 
-/// Normalised linear blend of two rotations along the shorter arc.
+/// Normalised linear interpolation of two rotations along the shorter arc; unlike slerp not of constant angular speed.
 #[inline]
 pub fn nlerp(a: Quat, b: Quat, t: f32) -> Quat {
     // q and -q are the same rotation; of the two the one on a's hemisphere gives the shorter arc.
@@ -161,7 +161,7 @@ pub fn nlerp(a: Quat, b: Quat, t: f32) -> Quat {
 /// Source: W. Wang et al., "Computation of rotation minimizing frames", ACM TOG 27(1), 2008, table 1.
 #[inline]
 pub fn transport(x0: Vec3, t0: Vec3, e0: Vec3, x1: Vec3, t1: Vec3) -> Vec3 {
-    // First reflection: in the plane that bisects the two centres. It takes the frame from x0 to x1 and t0 to t_l.
+    // First reflection: in the plane that bisects the segment x0 x1. It takes the frame from x0 to x1 and t0 to t_l.
     let v1 = x1 - x0;
     let c1 = v1.dot(v1);
     let (e_l, t_l) =

@@ -42,7 +42,7 @@ impl NeighbourGrid {
         grid
     }
 
-    /// True if the grid holds no point.
+    /// True for a grid of no points, such as the default: every query then finds nothing.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
@@ -65,8 +65,9 @@ impl NeighbourGrid {
         }
     }
 
-    /// The point nearest to `at`, of equally near ones that of the lowest index; `None` if there is none within about `reach`.
-    /// `position`: of the point of an index.
+    /// The point nearest to `at`, of equally near ones that of the lowest index. The box searched doubles until its half side is
+    /// at least `reach`, so the point may lie somewhat farther than `reach`; `None` if that box is empty. `position`: maps the
+    /// index of a point to its position, in the unit of the grid.
     pub fn nearest(&self, at: Vec3, reach: f32, position: impl Fn(u32) -> Vec3) -> Option<u32> {
         if self.is_empty() {
             return None;

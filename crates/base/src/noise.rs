@@ -23,7 +23,7 @@ pub fn gradient2(seed: u64, p: [f32; 2], period: [i32; 2]) -> f32 {
     math::lerp(low, high, v) * std::f32::consts::SQRT_2
 }
 
-/// Gradient noise along a line, periodic with `period` cells, in [-1, 1].
+/// Gradient noise along a line, periodic with `period` cells (>= 1), in [-1, 1]. `x`: position in cells.
 #[inline]
 pub fn gradient1(seed: u64, x: f32, period: i32) -> f32 {
     let (x0, f) = split(x);
@@ -50,14 +50,14 @@ pub fn fractal2(seed: u64, p: [f32; 2], period: [i32; 2], octaves: u32) -> f32 {
     if total > 0.0 { sum / total } else { 0.0 }
 }
 
-/// What [`cellular2`] finds around a point.
+/// Result of [`cellular2`]: f2 - f1 is 0 on the borders between Voronoi cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cellular {
     /// Distance to the nearest feature point, cells.
     pub f1: f32,
     /// Distance to the second nearest, cells.
     pub f2: f32,
-    /// Hash of the nearest feature point's cell.
+    /// Hash of the seed and the cell of the nearest feature point, equal in all periods.
     pub id: u64,
 }
 
@@ -68,7 +68,8 @@ pub fn cellular2(seed: u64, p: [f32; 2], period: [i32; 2], jitter: f32) -> Cellu
     let (x0, fx) = split(p[0]);
     let (y0, fy) = split(p[1]);
     let mut found = Cellular { f1: f32::MAX, f2: f32::MAX, id: 0 };
-    // The nearest two feature points lie in the 3 x 3 cells around, up to jitter 1.
+    // The nearest two feature points lie in the 3 x 3 cells around if (1/2 + jitter/2) sqrt 2 <= 3/2 - jitter/2: up to jitter
+    // 0.65. At larger jitter a nearer point two cells away may be missed.
     for dy in -1..=1 {
         for dx in -1..=1 {
             let h = mix64(&[seed, cell(x0 + dx, period[0]), cell(y0 + dy, period[1])]);

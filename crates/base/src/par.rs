@@ -2,10 +2,11 @@
 
 use std::collections::hash_map::RandomState;
 
-/// Items a chunk of [`par_chunks`] holds unless the caller says otherwise.
+/// Usual length of the chunks of [`par_chunks`], items; float sums depend on it, so that it must not change.
 pub const CHUNK: usize = 4096;
 
-/// Maps fixed chunks of `items` in parallel and returns the results in order.
+/// Maps chunks of `items` in parallel and returns the results in order. `f` gets the index of the chunk's first item and the
+/// chunk; all chunks but the last hold `chunk` items.
 /// Float sums stay equal at any thread count when each chunk sums serially and the caller folds the results in order.
 pub fn par_chunks<T: Sync, R: Send>(items: &[T], chunk: usize, f: impl Fn(usize, &[T]) -> R + Sync + Send) -> Vec<R> {
     let chunk = chunk.max(1);
@@ -33,7 +34,7 @@ pub fn par_map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync + Send)
     }
 }
 
-/// Runs `f` on every item in parallel, each with its own mutable access.
+/// Runs `f` on every item in parallel, in no fixed order.
 pub fn par_each<T: Send>(items: &mut [T], f: impl Fn(&mut T) + Sync + Send) {
     #[cfg(feature = "parallel")]
     {
@@ -44,7 +45,7 @@ pub fn par_each<T: Send>(items: &mut [T], f: impl Fn(&mut T) + Sync + Send) {
     items.iter_mut().for_each(f);
 }
 
-/// Maps every item in parallel, each with its own mutable access, and returns the results in order.
+/// Changes and maps every item in parallel, in no fixed order, and returns the results in the order of the items.
 pub fn par_map_mut<T: Send, R: Send>(items: &mut [T], f: impl Fn(&mut T) -> R + Sync + Send) -> Vec<R> {
     #[cfg(feature = "parallel")]
     {
@@ -57,7 +58,7 @@ pub fn par_map_mut<T: Send, R: Send>(items: &mut [T], f: impl Fn(&mut T) -> R + 
     }
 }
 
-/// Runs one thing among the threads, so that what it does in parallel begins at once each time.
+/// Runs `f` on a thread of the pool, so that parallel loops in it start without a switch from the caller's thread each time.
 pub fn among<R: Send>(f: impl FnOnce() -> R + Send) -> R {
     join(f, || ()).0
 }
@@ -74,7 +75,8 @@ pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> 
     }
 }
 
-/// Runs `f` on a number of threads of its own; without feature `parallel`, or where no threads can be had, on the caller's.
+/// Runs `f` in a new pool of `threads` threads; without feature `parallel` on the caller's thread, and where no pool can be
+/// made in the current one.
 pub fn on_threads<R: Send>(threads: usize, f: impl FnOnce() -> R + Send) -> R {
     #[cfg(feature = "parallel")]
     {
@@ -91,7 +93,7 @@ pub fn on_threads<R: Send>(threads: usize, f: impl FnOnce() -> R + Send) -> R {
     }
 }
 
-/// Threads that parallel work is dealt to; results must not depend on it.
+/// Number of threads of the current pool, 1 without feature `parallel`; results must not depend on it.
 pub fn threads() -> usize {
     #[cfg(feature = "parallel")]
     {
@@ -129,12 +131,12 @@ impl<K: std::hash::Hash + Eq, V> LookupMap<K, V> {
         self.0.insert(key, value)
     }
 
-    /// Number of keys that hold a value.
+    /// Number of distinct keys inserted so far; keys are never removed.
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// True if no key holds a value.
+    /// True before the first [`LookupMap::insert`].
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

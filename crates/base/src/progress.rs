@@ -17,7 +17,7 @@ pub struct Cancel {
 }
 
 impl Cancel {
-    /// The flag itself: 0 to go on, else the number of the signal that asked to stop.
+    /// The shared flag, for signal handlers: 0 to go on, else the number of the signal that asked to stop.
     pub fn flag(&self) -> Arc<AtomicUsize> {
         Arc::clone(&self.signal)
     }
@@ -27,12 +27,12 @@ impl Cancel {
         self.signal.store(signal, Ordering::Relaxed);
     }
 
-    /// True once a stop was asked for.
+    /// True after a request to stop, until it is withdrawn.
     pub fn is_requested(&self) -> bool {
         self.signal.load(Ordering::Relaxed) != 0
     }
 
-    /// Goes on, or ends the caller.
+    /// `Ok` to go on; loops call it with `?` to end at a request.
     /// # Errors
     /// `Cancelled` with the signal's number once a stop was asked for.
     pub fn check(&self) -> Result<()> {
@@ -56,7 +56,7 @@ pub trait Progress: Sync {
     fn message(&self, text: &str);
 }
 
-/// Discards all reports.
+/// A [`Progress`] that discards all reports, for callers without a terminal.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

@@ -1,4 +1,4 @@
-//! Random numbers with addresses: every decision has a stream of its own, so no draw depends on the order of work.
+//! Random numbers with addresses: every decision has a separate stream, so that no draw depends on the order of work.
 //!
 //! A stream is named by a seed and a path of integers and words; the same address gives the same numbers for ever.
 
@@ -20,7 +20,7 @@ const fn fin(z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Key of the child `id` of key `k`.
+/// Key of the address that `id` extends by one element, where `k` is the key of the shorter address.
 #[inline]
 pub const fn child(k: u64, id: u64) -> u64 {
     ChildId::new(id).of(k)
@@ -65,7 +65,7 @@ pub const fn word(text: &str) -> u64 {
     hash
 }
 
-/// One element of a stream's address.
+/// One element of a stream's address: an integer, or a text by its [`word`].
 #[derive(Debug, Clone, Copy)]
 pub struct Key(pub u64);
 
@@ -95,7 +95,7 @@ impl From<&str> for Key {
     }
 }
 
-/// A stream of random numbers.
+/// A stream of random numbers: PCG XSL RR 128/64 (MCG), whose state of 128 bits is mixed from a key.
 ///
 /// ```
 /// use osier_base::rng::Rng;
@@ -132,7 +132,7 @@ impl Rng {
         self.0.next_u64()
     }
 
-    /// Uniform in [0, 1). One draw.
+    /// Uniform in [0, 1), a multiple of 2^-24. One draw.
     #[inline]
     pub fn unit_f32(&mut self) -> f32 {
         // The 24 high bits, as many as the significand of an f32 holds: every value is exact, and 1 cannot appear by
@@ -140,7 +140,7 @@ impl Rng {
         (self.next_u64() >> 40) as f32 * (1.0 / 16_777_216.0)
     }
 
-    /// Uniform in [0, 1). One draw.
+    /// Uniform in [0, 1), a multiple of 2^-53. One draw.
     #[inline]
     pub fn unit_f64(&mut self) -> f64 {
         // The 53 high bits over 2^53, for the same reason.
@@ -223,7 +223,7 @@ impl Rng {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shares {
     sums: Vec<f64>,
-    /// Index that rounding past the end gives.
+    /// Index of the last positive weight, for targets that rounding puts past the end; 0 without one.
     last: usize,
 }
 

@@ -64,18 +64,18 @@ pub trait Lane: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     #[must_use]
     fn mul_add(self, a: Self, b: Self) -> Self;
 
-    /// The larger of both.
+    /// The larger of both, lane by lane; for NaN the result depends on the instruction set.
     #[must_use]
     fn max(self, other: Self) -> Self;
 
-    /// The smaller of both.
+    /// The smaller of both, lane by lane; for NaN the result depends on the instruction set.
     #[must_use]
     fn min(self, other: Self) -> Self;
 
-    /// Whether any lane is greater than `bound`.
+    /// True if any lane is greater than `bound`, rounded to the precision of the lanes.
     fn any_gt(self, bound: f64) -> bool;
 
-    /// Whether all lanes are less than `bound`.
+    /// True if all lanes are less than `bound`, rounded to the precision of the lanes.
     fn all_lt(self, bound: f64) -> bool;
 
     /// `then` in the lanes that are greater than `bound`, `otherwise` in the others.
@@ -149,32 +149,32 @@ macro_rules! register_lanes {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy)]
         pub struct $name<S: Simd> {
-            /// The instruction set that computes.
+            /// Token of the instruction set; operations on the register are its methods.
             pub simd: S,
             /// The register with one number per lane.
             pub value: S::$register,
         }
 
         impl<S: Simd> $name<S> {
-            /// The numbers of a register.
+            /// Wraps a register that an operation of `pulp` returned.
             #[inline(always)]
             pub fn new(simd: S, value: S::$register) -> Self {
                 Self { simd, value }
             }
 
-            /// `value` in every lane.
+            /// `value` in every lane, without the conversion of [`Lane::splat`].
             #[inline(always)]
             pub fn from_scalar(simd: S, value: $float) -> Self {
                 Self { simd, value: simd.$splat(value) }
             }
 
-            /// A slice in the first lanes, as far as there are lanes, 0 in the others.
+            /// Loads the first numbers of a slice, at most one register of them; the other lanes are 0.
             #[inline(always)]
             pub fn partial_load(simd: S, from: &[$float]) -> Self {
                 Self { simd, value: simd.$load(from) }
             }
 
-            /// The first lanes to a slice, which may be shorter than a register.
+            /// Stores the first lanes to a slice, as many as it holds.
             #[inline(always)]
             pub fn partial_store(self, to: &mut [$float]) {
                 self.simd.$store(to, self.value);

@@ -14,13 +14,13 @@ pub const GIGAPASCAL: f64 = 1e9;
 /// One metre a second in millimetres an hour, the unit of rain rates.
 pub const MILLIMETRES_PER_HOUR: f64 = 3.6e6;
 
-/// Degrees to radians.
+/// Angle in radians: `degrees` times pi / 180.
 #[inline]
 pub fn radians(degrees: f64) -> f64 {
     degrees * (std::f64::consts::PI / 180.0)
 }
 
-/// Degrees from radians.
+/// Angle in degrees: `radians` divided by pi / 180, which rounds otherwise than a product with 180 / pi.
 #[inline]
 pub fn degrees(radians: f64) -> f64 {
     radians / (std::f64::consts::PI / 180.0)
@@ -33,27 +33,27 @@ pub fn radians_f32(degrees: f32) -> f32 {
     radians(f64::from(degrees)) as f32
 }
 
-/// One sRGB component in [0, 1] to linear light.
+/// One sRGB component in [0, 1] to linear light; not clamped. Source: IEC 61966-2-1.
 #[inline]
 pub fn linear_from_srgb(c: f32) -> f32 {
     if c <= 0.040_45 { c / 12.92 } else { math::pow_f32((c + 0.055) / 1.055, 2.4) }
 }
 
-/// One linear component in [0, 1] to sRGB.
+/// One linear component, clamped to [0, 1], to sRGB. Source: IEC 61966-2-1.
 #[inline]
 pub fn srgb_from_linear(c: f32) -> f32 {
     let c = c.clamp(0.0, 1.0);
     if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * math::pow_f32(c, 1.0 / 2.4) - 0.055 }
 }
 
-/// A value in [0, 1] as a byte, rounded to nearest.
+/// A value as a byte, rounded to nearest: 0 is 0, 1 is 255, values outside of [0, 1] are clamped.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 before the cast")]
 #[inline]
 pub fn byte(c: f32) -> u8 {
     (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-/// Steps of [`byte`] of [`srgb_from_linear`].
+/// Table of the step function that [`byte`] of [`srgb_from_linear`] is.
 struct Steps {
     /// The byte of i / 4096.
     at: Vec<u8>,

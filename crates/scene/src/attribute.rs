@@ -10,7 +10,7 @@
 //! assert_eq!(depth.data, AttributeData::F32(vec![0.01, 0.02]));
 //! ```
 
-/// What an attribute has one value for.
+/// The kind of element that an attribute has one value for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AttributeDomain {
     /// Each vertex of a mesh.
@@ -47,21 +47,22 @@ pub enum AttributeData {
 pub struct Attribute {
     /// `[a-z0-9_]+`, unique among the attributes of an element; the name in files.
     pub name: &'static str,
-    /// What there is one value for.
+    /// Kind of element that `data` is parallel to.
     pub domain: AttributeDomain,
     /// As many as the domain has elements; one for [`AttributeDomain::Mesh`].
     pub data: AttributeData,
 }
 
-/// Linear colour of each leaf of a plant that shows a season, with an alpha of 1; white for what is no leaf.
+/// Linear colour of each leaf of a plant with a season, with an alpha of 1; white for what is no leaf.
 pub const LEAF_COLOR: &str = "leaf_color";
 /// Share of the skylight that other leaves of the crown take from a leaf, 0 to 1.
 pub const CANOPY_OCCLUSION: &str = "canopy_occlusion";
-/// Direction out of the crown in which a leaf's normals are bent: n' = n (1 - |c|) + c, where the length |c|, 0 to 1, is how much.
+/// Direction out of the crown in which a leaf's normals are bent: n' = n (1 - |c|) + c, where the length |c|, 0 to 1, is how
+/// much.
 pub const CANOPY_NORMAL: &str = "canopy_normal";
 
-/// A number of a branch, a cluster or a drop as a value of [`AttributeData::I32`]; -1, which stands for none, from 2^31 on, which no limit
-/// admits.
+/// The index of a branch, a cluster or a drop as a value of [`AttributeData::I32`]. Indices from 2^31 on, which the limits
+/// exclude, become -1, which stands for none.
 /// # Examples
 /// ```
 /// assert_eq!(osier_scene::attribute_number(7), 7);
@@ -91,7 +92,7 @@ impl AttributeData {
         with_values!(self, v => v.len())
     }
 
-    /// True without values.
+    /// True without values, as for a geometry without elements.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -124,7 +125,7 @@ impl AttributeData {
         }
     }
 
-    /// Appends the values of the same variant; false, and nothing done, for another.
+    /// Appends the values of `other` if it is of the same variant; otherwise changes nothing and returns false.
     pub fn append(&mut self, other: &Self) -> bool {
         match (self, other) {
             (Self::U32(a), Self::U32(b)) => a.extend_from_slice(b),
@@ -138,7 +139,7 @@ impl AttributeData {
         true
     }
 
-    /// Single numbers, of either floating-point variant.
+    /// Values of the variants [`Self::F32`] and [`Self::Unit1`]; none for others.
     pub fn scalars(&self) -> Option<&[f32]> {
         match self {
             Self::F32(v) | Self::Unit1(v) => Some(v),
@@ -174,7 +175,7 @@ impl AttributeData {
 }
 
 impl Attribute {
-    /// Whether it is one of those that leaves have at rest, whatever moves them.
+    /// True for the attributes of leaves that no motion changes: [`LEAF_COLOR`], [`CANOPY_OCCLUSION`] and [`CANOPY_NORMAL`].
     pub fn is_of_leaves(&self) -> bool {
         [LEAF_COLOR, CANOPY_OCCLUSION, CANOPY_NORMAL].contains(&self.name)
     }
@@ -200,10 +201,10 @@ impl Attribute {
         for attribute in other {
             let same = |a: &Self| a.name == attribute.name && a.domain == attribute.domain;
             match own.iter_mut().find(|a| same(a)) {
-                // One value cannot stand for two parts: the first part's stays.
+                // A merged geometry has one value of this domain: the first part's.
                 Some(known) if known.domain == AttributeDomain::Mesh => {}
                 Some(known) => {
-                    // Parts before without the attribute have left the list short.
+                    // The list is too short if the parts appended last lacked the attribute: zeros for their elements.
                     known.data.resize(before);
                     known.data.append(&attribute.data);
                 }

@@ -2,16 +2,16 @@
 
 use glam::Vec3;
 
-/// A perspective camera.
+/// A perspective camera without depth of field; its horizon is level unless it is rolled.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     /// Position in the world, m.
     pub eye: Vec3,
-    /// Point of the world that the middle of the picture shows, m.
+    /// Point of the world that projects to the centre of the picture, m.
     pub target: Vec3,
     /// Full angle between the upper and the lower edge of the picture, rad.
     pub vfov: f32,
-    /// Turn about the viewing axis, rad; positive leans the camera to its right.
+    /// Rotation about the viewing axis, rad; positive leans the camera to its right.
     pub roll: f32,
 }
 
@@ -30,8 +30,8 @@ impl Camera {
         glam::Mat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), self.eye.extend(1.0))
     }
 
-    /// Nearest and farthest distance that is shown, m: hundred times the distances of camera and target from the origin, and
-    /// 1000 m, so that no ground is clipped.
+    /// Distances of the near and the far clipping plane, m. The far one is 1000 m plus a hundred times the distances of camera
+    /// and target from the origin, so that no ground is clipped.
     pub fn clipping_range(&self) -> [f32; 2] {
         [0.01, (self.eye.length() + self.target.length()) * 100.0 + 1000.0]
     }
@@ -102,12 +102,12 @@ pub struct Sky {
     pub horizon: [f32; 3],
     /// Linear RGB straight up.
     pub zenith: [f32; 3],
-    /// What stands below the horizon, as far trees do; none: the sky goes on.
+    /// Linear RGB below the horizon, as of distant trees; `None`: the colour of the horizon.
     pub below: Option<[f32; 3]>,
-    /// How uneven it is all around, 0..1: masses of shade and gaps of light, as of leaves far out of focus. It changes what is
-    /// seen, mirrored and bent by water, and lights nothing.
+    /// Strength of patches of shade and light all around, 0..1, as of leaves far out of focus. They are seen directly, reflected
+    /// and refracted, and light nothing.
     pub dapple: f32,
-    /// Brightness of the air around the sun, over that of the sun's colour; 0: no such air.
+    /// Brightness of the glow around the sun, as a factor on the sun's colour; 0: no glow.
     pub glow: f32,
     /// Factor on both colours; radiance = colour times strength.
     pub strength: f32,
@@ -132,19 +132,21 @@ impl Fog {
     /// Natural logarithm of a contrast over what is left of it at a distance of `visibility`: -ln 0.02.
     pub const CONTRAST: f32 = 3.912;
 
-    /// Share of light that comes through `length` m of haze from `from` along the unit vector `along`.
+    /// Transmittance, 0 to 1, of `length` m of haze from the world point `from` along the unit vector `along`.
     pub fn clear(&self, from: Vec3, along: Vec3, length: f32) -> f32 {
         let rate = Self::CONTRAST / self.visibility;
         if self.height <= 0.0 {
             return osier_base::math::exp_f32(-rate * length);
         }
-        // Haze from the ground up to a height, as a length of the full density.
+        // Integral of the share from y = 0 to a height: the length of haze of full density that attenuates as much.
         let below = |y: f32| match y {
             y if y <= 0.0 => y,
             y if y.is_finite() => self.height * y / (self.height + y),
             _ => self.height,
         };
         let share = |y: f32| if y <= 0.0 { 1.0 } else { 1.0 / ((1.0 + y / self.height) * (1.0 + y / self.height)) };
+        // Along the ray the density integrates to a difference of `below` over its slope; for a nearly level ray that would be
+        // 0 / 0.
         let rise = along.y * length;
         let amount = if rise.abs() < 1e-3 * self.height {
             share(from.y) * length
@@ -163,10 +165,10 @@ impl Default for Sun {
 }
 
 impl Sky {
-    /// Where what stands below the horizon ends and the sky begins, as shares of the way from straight down to straight up: a
-    /// soft edge, as of trees that are far out of focus.
+    /// Positions between straight down, 0, and straight up, 1, where the colour below the horizon ends and that of the horizon
+    /// begins: a soft edge, as of trees far out of focus.
     pub const BAND: [f32; 2] = [0.38, 0.55];
-    /// How dark it is straight below, as a share of what it is at the edge.
+    /// Brightness straight down as a share of that at the lower end of [`Self::BAND`].
     pub const DEEP: f32 = 0.4;
     /// Share of the glow around the sun at cosines of the angle to it. Own: chosen by eye, after hazy mornings.
     pub const GLOW: [(f32, f32); 6] = [(0.82, 0.0), (0.9, 0.04), (0.95, 0.13), (0.98, 0.34), (0.994, 0.7), (1.0, 1.0)];
@@ -177,7 +179,8 @@ impl Sky {
         self.toward(direction, sun.direction(), Vec3::from_array(sun.color) * self.glow)
     }
 
-    /// As [`Self::radiance`], for many directions. `sun`: unit vector to it; `glow`: linear colour of the air around it.
+    /// As [`Self::radiance`], with what does not depend on the direction computed once. `sun`: unit vector to it; `glow`: linear
+    /// colour of the glow around it.
     pub fn toward(&self, direction: Vec3, sun: Vec3, glow: Vec3) -> Vec3 {
         let [horizon, zenith] = [self.horizon, self.zenith].map(|c| Vec3::from_array(c) * self.strength);
         let y = direction.y.clamp(-1.0, 1.0);
@@ -192,6 +195,7 @@ impl Sky {
         if glow == Vec3::ZERO {
             return plain;
         }
+        // The glow is interpolated between the two entries of the table that enclose the cosine; below the first there is none.
         let cos = direction.dot(sun);
         let inner = Self::GLOW.iter().position(|(c, _)| cos < *c).unwrap_or(Self::GLOW.len() - 1);
         let Some(outer) = inner.checked_sub(1) else { return plain };
@@ -199,7 +203,7 @@ impl Sky {
         plain.lerp(glow, osier_base::math::lerp(s0, s1, ((cos - c0) / (c1 - c0)).clamp(0.0, 1.0)))
     }
 
-    /// Its colours from straight down, 0, to straight up, 1, with its strength, without glow.
+    /// Stops of the gradient: position from straight down, 0, to straight up, 1, and linear colour times strength; without glow.
     pub fn stops(&self) -> Vec<(f32, [f32; 3])> {
         let [horizon, zenith] = [self.horizon, self.zenith].map(|c| c.map(|c| c * self.strength));
         match self.below.map(|c| c.map(|c| c * self.strength)) {

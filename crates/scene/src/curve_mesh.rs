@@ -31,8 +31,8 @@ pub fn ribbons(curves: &Curves, points: &[Vec3], tile: f32) -> Mesh {
     mesh.with_material(curves.material)
 }
 
-/// The same at rest, each turned about its own curve by an angle of its own, rad: seen from anywhere, some show their
-/// faces and some their edges.
+/// [`ribbons`] at rest, each rotated about its curve by the angle that `turn` returns for the index of the curve, rad, so that
+/// from any side some show their faces and some their edges. v in metres.
 pub fn turned_ribbons(curves: &Curves, turn: impl Fn(usize) -> f32) -> Mesh {
     let mut mesh = Mesh::default();
     each(curves, |i, line, widths| {
@@ -54,15 +54,15 @@ pub fn turned_ribbons(curves: &Curves, turn: impl Fn(usize) -> f32) -> Mesh {
     mesh.with_material(curves.material)
 }
 
-/// A three-sided tube along each curve, open at its ends, three vertices per point: as thick as the curve where it is
-/// thickest, with normals that show it round.
+/// A three-sided tube along each curve, without caps, three vertices per point, inscribed in the round tube of the curve's
+/// width. Its normals are radial, so that it is shaded as round.
 pub fn tubes(curves: &Curves) -> Mesh {
     let mut mesh = Mesh::default();
     each(curves, |_, line, widths| tube(&mut mesh, line, widths));
     mesh.with_material(curves.material)
 }
 
-/// Hands over every curve of two points or more.
+/// Calls `f` with index, points and widths of every curve at rest; curves of fewer than two points are skipped.
 fn each(curves: &Curves, mut f: impl FnMut(usize, &[Vec3], &[f32])) {
     let mut first = 0_usize;
     for (i, count) in curves.counts.iter().enumerate() {
@@ -129,7 +129,8 @@ fn ribbon(mesh: &mut Mesh, rest: &[Vec3], line: &[Vec3], widths: &[f32]) {
     }
 }
 
-/// Unit tangents: along the only segment at the ends, halfway between both neighbours inside.
+/// Unit tangents: along the segment at either end, elsewhere from the previous to the next point. Where these coincide, the
+/// previous tangent.
 fn tangents(line: &[Vec3]) -> Vec<Vec3> {
     let mut last = Vec3::Y;
     let of = |i: usize| {

@@ -64,7 +64,8 @@ pub fn skinned_normals(normals: &[Vec3], skin: &SkinWeights, matrices: &[Mat4]) 
     normals.iter().zip(skin.joints.iter().zip(&skin.weights)).map(blend).collect()
 }
 
-/// Positions and rotations of all instances at a frame, in asset space.
+/// Positions and rotations of all instances at a frame, in asset space: those of the frame if it has some, else those at rest,
+/// carried by the joints of the pose if the instancer is bound to joints.
 pub fn instance_states<'a>(
     asset: &Asset,
     instancer: &'a Instancer,
@@ -80,7 +81,7 @@ pub fn instance_states<'a>(
     }
 }
 
-/// Rigid motions that carry what rides on the joints from rest to a pose, one per joint, in asset space.
+/// Rigid motions from the rest pose to `pose`, one per joint, in asset space; they move what is bound to one joint.
 pub fn joint_motions(skeleton: &Skeleton, pose: &[Trs]) -> Vec<Trs> {
     let bind = skeleton.bind();
     let posed = skeleton.asset_from_joint(pose);
@@ -92,7 +93,7 @@ pub fn joint_motions(skeleton: &Skeleton, pose: &[Trs]) -> Vec<Trs> {
     posed.iter().zip(&bind).map(motion).collect()
 }
 
-/// Instances carried by their joints.
+/// Rest state of instances moved by the joint of each; no velocities and no attributes.
 fn ride(instancer: &Instancer, joints: &[u16], skeleton: &Skeleton, pose: &[Trs]) -> InstanceState {
     let moved = joint_motions(skeleton, pose);
     let rest = &instancer.rest;
@@ -133,7 +134,7 @@ pub fn asset_bounds(asset: &Asset, frame: &AssetFrame) -> Bounds {
     b
 }
 
-/// Box of the live instances of an instancer.
+/// Box of the live instances in asset space, from the corners of their prototypes' boxes.
 fn instancer_bounds(instancer: &Instancer, state: &InstanceState) -> Bounds {
     let boxes: Vec<Bounds> = instancer.prototypes.iter().map(super::Prototype::bounds).collect();
     let mut b = Bounds::default();

@@ -1,6 +1,6 @@
 //! Measured fields: numbers over a rectangle of land.
 
-/// Heights of land as they were made, finer than a mesh may show them.
+/// Heights of the terrain as generated or read, on a grid that may be finer than its mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeightField {
     /// Material of the land; names the file.
@@ -9,8 +9,8 @@ pub struct HeightField {
     pub counts: [usize; 2],
     /// Lengths along x and along z, m.
     pub size: [f32; 2],
-    /// Middle, x and z, m.
+    /// Centre in the world: x and z, m.
     pub center: [f32; 2],
-    /// Heights, m: rows from -z to +z, in each from -x to +x.
+    /// `counts[0] * counts[1]` heights, m: rows from -z to +z, in each from -x to +x.
     pub heights: Vec<f32>,
 }

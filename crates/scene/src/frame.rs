@@ -9,13 +9,13 @@ use super::{InstanceState, MapFrame, Mesh, Placement, PointsFrame, RecordTable, 
 /// One frame of the whole scene; `assets` runs parallel to [`crate::Scene::assets`].
 #[derive(Debug, Clone, Default)]
 pub struct Frame {
-    /// Frame number as files show it, from [`crate::Clip::start`] to [`crate::Clip::end`].
+    /// Frame number as in file names, from [`crate::Clip::start`] to [`crate::Clip::end`].
     pub number: u32,
     /// State of each asset, parallel to [`crate::Scene::assets`].
     pub assets: Vec<AssetFrame>,
     /// One per table of the scene, one number per column.
     pub rows: Vec<Vec<f64>>,
-    /// One per field of the scene, rows from the top.
+    /// Values of each field of the scene, `width * height` of them, rows from the top.
     pub fields: Vec<Vec<f32>>,
     /// Velocities of the air, m/s, one list per grid of the scene and empty where it is not due; empty without any.
     pub air: Vec<Vec<Vec3>>,
@@ -23,16 +23,17 @@ pub struct Frame {
     pub volumes: Vec<VolumeFrame>,
     /// One per map sequence of the scene, or empty.
     pub maps: Vec<MapFrame>,
-    /// What simulations know of single elements, in the order of the motions that record it.
+    /// Tables of single elements such as drops, one row each, in the order of the motions that record them.
     pub records: Vec<RecordTable>,
     /// Single elements as points with attributes, for node systems; a table of a name has the same columns in all frames.
     pub point_tables: Vec<RecordTable>,
-    /// Assets at other times of the clip, by asset and phase, where somebody asked for them.
+    /// States of assets at other times of the clip, by asset and phase; only those that were requested.
     pub shifted: BTreeMap<(usize, u32), AssetFrame>,
 }
 
 impl Frame {
-    /// What a placement shows: its asset at the placement's phase, or without if nobody asked for that.
+    /// State of a placement's asset at the placement's phase, or at phase 0 if the frame holds no state for that phase; `None` if
+    /// it holds neither.
     pub fn shown(&self, placement: &Placement) -> Option<&AssetFrame> {
         let shifted = self.shifted.get(&(placement.asset, placement.phase)).filter(|_| placement.phase > 0);
         shifted.or_else(|| self.assets.get(placement.asset))
@@ -71,7 +72,7 @@ pub enum MeshFrame {
     },
     /// A whole mesh ([`super::MeshMotion::Varying`]); may be empty.
     Whole {
-        /// The mesh of this frame, with attributes of its own.
+        /// The mesh of this frame with its attributes, which need not be those at rest.
         mesh: Mesh,
         /// Velocities of the points in asset space, m/s, one per point; empty where they are not known.
         velocities: Vec<Vec3>,

@@ -7,8 +7,8 @@ use super::{
     mesh_points, skinned_normals, skinning_matrices,
 };
 
-/// The scene as a frame has it, with nothing in it that moves. What placements show at phases of their own becomes assets of
-/// its own, if the frame holds it; otherwise they show their assets at the frame itself.
+/// The scene in the state of a frame, without motion. For each phase of a placement that the frame holds, an asset in the state
+/// of that phase is added; placements of other phases get their assets in the state of the frame.
 pub fn freeze(scene: &Scene, frame: &Frame) -> Scene {
     let mut out = scene.clone();
     let rest = AssetFrame::default();

@@ -6,38 +6,38 @@ use super::{Attribute, AttributeData, CANOPY_NORMAL, CANOPY_OCCLUSION, Curves, M
 use crate::Trs;
 use osier_base::geometry::Bounds;
 
-/// What instances show, in its own space.
+/// Geometry that instances repeat, in prototype space.
 #[derive(Debug, Clone)]
 pub struct Prototype {
     /// `[a-z0-9_]+`, unique in the instancer.
     pub name: String,
-    /// In the prototype's own space, m, with its pivot at the origin.
+    /// Triangles in prototype space, m, with the pivot of the instances at the origin.
     pub mesh: Mesh,
-    /// The same with curves, for programs that have them.
+    /// The same object with hairs as curves, for formats that have curves; `None` if it has no hairs.
     pub fine: Option<Fine>,
-    /// Its level of detail, `[a-z0-9]+`; empty where there is only one.
+    /// Name of its level of detail, `[a-z0-9]+`; empty if there is only one.
     pub level: String,
-    /// The same at other levels, for formats that let their readers choose.
+    /// The same object at other levels of detail, for formats whose readers choose a level.
     pub others: Vec<Self>,
 }
 
 /// What a prototype consists of where curves are drawn.
 #[derive(Debug, Clone)]
 pub struct Fine {
-    /// The parts that stay triangles.
+    /// Triangles of the parts that are no hairs.
     pub mesh: Mesh,
     /// Hairs; they do not move within the prototype.
     pub curves: Curves,
 }
 
 impl Prototype {
-    /// A prototype that is a mesh and nothing else.
+    /// A prototype of one mesh, without curves and without levels of detail.
     #[inline]
     pub fn new(name: impl Into<String>, mesh: Mesh) -> Self {
         Self { name: name.into(), mesh, fine: None, level: String::new(), others: Vec::new() }
     }
 
-    /// Box of what is shown, whichever way.
+    /// Box of the mesh and of the version with curves, in prototype space, m.
     #[inline]
     pub fn bounds(&self) -> Bounds {
         let fine = self.fine.as_ref().map(|f| f.mesh.bounds().union(f.curves.bounds()));
@@ -45,7 +45,7 @@ impl Prototype {
     }
 }
 
-/// How the instances move.
+/// How instances move: not at all, with joints, or by states in the frames.
 #[derive(Debug, Clone, PartialEq)]
 pub enum InstancerMotion {
     /// Instances keep their rest state over the clip.
@@ -77,7 +77,7 @@ pub struct InstanceState {
 }
 
 impl InstanceState {
-    /// Whether instance `i` is shown; true where `alive` has no entry for it.
+    /// Whether instance `i` exists at this time; true where `alive` has no entry for it.
     #[inline]
     pub fn is_alive(&self, i: usize) -> bool {
         self.alive.get(i).copied().unwrap_or(true)
@@ -94,7 +94,7 @@ impl InstanceState {
         self.attributes.iter().find(|a| a.name == name).map(|a| &a.data)
     }
 
-    /// The direction in which the normals of instance `i` are bent, as long as they are bent: [`bent_normal`]. Zero without the attribute.
+    /// Vector by which [`bent_normal`] bends the normals of instance `i`, in asset space; zero without the attribute.
     #[inline]
     pub fn canopy_normal(&self, i: usize) -> Vec3 {
         match self.attribute(CANOPY_NORMAL) {
@@ -157,9 +157,10 @@ pub struct Instancer {
     pub scales: Vec<Vec3>,
     /// State of all instances at rest, which formats without animation show.
     pub rest: InstanceState,
-    /// How frames change the instances.
+    /// Kind of motion, which decides whether frames hold states of the instances.
     pub motion: InstancerMotion,
-    /// Ask for a twin as plain points with orientation and scale (catkins, drops: things tracked one by one).
+    /// Whether exporters also write the instances as points with orientation and scale, for things that users track one by
+    /// one, such as catkins and drops.
     pub tracked: bool,
 }
 
@@ -170,7 +171,7 @@ impl Instancer {
         self.protos.len()
     }
 
-    /// True without instances.
+    /// True without slots, so that no instance is ever alive.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.protos.is_empty()

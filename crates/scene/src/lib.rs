@@ -132,7 +132,7 @@ pub enum AssetKind {
 }
 
 impl AssetKind {
-    /// The word used in the manifest.
+    /// Name of the kind in the manifest, in lower case.
     pub fn word(self) -> &'static str {
         match self {
             Self::Plant => "plant",
@@ -145,8 +145,8 @@ impl AssetKind {
 }
 
 impl Scene {
-    /// Linear colour of a material where colours at vertices are not shown: its own, times the mean of those of all meshes
-    /// that wear it, point by point.
+    /// Linear colour of a material for formats without colours at vertices: its base colour times the mean vertex colour of all
+    /// points with the material; white for an unknown id.
     pub fn flat_color(&self, id: MaterialId) -> [f32; 3] {
         let Some(material) = self.materials.get(id as usize) else { return [1.0; 3] };
         let prototypes = self.assets.iter().flat_map(|a| &a.instancers).flat_map(|i| &i.prototypes).map(|p| &p.mesh);
@@ -175,17 +175,17 @@ pub struct Asset {
     /// What it is; the manifest names it by [`AssetKind::word`].
     pub kind: AssetKind,
     /// Name of the plant that it is an individual of, `[a-z0-9_]+`; empty for everything that has no copies. Formats
-    /// with instancers show all placements of a group by one instancer.
+    /// with instancers write all placements of a group as one instancer.
     pub group: String,
     /// Joints that skinned meshes and joint-bound instancers follow.
     pub skeleton: Option<Skeleton>,
-    /// Meshes that are shown once.
+    /// Meshes that occur once in the asset, such as bark.
     pub meshes: Vec<MeshObject>,
-    /// Meshes that are shown many times, such as leaves.
+    /// Meshes that are repeated in the asset, such as leaves.
     pub instancers: Vec<Instancer>,
-    /// Clouds of points, with attributes of their own.
+    /// Clouds of points, each with widths, colours and attributes.
     pub points: Vec<Points>,
-    /// Sets of polylines with thickness.
+    /// Sets of polylines such as trails, each with one material.
     pub curves: Vec<Curves>,
     /// The same plant at rest, with joints for formats whose readers simulate the wind; made only if such a format is written.
     pub rigged: Option<Arc<RiggedPlant>>,
@@ -201,7 +201,7 @@ impl Asset {
     }
 }
 
-/// One showing of an asset in the scene.
+/// A copy of an asset at a place in the scene.
 #[derive(Debug, Clone)]
 pub struct Placement {
     /// Node and prim name, `[a-z0-9_]+`, unique in the scene.
@@ -210,15 +210,15 @@ pub struct Placement {
     pub asset: usize,
     /// World from asset space. Scale is uniform.
     pub transform: Trs,
-    /// It shows what the asset does so many frames later, the clip repeated: copies that share one motion do not move as
-    /// one. Below the number of frames.
+    /// Number of frames, below that of the clip, by which its asset's motion is shifted; frame f has the state of frame
+    /// f + phase, and the clip repeats. Copies with one motion then do not move in unison.
     pub phase: u32,
 }
 
 /// Everything that exists, resolved, in SI units.
 #[derive(Debug, Clone)]
 pub struct Scene {
-    /// File name, `[a-z0-9_]+`.
+    /// Stem of the names of output files, `[a-z0-9_]+`.
     pub name: String,
     /// Title as the artist wrote it.
     pub title: String,
@@ -226,23 +226,23 @@ pub struct Scene {
     pub seed: u64,
     /// Hash of the resolved scene and its input files, 64 hex digits.
     pub hash: String,
-    /// Numbers and rate of the frames.
+    /// First and last frame number, and frames per second.
     pub clip: Clip,
     /// Camera of all frames; it does not move.
     pub camera: Camera,
-    /// Direction, colour and strength of sunlight.
+    /// Sunlight, the same in all frames.
     pub sun: Sun,
-    /// Light from the sky.
+    /// Background, light from all directions, and haze; the same in all frames.
     pub sky: Sky,
     /// Pictures, which the [`Maps`] of materials name by index.
     pub images: Vec<Image>,
     /// Materials; meshes name them by their index.
     pub materials: Vec<Material>,
-    /// Things with files of their own; placements name them by index.
+    /// Plants, ground, clouds and other things that get separate files; placements name them by index.
     pub assets: Vec<Asset>,
-    /// Where the assets stand. An asset without a placement is written but not shown.
+    /// Copies of assets in the scene. An asset without a placement is written, but is not part of the picture.
     pub placements: Vec<Placement>,
-    /// Heights of the land, if there is any.
+    /// Heights of the terrain on their original grid; `None` for a scene without a height field.
     pub land: Option<HeightField>,
     /// Tables that grow by a row with every frame.
     pub tables: Vec<Table>,

@@ -38,7 +38,7 @@ pub struct MapSequence {
     pub height_range: f32,
     /// Its maps, in the order in which files are written.
     pub layers: Vec<MapLayer>,
-    /// The maps where nothing moves; none before the first frame.
+    /// The maps of a scene that does not move; `None` if frames hold them.
     pub rest: Option<MapFrame>,
 }
 

@@ -12,7 +12,7 @@ pub enum MaterialClass {
     Bark,
     /// Thin, lit through from behind.
     Leaf,
-    /// Like leaf, fleshier.
+    /// White translucent hairs of seeds and catkins.
     Catkin,
     /// A transparent, refracting volume.
     Water,
@@ -21,7 +21,7 @@ pub enum MaterialClass {
 }
 
 impl MaterialClass {
-    /// The word used in the manifest.
+    /// Name of the class in the manifest, in lower case.
     #[inline]
     pub fn word(self) -> &'static str {
         match self {
@@ -47,7 +47,7 @@ pub struct Maps {
     pub height: Option<u32>,
 }
 
-/// A thin clear film over a surface, such as water on a leaf, shown where a map sequence gives it weight. OpenPBR: coat.
+/// A thin clear film over a surface, such as water on a leaf, where a map sequence gives it weight. OpenPBR: coat.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coat {
     /// Maps of the surface: index into [`crate::Scene::map_sequences`].
@@ -74,7 +74,7 @@ pub struct Material {
     pub ior: f32,
     /// Share of light let through to the other side, 0..1 (leaves about 0.3).
     pub translucency: f32,
-    /// Shown from both sides.
+    /// Whether back faces are rendered; front faces are counter-clockwise.
     pub double_sided: bool,
     /// Cut out where the colour map's alpha is below this.
     pub alpha_cutoff: Option<f32>,
@@ -84,7 +84,7 @@ pub struct Material {
     pub tile: f32,
     /// Textures that replace the uniform values above.
     pub maps: Maps,
-    /// A film over it whose weight frames change.
+    /// A thin film over it, such as water, whose weight changes from frame to frame; `None` for surfaces that stay dry.
     pub coat: Option<Coat>,
 }
 
@@ -92,13 +92,13 @@ impl Coat {
     /// Albedo of a wet leaf as a share of that of a dry one: light is caught in the film of water. Own: chosen by eye against
     /// photographs of wet leaves, 0.4..0.8; a smaller value darkens wet leaves in previews and POV-Ray.
     pub const WET_ALBEDO: f32 = 0.55;
-    /// Roughness of a closed film, 0 to 1: smooth, with the ripple that the surface below leaves in it. A surface that is smoother
-    /// keeps its own roughness.
+    /// Roughness of a closed film, 0 to 1: smooth, with the ripple that the surface below leaves in it. A surface that is
+    /// smoother keeps its own roughness.
     pub const WET_ROUGHNESS: f32 = 0.08;
 }
 
 impl Material {
-    /// Something opaque without pictures, seen from its front. `base_color`: linear; `roughness`: 0..1.
+    /// An opaque, one-sided material without textures, of an index of refraction of 1.5. `base_color`: linear; `roughness`: 0..1.
     pub fn plain(name: String, class: MaterialClass, base_color: [f32; 3], roughness: f32) -> Self {
         Self {
             name,
@@ -117,7 +117,7 @@ impl Material {
     }
 }
 
-/// How a picture's numbers are meant.
+/// Whether samples are colours or data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImageKind {
     /// sRGB colour (8 bit).
@@ -140,7 +140,7 @@ pub enum Pixels {
 pub struct Image {
     /// File name without ending, `<material>_<color|normal|rough|height>`, unique in the scene.
     pub name: String,
-    /// How its numbers are meant.
+    /// Colour or data: whether readers convert the samples from sRGB.
     pub kind: ImageKind,
     /// Width in pixels, at least 1.
     pub width: u32,
@@ -174,13 +174,13 @@ impl Image {
         let mut words = Vec::new();
         for y in 0..height {
             for x in 0..width {
-                // A side of one pixel is not halved: its only pixel stands for both.
+                // A side of one pixel is not halved: its only pixel counts twice.
                 let column = |k: u32| (2 * x + k).min(self.width - 1);
                 let row = |k: u32| (2 * y + k).min(self.height - 1);
                 let four = [(0, 0), (1, 0), (0, 1), (1, 1)]
                     .map(|(i, j)| (row(j) as usize) * self.width as usize + column(i) as usize);
                 let mut mean = [0.0_f32; 4];
-                // Texels that the alpha cuts out have no say in the colour, unless all four are cut out.
+                // Colours are weighted by alpha, so that those of cut-out texels do not count, unless all four are cut out.
                 let shares = if has_alpha { four.map(|t| decode(t, 3)) } else { [1.0; 4] };
                 let total: f32 = shares.iter().sum();
                 for (c, mean) in mean.iter_mut().enumerate().take(channels) {

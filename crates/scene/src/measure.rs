@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-/// A table with a row per frame.
+/// A table of statistics with a row per frame, and what is made of it: plots, totals and warnings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     /// File name, `[a-z0-9_]+`, unique in the scene.
@@ -11,15 +11,15 @@ pub struct Table {
     pub columns: Vec<(String, &'static str)>,
     /// Groups of columns that are drawn into one plot each: its title, and columns by number.
     pub plots: Vec<(&'static str, Vec<usize>)>,
-    /// Columns, by number, that count all that happened until a frame; the others say what is so at it.
+    /// Indices of the columns that accumulate from the first frame on; the others hold the state at their frame.
     pub totals: Vec<usize>,
-    /// Columns, by number, that runs with other values are compared by.
+    /// Indices of the columns by which runs with different parameters are compared.
     pub outcome: Vec<usize>,
     /// Parameters of the run, which the file of statistics repeats.
     pub parameters: serde_json::Value,
     /// Warnings known before the first frame: code and text.
     pub said: Vec<(&'static str, String)>,
-    /// What is worth a warning when it is in the table.
+    /// Columns that bring a warning if a value exceeds a threshold.
     pub watches: Vec<Watch>,
 }
 
@@ -32,7 +32,7 @@ pub struct Watch {
     pub above: f64,
     /// Code of the warning, as listed in docs/codes.md.
     pub code: &'static str,
-    /// Of the warning; the number takes the place of `{}`.
+    /// Message of the warning, with `{}` for the largest value.
     pub text: &'static str,
 }
 
@@ -48,7 +48,7 @@ impl Table {
     }
 }
 
-/// The largest value of each column of some rows.
+/// The largest value of each column, for [`Table::warnings`]; NaN is ignored. Empty without rows.
 pub fn largest<'a>(rows: impl IntoIterator<Item = &'a [f64]>) -> Vec<f64> {
     let mut most: Vec<f64> = Vec::new();
     for row in rows {
@@ -58,18 +58,18 @@ pub fn largest<'a>(rows: impl IntoIterator<Item = &'a [f64]>) -> Vec<f64> {
     most
 }
 
-/// A map of numbers over a rectangle.
+/// A map of measured numbers over a rectangle in the world, such as a deposition.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
     /// File name, `[a-z0-9_]+`, unique in the scene.
     pub name: String,
-    /// What it shows, which is the name of its folder in `maps/`: "deposition".
+    /// The measured quantity, which is the name of its folder in `maps/`: "deposition".
     pub what: &'static str,
     /// Number of texels along `along`.
     pub width: usize,
     /// Number of texels along `down`; row 0 starts at `corner`.
     pub height: usize,
-    /// Corner of the first texel's outer edge, m, and the vectors along rows and down columns, m, over the whole map.
+    /// Outer corner of the first texel, in the world, m.
     pub corner: Vec3,
     /// Vector along a whole row, m.
     pub along: Vec3,
@@ -77,7 +77,7 @@ pub struct Field {
     pub down: Vec3,
     /// Unit of the values as files spell it, such as `1/m^2`.
     pub unit: &'static str,
-    /// Frames between two files, or only the last.
+    /// Frames from one file to the next; `None`: a file of the last frame only.
     pub every: Option<u32>,
 }
 

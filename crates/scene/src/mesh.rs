@@ -15,7 +15,7 @@ pub struct Subset {
     pub material: MaterialId,
     /// Index of the run's first triangle in the mesh.
     pub first: u32,
-    /// Number of triangles.
+    /// Number of triangles; the next subset begins at `first + count`.
     pub count: u32,
 }
 
@@ -58,7 +58,7 @@ impl Mesh {
         saturating_index(self.triangles.len())
     }
 
-    /// The mesh with one subset over all triangles in place of its own subsets.
+    /// The mesh with one subset over all triangles in place of its subsets.
     #[inline]
     pub fn with_material(mut self, material: MaterialId) -> Self {
         let count = self.next_triangle();
@@ -66,7 +66,8 @@ impl Mesh {
         self
     }
 
-    /// Appends another mesh; its subsets follow, one equal to the last is merged into it.
+    /// Appends another mesh, whose first subset is merged into the last one here if both have one material. Texture
+    /// coordinates and colours are joined too: both meshes must have them, or neither.
     pub fn append(&mut self, other: &Self) {
         let (base, first) = (self.next_point(), self.next_triangle());
         Attribute::append_all(&mut self.attributes, self.points.len(), &other.attributes, other.points.len());
@@ -95,7 +96,7 @@ impl Mesh {
         }
     }
 
-    /// Appends triangles of one material as a subset.
+    /// Appends triangles over points of the mesh as a new subset, even if the last one has the same material.
     pub fn append_subset(&mut self, material: MaterialId, triangles: Vec<[u32; 3]>) {
         let first = self.next_triangle();
         self.triangles.extend(triangles);
@@ -111,16 +112,16 @@ impl Mesh {
     }
 }
 
-/// How a mesh changes over the clip.
+/// How a mesh changes over the clip: not at all, by joints, or by data in the frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MeshMotion {
     /// The mesh keeps its rest shape over the clip.
     Still,
     /// By its skin and the asset's skeleton; frames carry poses only.
     Skinned,
-    /// Frames carry new points of the same topology. A skin beside it is the light stand-in for formats without caches.
+    /// Frames carry new points of the same topology. A skin in addition approximates them, for formats without vertex caches.
     Deforming,
-    /// Frames carry whole meshes.
+    /// Frames carry whole meshes, whose numbers of points and triangles change.
     Varying,
 }
 
@@ -133,14 +134,14 @@ pub struct SkinWeights {
     pub weights: Vec<[f32; 4]>,
 }
 
-/// A mesh in an asset.
+/// A mesh that occurs once in an asset, and how it moves.
 #[derive(Debug, Clone)]
 pub struct MeshObject {
     /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
     pub name: String,
-    /// Rest shape (for a varying mesh: the shape shown by formats that cannot vary; may be empty).
+    /// Rest shape (for a varying mesh: the shape in formats whose meshes cannot vary; may be empty).
     pub mesh: Mesh,
-    /// How frames change the mesh.
+    /// Kind of change, which decides what frames hold for the mesh.
     pub motion: MeshMotion,
     /// Present for skinned meshes, optional for deforming ones.
     pub skin: Option<SkinWeights>,

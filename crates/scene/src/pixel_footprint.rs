@@ -6,7 +6,7 @@ use super::{AssetFrame, Camera, Scene, asset_bounds};
 use osier_base::geometry::Bounds;
 use osier_base::math;
 
-/// Rows of the picture for which sizes are judged. Own: full HD, in which most clips are shown.
+/// Rows of the picture for which sizes are judged. Own: full HD, the resolution of most clips.
 pub const PICTURE_ROWS: f32 = 1080.0;
 
 /// Lengths that a pixel of a picture of [`PICTURE_ROWS`] rows covers.
@@ -18,7 +18,7 @@ pub struct PixelFootprint {
 }
 
 impl PixelFootprint {
-    /// For the picture of a camera.
+    /// Footprint for a camera's vertical angle of view; pixels are square.
     pub fn new(camera: &Camera) -> Self {
         let half = camera.vfov * 0.5;
         Self { eye: camera.eye, at_one_metre: 2.0 * math::sin_f32(half) / math::cos_f32(half) / PICTURE_ROWS }
@@ -37,6 +37,7 @@ impl PixelFootprint {
         let rest = AssetFrame::default();
         let boxes: Vec<Bounds> = scene.assets.iter().map(|a| asset_bounds(a, &rest)).collect();
         let mut least = vec![f32::INFINITY; scene.assets.len()];
+        // The nearest copy needs the finest detail; a scaled copy is judged in the unscaled space of its asset.
         for placement in &scene.placements {
             let Some((local, least)) = boxes.get(placement.asset).zip(least.get_mut(placement.asset)) else { continue };
             let size = placement.transform.s.abs().max_element();

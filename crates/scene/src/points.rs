@@ -22,7 +22,7 @@ pub struct Points {
     pub attributes: Vec<Attribute>,
     /// True if frames carry positions and widths.
     pub moving: bool,
-    /// The box that it moves in, m, where that is known; empty else.
+    /// Box in asset space that its points never leave, m; empty if it is not known.
     pub reach: Bounds,
 }
 
@@ -45,7 +45,7 @@ pub enum PointsFrame {
     },
 }
 
-/// What a cloud shows at one time; the lists are borrowed from the scene or from a frame.
+/// State of a cloud at one time; the lists are borrowed from the scene or from a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct PointsNow<'a> {
     /// Positions in asset space, m.
@@ -72,7 +72,7 @@ impl Points {
     }
 }
 
-/// Polylines with thickness.
+/// Polylines with a diameter at each point, such as hairs and the trails of flying things.
 #[derive(Debug, Clone)]
 pub struct Curves {
     /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
@@ -90,8 +90,8 @@ pub struct Curves {
 }
 
 impl Curves {
-    /// The curves as they are with these points, without those that have no length: the trail of something that does not move
-    /// shows nothing.
+    /// Copy with `points` in place of those at rest, without curves whose points all coincide, such as the trail of something
+    /// that does not move.
     pub fn drawn(&self, points: &[Vec3]) -> Self {
         let mut out = Self { counts: Vec::new(), points: Vec::new(), widths: Vec::new(), ..self.clone() };
         let mut first = 0_usize;

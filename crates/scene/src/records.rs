@@ -17,9 +17,9 @@ pub enum ColumnValues {
     U32(Vec<u32>),
     /// Signed integers: references that may be absent, which is -1.
     I32(Vec<i32>),
-    /// Numbers in single precision.
+    /// Numbers for which seven digits suffice, such as positions and velocities.
     F32(Vec<f32>),
-    /// Numbers in double precision, such as volumes and times.
+    /// Numbers that need double precision, such as volumes and times.
     F64(Vec<f64>),
 }
 
@@ -63,7 +63,7 @@ impl ColumnValues {
         }
     }
 
-    /// True without values.
+    /// True without values, in a table without records.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -85,22 +85,22 @@ impl ColumnValues {
 }
 
 impl RecordColumn {
-    /// A column of unsigned integers: `value` of each row.
+    /// A column stored as unsigned integers of 4 bytes: `value` of each row, in order.
     pub fn u32<R>(name: &'static str, unit: &'static str, rows: &[R], value: impl Fn(&R) -> u32) -> Self {
         Self { name, unit, values: ColumnValues::U32(rows.iter().map(value).collect()) }
     }
 
-    /// A column of signed integers: `value` of each row.
+    /// A column stored as signed integers of 4 bytes: `value` of each row, in order.
     pub fn i32<R>(name: &'static str, unit: &'static str, rows: &[R], value: impl Fn(&R) -> i32) -> Self {
         Self { name, unit, values: ColumnValues::I32(rows.iter().map(value).collect()) }
     }
 
-    /// A column of single-precision numbers: `value` of each row.
+    /// A column stored in single precision, 4 bytes: `value` of each row, in order.
     pub fn f32<R>(name: &'static str, unit: &'static str, rows: &[R], value: impl Fn(&R) -> f32) -> Self {
         Self { name, unit, values: ColumnValues::F32(rows.iter().map(value).collect()) }
     }
 
-    /// A column of double-precision numbers: `value` of each row.
+    /// A column stored in double precision, 8 bytes: `value` of each row, in order.
     pub fn f64<R>(name: &'static str, unit: &'static str, rows: &[R], value: impl Fn(&R) -> f64) -> Self {
         Self { name, unit, values: ColumnValues::F64(rows.iter().map(value).collect()) }
     }

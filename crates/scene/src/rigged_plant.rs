@@ -1,9 +1,9 @@
-//! Plants with joints for programs that bend them in a wind of their own.
+//! Plants with joints for programs that simulate the wind themselves.
 
 use super::{Instancer, MeshObject, Skeleton};
 
-/// A plant at rest with joints on its branches, for programs that simulate the wind themselves. It stands beside the meshes that
-/// the scene's own motion moves and does not depend on that motion.
+/// A plant at rest with joints on its branches, for programs that simulate the wind themselves. It does not depend on the motion
+/// that the scene's frames have.
 #[derive(Debug, Clone, Default)]
 pub struct RiggedPlant {
     /// Joints in asset space; joint 0 is the fixed root.
@@ -16,7 +16,7 @@ pub struct RiggedPlant {
     pub instancers: Vec<Instancer>,
 }
 
-/// The stretch of a branch that a joint bends.
+/// The part of a branch that a joint bends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointBranch {
     /// Index of its axis in the plant.
@@ -24,6 +24,6 @@ pub struct JointBranch {
     /// Branching order of that axis: 0 for the trunk, equal for both halves of an apical fork.
     pub order: u8,
     /// Angle by which the joint turns under a dynamic pressure of 1 Pa on everything that it and the branches below it carry,
-    /// rad/Pa: the slope of its own beam and of the beams that it springs from.
+    /// rad/Pa: the slope of its beam and of the beams that it springs from.
     pub compliance: f64,
 }

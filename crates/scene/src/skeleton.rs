@@ -20,7 +20,7 @@ impl Default for Trs {
 }
 
 impl Trs {
-    /// Leaves everything where it is.
+    /// The identity, neutral in [`Trs::then_inner`] on either side.
     pub const IDENTITY: Self = Self { t: Vec3::ZERO, r: Quat::IDENTITY, s: Vec3::ONE };
 
     /// A translation without rotation or scale.
@@ -29,7 +29,7 @@ impl Trs {
         Self { t, ..Self::IDENTITY }
     }
 
-    /// The same as a matrix that multiplies column vectors from the left.
+    /// The transform as a matrix for column vectors: translation times rotation times scale.
     #[inline]
     pub fn matrix(&self) -> Mat4 {
         Mat4::from_scale_rotation_translation(self.s, self.r, self.t)
@@ -49,7 +49,7 @@ impl Trs {
     }
 }
 
-/// A joint of a skeleton.
+/// A frame that moves the points skinned to it and its child joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
     /// `[a-z0-9_]+`, unique in the skeleton.
@@ -58,7 +58,7 @@ pub struct Joint {
     pub parent: Option<u32>,
     /// Parent from joint at rest. Scale is 1.
     pub rest: Trs,
-    /// Radius of what it carries, at its pivot, m; 0 for a root that carries nothing.
+    /// Radius of the branch or stalk at the pivot, m; 0 for a root without one.
     pub radius: f32,
 }
 
@@ -70,7 +70,7 @@ pub struct Skeleton {
 }
 
 impl Skeleton {
-    /// Asset from joint for one pose (parent-from-joint transforms, one per joint).
+    /// Asset from joint for one pose (parent-from-joint transforms, one per joint); only the first joints for a shorter pose.
     #[inline]
     pub fn asset_from_joint(&self, pose: &[Trs]) -> Vec<Trs> {
         let mut world: Vec<Trs> = Vec::with_capacity(self.joints.len());

@@ -8,7 +8,7 @@ use super::{
 };
 use osier_base::{Error, Result};
 
-/// Checks a scene at rest.
+/// Checks meshes, instancers, clouds and curves of all assets at rest, before an exporter reads them.
 /// # Errors
 /// X001 for a number that is not finite, X006 for subsets that do not cover a mesh, naming asset and element.
 pub fn check_scene(scene: &Scene) -> Result<()> {
@@ -43,7 +43,7 @@ pub fn check_scene(scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// Checks one frame against its scene.
+/// Checks that the lists of a frame are finite and as long as those of the scene that they replace.
 /// # Errors
 /// X001 naming asset, element and frame; X008 if the number of instances changes.
 pub fn check_frame(scene: &Scene, frame: &Frame) -> Result<()> {

@@ -13,23 +13,23 @@ pub struct VolumeGrid {
     pub unit: &'static str,
     /// Whether frames give [`VolumeValues::Vector`] instead of numbers.
     pub is_vector: bool,
-    /// Middle of the cell (0, 0, 0), m.
+    /// Centre of the cell (0, 0, 0) in the world, m.
     pub origin: DVec3,
     /// Edge length of a cell, m.
     pub cell: f64,
-    /// Frames between two that are filled, from the first of the clip.
+    /// Frames from one that fills the grid to the next, counted from the first of the clip; 0 counts as 1.
     pub every: u32,
-    /// Most cells that a frame fills, as limits of memory and output predict it.
+    /// Upper bound on the cells that a frame fills, from which memory and output are predicted.
     pub max_cells: u64,
 }
 
 impl VolumeGrid {
-    /// Whether it is filled `since` frames after the first.
+    /// True if the frame `since` frames after the first of the clip fills the grid.
     pub fn is_due(&self, since: u32) -> bool {
         since.is_multiple_of(self.every.max(1))
     }
 
-    /// The cell that contains a point of the scene, m.
+    /// Indices of the cell that contains a point of the world, m; saturated at 2^31 cells from the origin.
     #[allow(clippy::cast_possible_truncation, reason = "saturates 2^31 cells from the origin")]
     pub fn cell_of(&self, point: DVec3) -> [i32; 3] {
         ((point - self.origin) / self.cell + 0.5).floor().to_array().map(|v| v as i32)
@@ -54,7 +54,7 @@ pub enum VolumeValues {
     Vector(Vec<Vec3>),
 }
 
-/// A volume at one frame.
+/// Values of one [`VolumeGrid`] at one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeFrame {
     /// Cells that have a value at this frame.
@@ -64,7 +64,7 @@ pub struct VolumeFrame {
 }
 
 impl VolumeFrame {
-    /// A frame with numbers in these cells, of which none may come twice.
+    /// A list of cells with one number each; no cell may occur twice.
     pub fn scalars(cells: impl IntoIterator<Item = ([i32; 3], f32)>) -> Self {
         let (cells, values) = cells.into_iter().unzip();
         Self { cells: VolumeCells::List(cells), values: VolumeValues::Scalar(values) }

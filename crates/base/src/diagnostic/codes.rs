@@ -2,14 +2,14 @@
 
 use super::Severity::{self, Error, Warning};
 
-/// One row of the table.
+/// A row of [`CODES`]: what all diagnostics of one code have in common.
 #[derive(Debug, Clone, Copy)]
 pub struct Code {
-    /// `L001`, `S001`, `X001`, ...
+    /// Letter of the area and three digits, such as `L001`; does not change between versions.
     pub code: &'static str,
     /// Error or warning; the same wherever the code is reported.
     pub severity: Severity,
-    /// Shape of the message.
+    /// What the code means, as `osier list codes` and `docs/codes.md` print it; a message adds names and values.
     pub summary: &'static str,
 }
 
@@ -168,7 +168,7 @@ pub const CODES: &[Code] = &[
     row("X030", Error, "nothing to write: no triangles and no points"),
 ];
 
-/// The table row of a code; `None` for an unknown code.
+/// Row of [`CODES`] for a code such as `L001`, by linear search; `None` for an unknown code.
 pub fn find(code: &str) -> Option<&'static Code> {
     CODES.iter().find(|c| c.code == code)
 }

@@ -22,7 +22,7 @@ pub enum Severity {
 /// A text edit that resolves a diagnostic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fix {
-    /// Range of bytes that the fix replaces.
+    /// Range of bytes that the fix replaces; empty to insert there.
     pub span: Span,
     /// Text that replaces them; empty to delete.
     pub replacement: String,
@@ -31,7 +31,7 @@ pub struct Fix {
 /// One problem at one place of one file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// As the table of [`codes`] has it.
+    /// Severity of `code` in [`codes::CODES`].
     pub severity: Severity,
     /// Stable code from [`codes`], such as `L001`.
     pub code: &'static str,
@@ -46,12 +46,12 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
-    /// An error with one labelled place.
+    /// An error at `span`; `label` is printed under the caret there, and help or a fix may be chained.
     pub fn error(code: &'static str, message: impl Into<String>, span: Span, label: impl Into<String>) -> Self {
         Self::new(Severity::Error, code, message.into(), span, label.into())
     }
 
-    /// A warning with one labelled place.
+    /// A warning at `span`; `label` is printed under the caret there, and help or a fix may be chained.
     pub fn warning(code: &'static str, message: impl Into<String>, span: Span, label: impl Into<String>) -> Self {
         Self::new(Severity::Warning, code, message.into(), span, label.into())
     }
@@ -88,7 +88,7 @@ impl Diagnostic {
 /// Largest number of diagnostics in a report, so that a damaged file of any size gives a short report.
 const MAX_DIAGNOSTICS: usize = 250;
 
-/// Diagnostics with the sources they point into.
+/// Diagnostics, the sources they point into, and what the sources printed.
 #[derive(Debug, Clone, Default)]
 pub struct Report {
     /// The texts that spans point into, by id.
@@ -100,18 +100,18 @@ pub struct Report {
 }
 
 impl Report {
-    /// True if any diagnostic is an error.
+    /// True if any diagnostic is an error; [`Report::into_result`] is then an `Err`.
     pub fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 
-    /// True if the report takes no further diagnostic.
+    /// True if [`Report::push`] would drop every further diagnostic, so that readers of long files may stop.
     pub fn is_full(&self) -> bool {
         self.diagnostics.len() >= MAX_DIAGNOSTICS && self.has_errors()
     }
 
-    /// Adds a diagnostic unless one with the same code and place (without a place: the same message) is there already. A full
-    /// report takes none but its first error.
+    /// Adds a diagnostic unless one with the same code and place (without a place: the same message) is there already. A report
+    /// of 250 accepts only its first error.
     pub fn push(&mut self, diagnostic: Diagnostic) {
         let warning = diagnostic.severity == Severity::Warning;
         if self.diagnostics.len() >= MAX_DIAGNOSTICS && (warning || self.has_errors()) {
@@ -126,8 +126,8 @@ impl Report {
         }
     }
 
-    /// Adds all of another report. Texts that are already here are shared, so that what several plants of one grammar
-    /// have to say is said once.
+    /// Adds all of another report. Sources with equal name and text become one, so that equal diagnostics of several plants of
+    /// one grammar are reported once.
     pub fn extend(&mut self, other: Self) {
         // Individuals of one grammar often print the same.
         if !self.output.contains(&other.output) {
@@ -158,7 +158,8 @@ impl std::fmt::Display for Report {
     }
 }
 
-/// The nearest of `known` within edit distance 2 of `word`, for "did you mean".
+/// The nearest of `known` to `word` within edit distance 2 (1 for words of up to three letters), the first of equals; for
+/// "did you mean".
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let limit = if word.chars().count() <= 3 { 1 } else { 2 };
     known

@@ -15,12 +15,11 @@ const CONTEXT_LINES: usize = 2;
 
 /// Longest line that is quoted in full, bytes.
 const MAX_QUOTED_LINE: usize = 4000;
-/// Of a longer line this many bytes are quoted on either side of the place.
+/// Bytes that are quoted on either side of the place in a longer line.
 const QUOTED_AROUND: usize = 60;
-/// Stands for what is left out of a long line.
 const LEFT_OUT: &str = "...";
 
-/// With or without terminal colours.
+/// Whether [`render`] writes for a terminal or for a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Style {
     /// Text without escape sequences.
@@ -92,7 +91,8 @@ struct Excerpt {
 }
 
 impl Excerpt {
-    /// The lines around all of the spans.
+    /// The lines from the first span to the last and [`CONTEXT_LINES`] on either side; if one of them is too long to quote, a
+    /// part of the first span's line.
     fn around(text: &str, spans: &[Span]) -> Self {
         let first = spans.iter().map(|s| s.start as usize).min().unwrap_or(0).min(text.len());
         let last = spans.iter().map(|s| s.end as usize).max().unwrap_or(0).clamp(first, text.len());
@@ -112,7 +112,7 @@ impl Excerpt {
         Self::cut(text, first, last)
     }
 
-    /// Part of one long line around `first..last`, as far as it stands on the line of `first`.
+    /// Part of the line of `first` around the bytes `first..last`, with [`LEFT_OUT`] at each cut.
     fn cut(text: &str, first: usize, last: usize) -> Self {
         let bytes = text.as_bytes();
         let (line_start, line_end) = (line_start(bytes, first), line_end(bytes, first));
@@ -132,7 +132,7 @@ impl Excerpt {
         Self { text: format!("{before}{quoted}{after}"), start, line, prefix: before.len() }
     }
 
-    /// A span in the window, cut to it and moved to character borders.
+    /// Byte range of a span in the text of the excerpt, clipped to it and rounded down to character boundaries.
     fn range(&self, span: Span) -> Range<usize> {
         let floor = |i: u32| {
             let mut i = ((i as usize).saturating_sub(self.start) + self.prefix).min(self.text.len());
@@ -171,7 +171,7 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
     // The first label is the cause and gets the primary caret; all others are context.
     for (name, spans, window) in &windows {
         let mut snippet = Snippet::source(window.text.as_str()).line_start(window.line);
-        // Columns in a line that is cut are not those of its excerpt.
+        // In a line that is cut the renderer would count columns from the cut: line and column are given explicitly.
         match spans.first().filter(|_| window.prefix > 0) {
             Some(span) => {
                 let at = sources.position(*span);
@@ -190,7 +190,7 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
         main = main.element(Level::HELP.message(help.as_str()));
     }
     let fix = diagnostic.fix.as_ref();
-    // A fix is rendered as a patch of its own excerpt, since it may lie far from the labels.
+    // A fix is rendered as a patch of a separate excerpt, since it may lie far from the labels.
     let fixed =
         fix.map(|f| (f, Excerpt::around(sources.text(f.span.source), &[f.span]), visible_lines(&f.replacement)));
     let mut groups = vec![main];
@@ -218,13 +218,13 @@ fn windows(sources: &Sources, diagnostic: &Diagnostic) -> Vec<(String, Vec<Span>
     ids.into_iter().map(window).collect()
 }
 
-/// Control, bidirectional and invisible characters shown as `\u{..}`, so that words from a hostile file can neither drive
+/// Replaces control, bidirectional and invisible characters by `\u{..}`, so that text from a hostile file can neither control
 /// the terminal nor begin a line.
 pub fn visible(text: &str) -> String {
     text.chars().map(|c| if is_hidden(c) { c.escape_unicode().to_string() } else { c.to_string() }).collect()
 }
 
-/// [`visible`], but line ends stay: each line of a quotation has a margin of its own.
+/// [`visible`] for each line; line ends stay, because the renderer puts a margin before every line of a quotation.
 fn visible_lines(text: &str) -> String {
     text.split('\n').map(visible).collect::<Vec<_>>().join("\n")
 }
@@ -238,7 +238,7 @@ fn masked(text: &str) -> String {
     text.chars().map(|c| if is_masked(c) { "?".repeat(c.len_utf8()) } else { c.to_string() }).collect()
 }
 
-/// True for control characters and for those that change the direction or the place of others.
+/// True for control characters, and for Unicode characters without width or that change the direction of text.
 pub fn is_hidden(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{2069}' | '\u{feff}')

@@ -4,16 +4,16 @@ use std::sync::Arc;
 
 use crate::convert;
 
-/// Index of a text in [`Sources`].
+/// Index of a text in [`Sources`], in order of addition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SourceId(pub u32);
 
 /// Bytes `start..end` of one source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Span {
-    /// The text that the offsets count in.
+    /// Text of the bytes; [`Span::to`] never joins spans of two texts.
     pub source: SourceId,
-    /// Offset of the first byte.
+    /// Offset of the first byte in the UTF-8 text.
     pub start: u32,
     /// One past the last byte; equal to `start` for a place between bytes.
     pub end: u32,
@@ -22,7 +22,7 @@ pub struct Span {
 impl Span {
     /// Span of bytes `start..end`; offsets beyond 4 GiB saturate (texts are limited far below).
     pub fn new(source: SourceId, start: usize, end: usize) -> Self {
-        // A place beyond the text is shown at its end.
+        // Offsets beyond the text need no error: positions and excerpts clamp them to its end.
         let clip = convert::saturating_index;
         Self { source, start: clip(start), end: clip(end) }
     }
@@ -40,34 +40,33 @@ impl Span {
 /// One-based line and column (in characters).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Position {
-    /// Line number, from 1.
+    /// Line number from 1; LF, CRLF and lone CR end a line.
     pub line: usize,
-    /// Column in characters, from 1.
+    /// Column from 1 in Unicode scalar values; a tab counts as one.
     pub column: usize,
 }
 
-/// A text with the name shown for it.
 #[derive(Debug, Clone)]
 struct SourceText {
     name: String,
     text: Arc<str>,
 }
 
-/// The texts that diagnostics point into, with the names shown for them.
+/// The texts that diagnostics point into, each with the name that messages give it.
 #[derive(Debug, Clone, Default)]
 pub struct Sources {
     list: Vec<SourceText>,
 }
 
 impl Sources {
-    /// Adds a text under the name shown to the user (the path as typed, or `preset:oak.l`).
+    /// Adds a text under the name that messages give it (the path as typed, or `preset:oak.l`).
     pub fn add(&mut self, name: impl Into<String>, text: impl Into<Arc<str>>) -> SourceId {
         let id = self.next_id();
         self.list.push(SourceText { name: name.into(), text: text.into() });
         id
     }
 
-    /// A report names files that were opened, of which there are fewer than 2^32.
+    /// Id of the text added next. The cast is exact: texts are files that were opened, fewer than 2^32.
     #[allow(clippy::cast_possible_truncation, reason = "the number of opened files")]
     fn next_id(&self) -> SourceId {
         SourceId(self.list.len() as u32)
@@ -88,7 +87,7 @@ impl Sources {
         (0..).zip(&self.list).map(|(i, _)| SourceId(i))
     }
 
-    /// Moves all of `other`'s texts in here and returns the offset to add to its ids.
+    /// Appends the texts of `other`; returns the number to add to its ids, which otherwise refer to texts of `self`.
     pub fn append(&mut self, other: Self) -> u32 {
         let offset = self.next_id().0;
         self.list.extend(other.list);

@@ -15,12 +15,12 @@ struct CacheState {
 }
 
 impl BakeCache {
-    /// A cache in `folder`.
+    /// A cache that keeps its files in `folder`, which its users read and write themselves.
     pub fn new(folder: Folder) -> Self {
         Self(Arc::new(CacheState { folder, messages: Mutex::default() }))
     }
 
-    /// The folder that holds the cached files.
+    /// The folder of the cached files; callers choose the names in it and check what they read.
     pub fn folder(&self) -> &Folder {
         &self.0.folder
     }

@@ -6,38 +6,38 @@ use std::io::{self, Read as _, Write as _};
 use std::path::Path;
 use std::time::Duration;
 
-/// File system operations of the writer. [`SystemDisk`] is the real one; another may fill up or fail at a chosen moment, which is
-/// how callers prove that they survive it.
+/// File system operations of the writer. [`SystemDisk`] calls the operating system; tests implement disks that fill up or fail
+/// at a chosen call.
 pub trait Disk: Debug + Send + Sync {
-    /// Makes a folder and those above it.
+    /// Makes a folder and its missing parents; an existing folder is no error.
     /// # Errors
     /// What the system says.
     fn make_dir(&self, path: &Path) -> io::Result<()> {
         fs::create_dir_all(path)
     }
 
-    /// Makes a file that is not there yet, readable and writable.
+    /// Makes a file, readable and writable; an existing name, of a link too, is an error.
     /// # Errors
     /// What the system says.
     fn create_new(&self, path: &Path) -> io::Result<File> {
         OpenOptions::new().read(true).write(true).create_new(true).open(path)
     }
 
-    /// Writes some of the bytes.
+    /// Writes a leading part of the bytes and returns its length; 0 means that the disk accepts no more.
     /// # Errors
     /// What the system says; then nothing was written.
     fn write(&self, file: &mut File, bytes: &[u8]) -> io::Result<usize> {
         file.write(bytes)
     }
 
-    /// Waits until the file's bytes are safe.
+    /// Waits until the contents and metadata of the file are on the storage device (`fsync`).
     /// # Errors
     /// What the system says.
     fn sync(&self, file: &File) -> io::Result<()> {
         file.sync_all()
     }
 
-    /// Adds one line to a file in one piece, making it if needed, and waits until it is safe.
+    /// Appends one line to a file, which is made if absent, and waits until it is on the storage device.
     /// # Errors
     /// What the system says.
     fn append(&self, path: &Path, line: &[u8]) -> io::Result<()> {
@@ -46,28 +46,28 @@ pub trait Disk: Debug + Send + Sync {
         file.sync_data()
     }
 
-    /// Moves a file over another name.
+    /// Renames a file within a file system, replacing a file of the new name.
     /// # Errors
     /// What the system says.
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
         fs::rename(from, to)
     }
 
-    /// Removes a file.
+    /// Removes a file; of a symbolic link the link, not its target.
     /// # Errors
     /// What the system says.
     fn remove(&self, path: &Path) -> io::Result<()> {
         fs::remove_file(path)
     }
 
-    /// Removes an empty folder.
+    /// Removes a folder; one that is not empty is an error.
     /// # Errors
     /// What the system says.
     fn remove_dir(&self, path: &Path) -> io::Result<()> {
         fs::remove_dir(path)
     }
 
-    /// Waits until the names in a folder are safe.
+    /// Waits until the directory entries of a folder are on the storage device; does nothing outside Unix.
     /// # Errors
     /// What the system says.
     fn sync_dir(&self, path: &Path) -> io::Result<()> {
@@ -79,7 +79,7 @@ pub trait Disk: Debug + Send + Sync {
     }
 }
 
-/// The file system of the machine.
+/// The file system of the operating system: every method of [`Disk`] as provided.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SystemDisk;
 
@@ -88,7 +88,7 @@ impl Disk for SystemDisk {}
 /// Delays before further attempts, ms: exponential backoff of 3.1 s in total, enough for a network share to reconnect.
 const RETRY_DELAYS_MS: [u64; 5] = [100, 200, 400, 800, 1600];
 
-/// Runs `action` until it succeeds, fails for good, or has failed six times for a passing reason.
+/// Runs `action` until it succeeds, fails with a permanent error, or has failed six times with a transient one.
 pub(super) fn retry<T>(mut action: impl FnMut() -> io::Result<T>) -> io::Result<T> {
     for wait in RETRY_DELAYS_MS {
         match action() {
@@ -112,7 +112,8 @@ pub(super) fn hash(mut file: impl io::Read) -> io::Result<(blake3::Hash, u64)> {
     }
 }
 
-/// Opens a regular file for reading, never waiting for a pipe's other end; a final link is followed only if asked.
+/// Opens a regular file for reading, without blocking on a pipe. `follow`: whether a symbolic link as the last component of
+/// the path is followed or refused.
 pub(super) fn open_regular(path: &Path, follow: bool) -> io::Result<File> {
     let mut options = OpenOptions::new();
     options.read(true);
@@ -129,7 +130,7 @@ pub(super) fn open_regular(path: &Path, follow: bool) -> io::Result<File> {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "is a link"));
     }
     let file = retry(|| options.open(path))?;
-    // The type is asked of the open file, not of the name, which could be exchanged in between.
+    // The type is that of the opened file: the name could refer to another file by now.
     if file.metadata()?.is_file() {
         Ok(file)
     } else {
@@ -140,7 +141,7 @@ pub(super) fn open_regular(path: &Path, follow: bool) -> io::Result<File> {
 /// At most `limit` bytes of a file; `None` if it is longer.
 pub(super) fn read_limited(file: impl io::Read, limit: u64) -> io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
-    // One byte more than allowed tells a longer file from one of exactly `limit` bytes, without reading the rest.
+    // One byte more than allowed distinguishes a longer file from one of exactly `limit` bytes, without reading the rest.
     file.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
     Ok((bytes.len() as u64 <= limit).then_some(bytes))
 }

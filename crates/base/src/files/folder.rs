@@ -32,7 +32,7 @@ pub struct FileRecord {
     pub blake3: String,
 }
 
-/// How a folder is written.
+/// Options of an output folder: what its files depend on, and what may be overwritten.
 #[derive(Debug, Clone)]
 pub struct WriteOptions {
     /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept.
@@ -54,9 +54,9 @@ impl Default for WriteOptions {
 /// Where files are written and what is recorded about them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum FolderKind {
-    /// A folder of ours with a journal.
+    /// An output folder with a journal.
     Journalled,
-    /// A folder of the user's in which single files of ours appear.
+    /// A folder of the user, into which single files are written.
     Plain,
     /// No folder: files are kept in memory.
     Memory,
@@ -66,7 +66,7 @@ enum FolderKind {
 pub(super) struct FolderState {
     finished: BTreeMap<String, FileRecord>,
     journal: Option<Journal>,
-    /// Folders made and swept, relative.
+    /// Relative paths of folders that were made and cleared of stale parts.
     prepared_folders: BTreeSet<String>,
     /// A file was begun, so the manifest is withdrawn.
     manifest_withdrawn: bool,
@@ -96,7 +96,7 @@ impl Folder {
         Self::open_with(root, WriteOptions::default())
     }
 
-    /// Opens (and makes) an output folder, reads its journal and removes what dead writers left.
+    /// Opens (and makes) an output folder, reads its journal and removes part files of writers that ended.
     /// # Errors
     /// `Io` if it cannot be made, `Foreign` if its journal or manifest is not ours and `force` is not set.
     pub fn open_with(root: impl Into<PathBuf>, options: WriteOptions) -> Result<Self> {
@@ -205,13 +205,13 @@ impl Folder {
         self.state().finished.values().cloned().collect()
     }
 
-    /// Bytes of a finished file of [`Folder::memory`]; once.
+    /// Moves out the bytes of a finished file of [`Folder::memory`]; `None` for any other path and on a second call.
     pub fn take(&self, path: &str) -> Option<Vec<u8>> {
         self.state().memory.remove(path)
     }
 
-    /// Ends the run, after the manifest: files of a bake under another key are gone, names are safe on disk, and the
-    /// journal reads as if nothing had ever interrupted. Not called, everything is still resumed from.
+    /// Ends the run, after the manifest: removes files of bakes under other keys, syncs directory entries, and rewrites the
+    /// journal to one line per file. Without this call a later run still resumes from all finished files.
     /// # Errors
     /// `Io`, `Cancelled`.
     pub fn finish(&self) -> Result<()> {
@@ -243,14 +243,14 @@ impl Folder {
         JournalEntry { key: self.shared.key.clone(), blake3: record.blake3.clone(), bytes: record.bytes }
     }
 
-    /// True if no part of a relative folder is a link, which could lead out.
+    /// True if no component of a relative folder is a symbolic link, which could lead out of the root.
     fn is_own_folder(&self, relative: &str) -> bool {
         let ends = relative.match_indices('/').map(|(i, _)| i).chain([relative.len()]);
         let is_link = |end| fs::symlink_metadata(self.root().join(&relative[..end])).is_ok_and(|m| m.is_symlink());
         !ends.into_iter().any(is_link)
     }
 
-    /// Makes a relative folder and removes what dead writers left in it, once.
+    /// Makes a relative folder and removes stale parts in it, once per run.
     fn prepare_folder(&self, relative: &str) -> Result<()> {
         let mut state = self.state();
         if state.prepared_folders.contains(relative) {
@@ -298,7 +298,7 @@ impl Folder {
         fitting.find(|e| e.blake3 == hash.to_hex().as_str())
     }
 
-    /// Error `Foreign` if a file that osier did not write has this name.
+    /// Error `Foreign` if a file that osier did not write has this name and `force` is not set.
     fn check_replaceable(&self, state: &mut FolderState, path: &str) -> Result<()> {
         let target = self.root().join(path);
         let found = match fs::symlink_metadata(&target) {
@@ -316,7 +316,7 @@ impl Folder {
         if ours { Ok(()) } else { Err(Error::Foreign { path: target }) }
     }
 
-    /// True if the journal claims a path, as we know it or as another process has extended it.
+    /// True if the journal lists a path; it is read again first, since another process may have added it.
     fn claims(&self, state: &mut FolderState, path: &str) -> Result<bool> {
         let Some(journal) = &mut state.journal else { return Ok(false) };
         if !journal.claims(path) {
@@ -344,8 +344,8 @@ impl Folder {
         Ok(())
     }
 
-    /// Renames a finished part to its name. The journal entry is written first: if the process dies between the two, the file counts
-    /// as osier's.
+    /// Renames a finished part to its name. The journal entry is written first: if the process dies between the two, the file
+    /// counts as osier's.
     pub(super) fn publish(&self, record: FileRecord, rename: impl FnOnce(&Path) -> io::Result<()>) -> Result<()> {
         let target = self.root().join(&record.path);
         let mut state = self.state();
@@ -361,15 +361,15 @@ impl Folder {
         Ok(())
     }
 
-    /// Adds a finished file of a folder in memory.
+    /// Keeps the bytes of a finished file for [`Folder::take`]; there is no journal in memory.
     pub(super) fn publish_bytes(&self, record: FileRecord, bytes: Vec<u8>) {
         let mut state = self.state();
         state.memory.insert(record.path.clone(), bytes);
         state.finished.insert(record.path.clone(), record);
     }
 
-    /// Removes unchanged files of bakes under other keys, then the folders that are empty by that, and makes the names
-    /// of the rest safe.
+    /// Removes unchanged files of bakes under other keys, then the folders that this leaves empty, and syncs the directory
+    /// entries of the rest.
     fn remove_stale_files(&self) -> Result<()> {
         let state = self.state();
         let Some(journal) = &state.journal else { return self.sync_folders(&state) };
@@ -395,7 +395,7 @@ impl Folder {
         self.sync_folders(&state)
     }
 
-    /// Syncs the directory entries of all folders that were written to.
+    /// Syncs the directory entries of all folders of this run; those removed meanwhile are skipped.
     fn sync_folders(&self, state: &FolderState) -> Result<()> {
         for relative in &state.prepared_folders {
             let path = self.root().join(relative);

@@ -25,7 +25,7 @@ pub(super) fn names_osier(path: &Path) -> bool {
     file.seek(from).is_ok() && file.take(WINDOW).read_to_end(&mut tail).is_ok() && names_osier_in(&tail)
 }
 
-/// True if the bytes say `osier` and a version, or are a crate file (whose texts are compressed) with our word in it.
+/// True if the bytes contain `osier` and a version, or are a USD crate file (whose texts are compressed) with the word.
 fn names_osier_in(bytes: &[u8]) -> bool {
     const WORD: &[u8] = b"osier";
     let is_maker = |i: usize| {

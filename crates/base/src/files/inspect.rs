@@ -9,7 +9,7 @@ use super::read::too_long;
 use super::unique_names::is_plain_path;
 use crate::{Error, Result};
 
-/// Deepest folder that is looked into.
+/// Largest depth of a folder below the root whose entries are listed.
 const DEPTH: usize = 32;
 
 /// Paths of everything but folders below `root`, relative with `/`, sorted; without the journal and parts of files.
@@ -63,7 +63,7 @@ fn open_below(root: &Path, relative: &str) -> Result<Option<fs::File>> {
     let path = root.join(relative);
     match open_regular(&path, false) {
         Ok(file) => Ok(Some(file)),
-        // A link, a folder or a device in its place is as good as gone.
+        // A link, a folder or a device in its place counts as an absent file.
         Err(_) if !fs::symlink_metadata(&path).is_ok_and(|m| m.is_file()) => Ok(None),
         Err(e) => Err(Error::io("open", path, e)),
     }

@@ -16,7 +16,7 @@ use super::unique_names::is_plain_path;
 /// Name of the journal in its folder.
 pub(super) const JOURNAL: &str = ".osier";
 const HEADER: &str = "osier journal 1\n";
-/// About four million files.
+/// Longest journal that is read, bytes: lines of 150 to 250 bytes for four million files and more.
 const LIMIT: u64 = 1 << 30;
 
 /// One line: a file that was finished for a key.
@@ -40,9 +40,8 @@ pub(super) struct Journal {
 /// Why a journal could not be used.
 #[derive(Debug)]
 pub(super) enum JournalError {
-    /// `.osier` is something else.
+    /// `.osier` is no regular file, lacks the header, or is longer than [`LIMIT`].
     Foreign,
-    /// It could not be read.
     Io(io::Error),
 }
 
@@ -60,7 +59,7 @@ impl Journal {
         Ok(journal)
     }
 
-    /// The same, ignoring whatever `.osier` is now; it is replaced at the first line.
+    /// Removes a foreign `.osier` and starts an empty journal; its file is made with the first line.
     pub(super) fn replacing(disk: &Arc<dyn Disk>, folder: &Path) -> io::Result<Self> {
         let path = folder.join(JOURNAL);
         retry(|| disk.remove(&path))?;
@@ -68,7 +67,7 @@ impl Journal {
         Ok(Self { disk: Arc::clone(disk), path, text: String::new(), files, folders })
     }
 
-    /// Adds what other processes wrote since.
+    /// Reads the file again and adds the lines that other processes wrote meanwhile.
     pub(super) fn reload(&mut self) -> Result<(), JournalError> {
         let file = match open_regular(&self.path, false) {
             Ok(file) => file,
@@ -94,7 +93,7 @@ impl Journal {
         Ok(())
     }
 
-    /// True if some line claims the path.
+    /// True if the journal has a line for the path, under any key.
     pub(super) fn claims(&self, path: &str) -> bool {
         self.files.contains_key(path)
     }
@@ -104,12 +103,12 @@ impl Journal {
         self.files.get(path).into_iter().flatten()
     }
 
-    /// All paths with their lines.
+    /// All paths in ascending order, each with its lines for all keys.
     pub(super) fn files(&self) -> impl Iterator<Item = (&String, &BTreeSet<JournalEntry>)> {
         self.files.iter()
     }
 
-    /// Folders that hold or may hold files of ours, relative to the root, deepest last.
+    /// Folders that hold or may hold files of osier, relative to the root, each before those inside it.
     pub(super) fn folders(&self) -> BTreeSet<String> {
         let parents =
             |path: &str| -> Vec<String> { path.match_indices('/').map(|(i, _)| path[..i].to_owned()).collect() };
@@ -121,14 +120,14 @@ impl Journal {
         all
     }
 
-    /// Claims a path for a file about to take its name.
+    /// Appends a line for a file about to be renamed to `path`, which from then on counts as osier's.
     pub(super) fn add(&mut self, path: &str, entry: JournalEntry) -> io::Result<()> {
         self.append(&line(path, &entry))?;
         self.files.entry(path.to_owned()).or_default().insert(entry);
         Ok(())
     }
 
-    /// Notes a folder before anything is made in it.
+    /// Appends a line for a folder before anything is made in it, unless it or a file below it has one.
     pub(super) fn add_folder(&mut self, folder: &str) -> io::Result<()> {
         if !folder.is_empty() && !self.folders().contains(folder) {
             self.append(&format!("folder\t{folder}\n"))?;
@@ -138,7 +137,7 @@ impl Journal {
     }
 
     fn append(&mut self, line: &str) -> io::Result<()> {
-        // A torn last line is ended, so that it cannot spoil ours; a torn header is completed.
+        // A torn last line is ended, so that it does not run into the new one; a torn header is completed.
         let mut text = match self.text.len() {
             n if n < HEADER.len() => HEADER[n..].to_owned(),
             _ if self.text.ends_with('\n') => String::new(),
@@ -153,7 +152,7 @@ impl Journal {
     /// Rewrites the journal so that it holds these files in path order and nothing else.
     pub(super) fn rewrite(&mut self, files: BTreeMap<String, JournalEntry>) -> io::Result<()> {
         let text = settled(files.iter());
-        // Another process may have written since, so what counts is the file itself.
+        // Another process may have appended meanwhile, so the file is compared, not `self.text`.
         let same = open_regular(&self.path, false)
             .and_then(|f| read_limited(f, LIMIT))
             .is_ok_and(|b| b.as_deref() == Some(text.as_bytes()));
@@ -179,14 +178,14 @@ impl Journal {
     }
 }
 
-/// The text of a journal at rest.
+/// Text of a journal after [`super::Folder::finish`]: the header, then one line per file.
 fn settled<'a>(files: impl Iterator<Item = (&'a String, &'a JournalEntry)>) -> String {
     files.fold(HEADER.to_owned(), |text, (path, entry)| text + &line(path, entry))
 }
 
-/// False if a folder's journal shows a run that ended before [`super::Folder::finish`], for then the folder's files may
-/// be complete, but what the run left behind is not yet tidied away; or that wrote under another key than
-/// [`super::WriteOptions::key`]. A folder without journal is at rest.
+/// False if the journal of a folder is that of a run that ended before [`super::Folder::finish`] (its files may be complete,
+/// but those of earlier bakes are not yet removed), or if it has lines of another [`super::WriteOptions::key`] than `key`.
+/// True for a folder without a readable journal.
 pub fn is_settled(root: &Path, key: &str) -> bool {
     let disk: Arc<dyn Disk> = Arc::new(SystemDisk);
     let Ok(journal) = Journal::open(&disk, root) else { return true };
@@ -196,7 +195,7 @@ pub fn is_settled(root: &Path, key: &str) -> bool {
     journal.text.is_empty() || (journal.text == settled(files) && journal.files.values().flatten().all(is_own))
 }
 
-/// How a key stands in a journal.
+/// The form of a key in a journal: the first 32 hex digits of its BLAKE3.
 pub(super) fn key_digest(key: &str) -> String {
     blake3::hash(key.as_bytes()).to_hex().chars().take(32).collect()
 }
@@ -212,7 +211,7 @@ fn parse(line: &str) -> Option<(String, JournalEntry)> {
     let key = fields.next().filter(|k| hex(k, 32))?.to_owned();
     let blake3 = fields.next().filter(|h| hex(h, 64))?.to_owned();
     let bytes = fields.next()?.parse().ok()?;
-    // The folder may come from a stranger: a line must not lead out of it.
+    // The folder may come from an untrusted source: a line must not lead out of it.
     let path = fields.next().filter(|p| is_plain_path(p))?.to_owned();
     Some((path, JournalEntry { key, blake3, bytes }))
 }

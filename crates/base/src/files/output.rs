@@ -56,7 +56,7 @@ impl Folder {
         Output::on_disk(self.clone(), record).map(Some)
     }
 
-    /// Writes a whole small file.
+    /// Writes a file from bytes in memory, without a frame number; a file that is already finished is kept.
     /// # Errors
     /// As [`Folder::create`].
     pub fn write(&self, path: &str, kind: &'static str, bytes: &[u8]) -> Result<()> {
@@ -85,7 +85,7 @@ impl Output {
         let parent = target.parent().unwrap_or(folder.root());
         let name = record.path.rsplit('/').next().unwrap_or_default();
         let disk = folder.disk();
-        // Another process may have tidied the folder away while it was empty.
+        // Another process may have removed the folder while it was empty.
         let recreate_folder = |e: io::Error| {
             if e.kind() == io::ErrorKind::NotFound { disk.make_dir(parent) } else { Err(e) }?;
             PartFile::create(disk, parent, name)
@@ -110,7 +110,7 @@ impl Output {
         move |e| Error::io(action, path, e)
     }
 
-    /// Appends bytes.
+    /// Appends bytes at the end of the file, through a buffer of 1 MiB.
     /// # Errors
     /// `Io` naming the file, `Cancelled`.
     pub fn put(&mut self, bytes: &[u8]) -> Result<()> {
@@ -118,8 +118,8 @@ impl Output {
         self.write_all(bytes).map_err(|e| self.failed("write")(e))
     }
 
-    /// Overwrites bytes at an absolute offset, then goes on at the end. Beyond the first 1024 bytes this costs that the
-    /// finished file is read again for its hash.
+    /// Overwrites bytes at an absolute offset; later bytes are appended at the end again. If some lie beyond the first 1024
+    /// bytes, [`Output::commit`] reads the whole file again for its hash.
     /// # Errors
     /// `Io` naming the file.
     pub fn put_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
@@ -128,7 +128,7 @@ impl Output {
             sink.write_all(bytes)?;
             sink.seek(SeekFrom::End(0)).map(drop)
         }
-        // The hash can revise its first chunk only; any other patch makes it stale.
+        // The hash can replace bytes of its first chunk only; any other patch makes it stale.
         self.stale |= !self.hasher.overwrite(offset, bytes);
         let end = offset.saturating_add(bytes.len() as u64);
         self.record.bytes = self.record.bytes.max(end);
@@ -139,12 +139,12 @@ impl Output {
         .map_err(|e| self.failed("write")(e))
     }
 
-    /// Bytes written so far.
+    /// Length of the file so far in bytes, with those still buffered: the offset of the next [`Output::put`].
     pub fn position(&self) -> u64 {
         self.record.bytes
     }
 
-    /// Flushes, syncs and renames; the file is then in the folder's list.
+    /// Flushes and syncs the file and renames it to its path; it is then one of [`Folder::files`].
     /// # Errors
     /// `Io` naming the file, `Foreign` if something appeared under its name, `Cancelled`; nothing is left behind.
     pub fn commit(self) -> Result<()> {

@@ -1,6 +1,6 @@
 //! Files in the making: `.NAME.HOST-PID-N.part` beside the final name, unique per writer and gone when it ends.
 //!
-//! A writer locks its part for as long as it is one. Process numbers alone would not tell the living from the dead: two
+//! A writer locks its part for as long as it is one. Process ids alone do not show whether the writer is still alive: two
 //! containers on one machine have the same ones. N counts from a random number, so that no two processes ever name the
 //! same part: who removes its own part by name cannot remove another's.
 
@@ -16,15 +16,14 @@ use std::time::Duration;
 
 use super::file_system::{Disk, open_regular, retry};
 
-/// Parts that this process is writing now: what tells them from those of a dead process with our number.
+/// Parts that this process is writing now; others with its process id were left by a dead process of the same id.
 static LIVE: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Number of this process's first part, and how many it has made. The names of parts are in no result, so a random start
-/// changes no byte of one.
+/// Number of this process's first part. It is random; part names appear in no result, so outputs do not depend on it.
 static FIRST: LazyLock<u64> = LazyLock::new(|| RandomState::new().hash_one(std::process::id()));
 static COUNT: AtomicU64 = AtomicU64::new(0);
 
-/// Whether this process made the part of a number.
+/// True if `n` is the number of a part of this process; numbers wrap around at 2^64.
 fn made_here(n: u64) -> bool {
     n.wrapping_sub(*FIRST) < COUNT.load(Ordering::Relaxed)
 }
@@ -32,7 +31,7 @@ fn made_here(n: u64) -> bool {
 /// Bytes of the final name kept in the part's name, which must stay under 255.
 const NAME_BYTES: usize = 120;
 
-/// A foreign host's part is left alone until it is this old.
+/// Age after which a part is removed although its host is another or its lock cannot be queried.
 const PATIENCE: Duration = Duration::from_secs(24 * 3600);
 
 /// A part file; removed when dropped unless it was moved to its final name.
@@ -46,7 +45,7 @@ pub(super) struct PartFile {
 }
 
 impl PartFile {
-    /// Makes the part file for `name` in `folder`.
+    /// Makes and locks a part file in `folder` for the final name `name`, under a number without a file yet.
     pub(super) fn create(disk: &Arc<dyn Disk>, folder: &Path, name: &str) -> io::Result<(Self, File)> {
         loop {
             let n = FIRST.wrapping_add(COUNT.fetch_add(1, Ordering::Relaxed));
@@ -58,9 +57,9 @@ impl PartFile {
                     part.lock = file.try_clone().ok();
                     return Ok((part, file));
                 }
-                // Another process sweeps here and took it for a dead one's.
+                // Another process removing stale parts took it for one of a dead process, before it was locked.
                 Ok(_) => {}
-                // Another file has this name: leave it to the sweep and count on.
+                // Another file has this name: it is left to `remove_stale_parts`, and the next number is tried.
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => part.moved = true,
                 Err(e) => {
                     part.moved = true;
@@ -70,7 +69,7 @@ impl PartFile {
         }
     }
 
-    /// Moves the part to its final name.
+    /// Renames the part to `target`, replacing a file there; after an error the part is removed.
     pub(super) fn rename(mut self, target: &Path) -> io::Result<()> {
         if cfg!(not(unix)) {
             // Some systems do not rename an open file.
@@ -85,14 +84,14 @@ impl PartFile {
 impl Drop for PartFile {
     fn drop(&mut self) {
         if !self.moved {
-            // Nothing more can be done about a part that cannot be removed; the next run sweeps it.
+            // A part that cannot be removed now is removed by the next run.
             let _ = self.disk.remove(&self.path);
         }
         live(|l| l.remove(&self.path));
     }
 }
 
-/// Removes what this process is writing, for an end without any further step.
+/// Removes the part files that this process is writing, before an exit that runs no destructors.
 pub fn drop_parts() {
     for path in live(std::mem::take) {
         let _ = fs::remove_file(path);
@@ -115,7 +114,7 @@ fn is_held(_file: &File) -> bool {
 enum Lock {
     Ours,
     Taken,
-    /// The disk knows no locks.
+    /// The file system has no locks.
     Unknown,
 }
 
@@ -177,8 +176,8 @@ fn is_dead(_pid: i32) -> bool {
     false
 }
 
-/// Removes what dead writers left in a folder: parts that nobody holds, of this host where their process is gone, others
-/// after a day.
+/// Removes parts in a folder that no process holds locked: those of this host if their process has ended, others after a
+/// day.
 pub(super) fn remove_stale_parts(disk: &Arc<dyn Disk>, folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     let mut now = None;
@@ -189,16 +188,16 @@ pub(super) fn remove_stale_parts(disk: &Arc<dyn Disk>, folder: &Path) {
             continue;
         }
         let path = entry.path();
-        // Held until it is removed.
+        // `_file` keeps the lock until the part is removed.
         let held = open_regular(&path, false).map(|file| (lock(&file), file));
         let Ok((lock, _file)) = held else { continue };
         let own = their_host == host();
         let same_pid = own && u32::try_from(pid) == Ok(std::process::id());
         let gone = match lock {
-            // A child that is about to start another program holds our locks for a moment, so they say nothing of our own parts.
+            // A forked child holds the locks of this process until it executes another program, so `LIVE` decides instead.
             _ if same_pid && made_here(n) => !live(|l| l.contains(&path)),
             Lock::Taken => continue,
-            // Left by an earlier process of our number.
+            // Nobody held it: a part with the id of this process was left by an earlier process of that id.
             Lock::Ours => own && (same_pid || is_dead(pid)),
             Lock::Unknown => false,
         };
@@ -213,7 +212,7 @@ pub(super) fn remove_stale_parts(disk: &Arc<dyn Disk>, folder: &Path) {
     }
 }
 
-/// The disk's own idea of now: the age of a fresh file, so that no clock of ours is compared with a server's.
+/// Current time by the clock of the file system, which may be a server's: the modification time of a new file.
 fn disk_time(disk: &Arc<dyn Disk>, folder: &Path) -> Option<std::time::SystemTime> {
     let (_part, file) = PartFile::create(disk, folder, "now").ok()?;
     file.metadata().ok()?.modified().ok()

@@ -19,7 +19,7 @@ pub(super) struct PatchableHash {
     branches: Vec<ChainingValue>,
     /// The branch being filled; empty as long as all bytes are in the head.
     branch: Hasher,
-    /// Offset and length of that branch, in bytes.
+    /// Offset of that branch and, equal to it, its length when full, bytes: 1024 times a power of two.
     span: u64,
 }
 
@@ -60,7 +60,7 @@ impl PatchableHash {
         slot.map(|slot| slot.copy_from_slice(bytes)).is_some()
     }
 
-    /// The hash of all bytes.
+    /// BLAKE3 of all bytes so far, with chunk 0 as last overwritten.
     pub(super) fn finalize(&self) -> blake3::Hash {
         let mut left = Hasher::new();
         left.update(&self.head);

@@ -6,49 +6,49 @@ use std::path::{Path, PathBuf};
 use super::file_system::{open_regular, read_limited};
 use crate::{Error, Result};
 
-/// Why a reference was not read. Readers show it under the reference, with a code of their own or with [`ReadError::code`].
+/// Why a reference was not read. Readers report it at the reference, with a specific code or with [`ReadError::code`].
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// The way it is written cannot be a file below the folder.
+    /// The spelling is not that of a relative path: empty, absolute, with a drive or scheme, or with control characters.
     #[error("reference {reference:?} {reason}")]
     Spelling {
-        /// The reference as the file has it.
+        /// Reference as written in the file; of a uri, with `%XX` decoded.
         reference: String,
-        /// What is wrong with it.
+        /// Predicate of the message, such as "is absolute".
         reason: &'static str,
     },
-    /// It leads out, by `..` or through a link.
+    /// It leads out of all search paths, by `..` or through a link.
     #[error("reference {reference:?} leads out of the folder of the file that was opened")]
     Outside {
-        /// The reference as the file has it.
+        /// Reference as written in the file; of a uri, with `%XX` decoded.
         reference: String,
     },
     /// No search path holds the file.
     #[error("file {reference:?} is not found")]
     Missing {
-        /// The reference as the file has it.
+        /// Reference as written in the file; of a uri, with `%XX` decoded.
         reference: String,
     },
-    /// Longer than the limit.
+    /// The file is longer than the limit; it is not read.
     #[error("file {reference:?} is longer than {} bytes", crate::limits::grouped(*limit))]
     TooLong {
-        /// The reference as the file has it.
+        /// Reference as written in the file; of a uri, with `%XX` decoded.
         reference: String,
         /// Largest allowed length, bytes.
         limit: u64,
     },
-    /// The system refused, or it is a folder, a pipe or a device.
+    /// A system call failed, or the path is a folder, a pipe or a device.
     #[error("cannot read {reference:?}: {source}")]
     Io {
-        /// The reference as the file has it.
+        /// Reference as written in the file; of a uri, with `%XX` decoded.
         reference: String,
-        /// What the system said.
+        /// Error of the system call; `InvalidInput` for what is no regular file.
         source: io::Error,
     },
 }
 
 impl ReadError {
-    /// X009 for what leads out, X010 for the rest.
+    /// X009 for references that are misspelt or lead out of the search paths, X010 for the rest.
     pub fn code(&self) -> &'static str {
         match self {
             Self::Spelling { .. } | Self::Outside { .. } => "X009",
@@ -74,11 +74,11 @@ impl ReadError {
 pub struct ReferencedFile {
     /// Where it was found; references in it are resolved from here.
     pub path: PathBuf,
-    /// Contents of the whole file.
+    /// Contents, not decoded; at most as many bytes as the limit of the call.
     pub bytes: Vec<u8>,
 }
 
-/// The folders from which references may be read.
+/// The folders from which references may be read; links that lead out of all of them are refused.
 #[derive(Debug, Clone, Default)]
 pub struct SearchPaths {
     /// The folder of the opened file, then the search folders, all canonical.
@@ -149,8 +149,8 @@ impl SearchPaths {
         self.read(from, &decoded, limit)
     }
 
-    /// Names of the regular files in the folder of `from` whose names end with `ending` (in either case), sorted; none if the folder is
-    /// outside of those that may be read, or holds more than 10,000 files.
+    /// Names of the regular files in the folder of `from` that end with `ending` (lower case; names in either case), sorted.
+    /// Empty if the folder is outside the search paths or has more than 10,000 entries.
     pub fn names_beside(&self, from: &Path, ending: &str) -> Vec<String> {
         const MOST: usize = 10_000;
         let folder = from.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -180,7 +180,7 @@ impl SearchPaths {
     }
 }
 
-/// The components of a reference, or what is wrong with its spelling.
+/// Components of a reference without empty ones and `.`, of which `..` may be any; an error for a spelling that is refused.
 fn spell(reference: &str) -> std::result::Result<Vec<String>, ReadError> {
     let refuse = |reason| Err(ReadError::Spelling { reference: reference.into(), reason });
     // Exporters on Windows write backslashes.

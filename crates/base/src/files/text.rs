@@ -14,7 +14,7 @@ pub enum Encoding {
 /// A text with LF line ends and no byte order mark.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DecodedText {
-    /// Decoded characters.
+    /// The characters. Offsets in it differ from those in the file by a byte order mark and by removed CRs.
     pub text: String,
     /// Set if it was read as Latin-1: one-based line and byte offset of the first byte that is not UTF-8.
     pub latin1: Option<(usize, usize)>,
@@ -28,17 +28,17 @@ pub struct TextError {
     pub what: &'static str,
     /// Offset in the file, bytes; a byte order mark counts.
     pub offset: usize,
-    /// Line number, from 1.
+    /// Line of that byte from 1; LF, CRLF and lone CR end a line.
     pub line: usize,
-    /// Column in characters, from 1.
+    /// Column of that byte from 1, in characters.
     pub column: usize,
 }
 
 impl TextError {
-    /// As a diagnostic of the given code; the readable part of the file goes into the report's sources.
+    /// Adds a diagnostic of the given code, at the end of the readable part of `bytes`, which is added as a source called `name`.
     pub fn report(&self, code: &'static str, name: &str, bytes: &[u8], report: &mut Report) {
         let start = bytes.get(..self.offset).unwrap_or(bytes);
-        // Up to the offset the bytes are UTF-8, so that offsets stay what they are.
+        // Up to the offset the bytes are UTF-8, so that offsets in the text equal those in the file.
         let text = String::from_utf8_lossy(start).into_owned() + "\u{fffd}";
         let source = report.sources.add(name, text);
         let span = Span::new(source, self.offset, self.offset + '\u{fffd}'.len_utf8());

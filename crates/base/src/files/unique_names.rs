@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Longest safe name, bytes.
 const LONGEST: usize = 120;
 
-/// Names that Windows gives to devices.
+/// Windows device names without a number; `com0` to `com9` and `lpt0` to `lpt9` are tested apart.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
 
 /// A name in `[a-z0-9_]+`: other characters become `_`, a leading digit gets one before it, a Windows device name one
@@ -36,12 +36,12 @@ fn is_device(name: &str) -> bool {
 #[derive(Debug, Clone, Default)]
 pub struct Names {
     taken: BTreeSet<String>,
-    /// Number to try next, by the name that was asked for: a thousand of one name are not counted through a thousand times.
+    /// Number to try next for each safe name, so that n equal names take about n attempts, not n^2 / 2.
     next: BTreeMap<String, u64>,
 }
 
 impl Names {
-    /// A safe name that no earlier call returned.
+    /// [`safe_name`] of `name`, with a number if an earlier call returned it; at most 120 bytes.
     pub fn unique(&mut self, name: &str) -> String {
         let base = safe_name(name);
         if self.taken.insert(base.clone()) {

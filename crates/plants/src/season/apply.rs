@@ -1,4 +1,4 @@
-//! A grown plant at a season.
+//! Applies a season to a grown plant: once, or for every season of a clip.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -14,13 +14,13 @@ use osier_base::rng::{child, word};
 use osier_scene::plant::{Organ, Plant, Proto};
 use osier_scene::{Attribute, AttributeData, LEAF_COLOR};
 
-/// How far a leaf that leaves its bud is turned towards its shoot, and a bud, as shares of the whole angle.
+/// Rotation of a leaf at bud burst towards its shoot, and that of a bud, as shares of the angle between leaf and shoot.
 const YOUNG_LEAN: f32 = 0.7;
 const BUD_LEAN: f32 = 0.6;
 /// Growth of a bud before it bursts, as a share of its length in winter.
 const SWELLING: f32 = 0.35;
 
-/// An organ whose leaves go through the year.
+/// A kind of leaf of a plant that changes over the year.
 #[derive(Debug)]
 pub struct SeasonalOrgan<'a> {
     /// Its prototypes are called `NAME`, or `NAME_` and a number.
@@ -33,12 +33,12 @@ pub struct SeasonalOrgan<'a> {
     pub bud: Option<BudOrgan>,
 }
 
-/// A bud that stands where a leaf is missing.
+/// The bud that is added where a leaf is missing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BudOrgan {
     /// Length of a bud from base to tip, m.
     pub length: f32,
-    /// Material, of the plant's.
+    /// Index of its material among those of the plant.
     pub material: u32,
 }
 
@@ -55,9 +55,9 @@ pub struct PlantSeason<'a> {
     pub bud_name: &'a str,
 }
 
-/// Shows a grown plant at a season: its leaves get the size, shape and colour that they have then, those that have fallen are removed,
-/// and buds stand where leaves are missing. Each organ has its linear colour in the attribute [`LEAF_COLOR`]; organs that are no
-/// leaves are white.
+/// Applies a season to a grown plant: leaves get the size, shape and colour of the season, those that have fallen are removed,
+/// and buds are added where leaves are missing. Sets the attribute [`LEAF_COLOR`] of the organs in place of all others: the
+/// linear colour of leaves, white for other organs.
 /// # Errors
 /// `TooMany` beyond 65,535 prototypes.
 pub fn apply_season(plant: &mut Plant, at: &PlantSeason<'_>) -> Result<()> {
@@ -79,11 +79,11 @@ pub fn apply_season(plant: &mut Plant, at: &PlantSeason<'_>) -> Result<()> {
                 let [r, g, b] = now.color;
                 colors.push([r, g, b, 1.0].map(|c| c.clamp(0.0, 1.0)));
             }
-            // Buds wait until all organs are known: one stands for all leaves at a place.
+            // Buds are collected until all organs are known: leaves at one place share a bud.
             None => buds.note(&organ, kind.bud, at.season / calendar.burst.max(1e-3)),
         }
     }
-    // They come after the leaves, so that leaves keep their order.
+    // Buds come after the leaves, so that leaves keep their order.
     for (organ, bud, growth) in buds.list {
         let proto = prototypes.bud(&mut plant.protos, bud, at.bud_name)?;
         organs.push(bud_at(plant, &organ, bud, growth, proto));
@@ -94,7 +94,7 @@ pub fn apply_season(plant: &mut Plant, at: &PlantSeason<'_>) -> Result<()> {
     Ok(())
 }
 
-/// What an organ of a plant that changes over a clip shows of a leaf.
+/// Meaning of an organ of a plant that [`season_slots`] has prepared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Slot {
     /// An organ that is no leaf.
@@ -105,7 +105,8 @@ enum Slot {
     Bud(usize),
 }
 
-/// The organs of a plant whose leaves change over a clip: one for each look that a leaf has in it, of which one is shown at a time.
+/// Meanings of the organs of a plant whose leaves change over a clip: for each leaf one organ per look that it has in the clip,
+/// of which at most one has a size above 0 at a time.
 #[derive(Debug, Clone)]
 pub struct SeasonSlots {
     habits: Vec<LeafHabit>,
@@ -116,7 +117,7 @@ pub struct SeasonSlots {
 /// Size, direction and colour of an organ at a season.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SlotNow {
-    /// Factor on its size; 0 while it is not shown.
+    /// Factor on the size of the organ; 0 at seasons at which the leaf has another look, or none.
     pub size: f32,
     /// Its rotation relative to its axis.
     pub q: Quat,
@@ -125,7 +126,7 @@ pub struct SlotNow {
 }
 
 impl SeasonSlots {
-    /// An organ of the plant, by its number, at a season.
+    /// State of an organ of the prepared plant at a season. `number`: its index among the plant's organs.
     pub fn at(&self, organ: &Organ, number: usize, season: f32) -> SlotNow {
         let shown = SlotNow { size: 1.0, q: organ.q, color: [1.0; 4] };
         let now = |leaf: usize| {
@@ -152,8 +153,8 @@ impl SeasonSlots {
     }
 }
 
-/// Replaces each leaf by one organ for every look that it has at any of `seasons`, and adds buds; attributes of organs are copied.
-/// `at.season` has no effect.
+/// Replaces each leaf by one organ for every look that it has at any of `seasons`, and adds buds; attributes of organs are
+/// copied. `at.season` has no effect.
 /// # Errors
 /// `TooMany` beyond 65,535 prototypes.
 pub fn season_slots(plant: &mut Plant, at: &PlantSeason<'_>, seasons: &[f32]) -> Result<SeasonSlots> {
@@ -196,7 +197,8 @@ pub fn season_slots(plant: &mut Plant, at: &PlantSeason<'_>, seasons: &[f32]) ->
     Ok(out)
 }
 
-/// How far a bud has swollen, 0..1. `burst`: the season as a share of that at which it opens; above 1 after the fall of the leaf.
+/// Share of the swelling that a bud has reached, 0..1. `burst`: the season divided by that at which it opens; above 1 after the
+/// fall of the leaf.
 fn bud_growth(burst: f32) -> f32 {
     if burst > 1.0 { 0.0 } else { burst }
 }
@@ -222,14 +224,14 @@ pub(super) fn is_variant(prototype: &str, organ: &str) -> bool {
     rest.is_some_and(|r| r.is_empty() || r.strip_prefix('_').is_some_and(|n| n.parse::<u32>().is_ok()))
 }
 
-/// A leaf with the size and direction of a season.
+/// A leaf with size and rotation of a season; its prototype stays that of summer.
 fn leaf_at(organ: &Organ, now: &LeafNow) -> Organ {
     let lean = YOUNG_LEAN * (1.0 - now.opening);
     let q = if lean > 0.0 { leaning(organ.q, lean) } else { organ.q };
     Organ { scale: organ.scale * now.size, q, ..organ.clone() }
 }
 
-/// A direction on an axis turned towards the axis by a share of the angle between both.
+/// A rotation relative to an axis, turned towards the axis by a share of the angle between its +Y and the axis.
 fn leaning(q: Quat, share: f32) -> Quat {
     // In the space of the axis, whose direction is +Y.
     let whole = rotation_between((q * Vec3::Y).normalize(), Vec3::Y);
@@ -269,7 +271,7 @@ impl Buds {
     }
 }
 
-/// Prototypes that were made for looks.
+/// Prototypes made so far: of leaves by summer prototype and look, of buds by material.
 #[derive(Default)]
 struct PrototypeLooks {
     known: BTreeMap<(u16, LeafLook), u16>,
@@ -277,7 +279,7 @@ struct PrototypeLooks {
 }
 
 impl PrototypeLooks {
-    /// The prototype of a look of a leaf.
+    /// Index of the prototype of a leaf in a look, which is made from the prototype `summer` at its first use.
     fn of(&mut self, protos: &mut Vec<Proto>, summer: u16, look: LeafLook, kind: &SeasonalOrgan<'_>) -> Result<u16> {
         if look == LeafLook::SUMMER {
             return Ok(summer);
@@ -305,10 +307,10 @@ impl PrototypeLooks {
     }
 }
 
-/// Adds a prototype as a variant of an organ.
+/// Adds a prototype under the name of an organ and a free number; returns its index.
 fn add_prototype(protos: &mut Vec<Proto>, organ: &str, mesh: osier_scene::Mesh) -> Result<u16> {
     let index: u16 = narrow(protos.len() as u64, "prototypes of a plant")?;
-    // Among so many numbers one at least is not taken.
+    // One number more than there are prototypes: at least one name is free.
     let numbers = protos.len()..=2 * protos.len();
     let name = numbers.map(|n| format!("{organ}_{n}")).find(|name| protos.iter().all(|p| p.name != *name));
     protos.push(Proto { name: name.unwrap_or_else(|| organ.to_owned()), mesh: Arc::new(mesh) });

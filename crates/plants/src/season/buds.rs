@@ -9,7 +9,7 @@ use osier_scene::Mesh;
 const SIDES: u32 = 5;
 const OUTLINE: [[f32; 2]; 3] = [[-0.05, 0.11], [0.3, 0.19], [0.7, 0.11]];
 
-/// A bud of length 1 along +Y, seated at the origin.
+/// A bud of length 1 along +Y, seated at the origin, without a face at its base, which is inside the bark.
 pub fn bud_mesh() -> Mesh {
     let mut mesh = Mesh::default();
     for [y, radius] in OUTLINE {
@@ -21,6 +21,7 @@ pub fn bud_mesh() -> Mesh {
             mesh.uvs.push(Vec2::new(i as f32 / SIDES as f32, y.max(0.0)));
         }
     }
+    // Two bands of quads between the three rings, then a fan to the tip.
     let tip = mesh.next_point();
     mesh.points.push(Vec3::Y);
     mesh.normals.push(Vec3::Y);

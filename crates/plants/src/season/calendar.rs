@@ -24,7 +24,7 @@ mod tuning {
     /// Seasons at which the first and the last leaf begin to turn, and how long that takes.
     pub(super) const TURN: [f32; 2] = [0.55, 0.8];
     pub(super) const TURNING: f32 = 0.09;
-    /// Few leaves turn early: the first tenth takes as long as the next third.
+    /// Few leaves turn early: rank r turns at r^0.55 of the time, so that the first tenth takes as long as the next quarter.
     pub(super) const EARLY: f32 = 0.55;
     /// Seasons at which the first and the last leaf fall; the exponent holds most of them back to the end.
     pub(super) const FALL: [f32; 2] = [0.66, 0.99];
@@ -37,15 +37,15 @@ mod tuning {
     pub(super) const MARCESCENT_DRY: f32 = 0.86;
 }
 
-/// What moves a leaf's turn forward or back against others, as shares of one.
+/// Weights of what decides the order of leaves in one event of the year; their absolute values sum to 1.
 struct Shares {
-    /// Its place between the sun and the shade.
+    /// Occlusion by the crown, 0 in the sun: a positive weight delays leaves in the shade.
     sun: f64,
-    /// The limb that it is on, its twig, and chance.
+    /// Random numbers of the limb, of the twig and of the leaf itself.
     limb: f64,
     twig: f64,
     chance: f64,
-    /// Its place on its shoot, from the tip.
+    /// Position on the shoot, by [`from_tip`].
     tip: f64,
 }
 
@@ -55,14 +55,14 @@ const TURN: Shares = Shares { sun: 0.4, limb: 0.22, twig: 0.2, chance: 0.18, tip
 const FALL: Shares = Shares { sun: 0.2, limb: 0.1, twig: 0.1, chance: 0.25, tip: 0.35 };
 const HUE: Shares = Shares { sun: 0.45, limb: 0.15, twig: 0.15, chance: 0.25, tip: 0.0 };
 
-/// The year of one leaf, in seasons.
+/// Events in the year of one leaf, as seasons from 0, bud burst, to 1, winter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafCalendar {
-    /// When its bud opens.
+    /// Season at which its bud opens.
     pub burst: f32,
-    /// When it begins to turn.
+    /// Season at which its green begins to give way to the autumn colour.
     pub turn: f32,
-    /// When it falls; above 1 for a leaf that does not.
+    /// Season at which it falls; above 1 for a leaf that stays through the winter.
     pub fall: f32,
     /// Index of its autumn colour in [`LeafHabit::autumn`].
     pub hue: u8,
@@ -70,16 +70,16 @@ pub struct LeafCalendar {
     pub youngest: bool,
 }
 
-/// A leaf at a season.
+/// State of a leaf on the plant at a season.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafNow {
-    /// Its steps of colour and shape, which select the prototype.
+    /// Steps of colour and shape, by which the prototype is selected.
     pub look: LeafLook,
-    /// Factor on its size, above 0 to 1.
+    /// Factor on the size of the summer leaf, above 0, at most 1.
     pub size: f32,
-    /// How far it has opened from along its shoot to its own direction, 0..1.
+    /// Share of the rotation from its direction in the bud to that of summer, 0..1.
     pub opening: f32,
-    /// Its linear colour, without the steps of [`LeafColor`].
+    /// Linear colour, which changes smoothly and not in the steps of [`LeafColor`].
     pub color: [f32; 3],
 }
 
@@ -143,11 +143,11 @@ impl LeafCalendar {
 /// The colours, besides green, that leaves of a habit have at some time between two seasons.
 pub fn colors_between(habit: &LeafHabit, seasons: [f32; 2]) -> BTreeSet<LeafColor> {
     let mut colors = BTreeSet::new();
-    // Calendars and seasons on a grid that is finer than the shortest time that a colour is shown.
+    // Calendars and seasons on a grid that is finer than the shortest time for which a leaf has a colour.
     let steps = 60_u8;
     let grid = |k: u8| f32::from(k) / f32::from(steps);
     let seasons: Vec<f32> = (0..=steps).map(|k| lerp(seasons[0], seasons[1], grid(k))).collect();
-    // Turning and unfolding share a rank here: which colours occur does not depend on their combination.
+    // Turning and unfolding get the same rank here: which colours occur does not depend on their combination.
     for (rank, falling) in (0..=steps).flat_map(|k| (0..=steps).step_by(3).map(move |f| (grid(k), grid(f)))) {
         let falls = calendar(rank, rank, falling, 0);
         let falls = LeafCalendar { youngest: habit.evergreen, ..falls };
@@ -193,7 +193,7 @@ pub fn leaf_calendars(
     seed: u64,
 ) -> Vec<LeafCalendar> {
     let limbs = limbs(plant);
-    // Ranks instead of scores: a season then shows the same share of leaves on every plant.
+    // Ranks instead of scores: at a season, every plant then has the same share of leaves.
     let rank = |word: &'static str, shares: &Shares| {
         let score = |i: &usize| {
             let organ = &plant.organs[*i];
@@ -224,7 +224,7 @@ pub fn leaf_calendars(
     (0..leaves.len()).map(leaf).collect()
 }
 
-/// 0 at the end of the shoot where leaves fall first, 1 at the other.
+/// Position of a leaf on its shoot, from 0 at the end where leaves fall first to 1 at the other; 0 for a random order.
 fn from_tip(plant: &Plant, organ: &Organ, order: FallOrder) -> f32 {
     let along = (organ.s / plant.axes[organ.axis as usize].length.max(1e-6)).clamp(0.0, 1.0);
     match order {

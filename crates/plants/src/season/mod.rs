@@ -1,8 +1,8 @@
 //! Leaves through the growing year: buds, unfolding, summer, autumn colours, fall, bare twigs.
 //!
-//! A season is a number: 0 at bud burst, 1 on the bare winter tree; [`season_of_day`] finds it for a day of the year. Every leaf has a
-//! [`LeafCalendar`] of its own, drawn from its place in the crown: leaves in the sun and single branches turn first, and the leaves of
-//! a branch turn alike. [`apply_season`] shows a grown [`osier_scene::plant::Plant`] at a season.
+//! A season is a number: 0 at bud burst, 1 on the bare winter tree; [`season_of_day`] computes it for a day of the year. Every
+//! leaf has a separate [`LeafCalendar`], which depends on its place in the crown: leaves in the sun and single branches turn
+//! first, and the leaves of a branch turn alike. [`apply_season`] puts a grown [`osier_scene::plant::Plant`] into a season.
 //!
 //! ```
 //! use osier_plants::season::season_of_day;
@@ -37,9 +37,10 @@ const MIDDLE: f64 = 50.0;
 /// Days by which spring is later and winter earlier with each degree towards the pole.
 const SPRING_DELAY: f64 = 4.0;
 const WINTER_ADVANCE: f64 = 2.5;
-/// Least and greatest latitude of these rules: nearer to the equator cold does not end the year, nearer to the poles no trees grow.
+/// Least and greatest latitude of these rules: nearer to the equator cold does not end the year, nearer to the poles no trees
+/// grow.
 const LATITUDES: [f64; 2] = [25.0, 70.0];
-/// Days of a year; leap years are not told apart.
+/// Days of a year; leap years are not distinguished.
 const YEAR: f64 = 365.0;
 
 /// The season of a day of the year, 1..=366, at a latitude in degrees, negative in the south: 0..1, 1 in winter.
@@ -63,19 +64,19 @@ pub enum FallOrder {
     Random,
 }
 
-/// A colour of a leaf in autumn.
+/// A colour that leaves turn to in autumn, and how many of them do.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AutumnColor {
     /// Linear RGB of the leaf, 0 to 1.
     pub color: [f32; 3],
-    /// How frequent it is beside the others, above 0.
+    /// Frequency relative to the other colours, above 0.
     pub weight: f64,
 }
 
-/// How the leaves of an organ go through the year.
+/// Colours of the leaves of an organ over the year, and how they fall.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafHabit {
-    /// Whether they stay on the plant and green.
+    /// Whether the leaves stay on the plant and green; only those of the youngest shoots then change, in spring.
     pub evergreen: bool,
     /// Linear colour in summer.
     pub green: [f32; 3],
@@ -100,7 +101,7 @@ pub enum LeafColor {
     Green,
     /// The pale green of a leaf that has just unfolded.
     Fresh,
-    /// Between fresh and green.
+    /// Halfway between fresh and green.
     Young,
     /// Green along the veins, the autumn colour between them.
     Turning(u8),
@@ -110,7 +111,7 @@ pub enum LeafColor {
     Aged(u8),
 }
 
-/// Shape of a leaf at a stage of its year; each is a prototype of its own.
+/// Shape of a leaf at a stage of its year; each shape has a separate prototype.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LeafShape {
     /// Both halves lie against each other.
@@ -123,10 +124,10 @@ pub enum LeafShape {
     Withered,
 }
 
-/// Colour and shape of a leaf in steps; each pair that occurs is a prototype of its own.
+/// Colour and shape of a leaf in steps; each pair that occurs has a separate prototype.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LeafLook {
-    /// Step of its way from spring to dry.
+    /// Step of the colours from spring to dry.
     pub color: LeafColor,
     /// Step of its unfolding or withering.
     pub shape: LeafShape,
@@ -149,7 +150,7 @@ impl LeafHabit {
         self.autumn.get(usize::from(index)).map_or(self.green, |c| c.color)
     }
 
-    /// Mean linear colour of a leaf.
+    /// Mean linear colour of a blade in a step of colour, which for a turning leaf averages veins and what is between them.
     pub fn color(&self, color: LeafColor) -> [f32; 3] {
         match color {
             LeafColor::Green => self.green,

@@ -7,7 +7,7 @@ use osier_scene::{Image, Pixels};
 
 /// Brightest and darkest pixel against the mean that keep their contrast: veins that are much brighter would turn white.
 const CONTRAST: [f32; 2] = [0.25, 2.2];
-/// Alpha, of 255, from which on a pixel shows the leaf.
+/// Least alpha, of 255, of a pixel that counts as part of the leaf.
 const SHOWN: u8 = 128;
 
 /// Luminance of a linear colour (Rec. 709).
@@ -20,7 +20,8 @@ fn linear_table() -> [f32; 256] {
     std::array::from_fn(|k| linear_from_srgb(k as f32 / 255.0))
 }
 
-/// Mean linear colour of the pixels that an image shows; `None` for an image that is not of 8-bit RGB or RGBA.
+/// Mean linear colour of the pixels with an alpha of at least 128; `None` without such pixels, and for an image that is not of
+/// 8-bit RGB or RGBA.
 pub fn mean_color(image: &Image) -> Option<[f32; 3]> {
     let (Pixels::U8(bytes), 3 | 4) = (&image.pixels, image.channels) else { return None };
     let table = linear_table();
@@ -33,8 +34,8 @@ pub fn mean_color(image: &Image) -> Option<[f32; 3]> {
     (count > 0).then(|| sum.map(|s| osier_base::math::narrow(s / f64::from(count))))
 }
 
-/// The image with its colours drawn to `to`, linear, by a share: light and dark stay where they are. `mean`: of the image.
-/// The image is returned as it is if it is not of 8-bit RGB or RGBA.
+/// The image with its colours mixed by a share with `to`, linear, which is scaled by the luminance of each pixel over that of
+/// `mean`, the mean of the image: veins and spots keep their contrast. An image that is not of 8-bit RGB or RGBA is only renamed.
 pub fn recolored(image: &Image, name: String, mean: [f32; 3], to: [f32; 3], share: f32) -> Image {
     let mut out = Image { name, ..image.clone() };
     let (Pixels::U8(bytes), 3 | 4) = (&mut out.pixels, image.channels) else { return out };

@@ -6,12 +6,12 @@ use super::LeafShape;
 use osier_base::math::{cos_f32, sin_f32};
 use osier_scene::Mesh;
 
-/// How a leaf is bent.
+/// Rotations of the parts of a blade that bend it from its shape in summer.
 #[derive(Debug, Clone, Copy)]
 struct Bend {
-    /// Turn of each half about the midrib, upper sides together, rad.
+    /// Rotation of each half about the midrib, upper sides towards each other, rad.
     fold: f32,
-    /// Turn of the tip against the base, downwards, rad.
+    /// Rotation of the tip against the base, downwards, rad.
     curl: f32,
 }
 
@@ -25,14 +25,15 @@ fn bend_of(shape: LeafShape) -> Option<Bend> {
     }
 }
 
-/// The mesh of a leaf, in organ space with the midrib along +Y and the upper side towards +Z, in a shape.
+/// The mesh of a leaf, in organ space with the midrib along +Y and the upper side towards +Z, bent into a shape. Only points and
+/// normals change.
 pub fn shaped_leaf(mesh: &Mesh, shape: LeafShape) -> Mesh {
     let mut bent = mesh.clone();
     let Some(bend) = bend_of(shape) else { return bent };
     let length = bent.points.iter().fold(1e-6_f32, |m, p| m.max(p.y));
     let midrib = Midrib::of(mesh);
     for (p, n) in bent.points.iter_mut().zip(&mut bent.normals) {
-        // Each half turns about the midrib.
+        // Each half turns about the midrib; points on the midrib stay.
         let side = p.x.signum() * f32::from(u8::from(p.x.abs() > 1e-6 * length));
         let (sin, cos) = (sin_f32(bend.fold), cos_f32(bend.fold));
         let turn = |v: Vec3| Vec3::new(v.x * cos - side * v.z * sin, v.y, side * v.x * sin + v.z * cos);
@@ -57,7 +58,7 @@ pub fn shaped_leaf(mesh: &Mesh, shape: LeafShape) -> Mesh {
 /// Share of a leaf's half width within which points belong to its midrib.
 const MIDRIB: f32 = 0.08;
 
-/// Height of a leaf's midrib along it: leaves of summer are curled already.
+/// Height of the midrib along the leaf, about which the halves fold: the blade of summer may be curled.
 struct Midrib {
     /// (y, z) of points along the midrib, m, with rising y.
     points: Vec<[f32; 2]>,

@@ -9,7 +9,7 @@ use osier_scene::{Image, ImageKind, Maps, Pixels};
 /// A view along the normal of a quad: right, up, towards the viewer.
 pub(super) type BillboardView = [Vec3; 3];
 
-/// From the front, from the side, from above.
+/// Views from the front (+Z), from the side (+X) and from above (+Y).
 pub(super) const VIEWS: [BillboardView; 3] =
     [[Vec3::X, Vec3::Y, Vec3::Z], [Vec3::NEG_Z, Vec3::Y, Vec3::X], [Vec3::X, Vec3::NEG_Z, Vec3::Y]];
 
@@ -32,8 +32,8 @@ pub(super) struct BillboardTexel {
     pub(super) normal: Vec3,
 }
 
-/// Pixels of a square of samples, rows from the top. `side`: samples along a side, `supersampling` of them to a pixel; `color`: of a
-/// pixel, from the sum of its samples' colours and their number.
+/// Pixels of a square of samples, rows from the top. `side`: samples along a side, `supersampling` of them to a pixel; `color`:
+/// of a pixel, from the sum of its samples' colours and their number.
 pub(super) fn texels(
     samples: &[Option<BillboardSample>],
     side: usize,
@@ -58,8 +58,8 @@ pub(super) fn texels(
     (0..pixels * pixels).map(one).collect()
 }
 
-/// The alpha cutoff above which as many pixels lie as all of them cover together, so that the silhouette keeps its area
-/// (coverage-preserving alpha test). `supersampling`: samples along a side of a pixel.
+/// The alpha cutoff for which the number of pixels above it equals the sum of all alphas, so that the silhouette keeps its area
+/// (coverage-preserving alpha test); 0.5 for an empty picture. `supersampling`: samples along a side of a pixel.
 pub(super) fn coverage_cutoff(texels: &[BillboardTexel], supersampling: usize) -> f32 {
     // The k-th largest alpha, where k is the sum of all alphas, less half a sample.
     let mut alphas: Vec<f32> = texels.iter().map(|t| t.alpha).filter(|a| *a > 0.0).collect();

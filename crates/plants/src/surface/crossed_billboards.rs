@@ -1,4 +1,4 @@
-//! Plants far away: pictures of meshes on quads that cross in their middle.
+//! Distant plants: pictures of meshes on quads that cross in their middle.
 
 use glam::{Vec2, Vec3};
 
@@ -50,18 +50,17 @@ impl MeshRaster {
         let [right, up, out] = view;
         let seen = Bounds::of(mesh.points.iter().map(|p| Vec3::new(p.dot(right), p.dot(up), p.dot(out))));
         let (low, high) = (seen.min.truncate(), seen.max.truncate());
-        // Pixels beyond the margin show the mesh.
-        // The margin is in pixels: scale the size by margin over inner pixels.
+        // The mesh fills the pixels inside of the margin: the size of the mesh over their number is that of a pixel.
         let inner = narrow((pixels - 2 * MARGIN) as f64);
         let margin = (high - low).max(Vec2::splat(1e-4)) * (narrow(MARGIN as f64) / inner);
-        // What is seen from above stands where most of it is, everything else through the stem.
+        // The horizontal quad lies at the mean height of the mesh's area; vertical quads pass through the stem.
         let depth = if out == Vec3::Y { area_mean(mesh, out) } else { 0.0 };
         let side = pixels * SUPERSAMPLING;
         let (low, high) = (low - margin, high.max(low + 1e-4) + margin);
         Self { view, low, high, depth, side, samples: vec![None; side * side], hits: 0 }
     }
 
-    /// Rasterizes all triangles of a mesh.
+    /// Rasterizes the triangles of a mesh, in the colours of their materials; subsets of unknown materials are skipped.
     fn draw(&mut self, mesh: &Mesh, source: SourceMaterials<'_>) {
         for subset in &mesh.subsets {
             let Some(material) = source.materials.get(subset.material as usize) else { continue };
@@ -106,15 +105,15 @@ impl MeshRaster {
                 }
                 let n = mix(&|i| at(&mesh.normals, i));
                 let n = math::normalize_or(Vec3::new(n.dot(right), n.dot(up), n.dot(out)), Vec3::Z);
-                // The far side of a leaf is lit as seen from here.
+                // Leaves are two-sided: a normal that points away from the viewer is reversed.
                 let normal = if n.z < 0.0 { -n } else { n };
                 *slot = Some(BillboardSample { depth, color, normal });
             }
         }
     }
 
-    /// Factor that darkens the view: leaves of a mesh shade each other, those of a quad do not.
-    /// Own: mean number of layers to a small power.
+    /// Factor that darkens the view in place of the shadows that the leaves of the mesh cast on each other, at most 1.
+    /// Own: mean number of layers to the power -[`SHADE_EXPONENT`].
     fn shade(&self) -> f32 {
         let covered = self.samples.iter().flatten().count().max(1);
         #[allow(clippy::cast_precision_loss, reason = "an area mean")]
@@ -220,7 +219,8 @@ pub fn crossed_billboards(
     (quads.into_iter().map(|q| q.with_material(0)).collect(), surface)
 }
 
-/// The material of all billboards from their texels.
+/// The material of all billboards from their texels; empty texels get the mean colour. Translucency and roughness are those of
+/// the first material of leaves.
 fn billboard_material(
     mut texels: Vec<BillboardTexel>,
     source: SourceMaterials<'_>,

@@ -11,22 +11,22 @@ use osier_base::par::par_map;
 use osier_base::{Error, Result};
 use osier_scene::{Maps, Material, MaterialClass, Mesh};
 
-/// A disc of ground around the origin.
+/// Parameters of an undulating disc of ground around the origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ground {
     /// Radius, m, 0.1..10000.
     pub radius: f32,
-    /// Height of the waves, m, 0..100.
+    /// Amplitude of the waves about their mean, m, 0..100.
     pub amplitude: f32,
     /// Length of the longest waves, m, > 0.
     pub wavelength: f32,
-    /// Rings of points, 4..=512.
+    /// Number of rings of points around the centre, 4..=512.
     pub rings: u32,
-    /// Points around, 8..=1024.
+    /// Points on each ring, 8..=1024.
     pub sectors: u32,
     /// Size of one repeat of the maps, m, 0.01..1000.
     pub tile: f32,
-    /// Seed of the waves and of the bend of the texture coordinates.
+    /// Seed of the waves and of the warp of the texture coordinates.
     pub seed: u64,
 }
 
@@ -79,7 +79,7 @@ impl Ground {
         Ok(mesh.with_material(0))
     }
 
-    /// Appends a point with normal and texture coordinates.
+    /// Appends the point of the surface above (x, z), with its normal and texture coordinates.
     fn push_point(&self, mesh: &mut Mesh, x: f32, z: f32) {
         const STEP: f32 = 0.05;
         // Central differences of the height function itself: normals do not depend on the tessellation.
@@ -138,7 +138,7 @@ pub struct GroundColors {
     pub green: [[f32; 3]; 2],
     /// Fallen leaves and stalks.
     pub litter: [f32; 3],
-    /// Share of green, 0..1.
+    /// Share of the ground that grass and moss cover, 0..1.
     pub cover: f32,
     /// Air between the eye and the far ground: its colour, and the share of it at the rim of a map that covers the whole
     /// ground, 0..1.
@@ -157,7 +157,7 @@ impl Default for GroundColors {
     }
 }
 
-/// The noises of the ground's pattern.
+/// Tabulated noises of soil, grass and litter; one period is one repeat of the maps.
 struct GroundNoise {
     /// Lush and dry parts of a meadow.
     meadow: FractalNoise,
@@ -166,7 +166,7 @@ struct GroundNoise {
     clod: FractalNoise,
     blades: [FractalNoise; 3],
     litter: CellularNoise,
-    /// Sines and cosines of the ways in which litter lies.
+    /// Sines and cosines of 256 angles at which litter may lie, from 0 to pi.
     turns: Vec<(f32, f32)>,
 }
 
@@ -222,7 +222,7 @@ impl GroundNoise {
         let most = (side / 2).max(2);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the side of a map")]
         let times = |length: f32| ((tile.max(0.01) / length).round().clamp(1.0, most as f32)) as u32;
-        // No octave is finer than two pixels.
+        // Each octave halves the cells: as many as leave at least two pixels to a cell.
         let fractal = |k: u64, lengths: [f32; 2], octaves: u32| {
             let cells = lengths.map(times);
             let room = most / cells[0].max(cells[1]);

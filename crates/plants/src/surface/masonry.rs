@@ -1,4 +1,5 @@
-//! Meshes and materials of buildings: walls, and houses with gable roof and windows. Measures are those of common dwelling houses.
+//! Meshes and materials of buildings: walls, and houses with gable roof and windows. Measures are those of common dwelling
+//! houses.
 //!
 //! ```
 //! use glam::Vec3;
@@ -16,22 +17,23 @@ use super::pixels::next_index;
 use osier_scene::solid::Prism;
 use osier_scene::{Material, MaterialClass, MaterialId, Mesh, Subset};
 
-/// How far a roof stands out over its walls, and how thick it is, m.
+/// Overhang of a roof beyond its walls, and its thickness, m.
 const EAVES: f32 = 0.35;
 const ROOF_THICKNESS: f32 = 0.16;
-/// Windows: width, height, distance of their middles, height of a storey, height of a sill, m.
+/// Windows: width and height; distance of the centres of neighbours; height of a storey; height of a sill, m.
 const WINDOW: Vec2 = Vec2::new(1.0, 1.35);
 const WINDOW_SPACING: f32 = 2.4;
 const STOREY_HEIGHT: f32 = 2.8;
 const SILL_HEIGHT: f32 = 0.95;
-/// Width of a frame; how far frame and pane stand before the wall, m.
+/// Width of a frame; distances of frame and pane in front of the wall, which keep the faces from being coplanar, m.
 const FRAME_WIDTH: f32 = 0.09;
 const WINDOW_OFFSETS: [f32; 2] = [0.015, 0.02];
 
-/// Materials of walls, roofs, window frames and panes, in the order of [`materials`].
+/// Number of materials of a building, as [`materials`] returns them and [`masonry`] counts from its first.
 pub const MATERIAL_COUNT: u32 = 4;
 
-/// Surfaces named after `name`: walls, roof, frames, panes.
+/// Materials `<name>_wall`, `<name>_roof`, `<name>_trim` (window frames) and `<name>_pane`, without images. `wall`, `roof`:
+/// linear colours.
 pub fn materials(name: &str, wall: [f32; 3], roof: [f32; 3]) -> [Material; 4] {
     let plain = |what: &str, color, roughness| {
         Material::plain(format!("{name}_{what}"), MaterialClass::Ground, color, roughness)
@@ -46,12 +48,14 @@ pub fn materials(name: &str, wall: [f32; 3], roof: [f32; 3]) -> [Material; 4] {
     ]
 }
 
-/// The faces of a solid; one with a gable gets an overhanging roof and windows. `first`: the first of its four materials.
+/// Mesh of a solid in the world, m, without the face on the ground. A prism with a gable gets an overhanging roof and windows.
+/// `first`: the first of its four materials.
 pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
     let [near, far] = prism.ends();
     let mut mesh = Mesh::default();
     let n = near.len();
     let gable = n == 5;
+    // The face on the ground is left out, and with a gable the two below the roof's slabs.
     for i in 0..n {
         let k = (i + 1) % n;
         if i == 0 || (gable && (i == 2 || i == 3)) {
@@ -66,7 +70,7 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
         }
         push_polygon(&mut mesh, &outline);
     }
-    // A prism of five sides is a house with a gable.
+    // Roof, frames and panes are appended after the walls; each subset ends where the triangles do so far.
     let walls = triangle_count(&mesh);
     let mut subsets = vec![(first, walls)];
     if gable {
@@ -88,13 +92,13 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
     mesh
 }
 
-/// Number of triangles so far; a house has some thousand.
+/// Number of triangles so far, the end of a subset.
 #[allow(clippy::cast_possible_truncation, reason = "a house has some thousand triangles")]
 fn triangle_count(mesh: &Mesh) -> u32 {
     mesh.triangles.len() as u32
 }
 
-/// A flat convex outline, counter-clockwise from outside.
+/// Appends a flat convex polygon, counter-clockwise from outside, with points that no other face shares.
 fn push_polygon(mesh: &mut Mesh, outline: &[Vec3]) {
     let base = next_index(mesh);
     // Texture coordinates are metres along the horizontal and up the face, so that masonry maps keep their scale.
@@ -111,12 +115,11 @@ fn push_polygon(mesh: &mut Mesh, outline: &[Vec3]) {
     }
 }
 
-/// A flat quad, counter-clockwise from outside.
 fn push_quad(mesh: &mut Mesh, corners: [Vec3; 4]) {
     push_polygon(mesh, &corners);
 }
 
-/// Two slabs that meet at the ridge.
+/// Appends two slabs that meet at the ridge. `near`, `far`: the outlines of both ends, from [`Prism::ends`].
 fn push_roof(mesh: &mut Mesh, near: &[Vec3], far: &[Vec3]) {
     let width = (near[0] - far[0]).normalize_or(Vec3::X) * EAVES;
     for (eave, flip) in [(2, false), (4, true)] {
@@ -142,7 +145,7 @@ fn push_roof(mesh: &mut Mesh, near: &[Vec3], far: &[Vec3]) {
     }
 }
 
-/// Panes, or frames larger by `border`, before both long walls.
+/// Appends rectangles of windows enlarged by `border`, at a distance of `offset` in front of both walls below the eaves, m.
 fn push_windows(mesh: &mut Mesh, prism: &Prism, border: f32, offset: f32) {
     for side in &prism.sides()[..2] {
         let (wide, high) = (side.along.length(), side.down.length());

@@ -2,10 +2,10 @@
 
 use osier_scene::{Image, ImageKind, Material, MaterialId, Pixels};
 
-/// A surface: the material's maps are indices into `images`.
+/// A material and its images, not yet part of a scene.
 #[derive(Debug, Clone)]
 pub struct SurfaceMaterial {
-    /// The material; its maps index `images`.
+    /// The material; its maps are indices into `images`, not into those of a scene.
     pub material: Material,
     /// The images of its maps, which [`Self::register`] moves to the scene.
     pub images: Vec<Image>,
@@ -26,7 +26,7 @@ impl SurfaceMaterial {
     }
 }
 
-/// Length of a scene's list of images or materials, which memory keeps far below 2^32.
+/// Length of a scene's list of images or materials; memory limits it far below 2^32.
 #[allow(clippy::cast_possible_truncation, reason = "each entry is an image or a material")]
 fn count<T>(list: &[T]) -> u32 {
     list.len() as u32

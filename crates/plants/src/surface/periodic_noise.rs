@@ -71,7 +71,7 @@ impl GradientNoise {
     }
 }
 
-/// Both lattice columns around `x`, wrapped, and the place between them.
+/// Both lattice columns around `x`, wrapped, and the position between them, 0 to 1.
 fn cell(x: f32, period: usize) -> ([usize; 2], f32) {
     let (column, place) = split(x);
     let i = wrap(column, period);
@@ -88,7 +88,7 @@ fn split(x: f32) -> (i32, f32) {
     (whole, x - whole as f32)
 }
 
-/// A column within the period.
+/// The column in 0..period that is congruent to `column`.
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -96,7 +96,7 @@ fn split(x: f32) -> (i32, f32) {
 )]
 fn wrap(column: i32, period: usize) -> usize {
     let n = period as i32;
-    // Maps hardly leave the first period; the division is for what does.
+    // Samples of maps are within a period of 0..n, where an addition suffices; the division is for all others.
     let near = if column < 0 { column.wrapping_add(n) } else { column };
     let near = if near >= n { near - n } else { near };
     if (0..n).contains(&near) { near as usize } else { column.rem_euclid(n) as usize }
@@ -115,12 +115,12 @@ pub(super) struct FractalNoise {
 impl FractalNoise {
     /// `cells`: lattice cells across and up of the first octave.
     pub fn new(seed: u64, cells: [u32; 2], octaves: u32) -> Self {
-        // Octave o has 2^o times the cells and a seed of its own.
+        // Octave o has 2^o times the cells, and seed + o, as in `noise::fractal2`.
         let octave = |o: u32| GradientNoise::new(seed.wrapping_add(u64::from(o)), cells.map(|c| c << o));
         Self { octaves: (0..octaves).map(octave).collect() }
     }
 
-    /// Value at (x, y); one period is the unit square.
+    /// Weighted mean of the octaves at (x, y); the unit square is one period.
     pub fn at(&self, x: f32, y: f32) -> f32 {
         let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
         for o in &self.octaves {
@@ -153,7 +153,7 @@ pub(super) fn pixel_centres(side: u32) -> Vec<f32> {
 pub(super) struct NearestFeature {
     pub f1: f32,
     pub f2: f32,
-    /// From the feature point, cells.
+    /// Vector from the feature point to the sample, cells.
     pub from: [f32; 2],
     pub id: u64,
 }
@@ -175,14 +175,14 @@ impl CellularNoise {
         Self { table: (0..nx * ny).map(feature).collect(), period: [nx as usize, ny as usize] }
     }
 
-    /// The nearest feature points to (x, y); one period is the unit square.
+    /// The nearest feature points to (x, y); the unit square is one period. Only the 3 x 3 cells around are searched.
     pub fn at(&self, x: f32, y: f32) -> NearestFeature {
         let ([x0, x1], fx) = cell(x * self.period[0] as f32, self.period[0]);
         let ([y0, y1], fy) = cell(y * self.period[1] as f32, self.period[1]);
         let before = |i: usize, n: usize| if i == 0 { n - 1 } else { i - 1 };
         let columns = [(before(x0, self.period[0]), -1.0), (x0, 0.0), (x1, 1.0)];
         let rows = [(before(y0, self.period[1]), -1.0), (y0, 0.0), (y1, 1.0)];
-        // Choices without jumps: which point is nearest nobody can foretell.
+        // Selections instead of branches, which would be mispredicted: which point is nearest is random.
         let (mut first, mut second, mut nearest) = (f32::MAX, f32::MAX, ([0.0; 2], 0));
         for (row, dy) in rows {
             let row = &self.table[row * self.period[0]..][..self.period[0]];

@@ -46,7 +46,7 @@ pub(super) fn srgb_bytes(color: Vec3) -> [u8; 3] {
     color.to_array().map(srgb_byte)
 }
 
-/// Linear colours as sRGB bytes.
+/// Linear colours as sRGB bytes, three a pixel, in the order of the iterator.
 pub(super) fn srgb_image(colors: impl Iterator<Item = Vec3>) -> Vec<u8> {
     let mut out = Vec::with_capacity(colors.size_hint().0 * 3);
     for color in colors {
@@ -78,7 +78,7 @@ pub(super) fn normal_map(heights: &[f32], side: usize, slopes: [f32; 2]) -> Vec<
     concatenated(par_map(&rows, row))
 }
 
-/// Concatenates rows into one array.
+/// Concatenates rows that were computed in parallel, with one allocation.
 pub(super) fn concatenated<T>(rows: Vec<Vec<T>>) -> Vec<T> {
     let mut out = Vec::with_capacity(rows.iter().map(Vec::len).sum());
     for mut row in rows {
@@ -93,13 +93,13 @@ pub(super) fn unorm16(c: f32) -> u16 {
     (c.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16
 }
 
-/// Index of the next point of a mesh: of a leaf, a quad, a rod or a wall, which have far less than 2^32 points.
+/// Index of the point that is added next. The cast is exact: leaves, quads, rods and walls have far fewer than 2^32 points.
 #[allow(clippy::cast_possible_truncation, reason = "single leaves, quads, rods and walls")]
 pub(super) fn next_index(mesh: &Mesh) -> u32 {
     mesh.points.len() as u32
 }
 
-/// Index of the last of some points; see [`next_index`].
+/// Index of the last of some points, at least one; exact as in [`next_index`].
 #[allow(clippy::cast_possible_truncation, reason = "leaves have at most some thousand points")]
 pub(super) fn index_of_last<T>(points: &[T]) -> u32 {
     (points.len() - 1) as u32

@@ -17,12 +17,12 @@ use super::pixels::next_index;
 use osier_base::math;
 use osier_scene::{Mesh, SkinWeights};
 
-/// Tessellation of a tube.
+/// Tessellation of a rod's [`tube`]: points around and along it.
 #[derive(Debug, Clone, Copy)]
 pub struct TubeResolution {
-    /// Sides of its polygon.
+    /// Sides of the polygon of each ring, at least 3.
     pub sides: u32,
-    /// Rings between two sections.
+    /// Pieces of the tube from one section to the next, each between two rings; at least 1.
     pub rings: u32,
 }
 
@@ -31,19 +31,19 @@ pub const CLOSE_UP: TubeResolution = TubeResolution { sides: 16, rings: 4 };
 /// Rings from pole to pole, and sides, of a ball.
 const BALL: [u32; 2] = [12, 24];
 
-/// A section of a rod in its rest pose.
+/// Cross-section of a rod in the rest pose, through which its tube passes.
 pub struct TubeSection {
     /// The joint that the section follows.
     pub joint: u16,
     /// Position of the centreline in the rest pose, m.
     pub p: Vec3,
-    /// Orientation: +Y along the rod.
+    /// Orientation in the rest pose: +Y along the rod, which is the tangent of the tube here.
     pub q: Quat,
     /// Radius of the rod here, m, > 0.
     pub r: f32,
 }
 
-/// A ring between two sections.
+/// A ring of the tube, on a section or between two.
 struct TubeRing {
     p: Vec3,
     q: Quat,
@@ -107,7 +107,7 @@ fn rings(stations: &[TubeSection], count: u32) -> Vec<TubeRing> {
     out
 }
 
-/// A ball that follows one joint.
+/// A sphere around `p` of radius `r`, m, in the rest pose, whose points all follow one joint.
 pub fn ball(p: Vec3, r: f32, joint: u16) -> (Mesh, SkinWeights) {
     let mut builder = SkinnedMeshBuilder::default();
     let ring = TubeRing { p, q: Quat::IDENTITY, r, joints: [joint; 2], share: 0.0 };
@@ -125,7 +125,7 @@ pub fn ball(p: Vec3, r: f32, joint: u16) -> (Mesh, SkinWeights) {
     for k in 1..=rows {
         for i in 0..sides {
             let (a, b) = ((k - 1) * n + i, k * n + i);
-            // At the poles one of the two triangles has no area.
+            // At the poles one of the two triangles has no area and is left out.
             if k > 1 {
                 builder.mesh.triangles.push([a, a + 1, b + 1]);
             }
@@ -137,7 +137,7 @@ pub fn ball(p: Vec3, r: f32, joint: u16) -> (Mesh, SkinWeights) {
     builder.finish()
 }
 
-/// A mesh and its skin weights, point by point.
+/// A mesh and its skin weights, which are appended together.
 #[derive(Default)]
 struct SkinnedMeshBuilder {
     mesh: Mesh,
@@ -162,7 +162,7 @@ impl SkinnedMeshBuilder {
         self.skin.weights.push([one.1, two.1, 0.0, 0.0]);
     }
 
-    /// A disc at an end, facing along the rod for `outwards`, else against it.
+    /// Appends a disc at an end, facing along the rod for `outwards`, else against it.
     fn cap(&mut self, ring: &TubeRing, sides: u32, outwards: bool) {
         let base = next_index(&self.mesh);
         let normal = ring.q * if outwards { Vec3::Y } else { -Vec3::Y };

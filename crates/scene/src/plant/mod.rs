@@ -34,8 +34,8 @@ pub use validate::{MAX_ITEMS, Warning, validate};
 /// Stands for no axis in [`Axis::parent`] and for no fork in [`Axis::fork`].
 pub const NONE: u32 = u32::MAX;
 
-/// Bit of [`Nodes::color`] that tells that the segment ending at the node wears the colour index in the low byte; without it, the
-/// segment wears the material of its axis.
+/// Bit of [`Nodes::color`]. If it is set, the segment that ends at the node has the colour index in the low byte; otherwise
+/// it has the material of its axis.
 pub const PAINTED: u16 = 0x100;
 
 /// Part of the plant that an axis is.
@@ -56,7 +56,7 @@ pub enum AxisKind {
 pub enum AxisEnd {
     /// It ends at a grown tip, without a cut face.
     Tip,
-    /// Cut off: shows a disc of wood.
+    /// Cut off: ends with a flat disc of wood.
     Cut,
     /// It ran into an obstacle of its growth.
     Obstacle,
@@ -77,7 +77,7 @@ pub struct Axis {
     pub parent_s: f32,
     /// 0 for the trunk, the parent's + 1 for a child (equal for halves of an apical fork).
     pub order: u8,
-    /// Stem, root, petiole or blade.
+    /// Part of the plant that it is; decides for instance whether it is a tube or a strip.
     pub kind: AxisKind,
     /// Index of node 0 in [`Nodes`].
     pub first: u32,
@@ -121,7 +121,7 @@ impl Nodes {
         self.p.len()
     }
 
-    /// True without nodes.
+    /// True without nodes; a valid plant then has no axes either.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.p.is_empty()
@@ -162,7 +162,7 @@ pub struct Proto {
     pub mesh: Arc<Mesh>,
 }
 
-/// Where the centreline is, how it is turned and how thick it is.
+/// Position, orientation and thickness of an axis at one arc length, from [`Plant::frame`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Site {
     /// Point of the centreline in plant space, m.
@@ -177,7 +177,7 @@ pub struct Site {
 /// by s, organs by (axis, s, ordinal).
 #[derive(Debug, Clone, Default)]
 pub struct Plant {
-    /// Names the plant in ids; holds no seed.
+    /// Number of the plant in the ids of its axes and organs; independent of the seed.
     pub id: u32,
     /// Seed of the random draws of growth.
     pub seed: u64,
@@ -185,7 +185,7 @@ pub struct Plant {
     pub axes: Vec<Axis>,
     /// Nodes of all axes; an axis holds a contiguous range.
     pub nodes: Nodes,
-    /// Leaves, flowers, fruits, catkins and buds.
+    /// All organs, sorted by axis and arc length.
     pub organs: Vec<Organ>,
     /// Further values of the organs, one for each, which instancers pass on to files.
     pub organ_attributes: Vec<Attribute>,
@@ -195,8 +195,7 @@ pub struct Plant {
     pub materials: Vec<String>,
     /// What made it, for people: "oak.l", ...
     pub source: String,
-    /// Whether its axes are lines of a drawing, which stand on nothing: their skin neither widens at its foot nor reaches into the
-    /// ground.
+    /// True if the axes are the lines of a drawing: their mesh then neither widens at the foot nor extends into the ground.
     pub lines: bool,
 }
 
@@ -208,7 +207,8 @@ impl Plant {
         first..first + axis.count as usize
     }
 
-    /// The segment of an axis that holds arc length `s` (clamped): its first node and how far along it, 0 to 1.
+    /// The segment of an axis that contains arc length `s` (clamped): index of its first node in [`Plant::nodes`], and the
+    /// fraction of the segment up to `s`, 0 to 1.
     #[inline]
     pub fn segment(&self, axis: &Axis, s: f32) -> (usize, f32) {
         let range = self.nodes_of(axis);
@@ -231,7 +231,7 @@ impl Plant {
         }
     }
 
-    /// The values of [`Self::organ_attributes`] for some of its organs.
+    /// The values of [`Self::organ_attributes`] for some of its organs, found by id, in the order of `organs`.
     pub fn organ_values(&self, organs: &[&Organ]) -> Vec<Attribute> {
         if self.organ_attributes.is_empty() {
             return Vec::new();
@@ -246,7 +246,7 @@ impl Plant {
     pub fn organ_site(&self, organ: &Organ) -> (Vec3, Quat) {
         let site = self.frame(&self.axes[organ.axis as usize], organ.s);
         let q = (site.q * organ.q).normalize();
-        // The offset turns with the axis, the petiole with the organ.
+        // The offset is in the frame of the axis; the petiole points along the organ's own +Y.
         (site.p + site.q * organ.offset + q * (Vec3::Y * organ.petiole), q)
     }
 }

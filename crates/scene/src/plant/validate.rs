@@ -11,7 +11,7 @@ const MAX_CHILD: f32 = 0.95;
 /// Shortest segment, m; shorter ones are merged.
 const MIN_SEGMENT: f32 = 1e-7;
 
-/// One kind of complaint with how often it occurred.
+/// One kind of fault of a plant, repaired or harmless, with the number of its occurrences.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Warning {
     /// Subject and fact, lower case, no full stop.
@@ -28,9 +28,9 @@ impl std::fmt::Display for Warning {
     }
 }
 
-/// Checks a plant and repairs what has one obvious mend: nodes of zero-length segments are dropped (an axis of no length
-/// at all keeps two nodes, 0.1 um apart) and children thicker than 0.95 of their parent at the site are thinned to it.
-/// Returns one warning per kind.
+/// Checks a plant and repairs two faults: nodes of segments shorter than 1e-7 m are dropped (an axis of no length keeps two
+/// nodes, 1 um apart, or 1e-6 of their largest coordinate), and children thicker than 0.95 of their parent at the site are
+/// thinned to that. Returns one warning per kind.
 /// # Errors
 /// X001 for a value that is not finite; `Range` for r <= 0, a frame that is no unit quaternion, a parent that does not
 /// precede its child, an arc length outside its axis, an unknown prototype or fewer than 2 nodes; `Limit` beyond 2e7
@@ -197,7 +197,7 @@ fn copy_node(to: &mut Nodes, from: &Nodes, i: usize) {
     to.color.push(from.color[i]);
 }
 
-/// Moves the last node off its twin, along the frame's growth direction.
+/// Moves the last node, a copy of node `twin` of `old`, along the growth direction of its frame.
 fn stretch(nodes: &mut Nodes, twin: usize, old: &Nodes) {
     // Relative to the coordinates, so that the sum differs from them in single precision.
     let far = old.p[twin].abs().max_element().max(1.0) * 1e-6;

@@ -1,24 +1,25 @@
-//! Hills as a solid.
+//! Height fields as solids.
 
 use glam::{Vec2, Vec3};
 
 use super::Nearest;
 use osier_base::geometry::Bounds;
 
-/// Heights on a grid of square cells over a rectangle.
+/// Heights on a grid of square cells over a rectangle, from which [`LandForm::over`] makes a solid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LandGrid {
     /// Number of heights along x and along z, each at least 2.
     pub counts: [usize; 2],
     /// Length of the rectangle along x, m, > 0; that along z follows from the counts.
     pub width: f32,
-    /// Middle of the rectangle, x and z, m.
+    /// Centre of the rectangle in the world, x and z, m.
     pub center: Vec2,
     /// Heights, m: rows from -z to +z, in each from -x to +x.
     pub heights: Vec<f32>,
 }
 
-/// Heights over a rectangle; outside it goes on as at its edge. Cells are cut from -x -z to +x +z.
+/// A height field as a solid: two triangles for each square cell, divided by its diagonal from -x -z to +x +z. Outside of the
+/// rectangle the height is that of the nearest point of its edge.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LandForm {
     columns: usize,
@@ -31,18 +32,19 @@ pub struct LandForm {
     origin: Vec2,
     heights: Vec<f32>,
     bounds: Bounds,
-    /// Least cosine of a slope: what a gap straight down is worth as a distance, everywhere.
+    /// Cosine of the steepest slope: times the vertical gap, a lower bound of the distance to the surface everywhere.
     flattest: f32,
 }
 
 impl LandForm {
-    /// Heights over a square around the origin. `heights`: `side * side`, m, rows from -z to +z, in each from -x to +x; `size`: length
-    /// of a side, m. None if the numbers do not fit together.
+    /// Heights over a square around the origin. `heights`: `side * side`, m, rows from -z to +z, in each from -x to +x;
+    /// `size`: length of a side, m. `None` where [`LandForm::over`] returns it.
     pub fn new(side: usize, size: f32, heights: Vec<f32>) -> Option<Self> {
         Self::over(LandGrid { counts: [side; 2], width: size, center: Vec2::ZERO, heights })
     }
 
-    /// Heights over a rectangle. None if the numbers do not fit together.
+    /// Heights over a rectangle. `None` for fewer than two rows or columns, for another number of heights than `counts` gives,
+    /// or for a width that is not positive.
     pub fn over(grid: LandGrid) -> Option<Self> {
         let LandGrid { counts: [columns, rows], width, center, heights } = grid;
         if columns < 2 || rows < 2 || heights.len() != columns.checked_mul(rows)? || width <= 0.0 {
@@ -83,17 +85,17 @@ impl LandForm {
         })
     }
 
-    /// Column along x and place within its cell.
+    /// Cell along x that contains `x`, and the position in it, 0 to 1; clamped to the rectangle.
     fn column(&self, x: f32) -> (usize, f32) {
         self.cell(x - self.corner.x, self.columns)
     }
 
-    /// Row along z and place within its cell.
+    /// Cell along z that contains `z`, and the position in it, 0 to 1; clamped to the rectangle.
     fn row(&self, z: f32) -> (usize, f32) {
         self.cell(z - self.corner.y, self.rows)
     }
 
-    /// Cell and place within it, of a distance from the edge, m. `count`: heights along this axis.
+    /// Cell at a distance `v` from the edge, m, and the position in it, 0 to 1. `count`: heights along this axis.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     fn cell(&self, v: f32, count: usize) -> (usize, f32) {
         let at = (v / self.step).clamp(0.0, (count - 1) as f32);
@@ -119,7 +121,7 @@ impl LandForm {
         [self.bounds.min.y, self.bounds.max.y]
     }
 
-    /// Its highest and lowest heights over the whole rectangle.
+    /// Box over the rectangle, from the lowest to the highest height.
     pub(super) fn bounds(&self) -> Bounds {
         self.bounds
     }
@@ -128,7 +130,7 @@ impl LandForm {
         at.y < self.height(Vec2::new(at.x, at.z))
     }
 
-    /// Whether a segment dips to less than `slack`, m, over the land.
+    /// True if some point of a segment lies less than `slack`, m, above the land, measured vertically, or below it.
     pub(super) fn meets(&self, [from, to]: [Vec3; 2], slack: f32) -> bool {
         let gap = |t: f32| {
             let p = from.lerp(to, t);
@@ -152,7 +154,7 @@ impl LandForm {
         gap(0.0) < slack || gap(1.0) < slack || (0..3).any(dips)
     }
 
-    /// Whether the surface may pass through a box: false only if it does not.
+    /// Conservative test of a box: false only if the surface does not pass through it.
     pub(super) fn may_touch(&self, within: Bounds) -> bool {
         let (center, half) = (within.center(), within.size() / 2.0);
         // From the middle the land rises or falls by its steepest slope at most.

@@ -1,7 +1,7 @@
-//! Things in the way: what wind flows around and what flying things come to rest on.
+//! Obstacles, which wind flows around and on which flying things come to rest.
 //!
-//! Each tells how far a place is from its surface (negative inside) and which way leads out, exactly near the surface;
-//! far from it a land may answer less than the truth, never more. Space: world, metres, +Y up.
+//! Each gives the distance of a point from its surface (negative inside) and the outward normal, exactly near the surface;
+//! far from a height field the distance may be too small, never too large. Space: world, metres, +Y up.
 //!
 //! ```
 //! use glam::Vec3;
@@ -27,7 +27,7 @@ pub use land::{LandForm, LandGrid};
 pub use prism::{Prism, Side};
 pub use shell::Shell;
 
-/// How far a surface is from a place, and which way leads out of the solid.
+/// Signed distance of a point from the surface of a solid, and the outward normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Nearest {
     /// Distance to the surface, m; negative inside. Far from a land it may be shorter than the true one.
@@ -39,7 +39,7 @@ pub struct Nearest {
 /// Shape of an obstacle.
 #[derive(Debug, Clone)]
 pub enum Form {
-    /// A wall, a box, a house: an upright convex outline drawn out along a level line.
+    /// A wall, a box or a house: a convex vertical outline extruded along a horizontal line.
     Prism(Prism),
     /// A height field over a rectangle of land.
     Land(Arc<LandForm>),
@@ -47,10 +47,10 @@ pub enum Form {
     Shell(Arc<Shell>),
 }
 
-/// One thing in the way.
+/// An obstacle to wind and to flying things.
 #[derive(Debug, Clone)]
 pub struct Solid {
-    /// As the scene calls it; names its maps.
+    /// Name in the scene file and in the file names of its maps.
     pub name: String,
     /// Its shape and place in the world.
     pub form: Form,
@@ -69,7 +69,7 @@ impl Solid {
         }
     }
 
-    /// Whether a place is inside it; for a land, below its surface at any depth.
+    /// True for points inside; of a height field, for all points below it.
     #[inline]
     pub fn contains(&self, at: Vec3) -> bool {
         match &self.form {
@@ -79,7 +79,7 @@ impl Solid {
         }
     }
 
-    /// Distance of a place from its surface, negative inside, and the normal there.
+    /// Signed distance of a point from the surface and the normal at the nearest point of it.
     #[inline]
     pub fn nearest(&self, at: Vec3) -> Nearest {
         match &self.form {
@@ -99,7 +99,7 @@ impl Solid {
         }
     }
 
-    /// Whether its surface may pass through a box: false only if it does not.
+    /// Conservative test of a box: false only if the surface does not pass through it.
     #[inline]
     pub fn may_touch(&self, within: Bounds) -> bool {
         match &self.form {
@@ -115,7 +115,8 @@ impl Solid {
         if let Form::Shell(s) = &self.form { s.open_edges() } else { 0 }
     }
 
-    /// Text of the warning S032 for a mesh that is not closed; `None` for all other solids. `stopped`: what its surface stops all the same.
+    /// Text of the warning S032 for a mesh that is not closed; `None` for all other solids. `stopped`: what its surface stops
+    /// all the same.
     pub fn open_mesh_warning(&self, stopped: &str) -> Option<String> {
         let edges = self.open_edges();
         (edges > 0).then(|| {
@@ -128,16 +129,16 @@ impl Solid {
     }
 }
 
-/// The ground at y = 0, or hills, and all that stands on it.
+/// All obstacles of a scene, with the ground at y = 0 where the scene has no hills.
 #[derive(Debug, Clone, Default)]
 pub struct Solids {
     all: Vec<Solid>,
     boxes: Vec<Bounds>,
-    /// Whether the level y = 0 is ground everywhere.
+    /// True if everything below y = 0 is ground.
     level: bool,
 }
 
-/// A surface near a place, and the solid that it belongs to.
+/// A surface near a point, and the solid that it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Near {
     /// Distance to it and the normal there.
@@ -160,7 +161,7 @@ impl Solids {
         &self.all
     }
 
-    /// The nearest surface within `reach`, m, of a place, or none.
+    /// The surface with the least signed distance among those within `reach`, m, of a point: inside a solid, that of the solid.
     #[inline]
     pub fn near(&self, at: Vec3, reach: f32) -> Option<Near> {
         let level = Near { nearest: Nearest { distance: at.y, normal: Vec3::Y }, which: None };
@@ -187,7 +188,7 @@ impl Solids {
     pub fn meets(&self, segment: [Vec3; 2], slack: f32) -> bool {
         let (low, high) = (segment[0].min(segment[1]) - slack, segment[0].max(segment[1]) + slack);
         self.all.iter().zip(&self.boxes).any(|(solid, b)| {
-            // Land goes on beyond its square.
+            // A height field continues beyond its rectangle, so that its box excludes nothing.
             let near = matches!(solid.form, Form::Land(_)) || low.cmple(b.max).all() && high.cmpge(b.min).all();
             near && solid.meets(segment, slack)
         })
@@ -206,7 +207,7 @@ impl Solids {
         }
     }
 
-    /// Whether a place is in the ground or in a solid.
+    /// True for points in the ground or in a solid; a height field counts only within its box, from its lowest height up.
     #[inline]
     pub fn contains(&self, at: Vec3) -> bool {
         (self.level && at.y < 0.0)

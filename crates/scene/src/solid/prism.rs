@@ -1,4 +1,4 @@
-//! Upright outlines drawn out along a level line: boxes, walls, houses.
+//! Vertical outlines extruded along a horizontal line: boxes, walls, houses.
 
 use glam::{Vec2, Vec3};
 
@@ -6,7 +6,7 @@ use super::Nearest;
 use osier_base::geometry::Bounds;
 use osier_base::math::{cos_f32, sin_f32};
 
-/// A convex outline in the plane of depth and height, drawn out along the width.
+/// A convex outline in the plane of depth and height, extruded along the width.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prism {
     /// Middle of the foot, m.
@@ -20,22 +20,22 @@ pub struct Prism {
     half: f32,
 }
 
-/// A steep face as a rectangle.
+/// A rectangle around a face, with the directions of rows and columns of a map on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Side {
     /// Its upper left corner seen from outside, m.
     pub corner: Vec3,
     /// Vector along the whole upper edge, to the right as seen from outside, m.
     pub along: Vec3,
-    /// Vector down a whole edge, m.
+    /// Vector from the upper to the lower left corner, m.
     pub down: Vec3,
-    /// Unit vector out of it.
+    /// Unit normal, out of the solid.
     pub normal: Vec3,
 }
 
 impl Prism {
-    /// A box. `foot`: middle of its lower face; `size`: width, height, depth, m, all > 0; `turn`: about +Y, radians: the
-    /// width lies along +X, and along -Z after a quarter turn.
+    /// A box. `foot`: centre of its lower face; `size`: width, height, depth, m, all > 0; `turn`: rotation about +Y, rad. At 0
+    /// the width points along +X, at pi/2 along -Z.
     #[inline]
     pub fn block(foot: Vec3, size: Vec3, turn: f32) -> Self {
         let (h, d) = (size.y, size.z / 2.0);
@@ -70,7 +70,7 @@ impl Prism {
         [self.half, -self.half].map(|along| self.outline.iter().map(|p| self.world(*p, along)).collect())
     }
 
-    /// Its steep faces as rectangles, at +depth, -depth, +width, -width; those of gables are as high as the ridge.
+    /// Rectangles of its vertical faces, at +depth, -depth, +width, -width; those of gables reach up to the ridge.
     pub fn sides(&self) -> [Side; 4] {
         let b = self.outline.iter().fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
         let eaves = self.outline.iter().filter(|p| p.x > b.1.x - 1e-6).map(|p| p.y).fold(0.0, f32::max);
@@ -91,7 +91,7 @@ impl Prism {
         [front(1.0), front(-1.0), end(1.0), end(-1.0)]
     }
 
-    /// The rectangle over it as seen from above, at the height of its highest edge: rows along the width, columns along the depth.
+    /// Its horizontal bounding rectangle at the height of its highest edge: rows along the width, columns along the depth.
     pub fn plan(&self) -> Side {
         let (low, high) =
             self.outline.iter().fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
@@ -144,7 +144,7 @@ impl Prism {
         let from = at - self.foot;
         let along = from.dot(self.width);
         let (side, out) = outline(&self.outline, Vec2::new(from.dot(self.depth), from.y));
-        // Beyond the nearer end if above 0.
+        // Signed distance from the nearer end face.
         let over = along.abs() - self.half;
         let end = self.width * if along < 0.0 { -1.0 } else { 1.0 };
         let out = self.depth * out.x + Vec3::Y * out.y;
@@ -158,7 +158,8 @@ impl Prism {
     }
 }
 
-/// Signed distance of a place from a convex outline, counter-clockwise, and the way out of it there.
+/// Signed distance of a point from a convex counter-clockwise outline, negative inside, and the outward unit normal at the
+/// nearest point of the outline.
 fn outline(corners: &[Vec2], p: Vec2) -> (f32, Vec2) {
     let mut inside = (f32::NEG_INFINITY, Vec2::Y);
     let mut outside = (f32::INFINITY, Vec2::Y);
@@ -174,7 +175,7 @@ fn outline(corners: &[Vec2], p: Vec2) -> (f32, Vec2) {
         let away = p - *a - edge * share;
         let distance = away.length();
         if distance < outside.0 {
-            // On the edge itself its own normal is the way out.
+            // On the edge the direction from the nearest point is undefined: the normal of the edge.
             outside = (distance, if distance > 1e-6 { away / distance } else { normal });
         }
     }

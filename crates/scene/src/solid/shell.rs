@@ -11,7 +11,7 @@ use obvhs::bvh2::builder::build_bvh2;
 use super::Nearest;
 use osier_base::geometry::Bounds;
 
-/// A triangle mesh with a tree of boxes over it. One with open edges has a surface, but what is inside is a guess.
+/// A triangle mesh with a bounding volume hierarchy. If it has open edges, what counts as inside is a guess.
 #[derive(Clone)]
 pub struct Shell {
     triangles: Vec<[Vec3; 3]>,
@@ -27,7 +27,8 @@ impl std::fmt::Debug for Shell {
 }
 
 impl Shell {
-    /// `points`, m; triangles counter-clockwise from outside; those without area are left out. None if nothing is left.
+    /// `points`, m; triangles counter-clockwise from outside. Triangles without area or with an unknown point are left out;
+    /// `None` if no triangle is left.
     #[inline]
     pub fn new(points: &[Vec3], triangles: &[[u32; 3]]) -> Option<Self> {
         let at = |i: u32| points.get(i as usize).copied();
@@ -61,21 +62,21 @@ impl Shell {
         self.bounds
     }
 
-    /// Inside by what most of six rays along the axes say: each passes an odd number of walls.
+    /// True if more than three of the six rays along the axes cross the surface an odd number of times.
     pub(super) fn contains(&self, at: Vec3) -> bool {
         let b = self.bounds;
         if at.cmplt(b.min).any() || at.cmpgt(b.max).any() {
             return false;
         }
         let axes = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
-        // A hole in an open mesh misleads the rays through it; the others outvote them.
+        // A hole in an open mesh falsifies the count of the rays through it; the majority of the rays decides.
         axes.iter().filter(|way| self.walls(at, **way) % 2 == 1).count() > 3
     }
 
     /// Number of triangles that the ray from `from` along `way` passes through.
     fn walls(&self, from: Vec3, way: Vec3) -> usize {
         let mut count = 0;
-        // Beyond the mesh in every direction.
+        // Long enough to leave the mesh from any point in its box.
         let far = self.bounds.size().max_element() * 2.0;
         let reach = from + way * far;
         self.each_in_box(Bounds { min: from.min(reach), max: from.max(reach) }, |triangle| {
@@ -106,7 +107,7 @@ impl Shell {
         met
     }
 
-    /// Whether the surface may pass through a box: false only if it does not.
+    /// Conservative test of a box: false only if the surface does not pass through it.
     pub(super) fn may_touch(&self, within: Bounds) -> bool {
         let (center, half) = (within.center(), within.size() / 2.0);
         let mut touched = false;
@@ -137,7 +138,7 @@ impl Shell {
                     }
                 }
             } else {
-                // The nearer child last, so that it comes first.
+                // The nearer child is pushed last and so visited first, which shortens the search.
                 let [a, b] = [node.first_index, node.first_index + 1];
                 let away = |k: u32| self.tree.nodes.get(k as usize).map_or(0.0, |n| square_distance(n.aabb(), at));
                 stack.extend(if away(a) < away(b) { [b, a] } else { [a, b] });
@@ -157,8 +158,9 @@ fn square_distance(b: &Aabb, at: Vec3) -> f32 {
     (low - at).max(at - high).max(Vec3::ZERO).length_squared()
 }
 
-/// Edges, by the bits of their ends, that do not come twice.
+/// Number of edges that do not occur exactly twice; edges are equal if the bits of their end points are.
 fn open_edges(triangles: &[[Vec3; 3]]) -> usize {
+    // Adding 0 turns -0 into 0, whose bits differ although the points coincide.
     let bits = |p: Vec3| p.to_array().map(|v| (v + 0.0).to_bits());
     let mut edges: Vec<[[u32; 3]; 2]> = Vec::with_capacity(triangles.len() * 3);
     for [a, b, c] in triangles {
@@ -172,7 +174,7 @@ fn open_edges(triangles: &[[Vec3; 3]]) -> usize {
     edges.chunk_by(|a, b| a == b).filter(|run| run.len() != 2).count()
 }
 
-/// Whether a ray meets a triangle.
+/// True if the ray from `from` along `way` crosses a triangle, from either side.
 /// Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", 1997.
 fn meets([a, b, c]: [Vec3; 3], from: Vec3, way: Vec3) -> bool {
     let (ab, ac) = (b - a, c - a);

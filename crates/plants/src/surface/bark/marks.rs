@@ -1,10 +1,10 @@
-//! Marks on a bark: cross cracks, dashes and scars, diamonds, pores (lenticels). Their sizes are in cells of a cellular noise, and
-//! the cell's hash decides which cells bear a mark.
+//! Marks on a bark: cross cracks, dashes and scars, diamonds, pores (lenticels). Their sizes are in cells of a cellular noise,
+//! and the cell's hash decides which cells bear a mark.
 
 use crate::surface::periodic_noise::{CellularNoise, FractalNoise, NearestFeature};
 use osier_base::math::smoothstep;
 
-/// Kinds of marks of a bark.
+/// Kind of the marks that are drawn over the plates of a bark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BarkMarks {
     /// Plain bark: only plates, fibres and noise.
@@ -19,14 +19,14 @@ pub enum BarkMarks {
     Pores,
 }
 
-/// A mark at a point: how much of the mark's colour shows, and how far the bark is lowered there.
+/// A mark at a point: share of the mark's colour, 0..1, and change of the bark's height, negative where it is lowered.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Mark {
     pub color: f32,
     pub height: f32,
 }
 
-/// The tables behind the marks.
+/// Tabulated noises from which the marks of a bark are computed.
 pub(super) struct MarkPattern {
     kind: BarkMarks,
     small: CellularNoise,
@@ -50,7 +50,7 @@ impl MarkPattern {
         }
     }
 
-    /// The mark at (x, y) of the unit square.
+    /// The mark at (x, y) of the unit square, y up; repeats beyond it.
     pub fn at(&self, x: f32, y: f32) -> Mark {
         match self.kind {
             BarkMarks::None => Mark::default(),

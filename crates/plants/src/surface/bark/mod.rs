@@ -46,21 +46,21 @@ pub struct BarkSpec {
     pub roughness: [f32; 2],
     /// Pixels along a side of the maps, a power of two, 16..=4096.
     pub side: u32,
-    /// Seed of all noises.
+    /// Seed of all noises: another one gives other plates and marks of the same kind.
     pub seed: u64,
 }
 
 /// A pattern that is laid over a bark, in relief and tint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BarkGrain {
-    /// Cells along a side.
+    /// Cells along each side of the square pattern, at least 1.
     pub side: usize,
     /// Values 0..1, rows from the top, `side` x `side`.
     pub values: Vec<f32>,
 }
 
 impl BarkGrain {
-    /// The value at (x, y) of the unit square, y up; repeats beyond it, straight between cells.
+    /// The value at (x, y) of the unit square, y up; repeats beyond it, linear between the centres of cells.
     pub fn at(&self, x: f32, y: f32) -> f32 {
         let n = self.side.max(1);
         let cell = |v: f32| {
@@ -202,7 +202,7 @@ impl BarkSpec {
         }
     }
 
-    /// Checks all ranges.
+    /// Checks the ranges given at the fields, without those of colours and roughness.
     /// # Errors
     /// `Range` naming the first value outside its range.
     pub fn check(&self) -> Result<()> {

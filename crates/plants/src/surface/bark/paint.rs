@@ -13,7 +13,7 @@ use osier_base::par::par_map;
 use osier_base::units::byte;
 use osier_scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
 
-/// The noises of a bark, tabulated; each has a seed of its own.
+/// The noises of a bark, tabulated; their seeds are derived from that of the bark and differ.
 struct BarkNoise {
     warp: [FractalNoise; 2],
     plates: CellularNoise,
@@ -40,7 +40,7 @@ impl BarkNoise {
     }
 }
 
-/// One pixel before the heights are stretched.
+/// One texel before the heights of the map are stretched to [0, 1].
 struct BarkTexel {
     height: f32,
     /// Brightness of the tint, share of patches, share of marks.
@@ -158,7 +158,7 @@ fn sample(spec: &BarkSpec, t: &BarkNoise, [x, y]: [f32; 2], unwarped: &BarkNoise
     }
 }
 
-/// x^0.6 on [0, 1], within 0.02.
+/// x^0.6 on [0, 1], with an error of at most 0.024.
 fn power_06(x: f32) -> f32 {
     // sqrt(x) and x bracket x^0.6; their blend by 0.8 and 0.2 is close enough and needs no pow.
     let r = x.sqrt();
@@ -173,7 +173,7 @@ fn normalized_heights(samples: &[Vec<BarkTexel>]) -> Vec<f32> {
     all().map(|h| ((h - low) * scale).clamp(0.0, 1.0)).collect()
 }
 
-/// Colours and roughness of a row from its texels and stretched heights.
+/// sRGB bytes of the colours (3 a texel) and bytes of the roughness of a row, from its texels and stretched heights.
 fn paint_row(spec: &BarkSpec, samples: &[BarkTexel], heights: &[f32]) -> (Vec<u8>, Vec<u8>) {
     let [crack, ridge, patch, mark] = [spec.crack, spec.ridge, spec.patch.0, spec.mark].map(Vec3::from_array);
     let mut color = Vec::with_capacity(samples.len() * 3);

@@ -11,19 +11,19 @@ use crate::surface::pixels::next_index;
 use osier_base::math::{self, narrow};
 use osier_scene::{Material, Mesh};
 
-/// Pixels along a side of the picture.
+/// Pixels along a side of the texture, which three crossed billboards share.
 const SIDE: usize = SIDE_U32 as usize;
-/// [`SIDE`] as images count.
+/// [`SIDE`] in the type of image sizes.
 const SIDE_U32: u32 = 256;
 /// Samples along a side of a pixel: hairs are thinner than a pixel, and 64 samples resolve their coverage.
 const SUPERSAMPLING: usize = 8;
-/// Passes of dilation, one pixel each: as many mipmap levels as their logarithm stay free of background.
+/// Passes of dilation, one pixel each: about log2 of their number of mipmap levels stay free of background.
 const DILATION_PASSES: usize = 4;
 
 /// A square picture of one view, rows from the top.
 struct TuftRaster {
     view: BillboardView,
-    /// Half of what a side shows, m.
+    /// Half of the length that a side of the picture spans, m.
     reach: f32,
     /// Samples along a side.
     side: usize,
@@ -48,7 +48,7 @@ impl TuftRaster {
         (Vec2::new(half + p.dot(right) * self.scale(), half - p.dot(up) * self.scale()), p.dot(out))
     }
 
-    /// Draws the samples of a box for which `f` has something to show.
+    /// Draws the surface that `f` returns for the positions of samples in a box; nothing where it returns `None`.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     fn draw(&mut self, [low, high]: [Vec2; 2], f: impl Fn(Vec2) -> Option<BillboardSample>) {
         // Scan the bounding box; a sample keeps the surface nearest to the viewer (depth test).
@@ -133,7 +133,8 @@ fn dilate(texels: &mut [BillboardTexel], side: usize) {
 
 impl Tuft {
     /// The tuft as billboards through its middle. `crossed`: three quads, each with a quarter of the texture, else one that
-    /// faces +Z with all of it. The mesh has one material, the returned one, whose images have straight (not premultiplied) alpha.
+    /// faces +Z with all of it. The mesh has one material, the returned one, whose images have straight (not premultiplied)
+    /// alpha.
     /// Source: own. Hairs are drawn as cylinders with 8 x 8 samples per pixel; the alpha cutoff preserves the covered area.
     pub fn billboards(&self, name: &str, crossed: bool) -> (Mesh, SurfaceMaterial) {
         let (views, pixels) = if crossed { (&VIEWS[..], SIDE / 2) } else { (&VIEWS[..1], SIDE) };
@@ -161,7 +162,7 @@ impl Tuft {
         (mesh.with_material(0), SurfaceMaterial { material, images })
     }
 
-    /// Rasterizes the tuft in one view.
+    /// Rasterizes hairs and stalk in one view. `pixels`: along a side of the picture.
     fn rasterize(&self, view: BillboardView, pixels: usize) -> TuftRaster {
         let mut raster = TuftRaster::new(view, self.radius.max(1e-6), pixels);
         let mut first = 0;

@@ -14,13 +14,13 @@ use osier_scene::{Curves, Fine, Material, MaterialClass, MaterialId, Mesh, Proto
 pub use stalk::stalk;
 pub use tuning::VARIANTS;
 
-/// Share of the hairs that is kept in the middle distance; the rest is made up for by width. Fewer hairs look like straw.
+/// Share of the hairs that is kept in the middle distance; those kept are widened. Fewer hairs look like straw.
 const THINNED_SHARE: f64 = 0.3;
 
 /// How a tuft is modelled: shape of its hairs, thickness of its stalk, and the materials of both.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TuftSpec {
-    /// Each hair is longer or shorter by at most this share, 0..0.9.
+    /// Largest random change of a hair's length, as a share of it, 0..0.9.
     pub jitter: f64,
     /// Radius of a hair where it begins, m.
     pub radius: f64,
@@ -41,7 +41,7 @@ pub enum TuftDetail {
     Tubes,
     /// All hairs as two-sided ribbons.
     Ribbons,
-    /// A third of the hairs as wider ribbons that cover the same area.
+    /// Three tenths of the hairs as ribbons, widened to cover the area of all.
     Thinned,
 }
 
@@ -52,7 +52,7 @@ pub struct Tuft {
     pub hairs: Curves,
     /// Radius of the smallest ball around the origin that holds all hairs and the stalk, m.
     pub radius: f32,
-    /// Lowest point, m, at most 0.
+    /// Least y of hairs and stalk, m, at most 0.
     pub lowest: f32,
     spec: TuftSpec,
     key: u64,
@@ -71,7 +71,7 @@ pub fn tuft(plant: &Plant, spec: &TuftSpec, key: u64) -> Tuft {
         moving: false,
     };
     for (i, axis) in plant.axes.iter().enumerate() {
-        // Scale every hair by a draw of its own stream, resample it, and give it its widths.
+        // Scale every hair by a draw of a separate stream, resample it, and give it its widths.
         let mut stream = Rng::from_key(child(child(key, word("jitter")), i as u64));
         let scale = narrow(1.0 + spec.jitter * stream.range(-1.0, 1.0));
         let line: Vec<Vec3> = plant.nodes.p[plant.nodes_of(axis)].iter().map(|p| *p * scale).collect();
@@ -142,7 +142,7 @@ fn spline(p: [Vec3; 4], t: f32) -> Vec3 {
 }
 
 impl Tuft {
-    /// The tuft as a mesh, hairs first.
+    /// The tuft as a mesh: hairs, then the stalk, which has fewer faces at lower detail.
     pub fn mesh(&self, detail: TuftDetail) -> Mesh {
         // Ribbons are turned about their hairs at random, so that the tuft looks the same from all sides.
         let turn = |i: usize| {
@@ -158,13 +158,13 @@ impl Tuft {
         mesh
     }
 
-    /// The stalk alone; `cut`: segments around, rows from pole to pole.
+    /// The stalk with its material; `cut`: segments around, rows from pole to pole.
     fn stalk(&self, cut: (u32, u32)) -> Mesh {
         stalk(narrow(self.spec.stalk), cut).with_material(self.spec.materials[1])
     }
 
-    /// The first hairs of a fixed shuffle, so much wider that they cover what all of them did.
-    /// Own: widened by the ratio of areas, which that of numbers is but for the hairs' unequal lengths.
+    /// The first hairs of a fixed shuffle, widened so that they cover the area of all hairs.
+    /// Own: widened by the ratio of projected areas; that of numbers would be exact only for hairs of equal length.
     fn thinned(&self) -> Curves {
         let n = self.hairs.counts.len();
         let mut order: Vec<usize> = (0..n).collect();
@@ -183,7 +183,7 @@ impl Tuft {
             out.points.extend_from_slice(&self.hairs.points[range.clone()]);
             out.widths.extend_from_slice(&self.hairs.widths[range]);
         }
-        // Widen by the ratio of projected areas.
+        // A tuft without hairs, or with hairs of no width, has no area to preserve.
         let own = projected_area(&out);
         let factor = if own > 0.0 { narrow(projected_area(&self.hairs) / own) } else { 1.0 };
         out.widths.iter_mut().for_each(|w| *w *= factor);
@@ -197,7 +197,7 @@ impl Tuft {
     }
 }
 
-/// Area that curves cover seen from their sides, m2: the sum of lengths times mean widths.
+/// Projected area of curves at rest seen from their sides, m^2: the sum over segments of length times mean width.
 pub fn projected_area(curves: &Curves) -> f64 {
     let mut first = 0_usize;
     let mut sum = 0.0;
@@ -212,13 +212,13 @@ pub fn projected_area(curves: &Curves) -> f64 {
     sum
 }
 
-/// White hair that light goes through.
+/// Material of white, translucent, two-sided hairs, without images.
 pub fn hair_material(name: &str) -> Material {
     let plain = Material::plain(name.to_owned(), MaterialClass::Catkin, tuning::HAIR, 0.75);
     Material { translucency: tuning::HAIR_LIGHT, double_sided: true, ..plain }
 }
 
-/// Brown skin of the stalk.
+/// Opaque, one-sided material of the brown stalk, without images.
 pub fn stalk_material(name: &str) -> Material {
     Material {
         base_color: tuning::STALK,

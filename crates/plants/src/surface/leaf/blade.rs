@@ -22,9 +22,9 @@ pub enum BladeDetail {
     Close,
     /// For plants near the camera: every tooth, 100 to 250 points.
     Hero,
-    /// For plants seen whole: 40 to 90 points, teeth left to the eye.
+    /// For plants seen whole: 40 to 90 points, without teeth.
     Light,
-    /// For crowns of many thousand leaves: 20 to 50 points, the margin between veins and bays straight.
+    /// For crowns of many thousand leaves: 20 to 50 points, with a straight margin between veins and bays.
     Crown,
 }
 
@@ -35,7 +35,7 @@ const MAX_CROWN_MARGIN_POINTS: usize = 12;
 const SUBDIVISIONS: u32 = 2;
 
 impl BladeDetail {
-    /// Points along each piece of the margin, and whether its teeth are cut.
+    /// Points along each piece of the margin, and whether the margin has teeth.
     fn margin(self) -> (u32, bool) {
         match self {
             Self::Close => (8, true),
@@ -44,7 +44,7 @@ impl BladeDetail {
         }
     }
 
-    /// Where veins have points between the midrib and the margin, as shares of their way.
+    /// Positions of the points of side veins between their ends, from 0 at the midrib to 1 at the margin.
     fn vein_points(self) -> &'static [f32] {
         match self {
             Self::Close | Self::Hero => &[0.34, 0.68],
@@ -64,7 +64,7 @@ impl BladeDetail {
     }
 }
 
-/// Deformation of one leaf, which differs from others of its species.
+/// Random deformation of one variant of a leaf.
 struct BladeVariation {
     /// Dihedral fold of either half against the plane, and bend of the midrib from base to tip, rad.
     fold: f32,
@@ -158,7 +158,7 @@ impl BladeTriangulation {
     }
 }
 
-/// Triangulates an outline along its veins.
+/// Triangulates an outline so that midrib and veins are edges; improved by edge flips, and subdivided for close views.
 fn triangulate_blade(outline: &BladeOutline, detail: BladeDetail) -> BladeTriangulation {
     let mut flat = BladeTriangulation { points: Vec::new(), triangles: Vec::new(), creases: BTreeSet::new() };
     let midrib: Vec<u32> = outline.midrib.iter().map(|y| flat.push(Vec2::new(0.0, *y))).collect();

@@ -1,4 +1,4 @@
-//! Compound leaves: leaflets in pairs along a stalk, each a blade of its own.
+//! Compound leaves: leaflets in pairs along a stalk, each a separate blade.
 
 use glam::{Quat, Vec3};
 
@@ -16,12 +16,12 @@ const ANGLE_DEVIATION: f32 = 0.09;
 const LEAFLET_SHARE: [f32; 2] = [0.75, 0.85];
 /// Share of the leaf's length, from the base of the stalk, at which the lowest pair sits.
 const FIRST_PAIR: f32 = 0.24;
-/// How far the stalk sags, as a share of its length.
+/// Sag of the stalk at its tip below the straight line from its base, as a share of its length.
 const SAG: f32 = 0.06;
 /// Length of the stalk of a leaflet as a share of its blade.
 const LEAFLET_STALK: f32 = 0.04;
 
-/// How a compound leaf is divided.
+/// Number and size of the leaflets of a compound leaf.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompoundSpec {
     /// Number of leaflets, 1..=41: an odd number has one at the tip. 1 is a simple leaf.
@@ -30,9 +30,9 @@ pub struct CompoundSpec {
     pub leaflet_length: f32,
 }
 
-/// A pinnate leaf in the space of [`blade`]: base of the stalk at the origin, stalk along +Y, upper side +Z. `spec` gives the outline
-/// and proportions of the leaflets; its `length` is that of the whole leaf without the petiole below the lowest pair. With one
-/// leaflet it is the blade itself. All leaflets share the maps of the blade.
+/// A pinnate leaf in the space of [`blade`]: base of the stalk at the origin, stalk along +Y, upper side +Z. `spec` gives the
+/// outline and proportions of the leaflets; its `length` is that of the whole leaf without the petiole below the lowest pair.
+/// With one leaflet it is the blade itself. All leaflets share the maps of the blade.
 /// # Errors
 /// `Range` for a value outside its range.
 pub fn compound_leaf(spec: &BladeSpec, compound: &CompoundSpec, variant: u64, detail: BladeDetail) -> Result<Mesh> {
@@ -77,7 +77,7 @@ pub fn compound_leaf(spec: &BladeSpec, compound: &CompoundSpec, variant: u64, de
     };
     for pair in 0..pairs {
         let part = if pairs == 1 { 0.5 } else { pair as f32 / (pairs - 1) as f32 };
-        // Leaflets are longest in the middle.
+        // Leaflets are longest in the middle: a parabola on each half down to the length at that end.
         let end = if part < 0.5 { LEAFLET_SHARE[0] } else { LEAFLET_SHARE[1] };
         let off = 2.0 * part - 1.0;
         let size = 1.0 - (1.0 - end) * off * off;

@@ -43,7 +43,7 @@ fn flipped(points: &[Vec2], s: [u32; 3], t: [u32; 3], shared: (u32, u32)) -> Opt
     let (a, b) = shared;
     let apex = |t: [u32; 3]| t.into_iter().find(|v| *v != a && *v != b);
     let (c, d) = (apex(s)?, apex(t)?);
-    // The order of the shared edge in s tells on which side c lies.
+    // The order of the shared edge in s gives the orientation of the new triangles.
     let k = s.iter().position(|v| *v == c)?;
     let (from, to) = (s[(k + 1) % 3], s[(k + 2) % 3]);
     let new = [[c, from, d], [c, d, to]];

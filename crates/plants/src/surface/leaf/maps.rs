@@ -13,7 +13,7 @@ use osier_base::rng::Rng;
 use osier_base::{Error, Result};
 use osier_scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
 
-/// Linear colours of a leaf.
+/// Linear colours of the maps of a leaf, and their roughness.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafColors {
     /// Blade, in its darker and lighter patches.
@@ -22,7 +22,7 @@ pub struct LeafColors {
     pub vein: [f32; 3],
     /// Along the margin and in small blemishes.
     pub edge: [f32; 3],
-    /// Roughness of the blade between veins.
+    /// Roughness of the blade between veins, 0..1; veins are rougher.
     pub roughness: f32,
 }
 
@@ -118,9 +118,10 @@ pub fn leaf_material(
     Ok(SurfaceMaterial { material, images })
 }
 
-/// Maps `<name>_color` of the same blade in other colours, one for each entry of `colors`: name and colours.
+/// Maps `<name>_color` of the same blade in other colours, one for each entry of `colors`: name and colours. `side` is not
+/// checked.
 /// # Errors
-/// As [`leaf_material`].
+/// `Range` for a value of the blade outside its range.
 pub fn leaf_color_maps(spec: &BladeSpec, colors: &[(String, LeafColors)], side: u32) -> Result<Vec<Image>> {
     spec.check()?;
     let outline = BladeOutline::new(spec, 6, true);
@@ -156,8 +157,8 @@ impl BladeRaster<'_> {
         self.outline.frame.0 + uv * self.outline.frame.1
     }
 
-    /// Lowers `field` to the distance from the segment from `a` to `b`, less `half` (half widths at both ends), within `reach`, all
-    /// in m.
+    /// Lowers `field` to the distance from the segment from `a` to `b`, less `half` (half widths at both ends), within `reach`,
+    /// all in m.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     fn stroke(&self, field: &mut [f32], a: Vec2, b: Vec2, half: [f32; 2], reach: f32) {
         let n = self.side as f32;
@@ -226,8 +227,8 @@ fn stroke_fine_veins(spec: &BladeSpec, grid: &BladeRaster<'_>, f: &mut VeinDista
         let next: Option<&Vein> = half.veins.get(i + 1);
         let before = if i > 0 { half.veins[i - 1].at } else { 0 };
         let after = next.map_or(last, |n| n.at);
-        // Each keeps to its own half of the way to the next vein: the one that leaves first goes farthest.
-        // Two branches to each side, leaving at 45 % and 68 % of the vein, as quadratic Bezier curves.
+        // Two branches to each side, leaving at 45 % and 68 % of the vein, as quadratic Bezier curves. They stay in the half of
+        // the gap beside their vein; the branch that leaves first extends farthest.
         for (from, share) in [(0.45, 0.46), (0.68_f32, 0.26_f32)] {
             let a = vein.point(from);
             for goal in [after, before] {
@@ -252,7 +253,7 @@ fn stroke_fine_veins(spec: &BladeSpec, grid: &BladeRaster<'_>, f: &mut VeinDista
     }
 }
 
-/// The point a share of the way from one of a margin's points to another, counted in points.
+/// The point of a margin between the points of indices `from` and `to`, at a share of the index difference.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the margin")]
 fn margin_point(margin: &[Vec2], from: usize, to: usize, share: f32) -> Vec2 {
     let at = math::lerp(from as f32, to as f32, share);
@@ -279,7 +280,7 @@ impl LeafNoise {
     }
 }
 
-/// Inputs of the texels of a leaf.
+/// What the texels of a leaf's maps are computed from; shared by all rows.
 struct LeafPainter<'a> {
     spec: &'a BladeSpec,
     colors: &'a LeafColors,

@@ -25,7 +25,7 @@ pub use needles::{NeedleSpec, needle_shoot};
 
 use osier_base::{Error, Result};
 
-/// Shape of the margin before teeth.
+/// Shape of the margin without its teeth, with examples of species.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LeafForm {
     /// Widest beyond the middle, with rounded lobes: oaks.
@@ -69,9 +69,9 @@ pub struct Teeth {
 /// Parameters of a leaf blade. Lengths in m, angles in rad.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BladeSpec {
-    /// Shape of the margin before teeth.
+    /// Shape of the margin without its teeth.
     pub form: LeafForm,
-    /// Teeth on the outline.
+    /// Teeth of the margin; a count of 0 leaves it entire.
     pub teeth: Teeth,
     /// Length of the blade without the petiole, 0.001..2 m.
     pub length: f32,
@@ -81,9 +81,9 @@ pub struct BladeSpec {
     pub veins: u32,
     /// Angle between midrib and side veins, 0.3..1.4 rad.
     pub vein_angle: f32,
-    /// How far each half is folded up at the midrib, -1.2..1.2 rad.
+    /// Angle by which each half is folded up at the midrib, -1.2..1.2 rad.
     pub fold: f32,
-    /// How far the tip is bent down against the base, -3..3 rad.
+    /// Angle by which the tip is bent down against the base, -3..3 rad.
     pub curl: f32,
     /// Height of the waves of the margin, share of the width, 0..0.3.
     pub waviness: f32,
@@ -204,7 +204,7 @@ impl BladeSpec {
         }
     }
 
-    /// Checks all ranges.
+    /// Checks the ranges given at the fields, those of form and teeth included.
     /// # Errors
     /// `Range` naming the first value outside its range.
     pub fn check(&self) -> Result<()> {

@@ -1,5 +1,5 @@
-//! Needles of conifers: a piece of shoot with its side twigs and needles all round, of which a tree bears as many as its leaf area
-//! asks for.
+//! Needles of conifers: a piece of shoot with its side twigs and needles all round, of which a tree bears as many as its leaf
+//! area asks for.
 
 use std::f32::consts::TAU;
 
@@ -45,7 +45,7 @@ pub struct NeedleSpec {
     pub twig_angle: f32,
     /// Whether needles are single triangles instead of four: for crowns.
     pub coarse: bool,
-    /// Seed of the irregularities.
+    /// Seed of the random angles and lengths of twigs and needles.
     pub seed: u64,
 }
 
@@ -71,17 +71,17 @@ impl NeedleSpec {
     }
 }
 
-/// A straight shoot that bears needles.
+/// The shoot or one of its side twigs, a straight line along which needles are spread.
 struct Shoot {
     base: Vec3,
-    /// Turns +Y along the shoot.
+    /// Rotation of +Y to the direction of the shoot.
     turn: Quat,
     length: f32,
 }
 
-/// The mesh of one variant: the shoot runs from the origin along +Y, +Z is its upper side, its side twigs lie about the plane of X
-/// and Y. Material 0: needles, strips that taper to their tips and spread towards the tip of the shoot. Material 1: the wood of
-/// shoot and twigs. Own.
+/// The mesh of one variant: the shoot runs from the origin along +Y, +Z is its upper side, its side twigs lie about the plane
+/// of X and Y. Material 0: needles, strips that taper to their tips and spread towards the tip of the shoot. Material 1: the
+/// wood of shoot and twigs. Own.
 /// # Errors
 /// `Range` for a value outside its range.
 pub fn needle_shoot(spec: &NeedleSpec, variant: u64) -> Result<Mesh> {
@@ -112,7 +112,7 @@ pub fn needle_shoot(spec: &NeedleSpec, variant: u64) -> Result<Mesh> {
             let along = (i as f32 + 0.5) / count as f32;
             let azimuth = (planted + i) as f32 * GOLDEN_ANGLE_F32;
             let side = Vec3::new(cos_f32(azimuth), 0.0, sin_f32(azimuth));
-            // The last needles close over the tip.
+            // Needles lean towards the shoot near its end, so that the last ones cover the tip.
             let angle = (spec.angle * (1.0 - 0.5 * along * along) + deviate(ANGLE_DEVIATION)).max(0.05);
             let direction = shoot.turn * (Vec3::Y * cos_f32(angle) + side * sin_f32(angle));
             let length = spec.needle * (1.0 + deviate(LENGTH_DEVIATION));
@@ -140,7 +140,8 @@ fn index_of(length: usize) -> u32 {
     length as u32
 }
 
-/// Appends a needle from `from` by `way`, m: three rows of two points, or a triangle. `roll`: of its flat side about it, rad.
+/// Appends a needle from `from` to `from + way`, m: three rows of two points, or a triangle. `roll`: rotation of its flat side
+/// about its length, rad.
 fn push_needle(mesh: &mut Mesh, from: Vec3, way: Vec3, spec: &NeedleSpec, roll: f32) {
     let direction = normalize_or(way, Vec3::Y);
     let across = perpendicular(direction);

@@ -24,7 +24,7 @@ impl Vein {
     }
 }
 
-/// One side of the blade.
+/// Margin and side veins of one side of the flat blade.
 #[derive(Debug, Clone)]
 pub(super) struct BladeHalf {
     /// From the base to the tip of the blade, both included.
@@ -59,12 +59,12 @@ pub(super) struct BladeOutline {
     pub halves: [BladeHalf; 2],
     /// Heights on the midrib: base, all vein roots, tip, increasing.
     pub midrib: Vec<f32>,
-    /// The texture's window: smallest corner and size of the box of the margins with 2 % around, m.
+    /// Part of the plane that the texture covers, m: smallest corner and size of the margins' box, grown by 2 % on every side.
     pub frame: (Vec2, Vec2),
 }
 
 impl BladeOutline {
-    /// The outline of a blade; `smooth`: points along each piece of the margin, `teeth`: drawn or left out.
+    /// The outline of a blade. `smooth`: points along each piece of a margin without teeth; `teeth`: whether teeth are made.
     pub fn new(spec: &BladeSpec, smooth: u32, teeth: bool) -> Self {
         let halves = [half(spec, 1.0, smooth, teeth), half(spec, -1.0, smooth, teeth)];
         let mut midrib = vec![0.0, spec.length];
@@ -76,7 +76,7 @@ impl BladeOutline {
         Self { halves, midrib, frame: (low - pad, high - low + pad * 2.0) }
     }
 
-    /// Texture coordinates of a point of the flat blade.
+    /// Texture coordinates of a point of the flat blade: 0 to 1 over [`Self::frame`].
     pub fn uv(&self, p: Vec2) -> Vec2 {
         (p - self.frame.0) / self.frame.1
     }
@@ -163,8 +163,8 @@ fn petal(notch: f32, aspect: f32) -> Vec<Vec2> {
 /// Angle from the midrib of the lowest lobe of a palmate leaf, rad, and the length of that lobe over the middle one's.
 const LOWEST_LOBE: [f32; 2] = [1.85, 0.5];
 
-/// Pointed lobes about the base, the lowest first: for each its lower shoulder, tip and upper shoulder, then the bottom of the bay
-/// above, as [`lobed`]; then half of the middle lobe.
+/// Pointed lobes about the base, the lowest first: for each its lower shoulder, tip and upper shoulder, then the bottom of the
+/// bay above, as [`lobed`]; then half of the middle lobe.
 #[allow(clippy::cast_precision_loss, reason = "at most 4 lobes")]
 fn palmate(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
     let mut wobble = |amount: f64| math::narrow(draw.range(-amount, amount));
@@ -191,7 +191,7 @@ fn palmate(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
     out.push(at(shoulder, out_to));
     out.push(at(0.34 * shoulder, 0.84));
     out.push(Vec2::new(0.0, 1.0));
-    // In shares of the half width.
+    // x in shares of the widest lobe, since the caller multiplies by the half width.
     let widest = out.iter().fold(0.0_f32, |w, p| w.max(p.x)).max(1e-3);
     out.iter().map(|p| Vec2::new(p.x / widest, p.y)).collect()
 }
@@ -200,7 +200,7 @@ fn palmate(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
 fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> BladeHalf {
     let word = if side > 0.0 { "right" } else { "left" };
     let mut draw = Rng::at(spec.seed, &["blade".into(), word.into()]);
-    // Work on the positive side, then mirror: both sides draw from streams of their own and so differ a little.
+    // Work on the positive side, then mirror: the sides draw from different streams and so differ a little.
     let scale = Vec2::new(spec.width * 0.5, spec.length);
     let points: Vec<Vec2> = control_points(spec, &mut draw).iter().map(|p| *p * scale).collect();
     let lobed = matches!(spec.form, LeafForm::Lobed { .. } | LeafForm::Palmate { .. });
@@ -239,7 +239,7 @@ fn spline(points: &[Vec2], pieces: u32) -> Vec<Vec2> {
     let mut out = Vec::with_capacity(points.len() * pieces as usize);
     for (i, w) in points.windows(2).enumerate() {
         let (a, b) = (w[0], w[1]);
-        // Beyond the ends the margin goes on across the midrib.
+        // Beyond base and tip the margin continues with its mirror image, so that its tangent is level there.
         let before = if i > 0 { points[i - 1] } else { Vec2::new(-b.x, b.y) };
         let after = points.get(i + 2).copied().unwrap_or(Vec2::new(-a.x, a.y));
         for k in 0..pieces {
@@ -262,7 +262,7 @@ fn span(p: [Vec2; 4], u: f32) -> Vec2 {
     mix(mix(a, b, 0.0, t2), mix(b, c, t1, t3), t1, t2)
 }
 
-/// Arc lengths along a polyline.
+/// Arc length of each point of a polyline from the first, m.
 fn arc_lengths(line: &[Vec2]) -> Vec<f32> {
     let mut sum = 0.0;
     let mut out = vec![0.0];
@@ -273,7 +273,7 @@ fn arc_lengths(line: &[Vec2]) -> Vec<f32> {
     out
 }
 
-/// Point and unit direction at arc length `a`.
+/// Point and unit direction at arc length `a`, m, of a polyline with these arc lengths.
 fn along(line: &[Vec2], arc_lengths: &[f32], a: f32) -> (Vec2, Vec2) {
     let k = arc_lengths.partition_point(|v| *v <= a).clamp(1, line.len() - 1);
     let (p, q) = (line[k - 1], line[k]);
@@ -354,7 +354,7 @@ fn evenly_spaced_tips(curve: &[Vec2], spec: &BladeSpec) -> Vec<usize> {
 /// Veins to the given margin points; roots rise along the midrib, the lowest near the base. Positive side.
 fn veins(spec: &BladeSpec, margin: &[Vec2], tips: &[usize], side: f32) -> Vec<Vein> {
     let slope = math::cos_f32(spec.vein_angle) / math::sin_f32(spec.vein_angle);
-    // The two sides alternate a little.
+    // Veins of the left side leave the midrib a little higher, so that the sides alternate.
     let shift = if side > 0.0 { 0.0 } else { 0.012 * spec.length };
     let gap = 0.018 * spec.length;
     let rise = if matches!(spec.form, LeafForm::Lobed { .. }) { 0.6 } else { 0.42 };
@@ -384,7 +384,7 @@ fn veins(spec: &BladeSpec, margin: &[Vec2], tips: &[usize], side: f32) -> Vec<Ve
     out
 }
 
-/// Whether the vein, as meshes cut it, stays off the margin.
+/// True if the polylines that meshes make of the vein lie between midrib and margin.
 fn is_inside_margin(margin: &[Vec2], vein: &Vein) -> bool {
     // The vein as the meshes of the detail levels draw it: polylines with these parameters.
     let cuts: [&[f32]; 2] = [&[0.0, 0.34, 0.68, 1.0], &[0.0, 0.5, 1.0]];

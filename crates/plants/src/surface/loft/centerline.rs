@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-/// A point of a centreline.
+/// A point of the polyline from which the rings of an axis are made.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CurvePoint {
     /// Position in plant space, m.

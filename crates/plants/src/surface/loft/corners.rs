@@ -6,7 +6,7 @@ use super::centerline::CurvePoint;
 use super::tuning::{FILLET_RADIUS, MIN_FILLET_RADIUS, SHARP_CORNER_TAN2, TIGHT_CORNER_RADII};
 use osier_base::math;
 
-/// The two segments that meet in a point of a curve: unit directions before and after it.
+/// The two segments that meet in a point of a curve, with unit directions before and after it.
 struct CurveCorner {
     before: Vec3,
     after: Vec3,
@@ -28,7 +28,7 @@ impl CurveCorner {
     }
 }
 
-/// Whether the centreline has a tight or a sharp corner of more than `turn` (rad).
+/// True if the centreline has a tight or a sharp corner of more than `turn` (rad), which [`fillet_corners`] would round.
 pub(super) fn has_tight_corner(curve: &[CurvePoint], turn: f32) -> bool {
     let least = (0.5 * turn) * (0.5 * turn);
     curve.windows(3).any(|w| {

@@ -49,7 +49,7 @@ fn sized<T: bytemuck::Zeroable + Clone>(mut buffer: Vec<T>, n: usize) -> Vec<T> 
     buffer
 }
 
-/// Consecutive triangles of one material as subsets of a mesh.
+/// Runs of triangles as subsets of a mesh, one after the other from triangle 0 on.
 fn subsets(runs: &[MaterialRun]) -> Vec<Subset> {
     let mut first = 0;
     let subset = |run: &MaterialRun| {
@@ -71,7 +71,7 @@ fn split_arrays<'a>(
     let mut bindings = bindings;
     let mut rest = tubes;
     let mut tasks = Vec::new();
-    // Cut between tubes, so that every task fills ranges of its own and no synchronization is needed.
+    // Cut between tubes, so that the ranges of tasks are disjoint and no synchronization is needed.
     while let Some(first) = rest.first() {
         let first_point = first.points.0;
         let n = rest.partition_point(|t| t.points.0 - first_point < POINTS_PER_TASK).max(1);
@@ -96,7 +96,7 @@ fn split_arrays<'a>(
     tasks
 }
 
-/// Splits the first `n` entries off a slice.
+/// Returns the first `n` entries of a slice and leaves the others in it.
 fn split_off<'a, T>(from: &mut &'a mut [T], n: usize) -> &'a mut [T] {
     let (head, tail) = std::mem::take(from).split_at_mut(n);
     *from = tail;
@@ -106,7 +106,7 @@ fn split_off<'a, T>(from: &mut &'a mut [T], n: usize) -> &'a mut [T] {
 /// Writes one tube: start, rings from the base to the tip, end.
 fn write_tube(tube: &TubeInputs<'_>, out: &mut TubeWriter<'_>) {
     let v_scale = v_scale(tube.context.options, &tube.params);
-    // Start (cap or junction), regular rings joined by strips of quads, end.
+    // `below`: first point of the ring under the next one. Without a junction the first ring has none under it.
     let mut below = write_start(tube, out);
     for ring in tube.rings {
         let first = out.ring(&tube.point_ring(ring, v_scale), tube.circle);

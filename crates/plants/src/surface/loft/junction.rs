@@ -1,5 +1,5 @@
-//! The junction of a side branch: its collar, whose first ring lies on the parent's surface, and the rings from there to the first
-//! regular ring.
+//! The junction of a side branch: its collar, whose first ring lies on the parent's surface, and the rings from there to the
+//! first regular ring.
 
 use glam::{Vec2, Vec3};
 
@@ -78,7 +78,7 @@ struct ConeExit {
     normal: Vec3,
 }
 
-/// The parent's surface as its mesh approximates it.
+/// The parent's surface as its mesh has it: cones between neighbouring rings.
 struct ParentTube<'a> {
     rings: &'a [Ring],
     /// The circle of the parent's own junction, below its first ring; unused without one.
@@ -140,7 +140,7 @@ struct JunctionCorner {
     normal: Vec3,
 }
 
-/// What all corners of a junction share.
+/// Geometry and texture coordinates that all corners of a junction have in common.
 struct JunctionShape<'a> {
     tube: &'a TubeInputs<'a>,
     site: &'a Junction,
@@ -270,7 +270,7 @@ impl JunctionShape<'_> {
     }
 }
 
-/// Inradius over circumradius of a regular polygon, less 0.2 % lest the junction float above the parent's facets.
+/// Inradius over circumradius of a regular polygon, less 0.2 %, so that the junction does not float above the parent's facets.
 fn inscribed_radius(sides: u32) -> f32 {
     0.998 * math::cos_f32(std::f32::consts::PI / sides as f32)
 }

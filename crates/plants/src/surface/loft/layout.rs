@@ -10,7 +10,7 @@ use osier_base::rng::Rng;
 use osier_base::{Error, Result, math};
 use osier_scene::plant::{AxisKind, Plant};
 
-/// Parameters of one tube beyond its rings.
+/// Parameters by which the rings of one tube become points.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TubeParams {
     /// Sides of its polygons, 3..=32.
@@ -28,24 +28,24 @@ pub(super) struct TubeParams {
 /// Parameters and index ranges of all tubes.
 #[derive(Debug, Default)]
 pub(super) struct SkinLayout {
-    /// Of each axis of the plant, in its order.
+    /// Parameters of the tube of each axis, in the plant's order.
     pub params: Vec<TubeParams>,
     /// In the order of the mesh: by material, then by axis.
     pub tubes: Vec<TubeRange>,
     /// Consecutive tubes of one material.
     pub subsets: Vec<MaterialRun>,
-    /// Number of points of all tubes.
+    /// Number of points of all tubes, without those of blades.
     pub points: u32,
-    /// Number of triangles of all tubes.
+    /// Number of triangles of all tubes, without those of blades.
     pub triangles: u32,
 }
 
-/// Consecutive triangles of one material.
+/// A run of triangles of one material, after those of the run before.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MaterialRun {
     /// Index into the plant's materials.
     pub material: u16,
-    /// Number of triangles.
+    /// Number of triangles of its tubes together.
     pub triangles: u32,
 }
 
@@ -77,7 +77,7 @@ pub(super) fn lay_out(plant: &Plant, options: &SkinOptions, plans: &TubePlans) -
     assign_ranges(options, plans, params, &order)
 }
 
-/// Index of an axis' material: the shoots' where it is thin.
+/// Index of the material of an axis: that of shoots if its base is thinner than [`SkinOptions::shoot`] says.
 fn material(plant: &Plant, options: &SkinOptions, plans: &TubePlans, axis: u32) -> u16 {
     match options.shoot {
         Some((r, shoot)) if plans.plan(axis as usize).r_base < r => shoot,
@@ -120,7 +120,7 @@ fn tube_params(
     let (x, y) = (first.e.dot(e), first.t.cross(first.e).dot(e));
     let length = (x * x + y * y).sqrt();
     let roll = if length > 1e-6 { [x / length, y / length] } else { [1.0, 0.0] };
-    // Texture v goes on from the parent's last ring; only its fraction matters to a tile.
+    // Texture v continues from the parent's last ring; its whole part is dropped, since maps repeat.
     let v = parent.uv[1] + v_scale(options, parent) * v_coordinate(options, last);
     let sides = if sides * 2 >= parent.sides { parent.sides } else { sides };
     let repeats = if repeats * 2.0 >= parent.repeats { parent.repeats } else { repeats };
@@ -206,7 +206,7 @@ pub(super) struct CirclePoint {
     pub turn: f32,
 }
 
-/// The corners of the regular polygons of 0 to some number of sides; the last corner repeats the first, for the seam.
+/// Corners of regular polygons by their number of sides; the last corner repeats the first, for the seam.
 #[derive(Debug)]
 pub(super) struct CircleTables(Vec<Vec<CirclePoint>>);
 

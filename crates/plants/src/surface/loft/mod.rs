@@ -39,11 +39,11 @@ use osier_scene::plant::Plant;
 pub enum UvMode {
     /// Keeps the proportions of the maps along the taper: thin branches show finer bark.
     Conformal,
-    /// A fixed number of centimetres per repeat.
+    /// Every repeat has the same length, that of [`SkinOptions::tile`].
     Metric,
 }
 
-/// How finely and in what style a plant is skinned.
+/// Options of [`skin`]: density of rings and sides, texture coordinates, and the widening of branches at their bases.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SkinOptions {
     /// A ring is placed wherever the axis turned by more than this since the last one, rad, 0.01..1.5.
@@ -56,11 +56,11 @@ pub struct SkinOptions {
     pub tile: [f32; 2],
     /// Whether the length of a repeat along an axis follows its radius or is fixed.
     pub uv: UvMode,
-    /// How much wider a branch is where it leaves its parent, as a share of its radius, 0..1.
+    /// Widening of a branch where it leaves its parent, as a share of its radius, 0..1.
     pub collar: f32,
-    /// How much wider a trunk is at the ground, as a share of its radius, 0..2.
+    /// Widening of a trunk at the ground, as a share of its radius, 0..2.
     pub flare: f32,
-    /// How far a trunk goes on below its first node, m, so that uneven ground hides its end.
+    /// Length by which a trunk is extended below its first node, m, so that uneven ground hides its end.
     pub bury: f32,
     /// Axes thinner at their base than the radius (m) take this material (index into the plant's) instead of their own.
     pub shoot: Option<(f32, u16)>,
@@ -113,14 +113,15 @@ pub struct PlantSkin {
     pub mesh: Mesh,
     /// The skeleton location of each point, parallel to `mesh.points`.
     pub bindings: Vec<AxisBinding>,
-    /// One per axis that is no blade, in the order of the mesh: by material, then as in the plant. Each is a closed surface once points that
-    /// share a position are welded.
+    /// One per axis that is no blade, in the order of the mesh: by material, then as in the plant. Each is a closed surface
+    /// once points that share a position are welded.
     pub tubes: Vec<TubeRange>,
 }
 
 /// Skins a plant that [`osier_scene::plant::validate`] accepted. Each axis becomes one closed tube that starts inside its
 /// parent; side branches begin with a widened collar that lies on the parent's surface, branches at the tip continue from the
-/// parent's last ring. Axes of the kind [`osier_scene::plant::AxisKind::Blade`] become strips instead. Positions in m, plant space; normals are exact on cones.
+/// parent's last ring. Axes of the kind [`osier_scene::plant::AxisKind::Blade`] become strips instead. Positions in m, plant
+/// space; normals are exact on cones.
 /// # Errors
 /// `Range` for an option outside its range, `Limit` for more than `max_points` points.
 /// Own: rings, junctions and continuations; frames after [`osier_base::math::transport`].
@@ -133,7 +134,7 @@ pub fn skin(plant: &Plant, options: &SkinOptions) -> Result<PlantSkin> {
 /// As [`skin`], but reuses the buffers of an earlier skin, which avoids page faults for callers that skin repeatedly. The old
 /// contents of `out` do not matter.
 /// # Errors
-/// As [`skin`]; `out` is then unchanged.
+/// As [`skin`]. `out` is then unchanged, unless only the blades exceed `max_points`: then it holds tubes and some blades.
 pub fn skin_into(plant: &Plant, options: &SkinOptions, out: &mut PlantSkin) -> Result<()> {
     check(options)?;
     let plans = tube_plan::plan_tubes(plant, options);

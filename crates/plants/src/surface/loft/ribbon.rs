@@ -11,12 +11,12 @@ use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
 
 /// Angle of each half of a blade to the plane across its midrib, rad: grasses are folded by some 30 degrees in all.
 const FOLD: f32 = 15.0 * PI / 180.0;
-/// A blade has a row of points at least this often along its length, so that it bends smoothly in the wind.
+/// Least number of rows of points along a blade, about evenly spaced, so that it bends smoothly in the wind.
 const MIN_ROWS: f32 = 6.0;
 /// Points of a row: left edge, midrib, right edge.
 const ROW: u32 = 3;
 
-/// A row of points across a blade.
+/// Cross-section of a blade, from which a row of three points is made.
 struct Row {
     p: Vec3,
     q: Quat,
@@ -77,7 +77,7 @@ fn rows(plant: &Plant, options: &SkinOptions, axis: &Axis) -> Vec<Row> {
             rows.push(row);
         }
     }
-    // A root axis goes on below the ground, straight on.
+    // A blade without a parent is extended straight below the ground, as trunks are.
     if let Some(first) = rows.first().filter(|_| axis.parent == NONE && options.bury > 0.0) {
         let below =
             Row { p: first.p - first.q * Vec3::Y * options.bury, q: first.q, half: first.half, s: -options.bury };

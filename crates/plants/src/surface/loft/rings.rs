@@ -166,7 +166,7 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], edges: &[f32], turn: f3
             let gap = k.s - l.s;
             let changed = lt.dot(*t) < limit || k.r < l.r * narrow || k.r > l.r * wide || gap > MAX_RING_SPACING * l.r;
             let close = if fixed && out.len() == start + 1 { 1.0 } else { MIN_RING_SPACING };
-            // Points are looked at one by one only where their bounds do not tell that they are near enough.
+            // Points are tested one by one only where their bounds do not prove that they are near enough.
             let mut deviates = || {
                 passed.add(l, &curve[skipped..=i]);
                 (passed.may_sag(l, &curve[i + 1]) && exceeds_sag(l, &curve[skipped..=i + 1]))
@@ -191,12 +191,12 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], edges: &[f32], turn: f3
 /// Share of a tolerance that bounds may use up, so that rounding does not decide.
 const BOUND_SHARE: f32 = 0.9;
 
-/// Bounds of the points after the last ring, to which points are added as they are passed: a long straight axis would otherwise be
-/// searched again at each of its points.
+/// Bounds of the points after the last ring, to which points are added as they are passed: a long straight axis would otherwise
+/// be searched again at each of its points.
 #[derive(Debug, Default)]
 struct SkippedPoints {
     count: usize,
-    /// Unit direction from the ring to the point that was the last one when points were first added: near ones may turn.
+    /// Unit direction from the ring to the last of the points that were added first; those nearer to the ring may lie aside.
     along: Vec3,
     /// Greatest distances from the ring in that direction and across it, m.
     ahead: f32,
@@ -206,7 +206,7 @@ struct SkippedPoints {
 }
 
 impl SkippedPoints {
-    /// Takes in the points that are new. `from`: the ring; `points`: all points after it so far.
+    /// Adds the points beyond those already counted. `from`: the ring; `points`: all points after it so far.
     fn add(&mut self, from: CurvePoint, points: &[CurvePoint]) {
         if let (0, Some(last)) = (self.count, points.last()) {
             self.along = math::normalize_or(last.p - from.p, Vec3::Y);

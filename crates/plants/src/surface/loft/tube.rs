@@ -15,7 +15,7 @@ pub(super) struct SkinContext<'a> {
     pub plant: &'a Plant,
     pub options: &'a SkinOptions,
     pub plans: &'a TubePlans,
-    /// Of each axis of the plant, in its order.
+    /// Parameters of the tube of each axis, in the plant's order.
     pub params: &'a [TubeParams],
     pub circles: &'a CircleTables,
 }
@@ -34,7 +34,6 @@ pub(super) struct TubeInputs<'a> {
 }
 
 impl<'a> TubeInputs<'a> {
-    /// The inputs of the tube of `axis`.
     pub fn new(context: SkinContext<'a>, axis: u32) -> Self {
         let i = axis as usize;
         let params = context.params[i];
@@ -68,7 +67,7 @@ impl<'a> TubeInputs<'a> {
         }
     }
 
-    /// Writes a flat cap on a ring, with points of its own because of its normal: `t`, or against it for `down`.
+    /// Writes a flat cap on a ring. Its points are not those of the wall, since their normal is `t`, or -`t` for `down`.
     pub fn write_disc(&self, ring: &PointRing, t: Vec3, down: bool, out: &mut TubeWriter<'_>) {
         let normal = if down { -t } else { t };
         let flat = PointRing { axial: normal, radial: 0.0, ..*ring };

@@ -21,7 +21,7 @@ use osier_scene::plant::{Axis, AxisEnd, NONE, PAINTED, Plant};
 pub(super) struct Junction {
     /// Where the centreline meets the parent's surface, m.
     pub o: Vec3,
-    /// Unit direction there.
+    /// Unit direction of the line, out of the parent.
     pub t: Vec3,
     /// Arc length of `o` on the branch, m.
     pub s: f32,
@@ -73,14 +73,13 @@ struct PlanTask {
     rings: Vec<Ring>,
 }
 
-/// The plans of all axes.
+/// The plans of all axes, in tasks of [`AXES_PER_TASK`] that were planned in parallel.
 #[derive(Debug)]
 pub(super) struct TubePlans {
     tasks: Vec<PlanTask>,
 }
 
 impl TubePlans {
-    /// The plan of an axis.
     pub fn plan(&self, axis: usize) -> &TubePlan {
         &self.tasks[axis / AXES_PER_TASK].plans[axis % AXES_PER_TASK]
     }
@@ -134,13 +133,13 @@ fn at_tip(plant: &Plant, parent: &Axis, axis: &Axis) -> bool {
     parent.length - axis.parent_s < 1e-4 * parent.length + 0.1 * r
 }
 
-/// Direction of the last segment of an axis.
+/// Unit direction of the last segment of an axis; +Y if that has no length.
 fn end_direction(plant: &Plant, axis: &Axis) -> Vec3 {
     let last = plant.nodes_of(axis).end - 1;
     math::normalize_or(plant.nodes.p[last] - plant.nodes.p[last - 1], Vec3::Y)
 }
 
-/// Plans the tube of one axis.
+/// What the plan of one tube depends on; no plan depends on another.
 struct TubePlanner<'a> {
     plant: &'a Plant,
     options: &'a SkinOptions,
@@ -173,7 +172,7 @@ impl TubePlanner<'_> {
     /// tangent of the first ring where that is prescribed.
     fn plan_start(&self, curve: &mut Vec<CurvePoint>) -> (TubeStart, Option<Vec3>) {
         let Some(parent) = self.plant.axes.get(self.axis.parent as usize) else {
-            // A branch that stands for itself has no foot in the ground.
+            // An axis of order above 0 without a parent does not stand on the ground: neither flare nor extension below it.
             if self.axis.order > 0 {
                 self.follow_axis(0.0, curve);
                 return (TubeStart::Embedded, None);
@@ -202,7 +201,6 @@ impl TubePlanner<'_> {
         edges.extend(inner.filter(changes).map(|i| self.plant.nodes.s[i]));
     }
 
-    /// Node `i` of the plant as a point of a centreline.
     fn node(&self, i: usize) -> CurvePoint {
         let n = &self.plant.nodes;
         CurvePoint { p: n.p[i], r: n.r[i], s: n.s[i] }
@@ -225,7 +223,7 @@ impl TubePlanner<'_> {
         }
     }
 
-    /// A trunk: it flares towards the ground and goes on below it.
+    /// Centreline of a trunk, which flares towards the ground and continues below it; the lines of a drawing do neither.
     /// Own: r (1 + flare exp(-s / (3 r0))).
     fn root_curve(&self, curve: &mut Vec<CurvePoint>) {
         self.follow_axis(0.0, curve);
@@ -366,7 +364,7 @@ impl TubePlanner<'_> {
     }
 }
 
-/// How a side branch leaves its parent.
+/// Junction of a side branch, and where its regular rings begin.
 struct SideStart {
     junction: Junction,
     /// Arc length of the first regular ring on the branch, m.

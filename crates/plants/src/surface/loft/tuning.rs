@@ -1,12 +1,13 @@
-//! Constants of the loft that no source gives, chosen by eye on the presets. Lengths are in radii of the tube unless a unit is given.
+//! Constants of the loft that no source gives, chosen by eye on the presets. Lengths are in radii of the tube unless a unit is
+//! given.
 
 /// Axes planned as one task: few enough that the allocator reuses their memory, many enough to spread over threads. No effect on
 /// the result.
 pub(super) const AXES_PER_TASK: usize = 64;
-/// Points filled as one task. No effect on the result.
+/// Points filled as one task, in whole tubes: some megabytes, so that handing out tasks costs little. No effect on the result.
 pub(super) const POINTS_PER_TASK: u32 = 1 << 16;
 
-/// Tips of a smaller radius end in one vertex instead of a dome, m: a dome of 3 mm is not seen.
+/// Tips of a smaller radius end in one vertex instead of a dome, m: a dome of 3 mm is not visible on a whole plant.
 pub(super) const POINTED_TIP_RADIUS: f32 = 0.003;
 
 /// A ring is left out while the radius changes by less than this share; smaller values give more rings on tapering axes.
@@ -28,38 +29,41 @@ pub(super) const MAX_LEAN_SHARE: f32 = 0.85;
 /// A corner is tight when the tangent length of a curve through it is less than this many radii: the inner side of the tube
 /// would fold.
 pub(super) const TIGHT_CORNER_RADII: f32 = 1.7;
-/// A corner is kept as a corner, even with space for a curve, when the squared tangent of half its angle is above this: 58 degrees.
+/// A corner is kept as a corner, even with space for a curve, when the squared tangent of half its angle is above this: 58
+/// degrees.
 pub(super) const SHARP_CORNER_TAN2: f32 = 0.3073;
 /// Radius of a fillet arc, in radii of the tube, where the segments are long enough.
 pub(super) const FILLET_RADIUS: f32 = 1.1;
 /// Least radius of a fillet arc: below about 1 the rings meet on its inner side.
 pub(super) const MIN_FILLET_RADIUS: f32 = 1.04;
 
-/// A branch continues its parent's tip with shared points only if the cosine between both directions is at least this (80 degrees).
+/// A branch continues its parent's tip with shared points only if the cosine between both directions is at least this (80
+/// degrees).
 pub(super) const MIN_CONTINUATION_COSINE: f32 = 0.17;
 /// A child that is not the thickest at the tip continues it only if its radius exceeds this share of the parent's.
 pub(super) const MIN_CONTINUATION_RADIUS: f32 = 0.45;
-/// Most that the nearest side of a branch may be away from its parent's centreline where it leaves the parent's surface, in radii of
-/// the parent; a branch beyond it begins on the centreline, without a junction. With 1 the surface itself would be the limit, which
-/// the roughness of polygons passes.
+/// Largest distance of the nearest side of a branch from its parent's centreline where it leaves the parent's surface, in
+/// radii of the parent; a branch beyond it begins on the centreline, without a junction. A value of 1 would be the surface
+/// itself, from which polygons deviate.
 pub(super) const MAX_JUNCTION_DISTANCE: f32 = 1.1;
 /// A branch gets a junction only if the sine of its angle to the parent is at least this (11.5 degrees).
 pub(super) const MIN_JUNCTION_SINE: f32 = 0.2;
-/// The same for the straightened line of the junction, squared.
+/// Square of the least sine between the straightened line of the junction and the parent.
 pub(super) const MIN_JUNCTION_SINE_SQUARED: f32 = 0.04;
 /// A branch gets a junction only if the cosine between the junction's line and the branch beyond it exceeds this (53 degrees).
 pub(super) const MIN_JUNCTION_STRAIGHTNESS: f32 = 0.6;
 
-/// Centrelines of trunks with a flare are sampled at these arc lengths, in base radii: the exponential has decayed to 3.6 % at the
-/// last one.
+/// Centrelines of trunks with a flare are sampled at these arc lengths, in base radii: the exponential has decayed to 3.6 % at
+/// the last one.
 pub(super) const FLARE_SAMPLES: [f32; 8] = [0.6, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 10.0];
 /// A sample is left out if the axis has a node within this many base radii.
 pub(super) const FLARE_SAMPLE_SPACING: f32 = 0.3;
-/// A transition to a continuing branch must advance by at least this share of its length along both of its end tangents; below it
-/// the curve folds back on itself.
+/// A transition to a continuing branch must advance by at least this share of its length along both of its end tangents;
+/// below it the curve folds back on itself.
 pub(super) const MIN_CONTINUATION_ADVANCE: f32 = 0.35;
 
-/// Least distance of a ring that separates two colours from the ring before it, in radii: nearer, its quads would fold in bends.
+/// Least distance of a ring at a change of colour from the ring before it, in radii: nearer, its quads would fold in bends.
 pub(super) const MIN_EDGE_SPACING: f32 = 0.02;
-/// By which share of its arc length a point of the centreline may lie before a change of colours and still carry its ring: rounding.
+/// A point of the centreline gets the ring of a change of colour also if it lies before it by at most this share of its arc
+/// length, for rounding.
 pub(super) const EDGE_TOLERANCE: f32 = 1e-5;

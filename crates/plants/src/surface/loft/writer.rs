@@ -15,9 +15,9 @@ pub(super) struct TubeWriter<'a> {
     pub triangles: &'a mut [[u32; 3]],
     /// Index in the mesh of the first point of the range.
     pub first_point: u32,
-    /// Points written so far.
+    /// Number of points written to the range, the place of the next.
     pub points_written: u32,
-    /// Triangles written so far.
+    /// Number of triangles written to the range, the place of the next.
     pub triangles_written: usize,
 }
 
@@ -40,7 +40,7 @@ pub(super) struct PointRing {
 }
 
 impl TubeWriter<'_> {
-    /// Writes a ring; returns the index of its first point.
+    /// Writes a ring of as many points as `circle` has; returns the mesh index of the first.
     pub fn ring(&mut self, ring: &PointRing, circle: &[CirclePoint]) -> u32 {
         let from = self.points_written as usize;
         let to = from + circle.len();
@@ -58,7 +58,7 @@ impl TubeWriter<'_> {
         self.advance(circle.len())
     }
 
-    /// Writes one point; returns its index.
+    /// Writes one point, such as the middle of a cap; returns its mesh index.
     pub fn point(&mut self, p: Vec3, n: Vec3, uv: Vec2, binding: AxisBinding) -> u32 {
         let i = self.points_written as usize;
         self.points[i] = p;

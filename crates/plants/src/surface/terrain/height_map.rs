@@ -1,32 +1,32 @@
-//! Land of a height map: samples on a grid, brought to the resolution of the mesh.
+//! Terrain from a height map: samples on a grid, resampled to the resolution of the mesh.
 
 use super::Terrain;
 use osier_base::math::lerp;
 use osier_base::{Error, Result};
 
-/// Size and place of the land of a height map, and how its samples are thinned and smoothed.
+/// Size and position of a terrain from a height map, and how its samples are thinned and smoothed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeightMapParams {
     /// Samples along x and along z, each at least 2; the outermost lie on the border of the land.
     pub counts: [usize; 2],
     /// Length along x, m, > 0; that along z follows, as cells are square.
     pub width: f32,
-    /// Middle of the land, x and z, m.
+    /// Centre of the terrain in the world, x and z, m.
     pub center: [f32; 2],
     /// Distance of the heights that are kept in samples of the map, at least 1: 2 keeps half as many along each side.
     pub stride: u32,
     /// Passes of binomial smoothing (1 2 1) over the heights that are kept.
     pub smooth: u32,
-    /// Lowest height, m; lower ones are raised to it.
+    /// Lowest height, m, to which lower ones are raised after smoothing; `None`: no limit.
     pub floor: Option<f32>,
 }
 
 impl Terrain {
-    /// Land of a height map. `heights`: m, rows from -z to +z, in each from -x to +x.
-    /// With a `stride` n samples become round((n - 1) / stride) + 1 heights at equal distances, linear between samples; cells stay
-    /// square within one cell of the length along z.
+    /// Terrain from a height map. `heights`: m, rows from -z to +z, in each from -x to +x.
+    /// With a `stride` n samples become round((n - 1) / stride) + 1 heights at equal distances, linear between samples; cells
+    /// stay square within one cell of the length along z.
     /// # Errors
-    /// `Range` for fewer than two samples along a side, or another number of heights than the counts say.
+    /// `Range` for fewer than two samples along a side, another number of heights than the counts give, or no positive width.
     pub fn from_height_map(heights: &[f32], params: &HeightMapParams) -> Result<Self> {
         let [columns, rows] = params.counts;
         let fits = columns >= 2 && rows >= 2 && columns.checked_mul(rows) == Some(heights.len());
@@ -70,7 +70,7 @@ impl Terrain {
     }
 }
 
-/// The sample before entry `i` of `kept` equal distances over `count` samples, and the place between it and the next.
+/// The sample before entry `i` of `kept` equally spaced ones over `count` samples, and the position from it to the next, 0 to 1.
 fn place_between(i: usize, kept: usize, count: usize) -> (usize, f32) {
     // In whole numbers, so that the last entry falls exactly on the last sample.
     let (whole, rest) = (i * (count - 1) / (kept - 1), i * (count - 1) % (kept - 1));
@@ -110,8 +110,8 @@ mod tests {
 
     #[test]
     fn half_the_resolution_agrees() {
-        // Halving the map moves no height by more than c^2 / 8 of the greatest curvature in the cell, c its diagonal: here 0.18 m at
-        // 2 m between heights. The last row and column stay at the border, whatever the count.
+        // Halving the map moves no height by more than c^2 / 8 of the greatest curvature in the cell, c its diagonal: here 0.18
+        // m at 2 m between heights. The last row and column stay at the border, whatever the count.
         for counts in [[61, 41], [62, 40]] {
             let full = Terrain::from_height_map(&hill(counts[0], counts[1]), &params(counts)).expect("land");
             let half = HeightMapParams { stride: 2, ..params(counts) };

@@ -11,7 +11,7 @@ use osier_base::par::par_map;
 use osier_base::{Error, Result};
 use osier_scene::{Maps, Material, MaterialClass};
 
-/// Linear colours of earth, grass and rock, and where grass and rock lie.
+/// Linear colours of earth, grass and rock, and what decides which of them is on the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TerrainColors {
     /// Colour of earth where neither grass nor rock covers it.
@@ -20,7 +20,7 @@ pub struct TerrainColors {
     pub grass: [f32; 3],
     /// Colour of rock on slopes beyond `steep`.
     pub rock: [f32; 3],
-    /// Share of grass on gentle land, 0..1.
+    /// Share of gentle slopes that grass covers, 0..1; the rest is earth.
     pub cover: f32,
     /// Slope at which grass gives way to rock, rad.
     pub steep: f32,
@@ -49,7 +49,7 @@ const RELIEF: f32 = 0.35;
 /// Binomial passes that give the smoothed land, from which crests and hollows are measured; more passes find broader ones.
 const SMOOTHING_PASSES: u32 = 24;
 
-/// The noises of the land's pattern.
+/// Tabulated noises of the patterns; one period is the whole terrain.
 struct TerrainNoise {
     meadow: FractalNoise,
     worn: FractalNoise,
@@ -106,7 +106,7 @@ pub fn terrain_material(
 }
 
 impl TerrainNoise {
-    /// Lengths are in metres whatever the land's size; what is finer than two pixels is drawn as coarse as the map shows.
+    /// Wavelengths are in metres, independent of the size of the terrain, but at least two pixels of the map.
     fn new(size: [f32; 2], side: u32, seed: u64) -> Self {
         let most = (side / 2).max(1);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the side of a map")]
@@ -128,7 +128,7 @@ impl TerrainNoise {
     }
 }
 
-/// Slope and relative height of the land, bilinear between its heights.
+/// Slope of the terrain and its height over the smoothed terrain, bilinear between the samples.
 struct TerrainShape {
     counts: [usize; 2],
     /// Slope, rad, and height above the smoothed land, m, at each height.
@@ -144,7 +144,7 @@ impl TerrainShape {
         let rows: Vec<usize> = (0..rows).collect();
         let row = |&j: &usize| {
             let one = |i: usize| {
-                // Slope from the normal; height above the smoothed land tells crests (positive) from hollows.
+                // Slope from the normal; the height above the smoothed terrain is positive on crests and negative in hollows.
                 let slope = osier_base::math::acos_f32(land.normal(i, j, 1).y.clamp(-1.0, 1.0));
                 [slope, land.height(i, j) - broad.height(i, j)]
             };
@@ -153,7 +153,7 @@ impl TerrainShape {
         Self { counts: land.counts, cells: pixels::concatenated(par_map(&rows, row)) }
     }
 
-    /// `x`, `y`: shares of the way from -x and -z.
+    /// Slope, rad, and relative height, m. `x`, `y`: shares of the way from -x to +x and from -z to +z, clamped to 0..1.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares of the unit line")]
     fn at(&self, x: f32, y: f32) -> [f32; 2] {
         let split = |v: f32, count: usize| {
@@ -164,7 +164,7 @@ impl TerrainShape {
         };
         let [columns, rows] = self.counts;
         let ((i, f), (j, g)) = (split(x, columns), split(y, rows));
-        // Bilinear interpolation of slope and relative height.
+        // The slopes themselves are interpolated: those of a bilinear surface would jump at the borders of cells.
         let row = |j: usize| {
             let [a, b] = [self.cells[j * columns + i], self.cells[j * columns + i + 1]];
             [0, 1].map(|k| osier_base::math::lerp(a[k], b[k], f))
@@ -187,7 +187,7 @@ fn sample(colors: &TerrainColors, shape: [f32; 2], noise: [f32; 4]) -> MaterialT
     let bare = earth * (1.0 + 0.5 * tufts + 0.25 * strata);
     let stone = rock * (0.9 + 0.55 * strata + 0.25 * tufts);
 
-    // Soil shows where the grass is worn (in patches, on crests, on steeper ground), rock from the steep slope on.
+    // Soil is bare where the grass is worn (in patches, on crests, on steeper ground), rock from the steep slope on.
     let worn_away = worn + 0.30 * tufts + 0.12 * bulge.clamp(-2.0, 2.0) + 1.2 * (slope - 0.6 * colors.steep).max(0.0);
     let soil = smoothstep(-0.12, 0.16, worn_away - (colors.cover - 0.5) * 1.1);
     let crag = smoothstep(-0.09, 0.09, slope - colors.steep + 0.16 * strata + 0.08 * worn);

@@ -6,12 +6,12 @@ use super::{Terrain, splits_along_main_diagonal};
 use osier_base::par::par_map;
 use osier_scene::Mesh;
 
-/// Most cells along a side of a tile: its points are numbered in 16 bits.
+/// Most cells along a side of a tile, so that its 256 x 256 points can be numbered in 16 bits.
 const MAX_TILE_CELLS: usize = 255;
 
 impl Terrain {
-    /// Meshes of one material (0) that cover the land, named by row and column; edges of neighbours share every bit.
-    /// u runs 0..1 along +x, v along -z. Cells are split as [`Terrain::height_at`] has them.
+    /// Meshes of one material (0) that cover the terrain, called `tile_<row>_<column>`; common edges of neighbours are equal bit
+    /// by bit. u runs 0..1 along +x, v along -z. Cells are split as in [`Terrain::height_at`].
     pub fn tiles(&self) -> Vec<(String, Mesh)> {
         let [across, along] = self.counts.map(|n| (n - 1) / self.stride);
         // Cuts at whole cells, so that tiles differ by one cell at most.

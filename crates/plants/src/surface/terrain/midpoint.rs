@@ -7,7 +7,7 @@ use osier_base::par::par_map;
 use osier_base::rng::{Key, Rng, child};
 
 impl Terrain {
-    /// Generates a heightfield.
+    /// Generates a square height field around the origin.
     /// Corners are A u. Level l = 0, 1 .. n - 1 has squares of 2^(n - l) cells and displaces by a_l u, a_l = A 2^(-H l):
     /// first each square's middle, from the mean of its corners (diamond), then each edge's middle, from the mean of
     /// the four heights half a square away (square), by a_l 2^(-H / 2) u. u is uniform in [-1, 1] and drawn at the
@@ -62,7 +62,7 @@ impl Terrain {
         }
     }
 
-    /// The diamond step: sets the middles of squares.
+    /// The diamond step: sets the middles of the squares of a level to the mean of their corners plus `by` u.
     fn diamond(&mut self, level: u32, by: f64, key: u64) {
         let squares = 1_usize << level;
         let step = (self.counts[0] - 1) >> level;
@@ -72,7 +72,7 @@ impl Terrain {
             let (low, high) = (self.row(j * step), self.row((j + 1) * step));
             let one = |i: usize| {
                 let (w, e) = (i * step, (i + 1) * step);
-                // Mean of the four corners plus the displacement.
+                // Summed in double precision and rounded once.
                 let sum = f64::from(low[w]) + f64::from(low[e]) + f64::from(high[w]) + f64::from(high[e]);
                 narrow(0.25 * sum + by * uniform(child(key, i as u64)))
             };
@@ -85,7 +85,7 @@ impl Terrain {
         }
     }
 
-    /// The square step: sets the middles of edges.
+    /// The square step: sets the middles of the edges of a level's squares to the mean of the heights around plus `by` u.
     fn square(&mut self, level: u32, by: f64, key: u64) {
         let m = 2_usize << level;
         let k = (self.counts[0] - 1) / m;
@@ -113,12 +113,12 @@ impl Terrain {
         }
     }
 
-    /// Heights of row `j` from -z.
+    /// Heights of row `j`, counted from -z, from -x to +x.
     fn row(&self, j: usize) -> &[f32] {
         &self.heights[j * self.counts[0]..(j + 1) * self.counts[0]]
     }
 
-    /// One binomial pass, 1 2 1 both ways; at an open border the missing height is the border's own.
+    /// One binomial pass, 1 2 1 along both axes; beyond a border that is not tileable the border's heights are repeated.
     pub(super) fn smooth_binomial(&mut self) {
         let [columns, rows] = self.counts;
         let before = |v: usize, n: usize| if v > 0 { v - 1 } else { [0, n - 2][usize::from(self.tileable)] };
@@ -138,7 +138,7 @@ impl Terrain {
     }
 }
 
-/// Uniform in [-1, 1).
+/// u of a key: uniform in [-1, 1), the first draw of its stream.
 fn uniform(key: u64) -> f64 {
     2.0 * Rng::from_key(key).unit_f64() - 1.0
 }

@@ -1,4 +1,5 @@
-//! Terrain: a heightfield by midpoint displacement, of a height map or of an artist's mesh; its mesh in tiles, its material, and the scattering of plants on it.
+//! Terrain: a heightfield by midpoint displacement, of a height map or of an artist's mesh; its mesh in tiles, its material,
+//! and the scattering of plants on it.
 //!
 //! ```
 //! use osier_plants::surface::terrain::{Terrain, TerrainParams};
@@ -29,24 +30,24 @@ pub use height_map::HeightMapParams;
 pub use material::{TerrainColors, terrain_material};
 pub use surface::{MeshTerrain, SurfaceHit, TerrainSurface};
 
-/// Parameters of a heightfield.
+/// Parameters of [`Terrain::generate`]: midpoint displacement on a square.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TerrainParams {
     /// Number of subdivisions: 2^n + 1 heights along a side, 1..=13.
     pub n: u32,
     /// Length of a side, m, 1..1e6.
     pub size: f64,
-    /// Farthest that the first displacement moves a height, m, 0..1e5.
+    /// Largest displacement of the corners and of the first level, m, 0..1e5.
     pub amplitude: f64,
-    /// Fall of displacements per doubling, 0..=1: 0 is roughest.
+    /// Exponent H: each level displaces by 2^-H of the one before, 0..=1; 0 is roughest.
     pub exponent: f64,
-    /// Heights of the corners (-x -z, +x -z, -x +z, +x +z), m; drawn without.
+    /// Heights of the corners (-x -z, +x -z, -x +z, +x +z), m; `None`: random ones.
     pub corners: Option<[f64; 4]>,
-    /// Opposite edges have equal heights, so that copies of the land join.
+    /// Whether opposite edges get equal heights, so that copies of the terrain join.
     pub tileable: bool,
-    /// Both half steps displace by the same amplitude, as in the paper; false scales the second by 2^(-H / 2).
+    /// Whether both half steps displace by the same amplitude, as in the paper; false scales the second by 2^(-H / 2).
     pub paper: bool,
-    /// Lowest height, m; lower ones are raised to it.
+    /// Lowest height, m, to which lower ones are raised after smoothing; `None`: no limit.
     pub floor: Option<f64>,
     /// Passes of binomial smoothing (1 2 1) over the finished heights, 0..=8.
     pub smooth: u32,
@@ -75,7 +76,7 @@ impl Default for TerrainParams {
 }
 
 impl TerrainParams {
-    /// Checks all ranges.
+    /// Checks the ranges given at the fields; corners and floor must lie within 1e6 m of 0.
     /// # Errors
     /// `Range` naming the first value outside its range.
     pub fn check(&self) -> Result<()> {
@@ -111,15 +112,15 @@ pub struct Terrain {
     pub counts: [usize; 2],
     /// Lengths along x and along z, m.
     pub size: [f32; 2],
-    /// Middle, x and z, m.
+    /// Centre in the world, x and z, m.
     pub center: [f32; 2],
     /// Length of a cell of the mesh in cells of the heights.
     pub stride: usize,
-    /// Opposite edges have equal heights.
+    /// Whether opposite edges have equal heights, and normals at them take both sides into account.
     pub tileable: bool,
     /// Heights, m: rows from -z to +z, in each from -x to +x.
     pub heights: Vec<f32>,
-    /// The mesh whose highest surface the land is; its heights are then samples of it, for what needs a grid.
+    /// Triangles of an artist's mesh, which then define the surface; `heights` are samples of it, for what needs a grid.
     pub surface: Option<Arc<TerrainSurface>>,
 }
 
@@ -130,7 +131,7 @@ impl Terrain {
         self.heights.get(j.min(rows - 1) * columns + i.min(columns - 1)).copied().unwrap_or(0.0)
     }
 
-    /// Length of a cell of the heights, m.
+    /// Distance of neighbouring heights along x, m; cells are square.
     pub fn cell(&self) -> f32 {
         self.size[0] / (self.counts[0] - 1) as f32
     }
@@ -145,13 +146,13 @@ impl Terrain {
         [(x - self.center[0]) / self.size[0] + 0.5, (z - self.center[1]) / self.size[1] + 0.5]
     }
 
-    /// Whether there is land at (x, z): within its rectangle and, for a mesh, not over a hole or beyond its edge.
+    /// True for (x, z) within the rectangle and, for a mesh, neither over a hole nor beyond its edge.
     pub fn covers(&self, x: f32, z: f32) -> bool {
         let inside = [x, z].iter().zip(self.center).zip(self.size).all(|((v, c), s)| (v - c).abs() <= s * 0.5);
         inside && self.surface.as_ref().is_none_or(|mesh| mesh.highest_at(x, z).is_some())
     }
 
-    /// Lowest and highest height, m.
+    /// Lowest and highest point of the surface, m, those of a mesh between the samples included.
     pub fn range(&self) -> [f32; 2] {
         // A mesh may rise and fall between the samples of its heights.
         let corners = self.surface.iter().flat_map(|mesh| mesh.corner_heights());
@@ -163,7 +164,7 @@ impl Terrain {
         self.hit_at(x, z).map_or_else(|| self.triangle_at(x, z).0, |hit| hit.height)
     }
 
-    /// Slope of the mesh at (x, z) as the unit normal of the triangle there.
+    /// Unit normal, upwards, of the triangle at (x, z); not interpolated.
     pub fn normal_at(&self, x: f32, z: f32) -> Vec3 {
         if let Some(hit) = self.hit_at(x, z) {
             return hit.normal;
@@ -172,7 +173,7 @@ impl Terrain {
         Vec3::new(-dx, 1.0, -dz).normalize()
     }
 
-    /// The highest surface of an artist's mesh at (x, z).
+    /// The highest surface of an artist's mesh at (x, z); `None` without a mesh, over a hole and beyond the edge.
     fn hit_at(&self, x: f32, z: f32) -> Option<SurfaceHit> {
         self.surface.as_ref()?.highest_at(x, z)
     }
@@ -203,7 +204,7 @@ impl Terrain {
         (h + f * dx + g * dz, [dx * rate, dz * rate])
     }
 
-    /// Heights of a shown cell: at (i, j), one stride along x, one along z, along both.
+    /// Heights of a cell of the mesh: at (i, j), one stride on along x, one along z, and one along both.
     fn corners(&self, i: usize, j: usize) -> [f32; 4] {
         let s = self.stride;
         [self.height(i, j), self.height(i + s, j), self.height(i, j + s), self.height(i + s, j + s)]
@@ -229,8 +230,8 @@ impl Terrain {
     }
 }
 
-/// True if a cell is split from (-x, -z) to (+x, +z): along the diagonal of the smaller height difference, which follows ridges and
-/// valleys better than a fixed one.
+/// True if a cell is split from (-x, -z) to (+x, +z): along the diagonal of the smaller height difference, which follows
+/// ridges and valleys better than a fixed one.
 fn splits_along_main_diagonal(a: f32, b: f32, c: f32, d: f32) -> bool {
     (a - d).abs() < (b - c).abs()
 }

@@ -1,4 +1,4 @@
-//! Scattering of plants over land: dart throwing in rounds; every candidate draws its random numbers at an address of its own.
+//! Scattering of plants over a terrain: dart throwing in rounds; every candidate has a separate random stream.
 
 use glam::Vec3;
 
@@ -11,37 +11,37 @@ use osier_base::neighbours::NeighbourGrid;
 use osier_base::noise;
 use osier_base::rng::{Key, Rng, child, mix64};
 
-/// Candidates of a cell, one per round. More rounds fill the gaps that the first ones leave; each costs as much time as the first.
+/// Candidates of a cell, one per round. More rounds fill gaps that the first ones leave; each costs at most as much as the first.
 const CANDIDATES_PER_CELL: u32 = 4;
-/// A cell without a point.
+/// Entry of a cell without an accepted point.
 const EMPTY: u32 = u32::MAX;
 
 /// A disc or ring in which points are scattered.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScatterDisc {
-    /// Middle, x and z, m.
+    /// Centre in the world, x and z, m.
     pub at: [f32; 2],
     /// Outer radius, m, > 0.
     pub radius: f32,
     /// Inner radius, m; points keep out of it. 0: a disc.
     pub inner: f32,
-    /// Share of the radius over which it thins out towards the rim, 0..1.
+    /// Share of the radius over which the density falls to 0 at the rim, 0..1.
     pub fade: f32,
 }
 
-/// Grey picture over the whole land, row 0 at -z: black bears nothing, white everything.
+/// Grey picture over the whole terrain, row 0 at -z, whose values multiply the density: 0 is black.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DensityMask {
-    /// Width of the image, pixels.
+    /// Pixels along x, which span the terrain from -x to +x.
     pub width: usize,
-    /// Height of the image, pixels.
+    /// Pixels along z, which span the terrain from -z to +z.
     pub height: usize,
-    /// Density of each pixel, 0..1, row by row.
+    /// `width * height` factors of the density, 0..1, in each row from -x.
     pub values: Vec<f32>,
 }
 
 impl DensityMask {
-    /// The pixel at shares of the way from -x and -z.
+    /// The pixel at shares of the way from -x to +x and from -z to +z, clamped to 0..1.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     fn at(&self, x: f32, y: f32) -> f32 {
         let pick = |v: f32, n: usize| ((v.clamp(0.0, 1.0) * n as f32) as usize).min(n.saturating_sub(1));
@@ -52,28 +52,28 @@ impl DensityMask {
 /// Spacing, density and region of a scatter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScatterParams {
-    /// Least distance between two, m, > 0.
+    /// Least horizontal distance between two points, m, > 0.
     pub spacing: f32,
     /// Least distance to points of earlier scatters, m; `None`: the mean of both spacings.
     pub clear: Option<f32>,
-    /// Steepest slope that bears a point, rad from the horizontal.
+    /// Steepest slope on which points are accepted, rad from the horizontal.
     pub slope_max: f32,
-    /// Lowest and highest ground that bears a point, m.
+    /// Lowest and highest altitude of points, m.
     pub altitude: [f32; 2],
     /// Acceptance probability of a candidate, 0..1.
     pub density: f32,
-    /// Factor of the acceptance probability over the land.
+    /// Factor of the acceptance probability by position; `None`: 1 everywhere.
     pub mask: Option<DensityMask>,
     /// Wavelength of the noise that gathers points into patches, m; 0: evenly distributed.
     pub clump: f32,
     /// Region; `None`: the whole land.
     pub disc: Option<ScatterDisc>,
-    /// Greatest number of points.
+    /// Number of points at which the scatter ends; which ones are accepted is then random.
     pub max_count: usize,
 }
 
 impl Default for ScatterParams {
-    /// Evenly, a metre apart, wherever it is not too steep.
+    /// At least a metre apart over the whole terrain, up to a slope of 0.6 rad.
     fn default() -> Self {
         Self {
             spacing: 1.0,
@@ -98,7 +98,7 @@ pub struct ScatterObstacle {
     pub spacing: f32,
 }
 
-/// An accepted point of a scatter.
+/// An accepted point of a scatter, at which a plant is placed.
 #[derive(Debug, Clone)]
 pub struct ScatterPoint {
     /// Position, x and z, m.
@@ -107,10 +107,10 @@ pub struct ScatterPoint {
     pub rng: Rng,
 }
 
-/// Cells of edge spacing / sqrt 2 over the land: the diagonal is one spacing, so none holds two plants.
+/// Cells of edge spacing / sqrt 2 over the terrain: the diagonal is one spacing, so that none holds two points.
 struct ScatterGrid {
     edge: f32,
-    /// First and last cell along x and along z that is looked at.
+    /// First and last cell along x and along z in which candidates are drawn.
     x: [usize; 2],
     z: [usize; 2],
 }
@@ -124,7 +124,7 @@ impl ScatterGrid {
     fn new(land: &Terrain, params: &ScatterParams) -> Self {
         let edge = params.spacing * std::f32::consts::FRAC_1_SQRT_2;
         let last = land.size.map(|length| ((length / edge).ceil() as usize).max(1) - 1);
-        // Only cells that the disc touches are visited; cells keep the numbers that they have over the whole land.
+        // Only cells that the disc touches are visited; they are numbered as those of the whole terrain, which fixes their draws.
         let span = |axis: usize| match params.disc {
             None => [0, last[axis]],
             Some(d) => {
@@ -145,16 +145,16 @@ impl ScatterGrid {
     }
 }
 
-/// Candidate: its priority and its cell among those looked at.
+/// A candidate by its random priority and its cell among those visited; sorted, the order of acceptance.
 type Candidate = (u64, u32);
 
-/// Points of one scatter. Four rounds over the cells; each draws a candidate per cell, and in the order of (round,
-/// priority, cell) it is taken if it lies within the limits, its chance is met, and none of the same sowing is nearer
-/// than its spacing and none of `taken` nearer than allowed. Distances are level. `key`: the address of the sowing;
-/// what is strewn later moves nothing.
+/// Points of one scatter. Each of four rounds draws a candidate in every cell without a point. In the order of (round,
+/// priority, cell) a candidate is accepted if it lies within the limits, by its probability, and if no point of this scatter
+/// is nearer than the spacing and none of `taken` nearer than allowed, horizontally. `key`: from [`scatter_key`]; scatters
+/// made later do not change the result.
 /// # Errors
 /// `Limit` beyond the candidates allowed.
-/// Own: dart throwing with a grid; a cell that holds a plant is drawn no more, as no other fits in.
+/// Own: dart throwing with a grid; a cell with a point gets no further candidates, since no second point fits in.
 pub fn scatter(
     land: &Terrain,
     params: &ScatterParams,
@@ -186,7 +186,7 @@ pub fn scatter(
                 return Ok(points);
             }
             let cell = *cell as usize;
-            // Every candidate has a stream of its own: position, acceptance, and what the caller draws later.
+            // One stream per candidate gives its position, its acceptance, and what the caller draws later.
             let mut rng = candidate_rng(&cells, key, cell);
             rng.next_u64();
             let at = candidate_position(&cells, land, cell, &mut rng);
@@ -203,7 +203,7 @@ pub fn scatter(
     Ok(points)
 }
 
-/// The draws of a cell's candidate, at (row, column) of the whole land's cells.
+/// The random stream of a cell's candidate, by row and column among the cells of the whole terrain.
 fn candidate_rng(cells: &ScatterGrid, key: u64, cell: usize) -> Rng {
     let (row, column) = (cells.z[0] + cell / cells.width(), cells.x[0] + cell % cells.width());
     Rng::from_key(child(child(key, row as u64), column as u64))
@@ -217,7 +217,7 @@ fn candidate_position(cells: &ScatterGrid, land: &Terrain, cell: usize, rng: &mu
     [at(0, column, u), at(1, row, v)]
 }
 
-/// Chance that a place bears a plant; 0 outside of the limits.
+/// Probability, 0 to 1, that a candidate at (x, z) is accepted; 0 outside of disc, altitudes, slope and terrain.
 fn chance(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
     if !land.covers(at[0], at[1]) {
         return 0.0;
@@ -281,7 +281,7 @@ fn distance_squared(a: [f32; 2], b: [f32; 2]) -> f32 {
     (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])
 }
 
-/// The obstacles with the distance to keep from each.
+/// Points of earlier scatters, each with the distance to keep from it.
 struct ObstacleGrid {
     grid: NeighbourGrid,
     /// Position, x and z, and square of the distance to keep.
@@ -314,7 +314,7 @@ impl ObstacleGrid {
     }
 }
 
-/// The random key of scatter number `entry` of a scene.
+/// The key of scatter number `entry` of a scene of this seed, for [`scatter`].
 pub fn scatter_key(seed: u64, entry: usize) -> u64 {
     Rng::key(seed, &[Key::from("scatter"), entry.into()])
 }

@@ -1,4 +1,4 @@
-//! An artist's mesh as land: its highest surface above any place.
+//! An artist's mesh as terrain: its highest surface along vertical lines.
 
 use std::sync::Arc;
 
@@ -8,13 +8,13 @@ use super::Terrain;
 use osier_base::par::par_map;
 use osier_base::{Error, Result};
 
-/// Triangles whose normal has a smaller vertical share are walls: a vertical line meets them along their edges at most.
+/// Triangles with a smaller vertical component of their unit normal are walls, which a vertical line meets at edges at most.
 const LEAST_RISE: f32 = 1e-6;
-/// Surfaces of one place count as lying above each other from this distance, m. Own: above the rounding of coordinates of a kilometre.
+/// Vertical distance from which two surfaces at one (x, z) count as separate, m. Own: above the rounding of coordinates of 1 km.
 const LEAST_GAP: f32 = 1e-2;
-/// Margin of a triangle, as a share of it, within which a point counts as inside: neighbours leave no gap between them.
+/// Margin of the barycentric coordinates within which a point counts as inside, so that neighbours leave no gap between them.
 const EDGE_MARGIN: f32 = 1e-5;
-/// Mean number of triangles in a cell of the index. Own: lists of a few triangles are scanned faster than finer cells are found.
+/// Triangles of the mesh for each cell of the index. Own: short lists are scanned faster than a finer index is read.
 const TRIANGLES_PER_CELL: usize = 2;
 /// Most cells along a side of the index.
 const MAX_INDEX_SIDE: usize = 2048;
@@ -28,7 +28,7 @@ pub struct SurfaceHit {
     pub normal: Vec3,
 }
 
-/// Triangles with an index by columns of a grid over x and z.
+/// Triangles with an index: for each cell of a grid over x and z, those that overlap it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TerrainSurface {
     triangles: Vec<[Vec3; 3]>,
@@ -45,7 +45,7 @@ pub struct TerrainSurface {
 }
 
 impl TerrainSurface {
-    /// The index of a mesh in world space; `None` for one without a triangle that a vertical line can meet.
+    /// Indexes a mesh in world space, m; `None` for one without a triangle that a vertical line can meet.
     pub fn new(points: &[Vec3], triangles: &[[u32; 3]]) -> Option<Self> {
         // Walls are left out: a vertical line meets their upper edges in the triangles beside them.
         let corner = |i: u32| points.get(i as usize).copied();
@@ -94,7 +94,7 @@ impl TerrainSurface {
         Some(surface)
     }
 
-    /// Lengths along x and along z, m.
+    /// Lengths of the triangles' bounding rectangle along x and along z, m; walls are not counted.
     pub fn size(&self) -> [f32; 2] {
         [self.high[0] - self.low[0], self.high[1] - self.low[1]]
     }
@@ -104,7 +104,7 @@ impl TerrainSurface {
         self.triangles.iter().flatten().map(|p| p.y)
     }
 
-    /// The highest surface at (x, z); `None` over a hole or beyond the edge.
+    /// Height and normal of the highest triangle above or below (x, z), m; `None` over a hole or beyond the edge.
     pub fn highest_at(&self, x: f32, z: f32) -> Option<SurfaceHit> {
         let (mut best, mut of) = (f32::NEG_INFINITY, None);
         self.for_each_hit(x, z, |height, t| {
@@ -117,7 +117,7 @@ impl TerrainSurface {
         Some(SurfaceHit { height: best, normal: if normal.y < 0.0 { -normal } else { normal } })
     }
 
-    /// Whether surfaces lie above each other at (x, z).
+    /// True if surfaces lie above each other at (x, z), by more than [`LEAST_GAP`].
     fn is_folded_at(&self, x: f32, z: f32) -> bool {
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
         self.for_each_hit(x, z, |height, _| (low, high) = (low.min(height), high.max(height)));
@@ -167,7 +167,7 @@ impl TerrainSurface {
     }
 }
 
-/// Cells of the index along x and along z.
+/// Numbers of about square cells of the index along x and along z, at most [`MAX_INDEX_SIDE`] each.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells of an index")]
 fn index_cells(triangles: usize, low: [f32; 2], high: [f32; 2]) -> [usize; 2] {
     let size = [0, 1].map(|axis| (high[axis] - low[axis]).max(1e-3));
@@ -176,7 +176,7 @@ fn index_cells(triangles: usize, low: [f32; 2], high: [f32; 2]) -> [usize; 2] {
     size.map(|length| ((length / edge).ceil() as usize).clamp(1, MAX_INDEX_SIDE))
 }
 
-/// Land of a mesh, with what its sampling found.
+/// Terrain of a mesh, and the faults that its sampling found, for warnings.
 #[derive(Debug)]
 pub struct MeshTerrain {
     /// The highest surface of the mesh, sampled as heights.
@@ -188,8 +188,9 @@ pub struct MeshTerrain {
 }
 
 impl Terrain {
-    /// Land of an artist's mesh. Heights and normals are those of its highest surface; `cells` square cells along the longer side
-    /// sample it for what needs a grid. A sample over a hole gets the height of the nearest sample that is not.
+    /// Terrain of an artist's mesh. Heights and normals are those of its highest surface; `cells` square cells along the longer
+    /// side sample it for what needs a grid. Samples over a hole are filled from its rim inwards with the mean of their
+    /// neighbours.
     /// # Errors
     /// `Range` for a mesh without a length along x or z.
     pub fn from_mesh(surface: TerrainSurface, cells: usize) -> Result<MeshTerrain> {
