@@ -22,7 +22,7 @@ pub struct FormatInfo {
     pub asset_folder: Option<&'static str>,
     /// Single files that it can write: endings without the dot, each with one line for listings.
     pub endings: &'static [(&'static str, &'static str)],
-    /// Whether the textures of a single file are files beside it.
+    /// Whether a single file of the format refers to its textures as separate files beside it.
     pub pictures_beside: bool,
     /// Memory that the exporter holds until the end, percent of the bytes it writes; measured.
     pub memory_percent: u64,

@@ -15,7 +15,7 @@ use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
 use osier_scene::{AssetFrame, Frame, MeshMotion, Scene, check_frame, mesh_points};
 
-/// The entry of the registry.
+/// Registry entry of point caches, which hold points over time and no topology.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "pc2",
     about: "point caches for the glb of profile blender, of plants with motion = \"cache\"",
@@ -36,7 +36,7 @@ pub struct Pc2Exporter {
     numbers: Vec<u32>,
 }
 
-/// The file of one mesh.
+/// The cache file of one deforming mesh, open until the end of the clip.
 #[derive(Debug)]
 struct PointCache {
     asset: usize,

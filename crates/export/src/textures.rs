@@ -64,7 +64,7 @@ impl Textures {
     }
 }
 
-/// An image as a PNG file.
+/// Encodes an image as PNG with its channels and bit depth; colours are marked as sRGB, data are not.
 /// # Errors
 /// X012 if it has the wrong number of samples.
 pub fn png(image: &Image) -> Result<Arc<[u8]>> {

@@ -13,7 +13,7 @@ pub(super) struct WorldJoint {
     pub parent: Option<u32>,
     /// World from joint space.
     pub world: Trs,
-    /// Radius in the world of what it carries at its pivot, m: scaled with the placement.
+    /// Radius of its geometry at the pivot in world space, m: scaled with the placement.
     pub radius: f32,
 }
 

@@ -1,5 +1,5 @@
-//! Coats, such as films of water: where a map sequence gives them weight, a surface is darker and smoother. It keeps its own
-//! normals: what stands on it, such as drops, is meshes.
+//! Coats, such as films of water: where a map sequence gives them weight, a surface is darker and smoother. Its normals do not
+//! change: drops on the surface are meshes.
 
 use std::sync::Arc;
 

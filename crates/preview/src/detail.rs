@@ -16,13 +16,13 @@ const MIN_TRIANGLES: usize = 12;
 /// would break.
 const MAX_TRIANGLES: usize = 2_000;
 
-/// How small a detail the cameras of some pictures resolve, depending on its distance.
+/// Widths of the smallest details that the cameras of some pictures resolve, depending on distance.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DetailLimit {
     cameras: Vec<CameraResolution>,
 }
 
-/// What one camera resolves.
+/// Position of a camera and width of the details that it resolves.
 #[derive(Debug, Clone, Copy)]
 struct CameraResolution {
     eye: Vec3,

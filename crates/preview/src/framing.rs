@@ -50,14 +50,14 @@ impl CameraView {
 #[derive(Debug, Clone, Default)]
 pub struct Subject {
     points: Vec<Vec3>,
-    /// Box around all points in the world, also around those that were thinned out, m; empty without any.
+    /// Box in the world around all points, including those that were thinned out, m; empty without points.
     pub bounds: Bounds,
-    /// True if the scene has ground or terrain, which is not part of the points.
+    /// Whether the scene has ground or terrain, which is not part of the points.
     pub ground: bool,
 }
 
 impl Subject {
-    /// The subject of a scene at a frame, `None` for rest. A scene of terrain alone has the terrain as its subject.
+    /// The subject of a scene at a frame; `None`: at rest. If the scene consists only of terrain, the terrain is the subject.
     pub fn of(scene: &Scene, frame: Option<&Frame>) -> Self {
         let is_terrain =
             |p: &&osier_scene::Placement| scene.assets.get(p.asset).is_some_and(|a| a.kind == AssetKind::Terrain);
@@ -129,7 +129,7 @@ impl Subject {
         Self { points: rotations.flat_map(rotated).collect(), ..self.clone() }
     }
 
-    /// True if the scene has no point that a camera could frame.
+    /// Whether the scene has no point that a camera could frame.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }

@@ -26,7 +26,7 @@ pub struct Light {
     fog: Option<Fog>,
 }
 
-/// What haze makes of light along a ray: it arrives as `radiance * transmittance + in_scattered`.
+/// Effect of haze on light along a ray: it arrives as `radiance * transmittance + in_scattered`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Haze {
     pub(super) transmittance: f32,
@@ -72,7 +72,7 @@ impl Light {
         clear * haze.transmittance + haze.in_scattered
     }
 
-    /// Haze between `eye` and a point `length` m from it along `direction`.
+    /// Effect of haze between `eye` and the point `length` m from it along the unit vector `direction`.
     pub(super) fn haze(&self, eye: Vec3, direction: Vec3, length: f32) -> Haze {
         self.fog.map_or(Haze { transmittance: 1.0, in_scattered: Vec3::ZERO }, |fog| {
             let transmittance = fog.clear(eye, direction, length);

@@ -1,6 +1,6 @@
 //! Quality levels: every trade-off between speed and noise in one place.
 
-/// How much work goes into a picture.
+/// Trade-off between the speed of rendering and the noise of the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quality {
     /// One sample per pixel, rasterised instead of traced, with sunlight and shadows: to judge shapes.
@@ -14,11 +14,11 @@ pub enum Quality {
 /// How far light is followed from a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum LightDepth {
-    /// The sun and its shadows; the sky as an open place sees it.
+    /// The sun with its shadows, and the sky without occluders.
     Sun,
-    /// The occluders of the sky, with a mean brightness.
+    /// Also occluders of the sky, with a mean brightness.
     Sky,
-    /// The light that reaches those occluders.
+    /// Also the light that reaches those occluders.
     Surroundings,
 }
 

@@ -35,7 +35,7 @@ pub(super) struct SolidInstance {
     translation: Vec3,
 }
 
-/// A solid's own space in the world.
+/// Transform from the space of a solid to the world.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WorldFromLocal {
     pub(super) linear: Mat3,
@@ -53,7 +53,7 @@ pub(super) struct SceneHit {
 #[derive(Debug)]
 pub struct RenderScene<'a> {
     pub(super) materials: &'a PreviewMaterials,
-    /// False where a draft is rasterised: without water and with at most [`MAX_DRAFT_PRIMITIVES`] primitives.
+    /// False if a draft is rasterised: then the scene has no water and at most [`MAX_DRAFT_PRIMITIVES`] primitives.
     pub(super) has_bvh: bool,
     solids: Vec<Solid<'a>>,
     instances: Vec<SolidInstance>,
@@ -129,7 +129,7 @@ impl<'a> RenderScene<'a> {
         Self { materials, has_bvh, solids, instances, coats, bvh, bounds, gap }
     }
 
-    /// Number of primitives of each instance.
+    /// Number of primitives of each instance, in the order of the instances.
     pub(super) fn primitive_counts(&self) -> impl ExactSizeIterator<Item = usize> {
         self.instances.iter().map(|i| self.solids.get(i.solid as usize).map_or(0, Solid::len))
     }
@@ -158,7 +158,7 @@ impl<'a> RenderScene<'a> {
         best
     }
 
-    /// Any intersection of a ray, not always the closest: it tells that the sky is occluded, and roughly by what.
+    /// Any intersection of a ray, not always the closest: enough to know that the sky is occluded, and roughly by what.
     pub(super) fn any_hit(&self, ray: Ray) -> Option<SceneHit> {
         let mut found: Option<SceneHit> = None;
         let mut hit = RayHit::none();
@@ -192,7 +192,7 @@ impl<'a> RenderScene<'a> {
         solid.hits_bounds(&local).then_some((solid, local))
     }
 
-    /// An instance and its solid.
+    /// Instance `i` with its solid; `None` beyond the last instance.
     #[inline]
     pub(super) fn instance(&self, i: usize) -> Option<(&SolidInstance, &Solid<'a>)> {
         let instance = self.instances.get(i)?;

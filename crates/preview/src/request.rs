@@ -13,7 +13,7 @@ pub struct RenderRequest {
     pub size: [u32; 2],
     /// Sun and sky of the scene.
     pub light: Light,
-    /// What lies behind and below.
+    /// Appearance of pixels that no object covers, with the height of the floor that receives shadows.
     pub backdrop: Backdrop,
     /// Seed of the sample pattern: it changes the noise of the picture.
     pub seed: u32,

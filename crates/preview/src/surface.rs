@@ -85,8 +85,7 @@ impl RenderScene<'_> {
         };
         // Filter width of textures: the width of the sample on the surface, in texture coordinates.
         let width = footprint(spread * t * direction.length(), attributes.edges, attributes.uv_edges);
-        // Both normals are turned to the side of the viewer; the side itself matters to water
-        // alone.
+        // Both normals are turned to the side of the viewer; only water needs to know the side.
         let is_outside = attributes.normal.dot(direction) <= 0.0;
         let side = if is_outside { 1.0 } else { -1.0 };
         let mut shading_normal = self.mapped_normal(&attributes, width) * side;
@@ -125,7 +124,8 @@ impl RenderScene<'_> {
         self.coats.get(material as usize)?.as_ref()
     }
 
-    /// The interpolated normal, perturbed by the normal map of the material. The map's x runs along growing u, its y along growing v.
+    /// The interpolated normal, perturbed by the normal map of the material. The map's x runs along
+    /// growing u, its y along growing v.
     fn mapped_normal(&self, s: &SurfaceAttributes, width: f32) -> Vec3 {
         let Some(m) = self.materials.normal_map(s.material, s.uv, width) else { return s.smooth_normal };
         // Tangent vectors dp/du and dp/dv of the triangle: the solution of e = dp/du * d.x + dp/dv
@@ -178,7 +178,7 @@ impl RenderScene<'_> {
     }
 }
 
-/// Interpolates the attributes of a triangle.
+/// Attributes at a point of a triangle: interpolated, with normals and edges transformed to the world.
 fn triangle_attributes(
     instance: &SolidInstance,
     triangle: &RayTriangle,

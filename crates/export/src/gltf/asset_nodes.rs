@@ -16,7 +16,7 @@ use super::tracks::{InstanceTrack, MorphFrames, MorphShape, MorphTrack};
 use osier_base::Result;
 use osier_scene::{Asset, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Trs, ribbons};
 
-/// Nodes that each placement of an asset gets below its own; all of them share meshes and accessors.
+/// Nodes below the top node of each placement of an asset; all placements share meshes and accessors.
 #[derive(Debug, Default)]
 pub(super) struct AssetNodes {
     pub joints: Vec<JointNode>,
@@ -25,7 +25,7 @@ pub(super) struct AssetNodes {
     pub templates: Vec<NodeTemplate>,
 }
 
-/// A joint as a node, with its animation.
+/// Node of a joint that is written; joints outside the selection have none.
 #[derive(Debug)]
 pub(super) struct JointNode {
     pub name: String,
@@ -34,10 +34,10 @@ pub(super) struct JointNode {
     pub motion: NodeAnimation,
 }
 
-/// What a node of an asset hangs below.
+/// Parent of a node in the document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NodeParent {
-    /// The placement's node.
+    /// The top node of the placement.
     Placement,
     /// A joint, by its index among the written ones.
     Joint(usize),
@@ -45,7 +45,7 @@ pub(super) enum NodeParent {
     Skin,
 }
 
-/// A node that every placement gets.
+/// A node that is instantiated for each placement of an asset.
 #[derive(Debug)]
 pub(super) struct NodeTemplate {
     pub name: String,
@@ -56,12 +56,12 @@ pub(super) struct NodeTemplate {
     pub parent: NodeParent,
     pub motion: NodeAnimation,
     pub instancing: Option<NodeExtensions>,
-    /// The moving instance that the node is, if any: written only for the placements that it was selected for.
+    /// The moving instance (instancer, instance) that the node shows, written only for placements that selected it.
     pub moving: Option<(usize, usize)>,
 }
 
 impl NodeTemplate {
-    /// A node at rest that shows a mesh.
+    /// A node without animation. Its transform is the dequantization of the mesh, if any.
     pub(super) fn new(name: &str, kind: &'static str, mesh: StoredMesh, parent: NodeParent) -> Self {
         // The transform of a skin's node has no effect: its joints have the dequantization.
         let cube = mesh.cube.filter(|_| parent != NodeParent::Skin);
@@ -236,7 +236,7 @@ impl GltfDocument<'_> {
         Ok(())
     }
 
-    /// Instances that do not move: by extension, or merged into one mesh for each prototype.
+    /// Instances that do not move: by EXT_mesh_gpu_instancing in `web`, else merged into one mesh for each prototype.
     fn add_static_instances(&mut self, nodes: &mut AssetNodes, instancer: &Instancer, label: &str) -> Result<()> {
         for (proto, members) in
             live_by_prototype(instancer, &instancer.rest).into_iter().enumerate().filter(|(_, m)| !m.is_empty())
@@ -266,7 +266,7 @@ impl GltfDocument<'_> {
         Ok(())
     }
 
-    /// Instances attached to joints: nodes below the joints that carry them.
+    /// Instances attached to joints: nodes below the joints that carry them, instanced in `web`, merged per joint otherwise.
     fn add_joint_instances(
         &mut self,
         nodes: &mut AssetNodes,
@@ -402,13 +402,13 @@ impl GltfDocument<'_> {
         };
         let mut poses = tracks.poses.clone();
         let count = poses.len();
-        // Frames may have been skipped: the phase as a share of the clip, in poses.
+        // Frames may have been skipped: converts the phase from frames of the clip to poses.
         let share = phase as usize * count / input.scene.clip.len().max(1);
         poses.rotate_left(share % count);
         self.joint_nodes(source, &selection, &poses)
     }
 
-    /// The written joints as nodes with their keys.
+    /// The selected joints as nodes in the order of the selection, with keys of translation, rotation and scale.
     fn joint_nodes(&mut self, asset: &Asset, selection: &JointSelection, poses: &[Vec<Trs>]) -> Result<Vec<JointNode>> {
         let Some(skeleton) = &asset.skeleton else { return Ok(Vec::new()) };
         let mut joints = Vec::new();
@@ -444,7 +444,7 @@ impl GltfDocument<'_> {
     }
 }
 
-/// Whether joints move the vertices of a mesh, where the document has the joints.
+/// Whether joints move the vertices of a mesh; it is written as a skin only if the document has these joints.
 fn is_skinned(object: &MeshObject) -> bool {
     object.skin.is_some() && matches!(object.motion, MeshMotion::Skinned | MeshMotion::Deforming)
 }

@@ -48,7 +48,8 @@ pub(super) fn encode_gltf(mut document: GltfDocument<'_>, uri: String) -> Result
     Ok((to_json(&document.root)?, bin))
 }
 
-/// The bytes of a finished document, compressed if its options say so, and listed as its buffers.
+/// Takes the bytes out of a finished document, compressed if its options say so, and lists them among its buffers. `uri`:
+/// path of a separate binary file.
 fn take_buffer(document: &mut GltfDocument<'_>, uri: Option<String>) -> Result<Vec<u8>> {
     let fallback = if document.buffer.compressed {
         meshopt::compress(&mut document.buffer, &mut document.root.buffer_views)?

@@ -30,7 +30,7 @@ pub(super) struct InstanceGroup<'a> {
     pub label: &'a str,
 }
 
-/// For each prototype the indices of its live instances, rising; an empty list for one without any.
+/// Indices of the live instances of each prototype, increasing; an empty list for a prototype without any.
 pub(super) fn live_by_prototype(instancer: &Instancer, state: &InstanceState) -> Vec<Vec<usize>> {
     let mut lists = vec![Vec::new(); instancer.prototypes.len()];
     for i in (0..instancer.len()).filter(|&i| state.is_alive(i)) {
@@ -45,7 +45,7 @@ pub(super) fn live_by_prototype(instancer: &Instancer, state: &InstanceState) ->
 const MERGE_CHUNK: usize = 1024;
 
 impl GltfDocument<'_> {
-    /// Adds a prototype as a mesh.
+    /// Adds the mesh of a prototype once, for its instances to refer to; `None` if it has no triangles.
     pub(super) fn add_prototype_mesh(
         &mut self,
         instancer: &Instancer,
@@ -156,6 +156,7 @@ impl GltfDocument<'_> {
             };
             primitives.push(self.build_primitive(&vertices, &mesh.triangles, mesh_material(material))?);
         }
+        // The subsets were joined by material above, so no material occurs in two primitives.
         let mesh = self.push_mesh(JsonMesh { name, primitives, ..JsonMesh::default() })?;
         Ok(mesh.map(|index| StoredMesh { index, cube }))
     }

@@ -9,7 +9,7 @@ use osier_scene::{Asset, Skeleton, SkinWeights, Trs};
 /// Most joints in a skin; viewers hold the matrices of a skin in a uniform buffer or a texture of limited size.
 pub(super) const MAX_JOINTS: usize = 300;
 
-/// The joints of a skeleton that are written.
+/// The joints of a skeleton that are written, and by which of them the others are replaced.
 #[derive(Debug)]
 pub(super) struct JointSelection {
     /// Indices into the skeleton, increasing, so that parents come first.
@@ -98,7 +98,7 @@ fn rank_and_keep(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<b
     order.sort_by(|&a, &b| rank[b].total_cmp(&rank[a]).then(a.cmp(&b)));
 
     let mut keep = vec![false; n];
-    // The root is always kept: every joint without a kept ancestor of its own falls back to it.
+    // The root is always kept: it carries every joint that has no other kept ancestor.
     keep[0] = true;
     // A joint is kept together with its ancestors that are not, or not at all.
     let mut room = limit.saturating_sub(1);

@@ -7,9 +7,9 @@ use osier_scene::{Attribute, MaterialId, Mesh};
 /// The triangles of one material and the vertices they use.
 #[derive(Debug)]
 pub(crate) struct Submesh<'a> {
-    /// Material of all triangles.
+    /// The material that all triangles have in common.
     pub material: MaterialId,
-    /// Indices into the submesh's own vertices.
+    /// Indices into the vertices of the submesh, not into those of the mesh.
     pub triangles: Cow<'a, [[u32; 3]]>,
     /// For each vertex of the submesh its index in the mesh, increasing; `None` if it has all of them.
     pub vertices: Option<Vec<u32>>,

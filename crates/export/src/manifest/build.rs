@@ -22,7 +22,7 @@ pub struct Settings {
     pub up_axis: String,
     /// Time samples from one frame to the next, >= 1.
     pub substeps: u32,
-    /// Largest step from the first written frame that meets all others, >= 1.
+    /// Largest step that reaches all written frames from the first one, at least 1.
     pub step: u32,
     /// First and last frame that is written; `None`: the whole clip.
     pub written: Option<[u32; 2]>,
@@ -63,7 +63,7 @@ impl Default for UnitsEntry {
     }
 }
 
-/// Height that a leaf map's value of 1 stands for unless its material says otherwise, m.
+/// Height for the value 1 of leaf maps in a scene without such maps, m.
 const HEIGHT_RANGE: f32 = 0.004;
 
 /// Builds the manifest. `files`: the folder's finished files; `warnings`: of all exporters, in asset order.
@@ -163,7 +163,7 @@ fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
         })
     };
     let bounds = asset_bounds(asset, &AssetFrame::default());
-    // An empty box has infinite corners, which JSON cannot hold: zeros stand for it.
+    // An empty box has infinite corners, which JSON cannot hold: zeros are written.
     let corners = if bounds.is_empty() { [[0.0; 3]; 2] } else { [bounds.min, bounds.max].map(|v| v.to_array()) };
     let material = |id: u32| scene.materials.get(id as usize).map(|m| m.name.clone());
     AssetEntry {

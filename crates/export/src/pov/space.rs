@@ -25,7 +25,7 @@ impl PovSpace {
         text.put("<").num(x).put(",").num(y).put(",").num(z).put(">");
     }
 
-    /// A length in units. `v`: m.
+    /// A length, converted from m to units.
     pub fn write_length(self, text: &mut TextBuffer, v: f32) {
         text.num(v * self.scale);
     }
@@ -43,7 +43,7 @@ impl PovSpace {
 
 /// `x` rounded to a multiple of `step`, a power of ten, so that its shortest decimal form is short.
 pub(super) fn round_to(x: f32, step: f32) -> f32 {
-    // Divided in double precision by an integer where the step is one over it: the nearest single to k / 1000 prints as such.
+    // Division in double precision by the integer 1 / step: the f32 nearest to k / 1000 prints with three decimals.
     let per_unit = (1.0 / f64::from(step)).round();
     let x = f64::from(x);
     osier_base::math::narrow(if per_unit >= 1.0 { (x * per_unit).round() / per_unit } else { x.round() })

@@ -92,7 +92,7 @@ impl Run {
 }
 
 impl Sweep {
-    /// Runs of equal values, in the order of the first of each.
+    /// Groups of runs with equal values, in the order of their first runs.
     fn groups(&self) -> Vec<Vec<&Run>> {
         let mut groups: Vec<Vec<&Run>> = Vec::new();
         for run in &self.runs {
@@ -113,9 +113,9 @@ impl Sweep {
         self.groups().iter().map(mean).collect()
     }
 
-    /// Writes `sweep.csv` (a row for each run), `means.csv` (a row for each choice of values), `sweep.json`, `sweep.svg` if there are
-    /// keys and runs, and `maps/<choice>/` with mean and standard deviation of each map over the seeds, where `<choice>` is the
-    /// number of a choice of values and the values.
+    /// Writes `sweep.csv` (a row for each run), `means.csv` (a row for each choice of values), `sweep.json`, `sweep.svg` if there
+    /// are keys and runs, and `maps/<choice>/` with mean and standard deviation of each map over the seeds; `<choice>` consists
+    /// of the number of a choice and its values.
     /// # Errors
     /// `Io`; X012 for a map beyond the sizes of an image.
     pub fn write(&self, folder: &Folder) -> Result<()> {

@@ -6,10 +6,10 @@ use crate::up_axis::UpAxis;
 use osier_base::Result;
 use osier_scene::Scene;
 
-/// Metadata of a layer.
+/// Metadata in the header of a layer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerMetadata {
-    /// Name of the root prim, without `/`, which a reference to the layer shows.
+    /// Name of the root prim, without `/`, to which a reference without a prim path refers.
     pub default_prim: String,
     pub up: UpAxis,
     /// Time codes per second; a time code is a frame.
@@ -73,7 +73,7 @@ pub struct PrimMetadata {
     pub variants: Option<VariantSet>,
 }
 
-/// A variant set of a prim.
+/// A variant set of a prim and its default selection.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct VariantSet {
     pub set: &'static str,

@@ -9,8 +9,8 @@
 
 use glam::{Quat, Vec3};
 
-/// Most frames that wait between two written samples. It bounds the memory of an instancer (8 frames of transforms) and the
-/// work per frame; a larger value saves samples only of what hardly moves.
+/// Most frames that wait between two written samples. It bounds the memory of an instancer (8 frames of transforms) and the work
+/// per frame; a larger value saves samples only of objects that hardly move.
 const MAX_GAP: usize = 8;
 
 /// Share of the elements that must be restored within [`SampleTolerance::seen`]. Own: a few leaves that flap wildly would keep the
@@ -19,15 +19,15 @@ const SEEN_SHARE: f64 = 0.99;
 /// Most error of the remaining elements, as a multiple of [`SampleTolerance::seen`]. Own.
 const SEEN_MOST: f32 = 4.0;
 
-/// Error up to which samples are left out.
+/// Error up to which samples are omitted.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct SampleTolerance {
-    /// For all elements, in their unit: m or rad. 0 keeps every sample, whatever can be seen.
+    /// Limit for all elements, in their unit: m or rad. 0 keeps every sample, whatever `seen` is.
     pub(super) strict: f32,
-    /// Distance that is too short to be seen, m, for 99 of 100 elements; the others may be off by four times as much. 0: any
-    /// distance is seen.
+    /// Longest invisible distance, m, for 99 of 100 elements; the others may be off by four times as
+    /// much. 0: every distance is visible.
     pub(super) seen: f32,
-    /// For each element the distance by which an error of one unit moves what it carries, m per unit; empty: 1.
+    /// For each element the lever by which an error of one unit becomes a distance, m per unit; empty: 1 for all.
     pub(super) levers: Vec<f32>,
 }
 
@@ -54,14 +54,14 @@ impl Interpolated for Quat {
     }
 }
 
-/// A time sample of an array attribute.
+/// Values of an array attribute at a time code, one for each element.
 #[derive(Debug, Clone)]
 pub(super) struct TimeSample<T> {
     pub(super) time: f64,
     pub(super) values: Vec<T>,
 }
 
-/// Takes the frames of one array attribute and returns those that must be written as time samples.
+/// Takes the frames of one array attribute one by one, and returns those that must be written as time samples.
 #[derive(Debug)]
 pub(super) struct SampleReducer<T> {
     tolerance: SampleTolerance,

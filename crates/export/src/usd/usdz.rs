@@ -45,7 +45,7 @@ pub(super) struct UsdzWriter {
 /// A member as the central directory lists it.
 struct ZipEntry {
     name: String,
-    /// Of its local file header.
+    /// Offset of its local file header in the package.
     offset: u64,
     bytes: u64,
     crc: u32,

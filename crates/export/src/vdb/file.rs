@@ -22,7 +22,7 @@ const LIBRARY_VERSION: [u32; 2] = [12, 0];
 /// Children of a node of level 5 and of one of level 4.
 const CHILDREN_5: usize = 1 << 15;
 const CHILDREN_4: usize = 1 << 12;
-/// Most active voxels of a file.
+/// Most active voxels of a file; more are refused (X010).
 pub(super) const MAX_VOXELS: u64 = 64_000_000;
 /// Level of zlib, 1 to 9; larger ones take longer and save little on half-precision numbers.
 const ZLIB_LEVEL: u8 = 6;
@@ -40,7 +40,7 @@ pub(super) struct FilledGrid<'a> {
     pub values: &'a VolumeFrame,
 }
 
-/// The file of some grids at a frame.
+/// The file of `grids` at a frame: header and metadata, then the grids in the order of their names.
 /// # Errors
 /// X001 for a value that is not finite, X010 for too many voxels.
 pub(super) fn vdb_bytes(
@@ -83,14 +83,14 @@ pub(super) fn too_many_voxels(file: &str, frame: u32, voxels: u64) -> Error {
     Error::export("X010", message)
 }
 
-/// An identifier in the form 8-4-4-4-12 that the contents' names determine.
+/// An identifier in the form 8-4-4-4-12, which depends only on the hash of the scene, the name of the file and the frame.
 fn uuid(hash: &str, file: &str, frame: u32) -> String {
     let hex = blake3::hash(format!("{hash} {file} {frame}").as_bytes()).to_hex();
     let part = |from: usize, to: usize| &hex.as_str()[from..to];
     [part(0, 8), part(8, 12), part(12, 16), part(16, 20), part(20, 32)].join("-")
 }
 
-/// A value of the metadata.
+/// A metadata value of one of the types that osier writes.
 enum Meta<'a> {
     Bool(bool),
     Int32(i32),

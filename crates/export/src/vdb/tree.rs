@@ -71,7 +71,6 @@ impl Leaf {
     }
 }
 
-/// The value of a voxel.
 #[derive(Debug, Clone, Copy)]
 enum Value {
     Scalar(f32),
@@ -86,7 +85,7 @@ impl Value {
         }
     }
 
-    /// NaN is active, so that it is found when it is written.
+    /// Whether it differs from the background. NaN counts as active, so that it is reported when it is written.
     fn is_active(self) -> bool {
         match self {
             Self::Scalar(v) => v.is_nan() || v.abs() > INACTIVE,

@@ -75,7 +75,7 @@ struct DraftRenderer<'d, 'w> {
     draw_list: DrawList,
 }
 
-/// What the pixels of a band show.
+/// The visible point of each pixel of a band, as input of shading.
 struct VisiblePoints {
     hits: Vec<Vec<PixelHit>>,
     /// Positions just off the surface, m, indexed by row and column; NaN where nothing is hit.
@@ -113,7 +113,7 @@ impl<'d, 'w> DraftRenderer<'d, 'w> {
         Ok(VisiblePoints { hits, positions, is_sunlit })
     }
 
-    /// The finished pixels of a band.
+    /// Shades the pixels of a band, in parallel by rows.
     fn shade(&self, band: RowBand, visible: &VisiblePoints, sky_visibility: &SkyVisibility) -> Vec<[u8; 4]> {
         let width = band.size[0] as usize;
         let row = |y: &usize| -> Vec<[u8; 4]> {
@@ -128,7 +128,7 @@ impl<'d, 'w> DraftRenderer<'d, 'w> {
         par_map(&rows, row).concat()
     }
 
-    /// What pixel `i` of a band shows, and the point from which sun and sky are looked for.
+    /// The surface that pixel `i` of a band shows, and the point from which the visibility of sun and sky is tested.
     fn visible_point(&self, buffer: &VisibilityBuffer<'_>, band: RowBand, i: usize) -> (PixelHit, Vec3) {
         let PrimaryRay { direction: d, floor_distance } =
             self.camera.primary_ray(self.floor, band.pixel_position(i), [0.5, 0.5]);

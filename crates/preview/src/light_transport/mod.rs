@@ -11,14 +11,14 @@ use super::sampler::Sampler;
 use super::surface::SurfaceInteraction;
 use osier_base::math;
 
-/// Refractions and reflections in a row; beyond them the sky is seen.
+/// Most refractions and reflections of a path; beyond them it is assumed to reach the sky.
 const MAX_DEPTH: u32 = 6;
 /// Radiance of one sample at most. Clamping loses the energy of rare fireflies: a glint on water is bright, not a
 /// speck of noise.
 const MAX_SAMPLE_RADIANCE: f32 = 6.0;
-/// Fraction of sky and sun that surfaces around a point see, where no ray finds out. Own: chosen by eye.
+/// Visible fraction of sky and sun around a point, assumed where no ray tests it. Own: chosen by eye.
 const SURROUNDINGS_OPENNESS: f32 = 0.3;
-/// Fraction of the sky that a surface sees, where it is not looked up. Own: chosen by eye.
+/// Visible fraction of the sky, assumed where it is not looked up. Own: chosen by eye.
 const DEFAULT_SKY_VISIBILITY: f32 = 0.8;
 /// Rays to the sky for each sample of the floor.
 const FLOOR_SKY_RAYS: u32 = 4;
@@ -27,7 +27,7 @@ const DIMENSIONS_PER_DEPTH: u32 = 8;
 /// Mean cosine at which light from one side meets the visible half of a hair, over all directions of hairs.
 const MEAN_HAIR_COSINE: f32 = 0.4;
 
-/// One sample of a pixel.
+/// Parameters of one sample of a pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SampleContext<'a> {
     pub(super) sampler: &'a Sampler,
@@ -36,7 +36,7 @@ pub(super) struct SampleContext<'a> {
     pub(super) spread: f32,
     /// How far light is followed.
     pub(super) light_depth: LightDepth,
-    /// False if ambient light is known well enough from other samples.
+    /// Whether a ray samples ambient light; false if other samples of the pixel have determined it well enough.
     pub(super) samples_ambient: bool,
     /// Visibility of sun and sky, if it was computed beforehand.
     pub(super) precomputed: Option<PrecomputedLight>,
@@ -59,7 +59,7 @@ pub(super) struct ScatteredLight {
     pub(super) direct: Vec3,
     /// Fraction of `ambient` that is scattered towards the viewer.
     pub(super) diffuse: Vec3,
-    /// Radiance of the sky, or of what stands before it, from one direction drawn at random.
+    /// Radiance of the sky, or of its occluder, from one random direction.
     pub(super) ambient: Vec3,
     /// 1 if `ambient` was sampled, else 0.
     pub(super) ambient_samples: f32,
@@ -73,7 +73,7 @@ impl ScatteredLight {
     }
 }
 
-/// Light of sun and sky that a white, level floor sends back.
+/// Light of sun and sky that a white, level floor reflects.
 struct FloorLight {
     sun: Vec3,
     sky: Vec3,
@@ -169,7 +169,7 @@ impl LightPath<'_, '_> {
         self.scattered(o, d, &self.world.closest_hit(ray(o, d, [0.0, far]))?)
     }
 
-    /// Light that a hit sends back along the ray.
+    /// Radiance that the surface at a hit scatters towards the origin of the ray, with haze for camera rays.
     fn scattered(&self, o: Vec3, d: Vec3, hit: &SceneHit) -> Option<ScatteredLight> {
         let surface = self.world.surface(hit, o, d, self.sample.spread)?;
         let mut light = if surface.shading.water {
@@ -189,9 +189,9 @@ impl LightPath<'_, '_> {
         Some(light)
     }
 
-    /// Light that an opaque or thin surface sends back along `d`: a diffuse lobe, of which a fraction `translucency`
-    /// leaves on the other side, under the gloss of a rough dielectric. What the gloss reflects, the diffuse lobe
-    /// lacks.
+    /// Light that an opaque or thin surface scatters against the direction `d`: a diffuse lobe, of which a fraction
+    /// `translucency` leaves on the other side, under the gloss of a rough dielectric. The gloss reduces the diffuse lobe
+    /// by the light that it reflects.
     fn shade_surface(&self, d: Vec3, s: &SurfaceInteraction) -> ScatteredLight {
         let f = &s.shading;
         let to_viewer = -math::normalize_or(d, Vec3::Z);
@@ -236,8 +236,8 @@ impl LightPath<'_, '_> {
         ScatteredLight { direct, diffuse, ambient, ambient_samples, ..ScatteredLight::default() }
     }
 
-    /// Light of the sky without a ray: that of the mean sky, for normals from straight down to straight up 0.12 to 1
-    /// of it; for a translucent surface the other side counts as well.
+    /// Light of the sky without a ray: the mean sky times 0.12 to 1 for normals from straight down to straight up. For a
+    /// translucent surface, the other side counts as well.
     fn estimated_sky(&self, s: &SurfaceInteraction) -> Vec3 {
         let visibility = self.sample.precomputed.map_or(DEFAULT_SKY_VISIBILITY, |known| known.sky);
         let up = s.shading_normal.y * (1.0 - 2.0 * s.shading.translucency);

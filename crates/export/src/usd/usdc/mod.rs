@@ -24,7 +24,7 @@ const HEADER_BYTES: usize = 88;
 const MAGIC: &[u8; 8] = b"PXR-USDC";
 const VERSION: [u8; 8] = [0, 8, 0, 0, 0, 0, 0, 0];
 
-/// Writes a layer as a crate file.
+/// Writes a layer as a crate file; values go to the file when they arrive.
 pub struct UsdcWriter {
     heap: ValueHeap,
     tokens: Interner,
@@ -49,7 +49,7 @@ struct ChildNames {
     properties: Vec<u32>,
 }
 
-/// The time samples of an attribute.
+/// The time samples of an attribute, whose values are in the file already.
 #[derive(Debug)]
 struct TimeSamples {
     spec: usize,
@@ -70,7 +70,7 @@ enum SampleTimes {
 }
 
 impl UsdcWriter {
-    /// A writer into `sink`.
+    /// Starts a crate file in `sink`; the pseudo-root is its first spec.
     pub(crate) fn new(sink: Box<dyn ByteSink>) -> Self {
         let mut tokens = Interner::default();
         // PATHS marks a property by the negated number of its name, so number 0 goes to a token that names nothing; OpenUSD's
@@ -460,7 +460,7 @@ impl LayerWriter for UsdcWriter {
     }
 }
 
-/// Stands in for the sink of a writer whose file is committed; discards everything.
+/// Replaces the sink of a writer whose file is committed; discards everything.
 struct ClosedSink;
 
 impl ByteSink for ClosedSink {

@@ -83,8 +83,8 @@ impl ValueHeap {
         self.deduplicated_value_rep(code, u64::from(code) << 48, bytes, |heap| heap.sink.put(bytes))
     }
 
-    /// `ValueRep` of a value: that of an equal one in the file, else of what `write` appends.
-    /// `kind`: tells values of equal bytes and different types apart; `flags`: the `ValueRep` without its offset;
+    /// `ValueRep` of a value: that of an equal value in the file, else of the bytes that `write` appends.
+    /// `kind`: distinguishes values with equal bytes and different types; `flags`: the `ValueRep` without its offset;
     /// `bytes`: the uncompressed encoding, for the comparison.
     fn deduplicated_value_rep(
         &mut self,
@@ -113,7 +113,7 @@ impl ValueHeap {
     ) -> Result<u64> {
         let code = array_type_code(array);
         let flags = IS_ARRAY | u64::from(code) << 48;
-        // An empty array has no bytes in the file: offset 0 stands for it.
+        // An empty array has no bytes in the file; its offset is 0.
         if array.is_empty() {
             return Ok(flags);
         }
@@ -122,7 +122,7 @@ impl ValueHeap {
         bytes.clear();
         push_elements_le(array, tokens, &mut bytes).map_err(|i| not_finite(&place(), i))?;
         let count = (array.len() as u64).to_le_bytes();
-        // The top bit of the kind tells arrays from single values.
+        // The top bit of the kind distinguishes arrays from single values.
         let kind = code | 0x80;
         // Layout of an array: number of elements (64 bits), then the elements; of a compressed one: number of elements, length
         // of the compressed data, the data.
@@ -196,8 +196,8 @@ impl ValueHeap {
     }
 }
 
-/// The different values of an array in ascending order, as little-endian bits, and for each element its row in that table; `None`
-/// if a table would not be worth while: OpenUSD takes one of at most a quarter of the elements, and of at most 1024 values.
+/// The different values of an array in ascending order of their bits, as little-endian words, and for each element its row in
+/// that table; `None` if there are too many: OpenUSD uses a table of at most a quarter of the elements and at most 1024 values.
 fn value_table(values: &[f32]) -> Option<(Vec<u32>, Vec<i32>)> {
     const MAX_TABLE: usize = 1024;
     let most = MAX_TABLE.min(values.len() / 4);
@@ -220,7 +220,6 @@ fn not_finite(place: &str, i: usize) -> Error {
     Error::export("X001", format!("{place}: number {i} is not finite"))
 }
 
-/// The type code of the array's elements.
 fn array_type_code(array: &UsdArray) -> u8 {
     match array {
         UsdArray::Int(_) => type_code::INT,
