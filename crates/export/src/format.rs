@@ -11,7 +11,8 @@ use super::file_target::FileTarget;
 use super::options::ExportOptions;
 use super::textures::Textures;
 
-/// The description of a format; each format has one as `FORMAT`.
+/// Properties of a format: its word, the files that it can write, their estimated size, and how its exporters are opened.
+/// Each format has one as `FORMAT`.
 #[derive(Debug, Clone, Copy)]
 pub struct FormatInfo {
     /// Its name in `[output] formats` and `--formats`, `[a-z0-9]+`, unique.
@@ -26,7 +27,7 @@ pub struct FormatInfo {
     pub pictures_beside: bool,
     /// Memory that the exporter holds until the end, percent of the bytes it writes; measured.
     pub memory_percent: u64,
-    /// Estimates the bytes it will write, without textures that are files of their own.
+    /// Estimates the bytes that the format will write, excluding textures in separate files.
     pub estimate: fn(&EstimateInput) -> u64,
     /// Opens its exporters for a job; several if it writes a set of files for each profile.
     pub open: fn(&ExportJob) -> Vec<Box<dyn Exporter>>,

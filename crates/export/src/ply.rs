@@ -185,7 +185,7 @@ fn base_color(materials: &[Material], id: u32) -> [f32; 3] {
     materials.get(id as usize).map_or([1.0; 3], |m| m.base_color)
 }
 
-/// A point cloud at a frame, with its transform.
+/// A point cloud in its state at a frame, and the transform of its placement.
 struct PlacedCloud<'a> {
     points: &'a Points,
     now: PointsNow<'a>,

@@ -30,7 +30,7 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Encodes all images, in parallel.
+    /// Encodes all images of a scene as PNG, in parallel.
     /// # Errors
     /// X012 if an image has the wrong number of samples.
     pub fn encode(scene: &Scene) -> Result<Self> {

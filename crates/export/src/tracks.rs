@@ -37,7 +37,7 @@ pub struct TracksExporter {
     files: BTreeMap<&'static str, RecordFile>,
 }
 
-/// A column as the index describes it.
+/// Entry of a column in `index.json`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct ColumnInfo {
     name: &'static str,

@@ -9,12 +9,12 @@ use super::materials::ShadingParams;
 use osier_base::math::lerp;
 use osier_scene::{Coat, Frame, Material, Scene};
 
-/// The coat of a material at a frame.
+/// The coat of a material at a frame: weights by texel, and the darkening under a closed film.
 #[derive(Debug)]
 pub(super) struct CoatMap {
     /// Weight of the film by texel, 0 to 1, rows from the top.
     weight: Arc<Vec<f32>>,
-    /// Texels along a side.
+    /// Texels along a side of the square map.
     side: usize,
     /// Albedo under a closed film as a fraction of that of the bare surface.
     darkening: f32,

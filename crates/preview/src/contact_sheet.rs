@@ -5,7 +5,7 @@ use super::picture::Picture;
 use osier_base::Result;
 use osier_base::convert::{index, narrow, saturating_byte};
 
-/// Space between cells and around the sheet, pixels.
+/// Space between cells and around the sheet, pixels; captions have it above and below.
 const GAP: u32 = 10;
 /// Background of the sheet, sRGB and alpha.
 const PAPER: [u8; 4] = [246, 245, 241, 255];

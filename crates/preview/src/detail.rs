@@ -26,11 +26,11 @@ pub(super) struct DetailLimit {
 #[derive(Debug, Clone, Copy)]
 struct CameraResolution {
     eye: Vec3,
-    /// Width of the smallest detail at unit distance.
+    /// Width of the smallest visible detail at unit distance.
     detail: f32,
 }
 
-/// Resolution of a mesh, as widths in its own space.
+/// Resolution that a mesh needs, as widths in its local space.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct MeshDetail {
     /// Width of the smallest visible detail; 0 if every detail is drawn.

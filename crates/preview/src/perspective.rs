@@ -20,7 +20,7 @@ pub(super) struct PerspectiveCamera {
     size: [f32; 2],
 }
 
-/// A ray through a pixel.
+/// A ray from the camera through a pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PrimaryRay {
     /// Unit vector from the camera into the scene.

@@ -11,7 +11,7 @@ pub enum Quality {
     Fine,
 }
 
-/// How far light is followed from a surface.
+/// Which occluders and bounces of light are traced from a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum LightDepth {
     /// The sun with its shadows, and the sky without occluders.
@@ -22,12 +22,12 @@ pub(super) enum LightDepth {
     Surroundings,
 }
 
-/// Adaptive sampling of pixels.
+/// Numbers of samples in adaptive sampling, and the noise at which it stops.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SampleRange {
-    /// Samples of every pixel.
+    /// Samples that every pixel takes.
     pub(super) min: u32,
-    /// Samples of the noisiest pixels.
+    /// Samples at which even the noisiest pixel stops.
     pub(super) max: u32,
     /// Difference in displayed brightness (0 to 1, gamma 2) between even and odd samples above which a pixel takes
     /// more.

@@ -22,7 +22,7 @@ use osier_base::{Error, Result, math};
 const DENSE_FOLIAGE_SAMPLES: u32 = 8;
 /// Ambient samples of a pixel in dense foliage: its 24 neighbours contribute theirs.
 const DENSE_FOLIAGE_AMBIENT_SAMPLES: f32 = 3.0;
-/// Brightness of the floor that a pixel's shadow is compared at.
+/// Assumed brightness of the backdrop when the noise of edges and shadows is judged.
 const FLOOR_BRIGHTNESS: f32 = 0.6;
 
 /// Instance index of a pixel whose samples all hit nothing.
@@ -30,7 +30,7 @@ const NO_INSTANCE: u32 = u32::MAX;
 /// Instance index of a pixel whose samples hit different instances.
 const MIXED_INSTANCES: u32 = u32::MAX - 1;
 
-/// Accumulated samples of one pixel.
+/// Samples of one pixel so far.
 #[derive(Debug, Clone, Copy, Default)]
 struct PixelSamples {
     /// Sums over the even and over the odd samples: their difference estimates the noise.
@@ -40,16 +40,16 @@ struct PixelSamples {
     instance: u32,
 }
 
-/// Sums over half of the samples of a pixel.
+/// Sums over the even or over the odd samples of a pixel.
 #[derive(Debug, Clone, Copy, Default)]
 struct SampleSums {
-    /// Radiance of the objects that were hit.
+    /// Sum of the radiances of the objects that were hit.
     radiance: Vec3,
     /// The part of `radiance` that is not ambient light.
     direct: Vec3,
     /// Fractions of ambient light that were scattered towards the viewer.
     diffuse: Vec3,
-    /// Radiance of the ambient samples.
+    /// Sum of the radiances of the ambient samples.
     ambient: Vec3,
     /// Number of samples with a ray for ambient light.
     ambient_samples: f32,
@@ -124,7 +124,7 @@ impl PixelSamples {
         self.halves[0].plus(self.halves[1])
     }
 
-    /// The pixel before it is composited over its background.
+    /// The mean of all samples. `ambient`: mean ambient radiance, if it is shared with other pixels.
     #[allow(clippy::cast_precision_loss, reason = "hundreds of samples")]
     fn resolve(&self, ambient: Option<Vec3>) -> ForegroundPixel {
         self.total().resolve(self.samples as f32, ambient)
@@ -145,7 +145,7 @@ impl PixelSamples {
     }
 }
 
-/// What one sample of a pixel hits.
+/// Surface that one sample of a pixel hits, with its light.
 enum SampleHit {
     Object(ScatteredLight),
     /// The floor, with its light relative to a floor without shadow.
@@ -219,7 +219,7 @@ fn sample_budget(world: &RenderScene<'_>, request: &RenderRequest, camera: &Pers
     const PROBE_STEP: u32 = 12;
     /// Pixels from a probing ray to its partner, which tests whether the same instance continues there.
     const PARTNER_DISTANCE: u32 = 8;
-    /// Factor on the budget where all objects are large.
+    /// Factor on the budget if all objects are large.
     const LARGE_OBJECT_FACTOR: f32 = 9.0;
     let SampleRange { min, max, .. } = world.materials.quality.sample_range();
     // Drafts have one sample whatever they show.
@@ -281,7 +281,7 @@ impl Tile<'_, '_> {
         }
     }
 
-    /// One sample of a pixel. `samples_ambient`: with a ray for ambient light.
+    /// Traces sample `index` of a pixel. `samples_ambient`: whether a ray samples ambient light.
     fn sample(&self, sampler: &Sampler, position: [u32; 2], index: u32, samples_ambient: bool) -> SampleHit {
         let (world, light, camera) = (self.world, &self.request.light, self.camera);
         // Anti-aliasing: the samples of a pixel are spread over its square. A draft has a single

@@ -49,7 +49,7 @@ pub(super) struct SceneHit {
     pub(super) primitive: PrimitiveHit,
 }
 
-/// All geometry of a scene at one frame.
+/// All geometry of a scene at one frame, with the structures that rays and rasterisation need.
 #[derive(Debug)]
 pub struct RenderScene<'a> {
     pub(super) materials: &'a PreviewMaterials,
@@ -59,7 +59,7 @@ pub struct RenderScene<'a> {
     instances: Vec<SolidInstance>,
     /// Coat of each material at the frame, by index; `None` for a bare one.
     pub(super) coats: Vec<Option<CoatMap>>,
-    /// Over the boxes of the instances; empty for drafts.
+    /// Over the boxes of the instances in the world; empty for drafts.
     bvh: CwBvh,
     /// Box around all instances in the world, m; solids without primitives are left out, so it may be empty.
     pub bounds: Bounds,
@@ -266,7 +266,7 @@ fn affine(trs: &Trs) -> Affine3A {
     Affine3A::from_scale_rotation_translation(trs.s, trs.r, trs.t)
 }
 
-/// Where a solid is placed.
+/// Solid and transform of an instance before it is inverted.
 struct InstanceTransform {
     solid: u32,
     world_from_local: Affine3A,

@@ -11,7 +11,7 @@ pub struct RenderRequest {
     pub camera: Camera,
     /// Width and height of the picture, pixels; neither may be 0.
     pub size: [u32; 2],
-    /// Sun and sky of the scene.
+    /// Sun, sky and haze, usually those of the scene.
     pub light: Light,
     /// Appearance of pixels that no object covers, with the height of the floor that receives shadows.
     pub backdrop: Backdrop,

@@ -33,7 +33,7 @@ const BUILD_EFFORT: [usize; 3] = [4_000, 100_000, 1_500_000];
 /// Least share of its area that a mesh must keep when its vertices are clustered. Own: leaves keep more than nine tenths.
 const MIN_CLUSTERED_AREA: f32 = 0.6;
 
-/// A triangle prepared for intersection.
+/// A triangle in the form that the intersection test needs: a corner and two edges.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayTriangle {
     /// First corner, in the space of the solid.
@@ -78,7 +78,7 @@ pub(super) struct VertexData<'a> {
     pub(super) colors: &'a [[f32; 4]],
 }
 
-/// Primitives with their BVH.
+/// Primitives of one mesh, cloud or set of curves, with their BVH.
 #[derive(Debug)]
 pub(super) struct Solid<'a> {
     pub(super) kind: Primitives<'a>,
@@ -361,7 +361,7 @@ impl RayTriangle {
         self.ab.cross(self.ac)
     }
 
-    /// Edges from the first corner.
+    /// Edges from the first corner to the second and to the third.
     pub(super) fn edges(&self) -> [Vec3; 2] {
         [self.ab, self.ac]
     }
@@ -388,7 +388,6 @@ fn uv_area(mesh: &Mesh) -> f32 {
     mesh.triangles.iter().map(|t| area(t.map(corner))).sum()
 }
 
-/// Sum of the areas of triangles, m2.
 fn area(triangles: &[RayTriangle]) -> f32 {
     triangles.iter().map(|f| 0.5 * f.normal().length()).sum()
 }

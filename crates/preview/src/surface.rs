@@ -13,7 +13,7 @@ use osier_scene::MaterialId;
 /// Smallest cosine between shading normal and direction to the viewer.
 const MIN_VIEW_COSINE: f32 = 0.02;
 
-/// A point on a surface with everything that shading needs.
+/// Geometry and shading parameters at a point of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SurfaceInteraction {
     /// Position in the world, m.
@@ -22,7 +22,7 @@ pub(super) struct SurfaceInteraction {
     pub(super) normal: Vec3,
     /// Interpolated and normal-mapped unit normal on the side of the viewer.
     pub(super) shading_normal: Vec3,
-    /// True if the viewer is on the outside of the surface.
+    /// Whether the viewer is on the outside of the surface.
     pub(super) is_outside: bool,
     /// Distance that transmitted light travels to the far side, m: the diameter of a hair, 0 for a leaf.
     pub(super) thickness: f32,
@@ -43,7 +43,7 @@ struct SurfaceAttributes {
     uv_edges: [Vec2; 2],
 }
 
-/// Mean appearance of an occluder.
+/// Mean colour and normal of an occluder, without texture look-ups.
 pub(super) struct MeanSurface {
     /// Linear mean colour of its material, or its vertex colour.
     pub(super) color: Vec3,

@@ -93,7 +93,7 @@ impl Texture {
     }
 }
 
-/// The part of a texture that its alpha leaves opaque.
+/// Alpha cutoff of a texture, and the part that it leaves opaque.
 #[derive(Debug, Clone, Copy)]
 struct AlphaCoverage {
     /// Alpha from which a texel is opaque.

@@ -18,7 +18,7 @@ use osier_scene::{Asset, Instancer, InstancerMotion, LEAF_COLOR, Placement, Trs}
 pub(super) enum GltfContents {
     /// The asset of this index, at the origin.
     Asset(usize),
-    /// All placements, with or without the camera.
+    /// All placements in the space of the scene; `camera`: with the scene's camera.
     Scene { camera: bool },
 }
 

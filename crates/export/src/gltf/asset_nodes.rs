@@ -75,7 +75,7 @@ impl NodeTemplate {
 pub(super) type InstanceSet = BTreeSet<(usize, usize)>;
 
 impl GltfDocument<'_> {
-    /// The joints of an asset that the document animates.
+    /// Selects the joints of an asset to write, no more than profile and format allow; `None` without joints.
     pub(super) fn select_joints(&self, asset: usize) -> Option<JointSelection> {
         let input = self.input;
         let (source, tracks) = input.scene.assets.get(asset).zip(input.tracks.assets.get(asset))?;

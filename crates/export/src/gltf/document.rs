@@ -26,7 +26,7 @@ pub(super) struct GltfInput<'a> {
     pub options: &'a GltfOptions,
 }
 
-/// A material as a kind of geometry uses it: each combination is a glTF material of its own.
+/// A material for one kind of geometry: each combination becomes a separate glTF material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct MaterialVariant {
     pub material: MaterialId,

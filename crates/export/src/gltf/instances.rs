@@ -41,7 +41,6 @@ pub(super) fn live_by_prototype(instancer: &Instancer, state: &InstanceState) ->
     lists
 }
 
-/// Instances that a parallel task merges.
 const MERGE_CHUNK: usize = 1024;
 
 impl GltfDocument<'_> {

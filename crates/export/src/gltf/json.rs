@@ -199,7 +199,7 @@ pub(super) struct MeshExtras {
 /// Data by which an engine chooses among the levels of detail, in the extras of a level's mesh.
 #[derive(Debug, Serialize)]
 pub(super) struct LevelExtras {
-    /// Number of the level, from 0.
+    /// Number of the level, from 0, the finest.
     pub lod: usize,
     pub triangles: usize,
     /// Triangles of the plant without simplification.

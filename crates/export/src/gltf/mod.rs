@@ -140,10 +140,10 @@ fn estimate(input: &EstimateInput) -> u64 {
     input.options.gltf_profiles.iter().map(profile_bytes).sum()
 }
 
-/// Where the images of a document are stored.
+/// Storage of the images of a document: binary files embed them, text files refer to them.
 #[derive(Debug)]
 enum ImageStorage {
-    /// In the binary buffer, each with a buffer view of its own.
+    /// In the binary buffer, each with a separate buffer view.
     Embedded,
     /// In files of a folder relative to the document; `written` lists names and indices of the images.
     Files { folder: String, written: Vec<(String, u32)> },

@@ -99,7 +99,7 @@ impl GltfOptions {
 /// How the vertices of meshes without morph targets are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum VertexStorage {
-    /// Floats, as the core of glTF has them.
+    /// Floats, which need no extension of glTF.
     Floats,
     /// Normals and tangents as signed bytes, all else as floats.
     ByteDirections,

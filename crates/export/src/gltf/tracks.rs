@@ -66,7 +66,7 @@ pub(super) struct InstanceTrack {
     pub positions: Vec<Vec3>,
     pub orientations: Vec<Quat>,
     pub alive: Vec<bool>,
-    /// Factors on the instance's scale.
+    /// Factors on the instance's scale, such as the growth of a leaf.
     pub sizes: Vec<f32>,
 }
 
@@ -308,7 +308,7 @@ impl ClipTracks {
         self.assets.iter_mut().flat_map(|a| &mut a.curves).for_each(MorphFrames::drop_if_coarse);
     }
 
-    /// Adds the states of all assets at a frame.
+    /// Records the states of all assets at the next frame, and the time of that frame.
     pub(super) fn push(&mut self, scene: &Scene, frame: &Frame) {
         // Seconds in double precision, rounded once: accumulating 1 / fps in f32 would drift over a long clip.
         self.times.push(osier_base::math::narrow(scene.clip.seconds(frame.number)));

@@ -44,7 +44,7 @@ impl WindNumber {
 /// A component of a vertex colour or of TEXCOORD_1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WindChannel {
-    /// The number that the channel holds, 0 to 1.
+    /// Which number of the vertex the channel holds, before it is inverted.
     pub number: WindNumber,
     /// Whether the channel holds 1 minus the number; names of inverted channels begin with `-`.
     pub inverted: bool,

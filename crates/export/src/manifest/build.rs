@@ -32,7 +32,7 @@ pub struct Settings {
     pub size: [u32; 2],
     /// Fraction of the frame interval for which the shutter is open, 0 to 1.
     pub shutter: f32,
-    /// POV-Ray units per metre.
+    /// Units of the POV-Ray scene in one metre; at 100, a unit is a centimetre.
     pub pov_units_per_m: f32,
 }
 

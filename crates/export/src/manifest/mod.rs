@@ -103,7 +103,7 @@ pub struct UnitsEntry {
     pub height_range_m: f32,
     /// Range of wetness maps from dry to wet, as text: `0..1`.
     pub wetness: String,
-    /// POV-Ray units per metre.
+    /// Units of the POV-Ray scene in one metre; at 100, a unit is a centimetre.
     pub pov_units_per_m: f32,
     /// Albedo where wetness is 1, as a share of that of the dry surface.
     pub wet_albedo: f32,
@@ -129,7 +129,7 @@ pub struct ViewEntry {
 pub struct CameraEntry {
     /// World from camera, row vectors: the position is in elements 12 to 14.
     pub matrix: [f32; 16],
-    /// Vertical field of view, degrees.
+    /// Full vertical field of view, degrees.
     pub vfov_deg: f32,
     /// Nearest and farthest distance that is shown, m.
     pub clip: [f32; 2],
@@ -219,7 +219,7 @@ pub struct PlaceEntry {
     pub offset: u32,
 }
 
-/// An asset and its files.
+/// An asset: its files, and counts of its elements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AssetEntry {
     /// Name of the asset, as in file names.
@@ -266,7 +266,7 @@ pub struct LeavesEntry {
     pub occlusion: bool,
 }
 
-/// A material, its textures and maps.
+/// A material: paths of its textures and maps, and its shading parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MaterialEntry {
     /// Name of the material, as in file names.
@@ -279,7 +279,7 @@ pub struct MaterialEntry {
     pub maps: std::collections::BTreeMap<String, String>,
     /// Name of the map sequence of the coat, at most one; empty without a coat.
     pub leaf_ids: Vec<String>,
-    /// Parameters of the shading model.
+    /// Values that no texture gives, and scales of the textures.
     pub params: ParamsEntry,
 }
 
@@ -290,7 +290,7 @@ pub struct ParamsEntry {
     pub base_color: [f32; 3],
     /// GGX roughness, 0 (mirror) to 1 (matt).
     pub roughness: f32,
-    /// Index of refraction.
+    /// Index of refraction, for the Fresnel reflectance and the refraction by water.
     pub ior: f32,
     /// Share of light that is transmitted diffusely, 0 to 1.
     pub translucency: f32,
@@ -346,7 +346,7 @@ pub struct ItemEntry {
 /// A warning of an exporter; see [`Warning`](crate::Warning).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WarningEntry {
-    /// Code of the warning, `X002`.
+    /// Code, such as `X002`; docs/codes.md lists them.
     pub code: String,
     /// What was found and what was written instead, without the code.
     pub message: String,

@@ -21,7 +21,7 @@ pub struct Verification {
 }
 
 impl Verification {
-    /// True if everything that the manifest names is there, unchanged. Further files do no harm.
+    /// Whether all files that the manifest names exist unchanged; extra files are allowed.
     pub fn is_complete(&self) -> bool {
         self.sum_holds && self.missing.is_empty() && self.changed.is_empty()
     }

@@ -20,7 +20,7 @@ use osier_scene::{Frame, InstancerMotion, RecordColumn, RecordTable, Scene};
 
 /// Name of the table of joints in `[output.points] tables`; all other tables come from motions.
 const JOINTS: &str = "joints";
-/// Parent index of a root joint.
+/// `parent` of a root joint in the table; other joints have an index there.
 const NO_PARENT: i32 = -1;
 /// Bytes of a row, measured: a joint, and an instance that moves freely.
 const JOINT_ROW: u64 = 88;

@@ -9,7 +9,7 @@ use osier_scene::Trs;
 /// translations s F t.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PovSpace {
-    /// POV-Ray units per metre.
+    /// Units of the POV-Ray scene in one metre.
     pub scale: f32,
 }
 

@@ -34,7 +34,7 @@ pub struct Run {
     pub seed: u64,
     /// Hash of the scene with these values, hexadecimal.
     pub hash: String,
-    /// Summary of its table.
+    /// Totals, last values, means and maxima of the table that the simulation wrote.
     pub whole: Whole,
 }
 

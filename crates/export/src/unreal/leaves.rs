@@ -9,7 +9,7 @@ use osier_base::convert::index;
 use osier_base::{Error, Result};
 use osier_scene::{InstanceState, Instancer, InstancerMotion, Mesh, Prototype};
 
-/// Most parts of an assembly.
+/// Most parts of an assembly; of a plant with more leaves, neighbours are merged.
 pub(super) const MAX_PARTS: usize = 65_536;
 
 /// The leaves of one instancer as parts of the assembly.

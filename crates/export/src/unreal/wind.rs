@@ -21,7 +21,7 @@ pub(super) struct Wind {
     /// Group of each joint, in the order of the skeleton.
     #[serde(rename = "Joints")]
     pub(super) joints: Vec<WindJoint>,
-    /// From the trunk to the twigs.
+    /// In the order of their numbers, from the trunk to the twigs.
     #[serde(rename = "SimulationGroups")]
     pub(super) groups: Vec<WindGroup>,
     #[serde(rename = "bIsGroundCover")]

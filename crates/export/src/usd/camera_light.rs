@@ -11,7 +11,7 @@ use osier_scene::{Fog, Trs};
 
 /// Vertical aperture in tenths of the scene unit, as UsdGeomCamera has it: 24 mm.
 const VERTICAL_APERTURE: f32 = 0.24;
-/// Aspect ratio of the aperture, width to height.
+/// Width of the aperture divided by its height.
 const APERTURE_ASPECT: f32 = 16.0 / 9.0;
 
 /// Defines camera, sun, sky and fog below `root`. `picture`: path of the sky's equirectangular image, relative to the layer;

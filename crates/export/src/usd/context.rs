@@ -7,7 +7,7 @@ use super::layer_writer::AttrHandle;
 use crate::up_axis::UpAxis;
 use osier_scene::{Coat, Material, Scene};
 
-/// The scene and the options that hold for all layers.
+/// The scene and the options that all layers of an export share.
 #[derive(Debug, Clone)]
 pub(crate) struct UsdContext {
     pub(crate) scene: Arc<Scene>,

@@ -49,7 +49,7 @@ fn degrees_per_second(up: UpAxis, v: &[Vec3]) -> Vec<[f32; 3]> {
     v.iter().map(|w| (up.stage_vec(*w) * factor).to_array()).collect()
 }
 
-/// A `PointInstancer` whose instances move.
+/// A `PointInstancer` that takes time samples.
 pub(super) struct AnimatedInstancer {
     /// Index of the instancer in its asset.
     index: usize,
@@ -69,7 +69,7 @@ pub(super) struct AnimatedInstancer {
     /// Omit samples that interpolation restores. `None` for instances that are tracked one by one, and from the first frame with
     /// velocities, as these belong to the positions of their frame.
     reducers: Option<InstanceReducers>,
-    /// Box of all frames so far.
+    /// Box of the instances over all frames so far, in the axes of the stage.
     clip_bounds: Bounds,
 }
 
@@ -82,7 +82,7 @@ struct InstanceReducers {
     scales: SampleReducer<Vec3>,
 }
 
-/// The samples that must be written now.
+/// Samples that the reducers have returned for writing, at most one for each attribute.
 #[derive(Default)]
 struct DueSamples {
     positions: Option<TimeSample<Vec3>>,
@@ -115,7 +115,7 @@ impl InstanceReducers {
 /// Input of [`define_instancer`]: an instancer and the visibility of errors in its place.
 #[derive(Clone, Copy)]
 pub(super) struct InstancerSource<'a> {
-    /// Index in its asset.
+    /// Index in the instancers of its asset.
     pub(super) index: usize,
     pub(super) instancer: &'a Instancer,
     /// Pixel footprint at the asset, m; 0 if errors of any size are visible.
@@ -348,7 +348,7 @@ pub(super) struct PointTwin {
     orient: AttrHandle,
     velocities: VelocitySamples,
     before: Vec<Quat>,
-    /// Primvars of the instances' attributes.
+    /// Primvars of the attributes of the instances.
     primvars: Vec<AnimatedPrimvar>,
     /// Diameter of each instance at size 1, m.
     diameters: Vec<f32>,

@@ -20,7 +20,7 @@ pub(crate) struct LayerBuilder {
     bindings: Vec<MaterialBinding>,
 }
 
-/// A prim that is bound to a material.
+/// A prim and the material that it is bound to.
 #[derive(Debug, Clone)]
 pub(crate) struct MaterialBinding {
     /// Path of a mesh, a subset or curves.
@@ -40,7 +40,7 @@ pub(crate) struct AssetSample<'a> {
 
 /// A prim that takes time samples frame by frame after it was defined at rest.
 pub(crate) trait AnimatedPrim: Send {
-    /// Adds the time samples of a frame.
+    /// Adds the time samples of the prim at the frame of `sample`.
     fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()>;
 
     /// Adds the samples that waited for later frames; called once, after the last one.

@@ -14,11 +14,11 @@ pub struct LayerMetadata {
     pub up: UpAxis,
     /// Time codes per second; a time code is a frame.
     pub fps: f64,
-    /// Time code of the first frame.
+    /// Time code of the first frame of the clip.
     pub start: f64,
-    /// Time code of the last frame.
+    /// Time code of the last frame of the clip.
     pub end: f64,
-    /// Seed as a decimal string.
+    /// Seed of the scene as a decimal string.
     pub seed: String,
     /// Hash of the resolved scene, hexadecimal.
     pub scene: String,
@@ -161,7 +161,7 @@ pub trait LayerWriter: Send {
     /// `Io`.
     fn create_relationship(&mut self, path: &str, targets: &[String]) -> Result<()>;
 
-    /// Completes and closes the file.
+    /// Writes the remaining data, such as tables, and closes the file.
     /// # Errors
     /// X004 if a text layer is too large, `Io`.
     fn finish(&mut self) -> Result<()>;

@@ -250,7 +250,7 @@ pub(super) struct DeformingMesh {
     /// Omits samples that interpolation restores. `None` from the first frame with velocities, which
     /// belong to the points of their frame.
     reducer: Option<SampleReducer<Vec3>>,
-    /// Box of all frames so far.
+    /// Box of the points over all frames so far, in the axes of the stage.
     pub(super) clip_bounds: Bounds,
 }
 
@@ -315,7 +315,7 @@ pub(super) struct VaryingMesh {
     subsets: BTreeMap<MaterialId, AttrHandle>,
     /// Primvars of the attributes seen so far.
     primvars: Vec<AnimatedPrimvar>,
-    /// Times of the frames so far.
+    /// Time codes of the frames so far, at which primvars and subsets that appear later get empty samples.
     times: Vec<f64>,
 }
 
@@ -421,7 +421,7 @@ impl AnimatedPrim for VaryingMesh {
 /// Input of [`define_unskinned`]: a mesh and the visibility of errors in its place.
 #[derive(Clone, Copy)]
 pub(super) struct MeshSource<'a> {
-    /// Index in its asset.
+    /// Index in the meshes of its asset.
     pub(super) index: usize,
     pub(super) object: &'a osier_scene::MeshObject,
     /// Pixel footprint at the asset, m; 0 if errors of any size are visible.

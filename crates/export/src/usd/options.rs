@@ -5,11 +5,11 @@ use crate::up_axis::UpAxis;
 /// Options of the USD writer; the default is the full bake without map sequences.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UsdOptions {
-    /// Up axis of the stage.
+    /// Up axis of the stage, into which all geometry is converted.
     pub up: UpAxis,
     /// Write everything into one file of this name (`.usda`, `.usdc`, `.usdz`) instead of a wrapper and payloads.
     pub file: Option<String>,
-    /// Write camera and lights.
+    /// Whether camera and lights are written.
     pub look: bool,
     /// Whether coated materials refer to the maps that the EXR writer writes; otherwise they look bare.
     pub maps: bool,
@@ -35,7 +35,7 @@ pub struct Tolerance {
     pub pixels: f32,
 }
 
-/// How several placements of a plant are written.
+/// Instancers or separate prims for several placements of a plant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CopyStyle {
     /// One `PointInstancer` for each plant; its prototypes are whole plants.

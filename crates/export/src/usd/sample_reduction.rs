@@ -65,9 +65,9 @@ pub(super) struct TimeSample<T> {
 #[derive(Debug)]
 pub(super) struct SampleReducer<T> {
     tolerance: SampleTolerance,
-    /// The sample that was written last.
+    /// The sample that was written last, from which interpolation starts.
     last: Option<TimeSample<T>>,
-    /// Frames since then, in order.
+    /// Frames after `last` that are not written yet, in order.
     waiting: Vec<TimeSample<T>>,
 }
 
@@ -97,7 +97,7 @@ impl<T: Interpolated> SampleReducer<T> {
         due
     }
 
-    /// The last frame, if it has not been written.
+    /// The last frame, if it has not been written; call it once, after all frames.
     pub(super) fn finish(&mut self) -> Option<TimeSample<T>> {
         let last = self.waiting.pop();
         self.waiting.clear();

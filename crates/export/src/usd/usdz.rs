@@ -16,14 +16,14 @@ const ALIGN: u64 = 64;
 const LOCAL_HEADER: usize = 30;
 /// 1980-01-01 in MS-DOS form, so that equal content gives equal bytes.
 const DATE: u16 = 1 << 5 | 1;
-/// Identifier of the extra field that holds the padding; the one OpenUSD's own writer uses.
+/// Identifier of the extra field that holds the padding, the same as that of OpenUSD's writer.
 const PADDING_ID: u16 = 0x1986;
 /// Bytes at the front of the root layer that may be rewritten: more than the header of a crate file.
 const REWRITABLE_BYTES: usize = 128;
 
 /// A member that follows the root layer.
 pub(super) struct UsdzMember {
-    /// Path in the package.
+    /// Path in the package, as layers refer to it.
     pub(super) name: String,
     pub(super) bytes: Arc<[u8]>,
 }

@@ -13,7 +13,7 @@ use osier_base::par::par_map;
 use osier_base::{Error, Result};
 use osier_scene::{Scene, VolumeFrame, VolumeGrid, VolumeValues};
 
-/// First eight bytes of a file.
+/// First eight bytes of a file, by which readers recognise OpenVDB.
 const MAGIC: i64 = 0x5644_4220;
 /// Version of the file format; 224 is that of points, of which older readers warn.
 const FILE_VERSION: u32 = 223;
@@ -34,7 +34,7 @@ const ACTIVE_ONLY: u32 = 2;
 const INACTIVE_IS_BACKGROUND: u8 = 0;
 const ALL_VALUES: u8 = 6;
 
-/// A grid and its values at the frame of the file.
+/// A grid with its values at the frame of the file.
 pub(super) struct FilledGrid<'a> {
     pub grid: &'a VolumeGrid,
     pub values: &'a VolumeFrame,
@@ -136,7 +136,7 @@ impl VdbBytes {
         }
     }
 
-    /// Writes the present length at an earlier position.
+    /// Overwrites the 8 bytes at `at` with the current length, the position of the next part.
     fn patch_position(&mut self, at: usize) {
         let position = (self.0.len() as u64).to_le_bytes();
         self.0[at..at + 8].copy_from_slice(&position);

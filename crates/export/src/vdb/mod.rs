@@ -47,7 +47,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     input.scene.volumes.iter().map(of).sum()
 }
 
-/// The path of a file of volumes at a frame.
+/// Path of a file of volumes at a frame, relative to the output folder.
 pub(crate) fn volume_path(scene: &Scene, file: &str, frame: u32) -> String {
     format!("vdb/{file}_{}.vdb", scene.clip.tag(frame))
 }

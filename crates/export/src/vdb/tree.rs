@@ -35,7 +35,7 @@ impl LeafKey {
     }
 }
 
-/// A leaf with its active voxels.
+/// A leaf of the tree with its active voxels; inactive ones have the background value.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Leaf {
     pub key: LeafKey,

@@ -80,7 +80,7 @@ struct VisiblePoints {
     hits: Vec<Vec<PixelHit>>,
     /// Positions just off the surface, m, indexed by row and column; NaN where nothing is hit.
     positions: Vec<Vec<Vec3>>,
-    /// True where the sun is visible, row after row.
+    /// Whether the sun is visible, row after row.
     is_sunlit: Vec<bool>,
 }
 

@@ -7,7 +7,7 @@ use super::super::solid::Primitives;
 use osier_base::math;
 use osier_base::par::par_chunks;
 
-/// Voxels along the longest side.
+/// Voxels along the longest side of the grid.
 const VOXELS: f32 = 40.0;
 /// Margin around the scene, as a multiple of its height: within it, a ray at the elevation of [`SIDE_UP`] rises by that height.
 const MARGIN: f32 = 0.8;

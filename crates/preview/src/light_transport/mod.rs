@@ -34,7 +34,7 @@ pub(super) struct SampleContext<'a> {
     pub(super) index: u32,
     /// Width of the sample at unit distance.
     pub(super) spread: f32,
-    /// How far light is followed.
+    /// Which occluders and bounces of light are traced.
     pub(super) light_depth: LightDepth,
     /// Whether a ray samples ambient light; false if other samples of the pixel have determined it well enough.
     pub(super) samples_ambient: bool,
@@ -45,7 +45,7 @@ pub(super) struct SampleContext<'a> {
 /// Light that reaches a point, looked up without rays.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PrecomputedLight {
-    /// True if the middle of the sun is visible.
+    /// Whether the middle of the sun is visible.
     pub(super) sun: bool,
     /// Fraction of the sky that is visible, 0 to 1.
     pub(super) sky: f32,
@@ -63,7 +63,7 @@ pub(super) struct ScatteredLight {
     pub(super) ambient: Vec3,
     /// 1 if `ambient` was sampled, else 0.
     pub(super) ambient_samples: f32,
-    /// Index of the instance that the camera ray hit.
+    /// Index of the instance that the camera ray hit, for the filter of ambient light.
     pub(super) instance: u32,
 }
 
@@ -92,7 +92,7 @@ impl RenderScene<'_> {
         LightPath { world: self, light, sample, depth: 0 }.trace(origin, direction, far)
     }
 
-    /// Radiance that the hit of a camera ray sends back along it.
+    /// Radiance that the surface at the hit of a camera ray scatters to the camera.
     pub(super) fn shade(
         &self,
         light: &Light,
@@ -141,7 +141,7 @@ struct LightPath<'p, 'w> {
     world: &'p RenderScene<'w>,
     light: &'p Light,
     sample: &'p SampleContext<'p>,
-    /// Refractions and reflections so far.
+    /// Number of refractions and reflections so far.
     depth: u32,
 }
 
@@ -244,7 +244,7 @@ impl LightPath<'_, '_> {
         self.light.mean_sky() * (visibility * (0.56 + 0.44 * up))
     }
 
-    /// Sunlight that the surface scatters to the viewer.
+    /// Radiance of sunlight that the surface scatters to the viewer.
     fn sunlight(&self, s: &SurfaceInteraction, to_viewer: Vec3, diffuse: Vec3) -> Vec3 {
         let light = self.light;
         let l = if self.sample.precomputed.is_some() { light.sun_direction() } else { light.sample_sun(self.point(1)) };

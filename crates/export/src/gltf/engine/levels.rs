@@ -34,7 +34,7 @@ mod tuning {
     pub(super) const NORMAL_WEIGHT: f32 = 0.5;
     /// Largest deviation of a simplified blade as a share of its size.
     pub(super) const BLADE_DEVIATION: f32 = 0.3;
-    /// Triangles of the simplest blade.
+    /// Fewest triangles of a simplified blade: two form a quadrilateral.
     pub(super) const LEAST_BLADE: usize = 2;
     /// Largest factor by which leaves are enlarged to replace those left out; a larger one is conspicuous.
     pub(super) const MOST_GROWTH: f32 = 8.0;

@@ -12,7 +12,7 @@ use super::layer_writer::{
 use super::value::UsdValue;
 use osier_base::{Error, Result};
 
-/// Largest text layer, bytes.
+/// Largest text layer, bytes; a larger one is an error (X004).
 const MAX_TEXT_BYTES: usize = 10_000_000;
 
 /// Writes a layer as text, in one piece when it is finished.

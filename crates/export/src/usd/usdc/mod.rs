@@ -60,7 +60,7 @@ struct TimeSamples {
     times: SampleTimes,
 }
 
-/// Times of samples, as indices into the common list.
+/// Times of the samples of an attribute, as indices into the times of the whole file.
 #[derive(Debug)]
 enum SampleTimes {
     /// A run of the list that begins at this index: the common case, which takes no memory per sample.

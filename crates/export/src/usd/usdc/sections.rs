@@ -157,7 +157,7 @@ impl<T: Ord + Clone> DedupTable<T> {
         (number, true)
     }
 
-    /// The number of a row as files store it.
+    /// The number of a row as an `i32`, as files store it; `TooMany` beyond.
     fn intern(&mut self, row: T) -> Result<i32> {
         narrow(self.find_or_insert(row).0, "fields of a crate file")
     }
