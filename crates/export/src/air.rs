@@ -74,7 +74,7 @@ fn plane_exr(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], fram
     };
     let samples: Vec<f32> =
         texels.iter().flat_map(|t| values.get(*t).copied().unwrap_or(Vec3::ZERO).to_array()).collect();
-    // Adding 0 turns -0 into 0.
+    // Adding 0 turns -0 into 0: equal values have equal text.
     let plain = |v: DVec3| v.to_array().map(|v| v + 0.0);
     let (axis, at) = [("x", grid.corner.x), ("y", grid.corner.y), ("z", grid.corner.z)][across.min(2)];
     let comment = serde_json::json!({

@@ -26,7 +26,7 @@ pub struct EstimateInput<'a> {
     pub frames: u64,
     /// Estimated bytes of all images of the scene, each counted once as a PNG file.
     pub pictures: u64,
-    /// Options of all formats; an estimate reads those of its own format.
+    /// Options of all formats; the estimate of a format reads only those of the format.
     pub options: &'a ExportOptions,
     /// Whether the output is a single file with the whole scene at rest, instead of a bake.
     pub single: bool,
@@ -65,7 +65,7 @@ impl EstimateInput<'_> {
 /// Counts of the elements of an asset, which estimates multiply by bytes. `weight` and placements are not multiplied in.
 #[derive(Debug, Clone, Default)]
 pub struct AssetSize {
-    /// Assets that this one stands for, itself included.
+    /// Number of assets that this one represents in the estimate, itself included.
     pub weight: u64,
     /// Points of the meshes at rest, without those of prototypes.
     pub vertices: u64,
@@ -162,7 +162,8 @@ impl AssetSize {
         }
         let size = |(i, (asset, (phases, copies))): (usize, (&Asset, (BTreeSet<u32>, u64)))| {
             let weight = weights.get(i).copied().unwrap_or(1);
-            // Copies that stand still share meshes; in a plan they are those of all individuals that this one stands for.
+            // Copies that stand still share meshes; in a plan `copies` counts those of all
+            // individuals that this asset represents.
             let still_copies = if asset.moves() && frames > 0 { 1 } else { copies.div_ceil(weight.max(1)).max(1) };
             Self { weight, phases: phases.len().max(1) as u64, still_copies, ..Self::of(asset) }
         };

@@ -40,7 +40,7 @@ pub struct ExportJob<'a> {
     pub folder: Folder,
     /// PNG files of the scene's images, which all exporters share.
     pub textures: Arc<Textures>,
-    /// Options of all formats; an exporter copies those of its own format.
+    /// Options of all formats; an exporter copies only those of its format.
     pub options: &'a ExportOptions,
     /// Name of a single file with the whole scene, with an ending of [`FormatInfo::endings`]; none for the files of a bake.
     pub file: Option<&'a str>,

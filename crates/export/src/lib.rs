@@ -48,7 +48,7 @@ mod world_joints;
 pub struct Warning {
     /// Code that does not change between versions; docs/codes.md lists them.
     pub code: &'static str,
-    /// What was found and what was written instead, without the code.
+    /// What the exporter found and what it wrote instead, without the code.
     pub message: String,
 }
 

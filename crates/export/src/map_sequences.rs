@@ -20,7 +20,7 @@ fn stored(encoding: MapEncoding, v: f32, range: f32) -> Option<StoredSample> {
     let whole = |value: f32| StoredSample { value, cut: false };
     match encoding {
         _ if !v.is_finite() => None,
-        // What lies below the surface becomes 0 without a warning: heights count from the surface upwards.
+        // Heights count from the surface upwards: negative ones become 0 without a warning.
         MapEncoding::Height => Some(cut(v / range)),
         MapEncoding::Thickness => (v >= 0.0).then(|| cut(v / range)),
         MapEncoding::Unit => (0.0..=1.0).contains(&v).then(|| whole(v)),
@@ -147,7 +147,7 @@ impl<T: Send + Sync> MapEncoder<T> {
             let Some(kept) = self.made.get(&at) else { continue };
             let sequence = &sequences[at.sequence];
             if kept.cut > 0 {
-                // Counted at every frame in which the map is shown, also where its file is an earlier one.
+                // Counted at every frame that uses the map, also where its file is an earlier one.
                 self.cut += kept.cut as u64;
                 self.first.get_or_insert_with(|| (sequence.name.clone(), number));
             }

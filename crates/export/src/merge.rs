@@ -208,8 +208,8 @@ fn batch_ranges(range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     range.clone().step_by(BATCH).map(move |start| start..(start + BATCH).min(range.end))
 }
 
-/// Formats ranges in parallel, [`BATCHES_AT_ONCE`] batches at a time, and passes the results to `put` in order. A batch takes ranges
-/// until it has [`BATCH`] elements.
+/// Formats ranges in parallel, [`BATCHES_AT_ONCE`] batches at a time, and passes the results to `put` in order. A batch takes
+/// ranges until it has [`BATCH`] elements.
 pub(super) fn format_in_parallel<'a, R: Send>(
     pieces: impl Iterator<Item = PartRange<'a>>,
     format: impl Fn(&[PartRange<'a>]) -> R + Sync + Send,

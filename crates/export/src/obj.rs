@@ -1,7 +1,7 @@
 //! Wavefront OBJ with MTL: meshes at rest, instances merged in.
 //!
-//! Y up, metres. A bake gets `obj/<asset>.obj` and `.mtl` for each asset, in its own space. A single file is `<stem>.obj` and
-//! `<stem>.mtl` with all placements, textures in `<stem>_files/`.
+//! Y up, metres. A bake gets `obj/<asset>.obj` and `.mtl` for each asset, in the space of the asset. A single file is
+//! `<stem>.obj` and `<stem>.mtl` with all placements, textures in `<stem>_files/`.
 //! Sources: Wavefront "Object Files (.obj)", version 3.0; "MTL material format", 1995.
 //!
 //! ```

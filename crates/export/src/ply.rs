@@ -1,8 +1,8 @@
 //! PLY, binary little endian: point clouds, instances and meshes. Y up, metres; colours sRGB.
 //!
 //! A bake has `cloud/<asset>[.####].ply` with the points of an asset, and `cloud/<asset>.<instancer>[.####].ply` with its
-//! instances; those that move freely in a file for each frame. A single file `<stem>.ply` has the merged mesh, or, without a mesh,
-//! the points.
+//! instances; those that move freely in a file for each frame. A single file `<stem>.ply` has the merged mesh, or, without a
+//! mesh, the points.
 //!
 //! ```
 //! assert_eq!(osier_export::ply::FORMAT.asset_folder, Some("cloud"));

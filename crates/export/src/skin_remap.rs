@@ -2,8 +2,8 @@
 
 use osier_scene::SkinWeights;
 
-/// Influences over the written joints: largest first, no joint twice, unused slots joint 0 with weight 0, sum 1. `carrier`: for each
-/// joint of the skeleton the written joint that moves its vertices.
+/// Influences over the written joints: largest first, no joint twice, unused slots joint 0 with weight 0, sum 1. `carrier`: for
+/// each joint of the skeleton the written joint that moves its vertices.
 pub(super) fn remap_influences(skin: &SkinWeights, carrier: &[u16]) -> SkinWeights {
     let (joints, weights) =
         skin.joints.iter().zip(&skin.weights).map(|(j, w)| merge_influences(carrier, *j, *w)).unzip();

@@ -1,4 +1,4 @@
-//! Backdrops: what is seen where no object is.
+//! Backdrops: appearance of pixels that no object covers, and the floor that receives shadows.
 
 use glam::Vec3;
 

@@ -84,7 +84,7 @@ impl PreviewMaterials {
     /// Linear mean colour of a material's texture; without a texture its base colour, and light grey for water.
     pub(super) fn mean_color(&self, id: MaterialId) -> Vec3 {
         let Some(m) = self.material(id) else { return Vec3::splat(0.5) };
-        // Water has no colour of its own: what it shows is mostly the bright sky.
+        // Water has no base colour; most of the light from it is that of the bright sky.
         if m.class == MaterialClass::Water {
             return Vec3::splat(0.9);
         }

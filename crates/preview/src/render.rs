@@ -181,7 +181,7 @@ pub fn render(
     if !world.has_bvh {
         return draft::render(world, request, &camera, cancel, progress);
     }
-    // Upper left pixels of all tiles, row by row.
+    // Upper left pixels of the tiles, row by row; tiles at the right and lower edges may be smaller.
     let mut corners = Vec::new();
     for y in (0..height).step_by(TILE as usize) {
         corners.extend((0..width).step_by(TILE as usize).map(|x| [x, y]));

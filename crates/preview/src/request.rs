@@ -1,10 +1,10 @@
-//! What one picture shows.
+//! The input of one picture beside the scene.
 
 use super::backdrop::Backdrop;
 use super::light::Light;
 use osier_scene::Camera;
 
-/// What to render: camera, resolution, light, backdrop and seed of one picture.
+/// Camera, resolution, light, backdrop and seed of one picture.
 #[derive(Debug, Clone, Copy)]
 pub struct RenderRequest {
     /// Position and direction of view, vertical field of view in radians.

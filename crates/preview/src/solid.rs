@@ -1,5 +1,5 @@
-//! Geometry in its own space: triangles, points as balls and curves as round cones, each solid with its bounding volume
-//! hierarchy (BVH). Instances of it share one [`Solid`].
+//! Geometry in the space of an asset or prototype: triangles, points as balls and curves as round cones, each solid with its
+//! bounding volume hierarchy (BVH). Instances of it share one [`Solid`].
 
 use std::borrow::Cow;
 use std::time::Duration;

@@ -7,7 +7,8 @@ use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Frame, MapLayer, MapSequence, Scene};
 
-/// Side of an atlas, texels: small enough for the textures of current GPUs (at least 16384) and one file per frame of moderate size.
+/// Side of an atlas, texels: small enough for the textures of current GPUs (at least 16384) and one file per frame of moderate
+/// size.
 pub const ATLAS: usize = 4096;
 /// Texels around a tile that repeat its edge, so that bilinear filtering does not mix in the neighbours.
 pub const BORDER: usize = 2;
@@ -43,7 +44,7 @@ impl AtlasWriter {
     /// X012 if the maps of a sequence are larger than an atlas.
     pub(super) fn begin(&mut self, folder: &Folder, scene: &Scene) -> Result<()> {
         let side = scene.map_sequences.iter().map(|s| s.side).max().unwrap_or(0);
-        // All tiles have the size of the largest map, so that a position follows from the number of the sequence alone.
+        // All tiles have the size of the largest map, so that the position of a tile follows from the number of its sequence.
         self.pitch = side + 2 * BORDER;
         self.row = ATLAS / self.pitch;
         if self.row == 0 {

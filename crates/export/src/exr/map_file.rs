@@ -12,7 +12,7 @@ use osier_scene::{MapEncoding, MapLayer, Scene};
 pub(super) struct MapLabel<'a> {
     /// Name of the map sequence or atlas.
     pub(super) name: &'a str,
-    /// Height that the value 1 stands for, m.
+    /// Height for the value 1 of a height map, m.
     pub(super) height_range: f32,
 }
 
@@ -24,7 +24,7 @@ pub(super) struct FrameMapFile {
     comment_offset: usize,
     /// Name of the map sequence or atlas.
     name: String,
-    /// Height that the value 1 stands for, m.
+    /// Height for the value 1 of a height map, m.
     height_range: f32,
 }
 

@@ -84,7 +84,7 @@ impl GltfDocument<'_> {
             let asset = &input.scene.assets[placement.asset];
             let stays =
                 |i: usize| asset.instancers.get(i).is_some_and(|instancer| self.stays_at_rest(asset, instancer));
-            // Only what is visible at some frame is worth a node.
+            // Instances that are never visible get no node.
             let moving = tracks.moving.iter().filter(|m| m.alive.contains(&true) && !stays(m.instancer));
             list.extend(moving.map(|m| (m.key, k, m.instancer, m.instance)));
             for instancer in asset.instancers.iter().filter(|i| i.motion == InstancerMotion::Free) {

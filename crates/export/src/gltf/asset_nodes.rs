@@ -41,7 +41,7 @@ pub(super) enum NodeParent {
     Placement,
     /// A joint, by its index among the written ones.
     Joint(usize),
-    /// None: the node of a skinned mesh is a root of the scene, as its own transform has no effect.
+    /// A root node of the scene, for a skinned mesh: glTF ignores the transform of such a node.
     Skin,
 }
 
@@ -201,8 +201,8 @@ impl GltfDocument<'_> {
         }
     }
 
-    /// A mesh with a morph target for every kept frame whose shape differs from rest, and a track of weights in which each target is
-    /// 1 at its frame and 0 at the other kept ones.
+    /// A mesh with a morph target for every kept frame whose shape differs from rest, and a track of weights in which each target
+    /// is 1 at its frame and 0 at the other kept ones.
     fn add_morphing_mesh(
         &mut self,
         nodes: &mut AssetNodes,
@@ -332,8 +332,8 @@ impl GltfDocument<'_> {
         list: &[&InstanceTrack],
         label: &str,
     ) -> Result<()> {
-        // The mesh of each prototype is added when its first instance needs it. Nodes are in the order of the instances, not in that
-        // of the keys by which they were selected.
+        // The mesh of each prototype is added when its first instance needs it. Nodes are in the order of the instances, not in
+        // that of the keys by which they were selected.
         let mut meshes: Vec<Option<StoredMesh>> = vec![None; instancer.prototypes.len()];
         let mut list = list.to_vec();
         list.sort_by_key(|m| m.instance);
@@ -350,7 +350,7 @@ impl GltfDocument<'_> {
             };
             meshes[proto] = Some(mesh);
             let scale = instancer.scales.get(m.instance).copied().unwrap_or(Vec3::ONE);
-            // The node's own transform is that of the first frame, for readers without animation.
+            // The transform of the node is that of the first frame, for readers without animation.
             let (mut positions, orientations) = m.hold_while_dead();
             // p = t + r s (low + extent q): the dequantization moves the keys of translation and multiplies the scale.
             let sizes = m.sizes_while_dead();

@@ -1,6 +1,4 @@
-//! The binary buffer: the arrays of all accessors, one after the other, each in a buffer view of its own.
-//!
-//! Views begin at multiples of four bytes, which satisfies the alignment of every component type (glTF 2.0, section 3.6.2.4).
+//! The binary buffer: the arrays of all accessors, one after the other, each in a separate buffer view.
 
 use glam::{Quat, Vec2, Vec3};
 
@@ -38,8 +36,8 @@ impl BinaryBuffer {
         Ok(accessor)
     }
 
-    /// Vertex positions as shares of a cube, u16 normalised with a stride of eight bytes: accurate to 1/131070 of its edge. Requires
-    /// KHR_mesh_quantization.
+    /// Vertex positions as shares of a cube, u16 normalised with a stride of eight bytes: accurate to 1/131070 of its edge.
+    /// Requires KHR_mesh_quantization.
     pub(super) fn add_quantized_positions(
         &mut self,
         values: &[Vec3],

@@ -15,8 +15,8 @@ const JSON: u32 = 0x4E4F_534A;
 /// Type of the binary chunk: `BIN` in ASCII and a zero.
 const BIN: u32 = 0x004E_4942;
 
-/// Writes a finished document as a .glb through `put` (glTF 2.0, section 4.4): magic, version and length of the file; the JSON chunk
-/// (length, type, text padded with spaces); the binary chunk (length, type, buffer padded with zeros).
+/// Writes a finished document as a .glb through `put` (glTF 2.0, section 4.4): magic, version and length of the file; the JSON
+/// chunk (length, type, text padded with spaces); the binary chunk (length, type, buffer padded with zeros).
 /// # Errors
 /// X005 for more than 2^32 - 1 bytes, X001 for a number that is not finite, whatever `put` returns.
 pub(super) fn write_glb(mut document: GltfDocument<'_>, mut put: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {

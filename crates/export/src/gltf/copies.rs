@@ -190,7 +190,7 @@ impl GltfDocument<'_> {
                 }
                 let Some(mesh) = self.add_prototype_mesh(instancer, proto, &label)? else { continue };
                 let name = format!("{}_{}_{}", asset.id, instancer.name, instancer.prototypes[proto].name);
-                // Instances of instances: each copy's transform after each instance's own, copies x instances in all.
+                // Instances of instances: the transform of each copy after that of each instance, copies x instances in all.
                 let own: Vec<Trs> = members.iter().map(|i| instancer.transform(&instancer.rest, *i)).collect();
                 // All copies in one node, or in as few as the limit allows.
                 // A plant with more leaves than the limit still gets at least one copy per node.

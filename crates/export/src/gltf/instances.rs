@@ -64,8 +64,8 @@ impl GltfDocument<'_> {
         })
     }
 
-    /// The instancing extension for a group below a joint. `joint`: transform of the joint to the asset's space at rest; `cube`: that
-    /// of the prototype's stored positions.
+    /// The instancing extension for a group below a joint. `joint`: transform of the joint to the asset's space at rest; `cube`:
+    /// that of the prototype's stored positions.
     pub(super) fn group_instancing(
         &mut self,
         group: &InstanceGroup<'_>,
@@ -120,8 +120,8 @@ impl GltfDocument<'_> {
         Ok(NodeExtensions { instancing: Instancing { attributes } })
     }
 
-    /// All instances of some groups of one instancer as one mesh below a joint, with a primitive for each material: instance after
-    /// instance, each with its prototype's vertices. `joint`: transform of the joint to the asset's space at rest.
+    /// All instances of some groups of one instancer as one mesh below a joint, with a primitive for each material: instance
+    /// after instance, each with its prototype's vertices. `joint`: transform of the joint to the asset's space at rest.
     pub(super) fn add_merged_mesh(
         &mut self,
         name: String,

@@ -92,7 +92,8 @@ impl GltfDocument<'_> {
         })
     }
 
-    /// A leaf reflects the share 1 - t of diffuse light in its colour and transmits the share t, its translucency, in the same colour.
+    /// A leaf reflects the share 1 - t of diffuse light in its colour and transmits the share t, its translucency, in the same
+    /// colour.
     fn translucent_extensions(&mut self, source: &osier_scene::Material) -> Result<MaterialExtensions> {
         self.use_extension("KHR_materials_diffuse_transmission", false);
         // As with the base colour, the factor stays at its default of 1 beside a texture.

@@ -85,7 +85,7 @@ pub(super) struct MeshSource<'a> {
     pub cube: Option<QuantizedCube>,
 }
 
-/// A mesh of the document, and how its positions are turned into metres.
+/// Index of a mesh in the document, and how its stored positions are converted to metres.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StoredMesh {
     pub index: Index,
@@ -190,7 +190,7 @@ impl GltfDocument<'_> {
             });
         }
         if vertices.uvs.len() == count && uses_uvs(self.input.scene, variant.material) {
-            // The core of glTF has coordinates of 16 bits.
+            // Texture coordinates of 16 bits need no extension.
             attributes.uv = Some(if bytes {
                 self.buffer.add_quantized_uvs(&vertices.uvs, label)?
             } else {

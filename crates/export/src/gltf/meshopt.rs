@@ -33,7 +33,8 @@ impl Stream {
                 let shorts = bytes.as_chunks::<2>().0.iter().map(|b| i16::from_le_bytes(*b));
                 let floats: Vec<f32> = shorts.map(|c| f32::from(c) / 32_767.0).collect();
                 encode_filter_quat(count, 8, bits, &floats, workspace)
-                    // The filter rounds the quaternions to its bits and leaves bytes that the vertex codec packs well; readers undo both.
+                    // The filter rounds the quaternions to its bits and leaves bytes that the vertex codec packs well; readers
+                    // undo both.
                     .and_then(|filtered| encode_vertices(&filtered, count, 8, workspace))
             }
             Self::Vectors => {

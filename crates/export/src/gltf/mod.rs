@@ -101,7 +101,7 @@ fn size_ratio_percent(options: &GltfOptions, profile: Profile) -> u64 {
 /// Estimate from bytes per vertex, triangle, instance and key in binary files, summed over the profiles.
 fn estimate(input: &EstimateInput) -> u64 {
     let options = &input.options.gltf;
-    // An asset is in the file of the scene, and in one of its own if those are written. Images are embedded in both.
+    // An asset is in the file of the scene, and in a separate file if those are written. Images are embedded in both.
     let own_files = |profile: &Profile| u64::from(options.assets && !input.single && *profile != Profile::Engine);
     let most_nodes = if options.frame.is_some() { 0 } else { options.nodes as u64 };
     let profile_bytes = |profile: &Profile| {
@@ -126,7 +126,7 @@ fn estimate(input: &EstimateInput) -> u64 {
                 }
             };
             let still = still * 100 / size_ratio_percent(options, *profile);
-            // The scene's file has tracks for each phase that has a skin, the asset's own file for one.
+            // The file of the scene has tracks for each phase that has a skin, the file of the asset for one.
             let nodes = a.free_instances.min(most_nodes);
             // A joint's key is a quaternion, 16 bytes; a free instance's has time, position, rotation and scale, 44 bytes.
             let joints = if *profile == Profile::Engine { a.joints.min(options.joints as u64) } else { a.joints };
@@ -189,11 +189,11 @@ impl GltfExporter {
             stem = format!("{}_{n}", scene.name);
         }
         match self.write_bake_glb(input, &stem, GltfContents::Scene { camera: true }) {
-            // The assets' own files have reported their joints (X002) already.
+            // The files of the assets have reported their joints (X002) already.
             Ok(more) => {
                 warnings.extend(more.into_iter().flatten().filter(|w| !self.options.assets || w.code != "X002"))
             }
-            // The assets' own files are complete by now: a scene too large for one file costs only that file.
+            // The files of the assets are complete by now: a scene too large for one file costs only that file.
             Err(Error::Export { code: code @ "X005", reason }) => {
                 let message = format!("the file of the whole scene is left out: {reason}");
                 warnings.push(Warning { code, message });

@@ -1,7 +1,7 @@
 //! Quantized vertices: positions as 16-bit integers in a cube, and the transform from it to metres.
 //!
-//! The transform is not stored with the mesh: nodes, instances and inverse bind matrices have it before their own
-//! (KHR_mesh_quantization).
+//! The transform is not stored with the mesh: nodes, instances and inverse bind matrices apply it before their other
+//! transforms (KHR_mesh_quantization).
 
 use glam::{Mat4, Quat, Vec3};
 

@@ -1,4 +1,4 @@
-//! What the bytes of a buffer view are, by which they can be compressed.
+//! Kinds of content of a buffer view, which decide how its bytes are compressed.
 
 /// Kind of the elements of a buffer view, which determines how EXT_meshopt_compression encodes them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! Tangents for materials with a normal map: without them each viewer computes its own, and validators warn.
+//! Tangents for materials with a normal map: without them each viewer computes different ones, and validators warn.
 
 use glam::{Vec2, Vec3};
 

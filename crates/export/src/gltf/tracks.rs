@@ -246,7 +246,7 @@ impl MorphKeys {
                 return;
             }
             let kept = self.needed(tolerance);
-            // A few places stay free, so that not every further frame thins them out again.
+            // An eighth of the limit stays free, so that the next thinning is not due at the next frame.
             if kept.len() <= self.limit - self.limit / 8 {
                 self.thin_out(&kept, tolerance);
                 return;

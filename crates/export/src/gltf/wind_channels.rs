@@ -1,4 +1,4 @@
-//! Wind channels: what shaders of engines read from the vertex colours of plants.
+//! Wind channels: data in the vertex colours of plants that shaders of engines read.
 
 use osier_base::math::narrow;
 use osier_base::rng::mix64;

@@ -71,7 +71,7 @@ pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings
     let files = grouped(files, scene.clip);
     let paths: Vec<&str> = files.iter().map(path).collect();
     let is_leaf = |m: &&Material| m.class == MaterialClass::Leaf && m.maps.height.is_some();
-    // Without map sequences the range is that of the leaves' own height maps.
+    // Without map sequences the range is that of the height maps of the leaf materials.
     let dry = || scene.materials.iter().find(is_leaf).map(|m| m.height_range);
     let height = scene.map_sequences.first().map(|s| s.height_range).or_else(dry).unwrap_or(HEIGHT_RANGE);
     let mut manifest = Manifest {
@@ -177,7 +177,7 @@ fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
         triangles: asset.meshes.iter().map(|m| m.mesh.triangles.len()).sum(),
         instances: asset.instancers.iter().map(osier_scene::Instancer::len).sum(),
         joints: asset.skeleton.as_ref().map_or(0, |s| s.joints.len()),
-        // Adding 0 turns -0 into 0.
+        // Adding 0 turns -0 into 0: equal values have equal text.
         bounds: corners.map(|c| c.map(|v| v + 0.0)),
         leaves: leaves_entry(asset, paths),
     }

@@ -99,7 +99,7 @@ pub struct TimeEntry {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct UnitsEntry {
-    /// Height that a map value of 1 stands for, m.
+    /// Height for the map value 1, m.
     pub height_range_m: f32,
     /// Range of wetness maps from dry to wet, as text: `0..1`.
     pub wetness: String,
@@ -107,7 +107,7 @@ pub struct UnitsEntry {
     pub pov_units_per_m: f32,
     /// Albedo where wetness is 1, as a share of that of the dry surface.
     pub wet_albedo: f32,
-    /// Roughness where wetness is 1; a smoother surface keeps its own.
+    /// Roughness where wetness is 1; a surface that is smoother than this when dry keeps its dry roughness.
     pub wet_roughness: f32,
 }
 
@@ -131,7 +131,7 @@ pub struct CameraEntry {
     pub matrix: [f32; 16],
     /// Full vertical field of view, degrees.
     pub vfov_deg: f32,
-    /// Nearest and farthest distance that is shown, m.
+    /// Distances of the near and far clipping planes, m.
     pub clip: [f32; 2],
     /// Width and height of the picture, pixels.
     pub size: [u32; 2],
@@ -296,7 +296,7 @@ pub struct ParamsEntry {
     pub translucency: f32,
     /// Alpha below which the surface is cut out; `None`: nothing is cut out.
     pub alpha_cutoff: Option<f32>,
-    /// Height that the value 1 of the height map stands for, m.
+    /// Height for the value 1 of the height map, m.
     pub height_range_m: f32,
     /// Side of a tile of the textures, m.
     pub tile_m: f32,
@@ -348,7 +348,7 @@ pub struct ItemEntry {
 pub struct WarningEntry {
     /// Code, such as `X002`; docs/codes.md lists them.
     pub code: String,
-    /// What was found and what was written instead, without the code.
+    /// What the exporter found and what it wrote instead, without the code.
     pub message: String,
 }
 

@@ -1,4 +1,4 @@
-//! Where the assets stand: lists in the manifest, or a table beside it.
+//! The placements of assets: lists in the manifest, or a table beside it.
 
 use std::collections::BTreeMap;
 
@@ -13,9 +13,9 @@ pub const PLACES_FILE: &str = "places.f4";
 /// Placements of a scene up to which the manifest lists them; more are written as a table. Own: about 300 kB of JSON.
 pub const MAX_LISTED_PLACES: usize = 1000;
 
-/// Writes the table of placements if a scene has more than [`MAX_LISTED_PLACES`]: for each placement ten little-endian 32-bit floats,
-/// in the scene's axes: index of the asset in the manifest, offset in frames, position x y z in m, rotation as a quaternion x y z w,
-/// scale.
+/// Writes the table of placements if a scene has more than [`MAX_LISTED_PLACES`]: for each placement ten little-endian 32-bit
+/// floats, in the axes of the scene: index of the asset in the manifest, offset in frames, position x y z in m, rotation as a
+/// quaternion x y z w, scale.
 /// # Errors
 /// `TooMany` if an asset has an index above 65535; whatever the folder refuses.
 pub fn write_places(folder: &Folder, scene: &Scene) -> Result<()> {

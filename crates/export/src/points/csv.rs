@@ -94,8 +94,8 @@ impl<'a> CsvColumn<'a> {
     }
 }
 
-/// Appends a number with at least six significant digits where [`MAX_DECIMALS`] allow them, without an exponent, with digits on both
-/// sides of the point and no needless zeros at the end. `None` if it is not finite.
+/// Appends a number with at least six significant digits where [`MAX_DECIMALS`] allow them, without an exponent, with digits on
+/// both sides of the point and no needless zeros at the end. `None` if it is not finite.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked against MAX_SCALED")]
 fn push_decimal(value: f64, text: &mut String) -> Option<()> {
     if !value.is_finite() {

@@ -1,6 +1,6 @@
 //! Single elements of a simulation as points with attributes: `points/TABLE_####.csv`, one file for each table and frame, for the
-//! node Import CSV of Blender and for everything else that reads tables. Metres and seconds; the tables are those of the frames, and
-//! `joints`, which all skeletons give.
+//! node Import CSV of Blender and for everything else that reads tables. Metres and seconds; the tables are those of the frames,
+//! and `joints`, which all skeletons give.
 
 use std::sync::Arc;
 

@@ -1,9 +1,9 @@
 //! The declarations of an asset in prototypes.inc, static.inc and the frame files.
 //!
-//! Identifiers have indices of asset a, mesh m, instancer i and so on: `P_a_i_p` a prototype, `G_a_m` a static mesh, `R_a_m` a macro of
-//! the static part of a deforming mesh, `L_a_i` the instances of an instancer, `J_a_i_j` those attached to joint j, `D_a_p` points,
-//! `H_a_c` curves, `A_a` a macro of the asset. Prototypes and static meshes with a coat, and the instances of such prototypes, are
-//! macros: their texture comes with the frame.
+//! Identifiers have indices of asset a, mesh m, instancer i and so on: `P_a_i_p` a prototype, `G_a_m` a static mesh, `R_a_m` a
+//! macro of the static part of a deforming mesh, `L_a_i` the instances of an instancer, `J_a_i_j` those attached to joint j,
+//! `D_a_p` points, `H_a_c` curves, `A_a` a macro of the asset. Prototypes and static meshes with a coat, and the instances of
+//! such prototypes, are macros: their texture changes with the frame.
 
 use super::mesh::{Mesh2Faces, has_area_anywhere, split_hair, write_mesh2, write_topology, write_vectors};
 use super::objects::{
@@ -46,7 +46,7 @@ impl PovAsset<'_> {
         instancer.prototypes.iter().map(|p| of(&p.mesh)).collect()
     }
 
-    /// Whether a prototype of an instancer has a coat, whose maps come with the frame.
+    /// Whether a prototype of an instancer has a coat: its maps change with the frame, so it is declared as a macro.
     fn has_coated_prototype(&self, instancer: &Instancer) -> bool {
         instancer.prototypes.iter().any(|p| self.is_coated(&p.mesh))
     }
@@ -59,7 +59,7 @@ impl PovAsset<'_> {
                     continue;
                 }
                 text.put(&format!("// {} {} {}\n", self.asset.id, instancer.name, proto.name));
-                // Hairs and the rest become objects of their own, because `no_shadow` applies to a whole object.
+                // Hairs become an object separate from the rest, because `no_shadow` applies to a whole object.
                 if let Some((hairs, rest)) = split_hair(&proto.mesh, self.materials) {
                     self.write_hair_prototype(text, i, p, &hairs, &rest);
                     continue;
@@ -213,7 +213,7 @@ impl PovAsset<'_> {
         text.put("#end\n");
     }
 
-    /// Whether a material of a mesh has a coat, whose maps come with the frame.
+    /// Whether a material of a mesh has a coat, whose maps change with the frame.
     fn is_coated(&self, mesh: &Mesh) -> bool {
         mesh.subsets.iter().any(|s| self.materials.get(s.material as usize).is_some_and(|m| m.coat.is_some()))
     }

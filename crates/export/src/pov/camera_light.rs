@@ -67,7 +67,7 @@ pub(super) fn write_camera(text: &mut TextBuffer, space: PovSpace, camera: &Came
     // represent.
     let [right, _, back] = camera.axes().map(|v| v.to_array().map(f64::from));
     let back = scaled(back, 1.0 / math::sqrt(dot(back, back)));
-    // What rounding to f32 left of `right` along `back` is removed; then up = back x right has unit length, too.
+    // Removes the component of `right` along `back`, an error of rounding to f32; then up = back x right has unit length, too.
     let across = dot(right, back);
     let right = [0, 1, 2].map(|i| right[i] - back[i] * across);
     let right = scaled(right, 1.0 / math::sqrt(dot(right, right)));
@@ -165,8 +165,8 @@ fn write_dapple(text: &mut TextBuffer, sky: &Sky) {
 
 /// Writes the sky as a sky sphere, and as parallel lights that cast shadows: POV-Ray's ambient light would be as
 /// bright inside a crown as outside.
-/// Source: a horizontal surface of albedo a under a sky of radiance L shows a L; each of n directions spread evenly over
-/// the half sphere stands for 2 pi / n of it, so its light has colour L (2 / n).
+/// Source: a horizontal surface of albedo a under a sky of radiance L has radiance a L; each of n directions spread evenly over
+/// the half sphere represents 2 pi / n of its solid angle, so its light has colour L (2 / n).
 pub(super) fn write_sky(text: &mut TextBuffer, space: PovSpace, sky: &Sky, sun: &Sun, bounds: Bounds) {
     let (horizon, zenith) = (sky.horizon.map(|c| c * sky.strength), sky.zenith.map(|c| c * sky.strength));
     text.put("sky_sphere {\n  pigment {\n    gradient y\n    color_map { ");

@@ -1,5 +1,6 @@
-//! Materials as declared identifiers: `F_` finish, `C_` texture without maps, `M_` texture with maps, `I_` interior of water. Coated
-//! ones have three more: `V_` finish of the coat, `D_` bare and `W_` coated texture with maps; frames mix the two into `M_`.
+//! Materials as declared identifiers: `F_` finish, `C_` texture without maps, `M_` texture with maps, `I_` interior of water.
+//! Coated ones have three more: `V_` finish of the coat, `D_` bare and `W_` coated texture with maps; frames mix the two into
+//! `M_`.
 
 use super::space::write_rgb;
 use crate::text::TextBuffer;
@@ -59,7 +60,8 @@ const HAIR_BRIGHTNESS: f32 = 1.5;
 /// exponent e = 2 / r^4 - 2 of a GGX lobe of roughness r; POV-Ray's `roughness` is 1 / e.
 fn write_finish(text: &mut TextBuffer, m: &Material) {
     if m.class == MaterialClass::Water {
-        // A low specular value: the lights of the sky would each show as a highlight in every drop; the sun is ten times brighter.
+        // A low specular value: the lights of the sky would each show as a highlight in every drop; the sun is ten times
+        // brighter.
         text.put("diffuse 0 specular 0.3 roughness 0.0008 reflection { 0, 1 fresnel on } conserve_energy");
         return;
     }
@@ -139,7 +141,8 @@ fn write_mapped_texture(
         text.put("texture { C_").int(i).put(" }\n");
         return Ok(());
     }
-    // Alpha cutout by a texture map over the image's transparency: a transparent pigment alone would keep its highlight.
+    // Alpha cutout by a texture map over the transparency of the image: with a transparent pigment, the cut
+    // area would still have highlights.
     let cut = m.alpha_cutoff.zip(m.maps.color).filter(|(_, image)| has_alpha(scene, *image));
     if let Some((cutoff, image)) = cut {
         text.put("texture { uv_mapping ");

@@ -1,7 +1,7 @@
 //! POV-Ray 3.7: a scene with include files, one of them for each frame. `cd pov && povray render.ini` renders the clip.
 //!
-//! A bake has `pov/main.pov common.inc prototypes.inc static.inc render.ini frames/frame.####.inc`, textures in `textures/`, those
-//! of map sequences in `maps/`. A single file is `<stem>.pov` with everything else in `<stem>_files/`.
+//! A bake has `pov/main.pov common.inc prototypes.inc static.inc render.ini frames/frame.####.inc`, textures in `textures/`,
+//! those of map sequences in `maps/`. A single file is `<stem>.pov` with everything else in `<stem>_files/`.
 //!
 //! ```
 //! use osier_export::pov::PovOptions;
@@ -170,7 +170,7 @@ impl PovExporter {
         let mut text = TextBuffer::default();
         text.put(&format!("// {}, frame {number}\n", super::GENERATOR));
         let maps = self.map_folder();
-        // Maps are written even if an interrupted bake has left the frame's own file complete.
+        // Maps are written even if an interrupted bake has left the file of the frame complete.
         self.coats.frame(&mut text, &self.folder, &maps, scene, number, frame)?;
         let file = self.folder.create(&path, "inc", Some(number))?;
         let rest = AssetFrame::default();
@@ -250,7 +250,7 @@ impl Exporter for PovExporter {
         let mut still = TextBuffer::default();
         still.put(&format!("// {}: what never changes\n", super::GENERATOR));
         let mut warnings = Vec::new();
-        // Static objects are written once; frames hold only what moves.
+        // Static objects are written once; frames contain only the moving ones.
         let count: usize = assets.iter().map(|p| p.write_static(&mut still, &mut warnings)).sum();
         self.write_text(&self.file_path("static.inc"), "inc", &still)?;
         self.instances = count;

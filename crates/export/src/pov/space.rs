@@ -30,8 +30,8 @@ impl PovSpace {
         text.num(v * self.scale);
     }
 
-    /// A transform as `matrix <..>`: POV-Ray multiplies row vectors, so its rows are the columns of the linear part F A F, and the
-    /// translation. F on both sides negates the entries that mix z with x or y.
+    /// A transform as `matrix <..>`: POV-Ray multiplies row vectors, so its rows are the columns of the linear part F A F, and
+    /// the translation. F on both sides negates the entries that mix z with x or y.
     pub fn write_matrix(self, text: &mut TextBuffer, trs: &Trs) {
         // The linear part A = R S: the scale acts first, then the rotation.
         let a = Mat3::from_quat(trs.r) * Mat3::from_diagonal(trs.s);

@@ -1,4 +1,5 @@
-//! Parameter sweeps: runs of a scene with different values of some keys, as rows of a table, and plots of the means over the seeds.
+//! Parameter sweeps: runs of a scene with different values of some keys, as rows of a table, and plots of the means over the
+//! seeds.
 
 use std::fmt::Write as _;
 
@@ -154,7 +155,8 @@ impl Sweep {
         out
     }
 
-    /// For each choice of values the number of its runs, then mean and standard deviation of each column of `sweep.csv` over them.
+    /// For each choice of values the number of its runs, then mean and standard deviation of each column of `sweep.csv` over
+    /// them.
     fn means_csv(&self) -> String {
         let names: Vec<String> = self.runs.first().map(|r| r.numbers().map(|n| n.0).collect()).unwrap_or_default();
         let columns = names.iter().flat_map(|name| [name.clone(), format!("{name}_deviation")]);

@@ -6,8 +6,8 @@ use osier_base::Result;
 use osier_base::convert::narrow;
 use osier_scene::{Joint, JointBranch, RiggedPlant, Skeleton};
 
-/// Highest simulation group; the trunk has group 0. Own: branches of the eighth order are twigs of twigs, and every group is one more
-/// setting of the engine's wind.
+/// Highest simulation group; the trunk has group 0. Own: branches of the eighth order are twigs of twigs, and every group is one
+/// more setting of the engine's wind.
 const MAX_GROUP: usize = 7;
 
 /// Distance, m, up to which two pivots are the same.
@@ -54,7 +54,8 @@ impl WindJoints {
         for (i, joint) in rig.skeleton.joints.iter().enumerate() {
             let parent = joint.parent.map(|p| p as usize);
             let carrier = parent.and_then(|p| written.carrier.get(p)).copied();
-            // A joint without length between root and trunk would be a degenerate bone: the first joint of the only stem is the root.
+            // A joint without length between root and trunk would be a degenerate bone: the first joint of the only stem is the
+            // root.
             if only_stem == Some(i) {
                 if let Some(root) = written.compliances.first_mut() {
                     *root = branch(i).map_or(0.0, |b| b.compliance);

@@ -1,4 +1,4 @@
-//! What the writers of all prims share: the scene, the options, and the paths of files beside the layers.
+//! Data that the writers of all prims share: the scene, the options, and the paths of files beside the layers.
 
 use std::sync::Arc;
 

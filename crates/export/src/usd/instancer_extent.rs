@@ -50,8 +50,8 @@ impl InstancerBounds {
         Self { blocks: each.chunks(LANES).map(InstanceBoxLanes::of).collect() }
     }
 
-    /// The extent of the live instances. `turns`: orientations as they are written, x, y, z, w; `positions`: in the axes of the stage;
-    /// `state`: which are alive, and their sizes.
+    /// The extent of the live instances. `turns`: orientations as they are written, x, y, z, w; `positions`: in the axes of the
+    /// stage; `state`: which are alive, and their sizes.
     pub(crate) fn extent(&self, turns: &[[f16; 4]], positions: &[Vec3], state: &InstanceState) -> [[f32; 3]; 2] {
         let alive = &state.alive;
         // Back from half to single precision: the extent must hold for the orientations as they are stored.
@@ -137,8 +137,8 @@ impl ExtentLanes {
     /// Adds the boxes of four instances at positions `t` with orientations `q` (x, y, z, w).
     fn add(&mut self, shown: &InstanceBoxLanes, t: &[Vec3; LANES], q: &[[f32; 4]; LANES]) {
         let t = transpose_lanes(t);
-        // Skip blocks that cannot extend the box: t +- reach lies within it. The term 1e-6 |t| covers the rounding of all sums, so
-        // the result has the same bits as without this test.
+        // Skip blocks that cannot extend the box: t +- reach lies within it. The term 1e-6 |t| covers the rounding of all sums,
+        // so the result has the same bits as without this test.
         let within = |k: usize| {
             let reach = shown.reach + t[k].abs() * 1e-6;
             (t[k] - reach).cmpge(self.low[k]) & (t[k] + reach).cmple(self.high[k])

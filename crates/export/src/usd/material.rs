@@ -105,7 +105,7 @@ impl ShaderInputWriter<'_> {
             None => self.input("roughness", "float", UsdValue::Float(m.roughness))?,
         }
         if let Some(coat) = coat {
-            // A film over the surface, which keeps its own roughness and relief.
+            // A film over the surface; roughness and relief of the surface below it stay unchanged.
             self.connect("clearcoat", "float", &format!("{}.outputs:r", coat.weight))?;
             self.input("clearcoatRoughness", "float", UsdValue::Float(WATER_FILM_ROUGHNESS))?;
         }

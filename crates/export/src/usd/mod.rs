@@ -194,8 +194,8 @@ impl UsdExporter {
             "Xform",
             &PrimMetadata { kind: Some("assembly"), ..PrimMetadata::default() },
         )?;
-        // Placements that are prims of their own come first, then the prototypes of plants with copies. Instances and extents of
-        // those follow in `finish`, when the bounds over the clip are known.
+        // Placements that are separate prims come first, then the prototypes of plants with copies. `finish` writes the instances
+        // and extents of the copies, when the bounds over the clip are known.
         let mut animated = Vec::new();
         let mut first: BTreeMap<usize, String> = BTreeMap::new();
         let shared = instanceable_assets(&cx.scene);
@@ -297,8 +297,8 @@ impl UsdExporter {
         layer.writer.finish()
     }
 
-    /// Writes the stage that shows each asset once, at the origin, for importers that place copies by the manifest: a root prim with
-    /// the payload of each asset, under the path that it has in its payload.
+    /// Writes the stage that shows each asset once, at the origin, for importers that place copies by the manifest: a root prim
+    /// with the payload of each asset, under the path that it has in its payload.
     fn write_asset_library(&self, cx: &UsdContext) -> Result<()> {
         let Some(first) = cx.scene.assets.first() else { return Ok(()) };
         let Some(out) = self.folder.create(ASSET_STAGE, "usda.assets", None)? else { return Ok(()) };
@@ -335,8 +335,8 @@ fn has_phase_offset(scene: &Scene, asset: usize) -> bool {
     scene.placements.iter().any(|p| p.asset == asset && p.phase > 0)
 }
 
-/// Static assets with several placements, whose prims become instanceable. Animated ones do not: Blender reads their frames by the
-/// names that USD generates for the prototypes of instances, and those names change whenever the file is opened.
+/// Static assets with several placements, whose prims become instanceable. Animated ones do not: Blender reads their frames by
+/// the names that USD generates for the prototypes of instances, and those names change whenever the file is opened.
 fn instanceable_assets(scene: &Scene) -> BTreeSet<usize> {
     let (mut seen, mut shared) = (BTreeSet::new(), BTreeSet::new());
     for p in &scene.placements {
@@ -442,7 +442,7 @@ fn rebind_materials(
         b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.coat.is_some())
     };
     if !bindings.is_empty() && !bindings.iter().any(own) {
-        // No prim is bound to the payload's own materials any more, so they need not be composed.
+        // No prim is bound to the materials of the payload any more, so they need not be composed.
         let meta = PrimMetadata { over: true, inactive: true, ..PrimMetadata::default() };
         layer.writer.define_prim(&format!("{path}/mtl"), "", &meta)?;
     }

@@ -1,7 +1,4 @@
-//! The placements of a scene: prims of their own, or instances of one `PointInstancer` for each plant with copies.
-//!
-//! The prototypes of such an instancer are whole plants (skeleton, bark, nested instancers of leaves): one for each individual and
-//! phase of its motion. A phase is a layer offset on the individual's payload, so that it costs a prim and no time samples.
+//! The placements of a scene: separate prims, or instances of one `PointInstancer` for each plant with copies.
 
 use std::collections::{BTreeMap, BTreeSet};
 

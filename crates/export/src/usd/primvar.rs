@@ -47,7 +47,7 @@ impl AnimatedPrimvar {
     }
 }
 
-/// Defines the primvars of all attributes that have values; vectors are turned to the axes of the stage.
+/// Defines the primvars of all attributes that have values; vectors are rotated from the axes of the scene to those of the stage.
 pub(super) fn define_all(
     layer: &mut LayerBuilder,
     path: &str,

@@ -4,8 +4,8 @@
 //! frames wait as long as interpolation between the last written sample and the newest frame restores all of them; when it no
 //! longer does, the frame before the newest is written.
 //!
-//! A sample may go if all elements are restored within a strict tolerance, or if nearly all of them are restored so well that the
-//! difference is not seen in the camera's picture ([`SampleTolerance`]).
+//! A sample may be left out if all elements are restored within a strict tolerance, or if nearly all of them are restored so well
+//! that the difference is not visible in the picture of the camera ([`SampleTolerance`]).
 
 use glam::{Quat, Vec3};
 
@@ -13,8 +13,8 @@ use glam::{Quat, Vec3};
 /// per frame; a larger value saves samples only of objects that hardly move.
 const MAX_GAP: usize = 8;
 
-/// Share of the elements that must be restored within [`SampleTolerance::seen`]. Own: a few leaves that flap wildly would keep the
-/// samples of all others.
+/// Share of the elements that must be restored within [`SampleTolerance::seen`]. Own: a few leaves that flap wildly would keep
+/// the samples of all others.
 const SEEN_SHARE: f64 = 0.99;
 /// Most error of the remaining elements, as a multiple of [`SampleTolerance::seen`]. Own.
 const SEEN_MOST: f32 = 4.0;

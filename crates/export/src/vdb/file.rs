@@ -1,5 +1,5 @@
-//! Bytes of an OpenVDB file, version 223, little-endian: header, metadata, then per grid a descriptor, metadata, transform, topology
-//! and buffers.
+//! Bytes of an OpenVDB file, version 223, little-endian: header, metadata, then per grid a descriptor, metadata, transform,
+//! topology and buffers.
 //! Source: the file format of OpenVDB, as its library and that of Houdini read it.
 
 use half::f16;
@@ -54,7 +54,7 @@ pub(super) fn vdb_bytes(
     out.put(&MAGIC.to_le_bytes());
     out.put_u32(FILE_VERSION);
     LIBRARY_VERSION.iter().for_each(|v| out.put_u32(*v));
-    // Offsets follow in the descriptors of the grids.
+    // Flag: the descriptors of the grids contain offsets.
     out.put(&[1]);
     out.put(uuid(&scene.hash, file, frame).as_bytes());
     let seed = scene.seed.to_string();
@@ -246,7 +246,7 @@ impl<'a> GridEncoder<'a> {
                 vec![h, 0.0, 0.0, 0.0, 0.0, 0.0, h, 0.0, 0.0, -h, 0.0, 0.0, x, -z, y, 1.0]
             }
         };
-        // Adding 0 turns -0 into 0.
+        // Adding 0 turns -0 into 0: equal values have equal bytes.
         numbers.iter().for_each(|v| out.put(&(v + 0.0).to_le_bytes()));
     }
 

@@ -1,7 +1,7 @@
 //! Drafts: the scene is rasterised for the camera and then for the light. No ray is cast and no BVH built.
 //!
-//! One sample per pixel: a [`VisibilityBuffer`] finds what it shows, [`shadow_cells`] whether the sun reaches it, a
-//! [`SkyVisibility`] grid how much of the sky does; shading and tone mapping are those of ray tracing.
+//! One sample per pixel: a [`VisibilityBuffer`] finds the visible surface, [`shadow_cells`] whether the sun reaches it, a
+//! [`SkyVisibility`] grid the share of the sky that does; shading and tone mapping are those of ray tracing.
 
 mod draw_list;
 mod projection;

@@ -195,8 +195,8 @@ impl LightPath<'_, '_> {
     fn shade_surface(&self, d: Vec3, s: &SurfaceInteraction) -> ScatteredLight {
         let f = &s.shading;
         let to_viewer = -math::normalize_or(d, Vec3::Z);
-        // Mirror-like fraction: Fresnel reflectance, less the rougher the surface. Own: (1 -
-        // roughness)^2 stands for the directional albedo of the microfacet lobe.
+        // Mirror-like fraction: Fresnel reflectance, less the rougher the surface. Own: (1 - roughness)^2 approximates the
+        // directional albedo of the microfacet lobe.
         let smoothness = 1.0 - f.roughness;
         let gloss = fresnel(f.f0, s.shading_normal.dot(to_viewer).max(0.0)) * smoothness * smoothness;
         let diffuse = f.albedo * (1.0 - gloss);
@@ -220,8 +220,8 @@ impl LightPath<'_, '_> {
         let ambient =
             if samples_ambient { self.incident(s, d).min(Vec3::splat(MAX_SAMPLE_RADIANCE)) } else { Vec3::ZERO };
         let ambient_samples = f32::from(u8::from(samples_ambient));
-        // A rough gloss blurs what it mirrors about as much as the diffuse lobe does, so it takes
-        // the ambient sample; only a smooth one in the best quality traces its own ray.
+        // A rough gloss blurs its reflection about as much as the diffuse lobe does, so it uses the ambient sample; only a smooth
+        // one in the best quality traces a separate mirror ray.
         let traces_mirror = gloss > 0.0 && self.sample.light_depth == LightDepth::Surroundings && f.roughness < 0.5;
         if !traces_mirror {
             let diffuse = diffuse + Vec3::splat(gloss);

@@ -28,7 +28,8 @@ mod tuning {
     /// Smallest and largest share of the triangles of a level for wood. Without a minimum, bare limbs would lose their shape;
     /// without a maximum, a crown of many fine twigs would lose its leaves.
     pub(super) const WOOD_SHARE: [f64; 2] = [0.25, 0.5];
-    /// Largest deviation of simplified wood as a share of the plant's size. It is seldom reached: the number of triangles decides.
+    /// Largest deviation of simplified wood as a share of the plant's size. It is seldom reached: the number of triangles
+    /// decides.
     pub(super) const WOOD_DEVIATION: f32 = 0.05;
     /// Weight of normals beside positions in the simplification: limbs stay round.
     pub(super) const NORMAL_WEIGHT: f32 = 0.5;
@@ -164,8 +165,8 @@ pub(super) struct PlantSource<'a> {
 }
 
 impl<'a> PlantSource<'a> {
-    /// Sorts the parts of a plant into wood and leaves. `selection`: the joints that are written, for a plant that moves; `label`:
-    /// asset and element, for errors.
+    /// Sorts the parts of a plant into wood and leaves. `selection`: the joints that are written, for a plant that moves;
+    /// `label`: asset and element, for errors.
     pub(super) fn new(asset: &'a Asset, selection: Option<&'a JointSelection>, label: &'a str) -> Self {
         let mut source = Self {
             selection,
@@ -419,7 +420,8 @@ fn growth_for(wanted: f64, covered: f64) -> f32 {
     narrow(ratio).clamp(1.0, tuning::MOST_GROWTH)
 }
 
-/// Indices of the `count` keys with the smallest hashes, increasing: the same leaves stay from level to level, spread over the crown.
+/// Indices of the `count` keys with the smallest hashes, increasing: the same leaves stay from level to level, spread over the
+/// crown.
 fn fewest_keys(keys: &[u64], count: usize) -> Vec<usize> {
     let mut order: Vec<(u64, usize)> = keys.iter().enumerate().map(|(i, k)| (mix64(&[*k]), i)).collect();
     order.sort_unstable();

@@ -1,5 +1,5 @@
-//! Profile `engine`: plain glTF for game engines. A plant is one mesh per level of detail, all with one skin; placements are a table
-//! beside the files.
+//! Profile `engine`: plain glTF for game engines. A plant is one mesh per level of detail, all with one skin; placements are a
+//! table beside the files.
 
 mod levels;
 
@@ -153,7 +153,8 @@ struct PlacedFile {
     ahead: Vec<u32>,
 }
 
-/// The table of placements of a scene as JSON; `written`: whether the asset of an index has a file, whose name is that of the asset.
+/// The table of placements of a scene as JSON; `written`: whether the asset of an index has a file, whose name is that of the
+/// asset.
 pub(super) fn placement_table(input: GltfInput<'_>, written: &[bool]) -> Result<Vec<u8>> {
     let scene = input.scene;
     let place = |p: &Placement| -> Vec<f32> {

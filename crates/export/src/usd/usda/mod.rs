@@ -78,7 +78,7 @@ struct TextProperty {
 impl UsdaWriter {
     /// Starts an empty layer, whose text goes into `sink` at the end.
     pub(super) fn new(sink: Box<dyn ByteSink>) -> Self {
-        // The pseudo-root has no text of its own; it holds the top-level prims.
+        // The pseudo-root is not written as a block; its children are the top-level prims.
         let root = TextPrim::new(String::new());
         let index = [("/".to_owned(), 0)].into();
         Self { sink: Some(sink), head: String::new(), prims: vec![root], index, attrs: Vec::new(), bytes: 0 }

@@ -47,7 +47,8 @@ pub(super) mod type_code {
 const IS_ARRAY: u64 = 1 << 63;
 const IS_INLINED: u64 = 1 << 62;
 const IS_COMPRESSED: u64 = 1 << 61;
-/// Arrays of integers and floats shorter than this are not compressed; readers expect the same threshold (`MinCompressedArraySize`).
+/// Arrays of integers and floats shorter than this are not compressed; readers expect the same threshold
+/// (`MinCompressedArraySize`).
 const MIN_COMPRESSED: usize = 16;
 
 /// A `ValueRep` that holds the value itself: a number of at most 32 bits, or the row of a token or string.
@@ -146,8 +147,8 @@ impl ValueHeap {
                     put_compressed(heap, integer_coding::compress_i64(v))
                 })
             }
-            // Floats with few different values: code `t`, the table of values (its length, then the values), the rows of the table
-            // as compressed integers.
+            // Floats with few different values: code `t`, the table of values (its length, then the values), the rows of the
+            // table as compressed integers.
             UsdArray::Float(_) if table.is_some() => {
                 let (table, rows) = table.unwrap_or_default();
                 self.deduplicated_value_rep(kind, flags | IS_COMPRESSED, &bytes, |heap| {
@@ -174,7 +175,7 @@ impl ValueHeap {
         let mut bytes = Vec::new();
         let bad = |i| not_finite(&place(), i);
         let code = match value {
-            // What fits into 32 bits is inlined.
+            // Values of at most 32 bits are inlined.
             UsdValue::Bool(b) => return Ok(inline_value_rep(type_code::BOOL, u32::from(*b))),
             // x + 0.0 turns -0 into 0, so that equal numbers are written alike.
             UsdValue::Float(x) if x.is_finite() => return Ok(inline_value_rep(type_code::FLOAT, (x + 0.0).to_bits())),
