@@ -14,7 +14,7 @@ const INK: [u8; 3] = [52, 54, 50];
 /// Colour of the note beside the title, sRGB.
 const FAINT_INK: [u8; 3] = [120, 122, 116];
 
-/// A picture of a contact sheet with its caption.
+/// A picture of a contact sheet and the caption below it.
 #[derive(Debug, Clone)]
 pub struct ContactSheetCell {
     /// A picture of the size that all cells of the sheet have.

@@ -39,8 +39,8 @@ impl CameraView {
                 (28.0, -6.0 + 44.0 * flatness)
             }
         };
-        // Just short of straight up and down, where the camera would have no upward direction; from
-        // above the top of the picture is -Z.
+        // The elevation stays just below 90 degrees, where the camera would have no upward direction; in a view from above,
+        // -Z is at the top of the picture.
         let (a, e) = (radians_f32(azimuth), radians_f32(elevation.clamp(-89.9, 89.9)));
         Vec3::new(math::cos_f32(e) * math::sin_f32(a), math::sin_f32(e), math::cos_f32(e) * math::cos_f32(a))
     }
@@ -158,8 +158,7 @@ impl Subject {
                 wide + w.dot(back)
             });
             distance = distances.fold(1e-3, f32::max);
-            // Centre of the projected extent along an axis, back in metres at the depth of the
-            // target.
+            // Centre of the projected extent along an axis, converted back to metres at the depth of the target.
             let projected =
                 |axis: Vec3, p: Vec3| (p - target).dot(axis) / (distance - (p - target).dot(back)).max(1e-6);
             let center = |axis: Vec3| {

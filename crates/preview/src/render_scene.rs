@@ -199,7 +199,7 @@ impl<'a> RenderScene<'a> {
         Some((instance, self.solids.get(instance.solid as usize)?))
     }
 
-    /// The instance that was hit and its solid.
+    /// The instance that was hit and its solid; `None` if `hit` is of a scene with more instances.
     pub(super) fn hit_instance(&self, hit: &SceneHit) -> Option<(&SolidInstance, &Solid<'a>)> {
         self.instance(hit.instance as usize)
     }

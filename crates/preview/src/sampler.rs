@@ -1,6 +1,6 @@
 //! Scrambled Sobol points: well distributed in the unit square, different in every pixel.
 
-/// Source of the sample points of one pixel.
+/// Sample points of one pixel; equal pixels, seeds and indices have equal points, whatever the order of the calls.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sampler {
     seed: u32,

@@ -50,7 +50,7 @@ pub(super) struct RayTriangle {
 /// Intersection of a ray with a primitive of a solid.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct PrimitiveHit {
-    /// Along the ray, in lengths of its direction.
+    /// Distance along the ray, as a multiple of the length of its direction.
     pub(super) t: f32,
     /// Index of the primitive in the order of the BVH.
     pub(super) primitive: u32,
@@ -307,7 +307,7 @@ impl<'a> Solid<'a> {
 /// Intersection of a ray with a triangle or its plane.
 #[derive(Debug, Clone, Copy)]
 struct TriangleHit {
-    /// Along the ray, in lengths of its direction.
+    /// Distance along the ray, as a multiple of the length of its direction.
     t: f32,
     /// Coordinates of the second and third corner.
     barycentric: Vec2,

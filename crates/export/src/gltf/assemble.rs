@@ -13,7 +13,7 @@ use super::json::{Camera, Index, Node, Perspective, Skin};
 use osier_base::Result;
 use osier_scene::{Asset, Instancer, InstancerMotion, LEAF_COLOR, Placement, Trs};
 
-/// Geometry of a document.
+/// Assets or placements that a document contains.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum GltfContents {
     /// The asset of this index, at the origin.

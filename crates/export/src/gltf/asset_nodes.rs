@@ -402,7 +402,7 @@ impl GltfDocument<'_> {
         };
         let mut poses = tracks.poses.clone();
         let count = poses.len();
-        // Frames may have been skipped: converts the phase from frames of the clip to poses.
+        // Frames may have been skipped, so the phase is converted from frames of the clip to poses.
         let share = phase as usize * count / input.scene.clip.len().max(1);
         poses.rotate_left(share % count);
         self.joint_nodes(source, &selection, &poses)

@@ -94,7 +94,7 @@ fn reduce_keys<T: Copy + PartialEq>(
     let mut a = 0;
     while a + 1 < values.len() {
         let mut b = a + 1;
-        // Each step tests all frames of the gap again, as the chord from a to b + 1 is another one than that from a to b.
+        // Each step tests all frames of the gap again, as the chord from a to b + 1 differs from that from a to b.
         while b + 1 < values.len() && b + 1 - a <= MAX_GAP && restored(a, b + 1) {
             b += 1;
         }

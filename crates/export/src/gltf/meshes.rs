@@ -169,7 +169,7 @@ impl GltfDocument<'_> {
         let storage = if vertices.morphs { VertexStorage::Floats } else { self.input.options.vertex_storage() };
         let small = storage != VertexStorage::Floats;
         let quantized = storage == VertexStorage::Quantized;
-        // The core of glTF has colours and weights of bytes, which is what engines keep.
+        // Colours and weights of bytes need no extension of glTF, and engines convert them to bytes anyway.
         let bytes = quantized || self.input.options.profile == Profile::Engine;
         if small {
             self.use_extension("KHR_mesh_quantization", true);

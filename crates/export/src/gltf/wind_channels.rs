@@ -19,9 +19,9 @@ pub enum WindNumber {
     Light,
     /// A random number of the branch or leaf.
     Id,
-    /// The number 0 everywhere.
+    /// 0 everywhere, for a channel without a use.
     Zero,
-    /// The number 1 everywhere.
+    /// 1 everywhere, for a factor without effect, such as alpha.
     One,
 }
 

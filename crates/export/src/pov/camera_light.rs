@@ -108,7 +108,7 @@ pub(super) fn write_sun(text: &mut TextBuffer, space: PovSpace, sun: &Sun, bound
     text.put("\n  parallel point_at ");
     space.write_point(text, center);
     if size > 0.0 {
-        // `orient` turns the axes towards what is lit; only their lengths count, and they must be equal.
+        // `orient` rotates the area towards the lit point; only the lengths of the axes count, and they must be equal.
         text.put("\n  area_light x*").num(size).put(", y*").num(size).put(", 4, 4 adaptive 1 circular orient");
     }
     text.put("\n}\n");

@@ -45,7 +45,7 @@ impl MapStatistics {
         self.squares.iter().map(|s| narrow((s / freedom).sqrt())).collect()
     }
 
-    /// Mean of each texel over the runs.
+    /// Mean of each texel over the runs, row by row; 0 before the first run.
     pub fn mean(&self) -> Vec<f32> {
         self.mean.iter().map(|m| narrow(*m)).collect()
     }

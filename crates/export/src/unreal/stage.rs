@@ -103,7 +103,7 @@ fn define_stem(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, plant: &As
     Ok(())
 }
 
-/// Defines a `SkelRoot` and returns the attribute of its extent.
+/// Defines a `SkelRoot` with the extent of `bounds`; returns the attribute of the extent, which `define_animation` takes.
 fn define_skel_root(layer: &mut LayerBuilder, path: &str, bounds: Bounds) -> Result<AttrHandle> {
     layer.define_prim(path, "SkelRoot")?;
     let corners = extent_corners(&bounds);

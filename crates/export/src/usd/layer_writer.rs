@@ -6,7 +6,7 @@ use crate::up_axis::UpAxis;
 use osier_base::Result;
 use osier_scene::Scene;
 
-/// Metadata in the header of a layer.
+/// Metadata in the header of a layer: default prim, axes, frame range, and seed and hash of the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerMetadata {
     /// Name of the root prim, without `/`, to which a reference without a prim path refers.

@@ -97,7 +97,7 @@ enum Meta<'a> {
     String(&'a str),
 }
 
-/// The bytes of a file so far.
+/// The bytes of a file so far; numbers are little-endian.
 #[derive(Default)]
 struct VdbBytes(Vec<u8>);
 

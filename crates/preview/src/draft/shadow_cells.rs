@@ -51,7 +51,7 @@ struct ShadowCells {
     cell_starts: Vec<u32>,
     /// Raster coordinates, and height towards the light in m, in the order of the cells.
     points: Vec<Vec3>,
-    /// Number of each point in the order of the query.
+    /// Index of each of `points` in the query, counted over all rows.
     numbers: Vec<u32>,
     is_shaded: Vec<AtomicBool>,
 }
@@ -59,7 +59,7 @@ struct ShadowCells {
 /// A point of a query, projected onto a plane that faces the light.
 #[derive(Debug, Clone, Copy)]
 struct ShadowQuery {
-    /// Number of the point over all rows.
+    /// Index of the point in the query, counted over all rows.
     number: u32,
     /// Position on the plane and height towards the light, m.
     q: Vec3,
