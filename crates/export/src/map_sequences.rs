@@ -14,7 +14,7 @@ struct StoredSample {
     cut: bool,
 }
 
-/// The stored number of the value `v`, or none if the encoding does not admit it. `range`: height that 1 stands for, m.
+/// The stored number of the value `v`; `None` if the encoding does not admit `v`. `range`: height that is stored as 1, m.
 fn stored(encoding: MapEncoding, v: f32, range: f32) -> Option<StoredSample> {
     let cut = |x: f32| StoredSample { value: x.clamp(0.0, 1.0), cut: x > 1.0 };
     let whole = |value: f32| StoredSample { value, cut: false };

@@ -93,7 +93,8 @@ fn scaled(a: [f64; 3], s: f64) -> [f64; 3] {
 }
 
 /// Writes the sun as a parallel area light whose size is its angular diameter. `bounds`: box of the scene, m.
-/// Source: a matt surface of albedo a under irradiance E shows a E / pi, and a under POV-Ray's light of colour 1.
+/// Source: a matt surface of albedo a under irradiance E has radiance a E / pi; POV-Ray renders it
+/// as a under a light of colour 1.
 pub(super) fn write_sun(text: &mut TextBuffer, space: PovSpace, sun: &Sun, bounds: Bounds) {
     let distance = (bounds.size().length() * 10.0).max(10.0);
     let (center, toward) = (bounds.center(), sun.direction());

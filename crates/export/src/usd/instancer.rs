@@ -66,8 +66,8 @@ pub(super) struct AnimatedInstancer {
     /// Orientations of the frame before, in the axes of the stage.
     before: Vec<Quat>,
     boxes: InstancerBounds,
-    /// Omit samples that interpolation restores. `None` for instances that are tracked one by one, and from the first frame with
-    /// velocities, as these belong to the positions of their frame.
+    /// Reducers that omit the samples that interpolation restores. `None` for instances that are tracked one by one, and from the
+    /// first frame with velocities, as these belong to the positions of their frame.
     reducers: Option<InstanceReducers>,
     /// Box of the instances over all frames so far, in the axes of the stage.
     clip_bounds: Bounds,

@@ -93,7 +93,7 @@ impl UsdzWriter {
 
 impl ByteSink for UsdzWriter {
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
-        // The first bytes are kept for the checksum at the end; only what follows them is added to it as it passes.
+        // The first bytes are kept for the checksum at the end; only the bytes after them are added to the checksum at once.
         let into_head = bytes.len().min(REWRITABLE_BYTES - self.head.len().min(REWRITABLE_BYTES));
         let (head, tail) = bytes.split_at(into_head);
         self.head.extend_from_slice(head);

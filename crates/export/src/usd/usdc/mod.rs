@@ -442,7 +442,7 @@ impl LayerWriter for UsdcWriter {
     }
 
     fn finish(&mut self) -> Result<()> {
-        // All values of the samples are in the file; what is missing are the sample tables and the lists of children.
+        // All values of the samples are in the file; the sample tables and the lists of children are still missing.
         let attrs = std::mem::take(&mut self.attrs);
         for samples in attrs.iter().filter(|a| !a.values.is_empty()) {
             self.write_time_samples(samples)?;
