@@ -64,8 +64,7 @@ fn plane_exr(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], fram
         1 => ((nx, nz), (0..nx * nz).collect()),
         _ => ((nx, ny), (0..ny).rev().flat_map(|y| (0..nx).map(move |x| y * nx + x)).collect()),
     };
-    // For the header: the upper left corner of the image in space, and the vectors along its rows and down its columns.
-    // Sides of the grid, m: along the normal of a plane it is one cell.
+    // Sides of the grid, m; the grid of a plane has one cell along its normal.
     let ends = DVec3::new(nx as f64, ny as f64, nz as f64) * grid.side;
     let (x, y, z) = (DVec3::X * ends.x, DVec3::Y * ends.y, DVec3::Z * ends.z);
     let (corner, along, down) = match across {
@@ -75,7 +74,7 @@ fn plane_exr(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], fram
     };
     let samples: Vec<f32> =
         texels.iter().flat_map(|t| values.get(*t).copied().unwrap_or(Vec3::ZERO).to_array()).collect();
-    // Adding 0 turns -0 into 0.
+    // Adding 0 turns -0 into 0: equal values have equal text.
     let plain = |v: DVec3| v.to_array().map(|v| v + 0.0);
     let (axis, at) = [("x", grid.corner.x), ("y", grid.corner.y), ("z", grid.corner.z)][across.min(2)];
     let comment = serde_json::json!({
@@ -91,7 +90,7 @@ fn plane_exr(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], fram
 /// vectors as little-endian f32.
 fn vti(scene: &Scene, grid: &AirGrid, values: &[Vec3], frame: u32) -> Vec<u8> {
     let [nx, ny, nz] = grid.cells;
-    // Values belong to cells, so that the extent, which counts points, goes one further than the number of cells.
+    // The extent counts points, one more than cells along each axis: n cells need the points 0 to n.
     let extent = format!("0 {nx} 0 {ny} 0 {nz}");
     let (o, s) = (grid.corner, grid.side);
     let head = format!(

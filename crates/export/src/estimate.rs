@@ -15,10 +15,10 @@ use osier_scene::{Asset, InstancerMotion, MapSequence, Material, MeshMotion, Sce
 
 use super::options::ExportOptions;
 
-/// What the function [`estimate`](super::format::FormatInfo::estimate) of a format gets; it serves all formats of a bake.
+/// Input of [`FormatInfo::estimate`](super::format::FormatInfo::estimate), the same for all formats of a bake.
 #[derive(Debug, Clone, Copy)]
 pub struct EstimateInput<'a> {
-    /// The scene; in a plan, one individual stands for many.
+    /// The scene to write. In a plan, one individual may represent many, see [`AssetSize::weight`].
     pub scene: &'a Scene,
     /// Sizes of the scene's assets, one for each in the order of the scene.
     pub assets: &'a [AssetSize],
@@ -26,14 +26,14 @@ pub struct EstimateInput<'a> {
     pub frames: u64,
     /// Estimated bytes of all images of the scene, each counted once as a PNG file.
     pub pictures: u64,
-    /// Options of all formats; an estimate reads those of its own format.
+    /// Options of all formats; the estimate of a format reads only those of the format.
     pub options: &'a ExportOptions,
-    /// A single file with the whole scene at rest, instead of a bake.
+    /// Whether the output is a single file with the whole scene at rest, instead of a bake.
     pub single: bool,
 }
 
 impl EstimateInput<'_> {
-    /// Sum over the assets, each counted as often as it stands for others.
+    /// Sum of `bytes` over the assets, each multiplied by [`AssetSize::weight`].
     pub fn per_asset(&self, bytes: impl Fn(&AssetSize) -> u64) -> u64 {
         self.assets.iter().map(|a| a.weight * bytes(a)).sum()
     }
@@ -43,7 +43,8 @@ impl EstimateInput<'_> {
         self.scene.map_sequences.iter().map(|s| s.texels() as u64).sum()
     }
 
-    /// Texels of one map of every map sequence that shows the relief of its material beside the water.
+    /// Texels of one map of each map sequence that is the coat of a material with a height map: its
+    /// maps also contain that relief.
     pub fn relief_texels(&self) -> u64 {
         let has_relief = |i: usize| {
             let shows = |m: &Material| m.maps.height.is_some() && m.coat.is_some_and(|c| c.sequence as usize == i);
@@ -64,29 +65,29 @@ impl EstimateInput<'_> {
 /// Counts of the elements of an asset, which estimates multiply by bytes. `weight` and placements are not multiplied in.
 #[derive(Debug, Clone, Default)]
 pub struct AssetSize {
-    /// Assets that this one stands for, itself included.
+    /// Number of assets that this one represents in the estimate, itself included.
     pub weight: u64,
-    /// Points of its own meshes at rest, without those of prototypes.
+    /// Points of the meshes at rest, without those of prototypes.
     pub vertices: u64,
-    /// Triangles of its own meshes at rest, without those of prototypes.
+    /// Triangles of the meshes at rest, without those of prototypes.
     pub triangles: u64,
     /// Points of meshes with [`MeshMotion::Deforming`], whose frames carry new points of the same topology.
     pub deforming_vertices: u64,
-    /// Vertices of meshes that frames carry whole, in a typical frame.
+    /// Points at rest, for a typical frame, of meshes with [`MeshMotion::Varying`], whose frames carry points and triangles.
     pub varying_vertices: u64,
-    /// Points of its own meshes that do not stand still, whether joints move them or frames carry them.
+    /// Points of all meshes except those with [`MeshMotion::Still`], whether joints move them or frames carry them.
     pub moving_vertices: u64,
-    /// Instances of all its instancers, alive or not.
+    /// Instances of all instancers, whether alive or not.
     pub instances: u64,
     /// Instances with [`InstancerMotion::Free`], for which frames carry a state each.
     pub free_instances: u64,
-    /// Vertices if each instance were geometry of its own, as in formats without instancing.
+    /// Vertices of the prototypes, counted once per instance: what formats without instancing write.
     pub instance_vertices: u64,
-    /// Triangles if each instance were geometry of its own, as in formats without instancing.
+    /// Triangles of the prototypes, counted once per instance: what formats without instancing write.
     pub instance_triangles: u64,
-    /// Vertices of the prototypes of its instancers, each counted once, as in formats with instancing.
+    /// Vertices of the prototypes, each counted once: what formats with instancing write.
     pub prototype_vertices: u64,
-    /// Triangles of the prototypes of its instancers, each counted once, as in formats with instancing.
+    /// Triangles of the prototypes, each counted once: what formats with instancing write.
     pub prototype_triangles: u64,
     /// Points of its clouds, those that move and those that stand still.
     pub points: u64,
@@ -96,14 +97,14 @@ pub struct AssetSize {
     pub moving_curve_points: u64,
     /// Joints of its skeleton, or 0 if it has none.
     pub joints: u64,
-    /// Different times of the clip at which placements show it, at least 1.
+    /// Number of different phases of its placements (frames by which their motion is ahead), at least 1.
     pub phases: u64,
     /// Placements that stand still and share its meshes, at least 1.
     pub still_copies: u64,
 }
 
 impl AssetSize {
-    /// Counts an asset that stands for itself alone: weight, phases and still copies are 1.
+    /// Counts the elements of one asset; weight, phases and still copies are 1.
     pub fn of(asset: &Asset) -> Self {
         let mut size = Self {
             weight: 1,
@@ -149,7 +150,7 @@ impl AssetSize {
     }
 
     /// Counts all assets of a scene of which `frames` frames are written (0: still).
-    /// `weights`: how many assets each of the first stands for, itself included; 1 for the others.
+    /// `weights[i]`: number of assets that asset i represents, itself included; 1 for assets beyond the end of the slice.
     pub fn of_scene(scene: &Scene, frames: u64, weights: &[u64]) -> Vec<Self> {
         // For each asset the phases at which placements show it, and the number of placements.
         let mut shown: Vec<(BTreeSet<u32>, u64)> = vec![Default::default(); scene.assets.len()];
@@ -161,7 +162,8 @@ impl AssetSize {
         }
         let size = |(i, (asset, (phases, copies))): (usize, (&Asset, (BTreeSet<u32>, u64)))| {
             let weight = weights.get(i).copied().unwrap_or(1);
-            // Copies that stand still share meshes; in a plan they are those of all individuals that this one stands for.
+            // Copies that stand still share meshes; in a plan `copies` counts those of all
+            // individuals that this asset represents.
             let still_copies = if asset.moves() && frames > 0 { 1 } else { copies.div_ceil(weight.max(1)).max(1) };
             Self { weight, phases: phases.len().max(1) as u64, still_copies, ..Self::of(asset) }
         };
@@ -201,7 +203,7 @@ impl MergedSize {
         all
     }
 
-    /// Counts one showing of an asset: its meshes, and each instance as a copy of its prototype.
+    /// Counts one placement of an asset: its meshes, and each instance as a copy of its prototype.
     pub fn of_asset(asset: &Asset) -> Self {
         let mut all = Self { points: asset.points.iter().map(|p| p.positions.len() as u64).sum(), ..Self::default() };
         let mut mapped = false;

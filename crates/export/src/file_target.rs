@@ -1,11 +1,11 @@
 //! The choice between the files of a bake and a single file.
 
-/// Which files a format writes.
+/// Whether a format writes the files of a bake or a single file; determines the paths of its files.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum FileTarget {
     /// Files per asset in the folders of a bake.
     #[default]
     Bake,
-    /// One file of this stem for the whole scene, and what belongs to it in `<stem>_files/`.
+    /// One file with this stem for the whole scene; further files that it refers to are in `<stem>_files/`.
     Single(String),
 }

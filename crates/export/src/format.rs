@@ -11,7 +11,8 @@ use super::file_target::FileTarget;
 use super::options::ExportOptions;
 use super::textures::Textures;
 
-/// The description of a format; each format has one as `FORMAT`.
+/// Properties of a format: its word, the files that it can write, their estimated size, and how its exporters are opened.
+/// Each format has one as `FORMAT`.
 #[derive(Debug, Clone, Copy)]
 pub struct FormatInfo {
     /// Its name in `[output] formats` and `--formats`, `[a-z0-9]+`, unique.
@@ -22,11 +23,11 @@ pub struct FormatInfo {
     pub asset_folder: Option<&'static str>,
     /// Single files that it can write: endings without the dot, each with one line for listings.
     pub endings: &'static [(&'static str, &'static str)],
-    /// Whether the textures of a single file are files beside it.
+    /// Whether a single file of the format refers to its textures as separate files beside it.
     pub pictures_beside: bool,
     /// Memory that the exporter holds until the end, percent of the bytes it writes; measured.
     pub memory_percent: u64,
-    /// Estimates the bytes it will write, without textures that are files of their own.
+    /// Estimates the bytes that the format will write, excluding textures in separate files.
     pub estimate: fn(&EstimateInput) -> u64,
     /// Opens its exporters for a job; several if it writes a set of files for each profile.
     pub open: fn(&ExportJob) -> Vec<Box<dyn Exporter>>,
@@ -39,7 +40,7 @@ pub struct ExportJob<'a> {
     pub folder: Folder,
     /// PNG files of the scene's images, which all exporters share.
     pub textures: Arc<Textures>,
-    /// Options of all formats; an exporter copies those of its own format.
+    /// Options of all formats; an exporter copies only those of its format.
     pub options: &'a ExportOptions,
     /// Name of a single file with the whole scene, with an ending of [`FormatInfo::endings`]; none for the files of a bake.
     pub file: Option<&'a str>,

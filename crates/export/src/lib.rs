@@ -48,7 +48,7 @@ mod world_joints;
 pub struct Warning {
     /// Code that does not change between versions; docs/codes.md lists them.
     pub code: &'static str,
-    /// What was found and what was written instead, without the code.
+    /// What the exporter found and what it wrote instead, without the code.
     pub message: String,
 }
 
@@ -66,18 +66,19 @@ pub trait Exporter: Send {
     /// `Io`, and X codes for what the format cannot represent.
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()>;
 
-    /// Whether the frame of this number must have the states of assets at the phases of their placements, too.
+    /// Whether the exporter needs frame `number` with the states of assets at the phases of their
+    /// placements, not only at phase 0.
     fn wants_phases(&self, number: u32) -> bool {
         let _ = number;
         false
     }
 
-    /// Writes one frame.
+    /// Takes the next frame; most formats write it at once, others keep what [`Self::finish`] needs.
     /// # Errors
     /// As [`Self::begin`].
     fn frame(&mut self, frame: &Frame) -> Result<()>;
 
-    /// Completes and closes the files.
+    /// Completes and closes the files; returns warnings about the whole clip.
     /// # Errors
     /// As [`Self::begin`].
     fn finish(&mut self) -> Result<Summary>;

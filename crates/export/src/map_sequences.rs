@@ -14,13 +14,13 @@ struct StoredSample {
     cut: bool,
 }
 
-/// The stored number of the value `v`, or none if the encoding does not admit it. `range`: height that 1 stands for, m.
+/// The stored number of the value `v`; `None` if the encoding does not admit `v`. `range`: height that is stored as 1, m.
 fn stored(encoding: MapEncoding, v: f32, range: f32) -> Option<StoredSample> {
     let cut = |x: f32| StoredSample { value: x.clamp(0.0, 1.0), cut: x > 1.0 };
     let whole = |value: f32| StoredSample { value, cut: false };
     match encoding {
         _ if !v.is_finite() => None,
-        // What lies below the surface becomes 0 without a warning: heights count from the surface upwards.
+        // Heights count from the surface upwards: negative ones become 0 without a warning.
         MapEncoding::Height => Some(cut(v / range)),
         MapEncoding::Thickness => (v >= 0.0).then(|| cut(v / range)),
         MapEncoding::Unit => (0.0..=1.0).contains(&v).then(|| whole(v)),
@@ -76,11 +76,11 @@ struct Made<T> {
 pub struct MapEncoder<T> {
     /// Layers of a sequence that are written, in order.
     select: fn(&MapSequence) -> Vec<usize>,
-    /// Maps of each sequence at the last frame; a map that is equal to its own here is not encoded again.
+    /// Maps of each sequence at the last frame; a map equal to its predecessor is not encoded again.
     last: Vec<Option<MapFrame>>,
-    /// The last file of each map, which is shown again while the map stays the same.
+    /// The latest file of each map, used again while the map stays the same.
     made: BTreeMap<LayerIndex, Made<T>>,
-    /// Numbers cut so far, and where the first was.
+    /// Numbers that were cut so far, and map sequence and frame of the first one.
     cut: u64,
     first: Option<(String, u32)>,
 }
@@ -91,27 +91,27 @@ struct LayerIndex {
     layer: usize,
 }
 
-/// The file of one map at a frame.
+/// The encoded file of one layer of a map sequence at a frame.
 #[derive(Debug)]
 pub struct EncodedMap<T> {
     /// Index in the list of sequences that [`MapEncoder::frame`] got.
     pub sequence: usize,
-    /// The layer of the sequence that the file shows.
+    /// The layer of the sequence that the file contains.
     pub layer: MapLayer,
-    /// What the `encode` of [`MapEncoder::frame`] returned, at this frame or at an earlier one.
+    /// Result of the `encode` of [`MapEncoder::frame`], at this frame or at an earlier one.
     pub file: Arc<T>,
     /// True if the map was encoded at this frame; false if it has not changed since an earlier one.
     pub fresh: bool,
 }
 
 impl<T: Send + Sync> MapEncoder<T> {
-    /// Nothing encoded so far; `select`: layers of a sequence that are wanted.
+    /// An encoder before the first frame; `select`: indices of the layers of a sequence that are wanted.
     pub fn new(select: fn(&MapSequence) -> Vec<usize>) -> Self {
         Self { select, last: Vec::new(), made: BTreeMap::new(), cut: 0, first: None }
     }
 
-    /// Everything that belongs to frame `number`, sequence after sequence, in parallel. `now`: the sequences' maps; `encode`: the
-    /// file of a layer.
+    /// Returns the files of frame `number` in the order of sequences and layers; changed maps are encoded in parallel. `now`: the
+    /// maps of each sequence, `None` for one without maps at this frame; `encode`: makes the file of a layer.
     /// # Errors
     /// As [`values`] and `encode`.
     pub fn frame(
@@ -121,6 +121,7 @@ impl<T: Send + Sync> MapEncoder<T> {
         now: Vec<Option<MapFrame>>,
         encode: impl Fn(&MapSequence, MapLayer, &Values) -> Result<T> + Sync + Send,
     ) -> Result<Vec<EncodedMap<T>>> {
+        // A new sequence has no last map, so its maps are encoded in any case.
         self.last.resize(sequences.len(), None);
         let layers = |(i, s): (usize, &MapSequence)| {
             (self.select)(s).into_iter().map(move |layer| LayerIndex { sequence: i, layer }).collect::<Vec<_>>()
@@ -146,7 +147,7 @@ impl<T: Send + Sync> MapEncoder<T> {
             let Some(kept) = self.made.get(&at) else { continue };
             let sequence = &sequences[at.sequence];
             if kept.cut > 0 {
-                // Counted at every frame in which the map is shown, also where its file is an earlier one.
+                // Counted at every frame that uses the map, also where its file is an earlier one.
                 self.cut += kept.cut as u64;
                 self.first.get_or_insert_with(|| (sequence.name.clone(), number));
             }
@@ -157,11 +158,11 @@ impl<T: Send + Sync> MapEncoder<T> {
         Ok(out)
     }
 
-    /// True if the last file of a layer still holds its map.
+    /// Whether the latest file of a layer still holds its map.
     fn is_kept(&self, at: LayerIndex, now: &MapFrame) -> bool {
         let Some(last) = self.last[at.sequence].as_ref().filter(|_| self.made.contains_key(&at)) else { return false };
         let both = last.layers.get(at.layer).zip(now.layers.get(at.layer));
-        // The shared pointer decides in constant time; only maps in memory of their own are compared number by number.
+        // The shared pointer decides in constant time; only maps in different memory are compared number by number.
         both.is_some_and(|(a, b)| a.is_shared_with(b) || a == b)
     }
 

@@ -20,7 +20,7 @@ pub(super) struct PartRange<'a> {
     pub mesh: &'a Mesh,
     /// World from the space of `mesh`: the asset's transform after that of the instance.
     pub trs: Trs,
-    /// What its normals are bent by after the transform; zero: they are not.
+    /// Vector that normals are bent by after the transform, see [`bent_normal`]; zero leaves them unchanged.
     pub toward: Vec3,
     /// Indices into the points of `mesh` or into its triangles, whichever the iterator gives.
     pub range: Range<usize>,
@@ -39,7 +39,7 @@ impl PartRange<'_> {
         self.mesh.normals[self.range.clone()].iter().map(|n| bent_normal(transform_normal(&self.trs, *n), self.toward))
     }
 
-    /// Corners of the triangles, numbered from the part's first point. A transform that mirrors reverses the winding.
+    /// Triangles of `range`: vertices numbered from the part's first point. A transform that mirrors reverses the winding.
     pub fn corners(&self) -> impl Iterator<Item = [u32; 3]> {
         // The determinant of rotation and scale is the product of the scales; negative, it turns the faces inside out.
         let mirrors = self.trs.s.x * self.trs.s.y * self.trs.s.z < 0.0;
@@ -126,7 +126,7 @@ impl<'a> FlattenedAsset<'a> {
         flattened
     }
 
-    /// The asset's own meshes with more points than a batch holds, which are split; prototypes are left out.
+    /// Meshes of the asset with more points than a batch, which are split into several ranges; prototypes are excluded.
     pub fn large_meshes(&self) -> impl Iterator<Item = &Mesh> {
         let own =
             self.blocks.iter().filter_map(|b| if let PartSource::Mesh(mesh) = &b.source { Some(*mesh) } else { None });
@@ -148,7 +148,7 @@ impl<'a> FlattenedAsset<'a> {
             *next += b.vertices;
             Some((b, start))
         });
-        // An instancer is walked once for each of its own materials, not for each of the asset.
+        // An instancer is visited once for each material of its prototypes, not for each material of the asset.
         let parts = starts.filter(move |(b, _)| b.materials.contains(&material)).flat_map(move |(b, start)| {
             b.parts(world).scan(start, |next, part| {
                 let base = *next;
@@ -167,7 +167,7 @@ impl<'a> FlattenedAsset<'a> {
     }
 }
 
-/// An asset at rest as one mesh in memory, with one subset for each material in order of first use, for copies that share it.
+/// An asset at rest as one mesh in memory, for copies that share it, with one subset for each material in order of first use.
 /// Texture coordinates and attributes are zero where a part has none; vertex colours are dropped.
 /// # Errors
 /// `TooMany` beyond 2^32 points or triangles.
@@ -208,8 +208,8 @@ fn batch_ranges(range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     range.clone().step_by(BATCH).map(move |start| start..(start + BATCH).min(range.end))
 }
 
-/// Formats ranges in parallel, [`BATCHES_AT_ONCE`] batches at a time, and passes the results to `put` in order. A batch takes ranges
-/// until it has [`BATCH`] elements.
+/// Formats ranges in parallel, [`BATCHES_AT_ONCE`] batches at a time, and passes the results to `put` in order. A batch takes
+/// ranges until it has [`BATCH`] elements.
 pub(super) fn format_in_parallel<'a, R: Send>(
     pieces: impl Iterator<Item = PartRange<'a>>,
     format: impl Fn(&[PartRange<'a>]) -> R + Sync + Send,

@@ -1,7 +1,7 @@
 //! Wavefront OBJ with MTL: meshes at rest, instances merged in.
 //!
-//! Y up, metres. A bake gets `obj/<asset>.obj` and `.mtl` for each asset, in its own space. A single file is `<stem>.obj` and
-//! `<stem>.mtl` with all placements, textures in `<stem>_files/`.
+//! Y up, metres. A bake gets `obj/<asset>.obj` and `.mtl` for each asset, in the space of the asset. A single file is
+//! `<stem>.obj` and `<stem>.mtl` with all placements, textures in `<stem>_files/`.
 //! Sources: Wavefront "Object Files (.obj)", version 3.0; "MTL material format", 1995.
 //!
 //! ```
@@ -21,7 +21,7 @@ use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
 use osier_scene::{Frame, Material, Scene, Trs, check_scene};
 
-/// The entry of the registry.
+/// Registry entry of OBJ: meshes at rest, so it writes everything before the first frame.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "obj",
     about: "Wavefront meshes at rest",
@@ -34,13 +34,13 @@ pub const FORMAT: FormatInfo = FormatInfo {
 };
 
 /// Mean bytes of the lines of a vertex, a normal and a texture coordinate, and of a face without its indices. Own: measured on
-/// trees; used for estimates alone.
+/// trees; only estimates use them.
 const POINT_LINE: u64 = 33;
 const NORMAL_LINE: u64 = 36;
 const UV_LINE: u64 = 24;
 const FACE_LINE: u64 = 11;
 
-/// Own estimate: bytes of the lines; indices of faces grow with the number of vertices.
+/// Estimate from bytes per line; indices of faces take more with the number of vertices.
 fn estimate(input: &EstimateInput) -> u64 {
     if !input.single {
         return input
@@ -116,7 +116,7 @@ impl ObjExporter {
     }
 }
 
-/// X001 if a text has a number that is not finite.
+/// X001 if a text received a number that is not finite.
 fn check_finite(text: &TextBuffer, path: &str) -> Result<()> {
     if text.is_finite() {
         Ok(())
@@ -125,7 +125,7 @@ fn check_finite(text: &TextBuffer, path: &str) -> Result<()> {
     }
 }
 
-/// The file that takes the lines; none if an interrupted bake has left it complete.
+/// The file that takes the lines; `None` if an interrupted bake has completed it.
 struct LineSink<'a> {
     out: Option<Output>,
     name: &'a str,
@@ -177,7 +177,7 @@ impl Exporter for ObjExporter {
     }
 }
 
-/// An asset as an object (`o`) of a file.
+/// An asset, or a placement of it, as an object (`o`) of a file.
 struct ObjObject<'a> {
     name: &'a str,
     flat: &'a FlattenedAsset<'a>,
@@ -249,7 +249,7 @@ fn face(text: &mut TextBuffer, corners: [u32; 3], base: u64, has_uvs: bool) {
     text.put("\n");
 }
 
-/// A material. A colour texture is multiplied by `Kd` in many readers, so `Kd` is white beside it.
+/// Writes a material. A colour texture is multiplied by `Kd` in many readers, so `Kd` is white beside it.
 /// Ns = 1000 (1 - roughness)^2 is the inverse of what Blender's importer computes.
 fn write_material(text: &mut TextBuffer, scene: &Scene, m: &Material, pictures: &str) {
     let map = m.maps.color.and_then(|i| scene.images.get(i as usize));

@@ -22,8 +22,8 @@ pub struct ExportOptions {
     pub pov: PovOptions,
     /// Options of points as CSV; without tables in them none is written.
     pub points: PointsOptions,
-    /// Options of OpenVDB files.
+    /// Options of OpenVDB files: precision, compression and up axis of voxel grids.
     pub vdb: VdbOptions,
-    /// Options of EXR maps.
+    /// Options of EXR maps: whether map sequences are also packed into atlases.
     pub exr: ExrOptions,
 }

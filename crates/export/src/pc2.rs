@@ -15,7 +15,7 @@ use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
 use osier_scene::{AssetFrame, Frame, MeshMotion, Scene, check_frame, mesh_points};
 
-/// The entry of the registry.
+/// Registry entry of point caches, which hold points over time and no topology.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "pc2",
     about: "point caches for the glb of profile blender, of plants with motion = \"cache\"",
@@ -36,7 +36,7 @@ pub struct Pc2Exporter {
     numbers: Vec<u32>,
 }
 
-/// The file of one mesh.
+/// The cache file of one deforming mesh, open until the end of the clip.
 #[derive(Debug)]
 struct PointCache {
     asset: usize,
@@ -62,7 +62,8 @@ impl Pc2Exporter {
         Self { folder, scene: None, caches: Vec::new(), numbers: Vec::new() }
     }
 
-    /// Opens the files at the first frame. The header assumes all frames to the end of the clip; `finish` corrects it if necessary.
+    /// Opens the files at the first frame. The header assumes all frames to the end of the clip; `finish` corrects it if
+    /// necessary.
     fn open(&mut self, scene: &Scene, first: u32) -> Result<()> {
         let samples = (scene.clip.end.saturating_sub(first) as usize).saturating_add(1);
         for (asset, source) in scene.assets.iter().enumerate() {
@@ -116,7 +117,7 @@ impl PointCache {
         let Some(out) = &mut self.out else { return Ok(()) };
         let mut bytes = Vec::with_capacity(self.order.len() * 12);
         for p in self.order.iter().filter_map(|&i| points.get(i)) {
-            // Adding 0 turns -0 into 0.
+            // Adding 0 turns -0 into 0: equal values have equal bytes.
             for c in [p.x, -p.z, p.y] {
                 bytes.extend((c + 0.0).to_le_bytes());
             }

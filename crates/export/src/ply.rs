@@ -1,8 +1,8 @@
 //! PLY, binary little endian: point clouds, instances and meshes. Y up, metres; colours sRGB.
 //!
 //! A bake has `cloud/<asset>[.####].ply` with the points of an asset, and `cloud/<asset>.<instancer>[.####].ply` with its
-//! instances; those that move freely in a file for each frame. A single file `<stem>.ply` has the merged mesh, or, without a mesh,
-//! the points.
+//! instances; those that move freely in a file for each frame. A single file `<stem>.ply` has the merged mesh, or, without a
+//! mesh, the points.
 //!
 //! ```
 //! assert_eq!(osier_export::ply::FORMAT.asset_folder, Some("cloud"));
@@ -26,7 +26,7 @@ use osier_scene::{
     PointsNow, Scene, Trs, check_frame, check_scene, instance_states,
 };
 
-/// The entry of the registry.
+/// Registry entry of PLY: points and instances in a bake, a merged mesh in a single file.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "ply",
     about: "point clouds, and instances as points",
@@ -38,7 +38,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(PlyExporter::new(job.folder.clone(), job.target()))],
 };
 
-/// Own estimate: bytes of the records.
+/// Estimate from bytes per record.
 fn estimate(input: &EstimateInput) -> u64 {
     if !input.single {
         return input
@@ -50,7 +50,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     size.vertices * 28 + size.triangles * 13 + points
 }
 
-/// Writes point clouds, instances and meshes as PLY.
+/// Writes points and instances of a bake, or the merged mesh of a single file, as PLY.
 #[derive(Debug)]
 pub struct PlyExporter {
     folder: Folder,
@@ -74,8 +74,8 @@ impl PlyExporter {
         Ok(())
     }
 
-    /// Writes the points and instances of all assets that move freely (`moving`), or of those that do not. `number`: frame number
-    /// in the file names.
+    /// Writes the points and instances of all assets that move freely (`moving`), or all others. `number`: frame
+    /// number in the names of the files.
     fn write_clouds(&self, scene: &Scene, frame: Option<&Frame>, moving: bool, number: Option<u32>) -> Result<()> {
         let tag = number.map_or_else(String::new, |n| format!(".{}", scene.clip.tag(n)));
         let at = number.unwrap_or(scene.clip.start);
@@ -151,7 +151,7 @@ impl Exporter for PlyExporter {
     }
 }
 
-/// Header up to the first element.
+/// Header up to the first element, with seed, frame, up axis and unit as comments.
 fn header(scene: &Scene, frame: u32) -> String {
     let seed = scene.seed;
     format!(
@@ -185,7 +185,7 @@ fn base_color(materials: &[Material], id: u32) -> [f32; 3] {
     materials.get(id as usize).map_or([1.0; 3], |m| m.base_color)
 }
 
-/// A point cloud at a frame, with its transform.
+/// A point cloud in its state at a frame, and the transform of its placement.
 struct PlacedCloud<'a> {
     points: &'a Points,
     now: PointsNow<'a>,
@@ -207,8 +207,8 @@ impl<'a> PlacedCloud<'a> {
 const POINTS_PER_WRITE: usize = 1 << 20;
 const POINTS_PER_TASK: usize = 1 << 16;
 
-/// Writes all visible points with position, radius, colour and integer attributes (0 where a cloud has none of that name), which
-/// are unsigned bytes if all values of a name fit, else 32 bits.
+/// Writes all visible points with position, radius, colour and integer attributes (0 where a cloud lacks one). An attribute has
+/// unsigned bytes if its values in all clouds fit, else 32 bits.
 fn write_points<'a>(
     out: &mut Output,
     scene: &Scene,
@@ -245,7 +245,7 @@ fn write_points<'a>(
     Ok(())
 }
 
-/// The records of some points of a cloud. `first`: index of the first of them.
+/// Binary records of the visible points among `positions`. `first`: index of the first position in the cloud.
 fn point_rows(
     scene: &Scene,
     cloud: &PlacedCloud<'_>,
@@ -268,7 +268,7 @@ fn point_rows(
         let p = if cloud.trs == Trs::IDENTITY { *p } else { cloud.trs.apply(*p) };
         // x, y, z and radius as floats, then four bytes of colour.
         let mut fixed = [0; 20];
-        // The radius is half the width, scaled by the factor of the x axis alone, as a sphere has one radius.
+        // The radius is half the width, scaled by the factor of the x axis only, as a sphere has one radius.
         let numbers = [p.x, p.y, p.z, width * cloud.trs.s.x * 0.5].map(le_bytes);
         fixed[..16].copy_from_slice(bytemuck::bytes_of(&numbers));
         fixed[16..].copy_from_slice(&colors.bytes(cloud.now.colors.get(k).copied().unwrap_or(flat)));
@@ -368,7 +368,8 @@ fn write_mesh(out: &mut Output, scene: &Scene, placed: &[(&FlattenedAsset<'_>, T
         format_in_parallel(flat.points(*world), rows, |body| out.put(&body))?;
     }
     for material in order {
-        // Faces are grouped by material: all placements are passed once for each. `base`: number of a placement's first point.
+        // Faces are grouped by material, so each material needs a pass over all placements. `base`:
+        // number of a placement's first point.
         let mut base = 0;
         for (flat, world) in placed {
             format_in_parallel(flat.triangles(*world, material, base), face_rows, |body| out.put(&body))?;
@@ -379,7 +380,7 @@ fn write_mesh(out: &mut Output, scene: &Scene, placed: &[(&FlattenedAsset<'_>, T
 }
 
 fn vertex_rows(body: &mut Vec<u8>, range: &PartRange<'_>, vertex_colors: &VertexColors<'_>) {
-    // Small meshes are coloured anew in each range; only those split into several ranges are worth keeping.
+    // Colours of small meshes are computed anew in each range; only meshes split into several ranges are cached.
     let own;
     let colors = match vertex_colors.large_colors.get(&address(range.mesh)) {
         Some(colors) => colors,
@@ -415,7 +416,7 @@ impl<'a> VertexColors<'a> {
         vertex_colors
     }
 
-    /// The colour of each vertex: that of the last material, in the order of the file, whose faces have it.
+    /// The colour of each vertex: the flat colour of the last material, in the order of the file, whose faces use it.
     fn colors(&self, mesh: &Mesh) -> Vec<[u8; 4]> {
         // White for vertices that no face uses.
         let mut colors = vec![[255_u8; 4]; mesh.points.len()];

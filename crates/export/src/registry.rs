@@ -42,7 +42,7 @@ pub fn by_ending(ending: &str) -> Option<&'static FormatInfo> {
     FORMATS.iter().find(|f| f.endings.iter().any(|(e, _)| *e == ending)).copied()
 }
 
-/// Endings of single files with what they are, in the order of the registry.
+/// Endings of single files without the dot, each with one line for listings, in the order of the registry.
 pub fn endings() -> impl Iterator<Item = (&'static str, &'static str)> {
     FORMATS.iter().flat_map(|f| f.endings.iter().copied())
 }

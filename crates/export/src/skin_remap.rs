@@ -2,15 +2,15 @@
 
 use osier_scene::SkinWeights;
 
-/// Influences over the written joints: largest first, no joint twice, unused slots joint 0 with weight 0, sum 1. `carrier`: for each
-/// joint of the skeleton the written joint that moves its vertices.
+/// Influences over the written joints: largest first, no joint twice, unused slots joint 0 with weight 0, sum 1. `carrier`: for
+/// each joint of the skeleton the written joint that moves its vertices.
 pub(super) fn remap_influences(skin: &SkinWeights, carrier: &[u16]) -> SkinWeights {
     let (joints, weights) =
         skin.joints.iter().zip(&skin.weights).map(|(j, w)| merge_influences(carrier, *j, *w)).unzip();
     SkinWeights { joints, weights }
 }
 
-/// The influences of one vertex as [`remap_influences`] has them, those of one carrier summed.
+/// The influences of one vertex as in [`remap_influences`]; those with the same carrier are summed.
 pub(super) fn merge_influences(carrier: &[u16], joints: [u16; 4], weights: [f32; 4]) -> ([u16; 4], [f32; 4]) {
     let mut list: Vec<(u16, f32)> = Vec::with_capacity(4);
     for (j, w) in joints.iter().zip(weights).filter(|(_, w)| *w > 0.0) {
@@ -41,14 +41,15 @@ pub(super) fn byte_weights(weights: &[f32; 4]) -> [u8; 4] {
     integer_weights(weights, 255).map(|w| u8::try_from(w).unwrap_or(u8::MAX))
 }
 
-/// Weights of four joints as whole numbers that sum to `total`, at most 2^15: each rounded down, then the largest remainders rounded up.
+/// Weights of four joints as integers that sum to `total`, at most 2^15: each is rounded down, then those with the
+/// largest remainders are raised by 1.
 pub(super) fn integer_weights(weights: &[f32; 4], total: u16) -> [u16; 4] {
     let sum: f32 = weights.iter().sum();
     let most = f32::from(total);
     let scaled = weights.map(|w| if sum > 0.0 { w / sum * most } else { 0.0 });
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to the total")]
     let mut whole = scaled.map(|w| w.clamp(0.0, most) as u16);
-    // The largest remainder method: the numbers that were rounded down most get the missing units; ties go to the lower index.
+    // The largest remainder method: the numbers that lost most by rounding get the missing units; ties go to the lower index.
     let mut order = [0, 1, 2, 3];
     order.sort_by(|&a: &usize, &b: &usize| scaled[b].fract().total_cmp(&scaled[a].fract()).then(a.cmp(&b)));
     let missing = total - whole.iter().sum::<u16>().min(total);

@@ -84,9 +84,11 @@ impl TextBuffer {
         self
     }
 
-    /// Appends what `line` writes for each item and its index, in parallel, in the order of the items. `line` ends its own lines.
+    /// Appends what `line` writes for each item and its index, in parallel, in the order of the items.
+    /// `line` writes line breaks itself.
     pub fn lines<T: Sync>(&mut self, items: &[T], line: impl Fn(&mut Self, usize, &T) + Sync + Send) -> &mut Self {
-        // Chunks are formatted in buffers of their own and joined in order: the text is the same for any number of threads.
+        // Each chunk is formatted in a separate buffer, and the buffers are joined in order: the text does not
+        // depend on the number of threads.
         let parts = osier_base::par::par_chunks(items, osier_base::par::CHUNK, |first, chunk| {
             let mut part = Self::with_capacity(chunk.len() * 36);
             for (k, item) in chunk.iter().enumerate() {

@@ -30,7 +30,7 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Encodes all images, in parallel.
+    /// Encodes all images of a scene as PNG, in parallel.
     /// # Errors
     /// X012 if an image has the wrong number of samples.
     pub fn encode(scene: &Scene) -> Result<Self> {
@@ -64,7 +64,7 @@ impl Textures {
     }
 }
 
-/// An image as a PNG file.
+/// Encodes an image as PNG with its channels and bit depth; colours are marked as sRGB, data are not.
 /// # Errors
 /// X012 if it has the wrong number of samples.
 pub fn png(image: &Image) -> Result<Arc<[u8]>> {

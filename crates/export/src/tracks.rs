@@ -14,10 +14,10 @@ use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
 use osier_scene::{Frame, RecordColumn, RecordTable, Scene};
 
-/// Parent index of a root joint.
+/// Parent of a root joint in `index.json`.
 const NO_PARENT: i32 = -1;
 
-/// The entry of the registry.
+/// Registry entry of binary records, of which the size is known only for joints.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "tracks",
     about: "binary records of drops, rain events, wet leaves and joints",
@@ -25,7 +25,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     endings: &[],
     pictures_beside: false,
     memory_percent: 0,
-    // Joints alone: how many records simulations write is not known before they run.
+    // Only joints: the number of records that simulations write is unknown before they run.
     estimate: |input| input.per_asset(|a| input.frames * a.joints * 36),
     open: |job| vec![Box::new(TracksExporter::new(job.folder.clone()))],
 };
@@ -37,7 +37,7 @@ pub struct TracksExporter {
     files: BTreeMap<&'static str, RecordFile>,
 }
 
-/// A column as the index describes it.
+/// Entry of a column in `index.json`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct ColumnInfo {
     name: &'static str,

@@ -10,7 +10,7 @@ use osier_scene::Trs;
 /// The axis of the written file that points up; the scene itself has +Y up.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum UpAxis {
-    /// The scene's own axes, which are those of glTF, too: nothing is converted.
+    /// The axes of the scene, which are also those of glTF: nothing is converted.
     #[default]
     Y,
     /// Blender's axes: (x, y, z) of the scene becomes (x, -z, y).
@@ -64,8 +64,8 @@ impl UpAxis {
         Trs { t: self.stage_vec(m.t), r: self.stage_quat(m.r), s: self.stage_scale(m.s) }
     }
 
-    /// The rotation from the scene's axes to those of the stage. For prims whose own axes USD fixes, as cameras and lights, which
-    /// look along their -Z: they are rotated into the stage, their local axes are not converted.
+    /// The rotation from the scene's axes to those of the stage, for prims whose local axes USD fixes: cameras and lights look
+    /// along their -Z, so they are rotated as a whole instead of being converted.
     pub(super) fn world_to_stage(self) -> Quat {
         match self {
             Self::Y => Quat::IDENTITY,

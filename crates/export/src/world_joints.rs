@@ -2,18 +2,18 @@
 
 use osier_scene::{Frame, Scene, Trs};
 
-/// A joint of one placement at one frame.
+/// A joint of one placement at one frame, in world space.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct WorldJoint {
     /// Index in the scene's placements.
     pub placement: u32,
     /// Index in the skeleton of the placement's asset.
     pub joint: u32,
-    /// Index in the skeleton of its parent; none for a root.
+    /// Index of its parent in the skeleton; `None` for a root.
     pub parent: Option<u32>,
-    /// World from joint space.
+    /// Transform from joint space to world space.
     pub world: Trs,
-    /// Radius in the world of what it carries at its pivot, m: scaled with the placement.
+    /// Radius of its geometry at the pivot in world space, m: scaled with the placement.
     pub radius: f32,
 }
 

@@ -1,4 +1,4 @@
-//! Backdrops: what is seen where no object is.
+//! Backdrops: appearance of pixels that no object covers, and the floor that receives shadows.
 
 use glam::Vec3;
 
@@ -6,7 +6,7 @@ use super::light::Light;
 use super::tone::tone_map;
 use osier_base::geometry::Bounds;
 
-/// What is seen where no object is.
+/// Appearance of pixels that no object covers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Backdrop {
     /// The scene's sky, down to and below the horizon.

@@ -18,7 +18,7 @@ pub enum ClipFormat {
     Apng,
 }
 
-/// Encodes a clip into a sink.
+/// Encodes a clip frame by frame into a sink.
 /// # Examples
 /// ```
 /// use osier_preview::{ClipFormat, ClipTiming, ClipWriter, Picture};
@@ -47,7 +47,7 @@ enum ClipEncoder<W: Write> {
 /// The colours of a GIF. They are those of its first frame: a palette for each frame would flicker.
 struct Palette {
     quantizer: NeuQuant,
-    /// RGB bytes; colour 0 stands for transparent pixels.
+    /// RGB bytes; colour 0 is that of transparent pixels.
     colors: Vec<u8>,
     has_transparency: bool,
 }
@@ -108,7 +108,7 @@ impl<W: Write> ClipWriter<W> {
         Ok(Self { encoder, size: [width, height] })
     }
 
-    /// Adds a frame.
+    /// Encodes the next frame and writes it to the sink. The first frame determines the palette of a GIF.
     /// # Errors
     /// `Export` P003 if its size differs or the sink fails.
     pub fn frame(&mut self, picture: &Picture) -> Result<()> {
@@ -142,7 +142,7 @@ impl<W: Write> ClipWriter<W> {
         }
     }
 
-    /// Completes the file.
+    /// Writes the end of the file to the sink.
     /// # Errors
     /// `Export` P003 if frames are missing or the sink fails.
     pub fn finish(self) -> Result<()> {

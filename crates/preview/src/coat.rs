@@ -1,5 +1,5 @@
-//! Coats, such as films of water: where a map sequence gives them weight, a surface is darker and smoother. It keeps its own
-//! normals: what stands on it, such as drops, is meshes.
+//! Coats, such as films of water: where a map sequence gives them weight, a surface is darker and smoother. Its normals do not
+//! change: drops on the surface are meshes.
 
 use std::sync::Arc;
 
@@ -9,12 +9,12 @@ use super::materials::ShadingParams;
 use osier_base::math::lerp;
 use osier_scene::{Coat, Frame, Material, Scene};
 
-/// The coat of a material at a frame.
+/// The coat of a material at a frame: weights by texel, and the darkening under a closed film.
 #[derive(Debug)]
 pub(super) struct CoatMap {
     /// Weight of the film by texel, 0 to 1, rows from the top.
     weight: Arc<Vec<f32>>,
-    /// Texels along a side.
+    /// Texels along a side of the square map.
     side: usize,
     /// Albedo under a closed film as a fraction of that of the bare surface.
     darkening: f32,

@@ -5,7 +5,7 @@ use super::picture::Picture;
 use osier_base::Result;
 use osier_base::convert::{index, narrow, saturating_byte};
 
-/// Space between cells and around the sheet, pixels.
+/// Space between cells and around the sheet, pixels; captions have it above and below.
 const GAP: u32 = 10;
 /// Background of the sheet, sRGB and alpha.
 const PAPER: [u8; 4] = [246, 245, 241, 255];
@@ -14,7 +14,7 @@ const INK: [u8; 3] = [52, 54, 50];
 /// Colour of the note beside the title, sRGB.
 const FAINT_INK: [u8; 3] = [120, 122, 116];
 
-/// A picture with its caption.
+/// A picture of a contact sheet and the caption below it.
 #[derive(Debug, Clone)]
 pub struct ContactSheetCell {
     /// A picture of the size that all cells of the sheet have.
@@ -87,7 +87,7 @@ impl Picture {
             for u in 0..other.width {
                 let (over, under) = (other.at(u, v), self.at(x + u, y + v));
                 let a = u32::from(over[3]);
-                // Rounded (over a + under (255 - a)) / 255.
+                // Adding 127 before the division rounds to the nearest integer.
                 let mix = |o: u8, b: u8| saturating_byte((u32::from(o) * a + u32::from(b) * (255 - a) + 127) / 255);
                 let alpha = over[3].max(under[3]);
                 self.set(x + u, y + v, [mix(over[0], under[0]), mix(over[1], under[1]), mix(over[2], under[2]), alpha]);

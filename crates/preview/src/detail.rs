@@ -16,21 +16,21 @@ const MIN_TRIANGLES: usize = 12;
 /// would break.
 const MAX_TRIANGLES: usize = 2_000;
 
-/// How small a detail the cameras of some pictures resolve, depending on its distance.
+/// Widths of the smallest details that the cameras of some pictures resolve, depending on distance.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DetailLimit {
     cameras: Vec<CameraResolution>,
 }
 
-/// What one camera resolves.
+/// Position of a camera and width of the details that it resolves.
 #[derive(Debug, Clone, Copy)]
 struct CameraResolution {
     eye: Vec3,
-    /// Width of the smallest detail at unit distance.
+    /// Width of the smallest visible detail at unit distance.
     detail: f32,
 }
 
-/// Resolution of a mesh, as widths in its own space.
+/// Resolution that a mesh needs, as widths in its local space.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct MeshDetail {
     /// Width of the smallest visible detail; 0 if every detail is drawn.

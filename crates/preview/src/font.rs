@@ -20,7 +20,7 @@ impl FontSize {
         }
     }
 
-    /// Height of a line, pixels.
+    /// Height of a line of text, pixels.
     pub(super) fn height(self) -> u32 {
         match self {
             Self::Small => 16,

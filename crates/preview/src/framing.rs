@@ -39,8 +39,8 @@ impl CameraView {
                 (28.0, -6.0 + 44.0 * flatness)
             }
         };
-        // Just short of straight up and down, where the camera would have no upward direction; from
-        // above the top of the picture is -Z.
+        // The elevation stays just below 90 degrees, where the camera would have no upward direction; in a view from above,
+        // -Z is at the top of the picture.
         let (a, e) = (radians_f32(azimuth), radians_f32(elevation.clamp(-89.9, 89.9)));
         Vec3::new(math::cos_f32(e) * math::sin_f32(a), math::sin_f32(e), math::cos_f32(e) * math::cos_f32(a))
     }
@@ -50,14 +50,14 @@ impl CameraView {
 #[derive(Debug, Clone, Default)]
 pub struct Subject {
     points: Vec<Vec3>,
-    /// Box around all points in the world, also around those that were thinned out, m; empty without any.
+    /// Box in the world around all points, including those that were thinned out, m; empty without points.
     pub bounds: Bounds,
-    /// True if the scene has ground or terrain, which is not part of the points.
+    /// Whether the scene has ground or terrain, which is not part of the points.
     pub ground: bool,
 }
 
 impl Subject {
-    /// The subject of a scene at a frame, `None` for rest. A scene of terrain alone has the terrain as its subject.
+    /// The subject of a scene at a frame; `None`: at rest. If the scene consists only of terrain, the terrain is the subject.
     pub fn of(scene: &Scene, frame: Option<&Frame>) -> Self {
         let is_terrain =
             |p: &&osier_scene::Placement| scene.assets.get(p.asset).is_some_and(|a| a.kind == AssetKind::Terrain);
@@ -129,7 +129,7 @@ impl Subject {
         Self { points: rotations.flat_map(rotated).collect(), ..self.clone() }
     }
 
-    /// True if the scene has no point that a camera could frame.
+    /// Whether the scene has no point that a camera could frame.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
@@ -158,8 +158,7 @@ impl Subject {
                 wide + w.dot(back)
             });
             distance = distances.fold(1e-3, f32::max);
-            // Centre of the projected extent along an axis, back in metres at the depth of the
-            // target.
+            // Centre of the projected extent along an axis, converted back to metres at the depth of the target.
             let projected =
                 |axis: Vec3, p: Vec3| (p - target).dot(axis) / (distance - (p - target).dot(back)).max(1e-6);
             let center = |axis: Vec3| {

@@ -11,9 +11,9 @@ const SKY_DISTANCE: f32 = 1e6;
 /// Sun, sky and haze of a scene. Colours are linear and multiplied by their strengths.
 #[derive(Debug, Clone, Copy)]
 pub struct Light {
-    /// Unit vector to the middle of the sun.
+    /// Unit vector in the world to the middle of the sun.
     to_sun: Vec3,
-    /// Irradiance on a surface that faces the sun.
+    /// Linear irradiance on a surface that faces the sun.
     sun: Vec3,
     /// Cosine of the sun's angular radius.
     cos_radius: f32,
@@ -26,7 +26,7 @@ pub struct Light {
     fog: Option<Fog>,
 }
 
-/// What haze makes of light along a ray: it arrives as `radiance * transmittance + in_scattered`.
+/// Effect of haze on light along a ray: it arrives as `radiance * transmittance + in_scattered`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Haze {
     pub(super) transmittance: f32,
@@ -55,7 +55,7 @@ impl Light {
         }
     }
 
-    /// Unit vector to the middle of the sun.
+    /// Unit vector in the world to the middle of the sun.
     pub(super) fn sun_direction(&self) -> Vec3 {
         self.to_sun
     }
@@ -72,7 +72,7 @@ impl Light {
         clear * haze.transmittance + haze.in_scattered
     }
 
-    /// Haze between `eye` and a point `length` m from it along `direction`.
+    /// Effect of haze between `eye` and the point `length` m from it along the unit vector `direction`.
     pub(super) fn haze(&self, eye: Vec3, direction: Vec3, length: f32) -> Haze {
         self.fog.map_or(Haze { transmittance: 1.0, in_scattered: Vec3::ZERO }, |fog| {
             let transmittance = fog.clear(eye, direction, length);
@@ -86,7 +86,7 @@ impl Light {
         self.horizon.lerp(self.zenith, 2.0 / 3.0)
     }
 
-    /// Radiance of a white, level, open floor that comes from the sun: E sin(elevation) / pi.
+    /// Radiance of a white, level, unoccluded floor due to the sun: E sin(elevation) / pi.
     pub(super) fn open_sun(&self) -> Vec3 {
         self.sun * (self.to_sun.y.max(0.0) * std::f32::consts::FRAC_1_PI)
     }

@@ -56,7 +56,7 @@ impl PreviewMaterials {
         self.textures.get(map? as usize)?.as_ref()
     }
 
-    /// True if the alpha of a texture cuts the material out.
+    /// Whether the alpha of its colour texture cuts parts out of the material.
     pub(super) fn has_alpha_cutout(&self, id: MaterialId) -> bool {
         self.material(id).is_some_and(|m| m.alpha_cutoff.is_some() && m.maps.color.is_some())
     }
@@ -84,7 +84,7 @@ impl PreviewMaterials {
     /// Linear mean colour of a material's texture; without a texture its base colour, and light grey for water.
     pub(super) fn mean_color(&self, id: MaterialId) -> Vec3 {
         let Some(m) = self.material(id) else { return Vec3::splat(0.5) };
-        // Water has no colour of its own: what it shows is mostly the bright sky.
+        // Water has no base colour; most of the light from it is that of the bright sky.
         if m.class == MaterialClass::Water {
             return Vec3::splat(0.9);
         }
@@ -117,7 +117,7 @@ impl PreviewMaterials {
 
     /// False in drafts where the whole texture covers few pixels: the mean normal and roughness are then as good.
     fn shows_detail(&self, footprint: f32) -> bool {
-        /// Width of such a texture, pixels.
+        /// Width below which a texture counts as small, pixels.
         const SMALL_TEXTURE_PIXELS: f32 = 64.0;
         self.quality != Quality::Draft || footprint * SMALL_TEXTURE_PIXELS < 1.0
     }
@@ -140,7 +140,7 @@ impl PreviewMaterials {
         (r + g + b) / 3.0 * (t + 0.5 * (1.0 - t))
     }
 
-    /// True for water, which refracts light and casts no shadow.
+    /// Whether a material is water, which refracts light and casts no shadow.
     pub(super) fn is_water(&self, id: MaterialId) -> bool {
         self.material(id).is_some_and(|m| m.class == MaterialClass::Water)
     }

@@ -5,12 +5,12 @@ use glam::Vec3;
 use osier_base::math;
 use osier_scene::Camera;
 
-/// A camera together with the resolution of its picture.
+/// A camera prepared for the resolution of its picture: the picture plane at unit depth, in the axes of the world.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PerspectiveCamera {
     pub(super) eye: Vec3,
-    /// From the eye to the upper left corner of the picture plane at unit depth, and one pixel to the right and down
-    /// on it.
+    /// Vector from the eye to the upper left corner of the picture plane at unit depth. `right` and `down`: steps
+    /// from pixel to pixel on that plane.
     pub(super) corner: Vec3,
     pub(super) right: Vec3,
     pub(super) down: Vec3,
@@ -20,7 +20,7 @@ pub(super) struct PerspectiveCamera {
     size: [f32; 2],
 }
 
-/// A ray through a pixel.
+/// A ray from the eye of the camera through a point of a pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PrimaryRay {
     /// Unit vector from the camera into the scene.
@@ -42,7 +42,7 @@ impl PerspectiveCamera {
         Self { eye: camera.eye, corner, right: right * pixel, down: -up * pixel, spread: pixel, size: [w, h] }
     }
 
-    /// False for a camera with a position or direction that is not finite.
+    /// Whether position and axes are finite; a render refuses other cameras (P002).
     pub(super) fn is_finite(&self) -> bool {
         [self.eye, self.corner, self.right, self.down].iter().all(|v| v.is_finite())
     }

@@ -36,14 +36,14 @@ impl Picture {
         Self { width, height, pixels: vec![color; width as usize * height as usize] }
     }
 
-    /// A pixel; transparent outside of the picture.
+    /// A pixel as sRGB and straight alpha; transparent outside of the picture.
     pub fn at(&self, x: u32, y: u32) -> [u8; 4] {
         let inside = x < self.width && y < self.height;
         let i = y as usize * self.width as usize + x as usize;
         if inside { self.pixels.get(i).copied().unwrap_or_default() } else { [0; 4] }
     }
 
-    /// Sets a pixel; without effect outside of the picture.
+    /// Sets a pixel, sRGB with straight alpha; without effect outside of the picture.
     pub fn set(&mut self, x: u32, y: u32, color: [u8; 4]) {
         let inside = x < self.width && y < self.height;
         let i = y as usize * self.width as usize + x as usize;

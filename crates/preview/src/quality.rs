@@ -1,6 +1,6 @@
 //! Quality levels: every trade-off between speed and noise in one place.
 
-/// How much work goes into a picture.
+/// Trade-off between the speed of rendering and the noise of the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quality {
     /// One sample per pixel, rasterised instead of traced, with sunlight and shadows: to judge shapes.
@@ -11,23 +11,23 @@ pub enum Quality {
     Fine,
 }
 
-/// How far light is followed from a surface.
+/// Which occluders and bounces of light are traced from a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum LightDepth {
-    /// The sun and its shadows; the sky as an open place sees it.
+    /// The sun with its shadows, and the sky without occluders.
     Sun,
-    /// The occluders of the sky, with a mean brightness.
+    /// Also occluders of the sky, with a mean brightness.
     Sky,
-    /// The light that reaches those occluders.
+    /// Also the light that reaches those occluders.
     Surroundings,
 }
 
-/// Adaptive sampling of pixels.
+/// Numbers of samples in adaptive sampling, and the noise at which it stops.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SampleRange {
-    /// Samples of every pixel.
+    /// Samples that every pixel takes.
     pub(super) min: u32,
-    /// Samples of the noisiest pixels.
+    /// Samples at which even the noisiest pixel stops.
     pub(super) max: u32,
     /// Difference in displayed brightness (0 to 1, gamma 2) between even and odd samples above which a pixel takes
     /// more.

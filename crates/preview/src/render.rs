@@ -22,7 +22,7 @@ use osier_base::{Error, Result, math};
 const DENSE_FOLIAGE_SAMPLES: u32 = 8;
 /// Ambient samples of a pixel in dense foliage: its 24 neighbours contribute theirs.
 const DENSE_FOLIAGE_AMBIENT_SAMPLES: f32 = 3.0;
-/// Brightness of the floor that a pixel's shadow is compared at.
+/// Assumed brightness of the backdrop when the noise of edges and shadows is judged.
 const FLOOR_BRIGHTNESS: f32 = 0.6;
 
 /// Instance index of a pixel whose samples all hit nothing.
@@ -30,7 +30,7 @@ const NO_INSTANCE: u32 = u32::MAX;
 /// Instance index of a pixel whose samples hit different instances.
 const MIXED_INSTANCES: u32 = u32::MAX - 1;
 
-/// Accumulated samples of one pixel.
+/// Samples of one pixel so far.
 #[derive(Debug, Clone, Copy, Default)]
 struct PixelSamples {
     /// Sums over the even and over the odd samples: their difference estimates the noise.
@@ -40,22 +40,22 @@ struct PixelSamples {
     instance: u32,
 }
 
-/// Sums over half of the samples of a pixel.
+/// Sums over the even or over the odd samples of a pixel.
 #[derive(Debug, Clone, Copy, Default)]
 struct SampleSums {
-    /// Radiance of the objects that were hit.
+    /// Sum of the radiances of the objects that were hit.
     radiance: Vec3,
-    /// The part of it that is not ambient light.
+    /// The part of `radiance` that is not ambient light.
     direct: Vec3,
     /// Fractions of ambient light that were scattered towards the viewer.
     diffuse: Vec3,
-    /// Radiance of the ambient samples.
+    /// Sum of the radiances of the ambient samples.
     ambient: Vec3,
-    /// Samples of ambient light.
+    /// Number of samples with a ray for ambient light.
     ambient_samples: f32,
-    /// Samples that hit an object.
+    /// Number of samples that hit an object.
     hits: f32,
-    /// Light on the floor relative to an open floor, over the other samples.
+    /// Light on the floor relative to a floor without shadow, summed over the samples without an object.
     floor_light: f32,
 }
 
@@ -90,7 +90,7 @@ impl SampleSums {
         }
     }
 
-    /// The pixel that `n` samples average to. `ambient`: mean ambient radiance, if it is shared with other pixels.
+    /// The mean of `n` samples. `ambient`: mean ambient radiance, if it is shared with other pixels.
     fn resolve(&self, n: f32, ambient: Option<Vec3>) -> ForegroundPixel {
         let radiance =
             ambient.map_or(self.radiance, |ambient| self.direct + self.diffuse * ambient) / self.hits.max(1.0);
@@ -124,21 +124,20 @@ impl PixelSamples {
         self.halves[0].plus(self.halves[1])
     }
 
-    /// The pixel before it is composited over its background.
+    /// The mean of all samples. `ambient`: mean ambient radiance, if it is shared with other pixels.
     #[allow(clippy::cast_precision_loss, reason = "hundreds of samples")]
     fn resolve(&self, ambient: Option<Vec3>) -> ForegroundPixel {
         self.total().resolve(self.samples as f32, ambient)
     }
 
-    /// Difference in displayed brightness between even and odd samples, gamma 2. `ambient`: shared by both, if it is
-    /// known.
+    /// Difference in displayed brightness (gamma 2) between even and odd samples. `ambient`: mean ambient radiance, if
+    /// it is shared with other pixels.
     #[allow(clippy::cast_precision_loss, reason = "hundreds of samples")]
     fn disagreement(&self, ambient: Option<Vec3>) -> f32 {
         let brightness = |i: usize| {
             let ForegroundPixel { color, coverage, floor_light } =
                 self.halves[i].resolve(self.samples as f32 * 0.5, ambient);
-            // A mid-grey backdrop stands for the real one: edges and shadows count as noise as far
-            // as they are visible.
+            // A mid-grey replaces the backdrop: edges and shadows count as noise as far as they are visible against it.
             let c = color * coverage + Vec3::splat(FLOOR_BRIGHTNESS * (1.0 - coverage) * floor_light);
             math::sqrt_f32(c.dot(Vec3::new(0.3, 0.5, 0.2)).max(0.0))
         };
@@ -146,7 +145,7 @@ impl PixelSamples {
     }
 }
 
-/// What one sample of a pixel hits.
+/// Surface that one sample of a pixel hits, with its light.
 enum SampleHit {
     Object(ScatteredLight),
     /// The floor, with its light relative to a floor without shadow.
@@ -182,7 +181,7 @@ pub fn render(
     if !world.has_bvh {
         return draft::render(world, request, &camera, cancel, progress);
     }
-    // Upper left pixels of all tiles, row by row.
+    // Upper left pixels of the tiles, row by row; tiles at the right and lower edges may be smaller.
     let mut corners = Vec::new();
     for y in (0..height).step_by(TILE as usize) {
         corners.extend((0..width).step_by(TILE as usize).map(|x| [x, y]));
@@ -218,9 +217,9 @@ pub fn render(
 fn sample_budget(world: &RenderScene<'_>, request: &RenderRequest, camera: &PerspectiveCamera) -> u32 {
     /// Pixels between two probing rays.
     const PROBE_STEP: u32 = 12;
-    /// Pixels from a probing ray to its partner, which tells whether the same instance continues there.
+    /// Pixels from a probing ray to its partner, which tests whether the same instance continues there.
     const PARTNER_DISTANCE: u32 = 8;
-    /// Factor on the budget where all objects are large.
+    /// Factor on the budget if all objects are large.
     const LARGE_OBJECT_FACTOR: f32 = 9.0;
     let SampleRange { min, max, .. } = world.materials.quality.sample_range();
     // Drafts have one sample whatever they show.
@@ -282,7 +281,7 @@ impl Tile<'_, '_> {
         }
     }
 
-    /// One sample of a pixel. `samples_ambient`: with a ray for ambient light.
+    /// Traces sample `index` of a pixel. `samples_ambient`: whether a ray samples ambient light.
     fn sample(&self, sampler: &Sampler, position: [u32; 2], index: u32, samples_ambient: bool) -> SampleHit {
         let (world, light, camera) = (self.world, &self.request.light, self.camera);
         // Anti-aliasing: the samples of a pixel are spread over its square. A draft has a single
@@ -364,7 +363,7 @@ impl Tile<'_, '_> {
         (0..pixels.len()).map(mean).collect()
     }
 
-    /// The finished pixels, row by row.
+    /// Samples and filters the pixels of the tile and composites them over the background; returns them row by row.
     fn render(&self, max_samples: u32) -> Vec<[u8; 4]> {
         let pixels = self.sample_pixels(max_samples);
         let ambient = self.shared_ambient(&pixels);
@@ -397,9 +396,8 @@ impl TileSize {
     }
 }
 
-/// Despeckling: where a pixel and all its neighbours are entirely covered or entirely open, its colour and floor
-/// light are clamped to the range of the neighbours. Few samples cannot tell a small shadow from noise; the
-/// neighbours can.
+/// Despeckling: if a pixel and all its neighbours are entirely covered or entirely uncovered, its colour and floor light are
+/// clamped to the range of the neighbours, which distinguish small shadows from noise better than a few samples can.
 fn despeckle(pixels: &mut [ForegroundPixel], size: TileSize) {
     let before = pixels.to_vec();
     for (i, pixel) in pixels.iter_mut().enumerate() {

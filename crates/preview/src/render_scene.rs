@@ -35,7 +35,7 @@ pub(super) struct SolidInstance {
     translation: Vec3,
 }
 
-/// A solid's own space in the world.
+/// Transform from the space of a solid to the world.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WorldFromLocal {
     pub(super) linear: Mat3,
@@ -49,17 +49,17 @@ pub(super) struct SceneHit {
     pub(super) primitive: PrimitiveHit,
 }
 
-/// All geometry of a scene at one frame.
+/// All geometry of a scene at one frame, with the structures that rays and rasterisation need.
 #[derive(Debug)]
 pub struct RenderScene<'a> {
     pub(super) materials: &'a PreviewMaterials,
-    /// False where a draft is rasterised: without water and with at most [`MAX_DRAFT_PRIMITIVES`] primitives.
+    /// False if a draft is rasterised: then the scene has no water and at most [`MAX_DRAFT_PRIMITIVES`] primitives.
     pub(super) has_bvh: bool,
     solids: Vec<Solid<'a>>,
     instances: Vec<SolidInstance>,
     /// Coat of each material at the frame, by index; `None` for a bare one.
     pub(super) coats: Vec<Option<CoatMap>>,
-    /// Over the boxes of the instances; empty for drafts.
+    /// Over the boxes of the instances in the world; empty for drafts.
     bvh: CwBvh,
     /// Box around all instances in the world, m; solids without primitives are left out, so it may be empty.
     pub bounds: Bounds,
@@ -129,7 +129,7 @@ impl<'a> RenderScene<'a> {
         Self { materials, has_bvh, solids, instances, coats, bvh, bounds, gap }
     }
 
-    /// Number of primitives of each instance.
+    /// Number of primitives of each instance, in the order of the instances.
     pub(super) fn primitive_counts(&self) -> impl ExactSizeIterator<Item = usize> {
         self.instances.iter().map(|i| self.solids.get(i.solid as usize).map_or(0, Solid::len))
     }
@@ -158,7 +158,7 @@ impl<'a> RenderScene<'a> {
         best
     }
 
-    /// Any intersection of a ray, not always the closest: it tells that the sky is occluded, and roughly by what.
+    /// Any intersection of a ray, not always the closest: enough to know that the sky is occluded, and roughly by what.
     pub(super) fn any_hit(&self, ray: Ray) -> Option<SceneHit> {
         let mut found: Option<SceneHit> = None;
         let mut hit = RayHit::none();
@@ -192,14 +192,14 @@ impl<'a> RenderScene<'a> {
         solid.hits_bounds(&local).then_some((solid, local))
     }
 
-    /// An instance and its solid.
+    /// Instance `i` with its solid; `None` beyond the last instance.
     #[inline]
     pub(super) fn instance(&self, i: usize) -> Option<(&SolidInstance, &Solid<'a>)> {
         let instance = self.instances.get(i)?;
         Some((instance, self.solids.get(instance.solid as usize)?))
     }
 
-    /// The instance that was hit and its solid.
+    /// The instance that was hit and its solid; `None` if `hit` is of a scene with more instances.
     pub(super) fn hit_instance(&self, hit: &SceneHit) -> Option<(&SolidInstance, &Solid<'a>)> {
         self.instance(hit.instance as usize)
     }
@@ -266,7 +266,7 @@ fn affine(trs: &Trs) -> Affine3A {
     Affine3A::from_scale_rotation_translation(trs.s, trs.r, trs.t)
 }
 
-/// Where a solid is placed.
+/// Solid and transform of an instance before it is inverted.
 struct InstanceTransform {
     solid: u32,
     world_from_local: Affine3A,

@@ -66,7 +66,7 @@ impl RoundCone {
         let axis = b - a;
         let narrowing = ra - rb;
         let length2 = axis.length_squared();
-        // k above: squared length of the lateral surface between its circles of contact.
+        // This is the k of the formula: the squared length of the lateral surface between its circles of contact.
         let slant = length2 - narrowing * narrowing;
         let enters_ball = |c: Vec3, r: f32| -> Option<f32> {
             let w = o - c;

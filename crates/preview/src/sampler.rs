@@ -1,13 +1,13 @@
 //! Scrambled Sobol points: well distributed in the unit square, different in every pixel.
 
-/// Sample points of one pixel.
+/// Sample points of one pixel; equal pixels, seeds and indices have equal points, whatever the order of the calls.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sampler {
     seed: u32,
 }
 
 impl Sampler {
-    /// `pixel`: its index in the picture, row by row.
+    /// Derives the scrambling of a pixel. `pixel`: its index in the picture, row by row.
     pub(super) fn new(pixel: u32, seed: u32) -> Self {
         Self { seed: hash(pixel ^ hash(seed)) }
     }

@@ -1,5 +1,5 @@
-//! Geometry in its own space: triangles, points as balls and curves as round cones, each solid with its bounding volume
-//! hierarchy (BVH). Instances of it share one [`Solid`].
+//! Geometry in the space of an asset or prototype: triangles, points as balls and curves as round cones, each solid with its
+//! bounding volume hierarchy (BVH). Instances of it share one [`Solid`].
 
 use std::borrow::Cow;
 use std::time::Duration;
@@ -26,14 +26,14 @@ const MAX_TIGHT_BOX_TRIANGLES: usize = 500;
 const STREAK_OPACITY: f32 = 0.6;
 /// Radius at the ends of a streak relative to its middle: a drop is at each end for the shortest part of the exposure.
 const STREAK_END_RADIUS: f32 = 0.1;
-/// Most primitives for a BVH of high, of medium and of low build effort: small trees are built in no time and
-/// traversed often, the largest would delay the picture by seconds.
+/// Most primitives for a BVH of high, of medium and of low build effort: small trees take little time to build and are traversed
+/// often, the largest would delay the picture by seconds.
 const BUILD_EFFORT: [usize; 3] = [4_000, 100_000, 1_500_000];
 
 /// Least share of its area that a mesh must keep when its vertices are clustered. Own: leaves keep more than nine tenths.
 const MIN_CLUSTERED_AREA: f32 = 0.6;
 
-/// A triangle prepared for intersection.
+/// A triangle in the form that the intersection test needs: a corner and two edges.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayTriangle {
     /// First corner, in the space of the solid.
@@ -50,7 +50,7 @@ pub(super) struct RayTriangle {
 /// Intersection of a ray with a primitive of a solid.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct PrimitiveHit {
-    /// Along the ray, in lengths of its direction.
+    /// Distance along the ray, as a multiple of the length of its direction.
     pub(super) t: f32,
     /// Index of the primitive in the order of the BVH.
     pub(super) primitive: u32,
@@ -58,7 +58,7 @@ pub(super) struct PrimitiveHit {
     pub(super) barycentric: Vec2,
 }
 
-/// Primitives of one kind.
+/// Primitives of a solid, all of one kind.
 #[derive(Debug)]
 pub(super) enum Primitives<'a> {
     Triangles { triangles: Vec<RayTriangle>, vertices: VertexData<'a> },
@@ -78,7 +78,7 @@ pub(super) struct VertexData<'a> {
     pub(super) colors: &'a [[f32; 4]],
 }
 
-/// Primitives with their BVH.
+/// Primitives of one mesh, cloud or set of curves, with their BVH.
 #[derive(Debug)]
 pub(super) struct Solid<'a> {
     pub(super) kind: Primitives<'a>,
@@ -106,7 +106,7 @@ impl<'a> Solid<'a> {
     ) -> Self {
         let mut replacements = cluster_vertices(points, detail.cluster_size);
         let mut triangles = prepare_triangles(mesh, points, &replacements);
-        // Needles are thinner than a cluster and would vanish: what would lose most of its area is not clustered.
+        // Needles are thinner than a cluster and would vanish: a mesh that would lose most of its area is not clustered.
         if !replacements.is_empty() {
             let whole = prepare_triangles(mesh, points, &[]);
             if area(&triangles) < MIN_CLUSTERED_AREA * area(&whole) {
@@ -142,13 +142,12 @@ impl<'a> Solid<'a> {
         Self::of_cones(balls, material, with_bvh)
     }
 
-    /// Falling drops as motion-blurred streaks over `shutter` seconds: translucent double cones, since a drop covers
-    /// each point of its way for a part of the exposure only.
+    /// Falling drops as motion-blurred streaks over `shutter` seconds: translucent double cones, since a drop covers each point
+    /// of its path only for a part of the exposure.
     pub(super) fn of_drops(material: MaterialId, now: PointsNow<'_>, shutter: f32, with_bvh: bool) -> Self {
         let visible = now.positions.iter().zip(now.widths).zip(now.velocities).filter(|((_, w), _)| **w > 0.0);
         let streaks = visible.flat_map(|((p, w), v)| {
-            // Half of the way of the drop during the exposure; a drop that moves less than its
-            // radius is drawn as a ball.
+            // Half of the drop's path during the exposure; a drop that moves less than its radius is drawn as a ball.
             let (half, radius) = (*v * (shutter * 0.5), w * 0.5);
             if half.length() < w * 0.5 {
                 return vec![RoundCone::ball(*p, radius, None)];
@@ -189,8 +188,8 @@ impl<'a> Solid<'a> {
         self.bounds
     }
 
-    /// False for a ray, in the space of the solid, that misses its box. The test is cheaper than the root of the BVH,
-    /// and most rays that hit the axis-aligned world box of a tilted leaf miss its own box.
+    /// False for a ray, in the space of the solid, that misses its box. The test is cheaper than the root of the BVH, and most
+    /// rays that hit the axis-aligned world box of a tilted leaf miss the box in the leaf's space.
     #[inline]
     pub(super) fn hits_bounds(&self, ray: &Ray) -> bool {
         let b = &self.bvh.total_aabb;
@@ -308,7 +307,7 @@ impl<'a> Solid<'a> {
 /// Intersection of a ray with a triangle or its plane.
 #[derive(Debug, Clone, Copy)]
 struct TriangleHit {
-    /// Along the ray, in lengths of its direction.
+    /// Distance along the ray, as a multiple of the length of its direction.
     t: f32,
     /// Coordinates of the second and third corner.
     barycentric: Vec2,
@@ -362,7 +361,7 @@ impl RayTriangle {
         self.ab.cross(self.ac)
     }
 
-    /// Edges from the first corner.
+    /// Edges from the first corner to the second and to the third.
     pub(super) fn edges(&self) -> [Vec3; 2] {
         [self.ab, self.ac]
     }
@@ -389,7 +388,6 @@ fn uv_area(mesh: &Mesh) -> f32 {
     mesh.triangles.iter().map(|t| area(t.map(corner))).sum()
 }
 
-/// Sum of the areas of triangles, m2.
 fn area(triangles: &[RayTriangle]) -> f32 {
     triangles.iter().map(|f| 0.5 * f.normal().length()).sum()
 }
@@ -406,7 +404,8 @@ fn prepare_triangles(mesh: &Mesh, points: &[Vec3], replacements: &[u32]) -> Vec<
             // Points come from the frame, indices from the mesh at rest.
             let [a, b, c] = t.map(|k| points.get(k as usize).copied().unwrap_or_default());
             let triangle = RayTriangle { a, ab: b - a, ac: c - a, index: i, material: subset.material };
-            // What has not grown yet lies in one point: no ray can hit it, and boxes in one place cannot be separated by a BVH.
+            // Triangles that have not grown yet lie in one point: no ray can hit them, and a BVH
+            // cannot separate boxes in one place.
             if triangle.ab.cross(triangle.ac) != Vec3::ZERO {
                 triangles.push(triangle);
             }
@@ -459,8 +458,7 @@ pub(super) fn build_bvh<T: Copy + Sync>(
     Bvh { primitives, bvh, bounds: Some([all.min.into(), all.max.into()]) }
 }
 
-/// A random number in [0, 1) that depends on the ray and on the primitive only: the same for every thread and
-/// traversal order.
+/// A pseudorandom number in [0, 1) that depends only on the ray and the primitive: the same for every thread and traversal order.
 fn random_unit(ray: &Ray, primitive: usize) -> f32 {
     let bits = |v: f32| u64::from(v.to_bits());
     let (o, d) = (ray.origin, ray.direction);

@@ -13,7 +13,7 @@ use osier_scene::MaterialId;
 /// Smallest cosine between shading normal and direction to the viewer.
 const MIN_VIEW_COSINE: f32 = 0.02;
 
-/// A point on a surface with everything that shading needs.
+/// Geometry and shading parameters at a point of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SurfaceInteraction {
     /// Position in the world, m.
@@ -22,7 +22,7 @@ pub(super) struct SurfaceInteraction {
     pub(super) normal: Vec3,
     /// Interpolated and normal-mapped unit normal on the side of the viewer.
     pub(super) shading_normal: Vec3,
-    /// True if the viewer is on the outside of the surface.
+    /// Whether the viewer is on the outside of the surface.
     pub(super) is_outside: bool,
     /// Distance that transmitted light travels to the far side, m: the diameter of a hair, 0 for a leaf.
     pub(super) thickness: f32,
@@ -43,7 +43,7 @@ struct SurfaceAttributes {
     uv_edges: [Vec2; 2],
 }
 
-/// Mean appearance of an occluder.
+/// Mean colour and normal of an occluder, without texture look-ups.
 pub(super) struct MeanSurface {
     /// Linear mean colour of its material, or its vertex colour.
     pub(super) color: Vec3,
@@ -85,8 +85,7 @@ impl RenderScene<'_> {
         };
         // Filter width of textures: the width of the sample on the surface, in texture coordinates.
         let width = footprint(spread * t * direction.length(), attributes.edges, attributes.uv_edges);
-        // Both normals are turned to the side of the viewer; the side itself matters to water
-        // alone.
+        // Both normals are turned to the side of the viewer; only water needs to know the side.
         let is_outside = attributes.normal.dot(direction) <= 0.0;
         let side = if is_outside { 1.0 } else { -1.0 };
         let mut shading_normal = self.mapped_normal(&attributes, width) * side;
@@ -125,7 +124,8 @@ impl RenderScene<'_> {
         self.coats.get(material as usize)?.as_ref()
     }
 
-    /// The interpolated normal, perturbed by the normal map of the material. The map's x runs along growing u, its y along growing v.
+    /// The interpolated normal, perturbed by the normal map of the material. The map's x runs along
+    /// growing u, its y along growing v.
     fn mapped_normal(&self, s: &SurfaceAttributes, width: f32) -> Vec3 {
         let Some(m) = self.materials.normal_map(s.material, s.uv, width) else { return s.smooth_normal };
         // Tangent vectors dp/du and dp/dv of the triangle: the solution of e = dp/du * d.x + dp/dv
@@ -178,7 +178,7 @@ impl RenderScene<'_> {
     }
 }
 
-/// Interpolates the attributes of a triangle.
+/// Attributes at a point of a triangle: interpolated, with normals and edges transformed to the world.
 fn triangle_attributes(
     instance: &SolidInstance,
     triangle: &RayTriangle,

@@ -93,7 +93,7 @@ impl Texture {
     }
 }
 
-/// The part of a texture that its alpha leaves opaque.
+/// Alpha cutoff of a texture, and the part that it leaves opaque.
 #[derive(Debug, Clone, Copy)]
 struct AlphaCoverage {
     /// Alpha from which a texel is opaque.
@@ -111,8 +111,7 @@ impl MipLevel {
         fraction
     }
 
-    /// Scales alpha until the opaque fraction is that of the finest level; averaging alone would thin leaves out with
-    /// distance.
+    /// Scales alpha until the opaque fraction is that of the finest level; mere averaging would thin out leaves with distance.
     /// Source: I. Castano, "Computing alpha mipmaps", 2010.
     fn with_coverage(mut self, coverage: Option<AlphaCoverage>) -> Self {
         /// Bisection steps: the scale is found to 4 / 2^16, finer than a byte of alpha.

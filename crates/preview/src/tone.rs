@@ -6,8 +6,8 @@ use osier_base::units::{byte, srgb_byte};
 use osier_scene::ToneCurve;
 
 /// The displayed colour of a radiance, linear, each channel 0 to 1.
-/// Own: [`ToneCurve`] with the luminance of the colour as x; what exceeds 1 in a channel is mixed towards white, so that bright
-/// leaves become paler instead of turning yellow.
+/// Own: [`ToneCurve`] with the luminance of the colour as x. If a channel exceeds 1, the colour is mixed with grey of the same
+/// luminance, so that bright leaves become paler instead of turning yellow.
 pub(super) fn tone_map(color: Vec3) -> Vec3 {
     let c = color.max(Vec3::ZERO) * ToneCurve::EXPOSURE;
     // The curve acts on luminance; scaling all channels alike keeps the hue.

@@ -7,19 +7,20 @@ use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Frame, MapLayer, MapSequence, Scene};
 
-/// Side of an atlas, texels: small enough for the textures of current GPUs (at least 16384) and one file per frame of moderate size.
+/// Side of an atlas, texels: small enough for the textures of current GPUs (at least 16384) and one file per frame of moderate
+/// size.
 pub const ATLAS: usize = 4096;
 /// Texels around a tile that repeat its edge, so that bilinear filtering does not mix in the neighbours.
 pub const BORDER: usize = 2;
 
-/// Writes the atlases of a bake.
+/// Packs the maps of all map sequences into square images of [`ATLAS`] texels a side, one per layer.
 #[derive(Debug, Default)]
 pub(super) struct AtlasWriter {
     /// Tiles in a row of an atlas.
     row: usize,
     /// Side of a tile with its borders, texels.
     pitch: usize,
-    /// The last file of each map of each atlas.
+    /// The latest file of each layer of each atlas, written again for frames at which none of its maps has changed.
     encoded: Vec<(usize, MapLayer, FrameMapFile)>,
 }
 
@@ -38,12 +39,12 @@ impl AtlasWriter {
         TilePosition { atlas, corner: [tile % row, tile / row].map(|k| k * self.pitch + BORDER) }
     }
 
-    /// Gives each sequence a tile and writes `atlas.json`.
+    /// Computes the size of the tiles from the largest map, and writes `atlas.json`.
     /// # Errors
     /// X012 if the maps of a sequence are larger than an atlas.
     pub(super) fn begin(&mut self, folder: &Folder, scene: &Scene) -> Result<()> {
         let side = scene.map_sequences.iter().map(|s| s.side).max().unwrap_or(0);
-        // All tiles have the size of the largest map, so that a position follows from the number of the sequence alone.
+        // All tiles have the size of the largest map, so that the position of a tile follows from the number of its sequence.
         self.pitch = side + 2 * BORDER;
         self.row = ATLAS / self.pitch;
         if self.row == 0 {
@@ -64,7 +65,7 @@ impl AtlasWriter {
         folder.write("maps/atlas.json", "json", format!("{text:#}\n").as_bytes())
     }
 
-    /// Writes a frame; `maps`: the files of the sequences' own maps.
+    /// Writes the atlases of a frame. `maps`: the maps of all sequences at this frame, and whether each has changed.
     pub(super) fn frame(
         &mut self,
         folder: &Folder,
@@ -73,7 +74,7 @@ impl AtlasWriter {
         frame: Option<&Frame>,
         maps: &[EncodedMap<FrameMapFile>],
     ) -> Result<()> {
-        // A map of an atlas is encoded again if that of any of its sequences changed.
+        // A map of an atlas is encoded again if the map of one of its sequences has changed.
         let mut files: Vec<(usize, MapLayer, bool)> = Vec::new();
         for k in maps {
             let atlas = self.tile_position(k.sequence).atlas;
@@ -104,6 +105,7 @@ impl AtlasWriter {
         layer: MapLayer,
     ) -> Result<FrameMapFile> {
         let channels = layer.encoding.channels();
+        // Texels that belong to no tile stay 0.
         let mut all = vec![0.0; ATLAS * ATLAS * channels];
         for ((i, sequence), maps) in scene.map_sequences.iter().enumerate().zip(scene.maps_at(frame)) {
             let position = self.tile_position(i);

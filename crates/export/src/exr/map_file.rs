@@ -7,12 +7,12 @@ use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{MapEncoding, MapLayer, Scene};
 
-/// The sequence or atlas of a map, for its header.
+/// Name and height range for the header of a map.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MapLabel<'a> {
-    /// Name of the sequence or atlas.
+    /// Name of the map sequence or atlas.
     pub(super) name: &'a str,
-    /// Height that the value 1 stands for, m.
+    /// Height for the value 1 of a height map, m.
     pub(super) height_range: f32,
 }
 
@@ -20,11 +20,11 @@ pub(super) struct MapLabel<'a> {
 #[derive(Debug)]
 pub(super) struct FrameMapFile {
     bytes: Vec<u8>,
-    /// Offset of the comment in the bytes.
+    /// Where the header's comment begins in `bytes`; its length is the same at all frames.
     comment_offset: usize,
-    /// Name of the sequence or atlas.
+    /// Name of the map sequence or atlas.
     name: String,
-    /// Height that the value 1 stands for, m.
+    /// Height for the value 1 of a height map, m.
     height_range: f32,
 }
 
@@ -48,7 +48,7 @@ impl FrameMapFile {
         Ok(Self { bytes, comment_offset, name: label.name.to_owned(), height_range: label.height_range })
     }
 
-    /// Writes the file of a frame.
+    /// Writes the map to `path` with frame `number` in the header; does nothing if the journal lists the file as finished.
     pub(super) fn write(&self, folder: &Folder, scene: &Scene, path: &str, layer: MapLayer, number: u32) -> Result<()> {
         let Some(mut out) = folder.create(path, layer.file_kind, Some(number))? else { return Ok(()) };
         let label = MapLabel { name: &self.name, height_range: self.height_range };

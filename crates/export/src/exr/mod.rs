@@ -38,7 +38,7 @@ pub use atlas::{ATLAS, BORDER};
 pub use options::ExrOptions;
 pub use sky::{FILE as SKY_FILE, write as write_sky};
 
-/// The entry of the registry.
+/// Registry entry of the maps as OpenEXR: images only, no geometry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "exr",
     about: "height maps of bark, leaves, ground and terrain, deposition maps, maps of wet leaves",
@@ -50,7 +50,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(ExrExporter::new(job.folder.clone(), job.options.exr))],
 };
 
-/// Own estimate: bytes of a texel, measured on leaves in rain; a file of each map for each frame.
+/// Estimate from bytes per texel that were measured on leaves in rain, with a file of each map for each frame.
 fn estimate(input: &EstimateInput) -> u64 {
     let options = input.options.exr;
     // A tenth of a byte for each number of a texel, and 3.5 bytes for height and normal of a relief; atlases hold all once more.
@@ -60,7 +60,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     sequences + input.per_asset(|_| 4 << 20)
 }
 
-/// Writes height maps, terrain, fields and map sequences as EXR.
+/// Writes height maps, terrain, fields and map sequences as EXR; [`write_sky`] writes the sky.
 #[derive(Debug)]
 pub struct ExrExporter {
     folder: Folder,

@@ -1,8 +1,8 @@
 //! Options of the EXR writer.
 
-/// Options of the EXR writer.
+/// Choices of [`ExrExporter`](super::ExrExporter), the table `[output.exr]` of a scene.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ExrOptions {
-    /// Write the maps of all sequences packed into atlases, too.
+    /// Whether the maps of all sequences are also packed into atlases.
     pub atlas: bool,
 }

@@ -9,12 +9,12 @@ use osier_base::Result;
 use osier_base::files::Folder;
 use osier_scene::{Frame, MapLayer, MapSequence, Scene};
 
-/// Writes the maps of a scene's map sequences.
+/// Writes one file per layer of each map sequence and frame, and the atlases if they were requested.
 #[derive(Debug)]
 pub(super) struct SequenceWriter {
     encoder: MapEncoder<FrameMapFile>,
     atlas: Option<AtlasWriter>,
-    /// Number of frames written.
+    /// Number of frames written so far; if it is 0 at the end, the maps at rest are written.
     frames: usize,
 }
 
@@ -24,7 +24,7 @@ impl SequenceWriter {
         Self { encoder: MapEncoder::new(all), atlas: options.atlas.then(AtlasWriter::default), frames: 0 }
     }
 
-    /// Writes the positions of the sequences in the atlases, if there are any.
+    /// Writes `atlas.json` if atlases were requested and the scene has map sequences.
     pub(super) fn begin(&mut self, folder: &Folder, scene: &Scene) -> Result<()> {
         match &mut self.atlas {
             Some(atlas) if !scene.map_sequences.is_empty() => atlas.begin(folder, scene),
@@ -32,7 +32,7 @@ impl SequenceWriter {
         }
     }
 
-    /// Writes the maps of a frame; `frame`: none for those at rest.
+    /// Writes the maps as frame `number`; without `frame`, the maps at rest.
     pub(super) fn frame(&mut self, folder: &Folder, scene: &Scene, number: u32, frame: Option<&Frame>) -> Result<()> {
         if scene.map_sequences.is_empty() {
             return Ok(());
@@ -54,7 +54,7 @@ impl SequenceWriter {
         }
     }
 
-    /// Writes the maps at rest if there was no frame.
+    /// Writes the maps at rest if there was no frame; returns the warnings of the encoder.
     pub(super) fn finish(&mut self, folder: &Folder, scene: &Scene) -> Result<Summary> {
         if self.frames == 0 {
             self.frame(folder, scene, scene.clip.start, None)?;

@@ -1,4 +1,4 @@
-//! The sky as an equirectangular image of linear radiance, without the disc of the sun, which is a light of its own.
+//! The sky as an equirectangular image of linear radiance, without the disc of the sun, which is a separate light.
 
 use glam::Vec3;
 use half::f16;
@@ -13,7 +13,7 @@ pub const FILE: &str = "maps/sky.exr";
 
 /// Rows; there are twice as many columns. Own: the innermost ring of the sun's glow, 6 degrees in radius, then has 17 texels.
 const HEIGHT: u16 = 512;
-/// Seed of [`dapple`], the same for all scenes, so that a sky depends on its keys alone.
+/// Seed of [`dapple`], the same for all scenes, so that a sky depends only on its keys.
 const SEED: u64 = 0x0073_6b79;
 /// Noise cells around the horizon: patches of foliage some 10 degrees wide. More make them smaller.
 const FOLIAGE_CELLS: i16 = 36;
@@ -48,12 +48,12 @@ pub fn write(folder: &Folder, scene: &Scene) -> Result<()> {
     out.commit()
 }
 
-/// Blends leaves far out of focus over the sky: patches of shade, and discs of light in small gaps. They fade out up to about 45
-/// degrees above the horizon. `y`: sine of the elevation.
+/// Blends defocused foliage over the sky: patches of shade, and discs of light in small gaps. It fades out up to about 45 degrees
+/// above the horizon. `y`: sine of the elevation.
 /// Own: shades chosen by eye, after photographs of drops in gardens; POV-Ray's sky has the same shades in other places.
 fn dapple(sky: &Sky, plain: Vec3, [u, v]: [f32; 2], y: f32) -> Vec3 {
-    // Colours of the first stop of the gradient, below the horizon, and of the last but one, above it. The cover decreases from full
-    // at the sine 0.2 of the elevation to none at 0.7.
+    // Colours of the first stop of the gradient, below the horizon, and of the last but one, above it. The cover decreases from
+    // full at the sine 0.2 of the elevation to none at 0.7.
     let stops = sky.stops();
     let (Some(deep), Some(bright)) = (stops.first(), stops.iter().rev().nth(1)) else { return plain };
     let (deep, bright) = (Vec3::from_array(deep.1) * 0.5, Vec3::from_array(bright.1));

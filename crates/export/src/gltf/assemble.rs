@@ -13,12 +13,12 @@ use super::json::{Camera, Index, Node, Perspective, Skin};
 use osier_base::Result;
 use osier_scene::{Asset, Instancer, InstancerMotion, LEAF_COLOR, Placement, Trs};
 
-/// What a document shows.
+/// Assets or placements that a document contains.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum GltfContents {
-    /// One asset at the origin.
+    /// The asset of this index, at the origin.
     Asset(usize),
-    /// All placements, with or without the camera.
+    /// All placements in the space of the scene; `camera`: with the scene's camera.
     Scene { camera: bool },
 }
 
@@ -84,7 +84,7 @@ impl GltfDocument<'_> {
             let asset = &input.scene.assets[placement.asset];
             let stays =
                 |i: usize| asset.instancers.get(i).is_some_and(|instancer| self.stays_at_rest(asset, instancer));
-            // Only what is visible at some frame is worth a node.
+            // Instances that are never visible get no node.
             let moving = tracks.moving.iter().filter(|m| m.alive.contains(&true) && !stays(m.instancer));
             list.extend(moving.map(|m| (m.key, k, m.instancer, m.instance)));
             for instancer in asset.instancers.iter().filter(|i| i.motion == InstancerMotion::Free) {
@@ -107,7 +107,7 @@ impl GltfDocument<'_> {
             );
             self.warnings.push(Warning { code: "X003", message });
         }
-        // Keys are hashes, so that those that are kept are spread over the scene, and the same in every run.
+        // Keys are hashes: the instances that are kept are spread over the scene, and are the same in every run.
         list.sort_unstable();
         list.truncate(most);
         let mut chosen = InstancesByPlacement::new();
@@ -117,15 +117,15 @@ impl GltfDocument<'_> {
         chosen
     }
 
-    /// Whether the instances of leaves that change over a clip are too many for nodes of their own. They are then written as they are at
-    /// rest: some of them alone would show a bare tree.
+    /// Whether the instances of an instancer are leaves that change over the clip, too many for a node each. They are then
+    /// written as at rest: a selection of them would show a bare tree.
     pub(super) fn stays_at_rest(&self, asset: &Asset, instancer: &Instancer) -> bool {
         let of_season = |i: &Instancer| i.motion == InstancerMotion::Free && i.rest.attribute(LEAF_COLOR).is_some();
         let all: usize = asset.instancers.iter().filter(|i| of_season(i)).map(Instancer::len).sum();
         !self.input.tracks.is_still() && of_season(instancer) && all > self.input.tracks.max_moving
     }
 
-    /// Adds the nodes of a placement: its own, below it the joints, and one for each template.
+    /// Adds the nodes of a placement: its top node, below it the joints, and a node for each template.
     fn add_placement(
         &mut self,
         placement: &Placement,

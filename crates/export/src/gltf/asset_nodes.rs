@@ -16,7 +16,7 @@ use super::tracks::{InstanceTrack, MorphFrames, MorphShape, MorphTrack};
 use osier_base::Result;
 use osier_scene::{Asset, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Trs, ribbons};
 
-/// Nodes that each placement of an asset gets below its own; all of them share meshes and accessors.
+/// Nodes below the top node of each placement of an asset; all placements share meshes and accessors.
 #[derive(Debug, Default)]
 pub(super) struct AssetNodes {
     pub joints: Vec<JointNode>,
@@ -25,7 +25,7 @@ pub(super) struct AssetNodes {
     pub templates: Vec<NodeTemplate>,
 }
 
-/// A joint as a node, with its animation.
+/// Node of a joint that is written; joints outside the selection have none.
 #[derive(Debug)]
 pub(super) struct JointNode {
     pub name: String,
@@ -34,18 +34,18 @@ pub(super) struct JointNode {
     pub motion: NodeAnimation,
 }
 
-/// What a node of an asset hangs below.
+/// Parent of a node in the document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NodeParent {
-    /// The placement's node.
+    /// The top node of the placement.
     Placement,
     /// A joint, by its index among the written ones.
     Joint(usize),
-    /// None: the node of a skinned mesh is a root of the scene, as its own transform has no effect.
+    /// A root node of the scene, for a skinned mesh: glTF ignores the transform of such a node.
     Skin,
 }
 
-/// A node that every placement gets.
+/// A node that is instantiated for each placement of an asset.
 #[derive(Debug)]
 pub(super) struct NodeTemplate {
     pub name: String,
@@ -56,12 +56,12 @@ pub(super) struct NodeTemplate {
     pub parent: NodeParent,
     pub motion: NodeAnimation,
     pub instancing: Option<NodeExtensions>,
-    /// The moving instance that the node is, if any: written only for the placements that it was selected for.
+    /// The moving instance (instancer, instance) that the node shows, written only for placements that selected it.
     pub moving: Option<(usize, usize)>,
 }
 
 impl NodeTemplate {
-    /// A node at rest that shows a mesh.
+    /// A node without animation. Its transform is the dequantization of the mesh, if any.
     pub(super) fn new(name: &str, kind: &'static str, mesh: StoredMesh, parent: NodeParent) -> Self {
         // The transform of a skin's node has no effect: its joints have the dequantization.
         let cube = mesh.cube.filter(|_| parent != NodeParent::Skin);
@@ -75,7 +75,7 @@ impl NodeTemplate {
 pub(super) type InstanceSet = BTreeSet<(usize, usize)>;
 
 impl GltfDocument<'_> {
-    /// The joints of an asset that the document animates.
+    /// Selects the joints of an asset to write, no more than profile and format allow; `None` without joints.
     pub(super) fn select_joints(&self, asset: usize) -> Option<JointSelection> {
         let input = self.input;
         let (source, tracks) = input.scene.assets.get(asset).zip(input.tracks.assets.get(asset))?;
@@ -201,8 +201,8 @@ impl GltfDocument<'_> {
         }
     }
 
-    /// A mesh with a morph target for every kept frame whose shape differs from rest, and a track of weights in which each target is
-    /// 1 at its frame and 0 at the other kept ones.
+    /// A mesh with a morph target for every kept frame whose shape differs from rest, and a track of weights in which each target
+    /// is 1 at its frame and 0 at the other kept ones.
     fn add_morphing_mesh(
         &mut self,
         nodes: &mut AssetNodes,
@@ -236,7 +236,7 @@ impl GltfDocument<'_> {
         Ok(())
     }
 
-    /// Instances that do not move: by extension, or merged into one mesh for each prototype.
+    /// Instances that do not move: by EXT_mesh_gpu_instancing in `web`, else merged into one mesh for each prototype.
     fn add_static_instances(&mut self, nodes: &mut AssetNodes, instancer: &Instancer, label: &str) -> Result<()> {
         for (proto, members) in
             live_by_prototype(instancer, &instancer.rest).into_iter().enumerate().filter(|(_, m)| !m.is_empty())
@@ -266,7 +266,7 @@ impl GltfDocument<'_> {
         Ok(())
     }
 
-    /// Instances attached to joints: nodes below the joints that carry them.
+    /// Instances attached to joints: nodes below the joints that carry them, instanced in `web`, merged per joint otherwise.
     fn add_joint_instances(
         &mut self,
         nodes: &mut AssetNodes,
@@ -332,8 +332,8 @@ impl GltfDocument<'_> {
         list: &[&InstanceTrack],
         label: &str,
     ) -> Result<()> {
-        // The mesh of each prototype is added when its first instance needs it. Nodes are in the order of the instances, not in that
-        // of the keys by which they were selected.
+        // The mesh of each prototype is added when its first instance needs it. Nodes are in the order of the instances, not in
+        // that of the keys by which they were selected.
         let mut meshes: Vec<Option<StoredMesh>> = vec![None; instancer.prototypes.len()];
         let mut list = list.to_vec();
         list.sort_by_key(|m| m.instance);
@@ -350,7 +350,7 @@ impl GltfDocument<'_> {
             };
             meshes[proto] = Some(mesh);
             let scale = instancer.scales.get(m.instance).copied().unwrap_or(Vec3::ONE);
-            // The node's own transform is that of the first frame, for readers without animation.
+            // The transform of the node is that of the first frame, for readers without animation.
             let (mut positions, orientations) = m.hold_while_dead();
             // p = t + r s (low + extent q): the dequantization moves the keys of translation and multiplies the scale.
             let sizes = m.sizes_while_dead();
@@ -402,13 +402,13 @@ impl GltfDocument<'_> {
         };
         let mut poses = tracks.poses.clone();
         let count = poses.len();
-        // Frames may have been skipped: the phase as a share of the clip, in poses.
+        // Frames may have been skipped, so the phase is converted from frames of the clip to poses.
         let share = phase as usize * count / input.scene.clip.len().max(1);
         poses.rotate_left(share % count);
         self.joint_nodes(source, &selection, &poses)
     }
 
-    /// The written joints as nodes with their keys.
+    /// The selected joints as nodes in the order of the selection, with keys of translation, rotation and scale.
     fn joint_nodes(&mut self, asset: &Asset, selection: &JointSelection, poses: &[Vec<Trs>]) -> Result<Vec<JointNode>> {
         let Some(skeleton) = &asset.skeleton else { return Ok(Vec::new()) };
         let mut joints = Vec::new();
@@ -444,7 +444,7 @@ impl GltfDocument<'_> {
     }
 }
 
-/// Whether joints move the vertices of a mesh, where the document has the joints.
+/// Whether joints move the vertices of a mesh; it is written as a skin only if the document has these joints.
 fn is_skinned(object: &MeshObject) -> bool {
     object.skin.is_some() && matches!(object.motion, MeshMotion::Skinned | MeshMotion::Deforming)
 }

@@ -1,6 +1,4 @@
-//! The binary buffer: the arrays of all accessors, one after the other, each in a buffer view of its own.
-//!
-//! Views begin at multiples of four bytes, which satisfies the alignment of every component type (glTF 2.0, section 3.6.2.4).
+//! The binary buffer: the arrays of all accessors, one after the other, each in a separate buffer view.
 
 use glam::{Quat, Vec2, Vec3};
 
@@ -38,8 +36,8 @@ impl BinaryBuffer {
         Ok(accessor)
     }
 
-    /// Vertex positions as shares of a cube, u16 normalised with a stride of eight bytes: accurate to 1/131070 of its edge. Requires
-    /// KHR_mesh_quantization.
+    /// Vertex positions as shares of a cube, u16 normalised with a stride of eight bytes: accurate to 1/131070 of its edge.
+    /// Requires KHR_mesh_quantization.
     pub(super) fn add_quantized_positions(
         &mut self,
         values: &[Vec3],
@@ -131,7 +129,7 @@ impl BinaryBuffer {
         self.add_accessor(Accessor { normalized: true, ..accessor_of(view, component::I8, values.len(), shape) })
     }
 
-    /// Vectors of three floats. `target`: that of the buffer view, for vertex attributes.
+    /// Vectors of three floats, without bounds. `target`: usage of the buffer view, given only for vertex attributes.
     pub(super) fn add_vectors(&mut self, values: &[Vec3], target: Option<u32>, label: &str) -> Result<Index> {
         self.add_floats(values.iter().flat_map(|v| [v.x, v.y, v.z]), "VEC3", 3, target, label)
     }
@@ -141,7 +139,7 @@ impl BinaryBuffer {
         self.add_floats(values.iter().flat_map(|v| [v.x, 1.0 - v.y]), "VEC2", 2, Some(target::VERTICES), label)
     }
 
-    /// Two floats for each vertex.
+    /// Vertex attributes of two floats, such as a TEXCOORD_1 that holds wind.
     pub(super) fn add_vertex_pairs(&mut self, values: &[[f32; 2]], label: &str) -> Result<Index> {
         self.add_floats(values.iter().flatten().copied(), "VEC2", 2, Some(target::VERTICES), label)
     }
@@ -151,7 +149,7 @@ impl BinaryBuffer {
         self.add_floats(values.iter().flatten().copied(), "VEC4", 4, Some(target::VERTICES), label)
     }
 
-    /// Keys of rotation: quaternions x y z w as floats, or as normalised 16-bit numbers where the buffer will be compressed.
+    /// Keys of rotation: quaternions x, y, z, w as normalised 16-bit integers if the buffer will be compressed, else as floats.
     pub(super) fn add_rotation_keys(&mut self, values: &[Quat], label: &str) -> Result<Index> {
         if self.compressed {
             return self.add_short_quaternions(values, Stream::KEY_ROTATIONS, label);
@@ -195,7 +193,7 @@ impl BinaryBuffer {
         self.add_floats(values.iter().copied(), "SCALAR", 1, None, label)
     }
 
-    /// A float for each vertex.
+    /// Vertex attributes of one float, such as counts of points.
     pub(super) fn add_vertex_scalars(&mut self, values: &[f32], label: &str) -> Result<Index> {
         self.add_floats(values.iter().copied(), "SCALAR", 1, Some(target::VERTICES), label)
     }
@@ -306,7 +304,8 @@ impl BinaryBuffer {
 
     /// A buffer view from `byte_offset` to the end of the buffer.
     fn add_view(&mut self, byte_offset: usize, target: Option<u32>) -> Result<Index> {
-        // A .glb counts its bytes in 32 bits, and a .gltf is held to the same limit. Checked here, so that the export stops before memory is exhausted.
+        // A .glb counts its bytes in 32 bits, and a .gltf is held to the same limit. The check is made here, so that the export
+        // stops before memory is exhausted.
         if u32::try_from(self.bytes.len()).is_err() {
             return Err(too_large(self.bytes.len()));
         }

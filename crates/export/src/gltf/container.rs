@@ -15,8 +15,8 @@ const JSON: u32 = 0x4E4F_534A;
 /// Type of the binary chunk: `BIN` in ASCII and a zero.
 const BIN: u32 = 0x004E_4942;
 
-/// Writes a finished document as a .glb through `put` (glTF 2.0, section 4.4): magic, version and length of the file; the JSON chunk
-/// (length, type, text padded with spaces); the binary chunk (length, type, buffer padded with zeros).
+/// Writes a finished document as a .glb through `put` (glTF 2.0, section 4.4): magic, version and length of the file; the JSON
+/// chunk (length, type, text padded with spaces); the binary chunk (length, type, buffer padded with zeros).
 /// # Errors
 /// X005 for more than 2^32 - 1 bytes, X001 for a number that is not finite, whatever `put` returns.
 pub(super) fn write_glb(mut document: GltfDocument<'_>, mut put: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
@@ -48,7 +48,8 @@ pub(super) fn encode_gltf(mut document: GltfDocument<'_>, uri: String) -> Result
     Ok((to_json(&document.root)?, bin))
 }
 
-/// The bytes of a finished document, compressed if its options say so, and listed as its buffers.
+/// Takes the bytes out of a finished document, compressed if its options say so, and lists them among its buffers. `uri`:
+/// path of a separate binary file.
 fn take_buffer(document: &mut GltfDocument<'_>, uri: Option<String>) -> Result<Vec<u8>> {
     let fallback = if document.buffer.compressed {
         meshopt::compress(&mut document.buffer, &mut document.root.buffer_views)?

@@ -26,14 +26,14 @@ const MAX_LEAF_DRAW_CALLS: usize = 300;
 /// Fewest joints of a swaying plant, however many there are. Own: trunk and main branches still bend.
 const MIN_JOINTS: usize = 8;
 
-/// Whether a placement of an asset needs a skeleton.
+/// Whether a placement of a moving asset needs a skeleton: a mesh with a skin or an instancer on joints.
 fn is_skinned(asset: &Asset) -> bool {
     asset.skeleton.is_some()
         && (asset.meshes.iter().any(|m| m.skin.is_some() && m.motion != MeshMotion::Still)
             || asset.instancers.iter().any(|i| matches!(i.motion, InstancerMotion::Joints(_))))
 }
 
-/// Whether shared meshes can show all of an asset at rest.
+/// Whether nodes with shared meshes can represent all of an asset at rest: no free instances, morphs, points or moving curves.
 fn is_sharable(asset: &Asset) -> bool {
     let free = asset.instancers.iter().any(|i| i.motion == InstancerMotion::Free);
     let morphs = asset.meshes.iter().any(|m| m.motion != MeshMotion::Still && m.skin.is_none());
@@ -87,7 +87,7 @@ impl GltfDocument<'_> {
         copies
     }
 
-    /// Joints that each swaying plant may have within [`MAX_LEAF_DRAW_CALLS`].
+    /// Largest number of joints of each swaying plant with which the scene stays within [`MAX_LEAF_DRAW_CALLS`].
     fn joints_within_draw_calls(&self, placements: &[Placement], copies: &BTreeSet<usize>) -> usize {
         let riding = |p: &Placement| {
             let asset = self.input.scene.assets.get(p.asset)?;
@@ -101,7 +101,7 @@ impl GltfDocument<'_> {
         MAX_LEAF_DRAW_CALLS.checked_div(prototypes).map_or(super::rig::MAX_JOINTS, |n| n.max(MIN_JOINTS))
     }
 
-    /// Adds the placements that share meshes.
+    /// Adds the placements selected by [`Self::choose_copies`], at rest.
     pub(super) fn add_copies(&mut self, placements: &[Placement], copies: &BTreeSet<usize>) -> Result<()> {
         // A map with sorted keys: assets are written in the order of the scene, whatever the order of the placements.
         let mut by_asset: BTreeMap<usize, Vec<&Placement>> = BTreeMap::new();
@@ -190,9 +190,10 @@ impl GltfDocument<'_> {
                 }
                 let Some(mesh) = self.add_prototype_mesh(instancer, proto, &label)? else { continue };
                 let name = format!("{}_{}_{}", asset.id, instancer.name, instancer.prototypes[proto].name);
-                // Instances of instances: each copy's transform after each instance's own, copies x instances in all.
+                // Instances of instances: the transform of each copy after that of each instance, copies x instances in all.
                 let own: Vec<Trs> = members.iter().map(|i| instancer.transform(&instancer.rest, *i)).collect();
                 // All copies in one node, or in as few as the limit allows.
+                // A plant with more leaves than the limit still gets at least one copy per node.
                 for transforms in transforms.chunks((MAX_NODE_TRANSFORMS / own.len()).max(1)) {
                     let all: Vec<Trs> = transforms.iter().flat_map(|s| own.iter().map(|o| s.then_inner(o))).collect();
                     self.add_instanced_node(&name, mesh, &all, asset)?;
@@ -202,7 +203,7 @@ impl GltfDocument<'_> {
         Ok(())
     }
 
-    /// A node that shows a mesh with these transforms.
+    /// A root node that shows a mesh once per transform, by EXT_mesh_gpu_instancing; `transforms` are in the space of the scene.
     fn add_instanced_node(&mut self, name: &str, mesh: StoredMesh, transforms: &[Trs], asset: &Asset) -> Result<()> {
         let places: Vec<Trs> = transforms.iter().map(|t| place_stored(t, mesh.cube)).collect();
         let extensions =

@@ -17,7 +17,7 @@ use crate::textures::Textures;
 use osier_base::{Error, Result};
 use osier_scene::{MaterialId, Scene, Trs};
 
-/// What a document is made from.
+/// Input of every document of an export: the scene, its recorded motion, its textures, and the options.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GltfInput<'a> {
     pub scene: &'a Scene,
@@ -26,18 +26,18 @@ pub(super) struct GltfInput<'a> {
     pub options: &'a GltfOptions,
 }
 
-/// A material as a kind of geometry uses it: each combination is a glTF material of its own.
+/// A material for one kind of geometry: each combination becomes a separate glTF material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct MaterialVariant {
     pub material: MaterialId,
     pub geometry: GeometryKind,
 }
 
-/// Geometry that uses a material.
+/// Kinds of geometry that need different glTF materials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum GeometryKind {
     Mesh,
-    /// A plant of fewer and larger leaves: the relief of the leaves, which would be larger with them, is left out.
+    /// Level of a plant with fewer and larger leaves: its leaves have no normal map, whose relief would be enlarged with them.
     ThinnedPlant,
     /// A flat strip instead of a curve: double-sided.
     Ribbon,
@@ -47,7 +47,7 @@ pub(super) enum GeometryKind {
     PlainPoints,
 }
 
-/// A document being built.
+/// A document under construction: lists grow until [`Self::finish_root`] moves them into `root`.
 #[derive(Debug)]
 pub(super) struct GltfDocument<'a> {
     pub input: GltfInput<'a>,
@@ -142,7 +142,7 @@ impl<'a> GltfDocument<'a> {
         }
     }
 
-    /// Adds channels to the animation for a node.
+    /// Adds channels that animate `node` to the document's animation.
     pub(super) fn add_channels(&mut self, node: Index, channels: &[NodeChannel]) {
         let channel = |d: &NodeChannel| Channel { sampler: d.sampler, target: ChannelTarget { node, path: d.path } };
         self.animation.channels.extend(channels.iter().map(channel));
@@ -204,7 +204,7 @@ impl<'a> GltfDocument<'a> {
         last_index(self.animation.samplers.len())
     }
 
-    /// Moves what was gathered into the top-level lists. `name`: that of the scene and the animation.
+    /// Moves extensions, animation, accessors and buffer views into the root. `name`: name of the scene and the animation.
     pub(super) fn finish_root(&mut self, name: &str) {
         if self.buffer.compressed && self.buffer.views.iter().any(|v| v.stream.is_some()) {
             self.use_extension("EXT_meshopt_compression", true);

@@ -30,7 +30,7 @@ pub(super) struct InstanceGroup<'a> {
     pub label: &'a str,
 }
 
-/// For each prototype the indices of its live instances, rising; an empty list for one without any.
+/// Indices of the live instances of each prototype, increasing; an empty list for a prototype without any.
 pub(super) fn live_by_prototype(instancer: &Instancer, state: &InstanceState) -> Vec<Vec<usize>> {
     let mut lists = vec![Vec::new(); instancer.prototypes.len()];
     for i in (0..instancer.len()).filter(|&i| state.is_alive(i)) {
@@ -41,11 +41,10 @@ pub(super) fn live_by_prototype(instancer: &Instancer, state: &InstanceState) ->
     lists
 }
 
-/// Instances that a parallel task merges.
 const MERGE_CHUNK: usize = 1024;
 
 impl GltfDocument<'_> {
-    /// Adds a prototype as a mesh.
+    /// Adds the mesh of a prototype once, for its instances to refer to; `None` if it has no triangles.
     pub(super) fn add_prototype_mesh(
         &mut self,
         instancer: &Instancer,
@@ -65,8 +64,8 @@ impl GltfDocument<'_> {
         })
     }
 
-    /// The instancing extension for a group below a joint. `joint`: transform of the joint to the asset's space at rest; `cube`: that
-    /// of the prototype's stored positions.
+    /// The instancing extension for a group below a joint. `joint`: transform of the joint to the asset's space at rest; `cube`:
+    /// that of the prototype's stored positions.
     pub(super) fn group_instancing(
         &mut self,
         group: &InstanceGroup<'_>,
@@ -121,8 +120,8 @@ impl GltfDocument<'_> {
         Ok(NodeExtensions { instancing: Instancing { attributes } })
     }
 
-    /// All instances of some groups of one instancer as one mesh below a joint, with a primitive for each material: instance after
-    /// instance, each with its prototype's vertices. `joint`: transform of the joint to the asset's space at rest.
+    /// All instances of some groups of one instancer as one mesh below a joint, with a primitive for each material: instance
+    /// after instance, each with its prototype's vertices. `joint`: transform of the joint to the asset's space at rest.
     pub(super) fn add_merged_mesh(
         &mut self,
         name: String,
@@ -156,6 +155,7 @@ impl GltfDocument<'_> {
             };
             primitives.push(self.build_primitive(&vertices, &mesh.triangles, mesh_material(material))?);
         }
+        // The subsets were joined by material above, so no material occurs in two primitives.
         let mesh = self.push_mesh(JsonMesh { name, primitives, ..JsonMesh::default() })?;
         Ok(mesh.map(|index| StoredMesh { index, cube }))
     }

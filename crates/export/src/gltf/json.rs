@@ -6,7 +6,7 @@ use serde::Serialize;
 /// Index into one of the top-level lists.
 pub(super) type Index = u32;
 
-/// Component types of accessors.
+/// Values of `componentType` of accessors (glTF 2.0, section 3.6.2.2).
 pub(super) mod component {
     // The numbers are those of OpenGL: GL_BYTE, GL_UNSIGNED_BYTE, GL_SHORT and so on.
     pub(in crate::gltf) const I8: u32 = 5120;
@@ -23,7 +23,7 @@ pub(super) mod target {
     pub(in crate::gltf) const INDICES: u32 = 34963;
 }
 
-/// The top-level object.
+/// The root object of the JSON text of a document.
 #[derive(Debug, Default, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Root {
@@ -196,20 +196,20 @@ pub(super) struct MeshExtras {
     pub osier: Option<LevelExtras>,
 }
 
-/// Data about a level, in the extras of its mesh.
+/// Data by which an engine chooses among the levels of detail, in the extras of a level's mesh.
 #[derive(Debug, Serialize)]
 pub(super) struct LevelExtras {
-    /// Number of the level, from 0.
+    /// Number of the level, from 0, the finest.
     pub lod: usize,
     pub triangles: usize,
     /// Triangles of the plant without simplification.
     pub plant_triangles: usize,
-    /// Size of the leaves as a multiple of those of the plant; left out without leaves.
+    /// Size of the leaves relative to those of the plant; omitted without leaves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leaf_size: Option<f32>,
-    /// Share of the picture's height from which on the level is used, 0 for the last.
+    /// Smallest height of the plant on screen for this level, as a share of the picture's height; 0 for the coarsest level.
     pub screen: f32,
-    /// What the vertex colours hold, red, green, blue, alpha; empty without them.
+    /// Names of the values in red, green, blue and alpha of the vertex colours; empty without them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub channels: Vec<String>,
 }
@@ -435,7 +435,7 @@ pub(super) struct BufferView {
     pub target: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub extensions: Option<ViewExtensions>,
-    /// What the view holds, for compression; `None` for images.
+    /// Kind of the elements, which determines their compression; `None` for images.
     #[serde(skip)]
     pub stream: Option<super::stream::Stream>,
 }
@@ -482,7 +482,7 @@ pub(super) struct BufferExtensions {
     pub meshopt: FallbackBuffer,
 }
 
-/// A buffer without bytes: readers that decompress allocate it.
+/// Marks a buffer without bytes: readers allocate it for the decompressed views.
 #[derive(Debug, Serialize)]
 pub(super) struct FallbackBuffer {
     pub fallback: bool,

@@ -10,7 +10,7 @@ pub(super) const KEY_TOLERANCE: f32 = 1e-5;
 /// Most frames between two kept keys. It bounds the search, whose work is quadratic in the gap.
 const MAX_GAP: usize = 256;
 
-/// The values of a property over the clip.
+/// Values of an animated property at the frames of a clip.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum KeyedValues<T> {
     /// The same at all frames.
@@ -66,7 +66,7 @@ fn slerp(a: Quat, b: Quat, t: f32) -> Quat {
     Quat::from_vec4(glam::Vec4::from(a) * u + glam::Vec4::from(b) * v)
 }
 
-/// Greedy reduction: from each kept key, the longest gap over which interpolation restores all frames between.
+/// Greedy reduction: from each kept key, skips as many frames as interpolation restores within the tolerance.
 fn reduce_keys<T: Copy + PartialEq>(
     times: &[f32],
     values: &[T],
@@ -94,7 +94,7 @@ fn reduce_keys<T: Copy + PartialEq>(
     let mut a = 0;
     while a + 1 < values.len() {
         let mut b = a + 1;
-        // Each step tests all frames of the gap again, as the chord from a to b + 1 is another one than that from a to b.
+        // Each step tests all frames of the gap again, as the chord from a to b + 1 differs from that from a to b.
         while b + 1 < values.len() && b + 1 - a <= MAX_GAP && restored(a, b + 1) {
             b += 1;
         }

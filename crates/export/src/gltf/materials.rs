@@ -14,7 +14,7 @@ use osier_scene::{Asset, Instancer, MaterialClass, MaterialId, Mesh, Scene};
 const MAG_LINEAR: u32 = 9729;
 const MIN_LINEAR_MIPMAP_LINEAR: u32 = 9987;
 
-/// Whether the material has a texture.
+/// Whether a material has a colour, normal or roughness map; without one, texture coordinates are omitted.
 pub(super) fn uses_uvs(scene: &Scene, material: MaterialId) -> bool {
     let maps = scene.materials.get(material as usize).map(|m| m.maps).unwrap_or_default();
     maps.color.is_some() || maps.normal.is_some() || maps.roughness.is_some()
@@ -26,7 +26,7 @@ pub(super) fn has_normal_map(scene: &Scene, variant: MaterialVariant) -> bool {
     material.is_some_and(|m| m.maps.normal.is_some() && !is_thinned_leaf(m, variant.geometry))
 }
 
-/// Whether a material is that of leaves of which fewer and larger ones are written.
+/// Whether a material belongs to leaves that are thinned out and enlarged.
 fn is_thinned_leaf(material: &osier_scene::Material, geometry: GeometryKind) -> bool {
     geometry == GeometryKind::ThinnedPlant && material.class == MaterialClass::Leaf
 }
@@ -73,6 +73,7 @@ impl GltfDocument<'_> {
         };
         // A cutoff applies to the alpha of the colour texture and has no effect without one.
         let cutoff = source.alpha_cutoff.filter(|_| maps.color.is_some());
+        // Points show no texture, and neither refract nor transmit light.
         let is_water = shows_maps && source.class == MaterialClass::Water;
         Ok(Material {
             name,
@@ -91,7 +92,8 @@ impl GltfDocument<'_> {
         })
     }
 
-    /// A leaf reflects the share 1 - t of diffuse light in its colour and transmits the share t, its translucency, in the same colour.
+    /// A leaf reflects the share 1 - t of diffuse light in its colour and transmits the share t, its translucency, in the same
+    /// colour.
     fn translucent_extensions(&mut self, source: &osier_scene::Material) -> Result<MaterialExtensions> {
         self.use_extension("KHR_materials_diffuse_transmission", false);
         // As with the base colour, the factor stays at its default of 1 beside a texture.
@@ -160,8 +162,8 @@ fn is_not_default(value: f32, default: f32) -> bool {
     value.to_bits() != default.to_bits()
 }
 
-/// Mean height of all geometry of a material, m: meshes count once, instances each with their scale.
-/// Own: as `thicknessFactor` of KHR_materials_volume it is the distance that light travels inside a drop.
+/// Mean height of all geometry of a material, m: each mesh counts once, each instance with its scale.
+/// Own: as `thicknessFactor` of KHR_materials_volume, an approximation of the distance that light travels in a drop.
 fn mean_height(scene: &Scene, material: MaterialId) -> f32 {
     let (mut sum, mut count) = (0.0_f64, 0_u32);
     let shows = |mesh: &Mesh| mesh.subsets.iter().any(|s| s.material == material && s.count > 0);

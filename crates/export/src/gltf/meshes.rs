@@ -19,7 +19,7 @@ use crate::skin_remap::byte_weights;
 use osier_base::Result;
 use osier_scene::{Attribute, AttributeData, MaterialId, Mesh, Points};
 
-/// The vertex arrays of one primitive.
+/// The vertex arrays of one primitive, each as long as `points` or empty.
 #[derive(Debug)]
 pub(super) struct Vertices<'a> {
     /// Asset and element, for errors.
@@ -30,7 +30,7 @@ pub(super) struct Vertices<'a> {
     pub colors: Cow<'a, [[f32; 4]]>,
     pub attributes: Cow<'a, [Attribute]>,
     pub skin: Option<SkinInfluences>,
-    /// Whether the primitive has morph targets.
+    /// Whether the primitive has morph targets, whose order of vertices is that of the mesh.
     pub morphs: bool,
     /// The cube of quantized positions; `None` stores metres.
     pub cube: Option<QuantizedCube>,
@@ -61,7 +61,7 @@ impl Vertices<'_> {
     }
 }
 
-/// Joints and weights of vertices, and the number of joints in the skin.
+/// Up to four joints of each vertex with their weights, and the number of joints in the skin.
 #[derive(Debug, Clone)]
 pub(super) struct SkinInfluences {
     pub joints: Vec<[u16; 4]>,
@@ -69,7 +69,7 @@ pub(super) struct SkinInfluences {
     pub count: usize,
 }
 
-/// A mesh of the scene and how it is written.
+/// A mesh of the scene with the parameters of [`GltfDocument::add_mesh`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MeshSource<'a> {
     pub name: &'a str,
@@ -81,15 +81,15 @@ pub(super) struct MeshSource<'a> {
     pub skin: Option<&'a SkinInfluences>,
     /// Morph targets with their names; empty for a mesh that does not morph.
     pub shapes: &'a [(String, &'a MorphShape)],
-    /// The cube of quantized positions that other meshes of the skin share; `None`: one of its own.
+    /// The cube of quantized positions that meshes of a skin share; `None`: a cube around this mesh.
     pub cube: Option<QuantizedCube>,
 }
 
-/// A mesh of the document, and how its positions are turned into metres.
+/// Index of a mesh in the document, and how its stored positions are converted to metres.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StoredMesh {
     pub index: Index,
-    /// The cube in which its positions are stored; `None`: they are metres.
+    /// The cube in which positions are stored; `None`: positions are in metres.
     pub cube: Option<QuantizedCube>,
 }
 
@@ -169,7 +169,7 @@ impl GltfDocument<'_> {
         let storage = if vertices.morphs { VertexStorage::Floats } else { self.input.options.vertex_storage() };
         let small = storage != VertexStorage::Floats;
         let quantized = storage == VertexStorage::Quantized;
-        // The core of glTF has colours and weights of bytes, which is what engines keep.
+        // Colours and weights of bytes need no extension of glTF, and engines convert them to bytes anyway.
         let bytes = quantized || self.input.options.profile == Profile::Engine;
         if small {
             self.use_extension("KHR_mesh_quantization", true);
@@ -190,7 +190,7 @@ impl GltfDocument<'_> {
             });
         }
         if vertices.uvs.len() == count && uses_uvs(self.input.scene, variant.material) {
-            // The core of glTF has coordinates of 16 bits.
+            // Texture coordinates of 16 bits need no extension.
             attributes.uv = Some(if bytes {
                 self.buffer.add_quantized_uvs(&vertices.uvs, label)?
             } else {
@@ -317,7 +317,6 @@ pub(super) fn custom_name(attribute: &Attribute) -> String {
     format!("_{}", attribute.name.to_ascii_uppercase())
 }
 
-/// The variant of a material that meshes use.
 pub(super) fn mesh_material(material: MaterialId) -> MaterialVariant {
     MaterialVariant { material, geometry: GeometryKind::Mesh }
 }

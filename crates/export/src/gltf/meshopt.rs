@@ -22,7 +22,7 @@ const MIN_VECTOR_BITS: u32 = 15;
 /// Bits of a component of a vector, at most: those of a float.
 const MAX_VECTOR_BITS: u32 = 24;
 impl Stream {
-    /// The compressed form of the bytes of `count` elements.
+    /// Encodes `count` elements with the codec and filter of this kind of stream.
     fn encode(self, bytes: &[u8], count: usize, workspace: &mut Workspace) -> Result<Vec<u8>> {
         let encoded = match self {
             Self::Attributes { stride } => encode_vertices(bytes, count, stride, workspace),
@@ -33,7 +33,8 @@ impl Stream {
                 let shorts = bytes.as_chunks::<2>().0.iter().map(|b| i16::from_le_bytes(*b));
                 let floats: Vec<f32> = shorts.map(|c| f32::from(c) / 32_767.0).collect();
                 encode_filter_quat(count, 8, bits, &floats, workspace)
-                    // The filter rounds the quaternions to its bits and leaves bytes that the vertex codec packs well; readers undo both.
+                    // The filter rounds the quaternions to its bits and leaves bytes that the vertex codec packs well; readers
+                    // undo both.
                     .and_then(|filtered| encode_vertices(&filtered, count, 8, workspace))
             }
             Self::Vectors => {
@@ -46,7 +47,7 @@ impl Stream {
     }
 }
 
-/// Elements that keep every bit, in the version of the encoding that EXT_meshopt_compression has: its successor has another.
+/// Lossless encoding of elements in version 0 of the vertex codec, the only one that EXT_meshopt_compression decodes.
 fn encode_vertices(
     bytes: &[u8],
     count: usize,
@@ -58,7 +59,7 @@ fn encode_vertices(
     encode_vertex_buffer(bytes, count, stride, encoding, workspace)
 }
 
-/// Little-endian indices of two or four bytes each.
+/// Decodes little-endian indices of two or four bytes each.
 fn indices(bytes: &[u8], stride: usize) -> Vec<u32> {
     match stride {
         2 => bytes.as_chunks::<2>().0.iter().map(|b| u16::from_le_bytes(*b).into()).collect(),
@@ -78,13 +79,13 @@ fn refused(e: &meshoptimizer_rs::Error) -> Error {
     Error::export("X005", format!("glTF with meshopt = true: {e}; write it with output.gltf.meshopt = false"))
 }
 
-/// Scratch memory without limits of its own: osier's limits bound what comes here.
+/// Scratch memory without limits: osier limits the size of meshes before they are compressed.
 fn workspace() -> Workspace {
     Workspace::new(Limits { max_bytes: usize::MAX, max_work: u64::MAX })
 }
 
-/// Compresses the views of a finished document: its buffer then holds compressed streams and images, and the returned buffer is the
-/// one that the views refer to, which has a length alone. `None` if no view was compressed.
+/// Compresses the views of a finished document: its buffer then holds compressed streams and images. The returned buffer, to
+/// which the views refer, has a length but no bytes; `None` if no view was compressed.
 pub(super) fn compress(buffer: &mut BinaryBuffer, views: &mut [BufferView]) -> Result<Option<Buffer>> {
     let mut workspace = workspace();
     let mut out = Vec::new();

@@ -1,7 +1,8 @@
 //! glTF 2.0: one binary file per asset and one for the whole scene, in three profiles.
 //!
-//! `web` writes instances by extension and omits keys that interpolation restores; `blender` merges instances into
-//! meshes and keeps every key; `engine` requires no extension and has plants in levels of detail, each in a file of its own. A file has one animation: viewers and Blender's importer play the first they find.
+//! `web` writes instances by extension and omits keys that interpolation restores; `blender` merges instances into meshes and
+//! keeps every key; `engine` requires no extension and has plants in levels of detail, with a file per plant. A file has one
+//! animation: viewers and Blender's importer play the first one.
 //!
 //! ```
 //! use osier_base::files::Folder;
@@ -53,7 +54,7 @@ use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Frame, Scene, check_frame, check_scene, freeze};
 
-/// The entry of the registry.
+/// Registry entry of glTF: one exporter for each profile.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "glb",
     about: "glTF: the whole scene in one file per profile, optionally one per asset; animated",
@@ -65,7 +66,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open,
 };
 
-/// Opens a writer for each profile.
+/// Opens an exporter for each profile. The ending of a single file decides between binary and text.
 fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
     let bake = &job.options.gltf;
     let open = |profile: &Profile| -> Box<dyn Exporter> {
@@ -84,10 +85,11 @@ fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
     job.options.gltf_profiles.iter().map(open).collect()
 }
 
-/// Size of PNG images to that of JPEG. Own: measured on barks, grounds and leaves; used for estimates alone.
+/// Bytes of a PNG image per byte of its JPEG. Own: measured on barks, grounds and leaves; only estimates use it.
 const JPEG_RATIO: u64 = 4;
 
-/// Plain size of vertices, triangles and instances divided by their stored size, in percent. Own: measured on leaves and bark.
+/// Uncompressed size of vertices, triangles and instances divided by their stored size, percent.
+/// Own: measured on leaves and bark.
 fn size_ratio_percent(options: &GltfOptions, profile: Profile) -> u64 {
     match profile {
         Profile::Web if options.meshopt => 350,
@@ -96,10 +98,10 @@ fn size_ratio_percent(options: &GltfOptions, profile: Profile) -> u64 {
     }
 }
 
-/// Own estimate: bytes per vertex, triangle, instance and key in binary files.
+/// Estimate from bytes per vertex, triangle, instance and key in binary files, summed over the profiles.
 fn estimate(input: &EstimateInput) -> u64 {
     let options = &input.options.gltf;
-    // An asset is in the file of the scene, and in one of its own if those are written. Images are embedded in both.
+    // An asset is in the file of the scene, and in a separate file if those are written. Images are embedded in both.
     let own_files = |profile: &Profile| u64::from(options.assets && !input.single && *profile != Profile::Engine);
     let most_nodes = if options.frame.is_some() { 0 } else { options.nodes as u64 };
     let profile_bytes = |profile: &Profile| {
@@ -124,7 +126,7 @@ fn estimate(input: &EstimateInput) -> u64 {
                 }
             };
             let still = still * 100 / size_ratio_percent(options, *profile);
-            // The scene's file has tracks for each phase that has a skin, the asset's own file for one.
+            // The file of the scene has tracks for each phase that has a skin, the file of the asset for one.
             let nodes = a.free_instances.min(most_nodes);
             // A joint's key is a quaternion, 16 bytes; a free instance's has time, position, rotation and scale, 44 bytes.
             let joints = if *profile == Profile::Engine { a.joints.min(options.joints as u64) } else { a.joints };
@@ -138,16 +140,16 @@ fn estimate(input: &EstimateInput) -> u64 {
     input.options.gltf_profiles.iter().map(profile_bytes).sum()
 }
 
-/// Where the images of a document are stored.
+/// Storage of the images of a document: binary files embed them, text files refer to them.
 #[derive(Debug)]
 enum ImageStorage {
-    /// In the binary buffer, each with a buffer view of its own.
+    /// In the binary buffer, each with a separate buffer view.
     Embedded,
     /// In files of a folder relative to the document; `written` lists names and indices of the images.
     Files { folder: String, written: Vec<(String, u32)> },
 }
 
-/// Writes glTF. Animation is gathered while frames pass; the files are written at the end.
+/// Writes glTF: animation is recorded at each frame, files are written by `finish`.
 #[derive(Debug)]
 pub struct GltfExporter {
     folder: Folder,
@@ -174,7 +176,7 @@ impl GltfExporter {
             warnings.extend(own.into_iter().flatten());
         }
         if is_engine {
-            // An engine places the plants itself: the scene is a table of what stands where.
+            // An engine places the plants itself, from a table of their transforms.
             let path = format!("gltf/{}.engine.json", scene.name);
             self.folder.write(&path, "glb.engine.table", &engine::placement_table(input, &filled)?)?;
             return Ok(warnings);
@@ -187,11 +189,11 @@ impl GltfExporter {
             stem = format!("{}_{n}", scene.name);
         }
         match self.write_bake_glb(input, &stem, GltfContents::Scene { camera: true }) {
-            // The assets' own files have reported their joints (X002) already.
+            // The files of the assets have reported their joints (X002) already.
             Ok(more) => {
                 warnings.extend(more.into_iter().flatten().filter(|w| !self.options.assets || w.code != "X002"))
             }
-            // The assets' own files are complete by now: a scene too large for one file costs only that file.
+            // The files of the assets are complete by now: a scene too large for one file costs only that file.
             Err(Error::Export { code: code @ "X005", reason }) => {
                 let message = format!("the file of the whole scene is left out: {reason}");
                 warnings.push(Warning { code, message });
@@ -298,8 +300,8 @@ impl Exporter for GltfExporter {
     }
 }
 
-/// X017 for moving point clouds, which glTF cannot animate, and for curves and meshes that need more shapes than there are morph
-/// targets: such curves are left out, such meshes move with coarse keys.
+/// X017 for moving point clouds, which glTF cannot animate, and for curves and meshes with more shapes than morph targets are
+/// possible: such curves are omitted, such meshes move with coarse keys.
 fn warn_unanimated<'a>(scene: &'a Scene, tracks: &'a ClipTracks) -> impl Iterator<Item = Warning> + 'a {
     let warning = |label: String, why: &str| Warning { code: "X017", message: format!("{label}: {why}") };
     scene.assets.iter().zip(&tracks.assets).flat_map(move |(asset, tracks)| {

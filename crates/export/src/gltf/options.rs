@@ -2,7 +2,7 @@
 
 use super::wind_channels::WindChannels;
 
-/// The readers that a file is made for.
+/// Programs that a file is made for: determines extensions, storage of vertices and images, and how instances are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Profile {
     /// Viewers: EXT_mesh_gpu_instancing, KHR_mesh_quantization, reduced keys, JPEG images.
@@ -15,7 +15,7 @@ pub enum Profile {
 }
 
 impl Profile {
-    /// Its part of file names: `<asset>.<profile>.glb`.
+    /// Part of the names of files: `<asset>.<profile>.glb`.
     pub fn word(self) -> &'static str {
         match self {
             Self::Web => "web",
@@ -33,7 +33,7 @@ impl Profile {
     }
 }
 
-/// Which files a writer makes for its profile.
+/// Layout of the files that an exporter writes for its profile.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum GltfTarget {
     /// `gltf/<asset>.<profile>.glb` for each asset and `gltf/<scene>.<profile>.glb` for all placements and the camera.
@@ -45,20 +45,20 @@ pub enum GltfTarget {
     Gltf(String),
 }
 
-/// Options of the glTF writer.
+/// Options of one [`GltfExporter`](super::GltfExporter), which writes one profile.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GltfOptions {
-    /// The readers that the files are made for.
+    /// Determines extensions, storage of vertices and images, and how instances are written.
     pub profile: Profile,
-    /// The files to write.
+    /// The files of a bake, or a single file.
     pub target: GltfTarget,
     /// Number of the only frame that is written, without animation; `None`: the whole clip.
     pub frame: Option<u32>,
     /// Most moving instances in a file; each is a node with animation channels.
     pub nodes: usize,
-    /// Most placements with a skin of their own; further plants do not move and share meshes.
+    /// Most placements with a skin each; plants beyond it do not move and share meshes.
     pub skins: usize,
-    /// Write a file for each asset, besides that of the scene.
+    /// Whether each asset has a file besides that of the scene; profile `engine` writes these files in any case.
     pub assets: bool,
     /// Profile `web`: store vertices as integers of 8 and 16 bits, with the transform to metres in nodes and skins.
     pub quantize: bool,
@@ -68,12 +68,12 @@ pub struct GltfOptions {
     pub level_triangles: usize,
     /// Profile `engine`: most joints of a plant; values outside of 1 to 256 are clamped.
     pub joints: usize,
-    /// Profile `engine`: what the vertex colours of plants hold; `None` writes none.
+    /// Profile `engine`: assignment of wind to the vertex colours of plants; `None`: plants have no such colours.
     pub channels: Option<WindChannels>,
 }
 
 impl GltfOptions {
-    /// How the vertices of meshes are stored.
+    /// Storage of vertices without morph targets; only profile `web` quantizes them.
     pub(super) fn vertex_storage(&self) -> VertexStorage {
         match self.profile {
             Profile::Web if self.quantize || self.meshopt => VertexStorage::Quantized,
@@ -99,7 +99,7 @@ impl GltfOptions {
 /// How the vertices of meshes without morph targets are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum VertexStorage {
-    /// Floats, as the core of glTF has them.
+    /// Floats, which need no extension of glTF.
     Floats,
     /// Normals and tangents as signed bytes, all else as floats.
     ByteDirections,
@@ -110,8 +110,8 @@ pub(super) enum VertexStorage {
 /// Default of [`GltfOptions::skins`]. Own: beyond it importers and viewers become slow; a higher limit animates more plants.
 pub const SKINS: usize = 64;
 
-/// Default of [`GltfOptions::level_triangles`]. Own: all levels of a swaying tree, of about 80 bytes a triangle, with its pictures take less
-/// than 4 MB.
+/// Default of [`GltfOptions::level_triangles`]. Own: all levels of a swaying tree, at about 80 bytes per triangle, and its
+/// textures then take less than 4 MB.
 pub const LEVEL_TRIANGLES: usize = 32_000;
 /// Default of [`GltfOptions::joints`]. Own: engines on phones hold 64 to 75 matrices in a draw call.
 pub const ENGINE_JOINTS: usize = 64;

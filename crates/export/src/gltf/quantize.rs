@@ -1,7 +1,7 @@
 //! Quantized vertices: positions as 16-bit integers in a cube, and the transform from it to metres.
 //!
-//! The transform is not stored with the mesh: nodes, instances and inverse bind matrices have it before their own
-//! (KHR_mesh_quantization).
+//! The transform is not stored with the mesh: nodes, instances and inverse bind matrices apply it before their other
+//! transforms (KHR_mesh_quantization).
 
 use glam::{Mat4, Quat, Vec3};
 
@@ -10,9 +10,9 @@ use osier_scene::Trs;
 /// The cube that holds the positions of a mesh: p = low + extent q with q from 0 to 1 on each axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct QuantizedCube {
-    /// Its least corner, m.
+    /// Corner with the smallest coordinates, m.
     low: Vec3,
-    /// Its edge, m, above 0: one for all axes, so that normals keep their directions.
+    /// Length of an edge, m, above 0: equal for all axes, so that normals keep their directions.
     extent: f32,
 }
 
@@ -31,7 +31,7 @@ impl QuantizedCube {
         (p - self.low) / self.extent
     }
 
-    /// From shares of the cube to metres.
+    /// The transform from shares of the cube to metres.
     pub(super) fn to_metres(self) -> Trs {
         Trs { t: self.low, r: Quat::IDENTITY, s: Vec3::splat(self.extent) }
     }

@@ -9,7 +9,7 @@ use osier_scene::{Asset, Skeleton, SkinWeights, Trs};
 /// Most joints in a skin; viewers hold the matrices of a skin in a uniform buffer or a texture of limited size.
 pub(super) const MAX_JOINTS: usize = 300;
 
-/// The joints of a skeleton that are written.
+/// The joints of a skeleton that are written, and by which of them the others are replaced.
 #[derive(Debug)]
 pub(super) struct JointSelection {
     /// Indices into the skeleton, increasing, so that parents come first.
@@ -33,7 +33,7 @@ impl JointSelection {
         let n = skeleton.joints.len();
         let bind = skeleton.bind();
         if n <= limit {
-            // Every joint is written and moves its own vertices: the identity map.
+            // Every joint is written, so the vertices keep their joints: the identity map.
             let carrier = (0..n).filter_map(|i| u16::try_from(i).ok()).collect();
             return Some(Self { kept: (0..n).collect(), carrier, bind, warning: None });
         }
@@ -98,9 +98,9 @@ fn rank_and_keep(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<b
     order.sort_by(|&a, &b| rank[b].total_cmp(&rank[a]).then(a.cmp(&b)));
 
     let mut keep = vec![false; n];
-    // The root is always kept: every joint without a kept ancestor of its own falls back to it.
+    // The root is always kept: it carries every joint that has no other kept ancestor.
     keep[0] = true;
-    // A joint is kept together with its ancestors that are not, or not at all.
+    // A joint is kept only together with all its ancestors that are not kept yet.
     let mut room = limit.saturating_sub(1);
     for i in order {
         // A joint whose chain does not fit is passed over; later ones of a lower rank may have shorter chains that do.

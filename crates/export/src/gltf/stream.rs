@@ -1,6 +1,6 @@
-//! What the bytes of a buffer view are, by which they can be compressed.
+//! Kinds of content of a buffer view, which decide how its bytes are compressed.
 
-/// What a buffer view holds.
+/// Kind of the elements of a buffer view, which determines how EXT_meshopt_compression encodes them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stream {
     /// Elements of `stride` bytes that keep every bit.
@@ -28,7 +28,7 @@ impl Stream {
         }
     }
 
-    /// Its mode in EXT_meshopt_compression.
+    /// Value of `mode` in EXT_meshopt_compression.
     pub(super) fn mode(self) -> &'static str {
         match self {
             Self::Triangles { .. } => "TRIANGLES",
@@ -36,7 +36,7 @@ impl Stream {
         }
     }
 
-    /// Its filter in EXT_meshopt_compression; `None` for one that keeps every bit.
+    /// Value of `filter` in EXT_meshopt_compression; `None` for lossless encoding.
     pub(super) fn filter(self) -> Option<&'static str> {
         match self {
             Self::Rotations { .. } => Some("QUATERNION"),

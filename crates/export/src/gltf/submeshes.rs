@@ -7,9 +7,9 @@ use osier_scene::{Attribute, MaterialId, Mesh};
 /// The triangles of one material and the vertices they use.
 #[derive(Debug)]
 pub(crate) struct Submesh<'a> {
-    /// Material of all triangles.
+    /// The material that all triangles have in common.
     pub material: MaterialId,
-    /// Indices into the submesh's own vertices.
+    /// Indices into the vertices of the submesh, not into those of the mesh.
     pub triangles: Cow<'a, [[u32; 3]]>,
     /// For each vertex of the submesh its index in the mesh, increasing; `None` if it has all of them.
     pub vertices: Option<Vec<u32>>,
@@ -33,8 +33,8 @@ impl Submesh<'_> {
     }
 }
 
-/// The submeshes of a mesh, one for each material, in order of first appearance; none without triangles. Vertices that no triangle
-/// uses are dropped, those on a border between materials are in each submesh.
+/// The submeshes of a mesh, one for each material, in order of first appearance; none without triangles. Vertices that no
+/// triangle uses are dropped, those on a border between materials are in each submesh.
 pub(crate) fn split_by_material(mesh: &Mesh) -> Vec<Submesh<'_>> {
     let mut materials: Vec<MaterialId> = Vec::new();
     for s in mesh.subsets.iter().filter(|s| s.count > 0) {

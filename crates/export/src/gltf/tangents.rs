@@ -1,4 +1,4 @@
-//! Tangents for materials with a normal map: without them each viewer computes its own, and validators warn.
+//! Tangents for materials with a normal map: without them each viewer computes different ones, and validators warn.
 
 use glam::{Vec2, Vec3};
 
@@ -26,7 +26,7 @@ pub(super) fn tangents(points: &[Vec3], normals: &[Vec3], uvs: &[Vec2], triangle
             along_v[i] += v;
         }
     }
-    // Gram-Schmidt against the normal; the handedness tells mirrored texture coordinates.
+    // Gram-Schmidt against the normal; the handedness is -1 for mirrored texture coordinates.
     let tangent = |((n, u), v): ((&Vec3, &Vec3), &Vec3)| {
         let t = normalize_or(*u - *n * n.dot(*u), perpendicular(*n));
         let w = if n.cross(t).dot(*v) < 0.0 { -1.0 } else { 1.0 };

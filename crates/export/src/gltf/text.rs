@@ -17,7 +17,7 @@ pub(super) fn to_json(value: &impl Serialize) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Formats f32 without exponent.
+/// Formats f32 without exponent and without a negative zero.
 struct Decimals;
 
 impl Formatter for Decimals {

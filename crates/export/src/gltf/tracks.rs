@@ -7,25 +7,25 @@ use osier_scene::{
     Asset, AssetFrame, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, Scene, Trs, instance_states,
 };
 
-/// Morph targets that every mesh may have while its motion needs no more. Own: each target is a copy of its positions and normals,
-/// and importers hold all of them.
+/// Morph targets of a mesh before its limit is raised, except for the largest meshes. Own: each target is a copy of positions and
+/// normals, and importers hold all of them.
 const MORPH_TARGETS: usize = 32;
-/// A mesh may have more, up to the second number, while all of its targets take less than the first, bytes. Own: small meshes that
-/// move irregularly, as trees that grow year by year, keep every frame of a clip of five seconds.
+/// Bytes and number of a mesh's targets up to which its limit can be raised. Own: small meshes that move irregularly, such as
+/// trees that grow year by year, keep every frame of a clip of five seconds.
 const MORPH_BUDGET: [usize; 2] = [64 << 20, 256];
 /// Bytes of a point in a target: position and normal.
 const MORPH_POINT_BYTES: usize = 24;
 /// Bytes of targets that a mesh may have before any frame is left out. Own: less than the pictures of a plant.
 const MORPH_FREE: usize = 4 << 20;
-/// Targets of the largest meshes, whatever they take. Own: with fewer, a tree that grows would jump from shape to shape.
+/// Smallest limit of targets, for the largest meshes. Own: with fewer, a tree that grows would jump from shape to shape.
 const LEAST_TARGETS: usize = 16;
-/// Where a clip has more frames than targets, most that a point may lie off its place between two of them, as a share of the
-/// diagonal of the mesh's box. Own: a vine that grows over 120 frames stays below 0.013, at its tips; a tree of which each frame adds
-/// a fortieth of its height needs 0.05, which would show, as swaying would.
+/// Largest invisible deviation of a point at an omitted frame from the interpolated shape, as a share of the diagonal of the
+/// mesh's box. Own: a vine that grows over 120 frames stays below 0.013, at its tips; a tree of which each frame adds a fortieth
+/// of its height would need 0.05, which is visible, as it is for a swaying plant.
 const MORPH_TOLERANCE: f32 = 0.02;
-/// The smallest tolerance with which frames are left out, as a share of that diagonal. Own: 5 mm of a tree of 10 m.
+/// The smallest tolerance with which frames are omitted, as a share of that diagonal. Own: 5 mm for a tree of 10 m.
 const LEAST_TOLERANCE: f32 = 0.0005;
-/// Most shapes that wait for the next key: they bound the memory, and what is compared for each frame.
+/// Most shapes that wait for the next key; it bounds the memory and the comparisons per frame.
 const MOST_WAITING: usize = 8;
 
 /// The states of all assets at the frames of the clip, held until the file is written.
@@ -66,7 +66,7 @@ pub(super) struct InstanceTrack {
     pub positions: Vec<Vec3>,
     pub orientations: Vec<Quat>,
     pub alive: Vec<bool>,
-    /// Factors on the instance's scale.
+    /// Factors on the instance's scale, such as the growth of a leaf.
     pub sizes: Vec<f32>,
 }
 
@@ -78,23 +78,23 @@ pub(super) struct MorphShape {
 }
 
 impl MorphShape {
-    /// Whether all points lie within `tolerance`, m, of those at `share` of the way between two shapes.
+    /// Whether all points lie within `tolerance`, m, of the linear interpolation at `share` (0 to 1) between two shapes.
     fn lies_between(&self, from: &Self, to: &Self, share: f32, tolerance: f32) -> bool {
         let mut ways = self.points.iter().zip(&from.points).zip(&to.points);
         ways.all(|((p, a), b)| p.distance(a.lerp(*b, share)) <= tolerance)
     }
 
-    /// Most that a point lies off its place at `share` of the way between two shapes, m.
+    /// Largest distance of a point from the linear interpolation at `share` (0 to 1) between two shapes, m.
     fn distance_between(&self, from: &Self, to: &Self, share: f32) -> f32 {
         let ways = self.points.iter().zip(&from.points).zip(&to.points);
         ways.map(|((p, a), b)| p.distance(a.lerp(*b, share))).fold(0.0, f32::max)
     }
 }
 
-/// The shapes of one mesh at all frames.
+/// Shapes of a mesh, or of a set of curves, over the clip.
 #[derive(Debug, Default)]
 pub(super) enum MorphFrames {
-    /// It does not deform.
+    /// No shapes: it does not deform, or joints move it.
     #[default]
     Still,
     Frames(MorphKeys),
@@ -102,54 +102,53 @@ pub(super) enum MorphFrames {
     TooMany,
 }
 
-/// Shapes of a mesh at some frames, the first and the last one included: at all of them while these are few, else
-/// where interpolation between the shapes that are kept does not restore the others within a tolerance, which grows until the shapes
-/// are few enough. Readers interpolate between them.
+/// Shapes at selected frames, including the first and the last one; readers interpolate between them. All frames are kept while
+/// they are few, else those that interpolation does not restore within a tolerance, which is raised until few enough remain.
 #[derive(Debug)]
 pub(super) struct MorphKeys {
-    /// Indices of the frames that are kept, rising.
+    /// Indices of the kept frames, increasing.
     pub frames: Vec<usize>,
     /// One shape for each of `frames`, in their order.
     pub shapes: Vec<MorphShape>,
-    /// Most that a point lies off its place at a frame that is not kept, m; 0 if all are kept.
+    /// Largest distance of a point at an omitted frame from the interpolated shape, m; 0 if all frames are kept.
     pub error: f32,
     /// Number of frames taken so far, kept or not: the index of the next one.
     seen: usize,
-    /// Every n-th frame is kept, of meshes so large that they have few targets; 1: which ones, the motion decides.
+    /// Interval of the kept frames of meshes so large that they have few targets; 1: the motion determines which are kept.
     stride: usize,
-    /// Shapes since the last one kept.
+    /// Shapes of the frames after the last kept one.
     waiting: Vec<MorphShape>,
-    /// Most that a waiting shape may lie off the interpolated one, m; 0: all frames are kept.
+    /// Largest distance of a point of a waiting shape from the interpolated shape, m; 0: all frames are kept.
     tolerance: f32,
     /// Diagonal of the mesh's box at rest, m.
     diagonal: f32,
-    /// Most shapes before they are thinned out; raised to `most` where the error would show.
+    /// Number of shapes above which they are thinned out; raised to `most` before the error becomes visible.
     limit: usize,
-    /// Largest value that `limit` may take for a mesh of so many points.
+    /// Largest value of `limit` for the number of points of the mesh.
     most: usize,
-    /// Whether shapes have normals; those of large meshes have none, so that twice as many fit.
+    /// Whether shapes have normals; those of large meshes have none, so that twice as many shapes fit.
     with_normals: bool,
 }
 
-/// Morph targets of a mesh: the shapes of some frames.
+/// Kept shapes as input of morph targets.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct MorphTrack<'a> {
-    /// Indices of the frames, rising.
+    /// Indices of the frames, increasing.
     pub frames: &'a [usize],
     /// One shape for each of `frames`, in their order.
     pub shapes: &'a [MorphShape],
 }
 
 impl MorphKeys {
-    /// All shapes that are kept.
+    /// The kept shapes with their frames, borrowed.
     pub fn track(&self) -> MorphTrack<'_> {
         MorphTrack { frames: &self.frames, shapes: &self.shapes }
     }
 
-    /// `rest`: points of the mesh at rest; `frames`: of the clip.
+    /// Derives limits from the number of points. `rest`: points of the mesh at rest; `frames`: number of frames of the clip.
     fn new(rest: &[Vec3], frames: usize) -> Self {
         let [budget, most] = MORPH_BUDGET;
-        // Targets of large meshes have no normals, so that twice as many fit: wood that grows seldom turns.
+        // Targets of large meshes have no normals, so that twice as many fit; wood that grows seldom changes its direction.
         let with_normals = MORPH_POINT_BYTES * rest.len() * MORPH_TARGETS <= budget;
         let point = if with_normals { MORPH_POINT_BYTES } else { MORPH_POINT_BYTES / 2 };
         let most = (budget / (point * rest.len().max(1))).clamp(LEAST_TARGETS, most);
@@ -168,12 +167,12 @@ impl MorphKeys {
         }
     }
 
-    /// Whether shapes between those that are kept are so far off that it shows.
+    /// Whether omitted frames deviate visibly from the interpolated shapes: by more than [`MORPH_TOLERANCE`].
     pub(super) fn is_coarse(&self) -> bool {
         self.error > MORPH_TOLERANCE * self.diagonal
     }
 
-    /// Takes the shape of the next frame: keeps it, or lets it wait until it is known whether it is needed.
+    /// Takes the shape of the next frame: keeps it, or lets it wait until a later frame decides whether it is needed.
     fn push(&mut self, mut shape: MorphShape) {
         if !self.with_normals {
             shape.normals = Vec::new();
@@ -192,6 +191,7 @@ impl MorphKeys {
             self.keep(frame, shape);
             return;
         }
+        // All waiting shapes must lie near the interpolation from the last kept shape to the new one.
         let restored = self.frames.last().zip(self.shapes.last()).is_some_and(|(first, from)| {
             let share = |i: usize| (i + 1) as f32 / (frame - first) as f32;
             let mut waiting = self.waiting.iter().enumerate();
@@ -206,7 +206,7 @@ impl MorphKeys {
         self.waiting.push(shape);
     }
 
-    /// Keeps the last frame.
+    /// Keeps the last frame, so that the animation has the length of the clip.
     fn close(&mut self) {
         let Some(last) = self.waiting.pop() else { return };
         if self.stride > 1 {
@@ -217,7 +217,7 @@ impl MorphKeys {
         }
     }
 
-    /// Keeps a shape and notes how far those before it lie off the way to it.
+    /// Keeps a shape, and records in `error` how far the waiting shapes deviate from the interpolation towards it.
     fn keep_after_waiting(&mut self, frame: usize, shape: MorphShape) {
         if let Some((first, from)) = self.frames.last().zip(self.shapes.last()) {
             let share = |i: usize| (i + 1) as f32 / (frame - first) as f32;
@@ -230,14 +230,15 @@ impl MorphKeys {
         self.shapes.push(shape);
     }
 
-    /// Keeps a shape; beyond `limit` shapes it raises the tolerance and drops those that are no longer needed.
+    /// Keeps a shape; beyond `limit` shapes, raises the tolerance and drops those that are no longer needed.
     fn keep(&mut self, frame: usize, shape: MorphShape) {
         self.frames.push(frame);
         self.shapes.push(shape);
         if self.shapes.len() <= self.limit {
             return;
         }
-        // The smallest tolerance that leaves few enough; beyond what shows, a small mesh rather has more shapes.
+        // The smallest tolerance that leaves few enough shapes; before the error becomes visible, the
+        // limit of a small mesh is raised.
         let mut tolerance = self.tolerance.max(LEAST_TOLERANCE * self.diagonal);
         loop {
             if self.error + tolerance > MORPH_TOLERANCE * self.diagonal && self.limit < self.most {
@@ -245,7 +246,7 @@ impl MorphKeys {
                 return;
             }
             let kept = self.needed(tolerance);
-            // A few places stay free, so that not every further frame thins them out again.
+            // An eighth of the limit stays free, so that the next thinning is not due at the next frame.
             if kept.len() <= self.limit - self.limit / 8 {
                 self.thin_out(&kept, tolerance);
                 return;
@@ -275,13 +276,13 @@ impl MorphKeys {
         kept
     }
 
-    /// Drops all shapes but those of the indices `kept`, which rise, and adds `tolerance` to the error.
+    /// Drops all shapes but those of the increasing indices `kept`, and adds `tolerance` to the error.
     fn thin_out(&mut self, kept: &[usize], tolerance: f32) {
         let mut index = 0..;
         self.shapes.retain(|_| index.next().is_some_and(|i: usize| kept.binary_search(&i).is_ok()));
         let mut index = 0..;
         self.frames.retain(|_| index.next().is_some_and(|i: usize| kept.binary_search(&i).is_ok()));
-        // Frames that went before lie off shapes that go now: the errors add up.
+        // Frames dropped earlier were compared with shapes that are dropped now: the errors add up.
         self.error += tolerance;
         self.tolerance = tolerance;
     }
@@ -302,11 +303,12 @@ impl ClipTracks {
     /// Ends the clip with the frame that was added last.
     pub(super) fn close(&mut self) {
         self.assets.iter_mut().flat_map(|a| a.meshes.iter_mut().chain(&mut a.curves)).for_each(MorphFrames::close);
-        // The trail of a seed between two shapes far apart is not where the seed flew; a tree between two of its ages is a tree.
+        // Curves are paths that seeds have flown, and coarse interpolation shows other paths; an
+        // interpolated tree remains plausible.
         self.assets.iter_mut().flat_map(|a| &mut a.curves).for_each(MorphFrames::drop_if_coarse);
     }
 
-    /// Adds the states of all assets at a frame.
+    /// Records the states of all assets at the next frame, and the time of that frame.
     pub(super) fn push(&mut self, scene: &Scene, frame: &Frame) {
         // Seconds in double precision, rounded once: accumulating 1 / fps in f32 would drift over a long clip.
         self.times.push(osier_base::math::narrow(scene.clip.seconds(frame.number)));
@@ -404,7 +406,7 @@ impl MorphFrames {
         }
     }
 
-    /// Turns into [`Self::TooMany`], which holds no shapes, if those that are kept are so coarse that it shows.
+    /// Turns into [`Self::TooMany`], which holds no shapes, if the kept shapes are too coarse.
     fn drop_if_coarse(&mut self) {
         if matches!(self, Self::Frames(keys) if keys.is_coarse()) {
             *self = Self::TooMany;
@@ -413,7 +415,7 @@ impl MorphFrames {
 }
 
 impl InstanceTrack {
-    /// Whether the size of the instance changes while it is alive.
+    /// Whether the factor on the scale differs between two frames of the clip, whether alive or not.
     pub(super) fn changes_size(&self) -> bool {
         self.sizes.windows(2).any(|w| w[0].to_bits() != w[1].to_bits())
     }
@@ -426,12 +428,12 @@ impl InstanceTrack {
         (positions, frames.iter().map(|&i| self.orientations[i]).collect())
     }
 
-    /// Factors on the scale, held as the positions of [`InstanceTrack::hold_while_dead`] are.
+    /// Factors on the scale, held as in [`InstanceTrack::hold_while_dead`].
     pub(super) fn sizes_while_dead(&self) -> Vec<f32> {
         self.held_frames().into_iter().map(|i| self.sizes[i]).collect()
     }
 
-    /// For each frame the index of that whose state is written: the last live one so far, or the first live one to come.
+    /// For each frame the index of the frame whose state is written: the last live frame so far, or the first live one to come.
     fn held_frames(&self) -> Vec<usize> {
         let first = self.alive.iter().position(|a| *a).unwrap_or(0);
         // Before the first live frame the index stays at that frame; after the last one it stays at the last live frame.

@@ -1,4 +1,4 @@
-//! Wind channels: what shaders of engines read from the vertex colours of plants.
+//! Wind channels: data in the vertex colours of plants that shaders of engines read.
 
 use osier_base::math::narrow;
 use osier_base::rng::mix64;
@@ -19,9 +19,9 @@ pub enum WindNumber {
     Light,
     /// A random number of the branch or leaf.
     Id,
-    /// The number 0 everywhere.
+    /// 0 everywhere, for a channel without a use.
     Zero,
-    /// The number 1 everywhere.
+    /// 1 everywhere, for a factor without effect, such as alpha.
     One,
 }
 
@@ -44,13 +44,13 @@ impl WindNumber {
 /// A component of a vertex colour or of TEXCOORD_1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WindChannel {
-    /// The number that the channel holds, 0 to 1.
+    /// Which number of the vertex the channel holds, before it is inverted.
     pub number: WindNumber,
     /// Whether the channel holds 1 minus the number; names of inverted channels begin with `-`.
     pub inverted: bool,
 }
 
-/// The vertex colours that a shader of an engine reads.
+/// Wind numbers in the vertex colours and in TEXCOORD_1, as the shader of an engine expects them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WindChannels {
     /// Red, green, blue, alpha of COLOR_0.
@@ -105,7 +105,7 @@ impl WindChannels {
         second_uv: None,
     };
 
-    /// The channels by name, as scene files have them, for whoever reads the file.
+    /// Names of the channels as in scene files, colour first, for the extras of meshes.
     pub(super) fn words(&self) -> Vec<String> {
         let word = |c: &WindChannel| format!("{}{}", if c.inverted { "-" } else { "" }, c.number.word());
         self.color.iter().chain(self.second_uv.iter().flatten()).map(word).collect()
@@ -125,7 +125,7 @@ impl WindChannels {
 /// Name of the attribute that is written as TEXCOORD_1.
 pub(super) const SECOND_UV: &str = "second_uv";
 
-/// How a vertex sways; all numbers from 0 to 1.
+/// Parameters of the wind at a vertex, see [`WindNumber`]; all from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct VertexWind {
     pub sway: f32,
@@ -155,7 +155,7 @@ impl VertexWind {
     }
 }
 
-/// How the vertices of a mesh sway, by its attributes `wind` and `wind2`; still without them.
+/// Wind at the vertices of a mesh, from its attributes `wind` and `wind2`; [`VertexWind::STILL`] without them.
 pub(super) fn wind_of_mesh(mesh: &Mesh) -> Vec<VertexWind> {
     let find = |name: &str| mesh.attributes.iter().find(|a: &&Attribute| a.name == name).map(|a| &a.data);
     // Meshes without the attributes stand still: ground, solids, hairs.
@@ -173,7 +173,7 @@ pub(super) fn wind_of_mesh(mesh: &Mesh) -> Vec<VertexWind> {
     list
 }
 
-/// A random number of a leaf from its id, 0 to 1.
+/// A pseudorandom number from 0 to 1 that depends only on the id of a leaf.
 pub(super) fn number_of_id(id: u64) -> f32 {
     // The upper 24 bits fill the fraction of a float.
     let top = (mix64(&[id]) >> 40) as u32;

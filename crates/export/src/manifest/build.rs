@@ -22,7 +22,7 @@ pub struct Settings {
     pub up_axis: String,
     /// Time samples from one frame to the next, >= 1.
     pub substeps: u32,
-    /// Largest step from the first written frame that meets all others, >= 1.
+    /// Largest step that reaches all written frames from the first one, at least 1.
     pub step: u32,
     /// First and last frame that is written; `None`: the whole clip.
     pub written: Option<[u32; 2]>,
@@ -32,7 +32,7 @@ pub struct Settings {
     pub size: [u32; 2],
     /// Fraction of the frame interval for which the shutter is open, 0 to 1.
     pub shutter: f32,
-    /// POV-Ray units per metre.
+    /// Units of the POV-Ray scene in one metre; at 100, a unit is a centimetre.
     pub pov_units_per_m: f32,
 }
 
@@ -63,7 +63,7 @@ impl Default for UnitsEntry {
     }
 }
 
-/// Height that a leaf map's value of 1 stands for unless its material says otherwise, m.
+/// Height for the value 1 of leaf maps in a scene without such maps, m.
 const HEIGHT_RANGE: f32 = 0.004;
 
 /// Builds the manifest. `files`: the folder's finished files; `warnings`: of all exporters, in asset order.
@@ -71,7 +71,7 @@ pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings
     let files = grouped(files, scene.clip);
     let paths: Vec<&str> = files.iter().map(path).collect();
     let is_leaf = |m: &&Material| m.class == MaterialClass::Leaf && m.maps.height.is_some();
-    // Without map sequences the range is that of the leaves' own height maps.
+    // Without map sequences the range is that of the height maps of the leaf materials.
     let dry = || scene.materials.iter().find(is_leaf).map(|m| m.height_range);
     let height = scene.map_sequences.first().map(|s| s.height_range).or_else(dry).unwrap_or(HEIGHT_RANGE);
     let mut manifest = Manifest {
@@ -163,7 +163,7 @@ fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
         })
     };
     let bounds = asset_bounds(asset, &AssetFrame::default());
-    // An empty box has infinite corners, which JSON cannot hold: zeros stand for it.
+    // An empty box has infinite corners, which JSON cannot hold: zeros are written.
     let corners = if bounds.is_empty() { [[0.0; 3]; 2] } else { [bounds.min, bounds.max].map(|v| v.to_array()) };
     let material = |id: u32| scene.materials.get(id as usize).map(|m| m.name.clone());
     AssetEntry {
@@ -177,7 +177,7 @@ fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
         triangles: asset.meshes.iter().map(|m| m.mesh.triangles.len()).sum(),
         instances: asset.instancers.iter().map(osier_scene::Instancer::len).sum(),
         joints: asset.skeleton.as_ref().map_or(0, |s| s.joints.len()),
-        // Adding 0 turns -0 into 0.
+        // Adding 0 turns -0 into 0: equal values have equal text.
         bounds: corners.map(|c| c.map(|v| v + 0.0)),
         leaves: leaves_entry(asset, paths),
     }

@@ -42,7 +42,7 @@ pub fn write_leaves(folder: &Folder, scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// What the manifest says of an asset's table; `None` without one. `paths`: files of the bake.
+/// The manifest's entry of an asset's table of leaves; `None` without a table. `paths`: files of the bake.
 pub(super) fn leaves_entry(asset: &Asset, paths: &[&str]) -> Option<LeavesEntry> {
     let file = leaves_file(asset);
     if !paths.contains(&file.as_str()) {

@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use osier_base::Result;
 use osier_base::files::{Folder, MANIFEST};
 
-/// The manifest; the order of the fields is that of the keys.
+/// The contents of `manifest.json`; the order of the fields is that of the keys.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of this layout, increased by incompatible changes.
@@ -30,7 +30,7 @@ pub struct Manifest {
     pub generator: String,
     /// Version of the program that wrote the bake.
     pub version: String,
-    /// Name and hash of the scene.
+    /// Identity of the baked scene.
     pub scene: SceneEntry,
     /// Seed as a decimal string, as JSON numbers are exact up to 2^53 only.
     pub seed: String,
@@ -50,7 +50,7 @@ pub struct Manifest {
     pub view: Option<ViewEntry>,
     /// Assets in the order of the scene.
     pub assets: Vec<AssetEntry>,
-    /// Where the assets stand, as lists or as the path of a table.
+    /// Transforms of the placements, as lists or as the path of a table.
     #[serde(default)]
     pub places: PlacesEntry,
     /// Materials in the order of the scene.
@@ -77,7 +77,7 @@ pub struct SceneEntry {
 pub struct TimeEntry {
     /// Frames per second, numerator and denominator.
     pub fps: [u32; 2],
-    /// Number of the first frame.
+    /// Number of the first frame, as in file names.
     pub start: u32,
     /// Number of the last frame, inclusive.
     pub end: u32,
@@ -87,11 +87,11 @@ pub struct TimeEntry {
     /// Frames after which the motion repeats; `None` if it does not.
     #[serde(default, rename = "loop")]
     pub loop_frames: Option<u32>,
-    /// Largest step from the first written frame that meets all others, >= 1.
+    /// Largest step that reaches all written frames from the first one, at least 1.
     pub step: u32,
     /// Time samples from one frame to the next, >= 1; this version writes 1.
     pub substeps: u32,
-    /// Digits of frame numbers in file names, at least 4: those that `####` stands for.
+    /// Digits of frame numbers in file names, at least 4; `####` in a path represents as many.
     pub digits: usize,
 }
 
@@ -99,15 +99,15 @@ pub struct TimeEntry {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct UnitsEntry {
-    /// Height that a map value of 1 stands for, m.
+    /// Height for the map value 1, m.
     pub height_range_m: f32,
     /// Range of wetness maps from dry to wet, as text: `0..1`.
     pub wetness: String,
-    /// POV-Ray units per metre.
+    /// Units of the POV-Ray scene in one metre; at 100, a unit is a centimetre.
     pub pov_units_per_m: f32,
     /// Albedo where wetness is 1, as a share of that of the dry surface.
     pub wet_albedo: f32,
-    /// Roughness where wetness is 1; a smoother surface keeps its own.
+    /// Roughness where wetness is 1; a surface that is smoother than this when dry keeps its dry roughness.
     pub wet_roughness: f32,
 }
 
@@ -116,28 +116,28 @@ pub struct UnitsEntry {
 pub struct ViewEntry {
     /// The camera, which does not move.
     pub camera: CameraEntry,
-    /// Direct light of the sun.
+    /// The sun as a parallel light; the sky excludes its disc.
     pub sun: SunEntry,
     /// Light of the sky without the sun's disc.
     pub sky: SkyEntry,
-    /// How radiance is displayed.
+    /// Exposure, tone curve and shutter of pictures.
     pub look: LookEntry,
 }
 
-/// The camera; it looks along its own -Z, +Y is up in the picture.
+/// The camera: it looks along -Z of its space, +Y is up in the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraEntry {
     /// World from camera, row vectors: the position is in elements 12 to 14.
     pub matrix: [f32; 16],
-    /// Vertical field of view, degrees.
+    /// Full vertical field of view, degrees.
     pub vfov_deg: f32,
-    /// Nearest and farthest distance that is shown, m.
+    /// Distances of the near and far clipping planes, m.
     pub clip: [f32; 2],
     /// Width and height of the picture, pixels.
     pub size: [u32; 2],
 }
 
-/// Parallel light of the sun.
+/// The sun as a parallel light with an angular diameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SunEntry {
     /// Unit vector from the scene towards the sun.
@@ -163,10 +163,10 @@ pub struct SkyEntry {
     pub file: Option<String>,
 }
 
-/// Homogeneous fog, which fades what is far away.
+/// Homogeneous fog, which blends distant objects into its colour.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FogEntry {
-    /// Linear radiance that distant things fade to.
+    /// Linear radiance that distant objects fade to.
     pub color: [f32; 3],
     /// Distance at which 2 % of a contrast remains, m.
     pub visibility: f32,
@@ -174,7 +174,7 @@ pub struct FogEntry {
     pub height: f32,
 }
 
-/// How radiance is displayed.
+/// Conversion of radiance to displayed values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LookEntry {
     /// Factor on radiance before the curve.
@@ -188,13 +188,13 @@ pub struct LookEntry {
 /// A quotient of two polynomials: coefficients of x^2, x and 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CurveEntry {
-    /// Above the fraction line.
+    /// Coefficients of x^2, x and 1 above the fraction line, with x the exposed luminance.
     pub numerator: [f32; 3],
-    /// Below the fraction line.
+    /// Coefficients of x^2, x and 1 below the fraction line.
     pub denominator: [f32; 3],
 }
 
-/// Where the assets stand.
+/// Placements of the assets, as lists in the manifest or as a table beside it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum PlacesEntry {
@@ -210,16 +210,16 @@ impl Default for PlacesEntry {
     }
 }
 
-/// One placement of an asset: where it stands and how far its motion is ahead.
+/// One placement of an asset: its transform and the phase of its motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlaceEntry {
     /// World from asset, row vectors, in the scene's axes: the position, m, is in elements 12 to 14.
     pub matrix: [f32; 16],
-    /// Frames by which it is ahead of the clip.
+    /// Frames by which its motion is ahead of the clip.
     pub offset: u32,
 }
 
-/// An asset and its files.
+/// An asset: its files, and counts of its elements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AssetEntry {
     /// Name of the asset, as in file names.
@@ -234,19 +234,19 @@ pub struct AssetEntry {
     pub points_material: Option<String>,
     /// Prim path in its payload and in the stage of assets.
     pub prim: String,
-    /// Files of this asset alone, sequences with `####`.
+    /// Files that hold this asset and no other, sequences with `####`.
     pub files: Vec<String>,
-    /// Points of its own meshes at rest, without those of instancers, clouds and curves.
+    /// Points of the meshes at rest, without those of instancers, clouds and curves.
     pub vertices: usize,
-    /// Triangles of its own meshes at rest, without those of instancers.
+    /// Triangles of the meshes at rest, without those of instancers.
     pub triangles: usize,
-    /// Number of instances of all its instancers, alive or not.
+    /// Number of instances of all instancers, alive or not.
     pub instances: usize,
-    /// Number of joints of its skeleton; 0 without one.
+    /// Number of joints of the skeleton; 0 without one.
     pub joints: usize,
-    /// Lower and upper corner of its box at rest, in its own space, m.
+    /// Lower and upper corner of the box at rest, in the asset's space, m.
     pub bounds: [[f32; 3]; 2],
-    /// Colour and occlusion of its leaves at rest; missing without them or without USD.
+    /// Colour and occlusion of the leaves at rest; missing without them or without USD.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub leaves: Option<LeavesEntry>,
 }
@@ -266,7 +266,7 @@ pub struct LeavesEntry {
     pub occlusion: bool,
 }
 
-/// A material, its textures and maps.
+/// A material: paths of its textures and maps, and its shading parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MaterialEntry {
     /// Name of the material, as in file names.
@@ -277,32 +277,32 @@ pub struct MaterialEntry {
     pub slots: std::collections::BTreeMap<String, String>,
     /// Paths of EXR maps by map, frame numbers as `####`.
     pub maps: std::collections::BTreeMap<String, String>,
-    /// Name of the map sequence of its coat, at most one; empty without a coat.
+    /// Name of the map sequence of the coat, at most one; empty without a coat.
     pub leaf_ids: Vec<String>,
-    /// Parameters of the shading model.
+    /// Values that no texture gives, and scales of the textures.
     pub params: ParamsEntry,
 }
 
-/// Parameters of a material's shading model.
+/// Parameters of a material's shading model: values that no texture gives, and scales of the textures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ParamsEntry {
     /// Linear RGB, 0 to 1.
     pub base_color: [f32; 3],
     /// GGX roughness, 0 (mirror) to 1 (matt).
     pub roughness: f32,
-    /// Index of refraction.
+    /// Index of refraction, for the Fresnel reflectance and the refraction by water.
     pub ior: f32,
     /// Share of light that is transmitted diffusely, 0 to 1.
     pub translucency: f32,
     /// Alpha below which the surface is cut out; `None`: nothing is cut out.
     pub alpha_cutoff: Option<f32>,
-    /// Height that the value 1 of the height map stands for, m.
+    /// Height for the value 1 of the height map, m.
     pub height_range_m: f32,
     /// Side of a tile of the textures, m.
     pub tile_m: f32,
 }
 
-/// A file or a sequence.
+/// A file, or a numbered sequence of files as one entry.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum FileEntry {
@@ -332,7 +332,7 @@ pub enum FileEntry {
     },
 }
 
-/// A file of a sequence.
+/// A file of a sequence, whose path follows from that of the sequence and the frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ItemEntry {
     /// Frame of the clip; the file's name holds it padded with zeros (`Clip::tag`).
@@ -346,14 +346,14 @@ pub struct ItemEntry {
 /// A warning of an exporter; see [`Warning`](crate::Warning).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WarningEntry {
-    /// Code of the warning, `X002`.
+    /// Code, such as `X002`; docs/codes.md lists them.
     pub code: String,
-    /// What was found and what was written instead, without the code.
+    /// What the exporter found and what it wrote instead, without the code.
     pub message: String,
 }
 
 impl Manifest {
-    /// JSON text: two spaces, LF, one at the end.
+    /// JSON text, indented by two spaces, with a line feed at the end.
     /// # Errors
     /// X001 for a number that is not finite, which JSON would lose.
     pub fn text(&self) -> Result<String> {

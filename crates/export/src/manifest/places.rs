@@ -1,4 +1,4 @@
-//! Where the assets stand: lists in the manifest, or a table beside it.
+//! The placements of assets: lists in the manifest, or a table beside it.
 
 use std::collections::BTreeMap;
 
@@ -8,16 +8,16 @@ use osier_base::convert::narrow;
 use osier_base::files::Folder;
 use osier_scene::{Placement, Scene};
 
-/// The table of placements, in the folder of a bake.
+/// Path of the table of placements in the folder of a bake.
 pub const PLACES_FILE: &str = "places.f4";
 /// Placements of a scene up to which the manifest lists them; more are written as a table. Own: about 300 kB of JSON.
 pub const MAX_LISTED_PLACES: usize = 1000;
 
-/// Writes the table of placements if a scene has more than [`MAX_LISTED_PLACES`]: for each placement ten little-endian 32-bit floats,
-/// in the scene's axes: index of the asset in the manifest, offset in frames, position x y z in m, rotation as a quaternion x y z w,
-/// scale.
+/// Writes the table of placements if a scene has more than [`MAX_LISTED_PLACES`]: for each placement ten little-endian 32-bit
+/// floats, in the axes of the scene: index of the asset in the manifest, offset in frames, position x y z in m, rotation as a
+/// quaternion x y z w, scale.
 /// # Errors
-/// `TooMany` for an index beyond 2^24, which a 32-bit float cannot hold; whatever the folder refuses.
+/// `TooMany` if an asset has an index above 65535; whatever the folder refuses.
 pub fn write_places(folder: &Folder, scene: &Scene) -> Result<()> {
     if scene.placements.len() <= MAX_LISTED_PLACES {
         return Ok(());
@@ -30,7 +30,7 @@ pub fn write_places(folder: &Folder, scene: &Scene) -> Result<()> {
     out.commit()
 }
 
-/// Columns of one placement in the table.
+/// The row of one placement, with the columns listed at [`write_places`].
 fn table_row(placement: &Placement) -> Result<[f32; 10]> {
     // Whole numbers up to 2^24 are exact in a 32-bit float; 16 bits are enough for assets and 24 bits hold every frame number.
     let asset: u16 = narrow(placement.asset, "assets of a table of placements")?;
@@ -45,7 +45,7 @@ pub(super) fn places_entry(scene: &Scene, paths: &[&str]) -> PlacesEntry {
         return PlacesEntry::Table(PLACES_FILE.to_owned());
     }
     let mut lists: BTreeMap<String, Vec<PlaceEntry>> = BTreeMap::new();
-    // Without the table there is no list of more placements either: the manifest stays small.
+    // Without the table, the manifest still lists no more placements than the limit, which keeps it small.
     for placement in scene.placements.iter().take(MAX_LISTED_PLACES) {
         let Some(asset) = scene.assets.get(placement.asset) else { continue };
         // Columns of the column-vector form, one after the other, are the rows of the row-vector form. Adding 0 turns -0 into 0.

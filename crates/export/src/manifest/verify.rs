@@ -7,7 +7,7 @@ use super::{FileEntry, Manifest, bake_hash};
 use osier_base::files::{MANIFEST, hash_file, list_files, read_below};
 use osier_base::{Error, Result};
 
-/// What [`verify`] found; lists are in path order.
+/// Differences between the files of a bake and its manifest, see [`verify`]; lists are in the order of paths.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Verification {
     /// Files that the manifest names and the folder lacks.
@@ -16,12 +16,12 @@ pub struct Verification {
     pub extra: Vec<String>,
     /// Files whose length or hash differs.
     pub changed: Vec<String>,
-    /// False if the manifest's own sum does not fit its list.
+    /// Whether the manifest's `bake_hash` agrees with its list of files.
     pub sum_holds: bool,
 }
 
 impl Verification {
-    /// True if everything that the manifest names is there, unchanged. Further files do no harm.
+    /// Whether all files that the manifest names exist unchanged; extra files are allowed.
     pub fn is_complete(&self) -> bool {
         self.sum_holds && self.missing.is_empty() && self.changed.is_empty()
     }
@@ -31,7 +31,7 @@ impl Verification {
 const DIGITS: usize = 10;
 const LONGEST: usize = 1024;
 
-/// Refuses what no bake writes: names that would grow out of bounds when sequences are taken apart.
+/// Refuses a manifest that no bake writes (X010): expanded sequences would have paths of unbounded length.
 fn plain(manifest: &Manifest) -> Result<()> {
     let digits = manifest.time.digits;
     if digits > DIGITS {
@@ -49,7 +49,7 @@ fn plain(manifest: &Manifest) -> Result<()> {
     Ok(())
 }
 
-/// Recomputes the hashes of all files that a bake's manifest names.
+/// Recomputes the hashes of all files that the manifest in `dir` names; lists other files of the folder as extra.
 /// `limit`: bytes that the manifest may have.
 /// # Errors
 /// `Io` if there is no manifest or the folder cannot be read, X010 if the manifest is damaged, X009 if it names a path

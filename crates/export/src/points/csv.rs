@@ -7,22 +7,22 @@ use osier_scene::{ColumnValues, RecordColumn, RecordTable};
 
 use crate::usd::UpAxis;
 
-/// Rows of a parallel task.
 const ROWS_PER_TASK: usize = 4096;
-/// Most digits behind the point.
+/// Most digits behind the point: numbers below 5e-13 become 0.
 const MAX_DECIMALS: usize = 12;
-/// Powers of ten up to [`MAX_DECIMALS`].
+/// Powers of ten from 0 to [`MAX_DECIMALS`], all exact in f64.
 const POWERS: [f64; MAX_DECIMALS + 1] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12];
-/// Largest number with a point that is formatted in integers: 17 digits.
+/// Largest scaled number that is formatted by integer arithmetic: 17 digits.
 const MAX_SCALED: f64 = 1e17;
 
-/// A table as text: a header with the names of the columns, then a line per record. Vectors, which are columns whose names end in x,
-/// y and z after the same prefix, are turned into the axes of the file.
+/// A table as text: a header with the names of the columns, then a line per record. Vectors, recognised as columns whose names
+/// end in x, y and z after the same prefix, are converted to the axes of the file.
 /// # Errors
 /// X001 for a number that is not finite, X010 for an integer beyond 32 bits with a sign.
 pub(super) fn csv_text(table: &RecordTable, up: UpAxis) -> Result<String> {
     let columns: Vec<CsvColumn<'_>> = table.columns.iter().map(|c| CsvColumn::new(table, c, up)).collect();
     let names: Vec<&str> = table.columns.iter().map(|c| c.name).collect();
+    // Tasks have a fixed number of rows, joined in order: the text does not depend on the number of threads.
     let starts: Vec<usize> = (0..table.len()).step_by(ROWS_PER_TASK).collect();
     let parts = par_map(&starts, |start| {
         let mut text = String::new();
@@ -47,7 +47,7 @@ pub(super) fn csv_text(table: &RecordTable, up: UpAxis) -> Result<String> {
 struct CsvColumn<'a> {
     table: &'static str,
     name: &'static str,
-    /// Values of the column that it takes, in the scene's axes.
+    /// Values of the source column in the scene's axes: with +Z up, y and z of a vector are exchanged.
     values: &'a ColumnValues,
     /// Whether the file holds the values times -1: with +Z up, (x, y, z) of the scene becomes (x, -z, y).
     is_negated: bool,
@@ -94,8 +94,8 @@ impl<'a> CsvColumn<'a> {
     }
 }
 
-/// Appends a number with at least six significant digits where [`MAX_DECIMALS`] allow them, without an exponent, with digits on both
-/// sides of the point and no needless zeros at the end. `None` if it is not finite.
+/// Appends a number with at least six significant digits where [`MAX_DECIMALS`] allow them, without an exponent, with digits on
+/// both sides of the point and no needless zeros at the end. `None` if it is not finite.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked against MAX_SCALED")]
 fn push_decimal(value: f64, text: &mut String) -> Option<()> {
     if !value.is_finite() {
@@ -109,6 +109,7 @@ fn push_decimal(value: f64, text: &mut String) -> Option<()> {
         text.push_str(&format!("{value:.1}"));
         return Some(());
     }
+    // Removes zeros at the end, but keeps one decimal, by which Blender recognises floats.
     let mut digits = scaled as u64;
     let mut decimals = decimals;
     while decimals > 1 && digits.is_multiple_of(10) {

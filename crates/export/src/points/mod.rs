@@ -1,6 +1,6 @@
 //! Single elements of a simulation as points with attributes: `points/TABLE_####.csv`, one file for each table and frame, for the
-//! node Import CSV of Blender and for everything else that reads tables. Metres and seconds; the tables are those of the frames, and
-//! `joints`, which all skeletons give.
+//! node Import CSV of Blender and for everything else that reads tables. Metres and seconds; the tables are those of the frames,
+//! and `joints`, which all skeletons give.
 
 use std::sync::Arc;
 
@@ -18,15 +18,15 @@ use osier_base::Result;
 use osier_base::files::Folder;
 use osier_scene::{Frame, InstancerMotion, RecordColumn, RecordTable, Scene};
 
-/// Name of the table of joints.
+/// Name of the table of joints in `[output.points] tables`; all other tables come from motions.
 const JOINTS: &str = "joints";
-/// Parent index of a root joint.
+/// `parent` of a root joint in the table; other joints have an index there.
 const NO_PARENT: i32 = -1;
 /// Bytes of a row, measured: a joint, and an instance that moves freely.
 const JOINT_ROW: u64 = 88;
 const INSTANCE_ROW: u64 = 105;
 
-/// The entry of the registry.
+/// Registry entry of tables of points as CSV.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "points",
     about: "drops, catkins and joints as points with attributes: a CSV per table and frame",
@@ -38,7 +38,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(PointsExporter::new(job.folder.clone(), job.options.points.clone()))],
 };
 
-/// Own estimate: rows of joints and of instances that are tracked one by one. How many drops rain makes is not known before it runs.
+/// Estimate from rows of joints and of instances that are tracked one by one. The number of raindrops is unknown before the rain.
 fn estimate(input: &EstimateInput) -> u64 {
     let options = &input.options.points;
     let joints = if options.writes(JOINTS) { input.per_asset(|a| a.joints * a.phases) * JOINT_ROW } else { 0 };
@@ -71,7 +71,7 @@ impl PointsExporter {
     }
 }
 
-/// The joints of all placements as points. `id` numbers them over all placements.
+/// The joints of all placements as points. `id` is unique over all placements, `joint` within the skeleton.
 fn joint_table(joints: &[WorldJoint]) -> RecordTable {
     let numbered: Vec<(u32, &WorldJoint)> = (0..).zip(joints).collect();
     let f32s =
@@ -107,7 +107,7 @@ impl Exporter for PointsExporter {
         let Some(scene) = self.scene.clone() else { return Ok(()) };
         let wanted = frame.point_tables.iter().filter(|t| self.options.writes(t.name));
         wanted.into_iter().try_for_each(|table| self.write_table(&scene, table, frame.number))?;
-        // Joints are no table of a motion: they follow from the poses of all placements.
+        // No motion writes the table of joints: it follows from the poses of all placements.
         if !self.options.writes(JOINTS) {
             return Ok(());
         }

@@ -7,7 +7,7 @@ use crate::up_axis::UpAxis;
 pub struct PointsOptions {
     /// Names of the tables that are written, where the scene has them.
     pub tables: Vec<&'static str>,
-    /// Axis that points up in the files.
+    /// Axis that points up in the files; by default Z, as in Blender.
     pub up: UpAxis,
 }
 

@@ -1,9 +1,9 @@
 //! The declarations of an asset in prototypes.inc, static.inc and the frame files.
 //!
-//! Identifiers have indices of asset a, mesh m, instancer i and so on: `P_a_i_p` a prototype, `G_a_m` a static mesh, `R_a_m` a macro of
-//! the static part of a deforming mesh, `L_a_i` the instances of an instancer, `J_a_i_j` those attached to joint j, `D_a_p` points,
-//! `H_a_c` curves, `A_a` a macro of the asset. Prototypes and static meshes with a coat, and the instances of such prototypes, are
-//! macros: their texture comes with the frame.
+//! Identifiers have indices of asset a, mesh m, instancer i and so on: `P_a_i_p` a prototype, `G_a_m` a static mesh, `R_a_m` a
+//! macro of the static part of a deforming mesh, `L_a_i` the instances of an instancer, `J_a_i_j` those attached to joint j,
+//! `D_a_p` points, `H_a_c` curves, `A_a` a macro of the asset. Prototypes and static meshes with a coat, and the instances of
+//! such prototypes, are macros: their texture changes with the frame.
 
 use super::mesh::{Mesh2Faces, has_area_anywhere, split_hair, write_mesh2, write_topology, write_vectors};
 use super::objects::{
@@ -22,21 +22,21 @@ use osier_scene::{
 /// Makes an object a target of photons.
 const TARGET: &str = "photons { target reflection on refraction on collect off }";
 
-/// An asset with what its declarations in the scene language depend on.
+/// An asset with the parameters that its declarations depend on.
 pub(super) struct PovAsset<'a> {
     /// Index in the scene's assets.
     pub index: usize,
     pub asset: &'a Asset,
     pub space: PovSpace,
-    /// The scene's materials.
+    /// Materials of the scene, which subsets, clouds and curves refer to by index.
     pub materials: &'a [Material],
     pub view: StreakView,
-    /// Least radius of a target of photons, m, if any are traced.
+    /// Smallest radius of a target of photons, m; `None` traces no photons.
     pub photons: Option<f32>,
 }
 
 impl PovAsset<'_> {
-    /// What instances of each prototype of an instancer refer to.
+    /// How instances refer to each prototype of an instancer.
     fn prototype_uses(&self, instancer: &Instancer) -> Vec<PrototypeUse> {
         let of = |mesh: &Mesh| match has_area_anywhere(mesh) {
             false => PrototypeUse::Nothing,
@@ -46,12 +46,12 @@ impl PovAsset<'_> {
         instancer.prototypes.iter().map(|p| of(&p.mesh)).collect()
     }
 
-    /// True if maps of the frame lie on a prototype of an instancer.
+    /// Whether a prototype of an instancer has a coat: its maps change with the frame, so it is declared as a macro.
     fn has_coated_prototype(&self, instancer: &Instancer) -> bool {
         instancer.prototypes.iter().any(|p| self.is_coated(&p.mesh))
     }
 
-    /// Declares the prototypes of the asset's instancers.
+    /// Declares the prototypes of all instancers that have faces with an area.
     pub fn write_prototypes(&self, text: &mut TextBuffer) {
         for (i, instancer) in self.asset.instancers.iter().enumerate() {
             for (p, proto) in instancer.prototypes.iter().enumerate() {
@@ -59,7 +59,7 @@ impl PovAsset<'_> {
                     continue;
                 }
                 text.put(&format!("// {} {} {}\n", self.asset.id, instancer.name, proto.name));
-                // Hairs and the rest become objects of their own, because `no_shadow` applies to a whole object.
+                // Hairs become an object separate from the rest, because `no_shadow` applies to a whole object.
                 if let Some((hairs, rest)) = split_hair(&proto.mesh, self.materials) {
                     self.write_hair_prototype(text, i, p, &hairs, &rest);
                     continue;
@@ -81,8 +81,8 @@ impl PovAsset<'_> {
         }
     }
 
-    /// Declares a prototype with hairs: ribbons of a mesh whose memory all instances share. They cast no shadow: wider than real
-    /// hairs, they would darken each other.
+    /// Declares a prototype with hairs: ribbons of a mesh whose memory all instances share. The hairs cast no shadow, as the
+    /// ribbons are wider than real hairs and would darken each other too much.
     fn write_hair_prototype(
         &self,
         text: &mut TextBuffer,
@@ -102,7 +102,7 @@ impl PovAsset<'_> {
         text.put("}\n");
     }
 
-    /// Whether the largest instance of prototype `p` is a drop of a size that is a target.
+    /// Whether prototype `p` is a drop whose largest instance has the size of a target of photons.
     fn is_target(&self, instancer: &Instancer, p: usize, faces: &Mesh2Faces) -> bool {
         let mine = |(i, _): &(usize, _)| instancer.protos.get(*i).is_some_and(|q| *q as usize == p);
         let scales = instancer.scales.iter().enumerate().filter(mine).map(|(_, s)| s.abs().max_element());
@@ -124,7 +124,7 @@ impl PovAsset<'_> {
         })
     }
 
-    /// Declares what never changes, and the asset itself if it is not animated. Returns the number of instances.
+    /// Declares the parts that never change, and the asset itself if it is not animated. Returns the number of instances.
     pub fn write_static(&self, text: &mut TextBuffer, warnings: &mut Vec<Warning>) -> usize {
         let a = self.index;
         text.put(&format!("\n// {}\n", self.asset.id));
@@ -154,6 +154,7 @@ impl PovAsset<'_> {
                 None => 0,
             };
         }
+        // Moving points and curves are declared by the frames.
         self.declare_points(text, &AssetFrame::default(), false, warnings);
         self.declare_curves(text, &AssetFrame::default(), false);
         if !self.asset.moves() {
@@ -162,7 +163,7 @@ impl PovAsset<'_> {
         count
     }
 
-    /// Declares what changes at a frame, and the asset. Returns the number of instances.
+    /// Declares the parts that change at a frame, and the asset. Returns the number of instances.
     pub fn write_frame(&self, text: &mut TextBuffer, frame: &AssetFrame, warnings: &mut Vec<Warning>) -> usize {
         text.put(&format!("\n// {}\n", self.asset.id));
         for (m, object) in self.asset.meshes.iter().enumerate() {
@@ -205,14 +206,14 @@ impl PovAsset<'_> {
         text.put(if both { "}\n" } else { "" });
     }
 
-    /// Declares a static mesh whose texture changes: as a macro, so that the texture is looked up at each call.
+    /// Declares a static mesh whose texture changes as a macro, so that POV-Ray looks up the texture at each call.
     fn declare_mesh_macro(&self, text: &mut TextBuffer, m: usize, mesh: &Mesh) {
         text.put(&format!("#macro G_{}_{m}() ", self.index));
         write_mesh2(text, self.space, mesh, &Mesh2Faces::of(mesh, self.materials));
         text.put("#end\n");
     }
 
-    /// True if maps of the frame lie on a mesh.
+    /// Whether a material of a mesh has a coat, whose maps change with the frame.
     fn is_coated(&self, mesh: &Mesh) -> bool {
         mesh.subsets.iter().any(|s| self.materials.get(s.material as usize).is_some_and(|m| m.coat.is_some()))
     }
@@ -245,7 +246,7 @@ impl PovAsset<'_> {
         }
     }
 
-    /// The joint of each instance, if instances are attached to joints.
+    /// The joint of each instance if instances are attached to joints, else `None`.
     fn carrier_joints<'b>(&self, instancer: &'b Instancer) -> Option<&'b [u16]> {
         match &instancer.motion {
             InstancerMotion::Joints(joints) if self.asset.skeleton.is_some() => Some(joints),
@@ -253,14 +254,14 @@ impl PovAsset<'_> {
         }
     }
 
-    /// Whether a frame moves the unions of an instancer's joints instead of its instances. A state of the instances beside a pose
-    /// is ignored: one line for each joint instead of one for each leaf keeps the files of a clip small.
+    /// Whether a frame moves the instances of an instancer by the unions of its joints. A state of the instances beside a pose is
+    /// ignored: one line per joint instead of one per leaf keeps the files of a clip small.
     fn follows_joints(&self, instancer: &Instancer, i: usize, frame: &AssetFrame) -> bool {
         let stated = matches!(frame.instancer(i), InstancerFrame::State(_));
         self.carrier_joints(instancer).is_some() && !(stated && frame.pose.is_empty())
     }
 
-    /// Declares a union for each joint that carries instances.
+    /// Declares a union of the instances on each joint that carries some. Returns the number of instances.
     fn declare_joint_unions(&self, text: &mut TextBuffer, i: usize, joints: &[u16]) -> usize {
         let instancer = &self.asset.instancers[i];
         let mut count = 0;
@@ -285,7 +286,7 @@ impl PovAsset<'_> {
         instancer: &Instancer,
         state: &InstanceState,
     ) -> usize {
-        // As with coated meshes, a macro looks the texture of the frame up at each call.
+        // As with coated meshes, a macro makes POV-Ray look up the texture of the frame at each call.
         let coated = self.has_coated_prototype(instancer);
         let declaration = if coated {
             format!("#macro L_{}_{i}() ", self.index)
@@ -378,7 +379,7 @@ impl PovAsset<'_> {
     }
 }
 
-/// The mesh with an object's triangles at a frame.
+/// The mesh that contains the triangles of an object at a frame.
 fn mesh_at_frame<'a>(object: &'a MeshObject, frame: &'a MeshFrame) -> &'a Mesh {
     match frame {
         MeshFrame::Whole { mesh, .. } if object.motion != MeshMotion::Still => mesh,
@@ -386,12 +387,12 @@ fn mesh_at_frame<'a>(object: &'a MeshObject, frame: &'a MeshFrame) -> &'a Mesh {
     }
 }
 
-/// The joints that carry instances, in order.
+/// Indices of the joints that carry instances, increasing, each once.
 fn distinct_joints(joints: &[u16]) -> std::collections::BTreeSet<u16> {
     joints.iter().copied().collect()
 }
 
-/// An instancer with some of the instances of another, at rest. `which`: their indices.
+/// Copies selected instances of an instancer at rest, without prototypes and ids. `which`: their indices.
 fn select_instances(instancer: &Instancer, which: &[usize]) -> Instancer {
     let rest = &instancer.rest;
     let state = InstanceState {

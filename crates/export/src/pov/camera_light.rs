@@ -34,8 +34,8 @@ pub(super) fn write_global_settings(text: &mut TextBuffer, photons: Option<f32>)
     text.put("}\n#default { finish { ambient 0 } }\n");
 }
 
-/// Writes haze. POV-Ray's `distance` is that at which 1 / e of the light remains; visibility is that at which contrast falls to
-/// the threshold, exp(-[`Fog::CONTRAST`]).
+/// Writes haze. POV-Ray's `distance` is the distance at which 1 / e of the light remains; visibility is the distance at which
+/// contrast falls to the threshold exp(-[`Fog::CONTRAST`]).
 fn write_fog(text: &mut TextBuffer, space: PovSpace, fog: &Fog) {
     // exp(-visibility / distance) = exp(-CONTRAST), hence distance = visibility / CONTRAST, m, here in units of the scene.
     let distance = fog.visibility / Fog::CONTRAST * space.scale;
@@ -67,7 +67,7 @@ pub(super) fn write_camera(text: &mut TextBuffer, space: PovSpace, camera: &Came
     // represent.
     let [right, _, back] = camera.axes().map(|v| v.to_array().map(f64::from));
     let back = scaled(back, 1.0 / math::sqrt(dot(back, back)));
-    // What rounding to f32 left of `right` along `back` is removed; then up = back x right has unit length, too.
+    // Removes the component of `right` along `back`, an error of rounding to f32; then up = back x right has unit length, too.
     let across = dot(right, back);
     let right = [0, 1, 2].map(|i| right[i] - back[i] * across);
     let right = scaled(right, 1.0 / math::sqrt(dot(right, right)));
@@ -92,8 +92,9 @@ fn scaled(a: [f64; 3], s: f64) -> [f64; 3] {
     a.map(|x| x * s)
 }
 
-/// Writes the sun as a parallel area light whose size is its angular diameter. `bounds`: those of the scene, m.
-/// Source: a matt surface of albedo a under irradiance E shows a E / pi, and a under POV-Ray's light of colour 1.
+/// Writes the sun as a parallel area light whose size is its angular diameter. `bounds`: box of the scene, m.
+/// Source: a matt surface of albedo a under irradiance E has radiance a E / pi; POV-Ray renders it
+/// as a under a light of colour 1.
 pub(super) fn write_sun(text: &mut TextBuffer, space: PovSpace, sun: &Sun, bounds: Bounds) {
     let distance = (bounds.size().length() * 10.0).max(10.0);
     let (center, toward) = (bounds.center(), sun.direction());
@@ -108,13 +109,13 @@ pub(super) fn write_sun(text: &mut TextBuffer, space: PovSpace, sun: &Sun, bound
     text.put("\n  parallel point_at ");
     space.write_point(text, center);
     if size > 0.0 {
-        // `orient` turns the axes towards what is lit; only their lengths count, and they must be equal.
+        // `orient` rotates the area towards the lit point; only the lengths of the axes count, and they must be equal.
         text.put("\n  area_light x*").num(size).put(", y*").num(size).put(", 4, 4 adaptive 1 circular orient");
     }
     text.put("\n}\n");
 }
 
-/// Writes the glow around the sun as a layer of the sky sphere: drops in front of it sparkle.
+/// Writes the glow around the sun as a layer of the sky sphere, so that drops in front of it sparkle.
 fn write_sun_glow(text: &mut TextBuffer, sky: &Sky, sun: &Sun) {
     // The function is the cosine of the angle to the sun, 0 in the half of the sky behind; z is negated as all directions are.
     let d = sun.direction();
@@ -131,8 +132,8 @@ fn write_sun_glow(text: &mut TextBuffer, sky: &Sky, sun: &Sun) {
 /// Tint of light between leaves, relative to the horizon. Own: chosen by eye.
 const LEAF_LIGHT_TINT: [f32; 3] = [1.0, 1.06, 0.62];
 
-/// Writes leaves far out of focus as layers of the sky sphere up to half its height: patches of shade with light between them, and
-/// discs as a lens draws small gaps. It is the background of the image, and what drops refract.
+/// Writes defocused foliage as layers of the sky sphere up to half its height: patches of shade with light between them, and
+/// discs as a lens images small gaps. Drops refract this background.
 /// Own: chosen by eye, after photographs of drops in gardens.
 fn write_dapple(text: &mut TextBuffer, sky: &Sky) {
     let stops = sky.stops();
@@ -163,10 +164,10 @@ fn write_dapple(text: &mut TextBuffer, sky: &Sky) {
     }
 }
 
-/// Writes the sky as a sky sphere, and as parallel lights for the shade: POV-Ray's ambient light would be the same in the open
-/// and inside a crown.
-/// Source: a horizontal surface of albedo a under a sky of radiance L shows a L; each of n directions spread evenly over
-/// the half sphere stands for 2 pi / n of it, so its light has colour L (2 / n).
+/// Writes the sky as a sky sphere, and as parallel lights that cast shadows: POV-Ray's ambient light would be as
+/// bright inside a crown as outside.
+/// Source: a horizontal surface of albedo a under a sky of radiance L has radiance a L; each of n directions spread evenly over
+/// the half sphere represents 2 pi / n of its solid angle, so its light has colour L (2 / n).
 pub(super) fn write_sky(text: &mut TextBuffer, space: PovSpace, sky: &Sky, sun: &Sun, bounds: Bounds) {
     let (horizon, zenith) = (sky.horizon.map(|c| c * sky.strength), sky.zenith.map(|c| c * sky.strength));
     text.put("sky_sphere {\n  pigment {\n    gradient y\n    color_map { ");

@@ -9,13 +9,13 @@ use osier_base::Result;
 use osier_base::files::Folder;
 use osier_scene::{Frame, Image, ImageKind, MapEncoding, MapLayer, MapSequence, Material, Pixels, Scene};
 
-/// Writes the pictures.
+/// Writes the maps of coats as pictures, and declares the textures of a frame that refer to them.
 #[derive(Debug)]
 pub(super) struct CoatWriter {
     encoder: MapEncoder<Arc>,
 }
 
-/// Bytes of a picture.
+/// Bytes of an encoded picture, shared by the frames at which it is the same.
 type Arc = std::sync::Arc<[u8]>;
 
 impl CoatWriter {

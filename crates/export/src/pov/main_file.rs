@@ -10,7 +10,8 @@ use crate::text::{Decimal, TextBuffer};
 use crate::{GENERATOR, file_target::FileTarget};
 use osier_scene::{Placement, Scene};
 
-/// The scene file. `includes`: folder of the include files, with its `/`; `written`: frames that have a file, ascending.
+/// The text of the scene file. `includes`: folder of the include files, with its `/`; `written`:
+/// frames that have a file, ascending.
 pub(super) fn main_file(scene: &Scene, space: PovSpace, includes: &str, written: &[u32]) -> TextBuffer {
     let mut text = TextBuffer::default();
     text.put(&format!("// {GENERATOR}, scene {}, seed {}, {}\n", scene.name, scene.seed, scene.hash));
@@ -49,7 +50,7 @@ pub(super) fn main_file(scene: &Scene, space: PovSpace, includes: &str, written:
     text
 }
 
-/// The placements that fit, as objects. Returns how many.
+/// Writes an object for each placement that `fits` selects. Returns their number.
 fn write_placements(text: &mut TextBuffer, scene: &Scene, space: PovSpace, fits: impl Fn(&Placement) -> bool) -> usize {
     let fitting: Vec<&Placement> = scene.placements.iter().filter(|p| fits(p)).collect();
     for placement in &fitting {
@@ -66,8 +67,8 @@ fn write_include(text: &mut TextBuffer, includes: &str, tag: &str) {
     text.put(&format!(", {tag}, \".inc\")\n"));
 }
 
-/// Writes the `#include` of the frame that is `phase` frames later, the clip repeated; if only every n-th frame is written, of
-/// the one that is phase / n later among those.
+/// Writes the `#include` of the frame that is `phase` frames later in the repeated clip. If only every n-th frame is written, it
+/// is phase / n frames later among those.
 fn include_phase(text: &mut TextBuffer, scene: &Scene, includes: &str, phase: u32, written: &[u32]) {
     // Written frames are first, first + step, ..: position in the list = (frame - first) / step, taken modulo their number.
     let (first, count) = (written.first().copied().unwrap_or(0), written.len() as u64);
@@ -85,9 +86,9 @@ fn is_contiguous(written: &[u32]) -> bool {
     written.windows(2).all(|pair| pair[1] == pair[0] + 1)
 }
 
-/// Declares `OsFrame`, the frame that is rendered. A render without animation has frame number 0 and shows the first frame; a clip
-/// that starts at 0 is therefore rendered as frames 1, 2, .. If only every n-th frame is written, images are numbered 1, 2, .. in
-/// the order of those.
+/// Declares `OsFrame`, the frame that is rendered. A render without animation has frame number 0 and shows the first
+/// frame; a clip that starts at 0 is therefore rendered as frames 1, 2, .. If only every n-th frame is written,
+/// these frames are numbered 1, 2, ..
 fn declare_frame(text: &mut TextBuffer, written: &[u32]) {
     let (Some(first), Some(last)) = (written.first(), written.last()) else { return };
     let shift = u32::from(*first == 0);
@@ -106,7 +107,8 @@ fn declare_frame(text: &mut TextBuffer, written: &[u32]) {
     }
 }
 
-/// Options for POV-Ray. `main`: name of the scene file; `written`: frames that have a file.
+/// The text of `render.ini`: image size, antialiasing and range of frames. `main`: name of the scene file;
+/// `written`: frames that have a file.
 pub(super) fn render_ini(scene: &Scene, options: &PovOptions, main: &str, written: &[u32]) -> TextBuffer {
     let mut text = TextBuffer::default();
     let library = match options.target {

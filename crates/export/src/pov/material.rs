@@ -1,5 +1,6 @@
-//! Materials as declared identifiers: `F_` finish, `C_` texture without maps, `M_` texture with maps, `I_` interior of water. Coated
-//! ones have three more: `V_` finish of the coat, `D_` bare and `W_` coated texture with maps; frames mix the two into `M_`.
+//! Materials as declared identifiers: `F_` finish, `C_` texture without maps, `M_` texture with maps, `I_` interior of water.
+//! Coated ones have three more: `V_` finish of the coat, `D_` bare and `W_` coated texture with maps; frames mix the two into
+//! `M_`.
 
 use super::space::write_rgb;
 use crate::text::TextBuffer;
@@ -49,8 +50,8 @@ pub(super) fn declare_materials(text: &mut TextBuffer, scene: &Scene, pictures: 
     Ok(())
 }
 
-/// Brightness of a hair among others relative to a single one, 1 to 2, for the scattering between hairs that POV-Ray does not
-/// trace. Own: chosen by eye against path-traced images.
+/// Factor on the brightness of hairs, 1 to 2, for the scattering between hairs that POV-Ray does not trace. Own: chosen by
+/// eye against path-traced images.
 const HAIR_BRIGHTNESS: f32 = 1.5;
 
 /// Writes the contents of a finish. Leaves transmit the share `translucency`, which is POV-Ray's second diffuse value; the
@@ -59,7 +60,8 @@ const HAIR_BRIGHTNESS: f32 = 1.5;
 /// exponent e = 2 / r^4 - 2 of a GGX lobe of roughness r; POV-Ray's `roughness` is 1 / e.
 fn write_finish(text: &mut TextBuffer, m: &Material) {
     if m.class == MaterialClass::Water {
-        // A low specular value: the lights of the sky would each show as a highlight in every drop; the sun is ten times brighter.
+        // A low specular value: the lights of the sky would each show as a highlight in every drop; the sun is ten times
+        // brighter.
         text.put("diffuse 0 specular 0.3 roughness 0.0008 reflection { 0, 1 fresnel on } conserve_energy");
         return;
     }
@@ -96,8 +98,8 @@ fn write_diffuse(text: &mut TextBuffer, m: &Material) {
 /// Share of a surface's relief that remains under a coat, 0 to 1. Own: chosen by eye.
 const COATED_RELIEF: f32 = 0.4;
 
-/// Writes the finish of a film of water: reflection that increases at grazing angles. `falloff` instead of `fresnel`, which
-/// needs an interior, and that would refract what is behind the cut-out parts of the texture.
+/// Writes the finish of a film of water: reflection that increases at grazing angles. It uses `falloff`, since `fresnel` needs an
+/// interior, which would also refract light behind the cut-out parts of the texture.
 fn write_coat_finish(text: &mut TextBuffer, m: &Material) {
     write_diffuse(text, m);
     text.put(" specular 0.7 roughness 0.005 reflection { 0.02, 0.35 falloff 4 } conserve_energy");
@@ -105,7 +107,7 @@ fn write_coat_finish(text: &mut TextBuffer, m: &Material) {
 
 /// Whether two materials are equal but for their names and coats.
 fn equal_but_for_name(a: &Material, b: &Material) -> bool {
-    // Bits instead of floats: equality is then total, and -1 stands for a missing cutoff, which is never negative.
+    // Bits make equality total; -1 represents a missing cutoff, as cutoffs are never negative.
     let numbers = |m: &Material| {
         let [r, g, b] = m.base_color;
         [r, g, b, m.roughness, m.ior, m.translucency, m.height_range, m.tile, m.alpha_cutoff.unwrap_or(-1.0)]
@@ -114,7 +116,7 @@ fn equal_but_for_name(a: &Material, b: &Material) -> bool {
     (a.class, a.double_sided, a.maps) == (b.class, b.double_sided, b.maps) && numbers(a) == numbers(b)
 }
 
-/// Whether a texture is that of the bare surface, or of one fully covered by its coat.
+/// Whether a texture shows the bare surface, or the surface fully covered by its coat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Layering {
     Bare,
@@ -139,7 +141,8 @@ fn write_mapped_texture(
         text.put("texture { C_").int(i).put(" }\n");
         return Ok(());
     }
-    // Alpha cutout by a texture map over the image's transparency: a transparent pigment alone would keep its highlight.
+    // Alpha cutout by a texture map over the transparency of the image: with a transparent pigment, the cut
+    // area would still have highlights.
     let cut = m.alpha_cutoff.zip(m.maps.color).filter(|(_, image)| has_alpha(scene, *image));
     if let Some((cutoff, image)) = cut {
         text.put("texture { uv_mapping ");
@@ -160,7 +163,7 @@ fn has_alpha(scene: &Scene, image: u32) -> bool {
     scene.images.get(image as usize).is_some_and(|p| matches!(p.channels, 2 | 4))
 }
 
-/// Writes pigment, normal and finish.
+/// Writes pigment, normal and finish of the bare or the coated surface.
 fn write_surface(
     text: &mut TextBuffer,
     scene: &Scene,
@@ -213,7 +216,7 @@ fn write_image(
     Ok(())
 }
 
-/// A string literal of the scene language.
+/// Quotes a string for the scene language: escapes quotes and backslashes, and replaces control characters by `_`.
 pub(super) fn string_literal(s: &str) -> String {
     let mut out = String::from("\"");
     for c in s.chars() {

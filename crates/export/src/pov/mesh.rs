@@ -18,7 +18,7 @@ pub(super) struct Mesh2Faces {
 }
 
 impl Mesh2Faces {
-    /// Collects the faces of `mesh`; `materials`: the scene's.
+    /// Collects the faces of `mesh` that have an area, and its materials. `materials`: those of the scene.
     pub fn of(mesh: &Mesh, materials: &[Material]) -> Self {
         let (mut slots, mut next): (BTreeMap<u32, u32>, u32) = (BTreeMap::new(), 0);
         let mut faces = Self { corners: Vec::with_capacity(mesh.triangles.len()), materials: Vec::new(), water: None };

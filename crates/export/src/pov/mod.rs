@@ -1,7 +1,7 @@
 //! POV-Ray 3.7: a scene with include files, one of them for each frame. `cd pov && povray render.ini` renders the clip.
 //!
-//! A bake has `pov/main.pov common.inc prototypes.inc static.inc render.ini frames/frame.####.inc`, textures in `textures/`, those
-//! of map sequences in `maps/`. A single file is `<stem>.pov` with everything else in `<stem>_files/`.
+//! A bake has `pov/main.pov common.inc prototypes.inc static.inc render.ini frames/frame.####.inc`, textures in `textures/`,
+//! those of map sequences in `maps/`. A single file is `<stem>.pov` with everything else in `<stem>_files/`.
 //!
 //! ```
 //! use osier_export::pov::PovOptions;
@@ -46,7 +46,7 @@ const SLOW_FRAME_INSTANCES: usize = 500_000;
 /// them away, POV-Ray would draw them sharply across the image.
 const STREAK_NEAR_SHARE: f32 = 0.9;
 
-/// The entry of the registry.
+/// Registry entry of POV-Ray: one scene with an include file for each written frame.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "pov",
     about: "a POV-Ray scene with an include file per frame; `povray render.ini` renders it",
@@ -61,7 +61,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     },
 };
 
-/// Own estimate: bytes of the lines in the include files; bytes of a map's texel as measured on leaves in rain.
+/// Estimate from bytes per line of the include files, and bytes per texel of maps as measured on leaves in rain.
 fn estimate(input: &EstimateInput) -> u64 {
     let step = u64::from(input.options.pov.step.max(1));
     let written = |frames: u64| frames / step;
@@ -90,7 +90,7 @@ pub struct PovExporter {
     options: PovOptions,
     scene: Option<Arc<Scene>>,
     written: Vec<u32>,
-    /// The first frame of the bake.
+    /// Number of the first frame of the bake, from which `step` is counted.
     first: Option<u32>,
     instances: usize,
     coats: coat::CoatWriter,
@@ -170,7 +170,7 @@ impl PovExporter {
         let mut text = TextBuffer::default();
         text.put(&format!("// {}, frame {number}\n", super::GENERATOR));
         let maps = self.map_folder();
-        // Maps are written even if an interrupted bake has left the frame's own file complete.
+        // Maps are written even if an interrupted bake has left the file of the frame complete.
         self.coats.frame(&mut text, &self.folder, &maps, scene, number, frame)?;
         let file = self.folder.create(&path, "inc", Some(number))?;
         let rest = AssetFrame::default();
@@ -203,7 +203,7 @@ fn is_heavy<'p>(now: impl Iterator<Item = (&'p PovAsset<'p>, &'p AssetFrame)>) -
     thinned || instances > SLOW_FRAME_INSTANCES
 }
 
-/// Whether any frame differs from the rest state.
+/// Whether any frame can differ from the scene at rest.
 fn is_animated(scene: &Scene) -> bool {
     !scene.map_sequences.is_empty() || scene.assets.iter().any(Asset::moves)
 }
@@ -250,7 +250,7 @@ impl Exporter for PovExporter {
         let mut still = TextBuffer::default();
         still.put(&format!("// {}: what never changes\n", super::GENERATOR));
         let mut warnings = Vec::new();
-        // Static objects are written once; frames hold only what moves.
+        // Static objects are written once; frames contain only the moving ones.
         let count: usize = assets.iter().map(|p| p.write_static(&mut still, &mut warnings)).sum();
         self.write_text(&self.file_path("static.inc"), "inc", &still)?;
         self.instances = count;

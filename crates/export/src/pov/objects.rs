@@ -18,9 +18,9 @@ const MIN_STREAK_ASPECT: f32 = 3.0;
 /// Steps of the coordinates of a streak in the radius of its drop. Own: eight are finer than a pixel of any streak that shows.
 const STREAK_POSITION_STEPS: f32 = 8.0;
 
-/// The macro of a streak of falling water: position, half of its displacement, radius in the middle and transparency. Two cones taper from
-/// the middle to the ends, where the drop is for the shortest time. The interior of refractive index 1 replaces that of water, which
-/// would refract.
+/// The macro of a streak of falling water: position, half of its displacement, radius in the middle and transparency. Two cones
+/// taper from the middle to the ends, where the drop is for the shortest time. The interior of refractive index 1 replaces that
+/// of water, which would refract.
 pub(super) const STREAK_MACRO: &str = "#macro OsStreak(P, H, R, T) union{cone{P-H,0,P,R open}cone{P+H,0,P,R open} \
     texture{pigment{rgbt<1,1,1,T>}finish{diffuse 0.25,0.25}}interior{ior 1}no_shadow} #end\n";
 
@@ -36,29 +36,29 @@ fn decimal_step(x: f32) -> f32 {
     step
 }
 
-/// Writes shapes as one object: POV-Ray warns of a union of one, and of none. `tail`: texture and the like for all.
+/// Writes shapes as one object: POV-Ray warns of unions of one object and of none. `tail`: texture and interior of the object.
 pub(super) fn write_union(text: &mut TextBuffer, count: usize, shapes: &TextBuffer, tail: &str) {
     match count {
-        // An invisible sphere of radius 0 stands for nothing, so that the identifier is declared and every use of it is valid.
+        // An invisible sphere of radius 0 declares the identifier, so that every use of it is valid.
         0 => text.put("sphere{0,0 no_image no_shadow no_reflection}\n"),
         1 => text.put("object{\n").append(shapes).put(tail).put("}\n"),
         _ => text.put("union{\n").append(shapes).put(tail).put("}\n"),
     };
 }
 
-/// What the instances of a prototype refer to.
+/// How instances refer to their prototype.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PrototypeUse {
     /// A prototype without geometry, which has no declaration.
     Nothing,
-    /// An object that a `#declare` in the file of its asset names.
+    /// An object declared with `#declare` in prototypes.inc.
     Object,
-    /// A macro: the texture of the mesh is that of the frame.
+    /// A macro, since the texture of the mesh changes with the frame.
     Macro,
 }
 
-/// Writes a line for each live instance: `object{P_a_i_p matrix <..>}`. `name`: indices a and i of asset and instancer; `uses`: of each
-/// prototype. Returns how many were written.
+/// Writes a line for each live instance: `object{P_a_i_p matrix <..>}`. `name`: indices a and i of asset and instancer; `uses`:
+/// one for each prototype. Returns the number of lines.
 pub(super) fn write_instances(
     text: &mut TextBuffer,
     space: PovSpace,
@@ -82,7 +82,7 @@ pub(super) fn write_instances(
     alive.len()
 }
 
-/// A point cloud at a frame.
+/// A point cloud at a frame, with the view that determines its streaks.
 pub(super) struct CloudFrame<'a> {
     pub now: PointsNow<'a>,
     pub view: StreakView,
@@ -100,7 +100,8 @@ pub(super) struct StreakView {
 }
 
 impl StreakView {
-    /// Half of the displacement of a drop while the shutter is open, if it is long enough ([`MIN_STREAK_ASPECT`]) for a streak.
+    /// Half of the displacement of a drop while the shutter is open; `None` if it is too short for a
+    /// streak ([`MIN_STREAK_ASPECT`]).
     fn half_streak(&self, velocity: Option<&Vec3>, radius: f32) -> Option<Vec3> {
         // half = v t / 2, so the streak is 2 |half| long and the drop 2 radius wide: the factors 2 cancel in the ratio.
         velocity.map(|v| *v * (self.open * 0.5)).filter(|half| half.length() > MIN_STREAK_ASPECT * radius)
@@ -114,13 +115,13 @@ impl StreakView {
     }
 }
 
-/// Whether a cloud is of water, whose moving points are drawn as streaks.
+/// Whether a cloud consists of water, whose moving points are drawn as streaks.
 pub(super) fn is_water(points: &Points, materials: &[Material]) -> bool {
     materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water)
 }
 
-/// Writes the visible points of a cloud: spheres, or streaks for falling water. At most [`MAX_SPHERES`], every n-th of them.
-/// Returns how many were left out.
+/// Writes the visible points of a cloud: spheres, or streaks for falling water. Of more than [`MAX_SPHERES`] points, only every
+/// n-th is written. Returns how many were left out.
 /// Source: [yang-wu], section 5: a falling drop is drawn as a tapered streak of the shutter's length.
 /// Differs: the drop is at each point of its streak for a part of the time only, so the streak is nearly transparent, tapered to
 /// both ends and without refraction.
@@ -174,7 +175,7 @@ pub(super) fn write_points(
     visible.len() - kept.len()
 }
 
-/// Writes polylines as cones, with a sphere at every point.
+/// Writes polylines as cones, with a sphere at each of their points.
 pub(super) fn write_curves(
     text: &mut TextBuffer,
     space: PovSpace,

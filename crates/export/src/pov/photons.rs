@@ -11,7 +11,7 @@ use osier_scene::{Material, MaterialClass, Mesh};
 /// the square of a target's radius: a larger limit makes rendering slower.
 const MAX_TARGET_RADIUS: f32 = 0.02;
 
-/// Whether something of this radius, m, is a target. `smallest`: the least radius that the scene asks for, if any.
+/// Whether an object of this radius, m, is a target. `smallest`: smallest radius of a target, `None` without photons.
 pub(super) fn is_target_radius(smallest: Option<f32>, radius: f32) -> bool {
     smallest.is_some_and(|least| (least..=MAX_TARGET_RADIUS).contains(&radius))
 }

@@ -9,7 +9,7 @@ use osier_scene::Trs;
 /// translations s F t.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PovSpace {
-    /// POV-Ray units per metre.
+    /// Units of the POV-Ray scene in one metre.
     pub scale: f32,
 }
 
@@ -25,13 +25,13 @@ impl PovSpace {
         text.put("<").num(x).put(",").num(y).put(",").num(z).put(">");
     }
 
-    /// A length in units. `v`: m.
+    /// A length, converted from m to units.
     pub fn write_length(self, text: &mut TextBuffer, v: f32) {
         text.num(v * self.scale);
     }
 
-    /// A transform as `matrix <..>`: POV-Ray multiplies row vectors, so its rows are the columns of the linear part F A F, and the
-    /// translation. F on both sides negates the entries that mix z with x or y.
+    /// A transform as `matrix <..>`: POV-Ray multiplies row vectors, so its rows are the columns of the linear part F A F, and
+    /// the translation. F on both sides negates the entries that mix z with x or y.
     pub fn write_matrix(self, text: &mut TextBuffer, trs: &Trs) {
         // The linear part A = R S: the scale acts first, then the rotation.
         let a = Mat3::from_quat(trs.r) * Mat3::from_diagonal(trs.s);
@@ -43,7 +43,7 @@ impl PovSpace {
 
 /// `x` rounded to a multiple of `step`, a power of ten, so that its shortest decimal form is short.
 pub(super) fn round_to(x: f32, step: f32) -> f32 {
-    // Divided in double precision by an integer where the step is one over it: the nearest single to k / 1000 prints as such.
+    // Division in double precision by the integer 1 / step: the f32 nearest to k / 1000 prints with three decimals.
     let per_unit = (1.0 / f64::from(step)).round();
     let x = f64::from(x);
     osier_base::math::narrow(if per_unit >= 1.0 { (x * per_unit).round() / per_unit } else { x.round() })

@@ -16,12 +16,12 @@ pub struct MapStatistics {
     field: Field,
     count: u32,
     mean: Vec<f64>,
-    /// Sum of squared deviations from the mean.
+    /// Sum of squared deviations from the mean of each texel.
     squares: Vec<f64>,
 }
 
 impl MapStatistics {
-    /// Statistics of no run yet; the maps that follow have the size of `field`.
+    /// Statistics before the first run; all maps that follow have the size of `field`.
     pub fn new(field: Field) -> Self {
         let texels = field.width * field.height;
         Self { field, count: 0, mean: vec![0.0; texels], squares: vec![0.0; texels] }
@@ -45,7 +45,7 @@ impl MapStatistics {
         self.squares.iter().map(|s| narrow((s / freedom).sqrt())).collect()
     }
 
-    /// Mean of each texel over the runs.
+    /// Mean of each texel over the runs, row by row; 0 before the first run.
     pub fn mean(&self) -> Vec<f32> {
         self.mean.iter().map(|m| narrow(*m)).collect()
     }
@@ -55,7 +55,7 @@ impl MapStatistics {
         self.mean.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Writes `<folder>/<name>_mean.exr`, `<name>_deviation.exr` and, for the eye, `<name>_mean.png`: from white (0) to dark red
+    /// Writes `<folder>/<name>_mean.exr`, `<name>_deviation.exr` and, for viewing, `<name>_mean.png`: from white (0) to dark red
     /// (`brightest`, 1/m^2), on a square-root scale.
     /// # Errors
     /// `Io`; X012 for a map beyond the sizes of an image.
@@ -76,6 +76,7 @@ impl MapStatistics {
 
     /// The mean as an image of at least `MIN_PICTURE_SIDE` pixels along its longer side.
     fn picture(&self, brightest: f64) -> Result<Image> {
+        // Texels are repeated a whole number of times, so that their borders stay sharp.
         let zoom = MIN_PICTURE_SIDE.div_ceil(self.field.width.max(self.field.height).max(1));
         let (width, height) = (self.field.width * zoom, self.field.height * zoom);
         let mut pixels: Vec<u8> = Vec::with_capacity(width * height * 3);

@@ -36,7 +36,7 @@ use super::{Exporter, Summary};
 use osier_base::files::Folder;
 use osier_scene::{Frame, Scene, Table, largest};
 
-/// The entry of the registry.
+/// Registry entry of statistics: tables, summaries and plots of simulations, no geometry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "csv",
     about: "statistics of flights and rain: tables, JSON and plots",
@@ -120,7 +120,7 @@ impl Whole {
         let Some((_, last)) = rows.last() else { return whole };
         let most = largest(rows.iter().map(|(_, row)| row.as_slice()));
         for (i, ((name, _), value)) in table.columns.iter().zip(last).enumerate() {
-            // A total is cumulative: its last value says all, a mean over frames would mean nothing.
+            // A total is cumulative: its last value is the result, and a mean over frames has no meaning.
             if table.totals.contains(&i) {
                 whole.totals.push((name.clone(), *value));
                 continue;

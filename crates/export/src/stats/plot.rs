@@ -39,7 +39,7 @@ pub(super) struct PlotLine {
     pub spread: Vec<[f64; 2]>,
 }
 
-/// A plot of several lines.
+/// Lines that share a heading and a vertical axis.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PlotPanel {
     pub name: String,
@@ -154,6 +154,7 @@ fn draw_panel(out: &mut String, top: f64, panel: &PlotPanel, axis: &PlotAxis) {
         let (x, y, text) = (right + 10.0, top + PANEL_HEIGHT + 16.0, escape_xml(&axis.label));
         let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\">{text}</text>");
     }
+    // Lines come last, so that they cover the grid; the legend has their order.
     for (k, shown) in panel.lines.iter().enumerate() {
         draw_line(out, &scale, k, shown);
     }
@@ -165,7 +166,7 @@ fn draw_line(out: &mut String, scale: &PanelScale, k: usize, line: &PlotLine) {
         let (x, low, high) = (scale.x(*x), scale.y(*least), scale.y(*most));
         let _ = writeln!(out, "<path d=\"M{x:.1} {low:.1}V{high:.1}\" stroke=\"{color}\" stroke-width=\"1\"/>");
     }
-    // A polyline of one point has no extent and is not drawn, so that a dot stands for it.
+    // A polyline of one point has no extent: a dot is drawn instead.
     if let [[x, y]] = line.points[..] {
         let _ = writeln!(out, "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{color}\"/>", scale.x(x), scale.y(y));
     }

@@ -1,4 +1,5 @@
-//! Parameter sweeps: runs of a scene with different values of some keys, as rows of a table, and plots of the means over the seeds.
+//! Parameter sweeps: runs of a scene with different values of some keys, as rows of a table, and plots of the means over the
+//! seeds.
 
 use std::fmt::Write as _;
 
@@ -34,7 +35,7 @@ pub struct Run {
     pub seed: u64,
     /// Hash of the scene with these values, hexadecimal.
     pub hash: String,
-    /// Summary of its table.
+    /// Totals, last values, means and maxima of the table that the simulation wrote.
     pub whole: Whole,
 }
 
@@ -92,7 +93,7 @@ impl Run {
 }
 
 impl Sweep {
-    /// Runs of equal values, in the order of the first of each.
+    /// Groups of runs with equal values, in the order of their first runs.
     fn groups(&self) -> Vec<Vec<&Run>> {
         let mut groups: Vec<Vec<&Run>> = Vec::new();
         for run in &self.runs {
@@ -113,9 +114,9 @@ impl Sweep {
         self.groups().iter().map(mean).collect()
     }
 
-    /// Writes `sweep.csv` (a row for each run), `means.csv` (a row for each choice of values), `sweep.json`, `sweep.svg` if there are
-    /// keys and runs, and `maps/<choice>/` with mean and standard deviation of each map over the seeds, where `<choice>` is the
-    /// number of a choice of values and the values.
+    /// Writes `sweep.csv` (a row for each run), `means.csv` (a row for each choice of values), `sweep.json`, `sweep.svg` if there
+    /// are keys and runs, and `maps/<choice>/` with mean and standard deviation of each map over the seeds; `<choice>` consists
+    /// of the number of a choice and its values.
     /// # Errors
     /// `Io`; X012 for a map beyond the sizes of an image.
     pub fn write(&self, folder: &Folder) -> Result<()> {
@@ -154,7 +155,8 @@ impl Sweep {
         out
     }
 
-    /// For each choice of values the number of its runs, then mean and standard deviation of each column of `sweep.csv` over them.
+    /// For each choice of values the number of its runs, then mean and standard deviation of each column of `sweep.csv` over
+    /// them.
     fn means_csv(&self) -> String {
         let names: Vec<String> = self.runs.first().map(|r| r.numbers().map(|n| n.0).collect()).unwrap_or_default();
         let columns = names.iter().flat_map(|name| [name.clone(), format!("{name}_deviation")]);

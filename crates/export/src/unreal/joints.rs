@@ -6,8 +6,8 @@ use osier_base::Result;
 use osier_base::convert::narrow;
 use osier_scene::{Joint, JointBranch, RiggedPlant, Skeleton};
 
-/// Highest simulation group; the trunk has group 0. Own: branches of the eighth order are twigs of twigs, and every group is one more
-/// setting of the engine's wind.
+/// Highest simulation group; the trunk has group 0. Own: branches of the eighth order are twigs of twigs, and every group is one
+/// more setting of the engine's wind.
 const MAX_GROUP: usize = 7;
 
 /// Distance, m, up to which two pivots are the same.
@@ -15,9 +15,9 @@ const SAME_PIVOT: f32 = 1e-4;
 
 /// The joints of a rig that are written.
 ///
-/// The engine bends each run of joints of one simulation group as one chain. So within a group every joint has one child at most:
-/// an axis continues the chain of its own joints, and where it ends in a fork, the thicker half continues it; every other axis
-/// begins a chain of the next group.
+/// The engine bends each run of joints of one simulation group as one chain. Therefore each joint has at most one child of its
+/// group: the next joint of the same axis continues the chain, and where an axis ends in a fork, the thicker half continues it;
+/// every other axis begins a chain of the next group.
 #[derive(Debug)]
 pub(super) struct WindJoints {
     /// Joints that are written, parents first, with the names that the file has.
@@ -26,7 +26,8 @@ pub(super) struct WindJoints {
     pub(super) groups: Vec<usize>,
     /// For each written joint whether another one of its group follows.
     pub(super) continues: Vec<bool>,
-    /// Angle by which each written joint turns under a dynamic pressure of 1 Pa, rad/Pa; 0 for a root that is not a stem's.
+    /// Angle by which each written joint turns under a dynamic pressure of 1 Pa, rad/Pa; 0 for a joint without a branch,
+    /// such as a root with several stems.
     pub(super) compliances: Vec<f64>,
     /// For each joint of the rig the written joint that moves its geometry: itself or the nearest written ancestor.
     pub(super) carrier: Vec<u16>,
@@ -53,7 +54,8 @@ impl WindJoints {
         for (i, joint) in rig.skeleton.joints.iter().enumerate() {
             let parent = joint.parent.map(|p| p as usize);
             let carrier = parent.and_then(|p| written.carrier.get(p)).copied();
-            // A joint without length between root and trunk would be a degenerate bone: the first joint of the only stem is the root.
+            // A joint without length between root and trunk would be a degenerate bone: the first joint of the only stem is the
+            // root.
             if only_stem == Some(i) {
                 if let Some(root) = written.compliances.first_mut() {
                     *root = branch(i).map_or(0.0, |b| b.compliance);
@@ -62,7 +64,8 @@ impl WindJoints {
                 is_written.push(true);
                 continue;
             }
-            // A joint is written if its parent is and its group exists; else its geometry follows what moves that of its parent.
+            // A joint is written if its parent is written and its group exists; else the carrier of
+            // its parent moves its geometry.
             let group = match (parent, carrier) {
                 // Continues its parent's chain; any other child begins a chain of the next group.
                 (Some(p), Some(c)) if followers.get(p).copied().flatten() == Some(i) => written.groups[usize::from(c)],
@@ -128,7 +131,7 @@ fn followers(rig: &RiggedPlant) -> Vec<Option<usize>> {
         let order = branch(p).map_or(0, |b| b.order);
         let halves: Vec<usize> =
             list.iter().copied().filter(|c| branch(*c).is_some_and(|b| b.order == order)).collect();
-        // If several stems spring from the root, none of them is the trunk.
+        // If several stems begin at the root, none of them is the trunk.
         if is_root && halves.len() > 1 {
             return None;
         }

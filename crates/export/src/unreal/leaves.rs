@@ -9,10 +9,10 @@ use osier_base::convert::index;
 use osier_base::{Error, Result};
 use osier_scene::{InstanceState, Instancer, InstancerMotion, Mesh, Prototype};
 
-/// Most parts of an assembly.
+/// Most parts of an assembly; of a plant with more leaves, neighbours are merged.
 pub(super) const MAX_PARTS: usize = 65_536;
 
-/// The parts of one instancer.
+/// The leaves of one instancer as parts of the assembly.
 pub(super) struct LeafParts {
     /// Prototypes, and one instance for each part.
     pub(super) instancer: Instancer,
@@ -20,22 +20,22 @@ pub(super) struct LeafParts {
     pub(super) joints: Vec<u16>,
 }
 
-/// Leaves of a twig, unless more are needed. Own: a twig is a mesh of its own, while single leaves share theirs. The larger twigs
-/// are, the fewer leaves must be merged: with n leaves each, n / (n - 1) for each part too many.
+/// Leaves of a merged twig, unless more are needed. Own: each twig is a separate mesh, while single leaves share theirs. The
+/// larger twigs are, the fewer leaves must be merged: with n leaves each, n / (n - 1) for each part too many.
 pub(super) const TWIG: usize = 8;
 
 /// Neighbouring leaves that may become one part.
 struct Twig {
-    /// Index of the instancer.
+    /// Index in the list of the plant's instancers.
     instancer: usize,
     /// The written joint that all of them follow.
     joint: u16,
-    /// Indices of the instances.
+    /// Indices of the instances, at least two, in their order on the axis.
     members: Vec<usize>,
 }
 
-/// The leaves of a plant as parts: one each, or where these would be more than `most`, as many neighbours on one joint merged into
-/// twigs as it takes. `carrier`: for each joint of the rig the written joint that moves its geometry.
+/// The leaves of a plant as parts: one each, or if these would be more than `most`, with as many twigs of neighbours on one joint
+/// as needed. `carrier`: for each joint of the rig the written joint that moves its geometry.
 /// # Errors
 /// `TooMany` beyond 2^32 parts.
 pub(super) fn leaf_parts(instancers: &[Instancer], carrier: &[u16], most: usize) -> Result<Vec<LeafParts>> {
@@ -43,7 +43,8 @@ pub(super) fn leaf_parts(instancers: &[Instancer], carrier: &[u16], most: usize)
     let leaves: usize = single.iter().map(|p| p.joints.len()).sum();
     let Some(excess) = leaves.checked_sub(most).filter(|n| *n > 0) else { return Ok(single) };
     let by_joint: Vec<BTreeMap<u16, Vec<usize>>> = single.iter().map(|p| by_joint(&p.joints)).collect();
-    // The smallest size of twigs that can take up the excess; no twig joins leaves of two joints, so the last size does all it can.
+    // The smallest size of twigs that removes the excess. Leaves of two joints are never merged, so larger
+    // sizes stop helping at some point.
     let mut size = TWIG;
     let mut twigs = twigs_of_size(&by_joint, size);
     while twigs.iter().map(|t| t.members.len() - 1).sum::<usize>() < excess && size < leaves {
@@ -75,7 +76,7 @@ pub(super) fn leaf_parts(instancers: &[Instancer], carrier: &[u16], most: usize)
     single.iter().enumerate().map(merge).collect()
 }
 
-/// Runs of up to `size` instances that follow each other on a joint, without those of one instance.
+/// Runs of 2 to `size` consecutive instances on one joint.
 fn twigs_of_size(by_joint: &[BTreeMap<u16, Vec<usize>>], size: usize) -> Vec<Twig> {
     let of = |(instancer, joints): (usize, &BTreeMap<u16, Vec<usize>>)| -> Vec<Twig> {
         let twig = |(joint, members): (u16, &[usize])| Twig { instancer, joint, members: members.to_vec() };
@@ -105,7 +106,7 @@ fn by_joint(joints: &[u16]) -> BTreeMap<u16, Vec<usize>> {
     lists
 }
 
-/// The parts of one instancer with some of them merged: single leaves in order, then a prototype of its own for each twig.
+/// The parts of one instancer after merging: single leaves in their order, then a part with a new prototype for each twig.
 fn merge_twigs(leaves: &LeafParts, twigs: &[&Twig]) -> Result<LeafParts> {
     let from = &leaves.instancer;
     let merged: BTreeSet<usize> = twigs.iter().flat_map(|t| t.members.iter().copied()).collect();
@@ -125,7 +126,7 @@ fn merge_twigs(leaves: &LeafParts, twigs: &[&Twig]) -> Result<LeafParts> {
         joints: kept.iter().map(|i| leaves.joints[*i]).collect(),
     };
     for Twig { joint, members, .. } in twigs {
-        // The part's own space has the axes of the plant and its origin at the pivot of its first leaf.
+        // The space of the part has the axes of the plant and its origin at the pivot of its first leaf.
         let Some(origin) = members.first().map(|i| from.rest.positions[*i]) else { continue };
         let number = index(out.instancer.prototypes.len(), "parts of a plant")?;
         out.instancer.prototypes.push(Prototype::new(format!("twig_{number}"), twig_mesh(from, members, origin)));
@@ -139,7 +140,7 @@ fn merge_twigs(leaves: &LeafParts, twigs: &[&Twig]) -> Result<LeafParts> {
     Ok(out)
 }
 
-/// The meshes of some instances as one, around `origin`, m.
+/// Joins the meshes of some instances, with positions relative to `origin`, m.
 fn twig_mesh(from: &Instancer, members: &[usize], origin: Vec3) -> Mesh {
     let mut twig = Mesh::default();
     for i in members {
@@ -148,7 +149,7 @@ fn twig_mesh(from: &Instancer, members: &[usize], origin: Vec3) -> Mesh {
         let mut mesh = leaf.mesh.clone();
         mesh.points.iter_mut().for_each(|p| *p = trs.apply(*p) - origin);
         mesh.normals.iter_mut().for_each(|n| *n = transform_normal(&trs, *n));
-        // A prototype without vertex colours or attributes beside one that has some would leave lists of unequal length.
+        // Vertex colours and attributes of only some prototypes would give lists of unequal length, so they are dropped.
         mesh.colors.clear();
         mesh.attributes.clear();
         pad_uvs(&mut twig, &mut mesh);
@@ -158,7 +159,7 @@ fn twig_mesh(from: &Instancer, members: &[usize], origin: Vec3) -> Mesh {
     twig
 }
 
-/// Gives both meshes texture coordinates if one has some, so that those of the two together fit their points.
+/// Extends the texture coordinates of both meshes by zeros to one per point if either has some, so that the meshes can be joined.
 fn pad_uvs(a: &mut Mesh, b: &mut Mesh) {
     if !a.uvs.is_empty() || !b.uvs.is_empty() {
         for mesh in [a, b] {

@@ -27,19 +27,19 @@ use osier_scene::{Joint, Mesh, RiggedPlant, Skeleton, SkinWeights, Trs};
 const ASSEMBLY: &str = "unreal:naniteAssembly";
 const WIND: &str = "unreal:dynamicWind";
 
-/// What the file of a plant is made from.
+/// Parts of a plant from which its USD file is written.
 pub(super) struct AssemblyInput<'a> {
     /// Meshes, joints and influences of the plant in its rest pose.
     pub(super) rig: &'a RiggedPlant,
-    /// Its joints that are written.
+    /// The joints that are written, with their groups.
     pub(super) joints: &'a WindJoints,
-    /// Groups of the joints and their influences.
+    /// Groups of the joints and their influences, the same as in the JSON file.
     pub(super) wind: &'a Wind,
-    /// Its leaves as parts.
+    /// The leaves of each instancer as parts of the assembly.
     pub(super) parts: &'a [LeafParts],
 }
 
-/// Writes the file of a plant. `name`: of its root prim.
+/// Writes the file of a plant. `name`: name of the root prim.
 /// # Errors
 /// X001 for a number that is not finite, `TooMany`, `Io`.
 pub(super) fn write_stage(cx: &UsdContext, out: Output, name: &str, plant: &AssemblyInput) -> Result<()> {
@@ -57,7 +57,7 @@ pub(super) fn write_stage(cx: &UsdContext, out: Output, name: &str, plant: &Asse
     let skeleton = format!("{root}/stem/skel");
     layer.writer.create_relationship(&format!("{root}.{ASSEMBLY}:skeleton"), std::slice::from_ref(&skeleton))?;
     define_stem(cx, &mut layer, &root, plant)?;
-    // Names of prims below the root: the scope of materials and the stem have theirs already.
+    // Names of prims below the root must differ from those of the scope of materials and of the stem.
     let mut names = Names::default();
     for taken in ["mtl", "stem"] {
         names.unique(taken);
@@ -103,18 +103,18 @@ fn define_stem(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, plant: &As
     Ok(())
 }
 
-/// Defines a `SkelRoot` and returns the attribute of its extent.
+/// Defines a `SkelRoot` with the extent of `bounds`; returns the attribute of the extent, which `define_animation` takes.
 fn define_skel_root(layer: &mut LayerBuilder, path: &str, bounds: Bounds) -> Result<AttrHandle> {
     layer.define_prim(path, "SkelRoot")?;
     let corners = extent_corners(&bounds);
     layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&corners).into())
 }
 
-/// Sets the wind of the skeleton at `skel`. `names`: of its joints.
+/// Sets the wind of the skeleton at `skel`. `names`: of its joints, in order.
 fn define_wind(layer: &mut LayerBuilder, skel: &str, names: &[String], wind: &Wind) -> Result<()> {
     let groups: Vec<i32> =
         wind.joints.iter().map(|j| narrow::<i32, usize>(j.group, "simulation groups")).collect::<Result<_>>()?;
-    // A group has one influence or, from the beginning of its chains to their ends, two; all follow each other.
+    // A group has one influence, or two: at the beginning of its chains and at their ends. The array joins those of all groups.
     let influences: Vec<f32> =
         wind.groups.iter().flat_map(|g| if g.dual { vec![g.least, g.most] } else { vec![g.influence] }).collect();
     let counts: Vec<i32> = wind.groups.iter().map(|g| if g.dual { 2 } else { 1 }).collect();
@@ -134,7 +134,7 @@ fn define_wind(layer: &mut LayerBuilder, skel: &str, names: &[String], wind: &Wi
     set("trunkSimulationGroups", "int[]", UsdArray::Int(&trunks).into())
 }
 
-/// Says that the skin of a mesh is a linear blend of its joints' matrices.
+/// Declares that the skin of a mesh is a linear blend of the matrices of its joints.
 fn set_linear_skinning(layer: &mut LayerBuilder, mesh: &str) -> Result<()> {
     let value = UsdValue::Token("classicLinear");
     layer.set_uniform(&format!("{mesh}.primvars:skel:skinningMethod"), "token", value).map(|_| ())
@@ -166,7 +166,7 @@ fn define_parts(
     set("positions", "point3f[]", UsdArray::Float3(as_float3(&instancer.rest.positions)))?;
     set("protoIndices", "int[]", UsdArray::Int(protos))?;
     set("scales", "float3[]", UsdArray::Float3(as_float3(&instancer.scales)))?;
-    // One joint for each instance, by its unique name.
+    // Each instance is bound to one joint, by the joint's unique name.
     let name =
         |j: &u16| joints.skeleton.joints.get(usize::from(*j)).map_or_else(String::new, |joint| joint.name.clone());
     let names: Vec<String> = parts.joints.iter().map(name).collect();

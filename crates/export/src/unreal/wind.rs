@@ -5,23 +5,23 @@ use serde::Serialize;
 use super::joints::WindJoints;
 use osier_base::math;
 
-/// Percentile of the tips' compliance that is an influence of 1: the farthest tips of a plant are not typical of it.
+/// Percentile of the compliances of all tips that gets an influence of 1; the most compliant tips of a plant are outliers.
 const FULL_INFLUENCE: f64 = 0.95;
 /// Percentiles of the first and of the last joints of a group's chains that give its least and its most influence.
 const LEAST: f64 = 0.10;
 const MOST: f64 = 0.90;
 /// Range of the influences of all groups but the trunk. Own: below, branches look frozen beside others.
 const INFLUENCE_RANGE: [f64; 2] = [0.02, 1.0];
-/// Height of a plant, m, below which it is ground cover.
+/// Height, m, below which a plant counts as ground cover.
 const GROUND_COVER: f32 = 0.5;
 
-/// What the engine's wind does to a plant, as the JSON file names it.
+/// Parameters of the engine's wind for one plant, under the names of the JSON file.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Wind {
     /// Group of each joint, in the order of the skeleton.
     #[serde(rename = "Joints")]
     pub(super) joints: Vec<WindJoint>,
-    /// From the trunk to the twigs.
+    /// In the order of their numbers, from the trunk to the twigs.
     #[serde(rename = "SimulationGroups")]
     pub(super) groups: Vec<WindGroup>,
     #[serde(rename = "bIsGroundCover")]
@@ -30,7 +30,7 @@ pub(super) struct Wind {
     pub(super) gust_attenuation: f32,
 }
 
-/// A joint and its group.
+/// Simulation group of a joint, which the engine finds by its unique name.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct WindJoint {
     #[serde(rename = "JointName")]
@@ -58,7 +58,7 @@ pub(super) struct WindGroup {
 }
 
 impl Wind {
-    /// The wind of the written joints of a plant. `height`: of the plant at rest, m.
+    /// Computes the influences from the compliances of the written joints. `height`: of the plant at rest, m.
     pub(super) fn new(joints: &WindJoints, height: f32) -> Self {
         let named =
             |(joint, group): (&osier_scene::Joint, &usize)| WindJoint { name: joint.name.clone(), group: *group };
@@ -71,14 +71,14 @@ impl Wind {
     }
 }
 
-/// The groups' influences: compliances of joints over that of typical tips.
+/// Influences of the groups: compliances of their joints divided by that of typical tips.
 fn influences(joints: &WindJoints) -> Vec<WindGroup> {
     let parent = |i: usize| joints.skeleton.joints[i].parent.map(|p| p as usize);
     let is_first = |i: usize| parent(i).is_none_or(|p| joints.groups[p] != joints.groups[i]);
     let of = |wanted: &dyn Fn(usize) -> bool| -> Vec<f64> {
         (0..joints.groups.len()).filter(|i| wanted(*i)).map(|i| joints.compliances[i]).collect()
     };
-    // A plant whose joints all stand still has no typical tip: nothing of it bends.
+    // If no joint of a plant bends, there is no typical tip and all influences are minimal.
     let full = percentile(of(&|i| !joints.continues[i]), FULL_INFLUENCE);
     let share = |compliance: f64| if full > 0.0 { compliance / full } else { 0.0 };
     let count = joints.groups.iter().max().map_or(0, |last| last + 1);
@@ -104,12 +104,12 @@ fn influences(joints: &WindJoints) -> Vec<WindGroup> {
     (0..count).map(group).collect()
 }
 
-/// A percentile of some values, linear between neighbours; 0 without values.
+/// A percentile of `values`, interpolated linearly between neighbours; 0 without values. `share`: 0 to 1.
 fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let Some(last) = values.len().checked_sub(1) else { return 0.0 };
     let place = share.clamp(0.0, 1.0) * last as f64;
-    // The index of the value at or below the place.
+    // The largest index that is not above the position.
     let below = (0..last).take_while(|k| (k + 1) as f64 <= place).count();
     let above = (below + 1).min(last);
     values[below] + (values[above] - values[below]) * (place - below as f64)

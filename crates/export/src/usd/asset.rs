@@ -17,7 +17,7 @@ pub(super) fn define_asset(
     let Some(asset) = cx.scene.assets.get(index) else { return Ok(Vec::new()) };
     let pixel = cx.pixels.get(index).copied().unwrap_or(0.0);
     let mut names = Names::default();
-    // The materials' scope.
+    // Reserves the name of the scope of materials.
     names.unique("mtl");
     let mut parts = Vec::new();
     parts.extend(skel::define_skel_root(cx, layer, root, asset, &mut names)?);
@@ -45,7 +45,7 @@ pub(super) fn define_asset(
     Ok(parts)
 }
 
-/// Writes the twins of an asset's tracked instancers under `root`.
+/// Defines the point twins of an asset's tracked instancers under `root`. Returns the prims that take their time samples.
 pub(super) fn define_point_twins(
     cx: &UsdContext,
     layer: &mut LayerBuilder,

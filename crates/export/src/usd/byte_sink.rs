@@ -1,4 +1,4 @@
-//! Where the bytes of a layer go: a file of its own, or a member of a package.
+//! Targets for the bytes of a layer: a separate file, or a member of a package.
 
 use osier_base::Result;
 use osier_base::files::Output;

@@ -11,11 +11,11 @@ use osier_scene::{Fog, Trs};
 
 /// Vertical aperture in tenths of the scene unit, as UsdGeomCamera has it: 24 mm.
 const VERTICAL_APERTURE: f32 = 0.24;
-/// Aspect ratio of the aperture, width to height.
+/// Width of the aperture divided by its height.
 const APERTURE_ASPECT: f32 = 16.0 / 9.0;
 
 /// Defines camera, sun, sky and fog below `root`. `picture`: path of the sky's equirectangular image, relative to the layer;
-/// without one the sky has a single colour.
+/// without it the sky has a single colour.
 pub(super) fn define_camera_and_lights(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -28,8 +28,8 @@ pub(super) fn define_camera_and_lights(
     define_fog(cx, layer, &format!("{root}/fog"))
 }
 
-/// Defines fog as a prim with user properties, which Blender imports as custom properties; USD has no schema for it. Density, 1/m, is
-/// the extinction coefficient of the visibility.
+/// Defines fog as a prim with user properties, which Blender imports as custom properties; USD has no schema for fog. The
+/// density, 1/m, is the extinction coefficient that follows from the visibility.
 fn define_fog(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
     let Some(fog) = cx.scene.sky.fog else { return Ok(()) };
     layer.define_prim(path, "Xform")?;

@@ -6,15 +6,15 @@ use super::primvar::AnimatedPrimvar;
 use osier_base::Result;
 use osier_scene::{Attribute, AttributeData, Coat, MapFrame, MapSequence, Mesh, MeshObject};
 
-/// A mesh with a coated material.
+/// Primvar of a mesh with a coated material, which follows the maps of the frames.
 struct CoatWeight {
-    /// Of the mesh in its asset.
+    /// Index of the mesh in its asset.
     index: usize,
     coat: Coat,
     primvar: AnimatedPrimvar,
 }
 
-/// Weight of the coat at each point of a mesh: that of the texel that holds the point, 0 without maps.
+/// Weight of the coat at each point of a mesh, from the nearest texel of the map; 0 without maps.
 fn weight_at_points(mesh: &Mesh, coat: &Coat, sequence: &MapSequence, maps: Option<&MapFrame>) -> Attribute {
     let side = sequence.side;
     let texel = |x: f32| {
@@ -54,7 +54,7 @@ impl AnimatedPrim for CoatWeight {
     fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
         let sequence = self.coat.sequence as usize;
         let both = sample.asset.meshes.get(self.index).zip(cx.scene.map_sequences.get(sequence));
-        // A frame without maps gets no sample, so that the values of the last one are held.
+        // A frame without maps gets no sample, so readers hold the last values.
         let (Some((object, of)), Some(maps)) = (both, sample.maps.get(sequence)) else { return Ok(()) };
         let values = weight_at_points(&object.mesh, &self.coat, of, Some(maps));
         self.primvar.sample(layer, sample.time, &[values])

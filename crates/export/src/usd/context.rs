@@ -1,4 +1,4 @@
-//! What the writers of all prims share: the scene, the options, and the paths of files beside the layers.
+//! Data that the writers of all prims share: the scene, the options, and the paths of files beside the layers.
 
 use std::sync::Arc;
 
@@ -7,20 +7,20 @@ use super::layer_writer::AttrHandle;
 use crate::up_axis::UpAxis;
 use osier_scene::{Coat, Material, Scene};
 
-/// The scene and the options that hold for all layers.
+/// The scene and the options that all layers of an export share.
 #[derive(Debug, Clone)]
 pub(crate) struct UsdContext {
     pub(crate) scene: Arc<Scene>,
     pub(crate) up: UpAxis,
     /// Folder of the textures, relative to the layer, with a slash at the end.
     pub(crate) pictures: String,
-    /// Folder of the map sequences, relative to the layer, with a slash at the end; none if no maps are written.
+    /// Folder of the map sequences, relative to the layer, with a slash at the end; `None` if no maps are written.
     pub(crate) maps: Option<String>,
-    /// First frame that is written.
+    /// Number of the first frame that is written.
     pub(crate) first: u32,
     /// Largest error of the leaves' interpolated transforms.
     pub(crate) tolerance: Tolerance,
-    /// For each asset the length in its space that a pixel of the picture covers, m.
+    /// For each asset the pixel footprint of the picture in the asset's space, m.
     pub(crate) pixels: Arc<Vec<f32>>,
 }
 
@@ -31,7 +31,7 @@ impl UsdContext {
         self.scene.map_sequences.get(coat.sequence as usize).map(|_| coat)
     }
 
-    /// The file of a coat's weight at a frame.
+    /// Path of the file with a coat's weight at a frame, relative to the layer.
     pub(crate) fn coat_weight_file(&self, coat: &Coat, frame: u32) -> String {
         let name = self.scene.map_sequences.get(coat.sequence as usize).map_or("", |s| s.name.as_str());
         let folder = self.maps.as_deref().unwrap_or_default();
@@ -39,7 +39,7 @@ impl UsdContext {
     }
 }
 
-/// A texture whose file is another one at every frame.
+/// A texture whose file differs from frame to frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MapTexture {
     /// The coat whose weight the texture holds.

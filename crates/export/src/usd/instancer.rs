@@ -22,7 +22,7 @@ use osier_scene::{InstanceState, Instancer, InstancerMotion, Prototype, instance
 /// Variant set of prototypes with several levels of detail.
 const LOD_VARIANT_SET: &str = "LOD";
 
-/// Orientations in the axes of the stage; each on the side of that of the frame before, if there was one.
+/// Orientations in the axes of the stage, with the sign of each quaternion that is nearest to that of the frame before.
 pub(crate) fn continuous_stage_orientations(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec<Quat> {
     // Instances that had an orientation at the last frame continue its sign; new ones get w >= 0.
     let (known, new) = state.orientations.split_at(before.len().min(state.orientations.len()));
@@ -30,7 +30,7 @@ pub(crate) fn continuous_stage_orientations(up: UpAxis, state: &InstanceState, b
     known.chain(new.iter().map(|q| canonical_quat(up.stage_quat(*q)))).collect()
 }
 
-/// Quaternions rounded to half precision.
+/// Quaternions rounded to half precision, as `quath` stores them.
 pub(crate) fn to_quath(orientations: &[Quat]) -> Vec<[f16; 4]> {
     let mut out = vec![[f16::ZERO; 4]; orientations.len()];
     out.as_flattened_mut().convert_from_f32_slice(bytemuck::cast_slice(orientations));
@@ -49,7 +49,7 @@ fn degrees_per_second(up: UpAxis, v: &[Vec3]) -> Vec<[f32; 3]> {
     v.iter().map(|w| (up.stage_vec(*w) * factor).to_array()).collect()
 }
 
-/// A `PointInstancer` whose instances move.
+/// A `PointInstancer` that takes time samples.
 pub(super) struct AnimatedInstancer {
     /// Index of the instancer in its asset.
     index: usize,
@@ -66,15 +66,15 @@ pub(super) struct AnimatedInstancer {
     /// Orientations of the frame before, in the axes of the stage.
     before: Vec<Quat>,
     boxes: InstancerBounds,
-    /// Leave out samples that interpolation restores, as long as no frame has velocities, which go with the positions of their frame.
-    /// Not present for instances that are tracked one by one.
+    /// Reducers that omit the samples that interpolation restores. `None` for instances that are tracked one by one, and from the
+    /// first frame with velocities, as these belong to the positions of their frame.
     reducers: Option<InstanceReducers>,
-    /// Box of all frames so far.
+    /// Box of the instances over all frames so far, in the axes of the stage.
     clip_bounds: Bounds,
 }
 
-/// The reduction of the time samples of each attribute on its own: an attribute has its own times, and often one changes less than
-/// the others.
+/// Reduces the time samples of each attribute separately: their times may differ, and often one
+/// attribute changes less than the others.
 struct InstanceReducers {
     positions: SampleReducer<Vec3>,
     orientations: SampleReducer<Quat>,
@@ -82,7 +82,7 @@ struct InstanceReducers {
     scales: SampleReducer<Vec3>,
 }
 
-/// The samples that must be written now.
+/// Samples that the reducers have returned for writing, at most one for each attribute.
 #[derive(Default)]
 struct DueSamples {
     positions: Option<TimeSample<Vec3>>,
@@ -91,10 +91,10 @@ struct DueSamples {
 }
 
 impl InstanceReducers {
-    /// `pixel`: as [`InstancerSource::pixel`].
+    /// Derives tolerances from the sizes of the prototypes. `pixel`: see [`InstancerSource::pixel`].
     fn new(tolerance: &Tolerance, instancer: &Instancer, pixel: f32) -> Self {
         let seen = tolerance.pixels * pixel;
-        // A turn moves the far end of an instance: the corner of its prototype's box that is farthest from its origin.
+        // A rotation moves the far end of an instance: the corner of its prototype's box that is farthest from its origin.
         let far =
             |b: Bounds| if b.is_empty() { 0.0 } else { b.corners().map(Vec3::length).into_iter().fold(0.0, f32::max) };
         let reach: Vec<f32> = instancer.prototypes.iter().map(|p| far(p.bounds())).collect();
@@ -112,17 +112,17 @@ impl InstanceReducers {
     }
 }
 
-/// An instancer of an asset.
+/// Input of [`define_instancer`]: an instancer and the visibility of errors in its place.
 #[derive(Clone, Copy)]
 pub(super) struct InstancerSource<'a> {
-    /// Index in its asset.
+    /// Index in the instancers of its asset.
     pub(super) index: usize,
     pub(super) instancer: &'a Instancer,
-    /// Length that a pixel of the picture covers at the asset, m; 0 if even the shortest is seen.
+    /// Pixel footprint at the asset, m; 0 if errors of any size are visible.
     pub(super) pixel: f32,
 }
 
-/// Defines an instancer in its rest state, with its prototypes. Returns what takes its time samples, if it moves.
+/// Defines an instancer in its rest state, with its prototypes. Returns the prim that takes its time samples, if it moves.
 pub(super) fn define_instancer(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -209,7 +209,7 @@ fn define_prototypes(
     Ok(())
 }
 
-/// Defines the levels of detail of a prototype as variants of one prim; its own level is selected.
+/// Defines the levels of detail of a prototype as variants of one prim; the level of `proto` is selected.
 fn define_lod_variants(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -248,7 +248,7 @@ fn define_prototype_contents(
     }
 }
 
-/// Ids of the instances that are not alive.
+/// Ids of the instances that are not alive in a state.
 fn invisible_ids(instancer: &Instancer, state: &InstanceState) -> Vec<i64> {
     // Ids are the indices of the instances, as `ids` of the instancer lists them.
     let ids = state.alive.iter().take(instancer.len()).zip(0..);
@@ -336,8 +336,8 @@ impl AnimatedPrim for AnimatedInstancer {
     }
 }
 
-/// The instances of an instancer as a `Points` prim with their orientation, scale, prototype and other attributes as primvars,
-/// which Blender imports; its import of a `PointInstancer` loses them.
+/// The instances of an instancer as a `Points` prim with orientation, scale, prototype and other attributes as primvars. Blender
+/// imports them, while its import of a `PointInstancer` loses them.
 pub(super) struct PointTwin {
     /// Index of the instancer in its asset.
     index: usize,
@@ -348,9 +348,9 @@ pub(super) struct PointTwin {
     orient: AttrHandle,
     velocities: VelocitySamples,
     before: Vec<Quat>,
-    /// Primvars of the instances' attributes.
+    /// Primvars of the attributes of the instances.
     primvars: Vec<AnimatedPrimvar>,
-    /// Diameters of the living, m.
+    /// Diameter of each instance at size 1, m.
     diameters: Vec<f32>,
     scale: AttrHandle,
 }

@@ -32,7 +32,7 @@ pub(crate) struct InstancerBounds {
 }
 
 impl InstancerBounds {
-    /// Measures the prototypes of an instancer.
+    /// Measures the boxes of the prototypes and arranges the instances in blocks of [`LANES`].
     pub(crate) fn of(instancer: &Instancer, up: UpAxis) -> Self {
         let boxed = |p: &Prototype| {
             let points = Bounds::of(p.mesh.points.iter().map(|p| up.stage_vec(*p)));
@@ -50,8 +50,8 @@ impl InstancerBounds {
         Self { blocks: each.chunks(LANES).map(InstanceBoxLanes::of).collect() }
     }
 
-    /// The extent of the live instances. `turns`: orientations as they are written, x, y, z, w; `positions`: in the axes of the stage;
-    /// `state`: which are alive, and their sizes.
+    /// The extent of the live instances. `turns`: orientations as they are written, x, y, z, w; `positions`: in the axes of the
+    /// stage; `state`: which are alive, and their sizes.
     pub(crate) fn extent(&self, turns: &[[f16; 4]], positions: &[Vec3], state: &InstanceState) -> [[f32; 3]; 2] {
         let alive = &state.alive;
         // Back from half to single precision: the extent must hold for the orientations as they are stored.
@@ -85,7 +85,7 @@ impl InstancerBounds {
 }
 
 impl InstanceBoxLanes {
-    /// Transposes at most `LANES` instances: scale, centre and half sides of each, none without geometry.
+    /// Transposes at most [`LANES`] instances: scale, centre and half sides of each; `None` for an instance without geometry.
     fn of(each: &[Option<[Vec3; 3]>]) -> Self {
         let lane = |l: usize| each.get(l).copied().flatten();
         let of =
@@ -101,7 +101,7 @@ impl InstanceBoxLanes {
         }
     }
 
-    /// The same block with factors on the scales. `size`: of each lane.
+    /// The same block with the scales multiplied by factors. `size`: factor of each lane.
     fn with_size_factors(&self, size: impl Fn(usize) -> f32) -> Self {
         let size = Vec4::from_array(std::array::from_fn(size));
         Self { scale: self.scale.map(|v| v * size), reach: self.reach * size, ..*self }
@@ -137,8 +137,8 @@ impl ExtentLanes {
     /// Adds the boxes of four instances at positions `t` with orientations `q` (x, y, z, w).
     fn add(&mut self, shown: &InstanceBoxLanes, t: &[Vec3; LANES], q: &[[f32; 4]; LANES]) {
         let t = transpose_lanes(t);
-        // Skip blocks that cannot extend the box: t +- reach lies within it. The term 1e-6 |t| covers the rounding of all sums, so
-        // the result has the same bits as without this test.
+        // Skip blocks that cannot extend the box: t +- reach lies within it. The term 1e-6 |t| covers the rounding of all sums,
+        // so the result has the same bits as without this test.
         let within = |k: usize| {
             let reach = shown.reach + t[k].abs() * 1e-6;
             (t[k] - reach).cmpge(self.low[k]) & (t[k] + reach).cmple(self.high[k])
@@ -157,8 +157,8 @@ impl ExtentLanes {
     }
 }
 
-/// Rows of the matrices of four quaternions, by the formula that readers use. The quaternions were rounded and are not of unit
-/// length, so these are not exactly rotations.
+/// Rows of the matrices of four quaternions, by the formula that readers use. The quaternions are rounded and not of unit length,
+/// so the matrices are not exactly rotations.
 fn rotation_rows(q: &[[f32; 4]; LANES]) -> [Lanes3; 3] {
     let Mat4 { x_axis: x, y_axis: y, z_axis: z, w_axis: w } = Mat4::from_cols_array_2d(q).transpose();
     let (x2, y2, z2) = (x + x, y + y, z + z);

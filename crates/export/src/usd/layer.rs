@@ -20,7 +20,7 @@ pub(crate) struct LayerBuilder {
     bindings: Vec<MaterialBinding>,
 }
 
-/// A prim that is bound to a material.
+/// A prim and the material that it is bound to.
 #[derive(Debug, Clone)]
 pub(crate) struct MaterialBinding {
     /// Path of a mesh, a subset or curves.
@@ -28,7 +28,7 @@ pub(crate) struct MaterialBinding {
     pub(crate) material: MaterialId,
 }
 
-/// The state of an asset at a frame.
+/// The state of an asset at a frame, from which prims take their samples.
 pub(crate) struct AssetSample<'a> {
     pub(crate) asset: &'a Asset,
     pub(crate) state: &'a AssetFrame,
@@ -38,9 +38,9 @@ pub(crate) struct AssetSample<'a> {
     pub(crate) maps: &'a [MapFrame],
 }
 
-/// A prim with time samples.
+/// A prim that takes time samples frame by frame after it was defined at rest.
 pub(crate) trait AnimatedPrim: Send {
-    /// Adds the time samples of a frame.
+    /// Adds the time samples of the prim at the frame of `sample`.
     fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()>;
 
     /// Adds the samples that waited for later frames; called once, after the last one.
@@ -70,7 +70,7 @@ impl LayerBuilder {
         self.writer.create_attr(path, &AttrSpec::new(type_name), Some(value))
     }
 
-    /// Adds time samples of the file names of all textures that change with the frames.
+    /// Adds a time sample at `frame` with the file name of each texture that changes with the frames.
     pub(crate) fn sample_map_textures(&mut self, cx: &UsdContext, frame: u32) -> Result<()> {
         for s in &self.map_textures {
             self.writer.set_time_sample(

@@ -6,19 +6,19 @@ use crate::up_axis::UpAxis;
 use osier_base::Result;
 use osier_scene::Scene;
 
-/// Metadata of a layer.
+/// Metadata in the header of a layer: default prim, axes, frame range, and seed and hash of the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerMetadata {
-    /// Name of the root prim, without `/`, which a reference to the layer shows.
+    /// Name of the root prim, without `/`, to which a reference without a prim path refers.
     pub default_prim: String,
     pub up: UpAxis,
     /// Time codes per second; a time code is a frame.
     pub fps: f64,
-    /// Time code of the first frame.
+    /// Time code of the first frame of the clip.
     pub start: f64,
-    /// Time code of the last frame.
+    /// Time code of the last frame of the clip.
     pub end: f64,
-    /// Seed as a decimal string.
+    /// Seed of the scene as a decimal string.
     pub seed: String,
     /// Hash of the resolved scene, hexadecimal.
     pub scene: String,
@@ -73,7 +73,7 @@ pub struct PrimMetadata {
     pub variants: Option<VariantSet>,
 }
 
-/// A variant set of a prim.
+/// A variant set of a prim and its default selection.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct VariantSet {
     pub set: &'static str,
@@ -161,7 +161,7 @@ pub trait LayerWriter: Send {
     /// `Io`.
     fn create_relationship(&mut self, path: &str, targets: &[String]) -> Result<()>;
 
-    /// Completes and closes the file.
+    /// Writes the remaining data, such as tables, and closes the file.
     /// # Errors
     /// X004 if a text layer is too large, `Io`.
     fn finish(&mut self) -> Result<()>;

@@ -9,7 +9,7 @@ use osier_scene::{Coat, Material, MaterialClass};
 /// Roughness of a film of water on a leaf. Own: 0 would be a mirror of single bright pixels.
 const WATER_FILM_ROUGHNESS: f32 = 0.05;
 
-/// Writes a material and its shaders. Returns the pictures of it that change with the frames.
+/// Writes a material and its shaders. Returns the textures whose files change with the frames.
 pub(super) fn define_material(
     cx: &UsdContext,
     writer: &mut dyn LayerWriter,
@@ -51,7 +51,7 @@ pub(super) fn define_material(
         define_texture(writer, path, &TextureNode { name, file, material: m })?;
     }
     let Some(coat) = coat else { return Ok(Vec::new()) };
-    // What stands without a time is read by programs that know no times.
+    // The value without a time is read by programs that ignore time samples.
     let file = cx.coat_weight_file(&coat, cx.first);
     let attr = define_texture(writer, path, &TextureNode { name: coat.weight, file, material: m })?;
     Ok(vec![MapTexture { coat, attr }])
@@ -105,7 +105,7 @@ impl ShaderInputWriter<'_> {
             None => self.input("roughness", "float", UsdValue::Float(m.roughness))?,
         }
         if let Some(coat) = coat {
-            // A film over the surface, which keeps its own roughness and relief.
+            // A film over the surface; roughness and relief of the surface below it stay unchanged.
             self.connect("clearcoat", "float", &format!("{}.outputs:r", coat.weight))?;
             self.input("clearcoatRoughness", "float", UsdValue::Float(WATER_FILM_ROUGHNESS))?;
         }
@@ -122,7 +122,7 @@ impl ShaderInputWriter<'_> {
     }
 }
 
-/// The shader that looks up texture coordinates.
+/// Defines the shader that reads the texture coordinates `st` for all textures of a material.
 fn define_st_reader(writer: &mut dyn LayerWriter, network: &str) -> Result<()> {
     let path = format!("{network}/st");
     define_shader(writer, &path, "UsdPrimvarReader_float2")?;
@@ -131,15 +131,15 @@ fn define_st_reader(writer: &mut dyn LayerWriter, network: &str) -> Result<()> {
     s.output("result", "float2")
 }
 
-/// One map of a material.
+/// A texture of a material; its shader prim has the same name.
 struct TextureNode<'a> {
     name: &'static str,
-    /// Seen from the layer.
+    /// Path relative to the layer.
     file: String,
     material: &'a Material,
 }
 
-/// Writes a picture's shader. Returns the attribute that names its file.
+/// Writes the shader of a texture. Returns the attribute that holds the path of its file.
 fn define_texture(writer: &mut dyn LayerWriter, network: &str, picture: &TextureNode) -> Result<AttrHandle> {
     let path = format!("{network}/{}", picture.name);
     define_shader(writer, &path, "UsdUVTexture")?;
@@ -152,7 +152,7 @@ fn define_texture(writer: &mut dyn LayerWriter, network: &str, picture: &Texture
     s.connect("st", "float2", "st.outputs:result")?;
     let color = picture.name == "color";
     s.input("sourceColorSpace", "token", UsdValue::Token(if color { "sRGB" } else { "raw" }))?;
-    // A blade shows its picture once; bark and ground repeat theirs.
+    // A blade shows its texture once; bark and ground repeat theirs.
     let once = matches!(picture.material.class, MaterialClass::Leaf | MaterialClass::Catkin | MaterialClass::Water);
     for side in ["wrapS", "wrapT"] {
         s.input(side, "token", UsdValue::Token(if once { "clamp" } else { "repeat" }))?;

@@ -36,9 +36,9 @@ pub(crate) struct MeshTarget<'a> {
     pub(crate) root: &'a str,
     /// Path of the mesh prim in the layer.
     pub(crate) path: &'a str,
-    /// Bound to a skeleton.
+    /// Whether the mesh is bound to a skeleton.
     pub(crate) skinned: bool,
-    /// Its topology varies, so that its material subsets get time samples, too.
+    /// Whether its topology varies, so that its material subsets get time samples, too.
     pub(crate) varying: bool,
 }
 
@@ -46,7 +46,7 @@ pub(crate) struct MeshTarget<'a> {
 struct MeshArrays<'a> {
     points: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
-    /// 3 for each triangle.
+    /// The number 3 for each triangle.
     counts: Vec<i32>,
     indices: &'a [i32],
     extent: [[f32; 3]; 2],
@@ -84,7 +84,7 @@ fn material_faces(mesh: &Mesh) -> Result<Vec<(MaterialId, Vec<i32>)>> {
     Ok(out)
 }
 
-/// Defines a mesh in its rest state.
+/// Defines a mesh in its rest state, with its primvars and materials. Returns the attributes that frames may sample.
 pub(crate) fn define_mesh(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -121,7 +121,7 @@ pub(crate) fn define_mesh(
     layer.set_uniform(&format!("{path}.orientation"), "token", UsdValue::Token("rightHanded"))?;
     layer.set_uniform(&format!("{path}.subdivisionScheme"), "token", UsdValue::Token("none"))?;
     define_display_color(layer, path, mesh)?;
-    // The frames of varying topology have attributes of their own.
+    // Attributes of a mesh of varying topology are defined by the frames that have them.
     if !place.varying {
         primvar::define_all(layer, path, &mesh.attributes, cx.up)?;
     }
@@ -220,7 +220,7 @@ impl VelocitySamples {
         count: usize,
         time: f64,
     ) -> Result<()> {
-        // No attribute as long as no frame has had velocities: one of zeros alone would only cost space.
+        // No attribute as long as no frame has had velocities: one that holds only zeros would cost space.
         if values.is_empty() && self.0.is_none() {
             return Ok(());
         }
@@ -247,9 +247,10 @@ pub(super) struct DeformingMesh {
     pub(super) path: String,
     pub(super) attrs: MeshAttrs,
     pub(super) velocities: VelocitySamples,
-    /// Leaves out samples that interpolation restores, as long as no frame has velocities: those go with the points of their frame.
+    /// Omits samples that interpolation restores. `None` from the first frame with velocities, which
+    /// belong to the points of their frame.
     reducer: Option<SampleReducer<Vec3>>,
-    /// Box of all frames so far.
+    /// Box of the points over all frames so far, in the axes of the stage.
     pub(super) clip_bounds: Bounds,
 }
 
@@ -303,7 +304,7 @@ impl AnimatedPrim for DeformingMesh {
     }
 }
 
-/// A mesh whose topology is another one at every frame.
+/// A mesh whose topology differs from frame to frame.
 pub(super) struct VaryingMesh {
     pub(super) index: usize,
     pub(super) root: String,
@@ -314,7 +315,7 @@ pub(super) struct VaryingMesh {
     subsets: BTreeMap<MaterialId, AttrHandle>,
     /// Primvars of the attributes seen so far.
     primvars: Vec<AnimatedPrimvar>,
-    /// Times of the frames so far.
+    /// Time codes of the frames so far, at which primvars and subsets that appear later get empty samples.
     times: Vec<f64>,
 }
 
@@ -332,7 +333,7 @@ impl VaryingMesh {
         let path = format!("{}.velocities", place.path);
         let velocities = layer.set_attr(&path, "vector3f[]", UsdArray::Float3(&still).into())?;
         let families = material_faces(mesh)?;
-        // A family without any subset at any time is not valid: that of a mesh that is empty at rest begins with its first faces.
+        // A family without subsets is invalid: that of a mesh that is empty at rest is declared with the first faces.
         if !families.is_empty() {
             set_partition_family(layer, place.path)?;
         }
@@ -417,17 +418,17 @@ impl AnimatedPrim for VaryingMesh {
     }
 }
 
-/// A mesh of an asset.
+/// Input of [`define_unskinned`]: a mesh and the visibility of errors in its place.
 #[derive(Clone, Copy)]
 pub(super) struct MeshSource<'a> {
-    /// Index in its asset.
+    /// Index in the meshes of its asset.
     pub(super) index: usize,
     pub(super) object: &'a osier_scene::MeshObject,
-    /// Length that a pixel of the picture covers at the asset, m; 0 if even the shortest is seen.
+    /// Pixel footprint at the asset, m; 0 if errors of any size are visible.
     pub(super) pixel: f32,
 }
 
-/// Defines a mesh that is not skinned. Returns what takes its time samples, if it deforms or varies.
+/// Defines a mesh that is not skinned. Returns the prim that takes its time samples, if it deforms or varies.
 pub(super) fn define_unskinned(
     cx: &UsdContext,
     layer: &mut LayerBuilder,

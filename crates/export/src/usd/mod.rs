@@ -56,10 +56,10 @@ use osier_base::{Error, Result};
 use osier_scene::{AssetFrame, Frame, PixelFootprint, Scene, asset_bounds};
 use plant_instancer::{PrototypePrim, SinglePlacement};
 
-/// The stage of a bake that holds each asset once, in its folder.
+/// Path of the stage that holds each asset of a bake once, without placements.
 pub const ASSET_STAGE: &str = "usd/assets.usda";
 
-/// The entry of the registry.
+/// Registry entry of USD: a bake is a text layer with crate files as payloads.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "usd",
     about: "USD: a root layer (.usda) and a payload (.usdc) per asset; animated",
@@ -71,7 +71,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: open_exporters,
 };
 
-/// Opens the writer of a bake, or of a single file without animation, camera and lights.
+/// Opens the writer of a bake, or that of a single file, which has no animation, camera and lights.
 fn open_exporters(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
     let bake = &job.options.usd;
     let options = match job.file {
@@ -81,7 +81,7 @@ fn open_exporters(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
     vec![Box::new(UsdExporter::new(job.folder.clone(), Arc::clone(&job.textures), options))]
 }
 
-/// Own estimate: bytes per vertex, triangle, instance and time sample in crate files, whose index arrays are compressed.
+/// Estimate from bytes per vertex, triangle, instance and time sample in crate files, whose index arrays are compressed.
 fn estimate(input: &EstimateInput) -> u64 {
     let frames = input.frames;
     input.per_asset(|a| {
@@ -89,7 +89,7 @@ fn estimate(input: &EstimateInput) -> u64 {
         let still = vertices * 44 + (a.triangles + a.prototype_triangles) * 8 + a.instances * 40;
         // Position, orientation, two velocities; the point twin once more, with four attributes.
         let tracks = (a.free_instances * 124 + a.moving_curve_points * 12) * frames;
-        // A sample of a leaf is 20 bytes, of which about half are left out as not seen.
+        // A sample of a leaf has 20 bytes; about half of the samples are omitted as invisible.
         let posed = a.posed_frames(frames) * (a.deforming_vertices * 24 + a.instances * 9 + a.joints * 34);
         // Points, normals, velocities, indices and attributes of meshes whose frames are whole: measured on drops.
         let varying = a.varying_vertices * frames * 52;
@@ -97,14 +97,14 @@ fn estimate(input: &EstimateInput) -> u64 {
     })
 }
 
-/// A layer that takes the time samples of its prims.
+/// A layer that is open during the clip and takes the time samples of its prims.
 struct OpenLayer {
     layer: LayerBuilder,
     /// Index of the asset whose payload it is.
     payload_of: Option<usize>,
     /// Prims with time samples, each with the index of its asset.
     animated: Vec<(usize, Box<dyn AnimatedPrim>)>,
-    /// The first error of a frame; layers are written in parallel.
+    /// The first error in a frame, kept here because layers are written in parallel.
     failed: Option<Error>,
 }
 
@@ -194,8 +194,8 @@ impl UsdExporter {
             "Xform",
             &PrimMetadata { kind: Some("assembly"), ..PrimMetadata::default() },
         )?;
-        // Placements that are prims of their own come first, then the prototypes of plants with copies. Instances and extents of
-        // those follow in `finish`, when the bounds over the clip are known.
+        // Placements that are separate prims come first, then the prototypes of plants with copies. `finish` writes the instances
+        // and extents of the copies, when the bounds over the clip are known.
         let mut animated = Vec::new();
         let mut first: BTreeMap<usize, String> = BTreeMap::new();
         let shared = instanceable_assets(&cx.scene);
@@ -297,8 +297,8 @@ impl UsdExporter {
         layer.writer.finish()
     }
 
-    /// Writes the stage that shows each asset once, at the origin, for importers that place copies by the manifest: a root prim with
-    /// the payload of each asset, under the path that it has in its payload.
+    /// Writes the stage that shows each asset once, at the origin, for importers that place copies by the manifest: a root prim
+    /// with the payload of each asset, under the path that it has in its payload.
     fn write_asset_library(&self, cx: &UsdContext) -> Result<()> {
         let Some(first) = cx.scene.assets.first() else { return Ok(()) };
         let Some(out) = self.folder.create(ASSET_STAGE, "usda.assets", None)? else { return Ok(()) };
@@ -330,13 +330,13 @@ fn new_layer(cx: &UsdContext, writer: Box<dyn LayerWriter>, default_prim: &str) 
     Ok(layer)
 }
 
-/// Whether a placement shows the asset at a phase of the clip.
+/// Whether a placement of an asset has a phase above 0, so that samples beyond the end of the clip are read.
 fn has_phase_offset(scene: &Scene, asset: usize) -> bool {
     scene.placements.iter().any(|p| p.asset == asset && p.phase > 0)
 }
 
-/// Static assets with several placements, whose prims become instanceable. Animated ones do not: Blender reads their frames by the
-/// names that USD generates for the prototypes of instances, and those names change whenever the file is opened.
+/// Static assets with several placements, whose prims become instanceable. Animated ones do not: Blender reads their frames by
+/// the names that USD generates for the prototypes of instances, and those names change whenever the file is opened.
 fn instanceable_assets(scene: &Scene) -> BTreeSet<usize> {
     let (mut seen, mut shared) = (BTreeSet::new(), BTreeSet::new());
     for p in &scene.placements {
@@ -347,10 +347,10 @@ fn instanceable_assets(scene: &Scene) -> BTreeSet<usize> {
     shared
 }
 
-/// What the wrapper needs to know of the payloads when they are complete.
+/// Results of the payloads from which the wrapper is written.
 #[derive(Debug, Default)]
 struct PayloadSummary {
-    /// Box of each asset over all frames, in its own space with the stage's axes.
+    /// Box of each asset over all frames, in the asset's space with the stage's axes.
     clip_bounds: Vec<Bounds>,
     /// Material bindings of each asset's payload.
     bindings: Vec<Vec<MaterialBinding>>,
@@ -375,26 +375,27 @@ impl PayloadSummary {
         Self { clip_bounds, bindings }
     }
 
-    /// Material bindings of the payload of an asset.
+    /// Material bindings in the payload of an asset, in the order in which they were made; empty for
+    /// a payload that was not written.
     fn bindings(&self, asset: usize) -> &[MaterialBinding] {
         self.bindings.get(asset).map_or(&[], Vec::as_slice)
     }
 }
 
-/// What a prim of a single file shows.
+/// Contents of a prim in a single file: an asset or a reference to it.
 struct AssetPrim {
-    /// Index of the asset.
+    /// Index in the scene's assets.
     asset: usize,
-    /// Frames by which it is ahead of the clip.
+    /// Frames by which its motion is ahead of the clip.
     phase: u32,
-    /// A reference to it may be instanceable.
+    /// Whether a reference to the asset may be instanceable.
     may_share: bool,
-    /// Model kind of the prim.
+    /// Model kind in the prim's metadata; `None` for prototypes.
     kind: Option<&'static str>,
 }
 
 /// Defines the prim at `path` with the contents of an asset, or with a reference to the prim that has them. `first`: the prims
-/// with contents so far, by asset. Returns what takes time samples, with the index of the asset.
+/// with contents so far, by asset. Returns the prims that take time samples, with the index of the asset.
 fn define_asset_prim(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -420,15 +421,16 @@ fn define_asset_prim(
     Ok(animated.into_iter().map(|prim| (target.asset, prim)).collect())
 }
 
-/// The arc to the payload of an asset, `phase` frames ahead. `folder`: that of the payloads, relative to the layer.
+/// The arc to the payload of an asset, `phase` frames ahead; `None` without such an asset. `folder`: of the
+/// payloads, relative to the layer.
 fn payload_arc(cx: &UsdContext, asset: usize, phase: u32, folder: &str) -> Option<CompositionArc> {
     let name = safe_name(&cx.scene.assets.get(asset)?.id);
     Some(CompositionArc { asset: format!("{folder}{name}.usdc"), prim: format!("/{name}"), phase })
 }
 
-/// Binds the prims of the payload at `path` to the materials of the scene's root. Readers such as Blender create a material for
-/// each one they find bound: this way one for all payloads. Coated materials, whose maps change, stay
-/// the payload's own, and so do those of prims inside variants.
+/// Binds the prims of the payload at `path` to materials below the scene's root. Readers such as Blender create a material for
+/// each one that is bound: the payloads then share them. Coated materials, whose maps change, remain in the payload, as do
+/// those of prims inside variants.
 fn rebind_materials(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -440,7 +442,7 @@ fn rebind_materials(
         b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.coat.is_some())
     };
     if !bindings.is_empty() && !bindings.iter().any(own) {
-        // No prim is bound to the payload's own materials any more, so they need not be composed.
+        // No prim is bound to the materials of the payload any more, so they need not be composed.
         let meta = PrimMetadata { over: true, inactive: true, ..PrimMetadata::default() };
         layer.writer.define_prim(&format!("{path}/mtl"), "", &meta)?;
     }

@@ -1,7 +1,4 @@
-//! The placements of a scene: prims of their own, or instances of one `PointInstancer` for each plant with copies.
-//!
-//! The prototypes of such an instancer are whole plants (skeleton, bark, nested instancers of leaves): one for each individual and
-//! phase of its motion. A phase is a layer offset on the individual's payload, so that it costs a prim and no time samples.
+//! The placements of a scene: separate prims, or instances of one `PointInstancer` for each plant with copies.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,18 +24,18 @@ const RESERVED: [&str; 5] = ["camera", "sun", "sky", "fog", "mtl"];
 pub(super) struct PlantPrototype {
     /// Index in the scene's assets.
     pub(super) asset: usize,
-    /// Frames by which it is ahead of the clip.
+    /// Frames by which its motion is ahead of the clip.
     pub(super) phase: u32,
 }
 
-/// A prototype and the path of its prim.
+/// A prototype and the path of its prim, below the scope `Prototypes` of the instancer.
 #[derive(Debug)]
 pub(super) struct PrototypePrim {
     pub(super) prototype: PlantPrototype,
     pub(super) path: String,
 }
 
-/// A placement and the index of the prototype that it shows.
+/// A placement, and the index of its prototype in [`PlantInstancer::prototypes`].
 #[derive(Debug)]
 struct PlantInstance<'a> {
     placement: &'a Placement,
@@ -54,7 +51,7 @@ pub(super) struct PlantInstancer<'a> {
     instances: Vec<PlantInstance<'a>>,
 }
 
-/// A placement that is a prim of its own.
+/// A placement with a separate prim, outside of all instancers.
 #[derive(Debug)]
 pub(super) struct SinglePlacement<'a> {
     /// Path of its prim in the layer.
@@ -62,7 +59,7 @@ pub(super) struct SinglePlacement<'a> {
     pub(super) placement: &'a Placement,
 }
 
-/// How the placements of a scene are written.
+/// Division of the placements of a scene into instancers and separate prims.
 #[derive(Debug, Default)]
 pub(super) struct PlacementPlan<'a> {
     /// One per plant with copies, in the order of their first placements.
@@ -71,8 +68,8 @@ pub(super) struct PlacementPlan<'a> {
     pub(super) singles: Vec<SinglePlacement<'a>>,
 }
 
-/// Divides the placements of a scene below `root` into instancers and prims of their own. A plant has copies if one of its
-/// individuals has several placements. `instancers`: false makes every placement a prim of its own.
+/// Divides the placements of a scene below `root` into instancers and separate prims. A plant has copies if one of its
+/// individuals has several placements. `instancers`: if false, every placement has a separate prim.
 pub(super) fn plan_placements<'a>(scene: &'a Scene, root: &str, instancers: bool) -> PlacementPlan<'a> {
     let copied: BTreeSet<&str> = if instancers { groups_with_copies(scene) } else { BTreeSet::new() };
     let mut names = Names::default();
@@ -134,7 +131,7 @@ impl PlantInstancer<'_> {
     }
 
     /// Writes the transforms and prototypes of the instances, and the extent. `clip_bounds`: the box of each asset over the whole
-    /// clip, in its own space with the stage's axes.
+    /// clip, in the asset's space with the stage's axes.
     pub(super) fn write_instance_arrays(
         &self,
         cx: &UsdContext,
@@ -180,7 +177,7 @@ impl PlantInstancer<'_> {
     }
 }
 
-/// A box in the axes of the stage.
+/// Converts a box from the axes of the scene to those of the stage; an empty box stays empty.
 pub(super) fn stage_bounds(up: UpAxis, b: &Bounds) -> Bounds {
     if b.is_empty() { Bounds::default() } else { Bounds::of([up.stage_vec(b.min), up.stage_vec(b.max)]) }
 }

@@ -19,7 +19,7 @@ fn binding_api_metadata() -> PrimMetadata {
     PrimMetadata { api: vec!["MaterialBindingAPI"], ..PrimMetadata::default() }
 }
 
-/// A point cloud with time samples.
+/// A moving point cloud, which samples positions, widths, velocities and, if it has them, colours.
 struct AnimatedPoints {
     /// Index of the cloud in its asset.
     index: usize,
@@ -31,7 +31,7 @@ struct AnimatedPoints {
     colors: Option<AttrHandle>,
 }
 
-/// Defines a point cloud in its rest state. Returns what takes its time samples, if it moves.
+/// Defines a point cloud in its rest state. Returns the prim that takes its time samples, if it moves.
 pub(super) fn define_points(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -85,7 +85,7 @@ impl AnimatedPrim for AnimatedPoints {
     }
 }
 
-/// Curves with time samples.
+/// Moving curves, which sample points and extent.
 struct AnimatedCurves {
     /// Index of the curves in their asset.
     index: usize,
@@ -100,7 +100,7 @@ fn curves_extent(points: &[Vec3], widths: &[f32]) -> [[f32; 3]; 2] {
     extent_corners(&Bounds::of(points.iter().copied()).grown(widest * 0.5))
 }
 
-/// Defines curves in their rest state. Returns what takes their time samples, if they move.
+/// Defines curves in their rest state. Returns the prim that takes their time samples, if they move.
 pub(super) fn define_curves(
     cx: &UsdContext,
     layer: &mut LayerBuilder,

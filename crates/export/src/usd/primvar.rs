@@ -9,7 +9,7 @@ use glam::Vec3;
 use osier_base::Result;
 use osier_scene::{Attribute, AttributeData, AttributeDomain};
 
-/// A primvar that frames give values.
+/// A primvar whose values change with the frames.
 #[derive(Debug, Clone)]
 pub(super) struct AnimatedPrimvar {
     /// Name of the scene's attribute; the primvar has the same.
@@ -20,13 +20,13 @@ pub(super) struct AnimatedPrimvar {
 }
 
 impl AnimatedPrimvar {
-    /// Defines the primvar of an attribute of the prim at `path`, without a value.
+    /// Defines the primvar of an attribute of the prim at `path`, without a default value: only frames give it values.
     pub(super) fn create(layer: &mut LayerBuilder, path: &str, attribute: &Attribute) -> Result<Self> {
         let attr = layer.writer.create_attr(&primvar_path(path, attribute), &spec(attribute), None)?;
         Ok(Self { name: attribute.name, attr, empty: attribute.data.gather(&[]) })
     }
 
-    /// Defines it with the attribute's values.
+    /// Defines the primvar of an attribute of the prim at `path`, with the attribute's values as default value.
     pub(super) fn define(layer: &mut LayerBuilder, path: &str, attribute: &Attribute) -> Result<Self> {
         let spec = spec(attribute);
         let value = usd_array(&attribute.data)?.into();
@@ -34,20 +34,20 @@ impl AnimatedPrimvar {
         Ok(Self { name: attribute.name, attr, empty: attribute.data.gather(&[]) })
     }
 
-    /// Adds a sample: the values of its attribute among those of a frame, or none.
+    /// Adds a sample: the values of the attribute with its name in `attributes`, or an empty array.
     pub(super) fn sample(&self, layer: &mut LayerBuilder, time: f64, attributes: &[Attribute]) -> Result<()> {
         // An attribute that a frame lacks is written as empty: without a sample, the values of the frame before would be held.
         let data = attributes.iter().find(|a| a.name == self.name).map_or(&self.empty, |a| &a.data);
         layer.writer.set_time_sample(self.attr, time, usd_array(data)?.into())
     }
 
-    /// True if a frame has values for it.
+    /// Whether `attributes` contain values for the primvar.
     pub(super) fn has_values_in(&self, attributes: &[Attribute]) -> bool {
         attributes.iter().any(|a| a.name == self.name && !a.data.is_empty())
     }
 }
 
-/// Defines the primvars of all attributes that have values; vectors are turned to the axes of the stage.
+/// Defines the primvars of all attributes that have values; vectors are rotated from the axes of the scene to those of the stage.
 pub(super) fn define_all(
     layer: &mut LayerBuilder,
     path: &str,
@@ -80,7 +80,7 @@ fn spec(attribute: &Attribute) -> AttrSpec {
     AttrSpec::primvar(type_name, interpolation)
 }
 
-/// The values as USD has them: all integers are signed.
+/// The values in element types of USD, in which all integers are signed.
 fn usd_array(data: &AttributeData) -> Result<UsdArray<'_>> {
     Ok(match data {
         AttributeData::U32(v) => UsdArray::Int(as_ints(v, "values of an attribute")?),

@@ -4,30 +4,30 @@
 //! frames wait as long as interpolation between the last written sample and the newest frame restores all of them; when it no
 //! longer does, the frame before the newest is written.
 //!
-//! A sample may go if all elements are restored within a strict tolerance, or if nearly all of them are restored so well that the
-//! difference is not seen in the camera's picture ([`SampleTolerance`]).
+//! A sample may be left out if all elements are restored within a strict tolerance, or if nearly all of them are restored so well
+//! that the difference is not visible in the picture of the camera ([`SampleTolerance`]).
 
 use glam::{Quat, Vec3};
 
-/// Most frames that wait between two written samples. It bounds the memory of an instancer (8 frames of transforms) and the
-/// work per frame; a larger value saves samples only of what hardly moves.
+/// Most frames that wait between two written samples. It bounds the memory of an instancer (8 frames of transforms) and the work
+/// per frame; a larger value saves samples only of objects that hardly move.
 const MAX_GAP: usize = 8;
 
-/// Share of the elements that must be restored within [`SampleTolerance::seen`]. Own: a few leaves that flap wildly would keep the
-/// samples of all others.
+/// Share of the elements that must be restored within [`SampleTolerance::seen`]. Own: a few leaves that flap wildly would keep
+/// the samples of all others.
 const SEEN_SHARE: f64 = 0.99;
 /// Most error of the remaining elements, as a multiple of [`SampleTolerance::seen`]. Own.
 const SEEN_MOST: f32 = 4.0;
 
-/// Error up to which samples are left out.
+/// Error up to which samples are omitted.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct SampleTolerance {
-    /// For all elements, in their unit: m or rad. 0 keeps every sample, whatever can be seen.
+    /// Limit for all elements, in their unit: m or rad. 0 keeps every sample, whatever `seen` is.
     pub(super) strict: f32,
-    /// Distance that is too short to be seen, m, for 99 of 100 elements; the others may be off by four times as much. 0: any
-    /// distance is seen.
+    /// Longest invisible distance, m, for 99 of 100 elements; the others may be off by four times as
+    /// much. 0: every distance is visible.
     pub(super) seen: f32,
-    /// For each element the distance by which an error of one unit moves what it carries, m per unit; empty: 1.
+    /// For each element the lever by which an error of one unit becomes a distance, m per unit; empty: 1 for all.
     pub(super) levers: Vec<f32>,
 }
 
@@ -54,20 +54,20 @@ impl Interpolated for Quat {
     }
 }
 
-/// A time sample of an array attribute.
+/// Values of an array attribute at a time code, one for each element.
 #[derive(Debug, Clone)]
 pub(super) struct TimeSample<T> {
     pub(super) time: f64,
     pub(super) values: Vec<T>,
 }
 
-/// Takes the frames of one array attribute and returns those that must be written as time samples.
+/// Takes the frames of one array attribute one by one, and returns those that must be written as time samples.
 #[derive(Debug)]
 pub(super) struct SampleReducer<T> {
     tolerance: SampleTolerance,
-    /// The sample that was written last.
+    /// The sample that was written last, from which interpolation starts.
     last: Option<TimeSample<T>>,
-    /// Frames since then, in order.
+    /// Frames after `last` that are not written yet, in order.
     waiting: Vec<TimeSample<T>>,
 }
 
@@ -97,7 +97,7 @@ impl<T: Interpolated> SampleReducer<T> {
         due
     }
 
-    /// The last frame, if it has not been written.
+    /// The last frame, if it has not been written; call it once, after all frames.
     pub(super) fn finish(&mut self) -> Option<TimeSample<T>> {
         let last = self.waiting.pop();
         self.waiting.clear();

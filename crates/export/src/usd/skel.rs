@@ -33,13 +33,13 @@ pub(crate) struct SkelAnimation {
     rotations: AttrHandle,
     scales: AttrHandle,
     extent: AttrHandle,
-    /// Rotations of the frame before.
+    /// Rotations of the frame before, whose signs the next frame continues.
     before: Vec<Quat>,
-    /// Box of all frames so far.
+    /// Box of the posed points over all frames so far, in the axes of the stage.
     clip_bounds: Bounds,
 }
 
-/// Whether a mesh is deformed by the skeleton in this format, instead of by points of its own.
+/// Whether the skeleton deforms a mesh when the file is read; other meshes get the points of each frame.
 pub(super) fn is_skinned(asset: &Asset, object: &MeshObject) -> bool {
     asset.skeleton.is_some() && object.skin.is_some() && object.motion == MeshMotion::Skinned
 }
@@ -156,11 +156,11 @@ pub(crate) fn define_animation(
 
 /// Joints and weights of the points of a mesh, `size` of each for every point.
 pub(crate) struct PointInfluences<'a> {
-    /// Influences of a point.
+    /// Number of influences of each point.
     pub size: i32,
     /// Indices into the joints of the skeleton, point after point.
     pub joints: &'a [i32],
-    /// Weights beside them.
+    /// Weights of the joints, in the same order.
     pub weights: &'a [f32],
 }
 
@@ -193,8 +193,8 @@ pub(crate) fn bind_points(
 
 /// Binds a mesh to a skeleton with the four influences of each point. `skeleton`: its path.
 ///
-/// Weights are multiples of 1/1023 that sum to 1: a crate file holds such an array as a table of at most 1024 values, in less than half
-/// of the bytes. A point is off by at most 1/1023 of the distance between the places that two of its joints give it.
+/// Weights are multiples of 1/1023 that sum to 1: a crate file holds such an array as a table of at most 1024 values, in less
+/// than half of the bytes. A point is off by at most 1/1023 of the distance between its positions under two of its joints.
 pub(crate) fn bind_skin(layer: &mut LayerBuilder, skeleton: &str, mesh: &str, skin: &SkinWeights) -> Result<()> {
     // Flat lists of four for each point; `elementSize` says so.
     let joints: Vec<i32> = skin.joints.as_flattened().iter().map(|j| i32::from(*j)).collect();
@@ -203,7 +203,7 @@ pub(crate) fn bind_skin(layer: &mut LayerBuilder, skeleton: &str, mesh: &str, sk
     bind_points(layer, skeleton, mesh, &influences)
 }
 
-/// Four weights as multiples of 1/1023.
+/// Four weights as multiples of 1/1023 that sum to 1.
 fn rounded_weights(weights: &[f32; 4]) -> [f32; 4] {
     integer_weights(weights, 1023).map(|w| f32::from(w) / 1023.0)
 }

@@ -16,14 +16,14 @@ const ALIGN: u64 = 64;
 const LOCAL_HEADER: usize = 30;
 /// 1980-01-01 in MS-DOS form, so that equal content gives equal bytes.
 const DATE: u16 = 1 << 5 | 1;
-/// Identifier of the extra field that holds the padding; the one OpenUSD's own writer uses.
+/// Identifier of the extra field that holds the padding, the same as that of OpenUSD's writer.
 const PADDING_ID: u16 = 0x1986;
 /// Bytes at the front of the root layer that may be rewritten: more than the header of a crate file.
 const REWRITABLE_BYTES: usize = 128;
 
 /// A member that follows the root layer.
 pub(super) struct UsdzMember {
-    /// Path in the package.
+    /// Path in the package, as layers refer to it.
     pub(super) name: String,
     pub(super) bytes: Arc<[u8]>,
 }
@@ -45,7 +45,7 @@ pub(super) struct UsdzWriter {
 /// A member as the central directory lists it.
 struct ZipEntry {
     name: String,
-    /// Of its local file header.
+    /// Offset of its local file header in the package.
     offset: u64,
     bytes: u64,
     crc: u32,
@@ -93,7 +93,7 @@ impl UsdzWriter {
 
 impl ByteSink for UsdzWriter {
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
-        // The first bytes are kept for the checksum at the end; only what follows them is added to it as it passes.
+        // The first bytes are kept for the checksum at the end; only the bytes after them are added to the checksum at once.
         let into_head = bytes.len().min(REWRITABLE_BYTES - self.head.len().min(REWRITABLE_BYTES));
         let (head, tail) = bytes.split_at(into_head);
         self.head.extend_from_slice(head);

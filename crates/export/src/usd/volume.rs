@@ -7,12 +7,12 @@ use super::value::UsdValue;
 use crate::vdb::{volume_files, volume_path};
 use osier_base::Result;
 
-/// Defines a Volume below `root` for each file of the scene's volumes, with a field for each grid. `frames`: numbers of the frames
-/// that were written, rising.
+/// Defines a Volume below `root` for each file of the scene's volumes, with a field for each grid. `frames`: numbers of the
+/// frames that were written, increasing.
 pub(super) fn define_volumes(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, frames: &[u32]) -> Result<()> {
     let scene = &cx.scene;
     for file in volume_files(scene) {
-        // A placement may have the same name.
+        // A placement may have the name of the file: the volume then gets a suffix.
         let is_taken = scene.placements.iter().any(|p| p.name == file);
         let path = format!("{root}/{file}{}", if is_taken { "_volume" } else { "" });
         layer.define_prim(&path, "Volume")?;

@@ -1,5 +1,5 @@
-//! Bytes of an OpenVDB file, version 223, little-endian: header, metadata, then per grid a descriptor, metadata, transform, topology
-//! and buffers.
+//! Bytes of an OpenVDB file, version 223, little-endian: header, metadata, then per grid a descriptor, metadata, transform,
+//! topology and buffers.
 //! Source: the file format of OpenVDB, as its library and that of Houdini read it.
 
 use half::f16;
@@ -13,7 +13,7 @@ use osier_base::par::par_map;
 use osier_base::{Error, Result};
 use osier_scene::{Scene, VolumeFrame, VolumeGrid, VolumeValues};
 
-/// First eight bytes of a file.
+/// First eight bytes of a file, by which readers recognise OpenVDB.
 const MAGIC: i64 = 0x5644_4220;
 /// Version of the file format; 224 is that of points, of which older readers warn.
 const FILE_VERSION: u32 = 223;
@@ -22,7 +22,7 @@ const LIBRARY_VERSION: [u32; 2] = [12, 0];
 /// Children of a node of level 5 and of one of level 4.
 const CHILDREN_5: usize = 1 << 15;
 const CHILDREN_4: usize = 1 << 12;
-/// Most active voxels of a file.
+/// Most active voxels of a file; more are refused (X010).
 pub(super) const MAX_VOXELS: u64 = 64_000_000;
 /// Level of zlib, 1 to 9; larger ones take longer and save little on half-precision numbers.
 const ZLIB_LEVEL: u8 = 6;
@@ -34,13 +34,13 @@ const ACTIVE_ONLY: u32 = 2;
 const INACTIVE_IS_BACKGROUND: u8 = 0;
 const ALL_VALUES: u8 = 6;
 
-/// A grid and its values at the frame of the file.
+/// A grid with its values at the frame of the file.
 pub(super) struct FilledGrid<'a> {
     pub grid: &'a VolumeGrid,
     pub values: &'a VolumeFrame,
 }
 
-/// The file of some grids at a frame.
+/// The file of `grids` at a frame: header and metadata, then the grids in the order of their names.
 /// # Errors
 /// X001 for a value that is not finite, X010 for too many voxels.
 pub(super) fn vdb_bytes(
@@ -54,7 +54,7 @@ pub(super) fn vdb_bytes(
     out.put(&MAGIC.to_le_bytes());
     out.put_u32(FILE_VERSION);
     LIBRARY_VERSION.iter().for_each(|v| out.put_u32(*v));
-    // Offsets follow in the descriptors of the grids.
+    // Flag: the descriptors of the grids contain offsets.
     out.put(&[1]);
     out.put(uuid(&scene.hash, file, frame).as_bytes());
     let seed = scene.seed.to_string();
@@ -83,21 +83,21 @@ pub(super) fn too_many_voxels(file: &str, frame: u32, voxels: u64) -> Error {
     Error::export("X010", message)
 }
 
-/// An identifier in the form 8-4-4-4-12 that the contents' names determine.
+/// An identifier in the form 8-4-4-4-12, which depends only on the hash of the scene, the name of the file and the frame.
 fn uuid(hash: &str, file: &str, frame: u32) -> String {
     let hex = blake3::hash(format!("{hash} {file} {frame}").as_bytes()).to_hex();
     let part = |from: usize, to: usize| &hex.as_str()[from..to];
     [part(0, 8), part(8, 12), part(12, 16), part(16, 20), part(20, 32)].join("-")
 }
 
-/// A value of the metadata.
+/// A metadata value of one of the types that osier writes.
 enum Meta<'a> {
     Bool(bool),
     Int32(i32),
     String(&'a str),
 }
 
-/// The bytes of a file so far.
+/// The bytes of a file so far; numbers are little-endian.
 #[derive(Default)]
 struct VdbBytes(Vec<u8>);
 
@@ -136,7 +136,7 @@ impl VdbBytes {
         }
     }
 
-    /// Writes the present length at an earlier position.
+    /// Overwrites the 8 bytes at `at` with the current length, the position of the next part.
     fn patch_position(&mut self, at: usize) {
         let position = (self.0.len() as u64).to_le_bytes();
         self.0[at..at + 8].copy_from_slice(&position);
@@ -246,7 +246,7 @@ impl<'a> GridEncoder<'a> {
                 vec![h, 0.0, 0.0, 0.0, 0.0, 0.0, h, 0.0, 0.0, -h, 0.0, 0.0, x, -z, y, 1.0]
             }
         };
-        // Adding 0 turns -0 into 0.
+        // Adding 0 turns -0 into 0: equal values have equal bytes.
         numbers.iter().for_each(|v| out.put(&(v + 0.0).to_le_bytes()));
     }
 

@@ -19,13 +19,13 @@ use osier_scene::{Frame, Scene, VolumeGrid};
 
 /// Bytes of a grid without voxels: inner nodes, descriptor and metadata, measured.
 const GRID_BYTES: u64 = 10_000;
-/// Bytes for each element that a grid of numbers may count, half of them in each of two grids: 100 where all are scattered, of which
-/// 7 remain where most lie side by side; measured.
+/// Bytes per element and scalar grid, measured. An element lies in one of two grids and takes 100 bytes there if all elements are
+/// scattered, 7 if most lie side by side; half of 100 is counted for each grid.
 const SCALAR_CELL: u64 = 50;
-/// Bytes of a cell of a dense grid of vectors for each byte of a number, zipped; measured.
+/// Bytes per cell of a dense, zipped grid of vectors for each byte of a number; measured.
 const VECTOR_CELL: u64 = 3;
 
-/// The entry of the registry.
+/// Registry entry of OpenVDB: sparse grids, at each frame a file for each `VolumeGrid::file`.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "vdb",
     about: "OpenVDB: wind, catkins in flight and at rest as voxel grids, a file per frame",
@@ -37,7 +37,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(VdbExporter::new(job.folder.clone(), job.options.vdb))],
 };
 
-/// Own estimate: cells of every grid at the frames that are written.
+/// Estimate from cells of every grid, at the frames at which the grid is written.
 fn estimate(input: &EstimateInput) -> u64 {
     let bytes_per_number = if input.options.vdb.half { 2 } else { 4 };
     let of = |grid: &VolumeGrid| {
@@ -47,12 +47,12 @@ fn estimate(input: &EstimateInput) -> u64 {
     input.scene.volumes.iter().map(of).sum()
 }
 
-/// The path of a file of volumes at a frame.
+/// Path of a file of volumes at a frame, relative to the output folder.
 pub(crate) fn volume_path(scene: &Scene, file: &str, frame: u32) -> String {
     format!("vdb/{file}_{}.vdb", scene.clip.tag(frame))
 }
 
-/// Refuses a grid of vectors, which is dense, with more cells than a file may have. `frame`: the first of the clip.
+/// Refuses a dense grid (of vectors) with more cells than a file may have. `frame`: number for the message.
 /// # Errors
 /// X010.
 pub fn check_dense_grid(grid: &VolumeGrid, frame: u32) -> Result<()> {
@@ -86,7 +86,7 @@ impl VdbExporter {
 
 impl Exporter for VdbExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
-        // A dense grid is known to be too large before anything is simulated.
+        // A dense grid is refused before anything is simulated, as its size is known.
         scene.volumes.iter().try_for_each(|grid| check_dense_grid(grid, scene.clip.start))?;
         self.scene = Some(Arc::clone(scene));
         Ok(())

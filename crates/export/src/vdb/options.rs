@@ -2,14 +2,14 @@
 
 use crate::up_axis::UpAxis;
 
-/// How voxel grids are stored.
+/// Precision, compression and axes of voxel grids in files.
 #[derive(Debug, Clone, Copy)]
 pub struct VdbOptions {
-    /// Values in half precision, unless one exceeds its range.
+    /// Whether values have half precision, unless one exceeds its range.
     pub half: bool,
-    /// Values compressed with zlib.
+    /// Whether values are compressed with zlib.
     pub zip: bool,
-    /// Axis that points up in the files: that of the USD stage that shows them.
+    /// Axis that points up in the files, the same as in a USD stage beside them.
     pub up: UpAxis,
 }
 

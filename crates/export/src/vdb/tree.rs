@@ -35,7 +35,7 @@ impl LeafKey {
     }
 }
 
-/// A leaf with its active voxels.
+/// A leaf of the tree with its active voxels; inactive ones have the background value.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Leaf {
     pub key: LeafKey,
@@ -71,7 +71,6 @@ impl Leaf {
     }
 }
 
-/// The value of a voxel.
 #[derive(Debug, Clone, Copy)]
 enum Value {
     Scalar(f32),
@@ -86,7 +85,7 @@ impl Value {
         }
     }
 
-    /// NaN is active, so that it is found when it is written.
+    /// Whether it differs from the background. NaN counts as active, so that it is reported when it is written.
     fn is_active(self) -> bool {
         match self {
             Self::Scalar(v) => v.is_nan() || v.abs() > INACTIVE,

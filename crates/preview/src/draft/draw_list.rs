@@ -21,7 +21,7 @@ pub(super) struct PrimitiveRange {
     number: u64,
 }
 
-/// All primitives of a scene.
+/// All primitives of a scene in batches of equal size, which threads draw in parallel.
 #[derive(Debug)]
 pub(super) struct DrawList {
     batches: Vec<Vec<PrimitiveRange>>,
@@ -63,14 +63,14 @@ impl DrawList {
 
 /// A raster that primitives are drawn into.
 pub(super) trait RasterTarget {
-    /// The part of the raster in the bounding box of points, `None` if it is empty.
+    /// Columns and rows of the raster within the bounding box of projected points; `None` if the box lies outside.
     fn covered_rect<const N: usize>(
         &self,
         projection: &InstanceProjection,
         points: &[ProjectedPoint; N],
     ) -> Option<RasterRect>;
 
-    /// Draws the triangle with a number. `is_opaque`: false at barycentric coordinates where a texture cuts it out.
+    /// Draws the triangle with a number. `is_opaque`: whether the texture leaves a surface at barycentric coordinates.
     fn draw_triangle(
         &self,
         projection: &InstanceProjection,
@@ -129,7 +129,6 @@ impl PrimitiveRange {
     }
 }
 
-/// The projected corners of a box.
 fn project_box(projection: &InstanceProjection, [min, max]: [Vec3; 2]) -> [ProjectedPoint; 8] {
     Bounds { min, max }.corners().map(|p| projection.project(p))
 }

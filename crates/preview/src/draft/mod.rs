@@ -1,7 +1,7 @@
 //! Drafts: the scene is rasterised for the camera and then for the light. No ray is cast and no BVH built.
 //!
-//! One sample per pixel: a [`VisibilityBuffer`] finds what it shows, [`shadow_cells`] whether the sun reaches it, a
-//! [`SkyVisibility`] grid how much of the sky does; shading and tone mapping are those of ray tracing.
+//! One sample per pixel: a [`VisibilityBuffer`] finds the visible surface, [`shadow_cells`] whether the sun reaches it, a
+//! [`SkyVisibility`] grid the share of the sky that does; shading and tone mapping are those of ray tracing.
 
 mod draw_list;
 mod projection;
@@ -75,12 +75,12 @@ struct DraftRenderer<'d, 'w> {
     draw_list: DrawList,
 }
 
-/// What the pixels of a band show.
+/// The visible point of each pixel of a band, as input of shading.
 struct VisiblePoints {
     hits: Vec<Vec<PixelHit>>,
     /// Positions just off the surface, m, indexed by row and column; NaN where nothing is hit.
     positions: Vec<Vec<Vec3>>,
-    /// True where the sun is visible, row after row.
+    /// Whether the sun is visible, row after row.
     is_sunlit: Vec<bool>,
 }
 
@@ -113,7 +113,7 @@ impl<'d, 'w> DraftRenderer<'d, 'w> {
         Ok(VisiblePoints { hits, positions, is_sunlit })
     }
 
-    /// The finished pixels of a band.
+    /// Shades the pixels of a band, in parallel by rows.
     fn shade(&self, band: RowBand, visible: &VisiblePoints, sky_visibility: &SkyVisibility) -> Vec<[u8; 4]> {
         let width = band.size[0] as usize;
         let row = |y: &usize| -> Vec<[u8; 4]> {
@@ -128,7 +128,7 @@ impl<'d, 'w> DraftRenderer<'d, 'w> {
         par_map(&rows, row).concat()
     }
 
-    /// What pixel `i` of a band shows, and the point from which sun and sky are looked for.
+    /// The surface that pixel `i` of a band shows, and the point from which the visibility of sun and sky is tested.
     fn visible_point(&self, buffer: &VisibilityBuffer<'_>, band: RowBand, i: usize) -> (PixelHit, Vec3) {
         let PrimaryRay { direction: d, floor_distance } =
             self.camera.primary_ray(self.floor, band.pixel_position(i), [0.5, 0.5]);

@@ -171,7 +171,7 @@ impl InstanceProjection {
         } else {
             edges[0] + edges[1] + edges[2]
         };
-        // Both sides are visible: the sign is that of the side that faces the viewer.
+        // Both sides of a triangle are visible: the sign makes the edge functions positive inside for either orientation.
         let side = if determinant < 0.0 { -1.0 } else { 1.0 };
         Some(TriangleRaster { edges: edges.map(|e| e * side), depth: depth * inverse })
     }
@@ -187,8 +187,8 @@ impl TriangleRaster {
         min_f32(min_f32(a, b), c)
     }
 
-    /// The part of some columns that the triangle may touch between the rows `y0` and `y1`: of a thin slanting
-    /// triangle only a little of its bounding box. `zero`: column that pixel coordinates count from.
+    /// The part of `columns` that the triangle may touch between the rows `y0` and `y1`, much narrower than the bounding box for
+    /// a thin slanting triangle. `zero`: column that pixel coordinates count from.
     #[inline]
     pub(super) fn touched_columns(&self, columns: &Range<u32>, [y0, y1]: [f32; 2], zero: u32) -> Range<u32> {
         if columns.end - columns.start <= SHORT_SPAN {
@@ -247,7 +247,7 @@ impl ProjectedVertices {
         self.points.extend(used.iter().map(|p| projection.project(*p)));
     }
 
-    /// The corners of a triangle of those that were projected.
+    /// The projected corners of a triangle, by their indices in the mesh.
     #[inline]
     pub(super) fn corners(&self, corners: [usize; 3]) -> [ProjectedPoint; 3] {
         corners.map(|i| self.points.get(i - self.first).copied().unwrap_or_default())

@@ -22,8 +22,8 @@ const POINTS_PER_CELL: f32 = 0.2;
 /// Cells along a side at most; bounds the memory of the raster to 16 MB.
 const MAX_SIDE: f32 = 2048.0;
 
-/// Which points a distant light reaches, row after row. `to_light`: unit vector; `rows`: points just off their
-/// surfaces, m; those that are not finite count as lit.
+/// Whether a distant light reaches each point, row after row. `to_light`: unit vector; `rows`: points just off their surfaces, m;
+/// points that are not finite count as lit.
 pub(super) fn sunlit_points(
     world: &RenderScene<'_>,
     to_light: Vec3,
@@ -51,7 +51,7 @@ struct ShadowCells {
     cell_starts: Vec<u32>,
     /// Raster coordinates, and height towards the light in m, in the order of the cells.
     points: Vec<Vec3>,
-    /// Number of each point in the order of the query.
+    /// Index of each of `points` in the query, counted over all rows.
     numbers: Vec<u32>,
     is_shaded: Vec<AtomicBool>,
 }
@@ -59,7 +59,7 @@ struct ShadowCells {
 /// A point of a query, projected onto a plane that faces the light.
 #[derive(Debug, Clone, Copy)]
 struct ShadowQuery {
-    /// Number of the point over all rows.
+    /// Index of the point in the query, counted over all rows.
     number: u32,
     /// Position on the plane and height towards the light, m.
     q: Vec3,
@@ -103,8 +103,8 @@ impl ShadowCells {
         })
     }
 
-    /// Counting sort of the points by cell, stable within a cell. `to_raster`: raster coordinates of a position on
-    /// the plane.
+    /// Counting sort of the points by cell, stable within a cell. `to_raster`: converts positions on
+    /// the plane to raster coordinates.
     fn sorted(
         to_light: Vec3,
         projection: Projection,
@@ -138,8 +138,8 @@ impl ShadowCells {
         Self { to_light, projection, size, cell_starts, points, numbers, is_shaded }
     }
 
-    /// Shades the points in some cells of a row that a primitive covers and where it is opaque; `is_opaque` is
-    /// evaluated last.
+    /// Marks points as shaded in some cells of a row if a primitive covers them and is opaque there. `is_opaque` is evaluated
+    /// only for points that are covered and not shaded yet.
     #[inline]
     fn shade_points(
         &self,

@@ -7,9 +7,9 @@ use super::super::solid::Primitives;
 use osier_base::math;
 use osier_base::par::par_chunks;
 
-/// Voxels along the longest side.
+/// Voxels along the longest side of the grid.
 const VOXELS: f32 = 40.0;
-/// Margin around the scene, in heights of it: the lowest direction descends by its height within 0.8 of it.
+/// Margin around the scene, as a multiple of its height: within it, a ray at the elevation of [`SIDE_UP`] rises by that height.
 const MARGIN: f32 = 0.8;
 /// Solids of at most this many primitives are put into one voxel as a whole: leaves are smaller than a voxel.
 const MAX_SINGLE_VOXEL_PRIMITIVES: usize = 500;
@@ -20,7 +20,7 @@ const SIDE_DIRECTIONS: u16 = 6;
 const SIDE_UP: f32 = 0.78;
 const SIDE_OUT: f32 = 0.626;
 
-/// A grid of sky visibility.
+/// Fraction of the sky that is visible from the voxels of a grid around the scene.
 #[derive(Debug)]
 pub(super) struct SkyVisibility {
     /// Lower corner of the grid in the world, m.

@@ -9,7 +9,7 @@ use super::super::render_scene::{RenderScene, SceneHit, ray};
 use super::draw_list::{DrawList, RasterTarget};
 use super::projection::{InstanceProjection, ProjectedPoint, Projection, RasterRect, pixel_centers, to_f32};
 
-/// Consecutive rows of a picture.
+/// Consecutive rows of a picture, which are rasterised together.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RowBand {
     /// First row of the picture that belongs to the band.
@@ -30,7 +30,7 @@ impl RowBand {
     }
 }
 
-/// The closest primitives of the pixels of a band.
+/// The closest primitive at each pixel of a band.
 #[derive(Debug)]
 pub(super) struct VisibilityBuffer<'c> {
     camera: &'c PerspectiveCamera,
@@ -41,7 +41,7 @@ pub(super) struct VisibilityBuffer<'c> {
     band: RowBand,
 }
 
-/// Key of a pixel without primitive.
+/// Key of a pixel that no primitive covers.
 const EMPTY: u64 = u64::MAX;
 
 impl<'c> VisibilityBuffer<'c> {

@@ -11,14 +11,14 @@ use super::sampler::Sampler;
 use super::surface::SurfaceInteraction;
 use osier_base::math;
 
-/// Refractions and reflections in a row; beyond them the sky is seen.
+/// Most refractions and reflections of a path; beyond them it is assumed to reach the sky.
 const MAX_DEPTH: u32 = 6;
 /// Radiance of one sample at most. Clamping loses the energy of rare fireflies: a glint on water is bright, not a
 /// speck of noise.
 const MAX_SAMPLE_RADIANCE: f32 = 6.0;
-/// Fraction of sky and sun that surfaces around a point see, where no ray finds out. Own: chosen by eye.
+/// Visible fraction of sky and sun around a point, assumed where no ray tests it. Own: chosen by eye.
 const SURROUNDINGS_OPENNESS: f32 = 0.3;
-/// Fraction of the sky that a surface sees, where it is not looked up. Own: chosen by eye.
+/// Visible fraction of the sky, assumed where it is not looked up. Own: chosen by eye.
 const DEFAULT_SKY_VISIBILITY: f32 = 0.8;
 /// Rays to the sky for each sample of the floor.
 const FLOOR_SKY_RAYS: u32 = 4;
@@ -27,16 +27,16 @@ const DIMENSIONS_PER_DEPTH: u32 = 8;
 /// Mean cosine at which light from one side meets the visible half of a hair, over all directions of hairs.
 const MEAN_HAIR_COSINE: f32 = 0.4;
 
-/// One sample of a pixel.
+/// Parameters of one sample of a pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SampleContext<'a> {
     pub(super) sampler: &'a Sampler,
     pub(super) index: u32,
     /// Width of the sample at unit distance.
     pub(super) spread: f32,
-    /// How far light is followed.
+    /// Which occluders and bounces of light are traced.
     pub(super) light_depth: LightDepth,
-    /// False if ambient light is known well enough from other samples.
+    /// Whether a ray samples ambient light; false if other samples of the pixel have determined it well enough.
     pub(super) samples_ambient: bool,
     /// Visibility of sun and sky, if it was computed beforehand.
     pub(super) precomputed: Option<PrecomputedLight>,
@@ -45,7 +45,7 @@ pub(super) struct SampleContext<'a> {
 /// Light that reaches a point, looked up without rays.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PrecomputedLight {
-    /// True if the middle of the sun is visible.
+    /// Whether the middle of the sun is visible.
     pub(super) sun: bool,
     /// Fraction of the sky that is visible, 0 to 1.
     pub(super) sky: f32,
@@ -59,11 +59,11 @@ pub(super) struct ScatteredLight {
     pub(super) direct: Vec3,
     /// Fraction of `ambient` that is scattered towards the viewer.
     pub(super) diffuse: Vec3,
-    /// Radiance of the sky, or of what stands before it, from one direction drawn at random.
+    /// Radiance of the sky, or of its occluder, from one random direction.
     pub(super) ambient: Vec3,
     /// 1 if `ambient` was sampled, else 0.
     pub(super) ambient_samples: f32,
-    /// Index of the instance that the camera ray hit.
+    /// Index of the instance that the camera ray hit, for the filter of ambient light.
     pub(super) instance: u32,
 }
 
@@ -73,7 +73,7 @@ impl ScatteredLight {
     }
 }
 
-/// Light of sun and sky that a white, level floor sends back.
+/// Light of sun and sky that a white, level floor reflects.
 struct FloorLight {
     sun: Vec3,
     sky: Vec3,
@@ -92,7 +92,7 @@ impl RenderScene<'_> {
         LightPath { world: self, light, sample, depth: 0 }.trace(origin, direction, far)
     }
 
-    /// Radiance that the hit of a camera ray sends back along it.
+    /// Radiance that the surface at the hit of a camera ray scatters to the camera.
     pub(super) fn shade(
         &self,
         light: &Light,
@@ -141,7 +141,7 @@ struct LightPath<'p, 'w> {
     world: &'p RenderScene<'w>,
     light: &'p Light,
     sample: &'p SampleContext<'p>,
-    /// Refractions and reflections so far.
+    /// Number of refractions and reflections so far.
     depth: u32,
 }
 
@@ -169,7 +169,7 @@ impl LightPath<'_, '_> {
         self.scattered(o, d, &self.world.closest_hit(ray(o, d, [0.0, far]))?)
     }
 
-    /// Light that a hit sends back along the ray.
+    /// Radiance that the surface at a hit scatters towards the origin of the ray, with haze for camera rays.
     fn scattered(&self, o: Vec3, d: Vec3, hit: &SceneHit) -> Option<ScatteredLight> {
         let surface = self.world.surface(hit, o, d, self.sample.spread)?;
         let mut light = if surface.shading.water {
@@ -189,14 +189,14 @@ impl LightPath<'_, '_> {
         Some(light)
     }
 
-    /// Light that an opaque or thin surface sends back along `d`: a diffuse lobe, of which a fraction `translucency`
-    /// leaves on the other side, under the gloss of a rough dielectric. What the gloss reflects, the diffuse lobe
-    /// lacks.
+    /// Light that an opaque or thin surface scatters against the direction `d`: a diffuse lobe, of which a fraction
+    /// `translucency` leaves on the other side, under the gloss of a rough dielectric. The gloss reduces the diffuse lobe
+    /// by the light that it reflects.
     fn shade_surface(&self, d: Vec3, s: &SurfaceInteraction) -> ScatteredLight {
         let f = &s.shading;
         let to_viewer = -math::normalize_or(d, Vec3::Z);
-        // Mirror-like fraction: Fresnel reflectance, less the rougher the surface. Own: (1 -
-        // roughness)^2 stands for the directional albedo of the microfacet lobe.
+        // Mirror-like fraction: Fresnel reflectance, less the rougher the surface. Own: (1 - roughness)^2 approximates the
+        // directional albedo of the microfacet lobe.
         let smoothness = 1.0 - f.roughness;
         let gloss = fresnel(f.f0, s.shading_normal.dot(to_viewer).max(0.0)) * smoothness * smoothness;
         let diffuse = f.albedo * (1.0 - gloss);
@@ -220,8 +220,8 @@ impl LightPath<'_, '_> {
         let ambient =
             if samples_ambient { self.incident(s, d).min(Vec3::splat(MAX_SAMPLE_RADIANCE)) } else { Vec3::ZERO };
         let ambient_samples = f32::from(u8::from(samples_ambient));
-        // A rough gloss blurs what it mirrors about as much as the diffuse lobe does, so it takes
-        // the ambient sample; only a smooth one in the best quality traces its own ray.
+        // A rough gloss blurs its reflection about as much as the diffuse lobe does, so it uses the ambient sample; only a smooth
+        // one in the best quality traces a separate mirror ray.
         let traces_mirror = gloss > 0.0 && self.sample.light_depth == LightDepth::Surroundings && f.roughness < 0.5;
         if !traces_mirror {
             let diffuse = diffuse + Vec3::splat(gloss);
@@ -236,15 +236,15 @@ impl LightPath<'_, '_> {
         ScatteredLight { direct, diffuse, ambient, ambient_samples, ..ScatteredLight::default() }
     }
 
-    /// Light of the sky without a ray: that of the mean sky, for normals from straight down to straight up 0.12 to 1
-    /// of it; for a translucent surface the other side counts as well.
+    /// Light of the sky without a ray: the mean sky times 0.12 to 1 for normals from straight down to straight up. For a
+    /// translucent surface, the other side counts as well.
     fn estimated_sky(&self, s: &SurfaceInteraction) -> Vec3 {
         let visibility = self.sample.precomputed.map_or(DEFAULT_SKY_VISIBILITY, |known| known.sky);
         let up = s.shading_normal.y * (1.0 - 2.0 * s.shading.translucency);
         self.light.mean_sky() * (visibility * (0.56 + 0.44 * up))
     }
 
-    /// Sunlight that the surface scatters to the viewer.
+    /// Radiance of sunlight that the surface scatters to the viewer.
     fn sunlight(&self, s: &SurfaceInteraction, to_viewer: Vec3, diffuse: Vec3) -> Vec3 {
         let light = self.light;
         let l = if self.sample.precomputed.is_some() { light.sun_direction() } else { light.sample_sun(self.point(1)) };

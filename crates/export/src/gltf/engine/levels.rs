@@ -25,18 +25,19 @@ mod tuning {
     pub(super) const WOOD_CELL: f32 = 0.1;
     /// Distance at which the search for the wood that carries a leaf ends, m.
     pub(super) const WOOD_REACH: f32 = 3.0;
-    /// Least and largest share of the triangles of a level for wood. Without a least share bare limbs would lose their shape,
-    /// without a largest a crown of many fine twigs its leaves.
+    /// Smallest and largest share of the triangles of a level for wood. Without a minimum, bare limbs would lose their shape;
+    /// without a maximum, a crown of many fine twigs would lose its leaves.
     pub(super) const WOOD_SHARE: [f64; 2] = [0.25, 0.5];
-    /// Largest deviation of simplified wood as a share of the plant's size. It is seldom reached: the number of triangles decides.
+    /// Largest deviation of simplified wood as a share of the plant's size. It is seldom reached: the number of triangles
+    /// decides.
     pub(super) const WOOD_DEVIATION: f32 = 0.05;
     /// Weight of normals beside positions in the simplification: limbs stay round.
     pub(super) const NORMAL_WEIGHT: f32 = 0.5;
     /// Largest deviation of a simplified blade as a share of its size.
     pub(super) const BLADE_DEVIATION: f32 = 0.3;
-    /// Triangles of the simplest blade.
+    /// Fewest triangles of a simplified blade: two form a quadrilateral.
     pub(super) const LEAST_BLADE: usize = 2;
-    /// Largest growth of the leaves that stand for those left out: larger ones are seen as such.
+    /// Largest factor by which leaves are enlarged to replace those left out; a larger one is conspicuous.
     pub(super) const MOST_GROWTH: f32 = 8.0;
 }
 
@@ -48,23 +49,23 @@ pub(super) struct PlantLevel {
     /// Joints of the vertices; empty for a plant without joints.
     pub joints: Vec<[u16; 4]>,
     pub weights: Vec<[f32; 4]>,
-    /// How the vertices sway.
+    /// Parameters of the wind for each vertex, in the order of the points of `mesh`.
     pub wind: Vec<VertexWind>,
-    /// Size of the leaves as a multiple of those of the plant, where fewer stand for all; 0 without leaves.
+    /// Size of the leaves relative to those of the plant, above 1 if fewer leaves cover the area of all; 0 without leaves.
     pub leaf_size: f32,
 }
 
-/// Vertices to add to a level.
+/// A mesh to append to a level, and its transform to the space of the asset.
 struct Piece<'a> {
     mesh: &'a Mesh,
     place: Trs,
-    /// What its normals are bent by; zero: they are not.
+    /// Vector that normals are bent by, see [`bent_normal`]; zero leaves them unchanged.
     toward: Vec3,
     wind: &'a [VertexWind],
 }
 
 impl PlantLevel {
-    /// Appends a piece; its influences have been appended before.
+    /// Appends the vertices and triangles of a piece; the caller has appended the joints and weights of its vertices.
     fn add(&mut self, piece: &Piece<'_>) {
         let Piece { mesh, place, toward, wind } = piece;
         let moved = Mesh {
@@ -99,7 +100,7 @@ impl PlantLevel {
     }
 }
 
-/// A list of one value for each of `count` vertices: `fill` where the mesh has none.
+/// `list` if it has a value for each of `count` vertices, else `count` times `fill`: meshes omit attributes that they lack.
 fn padded<T: Copy>(list: &[T], count: usize, fill: T) -> Vec<T> {
     if list.len() == count { list.to_vec() } else { vec![fill; count] }
 }
@@ -131,7 +132,7 @@ impl LeafGroup<'_> {
 }
 
 impl MergedLeaf {
-    /// The vertices of the leaf, increasing.
+    /// Indices of the leaf's vertices in the mesh that holds it, increasing, each once.
     fn vertices(&self) -> Vec<u32> {
         let mut used: Vec<u32> = self.triangles.iter().flat_map(|(_, t)| *t).collect();
         used.sort_unstable();
@@ -139,7 +140,7 @@ impl MergedLeaf {
         used
     }
 
-    /// The leaf as a mesh of its own. `all`: the mesh that holds it.
+    /// Extracts the leaf from `all`, the mesh that holds it; vertices are in the order of [`Self::vertices`].
     fn mesh(&self, all: &Mesh) -> Mesh {
         let used = self.vertices();
         let mut leaf = vertices_of(all, &used);
@@ -151,12 +152,12 @@ impl MergedLeaf {
     }
 }
 
-/// What the levels of a plant are made from.
+/// A plant sorted into wood and leaves, from which levels of any number of triangles are made.
 pub(super) struct PlantSource<'a> {
     selection: Option<&'a JointSelection>,
     wood: Vec<&'a MeshObject>,
     leaves: Vec<LeafGroup<'a>>,
-    /// Vertices of wood that sway, with how they do, and a grid to find them in.
+    /// Positions and wind of those vertices of wood that sway; leaves sway with the nearest of them.
     wood_wind: Vec<(Vec3, VertexWind)>,
     wood_grid: NeighbourGrid,
     /// Asset and element, for errors.
@@ -164,8 +165,8 @@ pub(super) struct PlantSource<'a> {
 }
 
 impl<'a> PlantSource<'a> {
-    /// Sorts the parts of a plant into wood and leaves. `selection`: the joints that are written, for a plant that moves; `label`:
-    /// asset and element, for errors.
+    /// Sorts the parts of a plant into wood and leaves. `selection`: the joints that are written, for a plant that moves;
+    /// `label`: asset and element, for errors.
     pub(super) fn new(asset: &'a Asset, selection: Option<&'a JointSelection>, label: &'a str) -> Self {
         let mut source = Self {
             selection,
@@ -177,7 +178,7 @@ impl<'a> PlantSource<'a> {
         };
         for object in asset.meshes.iter().filter(|o| is_merged(o)) {
             let wind = wind_of_mesh(&object.mesh);
-            // Only leaves flutter: that tells a mesh of merged leaves from wood.
+            // Only leaves flutter, which distinguishes a mesh of merged leaves from wood.
             if wind.iter().any(|w| w.flutter > 0.0) {
                 let leaves = merged_leaves(&object.mesh, &wind);
                 source.leaves.push(LeafGroup::Merged { object, leaves, wind });
@@ -196,7 +197,7 @@ impl<'a> PlantSource<'a> {
         source
     }
 
-    /// Written joints and weights of a vertex of a mesh.
+    /// Up to four written joints that move a vertex, and their weights; the root if the mesh has no skin.
     fn influence(&self, object: &MeshObject, vertex: usize) -> ([u16; 4], [f32; 4]) {
         match (self.selection, &object.skin) {
             (Some(selection), Some(skin)) => match (skin.joints.get(vertex), skin.weights.get(vertex)) {
@@ -234,7 +235,8 @@ impl<'a> PlantSource<'a> {
         Ok(level)
     }
 
-    /// The triangles of wood and of leaves for a budget of both: each what it has if that fits, else in proportion.
+    /// Triangles of wood and of leaves within a budget for both: all if they fit, else in proportion, with wood
+    /// clamped to [`tuning::WOOD_SHARE`].
     fn shares(&self, budget: usize) -> (usize, usize) {
         let (wood, all) = (self.wood_triangles(), self.triangles());
         let leaves = all - wood;
@@ -279,7 +281,7 @@ impl<'a> PlantSource<'a> {
         }
     }
 
-    /// Instances: first with simpler blades, then fewer of them, larger in proportion, so that they cover the same area.
+    /// Adds instances with simpler blades; if these exceed the budget, fewer instances, enlarged to cover the same area.
     fn add_instances(
         &self,
         level: &mut PlantLevel,
@@ -287,7 +289,7 @@ impl<'a> PlantSource<'a> {
         members: &[usize],
         budget: usize,
     ) -> Result<()> {
-        // Simpler blades, of as many triangles as the budget leaves to each.
+        // Triangles that the budget leaves for each blade.
         let for_each = (budget / members.len().max(1)).max(tuning::LEAST_BLADE);
         let simple = |mesh: &Mesh| {
             with_fewer_triangles(mesh, for_each, tuning::BLADE_DEVIATION, self.label).map(|m| compact(&m))
@@ -298,8 +300,8 @@ impl<'a> PlantSource<'a> {
         let areas: Vec<f64> = instancer.prototypes.iter().map(|p| area(&p.mesh)).collect();
         let simple_areas: Vec<f64> = blades.iter().map(area).collect();
         let at = |list: &[f64], p: usize| list.get(p).copied().unwrap_or(0.0);
-        // As many instances as fit, the same ones in every level, grown until they cover what all of them covered.
-        // Leaf area of the full crown, m^2, and triangles of all simpler blades.
+        // Leaf area of the full crown, m^2, and triangles of all simpler blades. As many instances are kept as fit, nested from
+        // level to level, and enlarged until they cover the full area.
         let wanted = of(&|p| at(&areas, p));
         let triangles = of(&|p| blades.get(p).map_or(0.0, |b| to_float(b.triangles.len())));
         let fits = to_count(to_float(members.len()) * (to_float(budget) / triangles.max(1.0)).min(1.0)).max(1);
@@ -325,7 +327,7 @@ impl<'a> PlantSource<'a> {
         Ok(())
     }
 
-    /// Leaves of a merged mesh, with simpler blades, and fewer and larger in proportion, as [`Self::add_instances`] has them.
+    /// Adds the leaves of a merged mesh: simpler blades, then fewer and larger ones as in [`Self::add_instances`].
     fn add_merged_leaves(
         &self,
         level: &mut PlantLevel,
@@ -362,14 +364,14 @@ impl<'a> PlantSource<'a> {
         Ok(())
     }
 
-    /// The written joint that carries an instance.
+    /// Index of the written joint that carries an instance; 0, the root, if none does.
     fn instance_joint(&self, instancer: &Instancer, i: usize) -> u16 {
         let InstancerMotion::Joints(joints) = &instancer.motion else { return 0 };
         let carrier = |s: &JointSelection| s.carrier.get(usize::from(*joints.get(i)?)).copied();
         self.selection.and_then(carrier).unwrap_or(0)
     }
 
-    /// How the vertices of a leaf sway: as the wood nearest to its foot, and flutter from 0 at the foot to 1 at the tip.
+    /// Wind of a leaf's vertices: the values of the wood nearest to its foot, and flutter from 0 at the foot to 1 at the tip.
     fn leaf_wind(&self, mesh: &Mesh, place: &Trs, id: u64, light: f32) -> Vec<VertexWind> {
         let of = |i: u32| self.wood_wind[i as usize];
         let nearest = self.wood_grid.nearest(place.t, tuning::WOOD_REACH, |i| of(i).0);
@@ -380,10 +382,10 @@ impl<'a> PlantSource<'a> {
     }
 }
 
-/// The influences of what no joint moves: the root.
+/// Joints and weights of a vertex that no joint moves: the root with weight 1.
 const ROOT: ([u16; 4], [f32; 4]) = ([0; 4], [1.0, 0.0, 0.0, 0.0]);
 
-/// Whether a mesh of a plant is part of its levels: others deform or vary, and are written as they are.
+/// Whether a mesh of a plant is part of its levels of detail; meshes that deform or vary are written unchanged beside them.
 pub(super) fn is_merged(object: &MeshObject) -> bool {
     !object.mesh.triangles.is_empty()
         && (matches!(object.motion, MeshMotion::Still | MeshMotion::Skinned)
@@ -411,14 +413,15 @@ fn to_count(x: f64) -> usize {
     x as usize
 }
 
-/// How much larger leaves become that stand for the area of all; at least 1.
+/// Factor for the size of leaves of area `covered` to replace an area `wanted`, from 1 to [`tuning::MOST_GROWTH`].
 fn growth_for(wanted: f64, covered: f64) -> f32 {
     // Area grows with the square of the size.
     let ratio = if covered > 0.0 { sqrt(wanted / covered) } else { 1.0 };
     narrow(ratio).clamp(1.0, tuning::MOST_GROWTH)
 }
 
-/// Indices of the `count` keys with the smallest hashes, increasing: the same leaves stay from level to level, spread over the crown.
+/// Indices of the `count` keys with the smallest hashes, increasing: the same leaves stay from level to level, spread over the
+/// crown.
 fn fewest_keys(keys: &[u64], count: usize) -> Vec<usize> {
     let mut order: Vec<(u64, usize)> = keys.iter().enumerate().map(|(i, k)| (mix64(&[*k]), i)).collect();
     order.sort_unstable();
@@ -437,8 +440,8 @@ fn area(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(|t| triangle_area(mesh, t)).sum()
 }
 
-/// The leaves of a mesh that holds them one after the other. All vertices of a leaf have its random number, and no others beside it
-/// do.
+/// Splits a mesh that holds leaves one after the other. The vertices of a leaf share a random number; where it
+/// changes, the next leaf begins.
 fn merged_leaves(mesh: &Mesh, wind: &[VertexWind]) -> Vec<MergedLeaf> {
     let mut leaf_of: Vec<usize> = Vec::with_capacity(wind.len());
     for (i, w) in wind.iter().enumerate() {
@@ -458,17 +461,17 @@ fn merged_leaves(mesh: &Mesh, wind: &[VertexWind]) -> Vec<MergedLeaf> {
     leaves
 }
 
-/// Place of a vertex in a sorted list that has it.
+/// Position of `vertex` in a sorted list that contains it.
 fn index_in(sorted: &[u32], vertex: u32) -> u32 {
     sorted.binary_search(&vertex).map_or(0, saturating_index)
 }
 
-/// The values of some vertices.
+/// Selects the values of `vertices` from a vertex attribute; empty if the mesh lacks the attribute.
 fn pick<T: Copy>(list: &[T], vertices: &[u32]) -> Vec<T> {
     vertices.iter().filter_map(|i| list.get(*i as usize)).copied().collect()
 }
 
-/// Some vertices of a mesh, without triangles.
+/// A mesh of the given vertices in this order, without triangles and custom attributes.
 fn vertices_of(mesh: &Mesh, vertices: &[u32]) -> Mesh {
     Mesh {
         points: pick(&mesh.points, vertices),
@@ -479,8 +482,8 @@ fn vertices_of(mesh: &Mesh, vertices: &[u32]) -> Mesh {
     }
 }
 
-/// The mesh with at most about `most` triangles over the same vertices, each material by its share. `deviation`: as a share of the
-/// mesh's size; `label`: for errors.
+/// Simplifies a mesh to about `most` triangles over the same vertices; each material keeps its share. `deviation`: as a share of
+/// the mesh's size; `label`: names the mesh in errors.
 fn with_fewer_triangles(mesh: &Mesh, most: usize, deviation: f32, label: &str) -> Result<Mesh> {
     if mesh.triangles.len() <= most {
         return Ok(mesh.clone());
@@ -508,8 +511,8 @@ fn compact(mesh: &Mesh) -> Mesh {
     }
 }
 
-/// Triangles of a mesh, collapsed to about `target` of them over the same vertices. `deviation`: as a share of the mesh's size;
-/// `label`: for errors.
+/// Collapses edges of `triangles` until about `target` of them remain over the same vertices. `deviation`: as a share of the
+/// mesh's size; `label`: names the mesh in errors.
 fn simplified(
     mesh: &Mesh,
     triangles: &[[u32; 3]],
@@ -527,7 +530,7 @@ fn simplified(
     let normals: Vec<f32> =
         padded(&mesh.normals, mesh.points.len(), Vec3::Y).iter().flat_map(|n| n.to_array()).collect();
     let attributes = Attributes::from_interleaved(&normals, mesh.points.len(), 3, 3, 0).map_err(refused)?;
-    // Prune: small parts that stand alone may vanish. Sparse: the triangles use few of the vertices, which saves the work on the others.
+    // PRUNE: small unconnected parts may vanish. SPARSE: the triangles use few of the vertices, which saves work on the others.
     let bits = SimplifyOptions::PRUNE.bits() | SimplifyOptions::SPARSE.bits();
     let options = SimplifyOptions::from_bits(bits).map_err(refused)?;
     let settings = SimplifySettings { target_index_count: target * 3, target_error: deviation, options };

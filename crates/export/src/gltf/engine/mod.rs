@@ -1,5 +1,5 @@
-//! Profile `engine`: plain glTF for game engines. A plant is one mesh per level of detail, all with one skin; placements are a table
-//! beside the files.
+//! Profile `engine`: plain glTF for game engines. A plant is one mesh per level of detail, all with one skin; placements are a
+//! table beside the files.
 
 mod levels;
 
@@ -24,7 +24,8 @@ const LEVEL_SHARES: [f64; 4] = [1.0, 1.0 / 4.0, 1.0 / 12.0, 1.0 / 60.0];
 const WORTHWHILE: f64 = 0.8;
 
 impl GltfDocument<'_> {
-    /// Whether an asset is written as levels of detail.
+    /// Whether an asset is written as levels of detail: plants of profile `engine` with meshes or
+    /// instances that the levels can hold.
     pub(super) fn has_levels(&self, asset: &Asset) -> bool {
         self.input.options.profile == Profile::Engine
             && asset.kind == AssetKind::Plant
@@ -32,7 +33,7 @@ impl GltfDocument<'_> {
                 || asset.instancers.iter().any(|i| i.motion != InstancerMotion::Free))
     }
 
-    /// Whether a mesh of an asset is part of its levels.
+    /// Whether a mesh is part of the levels of its asset, and thus not written separately.
     pub(super) fn is_in_levels(&self, asset: &Asset, object: &MeshObject) -> bool {
         self.has_levels(asset) && is_merged(object)
     }
@@ -117,8 +118,8 @@ fn with_wind(level: PlantLevel, channels: Option<&WindChannels>) -> osier_scene:
     mesh
 }
 
-/// Share of the picture's height from which on level `lod` is used: triangles cover the plant as densely as those of level 0 do when
-/// it fills the picture's height, and their number grows with the square of the height.
+/// Smallest height of the plant on screen, as a share of the picture's height, for level `lod`; 0 for the coarsest. At this
+/// height the next level has as many triangles per area as level 0 at full height: s^2 = n(lod + 1) / n(0).
 fn screen_share(counts: &[usize], lod: usize) -> f32 {
     let (Some(first), Some(next)) = (counts.first(), counts.get(lod + 1)) else { return 0.0 };
     osier_base::math::narrow(osier_base::math::sqrt(to_float(*next) / to_float(*first).max(1.0)))
@@ -138,11 +139,12 @@ struct PlacementTable<'a> {
     fps: [u32; 2],
     start: u32,
     end: u32,
-    /// For each file its placements.
+    /// One for each asset with a file, in the order of the scene.
     files: Vec<PlacedFile>,
 }
 
-/// The placements of a file: position, m; rotation as x y z w; scale. Frames by which the motion of each is ahead, if any.
+/// Placements of a file: position, m; rotation as x, y, z, w; scale as one or three numbers. `ahead`: frames by which the motion
+/// of each is ahead, empty if all are 0.
 #[derive(Debug, Serialize)]
 struct PlacedFile {
     file: String,
@@ -151,7 +153,8 @@ struct PlacedFile {
     ahead: Vec<u32>,
 }
 
-/// The table of placements of a scene as JSON; `written`: whether the asset of an index has a file, whose name is that of the asset.
+/// The table of placements of a scene as JSON; `written`: whether the asset of an index has a file, whose name is that of the
+/// asset.
 pub(super) fn placement_table(input: GltfInput<'_>, written: &[bool]) -> Result<Vec<u8>> {
     let scene = input.scene;
     let place = |p: &Placement| -> Vec<f32> {

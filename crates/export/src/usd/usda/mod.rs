@@ -12,17 +12,17 @@ use super::layer_writer::{
 use super::value::UsdValue;
 use osier_base::{Error, Result};
 
-/// Largest text layer, bytes.
+/// Largest text layer, bytes; a larger one is an error (X004).
 const MAX_TEXT_BYTES: usize = 10_000_000;
 
-/// Writes a layer as text.
+/// Writes a layer as text, in one piece when it is finished.
 pub struct UsdaWriter {
     sink: Option<Box<dyn ByteSink>>,
     /// Text of the layer metadata.
     head: String,
     /// All prims; the first is the pseudo-root.
     prims: Vec<TextPrim>,
-    /// Index of each prim by path.
+    /// Index into `prims` by path; paths of variants are included.
     index: BTreeMap<String, usize>,
     attrs: Vec<PropertyIndex>,
     /// Estimated length of the text so far.
@@ -76,9 +76,9 @@ struct TextProperty {
 }
 
 impl UsdaWriter {
-    /// A writer into `sink`.
+    /// Starts an empty layer, whose text goes into `sink` at the end.
     pub(super) fn new(sink: Box<dyn ByteSink>) -> Self {
-        // The pseudo-root has no text of its own; it holds the top-level prims.
+        // The pseudo-root is not written as a block; its children are the top-level prims.
         let root = TextPrim::new(String::new());
         let index = [("/".to_owned(), 0)].into();
         Self { sink: Some(sink), head: String::new(), prims: vec![root], index, attrs: Vec::new(), bytes: 0 }
@@ -143,7 +143,7 @@ impl UsdaWriter {
 fn render_property(p: &TextProperty, depth: usize, out: &mut String) {
     if let Some(value) = &p.default {
         text::push_indented(&format!("{} = {value}{}", p.declaration, p.metadata), depth, out);
-    // An attribute without a value is declared alone, unless a connection below declares it.
+    // An attribute without a value is only declared, unless a connection below declares it.
     } else if !p.declaration.is_empty() && p.lines.is_empty() {
         text::push_indented(&format!("{}{}", p.declaration, p.metadata), depth, out);
     }
@@ -172,7 +172,7 @@ impl LayerWriter for UsdaWriter {
         let number = self.prims.len();
         self.prims.push(TextPrim::new(head));
         self.index.insert(path.to_owned(), number);
-        // Each variant is an entry of its own, found by the path below which its prims will be defined.
+        // Each variant is a separate entry, found by the path below which its prims will be defined.
         if let Some(variants) = &meta.variants {
             let first = self.prims.len();
             for (name, i) in variants.names.iter().zip(first..) {

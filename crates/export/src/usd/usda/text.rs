@@ -25,7 +25,7 @@ fn quoted(s: &str) -> String {
             '"' => out.push_str("\\\""),
             '\\' => out.push_str("\\\\"),
             '\n' => out.push_str("\\n"),
-            // Names and paths have no use for these.
+            // Other control characters, such as tabs, become spaces: no name or path needs them.
             c if c.is_control() => out.push(' '),
             c => out.push(c),
         }

@@ -83,7 +83,7 @@ fn most_common_delta<W: CodedInteger>(deltas: &[W]) -> W {
     best.0
 }
 
-/// The coded form of an array before LZ4; layout as in the module's comment.
+/// The coded form of an array before LZ4, with the layout described above: common delta, width codes, other deltas.
 fn delta_encode<W: CodedInteger>(values: &[W]) -> Vec<u8> {
     let mut last = W::ZERO;
     // d[i] = v[i] - v[i - 1], with v[-1] = 0. Ids that count up become ones, which the common delta encodes in two bits.

@@ -24,7 +24,7 @@ const HEADER_BYTES: usize = 88;
 const MAGIC: &[u8; 8] = b"PXR-USDC";
 const VERSION: [u8; 8] = [0, 8, 0, 0, 0, 0, 0, 0];
 
-/// Writes a layer as a crate file.
+/// Writes a layer as a crate file; values go to the file when they arrive.
 pub struct UsdcWriter {
     heap: ValueHeap,
     tokens: Interner,
@@ -49,7 +49,7 @@ struct ChildNames {
     properties: Vec<u32>,
 }
 
-/// The time samples of an attribute.
+/// The time samples of an attribute, whose values are in the file already.
 #[derive(Debug)]
 struct TimeSamples {
     spec: usize,
@@ -60,7 +60,7 @@ struct TimeSamples {
     times: SampleTimes,
 }
 
-/// Times of samples, as indices into the common list.
+/// Times of the samples of an attribute, as indices into the times of the whole file.
 #[derive(Debug)]
 enum SampleTimes {
     /// A run of the list that begins at this index: the common case, which takes no memory per sample.
@@ -70,11 +70,11 @@ enum SampleTimes {
 }
 
 impl UsdcWriter {
-    /// A writer into `sink`.
+    /// Starts a crate file in `sink`; the pseudo-root is its first spec.
     pub(crate) fn new(sink: Box<dyn ByteSink>) -> Self {
         let mut tokens = Interner::default();
-        // PATHS marks a property by the negated number of its name, so number 0 goes to a token that names nothing; OpenUSD's
-        // own writer uses the same one.
+        // PATHS marks a property by the negated number of its name. 0 has no negative, so number 0 goes to a token that is no
+        // name. The writer of OpenUSD uses the same token.
         tokens.intern(";-)");
         let mut paths = PathTable::default();
         paths.intern("/");
@@ -442,7 +442,7 @@ impl LayerWriter for UsdcWriter {
     }
 
     fn finish(&mut self) -> Result<()> {
-        // All values of the samples are in the file; what is missing are the sample tables and the lists of children.
+        // All values of the samples are in the file; the sample tables and the lists of children are still missing.
         let attrs = std::mem::take(&mut self.attrs);
         for samples in attrs.iter().filter(|a| !a.values.is_empty()) {
             self.write_time_samples(samples)?;
@@ -460,7 +460,7 @@ impl LayerWriter for UsdcWriter {
     }
 }
 
-/// Stands in for the sink of a writer whose file is committed; discards everything.
+/// Replaces the sink of a writer whose file is committed; discards everything.
 struct ClosedSink;
 
 impl ByteSink for ClosedSink {

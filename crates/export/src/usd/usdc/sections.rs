@@ -94,7 +94,7 @@ pub(super) fn strings_section(strings: &[u32]) -> Vec<u8> {
     out
 }
 
-/// The FIELDS, FIELDSETS and SPECS sections.
+/// The FIELDS, FIELDSETS and SPECS sections, in this order; SPECS has the order of `specs`.
 /// # Errors
 /// `TooMany` if a table exceeds the range of `i32`.
 pub(super) fn spec_sections(specs: &[SpecEntry]) -> Result<[Vec<u8>; 3]> {
@@ -157,7 +157,7 @@ impl<T: Ord + Clone> DedupTable<T> {
         (number, true)
     }
 
-    /// The number of a row as files store it.
+    /// The number of a row as an `i32`, as files store it; `TooMany` beyond.
     fn intern(&mut self, row: T) -> Result<i32> {
         narrow(self.find_or_insert(row).0, "fields of a crate file")
     }
@@ -234,10 +234,10 @@ impl<'a> PathTree<'a> {
         let count = children.len();
         for (i, ((name, is_property), child)) in children.into_iter().enumerate() {
             let token = intern_token(name).cast_signed();
-            // The sign of the token tells properties from prims, as both are children of the same path.
+            // The sign of the token distinguishes properties from prims, as both are children of the same path.
             self.append_subtree(child, if is_property { -token } else { token }, i + 1 < count, intern_token)?;
         }
-        // The jump tells a reader where to go on: -2 leaf and last sibling, -1 the first child follows and no sibling does,
+        // The jump determines where a reader continues: -2 leaf and last sibling, -1 the first child follows and no sibling does,
         // 0 the sibling is the next row, else the first child follows and the sibling is this many rows ahead.
         let distance = narrow(self.rows.len() - row, "paths of a crate file")?;
         let jump = match (count > 0, has_sibling) {

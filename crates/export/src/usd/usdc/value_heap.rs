@@ -47,7 +47,8 @@ pub(super) mod type_code {
 const IS_ARRAY: u64 = 1 << 63;
 const IS_INLINED: u64 = 1 << 62;
 const IS_COMPRESSED: u64 = 1 << 61;
-/// Arrays of integers and floats shorter than this are not compressed; readers expect the same threshold (`MinCompressedArraySize`).
+/// Arrays of integers and floats shorter than this are not compressed; readers expect the same threshold
+/// (`MinCompressedArraySize`).
 const MIN_COMPRESSED: usize = 16;
 
 /// A `ValueRep` that holds the value itself: a number of at most 32 bits, or the row of a token or string.
@@ -83,8 +84,8 @@ impl ValueHeap {
         self.deduplicated_value_rep(code, u64::from(code) << 48, bytes, |heap| heap.sink.put(bytes))
     }
 
-    /// `ValueRep` of a value: that of an equal one in the file, else of what `write` appends.
-    /// `kind`: tells values of equal bytes and different types apart; `flags`: the `ValueRep` without its offset;
+    /// `ValueRep` of a value: that of an equal value in the file, else of the bytes that `write` appends.
+    /// `kind`: distinguishes values with equal bytes and different types; `flags`: the `ValueRep` without its offset;
     /// `bytes`: the uncompressed encoding, for the comparison.
     fn deduplicated_value_rep(
         &mut self,
@@ -113,7 +114,7 @@ impl ValueHeap {
     ) -> Result<u64> {
         let code = array_type_code(array);
         let flags = IS_ARRAY | u64::from(code) << 48;
-        // An empty array has no bytes in the file: offset 0 stands for it.
+        // An empty array has no bytes in the file; its offset is 0.
         if array.is_empty() {
             return Ok(flags);
         }
@@ -122,7 +123,7 @@ impl ValueHeap {
         bytes.clear();
         push_elements_le(array, tokens, &mut bytes).map_err(|i| not_finite(&place(), i))?;
         let count = (array.len() as u64).to_le_bytes();
-        // The top bit of the kind tells arrays from single values.
+        // The top bit of the kind distinguishes arrays from single values.
         let kind = code | 0x80;
         // Layout of an array: number of elements (64 bits), then the elements; of a compressed one: number of elements, length
         // of the compressed data, the data.
@@ -146,8 +147,8 @@ impl ValueHeap {
                     put_compressed(heap, integer_coding::compress_i64(v))
                 })
             }
-            // Floats with few different values: code `t`, the table of values (its length, then the values), the rows of the table
-            // as compressed integers.
+            // Floats with few different values: code `t`, the table of values (its length, then the values), the rows of the
+            // table as compressed integers.
             UsdArray::Float(_) if table.is_some() => {
                 let (table, rows) = table.unwrap_or_default();
                 self.deduplicated_value_rep(kind, flags | IS_COMPRESSED, &bytes, |heap| {
@@ -174,7 +175,7 @@ impl ValueHeap {
         let mut bytes = Vec::new();
         let bad = |i| not_finite(&place(), i);
         let code = match value {
-            // What fits into 32 bits is inlined.
+            // Values of at most 32 bits are inlined.
             UsdValue::Bool(b) => return Ok(inline_value_rep(type_code::BOOL, u32::from(*b))),
             // x + 0.0 turns -0 into 0, so that equal numbers are written alike.
             UsdValue::Float(x) if x.is_finite() => return Ok(inline_value_rep(type_code::FLOAT, (x + 0.0).to_bits())),
@@ -196,8 +197,8 @@ impl ValueHeap {
     }
 }
 
-/// The different values of an array in ascending order, as little-endian bits, and for each element its row in that table; `None`
-/// if a table would not be worth while: OpenUSD takes one of at most a quarter of the elements, and of at most 1024 values.
+/// The different values of an array in ascending order of their bits, as little-endian words, and for each element its row in
+/// that table; `None` if there are too many: OpenUSD uses a table of at most a quarter of the elements and at most 1024 values.
 fn value_table(values: &[f32]) -> Option<(Vec<u32>, Vec<i32>)> {
     const MAX_TABLE: usize = 1024;
     let most = MAX_TABLE.min(values.len() / 4);
@@ -220,7 +221,6 @@ fn not_finite(place: &str, i: usize) -> Error {
     Error::export("X001", format!("{place}: number {i} is not finite"))
 }
 
-/// The type code of the array's elements.
 fn array_type_code(array: &UsdArray) -> u8 {
     match array {
         UsdArray::Int(_) => type_code::INT,
