@@ -17,14 +17,14 @@ const UNFOLDING: f32 = 0.08;
 /// in trees, faster when young.
 const THICKENING: f32 = 0.75;
 
-/// Births of a plant's nodes and organs, 0..1, in the order of growth.
+/// Times of birth of a plant's nodes and organs, 0..1 of the growth time of its wood.
 #[derive(Debug, Clone)]
 pub struct GrowthClock {
     nodes: Vec<f32>,
     organs: Vec<f32>,
 }
 
-/// An organ at a time of its plant's growth.
+/// Pose and size of an organ at one time of its plant's growth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GrowingOrgan {
     /// Pivot, plant space, m.
@@ -36,7 +36,7 @@ pub struct GrowingOrgan {
 }
 
 impl GrowthClock {
-    /// The births that growth recorded; for plants whose nodes were all born at once, path lengths from the ground instead.
+    /// Uses the births that growth recorded, or path lengths from the ground for plants whose nodes were all born at once.
     pub fn new(plant: &Plant) -> Self {
         let timed = plant.nodes.birth.iter().any(|b| *b > 0.0);
         let nodes = if timed { plant.nodes.birth.clone() } else { births_by_path(plant) };
@@ -47,7 +47,7 @@ impl GrowthClock {
         clock
     }
 
-    /// Birth of an axis at an arc length.
+    /// Time of birth, 0..1, of the point of an axis at arc length `s`, m; linear between nodes.
     fn birth(&self, plant: &Plant, axis: &Axis, s: f32) -> f32 {
         let (i, t) = plant.segment(axis, s);
         self.nodes[i] + (self.nodes[i + 1] - self.nodes[i]) * t
@@ -59,7 +59,7 @@ fn births_by_path(plant: &Plant) -> Vec<f32> {
     let mut starts: Vec<f32> = Vec::with_capacity(plant.axes.len());
     let mut births = vec![0.0; plant.nodes.len()];
     let mut longest = 0.0_f32;
-    // Parents come before their children.
+    // Parents come before their children, so that their start is known.
     for axis in &plant.axes {
         let start = if axis.parent == NONE { 0.0 } else { starts[axis.parent as usize] + axis.parent_s };
         starts.push(start);
@@ -72,33 +72,33 @@ fn births_by_path(plant: &Plant) -> Vec<f32> {
     births
 }
 
-/// A plant at a time of its growth.
+/// A plant at one time of its growth: how far its axes have grown, and how thick they are.
 #[derive(Debug)]
 pub struct GrowingPlant<'a> {
     plant: &'a Plant,
     clock: &'a GrowthClock,
-    /// Time on the scale of births: 0 to 1 + [`UNFOLDING`].
+    /// Time on the scale of births: 0 to 1 + `UNFOLDING`.
     now: f32,
     /// Arc length that each axis has reached, m; negative before its birth.
     reached: Vec<f32>,
 }
 
 impl<'a> GrowingPlant<'a> {
-    /// `share`: of the whole growth time, 0..1.
+    /// The plant at the fraction `share`, 0..1, of the whole growth time; values outside are clamped.
     pub fn new(plant: &'a Plant, clock: &'a GrowthClock, share: f32) -> Self {
         let now = share.clamp(0.0, 1.0) * (1.0 + UNFOLDING);
         let reached = plant.axes.iter().map(|axis| reached_length(plant, clock, axis, now)).collect();
         Self { plant, clock, now, reached }
     }
 
-    /// Ratio of the radius of an axis at an arc length to that of the grown plant.
+    /// Ratio of the present radius of an axis at arc length `s`, m, to that of the grown plant; 0 before its birth.
     fn thickness(&self, axis: &Axis, s: f32) -> f32 {
         let birth = self.clock.birth(self.plant, axis, s);
         let age = (self.now - birth) / (1.0 + UNFOLDING - birth);
         if age >= 1.0 { 1.0 } else { pow_f32(age.max(0.0), THICKENING) }
     }
 
-    /// The centreline at an arc length: where the grown plant has it, or the tip if growth has not come so far.
+    /// Point of the centreline at arc length `s`, m, in plant space, or the present tip of the axis if it has not grown so far.
     fn center(&self, axis: u32, s: f32) -> Vec3 {
         let (mut axis, mut s) = (axis, s);
         loop {
@@ -107,13 +107,13 @@ impl<'a> GrowingPlant<'a> {
             if reached >= 0.0 || shape.parent == NONE {
                 return self.plant.frame(shape, s.min(reached.max(0.0))).p;
             }
-            // An axis that is not born lies at its site, which its parent may not have reached either.
+            // An axis that is not born lies at its site on its parent, which may not have grown so far either.
             (axis, s) = (shape.parent, shape.parent_s);
         }
     }
 
-    /// Arc length at which what is bound to a branch stands while its parent is thinner than in the grown plant: near its base it
-    /// is drawn inwards along the branch by the wood that the parent lacks.
+    /// Arc length, m, to which `s` moves while the parent of a branch is thinner than in the grown plant. Near its base a branch
+    /// moves inwards along its axis by the missing thickness of the parent.
     fn drawn_in(&self, axis: u32, s: f32) -> f32 {
         let shape = &self.plant.axes[axis as usize];
         if shape.parent == NONE {
@@ -123,7 +123,7 @@ impl<'a> GrowingPlant<'a> {
         drawn_by(shape, self.thickness(parent, shape.parent_s), s)
     }
 
-    /// Positions of points that the grown plant has at `points`, m. At the end of growth they are where they were.
+    /// Present positions, m, in plant space, of points that the grown plant has at `points`; at the end of growth they are equal.
     pub fn points(&self, points: &[Vec3], bindings: &[GrowthBinding]) -> Vec<Vec3> {
         points.iter().zip(bindings).map(|(p, b)| self.point(*p, *b)).collect()
     }
@@ -162,7 +162,7 @@ impl<'a> GrowingPlant<'a> {
     }
 }
 
-/// Arc length that an axis has reached at a time; negative before its birth.
+/// Arc length that an axis has reached at time `now`, m, linear between the births of its nodes; -1 before its birth.
 fn reached_length(plant: &Plant, clock: &GrowthClock, axis: &Axis, now: f32) -> f32 {
     let range = plant.nodes_of(axis);
     let births = &clock.nodes[range.clone()];

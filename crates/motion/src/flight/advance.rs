@@ -18,7 +18,7 @@ fn carrying_velocity(air: Vec3, tuft: Vec3, fall: f64, glide: f64, lift: f64) ->
     air.as_dvec3() + DVec3::Y * (lift - fall) + level * (glide * fall)
 }
 
-/// Exact relaxation of one body towards a carrying velocity, over half a step and over a whole one.
+/// Exact relaxation of one body towards a carrying velocity over half a step and over a whole one. `tau`: time constant, s.
 #[derive(Debug, Clone, Copy)]
 struct MidpointStep {
     lag: VelocityDecay,
@@ -39,7 +39,7 @@ impl MidpointStep {
     }
 }
 
-/// Buffers for sampling the wind at members of a cluster, reused from cluster to cluster.
+/// Buffers for sampling the wind at members of a cluster, reused by all clusters of a task.
 #[derive(Debug, Default)]
 struct WindProbe {
     /// Indices into the cluster's members.
@@ -59,7 +59,7 @@ impl WindProbe {
 }
 
 impl FlightSimulation {
-    /// Releases waiting catkins whose condition is met.
+    /// Releases pending catkins by time or by the wind at them (see [`WindRelease::releases`]); `t`: begin of the step, s.
     pub(super) fn release_pending(&mut self, wind: &dyn Wind, t: f64) {
         if !self.present.pending {
             return;
@@ -131,7 +131,7 @@ impl FlightSimulation {
         self.record_landings(landed.into_iter().flat_map(|l| l.0));
     }
 
-    /// Advances airborne clusters, each as one rigid body.
+    /// Advances airborne clusters by one step, each as one rigid body, and deposits those that touch a surface.
     pub(super) fn advance_clusters(&mut self, wind: &dyn Wind, t: f64) {
         // Clusters are taken out while tasks read the catkins, then put back.
         let mut clusters = std::mem::take(&mut self.clusters);

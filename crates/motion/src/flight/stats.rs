@@ -4,12 +4,12 @@ use super::{CatkinState, FlightSimulation, RestingPlace};
 use osier_base::convert::to_usize;
 use osier_scene::solid::Solids;
 
-/// Event counts since the start.
+/// Event counts since the start, as in [`FlightStats`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct EventCounters {
     pub merges: u64,
     pub deposits: u64,
-    /// Of these, those at each solid.
+    /// Depositions at each solid, in the order of the solids.
     pub deposits_at: Vec<u64>,
     pub lift_offs: u64,
     pub falls: u64,
@@ -48,8 +48,8 @@ pub struct FlightStats {
     pub deposits: u64,
     /// Lift-offs by the wind so far, each member of a cluster counted.
     pub lift_offs: u64,
-    /// Times that a deposit lost its support and fell, each member of a cluster counted. Deposits less lift-offs and
-    /// falls are those that lie, unless they crept out of the box.
+    /// Times that a deposit lost its support and fell, each member of a cluster counted. Deposits minus lift-offs and falls is
+    /// the number of deposited catkins, unless some crept out of the box.
     pub falls: u64,
     /// Reentries of recycled catkins so far.
     pub recycled: u64,
@@ -109,7 +109,7 @@ impl FlightSimulation {
         &self.counters.deposits_at
     }
 
-    /// Counts depositions of this step.
+    /// Counts depositions of this step and appends them to the list of landings.
     pub(super) fn record_landings(&mut self, places: impl IntoIterator<Item = RestingPlace>) {
         for place in places {
             self.counters.deposits += 1;
