@@ -48,7 +48,7 @@ impl RodInterval {
         2.0 / 3.0 * self.shear * slender * slender
     }
 
-    /// Share of the axial stiffness that the diagonal springs carry.
+    /// Share of the axial stiffness that the diagonal springs carry, limited to [`SHEAR_SHARE_RANGE`].
     fn diagonal_stiffness_share(&self) -> f64 {
         self.unclamped_shear_share().clamp(SHEAR_SHARE_RANGE[0], SHEAR_SHARE_RANGE[1])
     }
@@ -178,7 +178,7 @@ pub(crate) fn spring_forces(
     f
 }
 
-/// Elastic energy of a section's springs, J.
+/// Elastic energy, J, of springs of stiffness `k`, N/m, and rest length `l`, m, whose ends are `d` apart, m.
 pub(crate) fn spring_energy(
     d: &PerSpringVectors,
     k: &[f64; SPRINGS_PER_SECTION],
@@ -190,7 +190,7 @@ pub(crate) fn spring_energy(
     })
 }
 
-/// Length of each spring of a section, m.
+/// Length of each spring of a section, m, from the vectors between its ends, m.
 pub(crate) fn spring_lengths(d: &PerSpringVectors) -> [f64; SPRINGS_PER_SECTION] {
     std::array::from_fn(|i| (d[0][i] * d[0][i] + d[1][i] * d[1][i] + d[2][i] * d[2][i]).sqrt())
 }

@@ -33,17 +33,17 @@ impl RigidMotion {
         self.offset + self.turn.cross(p)
     }
 
-    /// This motion and that of a bend with rotation vector `phi` at a lever.
+    /// The sum of this motion and that of a bend with rotation vector `phi` at a lever.
     fn with_bend(self, lever: &BendLever, phi: DVec3) -> Self {
         Self { turn: self.turn + phi * lever.slope, offset: self.offset + phi.cross(lever.shift) }
     }
 }
 
-/// How a bend of an element moves what is attached at a place of it: by phi x (shift + slope p).
+/// How a bend of an element moves what is attached at one location of it: by phi x (shift + slope p).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct BendLever {
     element: usize,
-    /// Slope there over that of the tip.
+    /// Slope at the location over that of the tip.
     slope: f64,
     /// Part of the lever that is the same everywhere, m, in plant space.
     shift: DVec3,
@@ -77,7 +77,7 @@ impl Wrench {
 /// An element that drops bend.
 #[derive(Debug, Clone)]
 struct ElementResponse {
-    /// Attachment to the carrier; none on the ground.
+    /// Attachment to the carrier; `None` on the ground.
     carrier: Option<BendLever>,
     bend_axes: [DVec3; 2],
     /// Stiffness, N m/rad, and inverse inertia, 1/(kg m^2), about each axis; 0 inverse inertia for an element that does not bend.
@@ -110,7 +110,7 @@ impl ElementResponse {
                 continue;
             }
             let rate_change = self.bend_axes[i].dot(self.impulse.bending) * self.inverse_inertia[i];
-            // The load bends the element to where its elastic moment balances it; the arctangent bounds the rotation of long levers.
+            // The load bends the element until its elastic moment balances it; the arctangent bounds the rotation by long levers.
             let goal = math::atan(self.bend_axes[i].dot(self.load.bending) / self.stiffness[i]);
             let (angle, rate) = (self.angles[i], self.rates[i] + rate_change);
             if rate_change == 0.0 && goal == 0.0 && angle.abs() < REST_ANGLE && rate.abs() < REST_ANGLE * self.w[i] {
@@ -121,7 +121,7 @@ impl ElementResponse {
             let [a, b, c, d] = self.oscillators[i].coefficients();
             let away = angle - goal;
             (self.angles[i], self.rates[i]) = (goal + a * away + b * rate, c * away + d * rate);
-            // An end stop: small motions are what the model holds for.
+            // An end stop: the model holds for small motions only.
             if self.angles[i].abs() > MAX_RAIN_BEND {
                 (self.angles[i], self.rates[i]) = (self.angles[i].clamp(-MAX_RAIN_BEND, MAX_RAIN_BEND), 0.0);
             }
@@ -140,7 +140,7 @@ pub(super) struct BranchResponse {
 }
 
 impl BranchResponse {
-    /// All elements at rest.
+    /// All elements at rest; stiffness and inertia follow from their compliance and frequency.
     pub fn new(elements: &BeamElements) -> Self {
         let response = |e: &BeamElement| {
             // The tip moves by phi x chord over the whole length: a force there bends it with this arm.
@@ -174,7 +174,7 @@ impl BranchResponse {
         self.elements[lever.element].load.add(lever, force, p.cross(force));
     }
 
-    /// Applies an impulse, N s, which acts at the beginning of the next step.
+    /// Applies an impulse, N s, at a point of what is attached at a lever; it acts at the beginning of the next step.
     pub fn add_impulse(&mut self, lever: &BendLever, p: DVec3, impulse: DVec3) {
         self.elements[lever.element].impulse.add(lever, impulse, p.cross(impulse));
     }
@@ -187,7 +187,7 @@ impl BranchResponse {
                 e.oscillators = e.w.map(|w| OscillatorStep::new(w, e.damping_ratio, h));
             }
         }
-        // Loads go from the tips down: what stands on an element acts on it as one wrench. Parents precede their children.
+        // Loads go from the tips down: all that an element carries acts on it as one wrench. Carriers precede what they carry.
         for k in (0..self.elements.len()).rev() {
             let ElementResponse { carrier: Some(lever), load, impulse, .. } = self.elements[k] else { continue };
             let carrier = &mut self.elements[lever.element];
@@ -204,7 +204,7 @@ impl BranchResponse {
         }
     }
 
-    /// Displacement and velocity, both of plant space, of what is attached at a lever.
+    /// Displacement, m, and velocity, m/s, in plant space, of what is attached at a lever.
     pub fn motion(&self, lever: &BendLever) -> [RigidMotion; 2] {
         let e = &self.elements[lever.element];
         [e.displacement.with_bend(lever, e.tip_turn(e.angles)), e.velocity.with_bend(lever, e.tip_turn(e.rates))]
@@ -219,7 +219,7 @@ impl BranchResponse {
             let e = &self.elements[lever.element];
             let moment = lever.arm(p).cross(n);
             for (axis, inverse_inertia) in e.bend_axes.iter().zip(e.inverse_inertia) {
-                // Each bending axis is a degree of freedom of its own: J M^-1 J^T with a diagonal M.
+                // Each bending axis is a separate degree of freedom: J M^-1 J^T with a diagonal M.
                 sum += inverse_inertia * axis.dot(moment) * axis.dot(moment);
             }
             next = e.carrier;
@@ -241,8 +241,8 @@ pub(super) fn bend_lever(elements: &BeamElements, spot: ElementLocation) -> Opti
     }
     let element = spot.element as usize;
     let e = elements.list.get(element)?;
-    // The centreline moves by phi x chord times the integral of the slope up to the location; from there on what is attached turns
-    // with the slope of the location.
+    // The centreline moves by phi x chord times the integral of the slope up to the location; what is attached there rotates with
+    // the slope of the location.
     let slope = e.shape.at(spot.at);
     let chord = e.chord;
     let shift = chord * e.shape.integral(spot.at) - (e.base + chord * spot.at) * slope;

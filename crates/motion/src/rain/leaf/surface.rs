@@ -190,8 +190,8 @@ impl LeafSurface {
         along[0].max(along[1]) / total.max(f64::MIN_POSITIVE)
     }
 
-    /// Side of a picture over the chart divided by the side of a picture over the texture coordinates of the mesh that has the same
-    /// resolution on the blade; 1 for a blade without a computed chart.
+    /// Side of a picture over the chart divided by the side of a picture over the texture coordinates of the mesh that has the
+    /// same resolution on the blade; 1 for a blade without a computed chart.
     pub fn chart_to_texture_side_ratio(&self) -> f64 {
         let Some(texture_uvs) = &self.texture_uvs else { return 1.0 };
         let area = |uvs: &[DVec2]| {
