@@ -94,6 +94,7 @@ impl<'a> GrowingPlant<'a> {
     /// Ratio of the present radius of an axis at arc length `s`, m, to that of the grown plant; 0 before its birth.
     fn thickness(&self, axis: &Axis, s: f32) -> f32 {
         let birth = self.clock.birth(self.plant, axis, s);
+        // Age as a fraction of the age at the end of the clip.
         let age = (self.now - birth) / (1.0 + UNFOLDING - birth);
         if age >= 1.0 { 1.0 } else { pow_f32(age.max(0.0), THICKENING) }
     }
@@ -136,6 +137,7 @@ impl<'a> GrowingPlant<'a> {
         if thickness >= 1.0 {
             return p + (self.center(bound.axis, s) - center);
         }
+        // The offset from the centreline shrinks with the wood that it lies on.
         self.center(bound.axis, s) + (p - center) * thickness
     }
 
@@ -170,6 +172,7 @@ fn reached_length(plant: &Plant, clock: &GrowthClock, axis: &Axis, now: f32) -> 
         return -1.0;
     }
     let i = range.start + births.partition_point(|b| *b <= now).clamp(1, births.len() - 1) - 1;
+    // The axis grows from the node that was born last towards the next one.
     let (from, to) = (clock.nodes[i], clock.nodes[i + 1]);
     let t = if to > from { ((now - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
     plant.nodes.s[i] + (plant.nodes.s[i + 1] - plant.nodes.s[i]) * t

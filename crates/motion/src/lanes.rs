@@ -83,7 +83,6 @@ impl<S: Simd> RotationLanes<S> {
         Vec3Lanes([self.0[0].dot(v), self.0[1].dot(v), self.0[2].dot(v)])
     }
 
-    /// Applies the inverse rotation.
     #[inline(always)]
     pub(crate) fn apply_inverse(&self, v: Vec3Lanes<S>) -> Vec3Lanes<S> {
         // The transpose: rows weighted by the components of v.
@@ -145,6 +144,7 @@ impl<const K: usize> Columns<K> {
     /// Index of the first register of a group of rows, and number of registers from one column to the next.
     #[inline(always)]
     fn lane_group<S: Simd>(group: usize) -> (usize, usize) {
+        // A block has `parts` registers per column; the columns of one group are `parts` registers apart.
         let parts = WIDEST / S::F64_LANES;
         (group / parts * K * parts + group % parts, parts)
     }

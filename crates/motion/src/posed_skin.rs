@@ -54,6 +54,7 @@ pub fn pose_skin(
         let shape = &plant.axes[bound.axis as usize];
         let rest = plant.frame(shape, bound.s);
         let now = posed_site(plant, pose, shape, drawn_in(plant, pose, *bound));
+        // Rotate the offset from the centreline as the frame rotates, and scale it by the ratio of the radii.
         let turn = (now.q * rest.q.inverse()).normalize();
         skin.points.push(now.p + turn * (*p - rest.p) * (now.r / rest.r.max(f32::MIN_POSITIVE)));
         if let Some(n) = normals.get(i) {

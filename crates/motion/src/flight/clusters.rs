@@ -14,7 +14,7 @@ use osier_base::math::pow;
 /// Clusters by the smallest index of their members.
 pub(super) type CatkinClusters = BTreeMap<u32, CatkinCluster>;
 
-/// A rigid body of bonded catkins.
+/// Bonded catkins that move as one rigid body, in the air or at rest.
 #[derive(Debug, Clone)]
 pub(super) struct CatkinCluster {
     /// Indices of the members, ascending.
@@ -123,7 +123,7 @@ impl CatkinCluster {
         off
     }
 
-    /// Whether some bond still contracts.
+    /// Whether some bond is longer than its final length, so that members still move.
     pub fn is_contracting(&self) -> bool {
         self.bonds.iter().any(|b| b.left != DVec3::ZERO)
     }
@@ -257,7 +257,7 @@ impl FlightSimulation {
         // The deposited one of the two determines the surface that both rest on.
         let resting = if one.state == CatkinState::Airborne { b } else { a };
         let (normal, face) = (self.catkin(resting).normal, self.catkin(resting).face);
-        // The merged body with its new bond, settling speed and decay.
+        // The merged body settles at n^beta times the mean speed of its members, which determines its decay.
         let mut whole = one.merged_with(other, t);
         whole.bonds.push(ClusterBond { ends: [i, j], left });
         let n = whole.members.len() as f64;

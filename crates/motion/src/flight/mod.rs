@@ -89,7 +89,7 @@ pub struct FlightSimulation {
     /// Buffers of the contact search, reused.
     contact_grid: ContactGrid,
     counters: stats::EventCounters,
-    /// Depositions of the last step.
+    /// Depositions of the last step, each member of a cluster once.
     landings: Vec<RestingPlace>,
 }
 

@@ -86,9 +86,9 @@ impl GroundHumidity {
 pub struct FlightParams {
     /// Seed of the random draws; they are addressed by catkin, so that one catkin's draws do not depend on the others.
     pub seed: u64,
-    /// Frames per second, > 0.
+    /// Frame rate of the clip, frames per second, > 0.
     pub fps: f64,
-    /// Substeps per frame, >= 1.
+    /// Time steps per frame, >= 1.
     pub substeps: u32,
     /// Box of the simulated air in the world, m.
     pub inside: Bounds,

@@ -12,7 +12,7 @@ use osier_base::rng::{self, Rng};
 pub enum CatkinState {
     /// Waiting for its release; hidden.
     Pending,
-    /// Carried by the wind.
+    /// In the air, carried by the wind; singly or in a cluster.
     Airborne,
     /// Deposited on the ground or on the top of a solid.
     Grounded,
@@ -66,11 +66,10 @@ pub struct Catkin {
     pub(super) root: u32,
     pub(super) radius: f32,
     pub(super) state: CatkinState,
-    /// Member of a cluster.
     pub(super) clustered: bool,
-    /// Airborne when this step's path began.
+    /// Whether it was airborne when the path of this step began.
     pub(super) free: bool,
-    /// Deposited or displaced since the last contact search.
+    /// Whether it was deposited or displaced since the last contact search.
     pub(super) moved_since_check: bool,
     pub(super) x: DVec3,
     /// Displacement since the last contact search, about one step, not wrapped at periodic sides, m.

@@ -24,7 +24,7 @@ pub(super) struct EventCounters {
 /// Number of catkins by state at one time, and event counts until then.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FlightStats {
-    /// Catkins not yet released.
+    /// Catkins that wait for their release, hidden.
     pub pending: u64,
     /// Catkins in the air, singly or in clusters.
     pub airborne: u64,

@@ -209,11 +209,11 @@ pub(crate) struct WoodHit {
 /// The first thing that the path of a drop meets in a step, with the place of contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum DropHit {
-    /// The leaf of this index.
+    /// A leaf by its index in the simulation, and the struck point of its blade.
     Leaf { leaf: usize, hit: LeafHit },
-    /// The wood segment of this index.
+    /// A wood segment by its index over all plants, and the struck place along it.
     Wood { segment: usize, hit: WoodHit },
-    /// A wall, a roof or a mesh.
+    /// A wall, a roof or a mesh, at which the drop ends.
     Solid {
         /// Fraction of the path, 0 to 1.
         t: f64,

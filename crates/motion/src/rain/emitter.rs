@@ -35,7 +35,7 @@ pub enum DropSizes {
     },
 }
 
-/// Factor on the rainfall rate over time.
+/// Course of the rainfall over a clip, as a factor on its rate.
 #[derive(Debug, Clone, PartialEq)]
 pub enum IntensityEnvelope {
     /// The factor 1 at all times.

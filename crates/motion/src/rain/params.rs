@@ -32,7 +32,7 @@ pub enum FrictionModel {
 /// Distance of two drops on a leaf at which they merge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MergeRule {
-    /// As soon as their bases touch.
+    /// The sum of their base radii: they merge as soon as they touch.
     Touch,
     /// Where the attraction of [yang-wu] eq. 12 exceeds friction, closer than touching.
     Paper,

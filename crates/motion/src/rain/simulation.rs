@@ -135,7 +135,7 @@ impl ImpactMomentum {
 pub struct LeafWetSpot {
     /// Index of the leaf, as in [`RainSimulation::leaves`].
     pub leaf: usize,
-    /// Where and when it became wet.
+    /// Place on the leaf in texture coordinates, and time.
     pub spot: WetSpot,
 }
 

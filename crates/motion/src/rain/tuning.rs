@@ -1,6 +1,6 @@
 //! Constants of the rain model that are chosen, not derived: each with its unit, its reason and what a change does.
 
-// Emission.
+// Emission: sizes, counts and times of raindrops.
 
 /// Diameters of the smallest and the largest raindrop, mm: smaller ones are drizzle, larger ones break up in the air.
 pub const DIAMETER_RANGE_MM: [f64; 2] = [0.5, 6.0];
@@ -20,7 +20,7 @@ pub const GUST_PERIOD: f64 = 0.5;
 /// Smallest terminal speed, m/s; the formula of Atlas et al. becomes negative below 0.11 mm.
 pub const MIN_TERMINAL_SPEED: f64 = 0.3;
 
-// Source regions.
+// Source regions: parts of the emission plane from which drops reach the scene.
 
 /// Height of the emission plane above the bounds of the plants, m. Higher lets drops meet more of the wind, and costs area and time.
 pub const EMISSION_CLEARANCE: f64 = 0.5;
@@ -43,7 +43,7 @@ pub const AREA_SAMPLES: u32 = 32;
 /// Times of a clip at which the area of a source region is measured for its mean.
 pub const AREA_TIMES: u32 = 16;
 
-// Shelter and ground.
+// Shelter and ground: what stops drops above the emission plane and at the end of their fall.
 
 /// Time step in which drops are followed back to what may shelter their place of emission, s: up to half a metre of fall; longer
 /// steps straighten the paths of drops in gusts.
@@ -53,7 +53,7 @@ pub const MAX_SHELTER_STEPS: u32 = 1000;
 /// Bisections that find where a path meets uneven ground: to a billionth of the path of one step.
 pub const GROUND_BISECTIONS: u32 = 30;
 
-// Time step, collision and impact.
+// Time step, collision and impact of falling drops.
 
 /// Steps for which the hierarchy of leaves and wood is fitted to their motion before it is built anew. Affects speed only: more let the
 /// boxes of its inner nodes grow, fewer build more often.
@@ -86,7 +86,7 @@ pub const SPLASH_OFFSET: f64 = 1e-4;
 /// Largest relative error of the water budget: rounding of sums over a clip stays far below.
 pub const BUDGET_TOLERANCE: f64 = 1e-9;
 
-// Leaf surface.
+// Leaf surface: chart, wetness grid and veins.
 
 /// Smallest determinant of a triangle's texture coordinates; below it the triangle belongs to a petiole, which is mapped to a line.
 pub const MIN_UV_AREA: f64 = 1e-9;
@@ -117,7 +117,7 @@ pub const VEIN_NEIGHBOURHOOD: usize = 5;
 /// twice that is a full vein.
 pub const VEIN_RMS_SCALE: f64 = 0.5;
 
-// Shape of sessile drops and of their tails.
+// Shape of sessile drops and of their tails: height, skew, stretch and spacing of caps.
 
 /// Height factor of [`CapHeightRule::Paper`](crate::rain::CapHeightRule::Paper), as printed in the paper.
 pub const PAPER_HEIGHT_FACTOR: f64 = 0.5;
@@ -143,7 +143,7 @@ pub const MIN_CAP_RADIUS: f64 = 1e-5;
 /// Sphere radius of the smallest cap that a tail leaves behind as a bead, m; smaller caps return to the drop.
 pub const MIN_BEAD_RADIUS: f64 = 3e-4;
 
-// Motion of sessile drops.
+// Motion of sessile drops: friction, steering, segments of a run, the margin.
 
 /// Speed below which a drop that the forces hold is at rest, m/s: dry friction brings it to exactly 0 within microseconds; larger
 /// values would hold drops that start slowly.
@@ -210,7 +210,7 @@ pub const TRACK_DISTANCE: f64 = 2.5;
 /// Relative enlargement of the distance within which pairs of drops are tested for touching, against rounding.
 pub const SWEEP_TOLERANCE: f64 = 1e-9;
 
-// Pendant drops.
+// Pendant drops: when they form, what they hold, how they neck and detach.
 
 /// Largest attachment radius of a pendant drop on a straight margin, m.
 pub const MAX_PENDANT_RADIUS: f64 = 1.5e-3;
@@ -251,7 +251,7 @@ pub const NECK_POSITION: f64 = 0.82;
 pub const NECK_WAIST: f64 = 0.5;
 pub const NECKED_SHIFT_START: f64 = 0.4;
 
-// Water maps.
+// Water maps: wet spots, windows of texels, continuation beyond the margin.
 
 /// Wetness of the maps that counts as dry, 0 to 1; equal to [`MIN_WETNESS`] in single precision.
 pub const MIN_MAP_WETNESS: f32 = 1.0 / 1024.0;
@@ -269,7 +269,7 @@ pub const MAX_RELIEF_SAMPLES: usize = 4;
 /// Cosine of the angle to the mean normal within which all normals lie if the blade is not folded. Folded blades cost more time.
 pub const FOLD_COSINE: f32 = 0.8;
 
-// Meshes of drops.
+// Meshes of drops: numbers of rings, sides, rows and columns, by size in the picture.
 
 /// Number of rings and sides of a small drop and of a large one, and the radius from which a drop is large, m.
 pub const SMALL_DROP_GRID: [u32; 2] = [6, 24];

@@ -11,7 +11,7 @@ use osier_base::progress::Cancel;
 use osier_base::{Error, Result};
 use osier_wind::Wind;
 
-/// Density of air, kg/m^3.
+/// Density of air at sea level, kg/m^3, in the drag of rods and blades.
 pub(crate) const AIR_DENSITY: f64 = osier_base::physics::AIR_DENSITY;
 /// Largest number of substeps per frame that an explicit integrator may need; beyond, the limit error suggests the
 /// implicit one.
@@ -49,7 +49,7 @@ pub enum Actuation {
 pub struct RecordingParams<'a> {
     /// Number of frames, the start included.
     pub frames: u32,
-    /// Number of the first frame, for messages.
+    /// Number of the first frame, by which errors name frames.
     pub first: u32,
     /// Frame rate of the clip, frames per second.
     pub fps: f64,

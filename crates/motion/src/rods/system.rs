@@ -13,7 +13,7 @@ use crate::rods::tuning::{CLAMP_STIFFNESS_FACTOR, MAX_VISIBLE_HZ, STEP_COUNT_RAN
 use osier_base::math;
 use osier_scene::plant::NONE;
 
-/// Boundary condition of a clamped section.
+/// Which degrees of freedom of a clamped section are prescribed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SupportKind {
     /// Position and rotation are prescribed (all nine degrees of freedom).
@@ -29,7 +29,7 @@ pub enum SupportKind {
 pub struct RodSupport {
     /// Index of the section that it acts on.
     pub section: usize,
-    /// Which degrees of freedom are prescribed.
+    /// Its prescribed degrees of freedom; the others stay free.
     pub hold: SupportKind,
     /// Prescribed translation from the reference shape, m.
     pub shift: DVec3,
@@ -223,7 +223,7 @@ impl RodSystem {
         all
     }
 
-    /// Adds bodies and recomputes frequencies and damping with them.
+    /// Adds bodies behind the present ones, and recomputes frequencies and damping with them.
     #[must_use]
     pub fn with_added_bodies(mut self, bodies: Vec<AttachedBody>) -> Self {
         self.bodies.extend(bodies);

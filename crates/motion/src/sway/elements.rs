@@ -187,7 +187,7 @@ impl BeamElements {
     /// Position of a segment on its carrier, 0 to 1, and the carrier's tip slope per unit force there, 1/N.
     fn locate_on_carrier(&self, segment: &AxisSegment, parent: u32, carrier: Option<&TipCompliance>) -> (f64, f64) {
         let Some((element, slopes)) = self.list.get(parent as usize).zip(carrier) else { return (0.0, 0.0) };
-        // Position along the carrier, and the carrier's compliance there.
+        // Arc length from the base of the carrier, whose compliance is interpolated between its stations.
         let s = f64::from(segment.parent_s - element.span[0]);
         let at = if element.length > 0.0 { (s / element.length).clamp(0.0, 1.0) } else { 0.0 };
         (at, interpolate(&slopes.x, &slopes.compliance, s))

@@ -13,7 +13,7 @@ use osier_wind::Wind;
 /// Time range of a recording, and scaling of its motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipOptions {
-    /// Number of frames of the clip.
+    /// Number of frames of the clip; one more is simulated, by which a loop is closed.
     pub frames: usize,
     /// Whether the clip loops: the frame after the last is the first; the wind must have the same period.
     pub repeats: bool,

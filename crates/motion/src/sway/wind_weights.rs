@@ -34,6 +34,7 @@ impl<'a> WindWeights<'a> {
             let (base, phase) = if axis.parent == NONE {
                 ([0.0; 2], phase_from_id(axis.id))
             } else {
+                // Main branches get a phase; all that grows on one sways in its phase.
                 let limb = plant.axes[axis.parent as usize].order == 0 && axis.order > 0;
                 let phase = if limb { phase_from_id(axis.id) } else { all.phases[axis.parent as usize] };
                 (all.at(axis.parent, axis.parent_s), phase)
@@ -49,6 +50,7 @@ impl<'a> WindWeights<'a> {
         let a = &self.plant.axes[axis as usize];
         let x = (s / a.length.max(1e-9)).clamp(0.0, 1.0);
         let [whole, branch] = self.bases[axis as usize];
+        // The rest of the way to weight 1 shrinks along the axis by the factor 1 - x^2 / 2.
         let grown = |w: f32| 1.0 - (1.0 - w) * (1.0 - TIP_SWAY_SHARE * x * x);
         [grown(whole), if a.order == 0 { 0.0 } else { grown(branch) }]
     }

@@ -2,7 +2,7 @@
 
 use crate::sway::tuning::{THICK_WOOD, THIN_WOOD};
 
-/// Density of air, kg/m^3.
+/// Density of air at sea level, kg/m^3, in the drag of branches and leaves.
 pub const AIR_DENSITY: f64 = osier_base::physics::AIR_DENSITY;
 /// Wind speed at which leaves reconfigure (fold), m/s: above it their drag grows linearly instead of quadratically.
 pub const LEAF_FOLD_SPEED: f64 = 8.0;

@@ -118,7 +118,6 @@ impl<'a> PaperSimulation<'a> {
         self.elements
     }
 
-    /// Frames per second of the clip.
     pub(crate) fn fps(&self) -> f64 {
         self.params.fps
     }

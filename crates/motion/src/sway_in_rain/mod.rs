@@ -28,7 +28,7 @@ use osier_base::par::par_map;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{Mesh, Trs};
 
-/// A leaf of a plant that sways in the rain.
+/// A leaf of a plant that sways in the rain, in the rest pose of the plant.
 #[derive(Debug, Clone, Copy)]
 pub struct SwayingLeaf<'a> {
     /// Index of the axis that carries it, into the plant's axes.
@@ -39,19 +39,19 @@ pub struct SwayingLeaf<'a> {
     pub rest: DVec3,
     /// Factor on the size of the blade.
     pub scale: f64,
-    /// The blade at scale 1, without its stalk.
+    /// Mesh of the leaf at scale 1, from which the mass and inertia of its blade are computed.
     pub blade: &'a Mesh,
 }
 
 /// Inputs of a [`SwayingRainPlant`]: a plant, its bending elements and leaves, and its motion in the wind.
 pub struct SwayInRain<'a> {
-    /// The plant, for its wood.
+    /// The plant, whose axes give the wood that drops strike.
     pub plant: &'a Plant,
     /// Bending elements of the plant, the same as in the simulation of its sway.
     pub elements: &'a BeamElements,
     /// Parameters of its sway; placement, wood and frame rate are used.
     pub params: SwayParams,
-    /// Leaves in the order of the poses.
+    /// Leaves in the order of [`WindPose::leaves`].
     pub leaves: &'a [SwayingLeaf<'a>],
     /// Poses of the plant in the wind, to which the motion by drops is added.
     pub poses: Box<dyn WindPoses>,

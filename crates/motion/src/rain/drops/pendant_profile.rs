@@ -234,7 +234,7 @@ fn apex_radius_of_max_volume(turn: f64, r: f64) -> f64 {
             _ => break,
         }
     }
-    // Refine the limit by bisection.
+    // Refine the apex radius by bisection within the last coarse step.
     let (mut lo, mut hi) = (best, best * 1.02);
     for _ in 0..30 {
         let b = 0.5 * (lo + hi);

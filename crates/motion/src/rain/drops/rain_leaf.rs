@@ -72,7 +72,7 @@ pub struct WetSpot {
 pub struct DropCounters {
     /// Impacts of drops on leaves.
     pub impacts: u64,
-    /// Drops that merged into others.
+    /// Drops that another, heavier one absorbed.
     pub mergers: u64,
     /// Beads left behind by tails.
     pub beads: u64,
@@ -123,7 +123,7 @@ pub struct PointImpulse {
 /// The water on a leaf as a rigid body attached to it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct AttachedWater {
-    /// Mass of the water, kg.
+    /// Mass of all drops on the leaf, kg; 0 for a dry leaf.
     pub mass: f64,
     /// Center of mass in the world, m.
     pub center: DVec3,
@@ -140,7 +140,7 @@ pub struct LeafStepResult {
     pub tracks: Vec<WetSpot>,
     /// Counts of the events of this step, and its largest impulse.
     pub counters: DropCounters,
-    /// The events in the order in which they occurred.
+    /// Events of the drops in the order in which they occurred; their `leaf` is not yet set.
     pub events: Vec<RainEvent>,
     /// Impulses on the leaf by drops that change their velocity relative to it; empty after a step, which turns them into `forces`.
     pub reactions: Vec<PointImpulse>,

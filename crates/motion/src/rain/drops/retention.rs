@@ -29,7 +29,7 @@ pub(super) struct EffectiveGravity {
 
 /// Quantities of a step that are the same for all drops of a leaf.
 pub(super) struct StepConstants {
-    /// Shape of caps at rest by volume.
+    /// Shape of caps at rest by volume, for the contact angle of the wetting.
     pub cap_law: CapLaw,
     pub sin_receding: f64,
     /// Contact-angle hysteresis cos(receding) - cos(advancing).

@@ -244,7 +244,7 @@ fn outward_at(margin: &MarginPoint, surface: &SurfacePoint, side: f64) -> DVec3 
 /// Angle between neighbouring directions that a running drop compares, rad.
 const STEER_SPACING: f64 = 2.0 * PI / STEER_DIRECTIONS as f64;
 
-/// The turns from the heading to those directions.
+/// The turns from the heading to the directions that are compared, the straight one first.
 static STEER_TURNS: LazyLock<[UnitTurn; STEER_DIRECTIONS as usize]> =
     LazyLock::new(|| std::array::from_fn(|k| UnitTurn::new(STEER_SPACING * k as f64)));
 
@@ -256,7 +256,6 @@ struct UnitTurn {
 }
 
 impl UnitTurn {
-    /// A turn by an angle, rad.
     fn new(angle: f64) -> Self {
         Self { cos: math::cos(angle), sin: math::sin(angle) }
     }

@@ -257,7 +257,7 @@ impl LeafSurface {
         &self.uvs
     }
 
-    /// Area of the blade at scale 1, m^2.
+    /// Area of one side of the blade at scale 1, m^2, without petiole.
     pub fn area(&self) -> f64 {
         self.area
     }
@@ -311,7 +311,7 @@ impl LeafSurface {
 
     /// The point of the margin nearest to `p`, m, on a leaf of factor `scale`; `None` for a closed surface.
     pub fn nearest_margin(&self, p: DVec3, scale: f64) -> Option<MarginPoint> {
-        // Search at scale 1, scale the result.
+        // The margin is stored at scale 1: search there, then scale the result.
         let q = p / scale;
         let mut best: Option<MarginPoint> = None;
         let mut least = f64::INFINITY;
@@ -356,7 +356,7 @@ impl LeafSurface {
             }
             left -= rest;
             p = end;
-            // Continue on the next edge in this direction.
+            // Continue on the next edge in this direction; an edge at the end of an open margin is its own neighbour.
             let neighbours = self.margin.neighbours[edge];
             edge = if forward { neighbours.next } else { neighbours.previous };
         }

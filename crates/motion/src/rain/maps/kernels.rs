@@ -184,7 +184,7 @@ fn raise_texels<S: Simd, const FOLDED: bool>(
     let ([px, py, pz], [nx, ny, nz]) = (row.p, row.n);
     let ((px, x), (py, y), (pz, z)) = (S::as_simd_f32s(px), S::as_simd_f32s(py), S::as_simd_f32s(pz));
     let ((nx, u), (ny, v), (nz, w)) = (S::as_simd_f32s(nx), S::as_simd_f32s(ny), S::as_simd_f32s(nz));
-    // Whole vectors of texels.
+    // Whole vectors of texels; the remainder follows below.
     let (texels, rest) = S::as_mut_simd_f32s(texels);
     for (g, ((texels, px), (py, pz))) in texels.iter_mut().zip(px).zip(py.iter().zip(pz)).enumerate() {
         let p = [F32Lanes::new(simd, *px), F32Lanes::new(simd, *py), F32Lanes::new(simd, *pz)];

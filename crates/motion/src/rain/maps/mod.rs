@@ -71,7 +71,7 @@ pub struct TexelCounters {
 }
 
 impl TexelCounters {
-    /// Sum over all kinds of updates.
+    /// Sum over all causes, a measure of the cost of the maps.
     pub fn total_updates(&self) -> u64 {
         self.heights + self.normals + self.wet_spots + self.drying
     }

@@ -330,6 +330,7 @@ impl RodPlant {
         let Self { rods, impulses, leaf_forces, wind, drags, .. } = self;
         rods.clear_forces();
         for (section, place, force) in leaf_forces.iter() {
+            // Forces act at points of leaves: the section gets them as a force and a torque about its centre.
             let arm = *place - rods.section_frame(*section).p;
             rods.add_wrench(*section, *force, arm.cross(*force));
         }
@@ -359,6 +360,7 @@ impl RodPlant {
         for ((leaf, (section, (p, q))), air) in attached.zip(&held).zip(&air) {
             let (v, spin) = rods.section_rigid_velocity(*section);
             let arm = *p - rods.section_frame(*section).p;
+            // The wind relative to the centroid of the blade, which is rigid with its section.
             let relative = air.as_dvec3() - v - spin.cross(arm);
             let plate = OrientedLeafSheet { sheet: &leaf.sheet, q: *q, scale: leaf.scale, drag: *leaf_drag };
             let (force, at) = leaf.eddies.wind_force(&plate, relative, h);

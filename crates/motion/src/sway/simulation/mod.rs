@@ -21,7 +21,7 @@ use osier_wind::{TimeNoise, Wind};
 /// Material and placement of a plant, and how branches excite themselves beyond the wind field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SwayParams {
-    /// Material of wood and leaves.
+    /// Stiffness, density, drag and damping of wood and leaves.
     pub wood: WoodParams,
     /// Relative strength, 0..1, of a fluctuation of the wind that differs from branch to branch, and of vortex shedding.
     pub flicker: f64,
