@@ -198,9 +198,9 @@ impl FlightSimulation {
     }
 
     /// Angular velocity of a cluster after this step, rad/s, which relaxes towards the wind's rotation around it:
-    /// omega = I^-1 sum m r x (u - mean u); a pair has no inertia about its own line and does not rotate about it.
+    /// omega = I^-1 sum m r x (u - mean u). A pair has no inertia about its connecting line and does not rotate about it.
     fn angular_velocity_from_wind(&self, cluster: &CatkinCluster, probe: &[usize], air: &[Vec3]) -> Vec3 {
-        // Subtract the mean wind: what remains rotates or strains the cluster.
+        // Subtract the mean wind: the remainder rotates or strains the cluster.
         let mean = air.iter().copied().sum::<Vec3>() / air.len().max(1) as f32;
         let (mut momentum, mut inertia) = (Vec3::ZERO, glam::Mat3::ZERO);
         for (i, u) in probe.iter().zip(air) {
@@ -210,8 +210,8 @@ impl FlightSimulation {
             let outer = glam::Mat3::from_cols(r * r.x, r * r.y, r * r.z);
             inertia += (glam::Mat3::IDENTITY * r.length_squared() - outer) * m;
         }
-        // omega = I^-1 L of masses at the sampled members; a little of the trace on the diagonal keeps a line of two,
-        // which has no inertia about itself, invertible.
+        // omega = I^-1 L of masses at the sampled members; a small share of the trace on the diagonal makes the singular
+        // inertia of a pair invertible.
         let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
         if trace < 1e-12 {
             return cluster.omega;

@@ -120,7 +120,7 @@ impl FlightSimulation {
             // 1 - (1 - F)^(dt/T), with pull = ln(1 - F).
             let share = 1.0 - exp(c.pull * dt / ATTRACTION_TICK);
             let way = project_onto_surface(c, (target.x - c.x) * share);
-            // Solids stop the motion; what still overlaps is pushed out.
+            // Solids stop the motion; a single that still overlaps one is pushed out.
             let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace_free_share(&self.solids);
             Some(push_out_of_solids(&self.solids, c.x + way * gone, c.radius))
         });

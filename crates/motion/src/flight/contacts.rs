@@ -35,7 +35,7 @@ impl SweptCatkin {
 }
 
 /// Bounding sphere of a swept catkin: midpoint of its path, and its reach plus half of its path relative to the mean
-/// drift. Compact, since most pairs are rejected by it alone.
+/// drift. Compact in memory, since this sphere rejects most pairs.
 #[derive(Debug, Clone, Copy, Default)]
 struct BoundingSphere {
     middle: Vec3,
@@ -89,7 +89,7 @@ impl ContactGrid {
 
     /// Counting sort of the spheres by cell.
     fn sort_into_cells(&mut self) {
-        // Remove the mean drift: what remains of the displacements is small, so bounding spheres and cells are too.
+        // Remove the mean drift: the remaining displacements are small, and with them bounding spheres and cells.
         let ways = Bounds::of(self.flyers.iter().map(|f| f.way));
         let (drift, stray) = (ways.center(), 0.5 * ways.size().length());
         let mut reach = 0.0_f32;

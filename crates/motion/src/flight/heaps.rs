@@ -1,5 +1,5 @@
 //! Relaxation of heaps: members of a deposited cluster sink until ground, a wall's top or other members support them;
-//! a member held by its bonds alone tears off.
+//! a member that only its bonds hold tears off.
 //!
 //! Own: the paper joins catkins on contact and leaves it at that. Rigid clusters would stand up a wall as columns,
 //! since a catkin that slides down meets the topmost member first; its Fig. 12c shows heaps at the foot.
@@ -132,7 +132,7 @@ impl<'a> HeapRelaxation<'a> {
         let mut order: Vec<usize> = (0..self.all.len()).collect();
         order.sort_by(|a, b| self.all[*a].at.y.total_cmp(&self.all[*b].at.y).then(a.cmp(b)));
         let mut sank = vec![false; self.all.len()];
-        // Lowest first, so that a support has settled before what rests on it; once more for those whose bonds held
+        // Lowest first, so that a support has settled before the members on it; once more for members whose bonds held
         // them up in the first pass.
         for _ in 0..2 {
             let tried: Vec<(usize, SinkOutcome)> = order.iter().map(|i| (*i, self.sink_member(*i, ways[*i]))).collect();

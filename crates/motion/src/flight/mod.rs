@@ -2,8 +2,8 @@
 //! are attracted to deposited clusters, and lift off again.
 //!
 //! [`FlightSimulation`] holds all catkins and advances in steps; it samples the wind at every step, so that the wind
-//! can be simulated along with it. Results depend neither on threads nor on the order in memory: what concerns one
-//! catkin is computed independently, what concerns pairs is collected, sorted by index and applied in that order.
+//! can be simulated along with it. Results depend neither on threads nor on the order in memory: single
+//! catkins are computed independently; pairs are collected, sorted by index and processed in that order.
 //! Source: \[catkin\] sections 4.1 to 4.3; own: exact drag relaxation, masses, and a swept contact test.
 //! ```
 //! use std::sync::Arc;

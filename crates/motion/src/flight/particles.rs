@@ -36,7 +36,7 @@ impl CatkinState {
     }
 }
 
-/// Where a catkin rests, and what rests there.
+/// Where a catkin rests: its position, its mass, and the surface that supports it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestingPlace {
     /// Origin of the hairs, m.

@@ -155,7 +155,7 @@ pub(super) fn collect_stats(flights: &FlightSimulation) -> FlightStats {
             time += c.flight_time().unwrap_or(0.0);
             distances.push(c.flight_distance());
         }
-        // A single is visible and in no cluster; clusters are counted from their own list below.
+        // A single is visible and in no cluster; clusters are counted below, from the map of clusters.
         t.singles += u64::from(c.state.is_seen() && !c.clustered);
     }
     let mean = |sum: f64, n: u64| if n > 0 { sum / n as f64 } else { 0.0 };

@@ -135,7 +135,7 @@ impl LeafCollider {
         self.hierarchy.intersect(from, to)
     }
 
-    /// The first hit by a test of every triangle; what [`LeafCollider::intersect`] is tested against.
+    /// The first hit by a test of every triangle: the reference for [`LeafCollider::intersect`].
     #[cfg(test)]
     fn intersect_all(&self, from: DVec3, to: DVec3) -> Option<(f32, u32)> {
         let (o, d) = (from.as_vec3(), (to - from).as_vec3());

@@ -286,7 +286,7 @@ struct CumulativePoint {
 }
 
 /// The table of [`DIAMETER_TABLE_SIZE`] diameters, m, at the middles of intervals of equal probability: of the drops that cross a
-/// level area, not of those in a volume of air.
+/// level area, not of the drops in a volume of air.
 pub(crate) fn diameters_of_equal_probability(params: &RainfallParams) -> Vec<f64> {
     let n = DIAMETER_TABLE_SIZE as f64;
     let [least, most] = DIAMETER_RANGE_MM;

@@ -30,7 +30,7 @@ pub struct RainExposure {
     samples: Vec<RainSample>,
 }
 
-/// Drops of one size at one time, which stand for the same volume of water as every other sample.
+/// Drops of one size at one time; all samples represent equal volumes of water.
 #[derive(Debug, Clone, Copy)]
 struct RainSample {
     /// Diameter of the drops, m.

@@ -94,7 +94,7 @@ pub struct RainFrame {
     pub events: Vec<RainEvent>,
     /// Counts of events, and the largest impulse, since the simulation began.
     pub counters: DropCounters,
-    /// Volumes of water in the air, on leaves and elsewhere, whose sum is what was emitted.
+    /// Volumes of water in the air, on leaves and elsewhere; their sum is the emitted volume.
     pub water_budget: WaterBudget,
     /// Momentum of the impacts since the simulation began.
     pub impact_momentum: ImpactMomentum,

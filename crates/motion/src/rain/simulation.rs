@@ -118,8 +118,8 @@ impl WaterBudget {
 pub struct ImpactMomentum {
     /// Sum over the drops before their impacts.
     pub brought: f64,
-    /// Sum of what remains when the impulse on the leaf and the momentum of the drop and its splash after the impact are
-    /// subtracted; 0 but for rounding if momentum is conserved.
+    /// Sum of the momentum that is missing afterwards in the impulse on the leaf, the drop and its splash; only rounding if
+    /// momentum is conserved.
     pub missing: f64,
 }
 
@@ -151,9 +151,9 @@ pub struct RainConfig {
     pub leaves: Vec<(RainLeaf, LeafOnPlant)>,
     /// Wind that carries falling drops; `None` in calm air.
     pub wind: Option<Arc<dyn Wind>>,
-    /// Ground, at which the drops end that nothing else stops.
+    /// Ground, at which drops end if they strike nothing before.
     pub ground: Arc<dyn GroundHeight>,
-    /// Walls, roofs and meshes at which drops end, and which shelter what lies behind them.
+    /// Walls, roofs and meshes at which drops end; they keep rain from places behind them.
     pub solids: RainSolids,
 }
 
@@ -228,7 +228,7 @@ enum FallEnd {
     Hit(DropHit),
 }
 
-/// A falling drop at the place where it strikes something, which is not yet applied.
+/// A falling drop at the place where it strikes a leaf, wood or a solid; the effect is not yet applied.
 #[derive(Clone, Copy)]
 struct DropStrike {
     drop: FallingDrop,

@@ -24,7 +24,7 @@ pub const MIN_TERMINAL_SPEED: f64 = 0.3;
 
 /// Height of the emission plane above the bounds of the plants, m. Higher lets drops meet more of the wind, and costs area and time.
 pub const EMISSION_CLEARANCE: f64 = 0.5;
-/// Distance by which source regions reach beyond what the traced drops need, m.
+/// Distance by which source regions extend beyond the starts of the traced drops, m.
 pub const SOURCE_MARGIN: f64 = 0.05;
 /// Further margin, as a fraction of the spread of drifts within a height band: gusts carry some drops further than
 /// the traced ones.
@@ -43,9 +43,9 @@ pub const AREA_SAMPLES: u32 = 32;
 /// Times of a clip at which the area of a source region is measured for its mean.
 pub const AREA_TIMES: u32 = 16;
 
-// Shelter and ground: what stops drops above the emission plane and at the end of their fall.
+// Shelter and ground: ends of the paths of drops, above the emission plane and below it.
 
-/// Time step in which drops are followed back to what may shelter their place of emission, s: up to half a metre of fall; longer
+/// Time step of the paths that are followed back from places of emission to find shelter, s: up to half a metre of fall; longer
 /// steps straighten the paths of drops in gusts.
 pub const SHELTER_STEP: f64 = 0.05;
 /// Largest number of such steps: 100 m of fall of the slowest drops.
@@ -210,7 +210,7 @@ pub const TRACK_DISTANCE: f64 = 2.5;
 /// Relative enlargement of the distance within which pairs of drops are tested for touching, against rounding.
 pub const SWEEP_TOLERANCE: f64 = 1e-9;
 
-// Pendant drops: when they form, what they hold, how they neck and detach.
+// Pendant drops: formation, maximum volume, necking and detachment.
 
 /// Largest attachment radius of a pendant drop on a straight margin, m.
 pub const MAX_PENDANT_RADIUS: f64 = 1.5e-3;

@@ -220,7 +220,7 @@ pub(crate) struct SectionTree {
 }
 
 impl SectionTree {
-    /// Discretizes rods. Parents stand before their children.
+    /// Discretizes rods; a parent must precede its children in `rods`.
     pub(crate) fn discretize(rods: &[RodDescription]) -> Self {
         let mut tree = Self::default();
         rods.iter().enumerate().for_each(|(number, rod)| tree.add_rod(number, rod));

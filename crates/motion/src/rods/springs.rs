@@ -91,7 +91,7 @@ pub(crate) fn spring_stiffnesses(intervals: &[RodInterval]) -> Vec<[f64; SPRINGS
             let along = (k0 * (1.0 - f) - 2.0 * across).max(0.1 * k0);
             let rho = CORNER_RADIUS_RATIO * l.radius * l.spread;
             // Diagonals join different corners, sqrt(3) rho apart, so cos^2 = l^2 / (l^2 + 3 rho^2). In bending a diagonal
-            // stretches by half of what the third corner does; six of them with 2 f k0 / cos^2 take the share f.
+            // stretches by half of the stretch at the third corner; six of them with 2 f k0 / cos^2 take the share f.
             let diagonal = 2.0 * f * k0 * (l.length * l.length + 3.0 * rho * rho) / (l.length * l.length);
             for c in 0..9 {
                 k[FIRST_LINK_SPRING + c] = if c / 3 == c % 3 { along } else { diagonal };

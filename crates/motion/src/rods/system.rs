@@ -165,7 +165,7 @@ pub(crate) struct SolverBuffers {
 }
 
 impl RodSystem {
-    /// Discretizes rods; every section is in its reference shape, at rest. Parents stand before children. `holds`:
+    /// Discretizes rods; every section is in its reference shape, at rest. A parent must precede its children. `holds`:
     /// rod, arc length on it, m, and boundary condition of each clamp.
     pub fn new(rods: &[RodDescription], holds: &[(usize, f64, SupportKind)]) -> Self {
         let tree = SectionTree::discretize(rods);
@@ -459,7 +459,7 @@ impl RodSystem {
         }
     }
 
-    /// Prepares what stays constant within a step of `h` seconds: mass matrices, rest positions, gravity, external
+    /// Prepares all constants of a step of `h` seconds: mass matrices, rest positions, gravity, external
     /// forces, and the reaction of restoring springs on the sections that carry their anchors, which lags by one step.
     pub(crate) fn prepare_step(&mut self, h: f64) {
         self.update_section_masses();

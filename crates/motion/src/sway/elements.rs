@@ -83,13 +83,13 @@ pub struct LoadStation {
 /// A position on a plant in terms of bending elements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ElementLocation {
-    /// Index of the element, or [`NONE`] for what does not move.
+    /// Index of the element, or [`NONE`] for a position that does not move.
     pub element: u32,
     /// Position along it, 0 to 1.
     pub at: f64,
 }
 
-/// All bending elements of a plant, carriers before what they carry.
+/// All bending elements of a plant; a carrier precedes the elements on it.
 #[derive(Debug, Clone, Default)]
 pub struct BeamElements {
     /// Elements; [`BeamElement::parent`] names them by index.
@@ -343,14 +343,14 @@ struct ElementBeam {
 impl ElementBeam {
     fn new(&ElementContext { plant, wood, segments, kept, .. }: &ElementContext<'_>, i: usize) -> Self {
         let segment = &segments.list[i];
-        // The factor of the user on the stiffness comes last: it acts beyond what the wood needs to carry its weight.
+        // The factor of the user on the stiffness comes last: it multiplies the stiffness by which the wood carries its weight.
         let mut beam = segments.beam(plant, &WoodParams { stiffness: 1.0, ..*wood }, i);
         let mut own: Vec<BranchLoad> = segments.wood_along(plant, wood, i, beam.x.len());
         for (s, load) in &segment.leaves {
             distribute_load(&beam.x, &mut own, f64::from(s - segment.span[0]), *load);
         }
         let mut hung = vec![BranchLoad::default(); beam.x.len()];
-        // Loads of children: a child that is an element transmits its mass, but catches the wind at its own stations.
+        // Loads of children: a child that is an element transmits its mass, but the wind acts on it at the stations of the child.
         for child in &segment.children {
             let (s, load) = (f64::from(segments.list[*child].parent_s - segment.span[0]), segments.list[*child].total);
             distribute_load(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);

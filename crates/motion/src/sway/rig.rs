@@ -1,7 +1,7 @@
 //! Skeleton of a plant within a joint budget, with skin weights.
 //!
 //! Elements get joints: four on a trunk, two on main branches, one on others. A joint has the rotation at the middle
-//! of its stretch; what is beyond the budget rides rigidly on the nearest joint of its carrier. Branches get joints by
+//! of its stretch; branches beyond the budget move rigidly with the nearest joint of their carrier. Branches get joints by
 //! size: all of one order and class of length, or none; where lengths have no classes, the bend fades out towards the
 //! length at which the joints end, so that branches of one size move alike.
 
@@ -250,7 +250,7 @@ impl JointShares {
         // The elements of one axis follow each other in the ranking.
         let boughs: Vec<Bough<'_>> = elements.ranked.chunk_by(|a, b| of_axis(a) == of_axis(b)).map(bough).collect();
         let joints = |bough: &Bough<'_>, k: usize| joints_per_order(bough.order, budget.coarse || k > 0);
-        // Take as many boughs as the budget holds in the order of size; a carrier comes before what it carries.
+        // Take as many boughs as the budget holds in the order of size; a carrier comes before the boughs on it.
         let mut left = budget.joints.clamp(1, 65_535) - 1;
         let mut fitting = 0;
         for bough in &boughs {

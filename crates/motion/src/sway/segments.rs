@@ -184,7 +184,7 @@ impl AxisSegments {
             let (a, b) = ((k as f64 - 0.5).max(0.0) / last, (k as f64 + 0.5).min(last) / last);
             // Simpson's rule over the stretch that belongs to the station.
             let [ra, rm, rb] = [a, (a + b) * 0.5, b].map(|x| segment_radius(plant, axis, segment, x));
-            // A station at either end stands for half a stretch, others for a whole one.
+            // A station at either end represents half a stretch, others a whole one.
             let ds = (b - a) * length;
             let mean = |f: fn(f64) -> f64| (f(ra) + 4.0 * f(rm) + f(rb)) / 6.0 * ds;
             BranchLoad {

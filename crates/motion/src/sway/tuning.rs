@@ -21,8 +21,8 @@ pub(crate) const SELF_WEIGHT_STIFFENING: f64 = 2.0 / 3.0;
 pub(crate) const WIND_SLOPE: f64 = 4.5e-3;
 pub(crate) const WIND_STIFFENING: f64 = 0.9;
 
-/// Share of the wind that the centre of a crown is sheltered from. Higher: inner branches stand still; 0: crowns move
-/// like bare branches.
+/// Share by which the wind is weaker at the centre of a crown. Higher: inner branches do not move; 0: crowns move like bare
+/// branches.
 pub(crate) const CROWN_SHELTER: f64 = 0.6;
 
 /// Radius at the end of a segment over that at its start. Higher: more, shorter elements.

@@ -1,4 +1,4 @@
-//! Reference implementation of sway by the equations of [zhao-zhang] 3.2, each internode a cantilever of its own.
+//! Reference implementation of sway by the equations of [zhao-zhang] 3.2, each internode a separate cantilever.
 //!
 //! At 60 Hz: F = F_1 + F_2 + F_w, the drag of the wind, less a share of the last force, less a damping force quadratic
 //! in the angular velocity; then deflection and angle of the internode. Angles add up along a branch and its carriers.

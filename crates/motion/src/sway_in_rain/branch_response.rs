@@ -1,7 +1,7 @@
 //! Bends that raindrops add to the elements of a swaying plant.
 //!
 //! Each element answers as the oscillator that it is in the wind: a damped angle about each of its two bending axes. A bend of an
-//! element moves all that stands on it as a small rigid motion, so that the displacement of a point p of the plant is linear in p:
+//! element moves all that it carries as a small rigid motion, so that the displacement of a point p of the plant is linear in p:
 //!
 //! ```text
 //! u(p) = sum over the elements e from p down to the trunk of  phi_e x (shift_e + slope_e p)
@@ -39,7 +39,7 @@ impl RigidMotion {
     }
 }
 
-/// How a bend of an element moves what is attached at one location of it: by phi x (shift + slope p).
+/// Displacement of points p that are attached at one location of an element, by a bend phi of it: phi x (shift + slope p).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct BendLever {
     element: usize,
@@ -56,7 +56,7 @@ impl BendLever {
     }
 }
 
-/// Sum of forces on an element and on what stands on it: N and N m about the origin, or N s and N m s for impulses.
+/// Sum of forces on an element and on all that it carries: N and N m about the origin, or N s and N m s for impulses.
 #[derive(Debug, Clone, Copy, Default)]
 struct Wrench {
     force: DVec3,
@@ -169,12 +169,12 @@ impl BranchResponse {
         Self { elements: elements.list.iter().map(response).collect(), bend_count: elements.bend_count(), step: 0.0 }
     }
 
-    /// Applies a force, N, at a point of what is attached at a lever, constant over the next step.
+    /// Applies a force, N, at a point `p`, m, that is attached at a lever; constant over the next step.
     pub fn add_force(&mut self, lever: &BendLever, p: DVec3, force: DVec3) {
         self.elements[lever.element].load.add(lever, force, p.cross(force));
     }
 
-    /// Applies an impulse, N s, at a point of what is attached at a lever; it acts at the beginning of the next step.
+    /// Applies an impulse, N s, at a point `p`, m, that is attached at a lever; it acts at the beginning of the next step.
     pub fn add_impulse(&mut self, lever: &BendLever, p: DVec3, impulse: DVec3) {
         self.elements[lever.element].impulse.add(lever, impulse, p.cross(impulse));
     }
@@ -187,7 +187,7 @@ impl BranchResponse {
                 e.oscillators = e.w.map(|w| OscillatorStep::new(w, e.damping_ratio, h));
             }
         }
-        // Loads go from the tips down: all that an element carries acts on it as one wrench. Carriers precede what they carry.
+        // Loads go from the tips down: the elements on a carrier act on it as one wrench. Carriers precede the elements on them.
         for k in (0..self.elements.len()).rev() {
             let ElementResponse { carrier: Some(lever), load, impulse, .. } = self.elements[k] else { continue };
             let carrier = &mut self.elements[lever.element];
@@ -204,14 +204,14 @@ impl BranchResponse {
         }
     }
 
-    /// Displacement, m, and velocity, m/s, in plant space, of what is attached at a lever.
+    /// Displacement, m, and velocity, m/s, in plant space, of all points that are attached at a lever.
     pub fn motion(&self, lever: &BendLever) -> [RigidMotion; 2] {
         let e = &self.elements[lever.element];
         [e.displacement.with_bend(lever, e.tip_turn(e.angles)), e.velocity.with_bend(lever, e.tip_turn(e.rates))]
     }
 
-    /// Change of the velocity along the unit vector `n` of a point of what is attached at a lever, for an impulse of 1 N s along it,
-    /// 1/kg: n^T M^-1 n, summed over the elements that carry it.
+    /// Change of the velocity along the unit vector `n` of a point `p` that is attached at a lever, for an impulse of 1 N s along
+    /// `n`, 1/kg: n^T M^-1 n, summed over the elements that carry the point.
     pub fn inverse_effective_mass(&self, lever: &BendLever, p: DVec3, n: DVec3) -> f64 {
         let mut sum = 0.0;
         let mut next = Some(*lever);
@@ -234,15 +234,15 @@ impl BranchResponse {
     }
 }
 
-/// The lever of what is attached at a location; `None` where nothing bends.
+/// The lever of points that are attached at a location; `None` where nothing bends.
 pub(super) fn bend_lever(elements: &BeamElements, spot: ElementLocation) -> Option<BendLever> {
     if spot.element == NONE {
         return None;
     }
     let element = spot.element as usize;
     let e = elements.list.get(element)?;
-    // The centreline moves by phi x chord times the integral of the slope up to the location; what is attached there rotates with
-    // the slope of the location.
+    // The centreline moves by phi x chord times the integral of the slope up to the location; points that are attached there
+    // rotate with the slope of the location.
     let slope = e.shape.at(spot.at);
     let chord = e.chord;
     let shift = chord * e.shape.integral(spot.at) - (e.base + chord * spot.at) * slope;

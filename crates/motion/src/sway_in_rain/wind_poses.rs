@@ -1,4 +1,4 @@
-//! Motion of a plant's leaves and wood in the wind alone, at any time between the frames at which it is recorded.
+//! Motion of a plant's leaves and wood in the wind without rain, at any time between the frames at which it is recorded.
 
 use glam::{DQuat, DVec3};
 

@@ -81,7 +81,7 @@ impl RainLeaf {
         pendant.necking = (after > 0.0).then_some(necking);
         pendant.max_volume = max_volume;
         if exceeded > 0.0 && necking >= NECKING_TIME {
-            // Tate's law with Harkins and Brown's correction: what falls is a fixed fraction of the maximum.
+            // Tate's law with Harkins and Brown's correction: a fixed fraction of the maximum falls.
             let volume = DETACHED_FRACTION * max_volume.min(drop.volume);
             drop.volume -= volume;
             pendant.necking = None;

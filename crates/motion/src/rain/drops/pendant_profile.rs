@@ -121,7 +121,7 @@ fn integrate_profile(b: f64, radius: f64, end: ProfileEnd) -> Option<Dimensionle
             }
             past_widest = true;
         } else if past_widest {
-            // The neck: from here on the profile widens again and does not come to the radius.
+            // The neck: from here on the profile widens again and does not reach the radius.
             return None;
         }
         volume += frustum(s, next);

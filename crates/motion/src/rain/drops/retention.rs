@@ -63,7 +63,7 @@ pub(super) struct SurfaceForces {
 }
 
 impl SurfaceForces {
-    /// Whether the drive does not exceed what holds a drop at rest.
+    /// Whether the drive is at most `holding`, so that a drop at rest does not begin to run.
     pub fn stays_at_rest(&self) -> bool {
         self.drive.length() <= self.holding
     }
@@ -96,7 +96,7 @@ impl RainLeaf {
         EffectiveGravity { normal, total: g, tangential: g - normal * g.dot(normal), onto: -g.dot(normal) }
     }
 
-    /// The forces along the surface on a drop: the drive, and what holds it. `attraction`: of other drops, in leaf space, N.
+    /// The forces on a drop along the surface: drive, holding and resistance. `attraction`: of other drops, in leaf space, N.
     pub(super) fn surface_forces(
         &self,
         drop: &LeafDrop,

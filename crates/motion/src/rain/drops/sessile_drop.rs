@@ -144,7 +144,7 @@ impl RainLeaf {
             drop.v = (drop.v - n * drop.v.dot(n)).normalize_or_zero() * speed;
             return Some(there);
         }
-        // The segment would end beyond the margin: move slightly inward, and go on along it.
+        // The segment would end beyond the margin: move the drop slightly inward, and let it continue along the margin.
         let Some(margin) = self.blade.nearest_margin(surface.p, self.scale) else { return Some(*surface) };
         let outward = outward_at(&margin, surface, drop.side);
         if self.meet_margin(drop, gravity, cap, surface, &margin, step, result) {
@@ -264,7 +264,7 @@ impl UnitTurn {
 /// A short piece of a run, over which the driving force, friction and heading are constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct RunSegment {
-    /// Duration of the segment, s; shorter than asked if friction stops the drop.
+    /// Duration of the segment, s; shorter than requested if friction stops the drop.
     duration: f64,
     /// Displacement along the tangent plane, m.
     shift: DVec3,

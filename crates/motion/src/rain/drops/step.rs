@@ -185,7 +185,7 @@ impl RainLeaf {
         result.wet_spots.push(WetSpot { uv: drop.uv, from, a, t: step.t });
         drop.last_wet_uv = Some(drop.uv);
         drop.last_wet_p = Some(p);
-        // Drops feel only tracks well behind a running drop, so that a drop does not feel the water that it is just spreading.
+        // Only tracks well behind a running drop act on drops, so that the water that a drop spreads does not act on itself.
         result.tracks.extend(drop.place_behind(TRACK_DISTANCE * a).map(|uv| WetSpot { uv, from: uv, a, t: step.t }));
     }
 

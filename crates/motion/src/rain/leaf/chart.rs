@@ -1,4 +1,4 @@
-//! Charts of leaf blades: texture coordinates that are one-to-one, so that each point of the blade has a texel of its own.
+//! Charts of leaf blades: texture coordinates that are one-to-one, so that no two points of the blade share a texel.
 
 use std::collections::{BTreeMap, BTreeSet};
 

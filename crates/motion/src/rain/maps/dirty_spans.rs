@@ -38,7 +38,7 @@ impl RowSpans {
     }
 }
 
-/// Texels that a frame has to recompute, by what is recomputed.
+/// Texels that a frame has to recompute: of the height maps and of the normal map.
 pub(super) struct DirtySpans {
     /// Texels whose height may have changed.
     pub heights: RowSpans,

@@ -1,5 +1,5 @@
-//! Water maps of a leaf: height of relief and water, water alone, wetness and normals over its chart. Per frame only the texels under
-//! changes are recomputed.
+//! Water maps of a leaf: height of relief and water, height of water, wetness and normals over its chart. Each frame recomputes
+//! only the texels under changes.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -99,7 +99,7 @@ struct LeafMapsMut<'a> {
     normal: &'a mut Vec<[f32; 3]>,
 }
 
-/// Water maps of one leaf, kept from frame to frame of a clip, so that a frame recomputes only what changes.
+/// Water maps of one leaf, kept from frame to frame of a clip, so that a frame recomputes only texels that change.
 #[derive(Debug, Clone)]
 pub struct LeafWaterMaps {
     raster: Arc<UvRaster>,

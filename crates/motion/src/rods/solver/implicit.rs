@@ -84,8 +84,8 @@ impl RodSystem {
                 let predicted = now * self.v[i][k] - then * self.before[1][i][k];
                 all[k] = (predicted - self.step.speed[i][k]) * inverse;
             }
-            // Restoring force and damping of the plant's own mass: -M_own [k (x - x_rest) + (a + b k) v], k the recovery
-            // per mass; bodies that are only attached take part in inertia alone.
+            // Restoring force and damping of the mass of the plant: -M_own [k (x - x_rest) + (a + b k) v], k the recovery
+            // per mass; bodies that do not belong to the plant have inertia only.
             let away = subtract_corners(&self.step.next[i], &self.step.places[i]);
             let own: [f64; 9] =
                 std::array::from_fn(|k| -back * away[k] - (m.mass + m.stiffness * back) * self.step.speed[i][k]);

@@ -1,6 +1,6 @@
 //! Time integration of sway.
 //!
-//! Each element is a damped oscillator about the static bend under the load of the moment. `constants.rs` holds what
+//! Each element is a damped oscillator about the static bend under the present load. `constants.rs` holds what
 //! stays constant, `step.rs` computes a step, this file samples the wind.
 
 mod constants;

@@ -112,15 +112,15 @@ fn vector_pair<S: Simd>([a, b, c, d, e, f]: [F64Lanes<S>; 6]) -> [Vec3Lanes<S>; 
     [Vec3Lanes([a, b, c]), Vec3Lanes([d, e, f])]
 }
 
-/// Drag of wood and leaves in relative wind, N, and the wind speed across the wood. Wood feels the component across
-/// it; leaves reconfigure, so that their drag becomes linear in fast wind. `wood`, `leaf`: rho C A / 2.
+/// Drag of wood and leaves in relative wind, N, and the wind speed across the wood. On wood the component across it
+/// acts; leaves reconfigure, so that their drag becomes linear in fast wind. `wood`, `leaf`: rho C A / 2.
 #[inline(always)]
 pub(crate) fn drag<S: Simd>(
     [wood, leaf]: [F64Lanes<S>; 2],
     along: Vec3Lanes<S>,
     wind: Vec3Lanes<S>,
 ) -> (Vec3Lanes<S>, F64Lanes<S>) {
-    // Cross-flow principle: wood feels the component normal to its axis.
+    // Cross-flow principle: only the component normal to its axis exerts drag on wood.
     let across = wind - along * wind.dot(along);
     let (slow, speed) = (across.length(), wind.length());
     let one = F64Lanes::from_scalar(speed.simd, 1.0);
