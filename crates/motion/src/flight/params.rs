@@ -29,7 +29,7 @@ pub enum SideBoundary {
 /// Where a catkin starts and when it is released. Its position in the list of starts becomes its index.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CatkinStart {
-    /// Position at release, m.
+    /// Position in the world at the start, m; a plant that moves can shift it until the release.
     pub at: DVec3,
     /// Time or wind of its release; until then it is pending.
     pub wait: ReleaseCondition,
@@ -116,7 +116,7 @@ pub struct FlightParams {
     pub beta: f64,
     /// Release rate, 1/s, where the wind is twice `release_speed`.
     pub release_rate: f64,
-    /// Wind speed above which catkins are released.
+    /// Wind speed up to which no catkin is released.
     pub release_speed: f64,
     /// Least contact radius in the air, m; a catkin whose radius is larger makes contact at that radius.
     pub stick_radius: f64,

@@ -88,7 +88,7 @@ pub struct Catkin {
     pub(super) random_torque: Vec3,
     /// Velocity of the air relative to it, m/s.
     pub(super) flow: Vec3,
-    /// Number of times that it was recycled.
+    /// Number of times that it was recycled; part of the address of its random draws.
     pub(super) generation: u32,
     pub(super) fall: f64,
 
@@ -253,7 +253,7 @@ impl Catkin {
         (self.face, self.normal)
     }
 
-    /// Unit vector along its tuft.
+    /// Unit vector along its tuft, in world space.
     pub(super) fn tuft(&self) -> Vec3 {
         self.q * Vec3::Y
     }

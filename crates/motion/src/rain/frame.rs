@@ -51,7 +51,7 @@ pub struct PendantDrop {
     pub necking: f64,
 }
 
-/// A drop in the air at the time of the frame.
+/// A drop in the air at the time of the frame: raindrop, splash droplet or water that has left a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AirborneDrop {
     /// Identifier; stable over frames, threads and time steps. A part of a drop that detaches gets a new one.

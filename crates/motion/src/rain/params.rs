@@ -69,7 +69,7 @@ pub struct DropParams {
     pub wetting: WettingParams,
     /// Gravity, m/s^2, along -Y.
     pub g: f64,
-    /// Law of the impulse of a drop on a leaf or on wood.
+    /// Law of the impulse of a drop on a leaf or on wood; physical by default.
     pub impact: ImpactImpulseLaw,
     /// Factor on that impulse, to exaggerate or damp the motion of leaves; 1 is physical.
     pub impulse_factor: f64,

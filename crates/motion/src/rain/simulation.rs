@@ -36,7 +36,7 @@ const EMITTED_ID: u64 = 1 << 61;
 /// A falling drop with the state that its time step needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FallingDrop {
-    /// Identifier; stable over frames, threads and time steps.
+    /// Identifier, stable over frames, threads and time steps; its highest bits give the origin of the drop.
     pub id: u64,
     /// Position in the world, m.
     pub p: DVec3,
@@ -307,7 +307,7 @@ impl RainSimulation {
         self.plants.iter().map(|plant| of_plant(&**plant)).collect()
     }
 
-    /// Time since the simulation began, s.
+    /// Time since the simulation began, s: the sum of all steps.
     pub fn time(&self) -> f64 {
         self.t
     }

@@ -70,7 +70,7 @@ impl RodSupport {
 /// Rigid body attached to a section: a leaf blade, or a weight.
 #[derive(Debug, Clone)]
 pub struct AttachedBody {
-    /// Index of the section that it is attached to.
+    /// Index of the section that it is attached to, in whose frame `at` and `inertia` are given.
     pub section: usize,
     /// Centre of mass in the section's frame (u, v, w), m.
     pub at: DVec3,
@@ -110,7 +110,7 @@ pub struct RodSystem {
     pub(crate) tree: SectionTree,
     pub(crate) clamps: Vec<RodSupport>,
     pub(crate) bodies: Vec<AttachedBody>,
-    /// Gravitational acceleration, m/s^2.
+    /// Gravitational acceleration in the world, m/s^2; at first 9.81 along -Y.
     pub gravity: DVec3,
     /// Whether gravity leaves out wood and plant bodies, so that the reference shape is in equilibrium.
     pub weightless: bool,

@@ -51,7 +51,7 @@ pub struct JointBudget {
     pub coarse: bool,
 }
 
-/// Pending joint of the depth-first traversal.
+/// A joint that the depth-first traversal has still to add.
 struct JointTask {
     element: u32,
     /// Index among the joints of the element, counted from its base.

@@ -19,9 +19,9 @@ pub struct ClipOptions {
     pub repeats: bool,
     /// Whether the clip starts from rest, without spin-up.
     pub from_rest: bool,
-    /// Factor on the static bend in the mean wind, 0..5.
+    /// Factor on the static bend in the mean wind, 0..5; 1 is as simulated.
     pub lean: f64,
-    /// Factor on the oscillation about it, 0..20.
+    /// Factor on the oscillation about it, 0..20; 1 is as simulated.
     pub gain: f64,
 }
 

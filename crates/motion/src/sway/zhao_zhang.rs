@@ -12,7 +12,7 @@ use osier_base::math;
 use osier_scene::plant::Plant;
 use osier_wind::Wind;
 
-/// Time steps of the equations per second.
+/// Time steps of the equations per second, as in the paper; independent of the frame rate.
 pub(crate) const STEPS_PER_SECOND: f64 = 60.0;
 /// Coefficients of drag and lift, as printed.
 const DRAG: f64 = 0.013;

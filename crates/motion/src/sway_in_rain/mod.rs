@@ -57,7 +57,7 @@ pub struct SwayInRain<'a> {
     pub poses: Box<dyn WindPoses>,
     /// Time before the clip for which it rains, s.
     pub lead: f64,
-    /// Gravitational acceleration, m/s^2.
+    /// Gravitational acceleration along -Y, m/s^2, which acts on the water on leaves.
     pub gravity: f64,
 }
 

@@ -80,7 +80,7 @@ pub struct LeafDrop {
     pub since_steer: f64,
     /// Number of its caps, the head included; the fraction is the share of the last cap that has grown.
     pub tail_count: f64,
-    /// Number of its random draws for beads so far.
+    /// Number of its random draws for beads so far, by which the next one is addressed.
     pub bead_draws: u64,
     /// Whether it has been tested against the other drops of its leaf since it last moved.
     pub merge_tested: bool,

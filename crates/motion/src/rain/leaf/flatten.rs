@@ -67,7 +67,7 @@ impl Flattener<'_> {
         self.triangles[k].map(|i| self.points[i as usize])
     }
 
-    /// Normal of a triangle times twice its area, m^2.
+    /// Unit normal of a triangle times twice its area, m^2.
     fn doubled_area_normal(&self, k: usize) -> DVec3 {
         let [a, b, c] = self.corners(k);
         (b - a).cross(c - a)

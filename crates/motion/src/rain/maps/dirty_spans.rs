@@ -3,7 +3,7 @@
 use super::TILE;
 use super::texel_window::{ColumnSpan, TexelWindow};
 
-/// Number of segments that a word has bits for.
+/// Number of segments whose marks fit into a word.
 const WORD_BITS: usize = 64;
 
 /// Disjoint spans of columns for each row of a map.

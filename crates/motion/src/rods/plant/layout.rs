@@ -14,7 +14,7 @@ use osier_scene::plant::{Axis, AxisKind, NONE, Organ, Plant};
 pub struct RodPlantParams {
     /// Wood and leaves: stiffness, density, drag, and factor on damping.
     pub wood: WoodParams,
-    /// Gravitational acceleration, m/s^2.
+    /// Gravitational acceleration along -Y, m/s^2.
     pub gravity: f64,
     /// Shear modulus over Young's modulus, 0.02..0.5.
     pub shear: f64,

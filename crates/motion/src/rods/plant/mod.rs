@@ -69,7 +69,7 @@ pub struct RodPlant {
     wood: Vec<[SegmentEnd; 2]>,
     /// Indices of the bodies attached to each section.
     bodies_on_section: Vec<Vec<usize>>,
-    /// Whether each section is clamped.
+    /// Whether each section is clamped, so that impulses do not move it.
     fixed: Vec<bool>,
     drags: Vec<f64>,
     leaf_drag: f64,
