@@ -274,7 +274,7 @@ mod tests {
         for k in 1..=480_u16 {
             let now = at(f32::from(k) / 480.0);
             assert!(now.1 >= before.1 && now.2 >= before.2 && now.2 - before.2 < 0.3);
-            // The fastest tip grows 2 m in half of the time: 9 mm in this step, with what swells beside it.
+            // The fastest tip grows 2 m in half of the time: 9 mm in this step, and thickening adds to that.
             let moved = now.0.iter().zip(&before.0).map(|(a, b)| a.distance(*b)).fold(0.0_f32, f32::max);
             assert!(moved < 0.02, "{moved} at {k}");
             before = now;

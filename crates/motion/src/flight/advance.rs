@@ -234,7 +234,7 @@ mod tests {
     use osier_base::math::{exp, sqrt};
     use osier_scene::solid::Solids;
 
-    /// Any field of velocities.
+    /// A wind given by a function of position and time.
     struct Field<F>(F);
 
     impl<F> std::fmt::Debug for Field<F> {
@@ -284,7 +284,7 @@ mod tests {
         assert!((flight.catkins[0].v.y + fall).abs() < 1e-12);
     }
 
-    /// Without a lag it is eq. 10: what the air does, less the fall.
+    /// Without inertia the velocity is that of eq. 10: wind minus settling speed.
     #[test]
     fn without_inertia_the_step_is_equation_10() {
         let breeze = Field(|_, _| Vec3::new(1.5, 0.1, -0.4));
@@ -297,7 +297,7 @@ mod tests {
         assert!(quick.catkins[0].x.distance(wanted + DVec3::Y * 0.24) < 1e-5);
     }
 
-    /// Error of the radius after one turn in air that turns as a body.
+    /// Error of the radius after one revolution in air that rotates as a rigid body.
     fn drift(steps: u32, turns: u32) -> f64 {
         let omega = std::f64::consts::TAU;
         #[allow(clippy::cast_possible_truncation)]

@@ -397,7 +397,7 @@ mod tests {
         }
     }
 
-    /// A thousand pairs that cross at ten radii a check: all are seen.
+    /// A thousand pairs that cross at ten radii per contact search: all contacts are found.
     #[test]
     fn fast_catkins_do_not_tunnel() {
         let mut flights = some(2000, FlightParams { stick_radius: 0.0, ..FlightParams::default() });

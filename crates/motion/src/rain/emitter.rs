@@ -377,10 +377,10 @@ mod tests {
         let area = 1.0;
         assert!((water / (area * 8000.0 * h) / rainfall().intensity - 1.0).abs() < 0.03);
         let (mean, n) = (emitter.mean_drop_rate() * h, counts.len() as f64);
-        // Counts scatter as Poisson's do, neither more nor less.
+        // The variance of the counts is that of a Poisson distribution.
         let scatter: f64 = counts.iter().map(|c| (*c as f64 - mean) * (*c as f64 - mean) / mean).sum();
         assert!(sigmas(scatter, n).abs() < 3.29, "{scatter}");
-        // And each number of drops is as frequent as it should be; both at p = 0.001.
+        // The frequency of each count is that of the distribution, by a chi-square test; both tests at p = 0.001.
         let (mut share, mut left, mut found) = (math::exp(-mean), 1.0, 0.0);
         let (mut bins, mut bin) = (Vec::new(), (0.0, 0.0));
         for k in 0..40 {
@@ -396,7 +396,7 @@ mod tests {
         assert!(bins.len() > 15 && sigmas(chi, bins.len() as f64 - 1.0) < 3.09, "{chi} of {}", bins.len());
     }
 
-    /// By how many sigmas a chi square of so many degrees is off. Source: Wilson and Hilferty 1931.
+    /// Deviation of a chi square with these degrees of freedom, in standard deviations. Source: Wilson and Hilferty 1931.
     fn sigmas(chi: f64, degrees: f64) -> f64 {
         let spread = 2.0 / (9.0 * degrees);
         (math::cbrt(chi / degrees) - (1.0 - spread)) / spread.sqrt()
@@ -425,7 +425,7 @@ mod tests {
             }
             worst = worst.max((sum - seen as f64 / found.len() as f64).abs());
         }
-        // Kolmogorov and Smirnov at p = 0.001.
+        // Kolmogorov-Smirnov test at p = 0.001.
         assert!(worst < 1.95 / (found.len() as f64).sqrt(), "{worst}");
     }
 

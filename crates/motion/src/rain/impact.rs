@@ -125,7 +125,7 @@ mod tests {
         let impact = slanting(6.5);
         let outcome = impact.impulse_and_rebound(&with(0.0), |_| 1.0 / LEAF);
         assert!(!outcome.bounces);
-        // Leaf and drop as one body of both masses, at the leaf's velocity, that the impulse moves.
+        // The impulse acts on leaf and drop as one body of both masses, which moves at the velocity of the leaf.
         let both = impact.surface_velocity + outcome.impulse / (LEAF + DROP);
         let pushed = (both - impact.surface_velocity).y;
         assert!((pushed / impact.approach_speed() + DROP / (LEAF + DROP)).abs() < 1e-12, "{pushed}");
@@ -141,7 +141,7 @@ mod tests {
             let impact = slanting(6.5);
             let outcome = impact.impulse_and_rebound(&with(e), |_| 1.0 / LEAF);
             assert!(outcome.bounces);
-            // In the frame of the leaf before the impact.
+            // Velocities in the frame of the leaf before the impact.
             let (leaf, drop) = (outcome.impulse / LEAF, outcome.relative);
             let parting = drop - leaf;
             assert!((parting.y - e * impact.approach_speed()).abs() < 1e-9, "{parting}");
@@ -151,7 +151,7 @@ mod tests {
             let after = DROP * drop.length_squared() + LEAF * leaf.length_squared();
             assert!(after < DROP * impact.relative.length_squared());
         }
-        // Slower than what surface tension holds: it stays.
+        // Below the Weber number of a rebound the drop stays.
         assert!(!slanting(0.3).impulse_and_rebound(&with(0.5), |_| 1.0 / LEAF).bounces);
     }
 

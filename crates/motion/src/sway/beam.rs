@@ -311,7 +311,7 @@ mod tests {
         let x: Vec<f64> = (0..=n).map(|i| i as f64 * h).collect();
         let mass = |x: &f64| {
             let (a, b) = ((x - h / 2.0).max(0.0), (x + h / 2.0).min(l));
-            // Simpson over the stretch that the station stands for: exact, as r^2 is a square.
+            // Simpson's rule over the stretch of the station: exact, since r^2 is quadratic.
             density * PI * (b - a) / 6.0 * (square(r(a)) + 4.0 * square(r((a + b) / 2.0)) + square(r(b)))
         };
         CantileverBeam {
@@ -397,7 +397,7 @@ mod tests {
         assert!(
             second_mode_slope(0.4709).abs() < 2e-3 && second_mode_slope(0.3) < -0.2 && second_mode_slope(0.6) > 0.2
         );
-        // Where it stays in place: the sum of the slopes is none.
+        // At a node of the deflection the integral of the slope is 0.
         let place =
             |end: f64| (0..1000).map(|i| second_mode_slope(end * (f64::from(i) + 0.5) / 1000.0)).sum::<f64>() * end;
         assert!(place(0.77) < 0.0 && place(0.80) > 0.0, "{} {}", place(0.77), place(0.80));
@@ -427,12 +427,12 @@ mod tests {
         }
     }
 
-    /// Bend of the tip for the slope that small deflections would give.
+    /// Rotation vector of the tip for the slope of the theory of small deflections.
     fn large(slope: f64) -> DVec3 {
         DVec3::NEG_Z * slope * large_deflection_factor(F64Lanes::from_scalar(Scalar, slope * slope)).scalar()
     }
 
-    /// Place and rate after a step. `rest`: where it would stand still.
+    /// Position and velocity after a step. `rest`: position of equilibrium.
     fn step(swing: &OscillatorStep, [place, rate]: [f64; 2], rest: f64) -> [f64; 2] {
         let ([a, b, c, d], y) = (swing.coefficients(), place - rest);
         [rest + a * y + b * rate, c * y + d * rate]

@@ -564,7 +564,7 @@ mod tests {
         let thin = own.iter().filter(|s| **s > WIND_SLOPE);
         assert!(thin.clone().count() >= 3 && own.iter().any(|s| *s < 0.2 * WIND_SLOPE), "{own:?}");
         assert!(thin.clone().all(|s| *s < 2.5 * WIND_SLOPE), "{own:?}");
-        // The factor of the scene acts on top of it.
+        // The factor of the scene on the stiffness multiplies the result.
         assert!(own.iter().zip(slopes(0.5)).all(|(a, b)| (b / a - 2.0).abs() < 1e-9));
     }
 

@@ -481,7 +481,7 @@ mod tests {
         };
         let (soft, stiff) = (compliances(1.0), compliances(2.0));
         assert!(soft.iter().zip(&stiff).all(|(a, b)| (a / b - 2.0).abs() < 1e-9), "{soft:?} {stiff:?}");
-        // The slope of a beam under a pressure is what its stations' drag areas times their compliances add up to.
+        // The slope of a beam under a pressure is the sum of drag area times compliance over its stations.
         let elements = BeamElements::build(&plant, &WoodParams::default(), 1);
         let trunk = &elements.list[0];
         let stations = &elements.stations[trunk.stations.clone()];
@@ -498,7 +498,7 @@ mod tests {
         assert!(rig.pose(&elements, &bends).iter().all(|t| t.r == Quat::IDENTITY));
         bends[0] = [0.3, 0.0];
         let pose = rig.skeleton.asset_from_joint(&rig.pose(&elements, &bends));
-        // Everything turns with the trunk, the more the higher it stands, never by more than its tip.
+        // All joints rotate with the trunk, more at greater heights, but never by more than its tip.
         for (bone, p) in rig.bones.iter().zip(&pose).skip(1) {
             let turned = p.r.to_axis_angle().1;
             assert!(turned > 0.0 && turned <= 0.3 + 1e-5, "{bone:?} {turned}");

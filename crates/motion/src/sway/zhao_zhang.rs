@@ -175,7 +175,7 @@ mod tests {
             let (printed, mended) = (tip_deflection(1.0, 0.3, r, 8e9, false), tip_deflection(1.0, 0.3, r, 8e9, true));
             assert!((mended / printed * r - 1.0).abs() < 1e-12);
         }
-        // Mended, it is F L^3 / (3 E I).
+        // The corrected deflection is F L^3 / (3 E I).
         let inertia = std::f64::consts::FRAC_PI_4 * 1e-8;
         assert!(
             (tip_deflection(1.0, 1.2, 0.01, 8e9, true) * 3.0 * 8e9 * inertia / (1.2 * 1.2 * 1.2) - 1.0).abs() < 1e-12

@@ -271,7 +271,7 @@ mod tests {
         }
         let turned = response.elements[0].tip_turn(response.elements[0].angles).length();
         let expected = math::atan(0.05 * elements.list[0].tip_compliance);
-        // The two directions differ by a few percent in stiffness, as branches do.
+        // The stiffness differs by a few percent between the two directions.
         assert!((turned / expected - 1.0).abs() < 0.07, "{turned} {expected}");
         let moved = response.motion(&tip)[0].at(p);
         assert!(moved.x > 0.0 && moved.x > 10.0 * moved.z.abs(), "it moves with the force: {moved}");
@@ -288,8 +288,8 @@ mod tests {
             let mut response = BranchResponse::new(&elements);
             let inverse = response.inverse_effective_mass(&lever, p, n);
             response.add_impulse(&lever, p, n * 1e-4);
-            // So short a step that no oscillator moves: what is left is the change of velocity. Motions of carriers are those of
-            // the elements below, all of which were kicked.
+            // A step so short that no angle changes: only velocities do. The velocity at the lever includes those of all elements
+            // below, on which the impulse acts as well.
             response.advance(1e-9);
             let gained = response.motion(&lever)[1].at(p).dot(n);
             assert!((gained / (inverse * 1e-4) - 1.0).abs() < 1e-5, "{k}: {gained} {inverse}");

@@ -159,7 +159,7 @@ fn aligned(mut pose: WindPose, before: &WindPose) -> WindPose {
 mod tests {
     use super::*;
 
-    /// A leaf on a circle of 0.1 m, which it turns with.
+    /// A leaf that moves on a circle of radius 0.1 m and rotates with it.
     #[derive(Debug)]
     struct Circle;
 

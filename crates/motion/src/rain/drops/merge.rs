@@ -248,7 +248,7 @@ mod tests {
             assert!((forces[0] - wanted).length() < 1e-6 * paper.attraction_force, "{share}: {forces:?}");
             assert!(forces[0] == -forces[1]);
         }
-        // Neither through the leaf nor by the other rule.
+        // No attraction through the leaf, and none by the other rule.
         assert!(leaf.attractions(&pair(0.5 * touching, -1.0), &paper).iter().all(|f| *f == DVec3::ZERO));
         let touch = DropParams::default();
         assert!(leaf.attractions(&pair(0.5 * touching, 1.0), &touch).iter().all(|f| *f == DVec3::ZERO));

@@ -222,7 +222,7 @@ mod tests {
         }
     }
 
-    /// By rings from the middle out.
+    /// Volume of a deformed cap by a quadrature over rings and azimuths.
     fn volume(cap: &SphericalCap, deformation: CapDeformation) -> f64 {
         let (n, m) = (2000, 64);
         let reach = cap.max_radius() / cap.a;

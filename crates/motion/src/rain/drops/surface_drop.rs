@@ -325,7 +325,7 @@ mod tests {
         let whole = params.wetting.cap(1e-8);
         let ratio = math::cbrt(beads[0].volume / 1e-8);
         assert!((ratio - 0.789).abs() < 1e-3, "{ratio} of {}", whole.r);
-        // Each is further back than the last, by nine tenths of its own base.
+        // Each cap is further back than the one before it, by nine tenths of its base radius.
         for pair in beads.windows(2) {
             assert!(pair[1].uv.y < pair[0].uv.y);
         }

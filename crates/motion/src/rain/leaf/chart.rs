@@ -251,8 +251,8 @@ mod tests {
 
     const MAP: u32 = 64;
 
-    /// Every texel of the chart lies on one triangle at most, and every triangle has texels or lies between their centers: a point of
-    /// each triangle is found again at its own place.
+    /// Asserts that no two triangles of the chart overlap, and that the centroid of each triangle is found again from its chart
+    /// coordinates.
     fn assert_one_to_one(surface: &LeafSurface) {
         for (i, t) in surface.triangles().iter().enumerate() {
             let p = t.iter().fold(DVec3::ZERO, |s, k| s + surface.points()[*k as usize] / 3.0);
@@ -281,7 +281,7 @@ mod tests {
         let surface = LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade");
         assert!(surface.chart().is_none());
         assert_one_to_one(&surface);
-        // Its other side, with the same vertices or copies of them, is no second blade.
+        // The other side of the blade, with the same vertices or copies of them, is left out.
         let mut both = flat(0.08, 0.04, 6);
         let other = Mesh { triangles: both.triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect(), ..both.clone() };
         both.append(&other);

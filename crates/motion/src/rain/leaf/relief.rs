@@ -82,7 +82,7 @@ pub(crate) mod tests {
         let at = |u: f64, v: f64| relief.height(DVec2::new(u, v));
         assert!((at(0.75, 0.75) - 2e-3).abs() < 1e-9 && at(0.25, 0.25).abs() < 1e-9);
         assert!((at(0.5, 0.75) - 1e-3).abs() < 1e-9 && (at(0.75, 0.5) - 1e-3).abs() < 1e-9);
-        // The edge is repeated, the picture too.
+        // Beyond the outer pixels the edge is repeated, beyond 0 to 1 the picture.
         assert!((at(1.0, 1.0) - 2e-3).abs() < 1e-9 && (at(1.75, -0.25) - 2e-3).abs() < 1e-9);
     }
 }

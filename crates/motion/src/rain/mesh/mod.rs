@@ -595,7 +595,7 @@ mod tests {
             for i in 0..2 {
                 let most = sizes.iter().fold(0.0, |m: f64, s| m.max(s[i]));
                 let top = sizes.iter().position(|s| s[i] >= most).expect("a top");
-                // It rises to its head and falls from there on: caps side by side would have a hollow between any two.
+                // Sizes increase up to the head and decrease from there on: separate caps would have a minimum between any two.
                 assert!(sizes[..=top].windows(2).all(|w| w[1][i] >= w[0][i] - 1e-9), "{theta} {i}");
                 assert!(sizes[top..].windows(2).all(|w| w[1][i] <= w[0][i] + 1e-9), "{theta} {i}");
             }

@@ -171,7 +171,7 @@ fn back_substitute(own: &BlockRow, up: &Vector9, over: &Vector9) -> Vector9 {
 mod tests {
     use super::*;
 
-    /// A chain of five with a branch of three at its third: A = B^T B + 1 with the pattern of rods.
+    /// A chain of five sections with a branch of three at the third: A = B^T B + 1 with the block pattern of rods.
     #[test]
     fn branched_block_system_is_solved_exactly() {
         let predecessors: Vec<PredecessorPair> =
@@ -179,7 +179,7 @@ mod tests {
         let n = predecessors.len();
         let mut draw = osier_base::rng::Rng::at(3, &["blocks".into()]);
         let mut rows = vec![BlockRow::default(); n];
-        // Springs between all unknowns of neighbours: positive whatever their strengths.
+        // Springs between all unknowns of neighbours: the matrix is positive definite for any stiffness.
         let mut dense = vec![vec![0.0; 9 * n]; 9 * n];
         for i in 0..n {
             for k in predecessors[i].into_iter().filter(|k| *k != NONE) {

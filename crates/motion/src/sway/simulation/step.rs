@@ -419,7 +419,7 @@ mod tests {
     use super::*;
     use crate::sway::wood::AIR_DENSITY;
 
-    /// Drag along the wind, N, of areas in m^2, in wind of `u` m/s that meets wood at a slant.
+    /// Drag along a wind of `u` m/s, N, of areas of wood and leaves, m^2; `growth`: direction of the wood.
     fn along_wind([wood, leaf]: [f64; 2], growth: [f64; 3], u: f64) -> f64 {
         let lane = |v: f64| F64Lanes::from_scalar(Scalar, v);
         let areas = [wood * 1.1, leaf * 0.4].map(|a| lane(0.5 * AIR_DENSITY * a));
