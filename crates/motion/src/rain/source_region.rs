@@ -1,8 +1,8 @@
 //! Source regions: where drops must start so that the wind carries them to the bounds of the scene.
 //!
 //! Drops of several sizes are traced from the emission plane down through the wind. Their drift at each height gives the
-//! rectangle of the plane from which the drops come that cross the bounds at that height. Rain starts uniformly over the union of these
-//! rectangles, so that the flux through the bounds does not depend on the wind.
+//! rectangle of the plane from which the drops come that cross the bounds at that height. Rain starts uniformly over the union of
+//! these rectangles, so that the flux through the bounds does not depend on the wind.
 
 use std::sync::Arc;
 

@@ -142,7 +142,8 @@ pub struct LeafStepResult {
     pub counters: DropCounters,
     /// Events of the drops in the order in which they occurred; their `leaf` is not yet set.
     pub events: Vec<RainEvent>,
-    /// Impulses on the leaf by drops that change their velocity relative to it; empty after a step, which turns them into `forces`.
+    /// Impulses on the leaf by drops that change their velocity relative to it; empty after a step,
+    /// which turns them into `forces`.
     pub reactions: Vec<PointImpulse>,
     /// Forces on the leaf beyond the weight of the attached water; the reactions are among them.
     pub forces: Vec<PointForce>,
