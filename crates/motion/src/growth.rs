@@ -17,14 +17,14 @@ const UNFOLDING: f32 = 0.08;
 /// in trees, faster when young.
 const THICKENING: f32 = 0.75;
 
-/// Births of a plant's nodes and organs, 0..1, in the order of growth.
+/// Times of birth of a plant's nodes and organs, 0..1 of the growth time of its wood.
 #[derive(Debug, Clone)]
 pub struct GrowthClock {
     nodes: Vec<f32>,
     organs: Vec<f32>,
 }
 
-/// An organ at a time of its plant's growth.
+/// Pose and size of an organ at one time of its plant's growth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GrowingOrgan {
     /// Pivot, plant space, m.
@@ -36,7 +36,7 @@ pub struct GrowingOrgan {
 }
 
 impl GrowthClock {
-    /// The births that growth recorded; for plants whose nodes were all born at once, path lengths from the ground instead.
+    /// Uses the births that growth recorded, or path lengths from the ground for plants whose nodes were all born at once.
     pub fn new(plant: &Plant) -> Self {
         let timed = plant.nodes.birth.iter().any(|b| *b > 0.0);
         let nodes = if timed { plant.nodes.birth.clone() } else { births_by_path(plant) };
@@ -47,7 +47,7 @@ impl GrowthClock {
         clock
     }
 
-    /// Birth of an axis at an arc length.
+    /// Time of birth, 0..1, of the point of an axis at arc length `s`, m; linear between nodes.
     fn birth(&self, plant: &Plant, axis: &Axis, s: f32) -> f32 {
         let (i, t) = plant.segment(axis, s);
         self.nodes[i] + (self.nodes[i + 1] - self.nodes[i]) * t
@@ -59,7 +59,7 @@ fn births_by_path(plant: &Plant) -> Vec<f32> {
     let mut starts: Vec<f32> = Vec::with_capacity(plant.axes.len());
     let mut births = vec![0.0; plant.nodes.len()];
     let mut longest = 0.0_f32;
-    // Parents come before their children.
+    // Parents come before their children, so that their start is known.
     for axis in &plant.axes {
         let start = if axis.parent == NONE { 0.0 } else { starts[axis.parent as usize] + axis.parent_s };
         starts.push(start);
@@ -72,33 +72,34 @@ fn births_by_path(plant: &Plant) -> Vec<f32> {
     births
 }
 
-/// A plant at a time of its growth.
+/// A plant at one time of its growth: how far its axes have grown, and how thick they are.
 #[derive(Debug)]
 pub struct GrowingPlant<'a> {
     plant: &'a Plant,
     clock: &'a GrowthClock,
-    /// Time on the scale of births: 0 to 1 + [`UNFOLDING`].
+    /// Time on the scale of births: 0 to 1 + `UNFOLDING`.
     now: f32,
     /// Arc length that each axis has reached, m; negative before its birth.
     reached: Vec<f32>,
 }
 
 impl<'a> GrowingPlant<'a> {
-    /// `share`: of the whole growth time, 0..1.
+    /// The plant at the fraction `share`, 0..1, of the whole growth time; values outside are clamped.
     pub fn new(plant: &'a Plant, clock: &'a GrowthClock, share: f32) -> Self {
         let now = share.clamp(0.0, 1.0) * (1.0 + UNFOLDING);
         let reached = plant.axes.iter().map(|axis| reached_length(plant, clock, axis, now)).collect();
         Self { plant, clock, now, reached }
     }
 
-    /// Ratio of the radius of an axis at an arc length to that of the grown plant.
+    /// Ratio of the present radius of an axis at arc length `s`, m, to that of the grown plant; 0 before its birth.
     fn thickness(&self, axis: &Axis, s: f32) -> f32 {
         let birth = self.clock.birth(self.plant, axis, s);
+        // Age as a fraction of the age at the end of the clip.
         let age = (self.now - birth) / (1.0 + UNFOLDING - birth);
         if age >= 1.0 { 1.0 } else { pow_f32(age.max(0.0), THICKENING) }
     }
 
-    /// The centreline at an arc length: where the grown plant has it, or the tip if growth has not come so far.
+    /// Point of the centreline at arc length `s`, m, in plant space, or the present tip of the axis if it has not grown so far.
     fn center(&self, axis: u32, s: f32) -> Vec3 {
         let (mut axis, mut s) = (axis, s);
         loop {
@@ -107,13 +108,13 @@ impl<'a> GrowingPlant<'a> {
             if reached >= 0.0 || shape.parent == NONE {
                 return self.plant.frame(shape, s.min(reached.max(0.0))).p;
             }
-            // An axis that is not born lies at its site, which its parent may not have reached either.
+            // An axis that is not born lies at its site on its parent, which may not have grown so far either.
             (axis, s) = (shape.parent, shape.parent_s);
         }
     }
 
-    /// Arc length at which what is bound to a branch stands while its parent is thinner than in the grown plant: near its base it
-    /// is drawn inwards along the branch by the wood that the parent lacks.
+    /// Arc length, m, to which `s` moves while the parent of a branch is thinner than in the grown plant. Near its base a branch
+    /// moves inwards along its axis by the missing thickness of the parent.
     fn drawn_in(&self, axis: u32, s: f32) -> f32 {
         let shape = &self.plant.axes[axis as usize];
         if shape.parent == NONE {
@@ -123,7 +124,7 @@ impl<'a> GrowingPlant<'a> {
         drawn_by(shape, self.thickness(parent, shape.parent_s), s)
     }
 
-    /// Positions of points that the grown plant has at `points`, m. At the end of growth they are where they were.
+    /// Present positions, m, in plant space, of points that the grown plant has at `points`; at the end of growth they are equal.
     pub fn points(&self, points: &[Vec3], bindings: &[GrowthBinding]) -> Vec<Vec3> {
         points.iter().zip(bindings).map(|(p, b)| self.point(*p, *b)).collect()
     }
@@ -136,6 +137,7 @@ impl<'a> GrowingPlant<'a> {
         if thickness >= 1.0 {
             return p + (self.center(bound.axis, s) - center);
         }
+        // The offset from the centreline shrinks with the wood that it lies on.
         self.center(bound.axis, s) + (p - center) * thickness
     }
 
@@ -162,7 +164,7 @@ impl<'a> GrowingPlant<'a> {
     }
 }
 
-/// Arc length that an axis has reached at a time; negative before its birth.
+/// Arc length that an axis has reached at time `now`, m, linear between the births of its nodes; -1 before its birth.
 fn reached_length(plant: &Plant, clock: &GrowthClock, axis: &Axis, now: f32) -> f32 {
     let range = plant.nodes_of(axis);
     let births = &clock.nodes[range.clone()];
@@ -170,6 +172,7 @@ fn reached_length(plant: &Plant, clock: &GrowthClock, axis: &Axis, now: f32) -> 
         return -1.0;
     }
     let i = range.start + births.partition_point(|b| *b <= now).clamp(1, births.len() - 1) - 1;
+    // The axis grows from the node that was born last towards the next one.
     let (from, to) = (clock.nodes[i], clock.nodes[i + 1]);
     let t = if to > from { ((now - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
     plant.nodes.s[i] + (plant.nodes.s[i + 1] - plant.nodes.s[i]) * t
@@ -271,7 +274,7 @@ mod tests {
         for k in 1..=480_u16 {
             let now = at(f32::from(k) / 480.0);
             assert!(now.1 >= before.1 && now.2 >= before.2 && now.2 - before.2 < 0.3);
-            // The fastest tip grows 2 m in half of the time: 9 mm in this step, with what swells beside it.
+            // The fastest tip grows 2 m in half of the time: 9 mm in this step, and thickening adds to that.
             let moved = now.0.iter().zip(&before.0).map(|(a, b)| a.distance(*b)).fold(0.0_f32, f32::max);
             assert!(moved < 0.02, "{moved} at {k}");
             before = now;

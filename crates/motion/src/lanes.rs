@@ -11,7 +11,7 @@ use pulp::Simd;
 /// Rows to which columns are padded: the widest SIMD register of `f64` on any target.
 const WIDEST: usize = 8;
 
-/// One vector per SIMD lane.
+/// One vector for each SIMD lane, component by component.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Vec3Lanes<S: Simd>(pub(crate) [F64Lanes<S>; 3]);
 
@@ -83,7 +83,6 @@ impl<S: Simd> RotationLanes<S> {
         Vec3Lanes([self.0[0].dot(v), self.0[1].dot(v), self.0[2].dot(v)])
     }
 
-    /// Applies the inverse rotation.
     #[inline(always)]
     pub(crate) fn apply_inverse(&self, v: Vec3Lanes<S>) -> Vec3Lanes<S> {
         // The transpose: rows weighted by the components of v.
@@ -97,7 +96,7 @@ impl<S: Simd> RotationLanes<S> {
 pub(crate) struct Columns<const K: usize>(Vec<f64>);
 
 impl<const K: usize> Columns<K> {
-    /// A table of `rows` zero rows.
+    /// A table of `rows` zero rows, and padding up to a multiple of [`WIDEST`].
     pub(crate) fn new(rows: usize) -> Self {
         Self(vec![0.0; padded_row_count(rows) * K])
     }
@@ -142,9 +141,10 @@ impl<const K: usize> Columns<K> {
         }
     }
 
-    /// First register of a group of rows, and registers from one column to the next.
+    /// Index of the first register of a group of rows, and number of registers from one column to the next.
     #[inline(always)]
     fn lane_group<S: Simd>(group: usize) -> (usize, usize) {
+        // A block has `parts` registers per column; the columns of one group are `parts` registers apart.
         let parts = WIDEST / S::F64_LANES;
         (group / parts * K * parts + group % parts, parts)
     }
@@ -171,7 +171,7 @@ impl<const K: usize> Columns<K> {
     }
 }
 
-/// Smallest row count that is a multiple of all lane counts.
+/// Smallest row count of at least `rows` that is a multiple of all lane counts.
 pub(crate) fn padded_row_count(rows: usize) -> usize {
     rows.next_multiple_of(WIDEST)
 }

@@ -1,7 +1,7 @@
-//! Motion of plants and of what comes off them, over the frames of a clip.
+//! Motion of plants, of catkins that leave them and of rain on them, over the frames of a clip.
 //!
-//! - [`sway`]: branches in the wind as tapered cantilever beams, one oscillator for each bend; shown by the joints of a
-//!   skeleton or by every point.
+//! - [`sway`]: branches in the wind as tapered cantilever beams, one oscillator for each bend; applied to the joints of a
+//!   skeleton or to every point.
 //! - [`rods`]: poles, twigs and stalks as elastic rods of prism springs, solved implicitly; also whole plants on rods.
 //! - [`growth`]: plants that lengthen, thicken and unfold their leaves over a clip.
 //! - [`flight`]: catkins carried by the wind, which stick together, deposit and take off again.

@@ -5,11 +5,11 @@ use glam::{Quat, Vec3};
 use osier_base::math::{lerp, nlerp, smoothstep};
 use osier_scene::plant::{Axis, NONE, Plant, Site};
 
-/// A branch is drawn towards its thinner parent over these multiples of the length that lies within the parent at rest: up to the
-/// first, in proportion to the parent's radius, so that the slanted rings of its collar stay as slanted as they are; from there to the
-/// second, less and less.
+/// Reach of the shift by which a branch follows its parent where that is thinner than at rest, in multiples of the length of
+/// branch within the parent. Up to the first multiple arc lengths shrink in proportion to the parent's radius, so that the
+/// slanted rings of the collar keep their slant; from there to the second multiple the shift decreases to 0.
 const JUNCTION_REACH: [f32; 2] = [2.0, 5.0];
-/// Greatest part of a branch that lies within its parent, if it has a collar there: others have none and stay where they are.
+/// Greatest fraction of a branch within its parent at which the branch is shifted; one with more has no collar and stays.
 const MOST_INSIDE: f32 = 0.9;
 
 /// A point of the skin or an organ, bound to the skeleton.
@@ -21,14 +21,14 @@ pub struct GrowthBinding {
     pub s: f32,
 }
 
-/// Nodes of a plant in a pose, parallel to its own.
+/// Nodes of a plant in a pose, parallel to [`Plant::nodes`].
 #[derive(Debug, Clone, Copy)]
 pub struct PosedNodes<'a> {
     /// Positions of the nodes in this pose, m, in the plant's space.
     pub p: &'a [Vec3],
     /// Frames of the nodes in this pose: +Y along the axis.
     pub q: &'a [Quat],
-    /// Radii, m; 0 for what is not there.
+    /// Radii, m; 0 for a node that does not exist in this pose.
     pub r: &'a [f32],
 }
 
@@ -37,7 +37,7 @@ pub struct PosedNodes<'a> {
 pub struct PosedSkin {
     /// Positions of the vertices in this pose, m.
     pub points: Vec<Vec3>,
-    /// Unit normals of the vertices, in the order of `points`.
+    /// Unit normals of the vertices, in the order of `points`; empty if the skin at rest has none.
     pub normals: Vec<Vec3>,
 }
 
@@ -54,6 +54,7 @@ pub fn pose_skin(
         let shape = &plant.axes[bound.axis as usize];
         let rest = plant.frame(shape, bound.s);
         let now = posed_site(plant, pose, shape, drawn_in(plant, pose, *bound));
+        // Rotate the offset from the centreline as the frame rotates, and scale it by the ratio of the radii.
         let turn = (now.q * rest.q.inverse()).normalize();
         skin.points.push(now.p + turn * (*p - rest.p) * (now.r / rest.r.max(f32::MIN_POSITIVE)));
         if let Some(n) = normals.get(i) {
@@ -63,7 +64,7 @@ pub fn pose_skin(
     skin
 }
 
-/// The centreline of an axis in the pose at an arc length that is measured at rest.
+/// Site in the pose of the point of an axis at arc length `s`, m, which is measured at rest.
 fn posed_site(plant: &Plant, pose: PosedNodes<'_>, axis: &Axis, s: f32) -> Site {
     let (i, t) = plant.segment(axis, s);
     Site {
@@ -73,8 +74,8 @@ fn posed_site(plant: &Plant, pose: PosedNodes<'_>, axis: &Axis, s: f32) -> Site 
     }
 }
 
-/// Arc length at which what is bound to a branch stands while its parent is thinner than at rest: near its base it is drawn inwards
-/// along the branch by the wood that the parent lacks.
+/// Arc length, m, to which a binding moves while the parent of its branch is thinner than at rest. Near its base a branch moves
+/// inwards along its axis by the missing thickness of the parent.
 fn drawn_in(plant: &Plant, pose: PosedNodes<'_>, bound: GrowthBinding) -> f32 {
     let shape = &plant.axes[bound.axis as usize];
     if shape.parent == NONE {
@@ -85,13 +86,13 @@ fn drawn_in(plant: &Plant, pose: PosedNodes<'_>, bound: GrowthBinding) -> f32 {
     drawn_by(shape, now.r / rest.r.max(f32::MIN_POSITIVE), bound.s)
 }
 
-/// Arc length `s` of a branch drawn towards a parent of `thickness` of the radius that it has at rest.
+/// Arc length, m, to which `s` moves on a branch whose parent has the fraction `thickness` of its radius at rest.
 pub(crate) fn drawn_by(branch: &Axis, thickness: f32, s: f32) -> f32 {
     let inside = branch.s_exposed;
     if inside <= 0.0 || thickness >= 1.0 || inside > MOST_INSIDE * branch.length {
         return s;
     }
-    // What is drawn in comes to rest before the tip.
+    // The shift ends before the tip, which stays where it is.
     let end = (JUNCTION_REACH[1] * inside).min(branch.length);
     let start = (JUNCTION_REACH[0] * inside).min(0.5 * end);
     let lacking = (1.0 - thickness) * s.min(start);

@@ -18,7 +18,7 @@ fn carrying_velocity(air: Vec3, tuft: Vec3, fall: f64, glide: f64, lift: f64) ->
     air.as_dvec3() + DVec3::Y * (lift - fall) + level * (glide * fall)
 }
 
-/// Exact relaxation of one body towards a carrying velocity, over half a step and over a whole one.
+/// Exact relaxation of one body towards a carrying velocity over half a step and over a whole one. `tau`: time constant, s.
 #[derive(Debug, Clone, Copy)]
 struct MidpointStep {
     lag: VelocityDecay,
@@ -39,7 +39,7 @@ impl MidpointStep {
     }
 }
 
-/// Buffers for sampling the wind at members of a cluster, reused from cluster to cluster.
+/// Buffers for sampling the wind at members of a cluster, reused by all clusters of a task.
 #[derive(Debug, Default)]
 struct WindProbe {
     /// Indices into the cluster's members.
@@ -59,7 +59,7 @@ impl WindProbe {
 }
 
 impl FlightSimulation {
-    /// Releases waiting catkins whose condition is met.
+    /// Releases pending catkins by time or by the wind at them (see [`WindRelease::releases`]); `t`: begin of the step, s.
     pub(super) fn release_pending(&mut self, wind: &dyn Wind, t: f64) {
         if !self.present.pending {
             return;
@@ -131,7 +131,7 @@ impl FlightSimulation {
         self.record_landings(landed.into_iter().flat_map(|l| l.0));
     }
 
-    /// Advances airborne clusters, each as one rigid body.
+    /// Advances airborne clusters by one step, each as one rigid body, and deposits those that touch a surface.
     pub(super) fn advance_clusters(&mut self, wind: &dyn Wind, t: f64) {
         // Clusters are taken out while tasks read the catkins, then put back.
         let mut clusters = std::mem::take(&mut self.clusters);
@@ -198,9 +198,9 @@ impl FlightSimulation {
     }
 
     /// Angular velocity of a cluster after this step, rad/s, which relaxes towards the wind's rotation around it:
-    /// omega = I^-1 sum m r x (u - mean u); a pair has no inertia about its own line and does not rotate about it.
+    /// omega = I^-1 sum m r x (u - mean u). A pair has no inertia about its connecting line and does not rotate about it.
     fn angular_velocity_from_wind(&self, cluster: &CatkinCluster, probe: &[usize], air: &[Vec3]) -> Vec3 {
-        // Subtract the mean wind: what remains rotates or strains the cluster.
+        // Subtract the mean wind: the remainder rotates or strains the cluster.
         let mean = air.iter().copied().sum::<Vec3>() / air.len().max(1) as f32;
         let (mut momentum, mut inertia) = (Vec3::ZERO, glam::Mat3::ZERO);
         for (i, u) in probe.iter().zip(air) {
@@ -210,8 +210,8 @@ impl FlightSimulation {
             let outer = glam::Mat3::from_cols(r * r.x, r * r.y, r * r.z);
             inertia += (glam::Mat3::IDENTITY * r.length_squared() - outer) * m;
         }
-        // omega = I^-1 L of masses at the sampled members; a little of the trace on the diagonal keeps a line of two,
-        // which has no inertia about itself, invertible.
+        // omega = I^-1 L of masses at the sampled members; a small share of the trace on the diagonal makes the singular
+        // inertia of a pair invertible.
         let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
         if trace < 1e-12 {
             return cluster.omega;
@@ -234,7 +234,7 @@ mod tests {
     use osier_base::math::{exp, sqrt};
     use osier_scene::solid::Solids;
 
-    /// Any field of velocities.
+    /// A wind given by a function of position and time.
     struct Field<F>(F);
 
     impl<F> std::fmt::Debug for Field<F> {
@@ -284,7 +284,7 @@ mod tests {
         assert!((flight.catkins[0].v.y + fall).abs() < 1e-12);
     }
 
-    /// Without a lag it is eq. 10: what the air does, less the fall.
+    /// Without inertia the velocity is that of eq. 10: wind minus settling speed.
     #[test]
     fn without_inertia_the_step_is_equation_10() {
         let breeze = Field(|_, _| Vec3::new(1.5, 0.1, -0.4));
@@ -297,7 +297,7 @@ mod tests {
         assert!(quick.catkins[0].x.distance(wanted + DVec3::Y * 0.24) < 1e-5);
     }
 
-    /// Error of the radius after one turn in air that turns as a body.
+    /// Error of the radius after one revolution in air that rotates as a rigid body.
     fn drift(steps: u32, turns: u32) -> f64 {
         let omega = std::f64::consts::TAU;
         #[allow(clippy::cast_possible_truncation)]

@@ -55,14 +55,14 @@ impl FlightSimulation {
         self.move_attracted(end - now, end);
     }
 
-    /// Chooses the target of every single, and its strength.
+    /// Chooses for every single the nearest attracting member, and the strength ln(1 - F) of the attraction, for one tick.
     fn choose_targets(&mut self) {
         // Candidates are the members of deposited clusters; without any, and without targets to clear, nothing
         // changes.
         let reach = self.options.attraction_radius();
         let members = self.clusters.values().filter(|c| c.state.is_deposited()).flat_map(|c| &c.members);
         let grid = NeighbourGrid::new(narrow(reach), members.map(|id| (*id, self.catkin(*id).x.as_vec3())));
-        // Airborne singles are attracted to corners only; without any they need no search.
+        // Airborne singles are attracted to corners only; without a corner they need no search.
         let corners = self.clusters.values().any(|c| c.state == CatkinState::Corner);
         let gamma = self.options.gamma;
         if grid.is_empty() && !self.any_attracted {
@@ -105,7 +105,7 @@ impl FlightSimulation {
         best
     }
 
-    /// Moves attracted singles for `dt` seconds and joins those that arrive.
+    /// Moves attracted singles for `dt` seconds up to time `t`, s, and joins those that come close enough to their target.
     fn move_attracted(&mut self, dt: f64, t: f64) {
         let drawn = if self.any_attracted { self.leader_ids(|c| c.target != NO_TARGET) } else { Vec::new() };
         if dt <= SAME_TIME || drawn.is_empty() {
@@ -120,7 +120,7 @@ impl FlightSimulation {
             // 1 - (1 - F)^(dt/T), with pull = ln(1 - F).
             let share = 1.0 - exp(c.pull * dt / ATTRACTION_TICK);
             let way = project_onto_surface(c, (target.x - c.x) * share);
-            // Solids stop the motion; what still overlaps is pushed out.
+            // Solids stop the motion; a single that still overlaps one is pushed out.
             let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace_free_share(&self.solids);
             Some(push_out_of_solids(&self.solids, c.x + way * gone, c.radius))
         });

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use osier_base::math::exp;
 
-/// Bond between two members that touched.
+/// Bond between two members, by index, made when they touched; the cluster contracts along it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ClusterBond {
     pub ends: [u32; 2],
@@ -14,7 +14,7 @@ pub(super) struct ClusterBond {
 }
 
 impl ClusterBond {
-    /// Takes the share `gone` of the remaining displacement.
+    /// Takes the share `gone`, 0 to 1, off the remaining displacement and returns that part, m.
     fn close(&mut self, gone: f64) -> DVec3 {
         // Exponential approach, completed at once when it becomes invisible.
         let way = if self.left.length_squared() < NEGLIGIBLE_SQUARED { self.left } else { self.left * gone };
@@ -46,8 +46,8 @@ pub(super) fn bonded_groups(bonds: &[ClusterBond], members: &[u32]) -> Vec<Vec<u
     out
 }
 
-/// Displacement of each member in a step of contraction, relative to the first; none if no bond contracts. `members`:
-/// ascending.
+/// Displacement of each of `members` (ascending) in a step of contraction, m, relative to the first member; `None` if no
+/// bond contracts any longer.
 pub(super) fn contract_bonds(bonds: &mut [ClusterBond], members: &[u32], dt: f64) -> Option<Vec<DVec3>> {
     if bonds.iter().all(|b| b.left == DVec3::ZERO) {
         return None;

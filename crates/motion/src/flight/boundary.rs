@@ -9,9 +9,9 @@ use crate::flight::tuning::{HIDDEN_FRAMES, MAX_START_DRAWS};
 use osier_base::rng::Rng;
 
 impl FlightSimulation {
-    /// Applies the boundary conditions to everything past a side, and keeps airborne catkins below the top.
+    /// Applies the boundary conditions to singles and clusters past a side, and keeps airborne ones below the top of the box.
     pub(super) fn apply_side_boundaries(&mut self, t: f64) {
-        // Periodic sides first; what is still past a side then leaves the box.
+        // Wrap at periodic sides first; a single or cluster that is still past a side leaves the box.
         self.count_long_steps();
         let top = f64::from(self.options.inside.max.y);
         for root in self.leaders_outside() {
@@ -36,7 +36,7 @@ impl FlightSimulation {
         let mut all: Vec<u32> = if self.present.deposited {
             self.leader_ids(single)
         } else {
-            // Singles in the air are where they flew to.
+            // Without deposits, only the singles that this step moved out of the box can be outside.
             escaped.into_iter().filter(|id| single(self.catkin(*id))).collect()
         };
         all.extend(clusters);
@@ -64,12 +64,12 @@ impl FlightSimulation {
         }
     }
 
-    /// Wraps a single or a cluster at periodic sides.
+    /// Translates a single or a cluster by whole box sizes back into the box, along periodic axes only.
     fn wrap_periodic(&mut self, root: u32) {
         let inside = self.options.inside;
         let (low, size) = (inside.min.as_dvec3(), inside.size().as_dvec3());
         let x = self.clusters.get(&root).map_or_else(|| self.catkin(root).x, |k| k.x);
-        // floor((x - low)/size) whole sizes, none along open axes.
+        // floor((x - low)/size) whole sizes along periodic axes, 0 along others.
         let by = |edge: SideBoundary, x: f64, low: f64, size: f64| {
             if edge == SideBoundary::Periodic { -((x - low) / size).floor() * size } else { 0.0 }
         };
@@ -80,7 +80,7 @@ impl FlightSimulation {
         }
     }
 
-    /// Removes a single, or all members of a cluster one by one, through an open side.
+    /// Takes a single, or all members of a cluster, out of the scene at a side that is not periodic; the cluster dissolves.
     fn exit_box(&mut self, root: u32, t: f64) {
         let members = self.clusters.remove(&root).map_or_else(|| vec![root], |c| c.members);
         let dt = self.options.time_step();
@@ -91,7 +91,7 @@ impl FlightSimulation {
         for id in members {
             let deposited = self.catkin(id).state.is_deposited();
             let c = self.catkin_mut(id);
-            // The side that was left decides between recycling and exit.
+            // The boundary condition of the side that it crossed decides whether it is recycled; deposits never are.
             let x_side = c.x.x < f64::from(inside.min.x) || c.x.x > f64::from(inside.max.x);
             let recycles = edges[usize::from(!x_side)] == SideBoundary::Recycle && !deposited;
             (c.state, c.root, c.free, c.target, c.face) = (CatkinState::Exited, id, false, NO_TARGET, None);
@@ -101,7 +101,7 @@ impl FlightSimulation {
         }
     }
 
-    /// Recycles exited catkins: at the first hidden frame they move to the inflow, at the next they fly.
+    /// Recycles exited catkins: at the first hidden frame they move to the inflow, one frame later they become airborne.
     fn reenter_recycled(&mut self, t: f64) {
         let now = t + self.options.time_step();
         let frame = 1.0 / self.options.fps;
@@ -135,7 +135,7 @@ impl FlightSimulation {
 }
 
 impl Catkin {
-    /// Moves it without a flight: the distance from its release stays.
+    /// Translates the catkin and its release point alike, so that the distance between them is unchanged.
     fn jump(&mut self, by: DVec3) {
         self.x += by;
         self.from += by;

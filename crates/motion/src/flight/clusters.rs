@@ -14,7 +14,7 @@ use osier_base::math::pow;
 /// Clusters by the smallest index of their members.
 pub(super) type CatkinClusters = BTreeMap<u32, CatkinCluster>;
 
-/// A rigid body of bonded catkins.
+/// Bonded catkins that move as one rigid body, in the air or at rest.
 #[derive(Debug, Clone)]
 pub(super) struct CatkinCluster {
     /// Indices of the members, ascending.
@@ -25,7 +25,7 @@ pub(super) struct CatkinCluster {
     pub x: DVec3,
     pub v: DVec3,
     pub mass: f64,
-    /// Settling speed, m/s, and the sum of its members' own settling speeds.
+    /// Settling speed, m/s, and the sum of the settling speeds of its members as singles.
     pub fall: f64,
     sum_of_fall_speeds: f64,
     pub lag: VelocityDecay,
@@ -36,12 +36,12 @@ pub(super) struct CatkinCluster {
     pub lifted: f64,
     /// A spanning tree: one bond less than members.
     bonds: Vec<ClusterBond>,
-    /// Some member may still sink in the heap.
+    /// Whether some member may still sink in the heap.
     pub loose: bool,
 }
 
 impl CatkinCluster {
-    /// A cluster of one catkin, for merging.
+    /// A cluster of one catkin, with no bond, as an operand of [`CatkinCluster::merged_with`].
     fn from_single(c: &Catkin) -> Self {
         Self {
             members: vec![c.id],
@@ -63,7 +63,7 @@ impl CatkinCluster {
 
     /// Cluster of the catkins `all`, ascending by index, in one state, held together by `bonds`.
     pub fn from_members(all: &[&Catkin], bonds: Vec<ClusterBond>, options: &FlightParams) -> Self {
-        // Mass-weighted centre, and the settling speed n^beta times the mean of the members' own.
+        // Mass-weighted centre, and n^beta times the mean settling speed of the members.
         let mass: f64 = all.iter().fold(0.0, |sum, c| sum + c.mass);
         let x = all.iter().fold(DVec3::ZERO, |sum, c| sum + c.x * c.mass) / mass;
         let sum_of_fall_speeds: f64 = all.iter().fold(0.0, |sum, c| sum + c.fall);
@@ -81,7 +81,7 @@ impl CatkinCluster {
         }
     }
 
-    /// Components that remain when the bonds `cut` break: members and bonds of each.
+    /// Connected components that remain when the bonds between the pairs `cut` break: members and bonds of each component.
     pub fn split_at_bonds(&self, cut: &[[u32; 2]]) -> Vec<(Vec<u32>, Vec<ClusterBond>)> {
         // Bonds that survive, then the components that they connect.
         let whole = |b: &&ClusterBond| !cut.iter().any(|[i, k]| b.ends == [*i, *k] || b.ends == [*k, *i]);
@@ -115,7 +115,7 @@ impl CatkinCluster {
         }
     }
 
-    /// Makes offsets relative to the centre of mass, and returns by how much it was off.
+    /// Makes offsets relative to the centre of mass again, and returns the error that they had, m. `mass`: of a member, kg.
     fn recenter(&mut self, mass: impl Fn(u32) -> f64) -> DVec3 {
         let all = self.members.iter().zip(&self.offsets);
         let off = all.fold(DVec3::ZERO, |sum, (id, offset)| sum + *offset * mass(*id)) / self.mass;
@@ -123,19 +123,19 @@ impl CatkinCluster {
         off
     }
 
-    /// Whether some bond still contracts.
+    /// Whether some bond is longer than its final length, so that members still move.
     pub fn is_contracting(&self) -> bool {
         self.bonds.iter().any(|b| b.left != DVec3::ZERO)
     }
 
-    /// Sets the positions of all members, m. `mass`: of a member, kg.
+    /// Sets the positions of all members, in the order of `members`, m, and the centre of mass. `mass`: of a member, kg.
     pub fn set_member_positions(&mut self, places: &[DVec3], mass: impl Fn(u32) -> f64) {
         self.offsets.iter_mut().zip(places).for_each(|(o, p)| *o = *p - self.x);
         let off = self.recenter(mass);
         self.x += off;
     }
 
-    /// Bonded pairs as positions in `members`.
+    /// Bonded pairs as positions in `members`, each bond once.
     pub fn bonded_members(&self) -> impl Iterator<Item = [usize; 2]> {
         self.bonds.iter().filter_map(|bond| {
             let [a, b] = bond.ends.map(|id| self.members.binary_search(&id));
@@ -143,22 +143,22 @@ impl CatkinCluster {
         })
     }
 
-    /// Rotates by `omega`, rad/s, for a step of `dt` seconds.
+    /// Rotates offsets and bonds about the centre of mass for `dt` seconds, and stores `omega`, rad/s.
     pub fn rotate_by_step(&mut self, omega: Vec3, dt: f64) {
         self.omega = omega;
-        // Rotate offsets and remaining contractions alike: the cluster is rigid.
+        // Remaining contractions rotate with the offsets: the cluster is rigid.
         let turn = DQuat::from_scaled_axis(omega.as_dvec3() * dt);
         self.offsets.iter_mut().for_each(|o| *o = turn * *o);
         self.bonds.iter_mut().for_each(|b| b.left = turn * b.left);
     }
 
-    /// At most `count` evenly spaced positions in `members`.
+    /// At most `count` evenly spaced positions in `members`; all positions if there are no more than `count` members.
     pub fn evenly_spaced_members(&self, count: usize) -> impl Iterator<Item = usize> {
         let n = self.members.len();
         (0..n.min(count)).map(move |i| if n <= count { i } else { i * n / count })
     }
 
-    /// Velocity of the member at `offset` from the centre, m/s.
+    /// Velocity of the member at `offset` from the centre, m/s; without rotation once the cluster is deposited.
     fn member_velocity(&self, offset: DVec3) -> DVec3 {
         if self.state == CatkinState::Airborne { self.v + self.omega.as_dvec3().cross(offset) } else { self.v }
     }
@@ -203,7 +203,7 @@ impl CatkinCluster {
     }
 }
 
-/// Merges the member lists of two clusters, with offsets from the new centre.
+/// Merges the member lists of two clusters by ascending index; `moved`: old minus new centre of each, m.
 fn merge_members([a, b]: [&CatkinCluster; 2], moved: [DVec3; 2]) -> (Vec<u32>, Vec<DVec3>) {
     let count = a.members.len() + b.members.len();
     let (mut members, mut offsets) = (Vec::with_capacity(count), Vec::with_capacity(count));
@@ -228,7 +228,7 @@ fn merged_state(a: CatkinState, b: CatkinState) -> CatkinState {
 }
 
 impl FlightSimulation {
-    /// Takes a cluster out of the map, or makes one of a single.
+    /// Takes a cluster out of the map, or makes one of a single; its updraft is brought to time `t`, s.
     fn take_cluster(&mut self, root: u32, t: f64) -> CatkinCluster {
         let mut body = self.clusters.remove(&root).unwrap_or_else(|| CatkinCluster::from_single(self.catkin(root)));
         body.lift = body.lift_at(t);
@@ -236,7 +236,7 @@ impl FlightSimulation {
         body
     }
 
-    /// Joins the clusters of catkins `i` and `j`, if they differ.
+    /// Joins the clusters of catkins `i` and `j` by a new bond; does nothing if both are members of the same cluster.
     pub(super) fn join_catkins(&mut self, i: u32, j: u32, t: f64) {
         let (a, b) = (self.catkin(i).root, self.catkin(j).root);
         if a == b {
@@ -254,10 +254,10 @@ impl FlightSimulation {
         // of the two has landed since.
         let far = between.length() > if flies { close } else { touching };
         let left = if far { between * (1.0 - close / between.length()) } else { DVec3::ZERO };
-        // The deposited one determines the surface that both rest on.
+        // The deposited one of the two determines the surface that both rest on.
         let resting = if one.state == CatkinState::Airborne { b } else { a };
         let (normal, face) = (self.catkin(resting).normal, self.catkin(resting).face);
-        // The merged body with its new bond, settling speed and decay.
+        // The merged body settles at n^beta times the mean speed of its members, which determines its decay.
         let mut whole = one.merged_with(other, t);
         whole.bonds.push(ClusterBond { ends: [i, j], left });
         let n = whole.members.len() as f64;
@@ -269,7 +269,7 @@ impl FlightSimulation {
         for id in &whole.members {
             let state = whole.state;
             let c = self.catkin_mut(*id);
-            // Who sticks to what lies has come to rest by it.
+            // An airborne catkin that joins a deposited one has landed.
             if c.state == CatkinState::Airborne && state.is_deposited() {
                 landed.push(*id);
             }
@@ -289,7 +289,7 @@ impl FlightSimulation {
         self.record_landings(places);
     }
 
-    /// Sets positions and velocities of members from their cluster.
+    /// Sets positions and velocities of members from centre, offsets and rotation of their cluster.
     fn place_members(&mut self, root: u32) {
         let Some(cluster) = self.clusters.remove(&root) else { return };
         for (id, offset) in cluster.members.iter().zip(&cluster.offsets) {
@@ -328,13 +328,13 @@ impl FlightSimulation {
         }
     }
 
-    /// Contracts deposited clusters whose members are still apart: no member stays above the surface.
+    /// Contracts deposited clusters whose bonds are still longer than their final length; all members stay on the surface.
     pub(super) fn contract_resting_clusters(&mut self) {
         let dt = self.options.time_step();
         let drawing = |c: &CatkinCluster| c.state.is_deposited() && c.is_contracting();
         let roots: Vec<u32> = self.clusters.iter().filter(|(_, c)| drawing(c)).map(|(root, _)| *root).collect();
         for root in roots {
-            // Taken out of the map while its members are read and written.
+            // The cluster leaves the map while its members are read and written.
             let Some(mut cluster) = self.clusters.remove(&root) else { continue };
             cluster.contract_at_rest(dt, self.catkin(root).normal.as_dvec3(), |id| self.catkin(id).mass);
             let landing = self.resolve_penetration(&cluster, cluster.x);
@@ -349,7 +349,7 @@ impl FlightSimulation {
         between + self.periodic_shift(between * -1.0)
     }
 
-    /// Multiple of the box size that brings a position, `ahead` short of another, to the same side of the seam.
+    /// Translation by whole box sizes, along periodic axes, that brings a position next to another; `ahead`: vector to it, m.
     fn periodic_shift(&self, ahead: DVec3) -> DVec3 {
         let size = self.options.inside.size().as_dvec3();
         let wrapped = |edge: super::SideBoundary, ahead: f64, size: f64| {

@@ -9,7 +9,7 @@ use super::tuning::{
 use osier_base::math::narrow;
 use osier_scene::solid::{Near, Solids};
 
-/// A sphere and its displacement in a step.
+/// A sphere of `radius`, m, that moves from `from` by `way`, m, in one step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SweptBall {
     pub from: DVec3,
@@ -17,11 +17,11 @@ pub(super) struct SweptBall {
     pub radius: f32,
 }
 
-/// Surface that supports a sphere.
+/// Surface that supports a sphere. `face`: index of the solid, `None` for the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SurfaceContact {
     pub state: CatkinState,
-    /// Surface normal; that of the wall in a corner.
+    /// Surface normal, world space; in a corner that of the wall.
     pub normal: Vec3,
     pub face: Option<u32>,
 }
@@ -40,7 +40,7 @@ impl SweepResult {
 }
 
 impl SweptBall {
-    /// Moves as far as the sphere is free, and reports the surface that stopped it.
+    /// Moves the sphere up to the first contact, and returns the end of its path and the surface that stopped it.
     pub fn sweep(&self, solids: &Solids) -> SweepResult {
         // Without contact the whole displacement is free; else settle at the contact and look up the surface.
         let (gone, met) = self.trace_free_share(solids);
@@ -51,7 +51,7 @@ impl SweptBall {
         SweepResult { at, contact: surface_contact(solids, at, self.radius) }
     }
 
-    /// Free share of the displacement, and the surface that ends it, by sphere tracing.
+    /// Share of the displacement, 0 to 1, up to the first contact, and the surface there, by sphere tracing.
     pub fn trace_free_share(&self, solids: &Solids) -> (f64, Option<Near>) {
         let length = self.way.length();
         // One query over the whole path first: most paths meet nothing.
@@ -87,7 +87,7 @@ impl SweptBall {
 
 /// Moves a sphere out of all solids along their normals.
 pub(super) fn push_out_of_solids(solids: &Solids, mut at: DVec3, radius: f32) -> DVec3 {
-    // Push out of the most important surface first; each pass may uncover another.
+    // Push out of the deepest penetration, ground before walls; each pass may cause another penetration.
     for _ in 0..MAX_PUSH_OUT_PASSES {
         let Some(near) = deepest_penetration(solids.all_near(at.as_vec3(), radius - PENETRATION_TOLERANCE)) else {
             break;
@@ -99,7 +99,7 @@ pub(super) fn push_out_of_solids(solids: &Solids, mut at: DVec3, radius: f32) ->
 
 /// Brings a sphere that slid by `way`, m, back to a surface that curved away below it by no more than it slid.
 pub(super) fn follow_surface(solids: &Solids, at: DVec3, radius: f32, way: DVec3) -> DVec3 {
-    // Without this what slides over an edge would take off and land in every step.
+    // Without this, a catkin that slides over an edge would take off and land in every step.
     let near = solids.near(at.as_vec3(), radius + narrow(way.length()));
     let gap = near.map_or(0.0, |n| n.nearest.distance - radius);
     near.map_or(at, |n| at - n.nearest.normal.as_dvec3() * f64::from(gap.max(0.0)))
@@ -110,7 +110,7 @@ pub(super) fn is_supported(solids: &Solids, at: DVec3, radius: f32) -> bool {
     solids.all_near(at.as_vec3(), radius * CONTACT_FACTOR).iter().any(|n| n.nearest.normal.y > GROUND_NORMAL_Y)
 }
 
-/// The ground if penetrated, else the deepest penetration.
+/// The ground if the sphere penetrates it, else the surface with the deepest penetration; `None` without any.
 pub(super) fn deepest_penetration(near: Vec<Near>) -> Option<Near> {
     // Ground before walls, then the smallest signed distance.
     let rank = |n: &Near| (n.nearest.normal.y <= GROUND_NORMAL_Y, n.nearest.distance);
@@ -120,7 +120,7 @@ pub(super) fn deepest_penetration(near: Vec<Near>) -> Option<Near> {
     })
 }
 
-/// Surface that a sphere touches, if any.
+/// Ground, wall or corner within [`CONTACT_FACTOR`] radii of a sphere's centre; `None` if there is no surface.
 pub(super) fn surface_contact(solids: &Solids, at: DVec3, radius: f32) -> Option<SurfaceContact> {
     // Classify all surfaces in contact: ground, wall, or both.
     let near = solids.all_near(at.as_vec3(), radius * CONTACT_FACTOR);

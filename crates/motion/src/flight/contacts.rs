@@ -35,15 +35,15 @@ impl SweptCatkin {
 }
 
 /// Bounding sphere of a swept catkin: midpoint of its path, and its reach plus half of its path relative to the mean
-/// drift. Compact, since most pairs are rejected by it alone.
+/// drift. Compact in memory, since this sphere rejects most pairs.
 #[derive(Debug, Clone, Copy, Default)]
 struct BoundingSphere {
     middle: Vec3,
     radius: f32,
 }
 
-/// Rows of cells after a cell's own, in x and y; with its own and the next cell in z they cover half of its 26
-/// neighbours, so that every pair of cells is visited once.
+/// Offsets in x and y of the rows of cells that a cell is tested against; with its row from the cell itself onwards in z they
+/// cover half of its 26 neighbours, so that every pair of cells is visited once.
 const FORWARD_ROWS: [(i32, i32); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
 /// Airborne catkins sorted into the cells of a uniform grid; cells along z are contiguous in memory.
@@ -65,14 +65,14 @@ pub(super) struct ContactGrid {
 }
 
 impl ContactGrid {
-    /// Collects catkins that were airborne when the step began. `begin`: also starts the next step's paths of all
-    /// catkins.
+    /// Collects catkins that were airborne when the step began. With `begin`, also resets the paths of all catkins for the
+    /// next step.
     fn collect_flyers(&mut self, options: &FlightParams, catkins: &mut [Catkin], begin: bool) {
         self.flyers.clear();
         self.loose.clear();
         self.round = options.edges.map(|e| e == SideBoundary::Periodic);
         (self.low, self.size) = (options.inside.min, options.inside.size());
-        // Those that were airborne when the step began: the path of one that landed ends there.
+        // A catkin that landed in this step is included: its path ends at the surface.
         let stick = narrow(options.stick_radius);
         for c in catkins {
             if c.free && c.state.is_seen() {
@@ -89,7 +89,7 @@ impl ContactGrid {
 
     /// Counting sort of the spheres by cell.
     fn sort_into_cells(&mut self) {
-        // Remove the mean drift: what remains of the displacements is small, so bounding spheres and cells are too.
+        // Remove the mean drift: the remaining displacements are small, and with them bounding spheres and cells.
         let ways = Bounds::of(self.flyers.iter().map(|f| f.way));
         let (drift, stray) = (ways.center(), 0.5 * ways.size().length());
         let mut reach = 0.0_f32;
@@ -123,7 +123,7 @@ impl ContactGrid {
         self.begins = begins;
     }
 
-    /// Wraps a position along periodic axes.
+    /// Position wrapped into the box along periodic axes.
     fn wrap(&self, p: Vec3) -> Vec3 {
         // Most positions are inside: test before dividing.
         let far = p - self.low;
@@ -143,14 +143,14 @@ impl ContactGrid {
         ((c.x * self.count.y + c.y) * self.count.z + c.z).unsigned_abs()
     }
 
-    /// Range of spheres in consecutive cells.
+    /// Range in `balls` and `whose` of the spheres in consecutive cells.
     fn flyers_in_cells(&self, cubes: std::ops::Range<usize>) -> std::ops::Range<usize> {
         self.begins[cubes.start] as usize..self.begins[cubes.end] as usize
     }
 
-    /// Pairs of indices, the smaller first, that came within reach; sorted and unique.
+    /// Pairs of catkin indices, the smaller first, that came within reach; sorted and unique.
     fn contact_pairs(&self) -> Vec<(u32, u32)> {
-        // Each task owns some planes of cells; sorting makes the list independent of the tasks.
+        // Each task takes some planes of cells; sorting makes the list independent of the tasks.
         let starts: Vec<i32> = (0..self.count.x).step_by(PLANES_PER_TASK.unsigned_abs() as usize).collect();
         let found = par_map(&starts, |x0| {
             let mut pairs = Vec::new();
@@ -182,7 +182,7 @@ impl ContactGrid {
         })
     }
 
-    /// Tests a row of cells along z against itself and the rows after it.
+    /// Tests a row of cells along z against itself and the rows after it, also across periodic sides.
     fn pairs_along_row(&self, x: i32, y: i32, pairs: &mut Vec<(u32, u32)>) {
         let own = self.cell_index(IVec3::new(x, y, 0)) as usize;
         let rows: Vec<(usize, Vec3)> = self.neighbour_rows(x, y).collect();
@@ -215,7 +215,7 @@ impl ContactGrid {
         }
     }
 
-    /// Tests one sphere against others, which are shifted by `by`: the periodic offset.
+    /// Tests one sphere against others, which are shifted by the periodic offset `by`, m; pairs in one cluster are excluded.
     fn test_pairs(&self, i: usize, others: std::ops::Range<usize>, by: Vec3, pairs: &mut Vec<(u32, u32)>) {
         // Bounding spheres reject most pairs; the exact swept test decides the rest.
         let a = self.balls[i];
@@ -243,7 +243,7 @@ struct RestingCatkins<'a> {
 }
 
 impl Catkin {
-    /// Starts the path of the next step.
+    /// Ends the path of the past step and begins that of the next one.
     fn begin_contact_interval(&mut self) {
         self.travel = DVec3::ZERO;
         self.free = self.state == CatkinState::Airborne;
@@ -252,7 +252,7 @@ impl Catkin {
 }
 
 impl FlightSimulation {
-    /// Finds contacts of this step and joins the pairs that hold.
+    /// Finds the contacts of this step and joins them: airborne pairs with probability `stick_probability`, others always.
     pub(super) fn join_contacts(&mut self, t: f64) {
         // One draw per pair and encounter, not per step, addressed by both indices and the time.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seconds of a clip")]
@@ -286,13 +286,13 @@ impl FlightSimulation {
         self.contact_grid.contact_pairs()
     }
 
-    /// Pairs with a deposited catkin, at distances of their own radii: newly deposited or displaced ones, and airborne
-    /// ones, against all deposited ones.
+    /// Pairs closer than the sum of their radii of which one is deposited: newly deposited, displaced and airborne catkins
+    /// against all deposited ones.
     fn resting_contacts(&self) -> Vec<(u32, u32)> {
         if !self.present.deposited {
             return Vec::new();
         }
-        // Deposits in a sparse grid, and their common bounds for a quick rejection.
+        // Deposits go into a sparse grid; their common bounds reject most airborne catkins.
         let rests = self.catkins.iter().filter(|c| c.state.is_deposited());
         let grid = NeighbourGrid::new(REST_CELL, rests.clone().map(|c| (c.id, c.x.as_vec3())));
         if grid.is_empty() {
@@ -319,7 +319,7 @@ impl FlightSimulation {
         pairs
     }
 
-    /// Adds the pairs of a catkin with the deposited ones that its path in this step touches.
+    /// Adds the pairs of a catkin with the deposited ones that its path in this step touches, except in the same cluster.
     fn pairs_with_resting(&self, c: &Catkin, resting: &RestingCatkins<'_>, pairs: &mut Vec<(u32, u32)>) {
         let RestingCatkins { grid, widest, bounds } = *resting;
         let (end, reach) = (c.x.as_vec3(), c.radius + widest);
@@ -336,7 +336,7 @@ impl FlightSimulation {
             let way = end - start;
             let from = start - other.x.as_vec3();
             let (square, closing) = (way.length_squared(), -from.dot(way));
-            // One in the air joins what it moves towards, not the heap that it was torn or lifted off.
+            // An airborne catkin joins a deposit that it approaches, not the heap that it was torn or lifted off.
             if c.state == CatkinState::Airborne && closing <= 0.0 {
                 return;
             }
@@ -397,7 +397,7 @@ mod tests {
         }
     }
 
-    /// A thousand pairs that cross at ten radii a check: all are seen.
+    /// A thousand pairs that cross at ten radii per contact search: all contacts are found.
     #[test]
     fn fast_catkins_do_not_tunnel() {
         let mut flights = some(2000, FlightParams { stick_radius: 0.0, ..FlightParams::default() });

@@ -13,7 +13,7 @@ use super::{FlightSimulation, ReleaseCondition};
 use osier_wind::Wind;
 
 impl Catkin {
-    /// Deposits the catkin if its sweep touched a surface; true if so.
+    /// Deposits the catkin if its sweep touched a surface, and returns whether it did.
     pub(super) fn land_on(&mut self, landing: &SweepResult) -> bool {
         let Some(hold) = landing.contact else { return false };
         self.rest_on(hold);
@@ -48,7 +48,7 @@ impl FlightSimulation {
         self.resolve_penetration(cluster, at)
     }
 
-    /// Pushes a cluster out of solids until no member penetrates, as far as possible.
+    /// Pushes a cluster out of solids in at most [`MAX_PUSH_OUT_PASSES`] passes, and returns its centre and combined contact.
     pub(super) fn resolve_penetration(&self, cluster: &CatkinCluster, mut at: DVec3) -> SweepResult {
         for _ in 0..MAX_PUSH_OUT_PASSES {
             // Push the cluster out by its worst penetration, ground before walls, and repeat.
@@ -64,7 +64,7 @@ impl FlightSimulation {
             let Some((normal, deep)) = worst else { break };
             at += normal.as_dvec3() * f64::from(deep);
         }
-        // The contacts of all members together decide whether the cluster lies on ground, at a wall or in a corner.
+        // The contacts of all members together say whether the cluster lies on ground, at a wall or in a corner.
         let holds: Vec<SurfaceContact> = cluster
             .members
             .iter()
@@ -96,12 +96,12 @@ impl FlightSimulation {
         }
     }
 
-    /// Humidity of a solid, 0 to 1; 0 for the ground, which has its own.
+    /// Humidity of the solid with index `face`, 0 to 1; 0 without a solid, as for the ground.
     pub(super) fn wall_humidity(&self, face: Option<u32>) -> f64 {
         face.and_then(|i| self.solids.list().get(i as usize)).map_or(0.0, |s| s.humidity)
     }
 
-    /// Moves a deposited single or cluster along its surface; without contact it becomes airborne.
+    /// Moves a deposited single or cluster by `way`, m, along its surface; one that loses contact becomes airborne.
     pub(super) fn slide_deposit(&mut self, root: u32, way: DVec3) {
         if way.length_squared() < 1e-18 {
             return;

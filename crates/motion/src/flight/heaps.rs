@@ -1,5 +1,5 @@
 //! Relaxation of heaps: members of a deposited cluster sink until ground, a wall's top or other members support them;
-//! a member held by its bonds alone tears off.
+//! a member that only its bonds hold tears off.
 //!
 //! Own: the paper joins catkins on contact and leaves it at that. Rigid clusters would stand up a wall as columns,
 //! since a catkin that slides down meets the topmost member first; its Fig. 12c shows heaps at the foot.
@@ -20,7 +20,7 @@ use osier_base::par::par_map;
 struct HeapMember {
     at: DVec3,
     radius: f64,
-    /// Bonded members, by position.
+    /// Positions in [`HeapRelaxation::all`] of the members that are bonded to it.
     bonds: Vec<usize>,
 }
 
@@ -29,7 +29,7 @@ struct HeapRelaxation<'a> {
     all: Vec<HeapMember>,
     near: NeighbourGrid,
     widest: f64,
-    /// Broken bonds, as pairs of members.
+    /// Broken bonds, as pairs of positions in `all`.
     torn: Vec<[usize; 2]>,
 }
 
@@ -37,7 +37,7 @@ struct HeapRelaxation<'a> {
 enum SinkOutcome {
     Supported,
     Sank,
-    /// Its bonds hold it above.
+    /// It could move down, but a bond would stretch.
     HeldByBonds,
 }
 
@@ -96,7 +96,7 @@ impl<'a> HeapRelaxation<'a> {
         let bearer = others.iter().filter(bears).min_by(|a, b| near(a).total_cmp(&near(b)).then(a.cmp(b)));
         let Some(bearer) = bearer.map(|k| &self.all[*k]) else { return DVec3::ZERO };
         let off = (*at - bearer.at) * DVec3::new(1.0, 0.0, 1.0);
-        // Exactly above its support: a direction of its own.
+        // Exactly above its support any direction will do: the golden angle spreads members over all of them.
         let turn = GOLDEN_ANGLE * i as f64;
         off.try_normalize().unwrap_or_else(|| DVec3::new(cos(turn), 0.0, sin(turn)))
     }
@@ -111,7 +111,7 @@ impl<'a> HeapRelaxation<'a> {
         others
     }
 
-    /// Position without overlap with solids and other members.
+    /// Position that is pushed out of `others` and of solids in at most [`MAX_HEAP_PUSH_OUT_ROUNDS`] rounds. `radius`, m.
     fn resolve_overlaps(&self, mut at: DVec3, radius: f64, others: &[usize]) -> DVec3 {
         for _ in 0..MAX_HEAP_PUSH_OUT_ROUNDS {
             for other in others.iter().map(|k| &self.all[*k]) {
@@ -126,12 +126,13 @@ impl<'a> HeapRelaxation<'a> {
         at
     }
 
-    /// Lets all members sink, the lowest first, and breaks bonds that hold a member up. True if anything changed.
+    /// Lets all members sink by at most `ways`, m, the lowest first, and breaks bonds that hold a member up. Returns whether
+    /// any member moved or any bond broke.
     fn relax_members(&mut self, ways: &[f64]) -> bool {
         let mut order: Vec<usize> = (0..self.all.len()).collect();
         order.sort_by(|a, b| self.all[*a].at.y.total_cmp(&self.all[*b].at.y).then(a.cmp(b)));
         let mut sank = vec![false; self.all.len()];
-        // Lowest first, so that a support has settled before what rests on it; once more for those whose bonds held
+        // Lowest first, so that a support has settled before the members on it; once more for members whose bonds held
         // them up in the first pass.
         for _ in 0..2 {
             let tried: Vec<(usize, SinkOutcome)> = order.iter().map(|i| (*i, self.sink_member(*i, ways[*i]))).collect();
@@ -146,7 +147,7 @@ impl<'a> HeapRelaxation<'a> {
     }
 }
 
-/// Positions and broken bonds of a heap after a step.
+/// Positions, m, and broken bonds of a heap after a step; in the order of the cluster's members.
 struct RelaxedHeap {
     places: Vec<DVec3>,
     /// Broken bonds, as pairs of catkin indices.
@@ -154,9 +155,9 @@ struct RelaxedHeap {
 }
 
 impl FlightSimulation {
-    /// Relaxes all heaps on the ground and at the foot of walls, there the slower the wetter the wall.
+    /// Relaxes all heaps on the ground and at the foot of walls; a wetter wall slows those at its foot.
     pub(super) fn relax_heaps(&mut self) {
-        // Clusters that have come to rest stay out until something touches them.
+        // Clusters at rest are skipped until something touches them.
         let lies = |c: &CatkinCluster| c.loose && matches!(c.state, CatkinState::Grounded | CatkinState::Corner);
         let roots: Vec<u32> = self.clusters.iter().filter(|(_, c)| lies(c)).map(|(root, _)| *root).collect();
         let sagged = par_map(&roots, |root| self.relaxed_heap(self.clusters.get(root)?));
@@ -178,10 +179,10 @@ impl FlightSimulation {
         }
     }
 
-    /// Relaxes one cluster; none if no member sinks.
+    /// Relaxes one cluster; `None` if no member sinks and no bond breaks.
     fn relaxed_heap(&self, cluster: &CatkinCluster) -> Option<RelaxedHeap> {
         let dt = self.options.time_step();
-        // A member sinks at its own settling speed, reduced by the wall's humidity in a corner.
+        // A member sinks at the settling speed that it has as a single, reduced by the wall's humidity in a corner.
         let way = |id: &u32| {
             let c = self.catkin(*id);
             let wet = if cluster.state == CatkinState::Corner { self.wall_humidity(c.face) } else { 0.0 };
@@ -196,7 +197,7 @@ impl FlightSimulation {
         Some(RelaxedHeap { places: heap.all.iter().map(|m| m.at).collect(), torn })
     }
 
-    /// Breaks bonds of a deposited cluster: each component continues alone, airborne without contact.
+    /// Breaks bonds of a deposited cluster: each component becomes a body, airborne if it touches no surface.
     fn split_cluster(&mut self, root: u32, torn: &[[u32; 2]]) {
         let Some(cluster) = self.clusters.remove(&root) else { return };
         for (members, bonds) in cluster.split_at_bonds(torn) {
@@ -212,7 +213,7 @@ impl FlightSimulation {
                 match held {
                     Some(hold) => {
                         c.rest_on(hold);
-                        // It lies where it lay: it does not join again what it was just torn off.
+                        // It has not moved: without a contact check it cannot join again the part that it was torn off.
                         c.moved_since_check = false;
                     }
                     None => (c.state, c.rested) = (CatkinState::Airborne, -1.0),

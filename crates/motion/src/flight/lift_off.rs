@@ -15,13 +15,13 @@ use osier_base::math::{cbrt, ln, narrow, sqrt};
 use osier_base::rng::Rng;
 use osier_wind::Wind;
 
-/// A deposited single or cluster, with what its threshold depends on.
+/// A deposited single or cluster, with the quantities that its lift-off threshold depends on.
 struct RestingDeposit {
     root: u32,
     count: usize,
     at: DVec3,
     radius: f64,
-    /// Normal of the surface that carries it: in a corner the ground's.
+    /// Normal of the supporting surface; in a corner that of the ground.
     normal: Vec3,
     humidity: f64,
     wall: bool,
@@ -34,7 +34,8 @@ impl FlightSimulation {
         if deposits.is_empty() {
             return;
         }
-        // The wind over ground 0.1 m above it; from walls where it is resolved, since nearer they block what leaves them.
+        // Sample the wind 0.1 m above ground; at walls at the height to which the field is resolved, as nearer to the wall it
+        // is blocked.
         let known = self.options.min_resolved_height.max(LIFT_HEIGHT);
         let above = |d: &RestingDeposit| {
             let (out, height) = if d.wall { (d.normal, known) } else { (Vec3::Y, LIFT_HEIGHT) };
@@ -68,7 +69,7 @@ impl FlightSimulation {
                 let c = self.catkin(id);
                 let wall = c.state == CatkinState::OnWall;
                 let ground = || self.options.humidity.at(c.x.as_vec3(), self.options.inside);
-                // In a corner the wetter surface holds.
+                // In a corner the wetter of both surfaces holds the deposit.
                 let humidity = match c.state {
                     CatkinState::OnWall => self.wall_humidity(c.face),
                     CatkinState::Corner => ground().max(self.wall_humidity(c.face)),

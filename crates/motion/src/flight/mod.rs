@@ -2,8 +2,8 @@
 //! are attracted to deposited clusters, and lift off again.
 //!
 //! [`FlightSimulation`] holds all catkins and advances in steps; it samples the wind at every step, so that the wind
-//! can be simulated along with it. Results depend neither on threads nor on the order in memory: what concerns one
-//! catkin is computed independently, what concerns pairs is collected, sorted by index and applied in that order.
+//! can be simulated along with it. Results depend neither on threads nor on the order in memory: single
+//! catkins are computed independently; pairs are collected, sorted by index and processed in that order.
 //! Source: \[catkin\] sections 4.1 to 4.3; own: exact drag relaxation, masses, and a swept contact test.
 //! ```
 //! use std::sync::Arc;
@@ -67,7 +67,7 @@ const CATKINS_PER_TASK: usize = 512;
 /// in memory.
 const SORT_INTERVAL_STEPS: u64 = 64;
 
-/// State of all catkins and clusters.
+/// All catkins and clusters of a scene, in the air and at rest, which the wind moves step by step.
 #[derive(Debug, Clone)]
 pub struct FlightSimulation {
     options: FlightParams,
@@ -82,18 +82,18 @@ pub struct FlightSimulation {
     mean_wind: Vec3,
     /// States that occur, as of the last advance of singles and clusters.
     present: PresentStates,
-    /// Whether any single is attracted to a cluster.
+    /// Whether any single is attracted to a cluster, as of the last tick.
     any_attracted: bool,
     /// Indices of singles that left the box in this step.
     escaped: Vec<u32>,
     /// Buffers of the contact search, reused.
     contact_grid: ContactGrid,
     counters: stats::EventCounters,
-    /// Depositions of the last step.
+    /// Depositions of the last step, each member of a cluster once.
     landings: Vec<RestingPlace>,
 }
 
-/// A place that moves.
+/// Position and velocity of the point of a moving plant from which a pending catkin hangs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CarriedPoint {
     /// Position in the world, m.
@@ -105,7 +105,7 @@ pub struct CarriedPoint {
 /// Visible state of all catkins at one time, by index.
 #[derive(Debug, Clone, Default)]
 pub struct FlightFrame {
-    /// Positions, m; hidden catkins keep their last.
+    /// Positions of the origins of the hairs, m; hidden catkins keep their last position.
     pub positions: Vec<Vec3>,
     /// Rotations from the rest pose, whose tuft points along +Y.
     pub orientations: Vec<Quat>,
@@ -113,11 +113,11 @@ pub struct FlightFrame {
     pub velocities: Vec<Vec3>,
     /// Angular velocity vectors, rad/s; 0 for hidden catkins.
     pub angular_velocities: Vec<Vec3>,
-    /// State of each catkin.
+    /// Whether each catkin is pending, airborne, deposited (and where) or has left the box.
     pub states: Vec<CatkinState>,
-    /// Smallest index in its cluster; its own for a single.
+    /// Smallest index in the catkin's cluster; for a single the index of the catkin.
     pub clusters: Vec<u32>,
-    /// Number of times that it was recycled.
+    /// Number of times that each catkin was recycled.
     pub generations: Vec<u32>,
 }
 
@@ -136,7 +136,7 @@ impl FlightSimulation {
                 counters.buried += 1;
             }
         }
-        // Catkins are sorted by place later; `slot` finds them by their number.
+        // Sorting by location later changes the order of `catkins`; `slot` finds a catkin by its index.
         let slot = catkins.iter().map(|c| c.id).collect();
         let (clusters, present) = (CatkinClusters::new(), PresentStates::UNKNOWN);
         let (escaped, contact_grid) = (Vec::new(), ContactGrid::default());
@@ -158,12 +158,12 @@ impl FlightSimulation {
         }
     }
 
-    /// Number of catkins, flying or not.
+    /// Number of catkins in all states, pending and exited ones included.
     pub fn len(&self) -> usize {
         self.catkins.len()
     }
 
-    /// Whether there are no catkins in any state, pending and exited ones included.
+    /// Whether the simulation was created without starts.
     pub fn is_empty(&self) -> bool {
         self.catkins.is_empty()
     }
@@ -173,7 +173,7 @@ impl FlightSimulation {
         self.step as f64 * self.options.time_step()
     }
 
-    /// Parameters of the simulation.
+    /// The parameters that the simulation was created with.
     pub fn options(&self) -> &FlightParams {
         &self.options
     }
@@ -183,14 +183,14 @@ impl FlightSimulation {
         self.slot.iter().filter_map(|s| self.catkins.get(*s as usize))
     }
 
-    /// Advances by the substeps of one frame.
+    /// Advances by one frame: [`FlightParams::substeps`] steps, each with a new sample of `wind`.
     pub fn advance_frame(&mut self, wind: &dyn Wind) {
         for _ in 0..self.options.substeps.max(1) {
             self.advance(wind);
         }
     }
 
-    /// Advances by one step.
+    /// Advances by one step of [`FlightParams::time_step`] seconds. Samples `wind` at the beginning and the middle of the step.
     pub fn advance(&mut self, wind: &dyn Wind) {
         let t = self.seconds();
         let solids = Arc::clone(&self.solids);
@@ -233,7 +233,7 @@ impl FlightSimulation {
 
     /// Indices of singles and of cluster leaders that satisfy `want`, ascending.
     fn leader_ids(&self, want: impl Fn(&Catkin) -> bool) -> Vec<u32> {
-        // In the order of memory, which is far faster than by number.
+        // In the order of memory, which is far faster than by index.
         let mut found: Vec<u32> =
             self.catkins.iter().filter(|c| c.is_cluster_leader() && want(c)).map(|c| c.id).collect();
         found.sort_unstable();
@@ -248,12 +248,12 @@ impl FlightSimulation {
         &mut self.catkins[self.slot[id as usize] as usize]
     }
 
-    /// Whether any catkin waits for its release.
+    /// Whether any catkin waits for its release, as of the last step; true before the first step.
     pub fn has_pending(&self) -> bool {
         self.present.pending
     }
 
-    /// Moves the catkins that wait for their release with what they hang on. `carried`: where each is, by its index.
+    /// Moves pending catkins with the plant from which they hang. `carried`: where the catkin of an index is; `None` leaves it.
     pub fn move_pending(&mut self, carried: impl Fn(u32) -> Option<CarriedPoint>) {
         for c in self.catkins.iter_mut().filter(|c| c.state == CatkinState::Pending) {
             if let Some(CarriedPoint { position, velocity }) = carried(c.id) {
@@ -262,7 +262,7 @@ impl FlightSimulation {
         }
     }
 
-    /// Present visible state.
+    /// Visible state at the present time, in the order of the starts.
     pub fn frame(&self) -> FlightFrame {
         let mut out = FlightFrame::default();
         for c in self.by_id() {
@@ -277,7 +277,7 @@ impl FlightSimulation {
         out
     }
 
-    /// Present statistics, and event counts so far.
+    /// Number of catkins by state now, and counts of events since the start.
     pub fn stats(&self) -> FlightStats {
         stats::collect_stats(self)
     }

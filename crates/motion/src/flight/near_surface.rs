@@ -11,7 +11,7 @@ use osier_base::math::{ln_f32, narrow};
 use osier_scene::solid::{Near, Solids};
 use osier_wind::Wind;
 
-/// A wind with its profile between surfaces and the height at which the field is resolved.
+/// A wind field, corrected close to surfaces: a logarithmic profile along them, blocked across them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NearSurfaceWind<'a> {
     field: &'a dyn Wind,
@@ -46,7 +46,7 @@ impl<'a> NearSurfaceWind<'a> {
         near.iter().map(|n| n.nearest).fold(place, |at, n| at + n.normal * (self.known - n.distance).max(0.0))
     }
 
-    /// The wind near surfaces, from that at the resolved place.
+    /// Wind near the surfaces `near`, m/s, computed from `air`, the wind at the resolved place.
     fn slowed(&self, air: Vec3, near: &[Near]) -> Vec3 {
         // Across the surface a linear decrease to 0, as in a stagnation flow; along it the logarithmic law.
         near.iter().map(|n| n.nearest).fold(air, |air, n| {

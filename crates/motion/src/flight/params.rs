@@ -6,7 +6,7 @@ use osier_base::geometry::Bounds;
 
 const GRAVITY: f64 = osier_base::physics::GRAVITY;
 
-/// Size and frequency of one kind of catkin.
+/// Radius and relative frequency of one kind of catkin, such as the fruits of one species.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CatkinKind {
     /// Bounding radius of all hairs about their common origin, m, > 0.
@@ -15,7 +15,7 @@ pub struct CatkinKind {
     pub weight: f64,
 }
 
-/// Boundary condition at the vertical sides of the box.
+/// Boundary condition at a pair of opposite vertical sides of the box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SideBoundary {
     /// Periodic with the opposite side.
@@ -26,31 +26,31 @@ pub enum SideBoundary {
     Recycle,
 }
 
-/// Start position and release condition of a catkin.
+/// Where a catkin starts and when it is released. Its position in the list of starts becomes its index.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CatkinStart {
-    /// Position at release, m.
+    /// Position in the world at the start, m; a plant that moves can shift it until the release.
     pub at: DVec3,
-    /// Condition of its release.
+    /// Time or wind of its release; until then it is pending.
     pub wait: ReleaseCondition,
 }
 
-/// Condition under which a waiting catkin is released.
+/// When a pending catkin is released: at a fixed time, or at a random time that depends on the local wind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ReleaseCondition {
-    /// At a time since the start, s.
+    /// At a time since the start, s; infinity for never.
     Until(f64),
     /// By the wind: when the integral of [`FlightParams::release_rate`] times the relative excess of the local wind
     /// over [`FlightParams::release_speed`] reaches `exposure`, from the time `ripe` on, s.
     Wind {
-        /// Integral at which it is released.
+        /// Integral that is left until the release; decreases while the wind exceeds the release speed.
         exposure: f64,
         /// Time since the start before which it is not released, s.
         ripe: f64,
     },
 }
 
-/// Humidity of the ground, 0 to 1.
+/// Humidity of the ground, from 0 (dry) to 1 (nothing lifts off), uniform or by position.
 #[derive(Debug, Clone, PartialEq)]
 pub enum GroundHumidity {
     /// The same humidity everywhere, 0 to 1.
@@ -65,7 +65,7 @@ pub enum GroundHumidity {
 }
 
 impl GroundHumidity {
-    /// Humidity at a position in the box `inside`, m.
+    /// Humidity of the pixel at a position; positions outside take that of the border. `inside`: the box that the map covers, m.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     pub fn at(&self, place: Vec3, inside: Bounds) -> f64 {
         match self {
@@ -84,11 +84,11 @@ impl GroundHumidity {
 /// Parameters of a `FlightSimulation`. Lengths in m, times in s, speeds in m/s.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightParams {
-    /// Seed of all random numbers.
+    /// Seed of the random draws; they are addressed by catkin, so that one catkin's draws do not depend on the others.
     pub seed: u64,
-    /// Frames per second, > 0.
+    /// Frame rate of the clip, frames per second, > 0.
     pub fps: f64,
-    /// Substeps per frame, >= 1.
+    /// Time steps per frame, >= 1.
     pub substeps: u32,
     /// Box of the simulated air in the world, m.
     pub inside: Bounds,
@@ -116,9 +116,9 @@ pub struct FlightParams {
     pub beta: f64,
     /// Release rate, 1/s, where the wind is twice `release_speed`.
     pub release_rate: f64,
-    /// Wind speed above which catkins are released.
+    /// Wind speed up to which no catkin is released.
     pub release_speed: f64,
-    /// Contact radius in the air, m; 0 for the catkin's own radius.
+    /// Least contact radius in the air, m; a catkin whose radius is larger makes contact at that radius.
     pub stick_radius: f64,
     /// Probability that a contact in the air holds.
     pub stick_probability: f64,
@@ -126,13 +126,13 @@ pub struct FlightParams {
     pub stick_close: f64,
     /// Decay of attraction with distance, 1/m^2, > 0; gamma of \[catkin\] eq. 14.
     pub gamma: f64,
-    /// Humidity of the ground.
+    /// Humidity of the ground, which raises the threshold of lift-off; walls have the humidity of their solid.
     pub humidity: GroundHumidity,
     /// Wind speed at 0.1 m height from which on a dry single lifts off.
     pub lift_speed: f64,
     /// Lift-off rate, 1/s, where the wind at 0.1 m is twice its threshold.
     pub lift_rate: f64,
-    /// Increase of that speed with humidity, k in 1 + k h / (1 - h).
+    /// Increase of the lift-off wind speed with the humidity h: k in the factor 1 + k h / (1 - h).
     pub lift_wet: f64,
     /// Least height above a surface at which the wind field is resolved, m; below, the logarithmic law is used.
     pub min_resolved_height: f64,
@@ -198,12 +198,12 @@ impl FlightParams {
         if self.inertia { fall / GRAVITY } else { 0.0 }
     }
 
-    /// Whether a position is past a side of the box or above its top.
+    /// Whether a position is past a side of the box or above its top; below the ground does not count.
     pub(super) fn is_outside(&self, x: DVec3) -> bool {
         self.is_past_a_side(x) || x.y > f64::from(self.inside.max.y)
     }
 
-    /// Whether a position is past a side of the box.
+    /// Whether a position is past one of the four vertical sides of the box, at any height.
     pub(super) fn is_past_a_side(&self, x: DVec3) -> bool {
         let (low, high) = (self.inside.min.as_dvec3(), self.inside.max.as_dvec3());
         x.x < low.x || x.x > high.x || x.z < low.z || x.z > high.z

@@ -12,7 +12,7 @@ use osier_base::rng::{self, Rng};
 pub enum CatkinState {
     /// Waiting for its release; hidden.
     Pending,
-    /// Carried by the wind.
+    /// In the air, carried by the wind; singly or in a cluster.
     Airborne,
     /// Deposited on the ground or on the top of a solid.
     Grounded,
@@ -25,7 +25,7 @@ pub enum CatkinState {
 }
 
 impl CatkinState {
-    /// Whether it lies on the ground or on a top, is at a wall or in a corner.
+    /// Whether it is at rest on the ground, on a top, at a wall or in a corner.
     pub fn is_deposited(self) -> bool {
         matches!(self, Self::Grounded | Self::OnWall | Self::Corner)
     }
@@ -36,14 +36,14 @@ impl CatkinState {
     }
 }
 
-/// Where a catkin rests, and what rests there.
+/// Where a catkin rests: its position, its mass, and the surface that supports it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestingPlace {
     /// Origin of the hairs, m.
     pub position: DVec3,
     /// Mass of the catkin, kg.
     pub mass: f64,
-    /// Whether it lies, is at a wall or in a corner.
+    /// Whether it lies on ground or a top, is at a wall or in a corner.
     pub state: CatkinState,
     /// Index of the supporting solid, none for level ground; in a corner that of the wall.
     pub face: Option<u32>,
@@ -62,18 +62,17 @@ pub(super) const NO_TARGET: u32 = u32::MAX;
 #[repr(C, align(64))]
 pub struct Catkin {
     pub(super) id: u32,
-    /// Smallest index in its cluster; its own for a single.
+    /// Smallest index in its cluster; its index for a single.
     pub(super) root: u32,
     pub(super) radius: f32,
     pub(super) state: CatkinState,
-    /// Member of a cluster.
     pub(super) clustered: bool,
-    /// Airborne when this step's path began.
+    /// Whether it was airborne when the path of this step began.
     pub(super) free: bool,
-    /// Deposited or displaced since the last contact search.
+    /// Whether it was deposited or displaced since the last contact search.
     pub(super) moved_since_check: bool,
     pub(super) x: DVec3,
-    /// Path since that search, of about a step, not wrapped at periodic sides, m.
+    /// Displacement since the last contact search, about one step, not wrapped at periodic sides, m.
     pub(super) travel: DVec3,
 
     pub(super) v: DVec3,
@@ -89,13 +88,13 @@ pub struct Catkin {
     pub(super) random_torque: Vec3,
     /// Velocity of the air relative to it, m/s.
     pub(super) flow: Vec3,
-    /// Number of times that it was recycled.
+    /// Number of times that it was recycled; part of the address of its random draws.
     pub(super) generation: u32,
     pub(super) fall: f64,
 
     pub(super) scale: f32,
     pub(super) kind: u16,
-    /// Hidden, already at the position where it will reenter.
+    /// Whether it is hidden at the position where it will reenter.
     pub(super) moved: bool,
     /// Normal of the supporting surface.
     pub(super) normal: Vec3,
@@ -106,8 +105,8 @@ pub struct Catkin {
     /// Lift-offs so far, and the integral of the lift-off rate that is left until the next; 0 if not yet drawn.
     pub(super) hops: u32,
     pub(super) lift_exposure: f32,
-    /// Position, m, and time, s, of its release. The position moves along where the catkin is moved at sides of the
-    /// box, so that the distance from it is that through the air.
+    /// Position, m, and time, s, of its release. Translations at sides of the box move this position too, so that the distance
+    /// from it is the distance flown.
     pub(super) from: DVec3,
     pub(super) since: f64,
     /// Time of its deposition, s; negative in flight.
@@ -124,7 +123,7 @@ pub(super) struct VelocityDecay {
 }
 
 impl VelocityDecay {
-    /// Decay for a body with settling speed `fall`, m/s.
+    /// Factors for a body with settling speed `fall`, m/s; 0 without inertia, so that it follows the wind at once.
     pub fn for_settling_speed(fall: f64, options: &FlightParams) -> Self {
         if !options.inertia {
             return Self { whole: 0.0, half: 0.0 };
@@ -192,7 +191,7 @@ impl Catkin {
         self.id
     }
 
-    /// Phase of its flight.
+    /// Phase of its flight after the last step: pending, airborne, deposited or exited.
     pub fn state(&self) -> CatkinState {
         self.state
     }
@@ -212,7 +211,7 @@ impl Catkin {
         self.scale
     }
 
-    /// Bounding radius of its hairs at its own scale, m.
+    /// Bounding radius of its hairs, m: the radius of its kind times its scale.
     pub fn radius(&self) -> f32 {
         self.radius
     }
@@ -227,12 +226,12 @@ impl Catkin {
         self.q
     }
 
-    /// Smallest index in its cluster; its own for a single.
+    /// Smallest index in its cluster; its index for a single.
     pub fn root(&self) -> u32 {
         self.root
     }
 
-    /// Horizontal distance from its release, m, without the jumps at sides of the box.
+    /// Horizontal distance from its release, m; translations at sides of the box do not count.
     pub fn flight_distance(&self) -> f64 {
         let d = self.x - self.from;
         osier_base::math::sqrt(d.x * d.x + d.z * d.z)
@@ -254,12 +253,12 @@ impl Catkin {
         (self.face, self.normal)
     }
 
-    /// Unit vector along its tuft.
+    /// Unit vector along its tuft, in world space.
     pub(super) fn tuft(&self) -> Vec3 {
         self.q * Vec3::Y
     }
 
-    /// Updraft that remains of its lift-off, m/s.
+    /// Updraft at time `t`, s, that remains of its last lift-off, m/s.
     pub(super) fn lift_at(&self, t: f64) -> f64 {
         decayed_updraft(self.lift, t - self.lifted)
     }
@@ -285,12 +284,12 @@ fn random_rotation(draw: &mut Rng) -> Quat {
     Quat::from_xyzw(narrow(s * sin(a)), narrow(s * cos(a)), narrow(c * sin(b)), narrow(c * cos(b))).normalize()
 }
 
-/// Key of all tumbling noise.
+/// Random key from which the tumbling noise of all catkins is derived.
 pub(super) fn flutter_seed(seed: u64) -> u64 {
     rng::child(seed, rng::word("flutter"))
 }
 
-/// Key of one catkin's tumbling noise.
+/// Random key of one catkin's tumbling noise; it changes whenever the catkin is recycled.
 pub(super) fn flutter_key(root: u64, id: u32, generation: u32) -> u64 {
     rng::child(rng::child(root, u64::from(id)), u64::from(generation))
 }

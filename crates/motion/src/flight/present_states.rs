@@ -2,7 +2,7 @@
 
 use super::particles::{Catkin, CatkinState};
 
-/// States that occur, or occurred at the beginning of this step.
+/// States that occur, or occurred at the beginning of this step; a step skips searches for the others.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct PresentStates {
     pub pending: bool,
@@ -15,12 +15,10 @@ impl PresentStates {
     /// Before the first step: all states may occur.
     pub const UNKNOWN: Self = Self { pending: true, exited: true, on_wall: true, deposited: true };
 
-    /// States of the given catkins.
     pub fn of_catkins(catkins: &[Catkin]) -> Self {
         catkins.iter().fold(Self::default(), |present, c| present.with_state(c.state))
     }
 
-    /// These states and one more.
     pub fn with_state(self, state: CatkinState) -> Self {
         self.union(Self {
             pending: state == CatkinState::Pending,
@@ -30,7 +28,6 @@ impl PresentStates {
         })
     }
 
-    /// States that occur in either.
     pub fn union(self, other: Self) -> Self {
         Self {
             pending: self.pending || other.pending,

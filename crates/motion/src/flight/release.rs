@@ -13,7 +13,7 @@ use osier_scene::solid::Solids;
 pub struct SkyRelease {
     /// Seed of the start positions and times.
     pub seed: u64,
-    /// Number of catkins to release.
+    /// Number of catkins, all of which are released within `duration`.
     pub count: u32,
     /// Box of the simulated air, m; starts are uniform over its x and z.
     pub inside: Bounds,
@@ -63,7 +63,7 @@ pub(super) fn inflow_point(wind: Vec3, inside: Bounds, band: [f64; 2], draw: &mu
     }
 }
 
-/// Release of seeds by the wind.
+/// Random release by wind: where the wind u exceeds `speed`, at the rate `rate` (u / speed - 1).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WindRelease {
     /// Release rate, 1/s, at a wind of twice `speed`.

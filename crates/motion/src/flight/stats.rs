@@ -4,12 +4,12 @@ use super::{CatkinState, FlightSimulation, RestingPlace};
 use osier_base::convert::to_usize;
 use osier_scene::solid::Solids;
 
-/// Event counts since the start.
+/// Event counts since the start, as in [`FlightStats`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct EventCounters {
     pub merges: u64,
     pub deposits: u64,
-    /// Of these, those at each solid.
+    /// Depositions at each solid, in the order of the solids.
     pub deposits_at: Vec<u64>,
     pub lift_offs: u64,
     pub falls: u64,
@@ -24,7 +24,7 @@ pub(super) struct EventCounters {
 /// Number of catkins by state at one time, and event counts until then.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FlightStats {
-    /// Catkins not yet released.
+    /// Catkins that wait for their release, hidden.
     pub pending: u64,
     /// Catkins in the air, singly or in clusters.
     pub airborne: u64,
@@ -48,8 +48,8 @@ pub struct FlightStats {
     pub deposits: u64,
     /// Lift-offs by the wind so far, each member of a cluster counted.
     pub lift_offs: u64,
-    /// Times that a deposit lost its support and fell, each member of a cluster counted. Deposits less lift-offs and
-    /// falls are those that lie, unless they crept out of the box.
+    /// Times that a deposit lost its support and fell, each member of a cluster counted. Deposits minus lift-offs and falls is
+    /// the number of deposited catkins, unless some crept out of the box.
     pub falls: u64,
     /// Reentries of recycled catkins so far.
     pub recycled: u64,
@@ -109,7 +109,7 @@ impl FlightSimulation {
         &self.counters.deposits_at
     }
 
-    /// Counts depositions of this step.
+    /// Counts depositions of this step and appends them to the list of landings.
     pub(super) fn record_landings(&mut self, places: impl IntoIterator<Item = RestingPlace>) {
         for place in places {
             self.counters.deposits += 1;
@@ -155,7 +155,7 @@ pub(super) fn collect_stats(flights: &FlightSimulation) -> FlightStats {
             time += c.flight_time().unwrap_or(0.0);
             distances.push(c.flight_distance());
         }
-        // A single is visible and in no cluster; clusters are counted from their own list below.
+        // A single is visible and in no cluster; clusters are counted below, from the map of clusters.
         t.singles += u64::from(c.state.is_seen() && !c.clustered);
     }
     let mean = |sum: f64, n: u64| if n > 0 { sum / n as f64 } else { 0.0 };

@@ -27,7 +27,7 @@ fn flights(n: u32, options: FlightParams, solids: &Arc<Solids>) -> FlightSimulat
     FlightSimulation::new(options, Arc::clone(solids), &starts)
 }
 
-/// Nobody is in anything at any frame, and everybody is somewhere, at several lengths of a step.
+/// At every frame no catkin penetrates a solid, and all catkins have a state; for several time steps.
 #[test]
 fn no_catkin_penetrates_solids_or_is_lost() {
     let solids = wall_and_house();
@@ -100,7 +100,7 @@ fn contraction_keeps_the_centre_of_mass() {
     assert!((a.x.distance(b.x) - close).abs() < 1e-4, "{} {close}", a.x.distance(b.x));
 }
 
-/// Ten that stick together are one stiff body once they have drawn in.
+/// Ten catkins that stick together move as one rigid body once their bonds have contracted.
 #[test]
 fn clusters_move_rigidly() {
     for (cluster_rotation, within) in [(false, 1e-6), (true, 1e-5)] {
@@ -136,7 +136,7 @@ fn fingerprint(sample: &FlightFrame) -> u64 {
     all.fold(0, osier_base::rng::child)
 }
 
-/// Neither threads nor the order in memory change a bit.
+/// Results have the same bits for any number of threads and any order in memory.
 #[test]
 fn results_are_independent_of_order_and_threads() {
     let solids = wall_and_house();
@@ -157,7 +157,7 @@ fn results_are_independent_of_order_and_threads() {
     }
 }
 
-/// Ground that is wetter holds longer and lets go less often; ground that is quite wet holds all.
+/// The wetter the ground, the more deposits it holds and the fewer lift off; ground of humidity 1 holds all.
 #[test]
 fn wet_ground_holds_more_catkins() {
     for seed in 0..8 {
@@ -178,8 +178,8 @@ fn wet_ground_holds_more_catkins() {
     }
 }
 
-/// Sums over eight seeds of what a flight in gusts counts, at `substeps`: lift-offs, mergers, catkins that lie and that
-/// cling to others, the last two as means over the frames.
+/// Counts of a flight in gusts, summed over eight seeds, with `substeps`: lift-offs, mergers, deposited and clustered catkins,
+/// the last two as means over the frames.
 fn counted_in_gusts(substeps: u32, humidity: f64) -> [f64; 4] {
     let inside = osier_base::geometry::Bounds { min: Vec3::new(-8.0, 0.0, -8.0), max: Vec3::new(8.0, 8.0, 8.0) };
     let mut sums = [0.0; 4];
@@ -219,7 +219,7 @@ fn counts_are_independent_of_the_step() {
     }
 }
 
-/// Who leaves comes back, not seen in between, and is then another generation.
+/// A catkin that leaves the box is hidden until it reenters, and has then the next generation.
 #[test]
 fn recycled_catkins_are_hidden_while_they_move() {
     let mut all = flights(300, FlightParams::default(), &wall_and_house());
@@ -266,7 +266,7 @@ fn upper_member_at_a_wall_sinks_to_its_foot() {
     assert!(all.stats().flight_time > 0.5 && all.stats().flight_distance > 0.5);
 }
 
-/// What clings to something that comes to rest comes down to it, however far it was when both met.
+/// A catkin bonded to one that comes to rest moves down to the ground, however far apart they were at contact.
 #[test]
 fn no_deposit_hangs_above_its_support() {
     let options = FlightParams { humidity: GroundHumidity::Even(1.0), stick_radius: 0.2, ..FlightParams::default() };
@@ -309,14 +309,14 @@ fn column_at_a_wall_collapses_to_a_heap() {
         let still = UniformWind(Vec3::ZERO);
         (0..24 * 40).for_each(|_| all.advance(&still));
         let tops: Vec<f64> = all.by_id().map(|c| c.x.y).collect();
-        // On the top or on the ground, nowhere between.
+        // On the top of the wall or on the ground, at no height between.
         assert!(tops.iter().all(|y| *y < 0.1 || (*y > 4.0 && *y < 4.1)), "{tops:?}");
         assert_eq!((all.stats().deposited(), all.stats().penetrations), (10, 0));
         assert!(all.clusters.values().all(|c| !c.loose));
     }
 }
 
-/// Of half metres before a wall the one at its foot holds the most.
+/// Of intervals of half a metre in front of a wall, the one at its foot holds the most deposits.
 #[test]
 fn most_catkins_deposit_at_the_foot_of_a_wall() {
     let options = FlightParams { humidity: GroundHumidity::Even(1.0), stick_radius: 0.0, ..FlightParams::default() };

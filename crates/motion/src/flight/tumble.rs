@@ -11,7 +11,7 @@ use crate::flight::tuning::{
 use osier_base::math::narrow;
 use osier_base::rng;
 
-/// Constants of a step, common to all catkins.
+/// Constants of one step of tumbling; pairs are the factor that is kept and the strength of the noise that is added.
 struct TumbleStep {
     dt: f32,
     random_torque: [f32; 2],
@@ -69,7 +69,7 @@ impl TumbleStep {
 impl FlightSimulation {
     pub(super) fn tumble_all(&mut self) {
         let tumble = TumbleStep::new(self);
-        // Members rotate with their cluster.
+        // Members do not tumble: they have the angular velocity of their cluster.
         let clusters = std::mem::take(&mut self.clusters);
         for cluster in clusters.values().filter(|c| c.state == CatkinState::Airborne) {
             cluster.members.iter().for_each(|id| self.catkin_mut(*id).omega = cluster.omega);
@@ -79,7 +79,7 @@ impl FlightSimulation {
         osier_base::par::par_each(&mut chunks, |chunk| {
             for c in chunk.iter_mut() {
                 match c.state {
-                    // Members take the angular velocity of their cluster, set above.
+                    // Set above, from its cluster.
                     CatkinState::Airborne if c.clustered => {}
                     CatkinState::Airborne => tumble.tumble(c),
                     _ => {
@@ -108,7 +108,7 @@ pub(super) fn rotate_by(q: Quat, r: Vec3) -> Quat {
     (Quat::from_xyzw(v.x, v.y, v.z, cos) * q).normalize()
 }
 
-/// Three random numbers and one more, of unit variance and nearly normal: sums of four uniform draws of 16 bits.
+/// A vector of three random numbers and one more, nearly normal with unit variance: sums of four uniform draws of 16 bits.
 #[allow(clippy::cast_possible_truncation, reason = "16 bits of 64")]
 fn unit_noise(key: u64) -> (Vec3, f32) {
     let sum = |bits: u64| {

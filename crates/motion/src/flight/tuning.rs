@@ -65,8 +65,8 @@ pub(crate) const NEGLIGIBLE_SQUARED: f64 = 1e-10;
 /// heaps.
 pub(crate) const PACKING_SHARE: f64 = 0.5;
 
-/// Distance within which a lower member counts as support, over the least distance. Larger: members roll off what
-/// they do not touch.
+/// Distance within which a lower member counts as support, over the least distance. Larger: members roll off
+/// members that they do not touch.
 pub(crate) const SUPPORT_FACTOR: f64 = 1.2;
 
 /// Relaxation rounds that push a sinking member out of others, at most. More: slower, with the same heaps.

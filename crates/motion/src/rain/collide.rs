@@ -28,17 +28,17 @@ struct ColliderTriangle {
     index: u32,
 }
 
-/// Triangles in a bounding volume hierarchy.
+/// Triangles at rest, with a compressed wide hierarchy of their bounding boxes.
 pub(crate) struct TriangleHierarchy {
     bvh: CwBvh,
-    /// In the order of the hierarchy.
+    /// In the order of the leaves of the hierarchy.
     triangles: Vec<ColliderTriangle>,
 }
 
 /// The triangles of a blade in a bounding volume hierarchy, at scale 1; shared by all leaves of one shape.
 pub struct LeafCollider {
     hierarchy: TriangleHierarchy,
-    /// Center of the bounding sphere, m.
+    /// Center of the bounding sphere, in blade space, m.
     center: DVec3,
     /// Radius of the bounding sphere, m.
     radius: f64,
@@ -50,7 +50,7 @@ impl fmt::Debug for LeafCollider {
     }
 }
 
-/// Where a path meets a blade.
+/// First point at which a straight path meets a blade.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafHit {
     /// Fraction of the path, 0 to 1.
@@ -61,7 +61,7 @@ pub struct LeafHit {
     pub weights: [f64; 2],
 }
 
-/// Where a path meets a triangle, in single precision.
+/// Where a path meets a triangle, in single precision: fraction of the path, and weights of the second and third corner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct TriangleHit {
     t: f32,
@@ -102,7 +102,7 @@ impl TriangleHierarchy {
         self.bvh.ray_traverse(ray, &mut ray_hit, |_, i| {
             let triangle = &self.triangles[i];
             let Some(hit) = intersect_triangle(o, d, triangle) else { return f32::INFINITY };
-            // Of hits at an edge that two triangles share the lower index counts, whatever the order of traversal.
+            // A path may hit an edge that two triangles share: the lower index counts, whatever the order of traversal.
             let index = triangle.index;
             if best.is_none_or(|(b, i)| hit.t < b.t - HIT_TIE || (hit.t <= b.t + HIT_TIE && index < i)) {
                 best = Some((hit, index));
@@ -119,7 +119,7 @@ impl TriangleHierarchy {
 }
 
 impl LeafCollider {
-    /// Builds the hierarchy of a blade.
+    /// Builds hierarchy and bounding sphere of a blade at scale 1, once for all leaves of one shape.
     pub fn new(blade: &LeafSurface) -> Self {
         let corners: Vec<Vec3> = blade.points().iter().map(|p| p.as_vec3()).collect();
         let hierarchy = TriangleHierarchy::new(&corners, blade.triangles());
@@ -130,12 +130,12 @@ impl LeafCollider {
         Self { hierarchy, center, radius }
     }
 
-    /// The first hit, from either side, of the straight path between two points of the blade's own space, m.
+    /// The first hit, from either side, of the straight path between two points of blade space at scale 1, m.
     pub(crate) fn intersect(&self, from: DVec3, to: DVec3) -> Option<LeafHit> {
         self.hierarchy.intersect(from, to)
     }
 
-    /// The first hit by a test of every triangle; what [`LeafCollider::intersect`] is tested against.
+    /// The first hit by a test of every triangle: the reference for [`LeafCollider::intersect`].
     #[cfg(test)]
     fn intersect_all(&self, from: DVec3, to: DVec3) -> Option<(f32, u32)> {
         let (o, d) = (from.as_vec3(), (to - from).as_vec3());
@@ -166,7 +166,7 @@ fn intersect_triangle(o: Vec3, d: Vec3, triangle: &ColliderTriangle) -> Option<T
 pub(crate) struct MovingLeaf<'a> {
     /// Triangles of the blade at scale 1.
     pub collider: &'a LeafCollider,
-    /// Factor on the blade.
+    /// Factor on the size of the blade.
     pub scale: f64,
     /// Poses at the beginning and at the end of the step.
     pub poses: [LeafPose; 2],
@@ -175,8 +175,8 @@ pub(crate) struct MovingLeaf<'a> {
 impl MovingLeaf<'_> {
     /// Where a drop of diameter `d`, m, meets the leaf on its path between two world positions during the step.
     pub fn intersect_path(&self, [from, to]: [DVec3; 2], d: f64) -> Option<LeafHit> {
-        // In the frame of the moving leaf the blade is at rest, and the path leads from the drop's start as seen from the first pose to
-        // its end as seen from the second; it is taken as straight. So no drop passes a leaf between two steps.
+        // In the frame of the moving leaf the blade is at rest. The path leads from the drop's start in the first pose to its
+        // end in the second pose, and is taken as straight, so that no drop passes a leaf between two steps.
         let to_leaf = |p: DVec3, pose: &LeafPose| (pose.orientation.inverse() * (p - pose.position)) / self.scale;
         let (a, b) = (to_leaf(from, &self.poses[0]), to_leaf(to, &self.poses[1]));
         let path = b - a;
@@ -197,7 +197,7 @@ impl MovingLeaf<'_> {
     }
 }
 
-/// Where a path meets wood.
+/// Where the path of a drop comes nearest to a wood segment that it touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct WoodHit {
     /// Fraction of the path, 0 to 1.
@@ -206,14 +206,14 @@ pub(crate) struct WoodHit {
     pub fraction: f64,
 }
 
-/// What a drop strikes.
+/// The first thing that the path of a drop meets in a step, with the place of contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum DropHit {
-    /// The leaf of this index.
+    /// A leaf by its index in the simulation, and the struck point of its blade.
     Leaf { leaf: usize, hit: LeafHit },
-    /// The wood segment of this index.
+    /// A wood segment by its index over all plants, and the struck place along it.
     Wood { segment: usize, hit: WoodHit },
-    /// A wall, a roof or a mesh.
+    /// A wall, a roof or a mesh, at which the drop ends.
     Solid {
         /// Fraction of the path, 0 to 1.
         t: f64,
@@ -238,7 +238,7 @@ pub(crate) struct SweptHierarchy {
     /// `None` before the first step, and without leaves and wood.
     bvh: Option<Bvh2>,
     boxes: Vec<Aabb>,
-    /// Steps since it was built.
+    /// Steps since the hierarchy was built; it is built again after [`REFITS_PER_BUILD`].
     age: u32,
 }
 
@@ -249,7 +249,7 @@ impl fmt::Debug for SweptHierarchy {
 }
 
 impl SweptHierarchy {
-    /// Fits the hierarchy to the boxes of a step, or builds it.
+    /// Fits the hierarchy to the boxes of a step; builds it if their number has changed or it has become old.
     fn update(&mut self, boxes: Vec<Aabb>) {
         let known = self.boxes.len();
         self.boxes = boxes;
@@ -273,7 +273,7 @@ impl SweptHierarchy {
     }
 }
 
-/// All leaves, wood and solids during a time step.
+/// All that drops can strike during one time step: moving leaves, wood and solids.
 pub(crate) struct RainCollider<'a> {
     leaves: &'a [MovingLeaf<'a>],
     wood: &'a [WoodSegment],
@@ -305,7 +305,7 @@ impl<'a> RainCollider<'a> {
     pub fn first_hit(&self, path: [DVec3; 2], d: f64, ignore_leaf: Option<usize>) -> Option<DropHit> {
         let plant = self.first_plant_hit(path, d, ignore_leaf);
         let solid = self.solids.first_hit(path, d).map(|t| DropHit::Solid { t });
-        // What is met first; of a tie the leaf or the wood.
+        // The nearer of both; at a tie the leaf or the wood.
         match (plant, solid) {
             (Some(plant), Some(solid)) => {
                 Some(if solid.path_fraction() < plant.path_fraction() { solid } else { plant })
@@ -351,7 +351,7 @@ impl<'a> RainCollider<'a> {
     }
 }
 
-/// Where a drop of diameter `d`, m, on its path comes nearest to a wood segment, if it touches it there.
+/// Where a drop of diameter `d`, m, comes nearest to a wood segment on its path; `None` if it does not touch the wood there.
 fn intersect_wood(wood: &WoodSegment, [from, to]: [DVec3; 2], d: f64) -> Option<WoodHit> {
     // Closest points of two segments, from + s u and ends[0] + t v: minimize |w + s u - t v|^2 over s, clamp s, then solve for t,
     // clamp it, and solve for s again.

@@ -19,7 +19,7 @@ use osier_base::noise::gradient1;
 use osier_base::rng::Rng;
 use osier_wind::Wind;
 
-/// Distribution of drop diameters.
+/// Diameters of raindrops: a distribution over the drops that cross a level area, or one diameter.
 #[derive(Debug, Clone, PartialEq)]
 pub enum DropSizes {
     /// Exponential, with a slope that depends on the rainfall rate. Source: Marshall and Palmer 1948.
@@ -35,10 +35,10 @@ pub enum DropSizes {
     },
 }
 
-/// Factor on the rainfall rate over time.
+/// Course of the rainfall over a clip, as a factor on its rate.
 #[derive(Debug, Clone, PartialEq)]
 pub enum IntensityEnvelope {
-    /// Constant rate over the clip.
+    /// The factor 1 at all times.
     Constant,
     /// A normal density with the value 1 at its center. Source: [yang-wu] section 3.
     Bell {
@@ -51,14 +51,14 @@ pub enum IntensityEnvelope {
     Keys(Vec<[f64; 2]>),
 }
 
-/// Rainfall over a clip.
+/// How much rain falls over a clip, when, and in drops of what sizes.
 #[derive(Debug, Clone)]
 pub struct RainfallParams {
     /// Seed of the random draws of counts, sizes and positions.
     pub seed: u64,
     /// Rainfall rate, m/s (10 mm/h are 2.8e-6).
     pub intensity: f64,
-    /// Distribution of drop diameters.
+    /// Distribution of the diameters of drops; Marshall and Palmer's depends on `intensity`.
     pub size: DropSizes,
     /// Expected number of drops of the whole clip; replaces `intensity` as the measure of how much rain falls.
     pub total: Option<f64>,
@@ -72,7 +72,7 @@ pub struct RainfallParams {
     pub g: f64,
 }
 
-/// Source of raindrops over the bounds of a scene.
+/// Source of raindrops on a level plane above a scene, which emits the drops that can reach the bounds of the scene.
 #[derive(Debug)]
 pub struct RainEmitter {
     params: RainfallParams,
@@ -85,16 +85,17 @@ pub struct RainEmitter {
     flux: f64,
     /// Mean area of the source regions over diameters and the clip, m^2.
     area: f64,
-    /// What keeps rain from parts of the emission plane; `None` if nothing does.
+    /// Solids and ground that keep rain from parts of the emission plane; `None` if there are none.
     shelter: Option<Shelter>,
     /// The epoch of the last slice; none before the first.
     epoch: Option<WindEpoch>,
-    /// Number of the next slice of time to be drawn, and the drops of earlier ones that are not yet emitted, in the order of times.
+    /// Number of the next time slice to be drawn, and the drops of earlier slices that are not yet emitted, in the
+    /// order of times.
     next_slice: u64,
     pending: VecDeque<EmittedDrop>,
 }
 
-/// Source regions during one epoch, in which the wind counts as unchanged.
+/// Source regions during one epoch, an interval of time in which the wind counts as unchanged.
 #[derive(Debug)]
 struct WindEpoch {
     number: u64,
@@ -104,7 +105,7 @@ struct WindEpoch {
     cumulative_areas: Vec<f64>,
 }
 
-/// A drop at the time of its emission.
+/// A drop at its emission, on the emission plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EmittedDrop {
     /// Time of emission, s.
@@ -154,7 +155,7 @@ impl RainEmitter {
         }
     }
 
-    /// The emitter without the drops that something keeps from its plane.
+    /// This emitter, less the drops that solids or ground keep from reaching the emission plane.
     #[must_use]
     pub(crate) fn with_shelter(self, shelter: Shelter) -> Self {
         Self { shelter: Some(shelter), ..self }
@@ -187,7 +188,7 @@ impl RainEmitter {
         self.pending.drain(..count).collect()
     }
 
-    /// The drops of slice `number` of time, in the order of their times.
+    /// Draws the drops of the time slice `number`, in the order of their times.
     fn draw_slice(&mut self, number: u64) -> Vec<EmittedDrop> {
         let (start, middle) = (number as f64 * EMISSION_SLICE, (number as f64 + 0.5) * EMISSION_SLICE);
         let mut draw = Rng::at(self.params.seed, &["rain".into(), 0_u64.into(), number.into()]);
@@ -244,7 +245,8 @@ impl RainEmitter {
     /// The diameter at cumulative probability `u`, 0 to 1. The flux per area is the same for all sizes, so the probability of a size is
     /// proportional to the area that it is emitted from.
     fn sample_diameter(&self, cumulative_areas: &[f64], u: f64) -> DiameterSample {
-        // Invert the cumulative distribution, then interpolate towards the neighbour on whose side of the entry's middle `u` falls.
+        // Invert the cumulative distribution, then interpolate towards the neighbouring entry on the side of `u`
+        // from the entry's middle.
         let last = self.diameters.len().saturating_sub(1);
         let target = u * cumulative_areas.last().copied().unwrap_or(0.0);
         let k = cumulative_areas.partition_point(|s| *s <= target).min(last);
@@ -262,7 +264,7 @@ fn envelope_integral_of_clip(params: &RainfallParams) -> f64 {
     (0..ENVELOPE_SAMPLES).map(|k| intensity_factor(params, (f64::from(k) + 0.5) * h) * h).sum()
 }
 
-/// Factor on the rainfall rate at time `t`, s.
+/// Factor of the envelope on the rainfall rate at time `t` of the clip, s.
 fn intensity_factor(params: &RainfallParams, t: f64) -> f64 {
     match &params.envelope {
         IntensityEnvelope::Constant => 1.0,
@@ -274,7 +276,7 @@ fn intensity_factor(params: &RainfallParams, t: f64) -> f64 {
     }
 }
 
-/// A point of a cumulative distribution of diameters.
+/// A point of the cumulative distribution of diameters, from which quantiles are interpolated.
 #[derive(Debug, Clone, Copy)]
 struct CumulativePoint {
     /// Integral of the density up to `mm`; not normalized.
@@ -284,7 +286,7 @@ struct CumulativePoint {
 }
 
 /// The table of [`DIAMETER_TABLE_SIZE`] diameters, m, at the middles of intervals of equal probability: of the drops that cross a
-/// level area, not of those in a volume of air.
+/// level area, not of the drops in a volume of air.
 pub(crate) fn diameters_of_equal_probability(params: &RainfallParams) -> Vec<f64> {
     let n = DIAMETER_TABLE_SIZE as f64;
     let [least, most] = DIAMETER_RANGE_MM;
@@ -375,10 +377,10 @@ mod tests {
         let area = 1.0;
         assert!((water / (area * 8000.0 * h) / rainfall().intensity - 1.0).abs() < 0.03);
         let (mean, n) = (emitter.mean_drop_rate() * h, counts.len() as f64);
-        // Counts scatter as Poisson's do, neither more nor less.
+        // The variance of the counts is that of a Poisson distribution.
         let scatter: f64 = counts.iter().map(|c| (*c as f64 - mean) * (*c as f64 - mean) / mean).sum();
         assert!(sigmas(scatter, n).abs() < 3.29, "{scatter}");
-        // And each number of drops is as frequent as it should be; both at p = 0.001.
+        // The frequency of each count is that of the distribution, by a chi-square test; both tests at p = 0.001.
         let (mut share, mut left, mut found) = (math::exp(-mean), 1.0, 0.0);
         let (mut bins, mut bin) = (Vec::new(), (0.0, 0.0));
         for k in 0..40 {
@@ -394,7 +396,7 @@ mod tests {
         assert!(bins.len() > 15 && sigmas(chi, bins.len() as f64 - 1.0) < 3.09, "{chi} of {}", bins.len());
     }
 
-    /// By how many sigmas a chi square of so many degrees is off. Source: Wilson and Hilferty 1931.
+    /// Deviation of a chi square with these degrees of freedom, in standard deviations. Source: Wilson and Hilferty 1931.
     fn sigmas(chi: f64, degrees: f64) -> f64 {
         let spread = 2.0 / (9.0 * degrees);
         (math::cbrt(chi / degrees) - (1.0 - spread)) / spread.sqrt()
@@ -423,7 +425,7 @@ mod tests {
             }
             worst = worst.max((sum - seen as f64 / found.len() as f64).abs());
         }
-        // Kolmogorov and Smirnov at p = 0.001.
+        // Kolmogorov-Smirnov test at p = 0.001.
         assert!(worst < 1.95 / (found.len() as f64).sqrt(), "{worst}");
     }
 

@@ -2,33 +2,33 @@
 
 use glam::DVec3;
 
-/// What can happen to a drop.
+/// What happened to the drop `id` of a [`RainEvent`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DropEventKind {
-    /// It came to be: from the sky, by a splash of `other`, or put there.
+    /// It began to exist: emitted from the sky, splashed off `other`, or placed on a leaf.
     Born,
-    /// A drop struck a leaf.
+    /// It struck a leaf; `impulse` is the impulse on it.
     Struck,
-    /// It swallowed `other`.
+    /// It absorbed `other`.
     Merged,
-    /// The tail of `other` left it behind.
+    /// The tail of `other` left it behind on the leaf.
     Bead,
-    /// A drop began to hang at a margin.
+    /// It became pendant at a margin.
     Hung,
-    /// It left its leaf; with `other`, from that, which hangs on.
+    /// It detached from its leaf; `other` is the pendant drop of which it was a part, if that stays.
     Fell,
-    /// It ended on the ground, or below everything.
+    /// It ended on the ground, or below the scene.
     Ground,
-    /// A drop was absorbed by wood.
+    /// It struck wood, which absorbed it.
     Wood,
-    /// It came to the margin of its leaf, along which it goes on.
+    /// It reached the margin of its leaf and moves on along it.
     Edge,
     /// It ended on a solid: a wall, a roof or a mesh.
     Solid,
 }
 
 impl DropEventKind {
-    /// All, in the order of their numbers, with the words for them.
+    /// All kinds in the order of their numbers, each with its word in record tables.
     pub const ALL: [(Self, &'static str); 10] = [
         (Self::Born, "born"),
         (Self::Struck, "struck"),
@@ -43,11 +43,11 @@ impl DropEventKind {
     ];
 }
 
-/// Something that happened to a drop, in the simulation's own identifiers and precision. Record tables of frames renumber the
+/// An event of a single drop, in the identifiers and the precision of the simulation. Record tables of frames renumber the
 /// drops over the clip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RainEvent {
-    /// What happened: emission, impact, merger, detachment and so on.
+    /// Kind of the event, such as emission, impact or merger.
     pub kind: DropEventKind,
     /// Time since the simulation began, s.
     pub t: f64,
@@ -55,7 +55,7 @@ pub struct RainEvent {
     pub id: u64,
     /// Identifier of the second drop of a merger, splash, bead or partial detachment.
     pub other: Option<u64>,
-    /// Index of the leaf that the drop is on.
+    /// Index of the leaf that the drop is on; `None` in the air, on wood, ground and solids.
     pub leaf: Option<usize>,
     /// Position in the world, m.
     pub p: DVec3,

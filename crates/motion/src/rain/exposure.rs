@@ -12,7 +12,7 @@ use crate::rain::solids::RainSolids;
 use crate::rain::tuning::{EXPOSURE_OFFSET, EXPOSURE_SAMPLES};
 use osier_wind::Wind;
 
-/// A place on a surface.
+/// A point of a surface at which the rain that it catches is computed.
 #[derive(Debug, Clone, Copy)]
 pub struct SurfacePoint {
     /// Position in the world, m.
@@ -21,16 +21,16 @@ pub struct SurfacePoint {
     pub normal: Vec3,
 }
 
-/// The rain of a scene as surfaces meet it.
+/// The rain of a clip on the surfaces of a scene: a mean over drop sizes and times.
 #[derive(Debug)]
 pub struct RainExposure {
     shelter: Shelter,
     wind: Option<Arc<dyn Wind>>,
-    /// Drops of different sizes, each at a time of the clip of its own.
+    /// Drops of different sizes, each at a different time of the clip.
     samples: Vec<RainSample>,
 }
 
-/// A part of the rain that holds as much water as any other.
+/// Drops of one size at one time; all samples represent equal volumes of water.
 #[derive(Debug, Clone, Copy)]
 struct RainSample {
     /// Diameter of the drops, m.
@@ -40,15 +40,15 @@ struct RainSample {
 }
 
 impl RainExposure {
-    /// Exposure to the rainfall of `params`, which solids and the ground keep from what lies behind them. The time of `wind` is that of
-    /// the rainfall.
+    /// Exposure to the rainfall of `params`; solids and ground shelter surfaces behind them. `wind` is evaluated at times of the
+    /// rainfall.
     pub fn new(
         params: &RainfallParams,
         wind: Option<Arc<dyn Wind>>,
         solids: RainSolids,
         ground: Arc<dyn GroundHeight>,
     ) -> Self {
-        // Diameters at the middles of intervals that bring equal volumes of water.
+        // Diameters at the middles of intervals that contribute equal volumes of water.
         let diameters = diameters_of_equal_probability(params);
         let total: f64 = diameters.iter().map(|d| sphere_volume(*d)).sum();
         let diameter_at = |fraction: f64| {
@@ -61,7 +61,7 @@ impl RainExposure {
         };
         let samples = (0..EXPOSURE_SAMPLES).map(|k| {
             let middle = (f64::from(k) + 0.5) / f64::from(EXPOSURE_SAMPLES);
-            // Sizes in the order of the times would couple both: the times step through the clip by three eighths of it.
+            // Sizes in the order of the times would correlate both: the times step through the clip by three eighths of it.
             let t = params.duration * (f64::from((3 * k) % EXPOSURE_SAMPLES) + 0.5) / f64::from(EXPOSURE_SAMPLES);
             RainSample { diameter: diameter_at(middle), t }
         });
@@ -73,7 +73,7 @@ impl RainExposure {
     pub fn catch_ratios(&self, points: &[SurfacePoint]) -> Vec<f32> {
         let mut ratios = vec![0.0; points.len()];
         let wind = self.wind.as_deref();
-        // Drops arrive just outside of the surface, which would shelter itself otherwise.
+        // Positions slightly outside of the surface, which would shelter itself otherwise.
         let positions: Vec<Vec3> = points.iter().map(|p| p.position + p.normal * EXPOSURE_OFFSET).collect();
         for sample in &self.samples {
             let air = sample_wind(wind, &positions, sample.t);

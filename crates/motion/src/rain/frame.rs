@@ -11,16 +11,16 @@ use crate::rain::simulation::{ImpactMomentum, LeafWetSpot, RainSimulation, Water
 use crate::rain::target::LeafPose;
 use crate::rain::tuning::NECKING_TIME;
 
-/// A drop that rests on a leaf or runs, with its tail.
+/// A drop that rests on a leaf or runs, with its tail, as meshes and tables need it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SessileDrop {
-    /// Emission index; stable over frames, threads and time steps.
+    /// Identifier; stable over frames, threads and time steps. A raindrop keeps it from its emission on.
     pub id: u64,
     /// Index of the leaf that it is on.
     pub leaf: usize,
     /// Side of the leaf: 1 on the upper, -1 on the lower.
     pub side: f64,
-    /// Caps of the head and the tail, the head first.
+    /// Caps of the head and the tail, the head first, in the chart of the leaf.
     pub caps: Vec<DropCap>,
     /// Stretch and skew of the head.
     pub deformation: CapDeformation,
@@ -35,7 +35,7 @@ pub struct SessileDrop {
 /// A drop that hangs from the margin of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PendantDrop {
-    /// Emission index; stable over frames, threads and time steps.
+    /// Identifier, the same as that of the sessile drop that it was before.
     pub id: u64,
     /// Index of the leaf that it hangs from.
     pub leaf: usize,
@@ -43,7 +43,7 @@ pub struct PendantDrop {
     pub p: DVec3,
     /// Radius of the circle along which it is attached, m.
     pub radius: f64,
-    /// Unit vector in which it hangs, in leaf space.
+    /// Unit vector of the direction in which it hangs, in leaf space.
     pub axis: DVec3,
     /// Volume of all water that hangs there, m^3.
     pub volume: f64,
@@ -51,10 +51,10 @@ pub struct PendantDrop {
     pub necking: f64,
 }
 
-/// A drop in the air at the time of the frame.
+/// A drop in the air at the time of the frame: raindrop, splash droplet or water that has left a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AirborneDrop {
-    /// Emission index; stable over frames, threads and time steps.
+    /// Identifier; stable over frames, threads and time steps. A part of a drop that detaches gets a new one.
     pub id: u64,
     /// Position in the world, m.
     pub p: DVec3,
@@ -73,7 +73,7 @@ pub struct LeafMapInput {
     pub wet_spots: Vec<WetSpot>,
 }
 
-/// The state of rain at one frame.
+/// State of rain at one frame, copied from the simulation; maps, meshes and record tables are written from it.
 #[derive(Debug, Clone, Default)]
 pub struct RainFrame {
     /// Time since the simulation began, s.
@@ -82,9 +82,9 @@ pub struct RainFrame {
     pub leaf_poses: Vec<LeafPose>,
     /// Mean wetness of the leaves, by leaf index: 0 (dry) to 1.
     pub wetness: Vec<f64>,
-    /// Drops that rest or run on leaves.
+    /// Drops that rest or run on leaves, ordered by leaf.
     pub sessile: Vec<SessileDrop>,
-    /// Drops that hang from margins.
+    /// Drops that hang from margins, ordered by leaf.
     pub pendant: Vec<PendantDrop>,
     /// Drops in the air, in no particular order.
     pub airborne: Vec<AirborneDrop>,
@@ -92,16 +92,16 @@ pub struct RainFrame {
     pub wet_spots: Vec<LeafWetSpot>,
     /// Events since the last frame; of the first frame, since they were last taken from the simulation.
     pub events: Vec<RainEvent>,
-    /// Counts of events since the simulation began.
+    /// Counts of events, and the largest impulse, since the simulation began.
     pub counters: DropCounters,
-    /// Volumes of water by where they are.
+    /// Volumes of water in the air, on leaves and elsewhere; their sum is the emitted volume.
     pub water_budget: WaterBudget,
     /// Momentum of the impacts since the simulation began.
     pub impact_momentum: ImpactMomentum,
 }
 
 impl RainFrame {
-    /// Records the present state of a simulation, and takes its events and wet spots.
+    /// Copies the present state of a simulation, and takes its events and wet spots since the last frame out of it.
     pub fn capture(simulation: &mut RainSimulation) -> Self {
         let mut wet_spots = simulation.take_wet_spots();
         let params = &simulation.params;
@@ -121,7 +121,7 @@ impl RainFrame {
                     continue;
                 }
                 let caps = d.caps(params);
-                // What caps cover is wet now. The head has also covered its path since the last recorded spot.
+                // All texels under caps are wet now. The head has also covered its path since the last recorded spot.
                 wet_spots.extend(caps.iter().enumerate().map(|(k, cap)| {
                     let from = if k == 0 { d.last_wet_uv.unwrap_or(cap.uv) } else { cap.uv };
                     let spot = WetSpot { uv: cap.uv, from, a: cap.cap.a, t: simulation.time() };
@@ -160,10 +160,10 @@ impl RainFrame {
         }
     }
 
-    /// Bytes of memory that its lists hold, for limits.
+    /// Bytes of memory that its lists use, for the memory limit of a clip.
     pub fn memory_bytes(&self) -> u64 {
         let caps: usize = self.sessile.iter().map(|d| d.caps.len()).sum();
-        // Lengths, not capacities: what counts is what all frames of a clip need together.
+        // Lengths, not capacities: all frames of a clip together must fit the limit.
         let lists = [
             self.leaf_poses.len() * (size_of::<LeafPose>() + size_of::<f64>()),
             self.sessile.len() * size_of::<SessileDrop>(),

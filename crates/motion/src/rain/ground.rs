@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::rain::tuning::GROUND_BISECTIONS;
 
-/// Heights of the ground.
+/// Height of the ground at each position; drops that reach it end there. Implemented for `f64` as level ground.
 pub trait GroundHeight: std::fmt::Debug + Send + Sync {
     /// Height of the ground at `x` and `z`, m.
     fn height(&self, x: f64, z: f64) -> f64;

@@ -12,7 +12,7 @@ pub fn weber_number(speed: f64, diameter: f64) -> f64 {
     WATER_DENSITY * speed * speed * diameter / WATER_SURFACE_TENSION
 }
 
-/// A drop at the moment in which it strikes a leaf.
+/// A drop at the moment in which it strikes a leaf; all vectors in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impact {
     /// Mass of the drop, kg.
@@ -27,14 +27,15 @@ pub struct Impact {
     pub surface_velocity: DVec3,
 }
 
-/// What an impact on a leaf does.
+/// Result of an impact on a leaf: the impulse on the leaf and the motion of the drop afterwards.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImpulseAndRebound {
     /// Impulse on the leaf and the water that stays on it, N s.
     pub impulse: DVec3,
-    /// Velocity of the drop afterwards, relative to that of the leaf's material point before, m/s; of a drop that stays, along the leaf.
+    /// Velocity of the drop afterwards, relative to the velocity of the leaf's material point before, m/s; along
+    /// the leaf if it stays.
     pub relative: DVec3,
-    /// Whether the drop leaves the leaf.
+    /// Whether the drop rebounds and falls on; else it stays on the leaf.
     pub bounces: bool,
 }
 
@@ -44,12 +45,12 @@ impl Impact {
         (-self.relative.dot(self.normal)).max(0.0)
     }
 
-    /// The impulse of an impact by the law of `params`. `inverse_mass`: inverse effective mass of the leaf along a unit vector, 1/kg; 0
-    /// if it does not move.
+    /// The impulse of an impact by the law of `params`. `inverse_mass`: inverse effective mass of the leaf along a unit vector,
+    /// 1/kg; 0 if it does not move.
     ///
-    /// With [`ImpactImpulseLaw::Momentum`] the impulse is what the drop loses, along the normal and along the leaf alike. The mass of a drop
-    /// that stays is added to the leaf's at the leaf's velocity, so that the impulse on both is the whole relative momentum but for
-    /// the part that the drop keeps along the leaf.
+    /// With [`ImpactImpulseLaw::Momentum`] the impulse is the momentum that the drop loses, along the normal and along the leaf
+    /// alike. The mass of a drop that stays is added to that of the leaf at the velocity of the leaf, so that the impulse on both
+    /// is the whole relative momentum except for the part that the drop keeps along the leaf.
     /// Source: conservation of momentum; or [yang-wu] eq. 2 with M_e the effective mass along the drop's flight.
     pub fn impulse_and_rebound(&self, params: &DropParams, inverse_mass: impl Fn(DVec3) -> f64) -> ImpulseAndRebound {
         let Self { mass, diameter, relative, normal, surface_velocity } = *self;
@@ -62,7 +63,7 @@ impl Impact {
                 let direction = relative.normalize_or(-normal);
                 let energy = (1.0 - eps) * 0.5 * mass * relative.length_squared();
                 let inverse_mass = inverse_mass(direction);
-                // A rigid target takes up no energy; the drop just stops.
+                // A rigid target takes up no energy: the drop stops.
                 let j = if inverse_mass <= 0.0 {
                     mass * approach
                 } else {
@@ -84,7 +85,8 @@ impl Impact {
     }
 }
 
-/// Impulse on wood that absorbs a drop of `mass`, kg, with a velocity `relative` to it, m/s: both have a common velocity afterwards.
+/// Impulse on wood that absorbs a drop of `mass`, kg, with velocity `relative` to it, m/s: both have a common velocity
+/// afterwards.
 /// `inverse_mass`: inverse effective mass of the wood along that velocity, 1/kg.
 pub fn wood_impulse(law: ImpactImpulseLaw, mass: f64, relative: DVec3, inverse_mass: f64) -> DVec3 {
     let direction = relative.normalize_or_zero();
@@ -123,7 +125,7 @@ mod tests {
         let impact = slanting(6.5);
         let outcome = impact.impulse_and_rebound(&with(0.0), |_| 1.0 / LEAF);
         assert!(!outcome.bounces);
-        // Leaf and drop as one body of both masses, at the leaf's velocity, that the impulse moves.
+        // The impulse acts on leaf and drop as one body of both masses, which moves at the velocity of the leaf.
         let both = impact.surface_velocity + outcome.impulse / (LEAF + DROP);
         let pushed = (both - impact.surface_velocity).y;
         assert!((pushed / impact.approach_speed() + DROP / (LEAF + DROP)).abs() < 1e-12, "{pushed}");
@@ -139,7 +141,7 @@ mod tests {
             let impact = slanting(6.5);
             let outcome = impact.impulse_and_rebound(&with(e), |_| 1.0 / LEAF);
             assert!(outcome.bounces);
-            // In the frame of the leaf before the impact.
+            // Velocities in the frame of the leaf before the impact.
             let (leaf, drop) = (outcome.impulse / LEAF, outcome.relative);
             let parting = drop - leaf;
             assert!((parting.y - e * impact.approach_speed()).abs() < 1e-9, "{parting}");
@@ -149,7 +151,7 @@ mod tests {
             let after = DROP * drop.length_squared() + LEAF * leaf.length_squared();
             assert!(after < DROP * impact.relative.length_squared());
         }
-        // Slower than what surface tension holds: it stays.
+        // Below the Weber number of a rebound the drop stays.
         assert!(!slanting(0.3).impulse_and_rebound(&with(0.5), |_| 1.0 / LEAF).bounces);
     }
 

@@ -5,10 +5,10 @@ use crate::rain::leaf::wetness::DryingLaw;
 use crate::rain::tuning::MIN_GRAVITY;
 use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 
-/// Law of the impulse between a drop and the plant that it strikes.
+/// Law of the impulse between a drop and the plant that it strikes: physical, or as printed in [yang-wu].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ImpactImpulseLaw {
-    /// Conserves momentum.
+    /// Conserves momentum; with a restitution of 0 the drop stays on the leaf.
     Momentum {
         /// Coefficient of restitution: the speed of separation as a fraction of the speed of approach, 0 to 1.
         restitution: f64,
@@ -20,19 +20,19 @@ pub enum ImpactImpulseLaw {
     },
 }
 
-/// What holds a drop back on a leaf.
+/// Force that opposes the motion of a drop on a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrictionModel {
-    /// Contact-angle hysteresis.
+    /// Retention by contact-angle hysteresis along the contact line, after Furmidge.
     Retention,
     /// [yang-wu] eq. 7: mu times the normal force, plus a constant force.
     Paper,
 }
 
-/// Distance at which two drops merge.
+/// Distance of two drops on a leaf at which they merge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MergeRule {
-    /// As soon as their bases touch.
+    /// The sum of their base radii: they merge as soon as they touch.
     Touch,
     /// Where the attraction of [yang-wu] eq. 12 exceeds friction, closer than touching.
     Paper,
@@ -43,11 +43,11 @@ pub enum MergeRule {
 pub enum DropWeightTorque {
     /// The distance from the stalk at which the weight acts.
     Physical,
-    /// That distance, times itself as a fraction of the leaf's length, at most this; from [yang-wu] eq. 15.
+    /// That distance times its fraction of the leaf's length, which is at most this number; from [yang-wu] eq. 15.
     Paper(f64),
 }
 
-/// How drops behave on leaves.
+/// Parameters of drops on leaves. The default is a leaf of average wetting on Earth, without splashes and rebounds.
 ///
 /// # Examples
 /// ```
@@ -63,13 +63,13 @@ pub enum DropWeightTorque {
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct DropParams {
-    /// Seed of all random draws: pinning noise, splash droplets, beads.
+    /// Seed of the random draws: pinning noise, splash droplets, beads.
     pub seed: u64,
-    /// Contact angles, and the shape of drops.
+    /// Contact angles, and the shape of drops that they give.
     pub wetting: WettingParams,
     /// Gravity, m/s^2, along -Y.
     pub g: f64,
-    /// Law of the impulse on a leaf or on wood.
+    /// Law of the impulse of a drop on a leaf or on wood; physical by default.
     pub impact: ImpactImpulseLaw,
     /// Factor on that impulse, to exaggerate or damp the motion of leaves; 1 is physical.
     pub impulse_factor: f64,
@@ -77,7 +77,7 @@ pub struct DropParams {
     pub splash: f64,
     /// Fraction of the tangential velocity that a drop keeps after impact, 0 to 1.
     pub tangent_keep: f64,
-    /// What holds drops back.
+    /// Force that opposes the motion of drops; each model uses only some of the parameters below.
     pub friction: FrictionModel,
     /// Coefficient mu of dry friction, the ratio to the normal force.
     pub friction_coefficient: f64,
@@ -89,11 +89,11 @@ pub struct DropParams {
     pub velocity_decay_time: f64,
     /// Relative variation of the retention force over a leaf, 0 to 1.
     pub pinning_noise: f64,
-    /// Distance at which drops merge.
+    /// Whether drops merge as soon as they touch, or by the attraction of [yang-wu].
     pub merge: MergeRule,
     /// Strength of the attraction of [`MergeRule::Paper`], N.
     pub attraction_force: f64,
-    /// Lever arm of the weight of drops.
+    /// Lever arm with which the weight of drops turns a leaf.
     pub lever: DropWeightTorque,
     /// Ratio of the radii of successive caps of a tail, 0 to 1.
     pub tail_ratio: f64,

@@ -11,36 +11,37 @@ use crate::rain::solids::RainSolids;
 use crate::rain::tuning::{MAX_SHELTER_STEPS, SHELTER_STEP};
 use osier_wind::Wind;
 
-/// What stands above the emission plane.
+/// Solids and ground above the emission plane, which block drops on their way down to it.
 #[derive(Debug, Clone)]
 pub(crate) struct Shelter {
     solids: RainSolids,
     ground: Arc<dyn GroundHeight>,
-    /// Height above which there is nothing, m.
+    /// Greatest height of solids and ground, m.
     top: f64,
 }
 
 impl Shelter {
-    /// Shelter by solids and by the ground.
+    /// Shelter by solids and by ground. Costs nothing in scenes in which both lie below the positions of the drops.
     pub(crate) fn new(solids: RainSolids, ground: Arc<dyn GroundHeight>) -> Self {
         let top = solids.heights().map_or(f64::NEG_INFINITY, |[_, high]| high).max(ground.max_height());
         Self { solids, ground, top }
     }
 
-    /// Removes the drops that do not get to where they are emitted, as something stands in their way. `t`: time of their emission, s.
+    /// Removes the drops that cannot reach their position of emission because solids or ground block their path.
+    /// `t`: time, s, of emission.
     pub(crate) fn retain_unsheltered(&self, drops: &mut Vec<EmittedDrop>, wind: Option<&dyn Wind>, t: f64) {
         let mut sheltered = self.find_blocked_drops(drops, wind, t).into_iter();
         drops.retain(|_| !sheltered.next().unwrap_or(false));
     }
 
-    /// Whether something stands in the way of each drop to its position. `t`: the time at which they are there, s.
+    /// Whether solids or ground block the path of each drop to its position. `t`: the time at which the drops are there, s.
     pub(crate) fn find_blocked_drops(&self, drops: &[EmittedDrop], wind: Option<&dyn Wind>, t: f64) -> Vec<bool> {
-        // Most scenes have nothing above the plane from which rain comes.
+        // Most scenes have no solids and ground above the emission plane.
         if drops.iter().all(|d| d.p.y >= self.top) {
             return vec![false; drops.len()];
         }
-        // Follow all drops backwards in time up to the height where nothing stands, at terminal speed in the wind of that time. A path
-        // that crosses a face or the ground is that of a drop that never comes.
+        // Follow all drops backwards in time up to the greatest height of solids and ground, at terminal speed in the wind of
+        // that time. A drop whose path crosses a face or the ground never arrives.
         let mut tracks: Vec<BackwardPath> = drops.iter().map(BackwardPath::new).collect();
         for step in 0..MAX_SHELTER_STEPS {
             let mut open: Vec<&mut BackwardPath> =
@@ -62,7 +63,7 @@ impl Shelter {
     }
 }
 
-/// The way on which a drop came, followed backwards.
+/// The path of a drop, followed backwards in time from its position.
 struct BackwardPath {
     /// Position reached so far, m, going back in time.
     p: DVec3,
@@ -79,7 +80,7 @@ impl BackwardPath {
         Self { p: drop.p, speed: terminal_speed(diameter), diameter, is_sheltered: false }
     }
 
-    /// Whether it may still meet something below the height `top`, m.
+    /// Whether its path may still cross solids or ground, which lie below the height `top`, m.
     fn may_meet_surface_below(&self, top: f64) -> bool {
         !self.is_sheltered && self.p.y < top
     }

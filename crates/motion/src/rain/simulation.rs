@@ -27,16 +27,16 @@ use osier_base::rng::Rng;
 use osier_base::{Error, Result};
 use osier_wind::Wind;
 
-/// Bit that is set in the identifiers of splash droplets, so that tables can tell them from emitted drops.
+/// Bit that is set in the identifiers of splash droplets, so that tables can distinguish them from emitted drops.
 const SPLASH_ID: u64 = 1 << 62;
-/// Bit that is set in the identifiers of emitted drops, which are counted on their own: they are the same whatever other drops there
-/// are.
+/// Bit that is set in the identifiers of emitted drops. These have a separate count, so that their identifiers do not depend on
+/// other drops.
 const EMITTED_ID: u64 = 1 << 61;
 
 /// A falling drop with the state that its time step needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FallingDrop {
-    /// Identifier; stable over frames, threads and time steps.
+    /// Identifier, stable over frames, threads and time steps; its highest bits give the origin of the drop.
     pub id: u64,
     /// Position in the world, m.
     pub p: DVec3,
@@ -57,7 +57,8 @@ impl FallingDrop {
     }
 }
 
-/// The wind at a drop, sampled every [`DROP_WIND_INTERVAL`] and held in between: a drop answers the wind within tenths of a second.
+/// The wind at a drop, sampled every [`DROP_WIND_INTERVAL`] and held in between: a drop follows the wind only
+/// within tenths of a second.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct HeldWind {
     /// Wind velocity at the drop when it was last sampled, m/s.
@@ -66,7 +67,7 @@ struct HeldWind {
     until: f64,
 }
 
-/// A leaf that a drop passes through for a short time, as it has just left it or fallen through one of its holes.
+/// A leaf that a drop ignores for a short time, as it has just left it or fallen through one of its holes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct IgnoredLeaf {
     leaf: usize,
@@ -90,7 +91,7 @@ pub struct LeafOnPlant {
 pub struct WaterBudget {
     /// Emitted so far, or deposited on leaves by the scene.
     pub emitted: f64,
-    /// In drops that fall.
+    /// In drops in the air: emitted, splashed or detached.
     pub air: f64,
     /// In sessile drops on leaves.
     pub leaves: f64,
@@ -115,32 +116,32 @@ impl WaterBudget {
 /// Momentum of the drops that have struck leaves, kg m/s, added up as lengths over all impacts.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ImpactMomentum {
-    /// Of the drops before their impacts.
+    /// Sum over the drops before their impacts.
     pub brought: f64,
-    /// What it differs by from the impulse on the leaf and the momentum afterwards of the drop, on the leaf or in the air, and of its
-    /// splash.
+    /// Sum of the momentum that is missing afterwards in the impulse on the leaf, the drop and its splash; only rounding if
+    /// momentum is conserved.
     pub missing: f64,
 }
 
 impl ImpactMomentum {
-    /// Relative error of conservation: missing / brought.
+    /// Relative error of conservation: missing / brought; 0 before the first impact.
     pub fn error(&self) -> f64 {
         self.missing / self.brought.max(f64::MIN_POSITIVE)
     }
 }
 
-/// A wet spot of a leaf.
+/// A place on a leaf that water has covered.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafWetSpot {
     /// Index of the leaf, as in [`RainSimulation::leaves`].
     pub leaf: usize,
-    /// Where and when it became wet.
+    /// Place on the leaf in texture coordinates, and time.
     pub spot: WetSpot,
 }
 
 /// Initial state and parameters of a [`RainSimulation`].
 pub struct RainConfig {
-    /// Parameters of drops on leaves.
+    /// Parameters of drops, the same for all leaves.
     pub params: DropParams,
     /// Source of drops; `None` for scenes that only deposit drops.
     pub emitter: Option<RainEmitter>,
@@ -150,16 +151,17 @@ pub struct RainConfig {
     pub leaves: Vec<(RainLeaf, LeafOnPlant)>,
     /// Wind that carries falling drops; `None` in calm air.
     pub wind: Option<Arc<dyn Wind>>,
-    /// Ground at which drops end.
+    /// Ground, at which drops end if they strike nothing before.
     pub ground: Arc<dyn GroundHeight>,
-    /// Walls, roofs and meshes at which drops end.
+    /// Walls, roofs and meshes at which drops end; they keep rain from places behind them.
     pub solids: RainSolids,
 }
 
-/// Rain on plants, advanced step by step.
+/// Raindrops in the air and on leaves, and the plants that they move, advanced step by step. Results do not depend on the number
+/// of threads.
 #[derive(Debug)]
 pub struct RainSimulation {
-    /// Parameters of drops on leaves.
+    /// Parameters of drops, the same for all leaves; changes act from the next step on.
     pub params: DropParams,
     emitter: Option<RainEmitter>,
     plants: Vec<Box<dyn RainPlant>>,
@@ -178,7 +180,7 @@ pub struct RainSimulation {
     ground_top: f64,
     solids: RainSolids,
     t: f64,
-    /// Number of the last drop that was emitted, and identifier of the last drop that came about otherwise.
+    /// Number of drops emitted so far, and the last number given to a drop that came from elsewhere.
     last_emitted: u64,
     last_id: u64,
     emitted: f64,
@@ -191,10 +193,10 @@ pub struct RainSimulation {
     events: Vec<RainEvent>,
 }
 
-/// Acceleration of a leaf, smoothed over [`ACCELERATION_RESPONSE_TIME`].
+/// Acceleration of a leaf, smoothed over [`ACCELERATION_RESPONSE_TIME`], since water does not respond to faster vibration.
 #[derive(Debug, Clone, Copy, Default)]
 struct SmoothedLeafAcceleration {
-    /// Of the origin, m/s^2.
+    /// Acceleration of the origin of leaf space, m/s^2.
     linear: DVec3,
     /// Angular acceleration, rad/s^2.
     angular: DVec3,
@@ -209,7 +211,7 @@ impl SmoothedLeafAcceleration {
     }
 }
 
-/// Totals of the droplets that a splash has ejected.
+/// Sums over the droplets that a splash has ejected.
 #[derive(Debug, Clone, Copy, Default)]
 struct EjectedWater {
     /// Volume of the ejected droplets, m^3.
@@ -226,7 +228,7 @@ enum FallEnd {
     Hit(DropHit),
 }
 
-/// A falling drop at the point where it strikes something.
+/// A falling drop at the place where it strikes a leaf, wood or a solid; the effect is not yet applied.
 #[derive(Clone, Copy)]
 struct DropStrike {
     drop: FallingDrop,
@@ -234,7 +236,7 @@ struct DropStrike {
 }
 
 impl RainSimulation {
-    /// A simulation at time 0, before the first drop.
+    /// A simulation at time 0, without drops; solids and ground shelter the emission plane.
     pub fn new(config: RainConfig) -> Self {
         let (leaves, attachments): (Vec<RainLeaf>, Vec<LeafOnPlant>) = config.leaves.into_iter().unzip();
         let ground = config.ground;
@@ -266,7 +268,7 @@ impl RainSimulation {
             impact_momentum: ImpactMomentum::default(),
             events: Vec::new(),
         };
-        // The first step sweeps leaves from these poses.
+        // The first step moves leaves from these poses.
         simulation.poses = simulation.leaf_poses();
         simulation.wood = simulation.wood_segments();
         simulation
@@ -286,7 +288,7 @@ impl RainSimulation {
         }
     }
 
-    /// A new identifier of a drop that is not emitted, counted from 1.
+    /// The next identifier of a drop that is not emitted by the rain, counted from 1.
     fn next_id(&mut self) -> u64 {
         self.last_id += 1;
         self.last_id
@@ -305,7 +307,7 @@ impl RainSimulation {
         self.plants.iter().map(|plant| of_plant(&**plant)).collect()
     }
 
-    /// Time since the simulation began, s.
+    /// Time since the simulation began, s: the sum of all steps.
     pub fn time(&self) -> f64 {
         self.t
     }
@@ -315,7 +317,7 @@ impl RainSimulation {
         &self.leaves
     }
 
-    /// Poses of the leaves, in the same order.
+    /// Poses of the leaves at the present time, in the order of [`RainConfig::leaves`].
     pub fn poses(&self) -> &[LeafPose] {
         &self.poses
     }
@@ -330,12 +332,12 @@ impl RainSimulation {
         &self.plants
     }
 
-    /// Counts of events since the simulation began.
+    /// Counts of events, and the largest impulse on a leaf, since the simulation began.
     pub fn counters(&self) -> DropCounters {
         self.counters
     }
 
-    /// Removes and returns the spots that became wet since the last call.
+    /// Removes and returns the spots that became wet since the last call, in the order of steps.
     pub fn take_wet_spots(&mut self) -> Vec<LeafWetSpot> {
         std::mem::take(&mut self.wet_spots)
     }
@@ -345,9 +347,9 @@ impl RainSimulation {
         std::mem::take(&mut self.events)
     }
 
-    /// Volumes of water by where they are now.
+    /// Where the water is now; sums the volumes of all drops at each call.
     pub fn water_budget(&self) -> WaterBudget {
-        // Drops are summed each time instead of kept as totals, so that the check finds water that a drop lost or gained.
+        // Drops are summed each time instead of kept as totals, so that the check detects water that a drop lost or gained.
         let mut budget = WaterBudget {
             emitted: self.emitted,
             ground: self.water_on_ground,
@@ -402,12 +404,12 @@ impl RainSimulation {
         Ok(())
     }
 
-    /// Momentum of the impacts on leaves so far.
+    /// Sums of the momentum of all impacts on leaves so far.
     pub fn impact_momentum(&self) -> ImpactMomentum {
         self.impact_momentum
     }
 
-    /// Checks that impacts conserve momentum, where the law of the impact does: that of the paper gives the leaf an energy instead.
+    /// Checks that impacts conserve momentum. The law of the paper does not, and is not checked.
     /// # Errors
     /// `Simulation` if the relative error exceeds 1e-9; `frame` is the frame that it names.
     pub fn check_impact_momentum(&self, frame: u32) -> Result<()> {
@@ -431,7 +433,7 @@ impl RainSimulation {
         }
     }
 
-    /// Advances the drops in the air, and returns those that hit something, in the order of their hits.
+    /// Advances the drops in the air, and returns the drops that strike a leaf, wood or a solid, by time within the step.
     fn advance_falling_drops(&mut self, before: &[LeafPose], h: f64) -> Vec<DropStrike> {
         self.sample_due_winds();
         // Leaves sweep from their poses before the step to those after it; wood, which is slower, is taken as at rest.
@@ -452,10 +454,10 @@ impl RainSimulation {
             drop.v = step_velocity(drop.v, drop.volume, g, drop.wind.velocity.as_dvec3(), h);
             let to = drop.p + drop.v * h;
             let ignored = drop.ignore_leaf.filter(|ignored| t < ignored.until).map(|ignored| ignored.leaf);
-            // Above the highest ground there is none to reach.
+            // A path above the highest ground cannot reach the ground.
             let landing = if to.y < ground_top { ground_crossing(&**ground, [drop.p, to]) } else { None };
             let hit = collider.first_hit([drop.p, to], sphere_diameter(drop.volume), ignored);
-            // What the drop comes to first counts: it stops there.
+            // The first thing on the path stops the drop.
             let outcome = match (hit, landing) {
                 (Some(hit), landing) if landing.is_none_or(|fraction| hit.path_fraction() <= fraction) => {
                     FallEnd::Hit(hit)
@@ -491,7 +493,7 @@ impl RainSimulation {
         hits
     }
 
-    /// Samples the wind for all drops whose sample is due, at once: recorded and lattice winds do so much faster than one by one.
+    /// Samples the wind at once for all drops whose sample is due: recorded and lattice winds are much faster than drop by drop.
     fn sample_due_winds(&mut self) {
         let Some(wind) = self.wind.as_deref() else { return };
         let t = self.t;
@@ -514,7 +516,7 @@ impl RainSimulation {
                 segment -= wood.len();
                 continue;
             }
-            // Wood takes up the whole of the relative momentum, not only that along its normal: the drop stays on it.
+            // Wood takes up the whole relative momentum, not only the component along its normal: the drop stays on it.
             let plant = &mut self.plants[plant];
             let relative = drop.v - plant.wood_velocity(segment, fraction);
             let inverse_mass = plant.wood_inverse_effective_mass(segment, fraction, relative.normalize_or_zero());
@@ -526,8 +528,8 @@ impl RainSimulation {
         self.water_on_wood += drop.volume;
     }
 
-    /// Lets a drop strike a leaf: it falls through a hole, or transfers an impulse, may splash, and bounces or becomes a sessile drop.
-    /// The impulse on the leaf is all momentum that the drop has lost, that of its splash included.
+    /// Lets a drop strike a leaf: it falls through a hole, or transfers an impulse, may splash, and bounces or becomes a sessile
+    /// drop. The impulse on the leaf is the whole momentum that the drop has lost, the loss to its splash included.
     fn strike_leaf(&mut self, drop: &FallingDrop, i: usize, hit: &LeafHit) {
         let (pose, leaf) = (self.poses[i], &self.leaves[i]);
         let uv = leaf.blade.interpolate_uv(hit.triangle, hit.weights);
@@ -537,8 +539,8 @@ impl RainSimulation {
             self.falling.push(FallingDrop { ignore_leaf, ..*drop });
             return;
         };
-        // Velocity relative to the material point of the leaf, and the normal of the side that it comes from: against the relative
-        // motion, so that the speed of approach is not negative.
+        // Velocity relative to the material point of the leaf, and the normal of the side that the drop comes from: against the
+        // relative motion, so that the speed of approach is not negative.
         let point = pose.position + pose.orientation * surface.p;
         let surface_velocity = pose.velocity_at(point);
         let relative = drop.v - surface_velocity;
@@ -574,7 +576,7 @@ impl RainSimulation {
             let v = pose.orientation.inverse() * outcome.relative;
             self.leaves[i].drops.push(LeafDrop::new(drop.id, side, uv, v, volume));
         }
-        // What is in the air and on the leaf now, as it is there, and what the leaf was given.
+        // Compare the momentum after the impact, in the air, on the leaf and given to the leaf, with that of the drop before.
         let momentum = |v: DVec3, volume: f64| v * (WATER_DENSITY * volume);
         let in_air = self.falling[first_droplet..].iter().fold(DVec3::ZERO, |sum, d| sum + momentum(d.v, d.volume));
         let stays = self.leaves[i].drops.last().filter(|_| !outcome.bounces);
@@ -584,7 +586,7 @@ impl RainSimulation {
         self.impact_momentum.missing += (before - in_air - on_leaf - impulse).length();
     }
 
-    /// Ejects the splashed part of a drop as droplets in a crown around the normal.
+    /// Ejects the splashed part of a drop as droplets in a crown around the normal, and returns their volume and momentum.
     fn eject_splash_droplets(
         &mut self,
         drop: &FallingDrop,
@@ -628,7 +630,7 @@ impl RainSimulation {
         });
         let mut jobs: Vec<(&mut RainLeaf, LeafPose)> = self.leaves.iter_mut().zip(felt).collect();
         let mut results = par_map_mut(&mut jobs, |(leaf, pose)| {
-            // Most leaves are dry most of the time.
+            // Most leaves carry no drops most of the time.
             if leaf.drops.is_empty() {
                 let attached = AttachedWater { mass: 0.0, center: pose.position };
                 return LeafStepResult { attached, ..LeafStepResult::default() };
@@ -646,7 +648,8 @@ impl RainSimulation {
             self.events.extend(result.events.iter().map(|e| RainEvent { leaf: Some(i), ..*e }));
             self.wet_spots.extend(result.wet_spots.drain(..).map(|spot| LeafWetSpot { leaf: i, spot }));
         }
-        // A whole drop keeps its identifier; a part of one gets a new one and names the drop it came from.
+        // A drop that detaches as a whole keeps its identifier; a part gets a new one, and its event names the drop
+        // that it came from.
         for (i, result) in results.iter().enumerate() {
             for drop in &result.detached {
                 let id = if drop.is_whole { drop.id } else { self.next_id() };
@@ -660,7 +663,7 @@ impl RainSimulation {
     }
 }
 
-/// Volumes of the droplets of a splash of `volume`, m^3, in total.
+/// Volumes of the droplets of a splash, m^3, of random diameters; their sum is `volume`, m^3.
 fn splash_volumes(volume: f64, draw: &mut Rng) -> Vec<f64> {
     let [least, most] = SPLASH_DIAMETERS;
     let (mut sizes, mut sum) = (Vec::new(), 0.0);
@@ -669,7 +672,7 @@ fn splash_volumes(volume: f64, draw: &mut Rng) -> Vec<f64> {
         sum += size;
         sizes.push(size);
     }
-    // The sizes that were drawn determine fractions of the volume, so that it is conserved exactly.
+    // The diameters that were drawn give fractions of the volume, so that it is conserved exactly.
     sizes.iter().map(|size| volume * size / sum).collect()
 }
 

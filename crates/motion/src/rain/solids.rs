@@ -11,12 +11,12 @@ use osier_base::convert::index;
 use osier_base::geometry::Bounds;
 use osier_scene::Mesh;
 
-/// The faces of all solids of a scene, which do not move. Open and thin meshes stop drops too, from either side.
+/// The faces of all solids of a scene, which do not move. Faces stop drops from either side, so that open meshes do so too.
 #[derive(Clone, Default)]
 pub struct RainSolids {
     /// `None` without solids.
     faces: Option<Arc<TriangleHierarchy>>,
-    /// Corners of the box around all faces, m.
+    /// Lowest and highest corner of the box around all faces, m.
     bounds: [DVec3; 2],
 }
 
@@ -55,7 +55,7 @@ impl RainSolids {
         self.faces.as_ref().map(|_| self.bounds.map(|p| p.y))
     }
 
-    /// Fraction of the path between two world positions at which a drop of diameter `d`, m, meets a face first.
+    /// Fraction of the path between two world positions, 0 to 1, at which a drop of diameter `d`, m, first meets a face.
     pub(crate) fn first_hit(&self, [from, to]: [DVec3; 2], d: f64) -> Option<f64> {
         let faces = self.faces.as_ref()?;
         let margin = DVec3::splat(d);
@@ -63,8 +63,8 @@ impl RainSolids {
         if from.max(to).cmplt(low - margin).any() || from.min(to).cmpgt(high + margin).any() {
             return None;
         }
-        // The drop touches with its front, half a diameter ahead of its center. This also closes the gap that rounding may leave
-        // between the paths of two steps.
+        // The front of the drop touches first, half a diameter ahead of its center. This also closes the gap that rounding may
+        // leave between the paths of two steps.
         let path = to - from;
         let ahead = path.normalize_or_zero() * (0.5 * d);
         let hit = faces.intersect(from, to + ahead)?;

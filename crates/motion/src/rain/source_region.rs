@@ -1,8 +1,8 @@
 //! Source regions: where drops must start so that the wind carries them to the bounds of the scene.
 //!
-//! Drops of several sizes are traced from the emission plane down through the wind. Their drift at each height tells from which
-//! rectangle of the plane the drops come that cross the bounds at that height. Rain starts uniformly over the union of these
-//! rectangles, so that the flux through the bounds does not depend on the wind.
+//! Drops of several sizes are traced from the emission plane down through the wind. Their drift at each height gives the
+//! rectangle of the plane from which the drops come that cross the bounds at that height. Rain starts uniformly over the union of
+//! these rectangles, so that the flux through the bounds does not depend on the wind.
 
 use std::sync::Arc;
 
@@ -35,7 +35,6 @@ impl HorizontalRect {
         Self { min: self.min.min(p), max: self.max.max(p) }
     }
 
-    /// The smallest rectangle that contains both.
     fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
@@ -53,11 +52,11 @@ impl HorizontalRect {
     }
 }
 
-/// Horizontal drift of drops of one size since their start, m, for each band of the bounds' height from the top: the rectangle of
-/// drifts that occur while they are in the band; empty if none gets there.
+/// Horizontal drift, m, of drops of one size since their start, for each band of the bounds' height from the top: the rectangle
+/// of the drifts that occur while drops are in the band; empty if no drop reaches it.
 type DriftByHeight = [HorizontalRect; HEIGHT_BANDS];
 
-/// The part of the emission plane from which drops of similar size come to the bounds: the union of a rectangle for each height
+/// The part of the emission plane from which drops of similar size reach the bounds: the union of one rectangle for each height
 /// band.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SourceRegion {
@@ -66,9 +65,9 @@ pub(crate) struct SourceRegion {
 }
 
 impl SourceRegion {
-    /// The region for the footprint of the bounds.
+    /// The region from which drops with these drifts reach the `footprint` of the bounds.
     fn new(footprint: &HorizontalRect, drift: &DriftByHeight) -> Self {
-        // A drop at x - drift crosses the bounds at x; rectangles grow by what the traced drops may have missed of the wind.
+        // A drop that starts at x - drift crosses the bounds at x; margins cover the wind between the traced drops.
         let source = |drift: &HorizontalRect| {
             let margin = DVec2::splat(SOURCE_MARGIN) + drift.size() * DRIFT_MARGIN;
             HorizontalRect { min: footprint.min - drift.max - margin, max: footprint.max - drift.min + margin }
@@ -96,7 +95,7 @@ impl SourceRegion {
 
     /// Area of the region, m^2, by a grid of points.
     fn area(&self) -> f64 {
-        // A single rectangle is known exactly.
+        // The area of a single rectangle is known exactly.
         if self.rects.len() < 2 {
             return self.bounding_area();
         }
@@ -107,7 +106,7 @@ impl SourceRegion {
     }
 }
 
-/// Finds source regions by tracing drops through the wind.
+/// Computes source regions by tracing drops through the wind, epoch by epoch.
 #[derive(Debug)]
 pub(crate) struct DriftTracer {
     bounds: Bounds,
@@ -115,11 +114,11 @@ pub(crate) struct DriftTracer {
     g: f64,
     /// Diameters that are traced, ascending, m. A size class lies between two of them.
     diameters: Vec<f64>,
-    /// Drifts of the traced diameters in the last epochs that were asked for, the newest first.
+    /// Drifts of the traced diameters in the last two epochs that were requested, the newest first.
     recent: Vec<EpochDrifts>,
 }
 
-/// Drifts of the traced diameters at the beginning of an epoch.
+/// Drifts of the traced diameters, in their order, for drops that start at the beginning of an epoch.
 #[derive(Debug)]
 struct EpochDrifts {
     epoch: u64,
@@ -129,7 +128,7 @@ struct EpochDrifts {
 impl DriftTracer {
     /// A tracer of drops between two diameters, m, that fall on `bounds`, m, under gravity `g`, m/s^2.
     pub(crate) fn new(bounds: Bounds, wind: Option<Arc<dyn Wind>>, [least, most]: [f64; 2], g: f64) -> Self {
-        // Without wind, or with drops of one size, there is nothing to tell apart.
+        // Without wind, or with drops of one size, one size class suffices.
         let classes = if wind.is_none() || most - least < 1e-9 { 1 } else { TRACED_SIZES - 1 };
         // Drift is proportional to the time of the fall: space the sizes evenly in the inverse of their terminal speeds.
         let slowness = |k: usize| {
@@ -147,7 +146,7 @@ impl DriftTracer {
         self.wind.as_deref()
     }
 
-    /// Height of the emission plane, m.
+    /// Height of the level plane on which drops are emitted, m, slightly above the bounds.
     pub(crate) fn emission_plane_y(&self) -> f64 {
         f64::from(self.bounds.max.y) + EMISSION_CLEARANCE
     }
@@ -166,7 +165,7 @@ impl DriftTracer {
 
     /// The source regions of an epoch by size class.
     pub(crate) fn regions(&mut self, epoch: u64) -> Vec<SourceRegion> {
-        // Enclose the drifts at the beginning and the end of the epoch, and those of both diameters that bound a class.
+        // Enclose the drifts at the beginning and at the end of the epoch, and those of both diameters that bound a class.
         let footprint = self.bounds_from_above();
         let (a, b) = (self.epoch_drifts(epoch), self.epoch_drifts(epoch + 1));
         let over_epoch: Vec<DriftByHeight> =
@@ -190,7 +189,7 @@ impl DriftTracer {
         areas.iter().map(|area| area / sum).collect()
     }
 
-    /// The bounds as seen from above.
+    /// The rectangle that the bounds cover from above.
     fn bounds_from_above(&self) -> HorizontalRect {
         let level = |p: Vec3| DVec2::new(f64::from(p.x), f64::from(p.z));
         HorizontalRect { min: level(self.bounds.min), max: level(self.bounds.max) }
@@ -208,15 +207,15 @@ impl DriftTracer {
         drifts
     }
 
-    /// Drift of drops of diameter `d`, m, that start at time `t`, s, and come to the corners and the center of the bounds at their top,
-    /// middle and bottom.
+    /// Drift of drops of diameter `d`, m, that start at time `t`, s, and reach the corners and the center of the bounds at their
+    /// top, middle and bottom.
     fn drift_by_height(&self, d: f64, t: f64) -> DriftByHeight {
         let footprint = self.bounds_from_above();
         if self.wind.is_none() {
             return [HorizontalRect { min: DVec2::ZERO, max: DVec2::ZERO }; HEIGHT_BANDS];
         }
-        // The start of a drop that comes to a given point depends on its drift, which depends on the start: two fixed-point
-        // iterations, the first with a drop from above the center, the second with drops that come to the center.
+        // The start of a drop that reaches a given point depends on its drift, which depends on the start. Two fixed-point
+        // iterations: the first with a drop from above the center, the second with drops that reach the center.
         let center = footprint.center();
         let first = self.trace_drift(d, t, &[center]);
         let second =
@@ -233,7 +232,7 @@ impl DriftTracer {
     /// Drift of drops of diameter `d`, m, that start at points of the emission plane at time `t`, s.
     fn trace_drift(&self, d: f64, t: f64, starts: &[DVec2]) -> DriftByHeight {
         let mut drift = [HorizontalRect::EMPTY; HEIGHT_BANDS];
-        // Bands reach a little beyond the bounds, as the regions do.
+        // Bands extend beyond the bounds by the same margin as the regions.
         let (low, high) = (f64::from(self.bounds.min.y) - SOURCE_MARGIN, f64::from(self.bounds.max.y) + SOURCE_MARGIN);
         // The time step takes a drop in still air down in `TRACE_STEPS` steps; an updraft makes it take more.
         let h = (self.emission_plane_y() - low) / terminal_speed(d) / f64::from(TRACE_STEPS);
@@ -243,7 +242,7 @@ impl DriftTracer {
         for k in 0..MAX_TRACE_STEPS {
             let sampled: Vec<Vec3> = positions.iter().map(|p| p.as_vec3()).collect();
             let air = sample_wind(wind, &sampled, t + f64::from(k) * h);
-            // Drops start at terminal speed in the moving air, as the emitter lets them.
+            // Drops start at terminal speed in the moving air, as the emitter emits them.
             if velocities.is_empty() {
                 velocities = air.iter().map(|a| a.as_dvec3() - DVec3::Y * terminal_speed(d)).collect();
             }
@@ -269,8 +268,8 @@ impl DriftTracer {
     }
 }
 
-/// The point of the emission plane from which a drop comes to `target` in a height band, by a known drift. If no drop gets to that
-/// band, the nearest band below, else above, that one gets to stands in.
+/// The point of the emission plane from which a drop reaches `target` in a height band, by a known drift. If no drop reaches that
+/// band, the drift of the nearest band below is used, else of the nearest above.
 fn start_to_reach(drift: &DriftByHeight, band: usize, target: DVec2) -> DVec2 {
     let known = drift[band..].iter().chain(drift[..band].iter().rev()).find(|d| !d.is_empty());
     target - known.map_or(DVec2::ZERO, HorizontalRect::center)

@@ -97,10 +97,11 @@ pub trait RainPlant: Send + std::fmt::Debug {
         0.0
     }
 
-    /// Applies an impulse, N s, to a wood segment; it acts during the next step.
+    /// Applies an impulse, N s, to a wood segment at `fraction` of its length; it acts during the next step. By
+    /// default nothing happens.
     fn apply_wood_impulse(&mut self, _segment: usize, _fraction: f64, _impulse: DVec3) {}
 
-    /// Velocity of a wood segment at `fraction` of its length, m/s.
+    /// Velocity of a wood segment at `fraction` (0 to 1) of its length, m/s; by default 0.
     fn wood_velocity(&self, _segment: usize, _fraction: f64) -> DVec3 {
         DVec3::ZERO
     }
@@ -115,13 +116,14 @@ pub trait RainPlant: Send + std::fmt::Debug {
         None
     }
 
-    /// The rods that pose the plant's skeleton, for animating its mesh; none for a plant that does not move.
+    /// The rods that pose the plant's skeleton, for animating its mesh; `None` for other models and for a plant
+    /// that does not move.
     fn posed_rods(&self) -> Option<&RodSystem> {
         None
     }
 }
 
-/// A plant that nothing moves.
+/// A plant whose leaves and wood stay where they are under all loads.
 #[derive(Debug, Clone)]
 pub struct StillRainPlant {
     poses: Vec<LeafPose>,

@@ -1,6 +1,6 @@
 //! Constants of the rain model that are chosen, not derived: each with its unit, its reason and what a change does.
 
-// Emission.
+// Emission: sizes, counts and times of raindrops.
 
 /// Diameters of the smallest and the largest raindrop, mm: smaller ones are drizzle, larger ones break up in the air.
 pub const DIAMETER_RANGE_MM: [f64; 2] = [0.5, 6.0];
@@ -20,13 +20,14 @@ pub const GUST_PERIOD: f64 = 0.5;
 /// Smallest terminal speed, m/s; the formula of Atlas et al. becomes negative below 0.11 mm.
 pub const MIN_TERMINAL_SPEED: f64 = 0.3;
 
-// Source regions.
+// Source regions: parts of the emission plane from which drops reach the scene.
 
 /// Height of the emission plane above the bounds of the plants, m. Higher lets drops meet more of the wind, and costs area and time.
 pub const EMISSION_CLEARANCE: f64 = 0.5;
-/// Distance by which source regions reach beyond what the traced drops need, m.
+/// Distance by which source regions extend beyond the starts of the traced drops, m.
 pub const SOURCE_MARGIN: f64 = 0.05;
-/// The same as a fraction of the spread of drifts within a height band: gusts carry some drops further than those traced.
+/// Further margin, as a fraction of the spread of drifts within a height band: gusts carry some drops further than
+/// the traced ones.
 pub const DRIFT_MARGIN: f64 = 0.15;
 /// Duration for which source regions stay the same, s; shorter follows gusts more closely and costs more traces.
 pub const EPOCH_DURATION: f64 = 0.1;
@@ -39,26 +40,26 @@ pub const HEIGHT_BANDS: usize = 8;
 pub const TRACED_SIZES: usize = 17;
 /// Samples along a side of the grid by which the area of a source region is measured.
 pub const AREA_SAMPLES: u32 = 32;
-/// Times of a clip at which it is measured for the mean.
+/// Times of a clip at which the area of a source region is measured for its mean.
 pub const AREA_TIMES: u32 = 16;
 
-// Shelter and ground.
+// Shelter and ground: ends of the paths of drops, above the emission plane and below it.
 
-/// Time step in which drops are followed back to what may shelter their place of emission, s: up to half a metre of fall; longer
+/// Time step of the paths that are followed back from places of emission to find shelter, s: up to half a metre of fall; longer
 /// steps straighten the paths of drops in gusts.
 pub const SHELTER_STEP: f64 = 0.05;
-/// Most such steps: 100 m of the slowest drops' fall.
+/// Largest number of such steps: 100 m of fall of the slowest drops.
 pub const MAX_SHELTER_STEPS: u32 = 1000;
 /// Bisections that find where a path meets uneven ground: to a billionth of the path of one step.
 pub const GROUND_BISECTIONS: u32 = 30;
 
-// Time step, collision and impact.
+// Time step, collision and impact of falling drops.
 
 /// Steps for which the hierarchy of leaves and wood is fitted to their motion before it is built anew. Affects speed only: more let the
 /// boxes of its inner nodes grow, fewer build more often.
 pub const REFITS_PER_BUILD: u32 = 64;
-/// Time between two samples of the wind at a falling drop, s: a drop of 1 mm falls 8 cm in it, and takes 0.4 s to answer a gust. Longer
-/// lags behind gusts; shorter makes the wind the cost of a storm.
+/// Time between two samples of the wind at a falling drop, s: a drop of 1 mm falls 8 cm in it, and takes 0.4 s to follow a gust.
+/// Longer lags behind gusts; shorter makes the wind the main cost of a storm.
 pub const DROP_WIND_INTERVAL: f64 = 1.0 / 48.0;
 /// Drops that one parallel task advances. Affects speed only.
 pub const DROPS_PER_TASK: usize = 256;
@@ -72,7 +73,7 @@ pub const TRIANGLE_SLACK: f32 = -1e-6;
 pub const SPLASH_WEBER_NUMBER: f64 = 100.0;
 /// Diameters of splash droplets, m; as many are drawn as hold the splashed volume.
 pub const SPLASH_DIAMETERS: [f64; 2] = [2e-4, 5e-4];
-/// Most droplets of a splash: of a drop of 4 mm that loses a third. Those of larger splashes are larger instead.
+/// Largest number of droplets of a splash: that of a drop of 4 mm that loses a third. Larger splashes have larger droplets.
 pub const MAX_SPLASH_DROPLETS: usize = 400;
 /// Weber number of the rebound above which a drop bounces: below, its motion is weaker than the surface tension that holds it.
 pub const REBOUND_WEBER_NUMBER: f64 = 1.0;
@@ -85,26 +86,26 @@ pub const SPLASH_OFFSET: f64 = 1e-4;
 /// Largest relative error of the water budget: rounding of sums over a clip stays far below.
 pub const BUDGET_TOLERANCE: f64 = 1e-9;
 
-// Leaf surface.
+// Leaf surface: chart, wetness grid and veins.
 
 /// Smallest determinant of a triangle's texture coordinates; below it the triangle belongs to a petiole, which is mapped to a line.
 pub const MIN_UV_AREA: f64 = 1e-9;
 /// Depth by which two triangles may overlap in a texture, as a fraction of the extent of all: rounding, and slips of an artist that are
 /// smaller than a texel of the finest map.
 pub const OVERLAP_TOLERANCE: f64 = 1e-4;
-/// Fraction of the area of a blade in its texture that may overlap or lie at seams: petioles of made leaves, whose tubes lie on a strip
-/// of the texture that is a tenth of that; a seam across a mesh of 100,000 triangles is more.
+/// Fraction of the area of a blade in its texture that may overlap or lie at seams. Petioles of generated leaves, whose tubes lie
+/// on a strip of the texture, have a tenth of that; a seam across a mesh of 100,000 triangles has more.
 pub const MAX_FAULTY_AREA: f64 = 0.005;
 /// Distance in texture coordinates by which corners of neighbouring triangles may lie apart, or beyond the texture.
 pub const CHART_SEAM_TOLERANCE: f64 = 1e-3;
 /// Smallest fraction of a triangle's area that a projection on a plane may leave, the cosine of 84 degrees: steeper parts would have too
 /// few texels.
 pub const MIN_PROJECTED_AREA: f64 = 0.1;
-/// Gap around pieces of a chart, as a fraction of its side: at 512 texels wider than what maps continue beyond the margin.
+/// Gap around pieces of a chart, as a fraction of its side: at 512 texels wider than the continuation of maps beyond the margin.
 pub const CHART_GAP: f64 = 1.0 / 64.0;
 /// Relative residual at which the embedding of a blade is solved: far below a texel.
 pub const EMBED_TOLERANCE: f64 = 1e-9;
-/// Most rounds of its solution; a blade of 100,000 triangles needs about a thousand.
+/// Largest number of iterations of that solution; a blade of 100,000 triangles needs about a thousand.
 pub const EMBED_ROUNDS: usize = 20_000;
 /// Wetness of the grid that counts as dry, 0 to 1; ten half-lives.
 pub const MIN_WETNESS: f64 = 1.0 / 1024.0;
@@ -112,14 +113,15 @@ pub const MIN_WETNESS: f64 = 1.0 / 1024.0;
 pub const VEIN_CELLS: usize = 128;
 /// Cells on either side whose mean a cell is compared with; more also find broad veins.
 pub const VEIN_NEIGHBOURHOOD: usize = 5;
-/// Depth of a vein whose lowering is the root mean square of the leaf; 0.5: twice that is a full vein.
+/// Depth, 0 to 1, of a cell that is lower than its neighbourhood by the root mean square of the leaf; with 0.5,
+/// twice that is a full vein.
 pub const VEIN_RMS_SCALE: f64 = 0.5;
 
-// Shape of sessile drops and of their tails.
+// Shape of sessile drops and of their tails: height, skew, stretch and spacing of caps.
 
 /// Height factor of [`CapHeightRule::Paper`](crate::rain::CapHeightRule::Paper), as printed in the paper.
 pub const PAPER_HEIGHT_FACTOR: f64 = 0.5;
-/// Contact angle from which the formula of the skew, whose tangents diverge, is replaced by the largest skew, degrees; and that skew:
+/// Contact angle, degrees, from which the largest skew replaces the formula of the skew, whose tangents diverge; and that skew:
 /// by eye, more makes the front of a drop a wall.
 pub const NEAR_RIGHT_ANGLE: f64 = 85.0;
 pub const MAX_SKEW: f64 = 0.4;
@@ -134,14 +136,14 @@ pub const MERGE_STRETCH_TIME: f64 = 0.05;
 pub const TAIL_SPACING: f64 = 0.9;
 /// Time constant with which a tail grows and shrinks, s.
 pub const TAIL_TIME: f64 = 0.08;
-/// Smallest fraction of a cap that has begun to grow at which it is shown.
+/// Smallest fraction of a growing cap at which it is drawn.
 pub const MIN_TAIL_SHARE: f64 = 1e-3;
 /// Smallest base radius of a cap in divisions by it, m.
 pub const MIN_CAP_RADIUS: f64 = 1e-5;
-/// Sphere radius of the smallest cap that a tail leaves behind as a bead, m; smaller ones are drawn in.
+/// Sphere radius of the smallest cap that a tail leaves behind as a bead, m; smaller caps return to the drop.
 pub const MIN_BEAD_RADIUS: f64 = 3e-4;
 
-// Motion of sessile drops.
+// Motion of sessile drops: friction, steering, segments of a run, the margin.
 
 /// Speed below which a drop that the forces hold is at rest, m/s: dry friction brings it to exactly 0 within microseconds; larger
 /// values would hold drops that start slowly.
@@ -151,7 +153,7 @@ pub const MARGIN_ESCAPE_SPEED: f64 = 0.3;
 /// Time constant with which drops respond to the leaf's acceleration, s: about sqrt(rho V / gamma), the time in which surface tension
 /// deforms a drop of 10 mm^3. An impact, which accelerates the leaf within a single time step, then acts alike for any step.
 pub const ACCELERATION_RESPONSE_TIME: f64 = 0.01;
-/// Limit of that acceleration, m/s^2: beyond, drops would deform rather than follow.
+/// Limit of that acceleration, m/s^2: beyond it, drops would deform rather than follow.
 pub const MAX_LEAF_ACCELERATION: f64 = 50.0;
 /// Time in which the axis of a resting drop turns downhill, s.
 pub const AXIS_TURN_TIME: f64 = 0.1;
@@ -176,23 +178,23 @@ pub const STEER_VEIN: f64 = 0.2;
 pub const STEER_NOISE: f64 = 0.5;
 /// Factor on texture coordinates for the noise that steers, so that it differs from that of pinning.
 pub const STEER_NOISE_SCALE: f64 = 2.0;
-/// Distance from a decision within which it is due, in base radii: rounding.
+/// Distance before a decision at which it counts as reached, in base radii: far above rounding.
 pub const STEER_TOLERANCE: f64 = 1e-6;
-/// Longest step in which drops of a leaf move before those that touch merge and tails change, s: with drops that run, and with others.
-/// The largest distance that a drop may run within it, in base radii: so that fast drops do not pass over others. Most such substeps
-/// of a step.
+/// Longest substeps, s, after which drops of a leaf that touch merge and tails change: while a drop runs, and while
+/// none does. Largest distance, in base radii, that a drop may run within one, so that fast drops do not pass over
+/// others. Largest number of substeps.
 pub const MAX_RUN_STEP: f64 = 1.0 / 384.0;
 pub const MAX_REST_STEP: f64 = 1.0 / 120.0;
 pub const MAX_DROP_SHIFT: f64 = 0.5;
 pub const MAX_SUBSTEPS: u32 = 64;
-/// Length of a segment of a run in base radii: below [`MARGIN_DISTANCE`], so that no drop runs past the margin unseen.
+/// Length of a segment of a run in base radii: below [`MARGIN_DISTANCE`], so that no drop passes the margin undetected.
 pub const SEGMENT_LENGTH: f64 = 0.25;
-/// Largest turn of the heading in a segment, as a fraction of the speed, if gravity is oblique to it; then a segment is also at most
-/// this part of the viscous time constant, and at least as long as the time given, s. Smaller turns cost more segments.
+/// Largest turn of the heading in a segment, as a fraction of the speed, if gravity is oblique to it. Such a segment also lasts
+/// at most this part of the viscous time constant, and at least the given time, s. Smaller turns cost more segments.
 pub const MAX_SEGMENT_TURN: f64 = 0.25;
 pub const SEGMENTS_PER_DECAY_TIME: f64 = 8.0;
 pub const MIN_SEGMENT_TIME: f64 = 2e-4;
-/// Most segments of a substep: more than a drop needs that turns all the time.
+/// Largest number of segments of a substep: more than a drop needs that turns all the time.
 pub const MAX_RUN_SEGMENTS: u32 = 256;
 /// Length of a piece of the recorded path, in base radii, below which the next is added to it.
 pub const PATH_SPACING: f64 = 0.1;
@@ -202,13 +204,13 @@ pub const MARGIN_DISTANCE: f64 = 0.3;
 pub const MARGIN_INSET: f64 = 0.02;
 /// Distance after which a moving drop marks the surface as wet again, in base radii.
 pub const WET_MARK_INTERVAL: f64 = 0.25;
-/// Distance behind a running drop at which its track begins to act on drops, in base radii: with less a drop would feel its own water in
-/// the coarse grid of wetness.
+/// Distance behind a running drop at which its track begins to act on drops, in base radii: with less, a drop would respond to
+/// its water in the coarse grid of wetness.
 pub const TRACK_DISTANCE: f64 = 2.5;
 /// Relative enlargement of the distance within which pairs of drops are tested for touching, against rounding.
 pub const SWEEP_TOLERANCE: f64 = 1e-9;
 
-// Pendant drops.
+// Pendant drops: formation, maximum volume, necking and detachment.
 
 /// Largest attachment radius of a pendant drop on a straight margin, m.
 pub const MAX_PENDANT_RADIUS: f64 = 1.5e-3;
@@ -238,7 +240,7 @@ pub const NECKING_TIME: f64 = 0.04;
 pub const MIN_GRAVITY: f64 = 0.01;
 /// Attraction of [`MergeRule::Paper`](crate::rain::MergeRule::Paper) at most, in units of its constant: the printed logarithm has no limit.
 pub const MAX_ATTRACTION: f64 = 3.0;
-/// Largest factor on the length of the profile of the maximum volume with which more water is shown.
+/// Largest factor on the length of the profile of the maximum volume, by which a drop with more water is drawn.
 pub const MAX_PENDANT_STRETCH: f64 = 1.6;
 /// Shape at the end of necking, after photographs: relative lengthening of the drop, and relative narrowing of its neck.
 pub const NECK_LENGTHENING: f64 = 0.45;
@@ -249,7 +251,7 @@ pub const NECK_POSITION: f64 = 0.82;
 pub const NECK_WAIST: f64 = 0.5;
 pub const NECKED_SHIFT_START: f64 = 0.4;
 
-// Water maps.
+// Water maps: wet spots, windows of texels, continuation beyond the margin.
 
 /// Wetness of the maps that counts as dry, 0 to 1; equal to [`MIN_WETNESS`] in single precision.
 pub const MIN_MAP_WETNESS: f32 = 1.0 / 1024.0;
@@ -261,23 +263,24 @@ pub const WINDOW_MARGIN_MIN: f64 = 1.05;
 pub const WINDOW_MARGIN_MAX: f64 = 1.25;
 /// Texels by which maps continue beyond the margin of the blade: enough for bilinear filters and two levels of mipmaps.
 pub const MAP_BLEED: usize = 4;
-/// Most samples across a texel when the relief of a leaf is reduced to a map; more follow finer relief and cost time once.
+/// Largest number of samples across a texel when the relief of a leaf is reduced to a map; more follow finer relief
+/// and cost time once.
 pub const MAX_RELIEF_SAMPLES: usize = 4;
 /// Cosine of the angle to the mean normal within which all normals lie if the blade is not folded. Folded blades cost more time.
 pub const FOLD_COSINE: f32 = 0.8;
 
-// Meshes of drops.
+// Meshes of drops: numbers of rings, sides, rows and columns, by size in the picture.
 
 /// Number of rings and sides of a small drop and of a large one, and the radius from which a drop is large, m.
 pub const SMALL_DROP_GRID: [u32; 2] = [6, 24];
 pub const LARGE_DROP_GRID: [u32; 2] = [12, 48];
 pub const LARGE_DROP_RADIUS: f64 = 1e-3;
-/// The same of drops that a camera sees from afar, and of drops that it sees as a pixel or two.
+/// The same for drops that are small in the picture, and for drops of a pixel or two.
 pub const AFAR_DROP_GRID: [u32; 2] = [4, 12];
 pub const DISTANT_DROP_GRID: [u32; 2] = [1, 6];
-/// Radius over distance below which a drop is seen from afar, and below which it is distant: about 15 and 3 pixels across in a picture of
-/// 1080 lines that shows 40 degrees. The polygons of 12 and 6 sides then deviate from the circle by a quarter of a pixel. Larger: coarse
-/// drops are seen as such; smaller: files hold vertices that nobody sees.
+/// Radius over distance below which a drop counts as far, and below which it counts as distant: about 15 and 3 pixels across in a
+/// picture of 1080 lines that covers 40 degrees. Polygons of 12 and 6 sides then deviate from the circle by a quarter of a pixel.
+/// Larger: the coarse meshes become visible; smaller: files hold vertices that nobody sees.
 pub const AFAR_DROP_ANGLE: f64 = 5e-3;
 pub const DISTANT_DROP_ANGLE: f64 = 1e-3;
 /// Exponent of the spacing of rings: above 1 they are denser towards the contact line, where highlights and refraction vary most.
@@ -302,9 +305,9 @@ pub const PROFILE_POINTS: [usize; 3] = [40, 12, 4];
 pub const SEAT_HEIGHT: f64 = 0.35;
 pub const SEAT_RINGS: [u32; 3] = [8, 3, 2];
 
-/// Parts of equal volume that the rain is divided into where the exposure of surfaces is computed, each at a time of the clip of its
-/// own. More resolve gusts and sizes better, at a cost in proportion.
+/// Parts of equal volume into which rain is divided where the exposure of surfaces is computed, each at a different time of the
+/// clip. More resolve gusts and sizes better, at a cost in proportion.
 pub const EXPOSURE_SAMPLES: u32 = 8;
-/// How far outside of a surface its exposure is computed, m: more than the radius of the largest drops, which would touch the surface
-/// itself otherwise.
+/// Distance outside of a surface at which its exposure is computed, m: more than the radius of the largest drops, which would
+/// touch the surface otherwise.
 pub const EXPOSURE_OFFSET: f32 = 5e-3;

@@ -13,7 +13,7 @@ use osier_base::convert::saturating_index;
 use osier_base::math;
 use osier_scene::plant::NONE;
 
-/// Elastic material of a rod.
+/// Elastic material and damping of a rod, the same over its length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RodMaterial {
     /// Young's modulus, Pa, 1e4..1e13.
@@ -27,18 +27,18 @@ pub struct RodMaterial {
     /// Stiffness of the restoring springs towards the rest positions, over the stiffness of the fundamental mode,
     /// 0..4.
     pub recovery: f64,
-    /// Widen the prisms until torsion matches the material, however slender the rod; axial stiffness falls in return.
+    /// Whether prisms are widened until torsion matches the material, however slender the rod; axial stiffness falls in return.
     pub spread_for_torsion: bool,
 }
 
-/// Geometry, material and attachment of a rod before its discretization.
+/// Centreline, radii, material and attachment of a rod before its discretization.
 #[derive(Debug, Clone)]
 pub struct RodDescription {
     /// Two or more points from base to tip, m, joined by a Catmull-Rom spline.
     pub points: Vec<DVec3>,
     /// Radius at each point, m, > 0.
     pub radii: Vec<f64>,
-    /// Elasticity, density and damping.
+    /// Elasticity, density and damping of the whole rod.
     pub material: RodMaterial,
     /// Number of sections, 2..64; `None` chooses it from length and radius.
     pub sections: Option<usize>,
@@ -72,7 +72,8 @@ impl RodDescription {
         self.sections.unwrap_or_else(|| wanted.clamp(SECTION_COUNT_RANGE[0], SECTION_COUNT_RANGE[1])).max(2)
     }
 
-    /// Position, radius and arc length of samples along a spline through the points.
+    /// Position, m, radius, m, and arc length, m, of samples along a spline through the points;
+    /// [`SPLINE_SUBDIVISIONS`] per segment.
     /// Source: E. Catmull, R. Rom, "A class of local interpolating splines", 1974, with tangents by arc length.
     fn sample_spline(&self) -> Vec<(DVec3, f64, f64)> {
         let p = &self.points;
@@ -175,20 +176,20 @@ pub(crate) struct SectionProperties {
     pub s: f64,
     /// Mass of each corner, kg.
     pub mass: f64,
-    /// Index of the attached base that stands in for the predecessor, and for the one before that; [`NONE`] where that
-    /// is a free section.
+    /// Index of the attached base that replaces the predecessor, and of the one that replaces the predecessor before that;
+    /// [`NONE`] where the predecessor is a free section.
     pub base: [u32; 2],
     /// Stiffness, N/m, and rest length, m, of its springs, in the order of [`crate::rods::springs`].
     pub stiffness: [f64; SPRINGS_PER_SECTION],
     pub rest_lengths: [f64; SPRINGS_PER_SECTION],
 }
 
-/// Base of a rod that is rigid with a section of its parent rod and has no degrees of freedom of its own.
+/// Base of a rod that is rigid with a section of its parent rod and therefore has no degrees of freedom.
 #[derive(Debug, Clone)]
 pub(crate) struct AttachedBase {
     /// Index of the carrying section.
     pub on: u32,
-    /// Corners of the base in that section's frame, m.
+    /// Corners of the base in the frame of that section, m.
     pub local: Vector9,
 }
 
@@ -219,7 +220,7 @@ pub(crate) struct SectionTree {
 }
 
 impl SectionTree {
-    /// Discretizes rods. Parents stand before their children.
+    /// Discretizes rods; a parent must precede its children in `rods`.
     pub(crate) fn discretize(rods: &[RodDescription]) -> Self {
         let mut tree = Self::default();
         rods.iter().enumerate().for_each(|(number, rod)| tree.add_rod(number, rod));
@@ -244,8 +245,7 @@ impl SectionTree {
             self.bases.len() - 1
         });
         for j in own..line.frames.len() {
-            // PredecessorPair of section j: within the rod, or the carrying section where the attached base takes their
-            // place.
+            // Predecessors of section j: sections of the same rod, or the carrying section where the attached base replaces them.
             let before = |k: usize| match (j.checked_sub(k), parent) {
                 (Some(at), Some(on)) if at < own => to_stored_index(on),
                 (Some(at), _) => to_stored_index(first + at - own),
@@ -314,7 +314,7 @@ fn mass_per_corner_by_section(line: &SampledRod, density: f64) -> Vec<f64> {
     line.radii.iter().enumerate().map(one).collect()
 }
 
-/// Index of a section or base as it is stored.
+/// Index of a section or base as the tree stores it, in 32 bits.
 pub(crate) fn to_stored_index(i: usize) -> u32 {
     // A section takes hundreds of bytes: 2^32 of them exceed the memory long before the index overflows.
     saturating_index(i)

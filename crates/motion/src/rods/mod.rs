@@ -7,7 +7,7 @@
 //! use glam::DVec3;
 //! use osier_motion::rods::{SupportKind, RodDescription, RodMaterial, RodSystem};
 //!
-//! // A twig of 40 cm, clamped at its base, sags under its own weight.
+//! // A twig of 40 cm, clamped at its base, sags under its weight.
 //! let material = RodMaterial {
 //!     young: 5e9,
 //!     shear: 1.0 / 15.0,

@@ -48,7 +48,7 @@ impl RodSystem {
             let about = body.inertia.x_axis.x + body.inertia.y_axis.y;
             lump.second += body.mass * lever * lever + 0.5 * about;
         }
-        // Children come after their parents: from the last rod to the first, each hands its total mass to the section
+        // Children come after their parents: from the last rod to the first, add the total mass of each rod to the section
         // that carries it.
         for span in self.tree.rods.iter().rev() {
             if let Some(base) = span.base {
@@ -93,8 +93,8 @@ impl RodSystem {
                 moment = outer + shear * interval(k).length;
                 moments[k] = [moment, outer];
             }
-            // Integrate the curvature M / (E I), linear over each interval, twice: slope and deflection y under its own
-            // weight, and with them the numerator and denominator of Rayleigh's quotient.
+            // Integrate the curvature M / (E I), linear over each interval, twice: slope and deflection y under the weight of the
+            // rod, and with them the numerator and denominator of Rayleigh's quotient.
             let (mut slope, mut y) = (0.0, 0.0);
             for k in 0..count {
                 let (l, ei, [inner, outer]) = (interval(k).length, interval(k).bending_rigidity(), moments[k]);

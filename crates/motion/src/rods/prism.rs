@@ -11,13 +11,13 @@ pub type Matrix9 = [[f64; 9]; 9];
 const CORNER_COSINES: [f64; 3] = [1.0, -0.5, -0.5];
 const CORNER_SINES: [f64; 3] = [0.0, 0.866_025_403_784_438_6, -0.866_025_403_784_438_6];
 
-/// Vector of corner `c`.
+/// Position, velocity or force of corner `c`, 0 to 2.
 #[inline(always)]
 pub fn corner(x: &Vector9, c: usize) -> DVec3 {
     DVec3::new(x[3 * c], x[3 * c + 1], x[3 * c + 2])
 }
 
-/// Adds `d` to the vector of corner `c`.
+/// Adds `d` to the vector of corner `c`, 0 to 2.
 #[inline(always)]
 pub fn add_to_corner(x: &mut Vector9, c: usize, d: DVec3) {
     x[3 * c] += d.x;
@@ -25,7 +25,7 @@ pub fn add_to_corner(x: &mut Vector9, c: usize, d: DVec3) {
     x[3 * c + 2] += d.z;
 }
 
-/// Corners by evaluating a function of the corner's index.
+/// Corner vectors by evaluating a function of the corner's index, 0 to 2.
 #[inline(always)]
 pub fn corners_from_fn(f: impl Fn(usize) -> DVec3) -> Vector9 {
     let mut x = [0.0; 9];
@@ -35,13 +35,13 @@ pub fn corners_from_fn(f: impl Fn(usize) -> DVec3) -> Vector9 {
     x
 }
 
-/// Mean of the three corners.
+/// Mean of the three corner vectors; of positions, the centroid of the section.
 #[inline(always)]
 pub fn centroid(x: &Vector9) -> DVec3 {
     (corner(x, 0) + corner(x, 1) + corner(x, 2)) / 3.0
 }
 
-/// Scalar product over all nine components.
+/// Scalar product over all nine components, such as force times displacement.
 #[inline(always)]
 pub fn corner_dot(a: &Vector9, b: &Vector9) -> f64 {
     (0..9).fold(0.0, |sum, k| sum + a[k] * b[k])
@@ -103,12 +103,12 @@ impl SectionFrame {
         Self { p: self.p + by, u: q * self.u, v: q * self.v, w: q * self.w }
     }
 
-    /// Corners of an equilateral triangle with circumradius `rho`, m.
+    /// Corners, m, of an equilateral triangle with circumradius `rho`, m, around the origin of the frame.
     pub fn corner_positions(&self, rho: f64) -> Vector9 {
         corners_from_fn(|c| self.p + rho * (CORNER_COSINES[c] * self.u + CORNER_SINES[c] * self.v))
     }
 
-    /// Rotation from section coordinates (u, v, w) to world directions.
+    /// Rotation from section coordinates (u, v, w) to world directions, by columns.
     pub fn matrix(&self) -> DMat3 {
         DMat3::from_cols(self.u, self.v, self.w)
     }
@@ -119,7 +119,7 @@ impl SectionFrame {
         corners_from_fn(|c| self.p + m * corner(local, c))
     }
 
-    /// Inverse of [`SectionFrame::local_positions_to_world`].
+    /// Coordinates, m, in this frame of corners at world positions; the inverse of [`SectionFrame::local_positions_to_world`].
     pub fn corners_to_local(&self, x: &Vector9) -> Vector9 {
         let m = self.matrix().transpose();
         corners_from_fn(|c| m * (corner(x, c) - self.p))
@@ -133,19 +133,19 @@ impl SectionFrame {
 
 /// Rigid-body motion of three corners: v = mean, omega = I^-1 sum r x v; and conversely the corner forces that are
 /// equivalent to a force and a torque.
-/// Source: the map W of M_last = diag(m) + W^T M W. Own: [yang-wu] leaves it open.
+/// Source: the map W of M_last = diag(m) + W^T M W. Own: [yang-wu] does not give W.
 #[derive(Debug, Clone, Copy)]
 pub struct CornerRigidMotion {
     /// Centroid of the corners, m.
     pub p: DVec3,
-    /// From the centre to the corners, m.
+    /// Vectors from the centroid to the corners, m.
     arms: [DVec3; 3],
     /// Inverse of I = sum(|r|^2 1 - r r^T), 1/m^2.
     inverse: DMat3,
 }
 
 impl CornerRigidMotion {
-    /// Map for corners at `x`, m, which must not be collinear.
+    /// The map for corners at `x`, m, which must not be collinear: I would be singular.
     pub fn from_corners(x: &Vector9) -> Self {
         let p = centroid(x);
         let arms = [0, 1, 2].map(|c| corner(x, c) - p);
@@ -186,7 +186,7 @@ impl CornerRigidMotion {
     }
 
     /// Mass matrix W^T M W of a rigid body attached to the section, over the corners. `at`: from the centroid to the
-    /// body's centre, m; `mass`, kg; `inertia` about the body's own centre, kg m^2, both in world directions.
+    /// centre of the body, m; `mass`, kg; `inertia` about the centre of the body, kg m^2, both in world directions.
     pub fn body_mass_matrix(&self, at: DVec3, mass: f64, inertia: DMat3) -> Matrix9 {
         let s = cross_matrix(at);
         // The 6x6 spatial mass matrix about the section's centroid, [[m, -m s], [m s, I - m s s]] with s = [at]x.

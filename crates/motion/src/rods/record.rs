@@ -11,13 +11,13 @@ use osier_base::progress::Cancel;
 use osier_base::{Error, Result};
 use osier_wind::Wind;
 
-/// Density of air, kg/m^3.
+/// Density of air at sea level, kg/m^3, in the drag of rods and blades.
 pub(crate) const AIR_DENSITY: f64 = osier_base::physics::AIR_DENSITY;
 /// Largest number of substeps per frame that an explicit integrator may need; beyond, the limit error suggests the
 /// implicit one.
 pub const MAX_SUBSTEPS: u32 = 200_000;
 
-/// Time integration scheme.
+/// Time integration scheme of rods. All but the first are for comparison with the literature.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Integrator {
     /// Implicit BDF2, [`RodSystem::step_implicit`].
@@ -30,7 +30,7 @@ pub enum Integrator {
     Explicit,
 }
 
-/// A load on a section or a motion of a clamp, keyed over time.
+/// A load on a section, the mass of a body or the motion of a clamp, keyed over time.
 #[derive(Debug, Clone)]
 pub enum Actuation {
     /// Force, N, and torque, N m, at the centre of the section of this index.
@@ -45,36 +45,36 @@ pub enum Actuation {
     Turn(usize, DVec3, Keyframes<1>),
 }
 
-/// Time range, integrator and actuations of a recording.
+/// Length, scheme, actuations and wind of a recording.
 pub struct RecordingParams<'a> {
     /// Number of frames, the start included.
     pub frames: u32,
-    /// Number of the first frame, for messages.
+    /// Number of the first frame, by which errors name frames.
     pub first: u32,
     /// Frame rate of the clip, frames per second.
     pub fps: f64,
-    /// Substeps per frame; `None` chooses them from the frequencies.
+    /// Substeps per frame; `None` chooses them from the frequencies of the rods.
     pub steps: Option<u32>,
-    /// Time integration scheme.
+    /// Scheme of the substeps; explicit schemes need many more of them.
     pub integrator: Integrator,
-    /// Loads and clamp motions.
+    /// Loads and clamp motions, keyed by the time since the first frame, s.
     pub acts: Vec<Actuation>,
-    /// Drag coefficient of each rod, and the wind field.
+    /// Drag coefficient of each rod, and the wind field; `None` without any force of the air.
     pub wind: Option<(Vec<f64>, &'a dyn Wind)>,
     /// Name of the rod in error messages.
     pub name: String,
 }
 
-/// Poses of all sections and bodies in one frame.
+/// Poses of all sections and bodies in one frame, in world space.
 #[derive(Debug, Clone, Default)]
 pub struct RodSystemPose {
     /// Per section: position, m, and rotation: +Y along the rod, +X towards its corner 0.
     pub sections: Vec<(Vec3, Quat)>,
-    /// Position of each attached body, m.
+    /// Position of each attached body, m; of a released body, its position in free fall or on the ground.
     pub bodies: Vec<Vec3>,
 }
 
-/// A foreign body after its mass became 0, in free fall.
+/// A body that is not part of the plant, in free fall since its mass became 0.
 #[derive(Debug, Clone, Copy)]
 struct DetachedBody {
     p: DVec3,
@@ -107,7 +107,7 @@ impl RodSystem {
     }
 
     fn substeps_for_clip(&mut self, clip: &RecordingParams<'_>) -> Result<u32> {
-        // The count of the clip, or that of the implicit integrators; only explicit ones need a stability bound.
+        // Use the count of the clip, or that of the implicit integrators; only explicit ones need a stability bound.
         let explicit = matches!(clip.integrator, Integrator::Symplectic | Integrator::Explicit);
         if let (Some(n), _) | (None, Some(n)) = (clip.steps, (!explicit).then(|| self.steps_per_frame(clip.fps))) {
             return Ok(n);
@@ -132,7 +132,8 @@ impl RodSystem {
     }
 
     fn current_pose(&self, released: &[Option<DetachedBody>]) -> RodSystemPose {
-        // Sections by their frames; a released body at its own position, an attached one with its section.
+        // Sections have the pose of their frames; a released body has its free-fall position, an attached one
+        // follows its section.
         let section = |i: usize| {
             let f = self.section_frame(i);
             (f.p.as_vec3(), f.rotation().as_quat().normalize())
@@ -242,8 +243,8 @@ impl RodSystem {
         }
     }
 
-    /// Adds the drag of the wind to each section. Source: F = rho/2 C A |u| u with the relative wind u normal to the
-    /// rod.
+    /// Adds the drag of the wind at time `t`, s, to each section. `drag`: coefficient of each rod. Source: F = rho/2 C A |u| u
+    /// with the relative wind u normal to the rod.
     pub(crate) fn add_wind_drag(&mut self, drag: &[f64], wind: &dyn Wind, t: f64) {
         let places: Vec<Vec3> = (0..self.len()).map(|i| self.section_frame(i).p.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
@@ -253,7 +254,7 @@ impl RodSystem {
             let section = &self.tree.sections[i];
             let span = &self.tree.rods[section.rod];
             let length = span.length / span.intervals.len().max(1) as f64;
-            // Sections at either end of a rod stand for half an interval.
+            // Sections at either end of a rod represent half an interval.
             let end = i + 1 == span.sections.end || (i == span.sections.start && span.base.is_none());
             let area = 2.0 * section.radius * length * if end { 0.5 } else { 1.0 };
             let along = self.section_frame(i).w;
@@ -265,7 +266,7 @@ impl RodSystem {
         }
     }
 
-    /// Advances released weights in free fall until they rest on the ground, y = 0.
+    /// Advances released weights in free fall by `h` seconds until they rest on the ground, y = 0.
     fn advance_detached_bodies(&self, released: &mut [Option<DetachedBody>], h: f64) {
         for (body, state) in self.bodies.iter().zip(released) {
             if body.of_plant {

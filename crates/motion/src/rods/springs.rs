@@ -48,7 +48,7 @@ impl RodInterval {
         2.0 / 3.0 * self.shear * slender * slender
     }
 
-    /// Share of the axial stiffness that the diagonal springs carry.
+    /// Share of the axial stiffness that the diagonal springs carry, limited to [`SHEAR_SHARE_RANGE`].
     fn diagonal_stiffness_share(&self) -> f64 {
         self.unclamped_shear_share().clamp(SHEAR_SHARE_RANGE[0], SHEAR_SHARE_RANGE[1])
     }
@@ -91,7 +91,7 @@ pub(crate) fn spring_stiffnesses(intervals: &[RodInterval]) -> Vec<[f64; SPRINGS
             let along = (k0 * (1.0 - f) - 2.0 * across).max(0.1 * k0);
             let rho = CORNER_RADIUS_RATIO * l.radius * l.spread;
             // Diagonals join different corners, sqrt(3) rho apart, so cos^2 = l^2 / (l^2 + 3 rho^2). In bending a diagonal
-            // stretches by half of what the third corner does; six of them with 2 f k0 / cos^2 take the share f.
+            // stretches by half of the stretch at the third corner; six of them with 2 f k0 / cos^2 take the share f.
             let diagonal = 2.0 * f * k0 * (l.length * l.length + 3.0 * rho * rho) / (l.length * l.length);
             for c in 0..9 {
                 k[FIRST_LINK_SPRING + c] = if c / 3 == c % 3 { along } else { diagonal };
@@ -178,7 +178,7 @@ pub(crate) fn spring_forces(
     f
 }
 
-/// Elastic energy of a section's springs, J.
+/// Elastic energy, J, of springs of stiffness `k`, N/m, and rest length `l`, m, whose ends are `d` apart, m.
 pub(crate) fn spring_energy(
     d: &PerSpringVectors,
     k: &[f64; SPRINGS_PER_SECTION],
@@ -190,7 +190,7 @@ pub(crate) fn spring_energy(
     })
 }
 
-/// Length of each spring of a section, m.
+/// Length of each spring of a section, m, from the vectors between its ends, m.
 pub(crate) fn spring_lengths(d: &PerSpringVectors) -> [f64; SPRINGS_PER_SECTION] {
     std::array::from_fn(|i| (d[0][i] * d[0][i] + d[1][i] * d[1][i] + d[2][i] * d[2][i]).sqrt())
 }

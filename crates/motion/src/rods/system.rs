@@ -13,7 +13,7 @@ use crate::rods::tuning::{CLAMP_STIFFNESS_FACTOR, MAX_VISIBLE_HZ, STEP_COUNT_RAN
 use osier_base::math;
 use osier_scene::plant::NONE;
 
-/// Boundary condition of a clamped section.
+/// Which degrees of freedom of a clamped section are prescribed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SupportKind {
     /// Position and rotation are prescribed (all nine degrees of freedom).
@@ -29,7 +29,7 @@ pub enum SupportKind {
 pub struct RodSupport {
     /// Index of the section that it acts on.
     pub section: usize,
-    /// Which degrees of freedom are prescribed.
+    /// Its prescribed degrees of freedom; the others stay free.
     pub hold: SupportKind,
     /// Prescribed translation from the reference shape, m.
     pub shift: DVec3,
@@ -70,15 +70,15 @@ impl RodSupport {
 /// Rigid body attached to a section: a leaf blade, or a weight.
 #[derive(Debug, Clone)]
 pub struct AttachedBody {
-    /// Index of the section that it is attached to.
+    /// Index of the section that it is attached to, in whose frame `at` and `inertia` are given.
     pub section: usize,
     /// Centre of mass in the section's frame (u, v, w), m.
     pub at: DVec3,
-    /// Mass, kg; 0 for a body that is not there.
+    /// Mass, kg; 0 for a body that is absent or has been released.
     pub mass: f64,
     /// Inertia about its centre of mass, in the section's frame, kg m^2.
     pub inertia: DMat3,
-    /// Belongs to the plant: mass damping and restoring springs act on it, and it counts towards the fundamental
+    /// Whether it belongs to the plant: mass damping and restoring springs act on it, and it counts towards the fundamental
     /// frequency.
     pub of_plant: bool,
     /// Height of its centre above the ground when it lies there after its release, m.
@@ -110,12 +110,12 @@ pub struct RodSystem {
     pub(crate) tree: SectionTree,
     pub(crate) clamps: Vec<RodSupport>,
     pub(crate) bodies: Vec<AttachedBody>,
-    /// Gravitational acceleration, m/s^2.
+    /// Gravitational acceleration in the world, m/s^2; at first 9.81 along -Y.
     pub gravity: DVec3,
-    /// Gravity does not act on wood and plant bodies, so that the reference shape is in equilibrium.
+    /// Whether gravity leaves out wood and plant bodies, so that the reference shape is in equilibrium.
     pub weightless: bool,
     pub(crate) dampings: Vec<RodModalParams>,
-    /// Per rod: the frame in which its rest positions are constant.
+    /// Per rod: the frame relative to which its rest positions are constant.
     anchors: Vec<RestAnchor>,
     /// Rest positions in the anchor's frame, m.
     rest_positions: Vec<Vector9>,
@@ -129,14 +129,14 @@ pub struct RodSystem {
     impulse_forces: Vec<Vector9>,
     /// Factor on impulses in this step; a first step takes less of them, see [`RodSystem::step_implicit`].
     pub(crate) share: f64,
-    /// The BDF2 history is not valid: the next step is an implicit Euler step.
+    /// Whether the BDF2 history is invalid, so that the next step is an implicit Euler step.
     pub(crate) history_reset: bool,
     pub(crate) step: SolverBuffers,
     /// Distance from the origin, m, beyond which a step counts as diverged.
     pub(crate) divergence_limit: f64,
 }
 
-/// The frame that the rest positions of a rod live in.
+/// The frame that carries the rest positions of a rod.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum RestAnchor {
     None,
@@ -144,7 +144,7 @@ enum RestAnchor {
     Section(usize),
 }
 
-/// Work arrays of the solver, allocated once.
+/// Work arrays of the solver, allocated once and overwritten in every step.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SolverBuffers {
     pub rows: Vec<BlockRow>,
@@ -165,7 +165,7 @@ pub(crate) struct SolverBuffers {
 }
 
 impl RodSystem {
-    /// Discretizes rods; every section is in its reference shape, at rest. Parents stand before children. `holds`:
+    /// Discretizes rods; every section is in its reference shape, at rest. A parent must precede its children. `holds`:
     /// rod, arc length on it, m, and boundary condition of each clamp.
     pub fn new(rods: &[RodDescription], holds: &[(usize, f64, SupportKind)]) -> Self {
         let tree = SectionTree::discretize(rods);
@@ -197,7 +197,7 @@ impl RodSystem {
             section_masses: Vec::new(),
             mass_index: vec![NONE; n],
         };
-        // Anchors need clamps and tree, rest positions need anchors, damping needs both.
+        // Anchors are chosen from clamps and tree, rest positions are relative to anchors, damping depends on both.
         let mut all = Self {
             x: tree.reference.clone(),
             v: zero.clone(),
@@ -223,7 +223,7 @@ impl RodSystem {
         all
     }
 
-    /// Adds bodies and recomputes frequencies and damping with them.
+    /// Adds bodies behind the present ones, and recomputes frequencies and damping with them.
     #[must_use]
     pub fn with_added_bodies(mut self, bodies: Vec<AttachedBody>) -> Self {
         self.bodies.extend(bodies);
@@ -243,8 +243,8 @@ impl RodSystem {
         }
     }
 
-    /// Frame of a rod's anchor after `h` seconds, extrapolated from the carrier's present velocity; none for a free
-    /// rod.
+    /// Frame of a rod's anchor after `h` seconds, extrapolated from the present velocity of the carrying section; `None` for
+    /// a free rod.
     fn predicted_anchor_frame(&self, rod: usize, h: f64) -> Option<SectionFrame> {
         match self.anchors[rod] {
             RestAnchor::None => None,
@@ -274,7 +274,7 @@ impl RodSystem {
         self.anchors[rod] != RestAnchor::None
     }
 
-    /// The clamped section of a rod that is anchored by a clamp of its own.
+    /// Index of the clamped section of a rod whose anchor is a clamp on the rod itself; `None` for other rods.
     pub(crate) fn clamped_section_of_rod(&self, rod: usize) -> Option<usize> {
         match self.anchors[rod] {
             RestAnchor::Clamp(c) => Some(self.clamps[c].section),
@@ -287,12 +287,12 @@ impl RodSystem {
         self.x.len()
     }
 
-    /// Whether the system has no sections.
+    /// Whether there is nothing to simulate: no rod has a free section.
     pub fn is_empty(&self) -> bool {
         self.x.is_empty()
     }
 
-    /// Indices of a rod's free sections; an attached base is not among them.
+    /// Indices of a rod's free sections from base to tip; an attached base is not among them.
     pub fn sections(&self, rod: usize) -> std::ops::Range<usize> {
         self.tree.rods[rod].sections.clone()
     }
@@ -307,7 +307,7 @@ impl RodSystem {
         self.tree.sections[section].s
     }
 
-    /// Index of the rod that a section belongs to.
+    /// Index of the rod of a section, in the order of the descriptions given to [`RodSystem::new`].
     pub fn rod_of_section(&self, section: usize) -> usize {
         self.tree.sections[section].rod
     }
@@ -322,7 +322,7 @@ impl RodSystem {
         SectionFrame::from_corners(&self.tree.reference[section])
     }
 
-    /// The section that carries a rod's base, and the base's frame in the reference shape.
+    /// The section that carries a rod's base, and the frame of the base in the reference shape; `None` without a parent rod.
     pub fn base_attachment(&self, rod: usize) -> Option<(usize, SectionFrame)> {
         let base = &self.tree.bases[self.tree.rods[rod].base?];
         let on = base.on as usize;
@@ -349,7 +349,7 @@ impl RodSystem {
         self.dampings[rod].hertz
     }
 
-    /// Substeps per frame that resolve the fastest visible mode. `fps`: frames per second.
+    /// Number of substeps per frame, 8 to 64, that resolve the fastest visible mode at `fps` frames per second.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     pub fn steps_per_frame(&self, fps: f64) -> u32 {
         // h = STEP_PHASE / w of the fastest visible fundamental.
@@ -363,7 +363,7 @@ impl RodSystem {
         self.tree.rods[rod].intervals.iter().fold(1.0, |m, l| l.torsion_softening().max(m))
     }
 
-    /// Removes all that [`RodSystem::add_wrench`] and [`RodSystem::add_impulse`] have added.
+    /// Removes all forces and impulses that [`RodSystem::add_wrench`] and [`RodSystem::add_impulse`] have added.
     pub fn clear_forces(&mut self) {
         self.external_forces.fill([0.0; 9]);
         self.impulse_forces.fill([0.0; 9]);
@@ -371,7 +371,7 @@ impl RodSystem {
 
     /// Adds a force, N, and a torque, N m, at a section's centre, until [`RodSystem::clear_forces`].
     pub fn add_wrench(&mut self, section: usize, force: DVec3, torque: DVec3) {
-        // The wrench as corner forces: the equations know corners only.
+        // Convert the wrench to corner forces, since the positions of corners are the degrees of freedom.
         let f = CornerRigidMotion::from_corners(&self.x[section]).corner_forces(force, torque);
         (0..9).for_each(|k| self.external_forces[section][k] += f[k]);
     }
@@ -390,7 +390,7 @@ impl RodSystem {
         self.v[section] = corners_from_fn(|_| velocity);
     }
 
-    /// Acceleration of a section under a force: M^-1 f.
+    /// Acceleration of the corners of section `i` under corner forces, N: M^-1 f, attached bodies included.
     pub(crate) fn apply_inverse_mass(&self, i: usize, f: &Vector9) -> Vector9 {
         // Sections without bodies have the same lumped mass at every corner.
         match self.step.section_masses.get(self.step.mass_index[i] as usize) {
@@ -399,7 +399,7 @@ impl RodSystem {
         }
     }
 
-    /// M x of a section; `of_plant`: with the plant's own bodies only.
+    /// M x of section `i`; `of_plant`: with the bodies that belong to the plant only.
     #[inline]
     pub(crate) fn apply_mass(&self, i: usize, x: &Vector9, of_plant: bool) -> Vector9 {
         match self.step.section_masses.get(self.step.mass_index[i] as usize) {
@@ -432,7 +432,7 @@ impl RodSystem {
         step.mass_index.fill(NONE);
         for body in bodies.iter() {
             let i = body.section;
-            // The first body of a section opens its entry with the lumped corner masses.
+            // The first body of a section creates its entry with the lumped corner masses.
             if step.mass_index[i] == NONE {
                 step.mass_index[i] = to_stored_index(step.section_masses.len());
                 let mut bare = [[0.0; 9]; 9];
@@ -459,7 +459,7 @@ impl RodSystem {
         }
     }
 
-    /// Prepares what stays constant within a step of `h` seconds: mass matrices, rest positions, gravity, external
+    /// Prepares all constants of a step of `h` seconds: mass matrices, rest positions, gravity, external
     /// forces, and the reaction of restoring springs on the sections that carry their anchors, which lags by one step.
     pub(crate) fn prepare_step(&mut self, h: f64) {
         self.update_section_masses();
@@ -514,7 +514,7 @@ impl RodSystem {
         if recovery <= 0.0 {
             return;
         }
-        // Sum the restoring forces of the rod to a force and a torque about the anchor's centre (Newton's third law).
+        // Sum the restoring forces of the rod to a force and a torque about the centre of the anchor (Newton's third law).
         let rigid = CornerRigidMotion::from_corners(&self.x[on]);
         let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
         for i in self.tree.rods[rod].sections.clone() {
@@ -571,7 +571,7 @@ impl RodSystem {
         for k in 0..self.clamps.len() {
             let clamp = &self.clamps[k];
             let i = clamp.section;
-            // Velocity that carries the section to its target in one step.
+            // Velocity by which the section reaches its target in one step.
             let wanted = subtract_corners(&clamp.target_corners(), &self.x[i]).map(|d| d / h);
             let (directions, count) = clamp.constrained_directions();
             if clamp.hold == SupportKind::Fixed {

@@ -30,7 +30,7 @@ fn straight_rod(n: usize, slender: f64, radius: f64, material: RodMaterial) -> R
     }
 }
 
-/// The same, held at its base, without weight.
+/// The same rod, clamped at its base, without weight.
 fn cantilever(n: usize, slender: f64, material: RodMaterial) -> RodSystem {
     weightless(RodSystem::new(&[straight_rod(n, slender, 0.01, material)], &[(0, 0.0, SupportKind::Fixed)]))
 }
@@ -183,7 +183,7 @@ fn max_displacement(rods: &RodSystem) -> f64 {
     away.fold(0.0, |m: f64, d| if d.is_finite() { m.max(d.abs()) } else { f64::INFINITY })
 }
 
-/// Nudges every corner a little.
+/// Sets small random velocities of all corners but those of the base.
 fn perturb_velocities(rods: &mut RodSystem) {
     let mut draw = Rng::at(9, &["nudge".into()]);
     for v in rods.v.iter_mut().skip(1) {
@@ -203,7 +203,7 @@ fn explicit_integrators_have_their_stability_limits() {
         (0..4000).for_each(|_| rods.step_symplectic_euler(factor * 2.0 / w));
         assert_eq!(max_displacement(&rods) < 1e-6, holds, "symplectic at {factor}: {}", max_displacement(&rods));
     }
-    // Explicit steps grow by w^2 h^2 - a h: without damping at any length.
+    // The amplitude grows by w^2 h^2 - a h per explicit step: without damping at any step length.
     for (damping, factor, holds) in [(0.3, 0.95, true), (0.3, 1.05, false), (0.0, 0.1, false)] {
         let mut rods = make();
         rods.dampings[0].mass = damping * w / 2.0;
@@ -219,7 +219,7 @@ fn explicit_integrators_have_their_stability_limits() {
     }
 }
 
-/// A soft rod that was held aside by its tip and is let go: 5 MPa, below 2 Hz.
+/// A soft rod that is released from a deflection of its tip: 5 MPa, below 2 Hz.
 fn rod_released_from_deflection(damping_ratio: f64) -> RodSystem {
     let material = RodMaterial { young: 5e6, damping_ratio, ..MATERIAL };
     let rod = RodDescription {
@@ -249,7 +249,7 @@ fn implicit_integrator_is_second_order_and_matches_symplectic_euler() {
     let [a, b, c] = [96, 192, 384].map(end);
     let order = ((a - b).length() / (b - c).length()).log2();
     assert!(order > 1.8, "order {order}");
-    // The same second by both.
+    // One second of the same motion by both integrators.
     let mut by_springs = rod_released_from_deflection(0.0);
     assert!(by_springs.fundamental_hz(0) < 2.0);
     let h = 0.9 * 2.0 / by_springs.max_angular_frequency_bound();
@@ -308,7 +308,7 @@ fn energy_decays_at_the_damping_ratio() {
     }
 }
 
-/// A twig with a bend and a leaf's weight at its tip, sticking out sideways.
+/// A curved horizontal twig with the weight of a leaf at its tip.
 fn twig() -> RodSystem {
     let rod = RodDescription {
         points: vec![DVec3::ZERO, DVec3::new(0.15, 0.1, 0.0), DVec3::new(0.3, 0.12, 0.1)],
@@ -345,8 +345,8 @@ fn rest_shape_keeps_a_loaded_twig_in_its_reference_pose() {
     assert!(max_displacement(&rods) < 1e-4, "{}", max_displacement(&rods));
 }
 
-/// A pole pinned at its foot, its top guided along itself and pressed on with `share` of Euler's load; how far its middle
-/// goes aside, over its length.
+/// Lateral deflection of the middle of a pole, over its length. It is pinned at its foot and guided along its axis at its top,
+/// where `share` of Euler's load presses on it.
 fn buckled_deflection(share: f64) -> f64 {
     let (length, radius, ei) = (4.6, 0.018, 2000.0);
     let young = 4.0 * ei / (PI * f64::powi_(radius, 4));
@@ -375,7 +375,7 @@ fn pole_buckles_at_eulers_load() {
     assert!(above > 0.05, "{above}");
 }
 
-/// A rod with a side rod, nowhere held, in no gravity.
+/// A rod with a side rod, without clamps and without gravity.
 fn free_floating_rods() -> RodSystem {
     let parent = straight_rod(6, 4.0, 0.01, MATERIAL);
     let child = RodDescription {
@@ -410,8 +410,8 @@ fn linear_and_angular_momentum(rods: &mut RodSystem) -> (DVec3, DVec3) {
     (sum, moment)
 }
 
-/// Inverse effective mass, 1/kg, of a position that is rigid with a section, along the unit vector `n`, if nothing
-/// else were attached.
+/// Inverse effective mass, 1/kg, of a position that is rigid with a section, along the unit vector `n`, if the
+/// section had no neighbours.
 fn inverse_effective_mass(rods: &mut RodSystem, section: usize, place: DVec3, n: DVec3) -> f64 {
     rods.update_section_masses();
     let rigid = CornerRigidMotion::from_corners(&rods.x[section]);
@@ -437,7 +437,7 @@ fn impulse_adds_its_momentum_and_attachments_conserve_it() {
     assert!((sum - impulse).length() < 3e-3 * impulse.length(), "{sum}");
     let wanted = place.cross(impulse);
     assert!((moment - wanted).length() < 0.02 * wanted.length(), "{moment} {wanted}");
-    // At the weight's own place: the weight and a little of the section, which turns about it.
+    // At the position of the weight: the weight and a small part of the section, which rotates about it.
     assert!(light > 1.0 / 0.0115 && light < 1.0 / 0.01, "{light}");
 }
 

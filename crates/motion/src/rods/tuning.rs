@@ -24,15 +24,15 @@ pub(crate) const SHEAR_SHARE_RANGE: [f64; 2] = [0.1, 0.5];
 pub(crate) const CLAMP_STIFFNESS_FACTOR: f64 = 1e7;
 
 /// Phase, rad, of the fastest visible mode per automatic substep, and the highest frequency, Hz, that counts as
-/// visible: above, implicit damping may smear it.
+/// visible: implicit damping may weaken faster modes.
 pub(crate) const STEP_PHASE: f64 = 0.4;
 pub(crate) const MAX_VISIBLE_HZ: f64 = 25.0;
 
 /// Least and greatest number of automatic substeps per frame. Fewer: implicit damping is visible; more: cost.
 pub(crate) const STEP_COUNT_RANGE: [f64; 2] = [8.0, 64.0];
 
-/// Times that the substeps of a frame are halved before the simulation fails: sixteenfold substeps. More: a hopeless
-/// simulation takes longer to fail.
+/// Times that the substeps of a frame are halved before the simulation fails: sixteenfold substeps. More: a simulation
+/// that cannot succeed takes longer to fail.
 pub(crate) const MAX_STEP_HALVINGS: u32 = 4;
 
 /// Substep of the explicit integrators over the longest stable one; closer to 1 the fastest mode decays too slowly.
@@ -62,8 +62,8 @@ pub(crate) const REST_SHAPE_RELAXATION: f64 = 0.7;
 pub(crate) const MAX_EQUILIBRIUM_SOLVES: usize = 20;
 pub(crate) const REST_SHAPE_TOLERANCE: f64 = 1e-5;
 
-/// Iterations, at most, of the search by residuals, and its tolerance, m: a ten-thousandth of a millimetre is far
-/// below what a frame shows.
+/// Largest number of iterations of the search by residuals, and its tolerance, m: a ten-thousandth of a millimetre, which
+/// no frame resolves.
 pub(crate) const MAX_RESIDUAL_ITERATIONS: usize = 300;
 pub(crate) const RESIDUAL_TOLERANCE: f64 = 1e-7;
 
@@ -90,9 +90,9 @@ pub(crate) const STROUHAL_NUMBER: f64 = 0.2;
 pub(crate) const PRESSURE_WANDER: f64 = 0.12;
 pub(crate) const BUFFET_COEFFICIENT: f64 = 0.25;
 
-/// Vector area over area below which a mesh counts as closed: half of its area then faces the wind.
+/// Length of the vector area over the area below which a mesh counts as closed: half of its area then faces the wind.
 pub(crate) const CLOSED_MESH_SHARE: f64 = 0.2;
 
-/// Spin-up in the wind before the first frame of a clip whose plants on rods do not start at rest, s. Own: a few periods of a branch; a
-/// longer one costs time before the first frame, a shorter one shows the rods start to move.
+/// Spin-up in the wind before the first frame of a clip whose plants on rods do not start at rest, s. Own: a few periods of a
+/// branch. Longer: more time before the first frame; shorter: the rods visibly start to move.
 pub const PLANT_SPIN_UP_SECONDS: f64 = 2.0;

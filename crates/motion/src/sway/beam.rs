@@ -7,7 +7,7 @@ use crate::lanes::Vec3Lanes;
 use osier_base::math;
 use osier_base::simd::{F64Lanes, Lane as _};
 
-/// Squared slope below which the series of the arc tangent is exact to 1e-10.
+/// Squared slope below which the series of atan(x) / x is exact to 1e-10.
 const SERIES_LIMIT: f64 = 0.05;
 
 /// Slope at `x`, 0 at the base to 1 at the tip, over that of the tip, for a cantilever under a uniform load: P = 3 x -
@@ -28,7 +28,7 @@ pub enum SlopeProfile {
 }
 
 impl SlopeProfile {
-    /// Slope at `x`, 0 to 1, over that of the tip.
+    /// Slope at `x`, 0 at the base to 1 at the tip, over that of the tip.
     pub fn at(&self, x: f64) -> f64 {
         let Self::Table(table) = self else { return uniform_load_slope(x) };
         // Linear interpolation between the entries around x.
@@ -47,7 +47,7 @@ impl SlopeProfile {
         let x = x.clamp(0.0, 1.0);
         // Of P = 3 x - 3 x^2 + x^3.
         let Self::Table(table) = self else { return x * x * (1.5 - x * (1.0 - x * 0.25)) };
-        // Trapezoids between the entries are exact for what `at` interpolates.
+        // Trapezoids between the entries are exact, since `at` is linear between them.
         let h = 1.0 / table.len().saturating_sub(1).max(1) as f64;
         let mut sum = 0.0;
         for k in 0..table.len().saturating_sub(1) {
@@ -132,14 +132,14 @@ pub(crate) fn rotation_lanes<S: Simd>(v: Vec3Lanes<S>) -> [F64Lanes<S>; 4] {
     [x, y, z, cos]
 }
 
-/// Quaternion of a rotation vector, rad.
+/// Unit quaternion of a rotation vector, rad; exact to 1e-12 up to 1.6 rad.
 pub fn rotation_from_vector(v: DVec3) -> DQuat {
     let [x, y, z, w] =
         rotation_lanes(Vec3Lanes(v.to_array().map(|c| F64Lanes::from_scalar(Scalar, c)))).map(F64Lanes::scalar);
     DQuat::from_xyzw(x, y, z, w)
 }
 
-/// The same in single precision, for output.
+/// As [`rotation_from_vector`] in single precision, for output.
 pub fn rotation_f32(v: Vec3) -> Quat {
     rotation_from_vector(v.as_dvec3()).as_quat()
 }
@@ -158,12 +158,12 @@ pub struct CantileverBeam {
 }
 
 impl CantileverBeam {
-    /// Multiplies the stiffness by a factor.
+    /// Multiplies the bending stiffness at all stations and between them.
     pub fn stiffen(&mut self, factor: f64) {
         self.rigidity.iter_mut().chain(&mut self.between).for_each(|r| *r *= factor);
     }
 
-    /// Tip slope per unit transverse force at each station, 1/N: c(s) = integral of (s - x) / (E I) over 0..s.
+    /// Tip slope per unit transverse force at each station, 1/N: c(s) = integral of (s - x) / (E I) over x from 0 to s.
     pub fn compliance(&self) -> Vec<f64> {
         let (mut c, mut slope) = (0.0, 0.0);
         let mut list = vec![0.0];
@@ -178,12 +178,12 @@ impl CantileverBeam {
         list
     }
 
-    /// Deflection of the stations under loads across, m. `load`: N, one per station.
+    /// Transverse deflection of each station, m, under transverse loads. `load`: N, one per station.
     pub fn deflection(&self, load: &[f64]) -> Vec<f64> {
         self.deflection_and_slope(load).into_iter().map(|b| b[0]).collect()
     }
 
-    /// Slope of the stations over that of the tip under transverse loads, N; none for a rigid beam.
+    /// Slope of each station over that of the tip under transverse loads, N; `None` for a rigid beam.
     pub fn relative_slope(&self, load: &[f64]) -> Option<Vec<f64>> {
         let bent = self.deflection_and_slope(load);
         let tip = bent.last().map_or(0.0, |b| b[1]);
@@ -283,7 +283,7 @@ impl OscillatorStep {
         Self { a: math::exp(-w * h), b: 0.0, c: 0.0, d: 0.0 }
     }
 
-    /// The coefficients a, b, c, d.
+    /// Coefficients a, b, c, d of y' = a y + b v and v' = c y + d v, as in the fields.
     pub fn coefficients(&self) -> [f64; 4] {
         [self.a, self.b, self.c, self.d]
     }
@@ -311,7 +311,7 @@ mod tests {
         let x: Vec<f64> = (0..=n).map(|i| i as f64 * h).collect();
         let mass = |x: &f64| {
             let (a, b) = ((x - h / 2.0).max(0.0), (x + h / 2.0).min(l));
-            // Simpson over the stretch that the station stands for: exact, as r^2 is a square.
+            // Simpson's rule over the stretch of the station: exact, since r^2 is quadratic.
             density * PI * (b - a) / 6.0 * (square(r(a)) + 4.0 * square(r((a + b) / 2.0)) + square(r(b)))
         };
         CantileverBeam {
@@ -397,7 +397,7 @@ mod tests {
         assert!(
             second_mode_slope(0.4709).abs() < 2e-3 && second_mode_slope(0.3) < -0.2 && second_mode_slope(0.6) > 0.2
         );
-        // Where it stays in place: the sum of the slopes is none.
+        // At a node of the deflection the integral of the slope is 0.
         let place =
             |end: f64| (0..1000).map(|i| second_mode_slope(end * (f64::from(i) + 0.5) / 1000.0)).sum::<f64>() * end;
         assert!(place(0.77) < 0.0 && place(0.80) > 0.0, "{} {}", place(0.77), place(0.80));
@@ -427,12 +427,12 @@ mod tests {
         }
     }
 
-    /// Bend of the tip for the slope that small deflections would give.
+    /// Rotation vector of the tip for the slope of the theory of small deflections.
     fn large(slope: f64) -> DVec3 {
         DVec3::NEG_Z * slope * large_deflection_factor(F64Lanes::from_scalar(Scalar, slope * slope)).scalar()
     }
 
-    /// Place and rate after a step. `rest`: where it would stand still.
+    /// Position and velocity after a step. `rest`: position of equilibrium.
     fn step(swing: &OscillatorStep, [place, rate]: [f64; 2], rest: f64) -> [f64; 2] {
         let ([a, b, c, d], y) = (swing.coefficients(), place - rest);
         [rest + a * y + b * rate, c * y + d * rate]

@@ -23,7 +23,7 @@ pub struct BeamElement {
     pub axis: u32,
     /// Range of arc length on the axis, m.
     pub span: [f32; 2],
-    /// Index of the carrying element, below its own, or [`NONE`] for the ground.
+    /// Index of the carrying element, which is lower than that of this element, or [`NONE`] for the ground.
     pub parent: u32,
     /// Position on the carrier, 0 at its base to 1 at its tip.
     pub at: f64,
@@ -39,7 +39,7 @@ pub struct BeamElement {
     pub bend_axes: [DVec3; 2],
     /// Length from base to tip at rest, m.
     pub length: f64,
-    /// From its base to its tip at rest, m.
+    /// Vector from its base to its tip at rest, m.
     pub chord: DVec3,
     /// Slope of its tip per unit force across it there, 1/N.
     pub tip_compliance: f64,
@@ -53,7 +53,7 @@ pub struct BeamElement {
     pub w: [f64; 2],
     /// Damping ratio of both bending directions, 1 at critical damping.
     pub damping_ratio: f64,
-    /// Relative slope along it.
+    /// Slope along it relative to that of its tip, in the first mode.
     pub shape: SlopeProfile,
     /// Index of its second mode among all bends, behind the first modes of all elements.
     pub second_mode: Option<usize>,
@@ -66,7 +66,7 @@ pub struct LoadStation {
     pub middle: f64,
     /// Position at rest, m.
     pub p: DVec3,
-    /// Direction of growth at rest.
+    /// Unit direction of growth at rest.
     pub along: DVec3,
     /// Start of the stretch at rest, m.
     pub from: DVec3,
@@ -83,13 +83,13 @@ pub struct LoadStation {
 /// A position on a plant in terms of bending elements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ElementLocation {
-    /// Index of the element, or [`NONE`] for what does not move.
+    /// Index of the element, or [`NONE`] for a position that does not move.
     pub element: u32,
     /// Position along it, 0 to 1.
     pub at: f64,
 }
 
-/// All bending elements of a plant, parents first.
+/// All bending elements of a plant; a carrier precedes the elements on it.
 #[derive(Debug, Clone, Default)]
 pub struct BeamElements {
     /// Elements; [`BeamElement::parent`] names them by index.
@@ -105,7 +105,7 @@ pub struct BeamElements {
 }
 
 impl BeamElements {
-    /// Selects and measures the elements of a plant, `budget` at most. Segments beyond it ride rigidly on their carrier
+    /// Selects and measures the elements of a plant, at most `budget`. Segments beyond the budget are rigid with their carrier
     /// and add to its load.
     /// Source: the hierarchy of [zhao-zhang] 3.2, one element for a branch instead of for an internode.
     pub fn build(plant: &Plant, wood: &WoodParams, budget: usize) -> Self {
@@ -121,7 +121,7 @@ impl BeamElements {
             ..Self::default()
         };
         let mut index = vec![NONE; segments.list.len()];
-        // Compliance along each element, which places its children on it.
+        // Compliance along each element, from which its children get their compliance on it.
         let mut slopes = vec![None; segments.list.len()];
         let mut next = 0_u32..;
         for (i, segment) in segments.list.iter().enumerate() {
@@ -187,13 +187,13 @@ impl BeamElements {
     /// Position of a segment on its carrier, 0 to 1, and the carrier's tip slope per unit force there, 1/N.
     fn locate_on_carrier(&self, segment: &AxisSegment, parent: u32, carrier: Option<&TipCompliance>) -> (f64, f64) {
         let Some((element, slopes)) = self.list.get(parent as usize).zip(carrier) else { return (0.0, 0.0) };
-        // Position along the carrier, and the carrier's compliance there.
+        // Arc length from the base of the carrier, whose compliance is interpolated between its stations.
         let s = f64::from(segment.parent_s - element.span[0]);
         let at = if element.length > 0.0 { (s / element.length).clamp(0.0, 1.0) } else { 0.0 };
         (at, interpolate(&slopes.x, &slopes.compliance, s))
     }
 
-    /// Gives trunks and main branches an index for their second mode.
+    /// Numbers the second modes of trunks and main branches, behind the first modes of all elements.
     fn number_second_modes(&mut self, wood: &WoodParams) {
         let behind = self.list.len()..;
         for (place, element) in behind.zip(self.list.iter_mut().filter(|e| wood.second_modes && e.order <= 1)) {
@@ -214,10 +214,10 @@ impl BeamElements {
         }
     }
 
-    /// Location of arc length `s`, m, of an axis; where nothing bends, the last location below it that does.
+    /// Location of arc length `s`, m, of an axis; on a rigid part, the nearest location below it that bends.
     pub fn locate(&self, axis: u32, s: f32) -> ElementLocation {
         let Some(parts) = self.parts.get(axis as usize) else { return ElementLocation { element: NONE, at: 0.0 } };
-        // Walk along the axis' segments; a segment without an element follows the last one that has.
+        // Walk along the segments of the axis; a segment without an element follows the last one that has an element.
         let mut last = self.carriers[axis as usize];
         for (end, element) in parts {
             let Some(e) = self.list.get(*element as usize) else { break };
@@ -230,7 +230,7 @@ impl BeamElements {
         last
     }
 
-    /// Rotations of the elements' bases from rest. `bends`: both angles of each element, rad.
+    /// Rotations of the bases of all elements from rest. `bends`: both angles of each element, rad, then those of second modes.
     pub fn base_rotations(&self, bends: &[[f32; 2]]) -> Vec<Quat> {
         let mut bases: Vec<Quat> = Vec::with_capacity(self.list.len());
         for e in &self.list {
@@ -272,14 +272,14 @@ impl BeamElements {
         base + e.pressure_slope * e.shape.at(spot.at)
     }
 
-    /// Share of the undisturbed wind at a location, the mean of its element's stations.
+    /// Share of the undisturbed wind at a location, 0 to 1: the mean over the stations of its element; 1 where nothing bends.
     pub fn wind_exposure(&self, spot: ElementLocation) -> f32 {
         let stations = self.list.get(spot.element as usize).and_then(|e| self.stations.get(e.stations.clone()));
         stations.map_or(1.0, |list| list.iter().map(|s| s.open).sum::<f32>() / list.len().max(1) as f32)
     }
 }
 
-/// Ellipsoid around the foliage, which shelters its inside.
+/// Ellipsoid around the foliage, inside of which the wind is weaker.
 struct CrownEllipsoid {
     middle: DVec3,
     radii: DVec3,
@@ -296,7 +296,7 @@ impl CrownEllipsoid {
         Self { middle: b.center().as_dvec3(), radii: b.size().as_dvec3() * 0.5, bare: false }
     }
 
-    /// Share of the undisturbed wind at a position, m.
+    /// Share of the undisturbed wind at a position in plant space, m: 1 at the surface of the crown, least at its centre.
     fn wind_exposure(&self, p: DVec3) -> f32 {
         if self.radii.min_element() <= 0.0 {
             return 1.0;
@@ -321,7 +321,7 @@ impl ElementContext<'_> {
     }
 }
 
-/// Tip slope per unit force at positions along a segment.
+/// Tip slope per unit force, 1/N, at positions along a segment, m.
 #[derive(Debug, Clone)]
 struct TipCompliance {
     x: Vec<f64>,
@@ -331,7 +331,7 @@ struct TipCompliance {
 /// Beam of a segment with everything that it carries, lumped at its stations.
 struct ElementBeam {
     beam: CantileverBeam,
-    /// Per station: own wood and leaves, and segments that ride on it.
+    /// Per station: its wood and leaves, and the segments that are rigid with it.
     own: Vec<BranchLoad>,
     /// Tip slope per unit force at each station, 1/N.
     compliance: Vec<f64>,
@@ -343,14 +343,14 @@ struct ElementBeam {
 impl ElementBeam {
     fn new(&ElementContext { plant, wood, segments, kept, .. }: &ElementContext<'_>, i: usize) -> Self {
         let segment = &segments.list[i];
-        // The factor on the stiffness is a wish beyond what the wood needs to carry itself: it comes last.
+        // The factor of the user on the stiffness comes last: it multiplies the stiffness by which the wood carries its weight.
         let mut beam = segments.beam(plant, &WoodParams { stiffness: 1.0, ..*wood }, i);
         let mut own: Vec<BranchLoad> = segments.wood_along(plant, wood, i, beam.x.len());
         for (s, load) in &segment.leaves {
             distribute_load(&beam.x, &mut own, f64::from(s - segment.span[0]), *load);
         }
         let mut hung = vec![BranchLoad::default(); beam.x.len()];
-        // Loads of children: a child that is an element transmits its mass, but catches the wind at its own stations.
+        // Loads of children: a child that is an element transmits its mass, but the wind acts on it at the stations of the child.
         for child in &segment.children {
             let (s, load) = (f64::from(segments.list[*child].parent_s - segment.span[0]), segments.list[*child].total);
             distribute_load(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);
@@ -360,7 +360,7 @@ impl ElementBeam {
         let along = (plant.frame(axis, to).p - plant.frame(axis, from).p).as_dvec3().normalize_or(DVec3::Y);
         let drag = |l: &BranchLoad| wood.drag * l.wood + wood.leaf_drag * l.leaf;
         let wind: Vec<f64> = own.iter().zip(&hung).map(|(o, h)| drag(o) + drag(h)).collect();
-        // Stems and blades of grass are as flexible as they are drawn; branches have grown with their weight and with the wind.
+        // Stems and blades of grass are as flexible as drawn; branches have grown under their weight and the wind.
         let by_wind = if axis.order > 0 { wind_stiffening(&beam, &wind) } else { 1.0 };
         beam.stiffen(self_weight_stiffening(&beam, along).max(by_wind) * wood.stiffness);
         let shape =
@@ -385,7 +385,7 @@ impl ElementBeam {
         [w * (1.0 + apart), w * (1.0 - apart)].map(|w| w.max(MIN_HZ * TAU))
     }
 
-    /// Stations of the element: three on trunks and main branches, one on others.
+    /// Stations of the element: three on trunks and main branches, one on others, each a mean over its stretch.
     fn load_stations(&self, source: &ElementContext<'_>, segment: &AxisSegment) -> Vec<LoadStation> {
         let (axis, wood) = (source.axis(segment), source.wood);
         // Sampled at 0.2, 0.5 and 0.85 of limbs and at 0.75 of twigs, where most of the load is.
@@ -429,9 +429,9 @@ impl ElementBeam {
     }
 }
 
-/// Factor on the stiffness of a beam that grew along `along`, where its weight would bend its tip farther than
-/// [`SELF_WEIGHT_SLOPE`]: the plant is grown with its weight, and wood of a drawn thickness that could not carry it would not
-/// have grown so. Weight does not bend an upright stem, and it holds a hanging twig as stiffness does.
+/// Factor on the stiffness of a beam that grew along `along`, if its weight would bend its tip farther than
+/// [`SELF_WEIGHT_SLOPE`]: the plant has grown under its weight, and wood of a drawn thickness that could not carry it would not
+/// have grown so. Weight does not bend an upright stem, and it stabilizes a hanging twig as stiffness does.
 /// Source: T. A. McMahon and R. E. Kronauer, "Tree structures: deducing the principle of mechanical design", Journal of
 /// Theoretical Biology 59, 1976: branches of a tree deflect alike for their length under their weight.
 fn self_weight_stiffening(beam: &CantileverBeam, along: DVec3) -> f64 {
@@ -440,12 +440,12 @@ fn self_weight_stiffening(beam: &CantileverBeam, along: DVec3) -> f64 {
     math::pow((osier_base::physics::GRAVITY * across * slope / SELF_WEIGHT_SLOPE).max(1.0), SELF_WEIGHT_STIFFENING)
 }
 
-/// Factor on the stiffness of a beam whose tip would turn by more than [`WIND_SLOPE`] under a dynamic pressure of 1 Pa on its drag areas
-/// `wind`, m^2: where wood is bent further than elsewhere, it grows thicker, until its strain is that of the rest of the tree. A grammar
-/// that draws a bough too thin for its leaves has drawn its thickness, not its strength.
+/// Factor on the stiffness of a beam whose tip would turn by more than [`WIND_SLOPE`] under a dynamic pressure of 1 Pa on its
+/// drag areas `wind`, m^2: wood that the wind bends further than elsewhere grows thicker, until its strain is that of the rest of
+/// the tree. A grammar that draws a bough too thin for its leaves defines its thickness, not its strength.
 /// Source: C. Metzger, "Der Wind als massgebender Faktor fuer das Wachsthum der Baeume", 1893; J. Morgan and M. G. R. Cannell, "Shape of
 /// tree stems: a re-examination of the uniform stress hypothesis", Tree Physiology 14, 1994.
-/// Differs: a limit of the slope instead of one stress everywhere, so that thick wood keeps its own stiffness.
+/// Differs: a limit of the slope instead of one stress everywhere, so that the stiffness of thick wood stays as computed.
 fn wind_stiffening(beam: &CantileverBeam, wind: &[f64]) -> f64 {
     let slope = beam.compliance().iter().zip(wind).fold(0.0, |sum, (c, area)| sum + c * area);
     math::pow((slope / WIND_SLOPE).max(1.0), WIND_STIFFENING)
@@ -455,7 +455,7 @@ fn ratio_or_zero(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
 
-/// Distributes a load linearly to the two stations around `s`.
+/// Distributes a load linearly to the two stations around position `s`, m.
 fn distribute_load(x: &[f64], loads: &mut [BranchLoad], s: f64, load: BranchLoad) {
     let (k, t) = bracketing_stations(x, s);
     loads[k] = loads[k] + load.scaled(1.0 - t);
@@ -464,7 +464,7 @@ fn distribute_load(x: &[f64], loads: &mut [BranchLoad], s: f64, load: BranchLoad
     }
 }
 
-/// Linear interpolation between stations.
+/// Value at position `s`, m, linear between the stations `x`, m, with values `y`.
 fn interpolate(x: &[f64], y: &[f64], s: f64) -> f64 {
     let (k, t) = bracketing_stations(x, s);
     y.get(k + 1).map_or(y[k], |next| y[k] + (next - y[k]) * t)
@@ -564,7 +564,7 @@ mod tests {
         let thin = own.iter().filter(|s| **s > WIND_SLOPE);
         assert!(thin.clone().count() >= 3 && own.iter().any(|s| *s < 0.2 * WIND_SLOPE), "{own:?}");
         assert!(thin.clone().all(|s| *s < 2.5 * WIND_SLOPE), "{own:?}");
-        // The factor of the scene acts on top of it.
+        // The factor of the scene on the stiffness multiplies the result.
         assert!(own.iter().zip(slopes(0.5)).all(|(a, b)| (b / a - 2.0).abs() < 1e-9));
     }
 

@@ -19,14 +19,14 @@ pub struct LeafAir {
     pub spin: Vec3,
 }
 
-/// Flutter of a group of leaves.
+/// Flutter of a group of leaves: noise by which each blade nods, twists and yaws in the wind.
 #[derive(Debug, Clone)]
 pub struct LeafFlutter {
-    /// Noise of each leaf, with a frequency of its own.
+    /// Noise of each leaf, at a frequency that differs from leaf to leaf.
     leaves: Vec<TimeNoise>,
     strength: f32,
-    /// Evaluate the equation as printed: amplitude independent of the wind, noise in [0, 1], neither alignment nor
-    /// lag.
+    /// Whether the equation is evaluated as printed: amplitude independent of the wind, noise in [0, 1], neither alignment
+    /// nor lag.
     printed: bool,
 }
 
@@ -45,7 +45,7 @@ impl LeafFlutter {
         Self { leaves: organs.iter().map(leaf).collect(), strength, printed: false }
     }
 
-    /// Switches to the equation as printed.
+    /// Evaluates the equation of [zhao-zhang] 3.3 as printed from now on, for comparison.
     #[must_use]
     pub fn as_printed(self) -> Self {
         Self { printed: true, ..self }
@@ -74,13 +74,13 @@ impl LeafFlutter {
     }
 }
 
-/// Rotation vector of a leaf's flutter in its own frame, rad: nod, twist and yaw. `noise`: of each of the three.
+/// Rotation vector of a leaf's flutter in leaf space, rad: nod, twist and yaw. `noise`: of each of the three.
 fn flutter_angles(amplitude: f32, noise: impl Fn(u32) -> f32) -> Vec3 {
     let nod = MAX_NOD * amplitude * noise(0);
     Vec3::new(nod, MAX_TWIST * amplitude * noise(1) + TWIST_PER_NOD * nod, MAX_YAW * amplitude * noise(2))
 }
 
-/// Rotates the blade's tip towards the flow by at most a share of the angle that grows with the dynamic pressure.
+/// Rotates the blade's tip towards the flow by at most an angle that grows with the dynamic pressure and saturates.
 fn align_with_flow(q: Quat, air: Vec3, speed: f32) -> Quat {
     let tip = q * Vec3::Y;
     let axis = tip.cross(air);
@@ -88,13 +88,12 @@ fn align_with_flow(q: Quat, air: Vec3, speed: f32) -> Quat {
     if sin < 1e-6 {
         return q;
     }
-    // Angle between tip and flow, and how much of it the wind can turn the leaf.
+    // Angle between tip and flow, and the largest angle by which the wind can turn the leaf.
     let apart = math::narrow(math::atan2(f64::from(sin), f64::from(cos)));
     let share = FLOW_ALIGNMENT * math::atan_f32(speed * speed / (FLUTTER_SPEED * FLUTTER_SPEED));
     rotation_from_vector(axis / sin * apart.min(share)) * q
 }
 
-/// Quaternion of a rotation vector, rad.
 fn rotation_from_vector(v: Vec3) -> Quat {
     let angle = v.length();
     if angle < 1e-9 {

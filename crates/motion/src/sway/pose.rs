@@ -25,12 +25,12 @@ struct SegmentAttachment {
     arm: Vec3,
 }
 
-/// A bark point attached to its own axis and, near a fork, to the parent axis.
+/// A bark point attached to its axis and, near a fork, to the parent axis.
 #[derive(Debug, Clone, Copy)]
 struct BoundPoint {
     own: SegmentAttachment,
     parent: SegmentAttachment,
-    /// Weight of its own axis.
+    /// Weight of the attachment to its axis, 0 to 1; the rest is the weight of the parent axis.
     share: f32,
 }
 
@@ -65,7 +65,7 @@ impl PointBinding {
         Self { nodes, axes, rest: plant.nodes.p.clone(), bark: bark.iter().zip(points).map(bind).collect() }
     }
 
-    /// Poses the centrelines for bends of the elements, rad.
+    /// Poses the centrelines. `bends`: both angles of each element, rad, then those of second modes.
     pub fn pose(&self, elements: &BeamElements, bends: &[[f32; 2]]) -> PosedSkeleton {
         let bases = elements.base_rotations(bends);
         let turned = |s: ElementLocation| elements.rotation_at(&bases, bends, s);
@@ -76,8 +76,8 @@ impl PointBinding {
                 skeleton.p[range.start] = skeleton.position(stem);
             }
             for k in range.clone() {
-                // Each segment turns by the rotation at its middle, so that it keeps its length; nodes get the
-                // rotation at their own position.
+                // Each segment rotates as its middle does, so that it keeps its length; nodes get the rotation at their
+                // position.
                 let [at, middle] = self.nodes[k];
                 skeleton.q[k] = turned(at);
                 if k + 1 < range.end {
@@ -90,7 +90,7 @@ impl PointBinding {
         skeleton
     }
 
-    /// Positions of the bark points, m.
+    /// Positions of the bark points in the plant's space, m, in the order in which they were bound.
     pub fn bark(&self, skeleton: &PosedSkeleton) -> Vec<Vec3> {
         par_chunks(&self.bark, POINTS_PER_TASK, |_, part| {
             part.iter().map(|b| skeleton.bound_position(b)).collect::<Vec<_>>()
@@ -109,12 +109,12 @@ impl PointBinding {
     }
 }
 
-/// Attachment and rest orientation of some organs.
+/// Attachment and rest orientation of organs, in the order in which they were given.
 #[derive(Debug, Clone)]
 pub struct OrganBindings(Vec<(SegmentAttachment, Quat)>);
 
 impl OrganBindings {
-    /// Binds organs to the centrelines.
+    /// Binds organs to the centrelines, each at its arc length on its axis.
     pub fn new(plant: &Plant, organs: &[&Organ]) -> Self {
         let hang = |o: &&Organ| {
             let (p, q) = plant.organ_site(o);
@@ -145,7 +145,7 @@ impl OrganBindings {
 }
 
 impl PosedSkeleton {
-    /// Positions of the nodes, m.
+    /// Positions of the nodes in the plant's space, m, in the order of [`Plant::nodes`].
     pub fn positions(&self) -> &[Vec3] {
         &self.p
     }
@@ -168,13 +168,13 @@ impl PosedSkeleton {
 
 fn attach_to_segment(plant: &Plant, axis: u32, s: f32, point: Vec3) -> SegmentAttachment {
     let (k, t) = plant.segment(&plant.axes[axis as usize], s);
-    // Store the offset from the centreline: it turns with the segment.
+    // Store the offset from the centreline, which rotates with the segment.
     let center = plant.nodes.p[k].lerp(plant.nodes.p[k + 1], t);
     // Axes store the indices of their nodes as u32 (`Axis::first`), so that every node has one.
     SegmentAttachment { node: saturating_index(k), t, arm: point - center }
 }
 
-/// Weight of a point's own axis at arc length `s`, 0 to 1; the rest belongs to the parent axis.
+/// Weight, 0 to 1, with which a point at arc length `s`, m, follows its axis; with the rest it follows the parent axis.
 pub(crate) fn own_share(plant: &Plant, axis: u32, s: f32) -> f32 {
     let a = &plant.axes[axis as usize];
     if a.parent == NONE {

@@ -1,7 +1,7 @@
 //! Skeleton of a plant within a joint budget, with skin weights.
 //!
 //! Elements get joints: four on a trunk, two on main branches, one on others. A joint has the rotation at the middle
-//! of its stretch; what is beyond the budget rides rigidly on the nearest joint of its carrier. Branches get joints by
+//! of its stretch; branches beyond the budget move rigidly with the nearest joint of their carrier. Branches get joints by
 //! size: all of one order and class of length, or none; where lengths have no classes, the bend fades out towards the
 //! length at which the joints end, so that branches of one size move alike.
 
@@ -18,7 +18,7 @@ use osier_scene::{Joint, JointBranch, Skeleton, SkinWeights, Trs};
 struct RigJoint {
     /// Index of its axis, or [`NONE`] for the root joint.
     axis: u32,
-    /// Location whose rotation it has.
+    /// Location on the elements whose rotation the joint has.
     spot: ElementLocation,
     /// Arc length of the middle of its stretch, m.
     middle: f32,
@@ -32,13 +32,13 @@ struct RigJoint {
 pub struct JointRig {
     /// Joints, parents first; joint 0 is fixed at the origin.
     pub skeleton: Skeleton,
-    /// Location of each joint.
+    /// Axis, location and pivot of each joint, parallel to the joints of the skeleton.
     bones: Vec<RigJoint>,
     /// Per axis: its joints from base to tip; empty for a rigid axis.
     chains: Vec<Vec<u16>>,
     /// Per axis: the joint that its base follows.
     carriers: Vec<u16>,
-    /// Per bend of the elements: share of it that the joints show.
+    /// Per bend of the elements: fraction of it, 0 to 1, by which the joints rotate.
     shares: Vec<f32>,
 }
 
@@ -47,20 +47,20 @@ pub struct JointRig {
 pub struct JointBudget {
     /// Number of joints, root included, at least 1 and at most 65,535.
     pub joints: usize,
-    /// Two joints on a trunk and one on any other element, in place of four, two and one.
+    /// Whether a trunk gets two joints and any other element one, in place of four, two and one.
     pub coarse: bool,
 }
 
-/// Pending joint of the depth-first traversal.
+/// A joint that the depth-first traversal has still to add.
 struct JointTask {
     element: u32,
-    /// Index among the element's joints, from its base.
+    /// Index among the joints of the element, counted from its base.
     ordinal: usize,
     parent: u16,
 }
 
 impl JointRig {
-    /// Builds the skeleton: branches get joints by order and length, as far as the budget goes.
+    /// Builds the skeleton: branches get joints by order and length until the budget is exhausted.
     pub fn build(plant: &Plant, elements: &BeamElements, budget: JointBudget) -> Self {
         let JointShares { counts, shares } = JointShares::new(plant, elements, budget);
         let still = ElementLocation { element: NONE, at: 0.0 };
@@ -101,8 +101,8 @@ impl JointRig {
             if k + 1 < n {
                 tasks.push(JointTask { element: e, ordinal: k + 1, parent: joint });
             }
-            // Children whose base lies within the stretch of this joint; the outermost joints also take what lies
-            // beyond.
+            // Children whose base lies within the stretch of this joint; the first and the last joint of an element also take
+            // children below and beyond the stretches.
             let carried = |c: &&u32| {
                 let place = elements.list[**c as usize].at * n as f64;
                 (k == 0 || place >= k as f64) && (k + 1 == n || place < (k + 1) as f64)
@@ -116,7 +116,7 @@ impl JointRig {
         let JointTask { element: e, ordinal: k, parent } = *task;
         let element = &elements.list[e as usize];
         let axis = &plant.axes[element.axis as usize];
-        // Joints divide the element's length evenly; each pivots at the start of its stretch.
+        // Joints divide the length of the element evenly; each has its pivot at the start of its stretch.
         let place = |x: f32| element.span[0] + (element.span[1] - element.span[0]) * x / n as f32;
         let (pivot, middle) = (place(k as f32), place(k as f32 + 0.5));
         let chain = &mut self.chains[element.axis as usize];
@@ -154,8 +154,8 @@ impl JointRig {
         self.joint_at(organ.axis as usize, organ.s)
     }
 
-    /// The branch that each joint bends, parallel to the joints of the skeleton; none for the root. A joint's compliance is that of
-    /// the middle of its stretch, whose rotation it has.
+    /// The branch that each joint bends, parallel to the joints of the skeleton; `None` for the root. The compliance of a joint
+    /// is that of the middle of its stretch, whose rotation it has.
     pub fn branches(&self, plant: &Plant, elements: &BeamElements) -> Vec<Option<JointBranch>> {
         let bases = elements.base_slopes();
         let branch = |bone: &RigJoint| {
@@ -165,7 +165,7 @@ impl JointRig {
         self.bones.iter().map(branch).collect()
     }
 
-    /// Skin weights of bark vertices. `bindings`: axis and arc length, m, of each vertex.
+    /// Skin weights of bark vertices, in the order of `bindings`: axis and arc length, m, of each vertex.
     pub fn skin(&self, plant: &Plant, bindings: impl IntoIterator<Item = (u32, f32)>) -> SkinWeights {
         let mut skin = SkinWeights::default();
         for (axis, s) in bindings {
@@ -179,7 +179,7 @@ impl JointRig {
     /// Up to four joints and weights of one vertex, heaviest first, with sum 1.
     fn weights(&self, plant: &Plant, a: u32, s: f32) -> ([u16; 4], [f32; 4]) {
         let mut mix = JointWeights::default();
-        // Near a fork the weights of both axes blend, as the bark does.
+        // Near a fork the weights of both axes blend in the same way as the bark.
         let own = own_share(plant, a, s);
         if own > 0.0 {
             self.add_axis_weights(a as usize, s, own, &mut mix);
@@ -208,7 +208,7 @@ impl JointRig {
         }
     }
 
-    /// Parent-from-joint transforms of all joints for bends of the elements, rad.
+    /// Parent-from-joint transforms of all joints. `bends`: both angles of each element, rad, then those of second modes.
     pub fn pose(&self, elements: &BeamElements, bends: &[[f32; 2]]) -> Vec<Trs> {
         let bends: Vec<[f32; 2]> = bends.iter().zip(&self.shares).map(|(b, share)| b.map(|b| b * share)).collect();
         let bases = elements.base_rotations(&bends);
@@ -222,11 +222,11 @@ impl JointRig {
     }
 }
 
-/// Joints shared out to elements.
+/// Distribution of a joint budget to the elements.
 struct JointShares {
     /// Number of joints of each element.
     counts: Vec<usize>,
-    /// Share of each bend that the joints show: of first modes, then of second ones.
+    /// Fraction of each bend by which the joints rotate: of first modes, then of second modes.
     shares: Vec<f32>,
 }
 
@@ -239,7 +239,7 @@ struct Bough<'a> {
 }
 
 impl JointShares {
-    /// Shares the joints of a budget out by order and length; joint 0 is the root.
+    /// Distributes the joints of a budget by order and length; joint 0 is the root.
     fn new(plant: &Plant, elements: &BeamElements, budget: JointBudget) -> Self {
         let of_axis = |e: &u32| elements.list[*e as usize].axis;
         let bough = |list| {
@@ -250,7 +250,7 @@ impl JointShares {
         // The elements of one axis follow each other in the ranking.
         let boughs: Vec<Bough<'_>> = elements.ranked.chunk_by(|a, b| of_axis(a) == of_axis(b)).map(bough).collect();
         let joints = |bough: &Bough<'_>, k: usize| joints_per_order(bough.order, budget.coarse || k > 0);
-        // As many as the budget holds in the order of size; a carrier comes before what it carries.
+        // Take as many boughs as the budget holds in the order of size; a carrier comes before the boughs on it.
         let mut left = budget.joints.clamp(1, 65_535) - 1;
         let mut fitting = 0;
         for bough in &boughs {
@@ -280,11 +280,11 @@ impl JointShares {
     }
 }
 
-/// Where the joints end among branches sorted by order and falling length.
+/// Boundary between branches with and without joints, among branches sorted by order and falling length.
 struct SizeCut {
     /// Number of branches with joints.
     count: usize,
-    /// Order whose bends fade out, with the lengths, m, at which nothing and all of them is shown.
+    /// Order whose bends fade out; length, m, from which bends grow from 0, and length from which they are complete.
     fade: Option<(u8, f32, f32)>,
 }
 
@@ -293,7 +293,7 @@ impl SizeCut {
     fn new(boughs: &[Bough<'_>], fitting: usize) -> Self {
         let clean = |count| Self { count, fade: None };
         let Some(next) = boughs.get(fitting) else { return clean(fitting) };
-        // Orders are included whole, but for the last.
+        // All orders but the last are included as a whole.
         let first = boughs.partition_point(|b| b.order < next.order);
         if fitting <= first {
             return clean(fitting);
@@ -304,14 +304,14 @@ impl SizeCut {
         if let Some(k) = widest.filter(|k| gap(*k) >= CLASS_GAP) {
             return clean(k);
         }
-        // Without classes the bend grows from nothing at the longest branch without joints.
+        // Without classes the bend grows from 0 at the length of the longest branch without joints.
         let (from, longest) = (next.length, boughs[first].length);
         let to = (from * JOINT_FADE).min(longest);
         if to <= from * 1.001 { clean(fitting) } else { Self { count: fitting, fade: Some((next.order, from, to)) } }
     }
 }
 
-/// Joints of an element of a branching order.
+/// Number of joints of an element by its branching order.
 fn joints_per_order(order: u8, coarse: bool) -> usize {
     match order {
         0 if coarse => 2,
@@ -330,7 +330,7 @@ struct JointWeights {
 
 impl JointWeights {
     fn add(&mut self, joint: u16, weight: f32) {
-        // A point follows at most two joints of its axis and two of the parent's, so six places suffice.
+        // A point follows at most two joints of its axis and two of the parent axis, so that six entries suffice.
         if let Some((_, w)) = self.items[..self.count].iter_mut().find(|(j, _)| *j == joint) {
             *w += weight;
         } else if let Some(free) = self.items.get_mut(self.count) {
@@ -342,7 +342,7 @@ impl JointWeights {
     fn normalize_heaviest(mut self) -> ([u16; 4], [f32; 4]) {
         let used = &mut self.items[..self.count];
         used.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        // Four joints is what file formats hold; negligible weights only cost memory.
+        // File formats hold four joints per vertex; negligible weights only cost memory.
         let kept = used.iter().take(4).filter(|(_, w)| *w > 1e-4);
         let total = kept.clone().fold(0.0, |t, (_, w)| t + w);
         let (mut joints, mut weights) = ([0; 4], [0.0; 4]);
@@ -481,7 +481,7 @@ mod tests {
         };
         let (soft, stiff) = (compliances(1.0), compliances(2.0));
         assert!(soft.iter().zip(&stiff).all(|(a, b)| (a / b - 2.0).abs() < 1e-9), "{soft:?} {stiff:?}");
-        // The slope of a beam under a pressure is what its stations' drag areas times their compliances add up to.
+        // The slope of a beam under a pressure is the sum of drag area times compliance over its stations.
         let elements = BeamElements::build(&plant, &WoodParams::default(), 1);
         let trunk = &elements.list[0];
         let stations = &elements.stations[trunk.stations.clone()];
@@ -498,7 +498,7 @@ mod tests {
         assert!(rig.pose(&elements, &bends).iter().all(|t| t.r == Quat::IDENTITY));
         bends[0] = [0.3, 0.0];
         let pose = rig.skeleton.asset_from_joint(&rig.pose(&elements, &bends));
-        // Everything turns with the trunk, the more the higher it stands, never by more than its tip.
+        // All joints rotate with the trunk, more at greater heights, but never by more than its tip.
         for (bone, p) in rig.bones.iter().zip(&pose).skip(1) {
             let turned = p.r.to_axis_angle().1;
             assert!(turned > 0.0 && turned <= 0.3 + 1e-5, "{bone:?} {turned}");

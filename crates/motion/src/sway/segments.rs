@@ -41,13 +41,13 @@ pub(crate) struct AxisSegment {
     /// Index along the axis, 0 at its base.
     pub(crate) number: u32,
     pub(crate) span: [f32; 2],
-    /// Carrying segment, of a lower index, and arc length on that one's axis, m.
+    /// Index of the carrying segment, lower than its index, and arc length on the axis of that segment, m.
     pub(crate) parent: Option<usize>,
     pub(crate) parent_s: f32,
     pub(crate) children: Vec<usize>,
     /// Leaves by arc length on the axis, m.
     pub(crate) leaves: Vec<(f32, BranchLoad)>,
-    /// Total load of it and of everything that it carries.
+    /// Load of the segment and of everything that it carries.
     pub(crate) total: BranchLoad,
 }
 
@@ -81,7 +81,7 @@ impl AxisSegments {
     /// Splits axis `i` into segments. `stem`: segment that carries it.
     fn split_axis(&mut self, plant: &Plant, i: u32, stem: Option<usize>) {
         let axis = &plant.axes[i as usize];
-        // Cut where the wood has tapered enough; the last segment takes the rest.
+        // Cut where the wood has tapered enough; the last segment extends to the end of the axis.
         let (mut parent, mut parent_s, mut from) = (stem, axis.parent_s, 0.0);
         for number in 0..MAX_SEGMENTS_PER_AXIS {
             let last = number + 1 == MAX_SEGMENTS_PER_AXIS;
@@ -131,8 +131,8 @@ impl AxisSegments {
         }
     }
 
-    /// Segments by branching order, then by falling length of their axis, then by id: those of one axis together. Size
-    /// and not flexibility decides, so that branches of one size all bend or none does.
+    /// Segments by branching order, then by falling length of their axis, then by id: those of one axis follow each other. Size
+    /// decides, not flexibility, so that branches of one size all bend or none does.
     pub(crate) fn ranked_by_size(&self, plant: &Plant) -> Vec<usize> {
         let mut ranked: Vec<usize> = (0..self.list.len()).collect();
         let length = |i: usize| plant.axes[self.list[i].axis as usize].length;
@@ -157,7 +157,7 @@ impl AxisSegments {
         kept
     }
 
-    /// Beam of a segment, without mass.
+    /// Stations and stiffness of the beam of segment `i`; its masses are empty.
     pub(crate) fn beam(&self, plant: &Plant, wood: &WoodParams, i: usize) -> CantileverBeam {
         let segment = &self.list[i];
         let axis = &plant.axes[segment.axis as usize];
@@ -172,7 +172,7 @@ impl AxisSegments {
         }
     }
 
-    /// Projected area and mass of a segment's wood, lumped at `n` stations.
+    /// Projected area, m^2, and mass, kg, of a segment's wood, lumped at `n` stations; zero for roots.
     pub(crate) fn wood_along(&self, plant: &Plant, wood: &WoodParams, i: usize, n: usize) -> Vec<BranchLoad> {
         let segment = &self.list[i];
         let axis = &plant.axes[segment.axis as usize];
@@ -184,7 +184,7 @@ impl AxisSegments {
             let (a, b) = ((k as f64 - 0.5).max(0.0) / last, (k as f64 + 0.5).min(last) / last);
             // Simpson's rule over the stretch that belongs to the station.
             let [ra, rm, rb] = [a, (a + b) * 0.5, b].map(|x| segment_radius(plant, axis, segment, x));
-            // Half a stretch at either end, whole ones between.
+            // A station at either end represents half a stretch, others a whole one.
             let ds = (b - a) * length;
             let mean = |f: fn(f64) -> f64| (f(ra) + 4.0 * f(rm) + f(rb)) / 6.0 * ds;
             BranchLoad {
@@ -202,7 +202,7 @@ fn segment_radius(plant: &Plant, axis: &Axis, segment: &AxisSegment, x: f64) -> 
     f64::from(plant.frame(axis, s).r)
 }
 
-/// Arc length at which the radius has fallen to [`SEGMENT_RADIUS_RATIO`] of that at `from`, or the axis' end, m.
+/// Arc length, m, at which the radius has fallen to [`SEGMENT_RADIUS_RATIO`] of that at `from`, or the end of the axis.
 fn taper_point(plant: &Plant, axis: &Axis, from: f32) -> f32 {
     let least = plant.frame(axis, from).r * SEGMENT_RADIUS_RATIO;
     let nodes = plant.nodes_of(axis);

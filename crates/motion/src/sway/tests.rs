@@ -1,4 +1,4 @@
-//! What a plant in the wind must do.
+//! Sway of whole plants against beam theory, and invariants of clips.
 
 use glam::{DVec3, Quat, Vec3};
 
@@ -29,7 +29,7 @@ fn record(elements: &BeamElements, wind: &dyn Wind, params: SwayParams, clip: Cl
     BendTrack::record(elements, wind, params, clip, &Limits::default(), &Cancel::default()).expect("track")
 }
 
-/// Goes on for `seconds`, and returns the bends of element 0 after each step with the length of a step.
+/// Advances by `seconds` from time `from`, s, and returns the bends of element 0 after each step.
 fn run(sim: &mut SwaySimulation<'_>, from: f64, seconds: f64) -> Vec<[f64; 2]> {
     let h = 1.0 / (FPS * f64::from(sim.steps()));
     let mut list = Vec::new();
@@ -42,7 +42,7 @@ fn run(sim: &mut SwaySimulation<'_>, from: f64, seconds: f64) -> Vec<[f64; 2]> {
     list
 }
 
-/// One wind, then another.
+/// A uniform wind that changes at time `at`, s.
 #[derive(Debug)]
 struct Turning {
     first: Vec3,
@@ -148,7 +148,7 @@ fn loops_close_in_angle_and_rate() {
             let rates: Vec<f32> = b.windows(2).map(|w| w[1] - w[0]).collect();
             let jumps: Vec<f32> = rates.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
             let most = jumps[..118].iter().copied().fold(0.0, f32::max);
-            // The seam is no rougher than the clip is anywhere.
+            // Accelerations at the seam are no larger than elsewhere in the clip.
             assert!(
                 jumps[118] <= most * 1.05 + 1e-7 && jumps[119] <= most * 1.05 + 1e-7,
                 "element {e}: {most} {:?}",
@@ -160,7 +160,7 @@ fn loops_close_in_angle_and_rate() {
 
 #[test]
 fn loops_end_where_they_began() {
-    // Short clips and little damping: the start is remembered for many repetitions.
+    // Short clips and little damping: the start has an effect for many repetitions.
     let (plant, wood) = (leafy(12), WoodParams { damping: 0.3, ..WoodParams::default() });
     let all = elements(&plant, &wood);
     let shaken = SwayParams { flicker: 0.15, ..params(wood) };
@@ -224,7 +224,7 @@ fn thin_wood_carries_its_own_weight() {
     // g / (L slope) sets the frequency of a level beam: 1.24 sqrt(g / deflection) / (2 pi), with a deflection of 3/4 L slope.
     let wanted = 1.24 / std::f64::consts::TAU * math::sqrt(9.81 / (0.75 * 3.0 * expected));
     assert!((hertz / wanted - 1.0).abs() < 0.22, "{hertz} Hz for {wanted}");
-    // The factor on the stiffness comes on top of it.
+    // The factor on the stiffness multiplies the result.
     let mut plant = rod(0.5, 0.1, 0.1);
     testing::axis(&mut plant, (0, 0.4), (Vec3::Y * 0.4, Vec3::X * 3.0), (0.008, 0.008));
     let soft = elements(&plant, &WoodParams { stiffness: 0.25, ..WoodParams::default() });
@@ -347,7 +347,7 @@ fn gain_scales_oscillation_and_not_the_mean() {
 
 #[test]
 fn gravity_acts_on_deviations_from_the_grown_pose() {
-    // A stick that stands upright on the tip of a soft stem which a wind bends by an angle feels m g sin(angle) across.
+    // On an upright stick at the tip of a soft stem that the wind bends by an angle, the force m g sin(angle) acts transversely.
     let mut plant = rod(3.0, 0.02, 0.02);
     testing::axis(&mut plant, (0, 3.0), (Vec3::Y * 3.0, Vec3::Y), (0.01, 0.01));
     let wood = WoodParams { elasticity: Some(2e9), ..WoodParams::default() };
@@ -385,7 +385,7 @@ fn second_modes_respond_to_gusts_only() {
         })
     };
     assert!(most(&mut sim, 600) < 1e-3 * rest, "a steady wind");
-    // A wind that sets in: the second mode rings at 6.27 times the frequency.
+    // At the onset of a wind the second mode oscillates at 6.27 times the fundamental frequency.
     let gust = Turning { first: Vec3::ZERO, then: Vec3::X * 8.0, at: 0.25 };
     let mut sim = SwaySimulation::new(&all, &gust, params(wood));
     sim.relax_to_mean_wind();
@@ -393,7 +393,7 @@ fn second_modes_respond_to_gusts_only() {
     let mut last = 0.0;
     for k in 0..240_u32 {
         sim.advance(f64::from(k) / 120.0);
-        // Where it rings about: a share of the load, which the first mode's swing hardly changes within a period of it.
+        // It oscillates about a share of the load, which the first mode hardly changes within a period of the second.
         let bend = sim.bends()[1][1];
         signs.push(bend > last);
         last = bend;

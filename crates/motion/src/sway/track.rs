@@ -13,15 +13,15 @@ use osier_wind::Wind;
 /// Time range of a recording, and scaling of its motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipOptions {
-    /// Number of frames of the clip.
+    /// Number of frames of the clip; one more is simulated, by which a loop is closed.
     pub frames: usize,
-    /// Loop: the frame after the last is the first; the wind must have the same period.
+    /// Whether the clip loops: the frame after the last is the first; the wind must have the same period.
     pub repeats: bool,
-    /// Start from rest, without spin-up.
+    /// Whether the clip starts from rest, without spin-up.
     pub from_rest: bool,
-    /// Factor on the static bend in the mean wind, 0..5.
+    /// Factor on the static bend in the mean wind, 0..5; 1 is as simulated.
     pub lean: f64,
-    /// Factor on the oscillation about it, 0..20.
+    /// Factor on the oscillation about it, 0..20; 1 is as simulated.
     pub gain: f64,
 }
 
@@ -69,7 +69,7 @@ impl BendTrack {
         let (elements, fps) = (simulation.elements(), simulation.fps());
         check_key_limit(elements, clip, limits)?;
         let rest = vec![[0.0; 2]; elements.list.len()];
-        // A second is long enough to forget the first force, of which a share k is left in every frame.
+        // After a second of 60 steps the first force has no effect: only a share k of it remains from step to step.
         let lead = if clip.from_rest { 0 } else { 60_i64 };
         let mut before = rest.clone();
         let mut frames = Vec::with_capacity(clip.frames + 1);
@@ -99,7 +99,7 @@ impl BendTrack {
         clip: ClipOptions,
         cancel: &Cancel,
     ) -> Result<(Vec<ElementBends>, ElementBends)> {
-        // Spin-up: start in the static equilibrium of the mean wind, then simulate until the start is forgotten.
+        // Spin-up: start in the static equilibrium of the mean wind, then simulate until the start has no effect.
         let mut run = SwaySimulation::new(elements, wind, params);
         let mut mean_bends = vec![[0.0; 2]; elements.bend_count()];
         run.relax_to_mean_wind();
@@ -110,7 +110,7 @@ impl BendTrack {
             Self::spin_up(&mut run, params.fps, clip, cancel)?;
         }
         let mut frames: Vec<ElementBends> = Vec::with_capacity(clip.frames + 1);
-        // One frame after the clip, by which a loop is closed.
+        // Also record the frame after the clip, by which a loop is closed.
         for frame in 0..=clip.frames {
             cancel.check()?;
             frames.push(run.bends());
@@ -119,7 +119,7 @@ impl BendTrack {
         Ok((frames, mean_bends))
     }
 
-    /// Simulates what precedes frame 0: for a loop whole clips, until two of them end alike; else a few seconds.
+    /// Simulates the time before frame 0: for a loop whole clips, until two of them end alike; else a few seconds.
     fn spin_up(run: &mut SwaySimulation<'_>, fps: f64, clip: ClipOptions, cancel: &Cancel) -> Result<()> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds")]
         let (frames, most) = match clip.repeats {
@@ -182,23 +182,23 @@ impl BendTrack {
         a.iter().zip(b).map(|(a, b)| [0, 1].map(|k| math::lerp(a[k], b[k], t))).collect()
     }
 
-    /// Largest difference between the bends after a looping clip and at its start, rad.
+    /// Largest difference between the bends after a looping clip and at its start, rad; 0 for a clip that does not loop.
     pub fn closed_gap(&self) -> f64 {
         self.closed_gap
     }
 
-    /// Whether the clip loops.
+    /// Whether the frame after the last is the first.
     pub fn repeats(&self) -> bool {
         self.repeats
     }
 
-    /// Number of frames of the clip.
+    /// Number of recorded frames, without those of the spin-up.
     pub fn frame_count(&self) -> usize {
         self.frames.len()
     }
 }
 
-/// Checks elements times frames against the limit of motion keys.
+/// Checks the number of bends times frames against the limit of motion keys.
 /// # Errors
 /// `Limit`.
 pub fn check_key_limit(elements: &BeamElements, clip: ClipOptions, limits: &Limits) -> Result<()> {
@@ -206,7 +206,7 @@ pub fn check_key_limit(elements: &BeamElements, clip: ClipOptions, limits: &Limi
     limits.check("motion-keys", keys, "the number of bending branches times the number of frames")
 }
 
-/// Advances a simulation by the steps of a frame.
+/// Advances a simulation by the steps of one frame, which begins at `frame` / `fps`, s.
 fn advance_frame(run: &mut SwaySimulation<'_>, frame: f64, fps: f64) {
     let steps = run.steps();
     for k in 0..steps {
@@ -214,7 +214,7 @@ fn advance_frame(run: &mut SwaySimulation<'_>, frame: f64, fps: f64) {
     }
 }
 
-/// Largest difference between two bends, rad.
+/// Largest difference between the angles of two lists of bends, rad.
 fn largest_difference(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
     a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
@@ -232,7 +232,7 @@ fn close_loop(frames: &mut [ElementBends], after: &ElementBends) {
     }
 }
 
-/// Scales static bend and oscillation of one element, and limits the result.
+/// Scales static bend and oscillation of one bend by `lean` and `gain`, and limits the result to [`MAX_BEND`], rad.
 fn scaled_bend(bend: [f64; 2], mean_bends: [f64; 2], clip: &ClipOptions) -> [f32; 2] {
     let [a, b] = [0, 1].map(|k| math::narrow(clip.lean * mean_bends[k] + clip.gain * (bend[k] - mean_bends[k])));
     // Saturate the magnitude, keep the direction.

@@ -1,6 +1,6 @@
 //! Numbers of the sway that were chosen by judgement or by trial, with what changes when they move.
 
-/// Lower bound of natural frequencies, Hz: below, spin-up would last minutes.
+/// Lower bound of natural frequencies, Hz: for lower ones, spin-up would last minutes.
 pub(crate) const MIN_HZ: f64 = 0.1;
 
 /// Relative spread of frequencies between equal branches, and between the two bending directions of one. 0:
@@ -8,21 +8,21 @@ pub(crate) const MIN_HZ: f64 = 0.1;
 pub(crate) const FREQUENCY_SPREAD: f64 = 0.18;
 pub(crate) const MODE_SPLIT: f64 = 0.03;
 
-/// Slope of the tip of a branch under its own weight up to which the drawn wood is taken as it is, and power of the slope in
-/// units of it by which thinner wood is stiffer. Higher slope or lower power: long thin limbs swing slowly and far beside
-/// neighbours that are drawn a little thicker; lower slope: nothing bends in a breeze; power 1: all thin wood bends alike.
+/// Slope of the tip of a branch under its weight up to which the drawn wood is taken as it is, and power of the slope in units of
+/// it by which thinner wood is stiffer. Higher slope or lower power: long thin limbs swing slowly and far beside neighbours that
+/// are drawn slightly thicker; lower slope: nothing bends in a breeze; power 1: all thin wood bends alike.
 pub(crate) const SELF_WEIGHT_SLOPE: f64 = 0.02;
 pub(crate) const SELF_WEIGHT_STIFFENING: f64 = 2.0 / 3.0;
 
-/// Slope of the tip of a branch under a dynamic pressure of 1 Pa, rad/Pa, up to which the drawn wood is taken as it is: 0.28 rad in a
-/// fresh breeze of 10 m/s (61 Pa), about the median of boughs and twigs of the species that grow year by year; and power of the slope
-/// in units of it by which wood that gives way further is stiffer. Higher slope or lower power: single thin boughs swing far beside
-/// quiet ones of their length; lower slope: nothing bends in a breeze; power 1: all thin wood bends alike.
+/// Slope of the tip of a branch under a dynamic pressure of 1 Pa, rad/Pa, up to which the drawn wood is taken as it is: 0.28 rad
+/// in a fresh breeze of 10 m/s (61 Pa), about the median of boughs and twigs of the species that grow year by year; and power of
+/// the slope in units of it by which wood that bends further is stiffer. Higher slope or lower power: single thin boughs swing
+/// far beside quiet ones of their length; lower slope: nothing bends in a breeze; power 1: all thin wood bends alike.
 pub(crate) const WIND_SLOPE: f64 = 4.5e-3;
 pub(crate) const WIND_STIFFENING: f64 = 0.9;
 
-/// Share of the wind that the centre of a crown is sheltered from. Higher: inner branches stand still; 0: crowns move
-/// like bare branches.
+/// Share by which the wind is weaker at the centre of a crown. Higher: inner branches do not move; 0: crowns move like bare
+/// branches.
 pub(crate) const CROWN_SHELTER: f64 = 0.6;
 
 /// Radius at the end of a segment over that at its start. Higher: more, shorter elements.
@@ -46,8 +46,8 @@ pub(crate) const THIN_WOOD: (f64, f64) = (5.0e9, 0.005);
 /// Time steps per second, at least: a tenth of the period of visible modes.
 pub(crate) const STEPS_PER_SECOND: f64 = 120.0;
 
-/// Wind samples per second, at least; linear interpolation between. Fewer: leaves of a crown miss short gusts; more:
-/// the wind becomes the cost.
+/// Wind samples per second, at least, with linear interpolation between them. Fewer: leaves of a crown miss short gusts; more:
+/// the wind becomes the main cost.
 pub(crate) const WIND_SAMPLES_PER_SECOND: f64 = 24.0;
 
 /// Vortex-shedding force over drag, per unit of flicker. Higher: branches oscillate across the wind as much as along
@@ -60,9 +60,9 @@ pub(crate) const MAX_FLICKER_HZ: f64 = 3.0;
 /// Damping ratio of the second mode over that of the first. Lower: limbs oscillate for long after a gust.
 pub(crate) const SECOND_MODE_DAMPING: f64 = 1.5;
 
-/// Amplitude of a branch over that of the carrier that shakes it at its own frequency, at most. The model leaves out how a
-/// swinging branch pulls back at its carrier, which damps both; without a limit, branches of three orders and like
-/// frequencies raise each other's swing until they circle without a gust. Higher: single boughs swing far beside quiet ones;
+/// Largest amplitude of a branch over that of the carrier that shakes it at its natural frequency. The model leaves out how a
+/// swinging branch pulls back at its carrier, which damps both; without a limit, branches of three orders and similar
+/// frequencies amplify each other's swing until they circle without a gust. Higher: single boughs swing far beside quiet ones;
 /// lower: twigs do not lag behind their limb.
 pub(crate) const MAX_RESONANCE_GAIN: f64 = 1.5;
 
@@ -81,7 +81,7 @@ pub(crate) const MAX_SPIN_UP_CLIPS: u32 = 40;
 /// the loop. Higher: the motion jumps at the seam; lower: slow trunks take many repetitions.
 pub(crate) const LOOP_TOLERANCE: f64 = 1e-4;
 
-/// Spin-up time of a clip that does not loop, s: a few periods of a slow trunk. Shorter: the first frames sway up.
+/// Spin-up time of a clip that does not loop, s: a few periods of a slow trunk. Shorter: the first frames show the start.
 pub const SPIN_UP_SECONDS: f64 = 5.0;
 
 /// Limit of recorded bends, rad, approached by a hyperbolic tangent. Larger: branches fold back on
@@ -92,24 +92,24 @@ pub(crate) const MAX_BEND: f32 = 1.4;
 /// tears.
 pub(crate) const COLLAR_RADII: f32 = 1.5;
 
-/// Length of a branch over that of the longest without joints, from which it bends as simulated; shorter ones bend by a
-/// falling share. Lower: branches that bend stand beside rigid ones of nearly their length; higher: more branches bend less
-/// than simulated.
+/// Ratio of the length of a branch to that of the longest branch without joints, from which it bends as simulated; shorter ones
+/// bend by a decreasing share. Lower: branches that bend stand beside rigid ones of nearly their length; higher: more branches
+/// bend less than simulated.
 pub(crate) const JOINT_FADE: f32 = 1.5;
 
-/// Ratio of two lengths that follow each other among sorted branches, from which the longer ones are a class of their own
-/// that needs no fading. Lower: gaps of chance between lengths count as classes.
+/// Ratio of two successive lengths among sorted branches, from which the longer ones are a separate class that needs no
+/// fading. Lower: accidental gaps between lengths count as classes.
 pub(crate) const CLASS_GAP: f32 = 1.25;
 
 /// Distance, m, by which a leaf may leave the written bark for its simulated place, approached by a hyperbolic tangent:
-/// about the length of its stalk. Larger: leaves float beside twigs that have no joints; smaller: they stand still there.
+/// about the length of its stalk. Larger: leaves float beside twigs that have no joints; smaller: they do not move there.
 pub(crate) const MAX_LEAF_OFFSET: f32 = 0.02;
 
 /// Bark points per task: enough work to outweigh the scheduling.
 pub(crate) const POINTS_PER_TASK: usize = 4096;
 
 /// Largest flutter angles, rad: about the width of the blade, about its normal, about its midrib. Source: own, by eye
-/// on a beech; [zhao-zhang] 3.3 leaves them open.
+/// on a beech; [zhao-zhang] 3.3 does not give them.
 pub(crate) const MAX_NOD: f32 = 0.611;
 pub(crate) const MAX_YAW: f32 = 0.436;
 pub(crate) const MAX_TWIST: f32 = 0.785;
@@ -129,5 +129,5 @@ pub(crate) const FLOW_ALIGNMENT: f32 = 0.6;
 pub(crate) const LAG_TIME: f32 = 0.06;
 pub(crate) const MAX_LAG: f32 = 0.349;
 
-/// Own sway weight of an axis at its tip; the rest of its weight is its carrier's.
+/// Sway weight at the tip of an axis whose carrier has the weight 0.
 pub(crate) const TIP_SWAY_SHARE: f32 = 0.5;

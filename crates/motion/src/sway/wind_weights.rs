@@ -5,7 +5,7 @@ use osier_base::rng;
 use osier_scene::plant::{NONE, Organ, Plant};
 use osier_scene::{Attribute, AttributeData, InstanceState, LEAF_COLOR, Mesh, Trs, attribute_number, bent_normal};
 
-/// Sway of a vertex; all numbers but the axis from 0 to 1.
+/// Sway of a vertex as shaders read it; all numbers but the axis from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct VertexSway {
     /// Sway with the whole plant, 0 at the root; phase of the limb; flutter of a leaf, 1 at its tip; light that reaches it.
@@ -34,6 +34,7 @@ impl<'a> WindWeights<'a> {
             let (base, phase) = if axis.parent == NONE {
                 ([0.0; 2], phase_from_id(axis.id))
             } else {
+                // Main branches get a phase; all that grows on one sways in its phase.
                 let limb = plant.axes[axis.parent as usize].order == 0 && axis.order > 0;
                 let phase = if limb { phase_from_id(axis.id) } else { all.phases[axis.parent as usize] };
                 (all.at(axis.parent, axis.parent_s), phase)
@@ -44,11 +45,12 @@ impl<'a> WindWeights<'a> {
         all
     }
 
-    /// Both weights at arc length `s`, m, of an axis.
+    /// Both weights, 0 to 1, at arc length `s`, m, of an axis: from the root on, and from the trunk on.
     fn at(&self, axis: u32, s: f32) -> [f32; 2] {
         let a = &self.plant.axes[axis as usize];
         let x = (s / a.length.max(1e-9)).clamp(0.0, 1.0);
         let [whole, branch] = self.bases[axis as usize];
+        // The rest of the way to weight 1 shrinks along the axis by the factor 1 - x^2 / 2.
         let grown = |w: f32| 1.0 - (1.0 - w) * (1.0 - TIP_SWAY_SHARE * x * x);
         [grown(whole), if a.order == 0 { 0.0 } else { grown(branch) }]
     }
@@ -60,15 +62,15 @@ impl<'a> WindWeights<'a> {
         VertexSway { wind, branch: [branch, phase_from_id(id)], axis: attribute_number(axis) }
     }
 
-    /// Attributes of bark points bound to an axis and arc length, m.
+    /// Attributes of bark points, in the order of `bindings`: axis and arc length, m, of each.
     pub fn bark(&self, bindings: &[(u32, f32)]) -> Vec<Attribute> {
         let point = |b: &(u32, f32)| self.point(b.0, b.1, self.plant.axes[b.0 as usize].id, 0.0, 1.0);
         attributes(&bindings.iter().map(point).collect::<Vec<_>>())
     }
 
-    /// All leaves as one mesh with these attributes, and the number of points of each; flutter grows from the foot of
-    /// the stalk to the tip. Light and normals are those of the crown where the plant has attributes of them. `worn`: index of the first
-    /// material.
+    /// All leaves as one mesh with these attributes, and the number of points of each leaf; flutter grows from the foot of the
+    /// stalk to the tip. Light and normals are those of the crown where the plant has attributes of them. `worn`: index of the
+    /// first material.
     pub fn leaves(&self, organs: &[&Organ], worn: u32) -> (Mesh, Vec<usize>) {
         let (mut all, mut sizes) = (Mesh::default(), vec![0; organs.len()]);
         let values = self.plant.organ_values(organs);
@@ -101,7 +103,7 @@ impl<'a> WindWeights<'a> {
     }
 }
 
-/// Vertex attributes for shaders.
+/// The attributes `wind`, `wind2` and `wind_axis` of points.
 fn attributes(points: &[VertexSway]) -> Vec<Attribute> {
     vec![
         Attribute::vertex("wind", AttributeData::Unit4(points.iter().map(|p| p.wind).collect())),

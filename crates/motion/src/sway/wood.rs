@@ -2,15 +2,15 @@
 
 use crate::sway::tuning::{THICK_WOOD, THIN_WOOD};
 
-/// Density of air, kg/m^3.
+/// Density of air at sea level, kg/m^3, in the drag of branches and leaves.
 pub const AIR_DENSITY: f64 = osier_base::physics::AIR_DENSITY;
-/// Wind speed at which leaves reconfigure (fold), m/s: their drag grows linearly instead of quadratically above.
+/// Wind speed at which leaves reconfigure (fold), m/s: above it their drag grows linearly instead of quadratically.
 pub const LEAF_FOLD_SPEED: f64 = 8.0;
 
 /// Mechanical and aerodynamic properties of a plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WoodParams {
-    /// Young's modulus of its wood, Pa; none for 8 GPa in thick wood falling to 5 GPa in twigs.
+    /// Young's modulus of its wood, Pa; `None` for 8 GPa in thick wood falling to 5 GPa in twigs.
     pub elasticity: Option<f64>,
     /// Density of wood, kg/m^3.
     pub density: f64,
@@ -22,13 +22,13 @@ pub struct WoodParams {
     pub leaf_drag: f64,
     /// Factor on Young's modulus, `elasticity` or the default.
     pub stiffness: f64,
-    /// Fundamental frequency of the trunk, Hz; none to compute it from the shape.
+    /// Fundamental frequency of the trunk, Hz; `None` to compute it from the shape.
     pub trunk_hertz: Option<f64>,
     /// Factor on all natural frequencies, that of `trunk_hertz` included.
     pub hertz: f64,
     /// Factor on all damping ratios, which `damping_ratio` gives by branching order.
     pub damping: f64,
-    /// Compute slopes from taper and load, instead of assuming a uniform cantilever under a uniform load.
+    /// Whether slopes are computed from taper and load; if not, from a uniform cantilever under a uniform load.
     pub measured: bool,
     /// Whether trunks and main branches also oscillate in their second mode.
     pub second_modes: bool,

@@ -1,4 +1,4 @@
-//! Reference implementation of sway by the equations of [zhao-zhang] 3.2, each internode a cantilever of its own.
+//! Reference implementation of sway by the equations of [zhao-zhang] 3.2, each internode a separate cantilever.
 //!
 //! At 60 Hz: F = F_1 + F_2 + F_w, the drag of the wind, less a share of the last force, less a damping force quadratic
 //! in the angular velocity; then deflection and angle of the internode. Angles add up along a branch and its carriers.
@@ -12,29 +12,29 @@ use osier_base::math;
 use osier_scene::plant::Plant;
 use osier_wind::Wind;
 
-/// Time steps of the equations per second.
+/// Time steps of the equations per second, as in the paper; independent of the frame rate.
 pub(crate) const STEPS_PER_SECOND: f64 = 60.0;
 /// Coefficients of drag and lift, as printed.
 const DRAG: f64 = 0.013;
 const LIFT: f64 = 0.75;
-/// Density of air as printed, 2.37e-3 g/m^3, and as it is, kg/m^3.
+/// Density of air as printed, 2.37e-3 g/m^3, in kg/m^3.
 const PRINTED_AIR: f64 = 2.37e-6;
 
-/// Corrections of the printed equations.
+/// Which misprints of the equations are corrected; with all false they are evaluated as printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PaperCorrections {
     /// delta = 4 F L^3 / (3 pi E R^4) instead of R^3.
     pub radius: bool,
-    /// 1.225 kg/m^3 instead of the density of almost nothing.
+    /// 1.225 kg/m^3 instead of the printed density, which is half a million times too small.
     pub air: bool,
     /// Damping opposes the rotation instead of always acting one way.
     pub damping: bool,
 }
 
-/// Constants that the paper leaves open.
+/// Corrections, and the constants that the paper does not give.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PaperParams {
-    /// Corrections to apply.
+    /// Misprints of the equations that are corrected.
     pub fixes: PaperCorrections,
     /// Share k of the last force in F_2 = -k F(t-1), 0 to below 1.
     pub recoil: f64,
@@ -56,7 +56,7 @@ struct CantileverInternode {
     angles: [f64; 2],
 }
 
-/// Simulation of a plant's sway by the equations of [zhao-zhang] as printed, apart from the corrections that are asked for.
+/// Simulation of a plant's sway by the equations of [zhao-zhang] as printed, apart from the requested corrections.
 #[derive(Debug)]
 pub struct PaperSimulation<'a> {
     elements: &'a BeamElements,
@@ -113,12 +113,11 @@ impl<'a> PaperSimulation<'a> {
         Self { elements, wind, params, paper, internodes, clamped: 0 }
     }
 
-    /// Elements whose bends it computes.
+    /// Elements whose bends it computes, as the sums of those of their internodes.
     pub(crate) fn elements(&self) -> &'a BeamElements {
         self.elements
     }
 
-    /// Frames per second of the clip.
     pub(crate) fn fps(&self) -> f64 {
         self.params.fps
     }
@@ -126,7 +125,7 @@ impl<'a> PaperSimulation<'a> {
     /// Bends of the elements after a step that ends at `t`, s.
     pub(crate) fn advance(&mut self, t: f64) -> Vec<[f64; 2]> {
         let stand = self.params.stand;
-        // One sample of the wind per internode, then its own equations.
+        // Sample the wind once per internode, then evaluate the equations of each internode.
         let places: Vec<Vec3> = self.internodes.iter().map(|i| stand.apply(i.middle)).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         self.wind.sample(&places, t, &mut air);
@@ -176,7 +175,7 @@ mod tests {
             let (printed, mended) = (tip_deflection(1.0, 0.3, r, 8e9, false), tip_deflection(1.0, 0.3, r, 8e9, true));
             assert!((mended / printed * r - 1.0).abs() < 1e-12);
         }
-        // Mended, it is F L^3 / (3 E I).
+        // The corrected deflection is F L^3 / (3 E I).
         let inertia = std::f64::consts::FRAC_PI_4 * 1e-8;
         assert!(
             (tip_deflection(1.0, 1.2, 0.01, 8e9, true) * 3.0 * 8e9 * inertia / (1.2 * 1.2 * 1.2) - 1.0).abs() < 1e-12

@@ -1,7 +1,7 @@
 //! Bends that raindrops add to the elements of a swaying plant.
 //!
 //! Each element answers as the oscillator that it is in the wind: a damped angle about each of its two bending axes. A bend of an
-//! element moves all that stands on it as a small rigid motion, so that the displacement of a point p of the plant is linear in p:
+//! element moves all that it carries as a small rigid motion, so that the displacement of a point p of the plant is linear in p:
 //!
 //! ```text
 //! u(p) = sum over the elements e from p down to the trunk of  phi_e x (shift_e + slope_e p)
@@ -33,17 +33,17 @@ impl RigidMotion {
         self.offset + self.turn.cross(p)
     }
 
-    /// This motion and that of a bend with rotation vector `phi` at a lever.
+    /// The sum of this motion and that of a bend with rotation vector `phi` at a lever.
     fn with_bend(self, lever: &BendLever, phi: DVec3) -> Self {
         Self { turn: self.turn + phi * lever.slope, offset: self.offset + phi.cross(lever.shift) }
     }
 }
 
-/// How a bend of an element moves what is attached at a place of it: by phi x (shift + slope p).
+/// Displacement of points p that are attached at one location of an element, by a bend phi of it: phi x (shift + slope p).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct BendLever {
     element: usize,
-    /// Slope there over that of the tip.
+    /// Slope at the location over that of the tip.
     slope: f64,
     /// Part of the lever that is the same everywhere, m, in plant space.
     shift: DVec3,
@@ -56,7 +56,7 @@ impl BendLever {
     }
 }
 
-/// Sum of forces on an element and on what stands on it: N and N m about the origin, or N s and N m s for impulses.
+/// Sum of forces on an element and on all that it carries: N and N m about the origin, or N s and N m s for impulses.
 #[derive(Debug, Clone, Copy, Default)]
 struct Wrench {
     force: DVec3,
@@ -77,7 +77,7 @@ impl Wrench {
 /// An element that drops bend.
 #[derive(Debug, Clone)]
 struct ElementResponse {
-    /// Attachment to the carrier; none on the ground.
+    /// Attachment to the carrier; `None` on the ground.
     carrier: Option<BendLever>,
     bend_axes: [DVec3; 2],
     /// Stiffness, N m/rad, and inverse inertia, 1/(kg m^2), about each axis; 0 inverse inertia for an element that does not bend.
@@ -110,7 +110,7 @@ impl ElementResponse {
                 continue;
             }
             let rate_change = self.bend_axes[i].dot(self.impulse.bending) * self.inverse_inertia[i];
-            // The load bends the element to where its elastic moment balances it; the arctangent bounds the rotation of long levers.
+            // The load bends the element until its elastic moment balances it; the arctangent bounds the rotation by long levers.
             let goal = math::atan(self.bend_axes[i].dot(self.load.bending) / self.stiffness[i]);
             let (angle, rate) = (self.angles[i], self.rates[i] + rate_change);
             if rate_change == 0.0 && goal == 0.0 && angle.abs() < REST_ANGLE && rate.abs() < REST_ANGLE * self.w[i] {
@@ -121,7 +121,7 @@ impl ElementResponse {
             let [a, b, c, d] = self.oscillators[i].coefficients();
             let away = angle - goal;
             (self.angles[i], self.rates[i]) = (goal + a * away + b * rate, c * away + d * rate);
-            // An end stop: small motions are what the model holds for.
+            // An end stop: the model holds for small motions only.
             if self.angles[i].abs() > MAX_RAIN_BEND {
                 (self.angles[i], self.rates[i]) = (self.angles[i].clamp(-MAX_RAIN_BEND, MAX_RAIN_BEND), 0.0);
             }
@@ -140,7 +140,7 @@ pub(super) struct BranchResponse {
 }
 
 impl BranchResponse {
-    /// All elements at rest.
+    /// All elements at rest; stiffness and inertia follow from their compliance and frequency.
     pub fn new(elements: &BeamElements) -> Self {
         let response = |e: &BeamElement| {
             // The tip moves by phi x chord over the whole length: a force there bends it with this arm.
@@ -169,12 +169,12 @@ impl BranchResponse {
         Self { elements: elements.list.iter().map(response).collect(), bend_count: elements.bend_count(), step: 0.0 }
     }
 
-    /// Applies a force, N, at a point of what is attached at a lever, constant over the next step.
+    /// Applies a force, N, at a point `p`, m, that is attached at a lever; constant over the next step.
     pub fn add_force(&mut self, lever: &BendLever, p: DVec3, force: DVec3) {
         self.elements[lever.element].load.add(lever, force, p.cross(force));
     }
 
-    /// Applies an impulse, N s, which acts at the beginning of the next step.
+    /// Applies an impulse, N s, at a point `p`, m, that is attached at a lever; it acts at the beginning of the next step.
     pub fn add_impulse(&mut self, lever: &BendLever, p: DVec3, impulse: DVec3) {
         self.elements[lever.element].impulse.add(lever, impulse, p.cross(impulse));
     }
@@ -187,7 +187,7 @@ impl BranchResponse {
                 e.oscillators = e.w.map(|w| OscillatorStep::new(w, e.damping_ratio, h));
             }
         }
-        // Loads go from the tips down: what stands on an element acts on it as one wrench. Parents precede their children.
+        // Loads go from the tips down: the elements on a carrier act on it as one wrench. Carriers precede the elements on them.
         for k in (0..self.elements.len()).rev() {
             let ElementResponse { carrier: Some(lever), load, impulse, .. } = self.elements[k] else { continue };
             let carrier = &mut self.elements[lever.element];
@@ -204,14 +204,14 @@ impl BranchResponse {
         }
     }
 
-    /// Displacement and velocity, both of plant space, of what is attached at a lever.
+    /// Displacement, m, and velocity, m/s, in plant space, of all points that are attached at a lever.
     pub fn motion(&self, lever: &BendLever) -> [RigidMotion; 2] {
         let e = &self.elements[lever.element];
         [e.displacement.with_bend(lever, e.tip_turn(e.angles)), e.velocity.with_bend(lever, e.tip_turn(e.rates))]
     }
 
-    /// Change of the velocity along the unit vector `n` of a point of what is attached at a lever, for an impulse of 1 N s along it,
-    /// 1/kg: n^T M^-1 n, summed over the elements that carry it.
+    /// Change of the velocity along the unit vector `n` of a point `p` that is attached at a lever, for an impulse of 1 N s along
+    /// `n`, 1/kg: n^T M^-1 n, summed over the elements that carry the point.
     pub fn inverse_effective_mass(&self, lever: &BendLever, p: DVec3, n: DVec3) -> f64 {
         let mut sum = 0.0;
         let mut next = Some(*lever);
@@ -219,7 +219,7 @@ impl BranchResponse {
             let e = &self.elements[lever.element];
             let moment = lever.arm(p).cross(n);
             for (axis, inverse_inertia) in e.bend_axes.iter().zip(e.inverse_inertia) {
-                // Each bending axis is a degree of freedom of its own: J M^-1 J^T with a diagonal M.
+                // Each bending axis is a separate degree of freedom: J M^-1 J^T with a diagonal M.
                 sum += inverse_inertia * axis.dot(moment) * axis.dot(moment);
             }
             next = e.carrier;
@@ -234,15 +234,15 @@ impl BranchResponse {
     }
 }
 
-/// The lever of what is attached at a location; `None` where nothing bends.
+/// The lever of points that are attached at a location; `None` where nothing bends.
 pub(super) fn bend_lever(elements: &BeamElements, spot: ElementLocation) -> Option<BendLever> {
     if spot.element == NONE {
         return None;
     }
     let element = spot.element as usize;
     let e = elements.list.get(element)?;
-    // The centreline moves by phi x chord times the integral of the slope up to the location; from there on what is attached turns
-    // with the slope of the location.
+    // The centreline moves by phi x chord times the integral of the slope up to the location; points that are attached there
+    // rotate with the slope of the location.
     let slope = e.shape.at(spot.at);
     let chord = e.chord;
     let shift = chord * e.shape.integral(spot.at) - (e.base + chord * spot.at) * slope;
@@ -271,7 +271,7 @@ mod tests {
         }
         let turned = response.elements[0].tip_turn(response.elements[0].angles).length();
         let expected = math::atan(0.05 * elements.list[0].tip_compliance);
-        // The two directions differ by a few percent in stiffness, as branches do.
+        // The stiffness differs by a few percent between the two directions.
         assert!((turned / expected - 1.0).abs() < 0.07, "{turned} {expected}");
         let moved = response.motion(&tip)[0].at(p);
         assert!(moved.x > 0.0 && moved.x > 10.0 * moved.z.abs(), "it moves with the force: {moved}");
@@ -288,8 +288,8 @@ mod tests {
             let mut response = BranchResponse::new(&elements);
             let inverse = response.inverse_effective_mass(&lever, p, n);
             response.add_impulse(&lever, p, n * 1e-4);
-            // So short a step that no oscillator moves: what is left is the change of velocity. Motions of carriers are those of
-            // the elements below, all of which were kicked.
+            // A step so short that no angle changes: only velocities do. The velocity at the lever includes those of all elements
+            // below, on which the impulse acts as well.
             response.advance(1e-9);
             let gained = response.motion(&lever)[1].at(p).dot(n);
             assert!((gained / (inverse * 1e-4) - 1.0).abs() < 1e-5, "{k}: {gained} {inverse}");

@@ -28,42 +28,42 @@ use osier_base::par::par_map;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{Mesh, Trs};
 
-/// A leaf of a plant that sways in the rain.
+/// A leaf of a plant that sways in the rain, in the rest pose of the plant.
 #[derive(Debug, Clone, Copy)]
 pub struct SwayingLeaf<'a> {
-    /// Axis that it stands on, an index into the plant's axes.
+    /// Index of the axis that carries it, into the plant's axes.
     pub axis: u32,
     /// Arc length of its foot on that axis, m.
     pub s: f32,
     /// Pivot at rest, m, in plant space.
     pub rest: DVec3,
-    /// Factor on the blade.
+    /// Factor on the size of the blade.
     pub scale: f64,
-    /// The blade at scale 1.
+    /// Mesh of the leaf at scale 1, from which the mass and inertia of its blade are computed.
     pub blade: &'a Mesh,
 }
 
-/// Inputs of a [`SwayingRainPlant`].
+/// Inputs of a [`SwayingRainPlant`]: a plant, its bending elements and leaves, and its motion in the wind.
 pub struct SwayInRain<'a> {
-    /// The plant, for its wood.
+    /// The plant, whose axes give the wood that drops strike.
     pub plant: &'a Plant,
-    /// Elements that bend.
+    /// Bending elements of the plant, the same as in the simulation of its sway.
     pub elements: &'a BeamElements,
-    /// Parameters of its sway.
+    /// Parameters of its sway; placement, wood and frame rate are used.
     pub params: SwayParams,
-    /// Leaves in the order of the poses.
+    /// Leaves in the order of [`WindPose::leaves`].
     pub leaves: &'a [SwayingLeaf<'a>],
-    /// Poses of the plant that the wind alone makes, to which the drops' part is added.
+    /// Poses of the plant in the wind, to which the motion by drops is added.
     pub poses: Box<dyn WindPoses>,
     /// Time before the clip for which it rains, s.
     pub lead: f64,
-    /// Gravitational acceleration, m/s^2.
+    /// Gravitational acceleration along -Y, m/s^2, which acts on the water on leaves.
     pub gravity: f64,
 }
 
 #[derive(Debug)]
 struct RainedLeaf {
-    /// Where it stands; `None` on wood that does not bend.
+    /// Where it is attached to the elements; `None` on wood that does not bend.
     lever: Option<BendLever>,
     /// Pivot at rest, m, in plant space.
     rest: DVec3,
@@ -73,13 +73,13 @@ struct RainedLeaf {
     water_center: DVec3,
 }
 
-/// A piece of wood between two nodes.
+/// A piece of wood between two successive nodes of an axis.
 #[derive(Debug, Clone, Copy)]
 struct WoodPiece {
     nodes: [usize; 2],
     /// Radii at the nodes in the world, m.
     radii: [f64; 2],
-    /// What bends the wood at its middle; `None` on wood that does not bend.
+    /// Attachment of its middle to the elements; `None` on wood that does not bend.
     lever: Option<BendLever>,
 }
 
@@ -98,12 +98,12 @@ pub struct SwayingRainPlant {
 }
 
 impl SwayingRainPlant {
-    /// The plant before the first drop.
+    /// The plant before the first drop, at the time `lead` before the clip.
     pub fn new(inputs: SwayInRain<'_>) -> Self {
         let SwayInRain { plant, elements, params, leaves, poses, lead, gravity } = inputs;
         let stand = params.stand;
         let petiole_damping = params.wood.damping * damping_ratio(0, true);
-        // Leaves of one organ share a mesh, whose integrals are computed once.
+        // Leaves of one organ share a mesh: compute its integrals once.
         let mut blades: Vec<(*const Mesh, RigidBlade)> = Vec::new();
         let mut blade_of = |mesh: &Mesh| {
             let key = std::ptr::from_ref(mesh);
@@ -129,7 +129,7 @@ impl SwayingRainPlant {
         for (index, axis) in (0_u32..).zip(&plant.axes).filter(|(_, a)| a.kind != AxisKind::Root) {
             let range = plant.nodes_of(axis);
             for k in range.start..range.end.saturating_sub(1) {
-                // A piece is short beside the element that bends it: one lever serves both of its ends.
+                // A piece is short compared with the element that bends it: one lever serves both of its ends.
                 let middle = 0.5 * (plant.nodes.s[k] + plant.nodes.s[k + 1]);
                 wood.push(WoodPiece {
                     nodes: [k, k + 1],
@@ -166,7 +166,7 @@ impl SwayingRainPlant {
         par_map(&jobs, |(i, place)| self.leaf_pose_in(*i, place, h))
     }
 
-    /// Pose of leaf `i` from its place in the wind: displaced and turned with its twig, then about its petiole.
+    /// Pose of leaf `i` from its place in the wind: displaced and rotated with its twig, then rotated about its petiole.
     fn leaf_pose_in(&self, i: usize, moving: &MovingPlace, h: Option<f64>) -> LeafPose {
         let leaf = &self.leaves[i];
         let (turn, scale) = (self.turn(), self.scale());
@@ -193,7 +193,7 @@ impl SwayingRainPlant {
         let (pose, back) = (self.poses[i], self.turn().conjugate());
         let local = pose.orientation.conjugate();
         let (p, in_plant) = (self.to_plant(point), back * vector);
-        // The petiole's degrees of freedom are in leaf space, those of the branches in plant space.
+        // The degrees of freedom of the petiole are in leaf space, those of the branches in plant space.
         let moment = (local * (point - pose.position)).cross(local * vector);
         let Self { leaves, branches, .. } = self;
         let leaf = &mut leaves[i];
@@ -227,7 +227,7 @@ impl RainPlant for SwayingRainPlant {
         let local = pose.orientation.conjugate();
         let nod = own.nod.inverse_effective_mass(local * (point - pose.position), local * direction);
         let (p, n) = (self.to_plant(point), self.turn().conjugate() * direction);
-        // A velocity of plant space is `scale` times as large in the world.
+        // A velocity of plant space is multiplied by `scale` in the world.
         let twig = own.lever.map_or(0.0, |lever| self.branches.inverse_effective_mass(&lever, p, n) * self.scale());
         nod + twig
     }
@@ -242,7 +242,7 @@ impl RainPlant for SwayingRainPlant {
 
     fn set_attached_mass(&mut self, leaf: usize, mass: f64, center: DVec3) {
         let own = &mut self.leaves[leaf];
-        // Dry before and after.
+        // Most leaves are dry before and after.
         if mass <= 0.0 && own.water <= 0.0 {
             return;
         }

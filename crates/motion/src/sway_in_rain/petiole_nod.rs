@@ -9,15 +9,15 @@ use crate::rods::RigidBlade;
 use crate::sway::OscillatorStep;
 use osier_base::math;
 
-/// Rotation of a blade about the end of its petiole, beyond that of the wind. Vectors are in leaf space, about whose axes the blade's
-/// inertia is nearly diagonal: x across, y along the midrib, z normal.
+/// Rotation of a blade about the end of its petiole in addition to that by the wind. Vectors are in leaf space, about whose axes
+/// the blade's inertia is nearly diagonal: x across, y along the midrib, z normal.
 #[derive(Debug, Clone)]
 pub(super) struct PetioleNod {
     /// Moments of inertia of the blade about the pivot, kg m^2.
     inertia: DVec3,
-    /// Moments of inertia of the water on it.
+    /// Moments of inertia of the water on it about the pivot, kg m^2; 0 for a dry leaf.
     water: DVec3,
-    /// Stiffness of the petiole, N m/rad.
+    /// Stiffness of the petiole about each axis, N m/rad.
     stiffness: DVec3,
     damping_ratio: f64,
     /// Rotation vector, rad, and its rate, rad/s.
@@ -28,7 +28,7 @@ pub(super) struct PetioleNod {
 }
 
 impl PetioleNod {
-    /// A blade at rest. `leaf_mass`: kg/m^2; `scale`: factor on the blade.
+    /// A blade at rest. `leaf_mass`: kg/m^2; `scale`: factor on the size of the blade.
     pub fn new(blade: &RigidBlade, leaf_mass: f64, scale: f64, damping_ratio: f64) -> Self {
         // Inertia about the end of the petiole: that about the centroid plus that of the mass at the centroid (Steiner).
         let own = blade.inertia(leaf_mass, scale);
@@ -42,7 +42,7 @@ impl PetioleNod {
         Self { inertia, water: none, stiffness, damping_ratio, angle: none, rate: none, torque: none, impulse: none }
     }
 
-    /// Sets the water on the blade: mass, kg, at a point, m.
+    /// Sets the water on the blade, which adds to its inertia: mass, kg, at a point, m.
     pub fn set_water(&mut self, mass: f64, at: DVec3) {
         self.water = point_inertia(mass, at);
     }
@@ -73,7 +73,7 @@ impl PetioleNod {
         let moments = self.moments();
         let (torque, impulse) = (std::mem::take(&mut self.torque), std::mem::take(&mut self.impulse));
         let rate_after = self.rate + impulse / moments;
-        // A leaf that nothing moves is set to rest, so that it costs this comparison only.
+        // A leaf that nothing moves is set to rest, so that it costs only this comparison.
         let resting = self.angle.length_squared() < REST_ANGLE * REST_ANGLE
             && rate_after.length_squared() < REST_ANGLE * REST_ANGLE * PETIOLE_HZ * PETIOLE_HZ;
         if torque == DVec3::ZERO && impulse == DVec3::ZERO && resting {
@@ -88,7 +88,7 @@ impl PetioleNod {
             let (away, rate) = (self.angle[i] - goal, rate_after[i]);
             self.angle[i] = goal + a * away + b * rate;
             self.rate[i] = c * away + d * rate;
-            // The blade stops where it meets its twig.
+            // The blade stops where it would touch its twig.
             if self.angle[i].abs() > MAX_NOD {
                 self.angle[i] = self.angle[i].clamp(-MAX_NOD, MAX_NOD);
                 self.rate[i] = 0.0;
@@ -97,7 +97,7 @@ impl PetioleNod {
     }
 }
 
-/// Moments of inertia of a mass, kg, at a point, m, about the axes through the origin.
+/// Moments of inertia, kg m^2, of a mass, kg, at a point, m, about the axes through the origin.
 fn point_inertia(mass: f64, p: DVec3) -> DVec3 {
     let square = p * p;
     (DVec3::splat(square.element_sum()) - square) * mass

@@ -1,4 +1,4 @@
-//! Motion of a plant's leaves and wood in the wind alone, at any time between the frames at which it is recorded.
+//! Motion of a plant's leaves and wood in the wind without rain, at any time between the frames at which it is recorded.
 
 use glam::{DQuat, DVec3};
 
@@ -15,22 +15,22 @@ pub struct LeafPlace {
     pub orientation: DQuat,
 }
 
-/// A plant in the wind at a frame.
+/// Pose of a plant in the wind, without rain, at one frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct WindPose {
-    /// Leaves, in the order in which the rain counts them.
+    /// Places of the leaves, in the order of the leaves in the rain.
     pub leaves: Vec<LeafPlace>,
     /// Positions of the plant's nodes in the world, m.
     pub nodes: Vec<DVec3>,
 }
 
-/// A source of the poses of a plant in the wind.
+/// A source of the poses of a plant in the wind, such as its recorded sway.
 pub trait WindPoses: std::fmt::Debug + Send + Sync {
     /// The pose at a frame, counted from the first of the clip, also before it and after its last frame.
     fn at_frame(&self, frame: i64) -> WindPose;
 }
 
-/// A leaf's place and its rate of change.
+/// A leaf's place and its rate of change, in world space.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MovingPlace {
     pub place: LeafPlace,
@@ -45,7 +45,7 @@ pub(super) struct MovingPlace {
 #[derive(Debug)]
 pub(super) struct WindMotion {
     source: Box<dyn WindPoses>,
-    /// Frames per second of the clip, above 0.
+    /// Frame rate of the clip, frames per second, above 0.
     fps: f64,
     /// Frame at the beginning of the present interval.
     frame: i64,
@@ -93,7 +93,7 @@ impl WindMotion {
         Self { source, fps, frame, keys: [before, from, to, after], fraction }
     }
 
-    /// Moves on to time `t` of the clip, s. Times do not fall.
+    /// Moves to time `t` of the clip, s, which must not be before the present time.
     pub fn advance_to(&mut self, t: f64) {
         let (wanted, fraction) = frame_and_fraction(t * self.fps);
         while self.frame < wanted {
@@ -104,7 +104,7 @@ impl WindMotion {
         self.fraction = fraction;
     }
 
-    /// Places and velocities of all leaves.
+    /// Places and velocities of all leaves at the present time, in their order.
     pub fn leaves(&self) -> Vec<MovingPlace> {
         let weights = SplineWeights::at(self.fraction);
         let rate = self.fps;
@@ -132,7 +132,7 @@ impl WindMotion {
         par_chunks(&indices, LEAVES_PER_TASK, |_, part| part.iter().map(|k| place(*k)).collect::<Vec<_>>()).concat()
     }
 
-    /// Position of a node in the world, m, and its velocity, m/s: wood moves in straight lines between frames.
+    /// Position of node `k` in the world, m, and its velocity, m/s; wood moves in straight lines between frames.
     pub fn node(&self, k: usize) -> [DVec3; 2] {
         let (from, to) = (self.keys[1].nodes[k], self.keys[2].nodes[k]);
         [from.lerp(to, self.fraction), (to - from) * self.fps]
@@ -159,7 +159,7 @@ fn aligned(mut pose: WindPose, before: &WindPose) -> WindPose {
 mod tests {
     use super::*;
 
-    /// A leaf on a circle of 0.1 m, which it turns with.
+    /// A leaf that moves on a circle of radius 0.1 m and rotates with it.
     #[derive(Debug)]
     struct Circle;
 

@@ -21,12 +21,12 @@ struct ContactCircle {
 }
 
 impl RainLeaf {
-    /// Merges drops that touch, pair by pair, until none do: the heavier absorbs the lighter.
+    /// Merges drops that touch, pair by pair, until no two drops touch: the heavier absorbs the lighter.
     /// Source: [yang-wu] eq. 13; eq. 12 with [`MergeRule::Paper`].
     pub(super) fn merge_drops(&self, drops: &mut Vec<LeafDrop>, step: &LeafStep<'_>, result: &mut LeafStepResult) {
         let params = step.params;
         drops.sort_by_key(|d| d.id);
-        // Where nothing has moved since the last test, nothing can touch anew.
+        // If no drop has moved since the last test, no new contact is possible.
         if drops.iter().all(|d| d.merge_tested) {
             return;
         }
@@ -44,7 +44,7 @@ impl RainLeaf {
             circles[heavy] = self.contact_circle(&drops[heavy], law, params);
             let p = circles[heavy].map_or(step.pose.position, |circle| step.world_point(circle.p));
             let kept = &drops[heavy];
-            // The attachment of a pendant drop stops what runs into it.
+            // The attachment of a pendant drop stops a drop that runs into it: the leaf takes up its momentum.
             if kept.pendant.is_some() {
                 result.record_reaction(step, p, kept.v * (WATER_DENSITY * kept.volume) - before);
             }
@@ -56,9 +56,9 @@ impl RainLeaf {
         drops.iter_mut().for_each(|d| d.merge_tested = true);
     }
 
-    /// Forces by which drops on the same side attract each other, in leaf space, N, parallel to `drops`; zero but for
-    /// [`MergeRule::Paper`], by which they overlap before they merge. Source: [yang-wu] eq. 12, k ln(d0 / d) with the distance d0 at
-    /// which they touch, limited to [`MAX_ATTRACTION`] k.
+    /// Forces by which drops on the same side attract each other, in leaf space, N, parallel to `drops`; zero except with
+    /// [`MergeRule::Paper`], by which drops overlap before they merge. Source: [yang-wu] eq. 12, k ln(d0 / d), where d0 is the
+    /// distance at which they touch; limited to [`MAX_ATTRACTION`] k.
     pub(super) fn attractions(&self, drops: &[LeafDrop], params: &DropParams) -> Vec<DVec3> {
         let mut forces = vec![DVec3::ZERO; drops.len()];
         if params.merge != MergeRule::Paper {
@@ -93,8 +93,8 @@ impl RainLeaf {
         }
     }
 
-    /// Merges `light` into `heavy`: volumes add, momentum is conserved, the new center is the center of mass. Of two drops of
-    /// which one is pendant, the result is pendant.
+    /// Merges `light` into `heavy`: volumes add, momentum is conserved, the new center is the center of mass. If either drop is
+    /// pendant, the result is pendant.
     fn absorb(&self, heavy: &mut LeafDrop, light: &LeafDrop) {
         let volume = heavy.volume + light.volume;
         // Density is constant, so that fractions of volume weight the center of mass and momentum.
@@ -124,7 +124,7 @@ impl RainLeaf {
     }
 }
 
-/// Indices of two drops, the smaller first; ordered by them.
+/// Indices of two drops, the smaller first; pairs are ordered by the first, then by the second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct DropPair {
     first: usize,
@@ -248,7 +248,7 @@ mod tests {
             assert!((forces[0] - wanted).length() < 1e-6 * paper.attraction_force, "{share}: {forces:?}");
             assert!(forces[0] == -forces[1]);
         }
-        // Neither through the leaf nor by the other rule.
+        // No attraction through the leaf, and none by the other rule.
         assert!(leaf.attractions(&pair(0.5 * touching, -1.0), &paper).iter().all(|f| *f == DVec3::ZERO));
         let touch = DropParams::default();
         assert!(leaf.attractions(&pair(0.5 * touching, 1.0), &touch).iter().all(|f| *f == DVec3::ZERO));

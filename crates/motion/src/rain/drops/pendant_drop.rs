@@ -29,7 +29,7 @@ impl RainLeaf {
         let params = step.params;
         let m = WATER_DENSITY * drop.volume;
         let retention = dry_retention(params, cap.a);
-        // Half of the weight as upper limit: a small drop, which retention would hold anywhere, still hangs from a steep edge.
+        // Half of the weight as upper limit: retention would hold a small drop anywhere, but it still hangs from a steep edge.
         if m * gravity.tangential.dot(outward) <= retention.min(0.5 * m * gravity.total.length()) {
             return false;
         }
@@ -81,7 +81,7 @@ impl RainLeaf {
         pendant.necking = (after > 0.0).then_some(necking);
         pendant.max_volume = max_volume;
         if exceeded > 0.0 && necking >= NECKING_TIME {
-            // Tate's law with Harkins and Brown's correction: what falls is a fixed fraction of the maximum.
+            // Tate's law with Harkins and Brown's correction: a fixed fraction of the maximum falls.
             let volume = DETACHED_FRACTION * max_volume.min(drop.volume);
             drop.volume -= volume;
             pendant.necking = None;
@@ -99,7 +99,7 @@ impl RainLeaf {
     fn return_to_blade(&self, drop: &mut LeafDrop, pendant: &PendantAnchor) -> bool {
         let inside = pendant.margin.p - pendant.outward * (RETURN_INSET * pendant.radius);
         let uv = self.blade.uv_of_margin_point(&pendant.margin);
-        // Texture coordinates on the margin itself may round to outside of it: look a little towards the middle.
+        // Texture coordinates on the margin may round to outside of the blade: look slightly towards the middle.
         let toward_middle = DVec2::splat(0.5) - uv;
         let Some(surface) = self.point_at(uv + toward_middle * MARGIN_UV_SHIFT) else { return false };
         let back = uv + surface.uv_offset(inside - surface.p);
@@ -109,7 +109,7 @@ impl RainLeaf {
         true
     }
 
-    /// A point of the blade near a drop whose own texture coordinates are beyond it, m of leaf space; the stalk's end if none is found.
+    /// A point of the blade near a drop that is beyond it, in leaf space, m; the end of the stalk if none is found.
     pub(super) fn clamped_blade_point(&self, drop: &LeafDrop) -> DVec3 {
         let near = drop.uv.clamp(DVec2::splat(0.01), DVec2::splat(0.99));
         self.point_at(near).map_or(DVec3::ZERO, |s| s.p)

@@ -10,7 +10,7 @@ use crate::rain::tuning::{
 use osier_base::math;
 use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 
-/// A row of the table of maximum pendant volumes.
+/// A row of the table of maximum pendant volumes: a radius of attachment and the volume that hangs from it.
 #[derive(Debug, Clone, Copy)]
 struct MaxVolumeRow {
     /// Radius of attachment of water on Earth, mm.
@@ -42,7 +42,7 @@ const MAX_VOLUME_TABLE: [MaxVolumeRow; 11] = [
 const TABLE_CAPILLARY_LENGTH: f64 = 2.727;
 /// Arc length of an integration step, in capillary lengths: 0.02 mm for water on Earth.
 const ARC_STEP: f64 = 0.02 / TABLE_CAPILLARY_LENGTH;
-/// Largest number of integration steps of a profile.
+/// Largest number of integration steps of a profile: 40 mm of arc for water on Earth.
 const MAX_ARC_STEPS: u32 = 2000;
 
 /// Smallest and largest radius of attachment of the table, in capillary lengths.
@@ -71,7 +71,7 @@ enum ProfileEnd {
     Narrowing,
 }
 
-/// A profile in capillary lengths.
+/// A profile in capillary lengths, with the volume that it encloses.
 #[derive(Debug, Clone)]
 struct DimensionlessProfile {
     points: PendantProfile,
@@ -121,7 +121,7 @@ fn integrate_profile(b: f64, radius: f64, end: ProfileEnd) -> Option<Dimensionle
             }
             past_widest = true;
         } else if past_widest {
-            // The neck: from here on the profile widens again and does not come to the radius.
+            // The neck: from here on the profile widens again and does not reach the radius.
             return None;
         }
         volume += frustum(s, next);
@@ -178,7 +178,7 @@ impl PendantFamily {
         } else {
             (self.scaled_turn, self.scaled_last, ProfileEnd::Narrowing)
         };
-        // Should neither limit have a profile, a cone of the volume of a half ball stands in.
+        // If neither limit has a profile, use a cone with the volume of a half ball.
         let half_ball = DimensionlessProfile { points: vec![[0.0, 0.0], [r, r]], volume: 2.0 / 3.0 * PI * r * r * r };
         let mut best = integrate_profile(hi, r, end).or_else(|| integrate_profile(lo, r, end)).unwrap_or(half_ball);
         if end == ProfileEnd::Narrowing && best.volume <= target {
@@ -205,7 +205,7 @@ impl PendantFamily {
 
 /// The smallest radius of curvature at the apex, in capillary lengths, with which a profile still widens to the radius `r`.
 fn min_widening_apex_radius(r: f64) -> f64 {
-    // Bracket the limit, then bisect; without gravity it would be r itself, that of a half ball.
+    // Bracket the limit, then bisect; without gravity the limit would be r, the radius of a half ball.
     let (mut lo, mut hi) = (0.5 * r, 4.0 * r);
     while integrate_profile(hi, r, ProfileEnd::Widening).is_none() && hi < 100.0 * r {
         hi *= 1.5;
@@ -234,7 +234,7 @@ fn apex_radius_of_max_volume(turn: f64, r: f64) -> f64 {
             _ => break,
         }
     }
-    // Refine the limit by bisection.
+    // Refine the apex radius by bisection within the last coarse step.
     let (mut lo, mut hi) = (best, best * 1.02);
     for _ in 0..30 {
         let b = 0.5 * (lo + hi);
@@ -246,7 +246,7 @@ fn apex_radius_of_max_volume(turn: f64, r: f64) -> f64 {
     lo
 }
 
-/// The profile of a drop that necks, at `progress` 0 to 1 of the time until it detaches: the neck narrows, the drop lengthens, and
+/// The profile of a necking drop at `progress`, 0 to 1, of the time until it detaches: the neck narrows, the drop lengthens, and
 /// the body below takes up the water of the neck. Volume is conserved. Source: own, after photographs.
 pub fn necked_profile(profile: &[[f64; 2]], progress: f64) -> PendantProfile {
     let Some([_, length]) = profile.last().copied().filter(|_| progress > 0.0) else { return profile.to_vec() };
@@ -264,7 +264,7 @@ pub fn necked_profile(profile: &[[f64; 2]], progress: f64) -> PendantProfile {
         let full = 1.0 + (fuller - 1.0) * (1.0 - smoothstep(NECK_WAIST, NECK_POSITION, s));
         [x * (1.0 - gone) * full, z + length * NECK_LENGTHENING * progress * smoothstep(NECKED_SHIFT_START, 1.0, s)]
     };
-    // Fixed-point iteration for the factor that conserves volume, which grows with its square.
+    // Fixed-point iteration for the factor that conserves volume; volume grows with the square of the factor.
     let mut fuller = 1.0;
     let target = profile_volume(profile);
     let mut out = profile.to_vec();

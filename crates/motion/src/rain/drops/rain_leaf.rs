@@ -11,7 +11,7 @@ use crate::rain::leaf::wetness::WetnessGrid;
 use crate::rain::params::DropParams;
 use crate::rain::target::LeafPose;
 
-/// A leaf with the drops on it.
+/// A leaf in the rain: its blade, the drops on it and where it is wet.
 #[derive(Debug, Clone)]
 pub struct RainLeaf {
     /// Blade at scale 1, shared by all leaves of one shape.
@@ -26,7 +26,7 @@ pub struct RainLeaf {
     pub index: u64,
 }
 
-/// What acts on a leaf during one step.
+/// The motion of a leaf during one step, and the parameters of its drops.
 #[derive(Debug, Clone, Copy)]
 pub struct LeafStep<'a> {
     /// Pose and motion of the leaf at the end of the step.
@@ -35,14 +35,14 @@ pub struct LeafStep<'a> {
     pub t: f64,
     /// Length of the step, s.
     pub h: f64,
-    /// Parameters of all drops.
+    /// Parameters of drops and wetting, the same for all leaves.
     pub params: &'a DropParams,
 }
 
-/// Water that has left a leaf and falls from now on.
+/// Water that has left a leaf as a falling drop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DetachedDrop {
-    /// Identifier of the drop that it was, or was a part of.
+    /// Identifier of the drop that left the leaf, or of which this is a part.
     pub id: u64,
     /// Position in the world, m.
     pub p: DVec3,
@@ -59,7 +59,7 @@ pub struct DetachedDrop {
 pub struct WetSpot {
     /// Center of the footprint at the end of the path, texture coordinates.
     pub uv: DVec2,
-    /// Center at its beginning, texture coordinates; `uv` for a drop that has not moved.
+    /// Center of the footprint at the beginning of the path, texture coordinates; `uv` for a drop that has not moved.
     pub from: DVec2,
     /// Base radius of the drop that covered it, m.
     pub a: f64,
@@ -72,7 +72,7 @@ pub struct WetSpot {
 pub struct DropCounters {
     /// Impacts of drops on leaves.
     pub impacts: u64,
-    /// Drops that merged into others.
+    /// Drops that another, heavier one absorbed.
     pub mergers: u64,
     /// Beads left behind by tails.
     pub beads: u64,
@@ -98,7 +98,7 @@ impl DropCounters {
     }
 }
 
-/// A force on a leaf at a point.
+/// A force of the water on a leaf beyond the weight of the attached water, for the model that moves the leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointForce {
     /// Point of application in the world, m.
@@ -107,11 +107,11 @@ pub struct PointForce {
     pub force: DVec3,
 }
 
-/// An impulse on a leaf at a point.
+/// An impulse of a drop on its leaf.
 ///
-/// The water on a leaf has its inertia and weight through [`AttachedWater`], as if it were rigid with the leaf. What a drop gains in
-/// momentum relative to the leaf is therefore taken from the leaf, so that the momentum of both is conserved: of a drop that runs the
-/// leaf then feels the normal part of the weight and the resistance to the motion.
+/// [`AttachedWater`] gives the leaf the inertia and weight of the water on it, as if the water were rigid with the leaf. The
+/// momentum that a drop gains relative to the leaf is therefore taken from the leaf, which conserves the momentum of both: a
+/// running drop then loads the leaf with the normal part of its weight and the resistance to its motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointImpulse {
     /// Point of application in the world, m.
@@ -123,7 +123,7 @@ pub struct PointImpulse {
 /// The water on a leaf as a rigid body attached to it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct AttachedWater {
-    /// Mass of the water, kg.
+    /// Mass of all drops on the leaf, kg; 0 for a dry leaf.
     pub mass: f64,
     /// Center of mass in the world, m.
     pub center: DVec3,
@@ -132,40 +132,41 @@ pub struct AttachedWater {
 /// What a step of a leaf's drops produced.
 #[derive(Debug, Clone, Default)]
 pub struct LeafStepResult {
-    /// Water that left the leaf.
+    /// Water that left the leaf in this step.
     pub detached: Vec<DetachedDrop>,
-    /// Spots that became wet.
+    /// Spots that drops have wetted in this step.
     pub wet_spots: Vec<WetSpot>,
-    /// Places on the tracks of running drops that they have left wet.
+    /// Places on the tracks of running drops that have become wet, for the wetness grid; empty after a step.
     pub tracks: Vec<WetSpot>,
-    /// Counts of the events.
+    /// Counts of the events of this step, and its largest impulse.
     pub counters: DropCounters,
-    /// The events in the order in which they occurred.
+    /// Events of the drops in the order in which they occurred; their `leaf` is not yet set.
     pub events: Vec<RainEvent>,
-    /// Impulses on the leaf by drops that change their velocity relative to it.
+    /// Impulses on the leaf by drops that change their velocity relative to it; empty after a step,
+    /// which turns them into `forces`.
     pub reactions: Vec<PointImpulse>,
     /// Forces on the leaf beyond the weight of the attached water; the reactions are among them.
     pub forces: Vec<PointForce>,
-    /// The water on the leaf after the step.
+    /// The water on the leaf after the step, as one rigid body.
     pub attached: AttachedWater,
 }
 
 impl LeafStep<'_> {
-    /// World position of a point of leaf space, m.
+    /// World position of a point of leaf space, m, in the pose at the end of the step.
     pub fn world_point(&self, local: DVec3) -> DVec3 {
         self.pose.position + self.pose.orientation * local
     }
 }
 
 impl LeafStepResult {
-    /// Records the reaction on the leaf to a gain of a drop's momentum relative to it, in leaf space, kg m/s, at a point of the world.
+    /// Records the reaction on the leaf to a drop's gain of relative momentum `gain`, kg m/s, in leaf space, at a world position.
     pub(super) fn record_reaction(&mut self, step: &LeafStep<'_>, point: DVec3, gain: DVec3) {
         if gain != DVec3::ZERO {
             self.reactions.push(PointImpulse { point, impulse: step.pose.orientation * -gain });
         }
     }
 
-    /// Records the event `edge` of a drop at a point of leaf space, once per visit of the margin.
+    /// Records the event `edge` of a drop at a point of leaf space, m, unless it already was at the margin.
     pub(super) fn record_margin_contact(&mut self, step: &LeafStep<'_>, drop: &mut LeafDrop, local: DVec3) {
         if !std::mem::replace(&mut drop.at_margin, true) {
             let p = step.world_point(local);
@@ -173,7 +174,7 @@ impl LeafStepResult {
         }
     }
 
-    /// Records the event `hung` of a drop that has become pendant at a point of leaf space.
+    /// Records the event `hung` of a drop that has become pendant at a point of leaf space, m.
     pub(super) fn record_hung_event(&mut self, step: &LeafStep<'_>, drop: &LeafDrop, local: DVec3) {
         self.counters.pendants += 1;
         let p = step.world_point(local);
@@ -212,9 +213,9 @@ impl RainLeaf {
             let a = d.head_cap_by_law(&law, params).a;
             std::f64::consts::PI * a * a
         };
-        // Pendant drops cover next to nothing of the blade.
+        // Pendant drops cover almost nothing of the blade.
         let sessile = self.drops.iter().filter(|d| d.pendant.is_none() && d.side > 0.0).map(base);
-        // The blade has its area at scale 1.
+        // The area is stored at scale 1.
         let area = self.blade.area() * self.scale * self.scale;
         (tracks + sessile.fold(0.0, |sum, b| sum + b) / area.max(f64::MIN_POSITIVE)).min(1.0)
     }

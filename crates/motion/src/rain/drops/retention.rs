@@ -15,7 +15,7 @@ use osier_base::noise::gradient2;
 use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 use osier_base::rng::Rng;
 
-/// Effective gravity on a drop, in leaf space, with its components at the surface.
+/// Effective gravity on a drop, with its components along and across the surface; all vectors in leaf space.
 pub(super) struct EffectiveGravity {
     /// Unit normal of the surface on the drop's side.
     pub normal: DVec3,
@@ -29,13 +29,12 @@ pub(super) struct EffectiveGravity {
 
 /// Quantities of a step that are the same for all drops of a leaf.
 pub(super) struct StepConstants {
-    /// Law of the shape of caps.
+    /// Shape of caps at rest by volume, for the contact angle of the wetting.
     pub cap_law: CapLaw,
-    /// Sine of the receding contact angle.
     pub sin_receding: f64,
     /// Contact-angle hysteresis cos(receding) - cos(advancing).
     pub hysteresis: f64,
-    /// Key of the leaf's pinning noise.
+    /// Random key of the leaf's pinning noise.
     pub pinning_key: u64,
 }
 
@@ -51,7 +50,7 @@ impl StepConstants {
     }
 }
 
-/// The forces on a drop along the surface.
+/// Driving and retaining forces on a drop along the surface.
 pub(super) struct SurfaceForces {
     /// Weight along the surface and the attraction of other drops, in leaf space, N.
     pub drive: DVec3,
@@ -64,7 +63,7 @@ pub(super) struct SurfaceForces {
 }
 
 impl SurfaceForces {
-    /// Whether a drop at rest stays at rest.
+    /// Whether the drive is at most `holding`, so that a drop at rest does not begin to run.
     pub fn stays_at_rest(&self) -> bool {
         self.drive.length() <= self.holding
     }
@@ -73,7 +72,7 @@ impl SurfaceForces {
 /// Effective gravity in the accelerated frame of the leaf, g - a, at a point of leaf space, in leaf space, m/s^2.
 pub(super) fn effective_gravity(step: &LeafStep<'_>, local: DVec3) -> DVec3 {
     let point = step.world_point(local);
-    // An impact accelerates the leaf within a single step; unlimited it would throw off every drop.
+    // An impact accelerates the leaf within a single step: without a limit it would throw off every drop.
     let acceleration = step.pose.acceleration_at(point).clamp_length_max(MAX_LEAF_ACCELERATION);
     step.pose.orientation.inverse() * (DVec3::NEG_Y * step.params.g - acceleration)
 }
@@ -97,7 +96,7 @@ impl RainLeaf {
         EffectiveGravity { normal, total: g, tangential: g - normal * g.dot(normal), onto: -g.dot(normal) }
     }
 
-    /// The forces along the surface on a drop: the drive, and what holds it. `attraction`: force of other drops, in leaf space, N.
+    /// The forces on a drop along the surface: drive, holding and resistance. `attraction`: of other drops, in leaf space, N.
     pub(super) fn surface_forces(
         &self,
         drop: &LeafDrop,
@@ -155,7 +154,7 @@ impl RainLeaf {
 
 /// Gradient noise of a leaf's pinning at texture coordinates, about -1 to 1; constant over time. `key`: [`StepConstants::pinning_key`].
 pub(super) fn pinning_noise(key: u64, uv: DVec2) -> f64 {
-    // The noise repeats only far beyond the texture.
+    // The period of the noise is far larger than the texture.
     let p = [math::narrow(uv.x * PINNING_NOISE_CELLS), math::narrow(uv.y * PINNING_NOISE_CELLS)];
     f64::from(gradient2(key, p, [4096, 4096]))
 }

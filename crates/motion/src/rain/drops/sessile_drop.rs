@@ -40,15 +40,15 @@ impl RainLeaf {
             }
             None => self.detach_whole(drop, step, self.clamped_blade_point(drop), drop.v, result),
         }
-        // Whatever has changed the drop's momentum relative to the leaf beside its weight, the leaf has given it; see
-        // [`PointImpulse`].
+        // The whole gain of momentum relative to the leaf is a reaction, since the attached water already puts the weight of the
+        // drop on the leaf; see [`PointImpulse`].
         let point = step.world_point(start.map_or_else(|| self.clamped_blade_point(drop), |s| s.p));
         result.record_reaction(step, point, (drop.v - before) * m);
     }
 
     /// Runs a drop for the step in segments of constant force. Each ends where the drop stops, where it chooses a new heading, or
-    /// after a fraction of its radius, so that neither the time step nor the margin is jumped over. `start`: the surface
-    /// under the drop. Returns the surface where it has last been on the upper or lower side.
+    /// after a fraction of its radius, so that the drop passes neither the margin nor the end of the step unnoticed. `start`: the
+    /// surface under the drop. Returns the last surface under it on the upper or lower side.
     fn run(
         &self,
         drop: &mut LeafDrop,
@@ -93,7 +93,7 @@ impl RainLeaf {
                     if self.meet_margin(drop, &gravity, cap, &surface, &margin, step, result) {
                         break;
                     }
-                    // The edge also takes up the force across it.
+                    // The edge also takes up the component of the force across it.
                     forces.drive -= outward * forces.drive.dot(outward).max(0.0);
                     if drop.v.length() <= STOP_SPEED && forces.stays_at_rest() {
                         drop.v = DVec3::ZERO;
@@ -120,8 +120,8 @@ impl RainLeaf {
         surface
     }
 
-    /// Moves a drop by a segment of its run. Where that ends beyond the blade the drop stays at the margin, detaches or becomes pendant.
-    /// Returns the surface under the drop; `None` if it has left the upper or lower side.
+    /// Moves a drop by a segment of its run. A drop whose segment ends beyond the blade stays at the margin, detaches or becomes
+    /// pendant. Returns the surface under the drop; `None` if it has left the upper or lower side.
     fn follow_segment(
         &self,
         drop: &mut LeafDrop,
@@ -144,7 +144,7 @@ impl RainLeaf {
             drop.v = (drop.v - n * drop.v.dot(n)).normalize_or_zero() * speed;
             return Some(there);
         }
-        // The segment would end beyond the margin: move slightly inward, and go on along it.
+        // The segment would end beyond the margin: move the drop slightly inward, and let it continue along the margin.
         let Some(margin) = self.blade.nearest_margin(surface.p, self.scale) else { return Some(*surface) };
         let outward = outward_at(&margin, surface, drop.side);
         if self.meet_margin(drop, gravity, cap, surface, &margin, step, result) {
@@ -176,7 +176,7 @@ impl RainLeaf {
             self.detach_whole(drop, step, margin.p, drop.v, result);
             return true;
         }
-        // The edge stops the motion across it; what is left goes along it.
+        // The edge stops the motion across it; the component along the edge remains.
         drop.v -= outward * across.max(0.0);
         result.record_margin_contact(step, drop, surface.p);
         let hangs = self.try_become_pendant(drop, gravity, cap, margin, outward, step);
@@ -186,8 +186,8 @@ impl RainLeaf {
         hangs
     }
 
-    /// Turns a running drop to the best of a ring of directions by a weighted sum: straight on, downhill, towards wet surface, along
-    /// veins, and noise. `surface`: under the drop. Source: own; [yang-wu] gives no rule.
+    /// Turns a running drop to the best of a ring of directions by a weighted sum of terms: straight on, downhill, towards wet
+    /// surface, along veins, and noise. `surface`: under the drop. Source: own; [yang-wu] gives no rule.
     fn steer(
         &self,
         drop: &mut LeafDrop,
@@ -229,7 +229,7 @@ impl RainLeaf {
 }
 
 impl LeafDrop {
-    /// Turns the axis of a resting drop downhill for `h`, s.
+    /// Turns the axis of a resting drop towards `downhill`, a unit tangent, for `h` seconds.
     fn turn_axis_downhill(&mut self, downhill: DVec3, h: f64) {
         let across = downhill - self.axis * self.axis.dot(downhill);
         self.axis = (self.axis + across * (1.0 - math::exp(-h / AXIS_TURN_TIME))).normalize_or(downhill);
@@ -244,11 +244,11 @@ fn outward_at(margin: &MarginPoint, surface: &SurfacePoint, side: f64) -> DVec3 
 /// Angle between neighbouring directions that a running drop compares, rad.
 const STEER_SPACING: f64 = 2.0 * PI / STEER_DIRECTIONS as f64;
 
-/// The turns from the heading to those directions.
+/// The turns from the heading to the directions that are compared, the straight one first.
 static STEER_TURNS: LazyLock<[UnitTurn; STEER_DIRECTIONS as usize]> =
     LazyLock::new(|| std::array::from_fn(|k| UnitTurn::new(STEER_SPACING * k as f64)));
 
-/// Cosine and sine of a turn of the heading.
+/// Cosine and sine of a turn of the heading, in the tangent plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct UnitTurn {
     cos: f64,
@@ -256,7 +256,6 @@ struct UnitTurn {
 }
 
 impl UnitTurn {
-    /// A turn by an angle, rad.
     fn new(angle: f64) -> Self {
         Self { cos: math::cos(angle), sin: math::sin(angle) }
     }
@@ -265,7 +264,7 @@ impl UnitTurn {
 /// A short piece of a run, over which the driving force, friction and heading are constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct RunSegment {
-    /// Duration of the segment, s; shorter than asked if friction stops the drop.
+    /// Duration of the segment, s; shorter than requested if friction stops the drop.
     duration: f64,
     /// Displacement along the tangent plane, m.
     shift: DVec3,

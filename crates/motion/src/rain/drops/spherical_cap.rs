@@ -5,10 +5,10 @@ use std::f64::consts::PI;
 use crate::rain::tuning::{MAX_SKEW, NEAR_RIGHT_ANGLE, PAPER_HEIGHT_FACTOR};
 use osier_base::math;
 
-/// Rule for the height of a cap.
+/// How the height of a sessile drop follows from its volume: by gravity, or by a rule of [yang-wu].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CapHeightRule {
-    /// Flattened by gravity at constant volume.
+    /// Flattened by gravity at constant volume; the only rule that conserves volume.
     Flattened,
     /// The fixed height factor that [yang-wu] prints, 0.5; does not conserve volume.
     Paper,
@@ -26,9 +26,9 @@ pub struct WettingParams {
     pub receding: f64,
     /// Contact angle above which the contact line at the front of a drop advances, rad.
     pub advancing: f64,
-    /// Factor on the height of caps; `None` for the one that gravity gives.
+    /// Factor on the height of caps, except with [`CapHeightRule::Wedge`]; `None` for the factor of the rule.
     pub height_factor: Option<f64>,
-    /// Rule for the height of caps.
+    /// Rule by which gravity, `height_factor` or `wedge_base` sets the height of caps.
     pub shape: CapHeightRule,
     /// Base lambda of the height factor of [`CapHeightRule::Wedge`].
     pub wedge_base: f64,
@@ -36,11 +36,11 @@ pub struct WettingParams {
     pub capillary_length: f64,
 }
 
-/// What caps of all volumes have in common: functions of the contact angle, and the rule for the height.
+/// Quantities that caps of all volumes share: functions of the contact angle, and the rule for the height.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CapLaw {
     shape: CapHeightRule,
-    /// Factor on the height; `None` for the one that gravity gives.
+    /// Factor on the height; `None` for the factor of the rule.
     height_factor: Option<f64>,
     /// Sine of the contact angle.
     sine: f64,
@@ -48,7 +48,7 @@ pub struct CapLaw {
     cosine: f64,
     /// Volume of the cap of a unit sphere, m^3.
     unit_volume: f64,
-    /// Height of a puddle, m.
+    /// Height that puddles approach under gravity, m.
     puddle: f64,
     /// As in [`SphericalCap::wedge`].
     wedge: f64,
@@ -59,7 +59,7 @@ pub struct CapLaw {
 pub struct SphericalCap {
     /// Radius of the sphere, m.
     pub r: f64,
-    /// Radius of the base, r sin(contact angle), m.
+    /// Radius of the base (the contact line), r sin(contact angle), m.
     pub a: f64,
     /// Factor on the height above the base.
     pub height_factor: f64,
@@ -78,12 +78,12 @@ pub fn unit_cap_volume(theta: f64) -> f64 {
 }
 
 impl WettingParams {
-    /// The cap of a drop of `volume`, m^3.
+    /// The cap of a drop of `volume`, m^3, at rest. For many drops, take the [law](WettingParams::cap_law) once.
     pub fn cap(&self, volume: f64) -> SphericalCap {
         self.cap_law().cap(volume)
     }
 
-    /// What caps of all volumes have in common.
+    /// The law of caps at these angles, with sines, cosines and the volume of a unit cap computed once.
     pub fn cap_law(&self) -> CapLaw {
         CapLaw {
             shape: self.shape,
@@ -96,7 +96,7 @@ impl WettingParams {
         }
     }
 
-    /// Volume of the cap with base radius `a`, m, without gravity_height_factor, m^3.
+    /// Volume of the cap with base radius `a`, m, without flattening by gravity, m^3.
     pub fn volume_of_base(&self, a: f64) -> f64 {
         let r = a / math::sin(self.contact_angle);
         unit_cap_volume(self.contact_angle) * r * r * r
@@ -163,7 +163,7 @@ impl SphericalCap {
         self.height_factor * math::exp(self.wedge * cosine.max(0.0))
     }
 
-    /// Height at the axis, m.
+    /// Height at the axis, m, the largest of the cap.
     pub fn top(&self) -> f64 {
         self.height_factor_at(1.0) * self.r * (1.0 - self.cos_angle)
     }
@@ -174,7 +174,7 @@ impl SphericalCap {
     }
 }
 
-/// Deformation of a cap that runs or is about to: its base is an ellipse of the same area, its height is sheared forwards.
+/// Deformation of a cap that runs or is about to run: its base is an ellipse of the same area, its height is sheared forwards.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CapDeformation {
     /// Factor on the base radius along the drop's axis; across it the factor is 1 / `stretch`.
@@ -183,12 +183,12 @@ pub struct CapDeformation {
     pub skew: f64,
 }
 
-/// A point in the undeformed cap.
+/// A point of the undeformed cap that corresponds to a point of a deformed one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UndeformedPoint {
     /// Distance from the axis in base radii of the undeformed cap.
     pub rho: f64,
-    /// Factor of the shear on the height.
+    /// Factor on the height there: above 1 towards the front, below 1 towards the rear.
     pub height_factor: f64,
 }
 
@@ -222,7 +222,7 @@ mod tests {
         }
     }
 
-    /// By rings from the middle out.
+    /// Volume of a deformed cap by a quadrature over rings and azimuths.
     fn volume(cap: &SphericalCap, deformation: CapDeformation) -> f64 {
         let (n, m) = (2000, 64);
         let reach = cap.max_radius() / cap.a;

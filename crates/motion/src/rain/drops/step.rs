@@ -46,7 +46,7 @@ impl RainLeaf {
         substeps
     }
 
-    /// One substep of all drops.
+    /// Advances all drops by one substep, adds beads, removes drops that have detached as a whole, and merges drops that touch.
     fn advance_drops(&mut self, constants: &StepConstants, step: &LeafStep<'_>, result: &mut LeafStepResult) {
         let mut drops = std::mem::take(&mut self.drops);
         // The order of drops determines the order of events and mergers, so it must not depend on how they came to the leaf.
@@ -63,7 +63,7 @@ impl RainLeaf {
                 drop.update_head_cap(&constants.cap_law, step.params);
             }
         }
-        // What has detached entirely has no volume left.
+        // Drops that have detached as a whole have no volume left.
         drops.retain(|d| d.volume > 0.0);
         drops.append(&mut beads);
         self.merge_drops(&mut drops, step, result);
@@ -85,7 +85,7 @@ impl RainLeaf {
             return;
         }
         let after = drop.tail_count_after(step.h, cap.a, step.params);
-        // Beads are decided at whole numbers of caps, which the count passes one after the other in any time step.
+        // A bead is decided at each whole number of caps: the count passes all of them, whatever the time step.
         let before = drop.tail_count;
         let mut full = before.floor();
         while full > after.max(1.0) {
@@ -103,7 +103,7 @@ impl RainLeaf {
     fn shed_bead(&self, drop: &mut LeafDrop, step: &LeafStep<'_>, result: &mut LeafStepResult) -> Option<LeafDrop> {
         let params = step.params;
         let bead = drop.caps(params).pop().filter(|b| b.cap.r > MIN_BEAD_RADIUS)?;
-        // The draw is addressed by the drop and by how many it has made, so that other drops do not change it.
+        // The address holds the drop and the number of its draws so far, so that other drops do not change the result.
         let address = ["drop".into(), drop.id.into(), "bead".into(), drop.bead_draws.into()];
         let mut draw = Rng::at(params.seed, &address);
         drop.bead_draws += 1;
@@ -137,7 +137,7 @@ impl RainLeaf {
             let Some(local) = local else { continue };
             let point = step.world_point(local);
             let m = WATER_DENSITY * drop.volume;
-            // The weight itself acts through the attached mass; only the paper's difference is a force of its own.
+            // The weight acts through the attached mass; only the difference that the paper adds needs a separate force.
             let excess = DVec3::NEG_Y * (m * step.params.g * (self.load_factor(local, step) - 1.0));
             if excess != DVec3::ZERO {
                 result.forces.push(PointForce { point, force: excess });
@@ -147,15 +147,15 @@ impl RainLeaf {
         }
         let center = if mass > 0.0 { moment / mass } else { step.pose.position };
         result.attached = AttachedWater { mass, center };
-        // Reactions become forces over the next step, which delivers the same impulse without jolting the leaf.
+        // Reactions become forces over the next step: the same impulse, without a jolt of the leaf.
         for PointImpulse { point, impulse } in std::mem::take(&mut result.reactions) {
             let local = step.pose.orientation.inverse() * (point - step.pose.position);
             result.forces.push(PointForce { point, force: impulse * (self.load_factor(local, step) / step.h) });
         }
     }
 
-    /// Factor on the loads at a point of leaf space. The lever arm is already in the point of application; the paper multiplies by it
-    /// once more.
+    /// Factor on the loads at a point of leaf space. The point of application already contains the lever arm; the paper
+    /// multiplies by the arm once more.
     fn load_factor(&self, local: DVec3, step: &LeafStep<'_>) -> f64 {
         match step.params.lever {
             DropWeightTorque::Physical => 1.0,
@@ -168,8 +168,8 @@ impl RainLeaf {
         self.blade.points().iter().fold(1e-6, |m: f64, p| m.max(p.length())) * self.scale
     }
 
-    /// Records that a running drop of base radius `a`, m, wets the place `p` where it is, in leaf space, m, once it has moved on by a
-    /// part of its radius.
+    /// Records that a running drop of base radius `a`, m, at `p`, in leaf space, m, wets the leaf there; does nothing until the
+    /// drop has moved on by a fraction of its radius.
     pub(super) fn mark_wet_trail(
         &self,
         drop: &mut LeafDrop,
@@ -185,11 +185,11 @@ impl RainLeaf {
         result.wet_spots.push(WetSpot { uv: drop.uv, from, a, t: step.t });
         drop.last_wet_uv = Some(drop.uv);
         drop.last_wet_p = Some(p);
-        // What acts on drops is the track well behind: neither the wetness under a drop nor that just before it is its own.
+        // Only tracks well behind a running drop act on drops, so that the water that a drop spreads does not act on itself.
         result.tracks.extend(drop.place_behind(TRACK_DISTANCE * a).map(|uv| WetSpot { uv, from: uv, a, t: step.t }));
     }
 
-    /// Records the places of drops that have come to lie on the leaf, and marks the tracks of running drops in the wetness grid.
+    /// Records the places of drops that are new on the leaf, and marks the tracks of running drops in the wetness grid.
     fn mark_wet_spots(&mut self, step: &LeafStep<'_>, result: &mut LeafStepResult) {
         for drop in self.drops.iter_mut().filter(|d| d.pendant.is_none() && d.last_wet_uv.is_none()) {
             drop.last_wet_uv = Some(drop.uv);

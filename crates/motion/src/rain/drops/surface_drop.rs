@@ -11,10 +11,10 @@ use crate::rain::tuning::{
 };
 use osier_base::math;
 
-/// How a pendant drop is attached to the margin.
+/// Where and since when a pendant drop is attached to the margin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PendantAnchor {
-    /// Point of the margin that it hangs from.
+    /// Point of the margin that it hangs from, in leaf space.
     pub margin: MarginPoint,
     /// Radius of the circle along which it is attached, m.
     pub radius: f64,
@@ -26,16 +26,16 @@ pub struct PendantAnchor {
     pub max_volume: f64,
 }
 
-/// A point of the path that a drop has run along.
+/// A point of the path that a drop has run along, from which its tail is placed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TailPathPoint {
-    /// Texture coordinates.
+    /// Texture coordinates of the drop's center when it was here.
     pub uv: DVec2,
     /// Length of the path from here to the next point (for the newest: to the drop), m.
     pub length: f64,
 }
 
-/// The cap of a drop's head, with all that it depends on.
+/// The cap of a drop's head, with the quantities that it was computed from, so that it can be reused.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct HeadCap {
     volume: f64,
@@ -52,10 +52,11 @@ struct LocatedSurface {
     surface: SurfacePoint,
 }
 
-/// A drop on a leaf, in leaf space.
+/// A drop on a leaf; positions and vectors are in leaf space.
 #[derive(Debug, Clone)]
 pub struct LeafDrop {
-    /// Emission index; stable over frames, threads and time steps.
+    /// Identifier, stable over frames, threads and time steps: a count, for beads a random number, with a bit that marks emitted
+    /// drops, splash droplets or beads.
     pub id: u64,
     /// Side of the leaf: 1 on the upper, -1 on the lower.
     pub side: f64,
@@ -65,7 +66,7 @@ pub struct LeafDrop {
     pub v: DVec3,
     /// Volume with the tail, m^3.
     pub volume: f64,
-    /// Present while it hangs at the margin.
+    /// Attachment while the drop hangs at the margin; `None` for a sessile drop.
     pub pendant: Option<PendantAnchor>,
     /// Unit tangent along which its footprint is stretched and sheared; of a pendant drop, the direction that it hangs in.
     pub axis: DVec3,
@@ -79,7 +80,7 @@ pub struct LeafDrop {
     pub since_steer: f64,
     /// Number of its caps, the head included; the fraction is the share of the last cap that has grown.
     pub tail_count: f64,
-    /// Number of its random draws for beads so far.
+    /// Number of its random draws for beads so far, by which the next one is addressed.
     pub bead_draws: u64,
     /// Whether it has been tested against the other drops of its leaf since it last moved.
     pub merge_tested: bool,
@@ -91,11 +92,11 @@ pub struct LeafDrop {
     pub last_wet_p: Option<DVec3>,
     /// The cap of its head when it was last computed.
     head: Option<HeadCap>,
-    /// The surface under it when it was last located in the present step of the leaf.
+    /// The surface under it, with the place at which it was located in the present step of the leaf.
     located: Option<LocatedSurface>,
 }
 
-/// One of the caps that a drop with its tail consists of.
+/// One of the caps that a drop with its tail consists of, in the chart of the leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DropCap {
     /// Texture coordinates of its center.
@@ -167,17 +168,17 @@ impl LeafDrop {
         shares.iter().map(|s| s / sum).collect()
     }
 
-    /// The cap of the head alone.
+    /// The cap of the head without the tail, before it is stretched and sheared.
     pub fn head_cap(&self, params: &DropParams) -> SphericalCap {
         self.head_cap_by_law(&params.wetting.cap_law(), params)
     }
 
-    /// The cap of the head alone by the law of `params`.
+    /// As [`LeafDrop::head_cap`], by the law of `params`, which the caller has computed once for many drops.
     pub(super) fn head_cap_by_law(&self, law: &CapLaw, params: &DropParams) -> SphericalCap {
         self.head_by_law(law, params).cap
     }
 
-    /// The cap of the head alone by the law of `params`; it is computed again only once the drop has changed.
+    /// As [`LeafDrop::head_cap_by_law`], and keeps the cap for as long as volume, tail and law stay the same.
     pub(super) fn update_head_cap(&mut self, law: &CapLaw, params: &DropParams) -> SphericalCap {
         let head = self.head_by_law(law, params);
         self.head = Some(head);
@@ -200,23 +201,23 @@ impl LeafDrop {
         self.located.filter(|located| located.uv == self.uv).map(|located| located.surface)
     }
 
-    /// Keeps the surface under it, or forgets it.
+    /// Stores the surface under the drop at its present place, or forgets it.
     pub(super) fn set_located_surface(&mut self, surface: Option<SurfacePoint>) {
         self.located = surface.map(|surface| LocatedSurface { uv: self.uv, surface });
     }
 
-    /// The caps of the head and of the tail, back along the path.
+    /// The caps of the head and of the tail, the head first, back along the path.
     pub fn caps(&self, params: &DropParams) -> Vec<DropCap> {
         let shares = self.cap_shares(params);
         let law = params.wetting.cap_law();
         let mut caps: Vec<DropCap> = Vec::with_capacity(shares.len());
-        // Walk back from the head's center, cap by cap.
+        // Walk back from the center of the head, one spacing for each cap.
         let mut walker = PathWalker { path: &self.path, uv: self.uv, left: self.path.len(), walked: 0.0 };
         for share in shares {
             let volume = self.volume * share;
             let cap = law.cap(volume);
             if caps.last().is_some() {
-                // Spacing by the smaller of two neighbours: a last cap that is half grown stands close to the one before it.
+                // Spacing by the smaller of two neighbours: a last cap that is half grown is close to the cap before it.
                 walker.walk_back(TAIL_SPACING * cap.a.max(MIN_CAP_RADIUS));
             }
             caps.push(DropCap { uv: walker.uv, cap, volume });
@@ -250,8 +251,8 @@ impl LeafDrop {
         (walker.left > 0).then_some(walker.uv)
     }
 
-    /// Number of caps that the tail and the head have `h` seconds later: it approaches a number proportional to the speed. `a`: base
-    /// radius of the head, m.
+    /// Number of caps, the head included, that the drop has `h` seconds later; it approaches a number proportional to the speed.
+    /// `a`: base radius of the head, m.
     pub fn tail_count_after(&self, h: f64, a: f64, params: &DropParams) -> f64 {
         // A tail is no longer than the path that the drop has run.
         let length: f64 = self.path.iter().map(|point| point.length).sum();
@@ -264,7 +265,7 @@ impl LeafDrop {
         if target <= 1.0 && count < 1.01 { 1.0 } else { count }
     }
 
-    /// Removes the attachment, the path and the tail of a drop that continues elsewhere.
+    /// Removes attachment, path and tail from a drop that leaves its place, such as one that becomes pendant.
     pub fn clear_history(&mut self) {
         self.pendant = None;
         self.path.clear();
@@ -324,7 +325,7 @@ mod tests {
         let whole = params.wetting.cap(1e-8);
         let ratio = math::cbrt(beads[0].volume / 1e-8);
         assert!((ratio - 0.789).abs() < 1e-3, "{ratio} of {}", whole.r);
-        // Each is further back than the last, by nine tenths of its own base.
+        // Each cap is further back than the one before it, by nine tenths of its base radius.
         for pair in beads.windows(2) {
             assert!(pair[1].uv.y < pair[0].uv.y);
         }

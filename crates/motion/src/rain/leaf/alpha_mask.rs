@@ -4,13 +4,13 @@ use glam::DVec2;
 
 use osier_scene::{Image, Material, Mesh, Pixels, pixel_at};
 
-/// The pixels of a leaf's picture that are leaf, not hole.
+/// Which pixels of a leaf's picture are leaf and which are holes.
 /// Source: [yang-wu] 4, whose leaves have an alpha map; a pixel is a hole where its alpha is below the material's
 /// `alpha_cutoff`.
 #[derive(Debug, Clone)]
 pub struct AlphaMask {
     size: [u32; 2],
-    /// Row by row from the top; true where the leaf is.
+    /// Row by row from the top; true where the leaf is solid.
     solid: Vec<bool>,
 }
 

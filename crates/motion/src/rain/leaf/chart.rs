@@ -1,4 +1,4 @@
-//! Charts of leaf blades: texture coordinates that are one-to-one, so that each point of the blade has a texel of its own.
+//! Charts of leaf blades: texture coordinates that are one-to-one, so that no two points of the blade share a texel.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,7 +9,7 @@ use super::overlap::{area, overlap_exceeds};
 use crate::rain::tuning::{CHART_SEAM_TOLERANCE, MAX_FAULTY_AREA, MIN_UV_AREA};
 use osier_scene::Mesh;
 
-/// What keeps the texture coordinates of a mesh from being the chart of its blade.
+/// Reason why the texture coordinates of a mesh cannot be the chart of its blade, which must be one-to-one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UvFault {
     /// There are none, or they give no triangle an area.
@@ -23,7 +23,7 @@ pub enum UvFault {
 }
 
 impl UvFault {
-    /// The fault as the end of a sentence about texture coordinates.
+    /// The fault as the predicate of a sentence whose subject is texture coordinates, for diagnostics.
     pub fn words(self) -> &'static str {
         match self {
             Self::Missing => "are missing",
@@ -34,15 +34,15 @@ impl UvFault {
     }
 }
 
-/// Texture coordinates of a blade's own: its vertices, doubled along cuts, and where they lie.
+/// Texture coordinates that are computed for a blade whose mesh has no one-to-one ones; vertices are doubled along cuts.
 /// Source: [yang-wu] projects the leaf on a plane; blades that overlap there are embedded in a disk (see `flatten`).
 #[derive(Debug, Clone)]
 pub struct LeafChart {
-    /// Why the mesh's own coordinates are not used.
+    /// Why the texture coordinates of the mesh are not used.
     pub fault: UvFault,
-    /// Texture coordinates of each vertex of the chart.
+    /// Texture coordinates, 0 to 1, of each vertex of the chart.
     pub uvs: Vec<DVec2>,
-    /// The vertex of the mesh that each vertex of the chart is.
+    /// Index of the vertex of the mesh for each vertex of the chart.
     pub vertices: Vec<u32>,
     /// All triangles of the mesh in their order, by vertices of the chart.
     pub triangles: Vec<[u32; 3]>,
@@ -50,24 +50,25 @@ pub struct LeafChart {
     pub cuts: usize,
 }
 
-/// The triangles of a mesh that are blade.
+/// The triangles of a mesh that form its blade: those with an area, without petioles and without second sides.
 pub(super) struct BladePartOfMesh {
     /// Index of each among the triangles of the mesh.
     pub indices: Vec<usize>,
-    /// Piece of the chart that each lies in.
+    /// Piece of the chart that each of them lies in.
     pub pieces: Vec<usize>,
 }
 
-/// The chart of a blade.
+/// The blade of a mesh with one-to-one texture coordinates for it.
 pub(super) struct BladeChart {
     pub blade: BladePartOfMesh,
-    /// `None` if the mesh's own texture coordinates are the chart.
+    /// The computed chart; `None` if the texture coordinates of the mesh are one-to-one.
     pub own: Option<LeafChart>,
 }
 
 impl BladeChart {
-    /// The chart of a mesh's blade; `None` if no triangle has an area. The mesh's own texture coordinates are taken where they are
-    /// one-to-one. Petioles, whose triangles have no area in the texture, and second sides of the same triangles are no blade.
+    /// The chart of a mesh's blade; `None` if no triangle has an area. The texture coordinates of the mesh are used
+    /// if they are one-to-one. Petioles, whose triangles have no area in the texture, and second sides of triangles
+    /// do not belong to the blade.
     pub fn new(mesh: &Mesh) -> Option<Self> {
         let points: Vec<DVec3> = mesh.points.iter().map(|p| p.as_dvec3()).collect();
         let welded = weld(&points);
@@ -100,7 +101,7 @@ impl BladeChart {
                 }
             }
         };
-        // A chart of the blade's own, from the triangles that have an area in space.
+        // Compute a chart, from the triangles that have an area in space.
         let space_area = |k: usize| {
             let [a, b, c] = mesh.triangles[k].map(|i| points[i as usize]);
             (b - a).cross(c - a).length()
@@ -124,7 +125,7 @@ impl BladeChart {
     }
 }
 
-/// The first vertex at the position of each vertex: seams of textures and normals double vertices.
+/// Index of the first vertex at the position of each vertex: meshes double vertices at seams of textures and normals.
 pub(super) fn weld(points: &[DVec3]) -> Vec<u32> {
     // Adding 0.0 turns -0.0 into 0.0, whose bits are the same then.
     let mut first_at: BTreeMap<[u64; 3], u32> = BTreeMap::new();
@@ -132,8 +133,8 @@ pub(super) fn weld(points: &[DVec3]) -> Vec<u32> {
     (0_u32..).zip(points).map(|(i, p)| *first_at.entry(position(p)).or_insert(i)).collect()
 }
 
-/// Why texture coordinates are no chart; `None` if they are. `corners`: of each triangle; `edges`: welded vertices of each triangle
-/// and the coordinates of its corners.
+/// Why texture coordinates are not one-to-one; `None` if they are. `corners`: of each triangle; `edges`: welded vertices of each
+/// triangle and the coordinates of its corners.
 fn own_uv_fault(corners: &[[DVec2; 3]], edges: impl Iterator<Item = ([u32; 3], [DVec2; 3])>) -> Option<UvFault> {
     let range = -CHART_SEAM_TOLERANCE..=1.0 + CHART_SEAM_TOLERANCE;
     if !corners.iter().flatten().all(|uv| range.contains(&uv.x) && range.contains(&uv.y)) {
@@ -160,8 +161,8 @@ fn own_uv_fault(corners: &[[DVec2; 3]], edges: impl Iterator<Item = ([u32; 3], [
     (at_seams > MAX_FAULTY_AREA * total).then_some(UvFault::Seam)
 }
 
-/// Gives the vertices of a mesh their places in the chart. Vertices whose triangles lie in several pieces are doubled; those of
-/// triangles that are no blade lie where the nearest vertex of the blade does.
+/// Assigns chart coordinates to the vertices of a mesh. Vertices whose triangles lie in several pieces are doubled; vertices of
+/// triangles outside of the blade get the coordinates of the nearest vertex of the blade.
 fn place_vertices(
     mesh: &Mesh,
     points: &[DVec3],
@@ -171,7 +172,7 @@ fn place_vertices(
 ) -> LeafChart {
     let mut piece_of: Vec<Option<usize>> = vec![None; mesh.triangles.len()];
     blade.indices.iter().zip(&blade.pieces).for_each(|(k, piece)| piece_of[*k] = Some(*piece));
-    // Second sides of triangles lie with the first ones.
+    // Second sides of triangles get the piece of the first sides.
     let key = |k: usize| {
         let mut corners = mesh.triangles[k].map(|i| welded[i as usize]);
         corners.sort_unstable();
@@ -217,7 +218,7 @@ fn place_vertices(
 }
 
 impl LeafChart {
-    /// A mesh with the chart as its texture coordinates.
+    /// The mesh with the chart as its texture coordinates; normals, colors and vertex attributes follow the doubled vertices.
     #[must_use]
     pub fn apply_to(&self, mesh: &Mesh) -> Mesh {
         fn pick<T: Copy>(all: &[T], indices: &[u32]) -> Vec<T> {
@@ -250,8 +251,8 @@ mod tests {
 
     const MAP: u32 = 64;
 
-    /// Every texel of the chart lies on one triangle at most, and every triangle has texels or lies between their centers: a point of
-    /// each triangle is found again at its own place.
+    /// Asserts that no two triangles of the chart overlap, and that the centroid of each triangle is found again from its chart
+    /// coordinates.
     fn assert_one_to_one(surface: &LeafSurface) {
         for (i, t) in surface.triangles().iter().enumerate() {
             let p = t.iter().fold(DVec3::ZERO, |s, k| s + surface.points()[*k as usize] / 3.0);
@@ -280,7 +281,7 @@ mod tests {
         let surface = LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade");
         assert!(surface.chart().is_none());
         assert_one_to_one(&surface);
-        // Its other side, with the same vertices or copies of them, is no second blade.
+        // The other side of the blade, with the same vertices or copies of them, is left out.
         let mut both = flat(0.08, 0.04, 6);
         let other = Mesh { triangles: both.triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect(), ..both.clone() };
         both.append(&other);

@@ -9,15 +9,15 @@ use super::overlap::any_overlap;
 use crate::rain::tuning::{CHART_GAP, EMBED_ROUNDS, EMBED_TOLERANCE, MIN_PROJECTED_AREA};
 use osier_base::math;
 
-/// A piece of a blade in the plane.
+/// A connected piece of a blade, mapped to the plane without overlaps.
 pub(super) struct FlatPiece {
     /// Indices among the triangles of the blade.
     pub triangles: Vec<usize>,
-    /// Position of each vertex, m; in the chart once it is packed.
+    /// Position of each vertex in the plane, m; in chart coordinates once it is packed.
     pub uvs: BTreeMap<u32, DVec2>,
 }
 
-/// A blade in the plane.
+/// A blade mapped to the plane, in one or several pieces.
 pub(super) struct FlatBlade {
     pub pieces: Vec<FlatPiece>,
     /// Pieces beyond one for each connected part of the blade.
@@ -26,7 +26,7 @@ pub(super) struct FlatBlade {
 
 struct Flattener<'a> {
     points: &'a [DVec3],
-    /// Vertices of each triangle, those at one position being one vertex.
+    /// Welded vertices of each triangle: all vertices at one position are one vertex.
     triangles: &'a [[u32; 3]],
 }
 
@@ -38,8 +38,8 @@ struct PrincipalAxes {
     normal: DVec3,
 }
 
-/// Flattens a blade. The blade as a whole is projected if that is one-to-one; else each connected part by itself is projected, or
-/// embedded in a disk, or cut in two.
+/// Flattens a blade. The blade as a whole is projected if that is one-to-one; else each connected part is projected, or embedded
+/// in a disk, or cut in two.
 pub(super) fn flatten(points: &[DVec3], triangles: &[[u32; 3]]) -> FlatBlade {
     let blade = Flattener { points, triangles };
     let all: Vec<usize> = (0..triangles.len()).collect();
@@ -48,7 +48,7 @@ pub(super) fn flatten(points: &[DVec3], triangles: &[[u32; 3]]) -> FlatBlade {
     }
     let mut waiting = blade.connected_parts(&all);
     let parts = waiting.len();
-    // The last part is flattened first; parts keep their order in the result.
+    // Parts are taken from the end: reverse them, so that pieces keep their order.
     waiting.reverse();
     let mut pieces = Vec::new();
     while let Some(part) = waiting.pop() {
@@ -67,16 +67,16 @@ impl Flattener<'_> {
         self.triangles[k].map(|i| self.points[i as usize])
     }
 
-    /// Normal of a triangle times twice its area, m^2.
+    /// Unit normal of a triangle times twice its area, m^2.
     fn doubled_area_normal(&self, k: usize) -> DVec3 {
         let [a, b, c] = self.corners(k);
         (b - a).cross(c - a)
     }
 
-    /// Projection on the best-fit plane, with v along the longest extent; `None` if parts of it overlap or nearly vanish.
+    /// Projection on the best-fit plane, with v along the longest extent; `None` if triangles overlap or almost vanish there.
     fn project(&self, part: &[usize]) -> Option<FlatPiece> {
         let axes = self.principal_axes(part);
-        // The normal points to the side to which most triangles face, v away from the stalk, which ends at the origin.
+        // The normal points to the side that most triangles face; v points away from the stalk, which ends at the origin.
         let facing = part.iter().fold(DVec3::ZERO, |s, k| s + self.doubled_area_normal(*k));
         let center = part.iter().fold(DVec3::ZERO, |s, k| {
             let [a, b, c] = self.corners(*k);
@@ -145,8 +145,8 @@ impl Flattener<'_> {
         parts
     }
 
-    /// Two halves of a part: by the side of the best-fit plane to which triangles face, such as those of a thick leaf; else by the middle
-    /// of its length.
+    /// Halves a part: by the side of the best-fit plane that triangles face, which separates the two sides of a thick leaf; else
+    /// by the middle of its length.
     fn split(&self, part: &[usize]) -> [Vec<usize>; 2] {
         let axes = self.principal_axes(part);
         let [up, down] = [false, true].map(|down| {
@@ -198,7 +198,7 @@ impl Flattener<'_> {
         (!any_overlap(&corners)).then(|| FlatPiece { triangles: part.to_vec(), uvs })
     }
 
-    /// The vertices around a part that is a disk, from the one nearest to the origin on; `None` for another topology.
+    /// Vertices around a part that is a disk, beginning with the one nearest to the origin; `None` for another topology.
     fn margin_loop(&self, part: &[usize]) -> Option<Vec<u32>> {
         let mut count: BTreeMap<(u32, u32), usize> = BTreeMap::new();
         part.iter().flat_map(|k| undirected_edges(self.triangles[*k])).for_each(|e| *count.entry(e).or_default() += 1);
@@ -252,15 +252,15 @@ impl Flattener<'_> {
     }
 }
 
-/// Undirected edges of a triangle.
+/// Edges of a triangle, each with its lower vertex first.
 fn undirected_edges([a, b, c]: [u32; 3]) -> [(u32, u32); 3] {
     [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b)))
 }
 
-/// Axes of a symmetric matrix, by Jacobi's rotations.
+/// Eigenvectors of a symmetric matrix for its largest and its smallest eigenvalue, by Jacobi's rotations.
 fn symmetric_axes(mut m: [[f64; 3]; 3]) -> PrincipalAxes {
     let mut axes = [DVec3::X, DVec3::Y, DVec3::Z];
-    // Five sweeps leave nothing off the diagonal of a matrix of this size.
+    // Eight sweeps of three rotations; convergence is quadratic, and five sweeps suffice for a matrix of this size.
     for (p, q) in [(0, 1), (0, 2), (1, 2)].into_iter().cycle().take(3 * 8) {
         if m[p][q].abs() <= f64::MIN_POSITIVE {
             continue;
@@ -288,7 +288,7 @@ fn symmetric_axes(mut m: [[f64; 3]; 3]) -> PrincipalAxes {
 fn solve_means(weights: &BTreeMap<u32, BTreeMap<u32, f64>>, placed: &mut BTreeMap<u32, DVec2>) {
     let free: Vec<u32> = weights.keys().copied().filter(|i| !placed.contains_key(i)).collect();
     let index: BTreeMap<u32, usize> = free.iter().enumerate().map(|(k, i)| (*i, k)).collect();
-    // Row by row: sum of weights, neighbours that are free, and what those with a place add to the right side.
+    // For each row: sum of weights, neighbours without a place, and the contribution of placed neighbours to the right side.
     let diagonal: Vec<f64> = free.iter().map(|i| weights[i].values().sum()).collect();
     let near: Vec<Vec<(usize, f64)>> =
         free.iter().map(|i| weights[i].iter().filter_map(|(j, w)| Some((*index.get(j)?, *w))).collect()).collect();
@@ -298,7 +298,7 @@ fn solve_means(weights: &BTreeMap<u32, BTreeMap<u32, f64>>, placed: &mut BTreeMa
         let row = |k: usize| near[k].iter().fold(x[k] * diagonal[k], |s, (j, w)| s - x[*j] * *w);
         (0..x.len()).map(row).collect()
     };
-    // Both coordinates at once, each with step lengths of its own. Preconditioned by the diagonal.
+    // Solve for both coordinates at once, each with its step lengths, preconditioned by the diagonal.
     let dot = |a: &[DVec2], b: &[DVec2]| a.iter().zip(b).fold(DVec2::ZERO, |s, (a, b)| s + *a * *b);
     let scaled = |r: &[DVec2]| -> Vec<DVec2> { r.iter().zip(&diagonal).map(|(r, d)| *r / *d).collect() };
     let quotient = |a: DVec2, b: DVec2| {
@@ -329,8 +329,8 @@ fn solve_means(weights: &BTreeMap<u32, BTreeMap<u32, f64>>, placed: &mut BTreeMa
     placed.extend(free.into_iter().zip(x));
 }
 
-/// Moves pieces into the unit square, with gaps around them: a single one is stretched over all of it, several keep their proportions and
-/// stand in rows.
+/// Moves pieces into the unit square, with gaps around them: a single piece is stretched over all of it; several keep their
+/// proportions and are arranged in rows.
 pub(super) fn pack(pieces: &mut [FlatPiece]) {
     let bounds = |piece: &FlatPiece| {
         let all = || piece.uvs.values();
@@ -344,7 +344,7 @@ pub(super) fn pack(pieces: &mut [FlatPiece]) {
         return;
     }
     let boxes: Vec<(DVec2, DVec2)> = pieces.iter().map(bounds).collect();
-    // The highest first, so that rows are full.
+    // The highest pieces first, so that rows are well filled.
     let mut order: Vec<usize> = (0..pieces.len()).collect();
     order.sort_by(|a, b| boxes[*b].1.y.total_cmp(&boxes[*a].1.y).then(a.cmp(b)));
     // Rows within a square, from the bottom; `None` if they do not fit.
@@ -368,7 +368,7 @@ pub(super) fn pack(pieces: &mut [FlatPiece]) {
         Some(corners)
     };
     let mut side = boxes.iter().map(|b| b.1.x * b.1.y).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
-    // A square in which the pieces fit: at the latest one as wide as all of them.
+    // Enlarge the square until the pieces fit; they do at the latest in one as wide as all of them together.
     let corners = loop {
         match rows(side) {
             Some(corners) => break corners,

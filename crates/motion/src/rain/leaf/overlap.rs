@@ -4,10 +4,10 @@ use glam::DVec2;
 
 use crate::rain::tuning::OVERLAP_TOLERANCE;
 
-/// Largest number of cells along a side of the grid in which triangles_overlap are searched.
+/// Largest number of cells along a side of the grid in which overlaps are searched; limits its memory.
 const MAX_OVERLAP_CELLS: usize = 512;
 
-/// Twice the area of a triangle.
+/// Twice the area of a triangle, without sign.
 pub(super) fn area([a, b, c]: &[DVec2; 3]) -> f64 {
     (b - a).perp_dot(c - a).abs()
 }
@@ -17,7 +17,7 @@ pub(super) fn any_overlap(triangles: &[[DVec2; 3]]) -> bool {
     overlap_exceeds(triangles, 0.0)
 }
 
-/// Whether triangles of the plane that overlap others have more than a fraction of the area of all.
+/// Whether triangles that overlap others have more than a `fraction` of the total area. Exits at the first excess.
 pub(super) fn overlap_exceeds(triangles: &[[DVec2; 3]], fraction: f64) -> bool {
     let corners = || triangles.iter().flatten();
     let low = corners().fold(DVec2::INFINITY, |m, p| m.min(*p));
@@ -35,7 +35,7 @@ pub(super) fn overlap_exceeds(triangles: &[[DVec2; 3]], fraction: f64) -> bool {
     let most = fraction * triangles.iter().map(area).sum::<f64>();
     let mut overlapping = 0.0;
     for (i, t) in triangles.iter().enumerate() {
-        // A triangle shares at most its own area, and about that of the largest one below it.
+        // The area that a triangle shares is at most its area and at most that of the largest triangle that it overlaps.
         let mut shared = 0.0_f64;
         let (from, to) = (cell(t[0].min(t[1]).min(t[2])), cell(t[0].max(t[1]).max(t[2])));
         for k in (from[1]..=to[1]).flat_map(|y| (from[0]..=to[0]).map(move |x| y * n + x)) {

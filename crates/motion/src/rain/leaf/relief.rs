@@ -5,7 +5,7 @@ use glam::DVec2;
 use osier_base::math::narrow;
 use osier_scene::{Image, Material, Mesh, Pixels};
 
-/// Heights over the texture coordinates of a leaf's material.
+/// Heights of a leaf's relief over the texture coordinates of its material.
 #[derive(Debug, Clone)]
 pub struct MaterialHeightMap {
     size: [usize; 2],
@@ -22,7 +22,7 @@ impl MaterialHeightMap {
         })
     }
 
-    /// `range`: height that the largest value of the image stands for, m.
+    /// `range`: height that the largest value of the image represents, m.
     fn from_image(image: &Image, range: f32) -> Option<Self> {
         let heights: Vec<f32> = match &image.pixels {
             Pixels::U16(words) => words.iter().map(|v| f32::from(*v) * (range / 65535.0)).collect(),
@@ -42,7 +42,7 @@ impl MaterialHeightMap {
     pub fn height(&self, uv: DVec2) -> f32 {
         let inside = |x: f64| if (0.0..=1.0).contains(&x) { x } else { x - x.floor() };
         let [width, height] = self.size;
-        // Centers of pixels lie at half-integer coordinates; beyond those of the outer pixels the edge is repeated.
+        // Centers of pixels lie at half-integer coordinates; beyond the centers of the outer pixels the edge is repeated.
         let cell = |x: f64, n: usize| {
             let x = (x * n as f64 - 0.5).clamp(0.0, (n - 1) as f64);
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the picture")]
@@ -82,7 +82,7 @@ pub(crate) mod tests {
         let at = |u: f64, v: f64| relief.height(DVec2::new(u, v));
         assert!((at(0.75, 0.75) - 2e-3).abs() < 1e-9 && at(0.25, 0.25).abs() < 1e-9);
         assert!((at(0.5, 0.75) - 1e-3).abs() < 1e-9 && (at(0.75, 0.5) - 1e-3).abs() < 1e-9);
-        // The edge is repeated, the picture too.
+        // Beyond the outer pixels the edge is repeated, beyond 0 to 1 the picture.
         assert!((at(1.0, 1.0) - 2e-3).abs() < 1e-9 && (at(1.75, -0.25) - 2e-3).abs() < 1e-9);
     }
 }

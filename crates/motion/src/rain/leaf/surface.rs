@@ -21,9 +21,9 @@ pub struct SurfacePoint {
     pub p: DVec3,
     /// Unit normal of the upper side, interpolated from the vertices.
     pub n: DVec3,
-    /// Partial derivative of the position by u, m.
+    /// Partial derivative of the position with respect to u, m.
     pub dpdu: DVec3,
-    /// Partial derivative of the position by v, m.
+    /// Partial derivative of the position with respect to v, m.
     pub dpdv: DVec3,
 }
 
@@ -44,7 +44,7 @@ impl FirstFundamentalForm {
         Self { e: dpdu.dot(dpdu), f: dpdu.dot(dpdv), g: dpdv.dot(dpdv) }
     }
 
-    /// E G - F^2, m^4: the square of the area that a unit of texture coordinates covers.
+    /// E G - F^2, m^4: the square of the area on the surface of the unit square of texture coordinates.
     pub fn determinant(&self) -> f64 {
         self.e * self.g - self.f * self.f
     }
@@ -59,7 +59,8 @@ impl SurfacePoint {
         DVec2::new(form.g * x - form.f * y, form.e * y - form.f * x) / form.determinant().max(f64::MIN_POSITIVE)
     }
 
-    /// Largest change of each texture coordinate per metre along the surface, 1/m: the half-axes of the ellipse of a circle of 1 m.
+    /// Largest change of each texture coordinate per metre along the surface, 1/m: half the sides of the box around the ellipse
+    /// that a circle of radius 1 m becomes.
     pub fn max_uv_rate(&self) -> DVec2 {
         let form = FirstFundamentalForm::new(self.dpdu, self.dpdv);
         let det = form.determinant().max(f64::MIN_POSITIVE);
@@ -72,9 +73,9 @@ impl SurfacePoint {
 pub struct MarginPoint {
     /// Position in leaf space, m.
     pub p: DVec3,
-    /// Distance from the point that it is nearest to, m.
+    /// Distance, m, from the point for which it was searched.
     pub distance: f64,
-    /// Unit tangent of the margin.
+    /// Unit tangent of the margin, in the winding of the blade's triangles.
     pub tangent: DVec3,
     /// Index of the margin edge that it lies on.
     pub edge: usize,
@@ -87,15 +88,15 @@ pub struct MarginPoint {
 pub struct LeafSurface {
     points: Vec<DVec3>,
     normals: Vec<DVec3>,
-    /// Coordinates in the chart: the mesh's own texture coordinates, or those of `chart`.
+    /// Coordinates in the chart: the texture coordinates of the mesh, or those of `chart`.
     uvs: Vec<DVec2>,
-    /// Coordinates in the textures of the mesh's material, where they differ.
+    /// Coordinates in the textures of the mesh's material; `None` if they are those of the chart.
     texture_uvs: Option<Vec<DVec2>>,
     chart: Option<LeafChart>,
     triangles: Vec<[u32; 3]>,
     /// dp/du and dp/dv of each triangle, m; constant over it.
     partials: Vec<[DVec3; 2]>,
-    /// Each triangle in the chart.
+    /// The triangles as the search by chart coordinates needs them.
     chart_triangles: Vec<ChartTriangle>,
     /// Triangles that overlap each cell of the grid over texture coordinates, row by row.
     cells: Vec<Vec<usize>>,
@@ -109,8 +110,8 @@ pub struct LeafSurface {
 }
 
 impl LeafSurface {
-    /// The blade of a mesh; `None` if none of its triangles has an area. Drops are placed by the mesh's own texture coordinates where
-    /// they are one-to-one, else by a [chart](LeafSurface::chart) of the blade's own. Petioles, whose triangles have no area in the
+    /// The blade of a mesh; `None` if none of its triangles has an area. Drops are placed by the texture coordinates of the mesh
+    /// if they are one-to-one, else by a computed [chart](LeafSurface::chart). Petioles, whose triangles have no area in the
     /// texture, are left out.
     pub fn new(mesh: &Mesh) -> Option<Self> {
         let BladeChart { blade, own: chart } = BladeChart::new(mesh)?;
@@ -171,7 +172,7 @@ impl LeafSurface {
         })
     }
 
-    /// The blade's chart if the texture coordinates of its mesh are not one-to-one, or missing.
+    /// The computed chart of the blade; `None` if the texture coordinates of its mesh are one-to-one.
     pub fn chart(&self) -> Option<&LeafChart> {
         self.chart.as_ref()
     }
@@ -189,8 +190,8 @@ impl LeafSurface {
         along[0].max(along[1]) / total.max(f64::MIN_POSITIVE)
     }
 
-    /// Factor between the sides of a picture over the chart and of one over the mesh's own texture coordinates that is as fine on the
-    /// blade; 1 for a blade without a chart of its own.
+    /// Side of a picture over the chart divided by the side of a picture over the texture coordinates of the mesh that has the
+    /// same resolution on the blade; 1 for a blade without a computed chart.
     pub fn chart_to_texture_side_ratio(&self) -> f64 {
         let Some(texture_uvs) = &self.texture_uvs else { return 1.0 };
         let area = |uvs: &[DVec2]| {
@@ -203,16 +204,16 @@ impl LeafSurface {
         (area(texture_uvs) / area(&self.uvs).max(f64::MIN_POSITIVE)).sqrt()
     }
 
-    /// Coordinates in the textures of the mesh's material for those of the chart; `None` beyond the blade. The same for a blade without
-    /// a chart of its own.
+    /// Coordinates in the textures of the mesh's material for chart coordinates; `None` beyond the blade. Both are the same for a
+    /// blade without a computed chart.
     pub fn texture_uv(&self, uv: DVec2) -> Option<DVec2> {
         let Some(texture_uvs) = &self.texture_uvs else { return Some(uv) };
         let (i, weights) = self.locate(uv)?;
         Some(self.triangles[i].iter().zip(weights).fold(DVec2::ZERO, |s, (k, w)| s + texture_uvs[*k as usize] * w))
     }
 
-    /// dp/du and dp/dv of the textures of the mesh's material and of the chart at a point of the chart, m; `None` beyond the blade, or
-    /// where its textures have no area.
+    /// dp/du and dp/dv, m, of the material's textures and of the chart at a point of the chart; `None` beyond the blade, where
+    /// the textures have no area, and for a blade without a computed chart.
     pub fn texture_and_chart_partials(&self, uv: DVec2) -> Option<[[DVec3; 2]; 2]> {
         let (i, _) = self.locate(uv)?;
         let [a, b, c] = self.triangles[i].map(|k| k as usize);
@@ -224,7 +225,7 @@ impl LeafSurface {
         (det.abs() >= MIN_UV_AREA).then_some([of_texture, self.partials[i]])
     }
 
-    /// The same blade with holes and veins.
+    /// The blade with holes and with veins that lead drops; `None` for neither.
     pub fn with_maps(self, alpha_mask: Option<AlphaMask>, veins: Option<VeinMap>) -> Self {
         Self { alpha_mask, veins, ..self }
     }
@@ -235,7 +236,7 @@ impl LeafSurface {
         self.texture_uv(uv).map_or(0.0, |uv| veins.depth(uv))
     }
 
-    /// Whether a drop that strikes at texture coordinates meets leaf, not a hole of the alpha mask.
+    /// Whether a drop that strikes at texture coordinates meets the leaf, not a hole of the alpha mask.
     pub fn is_solid(&self, uv: DVec2) -> bool {
         let Some(mask) = &self.alpha_mask else { return true };
         self.texture_uv(uv).is_some_and(|uv| mask.is_solid(uv))
@@ -246,17 +247,17 @@ impl LeafSurface {
         &self.triangles
     }
 
-    /// Positions of the mesh's vertices at scale 1, m.
+    /// Positions of the vertices at scale 1, m, vertices doubled by the chart included.
     pub fn points(&self) -> &[DVec3] {
         &self.points
     }
 
-    /// Texture coordinates of the mesh's vertices.
+    /// Chart coordinates of the vertices, in the order of [`LeafSurface::points`].
     pub fn uvs(&self) -> &[DVec2] {
         &self.uvs
     }
 
-    /// Area of the blade at scale 1, m^2.
+    /// Area of one side of the blade at scale 1, m^2, without petiole.
     pub fn area(&self) -> f64 {
         self.area
     }
@@ -266,13 +267,13 @@ impl LeafSurface {
         self.cells.iter().filter(|c| !c.is_empty()).count()
     }
 
-    /// Texture coordinates of a point of a triangle by the barycentric coordinates of its second and third corner.
+    /// Chart coordinates of a point of a triangle from the barycentric coordinates of its second and third corner.
     pub fn interpolate_uv(&self, triangle: usize, [b, c]: [f64; 2]) -> DVec2 {
         let [i, j, k] = self.triangles[triangle].map(|i| self.uvs[i as usize]);
         i + (j - i) * b + (k - i) * c
     }
 
-    /// The point at texture coordinates of a leaf of factor `scale`; `None` beyond the blade.
+    /// The point at texture coordinates on a leaf of factor `scale`, in leaf space; `None` beyond the blade.
     pub fn point_at(&self, uv: DVec2, scale: f64) -> Option<SurfacePoint> {
         let (i, weights) = self.locate(uv)?;
         Some(self.interpolate(i, weights, scale))
@@ -288,8 +289,8 @@ impl LeafSurface {
         self.cells[y * GRID_CELLS + x].iter().find_map(|&i| Some((i, self.chart_triangles[i].barycentric(uv)?)))
     }
 
-    /// The point at texture coordinates; beyond the blade, the point on the tangent plane of `near`, whose own coordinates are
-    /// `near_uv`.
+    /// The point at texture coordinates; beyond the blade, the point on the tangent plane of `near`, whose
+    /// coordinates are `near_uv`.
     pub fn extrapolate(&self, uv: DVec2, near: &SurfacePoint, near_uv: DVec2, scale: f64) -> SurfacePoint {
         self.point_at(uv, scale).unwrap_or_else(|| {
             let d = uv - near_uv;
@@ -301,7 +302,7 @@ impl LeafSurface {
         let [a, b, c] = self.triangles[i];
         let [u, v, w] = weights;
         let sum = |list: &[DVec3]| DVec3::ZERO + list[a as usize] * u + list[b as usize] * v + list[c as usize] * w;
-        // Lengths scale with the leaf, normals do not; without vertex normals that of the triangle stands in.
+        // Lengths scale with the leaf, normals do not; without vertex normals use that of the triangle.
         let [dpdu, dpdv] = self.partials[i].map(|j| j * scale);
         let face_normal = || dpdu.cross(dpdv).normalize_or(DVec3::Z);
         let n = sum(&self.normals).try_normalize().unwrap_or_else(face_normal);
@@ -310,7 +311,7 @@ impl LeafSurface {
 
     /// The point of the margin nearest to `p`, m, on a leaf of factor `scale`; `None` for a closed surface.
     pub fn nearest_margin(&self, p: DVec3, scale: f64) -> Option<MarginPoint> {
-        // Search at scale 1, scale the result.
+        // The margin is stored at scale 1: search there, then scale the result.
         let q = p / scale;
         let mut best: Option<MarginPoint> = None;
         let mut least = f64::INFINITY;
@@ -318,7 +319,7 @@ impl LeafSurface {
             // Project onto the segment: the fraction is (q - a) . (b - a) / |b - a|^2, clamped to its ends.
             let fraction = ((q - *start).dot(*along) / squared_length).clamp(0.0, 1.0);
             let near = *start + *along * fraction;
-            // Most edges are farther than the best: the square tells it without a root.
+            // Most edges are farther than the best so far: compare the squares before taking a root.
             let squared = near.distance_squared(q);
             if best.is_some() && squared >= least {
                 continue;
@@ -355,7 +356,7 @@ impl LeafSurface {
             }
             left -= rest;
             p = end;
-            // Continue on the next edge in this direction.
+            // Continue on the next edge in this direction; an edge at the end of an open margin is its own neighbour.
             let neighbours = self.margin.neighbours[edge];
             edge = if forward { neighbours.next } else { neighbours.previous };
         }
@@ -367,7 +368,7 @@ impl LeafSurface {
         self.tip.distance(p / scale) * scale < radius
     }
 
-    /// Texture coordinates of a point of the margin.
+    /// Texture coordinates of a point of the margin, linear along its edge.
     pub fn uv_of_margin_point(&self, margin: &MarginPoint) -> DVec2 {
         let [a, b] = self.margin.edges[margin.edge].map(|k| self.uvs[k as usize]);
         a + (b - a) * margin.fraction
@@ -424,21 +425,21 @@ struct LeafMargin {
     /// Start and end vertex of each edge, in the winding of its triangle.
     edges: Vec<[u32; 2]>,
     neighbours: Vec<EdgeNeighbours>,
-    /// The edges in space at scale 1.
+    /// The edges in leaf space at scale 1.
     segments: Vec<MarginSegment>,
 }
 
-/// An edge of the margin in space, m.
+/// An edge of the margin in leaf space at scale 1, m.
 #[derive(Debug, Clone, Copy)]
 struct MarginSegment {
     start: DVec3,
-    /// From its start to its end.
+    /// Vector from its start to its end.
     along: DVec3,
-    /// Square of its length, m^2; positive also for an edge without length.
+    /// Square of its length, m^2; the smallest positive number for an edge without length, so that divisions are safe.
     squared_length: f64,
 }
 
-/// Indices of the margin edges before and after an edge; its own index where there is none.
+/// Indices of the margin edges before and after an edge; the index of the edge itself where there is none.
 #[derive(Debug, Clone, Copy)]
 struct EdgeNeighbours {
     previous: usize,
@@ -446,7 +447,7 @@ struct EdgeNeighbours {
 }
 
 impl LeafMargin {
-    /// `pieces`: piece of the chart that each triangle lies in; cuts between pieces are margins.
+    /// `pieces`: piece of the chart that each triangle lies in; cuts between pieces are part of the margin.
     fn new(triangles: &[[u32; 3]], pieces: &[usize], points: &[DVec3]) -> Self {
         // Weld vertices of a piece that share a position (seams of normals split them), so that a seam is no margin. Adding 0.0 turns
         // -0.0 into 0.0, whose bits are the same then.

@@ -32,7 +32,7 @@ pub(in crate::rain) struct WetnessReader<'a> {
     last: Option<WetnessAtAge>,
 }
 
-/// Wetness of a cell by the time at which it was last covered, s.
+/// Wetness of a cell for the time, s, at which it was last covered.
 #[derive(Debug, Clone, Copy)]
 struct WetnessAtAge {
     covered: f32,
@@ -40,7 +40,7 @@ struct WetnessAtAge {
 }
 
 impl WetnessReader<'_> {
-    /// Wetness at texture coordinates: 0 to 1; the same as [`WetnessGrid::wetness`].
+    /// Wetness at texture coordinates, 0 to 1, equal to [`WetnessGrid::wetness`] but faster for successive close places.
     pub fn wetness(&mut self, uv: DVec2) -> f64 {
         let Some(covered) = self.grid.covered_at(uv) else { return 0.0 };
         match self.last {
@@ -83,7 +83,7 @@ impl WetnessGrid {
         self.last_covered.get(y * GRID_CELLS + x).copied().filter(|covered| covered.is_finite())
     }
 
-    /// Reads the wetness at time `t`, s, at many places.
+    /// A reader of the wetness at time `t`, s, for many places that are close together.
     pub(in crate::rain) fn reader(&self, t: f64, law: DryingLaw) -> WetnessReader<'_> {
         WetnessReader { grid: self, t, law, last: None }
     }

@@ -3,7 +3,7 @@
 use super::TILE;
 use super::texel_window::{ColumnSpan, TexelWindow};
 
-/// Number of segments that a word has bits for.
+/// Number of segments whose marks fit into a word.
 const WORD_BITS: usize = 64;
 
 /// Disjoint spans of columns for each row of a map.
@@ -16,18 +16,18 @@ pub(super) struct RowSpans {
 }
 
 impl RowSpans {
-    /// All texels of a map of `side` by `side`.
+    /// One span for each row of a map of `side` by `side` texels, over the whole row.
     pub fn full(side: usize) -> Self {
         Self { spans: vec![ColumnSpan { start: 0, end: side }; side], starts: (0..=side).collect() }
     }
 
-    /// The spans of row `y`.
+    /// The spans of row `y`, disjoint and ascending.
     #[inline(always)]
     pub fn row(&self, y: usize) -> &[ColumnSpan] {
         &self.spans[self.starts[y]..self.starts[y + 1]]
     }
 
-    /// Builds the list by a function that appends the spans of a row.
+    /// Builds the list row by row; `append_row` appends the spans of the row `y`.
     fn from_rows(side: usize, mut append_row: impl FnMut(usize, &mut Vec<ColumnSpan>)) -> Self {
         let (mut spans, mut starts) = (Vec::new(), vec![0]);
         for y in 0..side {
@@ -38,7 +38,7 @@ impl RowSpans {
     }
 }
 
-/// Texels that a frame has to recompute.
+/// Texels that a frame has to recompute: of the height maps and of the normal map.
 pub(super) struct DirtySpans {
     /// Texels whose height may have changed.
     pub heights: RowSpans,
@@ -47,7 +47,7 @@ pub(super) struct DirtySpans {
 }
 
 impl DirtySpans {
-    /// Every texel of a map of `side` by `side`.
+    /// Spans of every texel of a map of `side` by `side`.
     pub fn full(side: usize) -> Self {
         Self { heights: RowSpans::full(side), normals: RowSpans::full(side) }
     }

@@ -16,7 +16,8 @@ use crate::rain::tuning::MIN_MAP_WETNESS;
 use osier_base::math::narrow;
 use osier_base::simd::{F32Lanes, Lane as _};
 
-/// Texels that are processed together, the lanes of AVX2: caps are narrow, and wider vectors would mostly work beside them.
+/// Texels that are processed together, the lanes of AVX2: caps are narrow, and wider vectors would mostly hold
+/// texels beside them.
 const GROUP: usize = 8;
 /// Largest number of `f32` lanes of any instruction set.
 const MAX_LANES: usize = 16;
@@ -130,14 +131,14 @@ impl TexelKernel for CapHeightKernel {
     }
 }
 
-/// Wetness around a path that was under water: w = peak edge(d) exp(-d / length) with the distance d from the path, whose end is the
-/// center. Source: [yang-wu] eq. 11, for a drop that moves along the path.
+/// Wetness around a path that was under water: w = peak edge(d) exp(-d / length), where d is the distance from the path. The end
+/// of the path is the center. Source: [yang-wu] eq. 11, for a drop that moves along the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct WetSpotKernel {
     pub center: KernelCenter,
-    /// From the center to the beginning of the path, m.
+    /// Vector from the center to the beginning of the path, m.
     pub path: [f32; 3],
-    /// The same over its squared length, 1/m; 0 for a path without length.
+    /// `path` divided by its squared length, 1/m; 0 for a path without length.
     pub along: [f32; 3],
     /// Distance from the path at which the wet area ends, m.
     pub radius: f32,
@@ -170,8 +171,8 @@ impl TexelKernel for WetSpotKernel {
     }
 }
 
-/// Raises texels of a span of a row to the kernel's values. On a `FOLDED` blade only those whose normal is on the kernel's side, as a
-/// fold brings the other side close.
+/// Raises texels of a span of a row to the values of the kernel. On a `FOLDED` blade only texels whose normal points to the side
+/// of the kernel's normal are raised, since a fold brings the other side close.
 #[inline(always)]
 fn raise_texels<S: Simd, const FOLDED: bool>(
     simd: S,
@@ -183,12 +184,12 @@ fn raise_texels<S: Simd, const FOLDED: bool>(
     let ([px, py, pz], [nx, ny, nz]) = (row.p, row.n);
     let ((px, x), (py, y), (pz, z)) = (S::as_simd_f32s(px), S::as_simd_f32s(py), S::as_simd_f32s(pz));
     let ((nx, u), (ny, v), (nz, w)) = (S::as_simd_f32s(nx), S::as_simd_f32s(ny), S::as_simd_f32s(nz));
-    // Whole vectors of texels.
+    // Whole vectors of texels; the remainder follows below.
     let (texels, rest) = S::as_mut_simd_f32s(texels);
     for (g, ((texels, px), (py, pz))) in texels.iter_mut().zip(px).zip(py.iter().zip(pz)).enumerate() {
         let p = [F32Lanes::new(simd, *px), F32Lanes::new(simd, *py), F32Lanes::new(simd, *pz)];
         let mut h = kernel.evaluate(center.offset(p));
-        // The sign of n . n0 tells the side of a fold.
+        // The sign of n . n0 says on which side of a fold the texels lie.
         if FOLDED {
             let n = [F32Lanes::new(simd, nx[g]), F32Lanes::new(simd, ny[g]), F32Lanes::new(simd, nz[g])];
             h = dot(n, center.n).select_gt(0.0, h, h.splat(0.0));
@@ -255,7 +256,7 @@ impl<T: TexelKernel> WithSimd for MaxBlendPass<'_, T> {
     }
 }
 
-/// Heights around a span of a row, and factors from their differences to slopes.
+/// Heights around a span of a row, and the factors that turn their differences into slopes.
 pub(super) struct NormalInputs<'a> {
     /// Heights of the row, with one more texel at either end, m.
     pub row: &'a [f32],
@@ -291,7 +292,7 @@ impl WithSimd for NormalPass<'_> {
         let mut components = [[0.0_f32; MAX_LANES]; 3];
         let mut groups = normals.chunks_exact_mut(S::F32_LANES);
         for (g, out) in groups.by_ref().enumerate() {
-            // The formula of `normal`, in the same order of operations.
+            // The formula of `normal`, in the same order of operations, so that vectors and remainder agree bit for bit.
             let du = (F32Lanes::new(simd, rights[g]) - F32Lanes::new(simd, lefts[g])) * inverse_distance[0];
             let dv = (F32Lanes::new(simd, aboves[g]) - F32Lanes::new(simd, belows[g])) * inverse_distance[1];
             let x = du * F32Lanes::new(simd, ss[g]);
@@ -317,8 +318,8 @@ impl WithSimd for NormalPass<'_> {
     }
 }
 
-/// Normal of the water surface in tangent space from the derivatives of its height by u and v, m: (-x, -y, 1) normalized, where x
-/// and y are the slopes along the tangent (dp/du) and the bitangent. `slope_factors`: as in [`UvRaster`].
+/// Normal of the water surface in tangent space from the derivatives of its height with respect to u and v, m: (-x, -y, 1)
+/// normalized, where x and y are the slopes along the tangent (dp/du) and the bitangent. `slope_factors`: as in [`UvRaster`].
 #[inline(always)]
 pub(super) fn normal([du, dv]: [f32; 2], slope_factors: [f32; 3]) -> [f32; 3] {
     let (x, y) = (du * slope_factors[0], du * slope_factors[1] + dv * slope_factors[2]);
@@ -339,7 +340,7 @@ impl NullaryFnOnce for DryingPass<'_> {
     #[inline(always)]
     fn call(self) -> bool {
         let Self { decay, wetness } = self;
-        // The or of all bits is 0 only if all values are +0; it vectorizes, a comparison with early exit does not.
+        // The bitwise or of all values is 0 only if all are +0; it vectorizes, unlike a comparison with early exit.
         let mut any = 0_u32;
         for w in wetness {
             let now = *w * decay;

@@ -1,5 +1,5 @@
-//! Water maps of a leaf: height of relief and water, water alone, wetness and normals over its chart. Per frame only the texels under
-//! changes are recomputed.
+//! Water maps of a leaf: height of relief and water, height of water, wetness and normals over its chart. Each frame recomputes
+//! only the texels under changes.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -23,19 +23,19 @@ use kernels::{CapHeightKernel, DryingPass, KernelCenter, MaxBlendPass, NormalInp
 use texel_window::{ColumnSpan, TexelWindow};
 pub use uv_raster::UvRaster;
 
-/// Texels of a tile's side; also of a band of rows and of a segment of a row.
+/// Texels along the side of a tile, which is also the height of a band of rows and the length of a segment of a row.
 const TILE: usize = 16;
 /// Normal of a dry surface in tangent space.
 const DRY_NORMAL: [f32; 3] = [0.0, 0.0, 1.0];
 
-/// A cap of a drop on a leaf, as maps need it.
+/// A cap of a drop on a leaf, as the maps draw it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CapOnLeaf {
     /// Texture coordinates of its center.
     pub uv: DVec2,
     /// Shape without stretch and skew.
     pub cap: SphericalCap,
-    /// Stretch and skew of the cap.
+    /// Stretch and skew; [`CapDeformation::ROUND`] for the caps of a tail.
     pub deformation: CapDeformation,
     /// Unit tangent along which it is stretched and sheared, in leaf space.
     pub axis: DVec3,
@@ -44,7 +44,7 @@ pub struct CapOnLeaf {
 /// A cap and the texels that it may cover.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct CapStamp {
-    /// Bits of all that its texels depend on: equal keys give equal texels.
+    /// Bits of all values that its texels depend on: equal keys give equal texels.
     key: [u64; 12],
     kernel: CapHeightKernel,
     window: TexelWindow,
@@ -57,7 +57,7 @@ struct WetSpotStamp {
     window: TexelWindow,
 }
 
-/// Number of texel updates, by what made them; a texel counts as often as it is updated.
+/// Number of texel updates by their cause; a texel counts as often as it is updated.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct TexelCounters {
     /// Heights, by each cap.
@@ -71,13 +71,13 @@ pub struct TexelCounters {
 }
 
 impl TexelCounters {
-    /// Sum over all kinds of updates.
+    /// Sum over all causes, a measure of the cost of the maps.
     pub fn total_updates(&self) -> u64 {
         self.heights + self.normals + self.wet_spots + self.drying
     }
 }
 
-/// Maps of one leaf: `side * side` texels, row 0 at v = 1. What holds a clone shares the memory until the maps go on.
+/// Maps of one leaf: `side * side` texels, row 0 at v = 1. A clone shares the memory until the maps are updated.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LeafMaps {
     /// Height of the leaf's relief and the water on it, m; the memory of `water` for a leaf without relief.
@@ -92,18 +92,18 @@ pub struct LeafMaps {
 
 /// The maps of one leaf while a frame updates them.
 struct LeafMapsMut<'a> {
-    /// `None` for a leaf without relief, where it is the water.
+    /// `None` for a leaf without relief, whose height map is its water map.
     height: Option<&'a mut Vec<f32>>,
     water: &'a mut Vec<f32>,
     wetness: &'a mut Vec<f32>,
     normal: &'a mut Vec<[f32; 3]>,
 }
 
-/// The water maps of one leaf over a clip.
+/// Water maps of one leaf, kept from frame to frame of a clip, so that a frame recomputes only texels that change.
 #[derive(Debug, Clone)]
 pub struct LeafWaterMaps {
     raster: Arc<UvRaster>,
-    /// All texels of the raster.
+    /// One span for each row over all of its texels.
     full: RowSpans,
     scale: f32,
     /// Half-lives of wetness up to the last frame.
@@ -113,7 +113,7 @@ pub struct LeafWaterMaps {
     /// Caps of the last frame in the order of their keys.
     stamps: Vec<CapStamp>,
     maps: LeafMaps,
-    /// Tiles that may hold wetness above [`MIN_WETNESS`](crate::rain::tuning::MIN_WETNESS), row by row.
+    /// Tiles, row by row, that may hold wetness above [`MIN_WETNESS`](crate::rain::tuning::MIN_WETNESS) and have to dry.
     damp: Vec<bool>,
     counters: TexelCounters,
 }
@@ -149,25 +149,25 @@ impl LeafWaterMaps {
             counters: TexelCounters::default(),
         };
         if dry.raster.relief.is_some() {
-            // The dry leaf already has heights and normals.
+            // A leaf with relief has heights and normals also while it is dry: compute them once.
             dry.update(&FrameUpdate { dirty: DirtySpans::full(dry.raster.side), wet_spots: Vec::new(), decay: 1.0 });
             dry.counters = TexelCounters::default();
         }
         dry
     }
 
-    /// The maps as the last update left them; those of a dry leaf before the first.
+    /// The maps after the last update; before the first, the maps of a dry leaf.
     pub fn maps(&self) -> &LeafMaps {
         &self.maps
     }
 
-    /// Number of texel updates since the maps were made; those of the dry relief do not count.
+    /// Number of texel updates since the maps were created, without those of the dry relief.
     pub fn texel_counters(&self) -> TexelCounters {
         self.counters
     }
 
-    /// Advances the maps to time `t`, s, at which the leaf carries `caps`; `wet_spots` became wet since the last call. Only texels
-    /// under changes are recomputed.
+    /// Advances the maps to time `t`, s, at which the leaf carries `caps`; `wet_spots` became wet since the last call. Recomputes
+    /// only texels under changes.
     pub fn advance(
         &mut self,
         blade: &LeafSurface,
@@ -176,7 +176,7 @@ impl LeafWaterMaps {
         t: f64,
         params: &DropParams,
     ) {
-        // Decay is advanced in any case, so that a dry leaf does not lose track of time.
+        // Decay is advanced in every case, so that the time of a dry leaf stays correct.
         let stamps = self.cap_stamps(blade, caps);
         let dirty = self.dirty_spans(&stamps);
         self.stamps = stamps;
@@ -214,7 +214,7 @@ impl LeafWaterMaps {
         let mut maps = std::mem::take(&mut self.maps);
         let has_relief = self.raster.relief.is_some();
         if !has_relief {
-            // Let go of the memory that it shares with the water, which is written now.
+            // Release the memory that it shares with the water map, which is written now.
             maps.height = Arc::default();
         }
         let own = &mut LeafMapsMut {
@@ -244,7 +244,7 @@ impl LeafWaterMaps {
         self.maps = maps;
     }
 
-    /// Moves the time of the wetness on to `t`, s; returns the fraction of the wetness of the last frame that is left.
+    /// Advances the time of the wetness to `t`, s, and returns the fraction of the wetness of the last frame that remains.
     fn next_decay_factor(&mut self, t: f64, params: &DropParams) -> f32 {
         // The factor is rounded to single precision. Its relative error is kept and corrected by the next factor, so that rounding
         // does not accumulate over the clip.
@@ -256,7 +256,7 @@ impl LeafWaterMaps {
         rounded
     }
 
-    /// Stamps of the caps, sorted by their keys, so that the caps of two frames are compared in one pass.
+    /// Stamps of the caps, sorted by key, so that the caps of two frames can be compared in one pass.
     fn cap_stamps(&self, blade: &LeafSurface, caps: &[CapOnLeaf]) -> Vec<CapStamp> {
         let mut stamps: Vec<CapStamp> = caps.iter().filter_map(|b| self.cap_stamp(blade, b)).collect();
         stamps.sort_unstable_by_key(|s| s.key);
@@ -281,7 +281,7 @@ impl LeafWaterMaps {
         KernelCenter { p: point.p.as_vec3().to_array(), n: point.n.as_vec3().to_array(), scale: self.scale }
     }
 
-    /// Texels under caps that are in only one of the last frame and this one. Merges the two sorted lists.
+    /// Texels under caps that exist in only one of the last frame and this one. Merges the two sorted lists.
     fn dirty_spans(&self, stamps: &[CapStamp]) -> DirtySpans {
         let mut segments = DirtyBits::none(self.raster.side);
         let mut mark = |s: &CapStamp| segments.mark(&s.window);
@@ -309,16 +309,15 @@ impl LeafWaterMaps {
         DirtySpans::new(&segments)
     }
 
-    /// Rows of texels of a band.
     fn band_row_range(&self, band: usize) -> Range<usize> {
         band * TILE..((band + 1) * TILE).min(self.raster.side)
     }
 
-    /// Recomputes the water of a band's dirty texels, the maximum over all caps, and their heights: relief and water.
+    /// Recomputes a band's dirty texels: the water as the maximum over all caps, and the height as relief plus water.
     fn update_heights(&mut self, maps: &mut LeafMapsMut<'_>, dirty: &DirtySpans, band: usize) {
         let arch = kernels::arch();
         let (n, rows) = (self.raster.side, self.band_row_range(band));
-        // Caps that have not changed are drawn again where they overlap dirty texels. The maximum does not depend on their order.
+        // Caps that have not changed are drawn again over dirty texels. The maximum does not depend on their order.
         let spans = &dirty.heights;
         for (y, span) in rows.clone().flat_map(|y| spans.row(y).iter().map(move |span| (y, span))) {
             maps.water[y * n + span.start..y * n + span.end].fill(0.0);
@@ -338,7 +337,7 @@ impl LeafWaterMaps {
         }
     }
 
-    /// Recomputes the normals of a band's texels whose own or neighbouring heights are dirty.
+    /// Recomputes the normals of a band's texels for which their height or that of a neighbour is dirty.
     fn update_normals(&mut self, maps: &mut LeafMapsMut<'_>, dirty: &DirtySpans, band: usize) {
         for y in self.band_row_range(band) {
             dirty.normals.row(y).iter().for_each(|span| self.update_row_normals(maps, y, *span));
@@ -350,8 +349,8 @@ impl LeafWaterMaps {
         let ColumnSpan { start, end } = span;
         let n = self.raster.side;
         self.counters.normals += (end - start) as u64;
-        // v grows upwards, rows count downwards. Inverse distances of the neighbours in u and in v, over the leaf's scale, as the
-        // raster's slope factors are those of scale 1.
+        // v grows upwards, rows count downwards. The inverse distances of neighbours in u and in v are divided by the scale of
+        // the leaf, since the slope factors of the raster are those of scale 1.
         let (up, down) = (y.saturating_sub(1), (y + 1).min(n - 1));
         let inverse_distance = [n as f32 * 0.5, n as f32 / (down - up).max(1) as f32].map(|k| k / self.scale);
         let LeafMapsMut { height, water, normal, .. } = maps;
@@ -378,7 +377,7 @@ impl LeafWaterMaps {
         }
     }
 
-    /// Stamps of paths that were under water. Source: [yang-wu] eq. 11.
+    /// Stamps of paths that were under water, with the wetness that is left of them at time `t`, s. Source: [yang-wu] eq. 11.
     fn wet_spot_stamps(
         &self,
         blade: &LeafSurface,
@@ -387,8 +386,8 @@ impl LeafWaterMaps {
         params: &DropParams,
     ) -> Vec<WetSpotStamp> {
         let n = self.raster.side as f64;
-        // A spot that became wet between two frames has dried since. Most spots have one of few times, so the last power is
-        // reused while the time repeats.
+        // A spot that became wet between two frames has dried since. Successive spots mostly have the same time: reuse the last
+        // power while the time repeats.
         let now = elapsed_half_lives(t, params);
         let mut last: Option<(f64, f32)> = None;
         let mut peak = |t: f64| match last {
@@ -397,7 +396,7 @@ impl LeafWaterMaps {
         };
         let stamp = |spot: &WetSpot| {
             let point = blade.point_at(spot.uv, f64::from(self.scale))?;
-            // Without a point there, as across a notch of the margin, the path has no length.
+            // Without a point at the start, as across a notch of the margin, the path has no length.
             let start = blade.point_at(spot.from, f64::from(self.scale));
             let middle = if start.is_some() { 0.5 * (spot.uv + spot.from) } else { spot.uv };
             let path = start.map_or(DVec3::ZERO, |start| start.p - point.p);
@@ -424,7 +423,7 @@ impl LeafWaterMaps {
         wet_spots.iter().filter_map(stamp).collect()
     }
 
-    /// Raises the wetness of a band's texels to that of the spots over them.
+    /// Raises the wetness of a band's texels to that of the spots that cover them.
     fn stamp_wet_spots(&mut self, maps: &mut LeafMapsMut<'_>, stamps: &[WetSpotStamp], band: usize) {
         let arch = kernels::arch();
         let rows = self.band_row_range(band);
@@ -436,7 +435,7 @@ impl LeafWaterMaps {
         }
     }
 
-    /// Multiplies the wetness of a band's damp tiles by `decay`; runs of tiles that have dried are skipped from then on.
+    /// Multiplies the wetness of a band's damp tiles by `decay`; runs of tiles that have dried are skipped in later frames.
     fn decay_wetness(&mut self, maps: &mut LeafMapsMut<'_>, decay: f32, band: usize) {
         let arch = kernels::arch();
         let (n, rows) = (self.raster.side, self.band_row_range(band));
@@ -450,7 +449,7 @@ impl LeafWaterMaps {
                 any |= arch.dispatch(DryingPass { decay, wetness });
                 self.counters.drying += (end - start) as u64;
             }
-            // A run of tiles stays damp as a whole while any of it is.
+            // A run of tiles stays damp as a whole while any texel of it is damp.
             if !any {
                 damp[start / TILE..end.div_ceil(TILE)].fill(false);
             }
@@ -479,7 +478,7 @@ fn for_each_tile(w: &TexelWindow, tiles: usize, mut f: impl FnMut(usize)) {
         return;
     }
     for y in w.lo[1] / TILE..=(w.hi[1] - 1) / TILE {
-        // Tiles of this row of tiles that the ellipse meets, not all of its bounding box.
+        // Only tiles of this row of tiles that the ellipse meets, not all tiles of its bounding box.
         let columns = w.columns_of_rows(y * TILE..(y + 1) * TILE);
         if columns.start < columns.end {
             (columns.start / TILE..=(columns.end - 1) / TILE).for_each(|x| f(y * tiles + x));

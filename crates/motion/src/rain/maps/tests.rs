@@ -51,7 +51,7 @@ fn maps_hold_the_volume_of_a_drop() {
     }
 }
 
-/// Normal of a cap's own formula at a way from its middle along the leaf's x and y, m.
+/// Expected normal by the formula of a cap, at distances from its center along the leaf's x and y, m.
 fn meant(b: &CapOnLeaf, x: f64, y: f64) -> DVec3 {
     let height = |x: f64, y: f64| {
         let (along, across) = (x * b.axis.x + y * b.axis.y, x * b.axis.y - y * b.axis.x);
@@ -109,7 +109,7 @@ fn changed_tiles_give_the_same_bits_as_all_of_them() {
             let t = f64::from(frame) / 24.0;
             let mut wet_spots = Vec::new();
             for (i, b) in caps.iter_mut().enumerate() {
-                // Some run, obliquely and as far as several radii, some stretch, some lie.
+                // Some drops run obliquely by several radii, some stretch, others rest.
                 if i % 7 == 0 {
                     let from = b.uv;
                     b.uv += DVec2::new(any(-0.02, 0.02), any(-0.06, 0.0));
@@ -150,7 +150,7 @@ fn heights_are_those_of_relief_and_water_and_normals_have_both() {
             let k = y * N + x;
             let [h, of_water, of_relief] = [&both, &water, &dry].map(|m| m.maps().height[k]);
             assert!((h - of_water - of_relief).abs() < 1e-9, "{x} {y}");
-            // Slopes, hence the ratios of the components of normals, add up.
+            // Slopes, which are ratios of the components of normals, add up.
             let slope = |m: &LeafWaterMaps| Vec3::from_array(m.maps().normal[k]) / m.maps().normal[k][2];
             let sum = slope(&water) + slope(&dry);
             assert!((slope(&both) - sum).truncate().length() < 1e-4 * sum.truncate().length().max(1.0), "{x} {y}");
@@ -170,7 +170,7 @@ fn maps_continue_beyond_the_margin() {
     let (blade, params) = (rounded_blade(), DropParams { decay_length: 1.0, ..DropParams::default() });
     let raster = Arc::new(UvRaster::new(&blade, N, Some(&waves(3.0, 2e-4))));
     let mut wet = LeafWaterMaps::new(raster, 1.0);
-    // Wet and under water around the middle of one side, at the margin.
+    // A wet spot and a drop at the margin, in the middle of one side.
     let uv = DVec2::new(0.95, 0.5);
     wet.advance(&blade, &[cap_at(uv, 6e-8, 1.0, 0.0)], &[spot(uv, 6e-3, 0.0)], 0.0, &params);
     let is_blade = |x: usize, y: usize| {
@@ -185,7 +185,7 @@ fn maps_continue_beyond_the_margin() {
             assert!(maps.wetness[inside] > 0.5 && maps.wetness[outside] > 0.8 * maps.wetness[inside], "{x} {y}");
             assert!(maps.water[inside] > 1e-4 && maps.water[outside] > 0.5 * maps.water[inside], "{x} {y}");
             assert!(maps.height[outside] > maps.water[outside], "{x} {y}");
-            // Normals go on as well, but for the outermost texel.
+            // Normals continue beyond the margin as well, except at the outermost texel.
             let [a, b] = [inside, outside].map(|k| Vec3::from_array(maps.normal[k]));
             assert!(x == last + MAP_BLEED || a.dot(b) > 0.95, "{x} {y}: {a} {b}");
             seen += 1;
@@ -194,7 +194,7 @@ fn maps_continue_beyond_the_margin() {
     assert!(seen >= 6 * MAP_BLEED, "{seen}");
 }
 
-/// Wetness of a steep leaf down which a drop has run, by steps per frame of 24 in a second.
+/// Wetness map of a steep leaf down which a drop has run for one second, at 24 frames per second with `substeps`.
 fn trail(substeps: u32) -> Vec<f32> {
     const N: usize = 256;
     let params = DropParams {
@@ -225,7 +225,7 @@ fn trail(substeps: u32) -> Vec<f32> {
         let water = frame.leaf_map_input(0);
         wet.advance(&blade, &water.caps, &water.wet_spots, frame.t, &params);
     }
-    // It has run over half of the leaf.
+    // The drop has run over more than half of the leaf.
     let rows = wet.maps().wetness.chunks(N).filter(|row| row.iter().any(|w| *w > 0.5)).count();
     assert!(rows > N / 2, "{substeps}: {rows}");
     wet.maps().wetness.to_vec()
@@ -260,7 +260,7 @@ fn wetness_halves_and_keeps_the_larger() {
     assert!((first - 1.0).abs() < 1e-4);
     wet.advance(&blade, &[], &[], 20.0, &params);
     assert!((wet.maps().wetness[middle] - 0.5).abs() < 1e-4);
-    // Wetted again from beside: where that would be less, the old one stays.
+    // A second spot beside it: where it would be less wet, the older wetness remains.
     let beside = spot(DVec2::new(0.57, 0.5), 3e-3, 20.0);
     wet.advance(&blade, &[], &[beside], 20.0, &params);
     assert!((wet.maps().wetness[middle] - 0.5).abs() < 0.02);
@@ -313,7 +313,7 @@ fn vectors_of_any_width_give_the_same_bits() {
         let made = heights(kernels::arch());
         assert_eq!(made, heights(Arch::Scalar));
         assert_eq!(made, heights(Arch::new()));
-        // Rows of v = 0.4 and 0.6, which lie upon each other where the blade is folded.
+        // Rows of v = 0.4 and 0.6, which coincide in space where the blade is folded.
         let wet_at = |y: usize| made[y * 61..(y + 1) * 61].iter().any(|h| *h > 0.0);
         assert!(wet_at(36) && !wet_at(24), "not through the fold");
     }

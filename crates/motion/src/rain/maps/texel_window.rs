@@ -13,7 +13,7 @@ pub(super) struct ColumnSpan {
     pub end: usize,
 }
 
-/// The texels that an ellipse in the texture may cover: those of its bounding box, less those outside of it row by row.
+/// The texels that an ellipse in the texture may cover: its bounding box, restricted row by row to the ellipse.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct TexelWindow {
     /// First column and row.
@@ -31,7 +31,7 @@ pub(super) struct TexelWindow {
 }
 
 impl TexelWindow {
-    /// Every texel of a map of `side` by `side`.
+    /// All texels of a map of `side` by `side`: an ellipse of infinite width.
     pub fn full(side: usize) -> Self {
         Self {
             lo: [0; 2],
@@ -47,7 +47,7 @@ impl TexelWindow {
         self.lo[1] < rows.end && rows.start < self.hi[1]
     }
 
-    /// Columns that hold the window's texels of all of `rows`.
+    /// A span of columns that holds the window's texels in all of `rows`.
     pub fn columns_of_rows(&self, rows: Range<usize>) -> ColumnSpan {
         // The middles of the first and the last row bound those between; the widest row is the one nearest to the center.
         let rows = [rows.start.max(self.lo[1]), rows.end.min(self.hi[1]).saturating_sub(1)];
@@ -78,10 +78,10 @@ impl TexelWindow {
         std::array::from_fn(|i| [bounds[0][i], bounds[1][i]])
     }
 
-    /// Whole columns within fractional bounds and the window.
+    /// Columns of texels within both the fractional bounds of a row and the bounding box.
     #[inline(always)]
     pub fn columns_within(&self, [start, end]: [f64; 2]) -> ColumnSpan {
-        // Casts to integers saturate: what is below 0 becomes 0.
+        // Casts to integers saturate: negative bounds become 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let (start, end) = (start as usize, end as usize);
         ColumnSpan { start: start.max(self.lo[0]), end: end.min(self.hi[0]) }

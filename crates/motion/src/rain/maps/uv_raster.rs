@@ -11,33 +11,33 @@ use osier_base::math::narrow;
 /// Coordinate of texels far beyond the blade, m: so far away that no kernel reaches them.
 const OFF_BLADE: f32 = 1e6;
 
-/// The blade at the texels of a texture; shared by all leaves of one shape.
+/// The blade sampled at the texels of a texture; shared by all leaves of one shape.
 #[derive(Debug)]
 pub struct UvRaster {
-    /// Texels of a side of the texture.
+    /// Number of texels along a side of the texture.
     pub(super) side: usize,
     /// Positions of the texels at scale 1, m, row by row from the top, component by component; [`OFF_BLADE`] more than [`MAP_BLEED`]
     /// texels beyond the blade.
     pub(super) p: [Vec<f32>; 3],
-    /// Normals of the texels of a blade that folds back on itself; others need none.
+    /// Normals of the texels if the blade folds back on itself; other blades do not need them.
     n: Option<[Vec<f32>; 3]>,
     /// Factors from derivatives of height by u and v to slopes along the tangent and the bitangent, 1/m; see
     /// [`super::kernels::normal`].
     pub(super) slope_factors: [Vec<f32>; 3],
-    /// Heights of the blade's relief at scale 1, m; `None` for a smooth one.
+    /// Heights of the blade's relief at scale 1, m; `None` for a smooth blade.
     pub(super) relief: Option<Vec<f32>>,
     /// Factor on the radius of windows that covers the change of dp/du and dp/dv within them.
     margin: f64,
 }
 
-/// Texels of a raster in a range of indices.
+/// Texels of a raster in a range of indices, component by component.
 pub(super) struct RasterRow<'a> {
     pub p: [&'a [f32]; 3],
-    /// Empty if the blade is not folded.
+    /// Empty unless the blade is folded.
     pub n: [&'a [f32]; 3],
 }
 
-/// A texel on the blade, or beyond its margin.
+/// Position, normal and slope factors at a texel on the blade, or on its continuation beyond the margin.
 #[derive(Debug, Clone, Copy)]
 struct SurfaceTexel {
     p: [f32; 3],
@@ -62,24 +62,25 @@ impl SurfaceTexel {
     }
 }
 
-/// The texel beyond the blade's margin whose values continue those of a texel on the blade.
+/// A texel beyond the blade's margin whose values continue those of a texel on the blade.
 #[derive(Debug, Clone, Copy)]
 struct BleedTexel {
     texel: usize,
-    /// Index of the texel on the blade that is near.
+    /// Index of the nearest texel on the blade.
     source: usize,
-    /// Whether it is one of the outermost, beside which nothing is known.
+    /// Whether it is one of the outermost, whose outer neighbours have no values.
     outermost: bool,
 }
 
-/// Texels up to [`MAP_BLEED`] texels beyond those on the blade, from the margin outwards, so that filters of renderers that reach over
-/// the margin find the values of the blade.
+/// Texels within [`MAP_BLEED`] texels of those on the blade, from the margin outwards. Filters of renderers that reach over the
+/// margin then find the values of the blade.
 fn bleed_texels(on_blade: &[bool], side: usize) -> Vec<BleedTexel> {
     let mut source: Vec<Option<usize>> = (0..side * side).map(|k| on_blade[k].then_some(k)).collect();
     let mut ring: Vec<usize> = (0..side * side).filter(|k| on_blade[*k]).collect();
     let mut found = Vec::new();
     for distance in 1..=MAP_BLEED {
-        // Candidates beside the last ring, each with the source of the neighbour whose source is nearest; the lower index counts of two.
+        // Candidates next to the last ring, each with the nearest of its neighbours' sources; of two equally near
+        // the lower index.
         let squared = |a: usize, b: usize| {
             let [x, y] = [(a % side).abs_diff(b % side), (a / side).abs_diff(b / side)];
             x * x + y * y
@@ -108,8 +109,8 @@ fn bleed_texels(on_blade: &[bool], side: usize) -> Vec<BleedTexel> {
     found
 }
 
-/// Heights of a relief at the texels of a blade, m: each the mean over its texel. Beyond the margin those of the nearest texels on the
-/// blade, 0 farther away.
+/// Heights of a relief at the texels of a blade, m, each the mean over its texel. Texels beyond the margin have the height of the
+/// nearest texel on the blade, those farther away 0.
 fn relief_texels(blade: &LeafSurface, side: usize, relief: &MaterialHeightMap, bleed: &[BleedTexel]) -> Vec<f32> {
     // As many samples across a texel as it has pixels of the map.
     let samples = relief.longer_side().div_ceil(side).clamp(1, MAX_RELIEF_SAMPLES);
@@ -124,7 +125,7 @@ fn relief_texels(blade: &LeafSurface, side: usize, relief: &MaterialHeightMap, b
     };
     let row = |y: &usize| -> Vec<f32> { (0..side).map(|x| mean(x, *y)).collect() };
     let mut heights: Vec<f32> = osier_base::par::par_map(&rows, row).into_iter().flatten().collect();
-    // The center of a texel decides whether it is on the blade: those of the bleed may hold samples of it.
+    // The center of a texel decides whether it is on the blade: replace also the means of bleed texels that overlap the blade.
     for b in bleed {
         heights[b.texel] = heights[b.source];
     }
@@ -146,7 +147,7 @@ impl UvRaster {
         let normals = || texels.iter().flatten().map(|t| Vec3::from_array(t.n));
         let mean = normals().sum::<Vec3>().normalize_or_zero();
         let folded = normals().any(|n| n.dot(mean) < FOLD_COSINE);
-        // Windows use the tangent plane at their center: widen them by how much the map from texture to blade varies.
+        // Windows use the tangent plane at their center: enlarge them by the variation of the map from texture to blade.
         let range = |k: usize| {
             let all = texels.iter().flatten().map(|t| f64::from(t.slope_factors[k]));
             all.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)))
@@ -168,7 +169,7 @@ impl UvRaster {
                     p: near.p + near.dpdu * (at - from).x + near.dpdv * (at - from).y,
                     ..near
                 });
-                // Of the outermost texels a neighbour is missing, and with it the slope.
+                // The outermost texels lack a neighbour, so that no slope can be computed.
                 SurfaceTexel { p, n, slope_factors: if b.outermost { [0.0; 3] } else { slope_factors } }
             });
         }
@@ -185,7 +186,7 @@ impl UvRaster {
         }
     }
 
-    /// Texels under a footprint of `radius`, m, stretched by `stretch` along the unit tangent `axis`.
+    /// Texels under a footprint of `radius`, m, stretched by `stretch` along the unit tangent `axis` and shrunk across it.
     pub(super) fn footprint_window(
         &self,
         uv: DVec2,
@@ -226,7 +227,7 @@ impl UvRaster {
         }
     }
 
-    /// Whether parts of the blade face away from each other.
+    /// Whether parts of the blade face away from each other, so that kernels have to compare normals.
     pub(super) fn blade_is_folded(&self) -> bool {
         self.n.is_some()
     }

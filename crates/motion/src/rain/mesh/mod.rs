@@ -21,7 +21,7 @@ use crate::rain::tuning::{
 use osier_base::math;
 use osier_scene::Mesh;
 
-/// How finely a drop is meshed.
+/// How finely a drop is meshed, by its size in the picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum DropDetail {
     /// For pictures in which the drop is more than a few pixels large.
@@ -43,7 +43,7 @@ impl DropDetail {
         }
     }
 
-    /// Vertices of the mesh of a typical drop with its tail, for estimates of sizes.
+    /// Number of vertices of the mesh of a typical drop with its tail, for estimates of sizes.
     pub fn typical_vertices(self) -> u32 {
         let [rings, sides] = match self {
             Self::Near => LARGE_DROP_GRID,
@@ -54,7 +54,7 @@ impl DropDetail {
         rings * sides * 5 / 2 + 10
     }
 
-    /// Index into the tables of numbers of rows and sides.
+    /// Index into the tables of numbers of rows, sides and rings.
     fn table_index(self) -> usize {
         match self {
             Self::Near => 0,
@@ -63,7 +63,7 @@ impl DropDetail {
         }
     }
 
-    /// Number of rings and sides of a cap.
+    /// Number of rings and sides of the mesh of a cap; near the camera it depends on the size of the cap.
     fn cap_grid(self, cap: &SphericalCap) -> [u32; 2] {
         match self {
             Self::Near if cap.max_radius() < LARGE_DROP_RADIUS => SMALL_DROP_GRID,
@@ -81,7 +81,7 @@ pub struct DropMesh {
     pub mesh: Mesh,
     /// Velocity of each point in the world, m/s.
     pub velocities: Vec<Vec3>,
-    /// How finely the next drop is meshed.
+    /// How finely the drops that are added next are meshed.
     pub detail: DropDetail,
 }
 
@@ -90,7 +90,7 @@ pub(super) struct DropPlacement<'a> {
     pub(super) leaf: &'a RainLeaf,
     pose: &'a LeafPose,
     uv: DVec2,
-    /// The surface under the drop's center.
+    /// The surface under the drop's center, in leaf space.
     pub(super) base: SurfacePoint,
     /// Side of the leaf: 1 on the upper, -1 on the lower.
     side: f64,
@@ -112,18 +112,17 @@ impl<'a> DropPlacement<'a> {
         self.pose.position + self.pose.orientation * (s.p + s.n * (self.side * height))
     }
 
-    /// Velocity of the drop's points.
     fn drop_motion(&self) -> DropMotion<'a> {
         DropMotion { pose: self.pose, v: self.v }
     }
 
-    /// Whether triangles wound for the upper side have to be reversed.
+    /// Whether the triangles have to be reversed, because they are wound for the upper side.
     fn flip(&self) -> bool {
         self.side < 0.0
     }
 }
 
-/// The motion of a drop's points: that of the leaf as a rigid body, plus the drop's own.
+/// The motion of a drop's points: that of the leaf as a rigid body, plus that of the drop along the leaf.
 #[derive(Clone, Copy)]
 struct DropMotion<'a> {
     pose: &'a LeafPose,
@@ -131,7 +130,7 @@ struct DropMotion<'a> {
     v: DVec3,
 }
 
-/// Indices of the first point and the first triangle of a part.
+/// Indices of the first point and the first triangle of a part of the mesh.
 #[derive(Clone, Copy)]
 struct MeshPartStart {
     point: usize,
@@ -143,7 +142,7 @@ impl DropMesh {
         MeshPartStart { point: self.mesh.points.len(), triangle: self.mesh.triangles.len() }
     }
 
-    /// Index of the next point.
+    /// Index of the point that is added next.
     fn next_index(&self) -> u32 {
         #[allow(
             clippy::cast_possible_truncation,
@@ -160,7 +159,7 @@ impl DropMesh {
         index
     }
 
-    /// Appends a copy of a point, whose normal is then its own: for creases.
+    /// Appends a copy of a point, which gets a separate normal, for creases.
     fn duplicate_vertex(&mut self, i: u32) -> u32 {
         let index = self.next_index();
         self.mesh.points.push(self.mesh.points[i as usize]);
@@ -172,7 +171,7 @@ impl DropMesh {
         self.mesh.triangles.push(if flip { [t[0], t[2], t[1]] } else { t });
     }
 
-    /// Joins two closed rings of equally many points by a strip of triangles.
+    /// Joins two closed rings of equally many points by a strip of triangles; `flip` reverses their winding.
     fn add_ring_strip(&mut self, before: &[u32], ring: &[u32], flip: bool) {
         for i in 0..ring.len() {
             let j = (i + 1) % ring.len();
@@ -181,7 +180,7 @@ impl DropMesh {
         }
     }
 
-    /// Joins a pole and a closed ring around it.
+    /// Joins a pole and a closed ring around it by a fan of triangles.
     fn add_fan(&mut self, pole: u32, ring: &[u32], flip: bool) {
         for i in 0..ring.len() {
             self.add_triangle([pole, ring[i], ring[(i + 1) % ring.len()]], flip);
@@ -195,7 +194,8 @@ impl DropMesh {
         normals.resize(points.len(), Vec3::ZERO);
         for t in &triangles[start.triangle..] {
             let [a, b, c] = t.map(|i| points[i as usize].as_dvec3());
-            // In square millimetres: in square metres sums of tiny areas would come near the limits of single precision.
+            // In square millimetres: in square metres the sums of tiny areas would be close to the smallest
+            // single-precision numbers.
             let n = (b - a).cross(c - a).as_vec3() * 1e6;
             t.iter().for_each(|i| normals[*i as usize] += n);
         }
@@ -204,7 +204,7 @@ impl DropMesh {
         }
     }
 
-    /// Adds a sessile drop with its tail.
+    /// Adds a sessile drop with its tail as a closed surface; adds nothing if its center lies beyond the blade.
     pub fn add_sessile(&mut self, leaf: &RainLeaf, pose: &LeafPose, drop: &SessileDrop) {
         let Some(head) = drop.caps.first() else { return };
         let Some(placement) = DropPlacement::new(leaf, pose, head.uv, drop.side, drop.v) else { return };
@@ -226,7 +226,7 @@ impl DropMesh {
         let along = (drop.axis - n * drop.axis.dot(n)).normalize_or(n.any_orthonormal_vector());
         let across = n.cross(along);
         let ring_angle = |k: u32| theta * (1.0 - math::pow(1.0 - f64::from(k) / f64::from(rings), RIM_DENSITY));
-        // Flat facets cut into the sphere; raise them so that the mesh holds the drop's volume.
+        // Flat facets cut into the sphere: raise them so that the mesh has the drop's volume.
         let raise = facet_volume_factor(&(0..=rings).map(ring_angle).collect::<Vec<_>>(), sides);
         // Points by distance from the axis, azimuth and height; the footprint stretches them to an ellipse.
         let at = |r1: f64, phi: f64, h: f64| {
@@ -264,9 +264,9 @@ impl DropMesh {
         });
     }
 
-    /// Closes a cap below the leaf's surface by a skirt and rings that follow the leaf: a flat bottom would enclose air over a fold,
-    /// which refracts light. `rim`: the contact line of `sides` points, counter-clockwise seen from above; `point`: by fraction of
-    /// the base radius, and azimuth.
+    /// Closes a cap below the leaf's surface by a skirt and rings that follow the leaf: a flat bottom would enclose air over a
+    /// fold, which refracts light. `rim`: the contact line of `sides` points, counter-clockwise seen from above; `point`:
+    /// position by fraction of the base radius and by azimuth.
     fn close_cap_underside(
         &mut self,
         placement: &DropPlacement<'_>,
@@ -287,7 +287,7 @@ impl DropMesh {
             self.add_ring_strip(&before, &ring, flip);
             before = ring;
         }
-        // The last fan is seen from below, hence wound the other way round.
+        // The last fan faces downwards, hence the opposite winding.
         let center = self.add_vertex(point(0.0, 0.0), motion);
         for i in 0..before.len() {
             self.add_triangle([center, before[(i + 1) % before.len()], before[i]], flip);
@@ -327,7 +327,7 @@ impl DropMesh {
         self.close_tail_underside(placement, &body, &grid, ends);
     }
 
-    /// Closes a tail body below the leaf's surface, whose folds it follows.
+    /// Closes a tail body below the leaf's surface by a skirt and a lower side that follows the folds of the leaf.
     fn close_tail_underside(
         &mut self,
         placement: &DropPlacement<'_>,
@@ -360,7 +360,7 @@ impl DropMesh {
         self.compute_normals(start);
     }
 
-    /// Triangulates a grid of rows with a point at both ends.
+    /// Triangulates a grid of rows with a point at both ends, from `ends[0]` to `ends[1]`.
     fn triangulate_rows(&mut self, grid: &[Vec<u32>], ends: [u32; 2], flip: bool) {
         // Fans at both ends, two triangles for each cell between.
         let last = grid.len() - 1;
@@ -375,7 +375,7 @@ impl DropMesh {
         }
     }
 
-    /// Adds a pendant drop as a surface of revolution. `shapes`: profiles of its radius of attachment.
+    /// Adds a pendant drop as a closed surface of revolution. `shapes`: profiles of its radius of attachment.
     pub fn add_pendant(&mut self, pose: &LeafPose, drop: &PendantDrop, shapes: &PendantFamily) {
         // The profile by volume, thinned if the drop is about to detach.
         let profile = necked_profile(&shapes.profile(drop.volume), drop.necking);
@@ -421,13 +421,13 @@ impl DropMesh {
     }
 }
 
-/// Position of column `i` of `columns` of a tail body as a fraction of the half width, -1 to 1; columns are denser towards the contact
-/// line.
+/// Position of column `i` of `columns` of a tail body as a fraction of the half width, -1 to 1; columns are denser towards the
+/// contact line.
 fn across_position(i: u32, columns: u32) -> f64 {
     math::sin(FRAC_PI_2 * (2.0 * f64::from(i) / f64::from(columns) - 1.0))
 }
 
-/// Factor on the heights of a faceted cap with which it holds the volume of the smooth one. `ring_angles`: polar angles from the pole
+/// Factor on the heights of a faceted cap by which it has the volume of the smooth cap. `ring_angles`: polar angles from the pole
 /// to the contact line. Source: frusta of regular polygons of `sides`, against pi (2 - 3 c + c^3) / 3.
 fn facet_volume_factor(ring_angles: &[f64], sides: u32) -> f64 {
     let turn = TAU / f64::from(sides);
@@ -595,7 +595,7 @@ mod tests {
             for i in 0..2 {
                 let most = sizes.iter().fold(0.0, |m: f64, s| m.max(s[i]));
                 let top = sizes.iter().position(|s| s[i] >= most).expect("a top");
-                // It rises to its head and falls from there on: caps side by side would have a hollow between any two.
+                // Sizes increase up to the head and decrease from there on: separate caps would have a minimum between any two.
                 assert!(sizes[..=top].windows(2).all(|w| w[1][i] >= w[0][i] - 1e-9), "{theta} {i}");
                 assert!(sizes[top..].windows(2).all(|w| w[1][i] <= w[0][i] + 1e-9), "{theta} {i}");
             }

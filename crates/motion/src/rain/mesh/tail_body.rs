@@ -13,10 +13,10 @@ use crate::rain::tuning::{
 };
 use osier_base::math;
 
-/// A tail body over the arc length s, m, of the path back from the head's center.
+/// A running drop with its tail, as a body along the path back from the head's center; arc lengths s are in m.
 pub(super) struct TailedDropShape {
     path: Vec<BodyPathPoint>,
-    /// Sizes at the centers of the caps, by ascending arc length.
+    /// Sizes at the centers of the caps, by ascending arc length; caps at one place have one knot.
     knots: Vec<TailKnot>,
     head: StretchedCap,
     tail_end: StretchedCap,
@@ -56,13 +56,13 @@ struct CrossSection {
     height: f64,
 }
 
-/// A cross section with its derivatives by the arc length, at which cubic pieces meet.
+/// Size of a cross section and its derivatives with respect to arc length, at which two cubic pieces meet.
 #[derive(Debug, Clone, Copy)]
 struct TailKnot {
     s: f64,
     /// Half width and height, m.
     size: [f64; 2],
-    /// Their derivatives by the arc length.
+    /// Their derivatives with respect to arc length.
     slope: [f64; 2],
 }
 
@@ -97,7 +97,7 @@ impl TailedDropShape {
         }
         let normal = placement.base.n;
         let mut body = Self { path, knots, head, tail_end, normal, skew, start, end, height_factor: 1.0 };
-        // Sections of caps with a smooth curve between them hold another volume than the caps: correct it by the height.
+        // A body through the sections of the caps has another volume than the caps: correct it by a factor on the height.
         let volume = body.volume();
         if volume > 0.0 {
             body.height_factor = (drop.volume / volume).clamp(TAIL_HEIGHT_RANGE[0], TAIL_HEIGHT_RANGE[1]);
@@ -105,7 +105,7 @@ impl TailedDropShape {
         Some(body)
     }
 
-    /// Number of intervals between rows of its mesh; `level`: index of the detail.
+    /// Number of intervals between rows of its mesh, more for a narrower body; `level`: index of the detail.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     pub(super) fn row_count(&self, level: usize) -> u32 {
         let narrowest = self.knots.iter().fold(f64::MAX, |m, knot| m.min(knot.size[0])).max(1e-5);
@@ -120,11 +120,11 @@ impl TailedDropShape {
         self.start + (self.end - self.start) * fraction
     }
 
-    /// The cross section at arc length `s`. In front of the head's center and behind that of the last cap it is that of the cap;
-    /// between them cubic pieces through those of all caps give it. Source: own.
+    /// The cross section at arc length `s`: in front of the head's center and behind the center of the last cap that of the cap,
+    /// between them cubic pieces through the sections of all caps. Source: own.
     fn cross_section(&self, s: f64) -> CrossSection {
         let (first, last) = (self.knots[0], self.knots[self.knots.len() - 1]);
-        // The section of a stretched cap at a distance `x` from its center along the path.
+        // Cross section of a stretched cap at a distance `x` from its center along the path.
         let cap_section = |end: StretchedCap, x: f64| {
             let StretchedCap { cap, stretch } = end;
             let x = x / stretch;
@@ -139,7 +139,7 @@ impl TailedDropShape {
         }
         if s >= last.s {
             let CrossSection { half_width, height } = cap_section(self.tail_end, s - last.s);
-            // Continuous with the last knot, whose cap may have been dropped for being on the center of another.
+            // Continuous with the last knot, which may belong to another cap at the same place.
             let ratio = last.size[1] / self.tail_end.cap.top().max(1e-12);
             return CrossSection { half_width, height: height * ratio };
         }
@@ -203,7 +203,7 @@ fn relative_cap_height(cap: &SphericalCap, rho: f64) -> f64 {
 fn profile_knots(path: &[BodyPathPoint], caps: &[StretchedCap], skew: f64) -> Vec<TailKnot> {
     let mut knots: Vec<TailKnot> = Vec::new();
     for (point, StretchedCap { cap, stretch }) in path.iter().zip(caps) {
-        // Of caps with a common center only the first counts.
+        // Of several caps at one place only the first has a knot.
         if knots.last().is_none_or(|knot| point.s - knot.s > 1e-7) {
             knots.push(TailKnot { s: point.s, size: [cap.max_radius() / stretch, cap.top()], slope: [0.0; 2] });
         }

@@ -11,7 +11,7 @@ use osier_base::math;
 use osier_base::physics::WATER_SURFACE_TENSION;
 use osier_wind::TimeNoise;
 
-/// A flat leaf of 80 x 40 mm whose tip points down by an angle from level, its upper side up.
+/// Place of a leaf whose tip points down by the angle `tilt`, rad, from the horizontal, with the upper side up.
 fn hanging_pose(tilt: f64) -> (DVec3, DQuat) {
     let turn = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2 - tilt);
     (DVec3::new(0.0, 1.0, 0.0), turn)
@@ -23,7 +23,7 @@ fn simulation(tilts: &[f64], params: DropParams, emitter: Option<RainEmitter>) -
     simulation_of(Box::new(plant), params, emitter)
 }
 
-/// Places of leaves at angles from level, above one another.
+/// Places of leaves, one below the other, at angles from the horizontal, rad.
 fn places(tilts: &[f64]) -> Vec<(DVec3, DQuat)> {
     let place = |(i, tilt): (usize, &f64)| {
         let (p, q) = hanging_pose(*tilt);
@@ -56,7 +56,7 @@ fn uniform_params() -> DropParams {
     DropParams { pinning_noise: 0.0, ..DropParams::default() }
 }
 
-/// Slope, degrees, at which a drop of a volume begins to run, by steps of 0.1 degrees.
+/// Slope, degrees, at which a drop of `volume`, m^3, begins to run, in steps of 0.1 degrees.
 fn slip_angle(volume: f64) -> f64 {
     for k in 10..900 {
         let tilt = f64::from(k) * 0.1;
@@ -76,7 +76,7 @@ fn drops_slip_where_furmidge_says() {
     let w = params.wetting;
     for volume in [8e-9, 15e-9, 30e-9] {
         let a = w.cap(volume).a;
-        // The drop runs as soon as its weight along the slope exceeds what both rims hold.
+        // The drop runs as soon as its weight along the slope exceeds the retention of its contact line.
         let held = 2.0 * a * WATER_SURFACE_TENSION * (math::cos(w.receding) - math::cos(w.advancing));
         let wanted = held / (WATER_DENSITY * 9.81 * volume);
         let found = math::sin(slip_angle(volume).to_radians());
@@ -85,11 +85,11 @@ fn drops_slip_where_furmidge_says() {
     assert!((slip_angle(19.1e-9) - 30.0).abs() < 1.5, "{}", slip_angle(19.1e-9));
 }
 
-/// Steps of a frame rate, frames per second, and steps per frame.
+/// Time steps to compare: frame rates, frames per second, and steps per frame.
 const CLOCKS: [(f64, f64); 7] =
     [(24.0, 8.0), (24.0, 4.0), (24.0, 64.0), (24.0, 256.0), (12.0, 4.0), (480.0, 8.0), (1000.0, 32.0)];
 
-/// The drop of one leaf after a time, with a step of a clock.
+/// Runs a simulation until `seconds`, s, with one of [`CLOCKS`].
 fn run_for(simulation: &mut RainSimulation, seconds: f64, (fps, substeps): (f64, f64)) {
     let h = 1.0 / (fps * substeps);
     while simulation.time() < seconds - 0.5 * h {
@@ -128,7 +128,7 @@ fn without_hysteresis_every_drop_slides() {
 
 #[test]
 fn runs_do_not_depend_on_the_time_step() {
-    // Straight down, across the slope at first, and over pinning that varies.
+    // Straight down; at first across the slope; and over pinning that varies.
     let cases = [
         (uniform_params(), DVec3::ZERO, 0.25),
         (uniform_params(), DVec3::X * 0.15, 0.25),
@@ -151,7 +151,7 @@ fn runs_do_not_depend_on_the_time_step() {
     }
 }
 
-/// A free plate that nothing holds: its mass, the water on it, and what acts on it in the next step.
+/// A free rigid plate: its mass, the water on it, and the forces on it in the next step.
 #[derive(Debug)]
 struct FreePlate {
     mass: f64,
@@ -204,7 +204,7 @@ impl RainPlant for FreePlate {
     }
 }
 
-/// A simulation of one leaf on a target of its own.
+/// A simulation of one leaf on the given plant.
 fn simulation_on(target: Box<dyn RainPlant>, params: DropParams) -> RainSimulation {
     let blade = Arc::new(LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade"));
     let collider = Arc::new(LeafCollider::new(&blade));
@@ -254,20 +254,20 @@ fn leaf_drop_and_splash_have_the_momentum_of_before() {
     ];
     for (what, params) in impacts {
         for (tilt, slant) in [(0.2, 0.0), (1.0, 0.0), (1.0, 0.6), (-0.5, -0.8)] {
-            // Without gravity there is neither weight nor drag: nothing but the drop acts on the plate.
+            // Without gravity there is neither weight nor drag: only the drop acts on the plate.
             let mut simulation = simulation_on(FreePlate::boxed(plate_mass, tilt), params.clone());
             let pose = simulation.poses()[0];
             let (middle, v) = (pose.to_world(DVec3::Y * 0.03, 1.0), DVec3::new(1.0, -6.0, slant * 6.0));
             drop_in_air(&mut simulation, middle - v * 0.004, v, volume);
             let before = total_momentum(&simulation, plate_mass);
             let h = 1.0 / 192.0;
-            // Until what stays on the leaf is at rest, hangs or has left: each step passes its reactions on in the next.
+            // Until the water on the leaf is at rest, hangs or has left: reactions of a step act in the next one.
             (0..400).for_each(|_| simulation.step(h).expect("free"));
             let after = total_momentum(&simulation, plate_mass);
             assert!(simulation.counters().impacts >= 1, "{what}, {tilt}");
             let error = (after - before).length() / before.length();
             assert!(error < 1e-9, "{what}, {tilt}, {slant}: {error} of {before}");
-            // The plate has really been pushed, and by more than the normal part alone.
+            // The plate has been accelerated, also along its surface.
             let pushed = simulation.poses()[0].velocity - pose.velocity;
             assert!(pushed.length() > 0.05, "{what}, {tilt}: {pushed}");
             let (airborne, on_leaf) = (simulation.falling_drops().len(), simulation.leaves()[0].drops.len());
@@ -294,9 +294,9 @@ fn rods_receive_the_momentum_that_a_drop_and_its_splash_have_lost() {
     use crate::rods::RodPlant;
     use crate::rods::plant::tests::{SHORT, plant_params, twig};
     let mut wood = plant_params();
-    // Stiffness damping would pass an impulse on to the clamp at once.
+    // Stiffness damping would transmit an impulse to the clamp within the step.
     wood.wood.damping = 0.0;
-    // Near the origin, where places are known to the last digits.
+    // Near the origin, where positions have the smallest rounding errors.
     let near = osier_scene::Trs::translation(Vec3::new(-0.2, -1.04, 0.0));
     let blade = Arc::new(LeafSurface::new(&flat(0.07, 0.04, 4)).expect("a blade"));
     let collider = Arc::new(LeafCollider::new(&blade));
@@ -324,7 +324,7 @@ fn rods_receive_the_momentum_that_a_drop_and_its_splash_have_lost() {
             assert!(simulation.time() < 0.1, "it missed the leaf");
         }
     }
-    // Steps in which springs do nothing: what the twig that was struck has more than the other, it has from the drop.
+    // Steps so short that springs do not act: the difference of momentum of both twigs comes from the drop.
     for simulation in [&mut struck, &mut still] {
         (0..40).for_each(|_| simulation.step(SHORT).expect("steps"));
     }
@@ -336,7 +336,7 @@ fn rods_receive_the_momentum_that_a_drop_and_its_splash_have_lost() {
     assert!((gained + flying - brought).length() < 1e-5 * brought.length(), "{gained} + {flying} of {brought}");
 }
 
-/// A leaf that does not move and remembers the forces of the last step.
+/// A leaf that does not move and stores the forces of the last step.
 #[derive(Debug)]
 struct Scales {
     plant: StillRainPlant,
@@ -444,7 +444,7 @@ fn what_falls_from_a_margin_is_tates_share() {
             simulation.step(0.005).expect("stiff");
             let fell =
                 simulation.take_events().into_iter().filter(|e| e.kind == DropEventKind::Fell && e.other.is_some());
-            // 2 pi R gamma / (rho g), of the circle that the drop hung from before.
+            // 2 pi R gamma / (rho g), where R is the radius of attachment before the detachment.
             let whole = |r: f64| std::f64::consts::TAU * r * WATER_SURFACE_TENSION / (WATER_DENSITY * g);
             shares.extend(fell.filter_map(|e| radius.map(|r| e.volume / whole(r))));
             radius = simulation.leaves()[0].drops.iter().find_map(|d| d.pendant).map(|a| a.radius);
@@ -464,7 +464,7 @@ fn a_splash_keeps_all_water() {
         assert!(simulation.time() < 0.1, "it missed the leaf");
     }
     let flew: f64 = simulation.falling_drops().iter().map(|d| d.volume).sum();
-    // As many droplets of 0.2 to 0.5 mm as hold 10 mm^3.
+    // Number of droplets of 0.2 to 0.5 mm with a volume of 10 mm^3.
     assert!((300..=MAX_SPLASH_DROPLETS).contains(&simulation.falling_drops().len()));
     for droplet in simulation.falling_drops() {
         assert!((1.9e-4..5.6e-4).contains(&sphere_diameter(droplet.volume)), "{}", droplet.volume);
@@ -491,7 +491,7 @@ fn beads_that_a_tail_leaves_have_its_water() {
 
 #[test]
 fn running_drops_follow_veins() {
-    // A vein that leads aside takes a drop along for a part of its way.
+    // A drop follows a vein that leads sideways for a part of its path.
     let ends = |veins: Option<VeinMap>| {
         let blade = Arc::new(LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade").with_maps(None, veins));
         let mut simulation = simulation(&[1.0], uniform_params(), None);
@@ -519,7 +519,7 @@ fn drops_that_touch_are_one_with_all_their_water_and_momentum() {
         if now.drops.len() < before.drops.len() {
             let m = |drops: &[LeafDrop]| drops.iter().fold(DVec3::ZERO, |s, d| s + d.v * d.volume) * WATER_DENSITY;
             assert!((now.volume() / 12e-9 - 1.0).abs() < 1e-12);
-            // What both have lost, the leaf has received as a force over the next step.
+            // The momentum that both drops have lost acts on the leaf as a force over the next step.
             let received = *force.lock().expect("one thread") + DVec3::Y * (9.81 * WATER_DENSITY * 12e-9);
             let lost = hanging_pose(0.0).1 * (m(&before.drops) - m(&now.drops));
             assert!((received * 0.002 - lost).length() < 1e-9 * m(&before.drops).length(), "{received} {lost}");
@@ -646,8 +646,8 @@ impl RainPlant for FlutteringLeaves {
     }
 }
 
-/// Mean number of drops that lie, and counts of mergers, pendant drops and beads, of a rain on three leaves that is the same for any time
-/// step `h`, s.
+/// Mean number of drops on leaves, and counts of mergers, pendant drops and beads, of a rain on three leaves with time
+/// step `h`, s; the drops of the rain do not depend on `h`.
 fn counts_of_rain(seed: u64, h: f64, flutters: bool) -> [f64; 4] {
     let tilts = [0.35, 0.7, 1.1].repeat(if flutters { 4 } else { 1 });
     let leaves = tilts.len();
@@ -705,7 +705,7 @@ fn counts_of_drops_do_not_depend_on_the_time_step() {
     let table = [12.0, 24.0, 48.0, 96.0, 192.0].map(|fps| means(1.0 / (fps * 8.0)));
     for (row, quarter) in [(0, 2), (1, 3), (2, 4)] {
         for (what, (a, b)) in ["lying", "merged", "hung", "beads"].iter().zip(table[row].iter().zip(table[quarter])) {
-            // The mean of beads is that of a thousand: their own spread is larger.
+            // The mean of the beads is over about a thousand, whose statistical spread is larger.
             let tolerance = if *what == "beads" { 0.1 } else { 0.05 };
             assert!((a / b - 1.0).abs() < tolerance, "{what}: {table:?}");
         }
@@ -720,7 +720,8 @@ fn counts_of_drops_on_fluttering_leaves_do_not_depend_on_the_time_step() {
         let counts = osier_base::par::par_map(&seeds, |seed| counts_of_rain(*seed, h, true));
         counts.iter().fold([0.0; 4], |sum, c| std::array::from_fn(|i| sum[i] + c[i] / 8.0))
     };
-    // The default step at 24 frames per second and a quarter of it. Eleven hundred drops hang in all: their own spread is 3 %.
+    // The default step at 24 frames per second and a quarter of it. Eleven hundred drops hang in all,
+    // with a statistical spread of 3 %.
     let table = [192.0, 768.0].map(|hz| means(1.0 / hz));
     for (what, (a, b)) in ["lying", "merged", "hung", "beads"].iter().zip(table[0].iter().zip(table[1])) {
         assert!((a / b - 1.0).abs() < 0.05, "{what}: {table:?}");
@@ -729,7 +730,7 @@ fn counts_of_drops_on_fluttering_leaves_do_not_depend_on_the_time_step() {
 
 #[test]
 fn what_is_too_heavy_falls_from_below_a_leaf() {
-    // Upside down by more than a drop's weight can hang: it falls.
+    // On the lower side a drop falls if its weight exceeds the adhesion.
     let mut simulation = simulation(&[3.0], uniform_params(), None);
     simulation.deposit_drop(0, DVec2::new(0.5, 0.5), DVec3::ZERO, 400e-9);
     (0..20).for_each(|_| simulation.step(0.002).expect("stiff"));

@@ -9,12 +9,12 @@ use crate::sway::{WoodParams, damping_ratio};
 use osier_scene::Trs;
 use osier_scene::plant::{Axis, AxisKind, NONE, Organ, Plant};
 
-/// Parameters of a plant on rods.
+/// Which parts of a plant bend, and with what stiffness, density, drag and damping.
 #[derive(Debug, Clone)]
 pub struct RodPlantParams {
     /// Wood and leaves: stiffness, density, drag, and factor on damping.
     pub wood: WoodParams,
-    /// Gravitational acceleration, m/s^2.
+    /// Gravitational acceleration along -Y, m/s^2.
     pub gravity: f64,
     /// Shear modulus over Young's modulus, 0.02..0.5.
     pub shear: f64,
@@ -22,13 +22,13 @@ pub struct RodPlantParams {
     pub recovery: f64,
     /// Divisor of all Young's moduli, 1..20.
     pub flexibility: f64,
-    /// Young's modulus of stalks, Pa.
+    /// Young's modulus of stalks and petioles, Pa, before it is divided by `flexibility`.
     pub stalk_young: f64,
     /// Stalk radius of each prototype at scale 1, m.
     pub stalk_radii: Vec<f64>,
     /// Stalk radius of all leaves, m, in place of the prototypes'.
     pub stalk_radius: Option<f64>,
-    /// Number of sections of a stalk.
+    /// Number of sections of each stalk and petiole, at least 2; they count against `max_sections`.
     pub stalk_sections: usize,
     /// Number of sections of a stem; `None` chooses it from length and radius.
     pub sections: Option<usize>,
@@ -40,7 +40,7 @@ pub struct RodPlantParams {
     pub max_leaf_stalks: usize,
 }
 
-/// How an axis of a plant moves: on rods of its own, or rigidly with another.
+/// How an axis of a plant moves: not at all, as a rod, or rigidly with a rod.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum AxisMotion {
     /// Rigid with the ground.
@@ -63,14 +63,14 @@ pub(crate) struct LeafPlacement {
     pub scale: f64,
 }
 
-/// Rods of a plant, in the world.
+/// Rods of a plant, with the motion of its axes and leaves, in the world.
 #[derive(Debug, Default)]
 pub(crate) struct RodPlantLayout {
     pub rods: Vec<RodDescription>,
     pub holds: Vec<(usize, f64, SupportKind)>,
     pub axes: Vec<AxisMotion>,
     pub leaves: Vec<LeafPlacement>,
-    /// Stems and leaves beyond the budget.
+    /// Numbers of stems and of leaves that are rigid because the budget of sections is exhausted.
     pub omitted: [usize; 2],
     scale: f64,
 }
@@ -106,7 +106,7 @@ impl RodPlantLayout {
         }
     }
 
-    /// Rod of each axis that may bend, without parent, and the arc length, m, from which on it is one.
+    /// Rod of each axis that may bend, without parent, and the arc length on the axis, m, from which on it bends.
     fn candidate_axis_rods(
         &self,
         plant: &Plant,
@@ -173,7 +173,7 @@ impl RodPlantLayout {
         selected
     }
 
-    /// Adds a rod that begins at arc length `from`, m, of its axis; without a host its base is clamped.
+    /// Adds a rod that begins at arc length `from`, m, of its axis. Without a host its base is clamped to the world.
     fn push_rod(&mut self, rod: RodDescription, from: f64, host: Option<(usize, f64)>) -> AxisMotion {
         let index = self.rods.len();
         if host.is_none() {
@@ -198,8 +198,8 @@ impl RodPlantLayout {
         }
     }
 
-    /// Where a leaf is attached. `with_stalk`: it gets a rod of its own as its stalk, unless it sits on a petiole, which
-    /// already is a rod.
+    /// Where a leaf is attached. `with_stalk`: a separate rod becomes its stalk, unless it sits on a petiole, which already is
+    /// a rod.
     fn attach_leaf(
         &mut self,
         plant: &Plant,
@@ -212,7 +212,7 @@ impl RodPlantLayout {
         let site = plant.frame(&plant.axes[organ.axis as usize], organ.s);
         let (pivot, q) = (stand.apply(pivot).as_dvec3(), (stand.r * q).normalize().as_dquat().normalize());
         let scale = f64::from(organ.scale) * self.scale;
-        // A leaf on a petiole axis follows that rod and needs no stalk of its own.
+        // A leaf on a petiole axis follows the rod of that axis and needs no stalk.
         let host = self.host_at(organ.axis, f64::from(organ.s));
         let on_petiole = plant.axes[organ.axis as usize].kind == AxisKind::Petiole;
         let mut attachment = LeafPlacement { stalk: None, host, pivot, q, scale };

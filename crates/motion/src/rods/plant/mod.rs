@@ -50,16 +50,16 @@ struct SegmentEnd {
     r: f64,
 }
 
-/// The two sections around a position on an axis, and the weight of the second; none for rigid wood.
+/// The two sections around a position on an axis, between which its pose is interpolated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SectionBlend {
-    /// Preceding and following section.
+    /// Preceding and following section; `None` for rigid wood.
     pub sections: [Option<usize>; 2],
-    /// Weight of the second, 0 to 1.
+    /// Weight of the following section, 0 to 1.
     pub share: f64,
 }
 
-/// Simulation of a plant on rods, in the world.
+/// A plant whose thin stems and leaf stalks are rods, simulated in world space; thicker wood does not move.
 #[derive(Debug, Clone)]
 pub struct RodPlant {
     rods: RodSystem,
@@ -69,7 +69,7 @@ pub struct RodPlant {
     wood: Vec<[SegmentEnd; 2]>,
     /// Indices of the bodies attached to each section.
     bodies_on_section: Vec<Vec<usize>>,
-    /// Whether each section is clamped.
+    /// Whether each section is clamped, so that impulses do not move it.
     fixed: Vec<bool>,
     drags: Vec<f64>,
     leaf_drag: f64,
@@ -126,7 +126,7 @@ impl RodPlant {
         }
         // Water bodies come first, so that body k is the water on leaf k; then the blades.
         let mut rods = if rods.is_empty() { rods } else { rods.with_added_bodies(water).with_added_bodies(own) };
-        // Without a rest shape that balances gravity, the plant's own weight is left out.
+        // Without a rest shape that balances gravity, the weight of the plant is left out.
         rods.gravity = -DVec3::Y * params.gravity;
         let posed = rods.is_empty() || rods.find_rest_shape_by_residual();
         rods.weightless = !posed;
@@ -157,7 +157,7 @@ impl RodPlant {
         all
     }
 
-    /// Sets the wind that drags on wood and leaves.
+    /// Sets the wind that drags on wood and leaves; with `None` the air exerts no force, not even resistance.
     #[must_use]
     pub fn with_wind(self, wind: Option<Arc<dyn Wind>>) -> Self {
         Self { wind, ..self }
@@ -169,7 +169,7 @@ impl RodPlant {
         Self { clock: (fps, first), ..self }
     }
 
-    /// The rods of the whole plant.
+    /// The rods of all stems and stalks that bend, in their present pose.
     pub fn rods(&self) -> &RodSystem {
         &self.rods
     }
@@ -179,22 +179,22 @@ impl RodPlant {
         self.omitted
     }
 
-    /// Whether the grown pose is in equilibrium under gravity; else its own weight is left out.
+    /// Whether the grown pose is in equilibrium under gravity; if not, the weight of the plant is left out.
     pub fn has_rest_shape(&self) -> bool {
         self.hangs_at_rest
     }
 
-    /// Substeps per frame. `fps`: frames per second.
+    /// Number of substeps per frame at `fps` frames per second; 1 if no part of the plant bends.
     pub fn steps_per_frame(&self, fps: f64) -> u32 {
         if self.rods.is_empty() { 1 } else { self.rods.steps_per_frame(fps) }
     }
 
-    /// Section that a leaf is rigid with; none on rigid wood.
+    /// Index of the section that a leaf is rigid with; `None` on rigid wood.
     pub fn leaf_section(&self, leaf: usize) -> Option<usize> {
         self.leaves[leaf].section
     }
 
-    /// Index of the rod of a leaf's stalk.
+    /// Index of the rod of a leaf's stalk; `None` for a leaf without a stalk rod.
     pub fn leaf_stalk(&self, leaf: usize) -> Option<usize> {
         self.leaves[leaf].stalk
     }
@@ -222,7 +222,7 @@ impl RodPlant {
         SectionBlend { sections: [before.0; 2], share: 0.0 }
     }
 
-    /// Wood segments between sections, and between nodes of rigid wood.
+    /// Ends of wood segments between successive sections, and between successive nodes of rigid wood.
     fn build_wood_ends(&self, plant: &Plant, stand: &Trs) -> Vec<[SegmentEnd; 2]> {
         let mut out = Vec::new();
         let stems = plant.axes.iter().enumerate().filter(|(_, a)| a.kind == AxisKind::Stem);
@@ -302,7 +302,7 @@ impl RodPlant {
         solve_matrix9(&m, f)
     }
 
-    /// Updates poses, velocities and accelerations of all leaves after a step of `h` seconds, or at rest.
+    /// Updates poses, velocities and accelerations of all leaves after a step of `h` seconds; `None` sets accelerations to 0.
     fn update_leaf_motion(&mut self, h: Option<f64>) {
         let Self { rods, leaves, .. } = self;
         for leaf in leaves {
@@ -330,6 +330,7 @@ impl RodPlant {
         let Self { rods, impulses, leaf_forces, wind, drags, .. } = self;
         rods.clear_forces();
         for (section, place, force) in leaf_forces.iter() {
+            // Forces act at points of leaves: the section gets them as a force and a torque about its centre.
             let arm = *place - rods.section_frame(*section).p;
             rods.add_wrench(*section, *force, arm.cross(*force));
         }
@@ -359,6 +360,7 @@ impl RodPlant {
         for ((leaf, (section, (p, q))), air) in attached.zip(&held).zip(&air) {
             let (v, spin) = rods.section_rigid_velocity(*section);
             let arm = *p - rods.section_frame(*section).p;
+            // The wind relative to the centroid of the blade, which is rigid with its section.
             let relative = air.as_dvec3() - v - spin.cross(arm);
             let plate = OrientedLeafSheet { sheet: &leaf.sheet, q: *q, scale: leaf.scale, drag: *leaf_drag };
             let (force, at) = leaf.eddies.wind_force(&plate, relative, h);
@@ -377,7 +379,7 @@ impl RodPlant {
     }
 }
 
-/// Frame of rigid wood: the world.
+/// Frame of rigid wood: the axes of the world.
 const WORLD_FRAME: SectionFrame = SectionFrame { p: DVec3::ZERO, u: DVec3::X, v: DVec3::Y, w: DVec3::Z };
 
 /// Rotation from a frame's coordinates to the world.

@@ -69,20 +69,20 @@ fn outer_square(a: DVec3) -> DMat3 {
     DMat3::from_cols(a * a.x, a * a.y, a * a.z)
 }
 
-/// A leaf sheet placed in the world, for aerodynamic forces.
+/// A leaf sheet at its place in the world, for aerodynamic forces.
 #[derive(Debug, Clone, Copy)]
 pub struct OrientedLeafSheet<'a> {
     /// Area, centroid and extent in leaf space.
     pub sheet: &'a RigidBlade,
-    /// World from leaf space.
+    /// Rotation from leaf space to the world.
     pub q: DQuat,
-    /// Factor on lengths of the leaf space.
+    /// Factor on lengths in leaf space.
     pub scale: f64,
     /// Drag coefficient across the wind.
     pub drag: f64,
 }
 
-/// Vortex shedding of one blade.
+/// State of the vortex shedding behind one blade, by which the wind buffets it.
 #[derive(Debug, Clone, Copy)]
 pub struct VortexShedding {
     noise: TimeNoise,

@@ -83,7 +83,7 @@ pub(crate) fn plant_params() -> RodPlantParams {
     }
 }
 
-/// A step in which springs do nothing, s.
+/// A time step so short that springs do not act, s.
 pub(crate) const SHORT: f64 = 5e-10;
 
 fn rod_plant(stand: &Trs) -> RodPlant {
@@ -135,9 +135,9 @@ fn plant_hangs_in_its_grown_pose_at_any_placement() {
 #[test]
 fn impulse_changes_velocity_by_inverse_effective_mass() {
     let mut free = plant_params();
-    // Stiffness damping would transmit an impulse at once.
+    // Stiffness damping would transmit an impulse within the step.
     free.wood.damping = 0.0;
-    // Near the origin, where places are known to the last digits.
+    // Near the origin, where positions have the smallest rounding errors.
     let near = Trs::translation(Vec3::new(-0.2, -1.04, 0.0));
     let made = || RodPlant::new(&twig(), &near, &free, "twig");
     let twice = |strike: &dyn Fn(&mut RodPlant, f64), look: &dyn Fn(&RodPlant) -> f64| {
@@ -155,7 +155,7 @@ fn impulse_changes_velocity_by_inverse_effective_mass() {
         let [place, wet] = [DVec3::new(0.01, 0.05, 0.0), DVec3::Y * 0.03].map(|p| blade.to_world(p, 1.0));
         let mut rod_plant = made();
         rod_plant.set_attached_mass(leaf, 2e-5, wet);
-        // A blade of 0.56 g, impulses off its middle, gives direction more than its weight says.
+        // An impulse off the centre of a blade of 0.56 g also rotates it: the effective mass is less than the mass.
         let light = rod_plant.inverse_effective_mass(leaf, place, along);
         assert!(light > 1.0 / 6e-4 && light < 1e5, "{light}");
         let strike = |b: &mut RodPlant, impulse: f64| {

@@ -11,7 +11,7 @@ use crate::rods::springs::{
 };
 use osier_scene::plant::NONE;
 
-/// Kinematic state of a base that is rigid with a section of the parent rod.
+/// Positions, m, and velocities, m/s, of the corners of a base that is rigid with a section of the parent rod.
 #[derive(Debug, Clone)]
 pub(crate) struct AttachedBaseState {
     x: Vector9,
@@ -36,12 +36,12 @@ pub(crate) struct SpringAssembly<'a> {
     pub attached_bases: &'a mut [AttachedBaseState],
     /// Forces on the sections, N.
     pub force: &'a mut [Vector9],
-    /// Block rows of the tangent stiffness, and its factor for each rod; none for forces only.
+    /// Block rows of the tangent stiffness, and its factor for each rod; `None` to compute forces only.
     pub rows: Option<(&'a mut [BlockRow], &'a [f64])>,
 }
 
 impl SpringAssembly<'_> {
-    /// Computes forces, and block rows if they are wanted, with the widest instructions of the machine. Allocates
+    /// Computes forces, and block rows if they are given, with the widest instructions of the machine. Allocates
     /// nothing.
     pub(crate) fn assemble(self) {
         Arch::new().dispatch(self);
@@ -54,7 +54,7 @@ impl NullaryFnOnce for SpringAssembly<'_> {
     #[inline(always)]
     fn call(self) {
         let Self { tree, x, v, damping, attached_bases, force, mut rows } = self;
-        // Bases that ride on a section of another rod follow it rigidly: x = p + R x_local, v = J v_section.
+        // Bases that are attached to a section of another rod follow it rigidly: x = p + R x_local, v = J v_section.
         update_attached_bases(tree, x, v, attached_bases);
         force.fill([0.0; 9]);
         if let Some((rows, _)) = &mut rows {
@@ -104,8 +104,8 @@ fn add_corners(to: &mut Vector9, by: &Vector9) {
     }
 }
 
-/// Corners, velocities and Jacobians of the rod bases that are rigid with a section of another rod. `x`, m, `v`, m/s: all
-/// sections.
+/// Updates corners, velocities and Jacobians of the rod bases that are rigid with a section of another rod. `x`, m, `v`, m/s:
+/// all sections.
 fn update_attached_bases(tree: &SectionTree, x: &[Vector9], v: &[Vector9], attached_bases: &mut [AttachedBaseState]) {
     for (rider, base) in attached_bases.iter_mut().zip(&tree.bases) {
         let on = base.on as usize;
@@ -143,7 +143,7 @@ fn unpack_spring_matrix(p: &SpringStiffnessMatrices, lane: usize) -> [[f64; 3]; 
     [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 }
 
-/// Adds the stiffness blocks of the springs of section `i` to the block rows.
+/// Adds the stiffness blocks of the springs of section `i` to its block row and to those of its predecessors.
 #[inline(always)]
 fn add_spring_blocks(
     p: &SpringStiffnessMatrices,
@@ -185,7 +185,7 @@ fn add_spring_blocks(
         }
         tie(FIRST_BEND_SPRING + c, 1, c, c);
     }
-    // Accumulated locally first: each block row is touched once per section instead of once per spring.
+    // Blocks are accumulated locally first, so that each block row is accessed once per section instead of once per spring.
     for r in 0..9 {
         for q in 0..9 {
             rows[i].0[r][q] += own[r][q];
@@ -214,7 +214,7 @@ struct PredecessorStiffness<'a> {
 }
 
 /// Adds the block that couples section `i` to its predecessor `on`, and the predecessor's diagonal share. `j`:
-/// Jacobian of the attached base at which the springs end, where they do not end at the predecessor's own corners.
+/// Jacobian of the attached base at which the springs end; `None` if they end at the corners of the predecessor.
 #[inline(always)]
 fn add_predecessor_stiffness(
     coupling: &PredecessorStiffness<'_>,
@@ -224,7 +224,7 @@ fn add_predecessor_stiffness(
     on: usize,
 ) {
     let PredecessorStiffness { cross, other, column } = *coupling;
-    // Without an attached base the far ends are the predecessor's own corners: J = 1.
+    // Without an attached base the far ends are the corners of the predecessor: J = 1.
     let Some(j) = j else {
         for r in 0..9 {
             for q in 0..9 {
@@ -248,7 +248,7 @@ fn add_predecessor_stiffness(
             }
         }
     }
-    // J^T A J, A made of a block of three for each corner.
+    // J^T A J, where A has a block of three by three for each corner.
     let mut aj = [[0.0; 9]; 9];
     for c in 0..3 {
         for r in 0..3 {

@@ -24,20 +24,19 @@ impl Default for BlockRow {
 }
 
 impl BlockRow {
-    /// Sets the right-hand side.
     pub(crate) fn set_right_hand_side(&mut self, r: &Vector9) {
         for k in 0..9 {
             self.0[k][RIGHT_HAND_SIDE] = r[k];
         }
     }
 
-    /// Largest entry on the diagonal.
+    /// Largest entry on the diagonal of the section's block; 0 if no entry is positive.
     pub(crate) fn max_diagonal(&self) -> f64 {
         (0..9).fold(0.0, |m, k| self.0[k][k].max(m))
     }
 }
 
-/// Index of the preceding section and of the one before that, or [`NONE`]; both are lower than the section's own.
+/// Index of the preceding section and of the one before that, or [`NONE`]; both are lower than that of the section.
 pub(crate) type PredecessorPair = [u32; 2];
 
 /// Solves a symmetric positive definite system in place and writes the solution to `out`; false if a pivot was not
@@ -150,7 +149,7 @@ fn eliminate_into_second_predecessor(own: &BlockRow, over: &mut BlockRow) {
     }
 }
 
-/// Back substitution for one section, given the solution at its predecessors.
+/// Solution at one section, given the solution at its predecessors, from its factorized block row.
 #[inline(always)]
 fn back_substitute(own: &BlockRow, up: &Vector9, over: &Vector9) -> Vector9 {
     let mut x = [0.0; 9];
@@ -172,7 +171,7 @@ fn back_substitute(own: &BlockRow, up: &Vector9, over: &Vector9) -> Vector9 {
 mod tests {
     use super::*;
 
-    /// A chain of five with a branch of three at its third: A = B^T B + 1 with the pattern of rods.
+    /// A chain of five sections with a branch of three at the third: A = B^T B + 1 with the block pattern of rods.
     #[test]
     fn branched_block_system_is_solved_exactly() {
         let predecessors: Vec<PredecessorPair> =
@@ -180,7 +179,7 @@ mod tests {
         let n = predecessors.len();
         let mut draw = osier_base::rng::Rng::at(3, &["blocks".into()]);
         let mut rows = vec![BlockRow::default(); n];
-        // Springs between all unknowns of neighbours: positive whatever their strengths.
+        // Springs between all unknowns of neighbours: the matrix is positive definite for any stiffness.
         let mut dense = vec![vec![0.0; 9 * n]; 9 * n];
         for i in 0..n {
             for k in predecessors[i].into_iter().filter(|k| *k != NONE) {

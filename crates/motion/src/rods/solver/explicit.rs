@@ -41,8 +41,8 @@ impl RodSystem {
         }
     }
 
-    /// Mass damping coefficient, 1/s, of the explicit integrators: twice the implicit one's, which leaves half of the
-    /// damping to the stiffness part.
+    /// Mass damping coefficient, 1/s, of section `i` with the explicit integrators: twice that of the implicit one, which leaves
+    /// half of the damping to the stiffness part.
     pub(crate) fn explicit_mass_damping(&self, i: usize) -> f64 {
         2.0 * self.dampings[self.tree.sections[i].rod].mass
     }
@@ -157,7 +157,7 @@ impl RodSystem {
         Ok(())
     }
 
-    /// The ends of the spring in a lane of a section.
+    /// The ends of the spring in `lane`, 0 to 14, of a section.
     fn spring_ends(lane: usize) -> SpringEnds {
         // Springs of the triangle itself come first, then those between all corners of it and of the section before, then those
         // across two intervals, which resist bending.
@@ -188,7 +188,7 @@ impl RodSystem {
             |i: usize| self.clamps.iter().any(|k| k.section == i && k.hold == crate::rods::system::SupportKind::Fixed);
         let inverse_mass = |i: usize| if held(i) { 0.0 } else { 1.0 / self.tree.sections[i].mass };
         let here = corner(&self.step.next[i], c);
-        // An attached base is evaluated anew at the present positions of the section that carries it.
+        // An attached base is evaluated at the present iterate of the section that carries it.
         let rider = (base != NONE).then(|| {
             let b = &self.tree.bases[base as usize];
             let x = SectionFrame::from_corners(&self.step.next[on]).local_positions_to_world(&b.local);
@@ -223,7 +223,8 @@ impl RodSystem {
         }
     }
 
-    /// Largest k h^2 / m of all springs; above [`MAX_GAUSS_SEIDEL_STIFFNESS`] single passes let a rod sag.
+    /// Largest k h^2 / m of all springs in a step of `h` seconds; above [`MAX_GAUSS_SEIDEL_STIFFNESS`] single
+    /// passes let a rod sag.
     pub fn max_step_stiffness_ratio(&self, h: f64) -> f64 {
         let one = |s: &crate::rods::layout::SectionProperties| {
             s.stiffness.iter().fold(0.0_f64, |m, k| m.max(*k)) * h * h / s.mass

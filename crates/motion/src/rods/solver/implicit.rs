@@ -84,8 +84,8 @@ impl RodSystem {
                 let predicted = now * self.v[i][k] - then * self.before[1][i][k];
                 all[k] = (predicted - self.step.speed[i][k]) * inverse;
             }
-            // Restoring force and damping of the plant's own mass: -M_own [k (x - x_rest) + (a + b k) v], k the recovery
-            // per mass; bodies that are only attached take part in inertia alone.
+            // Restoring force and damping of the mass of the plant: -M_own [k (x - x_rest) + (a + b k) v], k the recovery
+            // per mass; bodies that do not belong to the plant have inertia only.
             let away = subtract_corners(&self.step.next[i], &self.step.places[i]);
             let own: [f64; 9] =
                 std::array::from_fn(|k| -back * away[k] - (m.mass + m.stiffness * back) * self.step.speed[i][k]);
@@ -99,8 +99,8 @@ impl RodSystem {
     }
 
     /// Weights of the present and the preceding state in the BDF2 formula. A first step is implicit Euler (weights 1,
-    /// 0), whose error is that of a single step: with an invented state before the start, velocities would lag by a
-    /// third of a step for ever.
+    /// 0), whose error is that of a single step: with an assumed state before the start, velocities would lag by a
+    /// third of a step for all times.
     fn bdf_coefficients(&self) -> [f64; 2] {
         if self.history_reset { [1.0, 0.0] } else { [4.0 / 3.0, 1.0 / 3.0] }
     }
@@ -119,7 +119,7 @@ impl RodSystem {
         self.history_reset = false;
     }
 
-    /// Invalidates the BDF2 history, as at the start and where the step length changes.
+    /// Invalidates the BDF2 history, so that the next step is implicit Euler; needed at jumps and where the step length changes.
     pub fn reset_history(&mut self) {
         self.history_reset = true;
     }

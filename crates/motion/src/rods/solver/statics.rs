@@ -33,7 +33,7 @@ impl RodSystem {
     }
 
     /// Fills `step.change` with the Newton displacement K^-1 f at the present shape and returns its largest component,
-    /// m; none if the stiffness is singular.
+    /// m; `None` if the stiffness is singular.
     fn compute_static_newton_displacement(&mut self) -> Option<f64> {
         self.prepare_step(0.0);
         self.step.next.copy_from_slice(&self.x);
@@ -43,7 +43,7 @@ impl RodSystem {
             let back = self.dampings[self.tree.sections[i].rod].recovery;
             let displacement = self.mass_times_rest_offset(i);
             let right = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * displacement[k]);
-            // Regularization: a trace of mass keeps mechanisms, such as a rod on a slack thread, from being singular.
+            // Regularization: a very small mass keeps mechanisms, such as a rod on a slack thread, from being singular.
             self.add_mass_to_block(i, 1e-6, back);
             self.step.rows[i].set_right_hand_side(&right);
         }
@@ -79,7 +79,7 @@ impl RodSystem {
         self.elastic_energy() - loads
     }
 
-    /// Elastic energy of springs and restoring springs, J.
+    /// Elastic energy of springs and restoring springs in the present shape, J.
     pub fn elastic_energy(&self) -> f64 {
         let mut sum = 0.0;
         for (i, s) in self.tree.sections.iter().enumerate() {
@@ -91,7 +91,7 @@ impl RodSystem {
         sum
     }
 
-    /// Kinetic energy of all sections, J.
+    /// Kinetic energy of all sections and attached bodies, J.
     pub fn kinetic_energy(&self) -> f64 {
         (0..self.x.len()).fold(0.0, |s, i| s + 0.5 * corner_dot(&self.v[i], &self.apply_mass(i, &self.v[i], false)))
     }
@@ -141,7 +141,7 @@ impl RodSystem {
                 self.reset_history();
                 return true;
             }
-            // The residual grows again: this plant cannot hold its own weight in the drawn pose.
+            // The residual grows again: this plant cannot carry its weight in the drawn pose.
             if largest > 100.0 * least {
                 break;
             }
@@ -155,7 +155,7 @@ impl RodSystem {
         false
     }
 
-    /// Makes `x` the stress-free shape and the rest positions.
+    /// Makes `x` both the stress-free shape of the springs and the rest positions of the restoring springs.
     fn set_rest_shape(&mut self, x: &[Vector9]) {
         self.tree.set_rest_lengths(x);
         self.store_rest_positions(x);

@@ -12,14 +12,14 @@ use crate::sway::wood::{AIR_DENSITY, WoodParams};
 /// Gravitational acceleration, m/s^2.
 const GRAVITY: f64 = osier_base::physics::GRAVITY;
 
-/// Connection of an element to its carrier.
+/// Attachment of an element to its carrier, with the constants by which both act on each other.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CarrierLink {
     /// Row of the element.
     pub(crate) row: usize,
-    /// Row of the carrier; none for elements on the ground.
+    /// Row of the carrier; `None` for elements on the ground.
     pub(crate) carrier: Option<usize>,
-    /// Row of the carrier's station that it stands on.
+    /// Row of the carrier's station on whose stretch the element is attached.
     pub(crate) stand: usize,
     /// Tip slope of the carrier per unit force here, 1/N.
     pub(crate) carrier_compliance: f64,
@@ -46,7 +46,7 @@ pub(crate) struct SimulationConstants {
     pub(crate) base_offset: Columns<3>,
     /// Tip slope per 1 m/s^2 acting on it and on everything that it carries.
     pub(crate) weight: Columns<1>,
-    /// Gravity in the plant's space, m/s^2; none if it is compensated.
+    /// Gravity in the plant's space, m/s^2; `None` if it does not act on deviations from the grown pose.
     pub(crate) gravity: Option<[f64; 3]>,
     /// Second modes of the elements that have one; these have the first rows.
     pub(crate) second_modes: Option<SecondModes>,
@@ -65,7 +65,7 @@ pub(crate) struct SecondModes {
     pub(crate) oscillator: Columns<8>,
     /// Per station: relative slope.
     pub(crate) shape: Columns<1>,
-    /// Rows of the elements that have one.
+    /// Rows of the elements that have a second mode.
     pub(crate) rows: Vec<usize>,
 }
 
@@ -126,7 +126,8 @@ impl SimulationConstants {
         self.order.push(CarrierLink { row, carrier, stand, carrier_compliance: element.carrier_compliance, shares });
     }
 
-    /// Levers of gravity: own stations, and the total mass of children at their bases.
+    /// Levers of gravity: tip slope per 1 m/s^2 by the masses of an element's stations and, at their bases, of all that its
+    /// children carry.
     fn set_gravity_levers(&mut self, elements: &BeamElements) {
         let mut masses = vec![0.0; elements.list.len()];
         for (e, element) in elements.list.iter().enumerate().rev() {
@@ -149,14 +150,14 @@ impl SimulationConstants {
         // Drag per squared wind speed, and the rate at which drag stops the stretch per unit of wind speed.
         let (bark, leaf) = (AIR_DENSITY * wood.drag * s.load.wood, AIR_DENSITY * wood.leaf_drag * s.load.leaf);
         let stops = (bark + leaf) / s.load.mass.max(1e-12);
-        // An oscillator shaken at its own frequency has 1 / (2 zeta) times the amplitude of what shakes it.
+        // At its natural frequency an oscillator has 1 / (2 zeta) times the amplitude of the motion that shakes it.
         let inertia = s.load.mass * s.tip_compliances[1] * (2.0 * element.damping_ratio * MAX_RESONANCE_GAIN).min(1.0);
         self.load_terms.set(row, [0.5 * bark, 0.5 * leaf, s.tip_compliances[0], inertia, stops]);
     }
 }
 
 impl SecondModes {
-    /// Oscillators of all second modes; none without any. `fps`: frames per second; `step`: s.
+    /// Oscillators of all second modes; `None` if no element has one. `fps`: frames per second; `step`: s.
     fn new(constants: &SimulationConstants, elements: &BeamElements, fps: f64, step: f64) -> Option<Self> {
         // Elements with a second mode are trunks and limbs, which have most stations and therefore the first rows.
         let with: Vec<usize> = (0..elements.list.len()).filter(|e| elements.list[*e].second_mode.is_some()).collect();
@@ -177,7 +178,7 @@ impl SecondModes {
         Some(Self { oscillator: oscillator_columns, shape, rows: with.iter().map(|e| constants.rows[*e]).collect() })
     }
 
-    /// Number of rows up to the last element with a second mode.
+    /// Number of rows up to the last element with a second mode, padding included.
     pub(crate) fn count(&self) -> usize {
         self.oscillator.rows()
     }
@@ -185,7 +186,7 @@ impl SecondModes {
 
 /// Step coefficients of one mode; modes above the Nyquist frequency of the frames are quasi-static.
 fn oscillator_step(w: f64, zeta: f64, fps: f64, step: f64) -> OscillatorStep {
-    // The angular Nyquist frequency is pi times the frame rate; a faster mode would show as a slower one, by aliasing.
+    // The angular Nyquist frequency is pi times the frame rate; a faster mode would alias to a slower one.
     let fast = w > std::f64::consts::PI * fps;
     if fast { OscillatorStep::first_order_lag(w, step) } else { OscillatorStep::new(w, zeta, step) }
 }

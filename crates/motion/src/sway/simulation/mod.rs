@@ -1,6 +1,6 @@
 //! Time integration of sway.
 //!
-//! Each element is a damped oscillator about the static bend under the load of the moment. `constants.rs` holds what
+//! Each element is a damped oscillator about the static bend under the present load. `constants.rs` holds what
 //! stays constant, `step.rs` computes a step, this file samples the wind.
 
 mod constants;
@@ -18,24 +18,24 @@ use osier_base::rng;
 use osier_scene::Trs;
 use osier_wind::{TimeNoise, Wind};
 
-/// Parameters of a plant's sway.
+/// Material and placement of a plant, and how branches excite themselves beyond the wind field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SwayParams {
-    /// Material of wood and leaves.
+    /// Stiffness, density, drag and damping of wood and leaves.
     pub wood: WoodParams,
-    /// Relative strength of each branch's own fluctuation of the wind, 0..1, and of its vortex shedding.
+    /// Relative strength, 0..1, of a fluctuation of the wind that differs from branch to branch, and of vortex shedding.
     pub flicker: f64,
     /// Factor on the inertial force that a moving carrier exerts on twigs, 0..3.
     pub whip: f64,
-    /// World from plant space: where the plant stands.
+    /// World from plant space: position, rotation and scale of the plant.
     pub stand: Trs,
-    /// Whether gravity acts on deviations from the grown pose.
+    /// Whether gravity acts on deviations from the grown pose; if not, it is taken as balanced in any pose.
     pub gravity: bool,
     /// Frame rate of the clip, 1/s.
     pub fps: f64,
 }
 
-/// Simulation of one plant's sway.
+/// Sway of one plant in a wind: a damped oscillator for each bend, advanced in steps of at most 1/120 s.
 pub struct SwaySimulation<'a> {
     elements: &'a BeamElements,
     wind: &'a dyn Wind,
@@ -46,7 +46,7 @@ pub struct SwaySimulation<'a> {
     state: SimulationState,
     /// Noise of flicker and vortex shedding of each element.
     element_noise: Vec<[TimeNoise; 2]>,
-    /// Steps since positions were reset; inertia needs two.
+    /// Steps since positions were reset; inertial loads need two.
     steps_since_reset: u32,
     /// Steps since the last wind sample.
     steps_since_sample: u32,
@@ -107,7 +107,7 @@ impl<'a> SwaySimulation<'a> {
         self.steps_since_reset = 0;
     }
 
-    /// Moves all elements to their static equilibrium in the mean wind.
+    /// Moves all elements to their static equilibrium in the mean wind, without dynamics, in 24 iterations.
     pub fn relax_to_mean_wind(&mut self) {
         // Under-relaxed fixed-point iteration: the load depends on the pose through drag and gravity.
         for _ in 0..24 {
@@ -127,7 +127,7 @@ impl<'a> SwaySimulation<'a> {
         self.steps_since_reset = 0;
     }
 
-    /// Advances by one time step from time `t`, s.
+    /// Advances by one time step from time `t`, s; samples the wind when the interval between two samples is over.
     pub fn advance(&mut self, t: f64) {
         // Keep two wind samples around the present time: one is shifted out when the interval is over.
         let every = steps_per_wind_sample(self.step);
@@ -166,7 +166,7 @@ impl<'a> SwaySimulation<'a> {
         let stand = self.params.stand;
         let back = stand.r.conjugate();
         for (w, row) in self.world.iter_mut().zip(&self.constants.stations) {
-            // The wind is asked at world positions; the answer is turned back into the plant's space.
+            // Sample the wind at world positions, then rotate it to the plant's space.
             *w = stand.apply(to_dvec3(self.state.places.row(*row)).as_vec3());
         }
         self.wind.sample(&self.world, t, &mut self.station_wind);
@@ -189,18 +189,18 @@ fn to_dvec3(v: [f64; 3]) -> DVec3 {
     DVec3::from_array(v)
 }
 
-/// Time steps between two wind samples.
+/// Number of time steps between two wind samples, at least 1.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few")]
 fn steps_per_wind_sample(step: f64) -> u32 {
     (1.0 / (step * WIND_SAMPLES_PER_SECOND)).round().max(1.0) as u32
 }
 
-/// Noise of flicker and of vortex shedding of an element, with the wind's period.
+/// Noise of flicker and of vortex shedding of an element, periodic if the wind is.
 fn element_noise(e: &BeamElement, period: Option<f64>) -> [TimeNoise; 2] {
     let mut draw = rng::Rng::from_key(rng::child(e.id, rng::word("flicker")));
     let hertz = e.w[0] / std::f64::consts::TAU;
-    // Flicker near the element's own frequency, spread by 30 % so that neighbours do not beat together; shedding at that
-    // frequency.
+    // Flicker near the natural frequency of the element, spread by 30 % so that neighbours do not beat together; shedding at
+    // that frequency.
     let wanted = [(hertz * draw.range(0.7, 1.3)).min(MAX_FLICKER_HZ), hertz.min(2.0 * MAX_FLICKER_HZ)];
     #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash")]
     wanted.map(|hertz| TimeNoise::new((draw.next_u64() >> 32) as u32, hertz, period))

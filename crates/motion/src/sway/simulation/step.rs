@@ -13,7 +13,7 @@ use osier_base::simd::{F64Lanes, Lane as _};
 /// Wind across a branch below which vortex shedding vanishes, m/s; avoids a division by zero.
 const MIN_CROSS_SPEED: f64 = 1e-30;
 
-/// State of a simulation, in rows of [`SimulationConstants`].
+/// State of a simulation, in the rows of [`SimulationConstants`].
 #[derive(Debug)]
 pub(crate) struct SimulationState {
     /// Angle, rad, and angular velocity, rad/s, of both directions.
@@ -28,7 +28,8 @@ pub(crate) struct SimulationState {
     turns: Columns<4>,
     from: Columns<3>,
     local_positions: Columns<3>,
-    /// Inputs of [`place_on_carriers`] per element; then rotation and position of its base in the carrier's frame.
+    /// Inputs of [`place_on_carriers`] per element, and its outputs: rotation and position of the base in the frame
+    /// of the carrier.
     carrier: Columns<10>,
     link: Columns<7>,
     /// Rotation from rest and position of each element's base in the plant's space, by columns and by rows.
@@ -38,7 +39,7 @@ pub(crate) struct SimulationState {
     pub(crate) places: Columns<3>,
     before: Columns<3>,
     rigid: Columns<6>,
-    /// Force of a subtree on its carrier, N, and its tip slope there; load of the own stations in the element's frame.
+    /// Force of a subtree on its carrier, N, and its tip slope there; load of an element's stations in the frame of the element.
     forces: Columns<6>,
     loads: Columns<3>,
     /// Wind at the last sample and the next, per station in the plant's space, m/s.
@@ -82,13 +83,13 @@ impl SimulationState {
     }
 }
 
-/// Number of SIMD registers of elements.
+/// Number of SIMD registers that hold the rows of all elements, padding included.
 #[inline(always)]
 fn element_groups<S: Simd>(constants: &SimulationConstants) -> usize {
     constants.station_slots.first().map_or(0, |s| s.1) / S::F64_LANES
 }
 
-/// Number of stations of the elements in a register.
+/// Number of stations of each element in a register of elements.
 #[inline(always)]
 fn station_count<S: Simd>(constants: &SimulationConstants, group: usize) -> usize {
     let mut count = 0;
@@ -100,7 +101,7 @@ fn station_count<S: Simd>(constants: &SimulationConstants, group: usize) -> usiz
     count
 }
 
-/// Register of the `k`-th stations of a register of elements.
+/// Index of the register that holds the `k`-th stations of a register of elements.
 #[inline(always)]
 fn station_group<S: Simd>(constants: &SimulationConstants, k: usize, group: usize) -> usize {
     constants.station_slots[k].0 / S::F64_LANES + group
@@ -111,22 +112,22 @@ fn vector_pair<S: Simd>([a, b, c, d, e, f]: [F64Lanes<S>; 6]) -> [Vec3Lanes<S>; 
     [Vec3Lanes([a, b, c]), Vec3Lanes([d, e, f])]
 }
 
-/// Drag of wood and leaves in relative wind, N, and the wind speed across the wood. Wood feels the component across
-/// it; leaves reconfigure, so that their drag becomes linear in fast wind. `wood`, `leaf`: rho C A / 2.
+/// Drag of wood and leaves in relative wind, N, and the wind speed across the wood. On wood the component across it
+/// acts; leaves reconfigure, so that their drag becomes linear in fast wind. `wood`, `leaf`: rho C A / 2.
 #[inline(always)]
 pub(crate) fn drag<S: Simd>(
     [wood, leaf]: [F64Lanes<S>; 2],
     along: Vec3Lanes<S>,
     wind: Vec3Lanes<S>,
 ) -> (Vec3Lanes<S>, F64Lanes<S>) {
-    // Cross-flow principle: wood feels the component normal to its axis.
+    // Cross-flow principle: only the component normal to its axis exerts drag on wood.
     let across = wind - along * wind.dot(along);
     let (slow, speed) = (across.length(), wind.length());
     let one = F64Lanes::from_scalar(speed.simd, 1.0);
     (across * (wood * slow) + wind * (leaf * speed).div(one + speed * (1.0 / LEAF_FOLD_SPEED)), slow)
 }
 
-/// Computes positions of all stations. `fresh`: there is no previous step.
+/// Computes positions of all stations in the plant's space. `fresh`: whether there is no previous step.
 pub(crate) struct UpdatePositions<'a> {
     pub(crate) constants: &'a SimulationConstants,
     pub(crate) state: &'a mut SimulationState,
@@ -146,7 +147,7 @@ impl WithSimd for UpdatePositions<'_> {
     }
 }
 
-/// Bends each element in the frame of its own base.
+/// Bends each element in the frame of its base: rotation and position of all of its stations.
 #[inline(always)]
 fn bend_elements<S: Simd>(constants: &SimulationConstants, state: &mut SimulationState, simd: S) {
     let zero = F64Lanes::from_scalar(simd, 0.0);
@@ -173,8 +174,8 @@ fn bend_elements<S: Simd>(constants: &SimulationConstants, state: &mut Simulatio
                 let [share] = second_mode.shape.get(simd, s);
                 here = here + second_bend * share;
             }
-            // The rotation at a station is the tip's times the slope profile there; stretches are chained, each turned by
-            // the rotation of its own station, so that a branch keeps its length at any bend.
+            // The rotation at a station is that of the tip times the slope profile there; stretches are chained, each rotated as
+            // its station is, so that a branch keeps its length at any bend.
             let q = rotation_lanes(here);
             let turned = RotationLanes::from_quaternion(q);
             state.turns.put(s, q);
@@ -193,7 +194,7 @@ fn place_on_carriers<S: Simd>(constants: &SimulationConstants, state: &mut Simul
     for link in &constants.order {
         let Some(carrier) = link.carrier else { continue };
         let [first, second] = link.shares;
-        // Rotation of the carrier at the place where this element stands, and the station from which it is offset.
+        // Rotation of the carrier at the base of this element, and the station to which the offset of the base refers.
         let ([a, b, c], [u, v, w]) = (state.bend.row(carrier), state.second_bend.row(carrier));
         let [a, b, c] = [a * first + u * second, b * first + v * second, c * first + w * second];
         let [d, e, f] = state.from.row(link.stand);
@@ -261,13 +262,13 @@ pub(crate) struct IntegrateStep<'a> {
     pub(crate) state: &'a mut SimulationState,
     /// Time step of the integrator, s.
     pub(crate) step: f64,
-    /// There is no previous step.
+    /// Whether there is no previous step, so that stations have no velocity.
     pub(crate) fresh: bool,
     /// Position between the two wind samples, 0 to 1.
     pub(crate) between: f64,
     /// Factor on inertial loads; 0 while too few previous steps are known.
     pub(crate) whip: f64,
-    /// Relaxes towards equilibrium without dynamics.
+    /// Whether to relax towards equilibrium without dynamics.
     pub(crate) settle: bool,
 }
 
@@ -283,7 +284,7 @@ impl WithSimd for IntegrateStep<'_> {
 }
 
 impl IntegrateStep<'_> {
-    /// Aerodynamic and inertial loads at every station.
+    /// Computes aerodynamic and inertial loads at every station, and sums them for each element.
     #[inline(always)]
     fn apply_station_loads<S: Simd>(&mut self, simd: S) {
         let (constants, state) = (self.constants, &mut *self.state);
@@ -304,7 +305,7 @@ impl IntegrateStep<'_> {
                 let [rest, along] = vector_pair(constants.rest.get(simd, s));
                 let (last, next) = (Vec3Lanes(state.air[0].get(simd, s)), Vec3Lanes(state.air[1].get(simd, s)));
                 let air = last + (next - last) * between;
-                // Limit on aerodynamic damping: the station's velocity enters the drag scaled down, so that drag takes at most half of it
+                // Limit on aerodynamic damping: scale the velocity of the station down so that drag takes at most half of it
                 // within the step.
                 let slowed =
                     F64Lanes::from_scalar(simd, 0.5).div((stops * air.length() * self.step).max(between.splat(0.5)));
@@ -330,7 +331,7 @@ impl IntegrateStep<'_> {
                 let ([a, b, c], [d, e, f]) = (rigid.0, one.0);
                 state.rigid.put(s, [a, b, c, d, e, f]);
             }
-            // The total force, in the plant's space, is what the carrier feels.
+            // The total force, rotated to the plant's space, acts on the carrier.
             let [a, b, c] = turned.apply(total).0;
             let [d, e, f] = inertial_load.0;
             state.forces.put(g, [a, b, c, d, e, f]);
@@ -361,7 +362,7 @@ impl IntegrateStep<'_> {
             let [_, pulled] = vector_pair(state.forces.get(simd, g));
             let turned = RotationLanes::from_quaternion([x, y, z, w]);
             let mut load = Vec3Lanes(state.loads.get(simd, g)) + turned.apply_inverse(pulled);
-            // Gravity relative to the grown pose: the difference between its direction now and then.
+            // Gravity relative to the grown pose: the difference of its directions in the frame of the element.
             if let Some([gx, gy, gz]) = constants.gravity {
                 let down = Vec3Lanes([
                     F64Lanes::from_scalar(simd, gx),
@@ -395,7 +396,7 @@ impl IntegrateStep<'_> {
     }
 }
 
-/// Advances second modes about a share of the load's deviation from its mean. `goal`: static bend of the first modes.
+/// Advances second modes about a share of the load's deviation from its mean. `goal`: static bend of the first modes, rad.
 #[inline(always)]
 fn advance_second_modes<S: Simd>(
     second_mode: &SecondModes,
@@ -418,7 +419,7 @@ mod tests {
     use super::*;
     use crate::sway::wood::AIR_DENSITY;
 
-    /// Drag along the wind, N, of areas in m^2, in wind of `u` m/s that meets wood at a slant.
+    /// Drag along a wind of `u` m/s, N, of areas of wood and leaves, m^2; `growth`: direction of the wood.
     fn along_wind([wood, leaf]: [f64; 2], growth: [f64; 3], u: f64) -> f64 {
         let lane = |v: f64| F64Lanes::from_scalar(Scalar, v);
         let areas = [wood * 1.1, leaf * 0.4].map(|a| lane(0.5 * AIR_DENSITY * a));
