@@ -37,7 +37,7 @@ use osier_scene::plant::Plant;
 /// An individual after growth, before meshes and materials are made of it.
 #[derive(Debug)]
 pub struct GrownPlant {
-    /// Axes, nodes and organs.
+    /// Axes, nodes and organs, in plant space, with the leaves of its season.
     pub plant: Plant,
     /// Warnings of derivation and turtle.
     pub report: Report,
@@ -45,9 +45,9 @@ pub struct GrownPlant {
     pub modules: u64,
     /// The imported mesh that the skeleton was extracted from, and that is its bark; `None` for other plants.
     pub imported: Option<Arc<MeshPlant>>,
-    /// How a tree looks at the ages that a clip of its growth shows, if it was recorded for one.
+    /// The tree at the ages that a clip of its growth shows; `None` without such a clip.
     pub clip: Option<Arc<GrowthClip>>,
-    /// The organ that stands for each segment where the plant is shown by its segments; `None`: prisms.
+    /// The organ that replaces each segment where the plant is shown by its segments; `None`: prisms.
     pub segment: Option<OrganSpec>,
     /// How its leaves change over the clip; `None` for leaves that stay.
     pub season: Option<SeasonClip>,
@@ -100,7 +100,7 @@ impl GrownPlant {
 }
 
 impl GrownPlant {
-    /// The plant as the first frame shows it, for formats without frames; `None` if it is that already.
+    /// The plant as the first frame shows it, for formats without frames; `None` if `self` is that plant already.
     pub(crate) fn at_first_frame(&self) -> Option<Self> {
         // A plant that stays the same needs no copy.
         let first = self.season.as_ref()?.first.clone();
@@ -117,7 +117,7 @@ impl GrownPlant {
     }
 }
 
-/// Grows one individual by its grammar, table, particle-shapes or mesh.
+/// Grows one individual by its grammar, table, particle-shapes, species or mesh; without twigs of a fill and without season.
 fn grow_from_source(
     recipe: &PlantRecipe,
     individual: &Individual,
@@ -192,7 +192,7 @@ fn grow_from_source(
     };
     // Derivation of the grammar's string, then its interpretation by the turtle.
     let derived = derive_individual(recipe, grammar, individual, set, context)?;
-    // Both halves may take long; neither is interrupted within.
+    // Neither derivation nor interpretation checks for cancellation within.
     context.cancel.check()?;
     let mut report = Report { sources: grammar.sources().clone(), output: derived.output.clone(), ..Report::default() };
     let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
@@ -239,7 +239,7 @@ fn derive_options(recipe: &PlantRecipe, individual: &Individual) -> DeriveOption
     }
 }
 
-/// The grammar itself gives colours to indices.
+/// Whether the grammar itself assigns colours to colour indices.
 fn has_palette(recipe: &PlantRecipe) -> bool {
     matches!(&recipe.growth, Growth::Grammar(grammar) if !grammar.palette().is_empty())
 }

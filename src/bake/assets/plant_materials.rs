@@ -35,23 +35,24 @@ const IMPORTED_TRANSLUCENCY: f32 = 0.3;
 
 /// Length of a piece of a conifer's shoot, m, and the diameter of its needles as a share of that.
 const NEEDLE_SHOOT: [f64; 2] = [0.12, 0.3];
-/// Needles of such a piece and its twigs, and the angle of each to the shoot, rad: a spruce's, thinned out and widened to the same
-/// area.
+/// Number of needles of such a piece and its twigs, angle of each needle to the shoot, rad, and width, m: a spruce's, with
+/// fewer and
+/// wider needles of the same total area.
 const NEEDLES: u32 = 180;
 const NEEDLE_ANGLE: f64 = 0.95;
 const NEEDLE_WIDTH: f32 = 0.003;
 /// Linear colour and roughness of needles.
 const NEEDLE_COLOR: [f32; 3] = [0.028, 0.075, 0.022];
 const NEEDLE_ROUGHNESS: f32 = 0.5;
-/// Needles are thick: they let through this share of what a blade with the same key would.
+/// Translucency of needles, which are thick, as a share of that of a blade with the same key.
 const NEEDLE_TRANSLUCENCY: f32 = 0.3;
 
-/// Greatest coordinate of a surface, in its own units.
+/// Greatest coordinate of a surface, in the units of its file, beyond which it is not drawn.
 const MAX_EXTENT: f32 = 1e9;
-/// Linear colour of the bark of plants that wear the colours of a file.
+/// Linear colour of the bark of plants coloured by a colour file: none of their axes shows it.
 const PLAIN_BARK: [f32; 3] = [0.2, 0.12, 0.06];
 
-/// Roughness of surfaces with a picture of a view, which says nothing about it. Own: as of leaves.
+/// Roughness of surfaces with a texture of a view file, which does not give it. Own: as of leaves.
 const SURFACE_ROUGHNESS: f32 = 0.5;
 
 /// Linear colour of dead wood: silvery grey.
@@ -60,7 +61,8 @@ const DEAD_WOOD: [f32; 3] = [0.22, 0.20, 0.18];
 /// Translucency of blades of grass. Own: as of broad leaves; blades are thinner, but with closer veins.
 const GRASS_TRANSLUCENCY: f32 = 0.3;
 
-/// All materials, images and organs of one plant.
+/// Makes all materials, images and organs of one plant, except the colours of its season and of the turtle, which follow its
+/// growth.
 /// # Errors
 /// `Range` for blades and maps outside their ranges, `Input` for a table without attractor, `Cancelled`.
 pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>) -> Result<MaterialSet> {
@@ -77,7 +79,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
             set.add(catkin::hair_material(&name), Vec::new())?;
             continue;
         }
-        // Whatever such a grammar draws wears a colour of its file: bark without pictures takes its place in the list.
+        // Everything that such a grammar draws has a colour of its file: a bark without images keeps the material's index.
         if plant.companions.colors.is_some() {
             set.add(Material::plain(name, MaterialClass::Bark, PLAIN_BARK, SURFACE_ROUGHNESS), Vec::new())?;
             continue;
@@ -89,7 +91,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         }
         set.add(surface.material, surface.images)?;
     }
-    // Before the organs, whose surfaces may wear them.
+    // Textures come before the organs, whose surfaces may refer to them.
     for (number, picture) in &plant.companions.textures {
         let name = format!("{}_texture_{number}", plant.id);
         let id = add_texture(&mut set, picture, &name)?;
@@ -142,7 +144,7 @@ fn turn_into_grass_material(material: &mut Material) {
     material.translucency = GRASS_TRANSLUCENCY;
 }
 
-/// Names of a plant's organs, parallel to them.
+/// Unique names of a plant's organs, parallel to them: `leaf`, `card` or `organ_` and the letter, with a number if taken.
 pub(crate) fn organ_names(plant: &PlantRecipe) -> Vec<String> {
     let mut names = Names::default();
     let name = |o: &OrganRecipe| match o.letter {
@@ -157,14 +159,14 @@ pub(crate) fn organ_names(plant: &PlantRecipe) -> Vec<String> {
 fn add_tuft_stalk(set: &mut MaterialSet, plant: &str) -> Result<()> {
     let id = set.add(catkin::stalk_material(&format!("{plant}_stalk")), Vec::new())?;
     let mesh = catkin::stalk(narrow(CatkinKeys::defaults().stalk_radius), (12, 8)).with_material(id);
-    // Nothing of it lies above its pivot, so that its size is not set by its length along +Y but is a factor.
+    // Its mesh has no extent along +Y from the pivot, so that `size` cannot be its length: it is a scale factor.
     let spec = OrganSpec { name: "stalk".into(), meshes: vec![Arc::new(mesh)], size: 1.0, petiole: 0.0 };
     set.organs.insert(STALK, spec);
     set.names.push("stalk".into());
     Ok(())
 }
 
-/// An imported plant with the materials of its file, and the skeleton that is extracted from its mesh.
+/// Materials of an imported plant's file, and the skeleton extracted from its mesh as `tree` of the set.
 fn mesh_plant_materials(
     plant: &PlantRecipe,
     import: &Imported,
@@ -197,8 +199,9 @@ fn mesh_plant_materials(
     Ok(set)
 }
 
-/// The material of leaves that have `material` in the file: two-sided, and translucent where the file sets no translucency. It
-/// replaces `material`, or is added beside it where the wood uses that too.
+/// Index of the material of leaves that have `material` in the file: two-sided, and translucent even if the file sets no
+/// translucency.
+/// It replaces `material`, or is added beside it if the wood uses that too.
 fn imported_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> Result<u32> {
     let Some(own) = set.materials.get_mut(to_usize(material)) else { return Ok(material) };
     let mut leaf = Material { class: MaterialClass::Leaf, double_sided: true, ..own.clone() };
@@ -322,7 +325,7 @@ pub(crate) fn petiole_radius(recipe: &OrganRecipe) -> Option<f64> {
     own.then(|| f64::from(leaf_blade_spec(&recipe.keys, 0).petiole_radius))
 }
 
-/// The parameters of the outline's species, overridden by the keys that are set.
+/// Parameters of a leaf blade: those of the species that the key `blade` names, overridden by the keys that are set.
 pub(crate) fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     let base = match keys.blade {
         BladeOutline::Lobed => BladeSpec::oak(),
@@ -369,7 +372,7 @@ pub(crate) fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     }
 }
 
-/// The colours of the outline's species, overridden by the keys that are set.
+/// Colours of a leaf blade: those of the species that the key `blade` names, overridden by the keys that are set.
 pub(crate) fn leaf_colors(keys: &OrganKeys) -> LeafColors {
     let own = match keys.blade {
         BladeOutline::Lobed => LeafColors::OAK,
@@ -390,7 +393,8 @@ pub(crate) fn leaf_colors(keys: &OrganKeys) -> LeafColors {
     }
 }
 
-/// An imported mesh as an organ, with the materials of its file.
+/// Adds an imported mesh as an organ with the materials of its file. Without the key `size` it keeps its height above the
+/// pivot, m.
 fn add_imported_organ(
     set: &mut MaterialSet,
     import: &Imported,
@@ -410,7 +414,7 @@ fn add_imported_organ(
     Ok(OrganSpec { name: name.to_owned(), meshes: vec![Arc::new(mesh)], size, petiole })
 }
 
-/// A surface of a companion file as an organ, in the turtle's colours, or with a picture of the view.
+/// Adds a surface of a companion file as an organ, in the turtle's colours, or with a texture of the view file.
 fn add_surface_organ(
     set: &mut MaterialSet,
     recipe: &OrganRecipe,
@@ -423,7 +427,7 @@ fn add_surface_organ(
         SurfaceForm::Patches(file) => patch_mesh(file, surface.quads, texture),
         SurfaceForm::Triangles(triangles) => triangle_mesh(triangles, texture),
     };
-    // A surface out of all proportion is none: the turtle tells that its letter draws nothing.
+    // A surface beyond all bounds gets no mesh: the turtle then warns that its letter draws nothing.
     let bounds = mesh.bounds();
     let drawable = bounds.max.is_finite()
         && bounds.min.is_finite()
@@ -438,7 +442,7 @@ fn add_surface_organ(
     Ok(OrganSpec { name: name.to_owned(), meshes, size, petiole })
 }
 
-/// Adds the material of a thin surface with a picture.
+/// Adds the two-sided material of a thin surface with a picture as its colour map; returns its index.
 fn add_texture(set: &mut MaterialSet, picture: &Image, name: &str) -> Result<u32> {
     let mut material = Material::plain(name.to_owned(), MaterialClass::Leaf, [0.5; 3], SURFACE_ROUGHNESS);
     material.double_sided = true;
@@ -446,7 +450,7 @@ fn add_texture(set: &mut MaterialSet, picture: &Image, name: &str) -> Result<u32
     set.add(material, vec![Image { name: format!("{name}_color"), ..picture.clone() }])
 }
 
-/// The parameters of the bark's kind, overridden by the keys that are set.
+/// Parameters of a bark: those of its kind, overridden by the keys that are set.
 fn bark_spec(keys: &BarkKeys, seed: u64) -> BarkSpec {
     let own = match keys.kind {
         BarkKind::Furrowed => BarkSpec::furrowed(),

@@ -42,7 +42,7 @@ pub(crate) fn build_rigged_plant(
     let (mesh, bindings) = bark_mesh(grown, recipe, materials, context)?;
     let skin = Some(rig.skin(plant, bindings.iter().copied()));
     let mut meshes = vec![MeshObject { name: "bark".into(), mesh, motion: MeshMotion::Skinned, skin }];
-    // Behind its bark a plant on rods has meshes of stalks; other plants have them in the prototypes of their leaves.
+    // A plant on rods has the meshes of its stalks after the bark; other plants have stalks in the prototypes of their leaves.
     if recipe.rods.is_some() {
         let bound = |stalks: &MeshObject| MeshObject {
             skin: Some(skin_of_nearest_leaves(plant, &rig, &stalks.mesh.points)),
@@ -58,7 +58,7 @@ pub(crate) fn build_rigged_plant(
     Ok(RiggedPlant { branches: rig.branches(plant, &elements), skeleton: rig.skeleton, meshes, instancers })
 }
 
-/// Each point bound rigidly to the joint of the leaf whose pivot is nearest to it. `points`: of stalks, m.
+/// Binds each point with weight 1 to the joint of the leaf whose pivot is nearest. `points`: points of stalks, plant space, m.
 fn skin_of_nearest_leaves(plant: &Plant, rig: &JointRig, points: &[Vec3]) -> SkinWeights {
     let leaves: Vec<(Vec3, u16)> = plant.organs.iter().map(|o| (plant.organ_site(o).0, rig.organ_joint(o))).collect();
     let grid = NeighbourGrid::new(STALK_LENGTH, (0..).zip(leaves.iter().map(|l| l.0)));

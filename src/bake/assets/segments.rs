@@ -17,15 +17,17 @@ use osier_scene::{InstanceState, Instancer, InstancerMotion, Mesh, Prototype, Su
 
 const NAME: &str = "segments";
 
-/// The mesh between two nodes.
+/// Shape of the instance between two nodes.
 enum SegmentForm<'a> {
     /// A unit cube for bark, and one for shoots.
     Prism,
-    /// An organ as long as the segment.
+    /// An organ scaled uniformly to the length of the segment.
     Organ(&'a OrganSpec),
 }
 
-/// One instance per segment. `organ`: what replaces the prisms; `rig`: the joints that the segments ride on.
+/// One instance per segment, in the order of axes and nodes. `organ`: replaces the prisms; `rig`: gives each segment the joint
+/// at its
+/// middle.
 /// # Errors
 /// `TooMany` beyond 2^32 variants of the organ.
 pub(crate) fn segment_instancer(
@@ -60,7 +62,8 @@ pub(crate) fn segment_instancer(
     Ok(out)
 }
 
-/// Appends the instance that ends at node `end`. [hoetzlein] Table 2: scale (2r, segment length, 2r), at the middle of the segment.
+/// Appends the instance that ends at node `end`. [hoetzlein] Table 2: scale (2r, segment length, 2r), at the middle of the
+/// segment.
 fn push_segment(out: &mut Instancer, plant: &Plant, axis: &Axis, end: usize, form: &SegmentForm<'_>) -> Result<()> {
     let nodes = &plant.nodes;
     let (from, to) = (nodes.p[end - 1], nodes.p[end]);

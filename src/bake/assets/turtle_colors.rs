@@ -1,4 +1,4 @@
-//! Colours of the turtle: materials for the indices that strings have used, on axes and on shapes.
+//! Materials for the colour indices that turtles have given axes and shapes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -14,11 +14,12 @@ use osier_plants::grow::turtle::Paint;
 use osier_scene::plant::{PAINTED, Plant};
 use osier_scene::{Material, MaterialClass, Mesh};
 
-/// Translucency of thin surfaces of opaque colours. Own: petals and leaves let some light through, half as much as a blade of a scene.
+/// Least translucency of thin surfaces. Own: petals and leaves let some light through, half as much as a blade of a scene.
 const THIN_TRANSLUCENCY: f32 = 0.15;
 
-/// Adds to the materials of each kind one for every colour index that its grown plants use, and assigns it to their shapes.
-/// `grown`: of the individuals of the layout, in its order.
+/// Adds one material for every colour index that the grown plants of a kind use, and assigns it to their shapes. `grown`:
+/// parallel to
+/// the individuals of the layout.
 /// # Errors
 /// `TooMany` beyond 2^32 materials.
 pub(crate) fn add_worn_colors(
@@ -66,18 +67,18 @@ pub(crate) fn add_worn_colors(
     Ok(())
 }
 
-/// The colours of a plant's axes and shapes.
+/// The colour indices of a plant's nodes and prototypes, with repetitions.
 fn color_indices_of(plant: &Plant) -> impl Iterator<Item = Paint> {
     #[allow(clippy::cast_possible_truncation, reason = "the low byte is the index")]
     let axes = plant.nodes.color.iter().filter(|c| **c & PAINTED != 0).map(|c| Paint { index: *c as u8, thin: false });
     let subsets = plant.protos.iter().flat_map(|p| &p.mesh.subsets);
     let mut last = None;
-    // Neighbours mostly have one colour.
+    // Consecutive nodes mostly have one colour: skipping repetitions keeps the set of the caller from millions of look-ups.
     let axes = axes.filter(move |p| last.replace(*p) != Some(*p));
     axes.chain(subsets.filter_map(|s| Paint::of(s.material)))
 }
 
-/// Puts the real materials in place of the colour indices of a mesh.
+/// Replaces colour indices that a mesh has as material indices by the materials made for them.
 fn replace_paints(mesh: &mut Arc<Mesh>, materials: &BTreeMap<Paint, u32>) {
     if mesh.subsets.iter().all(|s| Paint::of(s.material).is_none()) {
         return;
@@ -89,7 +90,7 @@ fn replace_paints(mesh: &mut Arc<Mesh>, materials: &BTreeMap<Paint, u32>) {
     }
 }
 
-/// What a colour index looks like on stems, or on thin surfaces.
+/// Material of a colour index, for stems or, if `paint.thin`, for thin surfaces.
 fn color_material(plant: &str, paint: Paint, colors: &ColorTable) -> Material {
     let color = colors.get(paint.index);
     let thin = if paint.thin { "_thin" } else { "" };
