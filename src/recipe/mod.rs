@@ -1,4 +1,4 @@
-//! Scene files: notation, defaults, references. Text ends here.
+//! Scene files: notation, defaults, references. No later step reads the text of a scene.
 //!
 //! [`resolve`] turns a scene's text into a [`Recipe`]: every key typed, in SI units and radians, every default filled in,
 //! every reference read. All faults are collected with their places. [`scene`] declares the keys of each table; the structs
@@ -32,7 +32,7 @@ pub use syntax::{
     ValueType, word_of,
 };
 
-/// Letter of the organ that cards of a tree's small branches are; it comes last.
+/// Letter of the organ for billboards of a tree's small branches; it is last in the list of organs.
 pub const CARD: char = '\u{e000}';
 
 recipe! {

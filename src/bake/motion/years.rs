@@ -13,11 +13,11 @@ use osier_motion::posed_skin::{GrowthBinding, PosedNodes, pose_skin};
 use osier_plants::grow::years::{GrowthClip, PoseNow};
 use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, MeshFrame};
 
-/// Shows a recorded tree at the age that belongs to a time of the clip.
+/// Motion of a recorded tree through its ages in a clip.
 #[derive(Debug)]
 pub struct YearsMotion {
     clip: Arc<GrowthClip>,
-    /// Of each point of the bark.
+    /// Axis and arc length of each point of the bark.
     bindings: Vec<GrowthBinding>,
     /// Indices into the plant's organs, for each of the asset's leaf instancers.
     organs: Vec<Vec<usize>>,
@@ -28,7 +28,8 @@ pub struct YearsMotion {
 }
 
 impl YearsMotion {
-    /// The growth of a recorded tree. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether it is shown
+    /// The motion of a recorded tree. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether it
+    /// is displayed
     /// by its segments; `seconds`: length of the clip.
     pub fn new(
         clip: Arc<GrowthClip>,
@@ -46,14 +47,14 @@ impl YearsMotion {
         }
     }
 
-    /// Age of the tree at a time of the clip, years.
+    /// Age of the tree, years, at `seconds` after the first frame.
     fn age(&self, seconds: f64) -> f32 {
         let span = self.clip.span();
         let t = if self.seconds > 0.0 { (seconds / self.seconds).clamp(0.0, 1.0) } else { 1.0 };
         narrow(span.from + (span.to - span.from) * t)
     }
 
-    /// Segments where they are in the pose, as thick as their wood.
+    /// State of the segments' instancer in a pose: each segment moves with its two nodes and is scaled by the ratio of radii.
     fn segment_state(&self, pose: &PoseNow, rest: &InstanceState) -> InstanceState {
         let plant = &self.clip.plant;
         let mut state = InstanceState { sizes: Vec::with_capacity(self.segments.len()), ..rest.clone() };

@@ -1,4 +1,4 @@
-//! Assembles the scene of a recipe: assets in the order in which files list them, each with its motion.
+//! Assembles the scene of a recipe: assets in the order in which files list them, each with its motion, camera and light.
 
 use std::sync::Arc;
 
@@ -48,7 +48,7 @@ impl Default for SceneOptions {
     }
 }
 
-/// A scene with its motions, and what its assembly reported.
+/// A scene with its motions, and the results of its assembly that are not part of it.
 #[derive(Debug)]
 pub struct AssembledScene {
     /// The scene at rest and the motions of its assets.
@@ -57,14 +57,15 @@ pub struct AssembledScene {
     pub report: Report,
     /// Modules of the final strings of all individuals; 0 if no grammar grows a plant.
     pub modules: u64,
-    /// In an estimate: how many individuals each of the first assets stands for. Empty in a scene that can be written.
+    /// In an estimate, the number of individuals that each of the first assets represents; empty in a scene that can be
+    /// written.
     pub weights: Vec<u64>,
-    /// The wind of the scene, which all of its parts read.
+    /// The wind of the scene, which all of its parts share.
     pub wind: Arc<SceneWind>,
 }
 
 impl AssembledScene {
-    /// Counts and bytes that a bake of these frames will write; no frames for a still scene.
+    /// Predicts the counts and bytes of a bake of these frames; no frames for a still scene.
     pub fn counts(&self, recipe: &Recipe, frames: &[u32]) -> BakeEstimate {
         let mut counts = estimate(&self.animated, recipe, frames.len() as u64, &self.weights);
         counts.memory.extend(Some(("recorded wind", self.wind.recorded_bytes())).filter(|part| part.1 > 0));
@@ -79,7 +80,7 @@ pub fn assemble_scene(recipe: &Recipe, parts: SceneOptions, context: &BakeContex
     assemble(recipe, None, parts, None, context)
 }
 
-/// As [`assemble_scene`]; `observer` is told what the parts of the scene sample of its wind, in the frames to come too.
+/// As [`assemble_scene`]; `observer` receives all samples that parts of the scene take of its wind, in later frames too.
 /// # Errors
 /// As [`assemble_scene`].
 pub fn assemble_observed_scene(
@@ -103,7 +104,7 @@ pub fn assemble_for_estimate(
     assemble(&dry_run::reduced_recipe(recipe), Some(recipe), parts, None, context)
 }
 
-/// `full`: in an estimate, the recipe that `recipe` is a reduction of; `None` for a scene that will be written.
+/// Common part of the functions above. `full`: in an estimate, the recipe of which `recipe` is a reduction; else `None`.
 fn assemble(
     recipe: &Recipe,
     full: Option<&Recipe>,
@@ -156,7 +157,7 @@ fn assemble(
     let ((material_sets, (grown, mut report)), ground_surface) = (plants?, ground_surface?);
     report.extend(layout_report);
     material_sets.iter().filter_map(|l| l.tree.as_ref()).for_each(|tree| report.extend(tree.report.clone()));
-    // The radius of a grown foot tells how deep it must be sunk into a slope.
+    // Feet are sunk into slopes by their radius, which is known after growth.
     if let Some(terrain) = &terrain {
         let stem_foot_radii = stem_foot_radii(recipe, &layout, &grown);
         sink_feet(&mut layout, &stem_foot_radii, terrain);
@@ -179,7 +180,7 @@ fn assemble(
     let solids = lattice_solids(full.unwrap_or(recipe), &obstacles);
     full.map_or(Ok(()), |full| check_lattice(full, &solids, context, &mut report))?;
 
-    // The one wind, which all that follows reads.
+    // The wind, which all of the following parts share.
     let needs = WindNeeds::of_scene(full.unwrap_or(recipe), &layout, &grown);
     let surroundings = WindSurroundings { solids: &solids, land: obstacles.ground_heights_for_wind(recipe) };
     let scene_wind = Arc::new(SceneWind::new(recipe, full, &needs, &surroundings, observer, context, &mut report)?);
@@ -214,7 +215,7 @@ fn assemble(
         &mut report,
     )?;
 
-    // Everything else that is seen. Files list assets in this order.
+    // Other visible assets. Files list assets in this order.
     add_ifs_attractors(recipe, &mut builder, context)?;
     let canopy = Canopy::of_scene(recipe, &layout, &grown, &builder);
     let flight = add_catkins(recipe, &obstacles, &scene_wind, canopy, &mut builder, context, &mut report)?;
@@ -243,7 +244,7 @@ fn assemble(
         lift_camera(&mut camera, terrain);
     }
 
-    // Tables and fields stand in the order in which their motions were added: flight, then rain. The wind's volume comes first.
+    // Tables and fields are in the order in which their motions were added: flight, then rain. The wind's volume comes first.
     let scene = Scene {
         name: recipe.name.clone(),
         title: recipe.general.title.clone(),

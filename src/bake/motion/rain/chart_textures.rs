@@ -20,7 +20,6 @@ const SCALE_RANGE: [f64; 2] = [0.5, 2.0];
 /// Resamples the textures of a material to the chart of a blade; returns the material's maps. `suffix` makes the names of the
 /// new images
 /// unique; these are appended to `new`, and their indices continue those of `images`.
-/// to `new`, and the first of them will be image `first` of the scene.
 /// # Errors
 /// `TooMany` beyond 2^32 images.
 pub(super) fn resample_to_charts(
