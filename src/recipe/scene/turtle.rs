@@ -6,7 +6,7 @@ use crate::recipe::syntax::{
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// Line style of turtle segments.
+    /// Geometry of the segments that a turtle draws.
     LineStyle {
         /// Lines whose widths are pixels.
         Pixel = "pixel",
