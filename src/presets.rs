@@ -15,8 +15,7 @@ pub struct Preset {
 }
 
 /// All presets, sorted by file name. `build.rs` lists them: the files of `grammars`, `ifs-tables`, `meshes`, `scenes`, `shapes`
-/// and
-/// `species`.
+/// and `species`.
 pub const PRESETS: &[Preset] = include!(concat!(env!("OUT_DIR"), "/presets.rs"));
 
 /// The preset with exactly this file name, ending included.
@@ -41,7 +40,7 @@ pub enum PresetKind {
     Grammar,
     /// Coefficients of iterated function systems.
     IfsTable,
-    /// A mesh in the format OBJ.
+    /// A mesh (`.obj`, `.glb` or `.gltf`) that plants, organs and solids can name.
     Mesh,
     /// Parameters of particle-shapes that scenes can grow.
     Shapes,

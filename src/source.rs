@@ -33,8 +33,7 @@ pub struct SourceOptions {
     /// coefficient table is read.
     pub set: Vec<String>,
     /// Notation of a grammar (`cpfg`, `abop`, `catkin`, `fractint`, `lparser`, `lpy`) that replaces the detected one; a source
-    /// for which it
-    /// is set is read as a grammar, whatever its name.
+    /// for which it is set is read as a grammar, whatever its name.
     pub dialect: Option<String>,
     /// Random numbers of grammars (`osier`, `cpfg`); `None`: `osier`.
     pub rng: Option<String>,
@@ -54,11 +53,9 @@ enum TableUse {
 }
 
 /// The request for the scene of a source: a scene (`.toml`), a grammar in any notation that `osier_grammar` reads,
-/// particle-shapes
-/// (`.shapes`), a species (`.species`), a coefficient table (`.ifs`, `.flame`, `.ifs.toml`), or a preset by its name with or
-/// without
-/// ending. The content of a file decides before its ending. `FILE#ENTRY` and `FILE:ENTRY` name one L-system of a file of
-/// Fractint. Every source except a scene gets a scene with a single plant or attractor.
+/// particle-shapes (`.shapes`), a species (`.species`), a coefficient table (`.ifs`, `.flame`, `.ifs.toml`), or a preset by its
+/// name with or without ending. The content of a file decides before its ending. `FILE#ENTRY` and `FILE:ENTRY` name one
+/// L-system of a file of Fractint. Every source except a scene gets a scene with a single plant or attractor.
 /// # Errors
 /// `Io` if the source cannot be read, `Input` if it is neither scene nor grammar nor table.
 pub fn find_scene(source: &str, options: &SourceOptions) -> Result<Request> {

@@ -20,11 +20,10 @@ use osier_export::VERSION;
 use osier_export::manifest::{self, Manifest};
 
 /// Hash of the sources from which this program was built: the output of a build with other sources is not up to date, even with
-/// the
-/// same version.
+/// the same version.
 const SOURCES: &str = env!("OSIER_SOURCES");
 
-/// Runs `osier bake`; the result is the exit code.
+/// Runs `osier bake`, or a sweep if its flags ask for one; the result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     if !args.sweep.is_empty() || args.seeds.is_some() {
         return sweep::run(context, args);

@@ -19,8 +19,7 @@ fn key_json(key: &GivenKey) -> Value {
 }
 
 /// The strings that the grammars of a scene derive; `None` for a scene without grammars, and if an error prevents the
-/// derivation,
-/// which is then added to `found`.
+/// derivation, which is then added to `found`.
 fn derived_string(request: &Request, found: &mut CheckResult, context: &BakeContext<'_>) -> Option<String> {
     if found.report.has_errors() {
         return None;

@@ -15,7 +15,7 @@ use osier_grammar::FileKind;
 use osier_import as import;
 use osier_scene::MaterialClass;
 
-/// Runs `osier info`; the result is the exit code.
+/// Runs `osier info` on a bake, one of its files or any other file; the result is the exit code, 1 for an incomplete bake.
 pub fn run(context: &Context, args: &Info) -> Result<u8> {
     let path = &args.path;
     // A folder or its manifest means the whole bake, any other file only itself.

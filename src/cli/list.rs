@@ -17,7 +17,7 @@ use osier_base::diagnostic::{Severity, visible};
 use osier_base::limits::{LIMITS, grouped};
 use osier_export::registry;
 
-/// Runs `osier list`; the result is the exit code.
+/// Runs `osier list`: composes one text and prints it. The result is the exit code, 2 for words that do not fit.
 pub fn run(context: &Context, args: &List) -> Result<u8> {
     if let Some(why) = misplaced(args) {
         context.console.complain(&why);

@@ -59,8 +59,7 @@ pub fn main() -> ExitCode {
 }
 
 /// Runs the program with arguments, the first of which is its name, and returns the exit code. A process may call it once:
-/// signal
-/// handlers, the thread pool and the memory watch are installed for the whole process.
+/// signal handlers, the thread pool and the memory watch are installed for the whole process.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let args: Vec<OsString> = args.into_iter().collect();
     if args.len() <= 1 {

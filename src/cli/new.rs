@@ -75,13 +75,11 @@ fn preset_hint(word: &str, among: impl Iterator<Item = &'static Preset>) -> Stri
 
 const GRAMMAR: &str = ".l";
 /// Weights of a word that occurs in the name of a grammar, in the first line of its comment, and elsewhere in the comment: a
-/// name
-/// outweighs a first line, and that outweighs as many other words as a short query has.
+/// name outweighs a first line, and that outweighs as many other words as a short query has.
 const WORD_WEIGHTS: [u32; 3] = [16, 4, 1];
 
 /// The grammar of the library that the words name or describe best: the one of that name, else the one with the highest score
-/// of words;
-/// of equal scores the first in the alphabet. `None` if no word occurs.
+/// of words; of equal scores the first in the alphabet. `None` if no word occurs.
 fn fitting_grammar(words: &str) -> Option<&'static Preset> {
     let words = words.to_lowercase();
     let bare = words.trim().trim_end_matches(GRAMMAR).replace(' ', "-");
@@ -133,8 +131,7 @@ fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
 const GROWN_BY: [(&str, &str); 3] = [(".l", "grammar"), (".shapes", "shapes"), (".species", "species")];
 
 /// The text of a preset's scene and the presets that it names; for the name of a grammar, of particle-shapes or of a species, a
-/// scene
-/// with one plant. `None` for an unknown preset.
+/// scene with one plant. `None` for an unknown preset.
 fn scene_and_presets(from: &str, name: &str) -> Option<(String, Vec<&'static Preset>)> {
     let bare = stem(from);
     let asked_for = GROWN_BY.iter().find(|(ending, _)| from.ends_with(*ending));

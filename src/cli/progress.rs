@@ -21,7 +21,7 @@ pub enum ProgressDisplay {
     Lines,
     /// Lines of JSON, for other programs.
     Events(StageEvents),
-    /// No output.
+    /// No output, with `--quiet` and where a command checks many files.
     Silent,
 }
 

@@ -36,7 +36,7 @@ struct PlannedRun {
     seed: Option<u64>,
 }
 
-/// Runs `osier bake --sweep`; the result is the exit code.
+/// Runs `osier bake --sweep`: resolves all scenes, simulates them in turn and writes the table. The result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let SweepPlan { keys, runs } = match plan(args) {
         Ok(plan) => plan,

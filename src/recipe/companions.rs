@@ -1,8 +1,7 @@
 //! The companion files of a grammar: its view file, its colour file, and the files that the view names.
 //!
 //! Files are searched in the folder of the grammar, if that may be read; files outside of it are refused (L006). Missing and
-//! damaged
-//! files are reported (L048) and left out.
+//! damaged files are reported (L048) and left out.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -138,8 +137,7 @@ impl Resolver<'_> {
 
 impl Finder<'_, '_> {
     /// The file that a key names. Without a key, the file beside the grammar with its stem and one of the `endings`, else, if
-    /// `lone` is
-    /// set, the only file with such an ending, unless another grammar there has its name.
+    /// `lone` is set, the only file with such an ending, unless another grammar there has its name.
     fn choose(&mut self, key: Option<&Reference>, endings: &[&str], lone: bool) -> Option<ReferencedFile> {
         match key.map(|r| r.text.as_str()) {
             // "none" refuses even a file of the same stem; "auto" is the default.

@@ -20,8 +20,7 @@ pub struct GivenKey {
 }
 
 /// The keys that a scene's text sets, in its order, without overrides. Tables are split into their keys, also inside lists; a
-/// bare
-/// grammar or coefficient table has none. Of a text with errors, the keys that could be read are returned.
+/// bare grammar or coefficient table has none. Of a text with errors, the keys that could be read are returned.
 pub fn given_keys(request: &Request) -> Vec<GivenKey> {
     if request.bare.is_some() {
         return Vec::new();

@@ -60,7 +60,7 @@ recipe! {
         ground: scene::GroundKeys;
         /// Terrain, which replaces the ground.
         terrain: Option<TerrainRecipe>, hashed by element;
-        /// Plants scattered over the terrain.
+        /// Tables `[[scatter]]`, in the order of the scene; empty without a terrain.
         scatters: Vec<ScatterRecipe>, hashed by element;
         /// Catkins in flight: release, motion, deposition.
         flight: Option<FlightRecipe>, hashed by element;
@@ -281,7 +281,7 @@ recipe! {
 }
 
 recipe! {
-    /// One layer of a composed picture.
+    /// One `[[layer]]` of a composed picture: an attractor or a gradient.
     LayerRecipe {
         /// Position, size, colours and opacity of the layer.
         keys: scene::LayerKeys;
@@ -382,7 +382,7 @@ recipe! {
 recipe! {
     /// An elastic rod of `[[rod]]`, with its clamps and loads.
     RodRecipe {
-        /// Shape and material.
+        /// Axis, radii, material and integrator of the rod.
         keys: scene::RodKeys;
         /// Fixed, pinned and guided points of the rod.
         clamps: Vec<scene::RodClampKeys>;
@@ -403,21 +403,21 @@ recipe! {
     OutputRecipe {
         /// Formats to write, and the resolution of textures.
         keys: scene::OutputKeys;
-        /// Options of the POV-Ray files.
+        /// `[output.pov]`: size, shutter, units and frame step of the POV-Ray files.
         pov: scene::PovKeys;
         /// Options of POV-Ray's photon mapping; `None` without it.
         photons: Option<scene::PhotonKeys>, hashed by element;
-        /// Options of the USD files.
+        /// `[output.usd]`: up axis, representation of copies, and tolerances of keyframes.
         usd: scene::UsdKeys;
-        /// Options of the glTF files.
+        /// `[output.gltf]`: profiles, compression, limits of nodes and skins, and vertex channels.
         gltf: scene::GltfKeys;
-        /// Options of points as CSV.
+        /// `[output.points]`: tables and up axis of the points in CSV files.
         points: scene::PointsKeys, hashed if writes_points;
-        /// Options of files for Unreal Engine.
+        /// `[output.unreal]`: number of joints of plants for Unreal Engine.
         unreal: scene::UnrealKeys, hashed if writes_unreal;
-        /// Options of OpenVDB files.
+        /// `[output.vdb]`: quantities, box and precision of the voxel grids.
         vdb: VdbRecipe, hashed if writes_vdb;
-        /// Files of the wind itself.
+        /// `[output.wind]`: planes and box in which the wind is exported.
         wind: WindOutputRecipe, hashed if writes_wind;
     }
 }

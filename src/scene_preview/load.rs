@@ -29,8 +29,7 @@ pub struct PreviewScene {
 
 impl PreviewScene {
     /// Assembles the scene of a recipe with maps no larger than `quality` can display. `with_motion`: whether frames of the
-    /// clip will be
-    /// evaluated; otherwise joints, skin weights and leaf flutter are left out.
+    /// clip will be evaluated; otherwise joints, skin weights and leaf flutter are left out.
     /// # Errors
     /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
     pub fn of_recipe(
@@ -172,8 +171,7 @@ impl PreviewScene {
     }
 
     /// Evaluates a frame. For `None`, the result is that of a still picture: the scene at rest (`None`), or the first frame if
-    /// catkins
-    /// fly, since at rest none of them is in the air.
+    /// catkins fly, since at rest none of them is in the air.
     /// # Errors
     /// As [`PreviewScene::frame`].
     pub fn frame_or_rest(&self, number: Option<u32>) -> Result<Option<Frame>> {

@@ -33,7 +33,7 @@ impl Default for PreviewOptions {
     }
 }
 
-/// Position of the camera.
+/// Camera of a preview: that of the scene, or one fitted to the subject.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PreviewView {
     /// The camera of the scene, which is fitted to its plants if its keys place none.
@@ -42,7 +42,7 @@ pub enum PreviewView {
     Fitted(CameraView),
 }
 
-/// Background of a preview.
+/// Content of a preview behind the scene, and whether a floor receives shadows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PreviewBackground {
     /// The sky for scenes with a ground or with a colour below the horizon, the studio for all others.
@@ -87,8 +87,7 @@ impl PreviewOptions {
             (sun.elevation, sun.azimuth) = (radians_f32(elevation), radians_f32(direction + 90.0));
         }
         // Trunks reach a little below the ground on which they stand: a subject whose lowest point is near 0 stands on the
-        // plane y = 0; any
-        // other, such as a curve of many units, stands on its lowest point.
+        // plane y = 0; any other, such as a curve of many units, stands on its lowest point.
         let (low, height) = (subject.bounds.min.y, subject.bounds.size().y);
         let deepest = (0.25 * height).min((0.05 * height).max(DEEPEST_FOOT));
         let floor_height = if low > -deepest && low < 0.1 * height { 0.0 } else { low };

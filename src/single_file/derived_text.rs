@@ -15,7 +15,7 @@ pub struct DerivedText {
     pub text: String,
     /// Number of modules of all strings.
     pub modules: u64,
-    /// Warnings of the derivations.
+    /// Warnings of the derivations, individual by individual.
     pub report: Report,
 }
 

@@ -170,8 +170,7 @@ fn mean_color(cloud: &AttractorPoints) -> [f32; 3] {
 }
 
 /// Lower and upper corner, table units, of the part of an attractor that scales and fits refer to: its bounds, or the box of
-/// its
-/// quantiles if it is unbounded.
+/// its quantiles if it is unbounded.
 pub(crate) fn trimmed_bounds(recipe: &AttractorRecipe) -> (DVec3, DVec3) {
     if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds }
 }
@@ -190,8 +189,7 @@ pub(crate) fn check_escapes(recipe: &AttractorRecipe, escapes: Escapes) -> Resul
 }
 
 /// Draws an attractor into a histogram and estimates its densities and colours from it. Also returns the tone mapping of the
-/// keys and
-/// the linear colour of pixels where points are coloured by density only.
+/// keys and the linear colour of pixels where points are coloured by density only.
 /// # Errors
 /// I050 beyond the memory allowed, I023 if points escape, `Limit`, `Cancelled`.
 pub fn ifs_density(

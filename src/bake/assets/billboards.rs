@@ -25,8 +25,7 @@ const VARIANTS: u32 = 3;
 const ATLAS_SIDE: u32 = 1024;
 
 /// Grows the subtrees that replace a tree's small branches, renders them to crossed billboards, and adds the material of these
-/// to `set`,
-/// which holds the plant's other materials already. `name`: name of the organ that the billboards form.
+/// to `set`, which holds the plant's other materials already. `name`: name of the organ that the billboards form.
 /// # Errors
 /// `Input` for a table without attractor, `Limit`, `Cancelled`.
 pub fn build_billboards(

@@ -62,8 +62,7 @@ pub struct CatkinModel {
 
 impl CatkinModel {
     /// The prototype of instances: the level shown, and the other levels as its alternatives. `first`: index in the scene of
-    /// the first of
-    /// [`catkin_materials`].
+    /// the first of [`catkin_materials`].
     pub fn prototype(&self, levels: &CatkinLods, first: u32) -> Prototype {
         // A single level is not named: its prototype is the catkin.
         let mut proto = self.level_prototype(levels.shown, levels, first);

@@ -93,8 +93,8 @@ impl<'a> Obstacles<'a> {
 }
 
 /// Smallest difference, m, between the highest and the lowest point of a ground above which heights in the wind count from the
-/// ground
-/// instead of from y = 0. Own: the height below which the wind profile is constant; lower waves lie within its roughness.
+/// ground instead of from y = 0. Own: the height below which the wind profile is constant; lower waves lie within its
+/// roughness.
 const LEAST_HILL: f32 = 0.5;
 
 /// Whether a recipe has a clip with a lattice wind: the only wind that flows around solids.

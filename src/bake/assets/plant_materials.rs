@@ -36,8 +36,7 @@ const IMPORTED_TRANSLUCENCY: f32 = 0.3;
 /// Length of a piece of a conifer's shoot, m, and the diameter of its needles as a share of that.
 const NEEDLE_SHOOT: [f64; 2] = [0.12, 0.3];
 /// Number of needles of such a piece and its twigs, angle of each needle to the shoot, rad, and width, m: a spruce's, with
-/// fewer and
-/// wider needles of the same total area.
+/// fewer and wider needles of the same total area.
 const NEEDLES: u32 = 180;
 const NEEDLE_ANGLE: f64 = 0.95;
 const NEEDLE_WIDTH: f32 = 0.003;

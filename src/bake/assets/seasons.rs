@@ -343,8 +343,7 @@ impl SeasonClip {
 }
 
 /// Gives a grown individual one organ for each appearance that its leaves have in a clip; `None` without a season. `frames`:
-/// intervals
-/// between its frames.
+/// intervals between its frames.
 /// # Errors
 /// `TooMany` for the prototypes of the plant.
 pub(crate) fn season_clip(

@@ -26,8 +26,7 @@ enum SegmentForm<'a> {
 }
 
 /// One instance per segment, in the order of axes and nodes. `organ`: replaces the prisms; `rig`: gives each segment the joint
-/// at its
-/// middle.
+/// at its middle.
 /// # Errors
 /// `TooMany` beyond 2^32 variants of the organ.
 pub(crate) fn segment_instancer(

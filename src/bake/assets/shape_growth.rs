@@ -23,8 +23,7 @@ use osier_scene::plant::Plant;
 use osier_scene::solid::{Form, Solid};
 
 /// Ratios of the radii at both ends of an internode, and their weights, without the key `ratios`: \[wang-hao\] draws them at
-/// random, but
-/// prints no values.
+/// random, but prints no values.
 const DEFAULT_RATIOS: [[f64; 2]; 3] = [[0.78, 0.25], [0.84, 0.5], [0.9, 0.25]];
 
 /// Whether the particle-shapes of a plant, of its growth or of what fills it, grow round solids of the scene.

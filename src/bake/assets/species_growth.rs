@@ -36,8 +36,7 @@ pub(crate) fn needs_solids(species: &SpeciesRecipe) -> bool {
 }
 
 /// Grows the individuals of species; the result is parallel to the layout's individuals, `None` for other plants. `solids`:
-/// those of the
-/// scene, in world space.
+/// those of the scene, in world space.
 /// # Errors
 /// As [`grow_recorded`].
 pub fn grow_species(

@@ -27,8 +27,7 @@ const EYE_HEIGHT: f32 = 1.6;
 const TEXTURED_ROUGHNESS: f32 = 0.95;
 
 /// Makes the terrain that a recipe describes, with a warning if its mesh is no height field. `seed`: the scene's, which is
-/// combined with
-/// the terrain's, if that has one.
+/// combined with the terrain's, if that has one.
 /// # Errors
 /// `Range` for a value outside its range; X010 for a mesh without a triangle that a vertical line can meet.
 pub(crate) fn build_terrain(recipe: &TerrainRecipe, seed: u64) -> Result<(Terrain, Option<Diagnostic>)> {
@@ -151,8 +150,7 @@ fn terrain_materials(terrain: &Terrain, recipe: &TerrainRecipe, seed: u64) -> Re
 }
 
 /// The imported mesh of a terrain in world space; its subsets index the materials from `first_material` on. `draped`: with one
-/// picture
-/// over the whole terrain, instead of the texture coordinates and materials of the file.
+/// picture over the whole terrain, instead of the texture coordinates and materials of the file.
 fn artist_mesh(terrain: &Terrain, imported: &Imported, keys: &TerrainKeys, first_material: u32, draped: bool) -> Mesh {
     let origin = mesh_origin(keys);
     let mut mesh = imported.mesh.clone();

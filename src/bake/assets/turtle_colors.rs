@@ -18,8 +18,7 @@ use osier_scene::{Material, MaterialClass, Mesh};
 const THIN_TRANSLUCENCY: f32 = 0.15;
 
 /// Adds one material for every colour index that the grown plants of a kind use, and assigns it to their shapes. `grown`:
-/// parallel to
-/// the individuals of the layout.
+/// parallel to the individuals of the layout.
 /// # Errors
 /// `TooMany` beyond 2^32 materials.
 pub(crate) fn add_worn_colors(

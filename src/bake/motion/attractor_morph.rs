@@ -18,8 +18,7 @@ use osier_ifs::morph::Morph;
 use osier_scene::{Asset, AssetFrame, PointsFrame};
 
 /// Number of points followed through the morph, and of its steps, to bound the region that the points sweep. Own: more of
-/// either gives
-/// a tighter bound and takes longer; the bound only frames cameras and extents.
+/// either gives a tighter bound and takes longer; the bound only frames cameras and extents.
 const BOUND_POINTS: u64 = 4096;
 const BOUND_STEPS: u32 = 32;
 

@@ -39,8 +39,7 @@ pub struct GrowthMotion {
 
 impl GrowthMotion {
     /// The motion of a grown plant. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether the
-    /// plant is shown
-    /// by its segments.
+    /// plant is shown by its segments.
     pub fn new(
         plant: &Plant,
         materials: &PlantMaterials,

@@ -86,8 +86,7 @@ pub struct TableRow {
 }
 
 /// Moves one asset of a scene. Frames may be requested in any order and from several threads; motions that step from frame to
-/// frame
-/// need one step for each frame in rising order. `frame` numbers count from the first frame of the clip.
+/// frame need one step for each frame in rising order. `frame` numbers count from the first frame of the clip.
 pub trait AssetMotion: Debug + Send + Sync {
     /// State of `asset` at a time, in asset space; parts that it leaves empty stay at rest.
     /// # Errors
@@ -119,8 +118,7 @@ pub trait AssetMotion: Debug + Send + Sync {
     }
 
     /// Single elements that the motion simulates as points with attributes: id, position and the values with which a node
-    /// system can
-    /// show them. A table has the same name and columns in every frame, with or without rows.
+    /// system can show them. A table has the same name and columns in every frame, with or without rows.
     /// # Errors
     /// As [`AssetMotion::frame`].
     fn point_tables(&self, _frame: u64) -> Result<Vec<RecordTable>> {

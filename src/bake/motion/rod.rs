@@ -227,8 +227,7 @@ impl<'a> ConnectedRods<'a> {
     }
 
     /// Warns if the Gauss-Seidel solver cannot hold the rods' stiffness (S041), and if the number of sections makes twisted
-    /// rods too
-    /// soft against torsion (S040).
+    /// rods too soft against torsion (S040).
     fn report_stability(&self, fps: f64, report: &mut Report) {
         if self.too_stiff_for_gauss_seidel(fps) {
             let text = format!(

@@ -203,8 +203,7 @@ fn rod_plant_params(
 }
 
 /// Diagnostic S042 if no rest shape was found that gravity bends into the grown one, S043 for stems and leaves beyond the
-/// limits of
-/// sections.
+/// limits of sections.
 fn rod_plant_diagnostics(rods: &RodPlant, name: &str, keys: &RodPlantKeys) -> Vec<Diagnostic> {
     let mut diagnostics = Vec::new();
     if !rods.has_rest_shape() {
@@ -222,8 +221,7 @@ fn rod_plant_diagnostics(rods: &RodPlant, name: &str, keys: &RodPlantKeys) -> Ve
 }
 
 /// Mesh of the petioles of some leaves as tubes in asset space. They have the material of their blades and the texture
-/// coordinates of
-/// the blade's base.
+/// coordinates of the blade's base.
 /// # Errors
 /// `TooMany` beyond 2^16 sections of a petiole.
 fn petiole_mesh(
@@ -269,8 +267,7 @@ fn uv_at_pivot(mesh: &Mesh) -> Vec2 {
 
 impl RodBinding {
     /// Assigns joints to the root and the first `max_joints` - 1 sections; every other section follows the joint of the section
-    /// before it,
-    /// or of the section that carries its rod.
+    /// before it, or of the section that carries its rod.
     fn new(plant_rods: &RodPlant, transform: Trs, max_joints: usize) -> Result<Self> {
         let rods = plant_rods.rods();
         let mut binding = Self {
@@ -405,8 +402,7 @@ impl RodBinding {
     }
 
     /// Linear blend skinning of a mesh's points, normals and velocities: each is the mean of the values that its two sections
-    /// give it,
-    /// weighted by their shares. [`MeshFrame::Same`] for a mesh without bindings, which joints move.
+    /// give it, weighted by their shares. [`MeshFrame::Same`] for a mesh without bindings, which joints move.
     fn posed_points(&self, mesh: &Mesh, bound: &[VertexBinding], pose: &[(Vec3, Quat)], rods: &RodSystem) -> MeshFrame {
         if bound.is_empty() {
             return MeshFrame::Same;

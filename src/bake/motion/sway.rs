@@ -122,8 +122,7 @@ impl SwayMotion {
         let joints =
             JointBudget { joints: to_usize(keys.max_joints.min(max_joints)), coarse: keys.motion == BarkMotion::Game };
         // All branches are simulated, even those without joints: a limb sways by the wind on its twigs, and leaves follow twigs
-        // that have no
-        // joints.
+        // that have no joints.
         let elements = BeamElements::build(plant, &params.wood, to_usize(keys.max_branches));
         // An estimate checks the limit for the whole clip, but records one frame.
         check_key_limit(&elements, wind.clip, limits)?;
@@ -262,8 +261,7 @@ impl SwayMotion {
     }
 
     /// Positions and rotations of one instancer's leaves with flutter. They follow the posed elements; where joints carry the
-    /// bark, a leaf
-    /// stays near its position on the joints.
+    /// bark, a leaf stays near its position on the joints.
     fn instancer_frame(
         &self,
         asset: &Asset,

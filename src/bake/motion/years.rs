@@ -29,8 +29,7 @@ pub struct YearsMotion {
 
 impl YearsMotion {
     /// The motion of a recorded tree. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether it
-    /// is displayed
-    /// by its segments; `seconds`: length of the clip.
+    /// is displayed by its segments; `seconds`: length of the clip.
     pub fn new(
         clip: Arc<GrowthClip>,
         materials: &PlantMaterials,

@@ -17,8 +17,7 @@ pub struct NamedExporter {
 }
 
 /// Writes the frames `numbers` of a scene (none: a still scene) with all exporters; returns their warnings. The exporters write
-/// a frame in
-/// parallel while the next one is evaluated, so that at most two frames are in memory.
+/// a frame in parallel while the next one is evaluated, so that at most two frames are in memory.
 /// # Errors
 /// The first failure in the order of the exporters; `Cancelled`.
 pub fn write_frames(

@@ -29,8 +29,7 @@ const USD_POINT_BYTES: u64 = 26;
 const TEXEL_BYTES: u64 = 150;
 
 /// Bytes for each triangle of an imported terrain beside its mesh: the mesh of the file, the triangles by which heights are
-/// found,
-/// and their index.
+/// found, and their index.
 const TERRAIN_TRIANGLE: u64 = 70;
 
 /// Bytes for each catkin in flight beside its instance: its state and that at the start of the clip, the grid of contacts, its row in the

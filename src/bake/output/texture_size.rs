@@ -8,13 +8,11 @@ use osier_scene::{Asset, Image, Material, Mesh, PixelFootprint, Scene};
 /// Texels along a side that every texture keeps. Own: smaller ones save little.
 const LEAST_SIDE: u32 = 256;
 /// Longest edge of a texel on a surface to which reduction may lead, m. Own: with it, bark keeps its pattern when the camera is
-/// moved
-/// close to a plant.
+/// moved close to a plant.
 const LARGEST_TEXEL: f32 = 0.002;
 
 /// Halves the textures of a scene as often as they stay finer than the recipe's `texels_per_pixel` where the camera is nearest
-/// to each
-/// surface.
+/// to each surface.
 pub fn limit_texture_sizes(recipe: &Recipe, scene: &mut Scene) {
     let halvings = texture_halvings(recipe, scene);
     let normals: Vec<u32> = scene.materials.iter().filter_map(|m| m.maps.normal).collect();

@@ -10,8 +10,7 @@ use osier_scene::{Clip, Image, Pixels};
 /// Pixels along a side of maps that are only counted. Own: small, and within the range of the key `side`.
 const REDUCED_SIDE: u32 = 16;
 /// Number of individuals of each plant that an estimate grows; the others count as copies of these. Own: enough for predictions
-/// within
-/// a quarter, as promised; more take longer.
+/// within a quarter, as promised; more take longer.
 const SAMPLED_INDIVIDUALS: usize = 64;
 /// Largest number of skeleton nodes along the diagonal of an imported mesh. Own: bounds the time of the extraction.
 const MAX_SKELETON_NODES: f32 = 300.0;
@@ -48,8 +47,7 @@ pub fn recipe_cut_to_first_interval(recipe: &Recipe) -> Recipe {
 }
 
 /// Keeps the first [`SAMPLED_INDIVIDUALS`] of each plant and assigns the copies of the others to them in turn; returns the
-/// number of
-/// individuals that each represents, itself included.
+/// number of individuals that each represents, itself included.
 pub fn sample_individuals_of_each_plant(layout: &mut PlantLayout, plants: usize) -> Vec<u64> {
     let mut kept: Vec<Vec<usize>> = vec![Vec::new(); plants];
     let mut seen = vec![0_usize; plants];

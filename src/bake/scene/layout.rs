@@ -61,8 +61,7 @@ pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<Scene
 }
 
 /// Lays out a recipe's `[[place]]` tables, without scattered plants. Each random draw has the address ("place", place, copy),
-/// so that
-/// one more copy moves no other.
+/// so that one more copy moves no other.
 pub fn lay_out(recipe: &Recipe) -> PlantLayout {
     let mut layout = PlantLayout::default();
     let mut ordinals = vec![0_u32; recipe.plants.len()];
@@ -129,8 +128,8 @@ fn name_assets(recipe: &Recipe, layout: &mut PlantLayout) {
 const MAX_TRIES: u32 = 24;
 
 /// Positions of a place's copies relative to its centre, m, by best-candidate sampling: of up to [`MAX_TRIES`] draws in the
-/// place's
-/// region, the first that keeps both distances, else the best. `clear`: plants of earlier places, relative to the same centre.
+/// place's region, the first that keeps both distances, else the best. `clear`: plants of earlier places, relative to the same
+/// centre.
 fn spread_copies(seed: u64, index: usize, place: &PlaceRecipe, clear: &PlacementGrid) -> Vec<Vec3> {
     let region = CopyRegion::of(place);
     if matches!(region, CopyRegion::Disc { .. }) && place.keys.count == 1 {

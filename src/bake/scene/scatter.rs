@@ -24,8 +24,7 @@ use osier_scene::plant::{NONE, Plant};
 const FOOT_DEPTH: f32 = 0.02;
 
 /// Scatters the plants of every `[[scatter]]` over the terrain. The key `individuals` is the number grown of each plant; every
-/// copy
-/// displays one of them.
+/// copy displays one of them.
 /// # Errors
 /// `Limit` beyond the candidates or instances allowed, `Cancelled`.
 pub(crate) fn scatter_plants(

@@ -11,8 +11,7 @@ use osier_scene::solid::LandForm;
 use osier_wind::{GustWind, GustWindOptions, SineWind, SineWindOptions, UniformWind, Wind, WindOverLand};
 
 /// Builds the wind of one table. `period`: duration of the loop, s; `number`: position among the scene's winds from 0, which
-/// gives the
-/// noise of each a different seed; `land`: heights are measured above it.
+/// gives the noise of each a different seed; `land`: heights are measured above it.
 pub fn formula_wind(
     keys: &WindKeys,
     period: Option<f64>,

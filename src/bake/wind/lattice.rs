@@ -111,10 +111,8 @@ impl LatticePlan {
     /// The plan for a recipe; `None` if it has no simulated lattice, or if no part of the scene reads it.
     ///
     /// A loop is recorded, of the whole box if catkins, rain or files read it. Without a loop, samples read ahead of the frames
-    /// are
-    /// recorded, and samples read frame by frame are stepped. If a scene has both, one recording of the whole box serves both
-    /// as
-    /// long as it fits in memory; else the lattice is simulated a second time, with the same velocities.
+    /// are recorded, and samples read frame by frame are stepped. If a scene has both, one recording of the whole box serves
+    /// both as long as it fits in memory; else the lattice is simulated a second time, with the same velocities.
     /// # Errors
     /// `Limit` for a recording that is too large.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
@@ -141,8 +139,7 @@ impl LatticePlan {
         // The recording may take half of the memory that the solver leaves; the rest of the bake needs memory too.
         let budget = limits.get("wind-bytes").min(limits.get("memory").saturating_sub(solver_bytes) / 2);
         // In this order: the whole box read ahead; nothing read ahead, so that stepping is enough; a region read ahead and
-        // nothing frame by
-        // frame; both, with one recording if it fits; both, by two runs.
+        // nothing frame by frame; both, with one recording if it fits; both, by two runs.
         let (recorded, stepped) = if repeats || needs.box_ahead {
             (Some(if reads_box { whole } else { region }), false)
         } else if needs.region.is_empty() {

@@ -61,8 +61,7 @@ impl WindNeeds {
 }
 
 /// World bounds, m, of the first copies of all moving plants, extended by margins for leaves and for leaning. Other copies use
-/// the wind
-/// at the first.
+/// the wind at the first.
 fn moving_plant_bounds(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Bounds {
     let transforms = layout.first_transforms();
     let plants = layout.individuals.iter().zip(grown).zip(&transforms);

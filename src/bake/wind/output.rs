@@ -42,8 +42,7 @@ struct WindVolume {
 #[derive(Debug, Default)]
 pub struct SampledWind {
     /// Velocities, m/s, at the points of each grid of the scene; empty for a grid that is not written in this frame. The list
-    /// is empty if
-    /// nothing is written in it.
+    /// is empty if nothing is written in it.
     pub air: Vec<Vec<Vec3>>,
     /// The volume of the velocity, if the scene has one; without values in a frame in which it is not written.
     pub volume: Option<VolumeFrame>,

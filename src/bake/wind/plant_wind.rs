@@ -38,8 +38,7 @@ pub struct PlantWind {
 
 impl PlantWind {
     /// The wind of a scene with the settings of its plants' sway; `None` in a still scene, and in calm air unless it rains,
-    /// since drops move
-    /// plants without wind.
+    /// since drops move plants without wind.
     pub fn new(recipe: &Recipe, scene: &SceneWind) -> Option<Self> {
         let sway = &recipe.sway;
         if recipe.clip.len() < 2 || !(recipe.blows() || recipe.rain.is_some()) {

@@ -1,8 +1,7 @@
 //! The wind of a scene: trees, leaves, rods, catkins, rain and files all read the same field.
 //!
 //! Time 0 is the clip's first frame; simulations that spin up before it read negative times. A looping wind repeats there. A
-//! wind
-//! without a loop is defined at all times if it is analytic, and from the earliest spin-up on if it is a lattice.
+//! wind without a loop is defined at all times if it is analytic, and from the earliest spin-up on if it is a lattice.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -150,8 +149,7 @@ impl SceneWind {
     }
 
     /// The wind of the whole box between frame `frame`, counted from the clip's first, and the next. If a lattice is stepped,
-    /// an earlier
-    /// frame than before starts it again.
+    /// an earlier frame than before starts it again.
     /// # Errors
     /// Those of a lattice.
     pub fn wind_until_next_frame(&self, user: WindUser, frame: i64) -> Result<Arc<dyn Wind>> {

@@ -24,7 +24,7 @@ use osier_export::{GENERATOR, textures};
 use osier_preview::{Picture, Quality};
 use osier_scene::Scene;
 
-/// Runs `osier preview`; the result is the exit code.
+/// Runs `osier preview`: a picture, a contact sheet or a clip, depending on flags and source. The result is the exit code.
 pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     let mut flags = match PreviewFlags::new(context, args) {
         Ok(flags) => flags,

@@ -28,8 +28,7 @@ pub struct Variation {
 }
 
 /// Loads a mesh file or the folder of a bake, or assembles the scene of any other source. `with_motion`: whether frames of the
-/// clip
-/// will be evaluated.
+/// clip will be evaluated.
 /// # Errors
 /// `Input` with the faults of the source, `Io` if it cannot be read, `Limit`, `Cancelled`.
 pub fn load(

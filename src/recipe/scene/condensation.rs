@@ -26,8 +26,7 @@ pub(in crate::recipe) struct SystemFile {
 
 impl Resolver<'_> {
     /// Reads the meshes that a system names, beside its file. `sources`: the texts into which its spans point. Diagnostics
-    /// without a
-    /// position point at the name in the table.
+    /// without a position point at the name in the table.
     pub(in crate::recipe) fn import_set_meshes(
         &mut self,
         system: &mut Ifs,

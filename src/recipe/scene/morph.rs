@@ -17,7 +17,7 @@ use std::sync::Arc;
 choices! {
     /// Interpolation parameter between two tables as a function of time.
     MorphEase {
-        /// Linear in time.
+        /// The parameter is linear in time.
         Linear = "linear",
         /// Zero speed at the tables, fastest between.
         Smooth = "smooth",
@@ -65,8 +65,7 @@ keys! {
 }
 
 /// Number of intervals between two tables at whose ends contraction is checked. More would find shorter times without
-/// attractor; each
-/// costs one analysis of the system.
+/// attractor; each costs one analysis of the system.
 const CONTRACTION_CHECKS: u32 = 8;
 
 recipe! {

@@ -12,7 +12,7 @@ use osier_plants::season::FallOrder;
 const OWN: &str = "by outline";
 
 choices! {
-    /// Outline of a leaf blade.
+    /// Outline of a parametric leaf blade, which also sets the defaults of the blade's other keys.
     BladeOutline {
         /// Widest beyond the middle, with rounded lobes, as an oak's.
         Lobed = "lobed",

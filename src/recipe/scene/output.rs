@@ -22,7 +22,7 @@ choices! {
     VdbGrid {
         /// Catkins in flight per cubic metre.
         Density = "density",
-        /// Velocity of the wind.
+        /// Velocity of the wind, m/s; the only grid of vectors.
         Velocity = "vel",
         /// Catkins at rest per square metre.
         Deposition = "deposition",

@@ -134,8 +134,7 @@ impl Resolver<'_> {
     }
 
     /// Positions of the copies along a line, m, relative to `at`; empty for a group. Sets `count` if `spacing` decides it.
-    /// `None` after an
-    /// error.
+    /// `None` after an error.
     fn line(&mut self, table: &TomlTable, place: Span, path: &str, keys: &mut PlaceKeys) -> Option<Vec<[f64; 3]>> {
         // Refuse a second region.
         // An empty `along` counts as absent.

@@ -34,25 +34,25 @@ choices! {
         Game = "game",
         /// No motion in files, but attributes for shaders.
         Static = "static",
-        /// No motion.
+        /// No motion: the plant keeps its shape at rest.
         Still = "still",
     }
 }
 
 choices! {
-    /// Notation of a grammar file.
+    /// Notation of a grammar file, and within cpfg's the commands of its turtle.
     GrammarDialect {
-        /// cpfg.
+        /// Notation and turtle commands of the program cpfg.
         Cpfg = "cpfg",
-        /// cpfg, drawn as in "The Algorithmic Beauty of Plants".
+        /// Notation of cpfg, drawn as in "The Algorithmic Beauty of Plants".
         Abop = "abop",
-        /// cpfg, drawn as a catkin.
+        /// Notation of cpfg, with the turtle commands of the paper on catkins.
         Catkin = "catkin",
-        /// Fractint.
+        /// Notation of Fractint's L-system files, drawn in a plane.
         Fractint = "fractint",
-        /// LParser.
+        /// Notation of the program LParser.
         LParser = "lparser",
-        /// L-Py.
+        /// Notation of the Python package L-Py.
         LPy = "lpy",
     }
 }
@@ -446,8 +446,7 @@ impl Resolver<'_> {
     }
 
     /// Reports S003 for a plant with two source files. A mesh together with a source other than a species is a warning S007:
-    /// the mesh is
-    /// used.
+    /// the mesh is used.
     fn has_two_sources(&mut self, plant: &TomlTable, path: &str) -> bool {
         let mut given: Vec<_> = ["grammar", "ifs", "shapes", "species"].iter().filter_map(|k| plant.get(k)).collect();
         if plant.get("species").is_some() {
@@ -483,8 +482,7 @@ impl Resolver<'_> {
     }
 
     /// Warns with S007 of keys that exclude each other, and drops one: growth over the clip in the rain or with shader
-    /// attributes, segments
-    /// in the rain or on rods.
+    /// attributes, segments in the rain or on rods.
     fn settle_forms(&mut self, plant: &TomlTable, path: &str, keys: &mut PlantKeys, skin: &mut SkinKeys) {
         if let Some(why) = self.why_no_growth_clip(keys).filter(|_| keys.growth_clip.is_some()) {
             self.has_no_effect(plant, path, &["growth_clip"], why);
@@ -501,8 +499,8 @@ impl Resolver<'_> {
     }
 
     /// Warns with S007 of a season without effect: on billboards, on imported meshes, and on a tree that grows over the clip. A
-    /// season that
-    /// changes over the clip stays that of the first frame in the rain, for shaders, on rods, and on growing plants.
+    /// season that changes over the clip stays that of the first frame in the rain, for shaders, on rods, and on growing
+    /// plants.
     fn settle_season(&mut self, plant: &TomlTable, path: &str, growth: &Growth, keys: &mut PlantKeys) {
         let Some(span) = keys.season else { return };
         match growth {
@@ -551,8 +549,7 @@ impl Resolver<'_> {
     }
 
     /// Warns with S007 that `key`, a path within the plant's table, has no effect. `path`: of that table in the scene; `why`:
-    /// the reason,
-    /// worded to follow "because".
+    /// the reason, worded to follow "because".
     pub(super) fn has_no_effect(&mut self, plant: &TomlTable, path: &str, key: &[&str], why: &str) {
         let span = span_of(plant, key).unwrap_or(self.whole);
         let text = format!("{path}.{} has no effect", key.join("."));

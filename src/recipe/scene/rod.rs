@@ -43,7 +43,7 @@ choices! {
         /// The position may slide along a line, the rotation is free.
         Guided = "guided",
     }
-    /// Kind of a load at a point of a rod.
+    /// Quantity that a load applies at a point of a rod, which decides the numbers of its keyframes.
     RodLoadKind {
         /// A force: keyframes of [s, x, y, z], N.
         Force = "force",

@@ -7,7 +7,7 @@ use crate::recipe::syntax::{
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// Shape of a solid.
+    /// Geometry of a solid: a primitive, or an imported mesh.
     SolidShape {
         /// A box, for example a wall.
         Block = "block",

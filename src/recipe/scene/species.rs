@@ -16,8 +16,7 @@ use serde_json::json;
 /// Greatest length of `side`, the vector towards the brighter side of the sky: with 1 the dark side would be black.
 const MAX_SIDE: f64 = 0.95;
 /// Share of the height of a cut up to which the stem may be clear without a warning. Own: a hedge without branches over more
-/// than its
-/// lower half is probably a mistake.
+/// than its lower half is probably a mistake.
 const MAX_CLEAR_SHARE: f64 = 0.5;
 /// Keys of a habit with the mark `basic`: those that are usually changed first.
 const BASIC: [&str; 6] = ["apical_control", "shoot_rate", "path_max", "angle", "elevation", "clear_stem"];
@@ -86,8 +85,7 @@ impl SiteKeys {
 }
 
 /// The habit of a species as a table of keys. Names, ranges and defaults of the keys are those of [`HABIT_KEYS`], so that they
-/// are
-/// declared only once.
+/// are declared only once.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HabitKeys {
     /// All parameters of the species, in the units of its file.
@@ -257,8 +255,8 @@ impl Resolver<'_> {
     }
 
     /// Ages that a clip shows at its first and last frame, years: those of `site`, or shares of the plant's age. `None` without
-    /// either, or
-    /// after an error. `shares`: the plant's `growth_clip`; `blocked`: the reason why a plant cannot grow over the clip.
+    /// either, or after an error. `shares`: the plant's `growth_clip`; `blocked`: the reason why a plant cannot grow over the
+    /// clip.
     pub(in crate::recipe) fn species_clip(
         &mut self,
         species: &SpeciesRecipe,

@@ -11,7 +11,7 @@ choices! {
         /// Equations of the paper by Zhao and Zhang, with one cantilever per internode.
         Paper = "paper",
     }
-    /// Correction of the paper's equations.
+    /// Correction of an error in the equations of the paper by Zhao and Zhang.
     PaperFix {
         /// The fourth power of the radius instead of the third.
         Radius = "radius4",

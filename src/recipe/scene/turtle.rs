@@ -10,9 +10,9 @@ choices! {
     LineStyle {
         /// Lines whose widths are pixels.
         Pixel = "pixel",
-        /// A flat polygon.
+        /// A flat polygon, whose width is in units of the turtle.
         Polygon = "polygon",
-        /// A round cylinder.
+        /// A round cylinder, whose width is in units of the turtle.
         Cylinder = "cylinder",
     }
 }

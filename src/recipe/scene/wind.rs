@@ -17,9 +17,9 @@ use osier_scene::{AirGrid, Clip};
 use osier_wind::{CALM_SPEED, beaufort_speed, fit_gust_length};
 
 choices! {
-    /// Model of the wind.
+    /// Formula or simulation from which the velocities of a wind come.
     WindModel {
-        /// No wind.
+        /// No wind: velocities are zero.
         Calm = "calm",
         /// Constant in space and time.
         Uniform = "uniform",
@@ -429,8 +429,7 @@ struct SampledDomain {
 
 impl SampledDomain {
     /// The box of a lattice, else of a flight, else of `size` about the origin. `side`: side of a cell; by default that of the
-    /// lattice,
-    /// else 0.5 m.
+    /// lattice, else 0.5 m.
     fn new(lattice: Option<&LatticeKeys>, flight_size: Option<[f64; 3]>, size: [f64; 3], side: Option<f64>) -> Self {
         let size = lattice.map_or(flight_size.unwrap_or(size), LatticeKeys::size);
         let side = side.unwrap_or(lattice.map_or(0.5, |lattice| lattice.cell_size));

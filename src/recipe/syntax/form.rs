@@ -16,11 +16,11 @@ const PLAIN_STEP: f64 = 0.1;
 /// Type of a value, by which a panel chooses its control.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ValueKind {
-    /// A real number.
+    /// A real number within the bounds of the form.
     Number,
     /// A number without decimals.
     Whole,
-    /// One of several words.
+    /// One of the words of the form's list of choices.
     Choice,
     /// A list of words, each at most once.
     Choices,
@@ -32,12 +32,12 @@ pub enum ValueKind {
     Vector,
     /// `true` or `false`: a switch.
     Flag,
-    /// A text of any form.
+    /// A text without restrictions of its content.
     #[default]
     Text,
     /// Name of a file beside the scene, or of a preset.
     File,
-    /// A list of any length.
+    /// A list of any length, whose elements have the bounds of the form.
     List,
     /// A table of names and numbers.
     Table,

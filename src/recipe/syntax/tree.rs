@@ -10,7 +10,7 @@ use osier_base::diagnostic::{Diagnostic, Report, SourceId, Span};
 pub struct TomlNode {
     /// Bytes of the value in the text or in an override.
     pub span: Span,
-    /// The parsed value.
+    /// The value; nested values have spans of their own.
     pub value: TomlValue,
 }
 
@@ -55,14 +55,14 @@ pub struct TomlTable {
     pub entries: Vec<TomlEntry>,
 }
 
-/// One key of a table.
+/// One entry of a table: key and value with their spans.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TomlEntry {
     /// Name of the key, without quotes.
     pub key: String,
     /// Bytes of the key in the text.
     pub key_span: Span,
-    /// The value and its span.
+    /// The value with its span; a value that cannot be read is [`TomlValue::Other`].
     pub node: TomlNode,
 }
 

@@ -532,8 +532,7 @@ impl<const N: usize> ValueType for NumberArray<N> {
 const MAX_LEVELS: usize = 8;
 
 /// One number for each level of branching, from the trunk on; the last one applies to all higher levels. A single number is a
-/// list
-/// of one. The fields are the default and the type of the numbers.
+/// list of one. The fields are the default and the type of the numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct NumbersByLevel(pub &'static [f64], pub NumberType);
 

@@ -32,8 +32,7 @@ pub(crate) struct AddedFlight {
 }
 
 /// Adds the catkins of a recipe with `[catkin]` or `[flight]`: flying with the latter, else at rest in a row. `canopy`: the
-/// twigs that
-/// release them.
+/// twigs that release them.
 /// # Errors
 /// `Limit`, `Cancelled`; those of a lattice wind.
 pub(crate) fn add_catkins(

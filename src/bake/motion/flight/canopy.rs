@@ -17,8 +17,7 @@ use osier_scene::Trs;
 use osier_scene::plant::{AxisKind, Plant};
 
 /// Standard deviation, m, of a catkin's start about its twig's end along each axis, so that the catkins of one twig do not
-/// start in one
-/// point and stick together.
+/// start in one point and stick together.
 const CATKIN_SPREAD: f64 = 0.05;
 
 /// The twigs of all plants that `[flight]` names as its canopy.
@@ -101,8 +100,8 @@ impl Canopy {
     }
 
     /// Draws a twig for each of `count` catkins. Each ripens at a time uniform in `ripening`, s, then waits for a wind exposure
-    /// drawn from
-    /// the unit exponential distribution. `positions`: of the twigs' ends at the start. Both lists are empty without twigs.
+    /// drawn from the unit exponential distribution. `positions`: of the twigs' ends at the start. Both lists are empty without
+    /// twigs.
     pub(crate) fn draw_catkin_starts(
         &self,
         count: u32,

@@ -7,8 +7,8 @@ use osier_base::convert::index;
 use osier_scene::{Curves, InstanceState};
 
 /// Points of all trajectories. A trajectory restarts when its catkin was recycled or wrapped to the other side of the domain,
-/// so that
-/// no line crosses the domain. A catkin that is not visible, or has not moved for the whole length, has a line of length zero.
+/// so that no line crosses the domain. A catkin that is not visible, or has not moved for the whole length, has a line of
+/// length zero.
 #[derive(Debug, Clone)]
 pub struct Trajectories {
     /// Number of points of each line, at least 2.

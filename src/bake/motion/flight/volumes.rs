@@ -54,8 +54,7 @@ impl FlightVolumes {
     }
 
     /// Values of all grids in a state, in their order. The sum of the density times the volume of a cell is the number of
-    /// catkins in
-    /// flight; the sum of the deposition times the area of a cell's face is the number of catkins at rest.
+    /// catkins in flight; the sum of the deposition times the area of a cell's face is the number of catkins at rest.
     pub(super) fn fill(&self, simulation: &FlightSimulation) -> Vec<VolumeFrame> {
         if self.grids.is_empty() {
             return Vec::new();

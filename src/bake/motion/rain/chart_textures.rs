@@ -1,6 +1,5 @@
 //! Resamples the textures of leaves whose water maps need a separate chart to that chart: the files of a wet leaf then have one
-//! set of
-//! texture coordinates, by which both its textures and its water maps are looked up.
+//! set of texture coordinates, by which both its textures and its water maps are looked up.
 
 use std::collections::VecDeque;
 
@@ -18,8 +17,7 @@ const MAX_SIDE: u32 = 4096;
 const SCALE_RANGE: [f64; 2] = [0.5, 2.0];
 
 /// Resamples the textures of a material to the chart of a blade; returns the material's maps. `suffix` makes the names of the
-/// new images
-/// unique; these are appended to `new`, and their indices continue those of `images`.
+/// new images unique; these are appended to `new`, and their indices continue those of `images`.
 /// # Errors
 /// `TooMany` beyond 2^32 images.
 pub(super) fn resample_to_charts(

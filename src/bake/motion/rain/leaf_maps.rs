@@ -45,8 +45,7 @@ pub struct SeparatedLeaves {
 }
 
 /// Rasters of the charts of mapped leaves with the relief of their materials, parallel to these; leaves with the same blade and
-/// map
-/// size share one.
+/// map size share one.
 pub fn build_uv_rasters(
     leaves: &[SceneLeaf],
     mapped_leaves: &[LeafWithMaps],
@@ -91,10 +90,8 @@ pub struct AddedLeafMaps {
 }
 
 /// Takes mapped leaves out of their instancers and gives each a mesh with a wet material and a map sequence. Leaves that move
-/// off their
-/// joints stay instances, each with a separate prototype: a frame then carries one transform instead of all points. `images`:
-/// textures
-/// of the scene; empty in an estimate.
+/// off their joints stay instances, each with a separate prototype: a frame then carries one transform instead of all points.
+/// `images`: textures of the scene; empty in an estimate.
 /// # Errors
 /// `TooMany` beyond 2^32 sequences, materials or images.
 pub fn add_leaf_maps(
@@ -214,8 +211,7 @@ struct ChartedMaterials {
 
 impl ChartedMaterials {
     /// Assigns materials whose textures lie in the chart to a mesh with that chart as texture coordinates. A mesh that had no
-    /// texture
-    /// coordinates before gets materials without textures.
+    /// texture coordinates before gets materials without textures.
     fn assign(
         &mut self,
         mesh: &mut Mesh,

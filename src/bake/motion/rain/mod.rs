@@ -58,10 +58,10 @@ const DEFAULT_SUBSTEPS: u32 = 8;
 const BYTES_PER_KEY: u64 = 64;
 /// Name of the quantity counted against the limit `motion-keys`, for its message.
 const LIMITED_QUANTITY: &str = "the number of leaves and raindrops times frames";
-/// Index of refraction of water.
+/// Index of refraction of the material of drops.
 const WATER_IOR: f32 = osier_base::physics::WATER_IOR;
 
-/// A leaf with individual water maps.
+/// A leaf with individual water maps, and the raster over which they are drawn.
 #[derive(Debug)]
 struct MappedLeaf {
     leaf: usize,
@@ -132,7 +132,7 @@ struct SimulatedRain {
     asset: Asset,
     playback: Arc<RainPlayback>,
     map_sequences: Vec<MapSequence>,
-    /// Textures of leaves that were drawn anew over charts.
+    /// Textures of leaves that were resampled to charts, to be appended to those of the scene.
     images: Vec<Image>,
     table: Table,
     wet_film: Option<WetFilm>,
@@ -152,7 +152,7 @@ struct WetFilm {
 /// Additions of rain to a scene besides assets; empty without rain.
 #[derive(Default)]
 pub(crate) struct AddedRain {
-    /// Water maps of leaves.
+    /// Declarations of water maps, one per leaf with maps; wet materials refer to them by index.
     pub(crate) map_sequences: Vec<MapSequence>,
     /// Statistics, one row per frame; `None` in a still scene.
     pub(crate) table: Option<Table>,

@@ -146,8 +146,7 @@ pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf], pictur
 }
 
 /// Side of a leaf's maps, texels: its size in the camera's picture times the key `texels_per_pixel`, rounded up to a power of
-/// two, at
-/// most `maps.resolution`.
+/// two, at most `maps.resolution`.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating, and clamped")]
 fn map_side(recipe: &Recipe, leaf: &SceneLeaf, picture: &ScreenScale) -> usize {
     let pixels = leaf.surface.chart_span() * leaf.scale * picture.pixels_per_metre(leaf.position);

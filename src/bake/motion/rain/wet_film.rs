@@ -45,8 +45,7 @@ impl Film {
 }
 
 /// Changes colour and roughness of the materials of all leaves, and their textures. `cover`: fraction of the leaves that the
-/// film covers,
-/// 0 to 1. `images`: textures of the scene; empty in an estimate, which reads none.
+/// film covers, 0 to 1. `images`: textures of the scene; empty in an estimate, which reads none.
 pub(super) fn wet_leaf_materials(cover: f32, materials: &mut [Material], images: &mut [Image]) {
     let film = Film::covering(MaterialClass::Leaf, cover);
     // Leaves may share textures, each of which is changed once.

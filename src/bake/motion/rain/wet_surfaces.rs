@@ -14,12 +14,10 @@ use osier_motion::rain::{RainExposure, SurfacePoint};
 use osier_scene::{Material, MaterialClass, MaterialId, Mesh, MeshMotion, MeshObject, Subset, Trs};
 
 /// Share of the rainfall on open level ground above which a surface is wet. Own: rain that has lasted for minutes wets all that
-/// it
-/// strikes; larger values leave walls dry that slanting rain strikes.
+/// it strikes; larger values leave walls dry that slanting rain strikes.
 const WET_CATCH_RATIO: f32 = 0.1;
 /// Longest edge, m, of a face near solids that is not divided when its corners agree. Own: half the overhang of a usual eave;
-/// longer
-/// edges miss the dry strip below it.
+/// longer edges miss the dry strip below it.
 const LONGEST_UNDIVIDED_EDGE: f32 = 1.0;
 /// Edge length, m, below which faces are not divided further: the border between wet and dry is interpolated there.
 const SHORTEST_DIVIDED_EDGE: f32 = 0.12;
