@@ -72,7 +72,7 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
         errors += file_errors;
         warnings += found.report.diagnostics.len() - file_errors;
         if found.report.has_errors() {
-            // The code of the whole run is the largest of its files: 1 for faults, a higher one for failures of the
+            // The code of the whole run is the largest of its files: 1 for errors in files, a higher one for failures of the
             // system.
             code = code.max(1);
         }

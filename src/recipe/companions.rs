@@ -216,7 +216,7 @@ impl Finder<'_, '_> {
     }
 
     fn colors(&mut self, file: &ReferencedFile) -> Option<ColorTable> {
-        // Both hold raw bytes without a signature; only the ending tells them apart.
+        // Both formats are raw bytes without a signature; only the ending distinguishes them.
         let is_mat = file.shown.to_ascii_lowercase().ends_with(".mat");
         let read = if is_mat { ColorTable::from_mat(&file.bytes) } else { ColorTable::from_map(&file.bytes) };
         match read {

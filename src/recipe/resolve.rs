@@ -123,7 +123,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
 /// If an unknown key of the scene is a #define of one of its grammars, names the key that sets it in the help.
 fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
     for d in report.diagnostics.iter_mut().filter(|d| d.code == "S002") {
-        // The name stands in the message only, which `syntax::key::unknown` words.
+        // Only the message holds the name, in the words of `syntax::key::unknown`.
         let Some(name) = d.message.strip_prefix("a scene has no key \"").and_then(|m| m.strip_suffix('"')) else {
             continue;
         };
@@ -146,7 +146,7 @@ fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
 fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry) -> String {
     let Some(bare) = bare else { return set.to_owned() };
     let path = set.split('=').next().unwrap_or_default().trim();
-    // A key of the scene wins over a key of the plant, and that over a #define of its grammar.
+    // A key of the scene has precedence over a key of the plant, and that over a #define of its grammar.
     let first = path.split('.').next().unwrap_or_default();
     let top = registry.names::<SceneKeys>().contains(&first);
     let plant = match bare {

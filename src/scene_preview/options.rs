@@ -89,6 +89,7 @@ impl PreviewOptions {
         // Trunks reach a little below the ground on which they stand: a subject whose lowest point is near 0 stands on the
         // plane y = 0; any other, such as a curve of many units, stands on its lowest point.
         let (low, height) = (subject.bounds.min.y, subject.bounds.size().y);
+        // At most a quarter of the height; from 2 m on `DEEPEST_FOOT`, and from 10 m on a twentieth of the height.
         let deepest = (0.25 * height).min((0.05 * height).max(DEEPEST_FOOT));
         let floor_height = if low > -deepest && low < 0.1 * height { 0.0 } else { low };
         let floor = if subject.ground { None } else { Some(floor_height) };

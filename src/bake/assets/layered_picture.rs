@@ -107,6 +107,7 @@ fn blend_over(under: [f32; 4], color: [f32; 3], alpha: f32) -> [f32; 4] {
     if total <= 0.0 {
         return [0.0; 4];
     }
+    // With straight alpha, colours mix by the upper layer's share of the resulting alpha.
     let t = alpha / total;
     let mix = |k: usize| lerp(under[k], color[k], t);
     [mix(0), mix(1), mix(2), total]

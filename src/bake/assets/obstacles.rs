@@ -51,7 +51,8 @@ impl<'a> Obstacles<'a> {
         if !meets_solids && !blows {
             return Ok(Self { solids: Vec::new(), surface: GroundSurface::Level, terrain: None });
         }
-        // A mesh is built into a hierarchy only where something meets it: an analytic wind passes through solids.
+        // Meshes become hierarchies of triangles only if a lattice wind or a flight meets them: an analytic wind passes through
+        // solids.
         let solids =
             recipe.solids.iter().filter(|_| meets_solids).map(|solid| {
                 Ok(Solid { name: solid.id.clone(), form: solid_form(solid)?, humidity: solid.keys.humidity })

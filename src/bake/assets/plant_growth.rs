@@ -65,7 +65,7 @@ pub fn grow_plant(
     context: &BakeContext<'_>,
 ) -> Result<GrownPlant> {
     let mut grown = grow_from_source(recipe, individual, set, site, context)?;
-    // Twigs before the season: their leaves are coloured and fall as all others.
+    // Twigs precede the season, so that their leaves turn and fall like all others.
     fill_with_twigs(&mut grown.plant, recipe, set, site)?.into_iter().for_each(|d| grown.report.push(d));
     grown.show_season(recipe, individual, set, site.frames)?;
     grown.segment = recipe.skin.segment.chars().next().and_then(|letter| set.organs.get(&letter)).cloned();
@@ -83,7 +83,8 @@ impl GrownPlant {
     ) -> Result<()> {
         // `frames` counts intervals: 0 for a still picture, whose season is that of its only frame.
         let changes = frames > 0.0 && recipe.keys.season.is_some_and(|s| s.changes());
-        // A crown that has lost leaves is lighter. Leaves that change have the occlusion of summer.
+        // A fixed season is applied before the crown attributes, since a crown that has lost leaves is lighter. Leaves that
+        // change over the clip keep the occlusion of summer.
         if !changes {
             show_season(&mut self.plant, recipe, individual, set)?;
         }
@@ -162,7 +163,7 @@ fn grow_from_source(
             });
         }
         Growth::Species(_) => {
-            // Trees of years are grown before all other plants, since those that stand together shade each other.
+            // Species are grown before all other plants, since trees that stand together shade each other.
             let tree = site.tree.ok_or_else(|| Error::input("S005", "a species without its tree"))?;
             let (plant, clip, warnings) = match species_clip(tree, recipe, set, site.frames, context.limits)? {
                 Some(clip) => (clip.plant.clone(), Some(Arc::new(clip)), death_warning(&tree.tree, recipe)),

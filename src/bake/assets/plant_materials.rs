@@ -204,7 +204,7 @@ fn mesh_plant_materials(
 fn imported_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> Result<u32> {
     let Some(own) = set.materials.get_mut(to_usize(material)) else { return Ok(material) };
     let mut leaf = Material { class: MaterialClass::Leaf, double_sided: true, ..own.clone() };
-    // Few files say that their leaves let light through.
+    // Few files store the translucency of leaves.
     if leaf.translucency <= 0.0 {
         leaf.translucency = IMPORTED_TRANSLUCENCY;
     }
@@ -261,8 +261,8 @@ fn build_leaf_blades(
     let meshes = (0..u64::from(keys.variants))
         .map(|variant| Ok(Arc::new(leaf::compound_leaf(&shape, &compound, variant, detail)?.with_material(id))))
         .collect::<Result<Vec<_>>>()?;
-    // The organ's size is the length along +Y of mesh and petiole together, from the specification: a curled blade is shorter
-    // than it. Without its petiole the mesh gets the share of that length that is its own.
+    // The organ's size is the specified length of blade and petiole along +Y; a curled mesh is shorter. Without petiole, the
+    // size is the blade's share of that length.
     let (whole, stalk) = (f64::from(spec.length + spec.petiole_length), f64::from(spec.petiole_length));
     let longest = meshes.iter().fold(0.0_f32, |m, mesh| m.max(mesh.bounds().max.y));
     let share = whole / (f64::from(longest) + stalk);

@@ -35,7 +35,8 @@ pub(crate) fn build_rigged_plant(
     context.cancel.check()?;
     let plant = &grown.plant;
     let joints = to_usize(joints);
-    // An element has one joint at least, so that more elements than joints would not show. What has no element still counts as load.
+    // Each element needs a joint, so that the number of elements is limited to that of joints. Branches without an element
+    // still add to the load.
     let wood = WoodParams { measured: true, ..wood_params(&recipe.wood) };
     let elements = BeamElements::build(plant, &wood, joints);
     let rig = JointRig::build(plant, &elements, JointBudget { joints, coarse: false });

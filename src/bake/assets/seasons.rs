@@ -220,7 +220,7 @@ fn season_colors(summer: &LeafColors, habit: &LeafHabit, color: LeafColor) -> Le
         LeafColor::Turning(i) => {
             let hue = habit.autumn_color(i);
             LeafColors {
-                // The darker patches are green for longer.
+                // The darker patches stay green longer.
                 blade: [mixed(summer.blade[0], hue, 0.22), mixed(summer.blade[1], hue, 0.78)],
                 vein: mixed(hue, summer.vein, VEIN_SUMMER_SHARES[0]),
                 edge: hue,
@@ -361,9 +361,10 @@ pub(crate) fn season_clip(
     let at = PlantSeason { season: 0.0, seed, organs: &organs, bud_name: BUD };
     let at_share = |share: f64| narrow(shift_season(seasons[0] + (seasons[1] - seasons[0]) * share, difference));
     let intervals = frames.max(1.0);
+    // Shares 0, 1/n, ..., 1 of the clip, one for each frame, with n intervals.
     let numbers = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= intervals);
     let shares = numbers.map(|k: f64| k / intervals);
-    // Sampled at every frame: a leaf may have several looks, each of which becomes an instance of its own.
+    // Seasons are sampled at every frame: each appearance of a leaf becomes a separate instance.
     let slots = season_slots(grown, &at, &shares.map(at_share).collect::<Vec<f32>>())?;
     Ok(Some(SeasonClip { slots, first, seasons, difference }))
 }

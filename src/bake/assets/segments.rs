@@ -67,7 +67,7 @@ fn push_segment(out: &mut Instancer, plant: &Plant, axis: &Axis, end: usize, for
     let nodes = &plant.nodes;
     let (from, to) = (nodes.p[end - 1], nodes.p[end]);
     let length = from.distance(to);
-    // The frame of the end node, its +Y turned onto the segment itself.
+    // The frame of the end node, rotated so that its +Y is along the segment.
     let q = nodes.q[end];
     let along = osier_base::math::normalize_or(to - from, q * Vec3::Y);
     out.rest.orientations.push((osier_base::math::rotation_between(q * Vec3::Y, along) * q).normalize());
@@ -121,6 +121,7 @@ fn unit_cube(material: u32) -> Mesh {
         (Vec3::NEG_Y, Vec3::Z),
     ];
     for (first, (normal, up)) in (0_u32..).step_by(4).zip(faces) {
+        // right, up and normal are right-handed, so that the corners run counter-clockwise seen from outside.
         let right = up.cross(normal);
         for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
             mesh.points.push(0.5 * normal + (u - 0.5) * right + (v - 0.5) * up);

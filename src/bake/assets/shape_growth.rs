@@ -83,7 +83,7 @@ pub(crate) fn shape_params(keys: &ShapeKeys, site: GrowthSite<'_>) -> ShapeParam
     let regions = |list: &[RegionKeys]| -> Vec<Region> { list.iter().filter_map(|r| region(r, site)).collect() };
     let mut obstacles = regions(&keys.obstacles);
     if keys.solids {
-        // The land is the ground that they start from, which is no obstacle.
+        // Plants start from the land, which is therefore no obstacle.
         let standing = site.solids.iter().filter(|s| !matches!(s.form, Form::Land(_)));
         obstacles.extend(standing.map(|solid| solid_region(solid, site)));
     }

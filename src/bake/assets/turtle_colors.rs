@@ -28,7 +28,7 @@ pub(crate) fn add_worn_colors(
     grown: &mut [GrownPlant],
 ) -> Result<()> {
     for (kind, (plant, set)) in recipe.plants.iter().zip(sets).enumerate() {
-        // All indices that any individual of this kind wears, in rising order.
+        // All colour indices of any individual of this kind, in rising order.
         let individuals = || layout.individuals.iter().enumerate().filter(|(_, n)| n.plant == kind).map(|(i, _)| i);
         let mut worn: BTreeSet<Paint> = BTreeSet::new();
         for grown in individuals().filter_map(|i| grown.get(i)) {
@@ -47,12 +47,12 @@ pub(crate) fn add_worn_colors(
         for paint in worn {
             let id = set.add(color_material(&plant.id, paint, colors), Vec::new())?;
             materials.insert(paint, id);
-            // Axes look their colour up when their skin is lofted; thin shapes get their material here.
+            // The colours of axes are looked up when their skin is lofted; thin shapes get their materials here.
             if !paint.thin {
                 set.paints.extend(u16::try_from(id).ok().map(|id| (paint.index, id)));
             }
         }
-        // Plants name all materials of their kind.
+        // Plants list the names of all materials of their kind, those just added included.
         let names: Vec<String> = set.materials.iter().map(|m| m.name.clone()).collect();
         for i in individuals() {
             let Some(grown) = grown.get_mut(i) else { continue };
@@ -96,7 +96,7 @@ fn color_material(plant: &str, paint: Paint, colors: &ColorTable) -> Material {
     let class = if paint.thin { MaterialClass::Leaf } else { MaterialClass::Bark };
     let name = format!("{plant}_color_{}{thin}", paint.index);
     let mut material = Material::plain(name, class, color.base, color.roughness.clamp(0.05, 1.0));
-    // Contours are closed around, but not at their ends.
+    // Tubes of contours have no end caps, so that their inside can be seen.
     material.double_sided = true;
     material.translucency = if paint.thin { color.transparency.max(THIN_TRANSLUCENCY) } else { color.transparency };
     material

@@ -304,6 +304,7 @@ impl RodBinding {
 
     fn world_to_asset(&self, p: DVec3) -> Vec3 {
         let back = self.transform.r.as_dquat().normalize().conjugate();
+        // Inverse of the placement p = t + s R a, whose scale s is uniform.
         (back * (p - self.transform.t.as_dvec3()) / f64::from(self.transform.s.x)).as_vec3()
     }
 

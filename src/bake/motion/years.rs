@@ -62,6 +62,7 @@ impl YearsMotion {
             let (i, _) = plant.segment(axis, bound.s);
             let (low, high) = (pose.p[i], pose.p[i + 1]);
             let at_rest = plant.nodes.p[i + 1] - plant.nodes.p[i];
+            // The segment rotates from its direction at rest to the direction between its nodes in the pose.
             let turn = osier_base::math::rotation_between(
                 osier_base::math::normalize_or(at_rest, Vec3::Y),
                 osier_base::math::normalize_or(high - low, at_rest.normalize_or(Vec3::Y)),
@@ -71,6 +72,7 @@ impl YearsMotion {
             state.orientations[k] = (turn * rest.orientations[k]).normalize();
             let radius = 0.5 * (pose.r[i] + pose.r[i + 1]);
             let rest_radius = 0.5 * (plant.nodes.r[i] + plant.nodes.r[i + 1]);
+            // A segment without length in the pose is hidden by size 0.
             state.sizes.push(if high.distance(low) > 0.0 { radius / rest_radius.max(f32::MIN_POSITIVE) } else { 0.0 });
         }
         state.alive = state.sizes.iter().map(|size| *size > 0.0).collect();

@@ -108,6 +108,7 @@ fn metres_per_unit(mesh: &Mesh) -> Vec<(u32, f32)> {
         let (mut area, mut flat) = (0.0_f64, 0.0_f64);
         for t in mesh.subset_triangles(subset) {
             let [a, b, c] = t.map(|i| mesh.points[i as usize]);
+            // Both sums are twice the areas of the triangles; the factor cancels in their ratio.
             area += f64::from((b - a).cross(c - a).length());
             let [a, b, c] = t.map(|i| mesh.uvs[i as usize]);
             flat += f64::from((b - a).perp_dot(c - a).abs());

@@ -54,6 +54,7 @@ impl ScreenScale {
     pub(crate) fn new(recipe: &Recipe, bounds: Bounds) -> Self {
         let [_, height] = recipe.output.pov.size;
         let camera = camera_framing(recipe, bounds);
+        // The picture's height spans the angle vfov: height / 2 = focal tan(vfov / 2).
         Self { eye: camera.eye.as_dvec3(), focal: 0.5 * height / math::tan(0.5 * recipe.camera.vfov) }
     }
 

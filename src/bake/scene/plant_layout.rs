@@ -72,11 +72,13 @@ pub(crate) fn next_individual(recipe: &Recipe, index: usize, seed: u64, ordinals
 
 /// Tangent of the angle between a surface with this unit normal and the horizontal.
 pub(crate) fn tan_of_slope(normal: Vec3) -> f32 {
+    // tan = sin / cos with cos = n_y; the lower bound keeps vertical faces finite.
     math::sqrt_f32((1.0 - normal.y * normal.y).max(0.0)) / normal.y.max(1e-3)
 }
 
 /// Rotation by `angle`, radians, about a unit axis, by deterministic sine and cosine.
 pub(crate) fn rotation_about_axis(axis: Vec3, angle: f64) -> Quat {
+    // Quaternion of a rotation: (axis sin(angle / 2), cos(angle / 2)).
     let v = axis * math::narrow(math::sin(angle * 0.5));
     Quat::from_xyzw(v.x, v.y, v.z, math::narrow(math::cos(angle * 0.5)))
 }

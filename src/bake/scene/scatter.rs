@@ -141,7 +141,7 @@ pub(crate) fn footprint_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
 pub(crate) fn sink_feet(layout: &mut PlantLayout, stem_foot_radii: &[f32], land: &Terrain) {
     for s in &mut layout.instances {
         if let (Some(slope), Some(foot)) = (s.slope, stem_foot_radii.get(s.individual)) {
-            // Lowest terrain at 16 points around the foot.
+            // Lowest terrain at 16 points of the foot's circle: the slope at its centre does not cover bumps and edges.
             let (at, r) = (&mut s.transform.t, foot * s.transform.s.x);
             let around = (0..16_u8).map(|k| f32::from(k) * (std::f32::consts::TAU / 16.0));
             let lowest =

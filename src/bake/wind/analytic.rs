@@ -20,6 +20,7 @@ pub fn formula_wind(
     land: Option<&Arc<LandForm>>,
 ) -> Arc<dyn Wind> {
     let seed = if number == 0 { seed } else { rng::child(seed, number) };
+    // Directions of the keys count from +X towards -Z.
     let direction = Vec3::new(narrow(cos(keys.direction)), 0.0, narrow(-sin(keys.direction)));
     let wind: Arc<dyn Wind> = match keys.model {
         // These models have the same wind at all heights.

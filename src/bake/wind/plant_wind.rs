@@ -98,6 +98,7 @@ impl PlantWind {
         // Delay as a share of the loop; negative, since a later gust corresponds to an earlier state.
         let delay = (copy - first).as_dvec3().dot(mean) / mean.length_squared();
         let share = (-delay * self.fps / frames).rem_euclid(1.0);
+        // The share is rounded to one of `count` phases, and the phase to a whole frame.
         ((share * count).round() % count / count * frames).round() as u32 % self.clip.frames.max(1) as u32
     }
 

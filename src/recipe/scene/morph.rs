@@ -173,7 +173,7 @@ impl Resolver<'_> {
             return None;
         }
         let mut rows: Vec<Row> = Vec::new();
-        // A faulty keyframe does not end the list: the faults of all are reported in one run.
+        // An error in a keyframe does not end the list, so that the errors of all are reported in one run.
         let mut whole = true;
         for (i, node) in list.iter().enumerate() {
             match self.read_keyframe(name, &format!("{path}.{i}"), node, keys, &rows) {
@@ -268,7 +268,7 @@ impl Resolver<'_> {
                 let at = a + (b - a) * f64::from(i) / f64::from(CONTRACTION_CHECKS);
                 let shares = morph.study(at).probabilities;
                 let mut system = morph.system(at);
-                // The study takes weights as they stand; the interpolated ones are already probabilities.
+                // The analysis takes weights as they are; the interpolated ones are already probabilities.
                 for (map, p) in system.maps.iter_mut().zip(shares) {
                     map.weight = Some(p);
                 }

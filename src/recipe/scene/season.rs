@@ -122,7 +122,7 @@ impl ValueType for SeasonType {
     fn digest(&self, value: &SeasonSpan, hasher: &mut blake3::Hasher) {
         for time in [value.first, value.last] {
             match time {
-                // The tag keeps season 1 and day 1 apart.
+                // The tag distinguishes season 1 from day 1.
                 SeasonTime::Season(season) => (0_u32, season).digest(hasher),
                 SeasonTime::Day(day) => (1_u32, u32::from(day)).digest(hasher),
             }

@@ -61,7 +61,7 @@ impl DepositionMaps {
         let mut roof = 1;
         for solid in solids.list() {
             let (plan, sides) = match &solid.form {
-                // The land has no roof: what lies on it counts as ground, and a place keeps the obstacles parallel to the solids.
+                // Deposits on land count as ground; `None` keeps the list parallel to the solids.
                 Form::Land(_) => {
                     obstacles.push(None);
                     continue;
@@ -114,7 +114,7 @@ impl DepositionMaps {
     fn map_index(&self, place: &RestingPlace) -> usize {
         let Some(maps) = place.face.and_then(|i| self.obstacles.get(i as usize)?.as_ref()) else { return 0 };
         match (place.state, &maps.sides) {
-            // In the corner between ground and wall the supporting surface is the wall.
+            // In a corner of ground and wall `face` is the wall, but the catkin lies on the ground.
             (CatkinState::Corner, _) => 0,
             (CatkinState::OnWall, Some(sides)) => {
                 let facing = |k: &usize| sides[*k].normal.dot(place.normal);

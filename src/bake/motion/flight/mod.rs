@@ -220,7 +220,7 @@ impl FlightPlayback {
     /// Number of a frame counted from the clip's first, negative during the spin-up. `simulated`: frames since the start of the
     /// spin-up.
     fn clip_frame(&self, simulated: u64) -> i64 {
-        // Both are below 2^32.
+        // Both numbers are below 2^32, so that the casts keep their values.
         simulated.cast_signed() - self.spin_up.cast_signed()
     }
 
@@ -466,8 +466,8 @@ fn flight_params(scene: &FlightSetup<'_>, models: &[CatkinModel]) -> FlightParam
 
 /// Boundary conditions of the sides across x and across z: those of the keys, else those that fit the wind and the release.
 fn side_boundaries(scene: &FlightSetup<'_>) -> [SideBoundary; 2] {
-    // Where the lattice wind is periodic, so are catkins. Elsewhere those released all over the sky are recycled, so that their
-    // number stays, and others leave.
+    // Sides at which the lattice wind is periodic are periodic for catkins too. At others, catkins released all over the sky
+    // are recycled, which keeps their number, and others leave.
     let keys = &scene.flight.keys;
     let lattice = scene.cell_size.is_some();
     let periodic = if lattice { lattice_options(scene.recipe).periodic_sides() } else { [false; 2] };

@@ -65,6 +65,7 @@ impl FlightVolumes {
                 CatkinPhase::Airborne => state == CatkinState::Airborne,
                 CatkinPhase::Deposited => state.is_deposited(),
             };
+            // Volume of a cell, m^3, or area of its face, m^2, by which its count is divided.
             let extent = match counted {
                 CatkinPhase::Airborne => grid.cell * grid.cell * grid.cell,
                 CatkinPhase::Deposited => grid.cell * grid.cell,

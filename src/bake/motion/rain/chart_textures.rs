@@ -124,6 +124,7 @@ fn rotate_normal(value: [f64; 4], most: f64, texture: [DVec3; 2], chart: [DVec3;
         [tangent, (dv - tangent * tangent.dot(dv)).normalize_or(DVec3::Y)]
     };
     let ([t, b], [u, v]) = (axes(texture), axes(chart));
+    // Normal maps store components -1..1 as 0..most.
     let decode = |c: f64| 2.0 * c / most - 1.0;
     let encode = |c: f64| ((0.5 * c + 0.5) * most).clamp(0.0, most);
     let slope = t * decode(value[0]) + b * decode(value[1]);

@@ -60,7 +60,7 @@ pub(super) fn scene_leaves(
         let moves_off_joint = motion.is_some_and(PlantInRain::moves_by_sway_model);
         let mut count = 0;
         for (i, instancer) in asset.instancers.iter().enumerate() {
-            // Surface and collider of each prototype: alpha and height maps tell where blade and veins are.
+            // Surface and collider of each prototype: alpha maps give the outline of the blade, height maps its veins.
             let prototypes: Vec<Option<(Arc<LeafSurface>, Arc<LeafCollider>)>> = instancer
                 .prototypes
                 .iter()

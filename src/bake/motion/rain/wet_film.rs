@@ -87,7 +87,7 @@ impl WetImages {
             return Ok(*known);
         }
         let mut new = dry;
-        // Only an image that a dry material shows, too, needs a copy.
+        // Only an image that a dry material uses too needs a copy.
         if let Some(image) = images.get(to_usize(dry)).filter(|_| self.dry.contains(&dry)) {
             new = index(images.len(), "images of a scene")?;
             images.push(Image { name: format!("{}_wet", image.name), ..image.clone() });

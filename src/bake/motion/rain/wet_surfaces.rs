@@ -56,7 +56,7 @@ pub(super) fn wet_exposed_surfaces(
             count_uses(&object.mesh, &wet, &builder.materials, &mut uses);
             wet_faces.insert([k, i], wet);
         }
-        // What is instanced, such as stalks and twigs, is wet everywhere.
+        // Instances, such as stalks and twigs, share one mesh and are wet everywhere.
         for mesh in asset.instancers.iter().flat_map(|set| &set.prototypes) {
             count_uses(&mesh.mesh, &[], &builder.materials, &mut uses);
         }
@@ -249,6 +249,7 @@ fn divide_faces(
         let mut crossing = |i: u32, k: u32| {
             let key = [i.min(k), i.max(k)];
             let [low, high] = key.map(|i| ratios[to_usize(i)]);
+            // Linear interpolation gives the fraction of the edge at which the ratio equals the threshold.
             let fraction = ((WET_CATCH_RATIO - low) / (high - low)).clamp(0.0, 1.0);
             *crossings.entry(key).or_insert_with(|| add_edge_vertex(mesh, key, fraction))
         };
