@@ -20,7 +20,7 @@ use osier_base::files::{FileRecord, Folder, WriteOptions};
 use osier_export::format::FormatInfo;
 use osier_export::gltf::Profile;
 
-/// Runs `osier grow`: the ending of the output chooses what is written. The result is the exit code.
+/// Runs `osier grow`: the ending of the output chooses the format. The result is the exit code.
 pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     let to_pipe = args.output == Path::new("-");
     // Standard output has no name with an ending: it gets a glb, the format that is a single binary file.

@@ -187,7 +187,7 @@ fn options_json(tables: &[TableInfo]) -> serde_json::Value {
 
 fn as_json(context: &Context, what: What) -> serde_json::Value {
     match what {
-        // These kinds have JSON of their own, made by the caller.
+        // The caller makes the JSON of these kinds.
         What::Presets | What::Options | What::Knobs | What::Entries => serde_json::Value::Null,
         What::Species => preset_list::species_json(),
         What::Formats => registry::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),

@@ -179,7 +179,7 @@ fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<
     folder.finish()
 }
 
-/// Prints the means over the seeds as a table, or the number of runs as JSON.
+/// Prints the means over the seeds as a table; as JSON only the folder and the numbers of runs and of choices.
 fn print_means(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
     let means = all.means();
     if context.console.json {

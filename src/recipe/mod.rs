@@ -1,7 +1,7 @@
 //! Scene files: notation, defaults, references. No later step reads the text of a scene.
 //!
 //! [`resolve`] turns a scene's text into a [`Recipe`]: every key typed, in SI units and radians, every default filled in,
-//! every reference read. All faults are collected with their places. [`scene`] declares the keys of each table; the structs
+//! every reference read. All errors are collected with their positions. [`scene`] declares the keys of each table; the structs
 //! below declare which tables a scene has. Listings, the names that a table may hold and the scene hash follow from both.
 
 mod companions;

@@ -233,7 +233,7 @@ impl Resolver<'_> {
         let sway = self.sway(root, clip, flight.is_some());
         let sway = self.disable_loop(root, sway, lattice.curve().filter(|_| wind.model == WindModel::Lattice));
         self.report_fitted_lengths(root, &wind, &sway, &clip);
-        // Files of the wind sample the domain of the lattice, else of the flight, else of their own table.
+        // Files of the wind sample the domain of the lattice, else of the flight, else that of `[output.wind]`.
         let flight_size = flight.as_ref().map(|f| f.keys.size);
         let wind_output = self.wind_output(root, &wind, &lattice, flight_size, clip);
         let vdb = self.vdb_output(root, &wind, &lattice, flight_size, wind_output.keys.size, clip);
@@ -463,7 +463,7 @@ impl Resolver<'_> {
 
     /// Reports S004 if the frame that a still glTF shows is not one of the clip.
     fn check_gltf_frame(&mut self, root: &TomlTable, keys: GltfKeys, clip: Clip) -> GltfKeys {
-        // Without the key the first frame is shown, which is always one of the clip.
+        // Without the key the glTF has the first frame, which is always one of the clip.
         if let Some(frame) = keys.frame.filter(|f| !(clip.start..=clip.end).contains(f)) {
             let span = span_of(root, &["output", "gltf", "frame"]).unwrap_or(self.whole);
             let text = format!("output.gltf.frame is {frame}, but must be {} to {}", clip.start, clip.end);
@@ -493,7 +493,7 @@ impl Resolver<'_> {
         }
         let span = span_of(root, &["output", "gltf", "channels"]).unwrap_or(self.whole);
         let presets = keys.channels.iter().filter(|w| w.is_preset()).count();
-        // Either four channels without a preset among them, or a preset alone.
+        // Either four channels without a preset among them, or a single preset.
         if (keys.channels.len(), presets) != (4, 0) && (keys.channels.len(), presets) != (1, 1) {
             let text = "output.gltf.channels must be four words, or one preset";
             let d = Diagnostic::error("S003", text, span, "neither");

@@ -16,7 +16,7 @@ use osier_scene::{Image, ImageKind, Pixels};
 /// File format of a picture, with the values that it stores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PictureEncoding {
-    /// Tone-mapped sRGB with 8 or 16 bits per channel, as `[picture] bits` says.
+    /// Tone-mapped sRGB with 8 or 16 bits per channel, by the key `picture.bits`.
     Png,
     /// Densities as linear 32-bit floats; mean colours in a second file `NAME.color.exr`.
     Exr,

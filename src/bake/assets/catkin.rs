@@ -81,7 +81,7 @@ impl CatkinModel {
             2 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Ribbons)),
             3 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Thinned)),
             _ => {
-                // Materials of billboards lie level by level, in each by model.
+                // Materials of billboards are ordered by level, and within a level by model.
                 let before = (0..).zip(levels.billboard_lods()).find(|(_, l)| *l == lod).map_or(0, |(i, _)| i);
                 Prototype::new(
                     &self.name,

@@ -40,7 +40,7 @@ pub(crate) fn ground_shape(keys: &GroundKeys, seed: u64) -> Ground {
 pub(crate) fn ground_materials(shape: &Ground, keys: &GroundKeys, horizon: [f32; 3]) -> Result<MaterialSet> {
     let defaults = GroundColors::default();
     let scaled = |c: [f32; 3], k: f32| c.map(|v| v * k);
-    // The sun lights the haze as it lights the ground: at the sky's own brightness the haze would outshine the sky.
+    // The haze is lit by the sun like the ground: with the full brightness of the sky it would be brighter than the sky.
     let haze = (scaled(horizon, 0.7), if shape.is_one_repeat() { narrow(keys.haze) } else { 0.0 });
     let colors = GroundColors {
         haze,

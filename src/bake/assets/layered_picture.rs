@@ -152,7 +152,7 @@ fn attractor_layer(
     let (w, h) = (canvas.0 as f64, canvas.1 as f64);
     let size = match (keys.width, keys.height) {
         (Some(x), Some(y)) => [x * w, y * h],
-        // With one side given the other follows from the attractor's own proportions.
+        // If one side is given, the other follows from the proportions of the attractor.
         (Some(x), None) => [x * w, x * w * natural.y / natural.x],
         (None, y) => [y.unwrap_or(1.0) * h * natural.x / natural.y, y.unwrap_or(1.0) * h],
     };

@@ -42,7 +42,8 @@ pub struct Obstacles<'a> {
 }
 
 impl<'a> Obstacles<'a> {
-    /// The obstacles of a recipe: no solids where neither a lattice wind nor a flight meets them, nothing where no wind blows either.
+    /// The obstacles of a recipe: without solids if neither a lattice wind nor a flight meets them, and empty if no wind blows
+    /// either.
     /// # Errors
     /// X010 for a mesh without triangles.
     pub fn from_recipe(recipe: &Recipe, surface: GroundSurface<'a>) -> Result<Self> {

@@ -53,8 +53,8 @@ pub struct GrownPlant {
     pub season: Option<SeasonClip>,
 }
 
-/// Grows one individual with the organs of its plant's materials, fills it with twigs where its recipe asks for them, and shows it at
-/// its season.
+/// Grows one individual with the organs of its plant's materials, adds twigs if its recipe has a fill, and gives its leaves
+/// their season.
 /// # Errors
 /// `Input` with the faults of derivation or turtle, `Limit`, `Cancelled`.
 pub fn grow_plant(
@@ -314,7 +314,8 @@ fn radius_model(recipe: &PlantRecipe) -> RadiusModel {
             let of_view = view.map(|v| v.line.unwrap_or(ViewLine::Pixel) == ViewLine::Pixel);
             let line = recipe.turtle.line.map(|l| l == LineStyle::Pixel);
             let pixels = view.and_then(|v| v.width_in_pixels).filter(|_| line.is_none());
-            // The scene's own line style comes first, then what the view says of its width, then the view's style, which is pixels in cpfg.
+            // The scene's line style has precedence, then the view's statement on its width, then the view's line style, which
+            // in cpfg is pixels.
             // A width given by the scene is in units of the turtle.
             match pixels.or(line).or(of_view).filter(|_| recipe.turtle.width.is_none()) {
                 Some(true) => RadiusModel::Pixels,

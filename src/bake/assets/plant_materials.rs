@@ -220,7 +220,7 @@ fn imported_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> 
 /// Adds the materials and images of an imported file under `prefix`; returns the index of the first material.
 fn add_imported_materials(set: &mut MaterialSet, import: &Imported, prefix: &str) -> Result<u32> {
     let first_material = index(set.materials.len(), "materials of a plant")?;
-    // Indices of the file count from its own first material and image.
+    // Indices of the file start at its first material and image.
     let first_image = index(set.images.len(), "images of a plant")?;
     let renamed = |own: &str| format!("{prefix}_{own}");
     set.images.extend(import.images.iter().map(|i| Image { name: renamed(&i.name), ..i.clone() }));
@@ -270,8 +270,9 @@ fn build_leaf_blades(
     Ok(OrganSpec { name: name.to_owned(), meshes, size, petiole })
 }
 
-/// Pieces of a conifer's shoot with their needles, `keys.variants` of them. `size` is the length of the piece, `width` the diameter of
-/// its needles over that, `lobes` the number of needles; the wood of the pieces has the material of thin shoots.
+/// Pieces of a conifer's shoot with their needles, `keys.variants` of them. Of the keys, `size` is the length of a piece,
+/// `width` the diameter of its brush of needles as a part of that, `vein_angle` the angle of the needles, `petiole_radius` half
+/// their width. The wood of the pieces has the material of thin shoots.
 fn build_needle_shoots(
     set: &mut MaterialSet,
     recipe: &OrganRecipe,
@@ -305,7 +306,7 @@ fn build_needle_shoots(
         coarse: keys.detail == BladeDetail::Crown,
         seed: mix64(&[seed, word(plant), word(name)]),
     };
-    // Each variant draws its needles anew; subset 0 is needles, the other the wood of the shoot.
+    // Each variant has different random needles; subset 0 is the needles, the other the wood of the shoot.
     let meshes = (0..u64::from(keys.variants))
         .map(|variant| {
             let mut mesh = leaf::needle_shoot(&spec, variant)?;
@@ -406,7 +407,7 @@ fn add_imported_organ(
     for s in &mut mesh.subsets {
         s.material += first_material;
     }
-    // Without a size the mesh keeps its own; one that lies in the plane y = 0 counts as 1 mm long.
+    // Without the key `size` a mesh keeps the size of its file; one that lies in the plane y = 0 counts as 1 mm long.
     let own = f64::from(mesh.bounds().max.y.max(1e-3));
     let size = recipe.keys.size.unwrap_or(own);
     let petiole = recipe.keys.petiole.unwrap_or(0.0);

@@ -1,4 +1,4 @@
-//! The plants of a scene: their materials, their growth, and their assets with the motion that the scene asks for.
+//! The plants of a scene: their materials, growth, assets and motions.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -233,7 +233,7 @@ fn build_plant(
     transform: Trs,
     context: &BakeContext<'_>,
 ) -> Result<BuiltPlant> {
-    // A plant that grows over the clip follows its own clock and no wind.
+    // A plant that grows over the clip follows the clock of its growth and no wind.
     if let Some(clip) = &grown.clip {
         let seconds = recipe.clip.seconds(recipe.clip.end);
         let BoundPlant { mut asset, bindings, .. } =

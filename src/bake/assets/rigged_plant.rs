@@ -20,8 +20,9 @@ const STALK_LENGTH: f32 = 0.05;
 /// Distance from a point of a stalk at which the search for its leaf ends, m.
 const STALK_REACH: f32 = 3.0;
 
-/// Builds the rig of a grown plant: at most `joints` joints, placed and measured as those of the sway model, whatever moves the
-/// plant in this scene. `asset`: the plant as the scene shows it, whose stalks on rods are taken over.
+/// Builds the rig of a grown plant: at most `joints` joints, placed and measured as those of the sway model, even where another
+/// model moves the plant in this scene. `asset`: the plant as the scene shows it, from which a plant on rods takes the meshes
+/// of its stalks.
 /// # Errors
 /// `Limit` for the skin's vertices, `TooMany`.
 pub(crate) fn build_rigged_plant(

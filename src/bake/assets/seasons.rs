@@ -22,8 +22,8 @@ use osier_scene::{Material, MaterialClass};
 
 /// Name of the organ that holds all winter buds of a plant.
 pub(crate) const BUD: &str = "bud";
-/// Largest difference between the seasons of two individuals at the same time, in the middle of the year: trees of one species do
-/// not turn on the same day.
+/// Most by which an individual's season is ahead of the plant's or behind it, in the middle of the year: trees of one species
+/// do not turn on the same day.
 const MAX_INDIVIDUAL_SHIFT: f64 = 0.03;
 /// Linear colour and roughness of bud scales. Own: brown, by eye.
 const BUD_COLOR: [f32; 3] = [0.095, 0.052, 0.028];
@@ -39,7 +39,7 @@ const VEIN_SUMMER_SHARES: [f32; 2] = [0.85, 0.3];
 /// Translucency of dry leaves as a share of that of fresh ones.
 const DRY_TRANSLUCENCY: f32 = 0.5;
 
-/// Colours, leaf fall and buds of the species that a leaf outline stands for.
+/// Colours, leaf fall and buds of the species to which a leaf outline belongs.
 struct OutlineYear {
     /// sRGB colours from sun to shade, with their weights.
     autumn: &'static [([u8; 3], f64)],

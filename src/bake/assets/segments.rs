@@ -1,4 +1,5 @@
-//! A plant shown by its segments: one instance of a prism, or of an organ, between each two nodes, in place of a lofted skin.
+//! Plants displayed by their segments: one instance of a prism, or of an organ, between each two nodes, in place of a lofted
+//! skin.
 //! Source: [hoetzlein] Figure 6a; organs in place of prisms are its future work.
 
 use std::sync::Arc;

@@ -26,7 +26,7 @@ use osier_scene::solid::{Form, Solid};
 /// random, but prints no values.
 const DEFAULT_RATIOS: [[f64; 2]; 3] = [[0.78, 0.25], [0.84, 0.5], [0.9, 0.25]];
 
-/// Whether the particle-shapes of a plant, of its growth or of what fills it, grow round solids of the scene.
+/// Whether the particle-shapes that grow a plant or fill it have solids of the scene as obstacles or as envelope.
 pub(crate) fn grows_round_solids(plant: &PlantRecipe) -> bool {
     let growth = if let Growth::Shapes(keys) = &plant.growth { Some(&**keys) } else { None };
     let reads = |keys: &ShapeKeys| {

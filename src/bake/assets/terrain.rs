@@ -21,9 +21,9 @@ use osier_scene::{
 
 /// Name of the terrain's asset, placement and material.
 pub const NAME: &str = "terrain";
-/// Height of a standing person's eye above the ground, m: where a buried camera is lifted to.
+/// Height above the ground to which a buried camera is lifted, m: that of a standing person's eye.
 const EYE_HEIGHT: f32 = 1.6;
-/// Roughness of a terrain under a colour picture, which says nothing of it. Own: that of the painted ground.
+/// Roughness of a terrain with a colour picture, which does not give it. Own: that of the painted ground.
 const TEXTURED_ROUGHNESS: f32 = 0.95;
 
 /// Makes the terrain that a recipe describes, with a warning if its mesh is no height field. `seed`: the scene's, which is

@@ -121,7 +121,7 @@ pub(crate) fn paint_axes(mesh: &mut Mesh, bindings: &[(u32, f32)], plant: &Plant
     }
 }
 
-/// The colour index of the segment under a triangle; `None` where the axis wears its own material.
+/// The colour index of the segment under a triangle; `None` if the axis has the material of bark or shoot.
 fn triangle_color(triangle: [u32; 3], bindings: &[(u32, f32)], plant: &Plant) -> Option<u8> {
     // Both triangles of a quad span the same arc lengths, and so have the same middle.
     let bound = triangle.map(|i| bindings.get(to_usize(i)).copied().unwrap_or_default());

@@ -1,7 +1,8 @@
 //! The lattice wind after its spin-up, stored so that a stopped bake, or the next one with the same wind, need not spin up again.
 //!
-//! `wind/air_KEY.state` holds a line that says what it is, the hash of what follows, and the state of the lattice; KEY hashes the
-//! options, seed and solid cells. A file that differs in any byte is not used: the bake spins up again and says so.
+//! `wind/air_KEY.state` holds a line with version and description, the hash of the rest, and the state of the lattice; KEY
+//! hashes the options, seed and solid cells. A file that differs in any byte is not used: the bake spins up again and prints a
+//! note.
 
 use crate::bake::BakeContext;
 use osier_base::Result;

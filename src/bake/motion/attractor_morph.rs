@@ -22,7 +22,7 @@ use osier_scene::{Asset, AssetFrame, PointsFrame};
 const BOUND_POINTS: u64 = 4096;
 const BOUND_STEPS: u32 = 32;
 
-/// The motion of an attractor's points through its morph: at every time the attractor is drawn anew with the same random
+/// The motion of an attractor's points through its morph: at every time all points are drawn again with the same random
 /// numbers.
 #[derive(Debug, Clone)]
 pub struct AttractorMorph {

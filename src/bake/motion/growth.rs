@@ -32,7 +32,7 @@ pub struct GrowthMotion {
     bindings: Vec<GrowthBinding>,
     /// Indices into the plant's organs, for each of the asset's leaf instancers.
     organs: Vec<Vec<usize>>,
-    /// Middles of the segments of a plant that is shown by these, in the order of their instancer.
+    /// Middles of the segments, in the order of their instancer, where the plant is shown by its segments.
     segments: Vec<GrowthBinding>,
     clip: GrowthClip,
 }

@@ -235,7 +235,7 @@ fn petiole_mesh(
     let rods = plant_rods.rods();
     for leaf in leaves {
         let Some(rod) = plant_rods.leaf_stalk(*leaf) else { continue };
-        // The tube starts on the section of the stem that carries the petiole and follows the petiole's own sections.
+        // The tube starts on the section of the stem that carries the petiole, and continues along the sections of the petiole.
         let base = rods.base_attachment(rod).map(|(on, frame)| (on, binding.to_asset_frame(&frame)));
         let own = rods.sections(rod).map(|i| (i, binding.rest[i]));
         let sections: Vec<(usize, (Vec3, Quat))> = base.into_iter().chain(own).collect();
@@ -472,7 +472,8 @@ impl RodPlantMotion {
     fn evaluate<R>(&self, number: u64, read: impl FnOnce(&RodPlant) -> R) -> Result<R> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let h = 1.0 / (self.fps * f64::from(self.steps_per_frame));
-        // The state is taken out while it is stepped: after an error the next call begins anew instead of from a half-done step.
+        // The state is taken out while it is stepped: after an error the next call restarts instead of continuing from a
+        // partial step.
         let (mut rods, mut frames) = match state.take().filter(|n| n.1 <= number) {
             Some(reached) => reached,
             None => {

@@ -6,7 +6,7 @@ use osier_base::limits::Limits;
 /// Predicted counts over all assets, and predicted bytes, of a bake or a single file.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct BakeEstimate {
-    /// Assets with files of their own.
+    /// Assets, each of which has separate files in most formats.
     pub assets: u64,
     /// Placements of assets in the scene; several may show one asset.
     pub placements: u64,

@@ -40,7 +40,7 @@ const CATKIN: u64 = 1160;
 const RECORDED_LEAF: u64 = 350;
 const RECORDED_DROP: u64 = 96;
 
-/// Bytes for each cell of a volume: its middle, its velocity in two frames, and as it is packed; or its value in a leaf of its own.
+/// Bytes for each cell of a volume of vectors (centre, velocity in two frames, packed copy), and of a sparse volume of scalars.
 const VOXEL_BYTES: u64 = 70;
 const SCALAR_VOXEL_BYTES: u64 = 600;
 

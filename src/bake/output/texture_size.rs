@@ -33,7 +33,7 @@ pub fn texture_halvings(recipe: &Recipe, scene: &Scene) -> Vec<u32> {
         return vec![0; scene.images.len()];
     }
     let per_unit = texels_per_unit(scene, density);
-    // Leaves of tables are kept in the output folder at full size for the next bake; wet materials have maps of their own size.
+    // Leaves of tables are stored at full size for the next bake; wet materials have maps of other sizes.
     let kept = ifs_leaves::material_names(recipe);
     for (material, texels) in scene.materials.iter().zip(per_unit) {
         let is_kept = material.coat.is_some() || kept.contains(&material.name);

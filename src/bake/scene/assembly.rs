@@ -35,7 +35,7 @@ use osier_base::par::join;
 use osier_base::{Error, Result};
 use osier_scene::Scene;
 
-/// Optional parts of a scene that the caller asks for.
+/// Optional parts of an assembled scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SceneOptions {
     /// Whether the ground or the terrain becomes an asset; plants stand on it either way.
@@ -73,7 +73,8 @@ impl AssembledScene {
     }
 }
 
-/// Grows the plants of a recipe, builds all of its assets and simulates what is recorded ahead: lattice wind, rods, rain.
+/// Grows the plants of a recipe, builds all of its assets and simulates the motions that are recorded ahead: lattice wind,
+/// rods, rain.
 /// # Errors
 /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
 pub fn assemble_scene(recipe: &Recipe, parts: SceneOptions, context: &BakeContext<'_>) -> Result<AssembledScene> {
@@ -193,8 +194,8 @@ fn assemble(
     report_clamped_angles(added.clamped_angles, &mut report);
     builder.placements = place_plants(wind.as_ref(), &builder, &layout);
 
-    // Rain reads the plants' assets as they were just built, and takes the leaves that get maps of their own out of them. An
-    // estimate simulates one frame of it, from the first drop.
+    // Rain reads the assets of the plants as they were just built, and takes leaves with water maps out of them. An estimate
+    // simulates one frame of it, from the first drop.
     let short_recipe = full.map(dry_run::recipe_cut_to_first_interval);
     let rain_recipe = short_recipe.as_ref().unwrap_or(recipe);
     let rain_ground = match (&terrain, &ground) {
@@ -228,7 +229,7 @@ fn assemble(
     let wind_output = WindGridSampler::from_recipe(recipe, &scene_wind, &obstacles, context)?;
     let wind_volume = velocity_grid(recipe).filter(|_| wind_output.is_some());
 
-    // A camera without keys frames what was added so far; the ground, which reaches farther, is framed only when alone.
+    // A camera without keys frames the assets so far; the larger ground is framed only in scenes without other assets.
     let empty = builder.placements.is_empty();
     let camera = if empty { None } else { Some(scene_camera(recipe, &builder.assets, &builder.placements)) };
     if let Some((ground, (materials, mesh))) = ground.as_ref().zip(ground_surface) {

@@ -7,7 +7,7 @@ use osier_base::math;
 use osier_base::rng::{child, mix64, word};
 use osier_scene::Trs;
 
-/// One plant to grow: a member of its species with its own random draws.
+/// One plant to grow: a member of its species with different random draws.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Individual {
     /// Index into the recipe's plants.

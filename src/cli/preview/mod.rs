@@ -33,7 +33,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             return Ok(2);
         }
     };
-    // A picture of layers has a size of its own and no space for a camera.
+    // A picture of layers has a fixed size, and no space for a camera.
     if let Some((recipe, report)) = source::layered_picture(context, args)? {
         context.console.report(&report);
         return write_layers(context, args, recipe, &flags, !report.diagnostics.is_empty());
@@ -68,7 +68,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     }
 }
 
-/// Composes a picture of layers in its own size, or in that of `--size`.
+/// Composes a picture of layers in the size of its keys, or in that of `--size`.
 fn write_layers(
     context: &Context,
     args: &Preview,

@@ -179,7 +179,7 @@ impl Resolver<'_> {
                 .push(Diagnostic::error("S005", text, reference.span, "this table").help("take one with 7 columns"));
             return None;
         }
-        // Areas as probabilities cover a leaf or a bark evenly, whatever the column says.
+        // By default probabilities are areas, which cover a leaf or a bark evenly, whatever the file's column contains.
         self.study(&system, system.weights.unwrap_or(WeightRule::Det), &sources)?;
         Some(system)
     }

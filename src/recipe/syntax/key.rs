@@ -205,8 +205,8 @@ macro_rules! is_basic {
     };
 }
 
-/// Declares the struct of a table together with its keys: a line of help, the field, the key and what it accepts, and `basic` after
-/// keys that artists change first.
+/// Declares the struct of a table together with its keys: a line of help, the field, the key and its value type, and `basic`
+/// after keys that are usually changed first.
 macro_rules! keys {
     ($($(#[doc = $about:literal])+ $name:ident at $path:literal $(also $also:literal)* {
         $($(#[doc = $help:literal])+ $field:ident : $type:ty = $key:literal $kind:expr $(, $mark:ident)?;)*

@@ -10,7 +10,7 @@ use osier_base::diagnostic::{Diagnostic, Report, SourceId, Span};
 pub struct TomlNode {
     /// Bytes of the value in the text or in an override.
     pub span: Span,
-    /// The value; nested values have spans of their own.
+    /// The value, in which nested values have spans too.
     pub value: TomlValue,
 }
 

@@ -54,7 +54,8 @@ pub(crate) struct CatkinSite {
 pub(crate) type TwigPositions = Vec<Vec<Vec3>>;
 
 impl Canopy {
-    /// Ends of all stems but the trunks of the plants that `[flight]` names, bound to the plants' motions; none without a flight.
+    /// The canopy of the plants that `[flight]` names: the ends of all their stems but the trunks, each bound to the motion of
+    /// its plant. Empty without a flight.
     pub(crate) fn of_scene(
         recipe: &Recipe,
         layout: &PlantLayout,

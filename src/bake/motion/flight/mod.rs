@@ -155,7 +155,7 @@ impl FlightPlayback {
             settle: keys.settle,
             trail_width: narrow(keys.trail_width),
             state: Mutex::new(state),
-            // The state before the spin-up is kept: a clip that is read from an earlier frame begins anew.
+            // The state before the spin-up is kept for a restart when an earlier frame is requested.
             start,
         })
     }
@@ -402,8 +402,8 @@ impl FlightState {
     }
 }
 
-/// Trajectories of the length that `flight.trails` asks for; `None` where it is 0. A catkin that moves by more than half the
-/// domain's width in a frame was recycled or wrapped.
+/// Trajectories as long as `flight.trails`; `None` where it is 0. A catkin that moves by more than half the domain's width in a
+/// frame was recycled or wrapped.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of frames")]
 fn new_trajectories(scene: &FlightSetup<'_>, params: &FlightParams) -> Option<Trajectories> {
     let frames = (scene.flight.keys.trails * params.fps).round() as usize;
@@ -450,14 +450,14 @@ fn flight_params(scene: &FlightSetup<'_>, models: &[CatkinModel]) -> FlightParam
         lift_wet: keys.lift_wet,
         lift_rate: keys.lift_rate,
         min_resolved_height: scene.min_resolved_height,
-        // A lattice flows around solids, up to its cells; an analytic wind blows through them and into the ground.
+        // A lattice wind flows around solids to within a cell; an analytic wind blows through them and into the ground.
         blocking_height: if scene.cell_size.is_some() { scene.min_resolved_height } else { ANALYTIC_BLOCKING_HEIGHT },
         roughness: if recipe.wind.model == WindModel::Lattice {
             recipe.lattice.roughness
         } else {
             FlightParams::default().roughness
         },
-        // A catkin that crosses a cell of the wind in one step would miss what the wind does there.
+        // A catkin that crosses a cell of the wind in one step would skip the wind there.
         longest_step: scene.cell_size.unwrap_or(f64::INFINITY),
         flutter: keys.flutter,
         ..FlightParams::default()

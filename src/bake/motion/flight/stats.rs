@@ -35,8 +35,8 @@ const STATE_COLUMNS: [(&str, &str); 18] = [
 /// Columns that count events from the start of the spin-up to a frame.
 const TOTAL_COLUMNS: [&str; 7] = ["merges", "deposits", "lift_offs", "falls", "recycled", "left", "long_steps"];
 
-/// Columns of a lattice wind: cells clamped to the largest speed so far, checkerboard amplitude of the density, and mean density
-/// less 1.
+/// Columns of a lattice wind: how often so far a cell's speed was cut to the largest, the checkerboard amplitude of the
+/// density, and the mean density less 1.
 const LATTICE_COLUMNS: [&str; 3] = ["wind_clamps", "wind_checkered", "wind_mass_error"];
 
 /// Checkerboard amplitude of the density (lattice units) above which a warning says that the lattice is unstable. Guessed, not

@@ -25,7 +25,7 @@ const LAYERS: [MapLayer; 3] = [
     MapLayer { name: "normal", file_kind: "exr.normal", encoding: MapEncoding::Normal },
 ];
 
-/// The layer of water thickness, which follows [`LAYERS`] where the scene asks for it.
+/// The layer of water thickness, which follows [`LAYERS`] if the key `maps.water` is set.
 const WATER_LAYER: MapLayer = MapLayer { name: "water", file_kind: "exr.water", encoding: MapEncoding::Thickness };
 
 /// A leaf's maps in the order of [`LAYERS`]; `water`: with [`WATER_LAYER`].

@@ -27,7 +27,7 @@ pub(crate) struct LeafInstanceIndex {
 /// A leaf blade of the scene at rest, with the surface on which drops lie.
 pub(crate) struct SceneLeaf {
     pub(crate) instance: LeafInstanceIndex,
-    /// The blade in its own space; instances of one prototype share it.
+    /// The blade in leaf space; instances of one prototype share it.
     pub(crate) surface: Arc<LeafSurface>,
     pub(super) collider: Arc<LeafCollider>,
     /// Number of the leaf on its plant: the index of its organ on a plant on rods, else counted in order.
@@ -76,7 +76,7 @@ pub(super) fn scene_leaves(
                 .collect();
             for k in 0..instancer.len() {
                 let Some(Some((surface, collider))) = prototypes.get(to_usize(instancer.protos[k])) else { continue };
-                // World from leaf: the plant's placement after the leaf's own place on the plant.
+                // World from leaf: the plant's placement applied after the leaf's transform on the plant.
                 let trs = transform.then_inner(&instancer.transform(&instancer.rest, k));
                 let organ = rods.and_then(|(_, binding)| binding.leaf_groups().get(i)?.get(k).copied());
                 let joint = match (&instancer.motion, rods.zip(organ)) {

@@ -1,4 +1,4 @@
-//! Faces of walls, roofs, bark and ground that rain reaches get a wet variant of their material; what is sheltered stays dry.
+//! Gives faces of walls, roofs, bark and ground that rain reaches a wet variant of their material; sheltered faces stay dry.
 
 use std::collections::BTreeMap;
 
