@@ -1,4 +1,4 @@
-//! Validation of a scene without drawing or simulating it: every fault, and an estimate of what a bake would write.
+//! Validation of a scene without drawing or simulating it: all errors, and an estimate of what a bake would write.
 
 use crate::bake::output::single_file::refuse_without_visible_plants;
 use crate::bake::scene::{SceneOptions, assemble_for_estimate};
@@ -13,18 +13,18 @@ use osier_grammar::DefineRange;
 pub struct GrammarParameter {
     /// Scene key that overrides it: `plants.oak.set.CROOK`.
     pub key: String,
-    /// Value as the grammar or the scene writes it.
+    /// Value as written in the grammar, or in the scene if that overrides it.
     pub value: String,
     /// Value as a number; `None` for an expression.
     pub number: Option<f64>,
-    /// Values that give good plants: those that the comment begins with, else 0 to twice the grammar's value. `None` for an
+    /// Range of useful values: the one with which the comment begins, else 0 to twice the grammar's value. `None` for an
     /// expression.
     pub range: Option<DefineRange>,
     /// Comment beside the `#define`, without the range.
     pub about: String,
     /// Name of the grammar's file, as messages show it.
     pub file: String,
-    /// Bytes of the value in the grammar, which an override leaves alone: first, and the one behind the last.
+    /// Byte range of the value in the grammar, also if the scene overrides it: the first byte, and the byte after the last.
     pub span: [u32; 2],
 }
 
@@ -46,18 +46,18 @@ pub fn grammar_parameters(recipe: &Recipe) -> Vec<GrammarParameter> {
     parameters
 }
 
-/// What [`check`] found in one scene.
+/// Diagnostics, estimate and keys of one scene, as far as [`check`] got.
 #[derive(Debug, Default)]
 pub struct CheckResult {
-    /// All faults and warnings of the scene and of the files that it names.
+    /// All errors and warnings of the scene and of the files that it names.
     pub report: Report,
-    /// What a bake of the whole clip would write; `None` if the scene has errors or is a picture of layers.
+    /// Prediction of a bake of the whole clip; `None` if the scene has errors or is a picture of layers.
     pub estimate: Option<BakeEstimate>,
-    /// Keys that the text of the scene gives, in its order, without overrides.
+    /// Keys that the text of the scene sets, in its order, without overrides.
     pub keys: Vec<GivenKey>,
     /// Macros of the plants' grammars that the tables `plants.NAME.set` can override.
     pub parameters: Vec<GrammarParameter>,
-    /// Why the check ended early, if not by a fault of the scene: `Limit`, `Cancelled`, or X030 for a scene in which
+    /// Error that ended the check, other than errors of the scene: `Limit`, `Cancelled`, or X030 for a scene in which
     /// nothing is visible.
     pub failure: Option<Error>,
 }
@@ -83,7 +83,7 @@ pub fn check(request: &Request, with_notes: bool, context: &BakeContext<'_>) -> 
     let mut result = CheckResult { keys: given_keys(request), ..CheckResult::default() };
     match check_into(request, with_notes, context, &mut result) {
         Ok(()) => {}
-        // What was found before the error stays in the result; faults of the scene join the report.
+        // Results from before the error are kept; errors of the scene join the report.
         Err(Error::Input(report)) => result.report.extend(*report),
         Err(other) => result.failure = Some(other),
     }
@@ -111,7 +111,7 @@ fn check_into(request: &Request, with_notes: bool, context: &BakeContext<'_>, re
     }
     let assembled = assemble_for_estimate(&recipe, SceneOptions::default(), context)?;
     result.report.extend(assembled.report.clone());
-    // An empty list of frames stands for a still scene.
+    // An empty list of frames means a still scene.
     let frames: Vec<u32> =
         if recipe.clip.len() > 1 { (recipe.clip.start..=recipe.clip.end).collect() } else { Vec::new() };
     result.estimate = Some(assembled.counts(&recipe, &frames));

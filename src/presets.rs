@@ -14,8 +14,8 @@ pub struct Preset {
     pub text: &'static str,
 }
 
-/// All presets, sorted by file name. `build.rs` lists them: every file of `grammars`, `ifs-tables`, `meshes`, `scenes` and
-/// `shapes`.
+/// All presets, sorted by file name. `build.rs` lists them: the files of `grammars`, `ifs-tables`, `meshes`, `scenes`, `shapes`
+/// and `species`.
 pub const PRESETS: &[Preset] = include!(concat!(env!("OUT_DIR"), "/presets.rs"));
 
 /// The preset with exactly this file name, ending included.
@@ -29,10 +29,10 @@ pub fn about(preset: &Preset) -> String {
     line.trim_start_matches(['#', '/', '*', ';', ' ']).trim_end_matches(['*', '/', ' ']).to_owned()
 }
 
-/// Kind of file that a preset names.
+/// Kind of a preset by its file and by other presets of its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PresetKind {
-    /// A scene of one plant, of the name of the grammar, particle-shapes or species that grow it.
+    /// A scene of one plant with the name of the grammar, particle-shapes or species that grows it.
     Species,
     /// A scene of several plants, or of none.
     Scene,
@@ -40,7 +40,7 @@ pub enum PresetKind {
     Grammar,
     /// Coefficients of iterated function systems.
     IfsTable,
-    /// A mesh in the format OBJ.
+    /// A mesh (`.obj`, `.glb` or `.gltf`) that plants, organs and solids can name.
     Mesh,
     /// Parameters of particle-shapes that scenes can grow.
     Shapes,
@@ -49,7 +49,7 @@ pub enum PresetKind {
 }
 
 impl PresetKind {
-    /// Word for this kind in the listings of presets as JSON.
+    /// Name of this kind in the JSON of `osier list presets`.
     pub fn word(self) -> &'static str {
         match self {
             Self::Species => "species",
@@ -63,7 +63,7 @@ impl PresetKind {
     }
 }
 
-/// What a preset is, by its ending and the presets of the same name.
+/// Kind of a preset, by its ending and by whether other presets have its name.
 pub fn kind(preset: &Preset) -> PresetKind {
     let (stem, ending) = preset.name.split_once('.').unwrap_or((preset.name, ""));
     match ending {

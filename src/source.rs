@@ -1,4 +1,4 @@
-//! From the name of a source to a request for its scene: a path, `-` for standard input, or the name of a preset.
+//! Finds sources by name (a path, `-` for standard input, or a preset) and makes requests for their scenes.
 //!
 //! ```
 //! use osier::recipe::resolve;
@@ -24,38 +24,38 @@ use osier_base::{Error, Result, files};
 use osier_grammar::{FileKind, Notation};
 use osier_ifs::read;
 
-/// Where sources are looked for, and which values of their scenes are overridden.
+/// Search folders, overrides, notation, seed and limits with which sources are read.
 #[derive(Debug, Clone, Default)]
 pub struct SourceOptions {
-    /// Folders in which referenced files are looked up after the folder of the source.
+    /// Folders in which referenced files are searched, after the folder of the source.
     pub search: Vec<PathBuf>,
-    /// Overrides `PATH=VALUE` of scene keys, or of the `#define`s of a bare grammar. `as=cloud` and `as=tree` choose
-    /// what a coefficient table is read as.
+    /// Overrides `PATH=VALUE` of scene keys, or of the `#define`s of a bare grammar. `as=cloud` and `as=tree` choose how a
+    /// coefficient table is read.
     pub set: Vec<String>,
-    /// Notation of a grammar (`cpfg`, `abop`, `catkin`, `fractint`, `lparser`, `lpy`) in place of what its content says; a source
-    /// with one is a grammar, whatever its name.
+    /// Notation of a grammar (`cpfg`, `abop`, `catkin`, `fractint`, `lparser`, `lpy`) that replaces the detected one; a source
+    /// for which it is set is read as a grammar, whatever its name.
     pub dialect: Option<String>,
-    /// How a grammar draws random numbers (`osier`, `cpfg`) in place of `osier`.
+    /// Random numbers of grammars (`osier`, `cpfg`); `None`: `osier`.
     pub rng: Option<String>,
-    /// Seed of all random draws in place of the scene's.
+    /// Seed of all random draws, which replaces the scene's.
     pub seed: Option<u64>,
     /// Limits in force while sources are read and resolved.
     pub limits: Limits,
 }
 
-/// What a coefficient table without `as=` is wanted for.
+/// Purpose for which a coefficient table without `as=` is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum TableUse {
-    /// A tree if its maps name branches, else an attractor.
+    /// A scene: a tree if the maps name branches, else an attractor.
     Scene,
-    /// An attractor: its picture is wanted.
+    /// A picture, which is always of an attractor.
     Picture,
 }
 
-/// The request for the scene of a source: a scene (`.toml`), a grammar in any notation that `osier_grammar` reads, particle-shapes
-/// (`.shapes`), a species (`.species`), a coefficient table (`.ifs`, `.flame`, `.ifs.toml`), or a preset by its name with or without
-/// ending. What a file is, its content tells before its ending does. `FILE#ENTRY` and `FILE:ENTRY` name one L-system of a file of
-/// Fractint. All but a scene become a scene of their own.
+/// The request for the scene of a source: a scene (`.toml`), a grammar in any notation that `osier_grammar` reads,
+/// particle-shapes (`.shapes`), a species (`.species`), a coefficient table (`.ifs`, `.flame`, `.ifs.toml`), or a preset by its
+/// name with or without ending. The content of a file decides before its ending. `FILE#ENTRY` and `FILE:ENTRY` name one
+/// L-system of a file of Fractint. Every source except a scene gets a scene with a single plant or attractor.
 /// # Errors
 /// `Io` if the source cannot be read, `Input` if it is neither scene nor grammar nor table.
 pub fn find_scene(source: &str, options: &SourceOptions) -> Result<Request> {
@@ -69,7 +69,8 @@ pub fn find_picture(source: &str, options: &SourceOptions) -> Result<Request> {
     find(source, options, TableUse::Picture)
 }
 
-/// The request for the scene of a preset, whatever files have its name. A mesh becomes a plant whose skeleton is found in it.
+/// The request for the scene of a preset, even if a file has its name. A mesh becomes a plant whose skeleton is extracted from
+/// it.
 /// # Errors
 /// `Io` if a folder of `options.search` cannot be opened.
 pub fn preset_scene(preset: &Preset, options: &SourceOptions) -> Result<Request> {
@@ -86,19 +87,19 @@ pub fn preset_scene(preset: &Preset, options: &SourceOptions) -> Result<Request>
 
 fn find(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {
     let mut request = locate(source, options, table_use)?;
-    // `as=` chooses how a table is read and is no key of a scene.
+    // `as=` chooses how a table is read and is not a key of a scene.
     request.set = options.set.iter().filter(|s| !s.trim_start().starts_with("as=")).cloned().collect();
     request.seed = options.seed;
     request.limits = options.limits.clone();
     Ok(request)
 }
 
-/// File and entry of `FILE#ENTRY` or `FILE:ENTRY`; a file of this very name comes first.
+/// File and entry of `FILE#ENTRY` or `FILE:ENTRY`; a file with the whole text as its name has precedence.
 fn split_entry(source: &str) -> (&str, Option<&str>) {
     if Path::new(source).exists() {
         return (source, None);
     }
-    // A colon also follows the letter of a drive, so that `#` is tried first, and every colon after it.
+    // A colon also follows the letter of a drive: `#` is tried first, then every colon.
     let parts = source.rsplit_once('#').filter(|(f, _)| Path::new(f).is_file());
     let parts = parts
         .or_else(|| source.match_indices(':').map(|(i, _)| source.split_at(i)).find(|(f, _)| Path::new(f).is_file()));
@@ -108,18 +109,19 @@ fn split_entry(source: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// The bytes of a file that may be a grammar; `None` for a scene, a mesh, or what is no file.
+/// The bytes of a file that may be a grammar; `None` for scenes, meshes and paths without a file.
 fn text_of(path: &Path, limits: &Limits) -> Result<Option<Vec<u8>>> {
     let other = ["toml", "glb", "gltf", "obj", "shapes", "species", "ifs", "flame"];
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    // These endings name formats that no grammar has; all others are judged by content.
+    // Files with these endings are no grammars; all others are judged by their content.
     if other.contains(&ending.as_str()) || !path.is_file() {
         return Ok(None);
     }
     files::read_input(path, limits.get("text-bytes")).map(Some)
 }
 
-/// True for an L-system, or a file of them, that is drawn in the plane x-y and is best seen from the front.
+/// Whether a source is an L-system, or a file of them, in Fractint's notation: drawings in the plane x-y, best seen from the
+/// front.
 /// # Errors
 /// `Io` if the file cannot be read.
 pub fn is_plane_drawing(source: &str, limits: &Limits) -> Result<bool> {
@@ -145,15 +147,14 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     let (source, entry) = split_entry(source);
     let path = Path::new(source);
     let search = &options.search;
-    // A folder is no source: the name of a preset may also be that of the folder it was baked into.
+    // Folders are no sources: a preset may have the name of the folder into which it was baked.
     if source != "-" && !source.contains(['/', '\\']) && (!path.exists() || path.is_dir()) {
         return Ok(Request { library: Library::presets(search)?, ..find_preset(source, options, table_use)? });
     }
     if path.is_dir() {
         return Err(folder_error(source));
     }
-    // Read the file before its folder is opened for references: of a path that does not exist, the
-    // file is reported.
+    // The file is read before its folder is opened for references, so that a missing path is reported as a missing file.
     let bytes = files::read_input(path, options.limits.get("text-bytes"))?;
     let has_ending = |list: &[&str]| list.iter().any(|e| path.extension() == Some(OsStr::new(e)));
     if has_ending(&["shapes", "species"]) && options.dialect.is_none() {
@@ -165,7 +166,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     let kind = osier_grammar::detect(&file_name(path), &bytes);
     let is_mesh_or_table = has_ending(&["obj", "glb", "gltf", "ifs", "flame"]);
     match kind {
-        // A file that is called a grammar is read as one, so that its faults are told as those of a grammar.
+        // A file with the ending of a grammar is read as one, so that its errors are those of a grammar.
         _ if options.dialect.is_some() || has_ending(&["l"]) && kind != FileKind::Houdini => {
             return grammar_request(path, entry, options);
         }
@@ -197,7 +198,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
         let request = table_request(&file, short, &bytes, options, table_use);
         return Ok(Request { library: Library::new(path, search)?, ..request });
     }
-    // Read as TOML it would be a fault of syntax; this message names the way to use a mesh.
+    // Reading it as TOML would report a syntax error; this message names the way to use a mesh.
     if let Some(ending) = path.extension().filter(|e| ["obj", "glb", "gltf"].iter().any(|m| e.eq_ignore_ascii_case(m)))
     {
         let message = format!("\"{source}\" is a mesh (.{}), neither scene nor grammar", ending.display());
@@ -229,7 +230,7 @@ fn folder_error(source: &str) -> Error {
 /// The request for a coefficient table: a tree if its maps name branches, else an attractor. `as=cloud` and `as=tree`
 /// override that, and a picture is always of the attractor.
 fn table_request(file: &str, name: &str, bytes: &[u8], options: &SourceOptions, table_use: TableUse) -> Request {
-    // Faults of the table are told when it is resolved; here it counts as without branches.
+    // Errors of the table are reported when it is resolved; here it counts as one without branches.
     let systems = read::read(file, bytes, &options.limits).map(|r| r.0).unwrap_or_default();
     let is_set = |v: &str| options.set.iter().any(|s| s.replace(' ', "") == format!("as={v}"));
     let has_branches = systems.first().is_some_and(|s| s.maps.iter().any(|m| m.branch.is_some()));
@@ -265,7 +266,7 @@ fn plant_request(name: &str, file: &str) -> Request {
     }
 }
 
-/// What a file whose ending does not tell is, if it is neither grammar nor scene.
+/// Type of a file with an unknown ending that is neither grammar nor scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Content {
     Shapes,
@@ -273,16 +274,17 @@ enum Content {
     Table,
 }
 
-/// Numbers of a row of coefficients at least.
+/// Least number of numbers in a row of coefficients.
 const TABLE_ROW: usize = 6;
 
-/// What a file is by its lines: keys that only particle-shapes or species have at their top, or rows of coefficients between braces.
+/// Type of a file by its lines: keys that only particle-shapes or species have at the top, or rows of coefficients between
+/// braces.
 fn content_of(bytes: &[u8]) -> Option<Content> {
     let text = String::from_utf8_lossy(bytes);
     let lines = || text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with(['#', ';']));
     let has_key =
         |key: &str| lines().any(|l| l.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('=')));
-    // A scene may hold the same keys in its tables, of which one of these tells it.
+    // A scene may have the same keys in its tables, but then has one of these headers.
     let has_table = lines().any(|l| l.starts_with("[plants") || l.starts_with("[clouds"));
     if !has_table && has_key("apical_control") {
         return Some(Content::Species);
@@ -302,12 +304,12 @@ fn content_of(bytes: &[u8]) -> Option<Content> {
 /// Whether a file holds coefficients: by its ending, or for TOML by a table `[ifs]`.
 fn is_coefficient_table(path: &Path, bytes: &[u8]) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    // Searched line by line before any parsing: a scene with a syntax error must still be reported as a scene.
+    // Lines are searched before any parsing, so that a scene with a syntax error is still reported as a scene.
     let has_ifs_table = || bytes.split(|b| *b == b'\n').any(|l| l.starts_with(b"[ifs") || l.starts_with(b"[[ifs"));
     matches!(ending.as_str(), "ifs" | "flame") || (ending == "toml" && has_ifs_table())
 }
 
-/// The request for a preset: `oak` is the scene `oak.toml`, else the grammar `oak.l` and so on; an ending picks one.
+/// The request for a preset: `oak` is the scene `oak.toml`, else the grammar `oak.l` and so on; a given ending selects one.
 fn find_preset(name: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {
     let endings = ["", ".toml", ".l", ".shapes", ".species", ".ifs.toml", ".ifs"];
     let Some(preset) = endings.iter().find_map(|e| presets::find(&format!("{name}{e}"))) else {

@@ -1,10 +1,10 @@
-//! What every part of a bake needs beside the recipe.
+//! The context that every part of a bake takes beside the recipe.
 
 use osier_base::files::BakeCache;
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Progress, Silent};
 
-/// Limits, cancellation, progress and cache of a bake.
+/// Limits, cancellation, progress and cache of a bake, passed by reference through all of its steps.
 #[derive(Clone, Copy)]
 pub struct BakeContext<'a> {
     /// Limits in force; checked before memory is spent.

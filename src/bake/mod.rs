@@ -47,10 +47,10 @@ use output::texture_size::limit_texture_sizes;
 use scene::animated::AnimatedScene;
 use scene::assembly::SceneOptions;
 
-/// Manifest, warnings and statistics of a finished bake.
+/// Manifest and warnings of a bake whose files have all been written.
 #[derive(Debug)]
 pub struct Baked {
-    /// The manifest, as it is written: scene, materials, all files with their hashes.
+    /// The manifest as written: scene, materials, all files with their hashes.
     pub manifest: Manifest,
     /// Warnings of the scene: grammars, growth, wind.
     pub report: Report,
@@ -70,7 +70,8 @@ pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeCont
     Ok(Baked { manifest, report: built.report, warnings })
 }
 
-/// Writes all files of a scene that was built, frame by frame, the manifest last. Its textures are reduced to the sizes of a bake.
+/// Writes all files of an assembled scene, frame by frame, the manifest last; reduces its textures to the sizes that the camera
+/// needs.
 /// # Errors
 /// `Export` and `Io` of what cannot be written, `Cancelled`.
 pub fn write_files(

@@ -19,17 +19,17 @@ use osier_base::files::{BakeCache, Folder, WriteOptions, is_settled};
 use osier_export::VERSION;
 use osier_export::manifest::{self, Manifest};
 
-/// Hash of the sources that this program was built from: the output of another build of the same version is not up to
-/// date.
+/// Hash of the sources from which this program was built: the output of a build with other sources is not up to date, even with
+/// the same version.
 const SOURCES: &str = env!("OSIER_SOURCES");
 
-/// Runs `osier bake`; the result is the exit code.
+/// Runs `osier bake`, or a sweep if its flags ask for one; the result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     if !args.sweep.is_empty() || args.seeds.is_some() {
         return sweep::run(context, args);
     }
     let mut request = find_scene(args.scene.as_deref().unwrap_or("showcase"), &context.sources)?;
-    // The flag becomes an override of the scene's key, so that it is checked and enters the scene's hash like any other.
+    // The flag becomes an override of the scene's key, so that it is checked and hashed like any other.
     if let Some(formats) = &args.formats {
         let words: Vec<String> = formats.split(',').map(|f| format!("\"{}\"", f.trim())).collect();
         request.set.push(format!("output.formats=[{}]", words.join(",")));
@@ -43,7 +43,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             return Ok(2);
         }
     };
-    // Without a folder given, the scene's name chooses one, as in the help.
+    // The default folder is named after the scene.
     let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(&recipe.name));
     let mut warned = !warnings.diagnostics.is_empty();
     if !context.common.dry_run
@@ -57,14 +57,14 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let timer = StageTimer::new(&display);
     let memory = bake::lattice_memory(&recipe);
     if context.common.dry_run && !memory.is_empty() {
-        // Shown even if the scene itself then exceeds a limit.
+        // The memory is printed even if the scene then exceeds a limit.
         context.console.note(&report::lattice_memory_text(&memory));
     }
     let solids = bake::solids_in_cells(&recipe);
     if !solids.is_empty() {
         context.console.note(&report::solids_in_cells_text(&solids));
     }
-    // What an earlier bake into this folder kept is reused: grown leaves here, the spun-up wind by the cache below.
+    // Reuse results of an earlier bake into this folder: drawn leaves here, the spun-up wind by the cache below.
     ifs_leaves::load(&recipe, &root, &context.limits);
     let stores = !context.common.dry_run && stores_spin_up(&recipe);
     let cache = if stores { Some(BakeCache::new(open(context, args, &recipe, &root)?)) } else { None };
@@ -78,7 +78,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         scene::assemble_scene(&recipe, parts, &work)?
     };
     display.done();
-    // Messages of the cache are held back until the progress bar is gone.
+    // Messages of the cache are printed after the progress bar has been removed.
     let messages = cache.iter().flat_map(BakeCache::take_messages);
     messages.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
@@ -87,7 +87,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
-    // What follows may still refuse the bake, and comes before the first file of the output.
+    // The following checks may refuse the bake, and precede the first file of the output.
     refuse_without_visible_plants(&built.animated.scene)?;
     let counts = built.counts(&recipe, &frames);
     counts.check_limits(&context.limits)?;
@@ -118,7 +118,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     Ok(context.strict(warned || !export_warnings.is_empty()))
 }
 
-/// The frames to write; none for a still scene. A selection becomes part of the scene's hash, since it changes the
+/// Numbers of the frames to write; empty for a still scene. A selection is added to the scene's hash, since it changes the
 /// output.
 /// # Errors
 /// A message for a list that cannot be read or that leaves the clip.
@@ -137,12 +137,12 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
             false => format!("--frames: frame {outside} is outside the scene's {start} to {end}"),
         });
     }
-    // Its one frame is all of a still scene: the list changes nothing.
+    // The only frame is the whole still scene: the list changes nothing.
     if is_still {
         return Ok(Vec::new());
     }
     let mut hasher = blake3::Hasher::new();
-    // Four bytes per frame number: the encoding of two different lists never coincides.
+    // Four bytes per frame number make the encoding of a list unique.
     hasher.update(recipe.hash.as_bytes());
     for f in &frames {
         hasher.update(&f.to_le_bytes());
@@ -154,13 +154,13 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
 /// Why the selected frames cannot be written: placements with a phase offset, or the still glTF file, need frames
 /// that are not selected.
 fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Option<String> {
-    // The still glTF file shows one frame of the clip, which must be among the written ones.
+    // A still glTF file has one frame of the clip, which must be among the written ones.
     let wanted = recipe.output.gltf.frame.filter(|_| recipe.output.writes(&osier_export::gltf::FORMAT));
     if let Some(frame) = wanted.filter(|f| !frames.is_empty() && !frames.contains(f)) {
         return Some(format!("--frames: frame {frame} of output.gltf.frame is not selected"));
     }
     let part = !frames.is_empty() && frames.len() < recipe.clip.len();
-    // A copy with a phase shows, at frame n, what its plant does at another frame, which must have been written, too.
+    // A copy with a phase uses another frame of its plant, which must be written too.
     let phased = stage.scene.placements.iter().filter(|p| p.phase > 0).count();
     (part && phased > 0).then(|| {
         format!(
@@ -170,11 +170,11 @@ fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Opt
     })
 }
 
-/// The manifest of the folder if it is up to date: complete, written by this program from the same scene, and closed
+/// The manifest of the folder if the folder is up to date: complete, written by this program from the same scene, and closed
 /// by the run that wrote it.
 fn current(context: &Context, root: &Path, recipe: &Recipe) -> Option<Manifest> {
     let (m, found) = manifest::verify(root, context.limits.get("json-bytes")).ok()?;
-    // The same hash under another version of the program may stand for other bytes.
+    // Another version of the program may write other bytes for the same hash.
     // `is_settled` compares the key, which holds the sources, with the one that the last run left in the folder.
     let is_same = m.scene.hash == recipe.hash && m.version == VERSION;
     (is_same && found.is_complete() && is_settled(root, &key(recipe))).then_some(m)
@@ -185,7 +185,7 @@ fn key(recipe: &Recipe) -> String {
     format!("{VERSION} {SOURCES} {}", recipe.hash)
 }
 
-/// Whether the lattice wind is stored after its spin-up.
+/// Whether the lattice wind is stored after its spin-up: the recipe has one and the key `keep` is set.
 fn stores_spin_up(recipe: &Recipe) -> bool {
     recipe.lattice.keep && !bake::lattice_memory(recipe).is_empty()
 }
@@ -196,8 +196,8 @@ fn open(context: &Context, args: &Bake, recipe: &Recipe, root: &Path) -> Result<
     Folder::open_with(root, options)
 }
 
-/// Prints what was written, how to open it, and how long each stage took; `stages` is `None` for a folder that was up
-/// to date. The manifest comes from memory, since another process may already rewrite the folder.
+/// Prints the written folder, how to open it, and the duration of each stage; `stages` is `None` for a folder that was up
+/// to date. The manifest is that in memory, since another process may already rewrite the folder.
 fn summary(
     context: &Context,
     root: &Path,
@@ -219,7 +219,7 @@ fn summary(
     if context.console.quiet {
         return Ok(());
     }
-    // Text: a line of totals, then one line per program that opens a file of the bake.
+    // As text: a line of totals, then one line per program that opens a file of the bake.
     let parts = by_folder(&files.iter().map(|f| (f.0.as_str(), f.1)).collect::<Vec<_>>());
     let mut text = format!("{}  {} files, {}\n", root.display(), files.len() + 1, sizes(bytes, &parts));
     let has = |ending: &str| files.iter().map(|f| f.0.as_str()).find(|p| p.ends_with(ending));
@@ -260,7 +260,7 @@ fn sizes(whole: u64, parts: &[(impl AsRef<str>, u64)]) -> String {
     }
 }
 
-/// Bytes of a bake by its folders; files of the root count as the scene's.
+/// Bytes of a bake by its folders; files of its root count as `scene`.
 fn by_folder(files: &[(&str, u64)]) -> Vec<(String, u64)> {
     let mut sum: std::collections::BTreeMap<&str, u64> = std::collections::BTreeMap::new();
     for (path, bytes) in files {
@@ -270,7 +270,7 @@ fn by_folder(files: &[(&str, u64)]) -> Vec<(String, u64)> {
     sum.into_iter().map(|(name, n)| (name.to_owned(), n)).collect()
 }
 
-/// Line with the seconds of the whole run and of every stage of at least 2 % of it.
+/// Line with the seconds of the whole run and of every stage that took at least 2 % of it; empty without stages.
 fn stage_times(stages: &[(String, f64)]) -> String {
     let whole: f64 = stages.iter().map(|s| s.1).sum();
     let long = stages.iter().filter(|s| s.1 >= 0.02 * whole);

@@ -1,4 +1,4 @@
-//! `osier check`: faults of scenes and grammars, and estimates of their bakes.
+//! `osier check`: errors of scenes and grammars, and estimates of their bakes.
 
 use serde_json::{Value, json};
 
@@ -13,13 +13,13 @@ use crate::source::{entry_sources, find_scene};
 use osier_base::diagnostic::{Severity, render_json};
 use osier_base::{Error, Result};
 
-/// A key that a scene gives: path, value, file and bytes of the value.
+/// A key that a scene sets as JSON: path, value, file and byte range of the value.
 fn key_json(key: &GivenKey) -> Value {
     json!({ "key": key.path, "value": key.value, "file": key.file, "span": key.span })
 }
 
-/// The strings that the grammars of a scene derive; `None` for a scene without grammars, and where a fault keeps them from being
-/// derived, which `found` tells.
+/// The strings that the grammars of a scene derive; `None` for a scene without grammars, and if an error prevents the
+/// derivation, which is then added to `found`.
 fn derived_string(request: &Request, found: &mut CheckResult, context: &BakeContext<'_>) -> Option<String> {
     if found.report.has_errors() {
         return None;
@@ -38,7 +38,7 @@ fn derived_string(request: &Request, found: &mut CheckResult, context: &BakeCont
     }
 }
 
-/// Runs `osier check`; the result is the exit code. A fault in one file does not keep the others from being checked.
+/// Runs `osier check`; the result is the exit code. An error in one file does not end the check of the others.
 pub fn run(context: &Context, args: &Check) -> Result<u8> {
     let work = BakeContext {
         limits: &context.limits,
@@ -48,7 +48,7 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
     };
     let mut values: Vec<Value> = Vec::new();
     let (mut errors, mut warnings, mut code) = (0, 0, 0);
-    // A file of several L-systems is checked one by one.
+    // A file of several L-systems is checked entry by entry.
     let mut files = Vec::new();
     for file in &args.files {
         files.extend(entry_sources(file, &context.limits).unwrap_or_else(|_| vec![file.clone()]));
@@ -72,7 +72,7 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
         errors += file_errors;
         warnings += found.report.diagnostics.len() - file_errors;
         if found.report.has_errors() {
-            // The code of the whole run is the largest of its files: 1 for faults, a higher one for failures of the
+            // The code of the whole run is the largest of its files: 1 for errors in files, a higher one for failures of the
             // system.
             code = code.max(1);
         }

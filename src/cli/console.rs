@@ -10,21 +10,21 @@ use super::events;
 use osier_base::diagnostic::{Report, Style, is_hidden, render, visible};
 use osier_base::{Error, Result};
 
-/// Standard output and standard error of a command, in the form that its flags choose.
+/// Standard output and standard error of a command, in the format that its flags choose.
 #[derive(Debug)]
 pub struct Console {
-    /// Without progress and summaries.
+    /// Whether progress, warnings and summaries are suppressed (`-q`).
     pub quiet: bool,
-    /// Results are printed as JSON.
+    /// Whether results are printed as JSON (`--json`).
     pub json: bool,
-    /// Standard error is lines of JSON.
+    /// Whether standard error consists of lines of JSON (`--progress json`).
     pub events: bool,
-    /// Standard output was closed by its reader.
+    /// Whether the reader of standard output has closed it, after which nothing is printed.
     closed: AtomicBool,
 }
 
 impl Console {
-    /// A console with the choices of `-q`, `--json` and `--color`; `events`: of `--progress json`.
+    /// A console with the settings of `-q`, `--json` and `--color`; `events`: whether `--progress json` is set.
     pub fn new(common: &Common, events: bool) -> Self {
         let choice = match common.color {
             Color::Auto => ColorChoice::Auto,
@@ -35,7 +35,7 @@ impl Console {
         Self { quiet: common.quiet, json: common.json, events, closed: AtomicBool::new(false) }
     }
 
-    /// True if standard error is a terminal that can display a progress bar.
+    /// Whether standard error is a terminal on which a progress bar can be displayed.
     pub fn has_bars(&self) -> bool {
         !self.quiet && !self.events && io::stderr().is_terminal()
     }
@@ -44,7 +44,7 @@ impl Console {
     /// # Errors
     /// `Io` if standard output cannot be written for another reason.
     pub fn result(&self, text: &str) -> Result<()> {
-        // After `osier list | head` the reader is gone; writing again would fail at every line.
+        // After `osier list | head` the reader is gone: further writes would all fail.
         if self.closed.load(Ordering::Relaxed) {
             return Ok(());
         }
@@ -76,7 +76,7 @@ impl Console {
         }
     }
 
-    /// Prints a warning that has no place in a file, unless quiet.
+    /// Prints a warning without a position in a file, unless quiet.
     pub fn warning(&self, code: &str, message: &str) {
         if self.events {
             return events::warning(code, message);
@@ -84,7 +84,7 @@ impl Console {
         self.note(&format!("warning[{code}]: {message}"));
     }
 
-    /// Prints faults and warnings of files with their source lines; warnings alone are suppressed by `-q`.
+    /// Prints errors and warnings of files with their source lines; `-q` suppresses reports without errors.
     pub fn report(&self, report: &Report) {
         if !report.output.is_empty() {
             report.output.lines().for_each(|line| self.note(line));
@@ -100,19 +100,19 @@ impl Console {
         let _ = writeln!(anstream::stderr(), "{}\n", render(report, style));
     }
 
-    /// Prints the error that ends a run.
+    /// Prints the error that ends a run: with source lines if it has any, else as one line.
     pub fn error(&self, error: &Error) {
         if self.events {
             return events::error(error);
         }
         match error {
-            // Faults of files are shown with their source lines, all other errors in one line.
+            // Errors in files are printed with their source lines.
             Error::Input(report) => self.report(report),
             other => self.complain(&other.to_string()),
         }
     }
 
-    /// Prints one line that begins with `error:`.
+    /// Prints one line that begins with `error:`, even if quiet.
     pub fn complain(&self, text: &str) {
         if self.events {
             return events::complaint(text);
@@ -121,14 +121,14 @@ impl Console {
     }
 }
 
-/// A text with its invisible characters made visible, except line breaks: a hostile file name cannot control the
+/// Replaces invisible characters except line breaks by visible ones, so that a hostile file name cannot control the
 /// terminal.
 fn made_visible(text: &str) -> String {
     let lines: Vec<String> = text.split('\n').map(visible).collect();
     lines.join("\n")
 }
 
-/// JSON with invisible characters escaped. Outside of strings JSON has no such characters except line breaks.
+/// Escapes invisible characters in JSON, where they occur only within strings, except for line breaks.
 fn escaped(json: &str) -> String {
     let plain = |c: char| if is_hidden(c) && c != '\n' { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() };
     if json.chars().any(|c| is_hidden(c) && c != '\n') { json.chars().map(plain).collect() } else { json.to_owned() }

@@ -11,7 +11,7 @@ use osier_base::diagnostic::Diagnostic;
 use osier_base::files::{Folder, WriteOptions};
 use osier_grammar::{ConvertTo, convert};
 
-/// Runs `osier convert`; the result is the exit code.
+/// Runs `osier convert` on the first grammar of the source; the result is the exit code.
 pub fn run(context: &Context, args: &Convert) -> Result<u8> {
     let (recipe, warnings) = resolve(&find_scene(&args.file, &context.sources)?)?;
     context.console.report(&warnings);

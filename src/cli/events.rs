@@ -11,36 +11,36 @@ use serde_json::{Value, json};
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Severity};
 
-/// Lines of progress of one stage at most, its first one not counted.
+/// Largest number of progress lines of one stage after its first one.
 const LINES_PER_STAGE: u64 = 100;
 
-/// Prints one object as a line.
+/// Prints one object as a line of standard error; errors of writing are ignored.
 pub fn print(event: &Value) {
     // One write per line, so that lines of several threads do not mix.
     let _ = std::io::stderr().lock().write_all(format!("{event}\n").as_bytes());
 }
 
-/// A message that is neither a warning nor an error.
+/// Prints a message that is neither a warning nor an error.
 pub fn note(text: &str) {
     print(&json!({ "event": "note", "message": text }));
 }
 
-/// A warning without a place in a file.
+/// Prints a warning without a position in a file.
 pub fn warning(code: &str, message: &str) {
     print(&placeless("warning", Some(code), message, None));
 }
 
-/// An error without a place in a file.
+/// Prints an error without a position in a file.
 pub fn complaint(text: &str) {
     print(&placeless("error", None, text, None));
 }
 
-/// Errors and warnings of files, one line each.
+/// Prints errors and warnings of files, one line each.
 pub fn report(report: &Report) {
     report.diagnostics.iter().for_each(|d| print(&diagnostic_event(report, d)));
 }
 
-/// The error that ends a run.
+/// Prints the error that ends a run, with the path or diagnostics that it holds.
 pub fn error(error: &Error) {
     match error {
         Error::Input(found) => report(found),
@@ -52,7 +52,7 @@ pub fn error(error: &Error) {
     }
 }
 
-/// A warning or an error without a place in a file. `file`: path of the file that it is about.
+/// A warning or an error without a position in a text. `file`: path of the file that it concerns.
 fn placeless(event: &str, code: Option<&str>, message: &str, file: Option<&str>) -> Value {
     json!({
         "event": event, "code": code, "message": message, "help": null, "file": file, "line": null, "column": null,
@@ -60,7 +60,7 @@ fn placeless(event: &str, code: Option<&str>, message: &str, file: Option<&str>)
     })
 }
 
-/// A diagnostic with the place of its first label: file, line and column from 1, bytes.
+/// A diagnostic with the position of its first label: file, line and column from 1, byte range.
 fn diagnostic_event(report: &Report, d: &Diagnostic) -> Value {
     let event = if d.severity == Severity::Error { "error" } else { "warning" };
     let span = d.labels.first().map(|(span, _)| *span);
@@ -72,7 +72,7 @@ fn diagnostic_event(report: &Report, d: &Diagnostic) -> Value {
     })
 }
 
-/// The stage that is reported, and how far it has come.
+/// Reports the current stage and its progress; stages and steps may come from several threads.
 #[derive(Debug, Default)]
 pub struct StageEvents {
     state: Mutex<StageState>,
@@ -90,25 +90,25 @@ impl StageState {
         json!({ "event": "progress", "stage": self.name, "done": self.done, "total": self.total })
     }
 
-    /// Counts steps; true if a line is due.
+    /// Counts steps; returns whether a line is due.
     fn advance(&mut self, steps: u64) -> bool {
         let share = |done: u64| done.saturating_mul(LINES_PER_STAGE) / self.total.max(1);
         let before = share(self.done);
         self.done += steps;
-        // Without a total there is no share to report.
+        // Progress is only reported as a share of a known total.
         self.total > 0 && self.done <= self.total && share(self.done) > before
     }
 }
 
 impl StageEvents {
-    /// A new stage begins; `total` steps are expected, 0 if unknown.
+    /// Begins a new stage and reports it; `total` is the expected number of steps, 0 if unknown.
     pub fn stage(&self, name: &str, total: u64) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         *state = StageState { name: name.to_owned(), done: 0, total };
         print(&state.event());
     }
 
-    /// `steps` more steps of the stage are done.
+    /// Counts `steps` more steps of the stage and reports every hundredth of the total.
     pub fn advance(&self, steps: u64) {
         // The lock is held while the line is written, so that `done` rises from line to line.
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);

@@ -20,10 +20,10 @@ use osier_base::files::{FileRecord, Folder, WriteOptions};
 use osier_export::format::FormatInfo;
 use osier_export::gltf::Profile;
 
-/// Runs `osier grow`; the result is the exit code.
+/// Runs `osier grow`: the ending of the output chooses the format. The result is the exit code.
 pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     let to_pipe = args.output == Path::new("-");
-    // Standard output has no name to take a format from; it gets the one format that is a single binary file.
+    // Standard output has no name with an ending: it gets a glb, the format that is a single binary file.
     let name = if to_pipe { "stdout.glb".into() } else { file_name(&args.output) };
     let Some(format) = SingleFileFormat::of_file(&name) else {
         let known: Vec<String> = endings().map(|(e, _)| format!(".{e}")).collect();
@@ -31,19 +31,19 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     };
-    // Bytes of a glb would be read by the terminal as control sequences.
+    // A terminal would interpret bytes of a glb as control sequences.
     if to_pipe && std::io::stdout().is_terminal() {
         context.console.complain("standard output is a terminal; redirect the binary file: -o - > x.glb");
         return Ok(2);
     }
-    // A table that could grow a tree is an attractor where its picture is asked for.
+    // For a picture, a table that could grow a tree is read as an attractor.
     let is_picture = matches!(format, SingleFileFormat::Picture(_));
     let find = if is_picture { find_picture } else { find_scene };
     let mut request = find(&args.source, &context.sources)?;
     request.steps = args.steps;
     let (mut recipe, warnings) = resolve(&request)?;
     context.console.report(&warnings);
-    // One still file shows the first frame only.
+    // A still file has the first frame only.
     recipe.clip.end = recipe.clip.start;
     let output = OutputFile { args, name: &name, to_pipe };
     match format {
@@ -54,11 +54,11 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     }
 }
 
-/// The file that was asked for.
+/// The file that the command line names.
 struct OutputFile<'a> {
     args: &'a Grow,
     name: &'a str,
-    /// Written to standard output.
+    /// Whether the file is written to standard output.
     to_pipe: bool,
 }
 
@@ -67,7 +67,7 @@ impl<'a> OutputFile<'a> {
         self.args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
     }
 
-    /// The folder that the file is written into; memory for standard output.
+    /// Opens the folder into which the file is written; a folder in memory for standard output.
     fn folder(&self, context: &Context) -> Result<Folder> {
         if self.to_pipe {
             return Ok(Folder::memory());
@@ -77,13 +77,13 @@ impl<'a> OutputFile<'a> {
         Folder::plain(self.parent(), options)
     }
 
-    /// Closes the folder, then sends the file to standard output or lists what was written.
+    /// Closes the folder, then sends the file to standard output or prints the paths of what was written.
     fn finish(&self, context: &Context, folder: &Folder) -> Result<()> {
         folder.finish()?;
         if self.to_pipe {
             return context.console.artefact(&folder.take(self.name).unwrap_or_default());
         }
-        // Paths are shown as the caller could type them: without "./" in front.
+        // Paths are printed as a user would type them, without "./".
         let parent = self.parent();
         let is_here = parent == Path::new(".");
         let path = |p: &str| if is_here { p.to_owned() } else { parent.join(p).display().to_string() };
@@ -118,7 +118,7 @@ fn write_scene(
     let scene = scene?;
     context.console.report(scene.report());
     let warned = !warnings.diagnostics.is_empty() || !scene.report().diagnostics.is_empty();
-    // The estimate is refused, shown or confirmed before any file is opened.
+    // The estimate is refused, printed or confirmed before any file is opened.
     let profile = if output.args.profile == ProfileArg::Web { Profile::Web } else { Profile::Blender };
     let estimate = scene.estimate(format, profile)?;
     estimate.check_limits(&context.limits)?;
@@ -185,7 +185,7 @@ fn write_coefficients(
     format: TableFormat,
     warnings: &Report,
 ) -> Result<u8> {
-    // Coefficients come from clouds and from plants grown of tables.
+    // Clouds and plants grown by tables have coefficients.
     if recipe.clouds.is_empty() && !recipe.plants.iter().any(|p| matches!(p.growth, Growth::Ifs(..))) {
         let source = &output.args.source;
         let why = format!("\"{source}\" holds no coefficients; .ifs and .flame are for tables and their trees");

@@ -15,10 +15,10 @@ use osier_grammar::FileKind;
 use osier_import as import;
 use osier_scene::MaterialClass;
 
-/// Runs `osier info`; the result is the exit code.
+/// Runs `osier info` on a bake, one of its files or any other file; the result is the exit code, 1 for an incomplete bake.
 pub fn run(context: &Context, args: &Info) -> Result<u8> {
     let path = &args.path;
-    // A folder and its manifest stand for the whole bake, any other file of it for itself.
+    // A folder or its manifest means the whole bake, any other file only itself.
     if path.is_dir() {
         return describe_bake(context, path, None);
     }
@@ -35,7 +35,8 @@ fn parent(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// The folder of the bake that a file belongs to, and its path in it. Bakes have files at most three folders deep.
+/// Folder of the bake to which a file belongs, and its path in it; `None` for other files. Bakes have files at most three
+/// folders deep.
 fn bake_of(path: &Path) -> Option<(PathBuf, String)> {
     let mut inside = path.file_name()?.to_string_lossy().into_owned();
     let mut folder = parent(path);
@@ -88,7 +89,7 @@ fn describe(root: &Path, m: &Manifest, only: Option<&str>) -> String {
         visible(&m.scene.hash),
         visible(&m.bake_hash),
     );
-    // One line per asset; for a single file only the assets that it holds.
+    // One line per asset; for a single file, only for the assets in it.
     out += &format!(
         "{:16} {:8} {:>11} {:>11} {:>10} {:>7}  size, m\n",
         "asset", "kind", "vertices", "triangles", "instances", "joints"
@@ -132,13 +133,12 @@ fn report_verification(context: &Context, found: &Verification) {
     }
 }
 
-/// Describes a file that belongs to no bake: its hash, and the size of a mesh.
+/// Describes a file outside of bakes: its size and hash, extents of a mesh, notation and entries of a grammar.
 fn describe_file(context: &Context, path: &Path) -> Result<u8> {
     let bytes = read_input(path, context.limits.get("mesh-bytes"))?;
     let hash = blake3::hash(&bytes).to_hex().to_string();
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    // Meshes are read as an imported file of a scene would be, so that their faults are reported as
-    // well.
+    // Meshes are read as in a scene, so that their errors are reported too.
     let mesh = if matches!(ending.as_str(), "glb" | "gltf" | "obj") {
         let roots = SearchPaths::new(path, &context.common.search)?;
         let options = import::ImportOptions {

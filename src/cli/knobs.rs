@@ -8,10 +8,10 @@ use crate::recipe::resolve;
 use crate::source::find_scene;
 use osier_base::Result;
 
-/// Width of the column of `KEY=VALUE` at most; longer entries push their comment to the right.
+/// Largest width of the column `KEY=VALUE`; the comments of longer entries are not aligned.
 const MAX_KEY_WIDTH: usize = 48;
 
-/// The parameters of scenes, grammars or presets. Warnings go to the console.
+/// The parameters of scenes, grammars or presets, source by source. Warnings go to the console.
 /// # Errors
 /// `Io` for a source that cannot be read, `Input` for one with faults.
 pub fn of_sources(context: &Context, sources: &[String]) -> Result<Vec<GrammarParameter>> {
@@ -36,7 +36,7 @@ pub fn as_text(parameters: &[GrammarParameter]) -> String {
     "knobs of the grammars (--set KEY=VALUE):\n".to_owned() + &parameters.iter().map(row).collect::<String>()
 }
 
-/// A JSON list of objects: key, value as text and as a number, range with unit, meaning, file and bytes of the value.
+/// A JSON list of objects: key, value as text and as a number, range with unit, meaning, file and byte range of the value.
 pub fn as_json(parameters: &[GrammarParameter]) -> Value {
     let row = |p: &GrammarParameter| {
         let range = p.range.as_ref();

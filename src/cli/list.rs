@@ -17,13 +17,13 @@ use osier_base::diagnostic::{Severity, visible};
 use osier_base::limits::{LIMITS, grouped};
 use osier_export::registry;
 
-/// Runs `osier list`; the result is the exit code.
+/// Runs `osier list`: composes one text and prints it. The result is the exit code, 2 for words that do not fit.
 pub fn run(context: &Context, args: &List) -> Result<u8> {
     if let Some(why) = misplaced(args) {
         context.console.complain(&why);
         return Ok(2);
     }
-    // Words that no key contains are an error, not an empty list.
+    // Words without a matching key are an error, not an empty list.
     let tables = matching(&args.words);
     if args.what == What::Options && tables.is_empty() {
         context
@@ -32,7 +32,7 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         return Ok(2);
     }
     let knobs = if args.what == What::Knobs { knobs::of_sources(context, &args.words)? } else { Vec::new() };
-    // One text for each thing that is listed; those without an arm of their own have one form of JSON.
+    // One text per kind of list; kinds without a JSON arm here share `as_json`.
     let text = match (args.what, context.console.json) {
         (What::Presets, true) => format!("{:#}\n", preset_list::as_json(context, args.thumbnails.as_deref())?),
         (What::Presets, false) => {
@@ -61,7 +61,7 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
     Ok(0)
 }
 
-/// Arguments of `osier list FILE`, where FILE is a file and not a word, as those of `osier list entries FILE`.
+/// Rewrites the arguments `osier list FILE`, where FILE is a file and not a word, to `osier list entries FILE`.
 pub fn with_entries(mut args: Vec<OsString>) -> Vec<OsString> {
     let is_list = args.get(1).is_some_and(|a| a == "list");
     let is_word = |a: &OsString| a.to_str().is_some_and(|w| What::from_str(w, true).is_ok());
@@ -71,7 +71,7 @@ pub fn with_entries(mut args: Vec<OsString>) -> Vec<OsString> {
     args
 }
 
-/// Names of the L-systems of files, as sources that other commands take.
+/// Names of the L-systems of files, in the form `FILE#ENTRY` that other commands take.
 /// # Errors
 /// `Io` for a file that cannot be read.
 fn entries(context: &Context, files: &[String]) -> Result<Vec<String>> {
@@ -79,7 +79,7 @@ fn entries(context: &Context, files: &[String]) -> Result<Vec<String>> {
     Ok(sources.concat())
 }
 
-/// Why the words after the first argument do not fit it.
+/// Message about words or flags that do not fit the first argument; `None` if all do.
 fn misplaced(args: &List) -> Option<String> {
     if args.thumbnails.is_some() && args.what != What::Presets {
         return Some("only `list presets` draws --thumbnails".to_owned());
@@ -100,14 +100,13 @@ fn quoted(words: &[String]) -> String {
     words.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(" and ")
 }
 
-/// The tables of options with those of their keys whose description has, for each of the words, a word that begins with it:
-/// "rain" finds "raindrops" and not "terrain". Case is ignored.
+/// The tables of options, reduced to keys whose description has, for each of the words, a word that begins with it:
+/// "rain" finds "raindrops" and not "terrain". Case is ignored; tables without keys are left out.
 fn matching(words: &[String]) -> Vec<TableInfo> {
     let words: Vec<String> = words.iter().map(|w| w.to_lowercase()).collect();
     let mut tables = options();
     for table in &mut tables {
-        // The header of a table counts for all of its keys, so that `list options wind speed` finds `speed` below
-        // `[wind]`.
+        // Path and description of a table count for all of its keys: `list options wind speed` finds `speed` in `[wind]`.
         let place = format!("{} {}", table.path, table.about).to_lowercase();
         table.keys.retain(|key| {
             let text = format!("{place} {} {} {}", key.name, key.help, key.listing.accepts).to_lowercase();
@@ -188,7 +187,7 @@ fn options_json(tables: &[TableInfo]) -> serde_json::Value {
 
 fn as_json(context: &Context, what: What) -> serde_json::Value {
     match what {
-        // Listed above, each with what belongs to it.
+        // The caller makes the JSON of these kinds.
         What::Presets | What::Options | What::Knobs | What::Entries => serde_json::Value::Null,
         What::Species => preset_list::species_json(),
         What::Formats => registry::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),

@@ -32,11 +32,11 @@ use console::Console;
 use osier_base::limits::Limits;
 use osier_base::progress::Cancel;
 
-/// Threads at most: more spend their time waiting for each other.
+/// Largest number of threads: more would mostly wait for each other.
 #[cfg(feature = "parallel")]
 const THREADS: usize = 256;
 
-/// What every command receives: common flags, console, limits and cancellation.
+/// Common flags, console, limits and cancellation, which every command receives.
 pub(crate) struct Context {
     pub common: Common,
     pub console: Console,
@@ -58,8 +58,8 @@ pub fn main() -> ExitCode {
     ExitCode::from(run(std::env::args_os()))
 }
 
-/// Runs the program with arguments, the first of which is its name, and returns the exit code. A process may call it once: signal
-/// handlers, the thread pool and the watch over memory are set up for the whole process.
+/// Runs the program with arguments, the first of which is its name, and returns the exit code. A process may call it once:
+/// signal handlers, the thread pool and the memory watch are installed for the whole process.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let args: Vec<OsString> = args.into_iter().collect();
     if args.len() <= 1 {
@@ -77,10 +77,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// Runs the command; a panic is a bug of the program and is reported in two lines with exit code 101.
+/// Runs the command; a panic is reported as a bug in two lines with exit code 101.
 fn guarded(cli: Cli) -> u8 {
     let verbose = cli.common.verbose;
-    // The default hook, with its location and backtrace, is kept for `--verbose`.
+    // The default hook, which prints location and backtrace, runs with `--verbose` only.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {
         use std::io::Write as _;
@@ -106,8 +106,7 @@ fn start(cli: Cli) -> u8 {
             return 2;
         }
     };
-    // Signals, threads and the watch over memory exist once per process and are set up before any
-    // work starts.
+    // Signal handlers, threads and memory watch exist once per process and precede all work.
     let cancel = Cancel::default();
     if let Err(e) = watch::listen(&cancel) {
         console.complain(&format!("cannot listen to signals: {e}"));
@@ -147,7 +146,7 @@ fn start(cli: Cli) -> u8 {
     })
 }
 
-/// Starts the global thread pool with `jobs` threads, or as many as the machine has.
+/// Starts the global thread pool with `jobs` threads, by default as many as the machine has, at most [`THREADS`].
 #[cfg(feature = "parallel")]
 fn pool(jobs: Option<usize>) -> Result<(), String> {
     if jobs == Some(0) {
@@ -160,7 +159,7 @@ fn pool(jobs: Option<usize>) -> Result<(), String> {
         .map_err(|e| format!("cannot start {threads} threads: {e}"))
 }
 
-/// Without the feature `parallel` everything runs on one thread.
+/// Checks `jobs`; without the feature `parallel` everything runs on one thread.
 #[cfg(not(feature = "parallel"))]
 fn pool(jobs: Option<usize>) -> Result<(), String> {
     if jobs == Some(0) { Err("-j takes at least one thread".into()) } else { Ok(()) }

@@ -1,4 +1,4 @@
-//! `osier new`: a folder with a copy of a preset.
+//! `osier new`: a folder with a copy of a preset's scene and of the files that it names.
 
 use std::path::Path;
 
@@ -42,7 +42,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
     let scene_name = format!("{}.toml", safe_name(&name));
     let mut files: Vec<(String, String)> = vec![(scene_name.clone(), scene)];
     files.extend(named.iter().map(|p| (p.name.to_owned(), p.text.to_owned())));
-    // All names are compared before the first file is written, so that a refusal leaves no partial copy.
+    // All names are checked before the first file is written, so that a refusal leaves no partial copy.
     if let Some(path) = files.iter().map(|(f, _)| args.name.join(f)).find(|p| p.symlink_metadata().is_ok()) {
         let path = path.display();
         context.console.complain(&format!("\"{path}\" already exists and is not overwritten; choose another name"));
@@ -65,7 +65,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
     Ok(0)
 }
 
-/// What to try instead of an unknown name: the preset of `among` with the most similar one.
+/// Help text for an unknown name: the most similar preset of `among`, or how to list them.
 fn preset_hint(word: &str, among: impl Iterator<Item = &'static Preset>) -> String {
     match nearest(&word.to_lowercase(), among.map(|p| stem(p.name))) {
         Some(near) => format!("did you mean \"{near}\"?"),
@@ -74,12 +74,12 @@ fn preset_hint(word: &str, among: impl Iterator<Item = &'static Preset>) -> Stri
 }
 
 const GRAMMAR: &str = ".l";
-/// How much a word counts that is a part of the name of a grammar, stands in the first line of its comment, or elsewhere in the
-/// comment: a name outweighs a first line, which outweighs any number of mentions that a short query can have.
+/// Weights of a word that occurs in the name of a grammar, in the first line of its comment, and elsewhere in the comment: a
+/// name outweighs a first line, and that outweighs as many other words as a short query has.
 const WORD_WEIGHTS: [u32; 3] = [16, 4, 1];
 
-/// The grammar of the library that the words name or describe best: by its name, else by the words of its name and of its leading
-/// comment; the first in the alphabet of equal ones. `None` if no word occurs.
+/// The grammar of the library that the words name or describe best: the one of that name, else the one with the highest score
+/// of words; of equal scores the first in the alphabet. `None` if no word occurs.
 fn fitting_grammar(words: &str) -> Option<&'static Preset> {
     let words = words.to_lowercase();
     let bare = words.trim().trim_end_matches(GRAMMAR).replace(' ', "-");
@@ -90,19 +90,19 @@ fn fitting_grammar(words: &str) -> Option<&'static Preset> {
     let mut scores = vec![0_u32; grammars.len()];
     for word in words_of(&words) {
         let weights: Vec<u32> = grammars.iter().map(|preset| weight_of_word(preset, word)).collect();
-        // Words of many grammars say little.
+        // Words that occur in many grammars count less.
         let bearers = (0_u32..).zip(weights.iter().filter(|w| **w > 0)).map(|(i, _)| i + 1).last().unwrap_or(1);
         scores.iter_mut().zip(weights).for_each(|(score, weight)| *score += weight * RARITY / bearers);
     }
-    // The last of equal maxima is taken, so the list is reversed.
+    // `max_by_key` returns the last of equal maxima: reversed, it is the first in the alphabet.
     let scored = scores.into_iter().zip(grammars).rev();
     scored.max_by_key(|(score, _)| *score).filter(|(score, _)| *score > 0).map(|(_, preset)| preset)
 }
 
-/// Score of a word of weight 1 that only one grammar has.
+/// Score of a word of weight 1 that occurs in only one grammar.
 const RARITY: u32 = 1000;
 
-/// How much a word says for a grammar, by where it stands in its name and its comment; 0 if nowhere.
+/// Sum of the weights of the parts of a grammar's name and comment in which a word occurs; 0 if it occurs in none.
 fn weight_of_word(preset: &Preset, word: &str) -> u32 {
     let comment = preset.text.split("*/").next().unwrap_or_default().to_lowercase();
     let mut lines = comment.splitn(2, '\n');
@@ -111,12 +111,12 @@ fn weight_of_word(preset: &Preset, word: &str) -> u32 {
     parts.iter().zip(WORD_WEIGHTS).filter(|(part, _)| found(part)).map(|(_, weight)| weight).sum()
 }
 
-/// The words of a text that are long enough to say something.
+/// The words of a text with more than two bytes; shorter ones, such as articles, would match everywhere.
 fn words_of(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c: char| !c.is_alphanumeric()).filter(|w| w.len() > 2)
 }
 
-/// Whether two words are equal but for a plural ending.
+/// Whether two words are equal apart from a final "s".
 fn is_same_word(a: &str, b: &str) -> bool {
     let singular = |w: &str| w.strip_suffix('s').unwrap_or(w).to_owned();
     a == b || singular(a) == singular(b)
@@ -127,11 +127,11 @@ fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
     files.iter().try_for_each(|(name, text)| out.write(name, "text", text.as_bytes()))
 }
 
-/// What a preset that is no scene grows a plant by: the ending of its file, and the key that names it.
+/// Endings of presets that grow a plant, with the key of a plant that names such a file.
 const GROWN_BY: [(&str, &str); 3] = [(".l", "grammar"), (".shapes", "shapes"), (".species", "species")];
 
-/// The text of the scene and the presets that it names; for the name of a grammar, of particle-shapes or of a species a scene with one
-/// plant. `None` for an unknown preset.
+/// The text of a preset's scene and the presets that it names; for the name of a grammar, of particle-shapes or of a species, a
+/// scene with one plant. `None` for an unknown preset.
 fn scene_and_presets(from: &str, name: &str) -> Option<(String, Vec<&'static Preset>)> {
     let bare = stem(from);
     let asked_for = GROWN_BY.iter().find(|(ending, _)| from.ends_with(*ending));
@@ -153,7 +153,8 @@ fn scene_and_presets(from: &str, name: &str) -> Option<(String, Vec<&'static Pre
     Some((text, vec![preset]))
 }
 
-/// Adds the names of the presets that a value of a scene refers to: the file names among its strings; a species may lack its ending.
+/// Collects the names of presets to which a value of a scene refers: strings that are file names; a species may lack its
+/// ending.
 fn collect_presets(key: &str, value: &toml::Value, named: &mut Vec<&'static str>) {
     match value {
         toml::Value::String(text) => {

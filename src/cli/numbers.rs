@@ -8,7 +8,7 @@ pub fn number_list(text: &str, limit: u64) -> Result<Vec<u32>, String> {
     for part in text.split(',') {
         let bad = || format!("\"{part}\" is not A, A-B or A-B:STEP");
         let number = |t: &str| t.trim().parse::<u32>().map_err(|_| bad());
-        // A step that cannot be read becomes 0 and is refused below, with the whole part in the message.
+        // An unreadable step becomes 0 and is refused below, with the whole part in the message.
         let (range, step) = part.split_once(':').map_or((part, 1), |(r, s)| (r, number(s).unwrap_or(0)));
         let (a, b) = match range.split_once('-') {
             Some((a, b)) => (number(a)?, number(b)?),
@@ -17,8 +17,7 @@ pub fn number_list(text: &str, limit: u64) -> Result<Vec<u32>, String> {
         if step == 0 || b < a {
             return Err(bad());
         }
-        // Counted before the numbers are listed: `0-4294967295` must not take the memory of four thousand million
-        // numbers.
+        // The count is checked before the list is built: `0-4294967295` would need 16 GB.
         if u64::from((b - a) / step) >= limit {
             return Err(format!("\"{part}\" holds more than {limit} numbers"));
         }
@@ -29,7 +28,7 @@ pub fn number_list(text: &str, limit: u64) -> Result<Vec<u32>, String> {
     Ok(out)
 }
 
-/// A key with the values that the runs of a sweep give it.
+/// A key with the values that it takes in the runs of a sweep.
 #[derive(Debug, Clone)]
 pub struct KeyValues {
     /// Path of the key, as in `--set`.
@@ -38,7 +37,7 @@ pub struct KeyValues {
     pub values: Vec<String>,
 }
 
-/// Reads `KEY=A:B:N`, N values from A to B, or `KEY=V1,V2,...`. Whole numbers stay whole if all steps are.
+/// Reads `KEY=A:B:N`, N values evenly from A to B, or `KEY=V1,V2,...`. Values are written without a point if all are whole.
 /// # Errors
 /// A message for a text of another form; N is 1 to 64.
 pub fn key_values(text: &str) -> Result<KeyValues, String> {
@@ -62,7 +61,7 @@ pub fn key_values(text: &str) -> Result<KeyValues, String> {
     Ok(KeyValues { key: key.to_owned(), values })
 }
 
-/// Four decimals without trailing zeros, but at least one.
+/// A number with four decimals without trailing zeros, but with at least one decimal.
 fn trimmed(v: f64) -> String {
     let text = format!("{v:.4}");
     let text = text.trim_end_matches('0');

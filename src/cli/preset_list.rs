@@ -1,4 +1,4 @@
-//! `osier list presets` and `osier list species`: what each preset is and shows, and small pictures of them.
+//! `osier list presets` and `osier list species`: descriptions of presets, and small pictures of them.
 
 use std::path::Path;
 
@@ -23,7 +23,7 @@ use osier_preview::Quality;
 /// Width and height of a thumbnail, pixels.
 const THUMBNAIL: [u32; 2] = [192, 192];
 
-/// A preset with the recipe of its scene; `None` for one that cannot be read with the flags that were given.
+/// A preset with the recipe of its scene; `None` if the given flags, such as lower limits, make it unreadable.
 struct Shown {
     preset: Preset,
     recipe: Option<Recipe>,
@@ -51,7 +51,7 @@ pub fn as_json(context: &Context, thumbnails: Option<&Path>) -> Result<Value> {
     Ok(shown.iter().map(row).collect())
 }
 
-/// Writes the pictures alone.
+/// Writes a thumbnail `NAME.png` of every preset into a folder, for the listing as text.
 /// # Errors
 /// As [`as_json`].
 pub fn write_pictures(context: &Context, folder: &Path) -> Result<()> {
@@ -59,20 +59,20 @@ pub fn write_pictures(context: &Context, folder: &Path) -> Result<()> {
     write_thumbnails(context, &mut shown, folder)
 }
 
-/// A species and the scene that shows it with its own leaf and bark.
+/// A species, and the scene that shows it with fitting leaves and bark.
 struct ListedSpecies {
     name: &'static str,
-    /// Age at which scenes show it without the key `age`, years.
+    /// Age in scenes that do not set the key `age`, years.
     age: f64,
     about: String,
-    /// Scene that grows this species alone, if the program has one.
+    /// Name of the preset scene whose only species it is, if there is one.
     scene: Option<&'static str>,
 }
 
 fn species() -> Vec<ListedSpecies> {
     let listed = |preset: &'static Preset| {
         let name = preset.name.strip_suffix(".species")?;
-        // Presets are part of the program and in one form: lines are enough to find a key.
+        // Presets have a uniform layout: searching lines is enough to find a key.
         let age = preset.text.lines().find_map(|line| line.strip_prefix("age = ")?.trim().parse().ok());
         let grows_it_alone = |scene: &&Preset| {
             let mut species = scene.text.lines().filter_map(|line| line.strip_prefix("species = "));
@@ -110,7 +110,7 @@ pub fn species_json() -> Value {
 }
 
 fn read(context: &Context, preset: &Preset) -> Shown {
-    // Lowered limits may refuse a preset, which is then listed without what it holds.
+    // A preset refused by lowered limits is listed without its contents.
     let request = preset_scene(preset, &context.sources);
     let recipe = request.and_then(|request| resolve(&request)).ok().map(|(recipe, _)| recipe);
     Shown { preset: *preset, recipe, thumbnail: None }
@@ -127,9 +127,9 @@ fn row(shown: &Shown) -> Value {
     })
 }
 
-/// Words for what a scene contains besides single plants.
+/// Words for the contents of a scene besides single plants, as in the JSON field `shows`.
 fn contents(recipe: &Recipe) -> Vec<&'static str> {
-    // Scatters always count as copies, whatever their number comes to.
+    // Scatters count as copies, whatever the number of their plants.
     let copies: u32 = recipe.places.iter().map(|place| place.keys.count).sum();
     let parts = [
         ("wind", recipe.moves && recipe.blows()),
@@ -146,7 +146,7 @@ fn contents(recipe: &Recipe) -> Vec<&'static str> {
     parts.into_iter().filter(|(_, is_shown)| *is_shown).map(|(word, _)| word).collect()
 }
 
-/// Draws each preset at rest in draft quality into `NAME.png`. A preset that shows nothing by itself has no picture.
+/// Renders each preset at rest in draft quality into `NAME.png` of a folder. A preset without visible contents has no picture.
 fn write_thumbnails(context: &Context, shown: &mut [Shown], folder: &Path) -> Result<()> {
     let display = ProgressDisplay::new(&context.console);
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
@@ -162,7 +162,7 @@ fn write_thumbnails(context: &Context, shown: &mut [Shown], folder: &Path) -> Re
                 target.write(&name, "preview", &png)?;
                 *thumbnail = Some(folder.join(&name).display().to_string());
             }
-            // A cancelled run ends; any other error is that of one preset.
+            // Cancellation ends the run; other errors concern one preset and are reported.
             Err(e) => {
                 context.cancel.check()?;
                 context.console.note(&format!("no picture of {}: {e}", preset.name));
@@ -173,7 +173,7 @@ fn write_thumbnails(context: &Context, shown: &mut [Shown], folder: &Path) -> Re
     target.finish()
 }
 
-/// A small picture of a scene at rest, PNG.
+/// A PNG of a scene at rest in the size of [`THUMBNAIL`], with its origin in text chunks.
 fn draw(recipe: &Recipe, work: &BakeContext<'_>) -> Result<Vec<u8>> {
     let mut recipe = recipe.clone();
     if recipe.is_layered_picture() {

@@ -12,21 +12,21 @@ use super::events::{self, StageEvents};
 use osier_base::diagnostic::visible;
 use osier_base::progress::Progress;
 
-/// Display of progress.
+/// Display of progress in the format that the console allows.
 #[derive(Debug)]
 pub enum ProgressDisplay {
-    /// One bar, replaced by the next stage's.
+    /// One bar per stage, replaced when the next begins; for terminals.
     Bar(Mutex<Option<ProgressBar>>),
-    /// A line when a stage begins.
+    /// One line of text per stage, when it begins.
     Lines,
-    /// A JSON object a line, for other programs.
+    /// Lines of JSON, for other programs.
     Events(StageEvents),
-    /// Without any output.
+    /// No output, with `--quiet` and where a command checks many files.
     Silent,
 }
 
 impl ProgressDisplay {
-    /// The display that suits the console.
+    /// Chooses the display by the flags of the console and by whether standard error is a terminal.
     pub fn new(console: &Console) -> Self {
         if console.events {
             Self::Events(StageEvents::default())
@@ -69,7 +69,7 @@ impl Progress for ProgressDisplay {
             }
             Self::Lines => {
                 let count = if total > 1 { format!(" ({total})") } else { String::new() };
-                // Where progress cannot be shown, the work goes on.
+                // Errors of the display do not end the work.
                 let _ = writeln!(std::io::stderr(), "{}{count}", visible(name));
             }
             Self::Events(events) => events.stage(name, total),
@@ -93,7 +93,7 @@ impl Progress for ProgressDisplay {
         match self {
             Self::Bar(slot) => {
                 if let Some(bar) = slot.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
-                    // The bar is taken away while a line is printed, which would else run into it.
+                    // The bar is removed while a line is printed, which would otherwise be appended to it.
                     bar.suspend(|| {
                         let _ = writeln!(std::io::stderr(), "{}", visible(text));
                     });
@@ -108,7 +108,7 @@ impl Progress for ProgressDisplay {
     }
 }
 
-/// A display that also measures the time of each stage.
+/// Passes progress on to a display and measures the time of each stage.
 #[derive(Debug)]
 pub struct StageTimer<'a> {
     display: &'a ProgressDisplay,
@@ -116,13 +116,13 @@ pub struct StageTimer<'a> {
 }
 
 impl<'a> StageTimer<'a> {
-    /// A measurement without any stage yet.
+    /// A timer that has seen no stage.
     pub fn new(display: &'a ProgressDisplay) -> Self {
         Self { display, begun: Mutex::new(Vec::new()) }
     }
 
-    /// Seconds of each stage so far, in order of first occurrence; stages of one name are added up. Times are printed
-    /// and never written into files, which are the same for every run.
+    /// Seconds of each stage so far, in order of first occurrence; stages of one name are added up. Times are only printed:
+    /// files are the same for every run.
     pub fn seconds(&self) -> Vec<(String, f64)> {
         let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
         let mut out: Vec<(String, f64)> = Vec::new();

@@ -1,4 +1,4 @@
-//! Estimates as text and as JSON.
+//! Formats estimates and sizes as text and as JSON.
 
 use serde_json::{Value, json};
 
@@ -7,7 +7,7 @@ use crate::bake::{BakeEstimate, SolidSizeInCells};
 use osier_base::Result;
 use osier_base::limits::grouped;
 
-/// Predicted bytes of output beyond which `--force` is needed: a directory of 2 GB is seldom meant, and takes minutes
+/// Predicted bytes of output beyond which `--force` is needed. Own: a folder of 2 GB is seldom intended, and takes minutes
 /// to write.
 pub const CONFIRM_BYTES: u64 = 2_000_000_000;
 
@@ -22,7 +22,7 @@ pub fn print_estimate(context: &Context, target: &str, estimate: &BakeEstimate) 
     context.console.result(&format!("{target}\n{}", estimate_text(estimate)))
 }
 
-/// An estimate as indented lines.
+/// An estimate as indented lines, one per count, then sizes and memory with their parts.
 pub fn estimate_text(c: &BakeEstimate) -> String {
     let row = |name: &str, n: u64| format!("  {name:12} {}\n", grouped(n));
     [

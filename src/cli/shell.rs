@@ -6,7 +6,7 @@ use super::Context;
 use super::args::{Cli, Completions};
 use osier_base::{Error, Result};
 
-/// Prints completions for a shell.
+/// Prints the completion script of the shell that the arguments name; the exit code is 0.
 /// # Errors
 /// `Io` if standard output cannot be written.
 pub fn completions(context: &Context, args: &Completions) -> Result<u8> {

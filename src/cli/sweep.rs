@@ -1,4 +1,4 @@
-//! `osier bake --sweep`: a scene run with several values and seeds, and the statistics of all runs as one table.
+//! `osier bake --sweep`: runs of a scene with several values and seeds, and their statistics as one table.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,11 +20,11 @@ use osier_export::VERSION;
 use osier_export::stats::{MapStatistics, Run, Spread, Sweep, Whole};
 use osier_scene::Scene;
 
-/// Runs of a sweep at most: each is a simulation of the whole clip.
+/// Largest number of runs of a sweep, each of which simulates the whole clip.
 const MAX_RUNS: u64 = 1000;
 
 struct SweepPlan {
-    /// Paths of the keys that vary.
+    /// Paths of the keys that vary, in the order of the flags.
     keys: Vec<String>,
     runs: Vec<PlannedRun>,
 }
@@ -32,11 +32,11 @@ struct SweepPlan {
 struct PlannedRun {
     /// Values as text, parallel to `SweepPlan::keys`.
     values: Vec<String>,
-    /// Seed in place of the scene's.
+    /// Seed that replaces the scene's; `None` without `--seeds`.
     seed: Option<u64>,
 }
 
-/// Runs `osier bake --sweep`; the result is the exit code.
+/// Runs `osier bake --sweep`: resolves all scenes, simulates them in turn and writes the table. The result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let SweepPlan { keys, runs } = match plan(args) {
         Ok(plan) => plan,
@@ -45,8 +45,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             return Ok(2);
         }
     };
-    // Every recipe is resolved before the first run: a fault in a late value costs no simulation.
-    // Warnings are shown once.
+    // All recipes are resolved before the first run, so that an error in a late value costs no simulation. Warnings are printed
+    // once.
     let mut recipes = Vec::new();
     let mut warned = false;
     for planned in &runs {
@@ -81,7 +81,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let mut all = Sweep { title: first.general.title.clone(), keys, ..Sweep::default() };
     for (recipe, planned) in recipes.iter().zip(runs) {
         let SimulatedRun { scene, whole, maps } = simulate(context, recipe, &display)?;
-        // Runs of one choice follow each other; its statistics begin with the first.
+        // Runs with the same values are consecutive; their statistics begin with the first.
         if all.runs.last().is_none_or(|last| last.values != planned.values) {
             all.maps.push(scene.fields.iter().cloned().map(MapStatistics::new).collect());
         }
@@ -101,7 +101,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     Ok(context.strict(warned))
 }
 
-/// All combinations of values and seeds, seeds varying fastest and the first key slowest.
+/// All combinations of values and seeds; seeds vary fastest and the first key slowest.
 /// # Errors
 /// A message for a flag that cannot be read or that does not go with a sweep.
 fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
@@ -128,7 +128,7 @@ fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
             |c: &Vec<String>| s.values.iter().map(|v| [&c[..], std::slice::from_ref(v)].concat()).collect::<Vec<_>>();
         combinations = combinations.iter().flat_map(with).collect();
     }
-    // Seeds vary fastest: the runs of one combination follow each other, which `run` relies on.
+    // Seeds vary fastest: runs with the same values are consecutive, on which `run` relies.
     let with_seeds = |c: &Vec<String>| -> Vec<PlannedRun> {
         seeds.iter().map(|seed| PlannedRun { values: c.clone(), seed: *seed }).collect()
     };
@@ -136,22 +136,22 @@ fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
     Ok(SweepPlan { keys: sweeps.into_iter().map(|s| s.key).collect(), runs })
 }
 
-/// What a sweep keeps of one run.
+/// Results that a sweep keeps of one run.
 struct SimulatedRun {
     scene: Arc<Scene>,
-    /// Summary of the first table.
+    /// Summary of the first table over the clip.
     whole: Whole,
-    /// Values of the scene's fields at the last frame.
+    /// Texels of the scene's deposition maps at the last frame.
     maps: Vec<Vec<f32>>,
 }
 
 /// Simulates the clip of one run and summarises its statistics.
 fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Result<SimulatedRun> {
-    // Silent: one bar counts the frames of all runs.
+    // The context is silent, since one bar counts the frames of all runs.
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
     let stage = scene::assemble_scene(recipe, scene::SceneOptions::default(), &work)?.animated;
     let mut all = Vec::new();
-    // Tables are rows of one frame each; nothing but their rows is kept of a run.
+    // Each frame adds one row; nothing else is kept of the frames.
     for number in recipe.clip.start..=recipe.clip.end {
         context.cancel.check()?;
         let row = table_rows(&stage.scene, &stage.motions, number)?.into_iter().next().unwrap_or_default();
@@ -159,7 +159,7 @@ fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Re
         display.advance(1);
     }
     let whole = stage.scene.tables.first().map(|table| Whole::of(table, &all)).unwrap_or_default();
-    // Maps are compared as they are when the clip ends, like the last row of the table.
+    // Maps are those of the last frame, like the last row of the table.
     let last = FrameTime::of_frame(&stage.scene, recipe.clip.end).index();
     let maps = stage.motions.iter().flatten().map(|m| m.fields(last)).collect::<Result<Vec<_>>>()?.concat();
     Ok(SimulatedRun { scene: stage.scene, whole, maps })
@@ -168,7 +168,7 @@ fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Re
 fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<()> {
     let hashes: Vec<&str> = all.runs.iter().map(|r| r.hash.as_str()).collect();
     let options = WriteOptions {
-        // All runs together are the folder's identity: one changed value makes another sweep.
+        // The key of the folder covers all runs: one changed value makes another sweep.
         key: format!("{VERSION} {}", hashes.join(" ")),
         force: args.force,
         cancel: context.cancel.clone(),
@@ -179,7 +179,7 @@ fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<
     folder.finish()
 }
 
-/// Prints the means over the seeds as a table, or the number of runs as JSON.
+/// Prints the means over the seeds as a table; as JSON only the folder and the numbers of runs and of choices.
 fn print_means(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
     let means = all.means();
     if context.console.json {

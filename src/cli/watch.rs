@@ -1,4 +1,4 @@
-//! Termination of a run by signals, or by the limit of memory.
+//! Termination of a run by signals, or when it exceeds the limit of memory.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use osier_base::progress::Cancel;
 const SHUTDOWN_TIME: Duration = Duration::from_millis(1400);
 /// Time between two measurements of memory.
 const MEMORY_INTERVAL: Duration = Duration::from_millis(10);
-/// Time before the first measurement: an excess that the estimate predicts is refused with its reason before.
+/// Time before the first measurement: an excess that the estimate predicts is refused earlier, with its reason.
 const FIRST_MEASUREMENT: Duration = Duration::from_millis(500);
 /// Bytes of a memory page, the unit of `/proc/self/statm`.
 const PAGE_BYTES: u64 = 4096;
@@ -42,7 +42,7 @@ pub(super) fn listen(cancel: &Cancel) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Starts a thread that ends the run once it takes more memory than its limit, for what no estimate predicted.
+/// Starts a thread that ends the run when it takes more memory than its limit, which covers excesses that no estimate predicts.
 /// # Errors
 /// `Limit` for a limit of 0, `Io` if the thread cannot be started.
 pub(super) fn watch(limits: &Limits) -> std::result::Result<(), Error> {
@@ -75,13 +75,12 @@ fn resident_bytes() -> Option<u64> {
     text.split_whitespace().nth(1)?.parse::<u64>().ok()?.checked_mul(PAGE_BYTES)
 }
 
-/// Exits the process with the code of an error, while other threads still work or block, as in a write to a full pipe.
+/// Exits the process with the code of an error, even while other threads work or block, as in a write to a full pipe.
 fn end(why: Error) -> ! {
     // `process::exit` runs no destructors, so unfinished files are removed here.
     drop_parts();
     let code = i32::from(why.exit_code());
-    // Writing to standard error may block as well, so it happens on a thread that the exit does not
-    // wait for.
+    // Writing to standard error may block too, so that it happens on a thread for which the exit does not wait.
     let _ = std::thread::Builder::new().spawn(move || {
         use std::io::Write as _;
         let _ = writeln!(std::io::stderr(), "error: {why}");

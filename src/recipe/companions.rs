@@ -1,7 +1,7 @@
-//! The companion files of a grammar: its view, its colours, and what these name.
+//! The companion files of a grammar: its view file, its colour file, and the files that the view names.
 //!
-//! A file is looked for beside the grammar, where its folder may be read at all; what leads out of it is refused (L006). What is
-//! missing or damaged is told (L048) and left out.
+//! Files are searched in the folder of the grammar, if that may be read; files outside of it are refused (L006). Missing and
+//! damaged files are reported (L048) and left out.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,12 +20,12 @@ use osier_grammar::companion::{
 use osier_grammar::{DataFunction, FunctionTables};
 use osier_scene::{Image, MaterialClass};
 
-/// Most bytes of one companion file. Source: as of grammars.
+/// Most bytes of one companion file, as for grammars.
 const MAX_BYTES: u64 = 64 << 20;
-/// Quads along and across a patch, where the view does not say.
+/// Quads along and across a patch if the view does not give them.
 const QUADS: [u32; 2] = [8, 8];
 
-/// Geometry of a surface, by the kind of its file.
+/// Geometry of a surface as its kind of file describes it.
 #[derive(Debug, Clone)]
 pub enum SurfaceForm {
     /// Bicubic Bezier patches with their control points.
@@ -34,10 +34,10 @@ pub enum SurfaceForm {
     Triangles(Vec<SurfaceTriangle>),
 }
 
-/// Geometry of a surface with its scale, resolution and texture; by defaults where no view gives them.
+/// A surface with scale, resolution and texture; those that no view file gives have defaults.
 #[derive(Debug, Clone)]
 pub struct OrganSurface {
-    /// The patches or triangles.
+    /// Geometry in the units of its file.
     pub form: SurfaceForm,
     /// Turtle units per unit of the surface.
     pub scale: f64,
@@ -47,12 +47,12 @@ pub struct OrganSurface {
     pub texture: u32,
 }
 
-/// What the companion files of a grammar hold.
+/// Contents of the companion files of a grammar.
 #[derive(Debug, Clone, Default)]
 pub struct Companions {
-    /// How it is drawn; `None` without a view file.
+    /// Settings of the drawing; `None` without a view file.
     pub view: Option<View>,
-    /// Colours of indices; `None` without a colour file.
+    /// Colours by index; `None` without a colour file.
     pub colors: Option<ColorTable>,
     /// Surfaces by the letter behind `~`.
     pub surfaces: BTreeMap<char, Arc<OrganSurface>>,
@@ -62,12 +62,12 @@ pub struct Companions {
     pub functions: Vec<FunctionFile>,
     /// Pictures by the number of their texture, from 1.
     pub textures: BTreeMap<u32, Image>,
-    /// What has no effect, for those who ask for notes.
+    /// Notes on lines that have no effect, which only `check` prints, on request.
     pub notes: Report,
 }
 
 impl Companions {
-    /// Functions and contours as grammars evaluate them.
+    /// Functions and contours as tables that expressions of grammars evaluate.
     pub fn function_tables(&self) -> Arc<FunctionTables> {
         let mut tables = FunctionTables::default();
         for (id, function) in (1..).zip(&self.functions) {
@@ -78,7 +78,7 @@ impl Companions {
     }
 }
 
-/// Files beside a grammar, and what there was to say about them.
+/// Finds and reads the companions of a grammar, and collects diagnostics about them.
 struct Finder<'a, 'b> {
     resolver: &'a mut Resolver<'b>,
     grammar: &'a ReferencedFile,
@@ -94,7 +94,7 @@ impl Resolver<'_> {
         if let Some(file) = finder.choose(keys.view.as_ref(), &[".v"], true) {
             finder.view(&file, &mut out);
         }
-        // A lone colour file with another name belongs to a grammar that has a view.
+        // A single colour file with another stem belongs to a grammar that has a view.
         if let Some(file) = finder.choose(keys.colors.as_ref(), &[".mat", ".map"], out.view.is_some()) {
             out.colors = finder.colors(&file);
         }
@@ -121,10 +121,10 @@ impl Resolver<'_> {
         out
     }
 
-    /// The surface of an organ that its key names.
+    /// Reads the surface that an organ's key names; `None` if it cannot be used, with diagnostics.
     pub(in crate::recipe) fn organ_surface(&mut self, reference: &Reference) -> Option<Arc<OrganSurface>> {
         let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".s", ".ray"])?;
-        // The surface stands where a grammar would: nothing beside it is looked for.
+        // The surface file takes the place of the grammar: nothing is searched beside it.
         let grammar = file.clone();
         let mut finder =
             Finder { resolver: self, grammar: &grammar, sources: Sources::default(), diagnostics: Vec::new() };
@@ -136,11 +136,11 @@ impl Resolver<'_> {
 }
 
 impl Finder<'_, '_> {
-    /// The file that a key names; without a key the one beside the grammar that has its stem and one of the
-    /// endings, else, where `lone` allows it, the only one with such an ending, unless it has the name of another grammar there.
+    /// The file that a key names. Without a key, the file beside the grammar with its stem and one of the `endings`, else, if
+    /// `lone` is set, the only file with such an ending, unless another grammar there has its name.
     fn choose(&mut self, key: Option<&Reference>, endings: &[&str], lone: bool) -> Option<ReferencedFile> {
         match key.map(|r| r.text.as_str()) {
-            // "none" declines even a file of the same stem; "auto" is the default spelt out.
+            // "none" refuses even a file of the same stem; "auto" is the default.
             Some("none") => return None,
             Some("auto") | None => {}
             Some(_) => return self.named(key?),
@@ -153,13 +153,13 @@ impl Finder<'_, '_> {
         let stem = path.file_stem()?.to_string_lossy().into_owned();
         let library = &self.resolver.request.library;
         let beside: Vec<String> = endings.iter().flat_map(|e| library.names_beside(&path, e)).collect();
-        // A file with the name of another grammar is that grammar's.
+        // A file with the stem of another grammar belongs to that grammar.
         let grammars = library.names_beside(&path, ".l");
         let is_free = |name: &str| {
             let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
             !grammars.contains(&format!("{stem}.l"))
         };
-        // In the order of the endings: of "tree.mat" and "tree.map", the former is read.
+        // The order of endings decides: of "tree.mat" and "tree.map", the former is read.
         let own = |e: &str| beside.iter().find(|n| n.as_str() == format!("{stem}{e}"));
         let name = match (endings.iter().find_map(|e| own(e)), &beside[..]) {
             (Some(name), _) => name.clone(),
@@ -169,13 +169,13 @@ impl Finder<'_, '_> {
         self.beside(&name, None)
     }
 
-    /// Reads a file that a key of the scene names; `None` after a complaint about it.
+    /// Reads a file that a key of the scene names; `None` after a diagnostic.
     fn named(&mut self, key: &Reference) -> Option<ReferencedFile> {
         let endings = [".v", ".map", ".mat", ".con", ".cset", ".func", ".fset"];
         self.resolver.read(&key.text, key.span, "text-bytes", &endings)
     }
 
-    /// A file beside the grammar. `span`: where a companion names it.
+    /// Reads a file beside the grammar; `None` after a diagnostic. `span`: position at which a companion names it.
     fn beside(&mut self, name: &str, span: Option<Span>) -> Option<ReferencedFile> {
         let found = self.resolver.request.library.find_beside(&self.grammar.path, name, MAX_BYTES);
         match found {
@@ -184,7 +184,7 @@ impl Finder<'_, '_> {
                 Some(file)
             }
             Err(why) => {
-                // What is not there is left out; what must not be read is an error.
+                // Missing files are left out; files that must not be read are errors.
                 let code = if matches!(why, ReadError::Missing { .. }) { "L048" } else { "L006" };
                 let message = format!("companion of \"{}\": {why}", self.grammar.shown);
                 let mut d = Diagnostic { help: Some(why.help().into()), ..Diagnostic::about(code, message) };
@@ -195,13 +195,13 @@ impl Finder<'_, '_> {
         }
     }
 
-    /// L048 about a file as a whole.
+    /// Reports L048 about a file as a whole, without a position in it.
     fn damaged(&mut self, file: &ReferencedFile, message: &str) {
         let d = Diagnostic::about("L048", format!("\"{}\": {message}", file.shown));
         self.diagnostics.push(d.help("it is not used"));
     }
 
-    /// The text of a file, with the source that its diagnostics point into.
+    /// The text of a file and the source for spans of its diagnostics; `None` after a diagnostic if it cannot be decoded.
     fn text(&mut self, file: &ReferencedFile) -> Option<(String, SourceId)> {
         match decode(&file.bytes, Encoding::OrLatin1) {
             Ok(decoded) => {
@@ -216,7 +216,7 @@ impl Finder<'_, '_> {
     }
 
     fn colors(&mut self, file: &ReferencedFile) -> Option<ColorTable> {
-        // Both hold raw bytes without a signature; only the ending tells them apart.
+        // Both formats are raw bytes without a signature; only the ending distinguishes them.
         let is_mat = file.shown.to_ascii_lowercase().ends_with(".mat");
         let read = if is_mat { ColorTable::from_mat(&file.bytes) } else { ColorTable::from_map(&file.bytes) };
         match read {
@@ -266,7 +266,7 @@ impl Finder<'_, '_> {
             }
             Err(why) => Err(why.to_string()),
         };
-        // The view first, with the files that it includes; then the files that its lines name, each kind for itself.
+        // Read the view with the files that it includes, then the files that its lines name, kind by kind.
         let (view, report) = read_view(&file.shown, &file.bytes, &mut self.sources, &mut include);
         self.resolver.inputs.extend(hashes);
         self.diagnostics.extend(report);
@@ -279,7 +279,7 @@ impl Finder<'_, '_> {
         }
         for line in &view.contours {
             let contours = self.line(line, Self::contours);
-            // A contour without a number is 0, the one that lines are drawn with by default.
+            // A contour without a number is contour 0, with which lines are drawn by default.
             let id = line.number.unwrap_or(0);
             out.contours.extend(contours.into_iter().next().map(|c| (id, c)));
         }
@@ -303,7 +303,7 @@ impl Finder<'_, '_> {
         out.view = Some(view);
     }
 
-    /// What `read` takes from the file that a line of the view names; empty after a complaint about the file.
+    /// Applies `read` to the file that a line of the view names; empty after a diagnostic about the file.
     fn line<T>(&mut self, line: &FileLine, read: fn(&mut Self, &ReferencedFile) -> Vec<T>) -> Vec<T> {
         match self.beside(&line.file, Some(line.span)) {
             Some(file) => read(self, &file),
@@ -313,13 +313,13 @@ impl Finder<'_, '_> {
 
     fn surface_line(&mut self, line: &SurfaceLine, triangles: bool) -> Option<OrganSurface> {
         let file = self.beside(&line.file.file, Some(line.file.span))?;
-        // Some views name triangle files in lines for patches: the ending decides then.
+        // Some views name triangle files in lines for patches: the ending decides.
         let form = self.surface(&file, triangles || line.file.file.to_ascii_lowercase().ends_with(".ray"))?;
         let quads = line.quads.unwrap_or(QUADS).map(|n| n.clamp(1, 64));
         Some(OrganSurface { form, scale: line.scale, quads, texture: line.texture.unwrap_or(0) })
     }
 
-    /// The picture of a texture; L048 for formats that are not read.
+    /// Reads the image of a texture; `None` and L048 for formats that are not supported.
     fn texture(&mut self, line: &FileLine) -> Option<Image> {
         let file = self.beside(&line.file, Some(line.span))?;
         let request = self.resolver.request;
@@ -333,7 +333,7 @@ impl Finder<'_, '_> {
         };
         match osier_import::read_picture(Path::new(&file.shown), &file.bytes, &options) {
             Ok(picture) => Some(picture),
-            // Many views name textures in formats of long ago, such as SGI's RGB: the surface is drawn without.
+            // Many old views name textures in formats that are not supported: the surface is drawn without its texture.
             Err(_) => {
                 let message =
                     format!("texture \"{}\" is no picture of PNG, JPEG, Silicon Graphics or Targa", file.shown);

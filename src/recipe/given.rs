@@ -1,4 +1,4 @@
-//! The keys that a scene gives, with their values and places, for programs that edit scenes.
+//! The keys that a scene sets, with values and positions, for programs that edit scenes.
 
 use serde_json::{Map, Value, json};
 
@@ -6,21 +6,21 @@ use super::Request;
 use super::syntax::{TomlNode, TomlTable, TomlValue, join, parse};
 use osier_base::diagnostic::{Report, Span};
 
-/// A key that a scene gives.
+/// A key that the text of a scene sets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GivenKey {
-    /// Its path, as an override names it: `wind.speed`, `place.0.count`.
+    /// Its path, as in an override: `wind.speed`, `place.0.count`.
     pub path: String,
-    /// Its value as it is written, in the scene's units; null for a date.
+    /// Its value as written, in the scene's units; null for a date.
     pub value: Value,
     /// Name of the scene's text, as messages show it.
     pub file: String,
-    /// Bytes of the value in the text: first, and the one behind the last.
+    /// Byte range of the value in the text: the first byte, and the byte after the last.
     pub span: [u32; 2],
 }
 
-/// The keys that a scene's text gives, in its order, without overrides. Tables are taken apart, also inside lists; a bare grammar or
-/// coefficient table has none. A text with faults has those that could be read.
+/// The keys that a scene's text sets, in its order, without overrides. Tables are split into their keys, also inside lists; a
+/// bare grammar or coefficient table has none. Of a text with errors, the keys that could be read are returned.
 pub fn given_keys(request: &Request) -> Vec<GivenKey> {
     if request.bare.is_some() {
         return Vec::new();
@@ -55,7 +55,7 @@ fn add_node(node: &TomlNode, path: &str, file: &str, keys: &mut Vec<GivenKey>) {
     }
 }
 
-/// A value of a scene as JSON, in the units of the scene; null for a date and for a damaged value.
+/// A value of a scene as JSON, in the units of the scene; null for a date and for an unreadable value.
 fn as_json(node: &TomlNode) -> Value {
     match &node.value {
         TomlValue::Text(text) => json!(text),

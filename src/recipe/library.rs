@@ -1,4 +1,4 @@
-//! Where references lead: beside the scene, into a `--search` folder, or to the presets.
+//! Resolution of references to files: beside the scene, in a `--search` folder, or among the presets.
 
 use std::path::{Path, PathBuf};
 
@@ -7,18 +7,18 @@ use crate::presets;
 use osier_base::Result;
 use osier_base::files::{ReadError, SearchPaths};
 
-/// Bytes of a file or of a preset, found by the reference of a scene or of another file.
+/// A file or preset that a reference of a scene or of another file has led to.
 #[derive(Debug, Clone)]
 pub struct ReferencedFile {
     /// Name for messages: the path, or `preset:oak.l`.
     pub shown: String,
-    /// Its bytes, at most as many as the limit allows.
+    /// Content of the file, at most as many bytes as the limit allows.
     pub bytes: Bytes,
-    /// Where it is; for a preset its bare name, beside which there is nothing.
+    /// Path of the file; for a preset its bare name, beside which there are no files.
     pub path: PathBuf,
 }
 
-/// Folders that references are searched in.
+/// The folders in which references are searched, and the file from which relative ones start.
 #[derive(Debug, Clone, Default)]
 pub struct Library {
     roots: SearchPaths,
@@ -26,14 +26,14 @@ pub struct Library {
 }
 
 impl Library {
-    /// The folder of an opened file, then the search folders, then the presets.
+    /// Searches the folder of an opened file, then the search folders, then the presets.
     /// # Errors
     /// `Io` if a folder is not there.
     pub fn new(opened: &Path, search: &[PathBuf]) -> Result<Self> {
         Ok(Self { roots: SearchPaths::new(opened, search)?, opened: opened.into() })
     }
 
-    /// The search folders, then the presets: for a scene that is itself a preset.
+    /// Searches the search folders, then the presets: for a scene that is itself a preset.
     /// # Errors
     /// `Io` if a folder is not there.
     pub fn presets(search: &[PathBuf]) -> Result<Self> {
@@ -43,12 +43,12 @@ impl Library {
         }
     }
 
-    /// The folders that files may name files in.
+    /// The folders below which files may be read, also by references inside of files.
     pub fn roots(&self) -> &SearchPaths {
         &self.roots
     }
 
-    /// Names of the files with an ending in the folder of a file that may be read, sorted.
+    /// Sorted names of the files with an ending in the folder of the file `from`; empty if that folder may not be read.
     pub fn names_beside(&self, from: &Path, ending: &str) -> Vec<String> {
         self.roots.names_beside(from, ending)
     }

@@ -1,7 +1,7 @@
-//! Scene files: notation, defaults, references. Text ends here.
+//! Scene files: notation, defaults, references. No later step reads the text of a scene.
 //!
 //! [`resolve`] turns a scene's text into a [`Recipe`]: every key typed, in SI units and radians, every default filled in,
-//! every reference read. All faults are collected with their places. [`scene`] declares the keys of each table; the structs
+//! every reference read. All errors are collected with their positions. [`scene`] declares the keys of each table; the structs
 //! below declare which tables a scene has. Listings, the names that a table may hold and the scene hash follow from both.
 
 mod companions;
@@ -32,17 +32,17 @@ pub use syntax::{
     ValueType, word_of,
 };
 
-/// Letter of the organ that cards of a tree's small branches are; it comes last.
+/// Letter of the organ for billboards of a tree's small branches; it is last in the list of organs.
 pub const CARD: char = '\u{e000}';
 
 recipe! {
     /// A scene with every default filled in and every reference read.
     Recipe {
-        /// File name, `[a-z0-9_]+`.
+        /// Stem of the scene file reduced to `[a-z0-9_]+`, which names the files of a bake.
         name: String;
-        /// Title, as the artist wrote it or the file's name, and the seed of all draws.
+        /// Title (without the key, the file's name), seed of all random draws, and defaults of season and latitude.
         general: scene::SceneKeys;
-        /// First and last frame, frames per second.
+        /// First and last frame, frames per second; a single frame is a still scene.
         clip: Clip;
         /// Kinds of plants, in the order of the file.
         plants: Vec<PlantRecipe>;
@@ -50,27 +50,27 @@ recipe! {
         clouds: Vec<AttractorRecipe>;
         /// Keys of `[catkin]`; `None` without the table, where a flight uses the defaults.
         catkin: Option<scene::CatkinKeys>, hashed by element;
-        /// How an attractor becomes a picture.
+        /// Size, view, tone mapping and density estimation of an attractor's picture.
         picture: scene::PictureKeys;
         /// Layers of a composed picture, from the lowest.
         layers: Vec<LayerRecipe>, hashed by element;
-        /// Groups of copies of plants.
+        /// Groups of copies of plants; without `[[place]]` and `[[scatter]]`, one copy of each plant.
         places: Vec<PlaceRecipe>;
         /// Disc of ground around the plants, used without a terrain.
         ground: scene::GroundKeys;
         /// Terrain, which replaces the ground.
         terrain: Option<TerrainRecipe>, hashed by element;
-        /// Plants scattered over the terrain.
+        /// Tables `[[scatter]]`, in the order of the scene; empty without a terrain.
         scatters: Vec<ScatterRecipe>, hashed by element;
         /// Catkins in flight: release, motion, deposition.
         flight: Option<FlightRecipe>, hashed by element;
-        /// Obstacles to wind and catkins.
+        /// Obstacles to wind, rain, catkins and growth.
         solids: Vec<SolidRecipe>, hashed by element;
-        /// Rods, each after the one that its base is fixed to.
+        /// Elastic rods, each after the rod to which its base is fixed.
         rods: Vec<RodRecipe>, hashed by element;
         /// Rainfall and drops, if the scene has a `[rain]`.
         rain: Option<scene::RainRecipe>, hashed by element;
-        /// Maps of wet leaves.
+        /// Number, resolution and layers of the water maps of leaves.
         maps: scene::LeafMapKeys, hashed if asks_for_maps;
         /// Haze: visibility distance and scale height.
         fog: scene::FogKeys;
@@ -80,62 +80,62 @@ recipe! {
         sun: scene::SunKeys;
         /// Colours and brightness of the sky dome.
         sky: scene::SkyKeys;
-        /// Wind; its speed already accounts for Beaufort numbers.
+        /// The wind; Beaufort numbers and curves have been converted to its speed and direction.
         wind: scene::WindKeys;
-        /// The lattice, used with `model = "lattice"`.
+        /// Domain and inlet of a lattice wind, used with `model = "lattice"`.
         lattice: scene::LatticeKeys, hashed if has_lattice_wind;
         /// Further winds, whose velocities are added to that of `wind`.
         added: Vec<scene::WindKeys>, hashed by element;
-        /// How plants answer the wind.
+        /// Model, loop and exaggeration of the plants' sway.
         sway: scene::SwayKeys;
         /// Formats and their options.
         output: OutputRecipe;
         derived {
-            /// True if the scene has a clip with wind in it, whichever frame is drawn.
+            /// Whether the scene has a clip of several frames with wind in it.
             moves: bool;
-            /// Hash of all that is not derived and of the bytes of all files read, 64 hex digits.
+            /// BLAKE3 of all fields that are not derived and of the bytes of all files read, 64 hex digits.
             hash: String;
         }
     }
 }
 
-/// Gravity where no rain has one, m/s^2.
+/// Gravity of a scene without `[rain]`, m/s^2.
 const EARTH: f64 = osier_base::physics::GRAVITY;
 
 impl Recipe {
-    /// True if some wind of the scene reaches [`osier_wind::CALM_SPEED`].
+    /// Whether some wind of the scene reaches [`osier_wind::CALM_SPEED`].
     pub fn blows(&self) -> bool {
         self.wind.blows() || self.added.iter().any(scene::WindKeys::blows)
     }
 
-    /// True if the scene is a picture composed of layers, without anything in space.
+    /// Whether the scene is a picture composed of layers, with no objects in space.
     pub fn is_layered_picture(&self) -> bool {
         !self.layers.is_empty() && self.plants.is_empty() && self.clouds.is_empty() && self.terrain.is_none()
     }
 
-    /// True if the wind has `model = "lattice"`, whatever its solver.
+    /// Whether `[wind]` has `model = "lattice"`, with any solver.
     pub fn has_lattice_wind(&self) -> bool {
         self.wind.model == scene::WindModel::Lattice
     }
 
-    /// Gravity that rods hang in, m/s^2: that of the scene's rain.
+    /// Gravity on rods, m/s^2: that of the scene's rain if it has one.
     pub fn gravity(&self) -> f64 {
         self.rain.as_ref().map_or(EARTH, |rain| rain.keys.gravity)
     }
 }
 
-/// What grows a plant.
+/// Source from which a plant grows, with its keys.
 #[derive(Debug, Clone)]
 pub enum Growth {
-    /// A string of modules, drawn by the turtle.
+    /// An L-system, whose string of modules the turtle interprets.
     Grammar(Box<Grammar>),
-    /// The words of an iterated function system.
+    /// The words of an iterated function system, each of which is a stem.
     Ifs(Box<TreeSystem>, scene::IfsTreeKeys),
-    /// An artist's mesh, in which a skeleton is found.
+    /// A mesh of a whole plant, from which a skeleton is extracted.
     Mesh(Box<Imported>, scene::ImportedMeshKeys),
-    /// Particles that leave axes behind and spawn others.
+    /// Particle-shapes: particles whose paths become axes, and which spawn others.
     Shapes(Box<scene::ShapeKeys>),
-    /// Growth year by year.
+    /// A species that grows year by year in a field of light.
     Species(Box<SpeciesRecipe>),
 }
 
@@ -177,38 +177,38 @@ impl RecipePart for Clip {
 }
 
 recipe! {
-    /// A plant of `[plants.NAME]`, of which places and scatters put up copies.
+    /// A plant of `[plants.NAME]`, of which places and scatters have copies.
     PlantRecipe {
         /// As written in the scene.
         name: String;
-        /// Keys of its own table.
+        /// Keys of the table itself, without those of the tables below it.
         keys: scene::PlantKeys;
         /// Grammar, coefficient table, mesh or particle-shapes that it is grown from.
         growth: Growth;
-        /// Twigs and leaves that are added to what has grown, if any are.
+        /// Particle-shapes that add twigs and leaves to the grown plant; `None` without the key `twigs`.
         fill: Option<scene::ShapeKeys>, hashed by element;
-        /// How its string is drawn.
+        /// Options of the turtle that draws its string; only used by grammars.
         turtle: scene::TurtleKeys;
-        /// Organs: one for each letter after `~` of the grammar.
+        /// Organs, one for each letter that the source uses; for a grammar, the letters after `~`.
         organs: Vec<OrganRecipe>;
         /// Bark of thick axes.
         bark: scene::BarkKeys;
-        /// Bark of axes below 8 mm radius.
+        /// Bark of axes with a radius below 8 mm at their base.
         shoot: scene::BarkKeys;
-        /// How bark becomes a mesh.
+        /// Form, resolution and texture coordinates of the bark's mesh.
         skin: scene::SkinKeys;
-        /// Mechanical properties.
+        /// Mechanical properties of wood and leaves, for sway and rods.
         wood: scene::WoodKeys;
-        /// How it moves as rods, if it does.
+        /// Parameters of its rods; `None` for a plant that moves by the sway model.
         rods: Option<scene::RodPlantKeys>, hashed by element;
         derived {
             /// `[a-z0-9_]+`, unique among the plants.
             id: String;
-            /// What the companion files of its grammar hold.
+            /// Contents of the companion files of its grammar; empty for other sources.
             companions: Companions;
-            /// Name of the file that grows it, for people.
+            /// Name of the file from which it grows, for messages and manifests.
             source: String;
-            /// Tables whose density tiles bark and shoot.
+            /// IFS tables whose density is the grain of bark and of shoot; `None` without the key `ifs`.
             grains: [Option<Arc<Ifs>>; 2];
         }
     }
@@ -217,38 +217,38 @@ recipe! {
 recipe! {
     /// A tree that grows year by year.
     SpeciesRecipe {
-        /// Parameters of its growth, in the units of the habit's file.
+        /// Parameters of its growth, in the units of the `.species` file.
         habit: scene::HabitKeys;
-        /// Sky and solids around it.
+        /// Sky and solids around the tree, and the ages that a clip shows.
         site: scene::SiteKeys;
-        /// Its unseen neighbours, if it has any.
+        /// A ring of simulated but invisible neighbours that shade the tree; `None` for a tree in the open.
         stand: Option<scene::StandKeys>, hashed by element;
-        /// Cuts, in the order of the scene.
+        /// Prunings, in the order of the scene.
         prunes: Vec<scene::PruneKeys>, hashed by element;
         derived {
-            /// Years; hashed with the key or the habit that it comes from.
+            /// Age of the tree, years; the key or habit from which it comes is hashed.
             age: f64;
-            /// Ages at the first and the last frame of a clip of its growth, years; hashed with the keys that they come from.
+            /// Ages at the first and the last frame of a clip of its growth, years; the keys from which they come are hashed.
             clip: Option<[f64; 2]>;
         }
     }
 }
 
 recipe! {
-    /// What one organ looks like.
+    /// Appearance of one organ: a parametric blade, or what replaces it.
     OrganRecipe {
         /// The letter after `~` in the grammar.
         letter: char;
         /// Outline, size, colours and maps.
         keys: scene::OrganKeys;
         derived {
-            /// The table that draws it, if one replaces the procedural blade.
+            /// The IFS table from which it is drawn, if one replaces the parametric blade.
             ifs: Option<Arc<Ifs>>;
-            /// What that table draws, once it has been asked for; organs of the same table and keys share it.
+            /// The leaf drawn from that table, filled when it is first needed; organs of the same table and keys share it.
             drawn: Arc<leaf::LazyLeaf>;
-            /// The artist's mesh, if one replaces the procedural blade.
+            /// The imported mesh, if one replaces the parametric blade.
             mesh: Option<Arc<Imported>>;
-            /// The surface of a companion file, if one replaces the procedural blade.
+            /// The surface of a companion file, if one replaces the parametric blade.
             surface: Option<Arc<OrganSurface>>;
         }
     }
@@ -261,48 +261,48 @@ recipe! {
         name: String;
         /// Keys of its table in the scene, defaults filled in.
         keys: scene::AttractorKeys;
-        /// How it changes; the system is then the first one.
+        /// Keyframes of its change over time; `system` is then that of the first keyframe.
         morph: Option<scene::MorphRecipe>, hashed by element;
         derived {
             /// `[a-z0-9_]+`, unique among plants and clouds.
             id: String;
-            /// Name of its file for people.
+            /// Name of its table file, for messages and manifests.
             source: String;
-            /// The iterated function system.
+            /// The maps of the attractor as read from its table.
             system: Ifs;
-            /// Where its probabilities come from.
+            /// Rule by which the probabilities of its maps are computed.
             rule: WeightRule;
             /// Contraction, dimensions and probabilities of the system.
             study: SystemAnalysis;
-            /// Bounds of the attractor.
+            /// Bounds and quantile box of the attractor, table units; of a morph, their union over all keyframes.
             extent: Extent;
         }
     }
 }
 
 recipe! {
-    /// One layer of a composed picture.
+    /// One `[[layer]]` of a composed picture: an attractor or a gradient.
     LayerRecipe {
-        /// Where and how it is drawn.
+        /// Position, size, colours and opacity of the layer.
         keys: scene::LayerKeys;
         derived {
-            /// The attractor that is drawn; `None`: a plain box.
+            /// The attractor that the layer shows; `None` for a box with a colour gradient.
             cloud: Option<AttractorRecipe>;
         }
     }
 }
 
 recipe! {
-    /// A group of copies of one plant.
+    /// A group of copies of one plant around a point, along a line or over an area.
     PlaceRecipe {
         /// Index into [`Recipe::plants`].
         plant: usize;
         /// Position, spread and number of copies.
         keys: scene::PlaceKeys;
         derived {
-            /// Positions of the copies along a line, m, from the place's own; empty for a group.
+            /// Positions of the copies along a line, m, relative to the place's `at`; empty for a group.
             line: Vec<[f64; 3]>;
-            /// Density over the place's area, if a picture gives it.
+            /// Density of copies over the place's area; `None` for an even one.
             mask: Option<GreyImage>;
         }
     }
@@ -313,33 +313,33 @@ recipe! {
 pub enum TerrainFile {
     /// Heights on a regular grid, from a picture or a raster.
     Map(Arc<HeightMap>),
-    /// An artist's mesh, whose highest surface is the ground.
+    /// An imported mesh, whose highest surface is the ground.
     Mesh(Arc<Imported>),
 }
 
 recipe! {
-    /// Land with hills.
+    /// Terrain of `[terrain]`, generated or read from a file.
     TerrainRecipe {
-        /// How it is generated or read, and its colours.
+        /// Parameters of its generation or reading, and its colours.
         keys: scene::TerrainKeys;
         derived {
-            /// The file that it is made of; `None`: it is generated.
+            /// Content of the file from which it is made; `None` for a generated terrain.
             file: Option<TerrainFile>;
-            /// Colour picture over all of it.
+            /// Colour picture over the whole terrain; `None`: it is painted by slope, or has the materials of its mesh.
             texture: Option<Image>;
         }
     }
 }
 
 recipe! {
-    /// Plants strewn over the land.
+    /// A set of plants scattered at random over the terrain.
     ScatterRecipe {
         /// Density, extent and limits of the scatter.
         keys: scene::ScatterKeys;
         derived {
             /// Indices into [`Recipe::plants`], with their weights.
             plants: Vec<(usize, f64)>;
-            /// Density over the terrain, if a picture gives it.
+            /// Relative density over the terrain; `None` for an even one.
             mask: Option<GreyImage>;
         }
     }
@@ -348,50 +348,51 @@ recipe! {
 recipe! {
     /// Catkins in flight: release, motion, deposition.
     FlightRecipe {
-        /// Emission, motion and deposition.
+        /// Keys of `[flight]`, with the defaults of its preset.
         keys: scene::FlightKeys;
         /// Rectangles on the ground in which depositions are counted.
         zones: Vec<scene::FlightZoneKeys>, hashed by element;
         derived {
-            /// With release from plants: indices into [`Recipe::plants`], with their weights.
+            /// Plants that release catkins, as indices into [`Recipe::plants`], with their weights; empty for other releases.
             canopy: Vec<(usize, f64)>;
-            /// Weight of each form of catkins, by their order; 0 for a form that is not drawn.
+            /// Relative frequency of each form of catkins, in the order of their names; 0 for a form that does not occur.
             forms: Vec<f64>;
-            /// With release from points: places, m.
+            /// Start positions, m, read from a file of points; empty for other releases.
             starts: Vec<[f64; 3]>;
-            /// How wet the ground is, if a picture gives it.
+            /// Wetness of the ground, 0..1; `None` for the same everywhere.
             wet: Option<GreyImage>;
         }
     }
 }
 
 recipe! {
-    /// Something in the way.
+    /// An obstacle of `[[solid]]`.
     SolidRecipe {
-        /// Form, size and position.
+        /// Shape, size, position and humidity of the solid.
         keys: scene::SolidKeys;
         derived {
             /// `[a-z0-9_]+`, unique among the solids.
             id: String;
-            /// The artist's mesh, if it is one.
+            /// The imported mesh of a solid with `shape = "mesh"`.
             mesh: Option<Arc<Imported>>;
         }
     }
 }
 
 recipe! {
-    /// An elastic rod of `[[rod]]`, with what clamps and loads it.
+    /// An elastic rod of `[[rod]]`, with its clamps and loads.
     RodRecipe {
-        /// Shape and material.
+        /// Axis, radii, material and integrator of the rod.
         keys: scene::RodKeys;
-        /// Boundary conditions along the rod.
+        /// Fixed, pinned and guided points of the rod.
         clamps: Vec<scene::RodClampKeys>;
-        /// Forces, moments, masses and impulses on it.
+        /// Forces, torques, attached masses and impulses on the rod.
         loads: Vec<scene::RodLoadKeys>, hashed by element;
         derived {
             /// `[a-z0-9_]+`, unique among the rods.
             id: String;
-            /// Rod that its base is fixed to: index into [`Recipe::rods`], below its own.
+            /// Rod to which its base is fixed, as an index into [`Recipe::rods`] below its own; `None` for a rod clamped in the
+            /// world.
             on: Option<usize>;
         }
     }
@@ -400,81 +401,82 @@ recipe! {
 recipe! {
     /// Formats and their options.
     OutputRecipe {
-        /// The list of formats.
+        /// Formats to write, and the resolution of textures.
         keys: scene::OutputKeys;
-        /// Options of the POV-Ray files.
+        /// `[output.pov]`: size, shutter, units and frame step of the POV-Ray files.
         pov: scene::PovKeys;
-        /// POV-Ray's photons, if they are wanted.
+        /// Options of POV-Ray's photon mapping; `None` without it.
         photons: Option<scene::PhotonKeys>, hashed by element;
-        /// Options of the USD files.
+        /// `[output.usd]`: up axis, representation of copies, and tolerances of keyframes.
         usd: scene::UsdKeys;
-        /// Options of the glTF files.
+        /// `[output.gltf]`: profiles, compression, limits of nodes and skins, and vertex channels.
         gltf: scene::GltfKeys;
-        /// Options of points as CSV.
+        /// `[output.points]`: tables and up axis of the points in CSV files.
         points: scene::PointsKeys, hashed if writes_points;
-        /// Options of files for Unreal Engine.
+        /// `[output.unreal]`: number of joints of plants for Unreal Engine.
         unreal: scene::UnrealKeys, hashed if writes_unreal;
-        /// Options of OpenVDB files.
+        /// `[output.vdb]`: quantities, box and precision of the voxel grids.
         vdb: VdbRecipe, hashed if writes_vdb;
-        /// Files of the wind itself.
+        /// `[output.wind]`: planes and box in which the wind is exported.
         wind: WindOutputRecipe, hashed if writes_wind;
     }
 }
 
 impl OutputRecipe {
-    /// True if files of the wind itself are written.
+    /// Whether the recipe exports planes or boxes of the wind.
     pub fn writes_wind(&self) -> bool {
         !self.wind.grids.is_empty()
     }
 
-    /// True if voxel grids are written.
+    /// Whether OpenVDB is among the formats.
     pub fn writes_vdb(&self) -> bool {
         self.writes(&osier_export::vdb::FORMAT)
     }
 
-    /// The grid of the wind's velocity among the voxel grids, if it is written.
+    /// Cells of the voxel grid of the wind's velocity, if it is written.
     pub fn velocity_volume(&self) -> Option<&AirGrid> {
         let wanted = self.writes_vdb() && self.vdb.keys.grids.contains(&scene::VdbGrid::Velocity);
         self.vdb.domain.as_ref().filter(|_| wanted)
     }
 
-    /// True if points are written as CSV.
+    /// Whether point tables in CSV are among the formats.
     pub fn writes_points(&self) -> bool {
         self.writes(&osier_export::points::FORMAT)
     }
 
-    /// True if files for Unreal Engine are written.
+    /// Whether files for Unreal Engine are among the formats.
     pub fn writes_unreal(&self) -> bool {
         self.writes(&osier_export::unreal::FORMAT)
     }
 
-    /// True if a format is among those that are written.
+    /// Whether a format is among those of the key `formats`.
     pub fn writes(&self, format: &osier_export::format::FormatInfo) -> bool {
         self.keys.formats.iter().any(|f| f.0.word == format.word)
     }
 }
 
 recipe! {
-    /// Which voxel grids are written.
+    /// Selection and domain of the OpenVDB grids.
     VdbRecipe {
         /// Keys of `[output.vdb]`.
         keys: scene::VdbKeys;
         derived {
-            /// Cells of the box in which the wind is sampled, which other grids continue; `None` without a clip.
+            /// Cells of the box in which the wind is sampled; grids of catkins use the same lattice of cells. `None` without a
+            /// clip.
             domain: Option<AirGrid>;
         }
     }
 }
 
 recipe! {
-    /// Which files of the wind itself are written.
+    /// Selection and domain of the files of the wind.
     WindOutputRecipe {
         /// Keys of `[output.wind]`.
         keys: scene::WindOutputKeys;
-        /// Planes, as written.
+        /// Planes of `[[output.wind.slice]]`, in the order of the scene.
         slices: Vec<scene::WindSliceKeys>, hashed by element;
         derived {
-            /// Where the wind is sampled: each plane, then the box.
+            /// Cells in which the wind is sampled: one grid per plane, then the box, if it is written.
             grids: Vec<AirGrid>;
         }
     }
@@ -485,5 +487,5 @@ pub fn options() -> Vec<TableInfo> {
     Registry::of::<Recipe>().into_tables()
 }
 
-/// Bytes that several plants may share.
+/// Content of a file, which plants with the same reference share.
 pub type Bytes = Arc<[u8]>;

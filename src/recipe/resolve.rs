@@ -1,4 +1,4 @@
-//! From text to [`Recipe`].
+//! Resolves the text of a scene, with overrides and referenced files, into a [`Recipe`].
 
 use super::scene::{
     FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlantKeys, SceneKeys, SeasonSpan, WindModel, solid_names,
@@ -11,22 +11,22 @@ use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use osier_scene::Clip;
 
-/// A scene text with all that [`resolve`] needs beside it.
+/// The text of a scene with overrides, folders and limits, as [`resolve`] takes it.
 #[derive(Debug, Clone, Default)]
 pub struct Request {
     /// Scene name: the file's stem.
     pub name: String,
-    /// Name of the text for messages.
+    /// Name of the text in messages, usually its path.
     pub shown: String,
     /// Text of the scene, TOML.
     pub text: String,
-    /// Where references lead.
+    /// Folders in which references are searched.
     pub library: Library,
     /// Overrides, `path=value`.
     pub set: Vec<String>,
-    /// What overrides without a known table belong to: set for a bare grammar or table.
+    /// The plant or attractor to which overrides without a known table apply; `None` for a scene file.
     pub bare: Option<SingleSource>,
-    /// Judge every system of a bare coefficient table, not only the one that is drawn.
+    /// Whether every system of a bare coefficient table is checked, and not only the one that is drawn.
     pub thorough: bool,
     /// Replaces the scene's seed.
     pub seed: Option<u64>,
@@ -36,7 +36,7 @@ pub struct Request {
     pub limits: Limits,
 }
 
-/// The only thing in a scene that was made of a bare file.
+/// The only plant or attractor of a scene made from a bare file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SingleSource {
     /// Name of the only plant, in `[plants.NAME]`.
@@ -46,22 +46,22 @@ pub enum SingleSource {
 }
 
 impl Request {
-    /// A scene of nothing but one plant grown by a grammar file. `name`: the plant; `reference`: the grammar.
+    /// A scene with a single plant grown by a grammar file. `name`: the plant; `reference`: the grammar.
     pub fn bare(name: &str, reference: &str) -> Self {
         Self::single_plant(name, "grammar", reference)
     }
 
-    /// A scene of nothing but one plant of particle-shapes. `name`: the plant; `reference`: the file.
+    /// A scene with a single plant of particle-shapes. `name`: the plant; `reference`: the file.
     pub fn shapes(name: &str, reference: &str) -> Self {
         Self::single_plant(name, "shapes", reference)
     }
 
-    /// A scene of nothing but one tree that grows year by year. `name`: the plant; `reference`: the file of its species.
+    /// A scene with a single tree that grows year by year. `name`: the plant; `reference`: the file of its species.
     pub fn species(name: &str, reference: &str) -> Self {
         Self::single_plant(name, "species", reference)
     }
 
-    /// A scene of nothing but one plant. `key`: what names the file that it grows from.
+    /// A scene with a single plant and no ground. `key`: the key of the plant that names its file.
     fn single_plant(name: &str, key: &str, reference: &str) -> Self {
         // Names become quoted TOML strings: a file name may hold dots, spaces and quotes.
         let plant = toml::Value::String(name.to_owned()).to_string();
@@ -71,7 +71,7 @@ impl Request {
         Self { name: name.into(), shown: reference.into(), text, bare, ..Self::default() }
     }
 
-    /// A scene of nothing but one attractor. `name`: the cloud; `reference`: the coefficient table.
+    /// A scene with a single attractor. `name`: the cloud; `reference`: the coefficient table.
     pub fn cloud(name: &str, reference: &str) -> Self {
         let cloud = toml::Value::String(name.to_owned()).to_string();
         let file = toml::Value::String(reference.to_owned()).to_string();
@@ -80,20 +80,20 @@ impl Request {
         Self { name: name.into(), shown: reference.into(), text, bare, ..Self::default() }
     }
 
-    /// A scene of nothing but one tree of a coefficient table. `name`: the plant; `reference`: the table.
+    /// A scene with a single tree of a coefficient table. `name`: the plant; `reference`: the table.
     pub fn tree(name: &str, reference: &str) -> Self {
         Self::single_plant(name, "ifs", reference)
     }
 }
 
-/// Resolves a scene. The report holds the warnings.
+/// Resolves a scene into a recipe with all defaults filled in and all files read. The report holds the warnings.
 /// # Errors
 /// `Input` with every fault found, each with its place.
 pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     let mut report = Report::default();
     let source = report.sources.add(request.shown.clone(), request.text.as_str());
     let mut root = parse(&request.text, source, &mut report);
-    // Overrides are laid over the tree before any key is read, so that they are checked like the text.
+    // Overrides change the tree before any key is read, so that they are checked like the text.
     let registry = Registry::of::<Recipe>();
     for set in &request.set {
         apply_override(&mut root, &qualify_override(set, request.bare.as_ref(), &registry), &mut report);
@@ -101,7 +101,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     if report.has_errors() {
         return Err(Error::Input(Box::new(report)));
     }
-    // What is missing has no place in the text: its diagnostic points at the start.
+    // Diagnostics about missing keys have no position in the text and point at its start.
     let whole = Span::new(source, 0, 0);
     let mut resolver = Resolver {
         request,
@@ -120,10 +120,10 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     resolver.report.into_result(recipe)
 }
 
-/// Where an unknown key of the scene is a #define of one of its grammars, the help names the key that reaches it.
+/// If an unknown key of the scene is a #define of one of its grammars, names the key that sets it in the help.
 fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
     for d in report.diagnostics.iter_mut().filter(|d| d.code == "S002") {
-        // The name stands in the message only, which `syntax::key::unknown` words.
+        // Only the message holds the name, in the words of `syntax::key::unknown`.
         let Some(name) = d.message.strip_prefix("a scene has no key \"").and_then(|m| m.strip_suffix('"')) else {
             continue;
         };
@@ -141,11 +141,12 @@ fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
     }
 }
 
-/// For a bare grammar, `angle=30` reaches its #define and `leaf.size=0.1` its plant.
+/// Completes the path of an override of a bare file: `angle=30` sets a #define of the grammar, `leaf.size=0.1` a key of the
+/// plant.
 fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry) -> String {
     let Some(bare) = bare else { return set.to_owned() };
     let path = set.split('=').next().unwrap_or_default().trim();
-    // A key of the scene wins over a key of the plant, and that over a #define of its grammar.
+    // A key of the scene has precedence over a key of the plant, and that over a #define of its grammar.
     let first = path.split('.').next().unwrap_or_default();
     let top = registry.names::<SceneKeys>().contains(&first);
     let plant = match bare {
@@ -155,7 +156,7 @@ fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry)
     };
     // A key with a dot in it, such as `leaf.size`, belongs to the plant if its first word names a table of plants.
     let own = registry.names::<PlantKeys>().contains(&first);
-    // The angle and the unit of a grammar are given most often; no #define is likely to have these names.
+    // `angle_deg` and `unit_m` are overridden most often, and no #define is likely to have these names.
     if matches!(path, "angle_deg" | "unit_m") {
         return format!("plants.{plant}.turtle.{set}");
     }
@@ -168,9 +169,9 @@ fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry)
     }
 }
 
-/// A table whose name the artist chooses, such as `[plants.NAME]`.
+/// A table whose name the scene chooses, such as `[plants.NAME]`.
 pub(super) struct NamedTable<'a> {
-    /// As the artist wrote it.
+    /// Name as written in the scene.
     pub(in crate::recipe) name: &'a str,
     /// Path in the scene, for messages.
     pub(in crate::recipe) path: &'a str,
@@ -181,7 +182,7 @@ pub(super) struct NamedTable<'a> {
 /// The table `morph` of an attractor, in `[clouds.NAME]`.
 pub(super) struct MorphTable<'a> {
     pub(in crate::recipe) table: &'a TomlTable,
-    /// Place of its name in the scene, for messages.
+    /// Position of its name in the scene, for messages.
     pub(in crate::recipe) span: Span,
 }
 
@@ -193,13 +194,13 @@ pub(super) struct Resolver<'a> {
     pub(in crate::recipe) inputs: Vec<blake3::Hash>,
     /// Number of frames of the clip; 1 until the clip is read.
     pub(in crate::recipe) frames: u64,
-    /// True if the scene has `[rain]`, known before the plants are read.
+    /// Whether the scene has `[rain]`, known before the plants are read.
     pub(in crate::recipe) raining: bool,
-    /// Season of plants without one of their own.
+    /// Season of the scene, for plants without the key `season`.
     pub(in crate::recipe) season: Option<SeasonSpan>,
-    /// Latitude of plants without one of their own, degrees.
+    /// Latitude of the scene, degrees, for plants without the key `latitude`.
     pub(in crate::recipe) latitude: Option<f64>,
-    /// Names of the scene's solids, known before the plants and the solids are read.
+    /// Names of the scene's solids, known before plants and solids are read.
     pub(in crate::recipe) solid_names: Vec<String>,
 }
 
@@ -210,7 +211,7 @@ impl Resolver<'_> {
         if general.title.is_empty() {
             general.title.clone_from(&self.request.name);
         }
-        // Plants, resolved below, fall back on these two.
+        // These two are defaults of the plants, which are resolved below.
         (self.season, self.latitude) = (general.season, general.latitude);
         let clip = self.clip(root);
         self.frames = clip.len() as u64;
@@ -232,7 +233,7 @@ impl Resolver<'_> {
         let sway = self.sway(root, clip, flight.is_some());
         let sway = self.disable_loop(root, sway, lattice.curve().filter(|_| wind.model == WindModel::Lattice));
         self.report_fitted_lengths(root, &wind, &sway, &clip);
-        // Files of the wind sample the domain of the lattice, else of the flight, else of their own table.
+        // Files of the wind sample the domain of the lattice, else of the flight, else that of `[output.wind]`.
         let flight_size = flight.as_ref().map(|f| f.keys.size);
         let wind_output = self.wind_output(root, &wind, &lattice, flight_size, clip);
         let vdb = self.vdb_output(root, &wind, &lattice, flight_size, wind_output.keys.size, clip);
@@ -272,7 +273,7 @@ impl Resolver<'_> {
         recipe
     }
 
-    /// A section of the top level.
+    /// Reads the table `name` below the top level; all defaults without it.
     pub(in crate::recipe) fn section<S: KeyTable>(&mut self, parent: &TomlTable, name: &str) -> S {
         self.section_at(parent, "", name)
     }
@@ -286,14 +287,14 @@ impl Resolver<'_> {
         }
     }
 
-    /// Reads the keys of a table and reports those that it has not. `path`: of the table in the scene.
+    /// Reads the keys of a table and reports unknown ones (S002). `path`: path of the table in the scene.
     pub(in crate::recipe) fn read_keys<S: KeyTable>(&mut self, table: &TomlTable, path: &str) -> S {
         let keys = S::read(Some(table), path, &mut self.report);
         self.registry.refuse_unknown::<S>(table, path, &mut self.report);
         keys
     }
 
-    /// A table below another one; S003 if the key holds something else.
+    /// The table `name` below another one; S003 and `None` if the key holds another type.
     pub(in crate::recipe) fn table<'t>(
         &mut self,
         parent: &'t TomlTable,
@@ -308,7 +309,7 @@ impl Resolver<'_> {
         None
     }
 
-    /// Parses a file of keys that a reference led to; `None` if it is no text.
+    /// Parses a referenced file of keys; `None` and S001 if it is not UTF-8 text.
     pub(in crate::recipe) fn parse_file(&mut self, file: &ReferencedFile) -> Option<TomlTable> {
         match decode(&file.bytes, Encoding::Utf8) {
             Ok(decoded) => {
@@ -324,7 +325,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// The entries of a table, replaced by those of the table `name` of `parent`.
+    /// The entries of `table`, of which those that the table `name` of `parent` has are replaced by its.
     pub(in crate::recipe) fn laid_over(
         &mut self,
         mut table: TomlTable,
@@ -349,7 +350,7 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S004", format!("frames.end is {end}, before frames.start"), span, "too small");
             self.report.push(d.help(format!("at least {}", keys.start)));
         }
-        // After the error the clip is one frame long, so that what follows can be checked, too.
+        // After this error the clip is one frame long, so that the rest of the scene can be checked.
         let clip = Clip { start: keys.start, end: end.max(keys.start), fps: keys.fps };
         self.limit("frames", clip.len() as u64, span_of(root, &["frames", "end"]));
         clip
@@ -361,7 +362,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Refuses a number of things that would take more memory than there may be. `each`: bytes of one.
+    /// Reports S004 if `count` items of `each` bytes would take more memory than the limit `memory`.
     pub(in crate::recipe) fn memory(&mut self, key: &str, count: u64, each: u64, span: Option<Span>) {
         let what = format!("memory of {key} = {count}, in bytes,");
         // A product beyond 64 bits saturates, which only an unlimited setting allows.
@@ -371,11 +372,11 @@ impl Resolver<'_> {
         }
     }
 
-    /// What a file holds, or nothing once its faults are reported.
+    /// The content of a file, or `None` after its errors have been reported.
     pub(in crate::recipe) fn load_or_report<T>(&mut self, read: Result<T>, file: &ReferencedFile) -> Option<T> {
         match read {
             Ok(held) => Some(held),
-            // Faults of the file's own text come with their places in it.
+            // Errors in the text of the file have positions in it.
             Err(Error::Input(faults)) => {
                 self.report.extend(*faults);
                 None
@@ -397,7 +398,7 @@ impl Resolver<'_> {
         let mut fail = |message: String, help: String| {
             self.report.push(Diagnostic::error("S005", message, span, "this reference").help(help));
         };
-        // The file that the program was called with is what its content says, whatever its name.
+        // A file named on the command line is judged by its content, whatever its ending.
         let is_named = self.request.bare.is_some();
         if !is_named && !endings.iter().any(|e| reference.to_ascii_lowercase().ends_with(e)) {
             fail(format!("\"{reference}\" has another ending"), format!("expected a file {}", endings.join(", ")));
@@ -405,12 +406,12 @@ impl Resolver<'_> {
         }
         match self.request.library.find(reference, self.request.limits.get(limit)) {
             Ok(found) => {
-                // The bytes, not the name, enter the scene hash: an edited file makes another scene, a moved one does not.
+                // The scene hash covers the bytes, not the name: an edited file makes a different scene, a moved one does not.
                 self.inputs.push(blake3::hash(&found.bytes));
                 Some(found)
             }
             Err(why) => {
-                // Most references that lead nowhere are misspelt presets.
+                // Most references without a file are misspelt presets.
                 let names = crate::presets::PRESETS.iter().map(|p| p.name);
                 let help = match nearest(reference, names) {
                     Some(near) => format!("did you mean the preset \"{near}\"?"),
@@ -426,7 +427,7 @@ impl Resolver<'_> {
         let keys: OutputKeys = self.section(root, "output");
         let empty = TomlTable::default();
         let table = self.table(root, "", "output").unwrap_or(&empty);
-        // Both hold nothing but what moves.
+        // Files of both formats have contents only in clips.
         let clips_only = [&osier_export::points::FORMAT, &osier_export::vdb::FORMAT];
         let words: Vec<&str> = keys.formats.iter().map(|f| f.0.word).collect();
         let useless: Vec<&str> =
@@ -454,15 +455,15 @@ impl Resolver<'_> {
         }
     }
 
-    /// `[output.pov.photons]`, if it is there.
+    /// Reads `[output.pov.photons]`; `None` without the table.
     fn photons(&mut self, output: &TomlTable) -> Option<PhotonKeys> {
         let Some(TomlValue::Table(pov)) = output.get("pov").map(|e| &e.node.value) else { return None };
         pov.get("photons").map(|_| self.section_at(pov, "output.pov", "photons"))
     }
 
-    /// The one frame that a glTF shows is one of the clip's.
+    /// Reports S004 if the frame that a still glTF shows is not one of the clip.
     fn check_gltf_frame(&mut self, root: &TomlTable, keys: GltfKeys, clip: Clip) -> GltfKeys {
-        // An absent key means the first frame, which is always one of the clip's.
+        // Without the key the glTF has the first frame, which is always one of the clip.
         if let Some(frame) = keys.frame.filter(|f| !(clip.start..=clip.end).contains(f)) {
             let span = span_of(root, &["output", "gltf", "frame"]).unwrap_or(self.whole);
             let text = format!("output.gltf.frame is {frame}, but must be {} to {}", clip.start, clip.end);
@@ -472,7 +473,7 @@ impl Resolver<'_> {
         keys
     }
 
-    /// Keys of one profile need that profile. Vertex colours have four channels, and a preset names all of them.
+    /// Warns of keys whose profile is not written, and checks that `channels` has four words or one preset.
     fn check_gltf_channels(&mut self, root: &TomlTable, keys: GltfKeys) -> GltfKeys {
         for (key, profile) in [
             ("quantize", GltfProfile::Web),
@@ -492,7 +493,7 @@ impl Resolver<'_> {
         }
         let span = span_of(root, &["output", "gltf", "channels"]).unwrap_or(self.whole);
         let presets = keys.channels.iter().filter(|w| w.is_preset()).count();
-        // Either four channels without a preset among them, or a preset alone.
+        // Either four channels without a preset among them, or a single preset.
         if (keys.channels.len(), presets) != (4, 0) && (keys.channels.len(), presets) != (1, 1) {
             let text = "output.gltf.channels must be four words, or one preset";
             let d = Diagnostic::error("S003", text, span, "neither");
@@ -511,13 +512,13 @@ pub(super) fn span_of(root: &TomlTable, path: &[&str]) -> Option<Span> {
     let (name, rest) = path.split_first()?;
     let entry = root.get(name)?;
     match &entry.node.value {
-        // Where the path leads beyond a plain value, the place of that value is the nearest one.
+        // If the path leads beyond a plain value, the span of that value is the nearest one.
         TomlValue::Table(t) if !rest.is_empty() => span_of(t, rest),
         _ => Some(entry.node.span),
     }
 }
 
-/// BLAKE3 over the fields of the recipe in the order of declaration, then the hashes of the files it read.
+/// BLAKE3 over the fields of the recipe in the order of declaration, then over the hashes of the files read.
 fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
     let mut hasher = blake3::Hasher::new();
     recipe.digest(&mut hasher);

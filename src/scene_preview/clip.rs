@@ -16,27 +16,27 @@ use super::options::PreviewBackground;
 /// Frame rate of a turntable, frames per second.
 const TURNTABLE_FPS: (u32, u32) = (16, 1);
 
-/// What the pictures of a clip show.
+/// Contents of the pictures of a clip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ClipContent<'f> {
-    /// The camera goes once round the subject.
+    /// Views from a camera that moves once around the subject.
     Turntable {
         /// Number of pictures, 1 or more.
         steps: u32,
-        /// The frame that all of them show; `None` for rest.
+        /// Frame of the scene in all pictures; `None` for rest.
         frame: Option<u32>,
     },
     /// Frames of the scene's clip, in rising order, from one camera.
     Frames(&'f [u32]),
 }
 
-/// A clip with its subject and its camera, ready to be rendered.
+/// A clip with its subject and fitted camera, ready to be rendered.
 #[derive(Debug)]
 pub struct PreviewClip<'a> {
     scene: &'a PreviewScene,
     options: &'a PreviewOptions,
     content: ClipContent<'a>,
-    /// State of the scene that the camera is fitted to: the first that is shown, `None` for rest.
+    /// State of the scene to which the camera is fitted: the first frame of the clip, `None` for rest.
     first: Option<Frame>,
     subject: Subject,
     camera: Camera,
@@ -78,7 +78,7 @@ impl<'a> PreviewClip<'a> {
         let subject = scene.subject(first.as_ref())?;
         let camera = match content {
             ClipContent::Turntable { .. } => options.camera(scene, &subject.spun()),
-            // What grows over the clip is small at first; at rest it is grown.
+            // A plant that grows over the clip is small at first and complete at rest: both are framed.
             ClipContent::Frames(_) => match scene.subject(None) {
                 Ok(rest) => options.camera(scene, &subject.clone().with(&rest)),
                 Err(_) => options.camera(scene, &subject),
@@ -95,7 +95,7 @@ impl<'a> PreviewClip<'a> {
         }
     }
 
-    /// True for a clip without pictures.
+    /// Whether the clip has no pictures, which happens only for an empty list of frames or 0 steps.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -116,7 +116,7 @@ impl<'a> PreviewClip<'a> {
         context.progress.stage("drawing frames", tile_count(options.size) * u64::from(length));
         match self.content {
             ClipContent::Turntable { steps, .. } => {
-                // All views share one state of the scene, so it is prepared once for all of them.
+                // All views share one state of the scene, which is prepared once.
                 let requests: Vec<RenderRequest> = (0..steps).map(|i| self.request(self.turned(i, steps))).collect();
                 let world = RenderScene::for_requests(scene, self.first.as_ref(), &materials, &requests);
                 for request in &requests {
@@ -124,7 +124,7 @@ impl<'a> PreviewClip<'a> {
                 }
             }
             ClipContent::Frames(numbers) => {
-                // One camera for all frames, so that the picture moves only where the scene does.
+                // All frames have one camera, so that only the scene moves in the picture.
                 let request = self.request(self.camera);
                 for number in numbers {
                     let frame = self.scene.frame(*number)?;
@@ -150,8 +150,8 @@ impl<'a> PreviewClip<'a> {
     }
 }
 
-/// Frame rate of a selection of frames, as a fraction: the smallest step between two of them is shown for as long as
-/// it takes in the scene. `fps`: of the scene.
+/// Frame rate of a selection of frames, as a fraction, so that the smallest step between two of them lasts as long as in the
+/// scene. `fps`: frame rate of the scene.
 fn frame_rate_of(fps: (u32, u32), numbers: &[u32]) -> (u32, u32) {
     let step = numbers.windows(2).map(|w| w[1] - w[0]).min().unwrap_or(1).max(1);
     // Showing every n-th frame divides the rate by n.

@@ -1,4 +1,4 @@
-//! A scene that is previewed: assembled from a recipe, or read from a mesh file or the folder of a bake.
+//! Scenes for previews: assembled from a recipe, or read from a mesh file or the folder of a bake.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -28,8 +28,8 @@ pub struct PreviewScene {
 }
 
 impl PreviewScene {
-    /// Assembles the scene of a recipe with maps no larger than `quality` can show. `with_motion`: frames of the clip
-    /// are asked for; without it joints, skin weights and leaf flutter are left out.
+    /// Assembles the scene of a recipe with maps no larger than `quality` can display. `with_motion`: whether frames of the
+    /// clip will be evaluated; otherwise joints, skin weights and leaf flutter are left out.
     /// # Errors
     /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
     pub fn of_recipe(
@@ -47,8 +47,7 @@ impl PreviewScene {
         Ok(Self { animated: assembled.animated, has_camera, name: recipe.name, report: assembled.report })
     }
 
-    /// Reads a mesh file (`.glb`, `.gltf`, `.obj`). `search`: further folders in which the files that it names are
-    /// looked up.
+    /// Reads a mesh file (`.glb`, `.gltf`, `.obj`) as a scene. `search`: further folders for the files that it names.
     /// # Errors
     /// `Input` for a damaged file, `Io` if it cannot be read, `Limit`.
     pub fn of_mesh_file(path: &Path, search: &[PathBuf], limits: &Limits) -> Result<Self> {
@@ -69,8 +68,7 @@ impl PreviewScene {
             curves: Vec::new(),
             rigged: None,
         };
-        // The hash covers the file and all files that it names; PNG previews carry it as their
-        // origin.
+        // The hash covers the file and all files that it names; PNG previews store it as their origin.
         let hash = imported.files.iter().fold(blake3::Hasher::new(), |mut h, f| {
             h.update(&f.blake3);
             h
@@ -110,7 +108,7 @@ impl PreviewScene {
             let ending = format!("{}.{profile}.glb", manifest.scene.name);
             files.iter().map(|f| f.0.as_str()).find(|path| path.ends_with(&ending))
         };
-        // The Blender profile comes first, the web profile only where the other was not written.
+        // The Blender profile is preferred; the web profile is used if the other was not written.
         match scene_file("blender").or_else(|| scene_file("web")) {
             Some(path) => Self::of_mesh_file(&folder.join(path), search, limits),
             None => {
@@ -121,7 +119,7 @@ impl PreviewScene {
         }
     }
 
-    /// Adds warnings from before the assembly, such as those of the scene's text, ahead of the others.
+    /// Inserts warnings from before the assembly, such as those of the scene's text, before the others.
     #[must_use]
     pub fn with_warnings(mut self, mut earlier: Report) -> Self {
         earlier.extend(self.report);
@@ -129,17 +127,17 @@ impl PreviewScene {
         self
     }
 
-    /// The scene at rest, with its materials and placements.
+    /// The scene at rest, without the motions that frames need.
     pub fn scene(&self) -> &Scene {
         &self.animated.scene
     }
 
-    /// True if the scene places its own camera.
+    /// Whether the keys `camera.eye` or `camera.target` place a camera; false for mesh files.
     pub fn has_camera(&self) -> bool {
         self.has_camera
     }
 
-    /// Short name of the scene or of the mesh file.
+    /// Name of the scene, or stem of the mesh file, from which output files are named.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -149,18 +147,18 @@ impl PreviewScene {
         &self.report
     }
 
-    /// True if an asset moves.
+    /// Whether some asset has a motion, so that frames of the clip can differ.
     pub fn is_animated(&self) -> bool {
         self.animated.motions.iter().any(Option::is_some)
     }
 
-    /// First and last frame of the clip.
+    /// First and last frame of the clip; both are the same for a still scene.
     pub fn frame_range(&self) -> std::ops::RangeInclusive<u32> {
         let clip = self.animated.scene.clip;
         clip.start..=clip.end
     }
 
-    /// Evaluates a frame.
+    /// Evaluates the motions of all assets at frame `number`, with the phases of copies.
     /// # Errors
     /// `Range` outside of the clip, `Simulation` where a solver diverges, `Cancelled`.
     pub fn frame(&self, number: u32) -> Result<Frame> {
@@ -172,8 +170,8 @@ impl PreviewScene {
         evaluate_frame(&self.animated.scene, &self.animated.motions, number, true)
     }
 
-    /// Evaluates a frame, or for `None` the frame that a still picture shows: the scene at rest (`None`), except that
-    /// the first frame is shown if catkins fly, because at rest none of them is in the air.
+    /// Evaluates a frame. For `None`, the result is that of a still picture: the scene at rest (`None`), or the first frame if
+    /// catkins fly, since at rest none of them is in the air.
     /// # Errors
     /// As [`PreviewScene::frame`].
     pub fn frame_or_rest(&self, number: Option<u32>) -> Result<Option<Frame>> {
@@ -184,7 +182,7 @@ impl PreviewScene {
         }
     }
 
-    /// The points that a fitted camera frames. `frame`: `None` for rest.
+    /// Bounds and points that a fitted camera frames. `frame`: `None` for rest.
     /// # Errors
     /// P001 if nothing is visible.
     pub fn subject(&self, frame: Option<&Frame>) -> Result<Subject> {
@@ -198,7 +196,7 @@ impl PreviewScene {
     }
 }
 
-/// Limits the sides of all maps to what a picture of this quality can show, so that none is painted in vain.
+/// Limits the sides of all maps to the resolution that a picture of this quality displays, which saves painting larger ones.
 fn cap_map_sides(recipe: &mut Recipe, quality: Quality) {
     let side = quality.texture_side();
     for plant in &mut recipe.plants {
@@ -210,7 +208,7 @@ fn cap_map_sides(recipe: &mut Recipe, quality: Quality) {
     }
     recipe.ground.side = recipe.ground.side.min(side);
     if let Some(terrain) = &mut recipe.terrain {
-        // One map covers the whole terrain.
+        // One map covers the whole terrain, so that it may have more texels.
         terrain.keys.side = terrain.keys.side.min(4 * side);
     }
 }

@@ -56,8 +56,9 @@ pub fn preview(
     Ok(pictures.pop().unwrap_or_else(|| Picture::new(options.size[0], options.size[1])))
 }
 
-/// Renders scenes for comparison: where the options fit the camera, it is fitted to all subjects together, so that
-/// the scale is the same in every picture. Each scene comes with the frame that is shown, `None` for rest.
+/// Renders scenes for comparison: a fitted camera is fitted to all subjects together, so that the scale is the same in every
+/// picture.
+/// Each scene comes with the frame to render, `None` for rest.
 /// # Errors
 /// P001 if nothing is visible in one of them; P002 for a camera that is not finite; `Cancelled`.
 pub fn preview_together(

@@ -5,10 +5,10 @@ use osier_base::units::{linear_from_srgb, radians_f32};
 use osier_preview::{Backdrop, CameraView, Light, Quality, RenderRequest, Subject};
 use osier_scene::Camera;
 
-/// Vertical field of view of fitted cameras at most, degrees: wider ones distort what stands at the edge.
+/// Largest vertical field of view of fitted cameras, degrees: wider ones distort objects at the edge.
 const MAX_FITTED_FOV: f32 = 60.0;
 
-/// How far the foot of a plant of less than 10 m may reach into the ground, m: more than `skin.bury` of any preset.
+/// Depth, m, to which the foot of a plant of less than 10 m may reach into the ground: more than `skin.bury` of any preset.
 const DEEPEST_FOOT: f32 = 0.5;
 
 /// Size, quality, camera, sun and background of a preview.
@@ -18,11 +18,11 @@ pub struct PreviewOptions {
     pub size: [u32; 2],
     /// Trade-off between speed and noise.
     pub quality: Quality,
-    /// `None`: the scene's own camera if it places one, else [`CameraView::Portrait`].
+    /// Position of the camera; `None`: that of the scene if it places one, else [`CameraView::Portrait`].
     pub view: Option<PreviewView>,
-    /// Elevation and direction of the sun in place of the scene's, degrees; direction 0 is +X, 90 is -Z.
+    /// Elevation and direction of a sun that replaces the scene's, degrees; direction 0 is +X, 90 is -Z.
     pub sun: Option<[f32; 2]>,
-    /// What lies behind the subject.
+    /// Background where the subject covers nothing.
     pub background: PreviewBackground,
 }
 
@@ -33,19 +33,19 @@ impl Default for PreviewOptions {
     }
 }
 
-/// Position of the camera.
+/// Camera of a preview: that of the scene, or one fitted to the subject.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PreviewView {
-    /// The scene's own camera, whether or not its keys place one.
+    /// The camera of the scene, which is fitted to its plants if its keys place none.
     Scene,
-    /// Fitted to the subject from a direction.
+    /// A camera fitted to the subject, in the given direction.
     Fitted(CameraView),
 }
 
-/// What a preview shows where nothing of the scene is.
+/// Content of a preview behind the scene, and whether a floor receives shadows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PreviewBackground {
-    /// The sky for scenes with ground or with a colour below the horizon, the studio for all others.
+    /// The sky for scenes with a ground or with a colour below the horizon, the studio for all others.
     Auto,
     /// The sky of the scene, with its sun glow and haze.
     Sky,
@@ -58,7 +58,7 @@ pub enum PreviewBackground {
 }
 
 impl PreviewOptions {
-    /// Width divided by height of a picture.
+    /// Ratio of the width and the height of a picture.
     #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
     pub fn aspect(&self) -> f32 {
         self.size[0] as f32 / self.size[1] as f32
@@ -71,7 +71,7 @@ impl PreviewOptions {
         match self.view {
             Some(PreviewView::Scene) => own,
             Some(PreviewView::Fitted(view)) => subject.camera(view, self.aspect(), vfov),
-            // Without `--view` a camera that the scene places wins over a fitted one.
+            // Without `--view` the scene's camera has precedence over a fitted one.
             None if scene.has_camera() => own,
             None => subject.camera(CameraView::Portrait, self.aspect(), vfov),
         }
@@ -86,9 +86,10 @@ impl PreviewOptions {
             // Directions count from +X towards -Z, azimuths from +Z towards +X.
             (sun.elevation, sun.azimuth) = (radians_f32(elevation), radians_f32(direction + 90.0));
         }
-        // Trunks reach a little below the ground that they stand on, so a subject whose lowest
-        // point is near 0 stands on the plane y = 0; any other, such as a curve of many units, stands on its lowest point.
+        // Trunks reach a little below the ground on which they stand: a subject whose lowest point is near 0 stands on the
+        // plane y = 0; any other, such as a curve of many units, stands on its lowest point.
         let (low, height) = (subject.bounds.min.y, subject.bounds.size().y);
+        // At most a quarter of the height; from 2 m on `DEEPEST_FOOT`, and from 10 m on a twentieth of the height.
         let deepest = (0.25 * height).min((0.05 * height).max(DEEPEST_FOOT));
         let floor_height = if low > -deepest && low < 0.1 * height { 0.0 } else { low };
         let floor = if subject.ground { None } else { Some(floor_height) };

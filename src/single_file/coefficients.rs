@@ -15,7 +15,7 @@ pub enum TableFormat {
     Flame,
 }
 
-/// The coefficient tables of a recipe as text.
+/// The coefficient tables of a recipe encoded as the text of one file.
 #[derive(Debug)]
 pub struct CoefficientTables {
     /// Text of the whole file in the chosen format, systems in the order of the recipe.

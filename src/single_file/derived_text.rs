@@ -15,7 +15,7 @@ pub struct DerivedText {
     pub text: String,
     /// Number of modules of all strings.
     pub modules: u64,
-    /// Warnings of the derivations.
+    /// Warnings of the derivations, individual by individual.
     pub report: Report,
 }
 
@@ -38,7 +38,7 @@ impl DerivedText {
             out.text.push('\n');
             out.report.extend(Report { sources: grammar.sources().clone(), diagnostics, output });
         }
-        // A grammar may derive the empty string, so that an empty text alone says nothing.
+        // An empty text is valid: a grammar may derive the empty string.
         if !has_grammar {
             let reason = format!("\"{}\" has no grammar; .txt is for derived strings", recipe.name);
             return Err(Error::export("X030", reason));

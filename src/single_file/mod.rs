@@ -31,7 +31,7 @@ pub use derived_text::DerivedText;
 pub use picture::{PictureEncoding, canvas_image, write_picture};
 pub use still_scene::StillScene;
 
-/// Endings that no format of a bake has, with what they are.
+/// Endings of files that are no format of a bake, with their descriptions.
 const OTHER_ENDINGS: [(&str, &str); 5] = [
     ("png", "picture of an attractor (a coefficient table)"),
     ("ifs", "coefficients of tables and trees, Fractint's columns"),
@@ -40,7 +40,7 @@ const OTHER_ENDINGS: [(&str, &str); 5] = [
     ("txt", "string that a grammar derives, as cpfg prints it"),
 ];
 
-/// What the ending of a file name asks for.
+/// Content and format of a file, as the ending of its name chooses them.
 #[derive(Debug, Clone, Copy)]
 pub enum SingleFileFormat {
     /// The geometry of a scene in one of the registered formats.
@@ -75,12 +75,12 @@ impl SingleFileFormat {
     }
 }
 
-/// Endings that [`grow`] writes, without the dot, with what they are; in the order of `osier list formats`.
+/// Endings that [`grow`] writes, without the dot, with their descriptions; in the order of `osier list formats`.
 pub fn endings() -> impl Iterator<Item = (&'static str, &'static str)> {
     registry::endings().chain(OTHER_ENDINGS)
 }
 
-/// Warnings of a file that was written.
+/// Warnings of a file that [`grow`] has written.
 #[derive(Debug, Default)]
 pub struct GrownFile {
     /// Warnings of the scene: grammars, growth, coefficient tables.
@@ -126,11 +126,11 @@ pub fn grow(
     };
     let grown = match format {
         SingleFileFormat::Scene(format) => {
-            // With a clip of one frame no motion is simulated beyond the frame that is written.
+            // With a clip of one frame, no motion is simulated beyond it.
             let clip = Clip { end: recipe.clip.start, ..recipe.clip };
             let still = Recipe { clip, ..recipe.clone() };
             let scene = StillScene::assemble(&still, context)?;
-            // Checked before the folder receives anything.
+            // The limits are checked before anything is written into the folder.
             scene.estimate(format, profile)?.check_limits(context.limits)?;
             let warnings = scene.write(name, folder, profile, context)?;
             GrownFile { report: scene.into_report(), warnings }

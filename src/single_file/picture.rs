@@ -16,7 +16,7 @@ use osier_scene::{Image, ImageKind, Pixels};
 /// File format of a picture, with the values that it stores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PictureEncoding {
-    /// Tone-mapped sRGB with 8 or 16 bits per channel, as `[picture] bits` says.
+    /// Tone-mapped sRGB with 8 or 16 bits per channel, by the key `picture.bits`.
     Png,
     /// Densities as linear 32-bit floats; mean colours in a second file `NAME.color.exr`.
     Exr,
@@ -48,7 +48,7 @@ pub fn write_picture(
         PictureEncoding::Png => {
             let (density, tone, flat) = attractor::ifs_density(cloud, recipe, context)?;
             let samples = tone_mapped(&density, &tone, flat);
-            // A background makes every pixel opaque, so no alpha channel is needed.
+            // With a background every pixel is opaque, so that no alpha channel is needed.
             let channels = if tone.background.is_some() { 3 } else { 4 };
             let image = quantised(density.width, density.height, channels, &samples, recipe.picture.bits)?;
             folder.write(name, "png", &textures::png(&image)?)
@@ -69,7 +69,7 @@ fn write_density(
     let comment = json!({ "map": "density", "ifs": cloud.system.name, "seed": recipe.general.seed.to_string(), "scene": recipe.hash });
     let (width, height) = (density.width, density.height);
     folder.write(name, "exr.density", &exr::floats(width, height, 1, &density.value, &comment.to_string())?)?;
-    // The density is one channel; colours have a file of their own.
+    // The density has one channel; colours go into a second file.
     if !density.color.is_empty() {
         let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
         let samples: Vec<f32> = density.color.iter().flatten().copied().collect();
@@ -79,7 +79,7 @@ fn write_density(
     Ok(())
 }
 
-/// A composed canvas as an image of 8 or 16 bits per channel, without alpha where every pixel is opaque.
+/// Converts a composed canvas to an image of 8 or 16 bits per channel, without alpha if every pixel is opaque.
 /// # Errors
 /// `TooMany` for a side beyond 32 bits.
 pub fn canvas_image(canvas: &layered_picture::LayerCanvas, recipe: &Recipe) -> Result<Image> {
@@ -88,7 +88,7 @@ pub fn canvas_image(canvas: &layered_picture::LayerCanvas, recipe: &Recipe) -> R
     quantised(canvas.width, canvas.height, channels, &samples, recipe.picture.bits)
 }
 
-/// An image of samples in 0 to 1, rows from the top, rounded to the nearest of `bits` per channel.
+/// Converts samples 0 to 1, rows from the top, to an image with `bits` (8 or 16) per channel, rounded to nearest.
 fn quantised(width: usize, height: usize, channels: u8, samples: &[f32], bits: u32) -> Result<Image> {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 16 bits before the cast")]
     // Half a step is added for rounding to nearest; the cast truncates.

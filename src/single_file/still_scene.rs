@@ -1,4 +1,4 @@
-//! A scene at its first frame, from assembly to a file.
+//! Assembly, estimate and writing of a still scene as one file.
 
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ impl<'r> StillScene<'r> {
         Ok(Self { recipe, assembled: assemble_for_estimate(recipe, SceneOptions { ground: false }, context)? })
     }
 
-    /// Warnings of grammars and growth.
+    /// Warnings of grammars, growth and wind, without those of the recipe.
     pub fn report(&self) -> &Report {
         &self.assembled.report
     }
@@ -48,7 +48,7 @@ impl<'r> StillScene<'r> {
         self.assembled.report
     }
 
-    /// What a file of a format will hold, and the memory that writing it takes.
+    /// Predicts the contents of a file of a format, its size, and the memory for writing it.
     /// # Errors
     /// X030 if the file would hold nothing.
     pub fn estimate(&self, format: &'static FormatInfo, profile: Profile) -> Result<BakeEstimate> {

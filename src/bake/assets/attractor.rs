@@ -36,7 +36,8 @@ const SIZE_PER_POINT_WIDTH: f64 = 800.0;
 /// Largest share of escape tests that may fail: above it the system does not contract to an attractor.
 const MAX_ESCAPED_SHARE: f64 = 1e-3;
 
-/// The points of an attractor as an asset, before it is added to the scene.
+/// The still points of an attractor (those of frame 0) as an asset, with its material, place and morph, before it is added to
+/// the scene.
 struct AttractorAsset {
     asset: Asset,
     /// The asset's only material.
@@ -46,7 +47,8 @@ struct AttractorAsset {
     motion: Option<AttractorMorph>,
 }
 
-/// Adds the attractors of a recipe, each at the place that its keys give.
+/// Adds the attractors of a recipe, each at the place that its keys give; a morph moves the points only in clips of several
+/// frames.
 /// # Errors
 /// I023 if points escape, `Limit` beyond the points allowed, `Cancelled`.
 pub(crate) fn add_ifs_attractors(recipe: &Recipe, builder: &mut SceneBuilder, context: &BakeContext<'_>) -> Result<()> {
@@ -167,8 +169,8 @@ fn mean_color(cloud: &AttractorPoints) -> [f32; 3] {
     sum.map(|v| v / n)
 }
 
-/// Lower and upper corner of the part of an attractor that is shown, table units: all of it, or its quantile box if it is
-/// unbounded.
+/// Lower and upper corner, table units, of the part of an attractor that scales and fits refer to: its bounds, or the box of
+/// its quantiles if it is unbounded.
 pub(crate) fn trimmed_bounds(recipe: &AttractorRecipe) -> (DVec3, DVec3) {
     if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds }
 }
@@ -186,8 +188,8 @@ pub(crate) fn check_escapes(recipe: &AttractorRecipe, escapes: Escapes) -> Resul
     Err(Error::input("I023", reason))
 }
 
-/// Draws an attractor into a histogram of densities and colours; returned with the tone mapping of the keys and the colour of
-/// pictures by density alone.
+/// Draws an attractor into a histogram and estimates its densities and colours from it. Also returns the tone mapping of the
+/// keys and the linear colour of pixels where points are coloured by density only.
 /// # Errors
 /// I050 beyond the memory allowed, I023 if points escape, `Limit`, `Cancelled`.
 pub fn ifs_density(

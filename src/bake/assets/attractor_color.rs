@@ -3,7 +3,8 @@
 use crate::recipe::scene::ColorBy;
 use osier_ifs::color::ColorMode;
 
-/// The color mode of a scene's word. `prefix`: letters of the address that `word` looks at.
+/// The colour mode that the key `color_by` names. `prefix`: number of leading letters of an address that the mode `word`
+/// compares.
 pub(crate) fn color_mode(by: ColorBy, prefix: u32) -> ColorMode {
     match by {
         ColorBy::Map => ColorMode::Map,

@@ -24,8 +24,8 @@ const VARIANTS: u32 = 3;
 /// Pixels along a side of the atlas that all billboards of a plant share.
 const ATLAS_SIDE: u32 = 1024;
 
-/// Grows the subtrees that stand for a tree's small branches, renders them to crossed billboards, and adds their material. `set` holds
-/// the plant's other materials already; `name`: of the billboards' organ.
+/// Grows the subtrees that replace a tree's small branches, renders them to crossed billboards, and adds the material of these
+/// to `set`, which holds the plant's other materials already. `name`: name of the organ that the billboards form.
 /// # Errors
 /// `Input` for a table without attractor, `Limit`, `Cancelled`.
 pub fn build_billboards(
@@ -83,7 +83,8 @@ pub fn build_billboards(
     })
 }
 
-/// Bark and leaves of one subtree, m, on materials of the plant.
+/// Mesh of bark and leaves of one subtree, m, with the plant's material indices. `individual`: identity and seed of the
+/// variant.
 fn subtree_mesh(
     stems: &TreeSystem,
     plant: &PlantRecipe,

@@ -37,12 +37,12 @@ pub fn skin_branchlets(
     context.limits.check("vertices", points, "the number of vertices of the twigs of a tree")
 }
 
-/// Skin of a branch, which has neither root flare nor a buried foot.
+/// Skin options of a plant without root flare and buried foot, for meshes of single branches.
 pub(crate) fn branch_skin_options(recipe: &PlantRecipe, tile: f32, context: &BakeContext<'_>) -> SkinOptions {
     SkinOptions { flare: 0.0, bury: 0.0, ..skin_options(&recipe.skin, tile, context) }
 }
 
-/// The mesh of a branchlet; a mirrored one is reflected in z, with its triangles turned round.
+/// The mesh of a branchlet; a mirrored one is reflected in z, and the winding of its triangles is reversed.
 fn oriented_branchlet_mesh(twig: &Branchlet, options: &SkinOptions) -> Result<Mesh> {
     let mut all = branchlet_mesh(&twig.plant, options)?;
     if twig.mirrored {
@@ -52,7 +52,7 @@ fn oriented_branchlet_mesh(twig: &Branchlet, options: &SkinOptions) -> Result<Me
     Ok(all)
 }
 
-/// Wood, then the leaves prototype by prototype, so that each material covers one range of triangles.
+/// Merges wood and leaves into one mesh, the leaves sorted by prototype, so that each material covers one range of triangles.
 pub(crate) fn branchlet_mesh(plant: &Plant, options: &SkinOptions) -> Result<Mesh> {
     let mut all = skin(plant, options)?.mesh;
     for (k, proto) in plant.protos.iter().enumerate() {
@@ -68,7 +68,7 @@ pub(crate) fn branchlet_mesh(plant: &Plant, options: &SkinOptions) -> Result<Mes
     Ok(all)
 }
 
-/// Appends a mesh; where only one of both has coordinates or colours, the other gets plain ones.
+/// Appends a mesh. If only one of the two has texture coordinates or vertex colours, the other gets zeros or white.
 fn append_mesh(all: &mut Mesh, mut other: Mesh) {
     let has_uvs = !(all.uvs.is_empty() && other.uvs.is_empty());
     let has_colors = !(all.colors.is_empty() && other.colors.is_empty());

@@ -26,7 +26,7 @@ const FIRST_BILLBOARD: u32 = 2;
 /// The first level of detail that shows billboards instead of hairs.
 const FIRST_BILLBOARD_LOD: u32 = 4;
 
-/// Levels of detail that catkins are made in.
+/// The level of detail that instances show, and the other levels written beside it, without repetition.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CatkinLods {
     shown: u32,
@@ -34,12 +34,12 @@ pub struct CatkinLods {
 }
 
 impl CatkinLods {
-    /// The levels that the keys ask for.
+    /// The levels of the keys `lod` and `lods`.
     pub fn from_keys(keys: &CatkinKeys) -> Self {
         Self { shown: keys.lod, others: keys.lods.iter().copied().filter(|l| *l != keys.lod).collect() }
     }
 
-    /// The levels with billboards, in the order of their materials.
+    /// The levels that need materials of billboards, in the order in which [`catkin_materials`] adds these.
     fn billboard_lods(&self) -> impl Iterator<Item = u32> {
         std::iter::once(&self.shown).chain(&self.others).copied().filter(|l| *l >= FIRST_BILLBOARD_LOD)
     }
@@ -52,16 +52,17 @@ pub struct CatkinModel {
     pub name: String,
     /// Radius of its bounding ball about the origin, m.
     pub radius: f32,
-    /// Lowest point, m, at most 0.
+    /// Lowest y of the tuft, m, at most 0.
     pub lowest: f32,
     index: u32,
-    /// How many models there are.
+    /// Number of models of the scene: the stride between the billboard materials of two levels.
     count: u32,
     tuft: Tuft,
 }
 
 impl CatkinModel {
-    /// What instances show: the level shown, and those beside it. `first`: index in the scene of the first of [`catkin_materials`].
+    /// The prototype of instances: the level shown, and the other levels as its alternatives. `first`: index in the scene of
+    /// the first of [`catkin_materials`].
     pub fn prototype(&self, levels: &CatkinLods, first: u32) -> Prototype {
         // A single level is not named: its prototype is the catkin.
         let mut proto = self.level_prototype(levels.shown, levels, first);
@@ -80,7 +81,7 @@ impl CatkinModel {
             2 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Ribbons)),
             3 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Thinned)),
             _ => {
-                // Materials of billboards lie level by level, in each by model.
+                // Materials of billboards are ordered by level, and within a level by model.
                 let before = (0..).zip(levels.billboard_lods()).find(|(_, l)| *l == lod).map_or(0, |(i, _)| i);
                 Prototype::new(
                     &self.name,
@@ -97,12 +98,12 @@ impl CatkinModel {
         proto
     }
 
-    /// Mesh and material of the billboards of a level.
+    /// Renders the tuft to billboards: three crossed ones at level 4, one at level 5.
     fn billboards(&self, lod: u32) -> (Mesh, SurfaceMaterial) {
         self.tuft.billboards(&format!("catkin_{}", self.name), lod == 4)
     }
 
-    /// Hairs and stalk at full detail.
+    /// Hairs and stalk at full detail; flights read the points of the hairs to lower deposited catkins onto their surface.
     pub fn tuft(&self) -> &Tuft {
         &self.tuft
     }
@@ -131,7 +132,7 @@ pub fn catkin_materials(models: &[CatkinModel], levels: &CatkinLods) -> Result<M
     Ok(look)
 }
 
-/// Grammar of one variant: eq. 1 and 2 of \[catkin\] with the angles of the keys, degrees.
+/// Text of the grammar of one variant: eq. 1 and 2 of \[catkin\] with the angles of the keys, degrees.
 fn variant_grammar_text(keys: &CatkinKeys, variant: usize) -> String {
     let (tilt, turn) = VARIANTS[variant % VARIANTS.len()];
     let (tilt, turn) = (keys.fluffiness.map_or(tilt, degrees), keys.bend.map_or(turn, degrees));
@@ -161,7 +162,7 @@ fn variant_grammar_text(keys: &CatkinKeys, variant: usize) -> String {
 pub fn grow_skeleton(keys: &CatkinKeys, variant: usize, seed: u64, context: &BakeContext<'_>) -> Result<Plant> {
     context.cancel.check()?;
     let text = variant_grammar_text(keys, variant);
-    // The text is whole: it includes no file.
+    // The generated text has no `#include`; a request for a file would be an error.
     let mut none =
         |reference: &str, _: &str| Err(osier_base::Error::io("open", reference, std::io::ErrorKind::NotFound.into()));
     let source = GrammarSource {

@@ -14,14 +14,14 @@ use osier_base::rng::{mix64, word};
 use osier_plants::surface::ground::{Ground, GroundColors, ground_material};
 use osier_scene::{Asset, AssetKind, Mesh, MeshMotion, MeshObject, Trs};
 
-/// A ground's shape, in its own space, and where in the world its centre lies.
+/// A wavy ground disc and where it lies in the world.
 pub(crate) struct PlacedGround {
     pub(crate) shape: Ground,
     /// World position of the disc's centre at height 0, m.
     pub(crate) center: Vec3,
 }
 
-/// Shape of the ground that the keys describe, around the origin of its own space.
+/// Shape of the ground that the keys describe, centred at the origin of its asset space; the scene's seed chooses its waves.
 pub(crate) fn ground_shape(keys: &GroundKeys, seed: u64) -> Ground {
     Ground {
         radius: narrow(keys.size * 0.5),
@@ -33,13 +33,14 @@ pub(crate) fn ground_shape(keys: &GroundKeys, seed: u64) -> Ground {
     }
 }
 
-/// Material and images of that ground. `horizon`: linear colour of the sky at the horizon, into which the far ground fades.
+/// Painted material and images of a ground. `horizon`: linear colour of the sky at the horizon, into which the far ground
+/// fades.
 /// # Errors
 /// `Range` for a value that the painter of the ground refuses.
 pub(crate) fn ground_materials(shape: &Ground, keys: &GroundKeys, horizon: [f32; 3]) -> Result<MaterialSet> {
     let defaults = GroundColors::default();
     let scaled = |c: [f32; 3], k: f32| c.map(|v| v * k);
-    // The sun lights the haze as it lights the ground: at the sky's own brightness the haze would outshine the sky.
+    // The haze is lit by the sun like the ground: with the full brightness of the sky it would be brighter than the sky.
     let haze = (scaled(horizon, 0.7), if shape.is_one_repeat() { narrow(keys.haze) } else { 0.0 });
     let colors = GroundColors {
         haze,
@@ -66,7 +67,7 @@ pub(crate) fn place_on_ground(recipe: &Recipe, layout: &mut PlantLayout) -> Plac
     PlacedGround { shape, center }
 }
 
-/// Adds the ground's asset. `materials` and `mesh`: made earlier, while the plants grew.
+/// Adds the ground's asset, centred at `center` (world, m). `materials` and `mesh` were made earlier, while the plants grew.
 /// # Errors
 /// `TooMany` beyond 2^32 materials or images.
 pub(crate) fn add_ground(

@@ -1,4 +1,4 @@
-//! Leaves that coefficient tables draw.
+//! Leaves and bark grains drawn from IFS coefficient tables.
 
 use std::sync::Arc;
 
@@ -65,14 +65,15 @@ pub fn build_ifs_leaf(
     Ok(OrganSpec { name: name.to_owned(), meshes, size: size + petiole, petiole: 0.0 })
 }
 
-/// What decides the leaf that a table draws for an organ, as a hash; `None` for an organ of another kind.
+/// Hash of everything that determines the leaf drawn from a table; `None` for an organ that is imported or has no table.
 pub fn drawn_leaf_hash(recipe: &OrganRecipe) -> Option<String> {
     let table = recipe.ifs.as_deref().filter(|_| recipe.mesh.is_none())?;
     let (spec, colors) = drawn_leaf_spec(&recipe.keys);
     Some(leaf::hash(table, &spec, &colors))
 }
 
-/// Resolution and outline tolerance of a drawn leaf, and its colours.
+/// Resolution, outline tolerance and colours of a drawn leaf; the colours that the keys leave out are derived from the given
+/// ones.
 fn drawn_leaf_spec(keys: &OrganKeys) -> (LeafSpec, LeafColors) {
     let spec = LeafSpec {
         side: (keys.side as usize).max(64),
@@ -92,7 +93,7 @@ fn drawn_leaf_spec(keys: &OrganKeys) -> (LeafSpec, LeafColors) {
         (None, None) => own,
         (centre, second) => {
             let centre = centre.unwrap_or(own.centre);
-            // From the middle of the blade to its margin colours brighten.
+            // Colours brighten from the middle of the blade to its margin. Own: factors by eye.
             let lighter = |k: f32| centre.map(|v| (v * k).min(1.0));
             LeafColors { centre, edge: lighter(1.5), tip: lighter(1.7), vein: second.unwrap_or(lighter(2.6)) }
         }
@@ -100,7 +101,7 @@ fn drawn_leaf_spec(keys: &OrganKeys) -> (LeafSpec, LeafColors) {
     (spec, colors)
 }
 
-/// The density of a table as the grain of a bark whose maps have `side` pixels.
+/// The point density of a table's attractor, tiled, as the grain of a bark whose maps have `side` pixels along a side.
 /// # Errors
 /// `Input` for a system without attractor (I023).
 pub fn bark_grain(table: &Ifs, side: u32) -> Result<BarkGrain> {

@@ -9,7 +9,7 @@ use crate::recipe::scene::{BranchRadii, IfsTreeKeys, set_letters};
 use osier_ifs::stems::TreeSystem;
 use osier_plants::grow::ifs;
 
-/// Options of an IFS tree from the keys of `[plants.NAME.tree]`.
+/// Options of an IFS tree from the keys of `[plants.NAME.tree]` and from the organs and materials in `set`.
 pub(crate) fn ifs_tree_options(
     recipe: &PlantRecipe,
     stems: &TreeSystem,

@@ -24,9 +24,9 @@ const BYTES_PER_PIXEL: u64 = 96;
 /// A picture in sRGB with straight alpha, 0..1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerCanvas {
-    /// Width of the picture, pixels.
+    /// Pixels per row.
     pub width: usize,
-    /// Height of the picture, pixels.
+    /// Number of rows; `pixels` has `width * height` elements.
     pub height: usize,
     /// Row by row from the top.
     pub pixels: Vec<[f32; 4]>,
@@ -76,12 +76,12 @@ pub fn compose(scene: &Recipe, context: &BakeContext<'_>) -> Result<LayerCanvas>
 }
 
 impl LayerCanvas {
-    /// Whether every pixel is opaque.
+    /// Whether every pixel has full alpha, so that the picture can be written without an alpha channel.
     pub fn is_opaque(&self) -> bool {
         self.pixels.iter().all(|p| p[3] >= 1.0)
     }
 
-    /// Blends a layer over the canvas, clipped to it.
+    /// Blends a layer over the canvas; its pixels beyond the canvas are skipped.
     fn composite_layer(&mut self, bitmap: &LayerBitmap, opacity: f32) {
         let p = bitmap.rect;
         for v in 0..p.height {
@@ -107,12 +107,14 @@ fn blend_over(under: [f32; 4], color: [f32; 3], alpha: f32) -> [f32; 4] {
     if total <= 0.0 {
         return [0.0; 4];
     }
+    // With straight alpha, colours mix by the upper layer's share of the resulting alpha.
     let t = alpha / total;
     let mix = |k: usize| lerp(under[k], color[k], t);
     [mix(0), mix(1), mix(2), total]
 }
 
-/// The rectangle of a layer of `size` (width, height in pixels), whose foot's centre its key `at` gives as a share of the canvas.
+/// The rectangle of a layer of `size` (width, height in pixels). The key `at` places the centre of its lower edge, in shares of
+/// the canvas.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares of a picture, at most ten times it")]
 fn rect_on_canvas(layer: &LayerRecipe, canvas: (usize, usize), [wide, high]: [f64; 2]) -> PixelRect {
     let (w, h) = (canvas.0 as f64, canvas.1 as f64);
@@ -150,12 +152,12 @@ fn attractor_layer(
     let (w, h) = (canvas.0 as f64, canvas.1 as f64);
     let size = match (keys.width, keys.height) {
         (Some(x), Some(y)) => [x * w, y * h],
-        // With one side given the other follows from the attractor's own proportions.
+        // If one side is given, the other follows from the proportions of the attractor.
         (Some(x), None) => [x * w, x * w * natural.y / natural.x],
         (None, y) => [y.unwrap_or(1.0) * h * natural.x / natural.y, y.unwrap_or(1.0) * h],
     };
     let max_side = 10.0 * w.max(h);
-    // A layer beyond ten times the canvas shows nothing more, and would take its memory.
+    // Larger layers would add nothing to the canvas but would need memory for all their pixels.
     let rect = rect_on_canvas(layer, canvas, size.map(|v| v.min(max_side)));
     let pixels = rect.width as u64 * rect.height as u64;
     if pixels.saturating_mul(BYTES_PER_PIXEL) > MAX_HISTOGRAM_BYTES {

@@ -1,4 +1,4 @@
-//! The materials, pictures and organs of one asset, which its builders fill.
+//! The materials, images and organs of one asset, which its builders add to step by step.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -27,13 +27,13 @@ pub struct MaterialSet {
     pub cards: Option<SubtreeBillboards>,
     /// Index of the material of dead wood; `None` for plants without any.
     pub dead: Option<u16>,
-    /// Leaves in the colours of a season, for plants that show one.
+    /// Materials of leaves in the colours of a season; `None` for plants without the key `season`.
     pub season: Option<SeasonMaterials>,
-    /// Materials by the colour indices that the turtle has drawn axes with.
+    /// Materials by the colour indices that the turtle has given axes, filled after growth.
     pub paints: BTreeMap<u8, u16>,
-    /// Materials of the view's textures by number.
+    /// Indices in `materials` of the textures of a view file, by their number there.
     pub textures: BTreeMap<u32, u32>,
-    /// Skeleton, wood and leaves that were found in the mesh of a whole plant.
+    /// Skeleton, wood and leaves extracted from an imported mesh of a whole plant; `None` for plants of other sources.
     pub tree: Option<Arc<MeshPlant>>,
 }
 
@@ -52,7 +52,7 @@ impl MaterialSet {
     }
 }
 
-/// Where one plant's materials are in the scene, and what all of its individuals share of them.
+/// Position of one plant's materials in the scene, and the properties of materials that all individuals of the plant share.
 #[derive(Debug, Clone, Default)]
 pub struct PlantMaterials {
     /// Index in the scene of the plant's material 0.
@@ -61,7 +61,7 @@ pub struct PlantMaterials {
     pub tile: f32,
     /// Names of the organs, parallel to the recipe's; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
     pub organ_names: Vec<String>,
-    /// Materials of the plant by the colour indices that its axes wear.
+    /// Materials of the plant by the colour indices that the turtle has given its axes.
     pub paints: BTreeMap<u8, u16>,
     /// Whether the bark carries the attributes by which shaders sway it, for copies that a format shows without a skeleton.
     pub shader_wind: bool,

@@ -1,4 +1,4 @@
-//! Builders of assets: one file for each kind of thing that a scene may hold.
+//! Builders of assets, with one module per kind of asset or step of building it.
 
 pub mod attractor;
 pub(crate) mod attractor_color;

@@ -25,7 +25,7 @@ const GROUND_SAMPLES: u16 = 513;
 const WALL_COLOR: [f32; 3] = [0.48, 0.40, 0.29];
 const ROOF_COLOR: [f32; 3] = [0.20, 0.058, 0.034];
 
-/// The ground under a scene.
+/// The surface under a scene, above which wind blows and on which catkins land.
 pub enum GroundSurface<'a> {
     /// The plane y = 0, without a ground mesh.
     Level,
@@ -42,7 +42,8 @@ pub struct Obstacles<'a> {
 }
 
 impl<'a> Obstacles<'a> {
-    /// The obstacles of a recipe: no solids where neither a lattice wind nor a flight meets them, nothing where no wind blows either.
+    /// The obstacles of a recipe: without solids if neither a lattice wind nor a flight meets them, and empty if no wind blows
+    /// either.
     /// # Errors
     /// X010 for a mesh without triangles.
     pub fn from_recipe(recipe: &Recipe, surface: GroundSurface<'a>) -> Result<Self> {
@@ -51,7 +52,8 @@ impl<'a> Obstacles<'a> {
         if !meets_solids && !blows {
             return Ok(Self { solids: Vec::new(), surface: GroundSurface::Level, terrain: None });
         }
-        // A mesh is built into a hierarchy only where something meets it: an analytic wind passes through solids.
+        // Meshes become hierarchies of triangles only if a lattice wind or a flight meets them: an analytic wind passes through
+        // solids.
         let solids =
             recipe.solids.iter().filter(|_| meets_solids).map(|solid| {
                 Ok(Solid { name: solid.id.clone(), form: solid_form(solid)?, humidity: solid.keys.humidity })
@@ -63,7 +65,7 @@ impl<'a> Obstacles<'a> {
         Ok(Self { solids: solids.collect::<Result<_>>()?, surface, terrain })
     }
 
-    /// The land under the scene; `None` for a level one. `side`: as for [`Obstacles::solids_within`].
+    /// The land under the scene; `None` for a level ground. `side`: as for [`Obstacles::solids_within`].
     fn terrain_within(&self, side: f32) -> Option<Arc<LandForm>> {
         match self.surface {
             GroundSurface::Waves(ground, center) if ground.amplitude > 0.0 => {
@@ -73,7 +75,7 @@ impl<'a> Obstacles<'a> {
         }
     }
 
-    /// The land from which the heights of the wind count; `None` where it is level, or nearly so.
+    /// The land above which heights in the wind are measured; `None` if its heights differ by less than [`LEAST_HILL`].
     pub fn ground_heights_for_wind(&self, recipe: &Recipe) -> Option<Arc<LandForm>> {
         // The sampled square is centred on the origin: it must hold the ground's square wherever that lies.
         let center = if let GroundSurface::Waves(_, center) = self.surface { center.abs().max_element() } else { 0.0 };
@@ -82,7 +84,7 @@ impl<'a> Obstacles<'a> {
         (high - low >= LEAST_HILL).then_some(land)
     }
 
-    /// All solids, the land last. `side`: of the square around the origin within which a wavy ground is sampled, m.
+    /// All solids, the land last. `side`: side of the square around the origin within which a wavy ground is sampled, m.
     pub fn solids_within(&self, side: f32) -> Solids {
         let land = self.terrain_within(side);
         let level = land.is_none();
@@ -92,8 +94,9 @@ impl<'a> Obstacles<'a> {
     }
 }
 
-/// Height, m, from the lowest to the highest point from which a ground has hills, over which the wind blows as over the plain. Own:
-/// the height below which the profile of the wind is constant; lower waves are within its roughness.
+/// Smallest difference, m, between the highest and the lowest point of a ground above which heights in the wind count from the
+/// ground instead of from y = 0. Own: the height below which the wind profile is constant; lower waves lie within its
+/// roughness.
 const LEAST_HILL: f32 = 0.5;
 
 /// Whether a recipe has a clip with a lattice wind: the only wind that flows around solids.
@@ -131,7 +134,8 @@ fn solid_prism(solid: &SolidRecipe) -> Prism {
     }
 }
 
-/// Adds the meshes of the obstacles that are shown, each once.
+/// Adds one asset per obstacle with the key `show`; obstacles are in world space already, so that they are placed by the
+/// identity.
 /// # Errors
 /// `TooMany` beyond 2^32 materials or images.
 pub(crate) fn add_obstacles(recipe: &Recipe, builder: &mut SceneBuilder) -> Result<()> {
@@ -163,7 +167,8 @@ fn obstacle_materials(solid: &SolidRecipe) -> MaterialSet {
     set
 }
 
-/// The faces of all obstacles in world space at which rain ends, shown or not; their materials are not those of the scene.
+/// The faces of all obstacles, visible or not, in world space, at which rain ends; their material indices are not those of the
+/// scene.
 pub(crate) fn rain_faces(recipe: &Recipe) -> Vec<Mesh> {
     // The slabs of a roof leave a slit at the ridge; the prism under them is closed.
     let prisms = recipe.solids.iter().filter(|solid| solid.mesh.is_none()).map(|solid| prism_mesh(&solid_prism(solid)));

@@ -37,7 +37,7 @@ use osier_scene::plant::Plant;
 /// An individual after growth, before meshes and materials are made of it.
 #[derive(Debug)]
 pub struct GrownPlant {
-    /// Axes, nodes and organs.
+    /// Axes, nodes and organs, in plant space, with the leaves of its season.
     pub plant: Plant,
     /// Warnings of derivation and turtle.
     pub report: Report,
@@ -45,16 +45,16 @@ pub struct GrownPlant {
     pub modules: u64,
     /// The imported mesh that the skeleton was extracted from, and that is its bark; `None` for other plants.
     pub imported: Option<Arc<MeshPlant>>,
-    /// How a tree looks at the ages that a clip of its growth shows, if it was recorded for one.
+    /// The tree at the ages that a clip of its growth shows; `None` without such a clip.
     pub clip: Option<Arc<GrowthClip>>,
-    /// The organ that stands for each segment where the plant is shown by its segments; `None`: prisms.
+    /// The organ that replaces each segment where the plant is shown by its segments; `None`: prisms.
     pub segment: Option<OrganSpec>,
     /// How its leaves change over the clip; `None` for leaves that stay.
     pub season: Option<SeasonClip>,
 }
 
-/// Grows one individual with the organs of its plant's materials, fills it with twigs where its recipe asks for them, and shows it at
-/// its season.
+/// Grows one individual with the organs of its plant's materials, adds twigs if its recipe has a fill, and gives its leaves
+/// their season.
 /// # Errors
 /// `Input` with the faults of derivation or turtle, `Limit`, `Cancelled`.
 pub fn grow_plant(
@@ -65,7 +65,7 @@ pub fn grow_plant(
     context: &BakeContext<'_>,
 ) -> Result<GrownPlant> {
     let mut grown = grow_from_source(recipe, individual, set, site, context)?;
-    // Twigs before the season: their leaves are coloured and fall as all others.
+    // Twigs precede the season, so that their leaves turn and fall like all others.
     fill_with_twigs(&mut grown.plant, recipe, set, site)?.into_iter().for_each(|d| grown.report.push(d));
     grown.show_season(recipe, individual, set, site.frames)?;
     grown.segment = recipe.skin.segment.chars().next().and_then(|letter| set.organs.get(&letter)).cloned();
@@ -83,7 +83,8 @@ impl GrownPlant {
     ) -> Result<()> {
         // `frames` counts intervals: 0 for a still picture, whose season is that of its only frame.
         let changes = frames > 0.0 && recipe.keys.season.is_some_and(|s| s.changes());
-        // A crown that has lost leaves is lighter. Leaves that change have the occlusion of summer.
+        // A fixed season is applied before the crown attributes, since a crown that has lost leaves is lighter. Leaves that
+        // change over the clip keep the occlusion of summer.
         if !changes {
             show_season(&mut self.plant, recipe, individual, set)?;
         }
@@ -100,7 +101,7 @@ impl GrownPlant {
 }
 
 impl GrownPlant {
-    /// The plant as the first frame shows it, for formats without frames; `None` if it is that already.
+    /// The plant as the first frame shows it, for formats without frames; `None` if `self` is that plant already.
     pub(crate) fn at_first_frame(&self) -> Option<Self> {
         // A plant that stays the same needs no copy.
         let first = self.season.as_ref()?.first.clone();
@@ -117,7 +118,7 @@ impl GrownPlant {
     }
 }
 
-/// Grows one individual by its grammar, table, particle-shapes or mesh.
+/// Grows one individual by its grammar, table, particle-shapes, species or mesh; without twigs of a fill and without season.
 fn grow_from_source(
     recipe: &PlantRecipe,
     individual: &Individual,
@@ -162,7 +163,7 @@ fn grow_from_source(
             });
         }
         Growth::Species(_) => {
-            // Trees of years are grown before all other plants, since those that stand together shade each other.
+            // Species are grown before all other plants, since trees that stand together shade each other.
             let tree = site.tree.ok_or_else(|| Error::input("S005", "a species without its tree"))?;
             let (plant, clip, warnings) = match species_clip(tree, recipe, set, site.frames, context.limits)? {
                 Some(clip) => (clip.plant.clone(), Some(Arc::new(clip)), death_warning(&tree.tree, recipe)),
@@ -192,7 +193,7 @@ fn grow_from_source(
     };
     // Derivation of the grammar's string, then its interpretation by the turtle.
     let derived = derive_individual(recipe, grammar, individual, set, context)?;
-    // Both halves may take long; neither is interrupted within.
+    // Neither derivation nor interpretation checks for cancellation within.
     context.cancel.check()?;
     let mut report = Report { sources: grammar.sources().clone(), output: derived.output.clone(), ..Report::default() };
     let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
@@ -239,7 +240,7 @@ fn derive_options(recipe: &PlantRecipe, individual: &Individual) -> DeriveOption
     }
 }
 
-/// The grammar itself gives colours to indices.
+/// Whether the grammar itself assigns colours to colour indices.
 fn has_palette(recipe: &PlantRecipe) -> bool {
     matches!(&recipe.growth, Growth::Grammar(grammar) if !grammar.palette().is_empty())
 }
@@ -313,7 +314,8 @@ fn radius_model(recipe: &PlantRecipe) -> RadiusModel {
             let of_view = view.map(|v| v.line.unwrap_or(ViewLine::Pixel) == ViewLine::Pixel);
             let line = recipe.turtle.line.map(|l| l == LineStyle::Pixel);
             let pixels = view.and_then(|v| v.width_in_pixels).filter(|_| line.is_none());
-            // The scene's own line style comes first, then what the view says of its width, then the view's style, which is pixels in cpfg.
+            // The scene's line style has precedence, then the view's statement on its width, then the view's line style, which
+            // in cpfg is pixels.
             // A width given by the scene is in units of the turtle.
             match pixels.or(line).or(of_view).filter(|_| recipe.turtle.width.is_none()) {
                 Some(true) => RadiusModel::Pixels,

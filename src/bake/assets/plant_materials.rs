@@ -35,23 +35,23 @@ const IMPORTED_TRANSLUCENCY: f32 = 0.3;
 
 /// Length of a piece of a conifer's shoot, m, and the diameter of its needles as a share of that.
 const NEEDLE_SHOOT: [f64; 2] = [0.12, 0.3];
-/// Needles of such a piece and its twigs, and the angle of each to the shoot, rad: a spruce's, thinned out and widened to the same
-/// area.
+/// Number of needles of such a piece and its twigs, angle of each needle to the shoot, rad, and width, m: a spruce's, with
+/// fewer and wider needles of the same total area.
 const NEEDLES: u32 = 180;
 const NEEDLE_ANGLE: f64 = 0.95;
 const NEEDLE_WIDTH: f32 = 0.003;
 /// Linear colour and roughness of needles.
 const NEEDLE_COLOR: [f32; 3] = [0.028, 0.075, 0.022];
 const NEEDLE_ROUGHNESS: f32 = 0.5;
-/// Needles are thick: they let through this share of what a blade with the same key would.
+/// Translucency of needles, which are thick, as a share of that of a blade with the same key.
 const NEEDLE_TRANSLUCENCY: f32 = 0.3;
 
-/// Greatest coordinate of a surface, in its own units.
+/// Greatest coordinate of a surface, in the units of its file, beyond which it is not drawn.
 const MAX_EXTENT: f32 = 1e9;
-/// Linear colour of the bark of plants that wear the colours of a file.
+/// Linear colour of the bark of plants coloured by a colour file: none of their axes shows it.
 const PLAIN_BARK: [f32; 3] = [0.2, 0.12, 0.06];
 
-/// Roughness of surfaces with a picture of a view, which says nothing about it. Own: as of leaves.
+/// Roughness of surfaces with a texture of a view file, which does not give it. Own: as of leaves.
 const SURFACE_ROUGHNESS: f32 = 0.5;
 
 /// Linear colour of dead wood: silvery grey.
@@ -60,7 +60,8 @@ const DEAD_WOOD: [f32; 3] = [0.22, 0.20, 0.18];
 /// Translucency of blades of grass. Own: as of broad leaves; blades are thinner, but with closer veins.
 const GRASS_TRANSLUCENCY: f32 = 0.3;
 
-/// All materials, images and organs of one plant.
+/// Makes all materials, images and organs of one plant, except the colours of its season and of the turtle, which follow its
+/// growth.
 /// # Errors
 /// `Range` for blades and maps outside their ranges, `Input` for a table without attractor, `Cancelled`.
 pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>) -> Result<MaterialSet> {
@@ -77,7 +78,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
             set.add(catkin::hair_material(&name), Vec::new())?;
             continue;
         }
-        // Whatever such a grammar draws wears a colour of its file: bark without pictures takes its place in the list.
+        // Everything that such a grammar draws has a colour of its file: a bark without images keeps the material's index.
         if plant.companions.colors.is_some() {
             set.add(Material::plain(name, MaterialClass::Bark, PLAIN_BARK, SURFACE_ROUGHNESS), Vec::new())?;
             continue;
@@ -89,7 +90,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         }
         set.add(surface.material, surface.images)?;
     }
-    // Before the organs, whose surfaces may wear them.
+    // Textures come before the organs, whose surfaces may refer to them.
     for (number, picture) in &plant.companions.textures {
         let name = format!("{}_texture_{number}", plant.id);
         let id = add_texture(&mut set, picture, &name)?;
@@ -142,7 +143,7 @@ fn turn_into_grass_material(material: &mut Material) {
     material.translucency = GRASS_TRANSLUCENCY;
 }
 
-/// Names of a plant's organs, parallel to them.
+/// Unique names of a plant's organs, parallel to them: `leaf`, `card` or `organ_` and the letter, with a number if taken.
 pub(crate) fn organ_names(plant: &PlantRecipe) -> Vec<String> {
     let mut names = Names::default();
     let name = |o: &OrganRecipe| match o.letter {
@@ -157,14 +158,14 @@ pub(crate) fn organ_names(plant: &PlantRecipe) -> Vec<String> {
 fn add_tuft_stalk(set: &mut MaterialSet, plant: &str) -> Result<()> {
     let id = set.add(catkin::stalk_material(&format!("{plant}_stalk")), Vec::new())?;
     let mesh = catkin::stalk(narrow(CatkinKeys::defaults().stalk_radius), (12, 8)).with_material(id);
-    // Nothing of it lies above its pivot, so that its size is not set by its length along +Y but is a factor.
+    // Its mesh has no extent along +Y from the pivot, so that `size` cannot be its length: it is a scale factor.
     let spec = OrganSpec { name: "stalk".into(), meshes: vec![Arc::new(mesh)], size: 1.0, petiole: 0.0 };
     set.organs.insert(STALK, spec);
     set.names.push("stalk".into());
     Ok(())
 }
 
-/// An imported plant with the materials of its file, and the skeleton that is extracted from its mesh.
+/// Materials of an imported plant's file, and the skeleton extracted from its mesh as `tree` of the set.
 fn mesh_plant_materials(
     plant: &PlantRecipe,
     import: &Imported,
@@ -197,12 +198,13 @@ fn mesh_plant_materials(
     Ok(set)
 }
 
-/// The material of leaves that have `material` in the file: two-sided, and translucent where the file sets no translucency. It
-/// replaces `material`, or is added beside it where the wood uses that too.
+/// Index of the material of leaves that have `material` in the file: two-sided, and translucent even if the file sets no
+/// translucency.
+/// It replaces `material`, or is added beside it if the wood uses that too.
 fn imported_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> Result<u32> {
     let Some(own) = set.materials.get_mut(to_usize(material)) else { return Ok(material) };
     let mut leaf = Material { class: MaterialClass::Leaf, double_sided: true, ..own.clone() };
-    // Few files say that their leaves let light through.
+    // Few files store the translucency of leaves.
     if leaf.translucency <= 0.0 {
         leaf.translucency = IMPORTED_TRANSLUCENCY;
     }
@@ -218,7 +220,7 @@ fn imported_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> 
 /// Adds the materials and images of an imported file under `prefix`; returns the index of the first material.
 fn add_imported_materials(set: &mut MaterialSet, import: &Imported, prefix: &str) -> Result<u32> {
     let first_material = index(set.materials.len(), "materials of a plant")?;
-    // Indices of the file count from its own first material and image.
+    // Indices of the file start at its first material and image.
     let first_image = index(set.images.len(), "images of a plant")?;
     let renamed = |own: &str| format!("{prefix}_{own}");
     set.images.extend(import.images.iter().map(|i| Image { name: renamed(&i.name), ..i.clone() }));
@@ -259,8 +261,8 @@ fn build_leaf_blades(
     let meshes = (0..u64::from(keys.variants))
         .map(|variant| Ok(Arc::new(leaf::compound_leaf(&shape, &compound, variant, detail)?.with_material(id))))
         .collect::<Result<Vec<_>>>()?;
-    // The organ's size is the length along +Y of mesh and petiole together, from the specification: a curled blade is shorter
-    // than it. Without its petiole the mesh gets the share of that length that is its own.
+    // The organ's size is the specified length of blade and petiole along +Y; a curled mesh is shorter. Without petiole, the
+    // size is the blade's share of that length.
     let (whole, stalk) = (f64::from(spec.length + spec.petiole_length), f64::from(spec.petiole_length));
     let longest = meshes.iter().fold(0.0_f32, |m, mesh| m.max(mesh.bounds().max.y));
     let share = whole / (f64::from(longest) + stalk);
@@ -268,8 +270,9 @@ fn build_leaf_blades(
     Ok(OrganSpec { name: name.to_owned(), meshes, size, petiole })
 }
 
-/// Pieces of a conifer's shoot with their needles, `keys.variants` of them. `size` is the length of the piece, `width` the diameter of
-/// its needles over that, `lobes` the number of needles; the wood of the pieces has the material of thin shoots.
+/// Pieces of a conifer's shoot with their needles, `keys.variants` of them. Of the keys, `size` is the length of a piece,
+/// `width` the diameter of its brush of needles as a part of that, `vein_angle` the angle of the needles, `petiole_radius` half
+/// their width. The wood of the pieces has the material of thin shoots.
 fn build_needle_shoots(
     set: &mut MaterialSet,
     recipe: &OrganRecipe,
@@ -303,7 +306,7 @@ fn build_needle_shoots(
         coarse: keys.detail == BladeDetail::Crown,
         seed: mix64(&[seed, word(plant), word(name)]),
     };
-    // Each variant draws its needles anew; subset 0 is needles, the other the wood of the shoot.
+    // Each variant has different random needles; subset 0 is the needles, the other the wood of the shoot.
     let meshes = (0..u64::from(keys.variants))
         .map(|variant| {
             let mut mesh = leaf::needle_shoot(&spec, variant)?;
@@ -322,7 +325,7 @@ pub(crate) fn petiole_radius(recipe: &OrganRecipe) -> Option<f64> {
     own.then(|| f64::from(leaf_blade_spec(&recipe.keys, 0).petiole_radius))
 }
 
-/// The parameters of the outline's species, overridden by the keys that are set.
+/// Parameters of a leaf blade: those of the species that the key `blade` names, overridden by the keys that are set.
 pub(crate) fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     let base = match keys.blade {
         BladeOutline::Lobed => BladeSpec::oak(),
@@ -369,7 +372,7 @@ pub(crate) fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     }
 }
 
-/// The colours of the outline's species, overridden by the keys that are set.
+/// Colours of a leaf blade: those of the species that the key `blade` names, overridden by the keys that are set.
 pub(crate) fn leaf_colors(keys: &OrganKeys) -> LeafColors {
     let own = match keys.blade {
         BladeOutline::Lobed => LeafColors::OAK,
@@ -390,7 +393,8 @@ pub(crate) fn leaf_colors(keys: &OrganKeys) -> LeafColors {
     }
 }
 
-/// An imported mesh as an organ, with the materials of its file.
+/// Adds an imported mesh as an organ with the materials of its file. Without the key `size` it keeps its height above the
+/// pivot, m.
 fn add_imported_organ(
     set: &mut MaterialSet,
     import: &Imported,
@@ -403,14 +407,14 @@ fn add_imported_organ(
     for s in &mut mesh.subsets {
         s.material += first_material;
     }
-    // Without a size the mesh keeps its own; one that lies in the plane y = 0 counts as 1 mm long.
+    // Without the key `size` a mesh keeps the size of its file; one that lies in the plane y = 0 counts as 1 mm long.
     let own = f64::from(mesh.bounds().max.y.max(1e-3));
     let size = recipe.keys.size.unwrap_or(own);
     let petiole = recipe.keys.petiole.unwrap_or(0.0);
     Ok(OrganSpec { name: name.to_owned(), meshes: vec![Arc::new(mesh)], size, petiole })
 }
 
-/// A surface of a companion file as an organ, in the turtle's colours, or with a picture of the view.
+/// Adds a surface of a companion file as an organ, in the turtle's colours, or with a texture of the view file.
 fn add_surface_organ(
     set: &mut MaterialSet,
     recipe: &OrganRecipe,
@@ -423,7 +427,7 @@ fn add_surface_organ(
         SurfaceForm::Patches(file) => patch_mesh(file, surface.quads, texture),
         SurfaceForm::Triangles(triangles) => triangle_mesh(triangles, texture),
     };
-    // A surface out of all proportion is none: the turtle tells that its letter draws nothing.
+    // A surface beyond all bounds gets no mesh: the turtle then warns that its letter draws nothing.
     let bounds = mesh.bounds();
     let drawable = bounds.max.is_finite()
         && bounds.min.is_finite()
@@ -438,7 +442,7 @@ fn add_surface_organ(
     Ok(OrganSpec { name: name.to_owned(), meshes, size, petiole })
 }
 
-/// Adds the material of a thin surface with a picture.
+/// Adds the two-sided material of a thin surface with a picture as its colour map; returns its index.
 fn add_texture(set: &mut MaterialSet, picture: &Image, name: &str) -> Result<u32> {
     let mut material = Material::plain(name.to_owned(), MaterialClass::Leaf, [0.5; 3], SURFACE_ROUGHNESS);
     material.double_sided = true;
@@ -446,7 +450,7 @@ fn add_texture(set: &mut MaterialSet, picture: &Image, name: &str) -> Result<u32
     set.add(material, vec![Image { name: format!("{name}_color"), ..picture.clone() }])
 }
 
-/// The parameters of the bark's kind, overridden by the keys that are set.
+/// Parameters of a bark: those of its kind, overridden by the keys that are set.
 fn bark_spec(keys: &BarkKeys, seed: u64) -> BarkSpec {
     let own = match keys.kind {
         BarkKind::Furrowed => BarkSpec::furrowed(),

@@ -42,7 +42,8 @@ pub(crate) fn choose_shader_wind(recipe: &Recipe, layout: &PlantLayout, material
     }
 }
 
-/// Builds the asset of a grown plant and, with a wind, its sway. `wind`: together with the transform of the plant's first copy.
+/// Builds the asset of a grown plant and, with a wind, its sway. `wind`: the wind and the world transform of the plant's first
+/// copy.
 /// # Errors
 /// `Limit` for the skin's vertices or the motion's keys, `Simulation`, `Cancelled`.
 pub fn build_plant_asset(
@@ -57,7 +58,7 @@ pub fn build_plant_asset(
     Ok((built.asset, built.sway))
 }
 
-/// The asset of a plant with what its parts are bound to.
+/// The asset of a plant, its sway, and the binding of its bark to the axes.
 pub(crate) struct BoundPlant {
     pub(crate) asset: Asset,
     pub(crate) sway: Option<SwayMotion>,
@@ -65,7 +66,7 @@ pub(crate) struct BoundPlant {
     pub(crate) bindings: Vec<(u32, f32)>,
 }
 
-/// As [`build_plant_asset`], with the bindings of the bark.
+/// As [`build_plant_asset`], and returns the bindings of the bark, by which motions of growth find its points.
 /// # Errors
 /// As [`build_plant_asset`].
 pub(crate) fn build_bound_plant(
@@ -164,14 +165,14 @@ pub(crate) fn bark_mesh(
     Ok((mesh, bindings))
 }
 
-/// Turns the plant's own material indices into the scene's.
+/// Adds `first` to all material indices, which turns indices of the plant into indices of the scene.
 fn offset_materials(mesh: &mut Mesh, first: u32) {
     for s in &mut mesh.subsets {
         s.material += first;
     }
 }
 
-/// The organ, as an index into the recipe's organs, that a prototype of the plant shows.
+/// Index into the recipe's organs of the organ that a prototype belongs to, by its name; `None` without such a prototype.
 pub(crate) fn organ_of_prototype(plant: &Plant, materials: &PlantMaterials, proto: usize) -> Option<usize> {
     let name = plant.protos.get(proto)?.name.as_str();
     // Variants of an organ's mesh are named after it: NAME, or NAME_ and digits.
@@ -179,11 +180,11 @@ pub(crate) fn organ_of_prototype(plant: &Plant, materials: &PlantMaterials, prot
         let rest = name.strip_prefix(organ.as_str());
         rest.is_some_and(|r| r.is_empty() || r.strip_prefix('_').is_some_and(|n| n.parse::<u32>().is_ok()))
     };
-    // An organ that the scene does not describe is shown with the first one's group.
+    // An organ that the scene does not describe joins the group of the first organ.
     Some(materials.organ_names.iter().position(is_variant_of).unwrap_or(0))
 }
 
-/// A plant's organs by the recipe's organ that they show, in the plant's order within each group.
+/// A plant's organs grouped by index of the recipe's organ, in the plant's order within each group.
 pub(crate) fn group_organs<'a>(plant: &'a Plant, materials: &PlantMaterials) -> BTreeMap<usize, Vec<&'a Organ>> {
     let mut groups: BTreeMap<usize, Vec<&Organ>> = BTreeMap::new();
     for o in &plant.organs {
@@ -194,7 +195,7 @@ pub(crate) fn group_organs<'a>(plant: &'a Plant, materials: &PlantMaterials) -> 
     groups
 }
 
-/// The leaves of one organ merged into one mesh, each leaf bound rigidly to one joint.
+/// Merges the leaves of one organ into one mesh, in which each leaf is bound to one joint with weight 1.
 fn merged_leaves(
     attributes: &WindWeights<'_>,
     materials: &PlantMaterials,
@@ -219,14 +220,14 @@ pub(crate) fn instancer_name(materials: &PlantMaterials, organ: usize) -> String
     materials.organ_names.get(organ).filter(|n| *n != "leaf").map_or_else(|| "leaves".into(), |n| format!("{n}s"))
 }
 
-/// The joint that each organ rides on; none without a rig.
+/// Motion of an instancer: the joint to which each organ is fixed, or [`InstancerMotion::Still`] without a rig.
 pub(crate) fn organ_instancer_motion(organs: &[&Organ], rig: Option<&JointRig>) -> InstancerMotion {
     rig.map_or(InstancerMotion::Still, |rig| {
         InstancerMotion::Joints(organs.iter().map(|o| rig.organ_joint(o)).collect())
     })
 }
 
-/// Instancer of one organ's leaves, in the order of `organs`.
+/// Instancer of one organ's leaves, in the order of `organs`, in plant space, with the variants of the organ as prototypes.
 /// # Errors
 /// `TooMany` beyond 2^32 prototypes.
 pub(crate) fn leaf_instancer(

@@ -1,4 +1,4 @@
-//! The plants of a scene: their materials, their growth, and their assets with the motion that the scene asks for.
+//! The plants of a scene: their materials, growth, assets and motions.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -38,15 +38,15 @@ use osier_plants::surface::terrain::Terrain;
 use osier_scene::solid::{Form, Solid};
 use osier_scene::{Asset, Placement, Trs};
 
-/// What [`add_plant_assets`] found out while it built the plants' assets.
+/// Results of [`add_plant_assets`] beside the assets, which go to the scene's builder.
 pub(crate) struct PlantBuildResult {
     /// Angles that the paper's sway model clamped to 90 degrees, over all plants and frames.
     pub(crate) clamped_angles: u64,
-    /// What moves each plant in the rain, parallel to the layout's individuals.
+    /// Motion that the rain's simulation adds drops to, for each plant, parallel to the layout's individuals.
     pub(crate) motions_in_rain: Vec<PlantInRain>,
 }
 
-/// One plant's asset, before it is added to the scene.
+/// One plant's asset and motion, built in parallel with others, before it is added to the scene.
 struct BuiltPlant {
     asset: Asset,
     motion: Option<Arc<dyn AssetMotion>>,
@@ -74,7 +74,8 @@ impl BuiltPlant {
     }
 }
 
-/// Bark, leaf and organ materials of each plant of a recipe; an empty set for a plant that is placed nowhere.
+/// Bark, leaf and organ materials of each plant of a recipe, parallel to these; an empty set for a plant that is placed
+/// nowhere.
 /// # Errors
 /// The first error of [`plant_materials`], in the order of the plants.
 pub(crate) fn plant_material_sets(
@@ -97,7 +98,8 @@ pub(crate) fn plant_material_sets(
     sets.into_iter().collect()
 }
 
-/// Grows all individuals of a layout, with the warnings of their derivations. `terrain`: of the scene, if it has one.
+/// Grows all individuals of a layout in parallel; returns them in its order, with their warnings. `terrain`: the scene's, if it
+/// has one.
 /// # Errors
 /// `Input` with the faults of all individuals together; else the first other error.
 pub(crate) fn grow_plants(
@@ -135,7 +137,7 @@ pub(crate) fn grow_plants(
     report.into_result(plants)
 }
 
-/// The solids that some plant of a scene grows round; none if there is no such plant.
+/// The solids of the scene, in world space, and its terrain; empty if no plant grows round solids.
 /// # Errors
 /// S003 for such a plant with more copies than individuals, X010 for a mesh without triangles.
 fn growth_solids(recipe: &Recipe, layout: &PlantLayout, terrain: Option<&Terrain>) -> Result<Vec<Solid>> {
@@ -165,7 +167,7 @@ fn growth_solids(recipe: &Recipe, layout: &PlantLayout, terrain: Option<&Terrain
     report.into_result(solids).map(|r| r.0)
 }
 
-/// The recipe of an individual's plant, and the entry for it in a list that is parallel to the recipe's plants.
+/// The recipe of an individual's plant, and the element that belongs to it in a list parallel to the recipe's plants.
 fn plant_and_entry<'a, T>(
     recipe: &'a Recipe,
     list: &'a [T],
@@ -220,7 +222,7 @@ pub(crate) fn add_plant_assets(
 }
 
 /// Builds one plant: on rods where its recipe has `[plants.NAME.rods]`, else on the elements of the sway model.
-/// `transform`: of its first copy, whose place in the wind all copies share.
+/// `transform`: world transform of its first copy; all copies sway in the wind of its place.
 fn build_plant(
     recipe: &Recipe,
     plant: &PlantRecipe,
@@ -231,7 +233,7 @@ fn build_plant(
     transform: Trs,
     context: &BakeContext<'_>,
 ) -> Result<BuiltPlant> {
-    // A plant that grows over the clip follows its own clock and no wind.
+    // A plant that grows over the clip follows the clock of its growth and no wind.
     if let Some(clip) = &grown.clip {
         let seconds = recipe.clip.seconds(recipe.clip.end);
         let BoundPlant { mut asset, bindings, .. } =
@@ -248,7 +250,7 @@ fn build_plant(
         let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
         return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(asset, Vec::new()) });
     }
-    // So does one whose leaves change over it.
+    // A plant whose leaves change over the clip follows no wind either.
     if let Some(season) = &grown.season {
         let BoundPlant { mut asset, .. } = build_bound_plant(grown, plant, materials, individual, None, context)?;
         let seconds = recipe.clip.seconds(recipe.clip.end);
@@ -291,7 +293,7 @@ fn build_plant(
     Ok(BuiltPlant { clamped_angles, motion, motion_in_rain, ..BuiltPlant::without_motion(asset, Vec::new()) })
 }
 
-/// Builds the asset of a plant that grows over the clip, and its growth.
+/// Builds the asset of a plant that grows over the clip, and the motion that shows it at the ages of `clip`.
 /// # Errors
 /// As [`build_plant_asset`].
 fn build_growing_plant(

@@ -20,8 +20,9 @@ const STALK_LENGTH: f32 = 0.05;
 /// Distance from a point of a stalk at which the search for its leaf ends, m.
 const STALK_REACH: f32 = 3.0;
 
-/// Builds the rig of a grown plant: at most `joints` joints, placed and measured as those of the sway model, whatever moves the
-/// plant in this scene. `asset`: the plant as the scene shows it, whose stalks on rods are taken over.
+/// Builds the rig of a grown plant: at most `joints` joints, placed and measured as those of the sway model, even where another
+/// model moves the plant in this scene. `asset`: the plant as the scene shows it, from which a plant on rods takes the meshes
+/// of its stalks.
 /// # Errors
 /// `Limit` for the skin's vertices, `TooMany`.
 pub(crate) fn build_rigged_plant(
@@ -35,14 +36,15 @@ pub(crate) fn build_rigged_plant(
     context.cancel.check()?;
     let plant = &grown.plant;
     let joints = to_usize(joints);
-    // An element has one joint at least, so that more elements than joints would not show. What has no element still counts as load.
+    // Each element needs a joint, so that the number of elements is limited to that of joints. Branches without an element
+    // still add to the load.
     let wood = WoodParams { measured: true, ..wood_params(&recipe.wood) };
     let elements = BeamElements::build(plant, &wood, joints);
     let rig = JointRig::build(plant, &elements, JointBudget { joints, coarse: false });
     let (mesh, bindings) = bark_mesh(grown, recipe, materials, context)?;
     let skin = Some(rig.skin(plant, bindings.iter().copied()));
     let mut meshes = vec![MeshObject { name: "bark".into(), mesh, motion: MeshMotion::Skinned, skin }];
-    // Behind its bark a plant on rods has meshes of stalks; other plants have them in the prototypes of their leaves.
+    // A plant on rods has the meshes of its stalks after the bark; other plants have stalks in the prototypes of their leaves.
     if recipe.rods.is_some() {
         let bound = |stalks: &MeshObject| MeshObject {
             skin: Some(skin_of_nearest_leaves(plant, &rig, &stalks.mesh.points)),
@@ -58,7 +60,7 @@ pub(crate) fn build_rigged_plant(
     Ok(RiggedPlant { branches: rig.branches(plant, &elements), skeleton: rig.skeleton, meshes, instancers })
 }
 
-/// Each point bound rigidly to the joint of the leaf whose pivot is nearest to it. `points`: of stalks, m.
+/// Binds each point with weight 1 to the joint of the leaf whose pivot is nearest. `points`: points of stalks, plant space, m.
 fn skin_of_nearest_leaves(plant: &Plant, rig: &JointRig, points: &[Vec3]) -> SkinWeights {
     let leaves: Vec<(Vec3, u16)> = plant.organs.iter().map(|o| (plant.organ_site(o).0, rig.organ_joint(o))).collect();
     let grid = NeighbourGrid::new(STALK_LENGTH, (0..).zip(leaves.iter().map(|l| l.0)));

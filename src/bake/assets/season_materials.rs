@@ -1,22 +1,22 @@
-//! Which materials the leaves of a plant have at its season.
+//! The materials of leaves by season, organ and colour.
 
 use std::collections::BTreeMap;
 
 use osier_plants::season::{BudOrgan, LeafColor, LeafHabit};
 
-/// The materials of a plant's leaves at a season.
+/// The materials that the leaves of a plant need for the seasons of a clip, organ by organ.
 #[derive(Debug, Clone, Default)]
 pub struct SeasonMaterials {
     pub(crate) organs: Vec<OrganSeason>,
 }
 
-/// Habit and materials of one organ at the season.
+/// Course of the year and materials of one organ.
 #[derive(Debug, Clone)]
 pub(crate) struct OrganSeason {
-    /// Name of the organ, as in the material set.
+    /// Name of the organ in [`super::material_set::MaterialSet`], after which its prototypes are named.
     pub(crate) name: String,
     pub(crate) habit: LeafHabit,
-    /// Material of each colour, by the material of summer.
+    /// Index of the material that replaces a material of summer, for each colour that occurs.
     pub(crate) materials: BTreeMap<(u32, LeafColor), u32>,
     pub(crate) bud: Option<BudOrgan>,
 }

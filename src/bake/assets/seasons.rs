@@ -20,17 +20,18 @@ use osier_plants::surface::leaf::{LeafColors, leaf_color_maps};
 use osier_scene::plant::Plant;
 use osier_scene::{Material, MaterialClass};
 
-/// Name of the organ that buds are.
+/// Name of the organ that holds all winter buds of a plant.
 pub(crate) const BUD: &str = "bud";
-/// Largest difference between the seasons of two individuals at the same time, in the middle of the year: trees of one species do
-/// not turn on the same day.
+/// Most by which an individual's season is ahead of the plant's or behind it, in the middle of the year: trees of one species
+/// do not turn on the same day.
 const MAX_INDIVIDUAL_SHIFT: f64 = 0.03;
-/// Linear colour and roughness of buds: brown scales.
+/// Linear colour and roughness of bud scales. Own: brown, by eye.
 const BUD_COLOR: [f32; 3] = [0.095, 0.052, 0.028];
 const BUD_ROUGHNESS: f32 = 0.55;
-/// Linear colour of dry leaves.
+/// Linear colour of dry leaves, towards which autumn's colours age. Own: by eye.
 const DRY_LEAF_COLOR: [f32; 3] = [0.165, 0.085, 0.038];
-/// Linear colour that the first leaves of spring are drawn to, and how much lighter than summer's they are before.
+/// Linear colour with which that of the first leaves of spring is mixed, after summer's has been multiplied by
+/// [`SPRING_LIGHT`].
 const SPRING_COLOR: [f32; 3] = [0.30, 0.40, 0.055];
 const SPRING_LIGHT: f32 = 1.7;
 /// Share of the summer's colours that veins keep in turning and in turned leaves: they are green longest.
@@ -38,7 +39,7 @@ const VEIN_SUMMER_SHARES: [f32; 2] = [0.85, 0.3];
 /// Translucency of dry leaves as a share of that of fresh ones.
 const DRY_TRANSLUCENCY: f32 = 0.5;
 
-/// What a leaf outline looks like through the year.
+/// Colours, leaf fall and buds of the species to which a leaf outline belongs.
 struct OutlineYear {
     /// sRGB colours from sun to shade, with their weights.
     autumn: &'static [([u8; 3], f64)],
@@ -105,7 +106,7 @@ fn outline_year(blade: BladeOutline) -> OutlineYear {
     }
 }
 
-/// Adds the materials that the leaves of a plant have at its season, and its buds. `set` holds all other materials.
+/// Adds the materials that the leaves of a plant need at its seasons, and its buds. `set` holds all other materials.
 /// # Errors
 /// `Range` for blades outside their ranges, `TooMany`.
 pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u64) -> Result<()> {
@@ -117,7 +118,7 @@ pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u6
     let mut bud_material = None;
     for (recipe, name) in plant.organs.iter().zip(organ_names(plant)).filter(|(o, _)| o.letter != CARD) {
         let Some(organ) = set.organs.get(&recipe.letter) else { continue };
-        // What an organ is made of: its leaf materials change, others, such as those of a flower's stalk, stay.
+        // Only the leaf materials of an organ change; others, such as that of a flower's stalk, stay.
         let used: BTreeSet<u32> = organ.meshes.iter().flat_map(|m| &m.subsets).map(|s| s.material).collect();
         let leaves: Vec<u32> = used.into_iter().filter(|m| is_leaf(set, *m)).collect();
         let Some(first) = leaves.first().and_then(|m| set.materials.get(to_usize(*m))) else { continue };
@@ -188,7 +189,7 @@ fn leaf_habit(keys: &OrganKeys, green: [f32; 3]) -> LeafHabit {
     }
 }
 
-/// The word for a colour in names of materials.
+/// Suffix of the name of a material in a leaf colour.
 fn color_word(color: LeafColor) -> String {
     match color {
         LeafColor::Green => "green".into(),
@@ -200,7 +201,7 @@ fn color_word(color: LeafColor) -> String {
     }
 }
 
-/// The colours of a painted blade, for one of its seasons: veins keep their green longest, margins lose it first.
+/// Colours to paint a blade with in a season: veins keep their green longest, margins lose it first.
 fn season_colors(summer: &LeafColors, habit: &LeafHabit, color: LeafColor) -> LeafColors {
     // 0.76 and 1.24 span the light and dark of painted summer leaves about their mean. Own: by eye.
     let scaled = |c: [f32; 3], k: f32| c.map(|v| (v * k).min(1.0));
@@ -219,7 +220,7 @@ fn season_colors(summer: &LeafColors, habit: &LeafHabit, color: LeafColor) -> Le
         LeafColor::Turning(i) => {
             let hue = habit.autumn_color(i);
             LeafColors {
-                // The darker patches are green for longer.
+                // The darker patches stay green longer.
                 blade: [mixed(summer.blade[0], hue, 0.22), mixed(summer.blade[1], hue, 0.78)],
                 vein: mixed(hue, summer.vein, VEIN_SUMMER_SHARES[0]),
                 edge: hue,
@@ -237,7 +238,7 @@ fn season_colors(summer: &LeafColors, habit: &LeafHabit, color: LeafColor) -> Le
     }
 }
 
-/// Adds the materials of some colours of one material of an organ.
+/// Adds to `set` a copy of the material `base` for each of `colors`, and records its index in `materials`.
 fn add_colors(
     set: &mut MaterialSet,
     plant: &PlantRecipe,
@@ -252,7 +253,7 @@ fn add_colors(
     let Some(summer) = set.materials.get(to_usize(base)).cloned() else { return Ok(()) };
     let summer_image = summer.maps.color.and_then(|i| set.images.get(to_usize(i)));
     let name = |color: LeafColor| format!("{}_{}", summer.name, color_word(color));
-    // Painted blades are painted again; pictures from elsewhere keep their light and dark.
+    // Blades made from parameters are painted again; other pictures are recoloured and keep their variation of brightness.
     let pictures = match (generated_blade_colors(recipe), summer_image) {
         (Some(own), Some(_)) => {
             let spec = leaf_blade_spec(&recipe.keys, mix64(&[seed, word(&plant.id), word(organ)]));
@@ -283,19 +284,20 @@ fn add_colors(
     Ok(())
 }
 
-/// A season moved by a difference that vanishes at bud burst and on the bare tree.
+/// A season, 0..1, moved by a difference that vanishes at bud burst (0) and on the bare tree (1).
 fn shift_season(season: f64, difference: f64) -> f64 {
     // The parabola 4 t (1 - t) is 0 at both ends of the year and 1 in its middle.
     (season + difference * 4.0 * season * (1.0 - season)).clamp(0.0, 1.0)
 }
 
-/// The seed of an individual's year, and how far it is ahead of or behind others in the middle of the year.
+/// Seed of an individual's leaf changes, and its lead (> 0) or lag over others in the middle of the year, as a difference of
+/// seasons.
 fn season_seed_and_lead(individual: &Individual) -> (u64, f64) {
     let seed = mix64(&[individual.seed, u64::from(individual.id)]);
     (seed, Rng::at(seed, &["season".into()]).range(-MAX_INDIVIDUAL_SHIFT, MAX_INDIVIDUAL_SHIFT))
 }
 
-/// The organs of a plant's materials as leaves that go through the year.
+/// The organs in the form that `apply_season` and `season_slots` take.
 fn seasonal_organs(materials: &SeasonMaterials) -> Vec<SeasonalOrgan<'_>> {
     let mut organs = Vec::with_capacity(materials.organs.len());
     for OrganSeason { name, habit, materials, bud } in &materials.organs {
@@ -304,7 +306,7 @@ fn seasonal_organs(materials: &SeasonMaterials) -> Vec<SeasonalOrgan<'_>> {
     organs
 }
 
-/// Shows a grown individual at the season of its plant, that of the first frame; without one, nothing changes.
+/// Gives a grown individual the leaves of its plant's season in the first frame; changes nothing without a season.
 /// # Errors
 /// `TooMany` for the prototypes of the plant.
 pub(crate) fn show_season(
@@ -319,16 +321,16 @@ pub(crate) fn show_season(
     apply_season(grown, &PlantSeason { season, seed, organs: &seasonal_organs(materials), bud_name: BUD })
 }
 
-/// Leaves of a plant that change over a clip.
+/// Seasons of an individual over a clip, and the instances that its leaves need for them.
 #[derive(Debug, Clone)]
 pub struct SeasonClip {
-    /// What each organ of the plant shows.
+    /// The appearances of each organ of the plant, each of which is an instance.
     pub slots: SeasonSlots,
     /// The plant with the leaves that it shows at the first frame.
     pub first: Plant,
-    /// Seasons of the first and the last frame.
+    /// Seasons of the first and the last frame, 0..1, before the lead is added.
     seasons: [f64; 2],
-    /// By how much the individual is ahead in the middle of the year.
+    /// Lead of the individual in the middle of the year, as a difference of seasons.
     difference: f64,
 }
 
@@ -340,7 +342,8 @@ impl SeasonClip {
     }
 }
 
-/// Gives a grown individual an organ for each look that its leaves have in a clip. `frames`: intervals between its frames.
+/// Gives a grown individual one organ for each appearance that its leaves have in a clip; `None` without a season. `frames`:
+/// intervals between its frames.
 /// # Errors
 /// `TooMany` for the prototypes of the plant.
 pub(crate) fn season_clip(
@@ -358,9 +361,10 @@ pub(crate) fn season_clip(
     let at = PlantSeason { season: 0.0, seed, organs: &organs, bud_name: BUD };
     let at_share = |share: f64| narrow(shift_season(seasons[0] + (seasons[1] - seasons[0]) * share, difference));
     let intervals = frames.max(1.0);
+    // Shares 0, 1/n, ..., 1 of the clip, one for each frame, with n intervals.
     let numbers = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= intervals);
     let shares = numbers.map(|k: f64| k / intervals);
-    // Sampled at every frame: a leaf may have several looks, each of which becomes an instance of its own.
+    // Seasons are sampled at every frame: each appearance of a leaf becomes a separate instance.
     let slots = season_slots(grown, &at, &shares.map(at_share).collect::<Vec<f32>>())?;
     Ok(Some(SeasonClip { slots, first, seasons, difference }))
 }

@@ -1,4 +1,5 @@
-//! A plant shown by its segments: one instance of a prism, or of an organ, between each two nodes, in place of a lofted skin.
+//! Plants displayed by their segments: one instance of a prism, or of an organ, between each two nodes, in place of a lofted
+//! skin.
 //! Source: [hoetzlein] Figure 6a; organs in place of prisms are its future work.
 
 use std::sync::Arc;
@@ -17,15 +18,16 @@ use osier_scene::{InstanceState, Instancer, InstancerMotion, Mesh, Prototype, Su
 
 const NAME: &str = "segments";
 
-/// The mesh between two nodes.
+/// Shape of the instance between two nodes.
 enum SegmentForm<'a> {
     /// A unit cube for bark, and one for shoots.
     Prism,
-    /// An organ as long as the segment.
+    /// An organ scaled uniformly to the length of the segment.
     Organ(&'a OrganSpec),
 }
 
-/// One instance per segment. `organ`: what replaces the prisms; `rig`: the joints that the segments ride on.
+/// One instance per segment, in the order of axes and nodes. `organ`: replaces the prisms; `rig`: gives each segment the joint
+/// at its middle.
 /// # Errors
 /// `TooMany` beyond 2^32 variants of the organ.
 pub(crate) fn segment_instancer(
@@ -60,12 +62,13 @@ pub(crate) fn segment_instancer(
     Ok(out)
 }
 
-/// Appends the instance that ends at node `end`. [hoetzlein] Table 2: scale (2r, segment length, 2r), at the middle of the segment.
+/// Appends the instance that ends at node `end`. [hoetzlein] Table 2: scale (2r, segment length, 2r), at the middle of the
+/// segment.
 fn push_segment(out: &mut Instancer, plant: &Plant, axis: &Axis, end: usize, form: &SegmentForm<'_>) -> Result<()> {
     let nodes = &plant.nodes;
     let (from, to) = (nodes.p[end - 1], nodes.p[end]);
     let length = from.distance(to);
-    // The frame of the end node, its +Y turned onto the segment itself.
+    // The frame of the end node, rotated so that its +Y is along the segment.
     let q = nodes.q[end];
     let along = osier_base::math::normalize_or(to - from, q * Vec3::Y);
     out.rest.orientations.push((osier_base::math::rotation_between(q * Vec3::Y, along) * q).normalize());
@@ -119,6 +122,7 @@ fn unit_cube(material: u32) -> Mesh {
         (Vec3::NEG_Y, Vec3::Z),
     ];
     for (first, (normal, up)) in (0_u32..).step_by(4).zip(faces) {
+        // right, up and normal are right-handed, so that the corners run counter-clockwise seen from outside.
         let right = up.cross(normal);
         for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
             mesh.points.push(0.5 * normal + (u - 0.5) * right + (v - 0.5) * up);

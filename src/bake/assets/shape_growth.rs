@@ -22,10 +22,11 @@ use osier_plants::grow::turtle::OrganSpec;
 use osier_scene::plant::Plant;
 use osier_scene::solid::{Form, Solid};
 
-/// Ratios of the radii of an internode and their weights, without the key: [wang-hao] draws them, but prints none.
+/// Ratios of the radii at both ends of an internode, and their weights, without the key `ratios`: \[wang-hao\] draws them at
+/// random, but prints no values.
 const DEFAULT_RATIOS: [[f64; 2]; 3] = [[0.78, 0.25], [0.84, 0.5], [0.9, 0.25]];
 
-/// Whether the particle-shapes of a plant, of its growth or of what fills it, grow round solids of the scene.
+/// Whether the particle-shapes that grow a plant or fill it have solids of the scene as obstacles or as envelope.
 pub(crate) fn grows_round_solids(plant: &PlantRecipe) -> bool {
     let growth = if let Growth::Shapes(keys) = &plant.growth { Some(&**keys) } else { None };
     let reads = |keys: &ShapeKeys| {
@@ -34,7 +35,7 @@ pub(crate) fn grows_round_solids(plant: &PlantRecipe) -> bool {
     growth.into_iter().chain(&plant.fill).any(reads)
 }
 
-/// Grows a plant of particle-shapes.
+/// Grows a plant of particle-shapes in plant space; returns it with the warnings of its growth.
 /// # Errors
 /// As [`particle_shapes::grow`].
 pub(crate) fn grow_shapes(
@@ -49,7 +50,7 @@ pub(crate) fn grow_shapes(
     particle_shapes::grow(&params, identity, leaf(set), &shape_materials(recipe, set))
 }
 
-/// Adds twigs and leaves to a grown plant, if its recipe asks for them.
+/// Adds twigs and leaves to a grown plant if its recipe has `[plants.NAME.fill]`; returns the warnings.
 /// # Errors
 /// As [`particle_shapes::fill`].
 pub(crate) fn fill_with_twigs(
@@ -76,18 +77,18 @@ fn shape_materials(recipe: &PlantRecipe, set: &MaterialSet) -> ShapeMaterials {
     }
 }
 
-/// Parameters of particle-shapes from the keys of a scene.
+/// Parameters of particle-shapes from the keys of a scene; `site` turns its solids into obstacles and envelopes.
 pub(crate) fn shape_params(keys: &ShapeKeys, site: GrowthSite<'_>) -> ShapeParams {
     let by_level = |values: &Vec<f64>| ByLevel::new(values.clone());
     let regions = |list: &[RegionKeys]| -> Vec<Region> { list.iter().filter_map(|r| region(r, site)).collect() };
     let mut obstacles = regions(&keys.obstacles);
     if keys.solids {
-        // The land is the ground that they start from, which is no obstacle.
+        // Plants start from the land, which is therefore no obstacle.
         let standing = site.solids.iter().filter(|s| !matches!(s.form, Form::Land(_)));
         obstacles.extend(standing.map(|solid| solid_region(solid, site)));
     }
     let envelope = regions(&keys.envelope);
-    // Keys are SI already; what is by level stays a list, whose last number repeats.
+    // Keys are in SI units already; a list by level repeats its last number.
     ShapeParams {
         variant: if keys.equations == ShapeEquations::Paper { Variant::Paper } else { Variant::Corrected },
         step: keys.step,
@@ -176,7 +177,7 @@ fn thickness_rule(keys: &ShapeKeys) -> ThicknessRule {
     }
 }
 
-/// A region of the keys; `None` for a solid that the scene does not have, which resolving has reported.
+/// The region that the keys describe, in plant space; `None` for a solid that the scene lacks, which resolving has reported.
 fn region(keys: &RegionKeys, site: GrowthSite<'_>) -> Option<Region> {
     let (at, size) = (DVec3::from_array(keys.at), DVec3::from_array(keys.size));
     Some(match keys.shape {

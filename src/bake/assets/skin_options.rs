@@ -4,14 +4,14 @@ use crate::bake::BakeContext;
 use crate::recipe::scene::{BarkUv, SkinKeys};
 use osier_plants::surface::{SkinOptions, UvMode};
 
-/// Index of the bark in a plant's own materials.
+/// Index of the bark material in the list of a plant.
 pub const BARK: u16 = 0;
-/// Index of the bark of thin axes.
+/// Index of the material of thin axes (shoots) in the list of a plant.
 pub const SHOOT: u16 = 1;
-/// Axes thinner than this at their base wear the shoot material, m.
+/// Axes whose radius at the base is below this have the shoot material, m.
 pub const SHOOT_RADIUS: f32 = 0.008;
 
-/// How a plant of a recipe is skinned; `tile`: size of one repeat of its bark, m.
+/// Options of the bark's mesh from `[plants.NAME.skin]`; `tile`: width and height of one repeat of the bark, m.
 pub fn skin_options(keys: &SkinKeys, tile: f32, context: &BakeContext<'_>) -> SkinOptions {
     let defaults = SkinOptions::default();
     SkinOptions {

@@ -22,19 +22,21 @@ use osier_scene::Trs;
 use osier_scene::plant::Plant;
 use osier_scene::solid::{Form, Solid, Solids};
 
-/// Whether a plant grows for the one place in which it stands: its copies are neither turned nor scaled, and no two share an
-/// individual. `together`: with the trees around it.
+/// Whether a plant's growth depends on its place: then its copies are neither turned nor scaled, and no two share an
+/// individual.
+/// `together`: whether it grows with the trees around it.
 pub(crate) fn grows_in_place(plant: &PlantRecipe, together: bool) -> bool {
     let Growth::Species(species) = &plant.growth else { return false };
     together || species.site.solids || !species.prunes.is_empty()
 }
 
-/// Whether some species of a recipe needs the scene's solids.
+/// Whether the growth of a species or one of its prunings needs the scene's solids.
 pub(crate) fn needs_solids(species: &SpeciesRecipe) -> bool {
     species.site.solids || species.prunes.iter().any(|p| !p.solid.is_empty())
 }
 
-/// Grows all individuals of species of a layout, in its order; `None` for other plants. `solids`: of the scene, in world space.
+/// Grows the individuals of species; the result is parallel to the layout's individuals, `None` for other plants. `solids`:
+/// those of the scene, in world space.
 /// # Errors
 /// As [`grow_recorded`].
 pub fn grow_species(
@@ -45,7 +47,7 @@ pub fn grow_species(
 ) -> Result<Vec<Option<RecordedTree>>> {
     let transforms = layout.first_transforms();
     let mut out: Vec<Option<RecordedTree>> = layout.individuals.iter().map(|_| None).collect();
-    // Trees that stand together are one job, every other tree is one of its own.
+    // Trees that stand together are one job; every other tree is a separate job.
     let mut jobs: Vec<Vec<usize>> = Vec::new();
     let mut together = Vec::new();
     for (i, individual) in layout.individuals.iter().enumerate() {
@@ -88,8 +90,9 @@ fn oldest(recipe: &Recipe, layout: &PlantLayout, job: &[usize]) -> f64 {
     ages.fold(0.0, f64::max)
 }
 
-/// The ages of a tree that the clip shows. `oldest`: of the trees that grow together with it, years; each of them is shown as it was when
-/// the oldest had the ages that its own keys name, so that younger ones appear later.
+/// The ages of a tree that the clip shows; `None` without a growth clip. `oldest`: greatest age of the trees that grow with it,
+/// years.
+/// Each of them is shown as it was when the oldest had the ages of the keys, so that younger ones appear later.
 fn clip_span(recipe: &Recipe, individual: &Individual, oldest: f64) -> Option<ClipSpan> {
     let species = species_of(recipe, individual).filter(|_| recipe.clip.len() > 1)?;
     let [from, to] = species.clip?;
@@ -106,7 +109,7 @@ fn tree_spec(recipe: &Recipe, individual: &Individual, transform: Trs, solids: &
         density: narrow(k.density),
         until: narrow(k.until),
     };
-    // Where it stands matters only to a tree that grows in its place; others stand at the origin.
+    // The position affects only a tree that grows in its place; others grow at the origin.
     let in_place = grows_in_place(plant, individual.together);
     Some(TreeSpec {
         name: plant.name.clone(),
@@ -129,13 +132,13 @@ fn site(keys: &SiteKeys, solids: &[Solid]) -> Site {
     }
 }
 
-/// Solids with the ground under them: the land among them, else the level y = 0.
+/// Solids with the ground under them: the land if it is among them, else the plane y = 0.
 pub(crate) fn ground_and_solids(solids: &[Solid]) -> Solids {
     let level = !solids.iter().any(|s| matches!(s.form, Form::Land(_)));
     Solids::new(solids.to_vec(), level)
 }
 
-/// A cut of the keys; `None` for one that keeps nothing, which resolving has reported.
+/// A cut from the keys; `None` for one that keeps nothing, which resolving has reported.
 fn prune_of_keys(keys: &PruneKeys, solids: &[Solid]) -> Option<Prune> {
     let keep = match keys.keep[..] {
         _ if !keys.solid.is_empty() => Keep::Solid(Arc::new(solids.iter().find(|s| s.name == keys.solid)?.clone())),
@@ -148,10 +151,12 @@ fn prune_of_keys(keys: &PruneKeys, solids: &[Solid]) -> Option<Prune> {
     Some(Prune { year: keys.year, every: keys.every, until: keys.until, keep })
 }
 
-/// Frames that a year must have for leaves to follow the seasons by themselves: with fewer they would flicker.
+/// Frames per year from which `clip_leaves = "auto"` shows the seasons: with fewer, leaves would flicker. Own: one frame per
+/// month.
 const SEASON_FRAMES: f64 = 12.0;
 
-/// The ages of a recorded tree as a plant; `None` for a tree that was not recorded. `frames`: intervals between the frames of the clip.
+/// The recorded ages of a tree as a growth clip; `None` if it was not recorded. `frames`: intervals between the frames of the
+/// clip.
 /// # Errors
 /// As [`GrownTree::plant`].
 pub(crate) fn species_clip(
@@ -174,7 +179,7 @@ pub(crate) fn species_clip(
     record.clip(&options, ClipOptions { leaves, frame_years }, limits).map(Some)
 }
 
-/// A grown tree as a plant with the leaves of its materials, and what is to be told of it.
+/// Turns a grown tree into a plant with the leaves of its materials; the diagnostics warn of a dead tree.
 /// # Errors
 /// As [`GrownTree::plant`].
 pub(crate) fn species_plant(
@@ -187,7 +192,7 @@ pub(crate) fn species_plant(
     Ok((plant, death_warning(tree, recipe)))
 }
 
-/// S036 for a tree that died for lack of light.
+/// Diagnostic S036 for a tree that died for lack of light; empty for one alive.
 pub(crate) fn death_warning(tree: &GrownTree, recipe: &PlantRecipe) -> Vec<Diagnostic> {
     let died = tree.died().map(|year| {
         let text = format!("plant \"{}\" is dead: no light since year {year}", recipe.name);
@@ -214,7 +219,7 @@ fn plant_options(recipe: &PlantRecipe, set: &MaterialSet) -> PlantOptions {
     }
 }
 
-/// S003 for plants that grow for one place and stand in several as the same individual.
+/// Diagnostics S003, one per plant, for plants that grow for one place but stand in several as the same individual.
 pub(crate) fn shared_individuals(recipe: &Recipe, layout: &PlantLayout) -> Vec<Diagnostic> {
     let mut copies = vec![0_usize; layout.individuals.len()];
     layout.instances.iter().for_each(|s| copies[s.individual] += 1);

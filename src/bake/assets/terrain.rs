@@ -21,13 +21,13 @@ use osier_scene::{
 
 /// Name of the terrain's asset, placement and material.
 pub const NAME: &str = "terrain";
-/// Height of a standing person's eye above the ground, m: where a buried camera is lifted to.
+/// Height above the ground to which a buried camera is lifted, m: that of a standing person's eye.
 const EYE_HEIGHT: f32 = 1.6;
-/// Roughness of a terrain under a colour picture, which says nothing of it. Own: that of the painted ground.
+/// Roughness of a terrain with a colour picture, which does not give it. Own: that of the painted ground.
 const TEXTURED_ROUGHNESS: f32 = 0.95;
 
-/// Makes the terrain that a recipe describes, and says where its mesh is no height field. `seed`: the scene's, used where the terrain
-/// has none.
+/// Makes the terrain that a recipe describes, with a warning if its mesh is no height field. `seed`: the scene's, which is
+/// combined with the terrain's, if that has one.
 /// # Errors
 /// `Range` for a value outside its range; X010 for a mesh without a triangle that a vertical line can meet.
 pub(crate) fn build_terrain(recipe: &TerrainRecipe, seed: u64) -> Result<(Terrain, Option<Diagnostic>)> {
@@ -38,9 +38,9 @@ pub(crate) fn build_terrain(recipe: &TerrainRecipe, seed: u64) -> Result<(Terrai
     }
 }
 
-/// Land of a height map. A PNG holds shares of `height`, an EXR metres times `scale`.
+/// Terrain of a height map. Values of a PNG are shares of the key `height`; values of an EXR are metres times the key `scale`.
 fn map_terrain(map: &HeightMap, keys: &TerrainKeys) -> Result<Terrain> {
-    // Metres that a value of 1 stands for.
+    // Height, m, of a map value of 1.
     let unit = match map.unit {
         HeightUnit::Fraction { .. } => keys.height,
         HeightUnit::Values => keys.scale,
@@ -59,13 +59,13 @@ fn map_terrain(map: &HeightMap, keys: &TerrainKeys) -> Result<Terrain> {
     )
 }
 
-/// Where the origin of a terrain's mesh lies.
+/// World position of the origin of a terrain's mesh, m.
 fn mesh_origin(keys: &TerrainKeys) -> Vec3 {
     let [x, z] = keys.at.map(narrow);
     Vec3::new(x, narrow(keys.offset), z)
 }
 
-/// Land of an artist's mesh; X027 where surfaces of it lie above each other.
+/// Terrain of an imported mesh, with warning X027 if surfaces of it lie above each other.
 fn mesh_terrain(imported: &Imported, keys: &TerrainKeys) -> Result<(Terrain, Option<Diagnostic>)> {
     let origin = mesh_origin(keys);
     let points: Vec<Vec3> = imported.mesh.points.iter().map(|p| *p + origin).collect();
@@ -101,12 +101,12 @@ fn generate_terrain(keys: &TerrainKeys, seed: u64) -> Result<Terrain> {
         floor: keys.floor,
         smooth: keys.smooth,
         stride: keys.stride,
-        // A seed of its own lets other seeds of the scene keep the land.
+        // A terrain with a seed other than 0 differs from others of the same scene seed.
         seed: if keys.seed == 0 { seed } else { mix64(&[seed, keys.seed]) },
     })
 }
 
-/// The heights of a terrain as a solid, for wind, seeds and growth.
+/// The heights of a terrain as a solid, for wind, seeds and growth; `None` if the grid cannot form a surface.
 pub(crate) fn terrain_solid(terrain: &Terrain) -> Option<LandForm> {
     LandForm::over(LandGrid {
         counts: terrain.counts,
@@ -149,15 +149,15 @@ fn terrain_materials(terrain: &Terrain, recipe: &TerrainRecipe, seed: u64) -> Re
     Ok(set)
 }
 
-/// The mesh of an artist's terrain in world space; its subsets index the materials from `first_material` on. `draped`: under one
-/// picture over all of the terrain, instead of the texture coordinates and materials of the file.
+/// The imported mesh of a terrain in world space; its subsets index the materials from `first_material` on. `draped`: with one
+/// picture over the whole terrain, instead of the texture coordinates and materials of the file.
 fn artist_mesh(terrain: &Terrain, imported: &Imported, keys: &TerrainKeys, first_material: u32, draped: bool) -> Mesh {
     let origin = mesh_origin(keys);
     let mut mesh = imported.mesh.clone();
     mesh.points.iter_mut().for_each(|p| *p += origin);
     mesh.subsets.iter_mut().for_each(|s| s.material += first_material);
     if draped {
-        // Shares of the way from -x and from +z, as on tiles.
+        // u rises from -x to +x and v from +z to -z, both 0..1 over the terrain, as on generated tiles.
         let share = |v: f32, axis: usize| (v - terrain.center[axis]) / terrain.size[axis] + 0.5;
         mesh.uvs = mesh.points.iter().map(|p| Vec2::new(share(p.x, 0), 1.0 - share(p.z, 1))).collect();
         mesh.subsets = Vec::new();
@@ -166,7 +166,7 @@ fn artist_mesh(terrain: &Terrain, imported: &Imported, keys: &TerrainKeys, first
     mesh
 }
 
-/// The terrain's asset, one mesh per tile, or the artist's mesh; `material`: index of its first material in the scene.
+/// The terrain's asset: one mesh per tile, or the imported mesh; `material`: index of its first material in the scene.
 fn terrain_asset(terrain: &Terrain, recipe: &TerrainRecipe, material: u32) -> Asset {
     let object = |(name, mesh): (String, Mesh)| MeshObject { name, mesh, motion: MeshMotion::Still, skin: None };
     let draped = recipe.keys.paint || recipe.texture.is_some();
@@ -189,7 +189,7 @@ fn terrain_asset(terrain: &Terrain, recipe: &TerrainRecipe, material: u32) -> As
     }
 }
 
-/// Adds the terrain's asset at the origin.
+/// Adds the terrain's materials and asset; its meshes are in world space, so that it is placed by the identity.
 /// # Errors
 /// `Range` for a value that the painter of the map refuses; `TooMany`.
 pub(crate) fn add_terrain(
@@ -203,7 +203,7 @@ pub(crate) fn add_terrain(
     Ok(())
 }
 
-/// The terrain's heights, for exporters of height fields.
+/// The terrain's heights in world space, which exporters of height fields write.
 pub(crate) fn terrain_height_field(terrain: Terrain) -> HeightField {
     let Terrain { counts, size, center, heights, .. } = terrain;
     HeightField { name: NAME.into(), counts, size, center, heights }

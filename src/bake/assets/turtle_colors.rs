@@ -1,4 +1,4 @@
-//! Colours of the turtle: materials for the indices that strings have used, on axes and on shapes.
+//! Materials for the colour indices that turtles have given axes and shapes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -14,11 +14,11 @@ use osier_plants::grow::turtle::Paint;
 use osier_scene::plant::{PAINTED, Plant};
 use osier_scene::{Material, MaterialClass, Mesh};
 
-/// Translucency of thin surfaces of opaque colours. Own: petals and leaves let some light through, half as much as a blade of a scene.
+/// Least translucency of thin surfaces. Own: petals and leaves let some light through, half as much as a blade of a scene.
 const THIN_TRANSLUCENCY: f32 = 0.15;
 
-/// Adds to the materials of each kind one for every colour index that its grown plants use, and assigns it to their shapes.
-/// `grown`: of the individuals of the layout, in its order.
+/// Adds one material for every colour index that the grown plants of a kind use, and assigns it to their shapes. `grown`:
+/// parallel to the individuals of the layout.
 /// # Errors
 /// `TooMany` beyond 2^32 materials.
 pub(crate) fn add_worn_colors(
@@ -28,7 +28,7 @@ pub(crate) fn add_worn_colors(
     grown: &mut [GrownPlant],
 ) -> Result<()> {
     for (kind, (plant, set)) in recipe.plants.iter().zip(sets).enumerate() {
-        // All indices that any individual of this kind wears, in rising order.
+        // All colour indices of any individual of this kind, in rising order.
         let individuals = || layout.individuals.iter().enumerate().filter(|(_, n)| n.plant == kind).map(|(i, _)| i);
         let mut worn: BTreeSet<Paint> = BTreeSet::new();
         for grown in individuals().filter_map(|i| grown.get(i)) {
@@ -47,12 +47,12 @@ pub(crate) fn add_worn_colors(
         for paint in worn {
             let id = set.add(color_material(&plant.id, paint, colors), Vec::new())?;
             materials.insert(paint, id);
-            // Axes look their colour up when their skin is lofted; thin shapes get their material here.
+            // The colours of axes are looked up when their skin is lofted; thin shapes get their materials here.
             if !paint.thin {
                 set.paints.extend(u16::try_from(id).ok().map(|id| (paint.index, id)));
             }
         }
-        // Plants name all materials of their kind.
+        // Plants list the names of all materials of their kind, those just added included.
         let names: Vec<String> = set.materials.iter().map(|m| m.name.clone()).collect();
         for i in individuals() {
             let Some(grown) = grown.get_mut(i) else { continue };
@@ -66,18 +66,18 @@ pub(crate) fn add_worn_colors(
     Ok(())
 }
 
-/// The colours of a plant's axes and shapes.
+/// The colour indices of a plant's nodes and prototypes, with repetitions.
 fn color_indices_of(plant: &Plant) -> impl Iterator<Item = Paint> {
     #[allow(clippy::cast_possible_truncation, reason = "the low byte is the index")]
     let axes = plant.nodes.color.iter().filter(|c| **c & PAINTED != 0).map(|c| Paint { index: *c as u8, thin: false });
     let subsets = plant.protos.iter().flat_map(|p| &p.mesh.subsets);
     let mut last = None;
-    // Neighbours mostly have one colour.
+    // Consecutive nodes mostly have one colour: skipping repetitions keeps the set of the caller from millions of look-ups.
     let axes = axes.filter(move |p| last.replace(*p) != Some(*p));
     axes.chain(subsets.filter_map(|s| Paint::of(s.material)))
 }
 
-/// Puts the real materials in place of the colour indices of a mesh.
+/// Replaces colour indices that a mesh has as material indices by the materials made for them.
 fn replace_paints(mesh: &mut Arc<Mesh>, materials: &BTreeMap<Paint, u32>) {
     if mesh.subsets.iter().all(|s| Paint::of(s.material).is_none()) {
         return;
@@ -89,14 +89,14 @@ fn replace_paints(mesh: &mut Arc<Mesh>, materials: &BTreeMap<Paint, u32>) {
     }
 }
 
-/// What a colour index looks like on stems, or on thin surfaces.
+/// Material of a colour index, for stems or, if `paint.thin`, for thin surfaces.
 fn color_material(plant: &str, paint: Paint, colors: &ColorTable) -> Material {
     let color = colors.get(paint.index);
     let thin = if paint.thin { "_thin" } else { "" };
     let class = if paint.thin { MaterialClass::Leaf } else { MaterialClass::Bark };
     let name = format!("{plant}_color_{}{thin}", paint.index);
     let mut material = Material::plain(name, class, color.base, color.roughness.clamp(0.05, 1.0));
-    // Contours are closed around, but not at their ends.
+    // Tubes of contours have no end caps, so that their inside can be seen.
     material.double_sided = true;
     material.translucency = if paint.thin { color.transparency.max(THIN_TRANSLUCENCY) } else { color.transparency };
     material
@@ -121,7 +121,7 @@ pub(crate) fn paint_axes(mesh: &mut Mesh, bindings: &[(u32, f32)], plant: &Plant
     }
 }
 
-/// The colour index of the segment under a triangle; `None` where the axis wears its own material.
+/// The colour index of the segment under a triangle; `None` if the axis has the material of bark or shoot.
 fn triangle_color(triangle: [u32; 3], bindings: &[(u32, f32)], plant: &Plant) -> Option<u8> {
     // Both triangles of a quad span the same arc lengths, and so have the same middle.
     let bound = triangle.map(|i| bindings.get(to_usize(i)).copied().unwrap_or_default());

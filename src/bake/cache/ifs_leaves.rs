@@ -22,14 +22,14 @@ use osier_scene::Pixels;
 /// Maps of a leaf by their endings, with their channels.
 const MAPS: [(&str, u8); 4] = [("color", 4), ("normal", 3), ("rough", 1), ("height", 1)];
 
-/// The part of the file that its checksum covers.
+/// Contents of `leaf.toml` below the line `check`, which hashes the rest of the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LeafFile {
     hash: String,
     anchor: [f64; 2],
     tip: [f64; 2],
-    /// For people: anchor and tip say it as well.
+    /// Distance from anchor to tip, written for readers of the file; loading ignores it.
     #[serde(rename = "length")]
     _length: f64,
     side: u32,
@@ -57,9 +57,9 @@ struct CachedBlade {
     triangles: Vec<[u32; 3]>,
 }
 
-/// A leaf of a recipe that an IFS table draws.
+/// A leaf of a recipe drawn from an IFS table, and the cell that loading fills.
 struct CacheableLeaf<'a> {
-    /// Name of its material and prefix of its maps.
+    /// Name of its material, which is also the folder of its cache and the prefix of its maps.
     name: String,
     hash: String,
     drawn: &'a LazyLeaf,
@@ -77,12 +77,13 @@ fn cacheable_leaves(recipe: &Recipe) -> Vec<CacheableLeaf<'_>> {
     all
 }
 
-/// Names of the materials of leaves that IFS tables draw.
+/// Names of the materials of leaves drawn from IFS tables, whose textures keep their full size because the cache reads them.
 pub fn material_names(recipe: &Recipe) -> Vec<String> {
     cacheable_leaves(recipe).into_iter().map(|leaf| leaf.name).collect()
 }
 
-/// Loads the leaves that an earlier bake stored in a folder; missing and damaged ones are left to be drawn.
+/// Loads the leaves that an earlier bake stored below `root`; those missing, damaged or of other keys are drawn when they are
+/// needed.
 pub fn load(recipe: &Recipe, root: &Path, limits: &Limits) {
     let cacheable_leaves = cacheable_leaves(recipe);
     par_map(&cacheable_leaves, |leaf| {
@@ -136,7 +137,7 @@ fn parse_leaf_file(bytes: &[u8]) -> Option<LeafFile> {
     inside.then_some(file)
 }
 
-/// Stores all drawn leaves beside their textures, which are written already.
+/// Writes `leaf.toml` for all leaves drawn so far. Their textures must have been written, since the file lists their hashes.
 /// # Errors
 /// `Io` for a file that cannot be written.
 pub fn store(recipe: &Recipe, folder: &Folder) -> Result<()> {

@@ -1,7 +1,8 @@
 //! The lattice wind after its spin-up, stored so that a stopped bake, or the next one with the same wind, need not spin up again.
 //!
-//! `wind/air_KEY.state` holds a line that says what it is, the hash of what follows, and the state of the lattice; KEY hashes the
-//! options, seed and solid cells. A file that differs in any byte is not used: the bake spins up again and says so.
+//! `wind/air_KEY.state` holds a line with version and description, the hash of the rest, and the state of the lattice; KEY
+//! hashes the options, seed and solid cells. A file that differs in any byte is not used: the bake spins up again and prints a
+//! note.
 
 use crate::bake::BakeContext;
 use osier_base::Result;
@@ -31,14 +32,14 @@ pub fn load_or_spin_up(options: &LatticeOptions, solids: &[Solid], context: &Bak
     Ok(lattice)
 }
 
-/// False if there is no such file, or why it cannot be used.
+/// Restores the state in a file; `Ok(false)` without such a file, and the reason if it cannot be used.
 fn load(
     lattice: &mut LatticeSolver,
     folder: &Folder,
     path: &str,
     limits: &Limits,
 ) -> std::result::Result<bool, &'static str> {
-    // Beside the air there are a few lines.
+    // The file holds the state and two short lines.
     let most = lattice.bytes().saturating_add(limits.get("text-bytes"));
     let Some(bytes) = read_below(folder.root(), path, most).map_err(|_| "cannot be read")? else { return Ok(false) };
     let state = checked_state(&bytes).ok_or("is damaged, or of another version")?;
@@ -59,7 +60,7 @@ fn file_bytes(state: &[u8]) -> Vec<u8> {
     file_bytes
 }
 
-/// The state in a file of this version, if it is whole.
+/// The state in the bytes of a file; `None` if another version wrote it or its hash differs.
 fn checked_state(bytes: &[u8]) -> Option<&[u8]> {
     let rest = bytes.strip_prefix(header().as_bytes())?;
     let (hash, rest) = rest.split_first_chunk::<64>()?;

@@ -17,12 +17,13 @@ use osier_ifs::game::{Extent, InstructionSet};
 use osier_ifs::morph::Morph;
 use osier_scene::{Asset, AssetFrame, PointsFrame};
 
-/// Points that are followed, and steps of the whole morph at which they are, to bound where the points go. Own: more of either
-/// give a tighter bound and take longer; the bound only frames cameras and extents.
+/// Number of points followed through the morph, and of its steps, to bound the region that the points sweep. Own: more of
+/// either gives a tighter bound and takes longer; the bound only frames cameras and extents.
 const BOUND_POINTS: u64 = 4096;
 const BOUND_STEPS: u32 = 32;
 
-/// Draws an attractor at any time of its morph.
+/// The motion of an attractor's points through its morph: at every time all points are drawn again with the same random
+/// numbers.
 #[derive(Debug, Clone)]
 pub struct AttractorMorph {
     morph: Arc<Morph>,
@@ -39,7 +40,8 @@ pub struct AttractorMorph {
 }
 
 impl AttractorMorph {
-    /// `origin`: point, in table units, that comes to the asset's origin; `scale`: metres per table unit.
+    /// The morph of a recipe's attractor. `origin`: point, in table units, that becomes the asset's origin; `scale`: metres per
+    /// table unit.
     pub fn new(recipe: &AttractorRecipe, morph: &MorphRecipe, seed: u64, origin: DVec3, scale: f64) -> Self {
         let keys = &recipe.keys;
         let mode = color_mode(keys.color_by, keys.prefix);
@@ -60,11 +62,11 @@ impl AttractorMorph {
         }
     }
 
-    /// The points at a time, s from the first frame.
+    /// Points, labels and colours at `seconds` after the first frame, in the asset's space.
     pub fn points_at(&self, seconds: f64) -> AttractorPoints {
         let system = self.morph.system(seconds);
         let mut labels = ColorLabels::new(&system, self.mode, &[]);
-        // The labels of the interpolated system, with interpolated colours in place of its own.
+        // The labels are those of the interpolated system, the colours are interpolated between keys.
         labels.colors = self.colors_at(seconds);
         let study = self.morph.study(seconds);
         let request = DrawRequest {
@@ -111,7 +113,7 @@ impl AttractorMorph {
             .fold(Bounds::default(), |reach, i| reach.union(Bounds::of(sample.positions_of_words(time(i), time(i)))))
     }
 
-    /// The asset at a time; `step`: seconds between frames.
+    /// Positions, velocities and, if they change, colours at a time; `step`: seconds between frames.
     /// Own: a point's velocity is that of its word's image, the mean over the frame around it.
     fn evaluate(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
         let Some(rest) = asset.points.first() else { return AssetFrame::default() };

@@ -14,7 +14,7 @@ use osier_motion::posed_skin::GrowthBinding;
 use osier_scene::plant::Plant;
 use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, InstancerMotion, MeshFrame, MeshMotion};
 
-/// What part of its growth a plant shows in a clip.
+/// The part of a plant's growth that a clip shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GrowthClip {
     /// Shares of the growth time at the first and the last frame, 0..1.
@@ -23,23 +23,23 @@ pub struct GrowthClip {
     pub seconds: f64,
 }
 
-/// Shows a plant at the share of its growth that belongs to a time of the clip.
+/// Moves bark, leaves and segments of a plant to the share of its growth that belongs to a time of the clip.
 #[derive(Debug)]
 pub struct GrowthMotion {
     plant: Arc<Plant>,
     clock: GrowthClock,
-    /// Of each point of the bark.
+    /// Axis and arc length of each point of the bark.
     bindings: Vec<GrowthBinding>,
     /// Indices into the plant's organs, for each of the asset's leaf instancers.
     organs: Vec<Vec<usize>>,
-    /// Middles of the segments of a plant that is shown by these, in the order of their instancer.
+    /// Middles of the segments, in the order of their instancer, where the plant is shown by its segments.
     segments: Vec<GrowthBinding>,
     clip: GrowthClip,
 }
 
 impl GrowthMotion {
-    /// The growth of a plant. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether the plant is shown
-    /// by its segments.
+    /// The motion of a grown plant. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether the
+    /// plant is shown by its segments.
     pub fn new(
         plant: &Plant,
         materials: &PlantMaterials,
@@ -57,18 +57,19 @@ impl GrowthMotion {
         }
     }
 
-    /// The motion that an asset needs to be shown growing: bark that deforms, leaves that appear one by one.
+    /// Marks the bark of an asset as deforming and its leaves as free, and removes skeleton and skin, as a growing plant
+    /// requires.
     pub fn prepare(asset: &mut Asset) {
         for object in &mut asset.meshes {
             object.motion = MeshMotion::Deforming;
-            // Joints cannot lengthen an axis: every frame has points of its own.
+            // Joints cannot lengthen an axis: points are written frame by frame.
             object.skin = None;
         }
         asset.instancers.iter_mut().for_each(|i| i.motion = InstancerMotion::Free);
         asset.skeleton = None;
     }
 
-    /// Share of the growth time at a time of the clip.
+    /// Share of the growth time, 0..1, at `seconds` after the first frame.
     fn share(&self, seconds: f64) -> f32 {
         let GrowthClip { shares: [from, to], seconds: whole } = self.clip;
         // A clip of one frame shows the end of the growth.
@@ -93,7 +94,7 @@ impl GrowthMotion {
     }
 }
 
-/// Indices into the plant's organs, for each instancer of its asset, in the order of its instances.
+/// Indices into the plant's organs for each organ instancer of its asset, in the order of its instances.
 pub(super) fn organs_by_instancer(plant: &Plant, materials: &PlantMaterials) -> Vec<Vec<usize>> {
     let mut numbers = std::collections::BTreeMap::new();
     plant.organs.iter().enumerate().for_each(|(i, o)| {
@@ -105,7 +106,7 @@ pub(super) fn organs_by_instancer(plant: &Plant, materials: &PlantMaterials) -> 
     groups.values().map(|list| list.iter().filter_map(index).collect()).collect()
 }
 
-/// Middles of the segments of a plant, in the order of the instancer that shows them.
+/// Axis and arc length of the middles of all segments, in the order of the instances of a plant shown by its segments.
 pub(super) fn segment_middles(plant: &Plant) -> Vec<GrowthBinding> {
     let mut middles = Vec::new();
     for (axis, shape) in (0_u32..).zip(&plant.axes) {

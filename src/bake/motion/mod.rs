@@ -1,4 +1,4 @@
-//! What moves the assets of a scene, frame by frame.
+//! Motions of the assets of a scene, frame by frame.
 //!
 //! ```text
 //! sway            recorded bends of elements ┐
@@ -35,10 +35,10 @@ use osier_base::par::par_map;
 use osier_scene::plant::Plant;
 use osier_scene::{Asset, AssetFrame, Frame, MapFrame, RecordTable, Scene, VolumeFrame};
 
-/// A point of a plant at rest.
+/// A point on the axis of a plant, at rest, that a motion can carry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointOnAxis {
-    /// Place in plant space, m.
+    /// Position in plant space, m.
     pub position: Vec3,
     /// Index into the plant's axes.
     pub axis: u32,
@@ -48,7 +48,7 @@ pub struct PointOnAxis {
 
 /// Points of a plant that its motion carries along.
 pub trait CarriedPoints: Debug + Send + Sync {
-    /// Where the points are at a time, m, in plant space, in the order in which they were bound.
+    /// Positions of the points at a time, plant space, m, in the order in which they were bound.
     /// # Errors
     /// As [`AssetMotion::frame`].
     fn positions(&self, time: FrameTime) -> Result<Vec<Vec3>>;
@@ -69,7 +69,7 @@ impl FrameTime {
         Self { seconds: scene.clip.seconds(number), step: scene.clip.fps().recip() }
     }
 
-    /// Index of the nearest frame, counted from the first of the clip.
+    /// Index of the nearest frame, counted from the first of the clip; 0 for times before it.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "frames of a clip")]
     pub fn index(self) -> u64 {
         (self.seconds / self.step).round().max(0.0) as u64
@@ -79,28 +79,28 @@ impl FrameTime {
 /// A row of one of the scene's tables.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableRow {
-    /// Name of the table, as in the scene.
+    /// Name of the table that the row belongs to, as declared in the scene.
     pub table: &'static str,
     /// One value per column, in the order of the table's columns.
     pub values: Vec<f64>,
 }
 
-/// Moves one asset of a scene. Frames may be asked for in any order and from several threads; those that are asked for in
-/// rising order cost one step each. `frame` numbers count from the first frame of the clip.
+/// Moves one asset of a scene. Frames may be requested in any order and from several threads; motions that step from frame to
+/// frame need one step for each frame in rising order. `frame` numbers count from the first frame of the clip.
 pub trait AssetMotion: Debug + Send + Sync {
-    /// The state of `asset` at a time.
+    /// State of `asset` at a time, in asset space; parts that it leaves empty stay at rest.
     /// # Errors
     /// `Simulation` where a solver diverges, `Cancelled`.
     fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame>;
 
-    /// Statistics of the simulation at a frame, if it keeps a table.
+    /// Row of the motion's table at a frame; `None` if it keeps no table.
     /// # Errors
     /// As [`AssetMotion::frame`].
     fn row(&self, _frame: u64) -> Result<Option<TableRow>> {
         Ok(None)
     }
 
-    /// Values of the scene's fields that this motion fills, such as deposition maps.
+    /// Texels of the scene's fields that this motion fills, such as deposition maps, in the order of their declarations.
     /// # Errors
     /// As [`AssetMotion::frame`].
     fn fields(&self, _frame: u64) -> Result<Vec<Vec<f32>>> {
@@ -112,13 +112,13 @@ pub trait AssetMotion: Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Record tables of single elements that the motion simulates, such as drops; their names are the motion's own.
+    /// Record tables of single elements that the motion simulates, such as drops; each motion chooses the names of its tables.
     fn records(&self, _frame: u64) -> Vec<RecordTable> {
         Vec::new()
     }
 
-    /// Single elements that the motion simulates as points with attributes: id, position and what a node system needs to show them.
-    /// A table has the same name and columns at every frame, with or without rows.
+    /// Single elements that the motion simulates as points with attributes: id, position and the values with which a node
+    /// system can show them. A table has the same name and columns in every frame, with or without rows.
     /// # Errors
     /// As [`AssetMotion::frame`].
     fn point_tables(&self, _frame: u64) -> Result<Vec<RecordTable>> {
@@ -138,7 +138,7 @@ pub trait AssetMotion: Debug + Send + Sync {
         None
     }
 
-    /// Whether copies of the asset may show it at phases of the clip that differ.
+    /// Whether copies of the asset may show it at different phases of the clip.
     fn supports_phases(&self) -> bool {
         false
     }
@@ -149,8 +149,8 @@ pub trait AssetMotion: Debug + Send + Sync {
     }
 }
 
-/// Evaluates a whole frame. `motions` runs parallel to the scene's assets. `phased`: with the states that placements show
-/// at phases of their own.
+/// Evaluates all motions at frame `number`. `motions` is parallel to the scene's assets. `phased`: also evaluates the states of
+/// placements whose phase differs from 0.
 /// # Errors
 /// The first error of a motion, in the order of the assets.
 pub fn evaluate_frame(

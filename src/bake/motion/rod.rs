@@ -1,4 +1,4 @@
-//! Rods of a recipe: laid out, simulated through the clip, and shown as tubes skinned to one joint per section.
+//! Rods of a recipe (`[[rod]]`): laid out, simulated through the clip, and displayed as tubes skinned to one joint per section.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -26,13 +26,13 @@ use osier_scene::{
 };
 use osier_wind::Wind;
 
-/// Density of the balls that attached weights are shown as, kg/m^3.
+/// Density from which the radius of the ball that displays an attached weight follows, kg/m^3.
 const WEIGHT_DENSITY: f64 = osier_base::physics::WATER_DENSITY;
 
 /// Connected rods as an asset, before it is added to the scene.
 struct RodAsset {
     asset: Asset,
-    /// One per rod and per weight; the asset's meshes index them from the number of the scene's materials so far.
+    /// One per rod and per visible weight; the asset's meshes index them as if appended to the scene's materials so far.
     materials: Vec<Material>,
     /// `None` in a still scene.
     motion: Option<RodMotion>,
@@ -43,7 +43,7 @@ struct RodAsset {
 pub struct RodMotion(Arc<Vec<RodSystemPose>>);
 
 impl RodMotion {
-    /// The pose of the `frame`-th frame of the clip; the last one after it.
+    /// Joint transforms at the `frame`-th frame of the clip; those of the last frame after it.
     pub fn pose_at(&self, frame: u64) -> AssetFrame {
         let pose = usize::try_from(frame).ok().and_then(|k| self.0.get(k)).or(self.0.last());
         AssetFrame { pose: pose.map(joint_transforms).unwrap_or_default(), ..AssetFrame::default() }
@@ -56,13 +56,13 @@ impl AssetMotion for RodMotion {
     }
 }
 
-/// Transforms of the joints: the fixed root, then one per section, then one per weight.
+/// Transforms of the joints in world space: the fixed root, then one per section, then one per weight.
 fn joint_transforms(pose: &RodSystemPose) -> Vec<Trs> {
     let sections = pose.sections.iter().map(|(t, r)| Trs { t: *t, r: *r, s: Vec3::ONE });
     [Trs::IDENTITY].into_iter().chain(sections).chain(pose.bodies.iter().map(|p| Trs::translation(*p))).collect()
 }
 
-/// The ball that an attached weight is shown as.
+/// The ball that displays an attached weight. Radius in metres, colour linear.
 struct WeightBall {
     visible: bool,
     radius: f64,
@@ -71,16 +71,16 @@ struct WeightBall {
 
 /// A rod that is clamped in the world and all rods that are attached to it, which are solved as one system.
 struct ConnectedRods<'a> {
-    /// The rod in the world first; each other one after the rod that it is attached to.
+    /// The rod clamped in the world first; each other rod after the one to which it is attached.
     members: Vec<&'a RodRecipe>,
-    /// Parallel to `members`.
+    /// The solver's descriptions of the rods, parallel to `members`.
     descriptions: Vec<RodDescription>,
     rods: RodSystem,
     actuations: Vec<Actuation>,
     weights: Vec<WeightBall>,
 }
 
-/// Adds the rods of a recipe to the scene, which move in `wind`; `estimating`: without simulating their motion.
+/// Adds the rods of a recipe, which move in `wind`, to the scene. `estimating`: their motion is not simulated.
 /// # Errors
 /// `Simulation` for rods that diverge, `Limit`, `Cancelled`.
 pub(crate) fn add_rods(
@@ -101,7 +101,8 @@ pub(crate) fn add_rods(
     Ok(())
 }
 
-/// One asset for each rod in the world with all that is attached to it. `first_material`: number of the scene's materials so far.
+/// One asset for each rod clamped in the world with all rods attached to it. `first_material`: number of the scene's materials
+/// so far.
 fn build_rod_assets(
     recipe: &Recipe,
     wind: Option<&dyn Wind>,
@@ -184,7 +185,7 @@ impl<'a> ConnectedRods<'a> {
         Ok(group)
     }
 
-    /// Adds forces, impulses and attached weights, and the initial velocities.
+    /// Adds the forces, impulses and weights of the loads, and the initial velocities.
     fn apply_loads(&mut self) {
         let mut bodies = Vec::new();
         for (k, rod) in self.members.iter().enumerate() {
@@ -225,8 +226,8 @@ impl<'a> ConnectedRods<'a> {
         }
     }
 
-    /// Warns of a Gauss-Seidel solver that cannot hold the rods' stiffness (S041), and of torsion that the number of sections
-    /// makes too soft (S040).
+    /// Warns if the Gauss-Seidel solver cannot hold the rods' stiffness (S041), and if the number of sections makes twisted
+    /// rods too soft against torsion (S040).
     fn report_stability(&self, fps: f64, report: &mut Report) {
         if self.too_stiff_for_gauss_seidel(fps) {
             let text = format!(
@@ -237,7 +238,7 @@ impl<'a> ConnectedRods<'a> {
         }
         for (k, rod) in self.members.iter().enumerate() {
             let lost = self.rods.torsion_softening(k);
-            // Of interest only where somebody twists it.
+            // A rod that nothing twists needs no warning.
             let turns =
                 |l: &RodLoadKeys| l.kind == RodLoadKind::Wrench && l.keyframes.iter().any(|k| k[4..] != [0.0; 3]);
             let twisted = rod.keys.torsional_stiffness.is_some() || rod.loads.iter().any(turns);
@@ -249,7 +250,7 @@ impl<'a> ConnectedRods<'a> {
         }
     }
 
-    /// Simulates the clip and records the pose of every frame.
+    /// Simulates the clip from rest, or from the launch velocities, and records the pose of every frame.
     fn simulate_clip(
         &mut self,
         recipe: &Recipe,
@@ -286,7 +287,7 @@ impl<'a> ConnectedRods<'a> {
             && self.rods.max_step_stiffness_ratio(1.0 / (fps * f64::from(steps))) > MAX_GAUSS_SEIDEL_STIFFNESS
     }
 
-    /// Materials and the asset: a tube per rod, and a ball per visible weight. `moves`: with joints and skinning.
+    /// Materials and asset: a tube per rod and a ball per visible weight. `moves`: with skeleton and skin weights.
     fn build_asset(&self, first_material: u32, moves: bool) -> Result<(Vec<Material>, Asset)> {
         let rest = RodSystemPose {
             sections: (0..self.rods.len()).map(|i| self.rest_transform(i)).collect(),
@@ -313,7 +314,7 @@ impl<'a> ConnectedRods<'a> {
             let (mesh, skin) = ball(rest.bodies[k], math::narrow(weight.radius), joint);
             add(name, weight.color, mesh, skin)?;
         }
-        // Radii in the order of the joints.
+        // Radii of the joints: 0 for the root, then those of sections and weights.
         let sections = (0..self.rods.len()).map(|i| math::narrow(self.rods.radius(i)));
         let radii = [0.0].into_iter().chain(sections).chain(self.weights.iter().map(|w| math::narrow(w.radius)));
         let named = |(i, (t, radius)): (usize, (&Trs, f32))| Joint {
@@ -337,7 +338,7 @@ impl<'a> ConnectedRods<'a> {
         Ok((materials, asset))
     }
 
-    /// Position, m, and rotation of section `i` at rest.
+    /// World position, m, and rotation of section `i` at rest.
     fn rest_transform(&self, i: usize) -> (Vec3, Quat) {
         let f = self.rods.reference_frame(i);
         (f.p.as_vec3(), f.rotation().as_quat().normalize())
@@ -359,13 +360,13 @@ impl<'a> ConnectedRods<'a> {
     }
 }
 
-/// Rows of time and N values as keyframes; missing values are 0.
+/// Converts rows of a time, s, and N values to keyframes; missing values are 0.
 fn keyframes<const N: usize>(rows: &[Vec<f64>]) -> Keyframes<N> {
     let value = |k: &Vec<f64>, i: usize| k.get(i + 1).copied().unwrap_or(0.0);
     Keyframes(rows.iter().map(|k| (k[0], std::array::from_fn(|i| value(k, i)))).collect())
 }
 
-/// The solver's description of a rod. `parent`: the member that it is attached to, and the arc length there, m.
+/// The solver's description of a rod. `parent`: index of the member to which it is attached, and the arc length there, m.
 fn rod_description(keys: &RodKeys, parent: Option<(usize, f64)>) -> RodDescription {
     let [r, tip] = keys.radius;
     // Stiffnesses of a circular section: EI = E pi r^4 / 4 and GJ = G pi r^4 / 2, solved for the moduli of the material.

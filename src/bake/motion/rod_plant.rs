@@ -34,20 +34,20 @@ const MAX_GAME_JOINTS: u32 = 64;
 const DEFAULT_PETIOLE_RADIUS: f64 = 8e-4;
 const PETIOLE_TUBE: TubeResolution = TubeResolution { sides: 6, rings: 2 };
 
-/// The asset of a plant on rods, with the rods that move it.
+/// The asset of a plant on rods, with the rods and their binding to it.
 pub struct RodPlantAsset {
     /// Meshes, leaf instancers and skeleton, at rest.
     pub asset: Asset,
     /// The plant's rods at rest, in world space.
     pub rods: RodPlant,
-    /// Binding of meshes and leaves to the rods.
+    /// Binding of the asset's meshes and leaves to `rods`.
     pub binding: RodBinding,
-    /// Warnings of stems and leaves without rods, and of a rest shape that was not found.
+    /// Warnings S042 of a rest shape that was not found, and S043 of stems and leaves without rods.
     pub diagnostics: Vec<Diagnostic>,
 }
 
 impl RodPlantAsset {
-    /// The asset without skeleton and motion; the petioles that its rods are drawn as stay.
+    /// The asset without skeleton and motion; the petiole meshes made from the rods remain.
     pub fn into_still_asset(self) -> Asset {
         let mut asset = self.asset;
         asset.skeleton = None;
@@ -59,7 +59,8 @@ impl RodPlantAsset {
     }
 }
 
-/// A vertex bound to two sections by linear blend skinning. `share`: weight of the second, 0..1; `None`: the fixed root.
+/// A vertex bound to two sections by linear blend skinning. A section of `None` is the fixed root; `share`: weight of the
+/// second, 0..1.
 #[derive(Debug, Clone, Copy)]
 struct VertexBinding {
     sections: [Option<usize>; 2],
@@ -71,15 +72,15 @@ struct VertexBinding {
 pub struct RodBinding {
     /// World from asset space, of the plant's first copy.
     transform: Trs,
-    /// Sections that have joints of their own; joint 0 is the fixed root, section `jointed[i]` has joint i + 1.
+    /// Sections with a joint. Joint 0 is the fixed root; section `jointed[i]` has joint i + 1.
     jointed: Vec<usize>,
-    /// The joint that each section follows.
+    /// The joint that each section follows: its joint, or for a section without one that of a section nearer to the trunk.
     joints: Vec<u16>,
-    /// Sections at rest, in asset space.
+    /// Position, m, and rotation of each section at rest, in asset space.
     rest: Vec<(Vec3, Quat)>,
-    /// Bindings of each mesh's vertices; empty for a mesh that joints move alone.
+    /// Bindings of each mesh's vertices; empty for a mesh that joints move by skinning.
     bound: Vec<Vec<VertexBinding>>,
-    /// Leaves of each instancer, as indices into the plant's organs.
+    /// Leaves of each instancer as indices into the plant's organs, in the order of instances.
     groups: Vec<Vec<usize>>,
 }
 
@@ -92,7 +93,7 @@ pub struct FrameClock {
     pub first: u32,
 }
 
-/// Lays out the rods of a plant and builds its asset at rest. `transform`: of the plant's first copy; `gravity`: m/s^2.
+/// Lays out the rods of a plant and builds its asset at rest. `transform`: world transform of its first copy; `gravity`: m/s^2.
 /// # Errors
 /// `Limit` for the skin's vertices, `TooMany`, `Cancelled`.
 pub fn build_rod_plant_at_rest(
@@ -119,9 +120,9 @@ pub fn build_rod_plant_at_rest(
     } else {
         recipe.keys.max_joints
     };
-    // Leaves of each instancer, as indices into the plant's organs.
+    // The binding stores the leaves of each instancer as indices into the plant's organs.
     let groups = group_organs(plant, materials);
-    // Organs of the groups are copies: their ids lead back to the plant's own list, which the rods index.
+    // Groups hold references without indices: ids lead back to the plant's list, which the rods index.
     let organ_indices: std::collections::BTreeMap<u64, usize> =
         plant.organs.iter().enumerate().map(|(i, o)| (o.id, i)).collect();
     let organ_index = |o: &&Organ| organ_indices.get(&o.id).copied().unwrap_or(0);
@@ -149,7 +150,7 @@ pub fn build_rod_plant_at_rest(
         meshes.push(MeshObject { name, mesh, motion, skin });
         binding.bound.push(if skinned { Vec::new() } else { bound });
     }
-    // Leaves ride on the joint of the section that their blade ends.
+    // A leaf follows the joint of the last section of its petiole.
     let leaf_motion =
         |leaves: &Vec<usize>| InstancerMotion::Joints(leaves.iter().map(|i| binding.leaf_joint(&rods, *i)).collect());
     let instancers = groups
@@ -201,7 +202,8 @@ fn rod_plant_params(
     }
 }
 
-/// S042 without a rest shape that gravity bends into the grown one, S043 for stems and leaves beyond the limits of sections.
+/// Diagnostic S042 if no rest shape was found that gravity bends into the grown one, S043 for stems and leaves beyond the
+/// limits of sections.
 fn rod_plant_diagnostics(rods: &RodPlant, name: &str, keys: &RodPlantKeys) -> Vec<Diagnostic> {
     let mut diagnostics = Vec::new();
     if !rods.has_rest_shape() {
@@ -218,7 +220,8 @@ fn rod_plant_diagnostics(rods: &RodPlant, name: &str, keys: &RodPlantKeys) -> Ve
     diagnostics
 }
 
-/// Petioles of some leaves as one mesh of tubes, with the material of their blades at the texture coordinates of the blade's base.
+/// Mesh of the petioles of some leaves as tubes in asset space. They have the material of their blades and the texture
+/// coordinates of the blade's base.
 /// # Errors
 /// `TooMany` beyond 2^16 sections of a petiole.
 fn petiole_mesh(
@@ -232,7 +235,7 @@ fn petiole_mesh(
     let rods = plant_rods.rods();
     for leaf in leaves {
         let Some(rod) = plant_rods.leaf_stalk(*leaf) else { continue };
-        // The tube starts on the section of the stem that carries the petiole and follows the petiole's own sections.
+        // The tube starts on the section of the stem that carries the petiole, and continues along the sections of the petiole.
         let base = rods.base_attachment(rod).map(|(on, frame)| (on, binding.to_asset_frame(&frame)));
         let own = rods.sections(rod).map(|i| (i, binding.rest[i]));
         let sections: Vec<(usize, (Vec3, Quat))> = base.into_iter().chain(own).collect();
@@ -243,12 +246,12 @@ fn petiole_mesh(
         let tube_sections: Vec<TubeSection> = sections.iter().enumerate().map(tube_section).collect::<Result<_>>()?;
         let (mut tube, skin) = tube(&tube_sections, PETIOLE_TUBE);
         let proto = &plant.protos[usize::from(plant.organs[*leaf].proto)].mesh;
-        // The petiole has the colour of the place where the blade begins.
+        // With one texture coordinate for all vertices, the petiole has the colour of the blade's base.
         tube.uvs.fill(uv_at_pivot(proto));
         let material = proto.subsets.first().map_or(0, |s| s.material) + first_material;
         mesh.append(&tube.with_material(material));
         bound.extend(skin.joints.iter().zip(&skin.weights).map(|(j, w)| {
-            // Joints of the tube are places in its own list of sections; the binding names sections of the whole plant.
+            // Joints of the tube index its list of sections; the binding names sections of the whole plant.
             let ends = [j[0], j[1]].map(|k| sections.get(usize::from(k)).map(|s| s.0));
             VertexBinding { sections: ends, share: w[1] }
         }));
@@ -256,15 +259,15 @@ fn petiole_mesh(
     Ok((mesh, bound))
 }
 
-/// Texture coordinates of the blade's vertex nearest to its pivot.
+/// Texture coordinates of the vertex nearest to the pivot, where the blade begins.
 fn uv_at_pivot(mesh: &Mesh) -> Vec2 {
     let near = |best: usize, i: usize| if mesh.points[i].length() < mesh.points[best].length() { i } else { best };
     mesh.uvs.get((0..mesh.points.len()).fold(0, near)).copied().unwrap_or_default()
 }
 
 impl RodBinding {
-    /// Gives joints to the first `max_joints` - 1 sections, after the root; the others follow the joint of the section before them
-    /// or of the one that carries their rod.
+    /// Assigns joints to the root and the first `max_joints` - 1 sections; every other section follows the joint of the section
+    /// before it, or of the section that carries its rod.
     fn new(plant_rods: &RodPlant, transform: Trs, max_joints: usize) -> Result<Self> {
         let rods = plant_rods.rods();
         let mut binding = Self {
@@ -276,7 +279,7 @@ impl RodBinding {
             groups: Vec::new(),
         };
         binding.rest = (0..rods.len()).map(|i| binding.to_asset_frame(&rods.reference_frame(i))).collect();
-        // Rods are ordered from the trunk outwards: with few joints it is petioles and twigs that share those of their carriers.
+        // Rods are ordered from the trunk outwards: with few joints, petioles and twigs follow the joints of their carriers.
         let mut previous = 0;
         for i in 0..rods.len() {
             let rod = rods.rod_of_section(i);
@@ -301,6 +304,7 @@ impl RodBinding {
 
     fn world_to_asset(&self, p: DVec3) -> Vec3 {
         let back = self.transform.r.as_dquat().normalize().conjugate();
+        // Inverse of the placement p = t + s R a, whose scale s is uniform.
         (back * (p - self.transform.t.as_dvec3()) / f64::from(self.transform.s.x)).as_vec3()
     }
 
@@ -310,7 +314,7 @@ impl RodBinding {
 
     fn skeleton(&self, rods: &RodPlant) -> Skeleton {
         let root = Joint { name: "root".into(), parent: None, rest: Trs::IDENTITY, radius: 0.0 };
-        // All joints are children of the root: each has its pose in asset space, whatever its rod is attached to.
+        // All joints are children of the root: their poses are in asset space, whatever their rods are attached to.
         let section = |i: &usize| {
             let (t, r) = self.rest[*i];
             let radius = narrow(rods.rods().radius(*i)) / self.transform.s.x;
@@ -319,22 +323,23 @@ impl RodBinding {
         Skeleton { joints: [root].into_iter().chain(self.jointed.iter().map(section)).collect() }
     }
 
-    /// The joint that the blade of a leaf follows. `leaf`: index into the plant's organs.
+    /// The joint that the blade of a leaf follows; 0 (the root) for a leaf without a rod. `leaf`: index into the plant's
+    /// organs.
     pub fn leaf_joint(&self, rods: &RodPlant, leaf: usize) -> u16 {
         rods.leaf_section(leaf).map_or(0, |section| self.joints[section])
     }
 
-    /// Leaves of each instancer, as indices into the plant's organs.
+    /// Leaves of each instancer as indices into the plant's organs, in the order of instances.
     pub fn leaf_groups(&self) -> &[Vec<usize>] {
         &self.groups
     }
 
-    /// Joint indices and weights of vertices, the larger weight first.
+    /// Joint indices and weights for each vertex, the larger weight first; at most two joints per vertex.
     fn skin_weights(&self, bound: &[VertexBinding]) -> SkinWeights {
         let mut skin = SkinWeights::default();
         for b in bound {
             let [first, second] = b.sections.map(|s| s.map_or(0, |s| self.joints[s]));
-            // Some readers keep only the first influences, so that the larger weight comes first.
+            // Some readers keep the first influences only.
             let (major, minor) = if b.share > 0.5 {
                 ((second, b.share), (first, 1.0 - b.share))
             } else {
@@ -352,7 +357,7 @@ impl RodBinding {
         skin
     }
 
-    /// Joints, vertices and leaves of the asset in the current pose of `rods`, which are those of `plant`.
+    /// Frame of the asset in the current pose of `rods`, which are the rods of `plant`: joints, deformed vertices and leaves.
     pub fn pose_asset(&self, asset: &Asset, rods: &RodSystem, plant: &dyn RainPlant) -> AssetFrame {
         let pose: Vec<(Vec3, Quat)> = (0..rods.len()).map(|i| self.to_asset_frame(&rods.section_frame(i))).collect();
         let joint = |i: &usize| Trs { t: pose[*i].0, r: pose[*i].1, s: Vec3::ONE };
@@ -369,7 +374,7 @@ impl RodBinding {
         }
     }
 
-    /// Positions, rotations and velocities of leaves in asset space.
+    /// Positions, rotations and velocities of the leaves of one instancer in asset space.
     fn leaf_states(&self, leaves: &[usize], plant: &dyn RainPlant) -> InstanceState {
         let blades: Vec<_> = leaves.iter().map(|i| plant.leaf_pose(*i)).collect();
         let back = self.transform.r.as_dquat().normalize().conjugate();
@@ -388,7 +393,7 @@ impl RodBinding {
         pose.iter().zip(&self.rest).map(|(now, rest)| now.1 * rest.1.conjugate()).collect()
     }
 
-    /// Where two sections carry a point: the mean by their shares, m, in asset space.
+    /// A point carried by two sections: the mean of both positions weighted by their shares, asset space, m.
     fn posed_point(&self, point: Vec3, bound: VertexBinding, pose: &[(Vec3, Quat)], turns: &[Quat]) -> Vec3 {
         let carried = |section: Option<usize>| match section {
             Some(s) => pose[s].0 + turns[s] * (point - self.rest[s].0),
@@ -397,8 +402,8 @@ impl RodBinding {
         carried(bound.sections[0]).lerp(carried(bound.sections[1]), bound.share)
     }
 
-    /// Linear blend skinning of a mesh's points, normals and velocities: each is the mean of where its two sections carry it,
-    /// weighted by their shares.
+    /// Linear blend skinning of a mesh's points, normals and velocities: each is the mean of the values that its two sections
+    /// give it, weighted by their shares. [`MeshFrame::Same`] for a mesh without bindings, which joints move.
     fn posed_points(&self, mesh: &Mesh, bound: &[VertexBinding], pose: &[(Vec3, Quat)], rods: &RodSystem) -> MeshFrame {
         if bound.is_empty() {
             return MeshFrame::Same;
@@ -435,16 +440,17 @@ impl RodBinding {
     }
 }
 
-/// Motion of a plant on rods in a wind. Frames in rising order cost one step each; an earlier frame starts again.
+/// Motion of a plant on rods in a wind. Frames in rising order cost one step each; an earlier frame starts again with the
+/// spin-up.
 #[derive(Debug)]
 pub struct RodPlantMotion {
     start: RodPlant,
     binding: RodBinding,
     fps: f64,
     steps_per_frame: u32,
-    /// Steps of the spin-up, before the first frame.
+    /// Number of time steps of the spin-up, before the first frame.
     spin_up_steps: u32,
-    /// The rods after the last frame that was evaluated, and that frame's number.
+    /// The rods after the last evaluated frame, and its number; `None` before the first and after an error.
     state: Mutex<Option<(RodPlant, u64)>>,
 }
 
@@ -460,13 +466,14 @@ impl RodPlantMotion {
         Self { start, binding, fps, steps_per_frame, spin_up_steps, state: Mutex::new(None) }
     }
 
-    /// Steps the rods to the `number`-th frame of the clip and reads their state.
+    /// Steps the rods to the `number`-th frame of the clip, from the start if they are beyond it, and passes them to `read`.
     /// # Errors
     /// `Simulation` for rods that diverge.
     fn evaluate<R>(&self, number: u64, read: impl FnOnce(&RodPlant) -> R) -> Result<R> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let h = 1.0 / (self.fps * f64::from(self.steps_per_frame));
-        // The state is taken out while it is stepped: after an error the next call begins anew instead of from a half-done step.
+        // The state is taken out while it is stepped: after an error the next call restarts instead of continuing from a
+        // partial step.
         let (mut rods, mut frames) = match state.take().filter(|n| n.1 <= number) {
             Some(reached) => reached,
             None => {

@@ -10,25 +10,27 @@ use osier_scene::{
     Asset, AssetFrame, Attribute, AttributeData, InstanceState, InstancerFrame, InstancerMotion, LEAF_COLOR, MeshFrame,
 };
 
-/// Shows a plant at the season that belongs to a time of the clip. A leaf has an instance for each of its looks, of which one is shown.
+/// Motion of a plant's leaves through the seasons of a clip. A leaf has one instance for each of its appearances, of which one
+/// is visible.
 #[derive(Debug)]
 pub struct SeasonMotion {
     plant: Plant,
     season: SeasonClip,
-    /// Indices into the plant's organs, for each of the asset's instancers.
+    /// Indices into the plant's organs for each of the asset's instancers, in the order of instances.
     organs: Vec<Vec<usize>>,
     /// Length of the clip, s.
     seconds: f64,
 }
 
 impl SeasonMotion {
-    /// The leaves of a plant. `seconds`: length of the clip.
+    /// The motion of a plant that `season` has given its leaves of all appearances. `seconds`: length of the clip.
     pub fn new(plant: &Plant, materials: &PlantMaterials, season: &SeasonClip, seconds: f64) -> Self {
         let organs = organs_by_instancer(plant, materials);
         Self { plant: plant.clone(), season: season.clone(), organs, seconds }
     }
 
-    /// The motion that an asset needs to show this: instances that appear and vanish. At rest it is as at the first frame.
+    /// Marks the instancers of an asset as free, so that instances can appear and vanish, and gives them the state of the first
+    /// frame.
     pub fn prepare(&self, asset: &mut Asset) {
         for (instancer, organs) in asset.instancers.iter_mut().zip(&self.organs) {
             instancer.motion = InstancerMotion::Free;
@@ -38,7 +40,7 @@ impl SeasonMotion {
         }
     }
 
-    /// The state of an instancer at a share of the clip, 0..1.
+    /// State of an instancer at a share of the clip, 0..1: transforms, visibility, sizes and leaf colours.
     fn state(&self, organs: &[usize], share: f64) -> InstanceState {
         let season = self.season.season(share);
         let (mut state, mut colors) = (InstanceState::default(), Vec::with_capacity(organs.len()));

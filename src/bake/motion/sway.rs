@@ -24,7 +24,7 @@ use osier_wind::Wind;
 /// Largest number of joints with `motion = "game"`, for the skinning limits of game engines.
 const MAX_GAME_JOINTS: u32 = 64;
 
-/// Recorded sway of one plant.
+/// Recorded sway of one plant in the wind, evaluated at any time by interpolation.
 #[derive(Debug, Clone)]
 pub struct SwayMotion {
     /// Joints of the skeleton, and the elements that each of them follows.
@@ -35,13 +35,13 @@ pub struct SwayMotion {
     body: PointBinding,
     /// Whether frames carry points (`motion = "cache"`).
     cached: bool,
-    /// One per instancer, in the instancer's order of organs.
+    /// Leaves of each instancer, in the order of its instances.
     leaves: Vec<LeafMotion>,
     wind: Arc<dyn Wind>,
     params: SwayParams,
 }
 
-/// Leaves of one instancer.
+/// Flutter and attachment of the leaves of one instancer.
 #[derive(Debug, Clone)]
 struct LeafMotion {
     flutter: LeafFlutter,
@@ -51,14 +51,14 @@ struct LeafMotion {
 
 /// The organs of one instancer, with the strength of their flutter.
 pub struct FlutterGroup<'a> {
-    /// In the instancer's order.
+    /// Organs in the order of the instancer.
     pub organs: &'a [&'a Organ],
     /// Factor on the amplitude of the flutter; 0 for organs that do not flutter.
     pub flutter: f32,
 }
 
 impl<'a> FlutterGroup<'a> {
-    /// The group of an organ of the recipe; `organ`: index into the recipe's organs.
+    /// The group of an organ of the recipe, with the key `flutter` of that organ. `organ`: index into the recipe's organs.
     pub fn from_recipe(recipe: &PlantRecipe, organ: usize, organs: &'a [&'a Organ]) -> Self {
         // Instanced branchlets, which follow the organs of an IFS tree, and the buds of a season are rigid with their branch.
         let rigid = matches!(recipe.growth, Growth::Ifs(..)) || recipe.keys.season.is_some();
@@ -70,25 +70,25 @@ impl<'a> FlutterGroup<'a> {
 
 /// The bark's points and the leaves of a plant at rest, which the sway moves.
 pub struct SwaySurface<'a> {
-    /// The bark's points, m.
+    /// Points of the bark, plant space, m.
     pub points: &'a [Vec3],
-    /// Axis and arc length on it, m, of each point.
+    /// Axis and arc length on it, m, of each point, parallel to `points`.
     pub bindings: &'a [(u32, f32)],
-    /// In the order of the asset's instancers.
+    /// Leaves of each instancer, in the order of the asset's instancers.
     pub leaves: &'a [FlutterGroup<'a>],
 }
 
-/// A swaying plant in the wind alone, in its own space.
+/// Leaves and nodes of a plant that sways in the wind without drops, in plant space.
 pub struct PosedPlant {
-    /// Parallel to the instancers of the plant's asset.
+    /// States of the instancers of the plant's asset, parallel to these.
     pub instances: Vec<InstanceState>,
     /// Positions of the plant's nodes, m.
     pub nodes: Vec<Vec3>,
 }
 
-/// What drops add to a swaying plant at a frame.
+/// Contribution of drops to a swaying plant in a frame.
 pub struct RainedSway {
-    /// Angles that drops add to each bend, rad.
+    /// Angles that drops add to the bends of each element, rad.
     pub drop_bends: Vec<[f32; 2]>,
     /// State of each instancer, drops and wind together.
     pub instances: Vec<InstanceState>,
@@ -121,8 +121,8 @@ impl SwayMotion {
         let max_joints = if keys.motion == BarkMotion::Game { MAX_GAME_JOINTS } else { u32::MAX };
         let joints =
             JointBudget { joints: to_usize(keys.max_joints.min(max_joints)), coarse: keys.motion == BarkMotion::Game };
-        // All branches are simulated, whatever the joints can show of them: a limb sways by what its twigs catch, and leaves follow
-        // twigs that have no joints.
+        // All branches are simulated, even those without joints: a limb sways by the wind on its twigs, and leaves follow twigs
+        // that have no joints.
         let elements = BeamElements::build(plant, &params.wood, to_usize(keys.max_branches));
         // An estimate checks the limit for the whole clip, but records one frame.
         check_key_limit(&elements, wind.clip, limits)?;
@@ -175,22 +175,21 @@ impl SwayMotion {
         self.track.repeats()
     }
 
-    /// Number of recorded frames.
+    /// Number of recorded frames, those of the clip or of one loop.
     pub fn frame_count(&self) -> usize {
         self.track.frame_count()
     }
 
-    /// The bends around a time of the clip, s; `step`: time between two frames, s.
+    /// The bends of all elements at a time of the clip, and half a frame before and after it.
     fn sample(&self, time: FrameTime) -> SwaySample {
-        // The track interpolates, so the bends half a frame before and after are at hand: their difference is the motion over one
-        // frame, for motion blur.
+        // The difference of the interpolated bends half a frame before and after is the motion over one frame, for motion blur.
         let number = time.seconds / time.step;
         let bends = [-0.5, 0.0, 0.5].map(|d| self.track.at(number + d));
         let base_rotations = [&bends[0], &bends[2]].map(|b| self.elements.base_rotations(b));
         SwaySample { bends, base_rotations, seconds: time.seconds, step: narrow(time.step) }
     }
 
-    /// Leaves and nodes at a time of the clip, in the wind alone. `asset`: its meshes may be missing.
+    /// Leaves and nodes at a time of the clip, in the wind without drops. The meshes of `asset` are not read.
     pub fn places(&self, asset: &Asset, time: FrameTime) -> PosedPlant {
         let sample = self.sample(time);
         let frame = AssetFrame { pose: self.rig.pose(&self.elements, &sample.bends[1]), ..AssetFrame::default() };
@@ -203,10 +202,10 @@ impl SwayMotion {
         PosedPlant { instances: states.collect(), nodes: skeleton.positions().to_vec() }
     }
 
-    /// The asset at a time of the clip with what drops add to it.
+    /// Frame of the asset at a time of the clip, with the bends and leaf states that `rained` gives.
     pub fn frame_in_rain(&self, asset: &Asset, time: FrameTime, rained: RainedSway) -> AssetFrame {
         let mut sample = self.sample(time);
-        // Drops move the plant alike over the time of the central differences: velocities of bark are those in the wind.
+        // The bends of drops are added to all three times alike: velocities of bark are those in the wind.
         for (bend, added) in sample.bends.iter_mut().flat_map(|bends| bends.iter_mut().zip(&rained.drop_bends)) {
             *bend = [bend[0] + added[0], bend[1] + added[1]];
         }
@@ -224,7 +223,7 @@ impl SwayMotion {
         &self.elements
     }
 
-    /// Parameters of the sway, with the place of the plant's first copy.
+    /// Parameters of the sway, with the world transform of the plant's first copy as `stand`.
     pub fn params(&self) -> SwayParams {
         self.params
     }
@@ -261,8 +260,8 @@ impl SwayMotion {
         asset.meshes.iter().map(mesh_frame).collect()
     }
 
-    /// Positions and rotations of one instancer's leaves: those of the posed elements, but near the bark that joints carry where frames
-    /// carry no points; then their flutter.
+    /// Positions and rotations of one instancer's leaves with flutter. They follow the posed elements; where joints carry the
+    /// bark, a leaf stays near its position on the joints.
     fn instancer_frame(
         &self,
         asset: &Asset,
@@ -286,7 +285,7 @@ impl SwayMotion {
         InstancerFrame::State(state)
     }
 
-    /// Turns each leaf about its attachment by its flutter in the wind that reaches it.
+    /// Rotates each leaf about its attachment by its flutter in the wind at its position.
     fn add_flutter(&self, leaves: &LeafMotion, state: &mut InstanceState, sample: &SwaySample) {
         let stand = self.params.stand;
         let places: Vec<Vec3> = state.positions.iter().map(|p| stand.apply(*p)).collect();
@@ -341,7 +340,7 @@ impl CarriedPoints for SwayingPoints {
     }
 }
 
-/// X020 where the paper's equations have no answer. `clamped`: angles that were clamped, over all plants and frames.
+/// Warning X020 if the paper's equations had no solution. `clamped`: number of clamped angles, over all plants and frames.
 pub fn report_clamped_angles(clamped: u64, report: &mut Report) {
     if clamped > 0 {
         let text = format!(

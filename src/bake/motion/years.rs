@@ -13,11 +13,11 @@ use osier_motion::posed_skin::{GrowthBinding, PosedNodes, pose_skin};
 use osier_plants::grow::years::{GrowthClip, PoseNow};
 use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, MeshFrame};
 
-/// Shows a recorded tree at the age that belongs to a time of the clip.
+/// Motion of a recorded tree through its ages in a clip.
 #[derive(Debug)]
 pub struct YearsMotion {
     clip: Arc<GrowthClip>,
-    /// Of each point of the bark.
+    /// Axis and arc length of each point of the bark.
     bindings: Vec<GrowthBinding>,
     /// Indices into the plant's organs, for each of the asset's leaf instancers.
     organs: Vec<Vec<usize>>,
@@ -28,8 +28,8 @@ pub struct YearsMotion {
 }
 
 impl YearsMotion {
-    /// The growth of a recorded tree. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether it is shown
-    /// by its segments; `seconds`: length of the clip.
+    /// The motion of a recorded tree. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether it
+    /// is displayed by its segments; `seconds`: length of the clip.
     pub fn new(
         clip: Arc<GrowthClip>,
         materials: &PlantMaterials,
@@ -46,14 +46,14 @@ impl YearsMotion {
         }
     }
 
-    /// Age of the tree at a time of the clip, years.
+    /// Age of the tree, years, at `seconds` after the first frame.
     fn age(&self, seconds: f64) -> f32 {
         let span = self.clip.span();
         let t = if self.seconds > 0.0 { (seconds / self.seconds).clamp(0.0, 1.0) } else { 1.0 };
         narrow(span.from + (span.to - span.from) * t)
     }
 
-    /// Segments where they are in the pose, as thick as their wood.
+    /// State of the segments' instancer in a pose: each segment moves with its two nodes and is scaled by the ratio of radii.
     fn segment_state(&self, pose: &PoseNow, rest: &InstanceState) -> InstanceState {
         let plant = &self.clip.plant;
         let mut state = InstanceState { sizes: Vec::with_capacity(self.segments.len()), ..rest.clone() };
@@ -62,6 +62,7 @@ impl YearsMotion {
             let (i, _) = plant.segment(axis, bound.s);
             let (low, high) = (pose.p[i], pose.p[i + 1]);
             let at_rest = plant.nodes.p[i + 1] - plant.nodes.p[i];
+            // The segment rotates from its direction at rest to the direction between its nodes in the pose.
             let turn = osier_base::math::rotation_between(
                 osier_base::math::normalize_or(at_rest, Vec3::Y),
                 osier_base::math::normalize_or(high - low, at_rest.normalize_or(Vec3::Y)),
@@ -71,6 +72,7 @@ impl YearsMotion {
             state.orientations[k] = (turn * rest.orientations[k]).normalize();
             let radius = 0.5 * (pose.r[i] + pose.r[i + 1]);
             let rest_radius = 0.5 * (plant.nodes.r[i] + plant.nodes.r[i + 1]);
+            // A segment without length in the pose is hidden by size 0.
             state.sizes.push(if high.distance(low) > 0.0 { radius / rest_radius.max(f32::MIN_POSITIVE) } else { 0.0 });
         }
         state.alive = state.sizes.iter().map(|size| *size > 0.0).collect();

@@ -1,12 +1,12 @@
-//! The counts and bytes that an estimate holds.
+//! Result of an estimate: counts, bytes of files and bytes of memory.
 
 use osier_base::Result;
 use osier_base::limits::Limits;
 
-/// Numbers of things, over all assets.
+/// Predicted counts over all assets, and predicted bytes, of a bake or a single file.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct BakeEstimate {
-    /// Assets with files of their own.
+    /// Assets, each of which has separate files in most formats.
     pub assets: u64,
     /// Placements of assets in the scene; several may show one asset.
     pub placements: u64,
@@ -26,14 +26,14 @@ pub struct BakeEstimate {
     pub frames: u64,
     /// Predicted bytes of all files: the sum of `sizes`.
     pub bytes: u64,
-    /// Of these, what each format takes, by its word, and pictures.
+    /// Bytes by format, under its word, then those of `pictures` and `wind`.
     pub sizes: Vec<(&'static str, u64)>,
-    /// Bytes of memory at the peak of the run, by what they are for.
+    /// Bytes of memory at the peak of the run, by purpose; parts of 0 bytes are left out.
     pub memory: Vec<(&'static str, u64)>,
 }
 
 impl BakeEstimate {
-    /// Bytes of memory at the peak of the run.
+    /// Predicted peak of memory, bytes: the sum of `memory`.
     pub fn peak(&self) -> u64 {
         self.memory.iter().map(|p| p.1).sum()
     }

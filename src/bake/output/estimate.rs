@@ -1,4 +1,4 @@
-//! What a run will make, told before it is written.
+//! Estimates of a run: counts, sizes of files and memory, from an assembled scene without writing it.
 
 use crate::bake::output::bake_estimate::BakeEstimate;
 use crate::bake::output::exporters::export_options;
@@ -11,8 +11,8 @@ use osier_export::format::FormatInfo;
 use osier_export::options::ExportOptions;
 use osier_scene::Scene;
 
-/// Estimates a scene of which `frames` frames will be written as a bake.
-/// `weights`: how many assets each of the first stands for, itself included.
+/// Estimates a bake that writes `frames` frames of the scene `stage` in all formats of the recipe.
+/// `weights`: number of assets that each of the first assets represents, itself included; 1 for assets beyond its end.
 pub fn estimate(stage: &AnimatedScene, recipe: &Recipe, frames: u64, weights: &[u64]) -> BakeEstimate {
     let formats: Vec<&FormatInfo> = recipe.output.keys.formats.iter().map(|f| f.0).collect();
     estimate_formats(
@@ -23,19 +23,19 @@ pub fn estimate(stage: &AnimatedScene, recipe: &Recipe, frames: u64, weights: &[
     )
 }
 
-/// The quantity that is counted, for the table.
+/// Formats, frames and weights of an estimate.
 pub(crate) struct EstimateJob<'a> {
     /// Formats to predict sizes for, in the order of [`BakeEstimate::sizes`].
     pub(crate) formats: &'a [&'static FormatInfo],
     /// Frames that are written; 0 for a still scene.
     pub(crate) frames: u64,
-    /// How many assets each of the first stands for, itself included.
+    /// Number of assets that each of the first assets represents, itself included.
     pub(crate) weights: &'a [u64],
-    /// One file for the whole scene instead of a bake.
+    /// Whether one file holds the whole scene, as `osier grow` writes it, instead of a bake's folder.
     pub(crate) single: bool,
 }
 
-/// Estimates a scene written in some formats.
+/// Estimates the scene `stage` written in the formats of `job`.
 pub(crate) fn estimate_formats(
     stage: &AnimatedScene,
     recipe: &Recipe,
@@ -59,7 +59,7 @@ pub(crate) fn estimate_formats(
         ..BakeEstimate::default()
     };
     c.sizes = job.formats.iter().map(|f| (f.word, (f.estimate)(&input))).collect();
-    // A bake has the pictures once for all formats; of single files, some hold them inside or have none.
+    // A bake has one copy of the pictures for all formats; some formats of single files embed them or have none.
     if !job.single || (pictures > 0 && job.formats.iter().any(|f| f.pictures_beside)) {
         c.sizes.push(("pictures", pictures));
     }
@@ -70,12 +70,12 @@ pub(crate) fn estimate_formats(
     c
 }
 
-/// What planes and boxes of wind take.
+/// Bytes of the exported planes and boxes of wind: three floats per sample.
 fn estimate_wind_bytes(scene: &Scene, frames: u64) -> u64 {
     scene.air.iter().map(|g| frames.div_ceil(u64::from(g.every.max(1))).saturating_mul(12 * g.count())).sum()
 }
 
-/// PNG takes about half of noise-like pictures' bytes.
+/// Bytes of an image as PNG. Own: PNG halves noise-like pictures about.
 fn estimate_png_size(image: &osier_scene::Image) -> u64 {
     decoded_bytes(image) / 2
 }

@@ -1,4 +1,4 @@
-//! Which exporters write what a recipe asks for.
+//! Exporters of a recipe's formats, and their options from its keys.
 
 use std::sync::Arc;
 
@@ -13,7 +13,8 @@ use osier_export::registry;
 use osier_export::textures::Textures;
 use osier_export::{air, exr, gltf, manifest, points, pov, usd, vdb};
 
-/// Writers of a bake's folder, which will be given these frames.
+/// Opens the exporters of a bake: those of all formats, and that of the wind if it is exported. `frames`: numbers of the frames
+/// to write.
 pub fn bake_exporters(
     folder: &Folder,
     textures: &Arc<Textures>,
@@ -21,19 +22,19 @@ pub fn bake_exporters(
     frames: &[u32],
 ) -> Vec<NamedExporter> {
     let mut options = export_options(recipe);
-    // Of the files that hold one frame each, the first of this bake, which need not be the clip's.
+    // Formats with one file per frame refer to the first frame of this bake, which need not be the clip's.
     options.usd.first = frames.first().copied();
     let job = ExportJob { folder: folder.clone(), textures: Arc::clone(textures), options: &options, file: None };
     let mut writers: Vec<NamedExporter> =
         recipe.output.keys.formats.iter().flat_map(|f| open_format_writers(f.0, &job)).collect();
     if !recipe.output.wind.grids.is_empty() {
-        // Last: files of the wind belong to no format of the list.
+        // The exporter of the wind is last, since its files belong to no format of the list.
         writers.push(NamedExporter { name: "wind", exporter: Box::new(air::Air::new(folder.clone())) });
     }
     writers
 }
 
-/// The writer of a single file in a folder of the user's; `None` for an unknown ending. `web`: glTF for browsers.
+/// Opens the exporter of a single file `name` in a folder; `None` for an unknown ending. `web`: glTF for browsers.
 pub fn file_exporter(
     folder: Folder,
     name: &str,
@@ -50,12 +51,12 @@ pub fn file_exporter(
     open_format_writers(format, &job).into_iter().next()
 }
 
-/// Opens the writers of a format under its word.
+/// Opens the exporters of a format, one per profile, under the format's word.
 fn open_format_writers(format: &FormatInfo, job: &ExportJob) -> Vec<NamedExporter> {
     (format.open)(job).into_iter().map(|exporter| NamedExporter { name: format.word, exporter }).collect()
 }
 
-/// What a recipe chooses for all formats.
+/// Options of all formats from the keys of `[output]` and `[maps]`, whether or not a format is written.
 pub fn export_options(recipe: &Recipe) -> ExportOptions {
     let output = &recipe.output;
     ExportOptions {
@@ -88,14 +89,15 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
         vdb: vdb::VdbOptions {
             half: output.vdb.keys.half,
             zip: output.vdb.keys.zip,
-            // A stage turns its volumes with everything else, so that they have its axes; alone they have those of Houdini.
+            // A USD stage converts the axes of its volumes with everything else; without a stage, volumes have the axes of
+            // Houdini (+Y up).
             up: if output.writes(&usd::FORMAT) { up_axis(output.usd.up) } else { usd::UpAxis::Y },
         },
         exr: exr::ExrOptions { atlas: recipe.maps.atlas },
     }
 }
 
-/// What the manifest says about the choices, for a bake of these frames in rising order.
+/// The settings that the manifest records, for a bake of these frames in rising order.
 pub fn manifest_settings(recipe: &Recipe, animated: &AnimatedScene, frames: &[u32]) -> manifest::Settings {
     let output = &recipe.output;
     let pov = pov_options(output);
@@ -119,7 +121,7 @@ fn loop_frames(recipe: &Recipe, animated: &AnimatedScene) -> Option<u32> {
     u32::try_from(frames).ok()
 }
 
-/// Largest step that meets every one of the rising `frames` from the first; 1 if there is no second.
+/// Greatest common divisor of the differences of the rising `frames`; 1 for fewer than two.
 fn frame_stride(frames: &[u32]) -> u32 {
     // Euclid; gcd(0, b) is b, which starts the fold.
     let gcd = |a: u32, b: u32| {
@@ -136,7 +138,7 @@ fn up_axis(up: UpAxis) -> usd::UpAxis {
     if up == UpAxis::Z { usd::UpAxis::Z } else { usd::UpAxis::Y }
 }
 
-/// Angles and lengths of the recipe are in radians and metres.
+/// Tolerances of keyframe reduction: metres, radians and pixels.
 fn usd_tolerance(output: &OutputRecipe) -> usd::Tolerance {
     let keys = &output.usd;
     usd::Tolerance {
@@ -161,7 +163,7 @@ fn gltf_profile(profile: GltfProfile) -> gltf::Profile {
     }
 }
 
-/// The channels of `output.gltf.channels`: a preset, or four words.
+/// The vertex channels of `output.gltf.channels`, a preset or four words; `None` for an empty list.
 fn wind_channels(words: &[WindWord]) -> Option<gltf::WindChannels> {
     let preset = match words {
         // O3DE continues CryEngine's vertex colours.
@@ -178,7 +180,7 @@ fn wind_channels(words: &[WindWord]) -> Option<gltf::WindChannels> {
     preset.or_else(four)
 }
 
-/// The channel of a word; `None` for a preset.
+/// The channel that a word names; `None` for the name of a preset.
 fn wind_channel(word: WindWord) -> Option<gltf::WindChannel> {
     use gltf::WindNumber::{Branch, Flutter, Id, Light, One, Phase, Sway, Zero};
     let (number, inverted) = match word {

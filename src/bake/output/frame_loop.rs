@@ -8,16 +8,16 @@ use osier_base::{Error, Result};
 use osier_export::{Exporter, Warning};
 use osier_scene::{Frame, check_frame, check_scene, largest};
 
-/// An exporter with the name that its errors and progress show.
+/// An exporter with the name of its format.
 pub struct NamedExporter {
-    /// The word of its format.
+    /// The word of its format, or `wind`; it appears in errors and progress.
     pub name: &'static str,
-    /// The exporter, after `begin`.
+    /// The exporter; the frame loop calls `begin`, `frame` and `finish` on it.
     pub exporter: Box<dyn Exporter>,
 }
 
-/// Writes the frames `numbers` of a scene (none: a still scene) with all exporters. Each frame is written by the exporters in
-/// parallel while the next one is evaluated, so that at most two frames are in memory.
+/// Writes the frames `numbers` of a scene (none: a still scene) with all exporters; returns their warnings. The exporters write
+/// a frame in parallel while the next one is evaluated, so that at most two frames are in memory.
 /// # Errors
 /// The first failure in the order of the exporters; `Cancelled`.
 pub fn write_frames(
@@ -30,7 +30,7 @@ pub fn write_frames(
     context.progress.stage("writing", exporters.len() as u64);
     // Static data: geometry, materials, rest poses.
     for_each_exporter(exporters, |e| e.begin(&animated.scene))?;
-    // Largest value of every table column so far, from which warnings are derived at the end.
+    // Warnings at the end are derived from the largest value of every table column.
     let mut largest_rows: Vec<Vec<f64>> = vec![Vec::new(); animated.scene.tables.len()];
     let phased: Vec<u32> =
         numbers.iter().copied().filter(|n| exporters.iter().any(|e| e.exporter.wants_phases(*n))).collect();
@@ -71,7 +71,7 @@ pub fn write_frames(
     Ok(measured.chain(summaries.into_iter().flat_map(|s| s.warnings)).collect())
 }
 
-/// Calls all exporters in parallel; returns their results in order, or the first error in order.
+/// Calls all exporters in parallel; returns their results in order, or the error of the first exporter that failed.
 fn for_each_exporter<R: Send>(
     exporters: &mut [NamedExporter],
     call: impl Fn(&mut (dyn Exporter + 'static)) -> Result<R> + Sync + Send,

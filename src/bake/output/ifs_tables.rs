@@ -1,11 +1,11 @@
-//! The coefficient tables of a recipe, to be written again.
+//! The coefficient tables of a recipe in the form in which `osier convert` and exporters write tables.
 
 use crate::recipe::{AttractorRecipe, Growth, Recipe};
 use osier_ifs::PictureView;
 use osier_ifs::weights::probabilities;
 use osier_ifs::write::{TableItem, squashed};
 
-/// All attractors and table-grown trees of a recipe, in its order; trees with their trunk as a map.
+/// All attractors, then all IFS trees of a recipe; the trunk of a tree becomes one of its maps.
 pub fn ifs_systems(recipe: &Recipe) -> Vec<TableItem> {
     let trees = recipe.plants.iter().filter_map(|p| match &p.growth {
         Growth::Ifs(stems, _) => Some(squashed(stems)),

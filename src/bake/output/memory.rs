@@ -1,4 +1,4 @@
-//! How much memory a run takes at its peak, told before it is spent.
+//! Predicts the peak of memory of a run, so that a limit can stop it before it allocates.
 //!
 //! The terms are what a run holds: pictures as they are drawn and packed, geometry as it is grown and written, a binary glTF
 //! file, which is put together in memory, the maps of two frames of rain, air.
@@ -16,20 +16,20 @@ use osier_scene::{Image, Pixels, Scene, VolumeGrid};
 /// The program itself, and what each thread has on its stack and in its buffers, bytes.
 const PROGRAM_BYTES: u64 = 16_000_000;
 const THREAD_BYTES: u64 = 4_000_000;
-/// Tenths of a byte for each byte of a picture, which is held as it is and packed.
+/// Tenths of a byte of memory for each byte of a picture, which is held both decoded and packed.
 const PICTURE_BYTE_TENTHS: u64 = 22;
-/// Bytes of memory for each vertex, and for each triangle, of all meshes.
+/// Bytes of memory for each vertex, and the same for each triangle, of all meshes.
 const VERTEX_BYTES: u64 = 42;
-/// Bytes for each instance: its transform, its place on the plant, its motion.
+/// Bytes for each instance: transform, site on the plant, motion.
 const INSTANCE_BYTES: u64 = 130;
-/// Bytes for each point of a cloud, and how many more as USD lays it out.
+/// Bytes for each point of a cloud, and additional ones if USD is written.
 const POINT_BYTES: u64 = 50;
 const USD_POINT_BYTES: u64 = 26;
 /// Bytes for each texel of the maps of rain.
 const TEXEL_BYTES: u64 = 150;
 
-/// Bytes for each triangle of an artist's terrain beside its mesh: the file's own mesh, the triangles by which heights are found, their
-/// index.
+/// Bytes for each triangle of an imported terrain beside its mesh: the mesh of the file, the triangles by which heights are
+/// found, and their index.
 const TERRAIN_TRIANGLE: u64 = 70;
 
 /// Bytes for each catkin in flight beside its instance: its state and that at the start of the clip, the grid of contacts, its row in the
@@ -40,11 +40,11 @@ const CATKIN: u64 = 1160;
 const RECORDED_LEAF: u64 = 350;
 const RECORDED_DROP: u64 = 96;
 
-/// Bytes for each cell of a volume: its middle, its velocity in two frames, and as it is packed; or its value in a leaf of its own.
+/// Bytes for each cell of a volume of vectors (centre, velocity in two frames, packed copy), and of a sparse volume of scalars.
 const VOXEL_BYTES: u64 = 70;
 const SCALAR_VOXEL_BYTES: u64 = 600;
 
-/// Bytes of memory at the peak of a run, by what they are for. `counts`: of the run, with its sizes.
+/// Bytes of memory at the peak of a run, by purpose. `counts`: the counts and file sizes of the run.
 pub fn predict_memory(
     scene: &Scene,
     formats: &[&FormatInfo],
@@ -53,7 +53,7 @@ pub fn predict_memory(
 ) -> Vec<(&'static str, u64)> {
     let texels: u64 = scene.map_sequences.iter().map(|s| s.texels() as u64).sum();
     let size = |format: &str| counts.sizes.iter().find(|s| s.0 == format).map_or(0, |s| s.1);
-    // Each format says what share of its file it holds in memory at once.
+    // Each format declares the share of its file that it holds in memory at once.
     let writers = formats.iter().map(|f| size(f.word) / 100 * f.memory_percent).sum();
     let voxel = |g: &VolumeGrid| g.max_cells.saturating_mul(if g.is_vector { VOXEL_BYTES } else { SCALAR_VOXEL_BYTES });
     let volumes = scene.volumes.iter().map(voxel).fold(0, u64::saturating_add);
@@ -85,7 +85,7 @@ pub fn predict_memory(
     parts
 }
 
-/// Triangles of an artist's terrain; 0 for any other.
+/// Triangles of an imported terrain; 0 for other terrains.
 fn terrain_triangles(recipe: &Recipe) -> u64 {
     match recipe.terrain.as_ref().and_then(|t| t.file.as_ref()) {
         Some(TerrainFile::Mesh(imported)) => imported.mesh.triangles.len() as u64,

@@ -1,4 +1,4 @@
-//! From an assembled scene to files, and what they will cost in bytes.
+//! Writing of assembled scenes to files, and estimates of their sizes.
 
 pub mod bake_estimate;
 pub mod estimate;

@@ -1,4 +1,4 @@
-//! How large a file of its own a still scene becomes.
+//! Estimates and checks of still scenes written into a single file.
 
 use crate::bake::output::bake_estimate::BakeEstimate;
 use crate::bake::output::estimate::{EstimateJob, estimate_formats};
@@ -12,7 +12,7 @@ use osier_export::format::FormatInfo;
 use osier_export::gltf::Profile;
 use osier_scene::{Asset, AssetKind, Scene};
 
-/// What `osier grow` will write into a file of a format; `web`: glTF for browsers.
+/// Estimates the file that `osier grow` will write in a format. `web`: glTF for browsers.
 pub fn estimate_file(built: &AssembledScene, recipe: &Recipe, format: &'static FormatInfo, web: bool) -> BakeEstimate {
     let mut options = export_options(recipe);
     options.gltf_profiles = vec![if web { Profile::Web } else { Profile::Blender }];
@@ -20,7 +20,7 @@ pub fn estimate_file(built: &AssembledScene, recipe: &Recipe, format: &'static F
     BakeEstimate { modules: built.modules, ..estimate_formats(&built.animated, recipe, &options, &job) }
 }
 
-/// Refuses a file that would hold nothing.
+/// Refuses a scene without triangles and, unless the file is OBJ, without points and curves.
 /// # Errors
 /// X030.
 pub fn refuse_empty(stage: &AnimatedScene, ending: &str) -> Result<()> {
@@ -37,7 +37,7 @@ pub fn refuse_empty(stage: &AnimatedScene, ending: &str) -> Result<()> {
     Err(Error::export("X030", reason))
 }
 
-/// Refuses a scene whose plants all come out without anything to see, and in which nothing else is seen but ground.
+/// Refuses a scene with plants in which no asset except a terrain has triangles, points or curves.
 /// # Errors
 /// X030.
 pub fn refuse_without_visible_plants(scene: &Scene) -> Result<()> {

@@ -1,4 +1,4 @@
-//! Sizes of textures: no larger than they are seen in the camera's picture.
+//! Reduces textures to the resolution at which the camera sees them.
 
 use crate::bake::cache::ifs_leaves;
 use crate::recipe::Recipe;
@@ -7,12 +7,12 @@ use osier_scene::{Asset, Image, Material, Mesh, PixelFootprint, Scene};
 
 /// Texels along a side that every texture keeps. Own: smaller ones save little.
 const LEAST_SIDE: u32 = 256;
-/// Longest edge of a texel on a surface that a smaller texture may have, m. Own: who moves the camera to a plant in the scene
-/// still sees the pattern of its bark.
+/// Longest edge of a texel on a surface to which reduction may lead, m. Own: with it, bark keeps its pattern when the camera is
+/// moved close to a plant.
 const LARGEST_TEXEL: f32 = 0.002;
 
-/// Halves the textures of a scene, as often as they stay finer than the recipe's `texels_per_pixel` at the camera's nearest view of each
-/// surface.
+/// Halves the textures of a scene as often as they stay finer than the recipe's `texels_per_pixel` where the camera is nearest
+/// to each surface.
 pub fn limit_texture_sizes(recipe: &Recipe, scene: &mut Scene) {
     let halvings = texture_halvings(recipe, scene);
     let normals: Vec<u32> = scene.materials.iter().filter_map(|m| m.maps.normal).collect();
@@ -25,7 +25,7 @@ pub fn limit_texture_sizes(recipe: &Recipe, scene: &mut Scene) {
     });
 }
 
-/// How often each image of a scene is halved.
+/// Number of halvings of each image of a scene; 0 for all if the key `texels_per_pixel` is 0.
 pub fn texture_halvings(recipe: &Recipe, scene: &Scene) -> Vec<u32> {
     let density = osier_base::math::narrow(recipe.output.keys.texels_per_pixel);
     let mut needed = vec![0.0_f32; scene.images.len()];
@@ -33,7 +33,7 @@ pub fn texture_halvings(recipe: &Recipe, scene: &Scene) -> Vec<u32> {
         return vec![0; scene.images.len()];
     }
     let per_unit = texels_per_unit(scene, density);
-    // Leaves of tables are kept in the output folder at full size for the next bake; wet materials have maps of their own size.
+    // Leaves of tables are stored at full size for the next bake; wet materials have maps of other sizes.
     let kept = ifs_leaves::material_names(recipe);
     for (material, texels) in scene.materials.iter().zip(per_unit) {
         let is_kept = material.coat.is_some() || kept.contains(&material.name);
@@ -47,11 +47,11 @@ pub fn texture_halvings(recipe: &Recipe, scene: &Scene) -> Vec<u32> {
     scene.images.iter().zip(needed).map(|(image, needed)| halvings_of(image, needed)).collect()
 }
 
-/// How often an image can be halved while its longer side has the needed texels.
+/// Number of halvings after which the longer side of an image still has `needed` texels and at least [`LEAST_SIDE`].
 fn halvings_of(image: &Image, needed: f32) -> u32 {
     let mut side = image.width.max(image.height);
     let mut count = 0;
-    // An image that no material of a visible surface uses needs nothing, but is not known well enough to be reduced.
+    // An image that no visible surface uses has `needed` 0 and keeps its size, since its use is unknown.
     while needed > 0.0 && side / 2 >= LEAST_SIDE && (side / 2) as f32 >= needed {
         side /= 2;
         count += 1;
@@ -73,7 +73,7 @@ fn texels_per_unit(scene: &Scene, density: f32) -> Vec<Option<f32>> {
         for (mesh, scale) in textured_meshes(asset) {
             for (material, unit) in metres_per_unit(mesh) {
                 if let Some(needed) = needed.get_mut(material as usize) {
-                    // Where a pixel covers nothing the surface is at the camera: any number of texels is seen.
+                    // A pixel footprint of 0 means that the camera is at the surface: the resolution is then unlimited.
                     let texels = if texel > 0.0 { unit * scale / texel } else { f32::INFINITY };
                     *needed = Some(needed.map_or(texels, |n| n.max(texels)));
                 }
@@ -83,7 +83,7 @@ fn texels_per_unit(scene: &Scene, density: f32) -> Vec<Option<f32>> {
     needed
 }
 
-/// Meshes of an asset with the largest scale at which it shows them.
+/// All meshes of an asset, levels of detail included, each with the largest scale at which instances show it.
 fn textured_meshes(asset: &Asset) -> Vec<(&Mesh, f32)> {
     let mut all: Vec<(&Mesh, f32)> = asset.meshes.iter().map(|m| (&m.mesh, 1.0)).collect();
     for instancer in &asset.instancers {
@@ -98,7 +98,8 @@ fn textured_meshes(asset: &Asset) -> Vec<(&Mesh, f32)> {
     all
 }
 
-/// For each material of a mesh the length on the surface of a unit of texture coordinates, m: the root of the ratio of the areas.
+/// Length on the surface, m, of a unit of texture coordinates for each material of a mesh: the square root of the ratio of
+/// areas.
 fn metres_per_unit(mesh: &Mesh) -> Vec<(u32, f32)> {
     if mesh.uvs.len() != mesh.points.len() {
         return mesh.subsets.iter().map(|s| (s.material, f32::INFINITY)).collect();
@@ -107,11 +108,12 @@ fn metres_per_unit(mesh: &Mesh) -> Vec<(u32, f32)> {
         let (mut area, mut flat) = (0.0_f64, 0.0_f64);
         for t in mesh.subset_triangles(subset) {
             let [a, b, c] = t.map(|i| mesh.points[i as usize]);
+            // Both sums are twice the areas of the triangles; the factor cancels in their ratio.
             area += f64::from((b - a).cross(c - a).length());
             let [a, b, c] = t.map(|i| mesh.uvs[i as usize]);
             flat += f64::from((b - a).perp_dot(c - a).abs());
         }
-        // Without area on the picture any number of texels would be needed.
+        // Faces without area in texture space would need unlimited resolution.
         let unit = if flat > 0.0 { osier_base::math::narrow((area / flat).sqrt()) } else { f32::INFINITY };
         (subset.material, unit)
     };

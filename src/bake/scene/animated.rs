@@ -9,7 +9,7 @@ use osier_scene::Scene;
 /// A scene at rest, the motions of its assets, and its exported wind.
 #[derive(Debug, Clone)]
 pub struct AnimatedScene {
-    /// All that does not change over the clip.
+    /// The scene at rest, which does not change over the clip.
     pub scene: Arc<Scene>,
     /// Motions, parallel to the assets; `None` for an asset that stands still.
     pub motions: Vec<Option<Arc<dyn AssetMotion>>>,

@@ -1,4 +1,4 @@
-//! Assembles the scene of a recipe: assets in the order in which files list them, each with its motion.
+//! Assembles the scene of a recipe: assets in the order in which files list them, each with its motion, camera and light.
 
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ use osier_base::par::join;
 use osier_base::{Error, Result};
 use osier_scene::Scene;
 
-/// Optional parts of a scene that the caller asks for.
+/// Optional parts of an assembled scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SceneOptions {
     /// Whether the ground or the terrain becomes an asset; plants stand on it either way.
@@ -48,7 +48,7 @@ impl Default for SceneOptions {
     }
 }
 
-/// A scene with its motions, and what its assembly reported.
+/// A scene with its motions, and the results of its assembly that are not part of it.
 #[derive(Debug)]
 pub struct AssembledScene {
     /// The scene at rest and the motions of its assets.
@@ -57,14 +57,15 @@ pub struct AssembledScene {
     pub report: Report,
     /// Modules of the final strings of all individuals; 0 if no grammar grows a plant.
     pub modules: u64,
-    /// In an estimate: how many individuals each of the first assets stands for. Empty in a scene that can be written.
+    /// In an estimate, the number of individuals that each of the first assets represents; empty in a scene that can be
+    /// written.
     pub weights: Vec<u64>,
-    /// The wind of the scene, which all of its parts read.
+    /// The wind of the scene, which all of its parts share.
     pub wind: Arc<SceneWind>,
 }
 
 impl AssembledScene {
-    /// Counts and bytes that a bake of these frames will write; no frames for a still scene.
+    /// Predicts the counts and bytes of a bake of these frames; no frames for a still scene.
     pub fn counts(&self, recipe: &Recipe, frames: &[u32]) -> BakeEstimate {
         let mut counts = estimate(&self.animated, recipe, frames.len() as u64, &self.weights);
         counts.memory.extend(Some(("recorded wind", self.wind.recorded_bytes())).filter(|part| part.1 > 0));
@@ -72,14 +73,15 @@ impl AssembledScene {
     }
 }
 
-/// Grows the plants of a recipe, builds all of its assets and simulates what is recorded ahead: lattice wind, rods, rain.
+/// Grows the plants of a recipe, builds all of its assets and simulates the motions that are recorded ahead: lattice wind,
+/// rods, rain.
 /// # Errors
 /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
 pub fn assemble_scene(recipe: &Recipe, parts: SceneOptions, context: &BakeContext<'_>) -> Result<AssembledScene> {
     assemble(recipe, None, parts, None, context)
 }
 
-/// As [`assemble_scene`]; `observer` is told what the parts of the scene sample of its wind, in the frames to come too.
+/// As [`assemble_scene`]; `observer` receives all samples that parts of the scene take of its wind, in later frames too.
 /// # Errors
 /// As [`assemble_scene`].
 pub fn assemble_observed_scene(
@@ -103,7 +105,7 @@ pub fn assemble_for_estimate(
     assemble(&dry_run::reduced_recipe(recipe), Some(recipe), parts, None, context)
 }
 
-/// `full`: in an estimate, the recipe that `recipe` is a reduction of; `None` for a scene that will be written.
+/// Common part of the functions above. `full`: in an estimate, the recipe of which `recipe` is a reduction; else `None`.
 fn assemble(
     recipe: &Recipe,
     full: Option<&Recipe>,
@@ -156,7 +158,7 @@ fn assemble(
     let ((material_sets, (grown, mut report)), ground_surface) = (plants?, ground_surface?);
     report.extend(layout_report);
     material_sets.iter().filter_map(|l| l.tree.as_ref()).for_each(|tree| report.extend(tree.report.clone()));
-    // The radius of a grown foot tells how deep it must be sunk into a slope.
+    // Feet are sunk into slopes by their radius, which is known after growth.
     if let Some(terrain) = &terrain {
         let stem_foot_radii = stem_foot_radii(recipe, &layout, &grown);
         sink_feet(&mut layout, &stem_foot_radii, terrain);
@@ -179,7 +181,7 @@ fn assemble(
     let solids = lattice_solids(full.unwrap_or(recipe), &obstacles);
     full.map_or(Ok(()), |full| check_lattice(full, &solids, context, &mut report))?;
 
-    // The one wind, which all that follows reads.
+    // The wind, which all of the following parts share.
     let needs = WindNeeds::of_scene(full.unwrap_or(recipe), &layout, &grown);
     let surroundings = WindSurroundings { solids: &solids, land: obstacles.ground_heights_for_wind(recipe) };
     let scene_wind = Arc::new(SceneWind::new(recipe, full, &needs, &surroundings, observer, context, &mut report)?);
@@ -192,8 +194,8 @@ fn assemble(
     report_clamped_angles(added.clamped_angles, &mut report);
     builder.placements = place_plants(wind.as_ref(), &builder, &layout);
 
-    // Rain reads the plants' assets as they were just built, and takes the leaves that get maps of their own out of them. An
-    // estimate simulates one frame of it, from the first drop.
+    // Rain reads the assets of the plants as they were just built, and takes leaves with water maps out of them. An estimate
+    // simulates one frame of it, from the first drop.
     let short_recipe = full.map(dry_run::recipe_cut_to_first_interval);
     let rain_recipe = short_recipe.as_ref().unwrap_or(recipe);
     let rain_ground = match (&terrain, &ground) {
@@ -214,7 +216,7 @@ fn assemble(
         &mut report,
     )?;
 
-    // Everything else that is seen. Files list assets in this order.
+    // Other visible assets. Files list assets in this order.
     add_ifs_attractors(recipe, &mut builder, context)?;
     let canopy = Canopy::of_scene(recipe, &layout, &grown, &builder);
     let flight = add_catkins(recipe, &obstacles, &scene_wind, canopy, &mut builder, context, &mut report)?;
@@ -227,7 +229,7 @@ fn assemble(
     let wind_output = WindGridSampler::from_recipe(recipe, &scene_wind, &obstacles, context)?;
     let wind_volume = velocity_grid(recipe).filter(|_| wind_output.is_some());
 
-    // A camera without keys frames what was added so far; the ground, which reaches farther, is framed only when alone.
+    // A camera without keys frames the assets so far; the larger ground is framed only in scenes without other assets.
     let empty = builder.placements.is_empty();
     let camera = if empty { None } else { Some(scene_camera(recipe, &builder.assets, &builder.placements)) };
     if let Some((ground, (materials, mesh))) = ground.as_ref().zip(ground_surface) {
@@ -243,7 +245,7 @@ fn assemble(
         lift_camera(&mut camera, terrain);
     }
 
-    // Tables and fields stand in the order in which their motions were added: flight, then rain. The wind's volume comes first.
+    // Tables and fields are in the order in which their motions were added: flight, then rain. The wind's volume comes first.
     let scene = Scene {
         name: recipe.name.clone(),
         title: recipe.general.title.clone(),

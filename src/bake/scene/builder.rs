@@ -41,7 +41,7 @@ impl SceneBuilder {
         }
     }
 
-    /// Adds materials and images, and shifts the materials' image indices to where the images now are.
+    /// Appends materials and images, and adapts the materials' image indices; returns where the materials lie.
     /// # Errors
     /// `TooMany` beyond 2^32 materials or images.
     pub(crate) fn add_materials(&mut self, set: MaterialSet) -> Result<PlantMaterials> {

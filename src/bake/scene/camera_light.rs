@@ -40,10 +40,10 @@ fn camera_framing(recipe: &Recipe, bounds: Bounds) -> Camera {
     camera
 }
 
-/// How large the camera's picture shows things.
+/// Scale of the camera's picture, by which the sizes of maps and meshes are chosen.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ScreenScale {
-    /// Position of the camera, m.
+    /// World position of the camera, m.
     eye: DVec3,
     /// Focal length, pixels.
     focal: f64,
@@ -54,10 +54,11 @@ impl ScreenScale {
     pub(crate) fn new(recipe: &Recipe, bounds: Bounds) -> Self {
         let [_, height] = recipe.output.pov.size;
         let camera = camera_framing(recipe, bounds);
+        // The picture's height spans the angle vfov: height / 2 = focal tan(vfov / 2).
         Self { eye: camera.eye.as_dvec3(), focal: 0.5 * height / math::tan(0.5 * recipe.camera.vfov) }
     }
 
-    /// Distance of a point from the camera, m.
+    /// Distance of a world point from the camera, m.
     pub(crate) fn distance(&self, at: DVec3) -> f64 {
         self.eye.distance(at)
     }
@@ -68,7 +69,7 @@ impl ScreenScale {
     }
 }
 
-/// The sun of the keys; angles in radians.
+/// The sun of `[sun]`; angles in radians, colour linear.
 pub fn scene_sun(recipe: &Recipe) -> Sun {
     let keys = &recipe.sun;
     Sun {
@@ -80,7 +81,7 @@ pub fn scene_sun(recipe: &Recipe) -> Sun {
     }
 }
 
-/// The sky of the keys, with fog where they set a visibility.
+/// The sky of `[sky]`, with the fog of `[fog]` if that sets a visibility; linear colours.
 pub fn scene_sky(recipe: &Recipe) -> Sky {
     let keys = &recipe.sky;
     let strength = narrow(keys.strength);

@@ -1,4 +1,4 @@
-//! Reduction of a recipe for estimates: everything that a bake would make is counted, nothing is drawn or simulated at full size.
+//! Reduction of a recipe for estimates: everything that a bake makes is counted, but not drawn or simulated at full size.
 
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::plant_materials::organ_names;
@@ -9,8 +9,8 @@ use osier_scene::{Clip, Image, Pixels};
 
 /// Pixels along a side of maps that are only counted. Own: small, and within the range of the key `side`.
 const REDUCED_SIDE: u32 = 16;
-/// Individuals of each plant that an estimate grows; the others are counted as copies of these. Own: enough for
-/// the accuracy that a prediction promises (a quarter); more take longer.
+/// Number of individuals of each plant that an estimate grows; the others count as copies of these. Own: enough for predictions
+/// within a quarter, as promised; more take longer.
 const SAMPLED_INDIVIDUALS: usize = 64;
 /// Largest number of skeleton nodes along the diagonal of an imported mesh. Own: bounds the time of the extraction.
 const MAX_SKELETON_NODES: f32 = 300.0;
@@ -46,8 +46,8 @@ pub fn recipe_cut_to_first_interval(recipe: &Recipe) -> Recipe {
     short
 }
 
-/// Keeps the first [`SAMPLED_INDIVIDUALS`] of each plant and lets them represent the others in turn; returns how many individuals each
-/// represents, itself included.
+/// Keeps the first [`SAMPLED_INDIVIDUALS`] of each plant and assigns the copies of the others to them in turn; returns the
+/// number of individuals that each represents, itself included.
 pub fn sample_individuals_of_each_plant(layout: &mut PlantLayout, plants: usize) -> Vec<u64> {
     let mut kept: Vec<Vec<usize>> = vec![Vec::new(); plants];
     let mut seen = vec![0_usize; plants];
@@ -75,7 +75,7 @@ pub fn sample_individuals_of_each_plant(layout: &mut PlantLayout, plants: usize)
     weights
 }
 
-/// Gives the images of a reduced plant the sizes of the full recipe, without pixels.
+/// Sets the sizes of the images of a reduced plant to those of the full recipe, and removes their pixels.
 pub fn restore_image_sizes(set: &mut MaterialSet, full: &PlantRecipe) {
     let painted = full.organs.iter().zip(organ_names(full)).filter(|(o, _)| o.mesh.is_none() && o.ifs.is_none());
     let organs = painted.map(|(o, name)| (format!("{}_{name}", full.id), o.keys.side));
@@ -91,12 +91,12 @@ pub fn restore_image_sizes(set: &mut MaterialSet, full: &PlantRecipe) {
     }
 }
 
-/// Gives the images of a reduced ground a side of `side` pixels, without pixels.
+/// Sets the sides of the images of a reduced ground to `side` pixels, and removes their pixels.
 pub fn restore_ground_sizes(set: &mut MaterialSet, side: u32) {
     set.images.iter_mut().for_each(|image| set_image_size(image, side));
 }
 
-/// `side`: pixels that the keys ask for, of which [`REDUCED_SIDE`] were drawn.
+/// Enlarges an image drawn with [`REDUCED_SIDE`] pixels to the `side` of the keys; pixels are emptied, since they are not read.
 fn set_image_size(image: &mut Image, side: u32) {
     let times = side / REDUCED_SIDE.min(side.max(1));
     if times > 1 {

@@ -1,4 +1,4 @@
-//! Placement: the individuals of a scene and where their copies stand.
+//! Placement: the individuals of a scene, the transforms of their copies, and the terrain.
 
 use std::collections::BTreeMap;
 
@@ -21,14 +21,14 @@ use osier_import::GreyImage;
 use osier_plants::surface::terrain::Terrain;
 use osier_scene::Trs;
 
-/// Where everything stands, and what it stands on.
+/// Placements of all plants, and the terrain under them.
 #[derive(Debug)]
 pub struct SceneLayout {
-    /// The individuals and their placements.
+    /// The individuals, and the transforms of their copies in world space.
     pub plants: PlantLayout,
     /// Terrain that plants are scattered over; `None` without a terrain in the scene.
     pub terrain: Option<Terrain>,
-    /// Warnings about the terrain.
+    /// Warnings about the mesh of a terrain, and about plants beyond its edge.
     pub report: Report,
 }
 
@@ -47,7 +47,7 @@ pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<Scene
         let at = &mut s.transform.t;
         beyond += usize::from(!land.covers(at.x, at.z));
         at.y += land.height_at(at.x, at.z);
-        // Kept until the radius of the foot is known, when the plant is grown ([`scatter::sink_feet`]).
+        // The slope is kept until the plant is grown and the radius of its foot is known ([`scatter::sink_feet`]).
         s.slope = Some(tan_of_slope(land.normal_at(at.x, at.z)));
     }
     if beyond > 0 {
@@ -60,8 +60,8 @@ pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<Scene
     Ok(SceneLayout { plants: layout, terrain: Some(land), report })
 }
 
-/// Lays out a recipe's places. Copies of a group are spread evenly over a disc; each draw has the address
-/// ("place", place, copy), so one more copy moves no other.
+/// Lays out a recipe's `[[place]]` tables, without scattered plants. Each random draw has the address ("place", place, copy),
+/// so that one more copy moves no other.
 pub fn lay_out(recipe: &Recipe) -> PlantLayout {
     let mut layout = PlantLayout::default();
     let mut ordinals = vec![0_u32; recipe.plants.len()];
@@ -70,7 +70,7 @@ pub fn lay_out(recipe: &Recipe) -> PlantLayout {
         // Individuals of an imported mesh do not differ, so that one serves all copies by default.
         let modelled = recipe.plants.get(place.plant).is_some_and(|p| matches!(p.growth, Growth::Mesh(..)));
         let default_count = if modelled { 1 } else { place.keys.count };
-        // In the rain each copy has drops of its own, and so must be an individual.
+        // In the rain each copy has different drops, and so must be an individual.
         let individuals = if recipe.rain.is_some() {
             place.keys.count
         } else {
@@ -92,7 +92,7 @@ pub fn lay_out(recipe: &Recipe) -> PlantLayout {
             // Copies that share a recorded motion must face the wind alike: they get the same turn about the vertical.
             let turned_as = if recipe.moves { shared } else { copy };
             let transform = copy_transform(recipe.general.seed, index, copy, turned_as, place, *spot);
-            // What grows for its place is neither turned nor scaled: it has grown in the directions of the scene.
+            // A plant that grows for its place has grown in the directions of the scene: it is neither turned nor scaled.
             let transform = if in_place { Trs { t: transform.t, ..Trs::IDENTITY } } else { transform };
             let individual = first + shared;
             layout.instances.push(PlantInstance { individual, transform, slope: None });
@@ -112,7 +112,7 @@ fn name_assets(recipe: &Recipe, layout: &mut PlantLayout) {
         }
     }
     let mut names = Names::default();
-    // Names that the scene itself uses.
+    // Reserve the names of assets that the scene adds.
     names.unique("ground");
     names.unique(terrain::NAME);
     let mut seen = vec![0_u32; recipe.plants.len()];
@@ -124,11 +124,12 @@ fn name_assets(recipe: &Recipe, layout: &mut PlantLayout) {
     }
 }
 
-/// Tries of a copy to keep both distances.
+/// Number of tries of a copy to keep the distances to copies of its place and to other places.
 const MAX_TRIES: u32 = 24;
 
-/// Positions of a place's copies relative to its centre, m, by best-candidate sampling: up to [`MAX_TRIES`] draws in the place's region, of
-/// which the first that keeps both distances is taken, else the best. `clear`: plants of earlier places, relative to the same centre.
+/// Positions of a place's copies relative to its centre, m, by best-candidate sampling: of up to [`MAX_TRIES`] draws in the
+/// place's region, the first that keeps both distances, else the best. `clear`: plants of earlier places, relative to the same
+/// centre.
 fn spread_copies(seed: u64, index: usize, place: &PlaceRecipe, clear: &PlacementGrid) -> Vec<Vec3> {
     let region = CopyRegion::of(place);
     if matches!(region, CopyRegion::Disc { .. }) && place.keys.count == 1 {
@@ -162,17 +163,17 @@ fn spread_copies(seed: u64, index: usize, place: &PlaceRecipe, clear: &Placement
         .collect()
 }
 
-/// Where the copies of a place may stand, m, from its centre.
+/// Region in which the copies of a place may stand, m, relative to its centre.
 enum CopyRegion<'a> {
     Disc {
         radius: f32,
     },
-    /// Half width along x and half depth along z; `mask`: the density over it.
+    /// Half width along x and half depth along z; `mask`: a picture of the density over it.
     Rectangle {
         half: Vec2,
         mask: Option<MaskSampler<'a>>,
     },
-    /// A position for each copy, and how far it may lie from it.
+    /// A position for each copy, and the radius around it within which the copy is drawn.
     Line {
         positions: &'a [[f64; 3]],
         jitter: f32,
@@ -219,7 +220,7 @@ fn draw_in_disc(radius: f32, rng: &mut Rng) -> Vec3 {
     Vec3::new(r * math::cos_f32(a), 0.0, r * math::sin_f32(a))
 }
 
-/// Draws places with the density of a grey picture: a pixel by its share of all brightness, then a place in it.
+/// Draws points with the density of a grey picture: a pixel in proportion to its brightness, then a uniform point in it.
 struct MaskSampler<'a> {
     mask: &'a GreyImage,
     /// Sum of the brightness up to and including each pixel, row by row.
@@ -236,7 +237,7 @@ impl<'a> MaskSampler<'a> {
         Self { mask, sums: mask.values.iter().map(add).collect() }
     }
 
-    /// Shares of the way from the left and from the top.
+    /// A point as shares of the width from the left and of the height from the top, 0..1.
     fn draw(&self, rng: &mut Rng) -> Vec2 {
         let total = self.sums.last().copied().unwrap_or(0.0);
         let wanted = rng.unit_f64() * total;
@@ -249,7 +250,8 @@ impl<'a> MaskSampler<'a> {
     }
 }
 
-/// Points in square cells as wide as the distance that is kept, so that the nearest point within it lies in the 3 x 3 cells around.
+/// Points in square cells as wide as the distance to keep, so that all points within that distance lie in the 3 x 3 cells
+/// around.
 struct PlacementGrid {
     side: f32,
     cells: BTreeMap<(i64, i64), Vec<Vec2>>,
@@ -271,7 +273,7 @@ impl PlacementGrid {
         }
     }
 
-    /// Distance to the nearest point, exact below the side of a cell; the side if there is none nearer.
+    /// Distance to the nearest point; the side of a cell if no point is nearer than that.
     fn distance(&self, p: Vec2) -> f32 {
         if self.side <= 0.0 {
             return 0.0;
@@ -283,12 +285,12 @@ impl PlacementGrid {
     }
 }
 
-/// Transform of one copy of a place. `turned_as`: the copy whose drawn turn it shares.
+/// World transform of one copy of a place. `turned_as`: the copy whose random turn it shares.
 fn copy_transform(seed: u64, index: usize, copy: usize, turned_as: usize, place: &PlaceRecipe, spot: Vec3) -> Trs {
     let keys = &place.keys;
     let stream = |copy: usize| Rng::at(seed, &["place".into(), index.into(), copy.into(), "stand".into()]);
     let drawn_turn = stream(turned_as).range(0.0, std::f64::consts::TAU);
-    // The scale is the second draw of the copy's own stream; its first is the turn.
+    // The scale is the second draw of the copy's stream; the first is the turn.
     let mut rng = stream(copy);
     rng.next_u64();
     let drawn_scale = rng.range(-1.0, 1.0);

@@ -23,7 +23,8 @@ use osier_scene::plant::{NONE, Plant};
 /// hide gaps between samples of the terrain.
 const FOOT_DEPTH: f32 = 0.02;
 
-/// Scatters the plants of every `[[scatter]]` over the terrain. Of each plant `individuals` are grown; every copy shows one of them.
+/// Scatters the plants of every `[[scatter]]` over the terrain. The key `individuals` is the number grown of each plant; every
+/// copy displays one of them.
 /// # Errors
 /// `Limit` beyond the candidates or instances allowed, `Cancelled`.
 pub(crate) fn scatter_plants(
@@ -32,14 +33,14 @@ pub(crate) fn scatter_plants(
     layout: &mut PlantLayout,
     context: &BakeContext<'_>,
 ) -> Result<()> {
-    // Individuals are numbered on from those of the places.
+    // The numbering of individuals continues that of the places.
     let mut ordinals = vec![0_u32; recipe.plants.len()];
     for i in &layout.individuals {
         if let Some(n) = ordinals.get_mut(i.plant) {
             *n += 1;
         }
     }
-    // Plants that are placed already keep scattered ones at the distance `clear`.
+    // Scattered plants keep the distance `clear` to plants of places.
     let position = |s: &PlantInstance| [s.transform.t.x, s.transform.t.z];
     let mut obstacles: Vec<ScatterObstacle> =
         layout.instances.iter().map(|s| ScatterObstacle { at: position(s), spacing: 0.0 }).collect();
@@ -73,7 +74,7 @@ pub(crate) fn scatter_plants(
             let (transform, slope) = scattered_transform(land, recipe_entry, spot.at, shared_turn, &mut rng);
             layout.instances.push(PlantInstance { individual, transform, slope: Some(slope) });
         }
-        // Later entries keep clear of what this one placed.
+        // Plants of later entries keep their distance to those of this one.
         obstacles.extend(
             layout.instances[obstacles.len()..]
                 .iter()
@@ -103,7 +104,8 @@ fn scatter_params(recipe: &ScatterRecipe) -> ScatterParams {
     }
 }
 
-/// Transform of a copy at a point of the terrain, and the tangent of the slope there. `shared_turn`: replaces the drawn turn, radians.
+/// World transform of a copy at a point of the terrain, and the tangent of the slope there. `shared_turn`: replaces the drawn
+/// turn, rad.
 fn scattered_transform(
     land: &Terrain,
     recipe: &ScatterRecipe,
@@ -122,7 +124,8 @@ fn scattered_transform(
     (Trs { t: Vec3::new(x, land.height_at(x, z), z), r, s: Vec3::splat(scale) }, tan_of_slope(normal))
 }
 
-/// Radius of a plant's foot, m: largest distance from its pivot to the outside of a root collar, flare included.
+/// Radius of a plant's foot at scale 1, m: largest horizontal distance from its pivot to the outside of a root collar, flare
+/// included.
 pub(crate) fn footprint_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
     let flare = 1.0 + narrow(skin.flare);
     let roots = plant.axes.iter().filter(|a| a.parent == NONE).map(|a| a.first as usize);
@@ -138,7 +141,7 @@ pub(crate) fn footprint_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
 pub(crate) fn sink_feet(layout: &mut PlantLayout, stem_foot_radii: &[f32], land: &Terrain) {
     for s in &mut layout.instances {
         if let (Some(slope), Some(foot)) = (s.slope, stem_foot_radii.get(s.individual)) {
-            // Lowest terrain at 16 points around the foot.
+            // Lowest terrain at 16 points of the foot's circle: the slope at its centre does not cover bumps and edges.
             let (at, r) = (&mut s.transform.t, foot * s.transform.s.x);
             let around = (0..16_u8).map(|k| f32::from(k) * (std::f32::consts::TAU / 16.0));
             let lowest =

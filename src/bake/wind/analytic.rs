@@ -1,4 +1,4 @@
-//! Winds of formulas, which can be sampled at any time.
+//! Winds given by formulas, which can be sampled at any time without simulation.
 
 use std::sync::Arc;
 
@@ -10,8 +10,8 @@ use osier_base::rng;
 use osier_scene::solid::LandForm;
 use osier_wind::{GustWind, GustWindOptions, SineWind, SineWindOptions, UniformWind, Wind, WindOverLand};
 
-/// One of a scene's winds. `period`: of a loop, s; `number`: counted from 0, from which each wind's noise gets a seed of its own;
-/// `land`: above which its heights count.
+/// Builds the wind of one table. `period`: duration of the loop, s; `number`: position among the scene's winds from 0, which
+/// gives the noise of each a different seed; `land`: heights are measured above it.
 pub fn formula_wind(
     keys: &WindKeys,
     period: Option<f64>,
@@ -20,9 +20,10 @@ pub fn formula_wind(
     land: Option<&Arc<LandForm>>,
 ) -> Arc<dyn Wind> {
     let seed = if number == 0 { seed } else { rng::child(seed, number) };
+    // Directions of the keys count from +X towards -Z.
     let direction = Vec3::new(narrow(cos(keys.direction)), 0.0, narrow(-sin(keys.direction)));
     let wind: Arc<dyn Wind> = match keys.model {
-        // The same at all heights.
+        // These models have the same wind at all heights.
         WindModel::Calm | WindModel::Uniform | WindModel::Lattice => {
             return Arc::new(UniformWind(direction * narrow(keys.speed)));
         }

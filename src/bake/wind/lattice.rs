@@ -1,4 +1,4 @@
-//! The lattice Boltzmann wind of a recipe: options, the plan of its run, steps from frame to frame, memory, checks.
+//! The lattice Boltzmann wind of a recipe: options, plan of its run, steps from frame to frame, prediction of memory, checks.
 
 use std::sync::Arc;
 
@@ -25,13 +25,13 @@ use osier_wind::{
     LatticeStats, LatticeWarning, RecordingOptions, SideCondition, Wind, WindProfile, WindSnapshot,
 };
 
-/// Solids of a recipe's lattice wind; none for any other wind.
+/// Solids around which a recipe's lattice wind flows, the land included; empty for every other wind.
 pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> {
     if !lattice_wind_in_clip(recipe) {
         return Vec::new();
     }
     let [x, _, z] = recipe.lattice.cells;
-    // A square around the origin that holds the domain, wherever its base centre lies.
+    // The land is sampled over a square around the origin that holds the domain.
     let side = 2.0 * (x.max(z) * recipe.lattice.cell_size + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
     obstacles.solids_within(narrow(side)).list().to_vec()
 }
@@ -88,7 +88,7 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
     }
 }
 
-/// The analytic stand-in for a lattice wind: the inlet's profile and gusts in the whole domain, without solids.
+/// The analytic replacement of a lattice wind: profile and gusts of its inlet in the whole domain, unaffected by solids.
 pub fn analytic_inlet(recipe: &Recipe, land: Option<Arc<LandForm>>) -> InletWind {
     let options = lattice_options(recipe);
     let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
@@ -96,23 +96,23 @@ pub fn analytic_inlet(recipe: &Recipe, land: Option<Arc<LandForm>>) -> InletWind
     InletWind::new(options.inlet, origin, options.spacing, options.cells, [false; 3]).over_land(land)
 }
 
-/// How a lattice is run for the parts of a scene that read it.
+/// Which part of a lattice wind is recorded ahead of the frames, and which is stepped along with them.
 #[derive(Debug, Clone)]
 pub struct LatticePlan {
-    /// Options of the solver, of the recording and of the steps alike.
+    /// Options of the solver, common to recording and steps.
     pub options: LatticeOptions,
-    /// What is recorded ahead of the frames.
+    /// Region and frames that are recorded ahead of the frame loop; `None` if nothing is.
     pub recorded: Option<RecordingOptions>,
-    /// Whether the whole box is stepped along with the frames.
+    /// Whether the whole box is stepped along with the frame loop.
     pub stepped: bool,
 }
 
 impl LatticePlan {
-    /// The plan for a recipe; `None` if it has no lattice that is simulated, or if nothing reads it.
+    /// The plan for a recipe; `None` if it has no simulated lattice, or if no part of the scene reads it.
     ///
-    /// A loop is recorded: of the whole box if catkins, rain or files read it. Without a loop what is simulated ahead of the frames
-    /// is recorded, and what is read frame by frame is stepped. If a scene has both, one recording of the whole box serves both as
-    /// long as it fits in memory; else the lattice is simulated a second time, with the same velocities.
+    /// A loop is recorded, of the whole box if catkins, rain or files read it. Without a loop, samples read ahead of the frames
+    /// are recorded, and samples read frame by frame are stepped. If a scene has both, one recording of the whole box serves
+    /// both as long as it fits in memory; else the lattice is simulated a second time, with the same velocities.
     /// # Errors
     /// `Limit` for a recording that is too large.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
@@ -123,7 +123,7 @@ impl LatticePlan {
         }
         let (fps, loop_frames) = (recipe.clip.fps(), recipe.sway.loop_frames(&recipe.clip));
         let frames = loop_frames.unwrap_or(recipe.clip.len());
-        // A spin-up of whole frames stays one, in spite of rounding errors.
+        // The subtrahend keeps rounding errors from adding a frame to a spin-up of whole frames.
         let in_frames = |seconds: f64| (seconds * fps - 1e-6).ceil().max(0.0) as u32;
         let (region_lead, box_lead) = (in_frames(needs.region_lead), in_frames(needs.box_lead));
         let reads_box = needs.box_ahead || needs.box_by_frame;
@@ -136,10 +136,10 @@ impl LatticePlan {
         let whole = RecordingOptions { bounds: Bounds::of([]), lead, frames, fps, repeats };
         let region = RecordingOptions { bounds: needs.region, ..whole };
         let solver_bytes = LatticeMemory::estimate(&options).total();
-        // Half of what the solver leaves: the rest of the bake needs memory beside the recording.
+        // The recording may take half of the memory that the solver leaves; the rest of the bake needs memory too.
         let budget = limits.get("wind-bytes").min(limits.get("memory").saturating_sub(solver_bytes) / 2);
-        // In this order: what must be recorded whole; nothing read ahead, so that stepping is enough; a part read ahead and nothing frame by
-        // frame; both, with one recording if it fits; both, by two runs.
+        // In this order: the whole box read ahead; nothing read ahead, so that stepping is enough; a region read ahead and
+        // nothing frame by frame; both, with one recording if it fits; both, by two runs.
         let (recorded, stepped) = if repeats || needs.box_ahead {
             (Some(if reads_box { whole } else { region }), false)
         } else if needs.region.is_empty() {
@@ -183,7 +183,7 @@ impl LatticePlan {
     }
 }
 
-/// S034 where the land in the box of a lattice lies below its base, under which there is no air.
+/// Warning S034 if land within the box of a lattice lies more than a cell below its base, under which there is no air.
 pub fn report_land_below_lattice(options: &LatticeOptions, land: &LandForm, report: &mut Report) {
     let [x, _, z] = options.cells.map(|n| f64::from(n) * options.spacing);
     let (base, spacing) = (options.base_center, options.spacing);
@@ -192,7 +192,7 @@ pub fn report_land_below_lattice(options: &LatticeOptions, land: &LandForm, repo
         along(z, options.cells[2], base.z).map(move |z| f64::from(land.height(Vec2::new(narrow(x), narrow(z)))))
     });
     let lowest = heights.fold(f64::INFINITY, f64::min);
-    // A part of a cell is lost to the staircase of cells anyway.
+    // The staircase of cells loses a part of a cell in any case.
     if lowest < base.y - spacing {
         let text = format!(
             "the ground goes down to {lowest:.1} m in the box of the lattice wind, whose base is at {:.1} m: there is no wind below",
@@ -203,7 +203,7 @@ pub fn report_land_below_lattice(options: &LatticeOptions, land: &LandForm, repo
     }
 }
 
-/// Everything that a lattice is built from, so that it can be started again.
+/// Options, solids and context of a lattice, kept to build it again when an earlier frame is requested.
 #[derive(Debug)]
 pub struct LatticeConfig {
     options: LatticeOptions,
@@ -214,7 +214,7 @@ pub struct LatticeConfig {
 }
 
 impl LatticeConfig {
-    /// Copies what a lattice needs out of the context of a bake.
+    /// Copies limits, cancellation and cache out of the context of a bake.
     pub fn new(options: LatticeOptions, solids: &[Solid], context: &BakeContext<'_>) -> Self {
         let (limits, cancel, cache) = (context.limits.clone(), context.cancel.clone(), context.cache.cloned());
         Self { options, solids: solids.to_vec(), limits, cancel, cache }
@@ -231,7 +231,7 @@ impl LatticeConfig {
     }
 }
 
-/// A lattice that is stepped from frame to frame, with two snapshots in memory.
+/// A lattice that is stepped from frame to frame and holds the two snapshots between which the wind is interpolated.
 #[derive(Debug)]
 pub struct SteppedLattice {
     config: LatticeConfig,
@@ -247,7 +247,7 @@ struct LatticeState {
     frame: i64,
 }
 
-/// A snapshot, and the statistics of the solver when it was taken.
+/// A snapshot of the velocities, and the statistics of the solver at its time.
 #[derive(Debug, Clone)]
 struct SteppedSnapshot {
     wind: Arc<WindSnapshot>,
@@ -261,7 +261,7 @@ impl SteppedSnapshot {
 }
 
 impl SteppedLattice {
-    /// Spins a lattice up.
+    /// Builds a lattice, spins it up or loads its spun-up state, and takes its first two snapshots.
     /// # Errors
     /// Those of [`LatticeSolver::new`] and [`LatticeSolver::advance`].
     pub fn start(config: LatticeConfig, progress: &dyn Progress) -> Result<Self> {
@@ -269,7 +269,7 @@ impl SteppedLattice {
         Ok(Self { config, state })
     }
 
-    /// The solver in its present state, for the warnings that it has collected.
+    /// The solver in its present state; callers read its warnings.
     pub fn solver(&self) -> &LatticeSolver {
         &self.state.solver
     }
@@ -316,7 +316,7 @@ pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
     ]
 }
 
-/// How many cells of the lattice resolve a solid.
+/// Size of a solid in cells of the lattice, by which a user judges how well it is resolved.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolidSizeInCells {
     /// Name of the solid, as in its key `name`.
@@ -345,10 +345,10 @@ pub fn solids_in_cells(recipe: &Recipe) -> Vec<SolidSizeInCells> {
     recipe.solids.iter().map(of_solid).collect()
 }
 
-/// Memory of a lattice, bytes, up to which a check voxelizes its solids; a larger one is checked by its options alone.
+/// Memory of a lattice, bytes, up to which a check voxelizes its solids; of larger ones it checks the options only.
 const MAX_CHECKED_BYTES: u64 = 200_000_000;
 
-/// Reports the warnings of a recipe's lattice without running it; those of solids only up to `MAX_CHECKED_BYTES`.
+/// Reports the warnings of a recipe's lattice without running it; those of its solids only up to `MAX_CHECKED_BYTES`.
 /// # Errors
 /// Those of [`LatticeSolver::new`].
 pub fn check_lattice(recipe: &Recipe, solids: &[Solid], context: &BakeContext<'_>, report: &mut Report) -> Result<()> {
@@ -364,7 +364,7 @@ pub fn check_lattice(recipe: &Recipe, solids: &[Solid], context: &BakeContext<'_
     Ok(())
 }
 
-/// Adds the warnings of a lattice to a report, each under its own code, or under S020 if the code is not registered.
+/// Adds the warnings that a lattice has collected to a report, each with its code, or with S020 if the code is not registered.
 pub fn report_warnings(lattice: &LatticeSolver, report: &mut Report) {
     push_warnings(lattice.warnings(), report);
 }

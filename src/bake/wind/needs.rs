@@ -1,4 +1,4 @@
-//! What the parts of a scene read of its wind: where, and from which time on.
+//! Regions and times at which the parts of a scene read its wind, from which the lattice's run is planned.
 
 use glam::Vec3;
 
@@ -20,11 +20,11 @@ const LEAN_MARGIN: f32 = 0.2;
 /// Regions and times at which the wind of a scene is read.
 #[derive(Debug, Clone, Copy)]
 pub struct WindNeeds {
-    /// Bounds of what is simulated ahead of the frames or read at any of them: plants and rods, m. Empty for none.
+    /// World bounds of plants and rods, m, whose wind is read ahead of the frames or at any of them; empty for none.
     pub region: Bounds,
-    /// Rain, which is simulated ahead, reads the whole box.
+    /// Whether rain, which is simulated ahead of the frames, reads the whole box.
     pub box_ahead: bool,
-    /// Catkins or files read the whole box, frame by frame.
+    /// Whether catkins or files read the whole box, frame by frame.
     pub box_by_frame: bool,
     /// Time before the clip's first frame from which the region is read, s.
     pub region_lead: f64,
@@ -33,7 +33,7 @@ pub struct WindNeeds {
 }
 
 impl WindNeeds {
-    /// Needs of what the recipe moves, simulates or writes. In a still scene only a flight reads the wind.
+    /// Needs of everything that the recipe moves, simulates or writes. In a still scene only a flight reads the wind.
     pub fn of_scene(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Self {
         let is_clip = recipe.clip.len() >= 2;
         let plants = if is_clip { moving_plant_bounds(recipe, layout, grown) } else { Bounds::of([]) };
@@ -54,14 +54,14 @@ impl WindNeeds {
         }
     }
 
-    /// True if neither plants, rods, rain and flight nor a written file read the wind.
+    /// Whether neither plants, rods, rain and flight nor a written file read the wind.
     pub fn is_empty(&self) -> bool {
         self.region.is_empty() && !self.box_ahead && !self.box_by_frame
     }
 }
 
-/// World bounds, m, of the first copies of all plants that move, whose places in the wind all copies share; with room for leaves
-/// and for leaning.
+/// World bounds, m, of the first copies of all moving plants, extended by margins for leaves and for leaning. Other copies use
+/// the wind at the first.
 fn moving_plant_bounds(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Bounds {
     let transforms = layout.first_transforms();
     let plants = layout.individuals.iter().zip(grown).zip(&transforms);

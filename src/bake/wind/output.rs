@@ -1,4 +1,4 @@
-//! The wind as `[output.wind]` and `[output.vdb]` export it: the scene's own, sampled at the points of planes and boxes.
+//! The wind that `[output.wind]` and `[output.vdb]` export: that of the scene, sampled at the points of planes and boxes.
 
 use std::sync::Arc;
 
@@ -23,33 +23,33 @@ const BYTES_PER_VELOCITY: u64 = 12;
 #[derive(Debug)]
 pub struct WindGridSampler {
     wind: Arc<SceneWind>,
-    /// Points of each grid, m.
+    /// World points of each grid, m.
     points: Vec<Vec<Vec3>>,
     volume: Option<WindVolume>,
 }
 
-/// The voxel grid of the wind's velocity.
+/// Sample points of the voxel grid of the wind's velocity.
 #[derive(Debug)]
 struct WindVolume {
     cells: [usize; 3],
-    /// Middles of the cells that are not inside a solid, m.
+    /// World positions of the centres of cells that are not inside a solid, m.
     points: Vec<Vec3>,
-    /// Index of each of them among all cells.
+    /// Index of each of `points` among all cells.
     indices: Vec<usize>,
 }
 
-/// The wind at one frame at the points of the grids and of the volume that the scene writes.
+/// Samples of the wind at one frame, for the grids and the volume that the scene writes.
 #[derive(Debug, Default)]
 pub struct SampledWind {
-    /// Velocities, m/s, at the points of each grid of the scene; empty for a grid that is not written in this frame, and altogether
-    /// where none is.
+    /// Velocities, m/s, at the points of each grid of the scene; empty for a grid that is not written in this frame. The list
+    /// is empty if nothing is written in it.
     pub air: Vec<Vec<Vec3>>,
-    /// The volume of the velocity, if the scene has one; without values in a frame that it is not written in.
+    /// The volume of the velocity, if the scene has one; without values in a frame in which it is not written.
     pub volume: Option<VolumeFrame>,
 }
 
 impl WindGridSampler {
-    /// `None` if the recipe exports no wind, or has no clip.
+    /// The sampler of a recipe, which computes all points once; `None` if the recipe exports no wind or has no clip.
     /// # Errors
     /// `Limit`, and X010 for more voxels than a file may have.
     pub fn from_recipe(
@@ -68,7 +68,7 @@ impl WindGridSampler {
             context.limits.check("image-side", longest, "texels along a side of a plane of output.wind")?;
         }
         velocity_grid(recipe).map_or(Ok(()), |grid| check_dense_grid(&grid, recipe.clip.start))?;
-        // Two frames are in memory: the one that is written, and the next.
+        // Two frames are in memory at once: the one being written, and the next.
         let cells = grids.iter().chain(volume).map(AirGrid::count).fold(0, u64::saturating_add);
         let bytes = cells.saturating_mul(2 * BYTES_PER_VELOCITY);
         context.limits.check("wind-bytes", bytes, "the bytes of output.wind and output.vdb in two frames")?;
@@ -85,7 +85,7 @@ impl WindGridSampler {
         Ok(Some(Arc::new(Self { wind: Arc::clone(wind), points, volume })))
     }
 
-    /// The wind at the points of all grids at a frame.
+    /// Samples the wind at the points of the grids and of the volume that are due at frame `number`.
     /// # Errors
     /// Those of a lattice.
     pub fn sample_frame(&self, scene: &Scene, number: u32) -> Result<SampledWind> {
@@ -98,7 +98,7 @@ impl WindGridSampler {
             return Ok(SampledWind { air: Vec::new(), volume: nothing });
         }
         let t = scene.clip.seconds(number);
-        // The wind of the interval that ends at this frame: a lattice that is stepped along with a flight is there by now.
+        // The interval that ends at this frame: a lattice that a flight steps has computed it already.
         let wind = self.wind.wind_until_next_frame(WindUser::Output, i64::from(since) - 1)?;
         let sample = |(grid, points): (&AirGrid, &Vec<Vec3>)| {
             if grid.is_due(since) { sample_velocities(&*wind, points, t) } else { Vec::new() }
@@ -120,12 +120,12 @@ impl WindVolume {
     }
 }
 
-/// The box of the voxel grid of the wind; `None` if it is not written, or without wind.
+/// Cells of the voxel grid of the wind; `None` if it is not written, or without wind.
 fn velocity_domain(recipe: &Recipe) -> Option<&AirGrid> {
     recipe.output.velocity_volume().filter(|_| recipe.blows())
 }
 
-/// The voxel grid of the wind, if it is written.
+/// Declaration of the voxel grid of the wind's velocity; `None` if it is not written.
 pub fn velocity_grid(recipe: &Recipe) -> Option<VolumeGrid> {
     let domain = velocity_domain(recipe)?;
     Some(VolumeGrid {
@@ -140,7 +140,7 @@ pub fn velocity_grid(recipe: &Recipe) -> Option<VolumeGrid> {
     })
 }
 
-/// Wind velocities at points, m/s, sampled in parallel chunks.
+/// Wind velocities, m/s, at world points at time `t`, s, sampled in parallel chunks.
 fn sample_velocities(wind: &dyn Wind, places: &[Vec3], t: f64) -> Vec<Vec3> {
     let chunks = par_chunks(places, CHUNK, |_, places| {
         let mut out = vec![Vec3::ZERO; places.len()];

@@ -1,4 +1,4 @@
-//! How plants answer the wind of the scene: the parameters of their sway.
+//! The wind as plants see it: the fields that they sample and the parameters of their sway.
 
 use std::sync::Arc;
 
@@ -11,12 +11,12 @@ use osier_motion::sway::{ClipOptions, PaperCorrections, PaperParams, SwayParams,
 use osier_scene::Trs;
 use osier_wind::{CALM_SPEED, UniformWind, Wind};
 
-/// The wind at the plants of a scene, with the settings of their sway.
+/// The wind fields of a scene's plants, with the settings of `[sway]`.
 #[derive(Debug, Clone)]
 pub struct PlantWind {
-    /// The scene's wind, for branches of the sway model and their leaves.
+    /// The scene's wind, observed as that of branches of the sway model and their leaves.
     pub wind: Arc<dyn Wind>,
-    /// The scene's wind, for plants on rods.
+    /// The scene's wind, observed as that of plants on rods.
     pub rod_wind: Arc<dyn Wind>,
     /// Frames to record, and whether they loop or start from rest.
     pub clip: ClipOptions,
@@ -24,21 +24,21 @@ pub struct PlantWind {
     whip: f64,
     fps: f64,
     phases: u32,
-    /// Whether bending follows the branches' measured taper.
+    /// Whether the bending profile follows the branches' measured taper.
     measured: bool,
     /// Whether branches have a second bending mode.
     second_modes: bool,
-    /// Whether gravity bends what leans.
+    /// Whether gravity bends deflected branches further.
     gravity: bool,
     /// Parameters of the paper's sway model; `None` for the beam model.
     pub paper: Option<PaperParams>,
-    /// Whether motions are counted for an estimate and not simulated.
+    /// Whether motions are only counted, in an estimate, instead of simulated.
     pub estimate_only: bool,
 }
 
 impl PlantWind {
-    /// The wind of a scene with the settings of its plants' sway; `None` in a still scene, and in calm air unless it rains: drops move
-    /// plants without wind too.
+    /// The wind of a scene with the settings of its plants' sway; `None` in a still scene, and in calm air unless it rains,
+    /// since drops move plants without wind.
     pub fn new(recipe: &Recipe, scene: &SceneWind) -> Option<Self> {
         let sway = &recipe.sway;
         if recipe.clip.len() < 2 || !(recipe.blows() || recipe.rain.is_some()) {
@@ -47,7 +47,7 @@ impl PlantWind {
         let calm = || -> Arc<dyn Wind> { Arc::new(UniformWind(Vec3::ZERO)) };
         let wind = scene.field(WindUser::Sway).unwrap_or_else(calm);
         let rod_wind = scene.field(WindUser::RodPlants).unwrap_or_else(calm);
-        // A loop has a period of its own, in frames; the scene's wind repeats with it.
+        // The length of a loop in frames need not be that of the clip; the scene's wind repeats with the loop.
         let loop_frames = sway.loop_frames(&recipe.clip);
         let (frames, repeats) = (loop_frames.unwrap_or(recipe.clip.len()), loop_frames.is_some());
         let clip = ClipOptions {
@@ -67,7 +67,7 @@ impl PlantWind {
             flicker,
             whip: sway.whip,
             fps: recipe.clip.fps(),
-            // A copy's phase is a frame of the clip, so that a loop of another length than the clip's allows none.
+            // Phases are frames of the clip, so that a loop of another length allows none.
             phases: if frames == recipe.clip.len() { sway.phases } else { 1 },
             measured: sway.profile == BendProfile::Measured,
             second_modes: sway.modes > 1,
@@ -77,7 +77,7 @@ impl PlantWind {
         })
     }
 
-    /// The same wind for an estimate, which counts motions without simulating them.
+    /// The same wind marked for an estimate.
     pub fn for_estimate(self) -> Self {
         Self { estimate_only: true, ..self }
     }
@@ -95,13 +95,14 @@ impl PlantWind {
         if mean.length() < CALM_SPEED {
             return 0;
         }
-        // Delay as a share of the loop, negative as a later gust shows an earlier state.
+        // Delay as a share of the loop; negative, since a later gust corresponds to an earlier state.
         let delay = (copy - first).as_dvec3().dot(mean) / mean.length_squared();
         let share = (-delay * self.fps / frames).rem_euclid(1.0);
+        // The share is rounded to one of `count` phases, and the phase to a whole frame.
         ((share * count).round() % count / count * frames).round() as u32 % self.clip.frames.max(1) as u32
     }
 
-    /// Parameters of the sway of a plant whose first copy has this transform.
+    /// Parameters of the sway of a plant. `stand`: world transform of its first copy.
     pub fn sway_params(&self, keys: &WoodKeys, stand: Trs) -> SwayParams {
         let wood = WoodParams { measured: self.measured, second_modes: self.second_modes, ..wood_params(keys) };
         SwayParams { wood, flicker: self.flicker, whip: self.whip, stand, gravity: self.gravity, fps: self.fps }
@@ -121,7 +122,7 @@ fn paper_params(sway: &SwayKeys) -> Option<PaperParams> {
     })
 }
 
-/// Material of a plant's wood and leaves, from its keys or its timber.
+/// Mechanical parameters of a plant's wood and leaves, from its keys; the elasticity may come from the key `timber`.
 pub fn wood_params(keys: &WoodKeys) -> WoodParams {
     WoodParams {
         elasticity: keys.elasticity.or(keys.timber.map(|t| t.elasticity())),

@@ -1,7 +1,7 @@
-//! The one wind of a scene: trees, leaves, rods, catkins, rain and files all read the same field.
+//! The wind of a scene: trees, leaves, rods, catkins, rain and files all read the same field.
 //!
-//! Time 0 is the clip's first frame; simulations that spin up before it read negative times. A wind that loops wraps there. One
-//! that does not is defined at all times if it is analytic, and simulated from the earliest of the spin-ups on if it is a lattice.
+//! Time 0 is the clip's first frame; simulations that spin up before it read negative times. A looping wind repeats there. A
+//! wind without a loop is defined at all times if it is analytic, and from the earliest spin-up on if it is a lattice.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -24,18 +24,19 @@ use osier_base::math::narrow;
 use osier_scene::solid::{LandForm, Solid};
 use osier_wind::{LatticeStats, RecordedWind, ScaledWind, UniformWind, Wind, WindSum};
 
-/// Least height above a surface at which an analytic wind is sampled, m; below it a flight scales the wind down to the surface. Own:
-/// a cell of the default lattice.
+/// Least height above a surface at which an analytic wind is sampled, m; below it a flight scales the wind down to the surface.
+/// Own:
+/// the width of a cell of the default lattice.
 const ANALYTIC_KNOWN_HEIGHT: f64 = 0.5;
 
-/// A part of a scene that reads its wind.
+/// A part of a scene that reads its wind, as observers distinguish them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum WindUser {
     /// Branches of the sway model, and their leaves.
     Sway,
     /// Plants on rods, whose axes and blades sample the wind in every step.
     RodPlants,
-    /// Rods of the scene's own.
+    /// Rods of `[[rod]]`.
     Rods,
     /// Rain, and the plants that it moves.
     Rain,
@@ -45,28 +46,29 @@ pub enum WindUser {
     Output,
 }
 
-/// Is told each velocity that a user of the wind samples.
+/// Receives every velocity that a part of the scene samples, from several threads.
 pub trait WindObserver: Debug + Send + Sync {
-    /// `positions`, m, at time `t`, s, have these `velocities`, m/s.
+    /// Called after `user` has sampled `velocities`, m/s, at world `positions`, m, and time `t`, s.
     fn sampled(&self, user: WindUser, positions: &[Vec3], t: f64, velocities: &[Vec3]);
 }
 
-/// What the wind flows over and around.
+/// Solids and land that the wind flows around and over.
 pub struct WindSurroundings<'a> {
     /// Obstacles and land of a lattice.
     pub solids: &'a [Solid],
-    /// The land that heights count from; `None` over the plane y = 0.
+    /// The land above which heights of the wind are measured; `None` for the plane y = 0.
     pub land: Option<Arc<LandForm>>,
 }
 
 /// All winds of a scene: those known for the whole clip, and a lattice that is stepped frame by frame.
 #[derive(Debug)]
 pub struct SceneWind {
-    /// At all times and all places that are read ahead of the frames; `None` in calm air, and where a lattice is stepped only.
+    /// The wind at all times and places that are read ahead of the frames; `None` in calm air, and if the lattice is only
+    /// stepped.
     field: Option<Arc<dyn Wind>>,
-    /// A lattice that is stepped from frame to frame, with two snapshots in memory.
+    /// A lattice that is stepped along with the frames, and the winds added to it.
     stepped: Option<SteppedWind>,
-    /// Snapshots for the whole clip.
+    /// Recorded snapshots of a lattice for the whole clip.
     recorded: Option<Arc<RecordedWind>>,
     /// Width of the cells of a lattice, m.
     cell_size: Option<f64>,
@@ -78,7 +80,7 @@ pub struct SceneWind {
 struct SteppedWind {
     lattice: Mutex<SteppedLattice>,
     scale: f32,
-    /// The scene's other winds, which are added.
+    /// The scene's other winds, whose velocities are added.
     others: Vec<Arc<dyn Wind>>,
 }
 
@@ -121,7 +123,7 @@ impl SceneWind {
         if plan.stepped {
             let config = LatticeConfig::new(plan.options.clone(), surroundings.solids, context);
             let lattice = SteppedLattice::start(config, context.progress)?;
-            // With a recording the second solver reports the same warnings.
+            // If there is a recording too, its solver reports the same warnings.
             if plan.recorded.is_none() {
                 report_warnings(lattice.solver(), report);
             }
@@ -140,13 +142,14 @@ impl SceneWind {
         Ok(wind)
     }
 
-    /// The wind at all times, for what is simulated ahead of the frames; `None` in calm air.
+    /// The wind at all times, for simulations that run ahead of the frames; `None` in calm air. `user`: as whom observers see
+    /// the reader.
     pub fn field(&self, user: WindUser) -> Option<Arc<dyn Wind>> {
         self.field.as_ref().map(|wind| self.observed(user, Arc::clone(wind)))
     }
 
-    /// The wind of the whole box between a frame and the next, which comes at its own time; frames count from the clip's first.
-    /// Where a lattice is stepped, an earlier frame starts it again.
+    /// The wind of the whole box between frame `frame`, counted from the clip's first, and the next. If a lattice is stepped,
+    /// an earlier frame than before starts it again.
     /// # Errors
     /// Those of a lattice.
     pub fn wind_until_next_frame(&self, user: WindUser, frame: i64) -> Result<Arc<dyn Wind>> {
@@ -163,7 +166,7 @@ impl SceneWind {
         Ok(self.observed(user, wind.unwrap_or_else(|| Arc::new(UniformWind(Vec3::ZERO)))))
     }
 
-    /// Statistics of a lattice at a frame that was read last, or at the one after it; `None` for analytic winds.
+    /// Statistics of a lattice at the frame that was read last, or at the one after it; `None` for analytic winds.
     pub fn lattice_stats(&self, frame: i64) -> Option<LatticeStats> {
         match (&self.stepped, &self.recorded) {
             (Some(stepped), _) => Some(stepped.lattice.lock().unwrap_or_else(PoisonError::into_inner).stats(frame)),
@@ -181,7 +184,7 @@ impl SceneWind {
         self.cell_size
     }
 
-    /// Bytes that the snapshots of the whole clip take, predicted; 0 where none are recorded.
+    /// Predicted bytes of the snapshots recorded for the whole clip; 0 if none are recorded.
     pub fn recorded_bytes(&self) -> u64 {
         self.recorded_bytes
     }
@@ -215,12 +218,12 @@ fn scaled_wind(wind: Arc<dyn Wind>, factor: f32) -> Arc<dyn Wind> {
     if (factor - 1.0).abs() > 0.0 { Arc::new(ScaledWind { wind, factor }) } else { wind }
 }
 
-/// The sum of winds, a single one as it is; `None` for no wind.
+/// The sum of the winds; `None` for an empty list.
 fn sum_winds(mut winds: Vec<Arc<dyn Wind>>) -> Option<Arc<dyn Wind>> {
     if winds.len() > 1 { Some(Arc::new(WindSum(winds))) } else { winds.pop() }
 }
 
-/// A wind that tells an observer what is sampled.
+/// A wind that reports all samples to an observer.
 #[derive(Debug)]
 struct ObservedWind {
     wind: Arc<dyn Wind>,

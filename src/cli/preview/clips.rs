@@ -10,7 +10,7 @@ use crate::scene_preview::{ClipContent, PreviewClip};
 use osier_base::Result;
 use osier_preview::ClipFormat;
 
-/// Renders and writes the clip that the flags ask for.
+/// Renders and writes a turntable or a range of frames, in the format that the ending of the output chooses.
 pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeContext<'_>) -> Result<Outcome> {
     let format = match args.output.as_deref().map(ending).as_deref() {
         None | Some("gif") => ClipFormat::Gif,
@@ -19,7 +19,7 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
             return Ok(Outcome::Refused(format!("a clip is written as .gif, .png or .apng, not as .{other}")));
         }
     };
-    // A turntable without `--frame` shows the scene at rest, for which no motion needs to be simulated.
+    // A turntable without `--frame` has the scene at rest, which needs no simulation of motion.
     let with_motion = args.turntable.is_none() || args.frame.is_some();
     let scene = load(context, args, &args.source, flags.options.quality, with_motion, &Variation::default(), work)?;
     context.console.report(scene.report());

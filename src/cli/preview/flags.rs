@@ -10,16 +10,16 @@ use osier_preview::{CameraView, Quality};
 #[derive(Debug, Clone)]
 pub struct PreviewFlags {
     pub options: PreviewOptions,
-    /// Seeds of a contact sheet.
+    /// Seeds of a contact sheet in rising order; empty without `--seeds`.
     pub seeds: Vec<u32>,
-    /// Axes of a contact sheet, at most two together with the seeds.
+    /// Axes of a contact sheet, in the order of the flags; at most two together with the seeds.
     pub sweeps: Vec<KeyValues>,
-    /// Frames of a clip, in rising order.
+    /// Frames of a clip in rising order; empty without `--frames`.
     pub frames: Vec<u32>,
 }
 
 impl PreviewFlags {
-    /// Parses the flags.
+    /// Parses the flags; sizes are checked against the limits.
     /// # Errors
     /// A message for the first flag that cannot be read or that excludes another.
     pub fn new(context: &Context, args: &Preview) -> Result<Self, String> {
@@ -38,7 +38,7 @@ impl PreviewFlags {
             return Err("a contact sheet has two axes: give two --sweep, or --seeds and one --sweep".into());
         }
         let sheet = !seeds.is_empty() || !sweeps.is_empty();
-        // Each of these modes decides alone how many pictures there are and how they are arranged.
+        // Each of these modes decides the number and arrangement of pictures, so that only one may be set.
         let modes = [sheet, !frames.is_empty(), args.turntable.is_some(), args.compare.is_some()];
         if modes.iter().filter(|m| **m).count() > 1 {
             return Err("--seeds/--sweep, --frames, --turntable and --compare exclude each other".into());
@@ -46,7 +46,7 @@ impl PreviewFlags {
         let moving = !frames.is_empty() || args.turntable.is_some();
         let size = match &args.size {
             Some(text) => size(text, context)?,
-            // Smaller where one run renders many pictures.
+            // Pictures are smaller by default if one run renders many.
             None if sheet => [320, 320],
             None if moving => [480, 480],
             None => [800, 800],
@@ -62,16 +62,16 @@ impl PreviewFlags {
         Ok(Self { options: PreviewOptions { size, quality, view, sun, background }, seeds, sweeps, frames })
     }
 
-    /// True if a contact sheet is asked for.
+    /// Whether `--seeds` or `--sweep` request a contact sheet.
     pub fn is_sheet(&self) -> bool {
         !self.seeds.is_empty() || !self.sweeps.is_empty()
     }
 }
 
-/// Cells of a contact sheet at most: 32 by 32, beyond which captions and pictures are too small to compare.
+/// Largest number of cells of a contact sheet: with more than 32 by 32, captions and pictures are too small to compare.
 pub const MAX_CELLS: u64 = 1024;
 
-/// `WIDTHxHEIGHT`, or one side of a square.
+/// Parses `WIDTHxHEIGHT` in pixels, or one number for a square.
 fn size(text: &str, context: &Context) -> Result<[u32; 2], String> {
     let bad = || format!("--size: \"{text}\" is not WIDTHxHEIGHT, such as 800x600");
     let (w, h) = text.split_once(['x', 'X']).unwrap_or((text, text));
@@ -89,7 +89,7 @@ pub fn check_picture_limits([width, height]: [u64; 2], context: &Context) -> Res
     limits.check("image-bytes", bytes, "the picture, in bytes,").map_err(|e| e.to_string())
 }
 
-/// Two finite numbers of at most 3600 with a comma between. `shape`: what the message says that they are.
+/// Parses two finite numbers of magnitude at most 3600, separated by a comma. `shape`: phrase for the message.
 fn pair(text: &str, flag: &str, shape: &str) -> Result<[f32; 2], String> {
     let bad = || format!("{flag}: \"{text}\" is not {shape}, such as 40,120");
     let (a, b) = text.split_once(',').ok_or_else(bad)?;
@@ -97,12 +97,12 @@ fn pair(text: &str, flag: &str, shape: &str) -> Result<[f32; 2], String> {
     Ok([number(a)?, number(b)?])
 }
 
-/// The view of drawings in the plane x-y.
+/// The view from the front (+Z), for drawings in the plane x-y.
 pub fn front() -> PreviewView {
     PreviewView::Fitted(CameraView::Angles { azimuth: 0.0, elevation: 0.0 })
 }
 
-/// A named view, or azimuth and elevation in degrees.
+/// Parses the name of a view, or azimuth and elevation in degrees.
 fn view(text: &str) -> Result<PreviewView, String> {
     let angles = |azimuth, elevation| PreviewView::Fitted(CameraView::Angles { azimuth, elevation });
     match text {
@@ -120,7 +120,7 @@ fn view(text: &str) -> Result<PreviewView, String> {
     }
 }
 
-/// A named background, or an sRGB colour `#rrggbb`.
+/// Parses the name of a background, or an sRGB colour `#rrggbb`; `auto` without the flag.
 fn background(text: Option<&str>) -> Result<PreviewBackground, String> {
     let bad = |t: &str| format!("--background: \"{t}\" is not auto, sky, studio, none or a colour such as #f4f1ea");
     match text.unwrap_or("auto") {

@@ -24,7 +24,7 @@ use osier_export::{GENERATOR, textures};
 use osier_preview::{Picture, Quality};
 use osier_scene::Scene;
 
-/// Runs `osier preview`; the result is the exit code.
+/// Runs `osier preview`: a picture, a contact sheet or a clip, depending on flags and source. The result is the exit code.
 pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     let mut flags = match PreviewFlags::new(context, args) {
         Ok(flags) => flags,
@@ -33,7 +33,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             return Ok(2);
         }
     };
-    // A picture of layers has its own size and no space to look around in.
+    // A picture of layers has a fixed size, and no space for a camera.
     if let Some((recipe, report)) = source::layered_picture(context, args)? {
         context.console.report(&report);
         return write_layers(context, args, recipe, &flags, !report.diagnostics.is_empty());
@@ -44,7 +44,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     if args.view.is_none() && is_plane_drawing(&args.source, &context.limits)? {
         flags.options.view = Some(flags::front());
     }
-    // Each L-system of a file gets a small picture of the sheet.
+    // The sheet of a file's L-systems has small pictures.
     if entries.len() > 1 && args.size.is_none() && !flags.is_sheet() {
         flags.options.size = [320, 320];
     }
@@ -68,7 +68,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     }
 }
 
-/// Composes a picture of layers in its own size, or in that of `--size`.
+/// Composes a picture of layers in the size of its keys, or in that of `--size`.
 fn write_layers(
     context: &Context,
     args: &Preview,
@@ -89,15 +89,15 @@ fn write_layers(
     Ok(context.strict(warned))
 }
 
-/// How a run ends that no error ended.
+/// Outcome of a run without errors.
 enum Outcome {
-    /// The file is complete.
+    /// The file is complete; `warned`: whether there were warnings.
     Written { warned: bool },
-    /// A flag does not fit the source: usage error with this message.
+    /// A flag does not fit the source: a usage error with this message.
     Refused(String),
 }
 
-/// The file that a preview is written into.
+/// The file into which a preview is written, in its opened folder.
 struct OutputPicture {
     folder: Folder,
     name: String,
@@ -105,7 +105,7 @@ struct OutputPicture {
 }
 
 impl OutputPicture {
-    /// `out/NAME.ENDING` unless `-o` names another file.
+    /// Opens the folder of the output: that of `-o`, else `out` with the file `NAME.ENDING`.
     fn new(context: &Context, args: &Preview, name: &str, ending: &str) -> Result<Self> {
         let path = args.output.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}.{ending}")));
         let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -114,7 +114,7 @@ impl OutputPicture {
         Ok(Self { folder: Folder::plain(parent, options)?, name, path })
     }
 
-    /// Writes a picture with hash and seed of its scene as PNG text chunks, and prints its path.
+    /// Writes a picture with title, hash and seed of its scene as PNG text chunks, and prints its path.
     fn write(&self, context: &Context, picture: &Picture, quality: Quality, scene: &Scene, title: &str) -> Result<()> {
         let origin = format!("scene {}, seed {}", scene.hash, scene.seed);
         let notes = [("Software", GENERATOR.to_owned()), ("Title", title.to_owned()), ("Source", origin)];

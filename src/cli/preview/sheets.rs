@@ -64,14 +64,14 @@ pub fn entries(
     sheet_of(cells, columns, &SheetTitle { name: stem, about }, context, args, flags, work)
 }
 
-/// What stands above a contact sheet.
+/// Title lines of a contact sheet.
 struct SheetTitle {
     /// `None`: the name of the first scene.
     name: Option<String>,
     about: String,
 }
 
-/// Renders and writes a contact sheet. Entries of a file are each framed on their own.
+/// Loads all cells, renders them and writes a contact sheet. Each entry of a file has a fitted camera; other cells share one.
 fn sheet_of(
     cells: Vec<PlannedCell>,
     columns: usize,
@@ -88,7 +88,7 @@ fn sheet_of(
             cells.len()
         )));
     }
-    // The sheet as a whole is compared with the limits before any of its scenes is grown.
+    // The size of the whole sheet is checked before any of its scenes is grown.
     if let Err(why) = check_picture_limits(contact_sheet_size(cells.len(), columns, flags.options.size), context) {
         return Ok(Outcome::Refused(why));
     }
@@ -102,8 +102,7 @@ fn sheet_of(
         Ok(scene)
     };
     work.progress.stage("growing", cells.len() as u64);
-    // The first cell is loaded alone, so that a fault of the file is reported once and not by every
-    // cell.
+    // The first cell is loaded before the others, so that an error of the file is reported once.
     let mut scenes = vec![load_cell(&cells[0])?];
     context.console.report(scenes[0].report());
     let warned = !scenes[0].report().diagnostics.is_empty();
@@ -111,7 +110,7 @@ fn sheet_of(
     if let Some(why) = scenes.iter().find_map(|scene| outside_clip(scene, args.frame)) {
         return Ok(Outcome::Refused(why));
     }
-    // Seeds and values of a key are compared at one scale, different L-systems are not.
+    // Seeds and values of a key are compared at one scale; different L-systems are not.
     let is_of_entries = cells.iter().any(|cell| cell.variation.source.is_some());
     let mut pictures = Vec::with_capacity(scenes.len());
     for group in scenes.chunks(if is_of_entries { 1 } else { scenes.len() }) {
@@ -129,14 +128,14 @@ fn sheet_of(
     Ok(Outcome::Written { warned })
 }
 
-/// Why `--frame` does not fit a scene.
+/// Message if `--frame` is outside of the scene's clip; `None` otherwise.
 fn outside_clip(scene: &PreviewScene, frame: Option<u32>) -> Option<String> {
     let range = scene.frame_range();
     let outside = frame.filter(|n| !range.contains(n))?;
     Some(format!("--frame: frame {outside} is outside the scene's {} to {}", range.start(), range.end()))
 }
 
-/// Renders scenes with cameras fitted to all of them, captioned by their names.
+/// Renders scenes with cameras of one scale, fitted to all of them; captions are the scenes' names.
 fn render_cells(
     scenes: &[PreviewScene],
     args: &Preview,
@@ -150,7 +149,7 @@ fn render_cells(
     Ok(cells.map(|(picture, scene)| ContactSheetCell { picture, caption: scene.name().to_owned() }).collect())
 }
 
-/// Second line of the sheet's title: what differs between its cells.
+/// Second line of the sheet's title: the number of seeds and the keys that vary.
 fn about(flags: &PreviewFlags) -> String {
     let keys: Vec<&str> = flags.sweeps.iter().map(|s| s.key.as_str()).collect();
     match (flags.seeds.is_empty(), keys.is_empty()) {
@@ -160,7 +159,7 @@ fn about(flags: &PreviewFlags) -> String {
     }
 }
 
-/// A cell before its scene is loaded.
+/// Variation and caption of a cell, before its scene is loaded.
 struct PlannedCell {
     variation: Variation,
     caption: String,
@@ -175,8 +174,8 @@ impl PlannedCell {
     }
 }
 
-/// All cells row by row, and the number of columns. Of two axes the first runs across and the second down; seeds are
-/// the last.
+/// All cells row by row, and the number of columns. Of two axes the first runs across and the second down; seeds are the last
+/// axis.
 fn plan(flags: &PreviewFlags) -> (Vec<PlannedCell>, usize) {
     let seeds: Vec<Variation> =
         flags.seeds.iter().map(|s| Variation { seed: Some(u64::from(*s)), ..Variation::default() }).collect();

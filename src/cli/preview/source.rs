@@ -1,4 +1,4 @@
-//! From the name of a source to the scene that is previewed.
+//! Loads the scene to preview from the name of a source.
 
 use std::path::Path;
 
@@ -12,23 +12,23 @@ use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_preview::Quality;
 
-/// Endings of mesh files, which are read as they are.
+/// Endings of mesh files, which are previewed without a scene.
 const MESH_ENDINGS: [&str; 3] = ["glb", "gltf", "obj"];
 /// Endings of outputs that osier writes but does not read.
 const WRITE_ONLY_ENDINGS: [&str; 7] = ["usda", "usdc", "usdz", "ply", "pov", "pc2", "exr"];
 
-/// A cell of a contact sheet: the source with another seed or other values of keys.
+/// Changes of the source for one cell of a contact sheet: another seed, other values of keys, another entry.
 #[derive(Debug, Clone, Default)]
 pub struct Variation {
-    /// Another source than that of the command line.
+    /// Source that replaces that of the command line, for entries of a file.
     pub source: Option<String>,
     pub seed: Option<u64>,
     /// Overrides `PATH=VALUE`, applied after those of the command line.
     pub set: Vec<String>,
 }
 
-/// Loads a mesh file or the folder of a bake as it is, and assembles the scene of any other source. `with_motion`:
-/// frames of the clip are asked for.
+/// Loads a mesh file or the folder of a bake, or assembles the scene of any other source. `with_motion`: whether frames of the
+/// clip will be evaluated.
 /// # Errors
 /// `Input` with the faults of the source, `Io` if it cannot be read, `Limit`, `Cancelled`.
 pub fn load(
@@ -56,24 +56,24 @@ pub fn load(
     }
     let mut request = find_scene(name, &context.sources)?;
     request.steps = args.steps;
-    // The cell's overrides come after those of the command line, and its seed replaces theirs.
+    // The cell's overrides follow those of the command line, and its seed replaces theirs.
     request.set.extend(variation.set.iter().cloned());
     request.seed = variation.seed.or(request.seed);
     let (recipe, warnings) = resolve(&request)?;
     Ok(PreviewScene::of_recipe(recipe, quality, with_motion, work)?.with_warnings(warnings))
 }
 
-/// The recipe of a source that is a picture of layers, which needs no scene in space; `None` for any other.
+/// The recipe of a source that is a picture of layers, which needs no scene in space; `None` for any other source.
 /// # Errors
 /// As [`load`].
 pub fn layered_picture(context: &Context, args: &Preview) -> Result<Option<(Recipe, Report)>> {
     let path = Path::new(&args.source);
-    // Standard input can be read only once, and meshes and folders are no scenes.
+    // Standard input can be read only once; meshes and folders are not scenes.
     if args.source == "-" || path.is_dir() || (args.source.contains('.') && ending(path) != "toml") {
         return Ok(None);
     }
     let request = find_scene(&args.source, &context.sources)?;
-    // A text without the word has no layers and need not be resolved twice.
+    // A text without the word has no layers, which saves resolving it twice.
     if !request.text.contains("layer") {
         return Ok(None);
     }

@@ -1,4 +1,4 @@
-//! `[clouds.NAME]`: attractors of coefficient tables, as points.
+//! `[clouds.NAME]`: attractors of coefficient tables, drawn as points.
 
 use super::IfsTreeKeys;
 use super::condensation::SystemFile;
@@ -19,26 +19,26 @@ use osier_ifs::weights::WeightRule;
 use osier_ifs::{Ifs, read};
 
 choices! {
-    /// What the colour of a point stands for.
+    /// Property of a point that selects its colour.
     ColorBy {
-        /// The map that made it.
+        /// Index of the map applied last.
         Map = "map",
-        /// The last maps that made it.
+        /// Indices of the maps applied last, as many as `prefix`.
         Word = "word",
-        /// Its place in the palette.
+        /// Colour coordinate of the fractal-flame method, along the palette.
         Palette = "palette",
-        /// Steps since the start or the last jump.
+        /// Number of steps since the start or the last jump.
         Depth = "depth",
-        /// Branchings since the last stem, along the palette: trunk, branches, twigs.
+        /// Number of branchings since the last stem, along the palette: trunk, branches, twigs.
         Order = "order",
-        /// One colour; pictures show density alone.
+        /// One colour for all points; pictures show their density.
         Density = "density",
     }
-    /// Where the probabilities of maps come from.
+    /// Rule by which the probabilities of maps are computed.
     WeightsFrom {
-        /// The file's column, running sums taken apart.
+        /// Column of the file; running sums are converted to differences.
         File = "file",
-        /// The file's column as it is.
+        /// Column of the file without conversion.
         FileRaw = "file-raw",
         /// Absolute determinants of the maps: their areas, or volumes in 3D.
         Det = "det",
@@ -49,11 +49,11 @@ choices! {
         /// Probabilities as Fractint computes them from its file.
         Fractint = "fractint",
     }
-    /// What of an attractor stands where the scene puts it.
+    /// Point of an attractor that `at` positions.
     AttractorOrigin {
-        /// The middle of the underside of its box.
+        /// Centre of the underside of its bounding box.
         Box = "box",
-        /// The origin of its table.
+        /// Origin of its table's coordinates.
         Origin = "origin",
     }
 }
@@ -90,14 +90,14 @@ keys! {
     }
 }
 
-/// Endings of coefficient tables.
+/// Endings of files that are read as coefficient tables.
 pub(super) const ENDINGS: &[&str] = &[".ifs", ".flame", ".toml", ".xml"];
 
-/// Bytes of memory of a point of a cloud, as measured while it is made.
+/// Bytes of memory per point while a cloud is made, measured.
 pub(super) const POINT: u64 = 40;
 
 impl Resolver<'_> {
-    /// All clouds of a scene; `names`: those already taken by plants.
+    /// Reads all tables `[clouds.NAME]`; leaves out those with errors. `names`: ids already taken by plants.
     pub(in crate::recipe) fn clouds(&mut self, root: &TomlTable, names: &mut Names) -> Vec<AttractorRecipe> {
         let Some(table) = self.table(root, "", "clouds") else { return Vec::new() };
         let mut clouds = Vec::new();
@@ -116,7 +116,7 @@ impl Resolver<'_> {
         let path = format!("clouds.{name}");
         let reported = self.report.diagnostics.len();
         let keys = self.read_keys::<AttractorKeys>(table, &path);
-        // `ifs` may be the key that could not be read; that it is missing as well would mislead.
+        // The key `ifs` may be the one with the error; reporting it as missing too would mislead.
         if keys.ifs.is_none() && self.report.diagnostics.len() > reported {
             return None;
         }
@@ -129,7 +129,7 @@ impl Resolver<'_> {
         self.attractor(named, span, keys)
     }
 
-    /// Reads and studies the table that keys name. `of`: the cloud or layer.
+    /// Reads and analyses the table that keys name; `None` after a diagnostic. `of`: the cloud or layer.
     pub(in crate::recipe) fn attractor(
         &mut self,
         of: NamedTable<'_>,
@@ -152,7 +152,7 @@ impl Resolver<'_> {
         // Probabilities come from the key, else from the table, else from the column of the file.
         let rule = keys.weights.map_or(system.weights.unwrap_or(WeightRule::File), weight_rule);
         let study = self.study(&system, rule, &report)?;
-        // A system whose orbits diverge has no bounds: its diagnostic names the map.
+        // A system whose orbits diverge has no bounds: the diagnostic names the map.
         match extent(&system, &study) {
             Ok(extent) => {
                 let source = file.shown;
@@ -169,7 +169,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Reads the table of a leaf or a bark; `what` it is for, for people.
+    /// Reads a 2D table for a leaf or a bark; `None` after a diagnostic. `what`: phrase for its purpose in messages.
     pub(in crate::recipe) fn plane_table(&mut self, reference: &Reference, name: &str, what: &str) -> Option<Ifs> {
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
         let SystemFile { system, report: sources, .. } = self.system(&file, name)?;
@@ -179,12 +179,12 @@ impl Resolver<'_> {
                 .push(Diagnostic::error("S005", text, reference.span, "this table").help("take one with 7 columns"));
             return None;
         }
-        // Areas as probabilities cover a leaf or a bark evenly, whatever the column says.
+        // By default probabilities are areas, which cover a leaf or a bark evenly, whatever the file's column contains.
         self.study(&system, system.weights.unwrap_or(WeightRule::Det), &sources)?;
         Some(system)
     }
 
-    /// What is odd about the other systems of a file.
+    /// Reports the warnings and errors of all systems of a file except `drawn`.
     fn study_other_systems(&mut self, file: &ReferencedFile, drawn: &Ifs) {
         let Ok((mut systems, sources)) = read::read(&file.shown, &file.bytes, &self.request.limits) else { return };
         for system in systems.iter_mut().filter(|s| s.name != drawn.name) {
@@ -202,7 +202,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Reads the table of a tree: it, its name for people, and the meshes that stand on its words.
+    /// Reads the table of a tree: its stems, the file's name for messages, and the meshes on its words as organs.
     pub(in crate::recipe) fn tree_system(
         &mut self,
         reference: &Reference,
@@ -231,7 +231,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Reads a file and picks a system (the first for an empty name).
+    /// Reads a table file with the meshes that it names, and selects a system by name (the first for an empty one).
     pub(in crate::recipe) fn system(&mut self, file: &ReferencedFile, name: &str) -> Option<SystemFile> {
         let wanted = Some(name).filter(|n| !n.is_empty());
         let found = read::read(&file.shown, &file.bytes, &self.request.limits);
@@ -245,7 +245,7 @@ impl Resolver<'_> {
         Some(SystemFile { system, report, meshes })
     }
 
-    /// Studies a system and tells what is odd; `None` if it has no attractor.
+    /// Analyses a system and reports warnings; `None` if it has no attractor.
     pub(in crate::recipe) fn study(
         &mut self,
         system: &Ifs,
@@ -261,7 +261,7 @@ impl Resolver<'_> {
                 self.report.extend(*faults);
                 None
             }
-            // A study reads nothing, so that it fails with faults of its input only.
+            // The analysis reads no files: other errors cannot occur.
             Err(_) => None,
         }
     }

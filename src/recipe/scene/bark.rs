@@ -6,7 +6,7 @@ use crate::recipe::syntax::{
 };
 use crate::recipe::syntax::{choices, keys};
 
-/// Where a bark's number comes from without its key.
+/// Words that listings show in place of a default that the key `kind` decides.
 const KIND: &str = "by kind";
 
 choices! {
@@ -29,16 +29,16 @@ choices! {
         /// Green and waxy with fine fibres: bamboo.
         Culm = "culm",
     }
-    /// How the axes of a plant are shown.
+    /// Geometry that displays the axes of a plant.
     SkinForm {
         /// Tubes with joined branches.
         Loft = "loft",
-        /// An instance between each two nodes.
+        /// An instance of a prism or an organ between each two nodes.
         Segments = "segments",
     }
-    /// How bark maps follow a taper.
+    /// Texture coordinates of bark on tapering axes.
     BarkUv {
-        /// Keeps proportions along the taper.
+        /// Keeps the proportions of the texture: repeats become shorter as the axis becomes thinner.
         Conformal = "conformal",
         /// The same number of metres per repeat everywhere.
         Metric = "metric",

@@ -4,18 +4,18 @@ use crate::recipe::syntax::{IntegerList, OneOf, OptionalKey, degrees, integer, n
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// Where the angles of a tuft lie.
+    /// Signs and axes of the random angles of hairs.
     HairAngles {
         /// Hairs bend either way, and are swung round by `spin_deg`.
         Signed = "signed",
         /// As in the paper: one angle tilts and swings, and all hairs bend one way.
         Paper = "paper",
     }
-    /// How hairs are spread over their tilts.
+    /// Distribution of the hairs' tilt from the axis of the tuft.
     HairDistribution {
-        /// Every tilt is as likely: dense in the middle.
+        /// All tilts are equally likely, which makes the middle dense.
         Tilt = "tilt",
-        /// Every direction is as likely.
+        /// All directions are equally likely.
         SolidAngle = "solid_angle",
     }
 }

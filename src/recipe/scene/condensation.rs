@@ -12,21 +12,21 @@ use osier_import::Imported;
 use osier_scene::MaterialClass;
 use std::sync::Arc;
 
-/// The first letter of the organs that stand for the meshes of a tree's table; further ones follow it.
+/// Letter of the organ of a tree table's first mesh; further meshes have the following letters.
 const FIRST: u32 = 'A' as u32;
 
 /// A system of a coefficient table, with the meshes that the table names.
 pub(in crate::recipe) struct SystemFile {
     pub system: Ifs,
-    /// Holds the texts that its spans point into.
+    /// Warnings of reading, with the source texts into which spans of `system` point.
     pub report: Report,
-    /// One for each mesh that the table names, in its order.
+    /// Imported meshes, in the order in which the table names them.
     pub meshes: Vec<Arc<Imported>>,
 }
 
 impl Resolver<'_> {
-    /// Reads the meshes that a system names, beside its file. `sources`: of the texts that its spans point into.
-    /// Complaints point at the name in the table.
+    /// Reads the meshes that a system names, beside its file. `sources`: the texts into which its spans point. Diagnostics
+    /// without a position point at the name in the table.
     pub(in crate::recipe) fn import_set_meshes(
         &mut self,
         system: &mut Ifs,
@@ -39,7 +39,7 @@ impl Resolver<'_> {
             match self.import_set_mesh(model, file) {
                 Ok(imported) => all.push(Arc::new(imported)),
                 Err(faults) => {
-                    // What is wrong inside the mesh has its place there, all else where the table names it.
+                    // Errors inside the mesh file have positions there; all others get that of the name in the table.
                     let (inside, mut about): (Vec<_>, Vec<_>) =
                         faults.diagnostics.into_iter().partition(|d| !d.labels.is_empty());
                     about.iter_mut().for_each(|d| d.labels.push((model.span, "this mesh".into())));
@@ -58,7 +58,7 @@ impl Resolver<'_> {
 
     fn import_set_mesh(&mut self, model: &mut MeshReference, file: &ReferencedFile) -> Result<Imported, Box<Report>> {
         let limit = self.request.limits.get("mesh-bytes");
-        // Without a place: the caller adds that of the table's line.
+        // Without a position: the caller adds that of the table's line.
         let about = |d: Diagnostic| Box::new(Report { diagnostics: vec![d], ..Report::default() });
         let library = &self.request.library;
         let found = library
@@ -80,15 +80,15 @@ impl Resolver<'_> {
     }
 }
 
-/// Letters of the organs that stand for the meshes of a table, in its order.
+/// Letters of the organs for the meshes of a table, in its order.
 pub fn set_letters(system: &Ifs) -> impl Iterator<Item = char> {
     let meshes = system.condensation.iter().filter(|c| matches!(c.shape, CondensationShape::Mesh(_))).count();
     (FIRST..).filter_map(char::from_u32).take(meshes)
 }
 
-/// The meshes of a tree's table as organs, in the order of the table; they keep still on what bears them.
+/// The meshes of a tree's table as organs that do not flutter, in the order of the table.
 pub(super) fn organs(read: &SystemFile) -> Vec<OrganRecipe> {
-    // What a table puts on its words is part of the tree and as stiff: it does not flutter as leaves do.
+    // Meshes on the words of a table are as stiff as the tree.
     let keys = OrganKeys { flutter: 0.0, ..OrganKeys::defaults() };
     let organ = |(letter, mesh): (char, &Arc<Imported>)| OrganRecipe {
         letter,

@@ -15,41 +15,41 @@ use osier_scene::MaterialClass;
 use std::sync::Arc;
 
 choices! {
-    /// Where catkins start.
+    /// Positions and times at which catkins are released.
     FlightRelease {
-        /// All over the sky, all at once.
+        /// Uniformly over the box, at heights within `band`, all at the start.
         Sky = "sky",
-        /// All over the sky, one after another.
+        /// Uniformly over the box, at heights within `band`, one after another during `duration`.
         Rain = "rain",
-        /// From the twigs of plants, torn off by gusts.
+        /// From the ends of plants' twigs, torn off by gusts.
         Canopy = "canopy",
-        /// At places of a file.
+        /// At positions read from a file.
         Points = "points",
     }
-    /// What becomes of one that leaves the box of air.
+    /// Effect of a side of the flight's box on a catkin that crosses it.
     FlightBoundary {
-        /// It leaves the simulation.
+        /// The catkin leaves the simulation.
         Exit = "exit",
-        /// It comes back where the wind enters.
+        /// The catkin is released again on the side where the wind enters.
         Recycle = "recycle",
-        /// It comes in at the other side.
+        /// The catkin enters again at the opposite side.
         Periodic = "periodic",
     }
     /// Source of the default values of a flight.
     FlightPreset {
-        /// With masses, lag, glide and turning clusters.
+        /// With masses, inertia, glide and rotating clusters.
         Full = "full",
-        /// As the paper by Wang and others has it: carried by the wind and falling.
+        /// As in the paper by Wang and others: carried by the wind and falling.
         Paper = "paper",
     }
     /// Which catkins a map of deposits counts.
     DepositEvent {
-        /// Those at rest at the frame of the map.
+        /// Catkins at rest in the frame of the map.
         Resting = "resting",
-        /// Every deposition up to the frame, also of those that were lifted off again.
+        /// All depositions up to the frame, also of catkins that were lifted off again.
         Landings = "landings",
     }
-    /// What a map of deposits counts.
+    /// Quantity of a map of deposits.
     DepositQuantity {
         /// Number of catkins per area.
         Count = "count",
@@ -162,10 +162,10 @@ keys! {
     }
 }
 
-/// Bytes of memory of a catkin that flies, as measured.
+/// Bytes of memory per catkin in flight, measured.
 const CATKIN: u64 = 1000;
 
-/// Names of the forms that catkins have.
+/// Names of the forms of catkins, as keys of `forms` and in their order.
 pub const FORMS: [&str; 5] = ["v0", "v1", "v2", "v3", "v4"];
 
 impl Resolver<'_> {
@@ -181,7 +181,7 @@ impl Resolver<'_> {
             self.in_order(table, "flight", name, pair);
         }
         let span = |key: &str| table.get(key).map_or(entry.key_span, |e| e.node.span);
-        // Faults below end nothing: the flight is assembled with what is whole, and the report refuses the scene.
+        // Errors below do not end the reading, so that all are reported; the report then refuses the scene.
         let canopy = self.canopy(&keys, span("canopy"), root, plants);
         let forms = self.forms(&keys, span("forms"));
         let starts = match (keys.release, &keys.points) {
@@ -200,7 +200,7 @@ impl Resolver<'_> {
         Some(FlightRecipe { zones: self.flight_zones(table), keys, canopy, forms, starts, wet })
     }
 
-    /// `[[flight.zone]]`, with names of which no two are equal.
+    /// Reads every `[[flight.zone]]`; repeated names get numbers, since each zone is a column.
     fn flight_zones(&mut self, table: &TomlTable) -> Vec<FlightZoneKeys> {
         let Some(entry) = table.get("zone") else { return Vec::new() };
         let TomlValue::List(list) = &entry.node.value else {
@@ -224,7 +224,7 @@ impl Resolver<'_> {
         zones
     }
 
-    /// Plants (indices into the recipe's) that let catkins go, with their weights.
+    /// Plants that release catkins, as indices into `plants`, with their weights; empty for other releases.
     fn canopy(&mut self, keys: &FlightKeys, span: Span, root: &TomlTable, plants: &[PlantRecipe]) -> Vec<(usize, f64)> {
         if keys.release != FlightRelease::Canopy {
             return Vec::new();
@@ -240,7 +240,7 @@ impl Resolver<'_> {
         self.weights("flight.canopy", span, &keys.canopy, root, plants).unwrap_or_default()
     }
 
-    /// Weights of the forms, by their order.
+    /// Weights of the forms in the order of [`FORMS`]; all 1 without the key.
     fn forms(&mut self, keys: &FlightKeys, span: Span) -> Vec<f64> {
         if keys.forms.is_empty() {
             // Without weights the forms are equally frequent.
@@ -250,7 +250,7 @@ impl Resolver<'_> {
         for (name, weight) in &keys.forms {
             self.weight("flight.forms", name, *weight, span);
             match FORMS.iter().position(|f| f == name) {
-                // A form that is not named has weight 0: naming one chooses it alone.
+                // Forms that are not named have weight 0.
                 Some(i) => weights[i] = *weight,
                 None => {
                     let d = Diagnostic::error("S005", format!("there is no form \"{name}\""), span, "unknown form");
@@ -261,7 +261,8 @@ impl Resolver<'_> {
         weights
     }
 
-    /// Places of a text file, x, y, z on each line; empty lines and those after # are left out.
+    /// Positions in a text file, x, y, z in metres on each line; empty lines and text after # are skipped. `None` after an
+    /// error.
     fn starts(&mut self, reference: &Reference) -> Option<Vec<[f64; 3]>> {
         let file = self.read(&reference.text, reference.span, "text-bytes", &[".csv", ".txt"])?;
         let text = String::from_utf8_lossy(&file.bytes).into_owned();
@@ -274,7 +275,7 @@ impl Resolver<'_> {
             match numbers[..] {
                 [] => {}
                 [Some(x), Some(y), Some(z)] => starts.push([x, y, z]),
-                // A first line of names is usual.
+                // The first line may be a header of names.
                 _ if starts.is_empty() && numbers.iter().all(Option::is_none) => {}
                 _ => {
                     let end = at + own.trim_end().len();
@@ -284,7 +285,7 @@ impl Resolver<'_> {
                     return None;
                 }
             }
-            // Offsets count whole lines, comments and ends included, since diagnostics point into the text.
+            // Spans of diagnostics count whole lines, with comments and line ends.
             at += line.len();
         }
         self.limit("catkins", starts.len() as u64, Some(reference.span));
@@ -337,7 +338,7 @@ impl Resolver<'_> {
     }
 }
 
-/// With preset = "paper" what the scene does not say is as the paper has it.
+/// Applies `preset = "paper"` to the keys that the scene does not set.
 fn apply_paper_defaults(keys: &mut FlightKeys, table: &TomlTable) {
     if keys.preset != FlightPreset::Paper {
         return;

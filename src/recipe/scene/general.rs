@@ -5,7 +5,7 @@ use crate::recipe::syntax::{FrameRate, OptionalKey, SeedType, StringType, intege
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// Axis that points up in a file.
+    /// Axis that points up in an imported or exported file.
     UpAxis {
         /// Y is up, as in glTF.
         Y = "y",

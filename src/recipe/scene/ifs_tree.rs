@@ -4,11 +4,11 @@ use crate::recipe::syntax::{BooleanType, OneOf, OptionalKey, StringType, integer
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// Where the radii of a tree come from.
+    /// Rule for the radii of a tree's stems.
     BranchRadii {
-        /// The maps' own factors.
+        /// Factor of each map, as the table gives it.
         Maps = "maps",
-        /// What goes into a fork comes out of it.
+        /// Pipe model: the power sum of the radii above a fork equals that below it.
         Pipe = "pipe",
     }
 }

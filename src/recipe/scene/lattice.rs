@@ -4,54 +4,55 @@ use crate::recipe::syntax::{BooleanType, NumberArray, OneOf, OptionalKey, Rising
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// How a lattice wind is found.
+    /// Solver of a lattice wind.
     WindSolver {
-        /// Lattice Boltzmann: wakes and shelter of solids.
+        /// Lattice Boltzmann simulation, with wakes and shelter of solids.
         Lbm = "lbm",
-        /// What comes in, everywhere: at once, without wakes.
+        /// Profile and gusts of the inlet in the whole domain: no simulation, no wakes.
         Analytic = "analytic",
         /// No wind: velocities are zero.
         Still = "none",
     }
-    /// Whose lattice wind.
+    /// Source of the default values of a lattice wind.
     LatticePreset {
-        /// osier's own defaults.
+        /// Defaults of this program.
         Own = "own",
-        /// That of the paper on catkins, its Table 2: 70 cells of 0.5 m each way, 2 m/s at the top, no gusts, no sponge, smooth ground.
+        /// Table 2 of the paper on catkins: 70 cells of 0.5 m along each axis, 2 m/s at the top, no gusts, no sponge, smooth
+        /// ground.
         Paper = "paper",
     }
-    /// What the faces along the wind do.
+    /// Boundary condition of the side faces of the domain.
     LatticeSides {
-        /// Joined if the wind blows along an axis to 1 degree, else open.
+        /// Periodic if the wind is within 1 degree of an axis, else open.
         Auto = "auto",
-        /// Nothing passes, nothing drags.
+        /// Impermeable without friction.
         Slip = "slip",
-        /// Air comes in or goes out, as the wind has it.
+        /// Air enters or leaves with the prescribed wind.
         Open = "open",
     }
-    /// What the ground does to the air.
+    /// Boundary condition of the ground.
     LatticeGround {
-        /// It takes the stress of a logarithmic profile over its roughness, so that the wind keeps its profile.
+        /// Wall stress of a logarithmic profile over the roughness, so that the wind keeps its profile.
         Rough = "rough",
-        /// It holds the air half a cell below the lowest middles, as the paper has it.
+        /// No slip half a cell below the lowest cell centres, as in the paper.
         Smooth = "smooth",
     }
-    /// What goes back in from an outlet.
+    /// Populations that enter the domain from an outlet.
     LatticeOutlet {
-        /// Air at equilibrium.
+        /// Equilibrium populations.
         Equilibrium = "equilibrium",
-        /// With the rest of what came out: less damped.
+        /// Equilibrium populations plus the nonequilibrium part of those that left, which damps less.
         Nonequilibrium = "nonequilibrium",
     }
-    /// How the wind that comes in grows with the height.
+    /// Speed of the inlet as a function of height.
     LatticeProfile {
-        /// With the logarithm, over ground of a roughness.
+        /// Logarithmic law over ground of a roughness.
         Log = "log",
         /// Power law with `exponent`.
         Power = "power",
         /// The same speed at all heights.
         Uniform = "uniform",
-        /// As `profile_table` says.
+        /// Linear interpolation of `profile_table`.
         Table = "table",
     }
 }

@@ -67,7 +67,7 @@ impl Resolver<'_> {
         };
         let keys = self.read_keys::<LayerKeys>(table, &path);
         if keys.ifs.is_none() {
-            // After a misread `ifs`, which has been reported, the layer would seem to have neither.
+            // After an error in `ifs`, which has been reported, the layer would seem to have neither key.
             if keys.color.is_none() && !self.report.has_errors() {
                 let d =
                     Diagnostic::error("S006", format!("[[{path}]] draws nothing"), node.span, "neither ifs nor color");
@@ -76,7 +76,7 @@ impl Resolver<'_> {
             }
             return Some(LayerRecipe { cloud: None, keys });
         }
-        // The attractor of a layer takes its colours from the layer; one colour for all means by density.
+        // The attractor takes its colours from the layer; a single colour means shading by density.
         let cloud = AttractorKeys {
             ifs: keys.ifs.clone(),
             system: keys.system.clone(),
@@ -88,7 +88,7 @@ impl Resolver<'_> {
         };
         let cloud =
             self.attractor(NamedTable { name: &path, path: &path, id: format!("layer_{i}") }, node.span, cloud)?;
-        // A layer has no camera that could look at points in space.
+        // Layers have no camera to project points in space.
         if cloud.system.dim != 2 {
             let text = format!("\"{}\" is a 3D table; a layer needs a 2D one", cloud.system.name);
             let d = Diagnostic::error("S005", text, node.span, "this layer");

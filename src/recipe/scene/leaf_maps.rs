@@ -27,10 +27,10 @@ keys! {
 }
 
 impl Resolver<'_> {
-    /// `[maps]`; a tile must fit its atlas.
+    /// Reads `[maps]`; S004 if a leaf's maps do not fit into an atlas.
     pub(in crate::recipe) fn maps(&mut self, root: &TomlTable) -> LeafMapKeys {
         let keys: LeafMapKeys = self.section(root, "maps");
-        // Each leaf in an atlas has a border, so that neighbours do not bleed into it.
+        // Each leaf in an atlas has a border that separates it from its neighbours.
         let most = ATLAS - 2 * BORDER;
         if keys.atlas && keys.resolution as usize > most {
             let span = span_of(root, &["maps", "resolution"]).unwrap_or(self.whole);
@@ -43,7 +43,8 @@ impl Resolver<'_> {
 }
 
 impl Recipe {
-    /// True if the scene says something about maps: one that does not keeps the hash it had before there were any.
+    /// Whether some key of `[maps]` differs from its default. Scenes without such keys keep the hash from before the table
+    /// existed.
     pub(in crate::recipe) fn asks_for_maps(&self) -> bool {
         self.maps != LeafMapKeys::defaults()
     }

@@ -1,4 +1,4 @@
-//! One file for each table of a scene: its keys, and how they are resolved.
+//! The tables of a scene, one module each: keys, and how they are resolved into the recipe.
 
 mod attractor;
 mod bark;

@@ -15,25 +15,25 @@ use osier_ifs::morph::{self, Morph, MorphOptions};
 use std::sync::Arc;
 
 choices! {
-    /// How time passes between two tables.
+    /// Interpolation parameter between two tables as a function of time.
     MorphEase {
-        /// Linear in time.
+        /// The parameter is linear in time.
         Linear = "linear",
-        /// Slow at the tables, fast between.
+        /// Zero speed at the tables, fastest between.
         Smooth = "smooth",
     }
-    /// What of a map's place goes straight.
+    /// Point of each map that moves on a straight line.
     MorphShift {
         /// The translation b of each map.
         Straight = "straight",
         /// The fixed point of each map.
         FixedPoint = "fixed-point",
     }
-    /// What becomes of the maps' weights.
+    /// Interpolation of the maps' weights.
     MorphWeights {
-        /// They change with the tables.
+        /// Weights are interpolated between tables.
         Follow = "follow",
-        /// Those of the first table stay, and every point keeps its word.
+        /// Weights of the first table are kept, so that every point keeps its address.
         Hold = "hold",
     }
 }
@@ -64,37 +64,37 @@ keys! {
     }
 }
 
-/// Intervals between two tables at whose ends contraction is checked. More would find shorter stretches without attractor; each
-/// costs one analysis of the system.
+/// Number of intervals between two tables at whose ends contraction is checked. More would find shorter times without
+/// attractor; each costs one analysis of the system.
 const CONTRACTION_CHECKS: u32 = 8;
 
 recipe! {
-    /// How an attractor changes.
+    /// Change of an attractor over time, from table to table.
     MorphRecipe {
-        /// Interpolation between tables.
+        /// Modes of interpolation between tables.
         keys: MorphKeys;
-        /// Its tables as the scene names them.
+        /// Keyframes in rising order of time, as in the scene.
         rows: Vec<MorphKeyframe>;
         derived {
-            /// The tables, interpolated.
+            /// Interpolated system and probabilities at any time.
             morph: Arc<Morph>;
         }
     }
 }
 
-/// A table that has been read, with where the scene names it.
+/// A keyframe whose table has been read, with spans for diagnostics.
 struct Row {
     key: MorphKeyframe,
     cloud: AttractorRecipe,
     span: Span,
-    /// Where its time, its table and its turns stand.
+    /// Spans of its time, its table and its turns.
     at: Span,
     ifs: Span,
     turns: Span,
 }
 
 impl Resolver<'_> {
-    /// A cloud that changes. `of`, `cloud`, `keys`: of the cloud; `morph`: its table `morph`.
+    /// Resolves an attractor with `morph`; `None` after an error. `of`, `cloud`, `keys`: name, table and keys of the attractor.
     pub(super) fn morph(
         &mut self,
         of: NamedTable<'_>,
@@ -107,7 +107,7 @@ impl Resolver<'_> {
         let path = join(path, "morph");
         self.limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
         self.memory(&format!("clouds.{name}.points"), u64::from(keys.points), super::attractor::POINT, Some(span));
-        // Faults from here on are the morph's; those of other tables must not stop it from being checked.
+        // Only errors from here on concern the morph; those of other tables must not end its checks.
         let reported = self.report.diagnostics.len();
         let morph = self.read_keys::<MorphKeys>(table, &path);
         self.report_unused_keys(cloud, &path);
@@ -136,7 +136,7 @@ impl Resolver<'_> {
         Some(AttractorRecipe { name: name.into(), id, extent, keys, morph: Some(recipe), ..first })
     }
 
-    /// S007 for keys that a morph does not heed.
+    /// Warns with S007 of keys of the attractor that a morph ignores.
     fn report_unused_keys(&mut self, cloud: &TomlTable, path: &str) {
         let others = [("ifs", "name it in the first key instead"), ("system", "name it in the first key instead")];
         for (name, help) in
@@ -173,7 +173,7 @@ impl Resolver<'_> {
             return None;
         }
         let mut rows: Vec<Row> = Vec::new();
-        // A faulty keyframe does not end the list: the faults of all are reported in one run.
+        // An error in a keyframe does not end the list, so that the errors of all are reported in one run.
         let mut whole = true;
         for (i, node) in list.iter().enumerate() {
             match self.read_keyframe(name, &format!("{path}.{i}"), node, keys, &rows) {
@@ -199,13 +199,13 @@ impl Resolver<'_> {
         let key = self.read_keys::<MorphKeyframe>(table, path);
         let of = |name: &str| table.get(name).map_or(node.span, |e| e.node.span);
         let (at, ifs, turns) = (of("at"), of("ifs"), of("turns"));
-        // A table that comes back is the same file and system as an earlier keyframe: it is not read again.
+        // A keyframe with the file and system of an earlier one does not read them again.
         let same = |r: &&Row| r.key.ifs.as_ref().map(|r| &r.text) == key.ifs.as_ref().map(|r| &r.text);
         let again = known.iter().find(|r| same(r) && r.key.system == key.system);
         let cloud = match again {
             Some(row) => row.cloud.clone(),
             None => {
-                // Points and colours are the cloud's for all tables; only the table and its system differ.
+                // All tables share the points and colours of the cloud; only table and system differ.
                 let keys = AttractorKeys { ifs: key.ifs.clone(), system: key.system.clone(), ..keys.clone() };
                 self.attractor(NamedTable { name, path, id: String::new() }, node.span, keys)?
             }
@@ -223,7 +223,7 @@ impl Resolver<'_> {
             }
         }
         for row in rows {
-            // No number means no turns, one number holds for every map.
+            // An empty list means no turns, one number applies to every map.
             let (n, m) = (row.key.turns.len(), row.cloud.system.maps.len());
             if n > 1 && n != m {
                 let text = format!("{n} numbers of turns for {m} maps");
@@ -257,7 +257,8 @@ impl Resolver<'_> {
         }
     }
 
-    /// Where some map stretches at its key, what lies between has to be judged as well: I021.
+    /// Reports I021 if the system does not contract between two keyframes. Only intervals with a map of norm 1 or more at an
+    /// end are checked.
     fn check_contraction_between(&mut self, rows: &[Row], morph: &Morph) -> Option<()> {
         let stretches = |r: &Row| r.cloud.system.maps.iter().any(|m| m.affine.norm() >= 1.0);
         for pair in rows.windows(2).filter(|p| p.iter().any(stretches)) {
@@ -267,7 +268,7 @@ impl Resolver<'_> {
                 let at = a + (b - a) * f64::from(i) / f64::from(CONTRACTION_CHECKS);
                 let shares = morph.study(at).probabilities;
                 let mut system = morph.system(at);
-                // The study takes weights as they stand; the interpolated ones are already probabilities.
+                // The analysis takes weights as they are; the interpolated ones are already probabilities.
                 for (map, p) in system.maps.iter_mut().zip(shares) {
                     map.weight = Some(p);
                 }

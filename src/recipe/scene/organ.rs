@@ -8,11 +8,11 @@ use crate::recipe::syntax::{
 use crate::recipe::syntax::{choices, keys};
 use osier_plants::season::FallOrder;
 
-/// Where an organ's number comes from without its key.
+/// Words that listings show in place of a default that the key `blade` decides.
 const OWN: &str = "by outline";
 
 choices! {
-    /// Outline of a leaf blade.
+    /// Outline of a parametric leaf blade, which also sets the defaults of the blade's other keys.
     BladeOutline {
         /// Widest beyond the middle, with rounded lobes, as an oak's.
         Lobed = "lobed",
@@ -29,7 +29,7 @@ choices! {
         /// A piece of a conifer's shoot with its needles all round.
         Needles = "needles",
     }
-    /// How finely blades are cut.
+    /// Resolution of blade meshes.
     BladeDetail {
         /// For plants seen whole: 40 to 90 points.
         Light = "light",

@@ -11,41 +11,41 @@ use osier_export::registry::FORMATS;
 use osier_export::{gltf, usd};
 
 choices! {
-    /// How copies of a plant are shown in USD.
+    /// Representation of the copies of a plant in USD.
     CopyStyle {
         /// One point instancer for each plant: few objects, any number of copies.
         Instancer = "instancer",
         /// A prim for each copy: in Blender an object each.
         References = "references",
     }
-    /// A voxel grid.
+    /// Quantity of a voxel grid in OpenVDB files.
     VdbGrid {
         /// Catkins in flight per cubic metre.
         Density = "density",
-        /// Velocity of the wind.
+        /// Velocity of the wind, m/s; the only grid of vectors.
         Velocity = "vel",
         /// Catkins at rest per square metre.
         Deposition = "deposition",
     }
-    /// A table of points.
+    /// Simulated elements written as points with attributes.
     PointTable {
         /// Raindrops, falling and on leaves.
         Drops = "drops",
         /// Catkins, hanging, in flight and at rest.
         Catkins = "catkins",
-        /// Joints of all plants that move.
+        /// Joints of all moving plants.
         Joints = "joints",
     }
-    /// The readers a glb is made for.
+    /// Target program of a glb file, which decides its features.
     GltfProfile {
-        /// Any Blender: merged leaves, every key.
+        /// Every version of Blender: merged leaves, all keyframes.
         Blender = "blender",
-        /// Browsers and viewers: instanced leaves, sparse keys.
+        /// Browsers and viewers: instanced leaves, reduced keyframes.
         Web = "web",
         /// Game engines: no required extension, levels of detail, a table of placements.
         Engine = "engine",
     }
-    /// A number that shaders of wind read from vertex colours, or a preset of four.
+    /// A value that wind shaders read from vertex colours, or a preset of four values.
     WindWord {
         /// Sway with the whole plant, 0 at the root.
         Sway = "sway",
@@ -176,13 +176,13 @@ keys! {
 }
 
 impl WindWord {
-    /// Whether the word stands for all four channels.
+    /// Whether the word names a preset, which sets all four channels.
     pub fn is_preset(self) -> bool {
         matches!(self, Self::Crysis | Self::O3de | Self::Unity | Self::Godot | Self::Unreal)
     }
 }
 
-/// A format of the registry of osier-export.
+/// An export format as a value of the key `formats`.
 #[derive(Debug, Clone, Copy)]
 pub struct OutputFormat(pub &'static FormatInfo);
 

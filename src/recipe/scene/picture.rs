@@ -4,13 +4,13 @@ use crate::recipe::syntax::{ColorType, NumberArray, OneOf, OptionalKey, integer,
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// Which part of an attractor a picture shows.
+    /// Part of an attractor that fills the picture.
     PictureFit {
-        /// The view that a flame names; all of it where the file names none.
+        /// The view in a flame file; the whole attractor if the file has none.
         View = "view",
         /// The bounding box of the attractor.
         Bounds = "bounds",
-        /// All but the outermost points.
+        /// The box of its quantiles, without the outermost points.
         Quantile = "quantile",
     }
 }

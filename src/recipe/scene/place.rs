@@ -1,4 +1,4 @@
-//! `[[place]]`: where plants stand.
+//! `[[place]]`: copies of a plant around a point, along a line or over an area.
 
 use crate::recipe::resolve::Resolver;
 use crate::recipe::syntax::keys;
@@ -10,9 +10,9 @@ use crate::recipe::{Growth, PlaceRecipe, PlantRecipe};
 use osier_base::diagnostic::{Diagnostic, Span, nearest};
 use osier_import::GreyImage;
 
-/// Most copies of one place.
+/// Largest number of copies of one place.
 const MAX_COUNT: u32 = 100_000;
-/// Corners of the polygon that stands for a circle: shorter steps than any trunk at a radius of 100 m.
+/// Number of corners of the polygon that approximates a ring. Own: at a radius of 100 m its sides are shorter than a metre.
 const RING_CORNERS: u16 = 720;
 
 keys! {
@@ -62,20 +62,20 @@ keys! {
     }
 }
 
-/// Keys that say where the copies of a place stand; a place has one of them.
+/// Keys that choose the region of a place, of which it may have one.
 const REGIONS: [&str; 5] = ["radius", "area", "along", "outline", "ring"];
 
 impl Resolver<'_> {
     pub(in crate::recipe) fn places(&mut self, root: &TomlTable, plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
         let Some(entry) = root.get("place") else {
-            // A scene without any place shows each plant once; one with scatters shows those alone.
+            // Without places, each plant has one copy; with scatters, there are only scattered plants.
             return if root.get("scatter").is_none() { default_places(plants) } else { Vec::new() };
         };
         let TomlValue::List(list) = &entry.node.value else {
             self.report.push(*wrong("place", &entry.node, "a list: write [[place]]"));
             return Vec::new();
         };
-        // Plants with faults of their own are declared all the same: a place that names one is right.
+        // Plants with errors count as declared: a place may name them.
         let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
             Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
             _ => Vec::new(),
@@ -89,7 +89,7 @@ impl Resolver<'_> {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
-        // Line, mask and plant are all checked before the first fault ends the place, so that each is reported in one run.
+        // Line, mask and plant are checked before an error ends the place, so that all errors are reported in one run.
         let mut keys = self.read_keys::<PlaceKeys>(table, &path);
         let line = self.line(table, node.span, &path, &mut keys);
         let mask = self.place_mask(table, &path, &keys);
@@ -100,7 +100,7 @@ impl Resolver<'_> {
         Some(PlaceRecipe { plant, keys, line: line?, mask: mask? })
     }
 
-    /// Index of the plant that a place names; without a name the scene's only one.
+    /// Index of the plant that a place names; without a name, that of the scene's only one. `None` after an error.
     fn plant_of_place(
         &mut self,
         keys: &PlaceKeys,
@@ -118,7 +118,7 @@ impl Resolver<'_> {
         }
         if keys.plant.is_empty() {
             if declared.len() == 1 {
-                // The one plant may have had faults of its own, which are reported.
+                // The only plant may have errors, which have been reported.
                 return (!plants.is_empty()).then_some(0);
             }
             let d = Diagnostic::error("S006", "this place names no plant", span, "no plant here");
@@ -133,10 +133,11 @@ impl Resolver<'_> {
         None
     }
 
-    /// Positions of the copies along a line, from `at`; none for a group. Sets `count` where the spacing gives it. `None` after an error.
+    /// Positions of the copies along a line, m, relative to `at`; empty for a group. Sets `count` if `spacing` decides it.
+    /// `None` after an error.
     fn line(&mut self, table: &TomlTable, place: Span, path: &str, keys: &mut PlaceKeys) -> Option<Vec<[f64; 3]>> {
-        // A place has one region.
-        // An empty list for `along` counts as absent: a place is then a group.
+        // Refuse a second region.
+        // An empty `along` counts as absent.
         let is_set = |key: &&&str| **key != "along" || !keys.along.is_empty();
         let given: Vec<_> = REGIONS.iter().filter(is_set).filter_map(|key| table.get(key)).collect();
         if let [first, second, ..] = given[..] {
@@ -153,7 +154,7 @@ impl Resolver<'_> {
             let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
             self.report.push(d.help("copies of a group stand at random anyway; give a line: along, outline or ring"));
         }
-        // A rectangle and a circle are lines whose end meets their start.
+        // Rectangles and circles are closed lines.
         let corners = match (keys.outline, keys.ring) {
             _ if !is_line => return Some(Vec::new()),
             (Some(size), _) => rectangle(size),
@@ -185,7 +186,7 @@ impl Resolver<'_> {
                     self.report.push(Diagnostic::error("S004", text, span, "too many").help("give a larger spacing"));
                     return None;
                 }
-                // A circle has no corners that want a plant.
+                // A circle has no corners that need a copy.
                 if region == "ring" {
                     by_count(&corners, whole(wanted).max(1), true)
                 } else {
@@ -204,7 +205,7 @@ impl Resolver<'_> {
         Some(positions)
     }
 
-    /// The mask of an area; the outer `None` after an error.
+    /// Reads the density picture of an area; the outer `None` after an error, the inner one without the key.
     #[allow(clippy::option_option, reason = "a mask that fails is not the same as no mask")]
     fn place_mask(&mut self, table: &TomlTable, path: &str, keys: &PlaceKeys) -> Option<Option<GreyImage>> {
         let Some(reference) = &keys.mask else { return Some(None) };
@@ -215,7 +216,7 @@ impl Resolver<'_> {
             return None;
         }
         let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".png", ".jpg", ".jpeg", ".exr"])?;
-        // Copies are drawn by brightness: of a black picture none could ever be.
+        // Copies are drawn by brightness, so that a black picture allows none.
         let mask = self.grey(&file)?;
         if mask.values.iter().all(|v| *v <= 0.0) {
             let text = format!("{path}.mask is black everywhere");
@@ -226,7 +227,7 @@ impl Resolver<'_> {
         Some(Some(mask))
     }
 
-    /// S003 for a plant that grows for its own place and stands in more places than it has individuals.
+    /// Reports S003 for a plant whose growth depends on its place and which has more copies than individuals.
     fn check_individuals(&mut self, table: &TomlTable, path: &str, keys: &PlaceKeys, plant: &PlantRecipe) {
         let Some(entry) = table.get("individuals") else { return };
         let Some(count) = keys.individuals.filter(|n| *n < keys.count) else { return };
@@ -240,7 +241,7 @@ impl Resolver<'_> {
         } else {
             return;
         };
-        // Trees that share an individual are the same mesh, which cannot fit two places.
+        // Copies of one individual have the same mesh, which cannot fit two places.
         let places = keys.count;
         let text = format!(
             "{path}: plant \"{}\" {why} but stands in {places} places as {count} individual{}",
@@ -252,7 +253,7 @@ impl Resolver<'_> {
     }
 }
 
-/// Without [[place]], every plant stands once, 4 m from its neighbour.
+/// The places of a scene without `[[place]]`: one copy of each plant, in a row along +X at 4 m.
 fn default_places(plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
     let place = |(plant, number): (usize, u32)| {
         let at = [4.0 * f64::from(number), 0.0, 0.0];
@@ -267,7 +268,7 @@ fn rectangle([width, depth]: [f64; 2]) -> Vec<[f64; 3]> {
     [[-x, z], [x, z], [x, -z], [-x, -z], [-x, z]].map(|[x, z]| [x, 0.0, z]).to_vec()
 }
 
-/// The closed polygon that stands for a circle around the origin, m.
+/// The closed polygon that approximates a circle around the origin, m, counter-clockwise from above.
 fn circle(radius: f64) -> Vec<[f64; 3]> {
     let corner = |k: u16| {
         let a = std::f64::consts::TAU * f64::from(k % RING_CORNERS) / f64::from(RING_CORNERS);
@@ -277,7 +278,7 @@ fn circle(radius: f64) -> Vec<[f64; 3]> {
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    // Along the ground: a line that climbs has its copies as far apart as on a map.
+    // Horizontal distance: copies on a rising line have the spacing of its plan.
     ((b[0] - a[0]) * (b[0] - a[0]) + (b[2] - a[2]) * (b[2] - a[2])).sqrt()
 }
 
@@ -285,18 +286,19 @@ fn between(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
     [0, 1, 2].map(|i| a[i] + (b[i] - a[i]) * share)
 }
 
-/// Length of a line along the ground, m.
+/// Horizontal length of a line, m.
 fn length(corners: &[[f64; 3]]) -> f64 {
     corners.windows(2).map(|w| distance(w[0], w[1])).sum()
 }
 
-/// The whole number nearest to a count within [`MAX_COUNT`].
+/// A count rounded to the nearest whole number, at most [`MAX_COUNT`].
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
 fn whole(v: f64) -> u32 {
     v.round().clamp(0.0, f64::from(MAX_COUNT)) as u32
 }
 
-/// `count` positions at equal distances along a line; on an open one the first and the last stand at its ends, a single one in its middle.
+/// `count` positions at equal distances along a line. On an open line the first and last are at its ends, a single one in its
+/// middle.
 fn by_count(corners: &[[f64; 3]], count: u32, closed: bool) -> Vec<[f64; 3]> {
     let total = length(corners);
     // A closed line has as many intervals as copies, an open one has one fewer.
@@ -308,19 +310,19 @@ fn by_count(corners: &[[f64; 3]], count: u32, closed: bool) -> Vec<[f64; 3]> {
     (0..count).map(|k| at_length(corners, share(k) * total)).collect()
 }
 
-/// Positions at about `spacing`, m, with one at every corner: each side is divided into equal distances.
+/// Positions at about `spacing`, m, with one at every corner: each side is divided into equal intervals.
 fn by_spacing(corners: &[[f64; 3]], spacing: f64, closed: bool) -> Vec<[f64; 3]> {
     let mut out = Vec::new();
     for side in corners.windows(2).filter(|w| distance(w[0], w[1]) > 0.0) {
         let steps = whole(distance(side[0], side[1]) / spacing).max(1);
         out.extend((0..steps).map(|k| between(side[0], side[1], f64::from(k) / f64::from(steps))));
     }
-    // A closed line ends where it began.
+    // On a closed line the last corner is the first one.
     out.extend(corners.last().filter(|_| !closed));
     out
 }
 
-/// The point of a line at a length from its beginning, m.
+/// Point of a line at a horizontal length `rest`, m, from its beginning; the last corner beyond its end.
 fn at_length(corners: &[[f64; 3]], mut rest: f64) -> [f64; 3] {
     for side in corners.windows(2) {
         let side_length = distance(side[0], side[1]);

@@ -1,4 +1,4 @@
-//! `[plants.NAME]`: what grows a plant and what it looks like.
+//! `[plants.NAME]`: source, organs, materials and motion of a plant.
 
 use super::{
     BarkKeys, BarkKind, BranchRadii, IfsTreeKeys, ImportedMeshKeys, OrganKeys, SeasonSpan, SeasonType, SkinForm,
@@ -24,51 +24,51 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 choices! {
-    /// How a plant's bark moves.
+    /// Representation of a plant's motion in files.
     BarkMotion {
-        /// Joints and weights: small files, plays everywhere.
+        /// Joints and skin weights: small files, supported by most readers.
         Skin = "skin",
-        /// Points of every frame: exact, large files; a skin beside it for formats without caches.
+        /// Points of every frame: exact, but large files; formats without point caches get a skin.
         Cache = "cache",
-        /// At most 64 joints, leaves merged with the wood's joints; their flutter and all sway also as attributes for shaders.
+        /// At most 64 joints, with leaves merged and bound to them; flutter and sway also as attributes for shaders.
         Game = "game",
-        /// Nothing but attributes for shaders.
+        /// No motion in files, but attributes for shaders.
         Static = "static",
-        /// The plant stands still.
+        /// No motion: the plant keeps its shape at rest.
         Still = "still",
     }
 }
 
 choices! {
-    /// Notation of a grammar file.
+    /// Notation of a grammar file, and within cpfg's the commands of its turtle.
     GrammarDialect {
-        /// cpfg.
+        /// Notation and turtle commands of the program cpfg.
         Cpfg = "cpfg",
-        /// cpfg, drawn as in "The Algorithmic Beauty of Plants".
+        /// Notation of cpfg, drawn as in "The Algorithmic Beauty of Plants".
         Abop = "abop",
-        /// cpfg, drawn as a catkin.
+        /// Notation of cpfg, with the turtle commands of the paper on catkins.
         Catkin = "catkin",
-        /// Fractint.
+        /// Notation of Fractint's L-system files, drawn in a plane.
         Fractint = "fractint",
-        /// LParser.
+        /// Notation of the program LParser.
         LParser = "lparser",
-        /// L-Py.
+        /// Notation of the Python package L-Py.
         LPy = "lpy",
     }
 }
 
 choices! {
-    /// How the productions and functions of a grammar draw random numbers.
+    /// Random numbers of the productions and functions of a grammar.
     GrammarRandom {
-        /// By address: changing one branch leaves all others as they are.
+        /// By address: a change of one branch leaves all others as they are.
         Osier = "osier",
-        /// One after the other, as the program cpfg does: its strings come out, and seeds of osier have no effect.
+        /// In sequence as in the program cpfg, whose strings result; seeds of scenes have no effect.
         Cpfg = "cpfg",
     }
 }
 
 impl GrammarDialect {
-    /// The notation in which the grammar reader takes files of this dialect.
+    /// The notation of the grammar reader for files of this dialect.
     pub fn notation(self) -> Notation {
         match self {
             Self::Cpfg => Notation::Cpfg,
@@ -132,10 +132,10 @@ keys! {
     }
 }
 
-/// Most colours of autumn of an organ: each is three materials.
+/// Largest number of autumn colours of an organ, since each adds three materials.
 const MAX_AUTUMN_COLORS: usize = 12;
 
-/// Keys and tables that say how a plant grows or what it wears.
+/// Keys and tables of growth and appearance, which have no effect on a plant from a mesh.
 const GROWN: &[&str] = &[
     "grammar",
     "ifs",
@@ -163,23 +163,23 @@ const GROWN: &[&str] = &[
     "skin",
 ];
 
-/// Words between bars, in lower case.
+/// The words between `|` in a pattern, trimmed and in lower case, without empty ones.
 pub fn words(pattern: &str) -> Vec<String> {
     pattern.split('|').map(|w| w.trim().to_lowercase()).filter(|w| !w.is_empty()).collect()
 }
 
-/// What is read of a grammar's file, and with which tables.
+/// How a grammar's file is read.
 struct GrammarChoice<'a> {
-    /// The L-system of a file that holds several.
+    /// Name of the L-system in a file that holds several.
     entry: Option<&'a str>,
     functions: Arc<FunctionTables>,
-    /// Where the scene names the file.
+    /// Position at which the scene names the file.
     span: Span,
 }
 
-/// Hairs have no roots: they neither widen at their foot nor reach into the ground, unless the scene says so.
+/// Sets root flare and burial to 0, unless the scene gives them: hairs have no roots.
 fn tuft_defaults(plant: &TomlTable, skin: &mut SkinKeys) {
-    // Only defaults are replaced: what the scene says of its skin stays.
+    // Keys that the scene gives are kept.
     let given = |key: &str| matches!(plant.get("skin").map(|e| &e.node.value), Some(TomlValue::Table(t)) if t.get(key).is_some());
     for (key, value) in [("bury", &mut skin.bury), ("flare", &mut skin.flare)] {
         if !given(key) {
@@ -188,7 +188,7 @@ fn tuft_defaults(plant: &TomlTable, skin: &mut SkinKeys) {
     }
 }
 
-/// S005 or L007 for a file that is no grammar, with what to do.
+/// Diagnostic for a file that is not a grammar: L007 for Houdini's notation, S005 for others.
 pub(crate) fn no_grammar(name: &str, kind: FileKind, span: Span) -> Diagnostic {
     match kind {
         FileKind::Houdini => {
@@ -205,7 +205,7 @@ pub(crate) fn no_grammar(name: &str, kind: FileKind, span: Span) -> Diagnostic {
     }
 }
 
-/// Leaves that one table draws with the same keys are drawn once, whatever plants bear them.
+/// Lets organs with equal table and keys share the cell of their drawn leaf, so that it is drawn once for all plants.
 fn share_leaves(plants: &mut [PlantRecipe]) {
     // The digest covers what the scene hash covers: organs that differ in any key may be drawn differently.
     let digest = |o: &OrganRecipe| {
@@ -217,7 +217,7 @@ fn share_leaves(plants: &mut [PlantRecipe]) {
     for organ in plants.iter_mut().flat_map(|p| &mut p.organs) {
         let Some(table) = &organ.ifs else { continue };
         let keys = digest(organ);
-        // Scenes have few organs: a list that is searched is enough.
+        // Scenes have few organs: a linear search is enough.
         match known.iter().find(|(t, k, _)| *k == keys && t == table) {
             Some((.., drawn)) => organ.drawn = Arc::clone(drawn),
             None => known.push((Arc::clone(table), keys, Arc::clone(&organ.drawn))),
@@ -225,7 +225,7 @@ fn share_leaves(plants: &mut [PlantRecipe]) {
     }
 }
 
-/// How an artist's mesh is read.
+/// Axis, scale and material class with which a mesh file is imported.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::recipe) struct MeshImport {
     /// Axis that points up in the file.
@@ -237,7 +237,7 @@ pub(in crate::recipe) struct MeshImport {
 }
 
 impl OrganRecipe {
-    /// A parametric blade with default keys.
+    /// A parametric blade with default keys, for letters that the scene does not describe.
     pub fn blade(letter: char) -> Self {
         Self { letter, keys: OrganKeys::defaults(), ifs: None, drawn: Arc::default(), mesh: None, surface: None }
     }
@@ -248,7 +248,7 @@ impl Resolver<'_> {
         let Some(table) = self.table(root, "", "plants") else {
             if !self.report.has_errors()
                 && ["clouds", "terrain", "layer", "catkin", "rod"].iter().all(|t| root.get(t).is_none())
-                // A scene may show nothing and still write the wind.
+                // A scene without visible objects may still export the wind.
                 && span_of(root, &["output", "wind"]).is_none()
             {
                 let d = Diagnostic::error("S006", "the scene has no plants", self.whole, "no [plants.NAME] table");
@@ -262,7 +262,7 @@ impl Resolver<'_> {
                 self.report.push(*wrong(&format!("plants.{}", entry.key), &entry.node, "a table"));
                 continue;
             };
-            // The name is taken even if the plant turns out faulty: the ids of later plants do not depend on it.
+            // Plants with errors take a name too, so that the ids of later plants do not depend on them.
             let id = names.unique(&entry.key);
             plants.extend(self.plant(&entry.key, id, entry.key_span, plant));
         }
@@ -274,9 +274,9 @@ impl Resolver<'_> {
         let path = format!("plants.{name}");
         let reported = self.report.diagnostics.len();
         let mut keys = self.read_keys::<PlantKeys>(table, &path);
-        // A key that names the source may be among the misread ones; its absence is then no second fault.
+        // The key that names the source may have an error, so that its absence is not reported again.
         let misread = self.report.diagnostics.len() > reported;
-        // The command line comes before the scene, a plant's own keys before those of the scene.
+        // The command line overrides the scene; keys of a plant override those of the scene.
         keys.steps = self.request.steps.or(keys.steps);
         keys.season = keys.season.or(self.season);
         keys.latitude = keys.latitude.or(self.latitude);
@@ -289,7 +289,7 @@ impl Resolver<'_> {
         let wood = self.section_at(table, &path, "wood");
         let rods = table.get("rods").map(|_| self.section_at(table, &path, "rods"));
         self.settle_forms(table, &path, &mut keys, &mut skin);
-        // From here on `?` ends the plant: what is missing has been reported.
+        // From here on `?` ends the plant after a diagnostic.
         let grains = [self.bark_grain_table(&bark)?, self.bark_grain_table(&shoot)?];
         for (name, file, help) in [
             ("import", &keys.mesh, "it sets how a mesh is read: name one with mesh = \"FILE\""),
@@ -334,7 +334,7 @@ impl Resolver<'_> {
         let (growth, source, mut letters) = match (&keys.grammar, &keys.ifs) {
             _ if keys.mesh.is_some() => {
                 let (mesh, import) = self.import_plant_mesh(&keys, &path, table)?;
-                // All leaves of a mesh are one organ, which exists for its flutter alone.
+                // All leaves of a mesh are one organ, which only holds their flutter.
                 let flutter = OrganKeys { flutter: import.flutter, ..OrganKeys::defaults() };
                 organs = vec![OrganRecipe { keys: flutter, ..OrganRecipe::blade('l') }];
                 (Growth::Mesh(Box::new(mesh.1), import), mesh.0, Vec::new())
@@ -347,9 +347,9 @@ impl Resolver<'_> {
                 let grammar = self.grammar(&file, source, &keys)?;
                 let mut letters = grammar.organ_symbols();
                 let is_drawn = companions.view.is_some();
-                // Files of other programs say how thick their stems are.
+                // Files of other programs give the widths of stems.
                 let is_foreign = matches!(grammar.notation(), Notation::Fractint | Notation::LParser | Notation::LPy);
-                // What a view draws stands on nothing, and letters without a surface draw nothing.
+                // Drawings of a view have no ground, so that they get no root flare either.
                 if grammar.is_tuft() || is_drawn || is_foreign {
                     tuft_defaults(table, &mut skin);
                 }
@@ -358,7 +358,7 @@ impl Resolver<'_> {
                         organs.push(OrganRecipe { surface: Some(Arc::clone(surface)), ..OrganRecipe::blade(*letter) });
                     }
                 }
-                // A view describes all of its surfaces: no letter gets a default blade.
+                // A view describes all of its surfaces, so that other letters get no default blade.
                 letters.retain(|_| !is_drawn);
                 (Growth::Grammar(Box::new(grammar)), file.shown, letters)
             }
@@ -389,7 +389,7 @@ impl Resolver<'_> {
                 species.clip = self.species_clip(&species, table, &path, keys.growth_clip, blocked);
                 (Growth::Species(Box::new(species)), file.shown, vec!['l'])
             }
-            // A misspelt or unreadable `grammar` has been named already.
+            // An error in `grammar` has been reported.
             (None, None) if misread => return None,
             (None, None) => {
                 let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
@@ -400,9 +400,9 @@ impl Resolver<'_> {
         };
         self.settle_season(table, &path, &growth, &mut keys);
         let fill = match &keys.twigs {
-            // The surface of an artist's mesh stays as it is.
+            // An imported mesh keeps its surface.
             _ if matches!(growth, Growth::Mesh(..)) => None,
-            // The recorded years know nothing of twigs that are added.
+            // The record of the years has no added twigs.
             Some(_) if matches!(&growth, Growth::Species(species) if species.clip.is_some()) => {
                 self.has_no_effect(table, &path, &["twigs"], "the tree grows over the clip year by year");
                 None
@@ -414,13 +414,13 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        // Organs that are used but not described get a blade with default keys.
+        // Letters that are used but not described get a blade with default keys.
         for letter in letters {
             if !organs.iter().any(|o| o.letter == letter) {
                 organs.push(OrganRecipe::blade(letter));
             }
         }
-        // Billboards of a level of detail are an organ of their own, after all others.
+        // Billboards are a separate organ, after all others.
         if matches!(&growth, Growth::Ifs(_, tree) if tree.lod > 0) {
             let keys = OrganKeys { flutter: 0.0, ..OrganKeys::defaults() };
             organs.push(OrganRecipe { keys, ..OrganRecipe::blade(CARD) });
@@ -445,7 +445,8 @@ impl Resolver<'_> {
         })
     }
 
-    /// S003 for a plant that is to grow from two files. A mesh with anything but a species is S007: it keeps what it is.
+    /// Reports S003 for a plant with two source files. A mesh together with a source other than a species is a warning S007:
+    /// the mesh is used.
     fn has_two_sources(&mut self, plant: &TomlTable, path: &str) -> bool {
         let mut given: Vec<_> = ["grammar", "ifs", "shapes", "species"].iter().filter_map(|k| plant.get(k)).collect();
         if plant.get("species").is_some() {
@@ -459,10 +460,10 @@ impl Resolver<'_> {
         true
     }
 
-    /// S003 for segments that are to be shown as an organ that the plant does not have.
+    /// Reports S003 for `skin.segment` with the letter of an organ that the plant does not have.
     fn check_segment_organ(&mut self, plant: &TomlTable, path: &str, skin: &SkinKeys, organs: &[OrganRecipe]) {
         let mut letters = skin.segment.chars();
-        // An empty word means prisms, which need no organ.
+        // An empty text means prisms.
         let (Some(letter), rest) = (letters.next(), letters.next()) else { return };
         let known = organs.iter().any(|o| o.letter == letter && o.letter != CARD);
         if known && rest.is_none() {
@@ -480,8 +481,8 @@ impl Resolver<'_> {
         }));
     }
 
-    /// S007 for what a plant cannot be at the same time; the later of both keys gives way: growth in the rain or on shader attributes,
-    /// segments in the rain or on rods.
+    /// Warns with S007 of keys that exclude each other, and drops one: growth over the clip in the rain or with shader
+    /// attributes, segments in the rain or on rods.
     fn settle_forms(&mut self, plant: &TomlTable, path: &str, keys: &mut PlantKeys, skin: &mut SkinKeys) {
         if let Some(why) = self.why_no_growth_clip(keys).filter(|_| keys.growth_clip.is_some()) {
             self.has_no_effect(plant, path, &["growth_clip"], why);
@@ -497,12 +498,13 @@ impl Resolver<'_> {
         }
     }
 
-    /// S007 for a season where it cannot be shown: leaves of billboards are pictures, leaves of an artist's mesh are as they are. A season
-    /// that changes over the clip stays that of the first frame in the rain, for shaders, on rods, and where the plant grows.
+    /// Warns with S007 of a season without effect: on billboards, on imported meshes, and on a tree that grows over the clip. A
+    /// season that changes over the clip stays that of the first frame in the rain, for shaders, on rods, and on growing
+    /// plants.
     fn settle_season(&mut self, plant: &TomlTable, path: &str, growth: &Growth, keys: &mut PlantKeys) {
         let Some(span) = keys.season else { return };
         match growth {
-            // Told with the other keys of a mesh.
+            // Reported with the other keys of a mesh.
             Growth::Mesh(..) => keys.season = None,
             Growth::Ifs(_, tree) if tree.lod > 0 => {
                 self.has_no_effect(plant, path, &["season"], "the leaves of this lod are pictures on billboards");
@@ -535,7 +537,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Why a plant cannot grow over the clip, if it cannot.
+    /// Reason why a plant cannot grow over the clip, for messages; `None` if it can.
     fn why_no_growth_clip(&self, keys: &PlantKeys) -> Option<&'static str> {
         if self.raining {
             Some("rain meets grown plants")
@@ -546,15 +548,15 @@ impl Resolver<'_> {
         }
     }
 
-    /// Warns with S007 that `key`, a path within the plant's table, has no effect. `path`: of that table; `why`: the reason,
-    /// after "because".
+    /// Warns with S007 that `key`, a path within the plant's table, has no effect. `path`: of that table in the scene; `why`:
+    /// the reason, worded to follow "because".
     pub(super) fn has_no_effect(&mut self, plant: &TomlTable, path: &str, key: &[&str], why: &str) {
         let span = span_of(plant, key).unwrap_or(self.whole);
         let text = format!("{path}.{} has no effect", key.join("."));
         self.report.push(Diagnostic::warning("S007", text, span, "has no effect").help(format!("because {why}")));
     }
 
-    /// Whether the ends of a table's tree can be instances of a few twigs; S007 where they are requested but cannot.
+    /// Whether the ends of an IFS tree can be instances of a few branchlets; S007 if they are requested but cannot.
     fn can_instance_twigs(
         &mut self,
         plant: &TomlTable,
@@ -564,10 +566,10 @@ impl Resolver<'_> {
         keys: &PlantKeys,
         rods: bool,
     ) -> bool {
-        // Twigs can be instances only where each map of the table is a rotation with uniform scale and nothing needs single leaves.
+        // Branchlets can be instances only if each map is a rotation with uniform scale and no feature needs single leaves.
         let sheared = sheared(stems);
         let why = match sheared {
-            // Only the first reason that holds is told.
+            // The first reason that applies is reported.
             _ if rods => "each branch bends on its own as a rod".to_owned(),
             _ if tree.lod > 0 => "this lod replaces them by billboards".to_owned(),
             _ if self.raining => "rain needs each leaf on its own".to_owned(),
@@ -576,7 +578,7 @@ impl Resolver<'_> {
             Some(i) => format!("map {} is not a rotation with uniform scale", i + 1),
             None => return true,
         };
-        // Silent where twigs were not asked for.
+        // No warning if branchlets were not requested.
         if tree.twigs {
             let span = span_of(plant, &["tree", "twigs"]).unwrap_or(self.whole);
             let d = Diagnostic::warning("S007", format!("{path}.tree.twigs has no effect"), span, "has no effect");
@@ -585,7 +587,7 @@ impl Resolver<'_> {
         false
     }
 
-    /// Reads the mesh of a whole plant: its name for people, and what it holds.
+    /// Reads the mesh of a whole plant: the file's name for messages, its content, and the keys of `[plants.NAME.import]`.
     fn import_plant_mesh(
         &mut self,
         keys: &PlantKeys,
@@ -600,7 +602,7 @@ impl Resolver<'_> {
             );
         }
         let import: ImportedMeshKeys = self.section_at(table, path, "import");
-        // An empty pattern would be part of every name, and all of the mesh a leaf.
+        // Every name contains the empty word, so that all of the mesh would be leaves.
         if words(&import.leaf_pattern).is_empty() {
             let span = span_of(table, &["import", "leaf_pattern"]).unwrap_or(self.whole);
             let text = format!("{path}.import.leaf_pattern names no word");
@@ -617,7 +619,7 @@ impl Resolver<'_> {
         Some(((file.shown, mesh), import))
     }
 
-    /// The table of a bark; the outer `None` if it cannot be read.
+    /// Reads the IFS table of a bark's grain; the outer `None` after an error, the inner one without the key.
     #[allow(clippy::option_option, reason = "a table that fails is not the same as no table")]
     fn bark_grain_table(&mut self, bark: &BarkKeys) -> Option<Option<Arc<Ifs>>> {
         match &bark.ifs {
@@ -626,7 +628,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Thin axes are smooth and greenish unless the scene says otherwise.
+    /// Sets kind and map size of the bark of thin axes, unless the scene gives them.
     fn shoot_defaults(&self, plant: &TomlTable, shoot: &mut BarkKeys) {
         let given = |key: &str| matches!(plant.get("shoot").map(|e| &e.node.value), Some(TomlValue::Table(t)) if t.get(key).is_some());
         if !given("kind") {
@@ -645,7 +647,7 @@ impl Resolver<'_> {
         if let Some(table) = self.table(plant, path, "organs") {
             for e in &table.entries {
                 let full = format!("{path}.organs.{}", e.key);
-                // `char`s, not bytes: any letter of Unicode names an organ.
+                // Characters, not bytes: every letter of Unicode may name an organ.
                 let mut letters = e.key.chars();
                 match (&e.node.value, letters.next(), letters.next()) {
                     (TomlValue::Table(t), Some(letter), None) => organs.extend(self.organ(letter, &full, t)),
@@ -687,14 +689,14 @@ impl Resolver<'_> {
         Some(OrganRecipe { keys, ifs, mesh, surface, ..OrganRecipe::blade(letter) })
     }
 
-    /// S003 for colours of autumn that are too many, or whose weights do not fit them.
+    /// Reports S003 for too many autumn colours, and for weights that do not fit them.
     fn check_autumn(&mut self, table: &TomlTable, path: &str, keys: &OrganKeys) {
         let (colors, weights) = (keys.autumn.len(), keys.autumn_weights.len());
         let mut refuse = |key: &str, text: String, help: &str| {
             let span = span_of(table, &[key]).unwrap_or(self.whole);
             self.report.push(Diagnostic::error("S003", format!("{path}.{key} {text}"), span, "this list").help(help));
         };
-        // Both lists are judged: two faults may be told of one organ.
+        // Both lists are checked, so that two errors may be reported.
         if colors > MAX_AUTUMN_COLORS {
             let text = format!("has {colors} colors, but may have {MAX_AUTUMN_COLORS}");
             refuse("autumn", text, "each color is a material with pictures of its own: leave out similar ones");
@@ -707,7 +709,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// File and entry of the reference `FILE#ENTRY`; a file whose own name has a `#` is named as a whole.
+    /// File and entry of the reference `FILE#ENTRY`; a file whose name contains `#` is found as a whole first.
     fn grammar_reference<'r>(&self, reference: &'r str) -> (&'r str, Option<&'r str>) {
         let limit = self.request.limits.get("text-bytes");
         match reference.rsplit_once('#') {
@@ -716,7 +718,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Parses a grammar; the files that it includes take part in the scene's hash.
+    /// Parses a grammar with its defines; the bytes of files that it includes enter the scene hash. `None` after an error.
     fn grammar(&mut self, file: &ReferencedFile, choice: GrammarChoice<'_>, keys: &PlantKeys) -> Option<Grammar> {
         let GrammarChoice { entry, functions, span } = choice;
         let notation = keys.dialect.map(GrammarDialect::notation);
@@ -727,14 +729,14 @@ impl Resolver<'_> {
         }
         let library = &self.request.library;
         let limit = self.request.limits.get("text-bytes");
-        // Includes are resolved beside the file that names them; the bytes of each take part in the scene hash.
-        // Files are known to the grammar by the names that are shown; their paths are kept here.
+        // Includes are resolved beside the file that names them; their bytes enter the scene hash.
+        // The grammar knows files by displayed names; this map holds their paths.
         let mut paths = BTreeMap::from([(file.shown.clone(), file.path.clone())]);
         let inputs = &mut self.inputs;
         let mut includes = |reference: &str, from: &str| {
             let beside = paths.get(from).cloned().unwrap_or_default();
             let found = library.find_beside(&beside, reference, limit).map_err(|why| {
-                // The reader of grammars knows only errors of opening a file; the reason becomes its text.
+                // The reader of grammars expects an I/O error: the reason becomes its text.
                 let missing = std::io::Error::other(why.to_string());
                 Error::io("open", reference, missing)
             })?;
@@ -759,9 +761,9 @@ impl Resolver<'_> {
         Some(grammar)
     }
 
-    /// S007 for values that no #define of the grammar takes.
+    /// Warns with S007 of values in `set` without a #define of that name.
     fn report_unused_defines(&mut self, grammar: &Grammar, keys: &PlantKeys) {
-        // Values are laid over the grammar by name, so that a misspelt one would pass without a word.
+        // Values override #defines by name: a misspelt one would otherwise be ignored.
         let known: Vec<&str> = grammar.defines().iter().map(|d| d.name.as_str()).collect();
         for (name, _) in keys.set.iter().filter(|(name, _)| !known.contains(&name.as_str())) {
             let near = nearest(name, known.iter().copied());
@@ -774,7 +776,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Reads an artist's mesh; the files that it names take part in the scene's hash.
+    /// Imports a mesh file; the bytes of files that it names enter the scene hash. `None` after a diagnostic at `span`.
     pub(in crate::recipe) fn import(
         &mut self,
         file: &ReferencedFile,
@@ -794,7 +796,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// As [`Resolver::import`], with the faults left to the caller.
+    /// As [`Resolver::import`], but returns errors to the caller.
     pub(in crate::recipe) fn imported(
         &mut self,
         file: &ReferencedFile,
@@ -811,7 +813,7 @@ impl Resolver<'_> {
         };
         let mut imported = osier_import::read(&file.path, &file.bytes, &options)?;
         self.report.extend(std::mem::take(&mut imported.warnings));
-        // The first file is the mesh itself, which `read` has counted.
+        // The first file is the mesh, whose bytes `read` has hashed.
         self.inputs.extend(imported.files.iter().skip(1).map(|f| blake3::Hash::from_bytes(f.blake3)));
         Ok(imported)
     }

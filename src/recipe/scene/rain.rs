@@ -9,66 +9,66 @@ use crate::recipe::syntax::{choices, keys, recipe};
 use osier_base::diagnostic::Diagnostic;
 
 choices! {
-    /// How large raindrops are.
+    /// Size distribution of raindrops.
     RainSize {
-        /// As in rain of its strength, by Marshall and Palmer.
+        /// Distribution of Marshall and Palmer for the rain rate.
         Natural = "natural",
         /// All drops have the diameter `size_mm`.
         Fixed = "fixed",
-        /// Around `size_mm`, spread by `size_spread`.
+        /// Log-normal with median `size_mm` and spread `size_spread`.
         LogNormal = "log_normal",
     }
-    /// How rain's strength changes over a clip.
+    /// Intensity of the rain over a clip, as a factor on its rate.
     RainEnvelope {
         /// The rate is constant.
         Constant = "constant",
-        /// A bell around `middle_s`, as the paper by Yang and Wu has it.
+        /// A bell curve around `middle_s`, as in the paper by Yang and Wu.
         Bell = "bell",
-        /// As `envelope_keyframes` say.
+        /// Linear interpolation of `envelope_keyframes`.
         Keys = "keys",
     }
     /// Source of the default values of rain.
     RainPreset {
-        /// What is measured of water on leaves.
+        /// Measurements of water on leaves.
         Measured = "measured",
-        /// What the paper by Yang and Wu prints.
+        /// Values and equations printed in the paper by Yang and Wu.
         Paper = "paper",
     }
-    /// What a drop's blow does.
+    /// Law of the impulse of a drop on a leaf.
     ImpactModel {
-        /// Momentum is conserved.
+        /// Momentum of drop and leaf is conserved.
         Momentum = "momentum",
-        /// A share of its energy moves the leaf, as the paper has it.
+        /// A share of the drop's energy moves the leaf, as in the paper.
         PaperEnergy = "paper_energy",
     }
-    /// How drops are shaped.
+    /// Height of a drop on a leaf for its volume and contact angle.
     DropShape {
-        /// Flattened by their weight, their volume kept.
+        /// Caps flattened by gravity, with their volume conserved.
         Flattened = "flattened",
-        /// With the paper's heights, which lose volume.
+        /// Heights of the paper, which do not conserve volume.
         Paper = "paper",
-        /// With the paper's factor lambda^kappa.
+        /// Heights with the paper's factor lambda^kappa.
         PaperWedge = "paper_wedge",
     }
-    /// What holds a drop back.
+    /// Force that holds a drop on a leaf back.
     DropFriction {
-        /// Its contact angles differ in front and behind.
+        /// Retention by the difference of contact angles at its front and back.
         Retention = "retention",
-        /// The paper's mu and H.
+        /// Friction coefficient mu and force H of the paper.
         Paper = "paper",
     }
-    /// When drops become one.
+    /// Condition under which drops on a leaf coalesce.
     DropMerge {
-        /// They coalesce when their contact circles touch.
+        /// Their contact circles touch.
         Touch = "touch",
-        /// Nearer than touching, as the paper's attraction has it.
+        /// They are close enough for the attraction of the paper.
         Paper = "paper",
     }
-    /// With what arm a drop's weight turns its leaf.
+    /// Lever arm of a drop's weight about the joint of its leaf.
     DropLever {
         /// Distance from the leaf joint to the drop.
         Physical = "physical",
-        /// Less near the stalk, as the paper has it.
+        /// The paper's factor, which is smaller near the petiole.
         Paper = "paper",
     }
 }
@@ -195,7 +195,7 @@ keys! {
 }
 
 recipe! {
-    /// Rain of a scene, as its tables describe it.
+    /// Rain of a scene, from `[rain]` and the tables below it.
     RainRecipe {
         /// Rate, drop sizes and envelope.
         keys: RainKeys;
@@ -211,7 +211,7 @@ recipe! {
 }
 
 impl Resolver<'_> {
-    /// Reads `[rain]` and its sections; `None` without the table. S006 for rain in a scene without plants.
+    /// Reads `[rain]` and the tables below it; `None` without the table. S006 for rain in a scene without plants.
     pub(in crate::recipe) fn rain(&mut self, root: &TomlTable) -> Option<RainRecipe> {
         let entry = root.get("rain")?;
         let table = self.table(root, "", "rain")?;
@@ -227,10 +227,10 @@ impl Resolver<'_> {
             lying: self.sessile_drops(table),
             keys,
         };
-        // The preset of the paper replaces defaults, never keys that the scene gives.
+        // The preset replaces defaults, but no keys that the scene gives.
         apply_paper_defaults(&mut rain, table);
         self.check_contact_angles(&rain.drop, table);
-        // Times must rise strictly: two factors at one time would be a jump, which has no rate in between.
+        // Times must rise strictly: two factors at one time would have no interpolation.
         if rain.keys.envelope == RainEnvelope::Keys
             && (rain.keys.envelope_keyframes.is_empty()
                 || rain.keys.envelope_keyframes.windows(2).any(|k| k[1][0] <= k[0][0]))
@@ -264,7 +264,7 @@ impl Resolver<'_> {
         all
     }
 
-    /// The angle at rest lies between those at which rims move.
+    /// Reports S004 unless the receding, static and advancing contact angles rise in this order.
     fn check_contact_angles(&mut self, drop: &DropKeys, table: &TomlTable) {
         if drop.receding <= drop.contact_angle && drop.contact_angle <= drop.advancing {
             return;
@@ -283,13 +283,13 @@ impl Resolver<'_> {
     }
 }
 
-/// What the paper prints, where the scene says nothing else.
+/// Applies `preset = "paper"` to the keys that the scene does not give.
 fn apply_paper_defaults(rain: &mut RainRecipe, table: &TomlTable) {
     if rain.keys.preset != RainPreset::Paper {
         return;
     }
     let said = |section: &str, key: &str| {
-        // A key counts as given even if its value is the default: the scene then insists on it.
+        // A key with the default as its value counts as given.
         let at = if section.is_empty() { Some(table) } else { subtable(table, section) };
         at.is_some_and(|t| t.get(key).is_some())
     };

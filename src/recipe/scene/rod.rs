@@ -13,44 +13,45 @@ use osier_base::files::Names;
 use osier_base::math;
 
 choices! {
-    /// How rods are stepped through time.
+    /// Time integration of rods.
     RodIntegrator {
-        /// All springs solved together, second order in time: stable and true at any stiffness.
+        /// Extended position-based dynamics with all springs solved together, second order in time: stable and accurate at any
+        /// stiffness.
         Xpbd = "xpbd",
-        /// Springs one by one, once a step: for soft ropes; what is stiff hangs limp.
+        /// One Gauss-Seidel pass over the springs per step: for soft ropes; stiff rods sag.
         XpbdGs = "xpbd_gs",
-        /// Small steps, springs as forces: the reference, slow for stiff rods.
+        /// Symplectic Euler with spring forces and small steps: the reference, slow for stiff rods.
         EulerSymplectic = "euler_symplectic",
-        /// As the paper by Yang and Wu has it: needs damping and tiny steps.
+        /// Explicit Euler as in the paper by Yang and Wu: needs damping and tiny steps.
         EulerExplicit = "euler_explicit",
     }
-    /// What weight does to the shape that the points draw.
+    /// Role of gravity in the shape that `points` draws.
     RodGravity {
-        /// The rod is drawn as it hangs: its shape without weight is found first.
+        /// `points` is the shape under gravity; the rest shape without gravity is computed first.
         Posed = "posed",
-        /// The rod's own weight is left out.
+        /// The weight of the rod is left out.
         Compensated = "compensated",
-        /// The rod is drawn as it would be without weight, and droops.
+        /// `points` is the shape without gravity, from which the rod droops.
         Droop = "droop",
     }
-    /// How a place of a rod is held.
+    /// Boundary condition at a point of a rod.
     RodHold {
-        /// It neither moves nor turns.
+        /// Position and rotation are fixed.
         Fixed = "fixed",
-        /// It turns about where it is.
+        /// The position is fixed, the rotation is free.
         Pinned = "pinned",
-        /// It turns, and slides along a line.
+        /// The position may slide along a line, the rotation is free.
         Guided = "guided",
     }
-    /// What acts on a place of a rod.
+    /// Quantity that a load applies at a point of a rod, which decides the numbers of its keyframes.
     RodLoadKind {
-        /// A force: keys of [s, x, y, z], N.
+        /// A force: keyframes of [s, x, y, z], N.
         Force = "force",
-        /// A force and a torque: keys of [s, x, y, z, x, y, z], N and N m.
+        /// A force and a torque: keyframes of [s, x, y, z, x, y, z], N and N m.
         Wrench = "wrench",
-        /// A weight that rides on it: keys of [s, kg]; where it becomes 0 it is let go.
+        /// An attached mass: keyframes of [s, kg]; it is released where the mass becomes 0.
         Mass = "mass",
-        /// Blows: each key is one, [s, x, y, z], N s.
+        /// Impulses, one per keyframe: [s, x, y, z], N s.
         Blow = "blow",
     }
 }
@@ -131,7 +132,7 @@ keys! {
 }
 
 impl Resolver<'_> {
-    /// All rods of a scene, each after the one that it stands on.
+    /// Reads every `[[rod]]`, each after the rod that carries it; leaves out those with errors.
     pub(in crate::recipe) fn rods(&mut self, root: &TomlTable) -> Vec<RodRecipe> {
         let Some(entry) = root.get("rod") else { return Vec::new() };
         let TomlValue::List(list) = &entry.node.value else {
@@ -145,7 +146,7 @@ impl Resolver<'_> {
                 rods.push(rod);
             }
         }
-        // A clip keeps a position and a rotation of every section for every frame.
+        // A clip stores a position and a rotation of every section for every frame.
         // Rods that choose their number of sections take at most 16.
         let sections = rods.iter().map(|r| u64::from(r.keys.sections.unwrap_or(16))).sum::<u64>();
         let keys = sections.saturating_mul(self.frames);
@@ -171,7 +172,7 @@ impl Resolver<'_> {
             self.report.push(d.help("write points = [[0, 0, 0], [0, 1, 0]], in metres from base to tip"));
             return None;
         }
-        // A rod without `on` has a base of its own; any other is fixed to a rod that the scene lists before it.
+        // A rod without `on` is clamped in the world; any other is fixed to a rod that precedes it in the scene.
         let on = if keys.on.is_empty() { None } else { Some(self.carrier_rod(&keys.on, of("on"), before)?) };
         self.check_rod(&keys, table, node.span, on.is_some());
         let clamps = self.read_subtables(table, &path, "clamp", |r, t, p| r.rod_clamp(t, p));
@@ -185,7 +186,7 @@ impl Resolver<'_> {
         Some(RodRecipe { id: names.unique(wanted), on, clamps: clamps?, loads: loads?, keys })
     }
 
-    /// Index of the rod of a name, among those before.
+    /// Index of the rod with a name, among those before; `None` and S005 without one.
     fn carrier_rod(&mut self, name: &str, span: Span, before: &[RodRecipe]) -> Option<usize> {
         // Only rods above this one are searched, so that no rod can carry itself through others.
         let found = before.iter().position(|r| r.keys.name == name);
@@ -219,7 +220,7 @@ impl Resolver<'_> {
             );
             self.report.push(d.help("leave one of both out"));
         }
-        // Material: G/E of the given stiffnesses must be one.
+        // G/E that follows from the given stiffnesses must be within its range.
         // For a round cross-section EI = E pi r^4 / 4 and GJ = G pi r^4 / 2, hence E = 4 EI / (pi r^4) and G/E = 2 GJ / (pi r^4 E).
         let r = keys.radius[0];
         let unit = std::f64::consts::PI * r * r * r * r;
@@ -242,7 +243,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// A list of tables below a rod.
+    /// Reads a list of tables below a rod; empty without the key, `None` if some table has an error.
     fn read_subtables<T>(
         &mut self,
         table: &TomlTable,
@@ -265,7 +266,7 @@ impl Resolver<'_> {
                     None
                 }
             };
-            // One faulty table makes the whole list `None`, but the rest is still read for its faults.
+            // A table with an error makes the result `None`, but the others are still read to report their errors.
             all = all.zip(made).map(|(mut all, made)| {
                 all.push(made);
                 all
@@ -305,7 +306,7 @@ impl Resolver<'_> {
 
     fn rod_load(&mut self, table: &TomlTable, path: &str) -> Option<RodLoadKeys> {
         let keys = self.read_keys::<RodLoadKeys>(table, path);
-        // Numbers of a keyframe: the time, then a vector, a vector and a moment, or a mass.
+        // Numbers of a keyframe: the time and a vector; the time, a force and a torque; or the time and a mass.
         let count = match keys.kind {
             RodLoadKind::Force | RodLoadKind::Blow => 4,
             RodLoadKind::Wrench => 7,

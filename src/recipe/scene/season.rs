@@ -1,4 +1,4 @@
-//! The key `season` of a plant: a number or a date, or two of them for a clip.
+//! The key `season` of a plant: a number or a date, or two of these for a clip.
 
 use crate::recipe::syntax::{
     Choice, Digest, Fault, KeyListing, TomlNode, TomlValue, ValueForm, ValueKind, ValueType, number, wrong,
@@ -8,17 +8,17 @@ use osier_base::diagnostic::Diagnostic;
 use osier_plants::season::{FallOrder, season_of_day};
 use serde_json::json;
 
-/// Latitude of dates without a key, degrees.
+/// Latitude, degrees, for dates in scenes without the key `latitude`.
 const LATITUDE: f64 = 50.0;
-/// Days before each month of a year, and the days of the year.
+/// Days before each month of a common year, then the days of the year.
 const MONTHS: [u16; 13] = [0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334, 365];
 
 /// A time of the growing year.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SeasonTime {
-    /// 0 bud burst to 1 bare.
+    /// Share of the growing year: 0 is bud burst, 1 the bare plant.
     Season(f64),
-    /// Day of the year, 1..=365; which season it is depends on the latitude.
+    /// Day of the year, 1..=365, whose season depends on the latitude.
     Day(u16),
 }
 
@@ -31,17 +31,17 @@ impl SeasonTime {
     }
 }
 
-/// Seasons at the first and the last frame; equal for one that stays.
+/// Seasons at the first and the last frame; equal for a season that does not change.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SeasonSpan {
-    /// At the first frame.
+    /// Season of the first frame.
     pub first: SeasonTime,
-    /// At the last frame.
+    /// Season of the last frame, towards which the clip interpolates.
     pub last: SeasonTime,
 }
 
 impl SeasonSpan {
-    /// Whether leaves change over the clip.
+    /// Whether both seasons differ, so that leaves change over the clip.
     pub fn changes(&self) -> bool {
         self.first != self.last
     }
@@ -52,7 +52,7 @@ impl PlantRecipe {
     pub fn seasons(&self) -> Option<[f64; 2]> {
         let site = match &self.growth {
             Growth::Species(species) => species.site.latitude,
-            // Of what grows a plant, only a species has a site.
+            // Only species have a site with a latitude.
             _ => LATITUDE,
         };
         let latitude = self.keys.latitude.unwrap_or(site);
@@ -60,7 +60,7 @@ impl PlantRecipe {
     }
 }
 
-/// What the key `season` accepts.
+/// Value type of the key `season`: a number from 0 to 1, a date `MM-DD`, or a list of two.
 #[derive(Debug, Clone, Copy)]
 pub struct SeasonType;
 
@@ -82,7 +82,7 @@ impl SeasonType {
 /// The day of the year of `MM-DD`, 1..=365; 29 February counts as 28 February.
 fn day_of_date(text: &str) -> Option<u16> {
     let (month, day) = text.split_once('-')?;
-    // `parse` alone would take "+1" and "1".
+    // `parse` would also accept "+1" and "1".
     let digits = |t: &str| (t.len() == 2 && t.bytes().all(|b| b.is_ascii_digit())).then(|| t.parse::<u16>().ok());
     let (month, day) = (usize::from(digits(month)??), digits(day)??);
     // Days before the month; the entry after it ends the month, so that the last one belongs to no month.
@@ -122,7 +122,7 @@ impl ValueType for SeasonType {
     fn digest(&self, value: &SeasonSpan, hasher: &mut blake3::Hasher) {
         for time in [value.first, value.last] {
             match time {
-                // The tag keeps season 1 and day 1 apart.
+                // The tag distinguishes season 1 from day 1.
                 SeasonTime::Season(season) => (0_u32, season).digest(hasher),
                 SeasonTime::Day(day) => (1_u32, u32::from(day)).digest(hasher),
             }

@@ -1,4 +1,4 @@
-//! `[plants.NAME.growth]` and files `.shapes`: how particle-shapes grow a plant.
+//! `[plants.NAME.growth]` and `.shapes` files: parameters of particle-shapes.
 
 use super::SolidKeys;
 use crate::recipe::ReferencedFile;
@@ -14,7 +14,7 @@ use std::marker::PhantomData;
 choices! {
     /// Equations of motion of particles.
     ShapeEquations {
-        /// In units and independent of the step, with gravity, light and solids.
+        /// In SI units and independent of the step, with gravity, light and solids.
         Corrected = "corrected",
         /// As printed in the paper: the result depends on the step.
         Paper = "paper",
@@ -36,26 +36,26 @@ choices! {
         /// Longest below the middle, short at both ends.
         Flame = "flame",
     }
-    /// Where the radii of a plant of particle-shapes come from.
+    /// Rule for the radii of a plant of particle-shapes.
     ShapeRadii {
-        /// What goes into a fork comes out of it.
+        /// Pipe model: the power sum of the radii above a fork equals that below it.
         Pipe = "pipe",
-        /// A taper along each axis.
+        /// Radius that tapers along each axis.
         Taper = "taper",
-        /// Truncated cones between the branches, with random ratios.
+        /// Truncated cones between branches, with random ratios of their radii.
         Cone = "cone",
     }
-    /// Form of a region in which a plant grows, or which it grows round.
+    /// Shape of a region that confines a plant, or that it avoids.
     RegionShape {
-        /// A ball: `at`, `radius`.
+        /// Ball with centre `at` and `radius`.
         Sphere = "sphere",
-        /// An ellipsoid: `at`, `size`.
+        /// Ellipsoid with centre `at` and diameters `size`.
         Ellipsoid = "ellipsoid",
-        /// A box: `at`, `size`.
+        /// Box along the axes with centre `at` and edges `size`.
         Box = "box",
-        /// A round pole from `at` to `to`: `radius`.
+        /// Points within `radius` of the segment from `at` to `to`.
         Capsule = "capsule",
-        /// An upright cone: `at` is the middle of its base, `radius`, `height`.
+        /// Upright cone: `at` is the centre of its base, `radius` that of the base, `height` that of the tip above it.
         Cone = "cone",
         /// The half space behind the plane through `at` with `normal`.
         Plane = "plane",
@@ -203,7 +203,7 @@ keys! {
 }
 
 impl Resolver<'_> {
-    /// The keys of a `.shapes` file, with those of the table `name` of a plant laid over them.
+    /// Reads the keys of a `.shapes` file, overridden by those of the table `name` of a plant; `None` if some have errors.
     pub(in crate::recipe) fn shape_keys(
         &mut self,
         file: &ReferencedFile,
@@ -211,7 +211,7 @@ impl Resolver<'_> {
         path: &str,
         name: &str,
     ) -> Option<ShapeKeys> {
-        // Only errors reported from here on make the keys faulty: neither warnings, nor errors of other tables.
+        // Errors reported from here on make the keys invalid; warnings, and errors of other tables, do not.
         let before = self.report.diagnostics.len();
         let parsed = self.parse_file(file)?;
         let merged = self.laid_over(parsed, plant, path, name);
@@ -222,7 +222,7 @@ impl Resolver<'_> {
         (!faulty).then_some(keys)
     }
 
-    /// Faults that single keys cannot show: ranges upside down, regions without a solid, keys without effect.
+    /// Reports errors that involve several keys: reversed ranges, ratios above 1, keys without effect.
     fn check_shape_keys(&mut self, keys: &ShapeKeys, table: &TomlTable, path: &str) {
         self.in_order(table, path, "root_tilt_deg", keys.root_tilt);
         let span = |key: &str| span_of(table, &[key]);
@@ -236,7 +236,7 @@ impl Resolver<'_> {
             self.report
                 .push(d.help("write [ratio, weight] with ratios up to 1: [[0.78, 0.25], [0.84, 0.5], [0.9, 0.25]]"));
         }
-        // Attraction of 0 at every order is the same as none.
+        // Attraction of 0 at every level is the same as none.
         let guided = keys.attract.iter().any(|a| *a != 0.0);
         for (key, useless, needs) in [
             ("attract", guided && keys.envelope.is_empty(), "an `envelope`, in which the points lie"),
@@ -250,7 +250,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// S005 for regions that name a solid which the scene does not have.
+    /// Reports S005 for regions with the name of a solid that the scene does not have.
     fn check_region_solids(&mut self, keys: &ShapeKeys, table: &TomlTable, path: &str) {
         for (key, regions) in [("envelope", &keys.envelope), ("obstacles", &keys.obstacles)] {
             let named = regions.iter().filter(|r| r.shape == RegionShape::Solid);
@@ -267,10 +267,10 @@ impl Resolver<'_> {
     }
 }
 
-/// The names that the `[[solid]]`s of a scene give themselves, without faults being reported.
+/// The key `name` of every `[[solid]]`, read before the solids are resolved; reports nothing.
 pub(in crate::recipe) fn solid_names(root: &TomlTable) -> Vec<String> {
     let Some(TomlValue::List(list)) = root.get("solid").map(|e| &e.node.value) else { return Vec::new() };
     let tables = list.iter().filter_map(|node| if let TomlValue::Table(t) = &node.value { Some(t) } else { None });
-    // Names only: faults of solids are reported when they are resolved.
+    // Errors of solids are reported when these are resolved.
     tables.map(|t| SolidKeys::read(Some(t), "solid", &mut Report::default()).name).collect()
 }

@@ -7,13 +7,13 @@ use crate::recipe::syntax::{
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// Geometric form of a solid.
+    /// Geometry of a solid: a primitive, or an imported mesh.
     SolidShape {
-        /// A box: a wall, a block.
+        /// A box, for example a wall.
         Block = "block",
         /// A house with a gable roof.
         House = "house",
-        /// A mesh of a file. An open one stops wind and catkins, but is not filled.
+        /// A mesh of a file. An open mesh stops wind and catkins, but its interior is not filled.
         Mesh = "mesh",
     }
 }

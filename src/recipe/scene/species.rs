@@ -1,4 +1,5 @@
-//! Files `.species` and the tables that say how a tree grows year by year: `[plants.NAME.habit]`, `.site`, `.stand`, `[[plants.NAME.prune]]`.
+//! `.species` files and the tables of trees that grow year by year: `[plants.NAME.habit]`, `.site`, `.stand`,
+//! `[[plants.NAME.prune]]`.
 
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
@@ -12,22 +13,22 @@ use osier_base::diagnostic::{Diagnostic, nearest};
 use osier_plants::grow::years::{Arity, HABIT_KEYS, Habit, HabitKey, ORDERS};
 use serde_json::json;
 
-/// Greatest length of the vector towards the brighter side of the sky: with 1 the dark side would be black.
+/// Greatest length of `side`, the vector towards the brighter side of the sky: with 1 the dark side would be black.
 const MAX_SIDE: f64 = 0.95;
-/// Share of the height of a cut up to which a clear stem leaves a plant a crown. Own: a hedge that is bare over more than its lower half
-/// is taken for a mistake.
+/// Share of the height of a cut up to which the stem may be clear without a warning. Own: a hedge without branches over more
+/// than its lower half is probably a mistake.
 const MAX_CLEAR_SHARE: f64 = 0.5;
-/// Keys of a habit that artists change first.
+/// Keys of a habit with the mark `basic`: those that are usually changed first.
 const BASIC: [&str; 6] = ["apical_control", "shoot_rate", "path_max", "angle", "elevation", "clear_stem"];
 
 choices! {
-    /// How the leaves of a tree come and go in a clip of its growth.
+    /// Leaves of a tree in a clip of its growth.
     LeafSeasons {
-        /// As `seasons` where a year has at least 12 frames, else as `summer`: leaves that come and go faster flicker.
+        /// As `seasons` if a year has at least 12 frames, else as `summer`, since leaves that change faster flicker.
         Auto = "auto",
         /// Leaves that live less than two years unfold in spring and fall in autumn.
         Seasons = "seasons",
-        /// The crown is in leaf all year.
+        /// Leaves stay all year.
         Summer = "summer",
     }
 }
@@ -75,7 +76,7 @@ keys! {
 }
 
 impl SiteKeys {
-    /// Whether another tree has the same sky and stands among the same solids.
+    /// Whether `self` and `other` have the same sky and the same solids, as trees in one field of light must.
     fn has_sky_of(&self, other: &Self) -> bool {
         // Ages and seasons of a clip belong to the tree, not to its sky.
         let keys = |k: &Self| (k.side, k.latitude, k.direct, k.solids);
@@ -83,21 +84,21 @@ impl SiteKeys {
     }
 }
 
-/// The habit of a species: the keys are those of [`HABIT_KEYS`], so that the growth of years is the only home of their ranges and
-/// defaults.
+/// The habit of a species as a table of keys. Names, ranges and defaults of the keys are those of [`HABIT_KEYS`], so that they
+/// are declared only once.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HabitKeys {
     /// All parameters of the species, in the units of its file.
     pub habit: Habit,
 }
 
-/// What a key of a habit accepts.
+/// Value type of a key of a habit.
 struct HabitValue<'a>(&'a HabitKey);
 
 impl HabitValue<'_> {
     fn defaults(&self) -> Vec<f64> {
         let mut values: Vec<f64> = self.0.values(&Habit::default()).iter().map(|v| shortest(*v)).collect();
-        // The last value of a list by order repeats.
+        // The last value of a list by order repeats, so that equal ones at its end are omitted.
         while self.0.arity == Arity::PerOrder
             && values.len() > 1
             && values[values.len() - 2..].windows(2).all(|w| w[0].to_bits() == w[1].to_bits())
@@ -113,7 +114,7 @@ impl HabitValue<'_> {
     }
 }
 
-/// The shortest decimal number that is this value in single precision.
+/// The value of the shortest decimal notation of `v`, so that 0.1 in single precision is listed as 0.1.
 fn shortest(v: f32) -> f64 {
     v.to_string().parse().unwrap_or_else(|_| v.into())
 }
@@ -125,7 +126,7 @@ impl ValueType for HabitValue<'_> {
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
         let key = self.0;
-        // Habits are kept in single precision, but checked as written.
+        // Habits are stored in single precision, but ranges are checked as written.
         let one = |n: &TomlNode| {
             let v = finite_number(name, n)?;
             if (key.min..=key.max).contains(&v) { Ok(v) } else { Err(outside(name, n, &v.to_string(), &self.range())) }
@@ -159,7 +160,7 @@ impl ValueType for HabitValue<'_> {
             Arity::Two => ("2 numbers", format!("[{list}]"), ValueKind::Vector, json!(defaults)),
             Arity::PerOrder => ("numbers by order of axes", format!("[{list}]"), ValueKind::List, json!(defaults)),
         };
-        // A form of length 0 is a list of any length.
+        // Length 0 means a list of any length.
         let length = if key.arity == Arity::Two { 2 } else { 0 };
         let form = ValueForm { length, ..ValueForm::new(kind, value).within(key.min, key.max) };
         KeyListing { accepts: format!("{accepts}, {}", self.range()), default, unit: key.unit, form }
@@ -211,7 +212,7 @@ impl RecipePart for HabitKeys {
 }
 
 impl Resolver<'_> {
-    /// A species from its file, with the tables of a plant laid over it. `age`: of the plant, if it names one.
+    /// Resolves a species from its file, overridden by the tables of a plant. `age`: the plant's key, if it has one.
     pub(in crate::recipe) fn species_recipe(
         &mut self,
         file: &ReferencedFile,
@@ -220,7 +221,7 @@ impl Resolver<'_> {
         age: Option<f64>,
     ) -> Option<SpeciesRecipe> {
         let mut own = self.parse_file(file)?;
-        // The file holds the habit, and the neighbours of a species that grows in stands.
+        // The file holds the habit and, for species that grow in stands, the neighbours.
         let stand_of_file = own.entries.iter().position(|e| e.key == "stand").map(|i| own.entries.remove(i));
         let habit_path = join(path, "habit");
         let merged = self.laid_over(own, plant, path, "habit");
@@ -232,7 +233,7 @@ impl Resolver<'_> {
         }
         let stand = match (stand_of_file, plant.get("stand").is_some()) {
             (None, false) => None,
-            // Neighbours of the file are kept where the plant only changes some of their keys.
+            // Neighbours of the file are kept if the plant changes only some of their keys.
             (file, _) => {
                 let table = file.and_then(|e| if let TomlValue::Table(t) = e.node.value { Some(t) } else { None });
                 let merged = self.laid_over(table.unwrap_or_default(), plant, path, "stand");
@@ -241,7 +242,7 @@ impl Resolver<'_> {
         };
         let site: SiteKeys = self.section_at(plant, path, "site");
         let side = site.side.iter().map(|v| v * v).sum::<f64>();
-        // Each component is within its own range; only all three together can be too long.
+        // Each component is within its range; only the length of the vector may be too large.
         if side > MAX_SIDE * MAX_SIDE {
             let span = span_of(plant, &["site", "side"]).unwrap_or(self.whole);
             let d = Diagnostic::error("S003", format!("{path}.site.side is too long"), span, "too long");
@@ -253,8 +254,9 @@ impl Resolver<'_> {
         Some(SpeciesRecipe { habit, site, stand, prunes, age, clip: None })
     }
 
-    /// The ages that a plant shows over the clip, years: those of its site, or shares of its age.
-    /// `shares`: the plant's `growth_clip`; `blocked`: why a plant cannot grow over the clip.
+    /// Ages that a clip shows at its first and last frame, years: those of `site`, or shares of the plant's age. `None` without
+    /// either, or after an error. `shares`: the plant's `growth_clip`; `blocked`: the reason why a plant cannot grow over the
+    /// clip.
     pub(in crate::recipe) fn species_clip(
         &mut self,
         species: &SpeciesRecipe,
@@ -288,7 +290,7 @@ impl Resolver<'_> {
         Some(ages)
     }
 
-    /// S038 where `clear_stem` takes away what a cut keeps, or more than the tree grows high.
+    /// Warns with S038 if `clear_stem` removes most of what a cut leaves, or all branches of the tree.
     fn check_clear_stem(&mut self, plant: &TomlTable, path: &str, habit: &Habit, prunes: &[PruneKeys]) {
         // Trees of several stems keep their lower branches.
         if habit.stems > 1.0 {
@@ -296,11 +298,11 @@ impl Resolver<'_> {
         }
         let clear = f64::from(habit.clear_stem);
         let top = |p: &PruneKeys| p.keep.iter().map(|corner| corner[1]).fold(0.0, f64::max);
-        // Height of the lowest cut by a box; without one it is infinite, and no stem is too high for it.
+        // Height of the lowest cut by a box; without one it is infinite, so that no stem is too high.
         let hedge = prunes.iter().filter(|p| p.solid.is_empty()).map(top).fold(f64::INFINITY, f64::min);
         // A tree grows no higher than its longest axis, nor than the limit of its height.
         let highest = habit.path_max.min(habit.height_max);
-        // The message prints the single-precision values: widened ones would show digits that nobody wrote.
+        // The message prints single-precision values: conversion to f64 would show further digits.
         let below = habit.clear_stem;
         let text = if clear > MAX_CLEAR_SHARE * hedge {
             format!("clear_stem takes away the branches below {below} m of a plant that is cut at {hedge} m")
@@ -316,7 +318,7 @@ impl Resolver<'_> {
         self.report.push(d.help("write [plants.NAME.habit] clear_stem = 0.1 for a hedge"));
     }
 
-    /// S003 for plants that grow together in one field of light under different skies.
+    /// Reports S003 for plants that grow together in one field of light but have different skies.
     pub(in crate::recipe) fn check_sites_together(
         &mut self,
         root: &TomlTable,
@@ -327,7 +329,7 @@ impl Resolver<'_> {
         let mut told: Vec<&str> = Vec::new();
         for plant in places.iter().filter(|p| p.keys.together).filter_map(|p| plants.get(p.plant)) {
             let Growth::Species(species) = &plant.growth else { continue };
-            // Every plant is compared with the first; one diagnostic per plant, however many places name it.
+            // Every plant is compared with the first; there is one diagnostic per plant, however many places name it.
             let (other, site) = *first.get_or_insert((plant, &species.site));
             if site.has_sky_of(&species.site) || told.contains(&plant.name.as_str()) {
                 continue;
@@ -369,7 +371,7 @@ impl Resolver<'_> {
             }
             let renamed = named.map(|_| {
                 let mut renamed = table.clone();
-                // The entry keeps its place in the text, so that faults of its value point there.
+                // The entry keeps its span, so that errors of its value point there.
                 renamed.entries.iter_mut().filter(|e| e.key == "keep").for_each(|e| e.key = "solid".into());
                 renamed
             });

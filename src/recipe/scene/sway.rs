@@ -1,35 +1,35 @@
-//! `[sway]`: how plants answer the wind.
+//! `[sway]`: model and loop of the plants' sway.
 
 use crate::recipe::syntax::{BooleanType, ListOf, OneOf, OptionalKey, integer, number};
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// By which equations branches bend.
+    /// Equations of the bending of branches.
     SwayModel {
-        /// Beams that swing: forces, frequencies and damping of wood.
+        /// Damped beams with the forces and natural frequencies of wood.
         Beam = "beam",
-        /// Those of the paper by Zhao and Zhang, one cantilever for an internode.
+        /// Equations of the paper by Zhao and Zhang, with one cantilever per internode.
         Paper = "paper",
     }
-    /// What is mended in the paper's equations.
+    /// Correction of an error in the equations of the paper by Zhao and Zhang.
     PaperFix {
         /// The fourth power of the radius instead of the third.
         Radius = "radius4",
-        /// The density of air instead of a five hundred thousandth of it.
+        /// The density of air instead of 1/500,000 of it.
         Air = "air_density",
-        /// Damping against the motion instead of always one way.
+        /// Damping against the direction of motion instead of one fixed sign.
         Damping = "damping_sign",
     }
-    /// How the slope of a bent branch grows along it.
+    /// Slope of a bent branch along its length.
     BendProfile {
-        /// As of an even rod in an even wind.
+        /// That of a uniform rod under a uniform load.
         Uniform = "uniform",
-        /// As its own taper and load have it: thin ends bend more.
+        /// From the measured taper and load: thin ends bend more.
         Measured = "measured",
     }
-    /// How a clip that does not repeat begins.
+    /// State at the first frame of a clip without a loop.
     SwayStart {
-        /// In the middle of the wind.
+        /// Already moving, after a spin-up in the wind.
         Moving = "moving",
         /// At rest, without deflection.
         Rest = "rest",

@@ -1,4 +1,4 @@
-//! `[terrain]`: land with hills, generated or read from a file.
+//! `[terrain]`, generated or read from a file, and `[[scatter]]`.
 
 use super::{ScatterKeys, UpAxis};
 use crate::recipe::resolve::Resolver;
@@ -72,18 +72,18 @@ keys! {
     }
 }
 
-/// Keys that only a generated terrain has.
+/// Keys with an effect on generated terrains only.
 const GENERATED: &[&str] = &["seed", "amplitude", "exponent", "corners", "tileable", "paper"];
-/// Keys that only a terrain of a file has.
+/// Keys with an effect on terrains from files only.
 const OF_FILES: &[&str] = &["height", "scale", "offset", "at", "mesh_scale", "mesh_up", "paint"];
-/// Keys that only a mesh has, only an EXR, only a PNG; and those that a mesh does not have.
+/// Keys with an effect on meshes only, and keys without an effect on them.
 const OF_MESHES: &[&str] = &["mesh_scale", "mesh_up", "paint"];
 const NOT_OF_MESHES: &[&str] = &["size", "height", "scale", "floor", "smooth", "stride"];
-/// Keys of the painted material.
+/// Keys of the painted material, which a texture or the materials of a mesh replace.
 const PAINTED: &[&str] = &["color", "color2", "rock", "cover", "steep_deg", "side"];
 
 impl Resolver<'_> {
-    /// The land, if the scene has a `[terrain]`.
+    /// Reads `[terrain]` and its files; `None` without the table or after an error.
     pub(in crate::recipe) fn terrain(&mut self, root: &TomlTable) -> Option<TerrainRecipe> {
         let table = self.table(root, "", "terrain")?;
         let keys = self.read_keys::<TerrainKeys>(table, "terrain");
@@ -103,7 +103,7 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        // Without a file the terrain is generated; what only files have is said to be without effect.
+        // A generated terrain: keys of files have no effect.
         let Some(reference) = &keys.file else {
             self.ignore_terrain_keys(table, OF_FILES, "only a terrain of a file has it: file = \"hills.png\"");
             // Heights along a side are 2^n + 1; a mesh with stride s has (2^n / s)^2 cells of two triangles.
@@ -139,7 +139,7 @@ impl Resolver<'_> {
         Some(TerrainRecipe { keys, file: Some(land), texture })
     }
 
-    /// The height map of a terrain, with warnings for keys of other files and for coarse steps.
+    /// Reads the height map of a terrain; warns of keys of other files and of visible steps of 8-bit heights.
     fn terrain_map(
         &mut self,
         file: &ReferencedFile,
@@ -157,7 +157,7 @@ impl Resolver<'_> {
                 self.ignore_terrain_keys(table, &["scale"], "a PNG holds shares of a height: see height");
             }
         }
-        // Steps of 8 bits are visible on slopes, and plants stand askew on them.
+        // Steps of 8-bit heights are visible on slopes and tilt the plants on them.
         if let HeightUnit::Fraction { steps } = map.unit
             && steps < 256
             && keys.smooth == 0
@@ -168,13 +168,13 @@ impl Resolver<'_> {
             self.report.push(d.help("export it with 16 bits or as EXR, or smooth the steps: smooth = 3"));
         }
         let stride = keys.stride.max(1) as usize;
-        // To within one cell a side what the land will have, which rounds where a stride does not divide.
+        // Within one cell along a side of the resulting number, which is rounded if the stride does not divide the map.
         let cells = |n: usize| ((n - 1) / stride).max(1) as u64;
         self.limit("triangles", 2 * cells(map.width) * cells(map.height), Some(span));
         Some(TerrainFile::Map(std::sync::Arc::new(map)))
     }
 
-    /// S007 for keys of the terrain that something else decides.
+    /// Warns with S007 that those of `keys` that the table has have no effect. `why`: the help text.
     fn ignore_terrain_keys(&mut self, table: &TomlTable, keys: &[&str], why: &str) {
         for entry in keys.iter().filter_map(|key| table.get(key)) {
             let text = format!("terrain.{} has no effect", entry.key);
@@ -182,7 +182,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// How files of the ground are read. `scale`: metres per unit.
+    /// Import options of height maps, pictures and meshes of the ground. `scale`: metres per unit.
     fn ground_import(&self, scale: f32) -> osier_import::ImportOptions<'_> {
         osier_import::ImportOptions {
             roots: self.request.library.roots(),
@@ -193,12 +193,12 @@ impl Resolver<'_> {
         }
     }
 
-    /// What a file holds, or nothing once its faults are reported at the reference that named it.
+    /// The content of a file, or `None` after its errors have been reported at the reference to it.
     fn held_at<T>(&mut self, read: osier_base::Result<T>, span: Span) -> Option<T> {
         match read {
             Ok(held) => Some(held),
             Err(osier_base::Error::Input(mut faults)) => {
-                // A picture or a mesh of bytes has no lines to point at: its faults get the place that names it.
+                // Binary files have no lines: their errors get the position of the reference.
                 for d in faults.diagnostics.iter_mut().filter(|d| d.labels.is_empty()) {
                     d.labels.push((span, "this file".into()));
                 }
@@ -212,7 +212,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// What is strewn over the land.
+    /// Reads every `[[scatter]]`; S006 without `[terrain]`.
     pub(in crate::recipe) fn scatters(&mut self, root: &TomlTable, plants: &[PlantRecipe]) -> Vec<ScatterRecipe> {
         let Some(entry) = root.get("scatter") else { return Vec::new() };
         let TomlValue::List(list) = &entry.node.value else {
@@ -243,7 +243,7 @@ impl Resolver<'_> {
             self.in_order(table, &path, name, pair);
         }
         let span = table.get("plants").map_or(node.span, |e| e.node.span);
-        // A scatter chooses among its plants by weight, so that it has to name them; a place may leave the only one unnamed.
+        // A scatter must name its plants with their weights; a place may omit the only one.
         if keys.plants.is_empty() {
             let d = Diagnostic::error("S006", format!("[[{path}]] names no plant"), span, "no plants here");
             self.report.push(d.help("add plants = { NAME = 1 }"));
@@ -262,7 +262,7 @@ impl Resolver<'_> {
         Some(ScatterRecipe { plants: weights, mask, keys })
     }
 
-    /// S004 if the second of a pair is smaller than the first.
+    /// Reports S004 if the first number of a pair is larger than the second.
     pub(in crate::recipe) fn in_order(&mut self, table: &TomlTable, path: &str, name: &str, [low, high]: [f64; 2]) {
         if let Some(entry) = table.get(name).filter(|_| low > high) {
             let text = format!("{path}.{name} has its minimum above its maximum");
@@ -271,7 +271,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// S004 for a weight that is none.
+    /// Reports S004 for a weight outside 0 to 1e9.
     pub(in crate::recipe) fn weight(&mut self, path: &str, name: &str, weight: f64, span: Span) {
         if !(0.0..=1e9).contains(&weight) {
             let text = format!("{path}.{name} is {weight}, but must be 0 to 1e9");
@@ -279,7 +279,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Plants (indices into the recipe's) with their weights. `path`, `span`: where they are named.
+    /// Plants as indices into `plants`, with their weights; `None` after an error. `path`, `span`: key that names them.
     pub(in crate::recipe) fn weights(
         &mut self,
         path: &str,
@@ -288,7 +288,7 @@ impl Resolver<'_> {
         root: &TomlTable,
         plants: &[PlantRecipe],
     ) -> Option<Vec<(usize, f64)>> {
-        // Names as written: `plants` holds only those without faults.
+        // Names in the text: `plants` holds only those without errors.
         let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
             Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
             _ => Vec::new(),
@@ -298,7 +298,7 @@ impl Resolver<'_> {
             self.weight(path, name, *weight, span);
             match plants.iter().position(|p| p.name == *name) {
                 Some(plant) => out.push((plant, *weight)),
-                // A plant with faults of its own has been named already.
+                // Errors of the plant itself have been reported.
                 None if declared.contains(&name.as_str()) => return None,
                 None => {
                     let d = Diagnostic::error("S005", format!("there is no plant \"{name}\""), span, "unknown plant");

@@ -6,13 +6,13 @@ use crate::recipe::syntax::{
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// Line style of turtle segments.
+    /// Geometry of the segments that a turtle draws.
     LineStyle {
         /// Lines whose widths are pixels.
         Pixel = "pixel",
-        /// A flat polygon.
+        /// A flat polygon, whose width is in units of the turtle.
         Polygon = "polygon",
-        /// A round cylinder.
+        /// A round cylinder, whose width is in units of the turtle.
         Cylinder = "cylinder",
     }
 }

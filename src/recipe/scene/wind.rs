@@ -1,4 +1,4 @@
-//! `[wind]` and `[[wind.add]]`.
+//! `[wind]`, `[[wind.add]]`, `[sway]` and the files of the wind: resolution of keys that depend on each other.
 
 use super::{
     LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SwayKeys, VdbKeys, WindOutputKeys,
@@ -17,17 +17,17 @@ use osier_scene::{AirGrid, Clip};
 use osier_wind::{CALM_SPEED, beaufort_speed, fit_gust_length};
 
 choices! {
-    /// What wind there is.
+    /// Formula or simulation from which the velocities of a wind come.
     WindModel {
-        /// No wind: nothing moves.
+        /// No wind: velocities are zero.
         Calm = "calm",
-        /// The same everywhere and always.
+        /// Constant in space and time.
         Uniform = "uniform",
-        /// Gusts that travel downwind, with eddies in them.
+        /// Gusts that travel downwind, with eddies.
         Gust = "gust",
-        /// A sine with noise on it, as in the paper by Zhao and Zhang.
+        /// A sine with noise, as in the paper by Zhao and Zhang.
         Perlin = "perlin",
-        /// Air that flows round what stands in it, on a lattice; `[wind.lattice]` says how.
+        /// Flow around solids on a lattice, with the keys of `[wind.lattice]`.
         Lattice = "lattice",
     }
 }
@@ -65,11 +65,11 @@ keys! {
     }
 }
 
-/// Shortest clip that can repeat, s.
+/// Shortest duration, s, of a clip that can repeat as a whole.
 pub const SHORTEST_LOOP: f64 = 2.0;
 
 impl Resolver<'_> {
-    /// Wind, and those that are added to it.
+    /// Reads `[wind]` and every `[[wind.add]]`, with Beaufort numbers converted to speeds.
     pub(in crate::recipe) fn wind(&mut self, root: &TomlTable) -> (WindKeys, Vec<WindKeys>) {
         let keys = self.section(root, "wind");
         let table = match root.get("wind").map(|e| &e.node.value) {
@@ -97,7 +97,7 @@ impl Resolver<'_> {
             self.report.push(d.help("write one more [[wind.add]]"));
         }
         let keys = self.read_keys::<WindKeys>(table, &path);
-        // An added wind is a formula that can be evaluated at any point and time; a lattice must be stepped through the clip.
+        // Added winds are formulas; a lattice would have to be stepped through the clip.
         let own = table.get("lattice").map(|e| e.key_span);
         let model = table.get("model").filter(|_| keys.model == WindModel::Lattice).map(|e| e.node.span);
         if let Some(at) = own.or(model) {
@@ -107,10 +107,10 @@ impl Resolver<'_> {
         Some(self.resolve_speed(keys, &path, Some(table)))
     }
 
-    /// A given speed wins over a number of Beaufort's scale.
+    /// Converts a Beaufort number to the speed; a given speed takes precedence, with a warning.
     fn resolve_speed(&mut self, mut keys: WindKeys, path: &str, table: Option<&TomlTable>) -> WindKeys {
         let span = |key: &str| table.and_then(|t| span_of(t, &[key]));
-        // Only a number that is written counts, since the key has no default.
+        // Only a written number counts, since the key has no default.
         if let Some((number, at)) = keys.beaufort.zip(span("beaufort")) {
             if span("speed").is_some() {
                 let text = format!("{path}.beaufort is {number}, but {path}.speed is given, too");
@@ -133,7 +133,7 @@ impl Resolver<'_> {
         keys
     }
 
-    /// The lattice of the scene's wind. A preset also sets the speed.
+    /// Reads `[wind.lattice]`. Its curves and presets also set speed and direction of `wind`.
     pub(in crate::recipe) fn lattice(&mut self, root: &TomlTable, wind: &mut WindKeys) -> LatticeKeys {
         let empty = TomlTable::default();
         let parent = match root.get("wind").map(|e| &e.node.value) {
@@ -145,7 +145,7 @@ impl Resolver<'_> {
             Some(TomlValue::Table(t)) => t,
             _ => &empty,
         };
-        // Without a lattice wind the table has no effect, but its keys are checked all the same.
+        // Without a lattice wind the table has no effect, but its keys are checked.
         if wind.model != WindModel::Lattice {
             if let Some(entry) = parent.get("lattice") {
                 let text = "`[wind.lattice]` needs `model = \"lattice\"` in `[wind]`";
@@ -154,7 +154,7 @@ impl Resolver<'_> {
             }
             return keys;
         }
-        // Gusts and turbulence of a lattice come from its inflow, not from the formulas of the gust model.
+        // Gusts and turbulence of a lattice are set at its inlet, not by the keys of the gust model.
         for key in ["gust", "gust_length", "turbulence", "eddy_size", "wander_deg", "height_power"] {
             if let Some(entry) = parent.get(key) {
                 let text = format!("`wind.{key}` has no effect with `model = \"lattice\"`");
@@ -177,7 +177,7 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S006", "profile = \"table\" has no table", at, "heights and factors");
             self.report.push(d.help("add profile_table = [[0, 0], [10, 1]]"));
         }
-        // Curves replace the constant speed and direction; the preset of the paper then fills what the scene left open.
+        // Curves replace constant speed and direction; then the paper's preset sets the keys that the scene does not.
         self.apply_speed_curve(parent, table, &keys, wind);
         self.apply_direction_curve(parent, table, &keys, wind);
         apply_paper_defaults(&mut keys, table);
@@ -191,10 +191,10 @@ impl Resolver<'_> {
         keys
     }
 
-    /// The largest speed of a curve is the wind's.
+    /// Sets the speed of the wind to the largest speed of `speed_curve`.
     fn apply_speed_curve(&mut self, parent: &TomlTable, table: &TomlTable, keys: &LatticeKeys, wind: &mut WindKeys) {
         let Some(entry) = table.get("speed_curve").filter(|_| !keys.speed_curve.is_empty()) else { return };
-        // The lattice is laid out for its fastest wind; the curve becomes a factor of at most 1 on it.
+        // The lattice is dimensioned for its largest speed, on which the curve is a factor of at most 1.
         let most = keys.speed_curve.iter().map(|row| row[1]).fold(0.0, f64::max);
         if !(FASTEST[0]..=FASTEST[1]).contains(&most) {
             let text = format!("the largest speed of wind.lattice.speed_curve is {most} m/s");
@@ -212,7 +212,7 @@ impl Resolver<'_> {
         wind.speed = most;
     }
 
-    /// The first direction of a curve is the wind's.
+    /// Sets the direction of the wind to the first one of `direction_curve`.
     fn apply_direction_curve(
         &mut self,
         parent: &TomlTable,
@@ -241,7 +241,7 @@ impl Resolver<'_> {
         wind.direction = first.to_radians();
     }
 
-    /// What a curve moves does not repeat. `curve`: its key.
+    /// Disables the loop of a wind with a curve; S004 if keys request one. `curve`: name of the curve's key.
     pub(in crate::recipe) fn disable_loop(
         &mut self,
         root: &TomlTable,
@@ -262,7 +262,7 @@ impl Resolver<'_> {
         sway
     }
 
-    /// Files of the wind itself. `flight_size`: size of the domain of a flight, m.
+    /// Resolves `[output.wind]` into grids of sample points. `flight_size`: size of the domain of a flight, m.
     pub(in crate::recipe) fn wind_output(
         &mut self,
         root: &TomlTable,
@@ -281,7 +281,7 @@ impl Resolver<'_> {
             Some(TomlValue::Table(t)) => t,
             _ => return WindOutputRecipe { keys, slices: Vec::new(), grids: Vec::new() },
         };
-        // The sampled domain: that of the lattice, else of the flight, else `size` around the origin.
+        // The domain is that of the lattice, else of the flight, else `size` around the origin.
         let on_lattice = wind.model == WindModel::Lattice;
         if let Some(entry) = table.get("size").filter(|_| on_lattice || flight_size.is_some()) {
             let owner = if on_lattice { "the lattice" } else { "[flight]" };
@@ -313,7 +313,7 @@ impl Resolver<'_> {
         WindOutputRecipe { keys, slices, grids }
     }
 
-    /// Voxel grids in the domain of the wind's files. `size`: that of `[output.wind]`, m.
+    /// Resolves `[output.vdb]`; its domain is chosen as that of `[output.wind]`, whose `size`, m, is given.
     pub(in crate::recipe) fn vdb_output(
         &mut self,
         root: &TomlTable,
@@ -366,7 +366,7 @@ impl Resolver<'_> {
         Some(keys)
     }
 
-    /// Answer to the wind. `flies`: the scene has a flight, which never repeats, so that its wind loops only if a key asks for it.
+    /// Reads `[sway]`. `flies`: whether the scene has a flight, which never repeats, so that the wind loops only on request.
     pub(in crate::recipe) fn sway(&mut self, root: &TomlTable, clip: Clip, flies: bool) -> SwayKeys {
         let mut keys: SwayKeys = self.section(root, "sway");
         if flies && keys.loop_duration.is_none() {
@@ -378,7 +378,7 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S004", text, span("repeat").unwrap_or(self.whole), "not possible");
             self.report.push(d.help(format!("at least {SHORTEST_LOOP} s: raise frames.end")));
         }
-        // A loop holds a whole number of frames: report by how much the requested duration changes.
+        // A loop has a whole number of frames: the change of the requested duration is reported.
         let Some((wanted, at)) = keys.loop_duration.zip(span("loop")) else { return keys };
         if keys.repeat == Some(false) {
             let d = Diagnostic::warning("S007", "sway.loop is given, but sway.repeat is false", at, "has no effect");
@@ -394,7 +394,7 @@ impl Resolver<'_> {
         keys
     }
 
-    /// S008 where the gust length or eddy size of a scene changes so that a loop holds a whole number of gusts.
+    /// Warns with S008 if gust length or eddy size change so that a loop contains a whole number of gusts.
     pub(in crate::recipe) fn report_fitted_lengths(
         &mut self,
         root: &TomlTable,
@@ -417,10 +417,10 @@ impl Resolver<'_> {
     }
 }
 
-/// Least and most of the largest speed of a curve, m/s.
+/// Range of the largest speed of a curve, m/s.
 const FASTEST: [f64; 2] = [CALM_SPEED, 60.0];
 
-/// The domain that files of the wind sample, m.
+/// Domain of the files of the wind: lowest corner, size, and side of a cell, m.
 struct SampledDomain {
     low: DVec3,
     size: DVec3,
@@ -428,8 +428,8 @@ struct SampledDomain {
 }
 
 impl SampledDomain {
-    /// The box of a lattice, else of a flight, else of `size` about the origin. `side`: of a cell; by default that of the lattice,
-    /// else 0.5 m.
+    /// The box of a lattice, else of a flight, else of `size` about the origin. `side`: side of a cell; by default that of the
+    /// lattice, else 0.5 m.
     fn new(lattice: Option<&LatticeKeys>, flight_size: Option<[f64; 3]>, size: [f64; 3], side: Option<f64>) -> Self {
         let size = lattice.map_or(flight_size.unwrap_or(size), LatticeKeys::size);
         let side = side.unwrap_or(lattice.map_or(0.5, |lattice| lattice.cell_size));
@@ -437,7 +437,7 @@ impl SampledDomain {
         Self { low: at - DVec3::new(size[0], 0.0, size[2]) / 2.0, size: DVec3::from_array(size), side }
     }
 
-    /// Cells along each axis; a last one may stand out.
+    /// Number of cells along each axis; the last one may extend beyond the domain.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 10^8")]
     fn cells(&self) -> [usize; 3] {
         self.size.to_array().map(|length| ((length / self.side - 1e-9).ceil()).max(1.0) as usize)
@@ -462,7 +462,7 @@ impl SampledDomain {
 /// Speed of \[catkin\] Table 2, m/s. It also states Beaufort 3, which is 3.4 to 5.4 m/s.
 const PAPER_SPEED: f64 = 2.0;
 
-/// What \[catkin\] Table 2 and its figures say, where a scene says nothing.
+/// Applies the values of \[catkin\] Table 2 and its figures to the keys that the scene does not give.
 fn apply_paper_defaults(keys: &mut LatticeKeys, table: &TomlTable) {
     if keys.preset != LatticePreset::Paper {
         return;
@@ -483,7 +483,7 @@ fn apply_paper_defaults(keys: &mut LatticeKeys, table: &TomlTable) {
 }
 
 impl WindKeys {
-    /// True if the speed reaches [`CALM_SPEED`] and the model is not calm.
+    /// Whether the scaled speed reaches [`CALM_SPEED`] and the model is not `calm`.
     pub fn blows(&self) -> bool {
         self.model != WindModel::Calm && self.speed * self.scale >= CALM_SPEED
     }
@@ -501,7 +501,7 @@ impl LatticeKeys {
         self.direction_curve.iter().map(|row| [row[0], (row[1] - first).to_radians()]).collect()
     }
 
-    /// Name of a key that makes the wind another one from time to time.
+    /// Name of the first key with a curve, which changes the wind over time; `None` without one.
     pub(in crate::recipe) fn curve(&self) -> Option<&'static str> {
         let all = [("speed_curve", &self.speed_curve), ("direction_curve", &self.direction_curve)];
         all.into_iter().find_map(|(key, rows)| (!rows.is_empty()).then_some(key))
@@ -509,7 +509,7 @@ impl LatticeKeys {
 }
 
 impl SwayKeys {
-    /// Frames after which the motion of a clip repeats, if it does.
+    /// Number of frames after which the motion of a clip repeats: `loop`, else the whole clip; `None` without a loop.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour of frames at most")]
     pub fn loop_frames(&self, clip: &Clip) -> Option<usize> {
         if self.repeat == Some(false) || clip.len() < 2 {
@@ -520,7 +520,7 @@ impl SwayKeys {
     }
 }
 
-/// Length of a loop: the frame after the last one looks like the first.
+/// Duration of a clip as a loop, s: the frame after the last one equals the first.
 pub fn seconds(clip: &Clip) -> f64 {
     #[allow(clippy::cast_precision_loss, reason = "at most a million frames")]
     let frames = clip.len() as f64;

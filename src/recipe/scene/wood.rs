@@ -4,7 +4,7 @@ use crate::recipe::syntax::{OneOf, OptionalKey, gigapascals, number};
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// Kinds of green wood.
+    /// Timber whose Young's modulus in the green state is tabulated.
     WoodSpecies {
         /// Quaking aspen, 5.9 GPa.
         Aspen = "aspen",

@@ -2,7 +2,7 @@
 
 /// Feeds a hash: integers and float bits little endian, texts and lists with their length as u64 before them.
 pub trait Digest {
-    /// Feeds the bytes that stand for the value into `hasher`.
+    /// Feeds the bytes of the value into `hasher`, the same on every machine.
     fn digest(&self, hasher: &mut blake3::Hasher);
 }
 
@@ -43,7 +43,7 @@ impl Digest for char {
     }
 }
 
-/// As 64 bits, on every machine.
+/// Hashed as 64 bits, whatever the machine's word size.
 impl Digest for usize {
     fn digest(&self, hasher: &mut blake3::Hasher) {
         (*self as u64).digest(hasher);

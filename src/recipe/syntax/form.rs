@@ -1,26 +1,26 @@
-//! What values of a key look like, for programs that build input fields from `osier list options --json`.
+//! Forms of values, for programs that build input fields from `osier list options --json`.
 
 use serde_json::{Value, json};
 
-/// The largest ratio of upper bound and default at which a slider is linear. Own: beyond it the useful values would lie in the
+/// Largest ratio of upper bound to default at which a slider is linear. Own: beyond it the useful values would lie in the
 /// first hundredth of the slider.
 const MAX_LINEAR_RATIO: f64 = 100.0;
-/// Steps from one end of a linear range to the other, and from 0 to the default.
+/// Number of steps across a linear range, and from 0 to the default.
 const STEPS_OF_RANGE: f64 = 100.0;
 const STEPS_OF_DEFAULT: f64 = 20.0;
 /// Widest range that is divided into steps: wider ones, such as those of positions, only refuse absurd values.
 const MAX_STEPPED_RANGE: f64 = 1000.0;
-/// Step of a number in such a range or without bounds, whose default is 0.
+/// Step of a number without bounds or with wide ones, whose default is 0.
 const PLAIN_STEP: f64 = 0.1;
 
 /// Type of a value, by which a panel chooses its control.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ValueKind {
-    /// A number, whole or not.
+    /// A real number within the bounds of the form.
     Number,
     /// A number without decimals.
     Whole,
-    /// One of several words.
+    /// One of the words of the form's list of choices.
     Choice,
     /// A list of words, each at most once.
     Choices,
@@ -32,19 +32,19 @@ pub enum ValueKind {
     Vector,
     /// `true` or `false`: a switch.
     Flag,
-    /// A text of any form.
+    /// A text without restrictions of its content.
     #[default]
     Text,
     /// Name of a file beside the scene, or of a preset.
     File,
-    /// A list of any length.
+    /// A list of any length, whose elements have the bounds of the form.
     List,
-    /// Names with numbers.
+    /// A table of names and numbers.
     Table,
 }
 
 impl ValueKind {
-    /// Word for this type in JSON listings, where a panel reads it.
+    /// Name of this type in JSON listings, by which panels choose a control.
     pub fn word(self) -> &'static str {
         match self {
             Self::Number => "number",
@@ -68,13 +68,13 @@ impl ValueKind {
 pub struct ValueForm {
     /// Type of the value, or of the elements of a list.
     pub kind: ValueKind,
-    /// Least and greatest number, of a vector each; `None` without a bound.
+    /// Least and greatest number, for vectors of each component; `None` without a bound.
     pub range: [Option<f64>; 2],
-    /// Count of numbers of a vector; 0 for other kinds.
+    /// Number of components of a vector; 0 for other kinds.
     pub length: usize,
-    /// The only values, if there are few of them.
+    /// All accepted values; empty if values are not enumerated.
     pub choices: Vec<Value>,
-    /// Value without the key; null if that comes from elsewhere.
+    /// Default value; null if other keys or files decide it.
     pub default: Value,
     /// Value that an input field shows first: the default, or a typical value where the default comes from elsewhere.
     pub initial: Value,
@@ -86,19 +86,19 @@ impl ValueForm {
         Self { kind, initial: default.clone(), default, ..Self::default() }
     }
 
-    /// The same with bounds; 10^9 and more stand for none.
+    /// Sets the bounds; absolute values of 10^9 and more mean no bound.
     #[must_use]
     pub fn within(self, min: f64, max: f64) -> Self {
         Self { range: [(min > -1e9).then_some(min), (max < 1e9).then_some(max)], ..self }
     }
 
-    /// The same with the only values.
+    /// Sets the list of all accepted values.
     #[must_use]
     pub fn of_choices(self, choices: impl IntoIterator<Item = Value>) -> Self {
         Self { choices: choices.into_iter().collect(), ..self }
     }
 
-    /// The first number of the initial value.
+    /// The initial value, or the first component of a vector; `None` if it is no number.
     fn first_number(&self) -> Option<f64> {
         self.initial.as_f64().or_else(|| self.initial.get(0)?.as_f64())
     }
@@ -111,7 +111,7 @@ impl ValueForm {
         is_number && min >= 0.0 && initial > 0.0 && max > MAX_LINEAR_RATIO * initial
     }
 
-    /// Distance of neighbouring values in an input field; `None` for what is not a number.
+    /// Step of an input field; `None` for values that are not numbers.
     pub fn step(&self) -> Option<f64> {
         if self.kind == ValueKind::Whole {
             return Some(1.0);
@@ -130,7 +130,7 @@ impl ValueForm {
         Some(if wanted.is_finite() { round_down(wanted) } else { PLAIN_STEP })
     }
 
-    /// The form as fields of a JSON object.
+    /// The form as a JSON object, in the format of `osier list options --json`.
     pub fn as_json(&self) -> Value {
         json!({
             "kind": self.kind.word(), "min": self.range[0], "max": self.range[1], "step": self.step(),
@@ -140,12 +140,12 @@ impl ValueForm {
     }
 }
 
-/// The greatest of 1, 2 and 5 times a power of ten that is at most `v`, > 0.
+/// The greatest number 1, 2 or 5 times a power of ten that is at most `v`, which is above 0.
 fn round_down(v: f64) -> f64 {
-    // Searched in decimal notation, so that the result is the number nearest to its decimal digits.
+    // Parsing decimal notation yields the floating-point number nearest to the decimal digits.
     let exponents = (-12..=12).rev();
     let mut steps = exponents.flat_map(|e| [5, 2, 1].map(|m| format!("{m}e{e}").parse().unwrap_or(1.0)));
-    // A range such as 0.1 is not exact in binary: a ten-millionth more is as good.
+    // The tolerance allows for ranges such as 0.1, which are not exact in binary.
     steps.find(|step| *step <= v * 1.000_000_1).unwrap_or(v)
 }
 

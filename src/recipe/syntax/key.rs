@@ -6,48 +6,48 @@ use super::renamed::{RenamedKey, renamed_key};
 use super::tree::{TomlNode, TomlTable, TomlValue};
 use osier_base::diagnostic::{Diagnostic, Report, nearest};
 
-/// A complaint about one value.
+/// Diagnostic about one value, boxed since errors are rare and diagnostics large.
 pub type Fault = Box<Diagnostic>;
 
-/// What a key accepts: how it is read, what it is without the key, how it is listed.
+/// Type of the values of a key: reading, default, listing and hash.
 pub trait ValueType {
-    /// The value behind it, in SI units.
+    /// Type of the resolved value, in SI units and radians.
     type Value;
-    /// Value of a key that the scene does not give, in SI units.
+    /// Value of a key that the scene does not set, in SI units.
     fn fallback(&self) -> Self::Value;
-    /// Reads a value; `name` is the full path of the key, for messages.
+    /// Reads and checks a value; `name` is the full path of the key, for messages.
     /// # Errors
     /// S003 for another type, S004 for a value outside its range.
     fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault>;
-    /// What `osier list options` says of the key.
+    /// Accepted values, default and unit for `osier list options`.
     fn listing(&self) -> KeyListing;
-    /// Feeds a value to the scene hash.
+    /// Feeds a resolved value to the scene hash.
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher);
-    /// Appends the tables that a value is made of, for listings: of inline tables.
+    /// Appends the declarations of inline tables that values consist of, for listings.
     fn list_tables(&self, _tables: &mut Vec<TableInfo>) {}
 }
 
-/// What a key accepts, in words for people and as a form for programs.
+/// Accepted values of a key, as text and as a form for programs.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct KeyListing {
     /// "number", "text", "one of ...".
     pub accepts: String,
-    /// Value without the key; empty if it comes from elsewhere.
+    /// Default value as text; empty if other keys or files decide it.
     pub default: String,
     /// Unit in which the value is written; empty without one.
     pub unit: &'static str,
-    /// The same for programs that build input fields.
+    /// The same in a form from which programs build input fields.
     pub form: ValueForm,
 }
 
-/// One key as listings of a table show it.
+/// One key of a table, for listings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeyInfo {
     /// Name within its table, without the table's path.
     pub name: &'static str,
     /// Meaning of the key, one sentence or two.
     pub help: String,
-    /// Whether it is one of the keys that artists change first.
+    /// Whether the key has the mark `basic`, for keys that are usually changed first.
     pub basic: bool,
     /// Accepted values, default and unit.
     pub listing: KeyListing,
@@ -56,7 +56,7 @@ pub struct KeyInfo {
 /// One table of a scene file, for listings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableInfo {
-    /// Path, `NAME` standing for the artist's names; empty at the top.
+    /// Path of the table, with `NAME` for names that scenes choose; empty for the top level.
     pub path: &'static str,
     /// Paths of further tables with the same keys.
     pub also: &'static [&'static str],
@@ -72,9 +72,9 @@ pub trait RecipePart: Digest {
     fn list(tables: &mut Vec<TableInfo>);
 }
 
-/// A table of a scene file.
+/// A table of a scene file, declared by `keys!`.
 pub trait KeyTable: Sized + RecipePart {
-    /// Path in the scene, `NAME` standing for the artist's names.
+    /// Path in the scene, with `NAME` for names that scenes choose.
     const PATH: &'static str;
     /// Paths of further tables with the same keys.
     const ALSO: &'static [&'static str];
@@ -82,21 +82,21 @@ pub trait KeyTable: Sized + RecipePart {
     fn about() -> String;
     /// Its keys, in the order of declaration.
     fn keys() -> Vec<KeyInfo>;
-    /// Reads its keys; faults go into the reader's report, and the default stands in.
+    /// Reads its keys; errors go into the reader's report, and the default is used.
     fn read_keys(reader: &mut TableReader<'_>) -> Self;
 
-    /// Reads the keys of a table (`None`: all defaults) and leaves what it does not know.
+    /// Reads the keys of a table (`None`: all defaults) and ignores unknown ones.
     fn read(table: Option<&TomlTable>, path: &str, report: &mut Report) -> Self {
         Self::read_keys(&mut TableReader { table, path: path.to_owned(), report })
     }
 
-    /// The table as a scene reads it that gives none of its keys.
+    /// The table with the defaults of all keys.
     fn defaults() -> Self {
         Self::read(None, Self::PATH, &mut Report::default())
     }
 }
 
-/// Names that a table of `S` may hold: its keys, then `tables` below it.
+/// Names that a table of `S` may hold: its keys, then `tables` below it, without repetition.
 pub fn known_names<S: KeyTable>(tables: &[&'static str]) -> Vec<&'static str> {
     let mut names: Vec<&str> = S::keys().iter().map(|k| k.name).collect();
     let further: Vec<&str> = tables.iter().copied().filter(|t| !names.contains(t)).collect();
@@ -104,7 +104,7 @@ pub fn known_names<S: KeyTable>(tables: &[&'static str]) -> Vec<&'static str> {
     names
 }
 
-/// S002 for each entry of a table that is not `known`. `path`: of the table in the scene; `declared`: of its declaration.
+/// Reports S002 for each entry of a table that is not `known`. `path`: path in the scene; `declared`: path of the declaration.
 pub fn refuse_unknown(table: &TomlTable, path: &str, declared: &str, known: &[&str], report: &mut Report) {
     for entry in table.entries.iter().filter(|e| !known.contains(&e.key.as_str())) {
         if report.is_full() {
@@ -117,7 +117,7 @@ pub fn refuse_unknown(table: &TomlTable, path: &str, declared: &str, known: &[&s
     }
 }
 
-/// One table being read.
+/// The keys of one table while they are read, with the report for errors.
 pub struct TableReader<'a> {
     table: Option<&'a TomlTable>,
     path: String,
@@ -136,19 +136,19 @@ impl TableReader<'_> {
     }
 }
 
-/// S002 for a key of an earlier version, with its present name and, where its meaning changed, how to change the value.
+/// Diagnostic S002 for a key of an earlier version, with its present name and the change of its meaning, if it has one.
 fn renamed(entry: &super::tree::TomlEntry, path: &str, key: &RenamedKey) -> Diagnostic {
     let new = key.new;
     let text = format!("[{path}] has no key \"{}\"", entry.key);
     let d = Diagnostic::error("S002", text, entry.key_span, "renamed key");
     match key.change {
-        // The new name alone would change the scene, so that no fix is offered.
+        // Renaming without the change of the value would alter the scene, so that no fix is offered.
         Some(change) => d.help(format!("`{}` is now `{new}`; {change}", entry.key)),
         None => d.help(format!("`{}` is now `{new}`", entry.key)).fix(entry.key_span, new),
     }
 }
 
-/// S002 with the nearest known name.
+/// Diagnostic S002 for an unknown key, with the nearest known name or all of them.
 pub fn unknown(entry: &super::tree::TomlEntry, path: &str, known: &[&str]) -> Diagnostic {
     let place = if path.is_empty() { "a scene".to_owned() } else { format!("[{path}]") };
     let d = Diagnostic::error("S002", format!("{place} has no key \"{}\"", entry.key), entry.key_span, "unknown key");
@@ -158,12 +158,12 @@ pub fn unknown(entry: &super::tree::TomlEntry, path: &str, known: &[&str]) -> Di
     }
 }
 
-/// Path of a key for messages: `path.name`, or `name` alone in the top table, whose `path` is empty.
+/// Path of a key for messages: `path.name`, or `name` in the top table, whose `path` is empty.
 pub fn join(path: &str, name: &str) -> String {
     if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") }
 }
 
-/// Complaint S003 about a value of another type. `wanted`: a phrase for the types that the key accepts.
+/// Diagnostic S003 for a value of another type. `wanted`: a phrase for the types that the key accepts.
 pub fn wrong(name: &str, node: &TomlNode, wanted: &str) -> Fault {
     let d = Diagnostic::error(
         "S003",
@@ -179,13 +179,13 @@ pub fn wrong(name: &str, node: &TomlNode, wanted: &str) -> Fault {
     })
 }
 
-/// Complaint S004 about a value outside its range. `value`: as messages quote it; `range`: the accepted values in words.
+/// Diagnostic S004 for a value outside its range. `value`: as messages quote it; `range`: the accepted values in words.
 pub fn outside(name: &str, node: &TomlNode, value: &str, range: &str) -> Fault {
     let d = Diagnostic::error("S004", format!("{name} is {value}, but must be {range}"), node.span, range);
     Box::new(d.help(format!("give {name} a value of {range}")))
 }
 
-/// A finite number of either notation.
+/// A number written with or without a decimal point; S003 for other types.
 pub fn finite_number(name: &str, node: &TomlNode) -> Result<f64, Fault> {
     match &node.value {
         #[allow(clippy::cast_precision_loss, reason = "whole numbers of scenes are small")]
@@ -205,8 +205,8 @@ macro_rules! is_basic {
     };
 }
 
-/// Declares the struct of a table together with its keys: a line of help, the field, the key and what it accepts, and `basic` after
-/// keys that artists change first.
+/// Declares the struct of a table together with its keys: a line of help, the field, the key and its value type, and `basic`
+/// after keys that are usually changed first.
 macro_rules! keys {
     ($($(#[doc = $about:literal])+ $name:ident at $path:literal $(also $also:literal)* {
         $($(#[doc = $help:literal])+ $field:ident : $type:ty = $key:literal $kind:expr $(, $mark:ident)?;)*
@@ -251,7 +251,7 @@ macro_rules! keys {
     )+};
 }
 
-/// Declares an enum whose members are words in scenes.
+/// Declares an enum whose members are words in scenes, and implements `Choice` and `Digest` for it.
 macro_rules! choices {
     ($($(#[doc = $about:literal])+ $name:ident { $($(#[doc = $help:literal])+ $member:ident = $word:literal,)* })+) => {$(
         $(#[doc = $about])+

@@ -1,4 +1,4 @@
-//! The notation of scene files: the TOML tree with places, keys, value types and the hash of values.
+//! The notation of scene files: the TOML tree with spans, declarations of keys, value types and the hash of values.
 
 mod digest;
 mod form;

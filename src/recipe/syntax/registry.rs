@@ -20,7 +20,7 @@ impl<T: RecipePart> RecipePart for Vec<T> {
     }
 }
 
-/// Values that no table of their own stands for.
+/// Values without a table, which list nothing.
 macro_rules! plain_parts {
     ($($t:ty),*) => {$(
         impl RecipePart for $t {
@@ -30,14 +30,14 @@ macro_rules! plain_parts {
 }
 plain_parts!(String, char, usize);
 
-/// Appends the table of `S`, unless it is there.
+/// Appends the table of `S`, unless `tables` has one of its path.
 pub fn list_table<S: KeyTable>(tables: &mut Vec<TableInfo>) {
     if tables.iter().all(|t| t.path != S::PATH) {
         tables.push(TableInfo { path: S::PATH, also: S::ALSO, about: S::about(), keys: S::keys() });
     }
 }
 
-/// All tables below a part of a recipe.
+/// Declarations of all tables of a part of a recipe.
 #[derive(Debug, Clone)]
 pub struct Registry {
     tables: Vec<TableInfo>,
@@ -79,7 +79,8 @@ impl Registry {
         known_names::<S>(&self.tables_below(S::PATH))
     }
 
-    /// S002 for each entry of a table that is neither a key of `S` nor a table below it. `path`: of the table in the scene.
+    /// Reports S002 for each entry of a table that is neither a key of `S` nor a table below it. `path`: path of the table in
+    /// the scene.
     pub fn refuse_unknown<S: KeyTable>(&self, table: &TomlTable, path: &str, report: &mut Report) {
         refuse_unknown(table, path, S::PATH, &self.names::<S>(), report);
     }
@@ -116,7 +117,7 @@ macro_rules! recipe {
     )+};
 }
 
-/// How `recipe!` hashes one field.
+/// Code by which `recipe!` hashes one field, for each mode of `hashed`.
 macro_rules! digest_field {
     ($self:ident, $hasher:ident, $field:ident) => {
         $crate::recipe::syntax::Digest::digest(&$self.$field, $hasher)

@@ -1,6 +1,6 @@
-//! Keys that had another name in an earlier version: `osier check` and `osier bake` name the new one.
+//! Keys renamed since earlier versions, for the help of S002 in `osier check` and `osier bake`.
 
-/// A key of earlier versions with the key that takes its place.
+/// A key of earlier versions and its present name.
 #[derive(Debug, Clone, Copy)]
 pub struct RenamedKey {
     /// Path of the table, as `plants.NAME.rods`.
@@ -9,7 +9,7 @@ pub struct RenamedKey {
     old: &'static str,
     /// Name of the key that `osier check` suggests.
     pub new: &'static str,
-    /// How the value must be changed, where its meaning changed as well.
+    /// How the value must be changed, if its meaning has changed.
     pub change: Option<&'static str>,
 }
 
@@ -58,7 +58,7 @@ const RENAMED: &[RenamedKey] = &[
     key("terrain", "n", "subdivisions"),
 ];
 
-/// The renamed key that an earlier version knew by this name. `table`: path of its declaration.
+/// The key that had this name in an earlier version. `table`: path of its declaration.
 pub fn renamed_key(table: &str, key: &str) -> Option<&'static RenamedKey> {
     RENAMED.iter().find(|r| r.table == table && r.old == key)
 }

@@ -1,27 +1,27 @@
-//! Scene text as a tree in which every key and value knows its place, with `--set` laid over it.
+//! Scene text as a tree of keys and values with their spans, and overrides (`--set`) of it.
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use osier_base::diagnostic::{Diagnostic, Report, SourceId, Span};
 
-/// A value with its place.
+/// A value with its span in the text.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TomlNode {
-    /// Place of the value in the text.
+    /// Bytes of the value in the text or in an override.
     pub span: Span,
-    /// Value, with nested tables and lists.
+    /// The value, in which nested values have spans too.
     pub value: TomlValue,
 }
 
-/// What TOML can hold, as far as scenes use it.
+/// A TOML value, as far as scenes use its types.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TomlValue {
     /// A string in quotes.
     Text(String),
     /// A whole number; those beyond 64 bits are refused while reading.
     Integer(i64),
-    /// A number with a point; finite.
+    /// A number with a decimal point or an exponent; always finite.
     Number(f64),
     /// A boolean, `true` or `false`.
     Flag(bool),
@@ -48,21 +48,21 @@ impl TomlValue {
     }
 }
 
-/// Keys in the order of the file.
+/// A table with its entries in the order of the text.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TomlTable {
-    /// Keys with their values.
+    /// Entries in the order of the text, then those that overrides have added.
     pub entries: Vec<TomlEntry>,
 }
 
-/// One key of a table.
+/// One entry of a table: key and value with their spans.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TomlEntry {
     /// Name of the key, without quotes.
     pub key: String,
-    /// Where the key stands.
+    /// Bytes of the key in the text.
     pub key_span: Span,
-    /// Value with its place.
+    /// The value with its span; a value that cannot be read is [`TomlValue::Other`].
     pub node: TomlNode,
 }
 
@@ -73,7 +73,7 @@ impl TomlTable {
     }
 }
 
-/// Parses a scene file; every fault of the notation becomes an S001, and what could be read is returned.
+/// Parses a scene file; every syntax error becomes an S001, and the readable part is returned.
 pub fn parse(text: &str, source: SourceId, report: &mut Report) -> TomlTable {
     let (document, errors) = DeTable::parse_recoverable(text);
     for e in errors {
@@ -132,7 +132,8 @@ fn node(value: &Spanned<DeValue<'_>>, source: SourceId, report: &mut Report) -> 
     TomlNode { span, value }
 }
 
-/// Lays `path = value` (one `--set`) over a tree. Path elements are table keys or, in lists, numbers from 0.
+/// Applies `path = value` (one `--set`) to a tree. Path elements are table keys or, in lists, indices from 0; missing tables
+/// are created.
 pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Report) {
     let source = report.sources.add("--set", assignment);
     let whole = Span::new(source, 0, assignment.len());
@@ -157,7 +158,7 @@ pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Repor
     }
 }
 
-/// The value of an override: TOML if it parses as such, else the text itself.
+/// The value of an override: parsed as TOML, or the text itself if it is not TOML.
 fn override_value(text: &str, span: Span, report: &mut Report) -> TomlValue {
     let line = format!("v = {text}");
     let (document, errors) = DeTable::parse_recoverable(&line);
@@ -171,7 +172,7 @@ fn override_value(text: &str, span: Span, report: &mut Report) -> TomlValue {
     }
 }
 
-/// Gives a node and all in it one place.
+/// Sets the span of a node and of all nodes in it.
 fn move_to(node: &mut TomlNode, span: Span) {
     node.span = span;
     match &mut node.value {

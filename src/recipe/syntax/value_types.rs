@@ -1,4 +1,4 @@
-//! What keys accept.
+//! Types of values that keys accept.
 
 use super::digest::Digest;
 use super::form::{ValueForm, ValueKind};
@@ -10,25 +10,26 @@ use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::units;
 use serde_json::{Value, json};
 
-/// The unit that a number is written in, and how it becomes SI.
+/// The unit in which a number is written, and its conversion to SI.
 #[derive(Debug, Clone, Copy)]
 pub struct Unit {
-    /// For people; empty without unit.
+    /// Symbol in messages and listings; empty without unit.
     symbol: &'static str,
-    /// SI value = written value * factor / divisor: one of both is 1, so that a power of ten divides exactly where it does.
+    /// SI value = written value * factor / divisor. One of both is 1: a division by 1000 rounds once, a multiplication by 0.001
+    /// twice.
     factor: f64,
     divisor: f64,
-    /// Whether the scene hash takes the number as it is written, as scenes were hashed before the unit was converted.
+    /// Whether the scene hash covers the number as written, because hashes are older than the conversion of this unit.
     hashed_as_written: bool,
 }
 
 impl Unit {
-    /// An SI unit, or none.
+    /// A unit without conversion.
     const fn si(symbol: &'static str) -> Self {
         Self { symbol, factor: 1.0, divisor: 1.0, hashed_as_written: false }
     }
 
-    /// A unit of `factor` SI units.
+    /// A unit that is `factor` SI units.
     const fn times(symbol: &'static str, factor: f64) -> Self {
         Self { symbol, factor, divisor: 1.0, hashed_as_written: false }
     }
@@ -42,8 +43,7 @@ impl Unit {
         written * self.factor / self.divisor
     }
 
-    /// The number of the scene hash for a value in SI. The written number is what 15 digits of the quotient say: the quotient
-    /// itself may differ in its last bit.
+    /// The number that the scene hash covers for a value in SI units: the value, or the written number restored to 15 digits.
     fn hashed(self, value: f64) -> f64 {
         if !self.hashed_as_written {
             return value;
@@ -63,55 +63,55 @@ pub struct NumberType {
     unit: Unit,
 }
 
-/// A number in SI units; `unit` is for people.
+/// A number written and read in SI units; `unit` is only displayed.
 pub const fn number(default: f64, min: f64, max: f64, unit: &'static str) -> NumberType {
     NumberType { default, min, max, unit: Unit::si(unit) }
 }
 
-/// A number that scenes give in `unit`, as `default`, `min` and `max` are here, and that is read in SI units.
+/// A number written in `unit`, in which `default`, `min` and `max` are given, and read in SI units.
 const fn converted(default: f64, min: f64, max: f64, unit: Unit) -> NumberType {
     NumberType { default, min, max, unit }
 }
 
-/// Degrees, read as radians.
+/// A number written in degrees, as are the bounds, and read as radians.
 pub const fn degrees(default: f64, min: f64, max: f64) -> NumberType {
     converted(default, min, max, Unit::times("deg", std::f64::consts::PI / 180.0))
 }
 
-/// Millimetres, read as metres.
+/// A number written in millimetres, as are the bounds, and read as metres.
 pub const fn millimetres(default: f64, min: f64, max: f64) -> NumberType {
     converted(default, min, max, Unit::times("mm", 1e-3))
 }
 
-/// Gigapascals, read as pascals.
+/// A number written in gigapascals, as are the bounds, and read as pascals.
 pub const fn gigapascals(default: f64, min: f64, max: f64) -> NumberType {
     converted(default, min, max, Unit::times("GPa", units::GIGAPASCAL).hashed_as_written())
 }
 
-/// Milligrams, read as kilograms.
+/// A number written in milligrams, as are the bounds, and read as kilograms.
 pub const fn milligrams(default: f64, min: f64, max: f64) -> NumberType {
     converted(default, min, max, Unit::times("mg", units::MILLIGRAM).hashed_as_written())
 }
 
-/// Cubic millimetres, read as cubic metres.
+/// A number written in cubic millimetres, as are the bounds, and read as cubic metres.
 pub const fn cubic_millimetres(default: f64, min: f64, max: f64) -> NumberType {
     converted(default, min, max, Unit::times("mm^3", units::CUBIC_MILLIMETRE).hashed_as_written())
 }
 
-/// Millimetres of rain an hour, read as m/s: cubic metres of water per square metre and second.
+/// A number written in millimetres of rain per hour and read as m/s: cubic metres of water per square metre and second.
 pub const fn rain_rate(default: f64, min: f64, max: f64) -> NumberType {
     let unit = Unit { symbol: "mm/h", factor: 1.0, divisor: units::MILLIMETRES_PER_HOUR, hashed_as_written: true };
     converted(default, min, max, unit)
 }
 
 impl NumberType {
-    /// The form of values whose numbers are in the range.
+    /// The form of values whose numbers lie in the range, in the written unit.
     fn form(&self, kind: ValueKind, default: Value) -> ValueForm {
         ValueForm::new(kind, default).within(self.min, self.max)
     }
 
     fn checked(&self, name: &str, node: &TomlNode) -> Result<f64, Fault> {
-        // Ranges are in the unit of the file, so that messages show the numbers that the artist wrote.
+        // Ranges are in the written unit, so that messages show the numbers of the scene.
         let v = finite_number(name, node)?;
         if v < self.min || v > self.max {
             return Err(outside(name, node, &v.to_string(), &self.range()));
@@ -122,7 +122,7 @@ impl NumberType {
     fn range(&self) -> String {
         let symbol = self.unit.symbol;
         let unit = if symbol.is_empty() { String::new() } else { format!(" {symbol}") };
-        // Bounds of 1e9 and more stand for no bound.
+        // Absolute bounds of 1e9 and more mean no bound.
         match (self.min > -1e9, self.max < 1e9) {
             (true, true) => format!("{} to {}{unit}", self.min, self.max),
             (true, false) => format!("at least {}{unit}", self.min),
@@ -182,7 +182,7 @@ impl ValueType for SunDirection {
     }
 }
 
-/// A whole number in a range.
+/// A whole number in a range, without unit.
 #[derive(Debug, Clone, Copy)]
 pub struct IntegerType {
     default: u32,
@@ -190,7 +190,7 @@ pub struct IntegerType {
     max: u32,
 }
 
-/// A whole number from `min` to `max`.
+/// A whole number from `min` to `max`, both included.
 pub const fn integer(default: u32, min: u32, max: u32) -> IntegerType {
     IntegerType { default, min, max }
 }
@@ -204,7 +204,7 @@ impl ValueType for IntegerType {
         let TomlValue::Integer(i) = node.value else { return Err(wrong(name, node, "a whole number")) };
         match u32::try_from(i) {
             Ok(v) if v >= self.min && v <= self.max => Ok(v),
-            // A negative number fails the conversion, a large one the comparison: both lie outside.
+            // Negative numbers fail the conversion, large ones the comparison.
             _ => Err(outside(name, node, &i.to_string(), &format!("{} to {}", self.min, self.max))),
         }
     }
@@ -219,12 +219,12 @@ impl ValueType for IntegerType {
     }
 }
 
-/// The form of a list that is empty without its key.
+/// The form of a list whose default is empty.
 fn empty_list() -> ValueForm {
     ValueForm::new(ValueKind::List, json!([]))
 }
 
-/// A list of whole numbers in a range, sorted, each once.
+/// A list of whole numbers between the two fields, sorted and without repetition; empty by default.
 #[derive(Debug, Clone, Copy)]
 pub struct IntegerList(pub u32, pub u32);
 
@@ -234,11 +234,11 @@ impl ValueType for IntegerList {
         Vec::new()
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<Vec<u32>, Fault> {
-        // The bounds are checked for each number by the type of a single one; its default is never used.
+        // The type of a single number checks the bounds; its default is not used.
         let one = integer(self.0, self.0, self.1);
         let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, "a list of whole numbers")) };
         let mut out: Vec<u32> = list.iter().map(|n| one.read(name, n)).collect::<Result<_, _>>()?;
-        // Order and repetition carry no meaning: equal sets hash equally.
+        // Order and repetition have no meaning: equal sets hash equally.
         out.sort_unstable();
         out.dedup();
         Ok(out)
@@ -256,7 +256,7 @@ impl ValueType for IntegerList {
     }
 }
 
-/// A side of tiling maps in pixels.
+/// Side of tiling maps in pixels: a power of two from 16 to 4096. The field is the default.
 #[derive(Debug, Clone, Copy)]
 pub struct PowerOfTwo(pub u32);
 
@@ -319,7 +319,7 @@ impl ValueType for SeedType {
     }
 }
 
-/// A boolean, `true` or `false`.
+/// A boolean, `true` or `false`; the field is the default.
 #[derive(Debug, Clone, Copy)]
 pub struct BooleanType(pub bool);
 
@@ -344,7 +344,7 @@ impl ValueType for BooleanType {
     }
 }
 
-/// A string of any length.
+/// A string of any length; the field is the default.
 #[derive(Debug, Clone, Copy)]
 pub struct StringType(pub &'static str);
 
@@ -371,16 +371,16 @@ impl ValueType for StringType {
 
 /// An enum whose members are words in scenes.
 pub trait Choice: Copy + Digest + 'static {
-    /// Each word of a scene with the member that it stands for.
+    /// Each word and the member that it names, in the order of listings.
     const ALL: &'static [(&'static str, Self)];
 }
 
-/// The word that stands for a member in scenes; empty for a member that `ALL` lacks.
+/// The word of a member in scenes; empty for a member that `ALL` lacks.
 pub fn word_of<W: Choice + PartialEq>(member: W) -> &'static str {
     W::ALL.iter().find(|(_, m)| *m == member).map_or("", |(w, _)| w)
 }
 
-/// The words of a scene, for listings.
+/// The words of an enum as JSON, for listings.
 fn words<W: Choice>() -> impl Iterator<Item = Value> {
     W::ALL.iter().map(|(word, _)| json!(word))
 }
@@ -424,7 +424,7 @@ impl<W: Choice + PartialEq> ValueType for OneOf<W> {
     }
 }
 
-/// A list of words without repetition, or one word alone.
+/// A list of words without repetition, or a single word; the field is the default.
 #[derive(Debug, Clone, Copy)]
 pub struct ListOf<W: 'static>(pub &'static [W]);
 
@@ -434,7 +434,7 @@ impl<W: Choice + PartialEq> ValueType for ListOf<W> {
         self.0.to_vec()
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<Vec<W>, Fault> {
-        // The first default stands in for any: `OneOf` reads without it.
+        // `OneOf` requires a default, which reading does not use.
         let one = OneOf(self.0[0]);
         let TomlValue::List(list) = &node.value else { return Ok(vec![one.read(name, node)?]) };
         let mut out = Vec::new();
@@ -461,7 +461,7 @@ impl<W: Choice + PartialEq> ValueType for ListOf<W> {
     }
 }
 
-/// Words in order, which may repeat, or one word alone; the default has none. The field only names the type of the words.
+/// A list of words in order, which may repeat, or a single word; empty by default. The field only fixes the type of the words.
 #[derive(Debug, Clone, Copy)]
 pub struct SequenceOf<W>(pub W);
 
@@ -490,11 +490,11 @@ impl<W: Choice + PartialEq> ValueType for SequenceOf<W> {
     }
 }
 
-/// N numbers with a default each, and one range and one unit for all.
+/// N numbers with their defaults, and one type with range and unit for all.
 #[derive(Debug, Clone, Copy)]
 pub struct NumberArray<const N: usize>(pub [f64; N], pub NumberType);
 
-/// Three metres along x, y, z.
+/// A point or vector of three numbers in metres, up to 1000 km along each axis.
 pub const fn point(default: [f64; 3]) -> NumberArray<3> {
     NumberArray(default, number(0.0, -1e6, 1e6, "m"))
 }
@@ -508,7 +508,7 @@ impl<const N: usize> ValueType for NumberArray<N> {
         let wanted = format!("a list of {N} numbers");
         let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, &wanted)) };
         let values: Vec<f64> = list.iter().map(|n| self.1.checked(name, n)).collect::<Result<_, _>>()?;
-        // Faults of single numbers come first: only a list of right numbers is counted.
+        // Errors of single numbers are reported before a wrong count.
         values.try_into().map_err(|v: Vec<f64>| {
             let message = format!("{name} has {} numbers, but must have {N}", v.len());
             Box::new(Diagnostic::error("S003", message, node.span, wanted.clone()).help(format!("write {N} numbers")))
@@ -528,11 +528,11 @@ impl<const N: usize> ValueType for NumberArray<N> {
     }
 }
 
-/// Most numbers of a [`NumbersByLevel`]: no plant has more levels.
+/// Largest number of elements of a [`NumbersByLevel`]: no plant has more levels.
 const MAX_LEVELS: usize = 8;
 
-/// One number for each level of branching, from the trunk on: the last one holds for all higher levels. A number alone is a list
-/// of one.
+/// One number for each level of branching, from the trunk on; the last one applies to all higher levels. A single number is a
+/// list of one. The fields are the default and the type of the numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct NumbersByLevel(pub &'static [f64], pub NumberType);
 
@@ -560,13 +560,13 @@ impl ValueType for NumbersByLevel {
         }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
-        // The length sets lists apart whose numbers continue each other.
+        // The length distinguishes lists whose numbers continue each other.
         value.len().digest(hasher);
         value.iter().for_each(|v| self.1.digest(v, hasher));
     }
 }
 
-/// A list of numbers of any length, which is empty without its key.
+/// A list of numbers of any length; empty by default. The field is the type of the numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct NumberList(pub NumberType);
 
@@ -593,7 +593,7 @@ impl ValueType for NumberList {
     }
 }
 
-/// A list of pairs of numbers, the first of each greater than the one before.
+/// A list of pairs of numbers, each with a greater first number than the pair before; empty by default.
 #[derive(Debug, Clone, Copy)]
 pub struct RisingPairs(pub NumberType);
 
@@ -604,7 +604,7 @@ impl ValueType for RisingPairs {
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
         let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, "a list of pairs of numbers")) };
-        // Each pair must lie in the range; only the first numbers must rise.
+        // Both numbers of a pair must lie in the range, but only the first ones must rise.
         let pair = NumberArray([0.0; 2], self.0);
         let rows: Vec<[f64; 2]> = list.iter().map(|n| pair.read(name, n)).collect::<Result<_, _>>()?;
         if let Some((late, _)) = list.iter().skip(1).zip(rows.windows(2)).find(|(_, w)| w[0][0] >= w[1][0]) {
@@ -625,7 +625,7 @@ impl ValueType for RisingPairs {
     }
 }
 
-/// A colour: `"#rrggbb"` as a picture program shows it, or three linear numbers 0 to 1. Linear inside.
+/// A colour, read as linear: `"#rrggbb"` in sRGB, or three linear numbers 0 to 1. The field is the default in sRGB.
 #[derive(Debug, Clone, Copy)]
 pub struct ColorType(pub &'static str);
 
@@ -658,7 +658,7 @@ impl ValueType for ColorType {
     }
 }
 
-/// A list of colours, each as in [`ColorType`].
+/// A list of colours, each as in [`ColorType`]; empty by default.
 #[derive(Debug, Clone, Copy)]
 pub struct ColorList;
 
@@ -679,7 +679,7 @@ impl ValueType for ColorList {
     }
 }
 
-/// `#rgb` or `#rrggbb` as linear light.
+/// Converts `#rgb` or `#rrggbb` (sRGB) to linear light; `None` for other texts.
 fn hex(text: &str) -> Option<[f32; 3]> {
     let digits = text.strip_prefix('#')?;
     if !digits.is_ascii() || !digits.bytes().all(|b| b.is_ascii_hexdigit()) {
@@ -695,7 +695,7 @@ fn hex(text: &str) -> Option<[f32; 3]> {
     Some([linear(0)?, linear(1)?, linear(2)?])
 }
 
-/// A key that may be absent; `1` says where the value comes from then.
+/// A key that may be absent. Field `1` describes in listings where the value then comes from.
 #[derive(Debug, Clone, Copy)]
 pub struct OptionalKey<K>(pub K, pub &'static str);
 
@@ -708,13 +708,13 @@ impl<K: ValueType> ValueType for OptionalKey<K> {
         self.0.read(name, node).map(Some)
     }
     fn listing(&self) -> KeyListing {
-        // What the key accepts is what its type does; only the default is replaced by the words that describe it.
+        // The listing is that of the type, except for the default.
         let listing = self.0.listing();
         let form = ValueForm { default: Value::Null, ..listing.form };
         KeyListing { default: self.1.to_owned(), form, ..listing }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
-        // Absent and default are different choices, even where they have the same effect.
+        // An absent key and one with the default value hash differently, even if they have the same effect.
         u64::from(value.is_some()).digest(hasher);
         value.iter().for_each(|v| self.0.digest(v, hasher));
     }
@@ -723,7 +723,7 @@ impl<K: ValueType> ValueType for OptionalKey<K> {
     }
 }
 
-/// Frames per second as a fraction: 24, 23.976 (24000/1001), or `[num, den]`.
+/// Frames per second as numerator and denominator, written as 24, 23.976 (24000/1001) or `[num, den]`; 24 by default.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameRate;
 
@@ -762,7 +762,7 @@ impl ValueType for FrameRate {
     }
 }
 
-/// Names with numbers, as in `set = { branch_angle = 38 }`.
+/// A table of names and numbers, as in `set = { branch_angle = 38 }`, in the order of the text; empty by default.
 #[derive(Debug, Clone, Copy)]
 pub struct NamedNumbers;
 
@@ -788,12 +788,12 @@ impl ValueType for NamedNumbers {
     }
 }
 
-/// A reference to a file, with its place for messages.
+/// A reference to a file or preset, with its span. The span is not hashed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reference {
     /// File name as written in the scene.
     pub text: String,
-    /// Place of the name, for messages.
+    /// Position of the name in the scene, for messages.
     pub span: Span,
 }
 
@@ -803,7 +803,7 @@ impl Digest for Reference {
     }
 }
 
-/// A file beside the scene, or a preset.
+/// Name of a file or preset, or `None`. The field lists the accepted endings, for listings.
 #[derive(Debug, Clone, Copy)]
 pub struct FileReference(pub &'static str);
 
@@ -831,7 +831,7 @@ impl ValueType for FileReference {
     }
 }
 
-/// A list of inline tables of one shape.
+/// A list of inline tables with the keys of `S`; empty by default.
 #[derive(Debug, Clone, Copy)]
 pub struct InlineTables<S>(pub std::marker::PhantomData<S>);
 
@@ -845,7 +845,7 @@ impl<S: KeyTable> ValueType for InlineTables<S> {
         let mut out = Vec::new();
         for n in list {
             let TomlValue::Table(t) = &n.value else { return Err(wrong(name, n, "a table")) };
-            // A value type returns one fault: of a table's faults the first is told.
+            // A value type returns one error: the first of the table is reported.
             let mut report = Report::default();
             out.push(S::read(Some(t), name, &mut report));
             refuse_unknown(t, name, S::PATH, &known_names::<S>(&[]), &mut report);
@@ -868,7 +868,7 @@ impl<S: KeyTable> ValueType for InlineTables<S> {
     }
 }
 
-/// A list of points `[x, y, z]` of any length, in metres; empty without the key.
+/// A list of points `[x, y, z]` of any length, in metres; empty by default.
 #[derive(Debug, Clone, Copy)]
 pub struct PointList;
 
@@ -889,22 +889,22 @@ impl ValueType for PointList {
     }
 }
 
-/// Keyframes: lists of numbers that begin with seconds.
+/// Keyframes: lists of numbers of which the first is a time in seconds; empty by default.
 #[derive(Debug, Clone, Copy)]
 pub struct TimedRows(Unit);
 
-/// Keyframes of numbers in SI units.
+/// Keyframes whose numbers are in SI units.
 pub const fn timed_rows() -> TimedRows {
     TimedRows(Unit::si(""))
 }
 
-/// Keyframes of degrees, read as radians.
+/// Keyframes whose angles are written in degrees and read as radians.
 pub const fn timed_degrees() -> TimedRows {
     TimedRows(Unit { symbol: "deg", factor: std::f64::consts::PI, divisor: 180.0, hashed_as_written: true })
 }
 
 impl TimedRows {
-    /// A row with all numbers but its time converted.
+    /// Converts all numbers of a row except its time by `unit`.
     fn convert(row: &[f64], unit: impl Fn(f64) -> f64) -> Vec<f64> {
         row.iter().enumerate().map(|(i, v)| if i == 0 { *v } else { unit(*v) }).collect()
     }
@@ -935,10 +935,10 @@ impl ValueType for TimedRows {
     }
 }
 
-/// Most full turns between two tables.
+/// Largest number of full turns between two tables.
 const TURNS: f64 = 100.0;
 
-/// Full turns: one number for all maps, or one per map.
+/// Whole numbers of full turns: one for all maps, or one per map; empty by default, which means 0.
 #[derive(Debug, Clone, Copy)]
 pub struct TurnList;
 

@@ -20,18 +20,19 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_scene::{Asset, Field, Table, Trs, VolumeGrid};
 
-/// A flight that was added to a scene, and what it records in each frame.
+/// Playback of a flight whose asset is in the scene, and the declarations of what it records in each frame.
 pub(crate) struct AddedFlight {
     pub(crate) playback: Arc<FlightPlayback>,
-    /// Statistics, one row per frame.
+    /// Declaration of the table of statistics, which gets one row per frame.
     pub(crate) table: Table,
-    /// Deposition maps: a field for the ground and for each solid.
+    /// Declarations of the deposition maps, one for the ground and one or more for each solid.
     pub(crate) fields: Vec<Field>,
-    /// Voxel grids of catkins in flight and at rest.
+    /// Declarations of the voxel grids of catkins in flight and at rest.
     pub(crate) volumes: Vec<VolumeGrid>,
 }
 
-/// Adds the catkins of a recipe, if it has any: as a flight with `[flight]`, else at rest in a row. `canopy`: the twigs that release them.
+/// Adds the catkins of a recipe with `[catkin]` or `[flight]`: flying with the latter, else at rest in a row. `canopy`: the
+/// twigs that release them.
 /// # Errors
 /// `Limit`, `Cancelled`; those of a lattice wind.
 pub(crate) fn add_catkins(
@@ -63,7 +64,7 @@ pub(crate) fn add_catkins(
     Ok(Some(added))
 }
 
-/// Sets a flight to its first frame.
+/// Prepares the playback of a flight, simulates its spin-up if the scene is still, and warns of catkins without a start.
 fn start_flight(
     recipe: &Recipe,
     flight: &FlightRecipe,
@@ -91,7 +92,7 @@ fn start_flight(
         report.push(Diagnostic::about("S026", text).help(help));
     }
 
-    // A simulated lattice warns of open meshes itself.
+    // The lattice wind has warned of open meshes already, if there is one.
     if scene.cell_size.is_none() {
         let warnings = scene.solids.list().iter().filter_map(|solid| solid.open_mesh_warning("catkins"));
         report.diagnostics.extend(warnings.map(|text| Diagnostic::about("S032", text)));
@@ -108,7 +109,8 @@ fn start_flight(
     Ok((asset, AddedFlight { playback: Arc::new(playback), table, fields, volumes }))
 }
 
-/// The box that catkins fly in: a lattice's own, or one of `size` (width, height, depth in m) that stands on the origin.
+/// The box of the flight, world, m: the domain of a lattice wind, or one of `size` (width, height, depth) that stands on the
+/// origin.
 fn flight_domain(recipe: &Recipe, size: [f64; 3]) -> Bounds {
     let lattice = recipe.wind.model == WindModel::Lattice;
     let [w, h, d] = if lattice { recipe.lattice.size() } else { size }.map(narrow);

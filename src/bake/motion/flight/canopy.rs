@@ -1,4 +1,4 @@
-//! The twigs that release catkins, and where their ends are at each frame.
+//! The twigs that release catkins, and the positions of their ends in each frame.
 
 use std::sync::Arc;
 
@@ -16,8 +16,8 @@ use osier_motion::flight::{CarriedPoint, CatkinStart, ReleaseCondition};
 use osier_scene::Trs;
 use osier_scene::plant::{AxisKind, Plant};
 
-/// Standard deviation, m, of the place of a catkin about its twig's end, so that the catkins of one twig do not start in one point and
-/// stick together.
+/// Standard deviation, m, of a catkin's start about its twig's end along each axis, so that the catkins of one twig do not
+/// start in one point and stick together.
 const CATKIN_SPREAD: f64 = 0.05;
 
 /// The twigs of all plants that `[flight]` names as its canopy.
@@ -37,16 +37,16 @@ struct CanopyPlant {
     weight: f64,
     /// Ends of the twigs at rest, m, in plant space.
     rest: Vec<Vec3>,
-    /// The same as the plant's motion carries them; `None` for a plant that stands still.
+    /// These ends as the plant's motion carries them; `None` for a still plant.
     moving: Option<Arc<dyn CarriedPoints>>,
 }
 
-/// A twig's end and the place of a catkin beside it.
+/// A twig's end and the start of a catkin relative to it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CatkinSite {
     plant: usize,
     twig: usize,
-    /// Position in the world, m.
+    /// From the twig's end to the catkin's centre, world axes, m.
     offset: DVec3,
 }
 
@@ -54,7 +54,8 @@ pub(crate) struct CatkinSite {
 pub(crate) type TwigPositions = Vec<Vec<Vec3>>;
 
 impl Canopy {
-    /// Ends of all stems but the trunks of the plants that `[flight]` names, bound to the plants' motions; none without a flight.
+    /// The canopy of the plants that `[flight]` names: the ends of all their stems but the trunks, each bound to the motion of
+    /// its plant. Empty without a flight.
     pub(crate) fn of_scene(
         recipe: &Recipe,
         layout: &PlantLayout,
@@ -85,7 +86,7 @@ impl Canopy {
         Self { plants }
     }
 
-    /// Where the ends of all twigs are at a time.
+    /// World positions, m, of the ends of all twigs at a time.
     /// # Errors
     /// Those of the plants' motions.
     pub(crate) fn positions(&self, time: FrameTime) -> Result<TwigPositions> {
@@ -99,8 +100,9 @@ impl Canopy {
         self.plants.iter().map(posed).collect()
     }
 
-    /// Draws a twig for each of `count` catkins. Each ripens at a time uniform in `ripening`, s, then waits for a wind exposure drawn from the unit exponential distribution.
-    /// `positions`: of the twigs at the start.
+    /// Draws a twig for each of `count` catkins. Each ripens at a time uniform in `ripening`, s, then waits for a wind exposure
+    /// drawn from the unit exponential distribution. `positions`: of the twigs' ends at the start. Both lists are empty without
+    /// twigs.
     pub(crate) fn draw_catkin_starts(
         &self,
         count: u32,
@@ -137,12 +139,12 @@ impl Canopy {
 }
 
 impl CatkinSite {
-    /// Place of the catkin with its twig at one of some positions.
+    /// World position of the catkin, m, when the twigs are at `positions`; `None` for a twig that these lack.
     fn position(&self, positions: &TwigPositions) -> Option<DVec3> {
         Some(positions.get(self.plant)?.get(self.twig)?.as_dvec3() + self.offset)
     }
 
-    /// Place and velocity of the catkin at a share of the way between two frames, `duration` s apart.
+    /// Position and velocity of the catkin at a share of the time between two frames, which are `duration` s apart.
     pub(crate) fn catkin_between_frames(
         &self,
         ends: [&TwigPositions; 2],
@@ -154,7 +156,7 @@ impl CatkinSite {
     }
 }
 
-/// Ends of all stems but the trunks.
+/// Last nodes of all stems of order 1 or higher, plant space: trunks release no catkins.
 fn twig_ends(plant: &Plant) -> Vec<PointOnAxis> {
     let stems = (0..).zip(&plant.axes).filter(|(_, axis)| axis.kind == AxisKind::Stem && axis.order > 0);
     let end = |(axis, a): (u32, &osier_scene::plant::Axis)| {

@@ -12,20 +12,20 @@ use osier_scene::solid::{Form, Side, Solids};
 /// Maps of a flight: the ground first, then for each obstacle its roof and, if its walls are plane, its four sides.
 #[derive(Debug, Clone)]
 pub struct DepositionMaps {
-    /// As the scene holds them.
+    /// Declarations of the maps: position, resolution and unit.
     pub fields: Vec<Field>,
     /// Parallel to the solids; `None` for land, whose deposits lie on the ground's map.
     obstacles: Vec<Option<ObstacleMaps>>,
     mass: bool,
     blur: f32,
-    /// Whether the maps count every deposition since the start, not what rests at a frame.
+    /// Whether the maps count all depositions since the start instead of the catkins that rest at a frame.
     pub cumulative: bool,
 }
 
 /// Number or mass in each texel of all maps, row by row.
 pub type TexelSums = Vec<Vec<f64>>;
 
-/// Where the maps of an obstacle stand among the fields.
+/// Indices of the maps of an obstacle among the fields.
 #[derive(Debug, Clone)]
 struct ObstacleMaps {
     /// Index of the map of its roof, seen from above.
@@ -36,7 +36,7 @@ struct ObstacleMaps {
 }
 
 impl DepositionMaps {
-    /// Maps over the box `inside` and over `solids`.
+    /// Empty maps of the ground within the box `inside`, and of `solids`; resolution, blur and quantity are from the keys.
     pub fn new(keys: &FlightKeys, inside: Bounds, solids: &Solids) -> Self {
         let mass = keys.map_of == DepositQuantity::Mass;
         let cumulative = keys.map_counts == DepositEvent::Landings;
@@ -61,7 +61,7 @@ impl DepositionMaps {
         let mut roof = 1;
         for solid in solids.list() {
             let (plan, sides) = match &solid.form {
-                // The land has no roof: what lies on it counts as ground, and a place keeps the obstacles parallel to the solids.
+                // Deposits on land count as ground; `None` keeps the list parallel to the solids.
                 Form::Land(_) => {
                     obstacles.push(None);
                     continue;
@@ -114,7 +114,7 @@ impl DepositionMaps {
     fn map_index(&self, place: &RestingPlace) -> usize {
         let Some(maps) = place.face.and_then(|i| self.obstacles.get(i as usize)?.as_ref()) else { return 0 };
         match (place.state, &maps.sides) {
-            // In the corner between ground and wall the supporting surface is the wall.
+            // In a corner of ground and wall `face` is the wall, but the catkin lies on the ground.
             (CatkinState::Corner, _) => 0,
             (CatkinState::OnWall, Some(sides)) => {
                 let facing = |k: &usize| sides[*k].normal.dot(place.normal);
@@ -151,7 +151,7 @@ impl DepositionMaps {
     }
 }
 
-/// The top of a box as a map sees it from above: rows along +X, columns along +Z.
+/// The top of a box as the area of a map: rows run along +X and follow each other along +Z.
 fn top_face(bounds: Bounds) -> Side {
     let size = bounds.size();
     Side { corner: bounds.min.with_y(bounds.max.y), along: Vec3::X * size.x, down: Vec3::Z * size.z, normal: Vec3::Y }

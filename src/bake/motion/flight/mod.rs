@@ -38,7 +38,7 @@ use osier_scene::{
 };
 use osier_wind::{ShiftedWind, Wind};
 
-/// Instance attribute: how often a catkin was recycled to its start.
+/// Name of the instance attribute that counts how often a catkin was recycled to its start.
 const GENERATION: &str = "generation";
 
 /// Time constant, s, of the visual settling of a deposited catkin, whose bounding ball touches before its hairs do. Own: by eye;
@@ -53,20 +53,20 @@ const ANALYTIC_BLOCKING_HEIGHT: f64 = 1.0;
 #[derive(Debug)]
 pub struct FlightPlayback {
     start: FlightSimulation,
-    /// The one wind of the scene, which all its parts read.
+    /// The wind of the scene, which all of its parts share.
     wind: Arc<SceneWind>,
-    /// The twigs that catkins wait at.
+    /// The twigs that release catkins; empty unless the release is `canopy`.
     canopy: Canopy,
-    /// Site of each catkin; empty if they do not start at twigs.
+    /// Twig of each catkin, by id; empty if catkins do not start at twigs.
     sites: Vec<CatkinSite>,
     /// Frames simulated before the first of the clip.
     spin_up: u64,
     deposits: DepositionMaps,
-    /// Voxel grids that frames fill.
+    /// Declarations of the voxel grids, and which catkins each counts.
     volumes: FlightVolumes,
     /// Rectangles on the ground in which depositions are counted.
     zones: Vec<FlightZoneKeys>,
-    /// Points of the hairs of each kind, m.
+    /// Points of the hairs of each kind at scale 1, m, in the space of the tuft.
     hairs: Vec<Vec<Vec3>>,
     settle: bool,
     /// Width of the trajectories at the catkins, m.
@@ -82,21 +82,21 @@ struct FlightState {
     /// Offset, m, by which each deposited catkin is drawn closer to the surface that it lies on.
     settled: Vec<Vec3>,
     trails: Option<Trajectories>,
-    /// All depositions so far, for maps that count them; else empty.
+    /// Sums of all depositions so far, if the maps are cumulative; else empty.
     landed: TexelSums,
     /// Depositions so far in each zone.
     in_zones: Vec<u64>,
-    /// The twigs at the last frame that a catkin waited at; `None` where none waits at a twig.
+    /// Twigs at the last frame in which a catkin waited at one; `None` before and after a restart.
     twigs: Option<TwigPositions>,
 }
 
-/// The parts of a scene that a flight takes place in.
+/// The parts of a scene from which the parameters of a flight are made.
 pub(crate) struct FlightSetup<'a> {
     pub recipe: &'a Recipe,
     pub flight: &'a FlightRecipe,
     /// Box of the flight, m; its sides are the side boundary.
     pub domain: Bounds,
-    /// Obstacles and land.
+    /// Obstacles and land, with which catkins collide.
     pub solids: Arc<Solids>,
     /// Least height above a surface at which the wind is known, m.
     pub min_resolved_height: f64,
@@ -105,7 +105,7 @@ pub(crate) struct FlightSetup<'a> {
 }
 
 impl FlightPlayback {
-    /// A flight at its first frame.
+    /// A flight before its spin-up, with its random starts drawn; nothing is simulated yet.
     /// # Errors
     /// Those of the motions of plants that release catkins.
     pub(crate) fn new(
@@ -129,7 +129,7 @@ impl FlightPlayback {
         let start = FlightSimulation::new(params, Arc::clone(&scene.solids), &starts);
         let trails = new_trajectories(scene, start.options());
         let settled = vec![Vec3::ZERO; start.len()];
-        // What frames accumulate begins empty; maps of landings add up over the clip, those of deposits are drawn anew.
+        // All sums begin at 0; maps of landings add up over the clip, those of deposits are made anew in each frame.
         let deposits = DepositionMaps::new(keys, scene.domain, &scene.solids);
         let landed = if deposits.cumulative { deposits.empty_sums() } else { TexelSums::new() };
         let mut state = FlightState {
@@ -155,7 +155,7 @@ impl FlightPlayback {
             settle: keys.settle,
             trail_width: narrow(keys.trail_width),
             state: Mutex::new(state),
-            // The state before the spin-up is kept: a clip that is read from an earlier frame begins anew.
+            // The state before the spin-up is kept for a restart when an earlier frame is requested.
             start,
         })
     }
@@ -165,7 +165,7 @@ impl FlightPlayback {
         self.start.stats().buried
     }
 
-    /// Declarations of the flight's table and deposition maps, which frames fill. `warnings`: those so far, by code.
+    /// Declarations of the flight's table and deposition maps, which frames fill. `warnings`: codes and texts so far.
     pub fn table_and_fields(
         &self,
         keys: &FlightKeys,
@@ -217,9 +217,10 @@ impl FlightPlayback {
         })
     }
 
-    /// Number of a frame of the simulation, counted from the clip's first.
+    /// Number of a frame counted from the clip's first, negative during the spin-up. `simulated`: frames since the start of the
+    /// spin-up.
     fn clip_frame(&self, simulated: u64) -> i64 {
-        // Both are below 2^32.
+        // Both numbers are below 2^32, so that the casts keep their values.
         simulated.cast_signed() - self.spin_up.cast_signed()
     }
 
@@ -233,7 +234,7 @@ impl FlightPlayback {
         stats::flight_row(&simulation.stats(), counts, lattice)
     }
 
-    /// Brings the simulation to a frame of the clip and evaluates its state there.
+    /// Steps the simulation to frame `number` of the clip, from the start if it has passed it, and evaluates its state there.
     fn with_state_at<R>(&self, number: u64, evaluate: impl FnOnce(&mut FlightState) -> R) -> Result<R> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let target = self.spin_up + number;
@@ -339,7 +340,7 @@ impl FlightPlayback {
         self.with_state_at(number, |state| state.instance_state())
     }
 
-    /// The catkins before the first step, for the asset at rest.
+    /// Transforms of the catkins before the first step, which are those of the asset at rest.
     fn catkins_before_first_step(&self) -> InstanceState {
         self.state.lock().unwrap_or_else(PoisonError::into_inner).instance_state()
     }
@@ -372,7 +373,7 @@ impl AssetMotion for FlightPlayback {
 }
 
 impl FlightState {
-    /// Appends the current positions to the trajectories.
+    /// Appends the positions at which catkins are drawn to the trajectories.
     fn extend_trajectories(&mut self) {
         if let Some(mut trails) = self.trails.take() {
             let state = self.instance_state();
@@ -401,8 +402,8 @@ impl FlightState {
     }
 }
 
-/// Trajectories of the length that `flight.trails` asks for; `None` where it is 0. A catkin that moves by more than half the
-/// domain's width in a frame was recycled or wrapped.
+/// Trajectories as long as `flight.trails`; `None` where it is 0. A catkin that moves by more than half the domain's width in a
+/// frame was recycled or wrapped.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of frames")]
 fn new_trajectories(scene: &FlightSetup<'_>, params: &FlightParams) -> Option<Trajectories> {
     let frames = (scene.flight.keys.trails * params.fps).round() as usize;
@@ -449,24 +450,24 @@ fn flight_params(scene: &FlightSetup<'_>, models: &[CatkinModel]) -> FlightParam
         lift_wet: keys.lift_wet,
         lift_rate: keys.lift_rate,
         min_resolved_height: scene.min_resolved_height,
-        // A lattice flows around solids, up to its cells; an analytic wind blows through them and into the ground.
+        // A lattice wind flows around solids to within a cell; an analytic wind blows through them and into the ground.
         blocking_height: if scene.cell_size.is_some() { scene.min_resolved_height } else { ANALYTIC_BLOCKING_HEIGHT },
         roughness: if recipe.wind.model == WindModel::Lattice {
             recipe.lattice.roughness
         } else {
             FlightParams::default().roughness
         },
-        // A catkin that crosses a cell of the wind in one step would miss what the wind does there.
+        // A catkin that crosses a cell of the wind in one step would skip the wind there.
         longest_step: scene.cell_size.unwrap_or(f64::INFINITY),
         flutter: keys.flutter,
         ..FlightParams::default()
     }
 }
 
-/// Boundary conditions of the sides across x and across z.
+/// Boundary conditions of the sides across x and across z: those of the keys, else those that fit the wind and the release.
 fn side_boundaries(scene: &FlightSetup<'_>) -> [SideBoundary; 2] {
-    // Where the lattice wind is periodic, so are catkins. Elsewhere those released all over the sky are recycled, so that their
-    // number stays, and others leave.
+    // Sides at which the lattice wind is periodic are periodic for catkins too. At others, catkins released all over the sky
+    // are recycled, which keeps their number, and others leave.
     let keys = &scene.flight.keys;
     let lattice = scene.cell_size.is_some();
     let periodic = if lattice { lattice_options(scene.recipe).periodic_sides() } else { [false; 2] };
@@ -482,12 +483,12 @@ fn side_boundaries(scene: &FlightSetup<'_>) -> [SideBoundary; 2] {
     })
 }
 
-/// The time of a frame, counted from the clip's first.
+/// The time of a frame, counted from the clip's first, for the motions of plants.
 fn frame_time(frame: i64, fps: f64) -> FrameTime {
     FrameTime { seconds: frame as f64 / fps, step: 1.0 / fps }
 }
 
-/// Where and under which condition each catkin is released that starts in the sky or at given points.
+/// Start and release condition of each catkin that starts in the sky or at given points; empty for releases from a canopy.
 fn sky_and_point_releases(scene: &FlightSetup<'_>, params: &FlightParams) -> Vec<CatkinStart> {
     let (flight, keys) = (scene.flight, &scene.flight.keys);
     let seed = scene.recipe.general.seed;

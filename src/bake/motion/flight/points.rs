@@ -6,9 +6,9 @@ use crate::bake::motion::flight::FlightState;
 use osier_motion::flight::CatkinState;
 use osier_scene::{RecordColumn, RecordTable};
 
-/// One row: a catkin that waits, flies or rests.
+/// One row of the point table: a catkin that waits, flies or rests.
 struct CatkinPoint {
-    /// Index of its start, the same in all frames.
+    /// Index of the catkin among the starts, the same in all frames.
     id: u32,
     /// 0 waits for its release, 1 flies, 2 rests.
     state: u32,

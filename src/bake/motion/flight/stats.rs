@@ -10,7 +10,7 @@ use osier_wind::LatticeStats;
 /// Name of the table that holds the statistics of a flight, one row per frame.
 pub const TABLE: &str = "flight";
 
-/// Columns of the state at a frame, with units.
+/// Name and unit of each column that describes the state at a frame; counts have no unit.
 const STATE_COLUMNS: [(&str, &str); 18] = [
     ("pending", ""),
     ("airborne", ""),
@@ -32,14 +32,14 @@ const STATE_COLUMNS: [(&str, &str); 18] = [
     ("flight_distance_90", "m"),
 ];
 
-/// Columns of events, accumulated up to a frame.
+/// Columns that count events from the start of the spin-up to a frame.
 const TOTAL_COLUMNS: [&str; 7] = ["merges", "deposits", "lift_offs", "falls", "recycled", "left", "long_steps"];
 
-/// Columns of a lattice wind: cells clamped to the largest speed so far, checkerboard amplitude of the density, and mean density
-/// less 1.
+/// Columns of a lattice wind: how often so far a cell's speed was cut to the largest, the checkerboard amplitude of the
+/// density, and the mean density less 1.
 const LATTICE_COLUMNS: [&str; 3] = ["wind_clamps", "wind_checkered", "wind_mass_error"];
 
-/// Checkerboard amplitude of the density above which a warning says that the lattice is unstable. Guessed, not
+/// Checkerboard amplitude of the density (lattice units) above which a warning says that the lattice is unstable. Guessed, not
 /// measured; a smaller value warns earlier.
 const MAX_CHECKERBOARD: f64 = 1e-3;
 
@@ -49,9 +49,9 @@ const COMPARED_SOLIDS: usize = 4;
 /// Names of the places at which the table of a flight counts depositions.
 #[derive(Debug, Clone, Copy)]
 pub struct CountedPlaceNames<'a> {
-    /// Names of solids whose deposits are counted apart.
+    /// Names of the solids, each of which gets the columns `at_NAME` and `landed_NAME`.
     pub solids: &'a [&'a str],
-    /// Names of rectangles on the ground.
+    /// Names of rectangles on the ground, each of which gets the column `ground_NAME`.
     pub zones: &'a [&'a str],
 }
 
@@ -123,7 +123,7 @@ pub fn flight_table(
     }
 }
 
-/// The resolved parameters of a flight, for the header of its table.
+/// The parameters of a flight, keys with their defaults, as written into the header of its table.
 fn parameters_json(keys: &FlightKeys, count: usize) -> serde_json::Value {
     serde_json::json!({
         "count": count, "release": word_of(keys.release), "substeps": keys.substeps, "preroll_s": keys.spin_up,
@@ -147,7 +147,7 @@ pub struct PlaceCounts<'a> {
     pub in_zones: &'a [u64],
 }
 
-/// One row of [`flight_table`], its columns in order.
+/// Values of one row in the order of the columns of [`flight_table`].
 pub fn flight_row(t: &FlightStats, at: PlaceCounts<'_>, lattice: Option<LatticeStats>) -> Vec<f64> {
     let counts = [
         t.pending,

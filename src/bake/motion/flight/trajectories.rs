@@ -6,11 +6,12 @@ use osier_base::Result;
 use osier_base::convert::index;
 use osier_scene::{Curves, InstanceState};
 
-/// Points of all trajectories. One restarts where its catkin was recycled or wrapped to the other side of the domain, so that no
-/// line crosses it. A catkin that is not visible, or has not moved for the whole length, has a line of length zero.
+/// Points of all trajectories. A trajectory restarts when its catkin was recycled or wrapped to the other side of the domain,
+/// so that no line crosses the domain. A catkin that is not visible, or has not moved for the whole length, has a line of
+/// length zero.
 #[derive(Debug, Clone)]
 pub struct Trajectories {
-    /// Points of each line.
+    /// Number of points of each line, at least 2.
     length: usize,
     /// Distance, m, above which a frame's movement is a jump and not a flight.
     max_step: f32,
@@ -55,7 +56,8 @@ impl Trajectories {
         &self.points
     }
 
-    /// The trajectories as curves of a material, `width` m thick at the catkin and tapering to zero.
+    /// The trajectories as curves of a material, `width` m thick at the catkin and tapering to zero. `moving`: whether frames
+    /// change them.
     /// # Errors
     /// `TooMany` beyond 2^32 points of a curve.
     pub fn curves(&self, width: f32, material: u32, moving: bool) -> Result<Curves> {

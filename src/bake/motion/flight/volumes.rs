@@ -8,16 +8,16 @@ use osier_base::math::narrow;
 use osier_motion::flight::{CatkinState, FlightSimulation};
 use osier_scene::{VolumeFrame, VolumeGrid};
 
-/// The voxel grids of a flight.
+/// The voxel grids of a flight and the catkins that each counts.
 #[derive(Debug, Clone, Default)]
 pub(super) struct FlightVolumes {
-    /// As the scene holds them.
+    /// Declarations of the grids, as in the scene.
     pub grids: Vec<VolumeGrid>,
-    /// Whether a grid counts catkins in flight or at rest.
+    /// Which catkins each grid counts, parallel to `grids`.
     counted: Vec<CatkinPhase>,
 }
 
-/// Catkins that a grid counts: decides their state and the unit, 1/m^3 or 1/m^2.
+/// Phase of the catkins that a grid counts; it decides the grid's unit, 1/m^3 or 1/m^2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CatkinPhase {
     /// In flight, per volume of a cell.
@@ -27,7 +27,7 @@ enum CatkinPhase {
 }
 
 impl FlightVolumes {
-    /// The grids that a recipe with a flight of `count` catkins asks for; none without a clip.
+    /// The grids that a recipe with a flight of `count` catkins asks for; empty without a domain for volumes.
     pub(super) fn from_recipe(recipe: &Recipe, count: u32) -> Self {
         let output = &recipe.output;
         let Some(domain) = output.vdb.domain.as_ref().filter(|_| output.writes_vdb()) else { return Self::default() };
@@ -53,8 +53,8 @@ impl FlightVolumes {
         Self { grids, counted }
     }
 
-    /// The values of all grids in a state. The sum of the density times the volume of a cell is the number of catkins in flight; that
-    /// of the deposition times the area of its face the number of those at rest.
+    /// Values of all grids in a state, in their order. The sum of the density times the volume of a cell is the number of
+    /// catkins in flight; the sum of the deposition times the area of a cell's face is the number of catkins at rest.
     pub(super) fn fill(&self, simulation: &FlightSimulation) -> Vec<VolumeFrame> {
         if self.grids.is_empty() {
             return Vec::new();
@@ -65,6 +65,7 @@ impl FlightVolumes {
                 CatkinPhase::Airborne => state == CatkinState::Airborne,
                 CatkinPhase::Deposited => state.is_deposited(),
             };
+            // Volume of a cell, m^3, or area of its face, m^2, by which its count is divided.
             let extent = match counted {
                 CatkinPhase::Airborne => grid.cell * grid.cell * grid.cell,
                 CatkinPhase::Deposited => grid.cell * grid.cell,

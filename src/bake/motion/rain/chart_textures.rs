@@ -1,5 +1,5 @@
-//! Textures of leaves whose water has a chart of its own, drawn anew over that chart: the files of a wet leaf then have one set of
-//! texture coordinates, by which both its textures and its water maps are looked up.
+//! Resamples the textures of leaves whose water maps need a separate chart to that chart: the files of a wet leaf then have one
+//! set of texture coordinates, by which both its textures and its water maps are looked up.
 
 use std::collections::VecDeque;
 
@@ -13,11 +13,11 @@ use osier_scene::{Image, Maps, Material, Pixels};
 
 /// Largest side of a redrawn texture, in pixels.
 const MAX_SIDE: u32 = 4096;
-/// Range of the factor between the sides of a redrawn texture and of its source.
+/// Range of the ratio of the sides of a redrawn texture and its source.
 const SCALE_RANGE: [f64; 2] = [0.5, 2.0];
 
-/// Redraws the textures of a material over the chart of a blade. `suffix` makes the names of the new images unique; they are appended
-/// to `new`, and the first of them will be image `first` of the scene.
+/// Resamples the textures of a material to the chart of a blade; returns the material's maps. `suffix` makes the names of the
+/// new images unique; these are appended to `new`, and their indices continue those of `images`.
 /// # Errors
 /// `TooMany` beyond 2^32 images.
 pub(super) fn resample_to_charts(
@@ -28,7 +28,7 @@ pub(super) fn resample_to_charts(
     new: &mut Vec<Image>,
 ) -> Result<Maps> {
     let mut redrawn = |slot: Option<u32>, is_normal: bool| -> Result<Option<u32>> {
-        // A slot without a picture stays without: its uniform value needs no coordinates.
+        // A slot without an image stays empty: its uniform value needs no coordinates.
         let Some(source) = slot.and_then(|i| images.get(i as usize)) else { return Ok(None) };
         let id = index(images.len() + new.len(), "images of a scene")?;
         new.push(resample_image(surface, source, is_normal, suffix));
@@ -42,7 +42,7 @@ pub(super) fn resample_to_charts(
     })
 }
 
-/// An image over the chart, as fine as its source is on the blade.
+/// An image over the chart with about as many texels per metre of blade as its source.
 fn resample_image(surface: &LeafSurface, source: &Image, is_normal: bool, suffix: &str) -> Image {
     let scale = surface.chart_to_texture_side_ratio().clamp(SCALE_RANGE[0], SCALE_RANGE[1]);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most twice a picture's side")]
@@ -71,7 +71,7 @@ fn resample_image(surface: &LeafSurface, source: &Image, is_normal: bool, suffix
     Image { name: format!("{}{suffix}", source.name), width, height, pixels, ..*source }
 }
 
-/// Look-up of a picture's channels, as numbers from 0 to `most`.
+/// Interpolating look-up of an image's channels, as numbers from 0 to `most`.
 struct TextureSampler<'a> {
     image: &'a Image,
     most: f64,
@@ -117,13 +117,14 @@ impl<'a> TextureSampler<'a> {
     }
 }
 
-/// A normal of a normal map, turned from the tangent space of the texture to that of the chart. The arrays hold dp/du and dp/dv.
+/// Transforms a normal from the tangent space of the texture to that of the chart. The arrays hold dp/du and dp/dv.
 fn rotate_normal(value: [f64; 4], most: f64, texture: [DVec3; 2], chart: [DVec3; 2]) -> [f64; 4] {
     let axes = |[du, dv]: [DVec3; 2]| {
         let tangent = du.normalize_or(DVec3::X);
         [tangent, (dv - tangent * tangent.dot(dv)).normalize_or(DVec3::Y)]
     };
     let ([t, b], [u, v]) = (axes(texture), axes(chart));
+    // Normal maps store components -1..1 as 0..most.
     let decode = |c: f64| 2.0 * c / most - 1.0;
     let encode = |c: f64| ((0.5 * c + 0.5) * most).clamp(0.0, most);
     let slope = t * decode(value[0]) + b * decode(value[1]);
@@ -134,7 +135,7 @@ fn rotate_normal(value: [f64; 4], most: f64, texture: [DVec3; 2], chart: [DVec3;
 /// Gives texels beyond the blade the values of the nearest ones on it, so that filters find no edge at the margin.
 fn fill_beyond_blade(texels: &mut [Option<[f64; 4]>], width: usize) {
     let mut open: VecDeque<usize> = (0..texels.len()).filter(|k| texels[*k].is_some()).collect();
-    // Breadth first from all texels on the blade at once, so that each open one is reached from a nearest one.
+    // Breadth-first search from all texels on the blade at once reaches each empty texel from a nearest one.
     while let Some(k) = open.pop_front() {
         let x = k % width;
         let near = [

@@ -14,22 +14,22 @@ use osier_scene::{CodeList, RecordColumn, RecordTable, attribute_number};
 const SLOT_PAUSE: u64 = 2;
 /// Speed above which a drop on a leaf counts as running, m/s. Own: by eye; a smaller speed counts creeping drops too.
 pub(super) const RUNNING_SPEED: f64 = 1e-3;
-/// Cubic millimetres in a cubic metre.
+/// Cubic millimetres in a cubic metre; point tables have volumes in mm^3.
 const CUBIC_MM_PER_M3: f64 = 1e9;
-/// Written in a signed column for a leaf or a second drop where there is none.
+/// Value of a signed column that means "no leaf" or "no second drop".
 const MISSING: i32 = -1;
 
-/// State of a drop; its number is written in the column `state`.
+/// State of a drop; the discriminant is the number in the column `state`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum DropState {
     Airborne,
     /// On a leaf, at most as fast as [`RUNNING_SPEED`].
     Resting,
-    /// On a leaf, faster than that.
+    /// On a leaf, faster than [`RUNNING_SPEED`].
     Running,
     /// Pendant at a leaf's margin.
     Hanging,
-    /// A cap of the tail of the drop before it in the list, with a share of that drop's water.
+    /// A cap of the tail of the drop that precedes it in the list, with a share of that drop's water.
     Tail,
 }
 
@@ -44,27 +44,27 @@ impl DropState {
     ];
 }
 
-/// One row of the table `drops`; positions and directions in the world.
+/// One row of the table `drops`; positions and directions in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct DropRecord {
     /// Number of the drop, the same in all frames, counted from 0 in the order in which drops appear in the clip.
     id: u32,
     state: DropState,
-    /// The leaf that it is on, counted from 0 over all plants in the order of their placements.
+    /// Number of the drop's leaf, counted from 0 over all plants in the order of their placements; `None` in the air.
     leaf: Option<u32>,
-    /// Caps of its tail that follow it in the list.
+    /// Number of caps of its tail that follow it in the list.
     tail: u32,
     /// Texture coordinates on the leaf; 0 in the air.
     uv: [f32; 2],
     /// Side of the leaf: 1 the upper one, -1 the lower one; 0 in the air and at the margin.
     side: f32,
-    /// Centre, m: of the footprint on the leaf, of the circle that it hangs from, of the airborne drop.
+    /// Centre, m: of the footprint on the leaf, of the circle that the drop hangs from, or of the airborne drop.
     position: Vec3,
-    /// Volume, m^3; of a head without its tail.
+    /// Volume, m^3; for a head, without its tail.
     volume: f64,
     /// Velocity, m/s, including that of the leaf.
     velocity: Vec3,
-    /// Radius, m: of the footprint, of the circle that it hangs from, of the airborne drop.
+    /// Radius, m: of the footprint, of the circle that the drop hangs from, or of the airborne drop.
     a: f32,
     /// Height of the cap over the leaf, m; 0 for drops that do not lie on one.
     height: f32,
@@ -74,7 +74,7 @@ struct DropRecord {
     s: f32,
     /// Long axis of the footprint, or direction of hanging; a unit vector, 0 in the air.
     axis: Vec3,
-    /// Necking of a pendant drop, 0 to 1, at which it detaches.
+    /// Necking of a pendant drop: 0 without, 1 when it detaches.
     thin: f32,
 }
 
@@ -95,7 +95,8 @@ struct LeafRecord {
     rotation: Quat,
 }
 
-/// Small numbers for the ids of a clip's drops, in the order in which frames contain them: first as drops, then in events.
+/// Consecutive numbers for the ids of a clip's drops, in the order in which frames contain them: first as drops, then in
+/// events.
 pub(super) fn number_drops(frames: &[RainFrame]) -> Result<BTreeMap<u64, u32>> {
     let mut known = BTreeMap::new();
     for frame in frames {
@@ -177,7 +178,7 @@ fn drop_records(frame: &RainFrame, leaves: &[RainLeaf], number: &impl Fn(&u64) -
     records
 }
 
-/// Number, state and leaf of each drop.
+/// Columns that identify each drop, common to the tables of records and of points.
 fn identity_columns(drops: &[DropRecord]) -> [RecordColumn; 3] {
     [
         RecordColumn::u32("id", "", drops, |d| d.id),
@@ -186,7 +187,7 @@ fn identity_columns(drops: &[DropRecord]) -> [RecordColumn; 3] {
     ]
 }
 
-/// Position and velocity in the world.
+/// Columns of position and velocity in world space, common to the tables of records and of points.
 fn motion_columns(drops: &[DropRecord]) -> [RecordColumn; 6] {
     let f32s = |name, unit, value: fn(&DropRecord) -> f32| RecordColumn::f32(name, unit, drops, value);
     [
@@ -239,7 +240,7 @@ fn event_table(events: &[RainEvent], number: &impl Fn(&u64) -> u32, start: f64) 
     RecordTable { name: "events", columns }
 }
 
-/// All leaves, each with the number and volume of the drops on it.
+/// The table `leaves`: one row per leaf, with the number and volume of the drops on it.
 fn leaf_table(frame: &RainFrame) -> RecordTable {
     let blades = (0_u32..).zip(&frame.leaf_poses).zip(&frame.wetness);
     let mut leaves: Vec<LeafRecord> = blades
@@ -275,12 +276,12 @@ fn leaf_table(frame: &RainFrame) -> RecordTable {
     RecordTable { name: "leaves", columns }
 }
 
-/// A number in a signed column; [`MISSING`] where there is none.
+/// A number in a signed column; [`MISSING`] for `None`.
 fn number_or_none(number: Option<u32>) -> i32 {
     number.map_or(MISSING, attribute_number)
 }
 
-/// A record whose columns that depend on the state are 0.
+/// A record with 0 in all columns that only some states have.
 fn blank_record(id: u32, state: DropState, volume: f64) -> DropRecord {
     DropRecord {
         id,

@@ -1,4 +1,5 @@
-//! Numbers of drops that a bake of rain is expected to write, for estimates, which simulate one frame without spin-up.
+//! Estimates the numbers of drops that a bake of rain writes. An estimate simulates one frame without spin-up and needs them
+//! for sizes.
 
 use glam::Vec3;
 
@@ -16,7 +17,7 @@ mod tuning {
     pub(super) const FALL_SPEED: f64 = 5.5;
     /// Height of the emitter above the plants, m.
     pub(super) const EMITTER_HEIGHT: f64 = 1.0;
-    /// Share of the area of leaves that rain meets: they are tilted, and those above shelter those below.
+    /// Share of the leaf area that rain meets: leaves are tilted, and upper ones shelter lower ones.
     pub(super) const EXPOSED_SHARE: f64 = 0.3;
     /// Longest time that a drop stays on its leaf before it runs off or joins another, s.
     pub(super) const MAX_RESIDENCE_TIME: f64 = 4.0;
@@ -24,7 +25,7 @@ mod tuning {
     pub(super) const DROP_RADIUS: f64 = 1e-3;
 }
 
-/// What a frame is expected to hold, averaged over the clip.
+/// Expected contents of a frame, averaged over the clip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct ExpectedDrops {
     /// Drops between the emitter and the ground, or a leaf.
@@ -59,7 +60,7 @@ impl ExpectedDrops {
         Self { airborne: count(airborne), vertices: count(meshed * f64::from(of_one)) }
     }
 
-    /// Gives the asset of drops of an estimate as many points and vertices, all at the origin: nothing draws them.
+    /// Extends the asset of drops of an estimate to as many points and vertices, all at the origin: only their number counts.
     pub(super) fn fill(self, asset: &mut Asset) {
         for cloud in &mut asset.points {
             cloud.positions.resize(self.airborne.max(cloud.positions.len()), Vec3::ZERO);

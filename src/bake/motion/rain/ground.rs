@@ -9,16 +9,16 @@ use osier_motion::rain::GroundHeight;
 use osier_plants::surface::ground::Ground;
 use osier_plants::surface::terrain::Terrain;
 
-/// Depth below the lowest point of all plants and solids at which drops are removed where no ground is shown, m. Own: out of the camera's sight;
-/// deeper keeps more drops in the air.
+/// Depth, m, below the lowest point of all plants and solids at which drops are removed in scenes without a ground. Own: out of
+/// the camera's sight; deeper keeps more drops in the air.
 const REMOVAL_DEPTH: f64 = 0.1;
 
-/// The surface below the plants at which drops end.
+/// The surface below the plants that absorbs drops.
 #[derive(Debug)]
 pub enum RainGround {
-    /// The plane y = 0, or none where it is not shown.
+    /// The plane y = 0, or a plane below everything.
     Level {
-        /// Whether the scene shows a ground.
+        /// Whether the scene shows a ground; without one, drops end below all plants and solids.
         shown: bool,
     },
     /// A wavy ground, and the world position of its centre.
@@ -28,7 +28,7 @@ pub enum RainGround {
 }
 
 impl RainGround {
-    /// Heights at which drops end. `lowest`: height of the lowest point of all plants and solids, m.
+    /// World heights at which drops end. `lowest`: height of the lowest point of all plants and solids, m.
     pub fn into_height(self, lowest: f64) -> Arc<dyn GroundHeight> {
         match self {
             Self::Level { shown: true } => Arc::new(0.0),
@@ -51,7 +51,7 @@ impl GroundHeight for RainGround {
     fn max_height(&self) -> f64 {
         f64::from(match self {
             Self::Level { .. } => 0.0,
-            // Noise within 1 either way, less that at the centre.
+            // The noise lies within ±1, and its value at the centre is subtracted.
             Self::Waves(ground, _) => 2.0 * ground.amplitude,
             Self::Terrain(terrain) => terrain.range()[1],
         })

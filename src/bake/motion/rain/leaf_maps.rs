@@ -1,4 +1,4 @@
-//! Leaves with water maps of their own: each becomes a mesh with its own material and map sequence.
+//! Leaves with individual water maps: each becomes a mesh with a separate material and map sequence.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -18,14 +18,14 @@ use osier_scene::{
     Trs,
 };
 
-/// The layers of every leaf's map sequence.
+/// The layers that every leaf's map sequence has, in their order.
 const LAYERS: [MapLayer; 3] = [
     MapLayer { name: "height", file_kind: "exr.height", encoding: MapEncoding::Height },
     MapLayer { name: WETNESS, file_kind: "exr.wetness", encoding: MapEncoding::Unit },
     MapLayer { name: "normal", file_kind: "exr.normal", encoding: MapEncoding::Normal },
 ];
 
-/// The layer of water thickness, which follows [`LAYERS`] where the scene asks for it.
+/// The layer of water thickness, which follows [`LAYERS`] if the key `maps.water` is set.
 const WATER_LAYER: MapLayer = MapLayer { name: "water", file_kind: "exr.water", encoding: MapEncoding::Thickness };
 
 /// A leaf's maps in the order of [`LAYERS`]; `water`: with [`WATER_LAYER`].
@@ -35,16 +35,17 @@ pub fn leaf_map_frame(maps: &LeafMaps, water: bool) -> MapFrame {
     MapFrame { layers: layers.into_iter().chain(water.then(|| scalar(&maps.water))).collect() }
 }
 
-/// How the leaves of an asset with maps were separated from the others.
+/// Record of which leaves of an asset were separated because they have maps, to repeat it in each frame.
 #[derive(Debug, Clone, Default)]
 pub struct SeparatedLeaves {
     /// Per instancer and instance: whether the instance stays in its instancer.
     kept: Vec<Vec<bool>>,
-    /// Whether the others are instances of instancers that follow the old ones; else they are meshes.
+    /// Whether the separated leaves are instances of further instancers after the old ones; otherwise they are meshes.
     instanced: bool,
 }
 
-/// Rasters of the mapped leaves' charts, with the relief of their materials; leaves with one blade and size of maps share one.
+/// Rasters of the charts of mapped leaves with the relief of their materials, parallel to these; leaves with the same blade and
+/// map size share one.
 pub fn build_uv_rasters(
     leaves: &[SceneLeaf],
     mapped_leaves: &[LeafWithMaps],
@@ -79,18 +80,18 @@ fn prototype_of_instance(assets: &[Asset], of: LeafInstanceIndex) -> &Prototype 
     &instancer.prototypes[to_usize(instancer.protos[of.instance])]
 }
 
-/// What leaves with maps add to a scene.
+/// Map sequences and textures that leaves with maps add to a scene.
 pub struct AddedLeafMaps {
     pub sequences: Vec<MapSequence>,
-    /// Textures that are drawn anew over charts, to follow those of the scene.
+    /// Textures resampled to charts, to be appended to those of the scene.
     pub images: Vec<Image>,
-    /// Parallel to the assets.
+    /// Which leaves were separated, parallel to the assets.
     pub separated: Vec<SeparatedLeaves>,
 }
 
-/// Takes mapped leaves out of their instancers and gives each a mesh with a wet material and a map sequence. Leaves that move off their
-/// joints stay instances, each of a prototype of its own: a frame then carries one transform instead of all points. `images`: textures
-/// of the scene; empty in an estimate.
+/// Takes mapped leaves out of their instancers and gives each a mesh with a wet material and a map sequence. Leaves that move
+/// off their joints stay instances, each with a separate prototype: a frame then carries one transform instead of all points.
+/// `images`: textures of the scene; empty in an estimate.
 /// # Errors
 /// `TooMany` beyond 2^32 sequences, materials or images.
 pub fn add_leaf_maps(
@@ -117,7 +118,7 @@ pub fn add_leaf_maps(
         let leaf = &leaves[mapped.leaf];
         let LeafInstanceIndex { asset, instancer, instance } = leaf.instance;
         let of_prototype = &prototype_of_instance(assets, leaf.instance).mesh;
-        // A blade with a chart of its own has its textures drawn anew over it.
+        // If a blade has a separate chart, its textures are resampled to it.
         let mut mesh = match leaf.surface.chart() {
             Some(chart) => {
                 let mut mesh = chart.apply_to(of_prototype);
@@ -185,12 +186,12 @@ pub fn add_leaf_maps(
     Ok(AddedLeafMaps { sequences, images: new_images, separated })
 }
 
-/// An instancer of those instances that do not stay in `instancer`, each with a prototype of its own.
+/// An instancer of the instances that do not stay in `instancer`, each with a separate prototype.
 fn wet_instancer(instancer: &Instancer, prototypes: Vec<Prototype>, keep: &[bool]) -> Instancer {
     let mut wet = instancer.clone();
     retain_instances(&mut wet, &inverted(keep));
     wet.name = format!("{}_with_maps", instancer.name);
-    // Drops lie on these blades: their states count, not those of the joints.
+    // The blades move under the load of drops: frames write their transforms instead of following the joints.
     wet.motion = InstancerMotion::Free;
     wet.protos = (0..).take(prototypes.len()).collect();
     wet.prototypes = prototypes;
@@ -201,7 +202,7 @@ fn inverted(mask: &[bool]) -> Vec<bool> {
     mask.iter().map(|keep| !keep).collect()
 }
 
-/// Materials whose textures were drawn anew over the chart of a blade.
+/// Materials whose textures were resampled to the chart of a blade, so that leaves with the same blade share them.
 #[derive(Default)]
 struct ChartedMaterials {
     /// Blade and material, and the material that replaces it.
@@ -209,8 +210,8 @@ struct ChartedMaterials {
 }
 
 impl ChartedMaterials {
-    /// Gives a mesh with a chart as its texture coordinates materials whose textures lie in that chart. A mesh without texture
-    /// coordinates of its own gets materials without textures.
+    /// Assigns materials whose textures lie in the chart to a mesh with that chart as texture coordinates. A mesh that had no
+    /// texture coordinates before gets materials without textures.
     fn assign(
         &mut self,
         mesh: &mut Mesh,
@@ -275,7 +276,7 @@ fn retain_kept<T>(list: &mut Vec<T>, keep: &[bool]) {
     });
 }
 
-/// Keeps the instances whose flag in `keep` is set.
+/// Removes the instances whose flag in `keep` is false.
 fn retain_instances(instancer: &mut Instancer, keep: &[bool]) {
     retain_kept(&mut instancer.ids, keep);
     retain_kept(&mut instancer.protos, keep);

@@ -1,4 +1,4 @@
-//! Rain on the plants of a scene: the simulation over the clip, recorded, and the assets that show it.
+//! Rain on the plants of a scene: the simulation recorded over the clip, and the assets that show it.
 
 mod chart_textures;
 mod drop_records;
@@ -56,49 +56,50 @@ use osier_wind::{ShiftedWind, Wind};
 const DEFAULT_SUBSTEPS: u32 = 8;
 /// Bytes of recorded drops that count as one key of the limit `motion-keys`.
 const BYTES_PER_KEY: u64 = 64;
-/// What the limit counts, for its message.
+/// Name of the quantity counted against the limit `motion-keys`, for its message.
 const LIMITED_QUANTITY: &str = "the number of leaves and raindrops times frames";
-/// Index of refraction of water.
+/// Index of refraction of the material of drops.
 const WATER_IOR: f32 = osier_base::physics::WATER_IOR;
 
-/// A leaf with water maps of its own.
+/// A leaf with individual water maps, and the raster over which they are drawn.
 #[derive(Debug)]
 struct MappedLeaf {
     leaf: usize,
     raster: Arc<UvRaster>,
 }
 
-/// Recorded rain: every frame of the clip's drops and of the plants that they move.
+/// Recorded rain: the drops of every frame, and the frames of the plants that they move.
 #[derive(Debug)]
 pub struct RainPlayback {
     frames: Vec<RainFrame>,
-    /// Leaves before the first drop: their blades and sizes.
+    /// Dry leaves: their blades and sizes, from which maps and meshes of each frame start.
     leaves: Vec<RainLeaf>,
     mapped_leaves: Vec<MappedLeaf>,
     /// Frames of each plant; empty for a plant that does not move.
     plants: Vec<Vec<AssetFrame>>,
     params: DropParams,
-    /// Small numbers of the drops, by their ids.
+    /// Consecutive numbers of the drops by their ids, as in the tables.
     numbers: BTreeMap<u64, u32>,
-    /// Slot in the point cloud of each airborne drop, frame by frame.
+    /// Slots of the airborne drops in the point cloud, by frame, parallel to the drops.
     slots: Vec<Vec<u32>>,
-    /// Points of the cloud; a slot without a drop has width 0.
+    /// Number of points of the cloud; a slot without a drop has width 0.
     capacity: usize,
     /// Shapes of pendant drops, by the bits of the radius that they hang from.
     shapes: BTreeMap<u64, PendantFamily>,
     material: u32,
     shown: MeshedDropSelection,
     maps: Mutex<AdvancingLeafMaps>,
-    /// Whether the water's thickness is a map layer too.
+    /// Whether maps have a layer of water thickness.
     water_maps: bool,
 }
 
-/// Which drops on leaves are shown as meshes.
+/// Selection of the drops on leaves that a frame shows as meshes.
 #[derive(Debug, Clone, Copy)]
 struct MeshedDropSelection {
     /// Largest number of drops of a frame.
     max_drops: usize,
-    /// Those that the picture shows largest are chosen, and their detail follows it.
+    /// Scale of the picture: the drops that appear largest in it are chosen, and the detail of their meshes follows their size
+    /// there.
     picture: ScreenScale,
 }
 
@@ -125,33 +126,33 @@ struct AdvancingLeafMaps {
     leaves: Vec<LeafWaterMaps>,
 }
 
-/// Simulated rain, before it is added to the scene.
+/// Results of the rain's simulation, before they are added to the scene.
 struct SimulatedRain {
     /// Drops on leaves as a mesh, airborne ones as points.
     asset: Asset,
     playback: Arc<RainPlayback>,
     map_sequences: Vec<MapSequence>,
-    /// Textures of leaves that were drawn anew over charts.
+    /// Textures of leaves that were resampled to charts, to be appended to those of the scene.
     images: Vec<Image>,
     table: Table,
     wet_film: Option<WetFilm>,
-    /// What a frame of the whole clip is expected to hold, in an estimate of falling rain.
+    /// Expected contents of a frame, averaged over the whole clip; only in an estimate of falling rain.
     expected: Option<ExpectedDrops>,
 }
 
-/// A film of water that earlier rain has left on what it reached.
+/// A film of water that earlier rain has left on the surfaces that it reached.
 struct WetFilm {
-    /// Fraction of a wet face that it covers, 0 to 1.
+    /// Fraction of a wet face that the film covers, 0 to 1.
     cover: f32,
     exposure: RainExposure,
     /// Bounds of the solids, m; empty without any.
     solids: Bounds,
 }
 
-/// What rain adds to a scene beside assets. Empty without rain.
+/// Additions of rain to a scene besides assets; empty without rain.
 #[derive(Default)]
 pub(crate) struct AddedRain {
-    /// Water maps of leaves.
+    /// Declarations of water maps, one per leaf with maps; wet materials refer to them by index.
     pub(crate) map_sequences: Vec<MapSequence>,
     /// Statistics, one row per frame; `None` in a still scene.
     pub(crate) table: Option<Table>,
@@ -159,7 +160,7 @@ pub(crate) struct AddedRain {
 }
 
 impl AddedRain {
-    /// Gives the bark, solids and ground of a complete scene a wet material where rain reaches them, if the scene asks for a film.
+    /// Gives bark, solids and ground of a complete scene a wet material where rain reaches them, if `rain.wet.film` is above 0.
     /// # Errors
     /// `Limit` for a mesh that would get too many vertices, `Cancelled`, `TooMany` beyond 2^32 materials or images.
     pub(crate) fn add_wet_film(&self, builder: &mut SceneBuilder, context: &BakeContext<'_>) -> Result<()> {
@@ -170,7 +171,7 @@ impl AddedRain {
 
 /// Parts of a scene that rain falls on.
 struct RainInputs<'a> {
-    /// For an estimate the whole recipe, of which `recipe` is the first frame.
+    /// The whole recipe in an estimate, where `recipe` has its first frame only; else `None`.
     full: Option<&'a Recipe>,
     recipe: &'a Recipe,
     /// Assets of the grown plants; leaves with maps are taken out of their instancers.
@@ -178,11 +179,11 @@ struct RainInputs<'a> {
     materials: &'a mut Vec<Material>,
     /// Images of the materials' maps; empty in an estimate.
     images: &'a [Image],
-    /// Of each plant's first copy, parallel to `assets`.
+    /// World transform of each plant's first copy, parallel to `assets`.
     transforms: &'a [Trs],
-    /// Parallel to `assets`.
+    /// The grown plants, parallel to `assets`.
     plants: &'a [&'a Plant],
-    /// What moves each plant, parallel to `assets`.
+    /// Motion that drops are added to, parallel to `assets`.
     plant_motions: Vec<PlantInRain>,
     wind: Option<Arc<dyn Wind>>,
     ground: RainGround,
@@ -207,7 +208,7 @@ pub(crate) fn add_rain(
     report: &mut Report,
 ) -> Result<AddedRain> {
     let Some(rain) = &recipe.rain else { return Ok(AddedRain::default()) };
-    // Before leaves with maps copy their materials.
+    // This must precede the leaves with maps, which copy their materials.
     if rain.wet.film > 0.0 {
         wet_film::wet_leaf_materials(narrow(rain.wet.film), &mut builder.materials, &mut builder.images);
     }
@@ -250,7 +251,7 @@ pub(crate) fn add_rain(
     })
 }
 
-/// Simulates and records the whole clip.
+/// Simulates the rain over spin-up and clip and records every frame, for plants moved by rods or wind and for still ones.
 fn simulate_rain(
     scene: RainInputs<'_>,
     rain: &RainRecipe,
@@ -287,7 +288,7 @@ fn simulate_rain(
     let frames = clip.len() as u64;
     let rainfall = params::rainfall_params(rain, recipe);
     let lowest = f64::from(bounds.min.y);
-    // Without terrain the ground lies at the lowest point of plants and solids.
+    // In scenes without a ground, drops end below the lowest point of plants and solids.
     let ground = ground.into_height(solids.heights().map_or(lowest, |[low, _]| low.min(lowest)));
     let wet_film = (rain.wet.film > 0.0).then(|| WetFilm {
         cover: narrow(rain.wet.film),
@@ -306,7 +307,7 @@ fn simulate_rain(
     let config =
         RainConfig { params: params.clone(), emitter, plants: targets, leaves: leaves.collect(), wind, ground, solids };
     let mut simulation = RainSimulation::new(config);
-    // Blades without water, from which maps and meshes of each frame begin; the simulation changes its own.
+    // The simulation changes its leaves; dry copies are the start of maps and meshes in each frame.
     let dry_leaves = simulation.leaves().to_vec();
     initial_drops::check_initial_drops(&rain.lying, &dry_leaves)?;
     let RecordedRain { frames: rain_frames, mut plants } =
@@ -367,7 +368,7 @@ fn simulate_rain(
     })
 }
 
-/// A plant that does not move: its leaves, and its stems as tapered capsules between nodes.
+/// The collision targets of a plant that does not move: its leaves, and its stems as tapered capsules between nodes.
 fn still_plant(of: &RainedPlant<'_>) -> Box<dyn RainPlant> {
     let RainedPlant { plant, transform, .. } = of;
     let leaves: Vec<(DVec3, DQuat)> = of.leaves.iter().map(|f| (f.position, f.rotation)).collect();
@@ -393,7 +394,7 @@ fn bounds_at_rest(assets: &[Asset], transforms: &[Trs]) -> Bounds {
     })
 }
 
-/// World bounds of the plants, m, swaying or at rest.
+/// World bounds of the plants, m; those that the wind moves are bounded over their sway.
 fn plant_bounds(assets: &[Asset], transforms: &[Trs], recorders: &[RainedPlantRecorder]) -> Bounds {
     let rest = AssetFrame::default();
     assets.iter().zip(transforms).zip(recorders).fold(Bounds::default(), |all, ((asset, trs), recorder)| {
@@ -420,7 +421,7 @@ fn check_memory(
     context.limits.check("motion-keys", drops as u64, LIMITED_QUANTITY)
 }
 
-/// Time steps per frame: those of the keys, else as many as the stiffest rods need.
+/// Time steps per frame: those of the key `substeps`, else as many as the stiffest rods need, at least [`DEFAULT_SUBSTEPS`].
 fn steps_per_frame(rain: &RainRecipe, recipe: &Recipe, plant_motions: &[PlantInRain]) -> u32 {
     let fps = recipe.clip.fps();
     let needed = plant_motions
@@ -430,13 +431,13 @@ fn steps_per_frame(rain: &RainRecipe, recipe: &Recipe, plant_motions: &[PlantInR
     rain.keys.substeps.unwrap_or(needed)
 }
 
-/// Steps of `h`, s, before the first frame of the clip.
+/// Number of time steps of `h` s in the spin-up.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of steps")]
 fn spin_up_steps(rain: &RainRecipe, h: f64) -> u64 {
     (rain.keys.spin_up / h).round() as u64
 }
 
-/// Rain frame by frame, with the frames of the plants.
+/// Record of the simulation, frame by frame.
 struct RecordedRain {
     frames: Vec<RainFrame>,
     /// Frames of each plant's asset; empty for a plant that does not move.
@@ -497,7 +498,7 @@ fn record_frames(
     Ok(RecordedRain { frames: rain_frames, plants })
 }
 
-/// X024 where frames have more drops on leaves than they show as meshes.
+/// Warning X024 if some frame has more drops on leaves than it shows as meshes.
 fn report_hidden_drops(frames: &[RainFrame], max_drops: usize, report: &mut Report) {
     let most = frames.iter().map(|frame| frame.sessile.len() + frame.pendant.len()).max().unwrap_or(0);
     if most > max_drops {
@@ -516,19 +517,19 @@ fn pendant_families_by_radius(frames: &[RainFrame], g: f64) -> BTreeMap<u64, Pen
 }
 
 impl RainPlayback {
-    /// The `nth` frame of the clip; the last one after it.
+    /// The `nth` recorded frame; the last one if `nth` is beyond the clip.
     fn frame_at(&self, nth: u64) -> &RainFrame {
         let last = self.frames.len().saturating_sub(1);
         &self.frames[limit(nth).min(last)]
     }
 
-    /// The drops on leaves of which a frame shows meshes.
+    /// Selects the drops on leaves that a frame shows as meshes.
     fn leaf_drops_shown_as_meshes(&self, frame: &RainFrame) -> ShownDrops {
         let count = frame.sessile.len() + frame.pendant.len();
         if count <= self.shown.max_drops {
             return ShownDrops::All;
         }
-        // The largest in the picture; of equal ones those with lower identifiers.
+        // Drops are ranked by their size in the picture; among equals the lower id comes first.
         let rank = |leaf: usize, volume: f64| {
             -sphere_diameter(volume) * self.shown.picture.pixels_per_metre(frame.leaf_poses[leaf].position)
         };
@@ -539,7 +540,7 @@ impl RainPlayback {
         ShownDrops::Ids(ranked.into_iter().take(self.shown.max_drops).map(|(_, id)| id).collect())
     }
 
-    /// Mesh of sessile and pendant drops at the `nth` frame of the clip.
+    /// Mesh of the selected sessile and pendant drops at the `nth` frame of the clip, world space.
     fn drops_mesh(&self, nth: u64) -> DropMesh {
         let frame = self.frame_at(nth);
         let shown = self.leaf_drops_shown_as_meshes(frame);
@@ -572,7 +573,7 @@ impl RainPlayback {
         water
     }
 
-    /// Positions, diameters and velocities of the point cloud of airborne drops; a slot without a drop has diameter 0.
+    /// World positions, diameters and velocities of the point cloud of airborne drops; a slot without a drop has diameter 0.
     fn airborne_points(&self, nth: u64) -> (Vec<Vec3>, Vec<f32>, Vec<Vec3>) {
         let frame = self.frame_at(nth);
         // Points keep their index over frames, so that renderers can blur the motion of each.
@@ -586,7 +587,8 @@ impl RainPlayback {
         (p, w, v)
     }
 
-    /// The asset of drops at the first frame. `plants`: bounds of the plants, around which the camera frames the fall.
+    /// The asset of drops at the first frame, in world space. `plants`: bounds of the plants, which limit the points' extent
+    /// for cameras.
     fn asset(&self, moves: bool, plants: Bounds) -> Asset {
         let mut water = self.drops_mesh(0);
         // Attributes of drops belong to frames; the mesh at rest has none.
@@ -618,7 +620,7 @@ impl RainPlayback {
         }
     }
 
-    /// The asset of drops at the `nth` frame of the clip.
+    /// Mesh and points of the drops at the `nth` frame of the clip.
     fn drops_frame(&self, nth: u64) -> AssetFrame {
         let DropMesh { mesh, velocities, .. } = self.drops_mesh(nth);
         let (positions, widths, point_velocities) = self.airborne_points(nth);
@@ -630,12 +632,13 @@ impl RainPlayback {
         }
     }
 
-    /// True if frames of plant `k` were recorded; false for a plant that drops do not move and for an index without a plant.
+    /// Whether the rain has recorded frames of plant `k`; false for a plant that drops do not move and for an index without a
+    /// plant.
     pub fn plant_moves(&self, k: usize) -> bool {
         self.plants.get(k).is_some_and(|frames| !frames.is_empty())
     }
 
-    /// The asset of plant `k` at the `nth` frame of the clip.
+    /// Recorded state of plant `k` at the `nth` frame of the clip; the last one beyond the clip.
     pub fn plant_frame(&self, k: usize, nth: u64) -> AssetFrame {
         let frames = self.plants.get(k).map_or(&[][..], Vec::as_slice);
         let nth = limit(nth).min(frames.len().saturating_sub(1));
@@ -646,7 +649,7 @@ impl RainPlayback {
     /// frame starts from dry leaves.
     pub fn map_frames(&self, nth: u64) -> Vec<MapFrame> {
         let mut state = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
-        // The frame just shown may be asked for again; anything before it needs a new start.
+        // The maps may be at frame `nth` already; earlier frames need a new start.
         if state.frames > nth + 1 || state.leaves.is_empty() {
             let dry = |m: &MappedLeaf| LeafWaterMaps::new(Arc::clone(&m.raster), self.leaves[m.leaf].scale);
             *state = AdvancingLeafMaps { frames: 0, leaves: self.mapped_leaves.iter().map(dry).collect() };
@@ -687,7 +690,7 @@ impl AssetMotion for RainPlayback {
     }
 }
 
-/// Motion of a plant that drops move, from the record of the rain.
+/// Motion of a plant that drops move, played back from the record of the rain.
 #[derive(Debug, Clone)]
 pub struct PlantMotionInRain {
     /// The recorded rain, which holds the frames of all plants.

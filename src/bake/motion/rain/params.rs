@@ -9,7 +9,7 @@ use osier_motion::rain::{
     MergeRule, RainfallParams, WettingParams, capillary_length,
 };
 
-/// Parameters of wetting, impact, friction, merging and trails.
+/// Parameters of wetting, impact, friction, merging and trails from `[rain.drop]`, `[rain.impact]` and `[rain.wet]`.
 pub(super) fn drop_params(rain: &RainRecipe, seed: u64) -> DropParams {
     let (drop, impact, wet) = (&rain.drop, &rain.impact, &rain.wet);
     // Keys are in SI units; the choices of the scene select the physical law or the one printed in the paper.

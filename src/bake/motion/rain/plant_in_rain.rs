@@ -1,4 +1,4 @@
-//! Plants that move in the rain: on rods, which the simulation of the rain steps, or on the elements of the sway model.
+//! Plants in the rain: on rods, which the simulation of the rain steps, on the elements of the sway model, or still.
 
 use std::sync::Arc;
 
@@ -19,21 +19,21 @@ use osier_wind::Wind;
 
 /// The model by which wind and drops move a plant.
 pub(crate) enum PlantInRain {
-    /// Nothing: the plant stands still and takes all impulses.
+    /// None: the plant does not move, and impulses of drops have no effect on it.
     Still,
     /// Rods, which wind and drops bend.
     Rods {
-        /// At rest, in world space.
+        /// The rods at rest, in world space.
         rods: Box<RodPlant>,
-        /// Of the plant's meshes and leaves to the rods.
+        /// Binding of the plant's meshes and leaves to the rods.
         binding: RodBinding,
     },
-    /// The sway in the wind, to which drops add.
+    /// The recorded sway in the wind, to whose bends drops add.
     Sway(Arc<SwayMotion>),
 }
 
 impl PlantInRain {
-    /// Rods and their binding, of a plant that moves on rods.
+    /// Rods and their binding; `None` for a plant that does not move on rods.
     pub(crate) fn rods(&self) -> Option<(&RodPlant, &RodBinding)> {
         match self {
             Self::Rods { rods, binding } => Some((rods, binding)),
@@ -41,13 +41,13 @@ impl PlantInRain {
         }
     }
 
-    /// True for the sway model; false for a plant on rods and for one that stands still.
+    /// Whether the sway model moves the plant; false for a plant on rods and for a still one.
     pub(crate) fn moves_by_sway_model(&self) -> bool {
         matches!(self, Self::Sway(_))
     }
 }
 
-/// A plant of the scene with its asset, as the rain meets it.
+/// A plant of the scene with its asset and the leaves that drops can strike.
 pub(super) struct RainedPlant<'a> {
     pub(super) plant: &'a Plant,
     pub(super) asset: &'a Asset,
@@ -68,22 +68,23 @@ pub(super) struct RainClock {
     pub(super) gravity: f64,
 }
 
-/// Records the frames of one plant that moves in the rain.
+/// Turns the simulated state of one plant into frames of its asset.
 pub(super) enum RainedPlantRecorder {
     Still,
     Rods(RodBinding),
     Sway(SwayRecorder),
 }
 
-/// Writes the leaves of a swaying plant where wind and drops have moved them.
+/// Recorder of a swaying plant, whose leaves wind and drops have moved.
 pub(super) struct SwayRecorder {
     wind: RecordedWindPoses,
-    /// Leaf pivots and nodes at rest, in the world.
+    /// Bounds of leaf pivots and nodes at rest, world space, m.
     rest_bounds: Bounds,
 }
 
 impl RainedPlantRecorder {
-    /// World bounds of the plant during the clip, from those at rest: extended by as much as leaf pivots and nodes leave theirs.
+    /// World bounds of the plant during the clip, m: those at rest, extended by as far as leaf pivots and nodes sway beyond
+    /// theirs.
     pub(super) fn bounds_in_wind(&self, at_rest: Bounds) -> Bounds {
         let Self::Sway(recorder) = self else { return at_rest };
         let frames = recorder.wind.motion.frame_count();
@@ -100,7 +101,7 @@ impl RainedPlantRecorder {
         }
     }
 
-    /// The asset of the plant in its present state; `None` for a plant that does not move.
+    /// Frame of the plant's asset in the present state of the simulation; `None` for a plant that does not move.
     pub(super) fn frame(&self, asset: &Asset, plant: &dyn RainPlant, time: FrameTime) -> Option<AssetFrame> {
         match self {
             Self::Still => None,
@@ -110,10 +111,11 @@ impl RainedPlantRecorder {
     }
 }
 
-/// Frames of the wind that are looked at to see how far a plant sways: a gust lasts longer than a sixteenth of a clip.
+/// Number of frames of the wind sampled to bound a plant's sway. Own: a gust lasts longer than a sixteenth of a clip.
 const SAMPLED_FRAMES: usize = 16;
 
-/// The plant as drops meet it, and what records its frames.
+/// The collision target of a plant for drops, and the recorder of its frames. `still` makes the target of a plant that does not
+/// move.
 pub(super) fn plant_in_rain(
     motion: PlantInRain,
     of: &RainedPlant<'_>,
@@ -143,9 +145,9 @@ pub(super) fn plant_in_rain(
 }
 
 impl SwayRecorder {
-    /// The plant before the first drop.
+    /// The collision target of a swaying plant before the first drop: leaves with axis, arc length and blade.
     fn rain_plant(&self, of: &RainedPlant<'_>, clock: RainClock) -> SwayingRainPlant {
-        // Organs are known by their ids, which the instances have too.
+        // Instances have the ids of the organs that they show, by which these are found.
         let organs: std::collections::BTreeMap<u64, usize> =
             of.plant.organs.iter().enumerate().map(|(i, organ)| (organ.id, i)).collect();
         let swaying = |leaf: &&SceneLeaf| {
@@ -172,7 +174,7 @@ impl SwayRecorder {
         })
     }
 
-    /// The asset with leaves where the simulation has them; leaves on which no drop can lie stay with the wind.
+    /// Frame of the asset with the leaf poses of the simulation; leaves on which no drop can lie keep those of the wind.
     fn frame(&self, asset: &Asset, plant: &dyn RainPlant, drop_bends: Vec<[f32; 2]>, time: FrameTime) -> AssetFrame {
         let RecordedWindPoses { motion, leafage, transform, instances: of_leaves, .. } = &self.wind;
         let mut instances = motion.places(leafage, time).instances;
@@ -205,7 +207,7 @@ struct RecordedWindPoses {
     leafage: Arc<Asset>,
     /// World from plant space.
     transform: Trs,
-    /// Instance of each leaf that drops can strike.
+    /// Instance of each leaf that drops can strike, in the order of the simulation's leaves.
     instances: Vec<LeafInstanceIndex>,
     /// Time between two frames, s.
     step: f64,
@@ -213,7 +215,8 @@ struct RecordedWindPoses {
 
 impl WindPoses for RecordedWindPoses {
     fn at_frame(&self, frame: i64) -> WindPose {
-        // Before a clip that does not repeat, the spin-up shows it backwards, so that the plant is in motion when the clip begins.
+        // Before a clip that does not repeat, the spin-up plays it backwards, so that the plant is in motion when the clip
+        // begins.
         let frame = if self.motion.repeats() { frame } else { frame.abs() };
         let time = FrameTime { seconds: frame as f64 * self.step, step: self.step };
         let places = self.motion.places(&self.leafage, time);

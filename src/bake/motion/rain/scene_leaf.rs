@@ -13,10 +13,10 @@ use osier_base::math::narrow;
 use osier_motion::rain::{AlphaMask, LeafCollider, LeafSurface, VeinMap};
 use osier_scene::{Asset, AssetFrame, Image, InstancerFrame, InstancerMotion, Material, Trs};
 
-/// Attribute of leaves and drops: share of the surface that is wet, 0 to 1.
+/// Name of the attribute of leaves and drops that holds the share of the surface that is wet, 0 to 1.
 pub(super) const WETNESS: &str = "wetness";
 
-/// An instance of a plant's leaf instancer, by its indices.
+/// Indices of one instance of a plant's leaf instancer within the assets of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct LeafInstanceIndex {
     pub(crate) asset: usize,
@@ -24,17 +24,17 @@ pub(crate) struct LeafInstanceIndex {
     pub(crate) instance: usize,
 }
 
-/// A leaf blade of the scene, at rest.
+/// A leaf blade of the scene at rest, with the surface on which drops lie.
 pub(crate) struct SceneLeaf {
     pub(crate) instance: LeafInstanceIndex,
-    /// The blade in its own space; instances of one prototype share it.
+    /// The blade in leaf space; instances of one prototype share it.
     pub(crate) surface: Arc<LeafSurface>,
     pub(super) collider: Arc<LeafCollider>,
     /// Number of the leaf on its plant: the index of its organ on a plant on rods, else counted in order.
     pub(super) number: usize,
-    /// The joint that the leaf rides on, for a plant that moves.
+    /// The joint that the leaf follows; `None` for a leaf of a still plant.
     pub(crate) joint: Option<u16>,
-    /// Whether the leaf moves beside its joint, so that frames carry its position and orientation.
+    /// Whether the leaf moves relative to its joint, so that frames carry its position and orientation.
     pub(crate) moves_off_joint: bool,
     /// Pivot in the world, m.
     pub(super) position: DVec3,
@@ -60,7 +60,7 @@ pub(super) fn scene_leaves(
         let moves_off_joint = motion.is_some_and(PlantInRain::moves_by_sway_model);
         let mut count = 0;
         for (i, instancer) in asset.instancers.iter().enumerate() {
-            // Surface and collider of each prototype: alpha and height maps tell where blade and veins are.
+            // Surface and collider of each prototype: alpha maps give the outline of the blade, height maps its veins.
             let prototypes: Vec<Option<(Arc<LeafSurface>, Arc<LeafCollider>)>> = instancer
                 .prototypes
                 .iter()
@@ -76,7 +76,7 @@ pub(super) fn scene_leaves(
                 .collect();
             for k in 0..instancer.len() {
                 let Some(Some((surface, collider))) = prototypes.get(to_usize(instancer.protos[k])) else { continue };
-                // World from leaf: the plant's placement after the leaf's own place on the plant.
+                // World from leaf: the plant's placement applied after the leaf's transform on the plant.
                 let trs = transform.then_inner(&instancer.transform(&instancer.rest, k));
                 let organ = rods.and_then(|(_, binding)| binding.leaf_groups().get(i)?.get(k).copied());
                 let joint = match (&instancer.motion, rods.zip(organ)) {
@@ -103,7 +103,7 @@ pub(super) fn scene_leaves(
     leaves
 }
 
-/// What a blade's texture coordinates mean for its water, where they are not its chart.
+/// Diagnostic for a blade whose texture coordinates cannot serve as the chart of its water (X022), or that has no area (X023).
 fn chart_diagnostic(plant: &str, leaf: &str, surface: Option<&LeafSurface>) -> Option<Diagnostic> {
     let mend = "give the leaf texture coordinates from 0 to 1 in which no two of its parts overlap and none is cut";
     let Some(surface) = surface else {
@@ -122,7 +122,7 @@ fn chart_diagnostic(plant: &str, leaf: &str, surface: Option<&LeafSurface>) -> O
     Some(Diagnostic::about("X022", text).help(mend))
 }
 
-/// The choice of a leaf whose water is drawn into maps, with their size.
+/// A leaf selected for water maps, with their resolution.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LeafWithMaps {
     /// Index into the scene's list of [`SceneLeaf`].
@@ -134,18 +134,19 @@ pub(crate) struct LeafWithMaps {
 /// Smallest side of a map, texels. Own: the smallest that the key admits; smaller files would hold hardly more than their header.
 const MIN_MAP_SIDE: usize = 32;
 
-/// Leaves that get maps, in the order of the scene: those nearest to the camera.
+/// The leaves nearest to the camera, at most `maps.max_mapped_leaves`, in the order of the scene.
 pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf], picture: &ScreenScale) -> Vec<LeafWithMaps> {
     let mut order: Vec<usize> = (0..leaves.len()).collect();
     let distance = |leaf: usize| picture.distance(leaves[leaf].position);
     order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b)));
-    // The nearest ones get maps; then back to the order of the scene, so that names do not depend on the camera.
+    // The selected leaves return to the order of the scene, so that names do not depend on the camera.
     order.truncate(to_usize(recipe.maps.max_mapped_leaves));
     order.sort_unstable();
     order.into_iter().map(|leaf| LeafWithMaps { leaf, side: map_side(recipe, &leaves[leaf], picture) }).collect()
 }
 
-/// Side of a leaf's maps, texels: as many as the camera's picture shows, rounded up to a power of two, at most `maps.resolution`.
+/// Side of a leaf's maps, texels: its size in the camera's picture times the key `texels_per_pixel`, rounded up to a power of
+/// two, at most `maps.resolution`.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating, and clamped")]
 fn map_side(recipe: &Recipe, leaf: &SceneLeaf, picture: &ScreenScale) -> usize {
     let pixels = leaf.surface.chart_span() * leaf.scale * picture.pixels_per_metre(leaf.position);
@@ -154,7 +155,7 @@ fn map_side(recipe: &Recipe, leaf: &SceneLeaf, picture: &ScreenScale) -> usize {
     wanted.clamp(MIN_MAP_SIDE, largest).next_power_of_two().min(largest)
 }
 
-/// Writes the wetness of all leaves into the last frame of each plant.
+/// Writes the wetness of all leaves, 0..1, as instance attributes into the last frame of each plant.
 pub(super) fn set_leaf_wetness(plants: &mut [Vec<AssetFrame>], leaves: &[SceneLeaf], wetness: &[f64]) {
     for (leaf, wetness) in leaves.iter().zip(wetness) {
         let LeafInstanceIndex { asset, instancer, instance } = leaf.instance;

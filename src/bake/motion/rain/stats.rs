@@ -8,7 +8,7 @@ use osier_scene::Table;
 /// Name of the table that holds the statistics of rain, one row per frame.
 pub const TABLE: &str = "rain";
 
-/// Cubic millimetres in a cubic metre.
+/// Cubic millimetres in a cubic metre; volumes of the table are in mm^3.
 const CUBIC_MM_PER_M3: f64 = 1e9;
 
 /// Columns of the state at a frame: numbers of drops, and volumes of water by place.
@@ -26,10 +26,11 @@ const STATE_COLUMNS: [(&str, &str); 11] = [
     ("rained", "mm3"),
 ];
 
-/// Columns of events, accumulated up to a frame.
+/// Columns that count events from the start of the spin-up to a frame.
 const TOTAL_COLUMNS: [&str; 5] = ["struck", "merged", "beads", "hung", "fell"];
 
-/// Declares the table of rain. `rate`: intensity of the rain, m/s, and `area`: that of its emitter, m^2; `None` without falling rain.
+/// Declares the table of rain. `rate`: intensity of the rain, m/s; `area`: area of its emitter, m^2; both `None` without
+/// falling rain.
 pub fn rain_table(params: &DropParams, rate: Option<f64>, area: Option<f64>) -> Table {
     let mut columns: Vec<(String, &'static str)> =
         STATE_COLUMNS.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
@@ -43,7 +44,7 @@ pub fn rain_table(params: &DropParams, rate: Option<f64>, area: Option<f64>) -> 
         ("Water", find(&["water_air", "water_leaves", "water_hanging"])),
         ("What has happened", find(&TOTAL_COLUMNS)),
     ];
-    // Rounded so that a number written in a scene comes out as it was written.
+    // Rounding restores numbers as they were written in the scene, before their conversion to SI units.
     let rounded = |x: f64, digits: f64| (x * digits).round() / digits;
     let degrees = |x: f64| rounded(x.to_degrees(), 1e6);
     let wetting = &params.wetting;
@@ -58,7 +59,7 @@ pub fn rain_table(params: &DropParams, rate: Option<f64>, area: Option<f64>) -> 
     Table { name: TABLE.into(), columns, plots, totals, outcome, parameters, said: Vec::new(), watches: Vec::new() }
 }
 
-/// One row of [`rain_table`], its columns in order.
+/// Values of one row in the order of the columns of [`rain_table`].
 pub fn rain_row(frame: &RainFrame) -> Vec<f64> {
     let running = frame.sessile.iter().filter(|d| d.v.length() > RUNNING_SPEED).count();
     let (water, counters) = (&frame.water_budget, &frame.counters);

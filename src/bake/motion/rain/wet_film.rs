@@ -12,12 +12,12 @@ const FILM_ROUGHNESS: f32 = 0.12;
 /// Roughness of a closed film on what absorbs water: bark, plaster, tiles, soil. Own: by eye; smaller values varnish them.
 const POROUS_FILM_ROUGHNESS: f32 = 0.35;
 
-/// A film of water on the materials of a class.
+/// A film of water on the materials of a class, which changes their albedo and roughness.
 #[derive(Debug, Clone, Copy)]
 struct Film {
-    /// Fraction of the surface that it covers, 0 to 1.
+    /// Fraction of the surface that the film covers, 0 to 1.
     cover: f32,
-    /// Roughness where it is closed.
+    /// Roughness of the surface where the film covers it.
     roughness: f32,
 }
 
@@ -27,12 +27,12 @@ impl Film {
         Self { cover, roughness: if porous { POROUS_FILM_ROUGHNESS } else { FILM_ROUGHNESS } }
     }
 
-    /// Factor on the albedo.
+    /// Factor on the linear albedo: the mean of 1 and [`Coat::WET_ALBEDO`] weighted by the cover.
     fn darkening(self) -> f32 {
         1.0 + self.cover * (Coat::WET_ALBEDO - 1.0)
     }
 
-    /// Roughness of a surface under the film.
+    /// Roughness of a surface of roughness `roughness` with the film, weighted by the cover.
     fn roughness_below(self, roughness: f32) -> f32 {
         // A film never makes a surface rougher.
         roughness + (self.roughness - roughness).min(0.0) * self.cover
@@ -44,8 +44,8 @@ impl Film {
     }
 }
 
-/// Wets the materials of all leaves. `cover`: fraction of the leaves that the film covers, 0 to 1. `images`: textures of the scene;
-/// empty in an estimate, which reads none.
+/// Changes colour and roughness of the materials of all leaves, and their textures. `cover`: fraction of the leaves that the
+/// film covers, 0 to 1. `images`: textures of the scene; empty in an estimate, which reads none.
 pub(super) fn wet_leaf_materials(cover: f32, materials: &mut [Material], images: &mut [Image]) {
     let film = Film::covering(MaterialClass::Leaf, cover);
     // Leaves may share textures, each of which is changed once.
@@ -63,7 +63,7 @@ pub(super) fn wet_leaf_materials(cover: f32, materials: &mut [Material], images:
     }
 }
 
-/// How the faces of a material are divided by rain.
+/// Whether a material has wet faces, dry faces or both.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct WetDryFaces {
     /// Whether it has faces that rain reaches.
@@ -72,22 +72,22 @@ pub(super) struct WetDryFaces {
     pub(super) dry: bool,
 }
 
-/// Indices of the images that keep their pixels, and of the wet image that stands for each of the others.
+/// The images that keep their pixels, and for others the wet image that replaces them.
 struct WetImages {
-    /// Images that keep their pixels.
+    /// Indices of images that a dry material uses, which keep their pixels.
     dry: BTreeSet<u32>,
-    /// The wet image of each that has one: a copy, or the image itself.
+    /// Index of the wet image of each image that has one: a copy, or the image itself.
     wet: BTreeMap<u32, u32>,
 }
 
 impl WetImages {
-    /// The wet image of a dry one, which `wet` changes unless that was done before.
+    /// Index of the wet image of image `dry`, which the function `wet` changes, unless an earlier call has done that.
     fn add(&mut self, dry: u32, film: Film, wet: fn(&mut Image, Film), images: &mut Vec<Image>) -> Result<u32> {
         if let Some(known) = self.wet.get(&dry) {
             return Ok(*known);
         }
         let mut new = dry;
-        // Only an image that a dry material shows, too, needs a copy.
+        // Only an image that a dry material uses too needs a copy.
         if let Some(image) = images.get(to_usize(dry)).filter(|_| self.dry.contains(&dry)) {
             new = index(images.len(), "images of a scene")?;
             images.push(Image { name: format!("{}_wet", image.name), ..image.clone() });
@@ -109,7 +109,7 @@ pub(super) fn add_wet_materials(
     images: &mut Vec<Image>,
 ) -> Result<BTreeMap<MaterialId, MaterialId>> {
     let all_uses = || uses.iter().copied().chain(std::iter::repeat(WetDryFaces::default()));
-    // Images that keep their pixels, because a material that stays dry has them.
+    // Images that keep their pixels, since a material that stays dry uses them.
     let dry = materials
         .iter()
         .zip(all_uses())
@@ -139,10 +139,10 @@ pub(super) fn add_wet_materials(
     Ok(wet_materials)
 }
 
-/// Multiplies the colours of an sRGB picture in linear light; alpha stays.
+/// Multiplies the colours of an 8-bit sRGB image in linear light by the film's darkening; alpha stays.
 fn darken_image(image: &mut Image, film: Film) {
     let factor = film.darkening();
-    // One entry per byte value: a picture has far more pixels than that.
+    // A table with one entry per byte value saves the conversion of every pixel.
     let table: Vec<u8> = (0..=u8::MAX).map(|c| srgb_byte(linear_from_srgb(f32::from(c) / 255.0) * factor)).collect();
     if let Pixels::U8(samples) = &mut image.pixels {
         for pixel in samples.chunks_mut(usize::from(image.channels.max(1))) {
@@ -151,7 +151,7 @@ fn darken_image(image: &mut Image, film: Film) {
     }
 }
 
-/// Replaces the values of a roughness map by those under a film.
+/// Replaces the values of a roughness map by those with a film.
 fn smooth_roughness_map(image: &mut Image, film: Film) {
     match &mut image.pixels {
         Pixels::U8(samples) => samples.iter_mut().for_each(|r| *r = byte(film.roughness_below(f32::from(*r) / 255.0))),

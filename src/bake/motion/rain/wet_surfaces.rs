@@ -1,4 +1,4 @@
-//! Faces of walls, roofs, bark and ground that rain reaches get a wet variant of their material; what is sheltered stays dry.
+//! Gives faces of walls, roofs, bark and ground that rain reaches a wet variant of their material; sheltered faces stay dry.
 
 use std::collections::BTreeMap;
 
@@ -13,19 +13,20 @@ use osier_base::geometry::Bounds;
 use osier_motion::rain::{RainExposure, SurfacePoint};
 use osier_scene::{Material, MaterialClass, MaterialId, Mesh, MeshMotion, MeshObject, Subset, Trs};
 
-/// Share of the open field's rainfall from which on a surface is wet. Own: rain that has lasted for minutes wets what it strikes at all;
-/// larger values leave the walls dry that slanting rain strikes.
+/// Share of the rainfall on open level ground above which a surface is wet. Own: rain that has lasted for minutes wets all that
+/// it strikes; larger values leave walls dry that slanting rain strikes.
 const WET_CATCH_RATIO: f32 = 0.1;
-/// Longest edge of a face near solids across which nothing is sought that shelters its middle, m: half of a usual jutty of a roof and
-/// more would leave its dry strip unseen.
+/// Longest edge, m, of a face near solids that is not divided when its corners agree. Own: half the overhang of a usual eave;
+/// longer edges miss the dry strip below it.
 const LONGEST_UNDIVIDED_EDGE: f32 = 1.0;
-/// Length of edges at which the border between wet and dry faces is interpolated instead of sought further, m.
+/// Edge length, m, below which faces are not divided further: the border between wet and dry is interpolated there.
 const SHORTEST_DIVIDED_EDGE: f32 = 0.12;
-/// How far from the solids' bounds faces may be sheltered by them, m: rain in a storm drifts by about its height.
+/// Distance from the solids' bounds within which they may shelter faces, m. Own: rain in a storm drifts by about its height of
+/// fall.
 const SHELTER_REACH: f32 = 12.0;
 
-/// Divides the meshes of the scene by the rain that reaches them. `cover`: fraction of a wet face that the film covers, 0 to 1.
-/// `solids`: bounds of all that shelters, m.
+/// Gives the faces of the scene that rain reaches a wet material. `cover`: fraction of a wet face that the film covers, 0 to 1.
+/// `solids`: world bounds of everything that shelters, m.
 /// # Errors
 /// `Limit` for a mesh that would get too many vertices, `Cancelled`, `TooMany` beyond 2^32 materials or images.
 pub(super) fn wet_exposed_surfaces(
@@ -39,7 +40,7 @@ pub(super) fn wet_exposed_surfaces(
     let mut uses = vec![WetDryFaces::default(); builder.materials.len()];
     let mut wet_faces: BTreeMap<[usize; 2], Vec<bool>> = BTreeMap::new();
 
-    // Which faces are wet. All copies of an asset share the faces of the first.
+    // Find the wet faces. All copies of an asset share the faces of the first.
     for (k, asset) in builder.assets.iter_mut().enumerate() {
         let Some(placement) = builder.placements.iter().find(|p| p.asset == k) else { continue };
         for (i, object) in asset.meshes.iter_mut().enumerate() {
@@ -55,7 +56,7 @@ pub(super) fn wet_exposed_surfaces(
             count_uses(&object.mesh, &wet, &builder.materials, &mut uses);
             wet_faces.insert([k, i], wet);
         }
-        // What is instanced, such as stalks and twigs, is wet everywhere.
+        // Instances, such as stalks and twigs, share one mesh and are wet everywhere.
         for mesh in asset.instancers.iter().flat_map(|set| &set.prototypes) {
             count_uses(&mesh.mesh, &[], &builder.materials, &mut uses);
         }
@@ -77,7 +78,7 @@ pub(super) fn wet_exposed_surfaces(
     Ok(())
 }
 
-/// Bark, masonry and soil; leaves have a film of their own, and water is none.
+/// Whether a material is bark, masonry or soil; leaves get their film earlier, and water has none.
 fn is_wettable(material: &Material) -> bool {
     matches!(material.class, MaterialClass::Bark | MaterialClass::Ground)
 }
@@ -86,7 +87,7 @@ fn has_wettable_faces(mesh: &Mesh, materials: &[Material]) -> bool {
     mesh.subsets.iter().any(|s| materials.get(to_usize(s.material)).is_some_and(is_wettable))
 }
 
-/// Whether vertices may be added to the mesh of an object.
+/// Whether vertices may be added to the mesh of an object: it must be still and have no skin, attributes or vertex colours.
 fn can_be_cut(object: &MeshObject) -> bool {
     let mesh = &object.mesh;
     object.motion == MeshMotion::Still && object.skin.is_none() && mesh.attributes.is_empty() && mesh.colors.is_empty()
@@ -114,7 +115,8 @@ struct WorldSurface<'a> {
 }
 
 impl WorldSurface<'_> {
-    /// Catch ratios of the vertices of a range, in their order; a vertex without a normal gets the +Y of its mesh.
+    /// Catch ratios (rain per area relative to open level ground) of a range of vertices; a vertex without a normal gets the +Y
+    /// of its mesh.
     fn catch_ratios(&self, mesh: &Mesh, vertices: std::ops::Range<usize>) -> Vec<f32> {
         let points: Vec<SurfacePoint> = vertices
             .map(|i| SurfacePoint {
@@ -126,7 +128,7 @@ impl WorldSurface<'_> {
     }
 }
 
-/// Whether each face of a mesh is wet, by the mean over its corners.
+/// Whether each face of a mesh is wet, by the mean catch ratio of its corners; parallel to the triangles.
 fn rain_exposed_faces(mesh: &Mesh, surface: &WorldSurface<'_>) -> Vec<bool> {
     // No vertex is added here, so that skins and recorded frames still fit the mesh.
     let ratios = surface.catch_ratios(mesh, 0..mesh.points.len());
@@ -134,19 +136,19 @@ fn rain_exposed_faces(mesh: &Mesh, surface: &WorldSurface<'_>) -> Vec<bool> {
     mesh.triangles.iter().map(|t| mean(t) >= WET_CATCH_RATIO).collect()
 }
 
-/// A face while it is divided.
+/// A triangle with its material, taken out of its subset while faces are divided.
 #[derive(Debug, Clone, Copy)]
 struct Face {
     corners: [u32; 3],
     material: MaterialId,
 }
 
-/// A face with its quarters, if it was divided.
+/// A node of the quadtree of a face: the face, and its quarters if it was divided.
 struct DividedFace {
     face: Face,
     /// Index of the first of its four quarters, which follow each other.
     quarters: Option<usize>,
-    /// Whether all of it is wet or dry; `None` where both meet.
+    /// Whether the whole face is wet or dry; `None` where both meet.
     wet: Option<bool>,
 }
 
@@ -197,7 +199,7 @@ fn divide_faces(
             let count = |of: &[u32]| of.iter().filter(|i| is_wet(ratios[to_usize(**i)])).count();
             let bounds = Bounds::of([a, b, c].map(at));
             let meets = bounds.min.cmple(sheltered.max).all() && bounds.max.cmpge(sheltered.min).all();
-            // 0 or 6 of six points are wet: all agree.
+            // If 0 or 6 of the six points are wet, all agree.
             let differs = count(&[a, b, c, ab, bc, ca]) % 6 != 0;
             // A face whose corners and middles agree may still be sheltered in between, but only near what shelters.
             let is_divided = longest > SHORTEST_DIVIDED_EDGE && differs || longest > LONGEST_UNDIVIDED_EDGE && meets;
@@ -223,7 +225,7 @@ fn divide_faces(
             nodes[i].quarters = Some(first).filter(|_| wet.is_none());
         }
     }
-    // The faces that remain, each in the place of the one that it is a part of.
+    // Collect the leaves of the quadtrees, depth first, so that parts of a face take its place in the order.
     let mut done: Vec<Face> = Vec::new();
     let mut pending: Vec<usize> = (0..whole_faces).rev().collect();
     while let Some(i) = pending.pop() {
@@ -242,11 +244,12 @@ fn divide_faces(
             faces.push((face, wet[0]));
             continue;
         };
-        // The corner that differs from the two others, which come after it.
+        // `a` is the corner that differs from the two others.
         let [a, b, c] = [0, 1, 2].map(|i| face.corners[(lone + i) % 3]);
         let mut crossing = |i: u32, k: u32| {
             let key = [i.min(k), i.max(k)];
             let [low, high] = key.map(|i| ratios[to_usize(i)]);
+            // Linear interpolation gives the fraction of the edge at which the ratio equals the threshold.
             let fraction = ((WET_CATCH_RATIO - low) / (high - low)).clamp(0.0, 1.0);
             *crossings.entry(key).or_insert_with(|| add_edge_vertex(mesh, key, fraction))
         };
@@ -269,7 +272,7 @@ fn divide_faces(
     Ok(faces.into_iter().map(|(_, wet)| wet).collect())
 }
 
-/// Adds a vertex on the edge between two vertices, at a fraction of the way from the first to the second.
+/// Adds a vertex on the edge between two vertices, at `fraction` of the way from the first to the second; returns its index.
 fn add_edge_vertex(mesh: &mut Mesh, [i, k]: [u32; 2], fraction: f32) -> u32 {
     let new = mesh.next_point();
     let [i, k] = [i, k].map(to_usize);
@@ -283,7 +286,7 @@ fn add_edge_vertex(mesh: &mut Mesh, [i, k]: [u32; 2], fraction: f32) -> u32 {
     new
 }
 
-/// Removes the vertices that no triangle has.
+/// Removes the vertices that no triangle uses and renumbers the others in order.
 fn drop_unused_vertices(mesh: &mut Mesh) {
     // Middles of edges that were only probed, and corners of faces that were cut away.
     let mut is_used = vec![false; mesh.points.len()];
@@ -307,7 +310,7 @@ fn drop_unused_vertices(mesh: &mut Mesh) {
     retain(&mut mesh.uvs, &is_used);
 }
 
-/// Gives wet faces their materials: in each subset the dry faces come first, then the wet ones.
+/// Splits each subset into its dry faces and its wet ones, which follow them with the wet material.
 fn group_faces(mesh: &mut Mesh, wet: &[bool], wet_materials: &BTreeMap<MaterialId, MaterialId>) {
     let subsets = std::mem::take(&mut mesh.subsets);
     let triangles = std::mem::take(&mut mesh.triangles);
