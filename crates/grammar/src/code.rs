@@ -45,7 +45,6 @@ pub(crate) enum BinaryOp {
     Atan2,
 }
 
-/// Functions that draw random numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RandomFunction {
     Ran,
@@ -136,16 +135,16 @@ pub(crate) enum Op {
     Count(usize),
 }
 
-/// A sequence of instructions.
+/// Code of an expression or a block of statements, with the tables that its instructions index.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Bytecode {
     pub ops: Vec<Op>,
     pub places: Vec<SourcePlace>,
     /// The tables that [`Op::Table`] reads.
     pub tables: Option<Arc<FunctionTables>>,
-    /// Uses of array elements.
+    /// Operands of [`Op::LoadElement`] and [`Op::StoreElement`].
     pub elements: Vec<ElementAccess>,
-    /// What [`Op::Print`] writes.
+    /// Operands of [`Op::Print`]; their `place` is an index into `places`.
     pub formats: Vec<PrintFormat>,
 }
 
@@ -192,7 +191,7 @@ pub(crate) enum Expr {
 }
 
 impl Bytecode {
-    /// As an expression, in its simplest form.
+    /// Unwraps code that is only a constant or a local variable.
     pub fn into_expr(self) -> Expr {
         match self.ops.as_slice() {
             [Op::Const(c)] => Expr::Const(*c),
@@ -227,7 +226,7 @@ impl Bytecode {
         }));
     }
 
-    /// Can it turn finite numbers into others?
+    /// True if finite operands may yield infinity or NaN, as with `exp`, `log`, `*`, `/` and `^`.
     pub fn may_overflow(&self) -> bool {
         let risky = |o: &Op| match o {
             Op::Unary(f) => {
@@ -240,12 +239,11 @@ impl Bytecode {
         self.ops.iter().any(risky)
     }
 
-    /// Does it write output?
     pub fn prints(&self) -> bool {
         self.ops.iter().any(|o| matches!(o, Op::Print(_)))
     }
 
-    /// Does it write a global variable?
+    /// True also for writes to elements of arrays and for `stop`.
     pub fn writes_globals(&self) -> bool {
         self.ops.iter().any(|o| matches!(o, Op::StoreGlobal(_) | Op::StoreElement(_) | Op::Stop))
     }

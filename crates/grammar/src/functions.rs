@@ -173,7 +173,7 @@ impl FunctionTables {
         }
     }
 
-    /// Adds curve number `id`, a contour.
+    /// Adds a contour as curve number `id`, and measures its length.
     pub fn add_curve(&mut self, id: u32, spline: Spline) {
         let length = spline.length();
         self.curves.insert(id, MeasuredCurve { spline, length });

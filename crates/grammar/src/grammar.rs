@@ -40,7 +40,7 @@ impl Grammar {
         &self.label
     }
 
-    /// The notation that the file was read in.
+    /// The notation given to `parse_as`, or else detected from the content and the name of the file.
     pub fn notation(&self) -> Notation {
         self.notation
     }
@@ -65,7 +65,7 @@ impl Grammar {
         &self.notes
     }
 
-    /// The derivation length.
+    /// Derivation length of the file, which `DeriveOptions::steps` may replace.
     pub fn steps(&self) -> u32 {
         self.program.length
     }

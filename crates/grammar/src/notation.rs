@@ -1,6 +1,6 @@
 //! Notations that grammar files are written in.
 
-/// The notation that a grammar file is written in.
+/// Languages of grammar files: cpfg's notation with one of three turtles, and the formats of three other programs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Notation {
     /// The notation of cpfg, which is osier's own.

@@ -130,7 +130,7 @@ pub(crate) struct RuntimeWarnings {
 }
 
 impl RuntimeWarnings {
-    /// Adds one occurrence of a warning.
+    /// Counts one occurrence; the first one of a code and place sets the message.
     pub fn add(&mut self, code: &'static str, place: SourcePlace, message: &str) {
         match self.list.iter_mut().find(|e| e.code == code && e.place == place) {
             Some(e) => e.count += 1,
@@ -259,7 +259,7 @@ impl Vm {
         stream
     }
 
-    /// Value of an expression.
+    /// Value of an expression; variables beyond `locals` read 0.
     #[inline]
     pub fn eval(&mut self, e: &Expr, locals: &mut [f64]) -> Result<f64, Halt> {
         match e {

@@ -108,7 +108,7 @@ impl PointSink for PointBlock<'_> {
             *depth = if chunk.map[step][lane] >= self.count { 0 } else { depth.saturating_add(1) };
             *d = *depth;
         }
-        // The final map is applied to what is shown and never fed back.
+        // The final map acts on the points that are output and is never fed back into the iteration.
         if let Some(last) = &self.last {
             for p in &mut self.positions[self.at..self.at + count] {
                 let q = last.apply(p.as_dvec3());

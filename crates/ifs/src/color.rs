@@ -19,7 +19,7 @@ use super::{Ifs, Map};
 use osier_base::convert::saturating_index;
 use osier_base::math;
 
-/// Property of a point that its colour shows.
+/// Property of a point that decides its colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColorMode {
     /// The map applied last.
@@ -115,7 +115,7 @@ impl ColorLabels {
         let base = ifs.maps.iter().fold(0_u32, |n, _| n + 1).max(1);
         let top = if let ColorMode::Prefix(k) = mode { base.saturating_pow(k - 1) } else { 1 };
         let pull = ifs.maps.iter().map(|m| (math::narrow(1.0 - m.speed), math::narrow(m.speed * m.coord)));
-        // Jumps leave the coordinate.
+        // Jumps leave the coordinate unchanged.
         let pull = pull.chain([(1.0, 0.0)]).collect();
         let orders = ifs.maps.iter().map(|m| match () {
             () if m.stem || is_squash(m) => Branching::Begins,

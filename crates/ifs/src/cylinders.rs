@@ -117,7 +117,7 @@ pub(super) struct Cylinder {
 pub(super) struct Batches {
     /// Batches to draw, each with a pool of its own.
     pub count: u64,
-    /// Points of each batch.
+    /// Points of each batch, all cylinders together.
     pub points: u64,
 }
 
@@ -141,7 +141,7 @@ pub(super) struct CylinderCut {
     batches: Batches,
 }
 
-/// A word while the cut is made.
+/// A word that may still be split.
 struct OpenWord {
     affine: Affine,
     share: f64,
@@ -203,7 +203,6 @@ impl CylinderCut {
         cut
     }
 
-    /// How the points are divided into batches.
     pub fn batches(&self) -> Batches {
         self.batches
     }

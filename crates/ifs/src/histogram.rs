@@ -57,7 +57,7 @@ pub struct Histogram {
     pub escapes: Escapes,
 }
 
-/// Counts points alone.
+/// Counts points without colours.
 struct HitCounter(Vec<u32>);
 
 impl CellCounter for HitCounter {

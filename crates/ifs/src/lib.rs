@@ -47,7 +47,7 @@ use osier_base::diagnostic::Span;
 /// Largest magnitude of a number that readers accept in a file.
 pub const MAX_COEFFICIENT: f64 = 1e12;
 
-/// One system of affine maps.
+/// An iterated function system, with what its file says about colours and the picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ifs {
     /// As written in its file.

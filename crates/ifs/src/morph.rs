@@ -284,7 +284,7 @@ impl MapPath {
         Affine { a, b: if fixed { shift - a * shift } else { shift } }
     }
 
-    /// Leads the fixed points instead of the shifts.
+    /// Moves the fixed points instead of the shifts linearly; the error says where on the path there is no single one.
     fn use_fixed_points(&mut self, ends: [Affine; 2]) -> Result<(), String> {
         let det = |i: u32| {
             let t = f64::from(i) / f64::from(FIXED_POINT_SAMPLES);

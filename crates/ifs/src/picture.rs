@@ -28,7 +28,7 @@ use osier_base::math::{self, narrow};
 use osier_base::par::par_map;
 use osier_base::units::srgb_from_linear;
 
-/// Share of the non-empty pixels that are at most fully opaque.
+/// Quantile of the density over the non-empty pixels that is drawn fully opaque.
 const WHITE_QUANTILE: f64 = 0.995;
 
 /// Spreads thin hits over discs of max(minimum, radius / hits^curve) pixels.
@@ -184,7 +184,7 @@ pub fn opacity(d: &Density, tone: &ToneMapping) -> Vec<f32> {
         .concat()
 }
 
-/// RGB over the background, or RGBA without one, sRGB in 0..1, rows from the top. `flat`: colour without a mean one.
+/// RGB over the background, or RGBA without one, sRGB in 0..1, rows from the top. `flat`: linear RGB where `d` has no colours.
 pub fn tone_mapped(d: &Density, tone: &ToneMapping, flat: [f32; 3]) -> Vec<f32> {
     let alpha = opacity(d, tone);
     let mut out = Vec::with_capacity(alpha.len() * 4);

@@ -40,7 +40,7 @@ impl PixelIndexer {
 
 /// Cells of a picture that count points.
 pub(super) trait CellCounter {
-    /// What tells points apart, if anything does.
+    /// Labels of the points, if what is counted depends on them.
     fn labels(&self) -> Option<&ColorLabels>;
     /// Counts points in these cells, with the map that made each and its label.
     fn add_each(&mut self, cells: &[u32], maps: &[u32], labels: &[u32]);
@@ -52,7 +52,7 @@ pub(super) trait CellCounter {
 struct ChaosGameCounter<C> {
     cells: C,
     pixels: PixelIndexer,
-    /// The map that places are shown by.
+    /// Final map of the system, in pixels; the identity without one.
     last: [f32; 12],
     labels: Option<ColorLabels>,
     label: Box<[[u32; LANES]; CHUNK]>,
@@ -83,7 +83,7 @@ impl<C: CellCounter> PointSink for ChaosGameCounter<C> {
 /// A system made ready for counting.
 pub(super) struct CountingPlan {
     game: ChaosGame,
-    /// The cylinders, where they suit.
+    /// The cut into cylinders, for systems that allow it; others are counted by the chaos game.
     cut: Option<CylinderCut>,
     /// Blocks or batches, and steps of a lane of a block.
     blocks: u64,
@@ -141,7 +141,7 @@ impl CountingPlan {
         (parts.into_iter().map(|p| p.0).collect(), escapes)
     }
 
-    /// Counts the points of some blocks.
+    /// Counts the points of some blocks or batches, on one thread.
     fn count_blocks<C: CellCounter>(&self, mut cells: C, blocks: impl Iterator<Item = u64>) -> (C, Escapes) {
         let tier = self.game.tier();
         // Scratch memory of one thread, reused for all of its blocks.

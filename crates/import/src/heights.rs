@@ -9,12 +9,12 @@ use image::DynamicImage;
 use crate::{ImportContext, ImportOptions, ImportResult, images};
 use osier_base::{Error, Result};
 
-/// Magic number of an OpenEXR file.
+/// First bytes of an OpenEXR file: the number 20000630, little-endian.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// Names of the channel that holds heights, in the order in which they are looked for; case is ignored.
 const CHANNELS: [&str; 6] = ["Y", "height", "Z", "displacement", "R", "G"];
 
-/// Whether the values of a height map are lengths or wait for a range in metres.
+/// Unit of the values of a height map: fractions of a range that is still to be given, or lengths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeightUnit {
     /// Fractions of the range from black (0) to white (1), of which a picture of whole numbers has so many steps.
@@ -39,7 +39,6 @@ pub struct HeightMap {
     pub unit: HeightUnit,
 }
 
-/// Whether bytes begin as an OpenEXR file does.
 pub(crate) fn is_exr(bytes: &[u8]) -> bool {
     bytes.starts_with(&EXR_MAGIC)
 }

@@ -19,9 +19,9 @@ const DIALECTS: [(&str, Dialect); 7] = [
     ("catkin", Dialect::Catkin),
     ("none", Dialect::None),
 ];
-/// Symbols that mean something to the reader itself.
+/// Symbols that `bind` refuses because they belong to the notation.
 const RESERVED_SYMBOLS: [char; 7] = ['<', '>', ':', '(', ')', '[', ']'];
-/// First words of actions.
+/// First words of actions, for suggestions.
 const ACTIONS: [&str; 13] = [
     "forward", "move", "rotate", "width", "widen", "colour", "polygon", "vertex", "fill", "organ", "sphere", "as",
     "none",
@@ -85,7 +85,7 @@ impl ItemParser<'_> {
             self.program.turtle = Some(bindings);
             return self.turtle_numbers(numbers, place);
         }
-        // What follows is read as it would be with a turtle, so that it earns no complaints of its own.
+        // Continues as if a turtle were chosen, so that the lines that follow cause no further errors.
         self.program.turtle = Some(TurtleBindings { dialect: Dialect::None, ..TurtleBindings::default() });
         let known = DIALECTS.map(|d| d.0);
         let help = match nearest(&spelled, known) {
@@ -124,12 +124,12 @@ impl ItemParser<'_> {
         }
     }
 
-    /// Names of the angles so far.
+    /// Angles defined so far, which an expression may use; the position is the slot.
     fn angle_names(&self) -> Vec<u32> {
         self.program.turtle.iter().flat_map(|t| &t.angles).map(|a| a.name).collect()
     }
 
-    /// `name = expression` over and over.
+    /// `name = expression`, repeated.
     fn angle_definitions(&mut self, value: &[Token], head: SourcePlace) {
         let mut cursor = TokenCursor::new(value, head);
         if cursor.peek().is_none() {
@@ -165,7 +165,7 @@ impl ItemParser<'_> {
                 let d = d.label(first.span, "the first one").help("give the second one another name");
                 self.session.push(d, place);
             }
-            // The dialect's own gives way.
+            // An angle of the dialect is replaced.
             Some(own) => *own = angle,
             None => turtle.angles.push(angle),
         }
@@ -291,7 +291,7 @@ impl ItemParser<'_> {
         None
     }
 
-    /// The next word, or nothing.
+    /// The next token if it is a word, else an empty string.
     fn word(&mut self, cursor: &mut TokenCursor<'_>) -> String {
         let Some(TokenKind::Ident(n)) = cursor.peek().map(|t| t.kind) else { return String::new() };
         cursor.bump();

@@ -39,7 +39,7 @@ fn split_systems(lines: Vec<LogicalLine>) -> Vec<Vec<LogicalLine>> {
     systems
 }
 
-/// What a compiler knows of its L-system.
+/// Copies of what a [`Compiler`] needs of an [`ItemParser`], so that the program can be changed while it compiles.
 struct CompilerContext {
     globals: Vec<u32>,
     arrays: Rc<[Array]>,
@@ -54,7 +54,7 @@ impl CompilerContext {
     }
 }
 
-/// Result of compiling the main L-system of a file.
+/// Program of a file, with the L-systems behind the first one as subsystems; `label` is the text behind `Lsystem:`.
 #[derive(Debug)]
 pub(crate) struct ParsedGrammar {
     pub program: Program,
@@ -82,11 +82,11 @@ pub(super) struct ItemParser<'r> {
     header: Option<SourcePlace>,
     axiom: Option<SourcePlace>,
     ended: bool,
-    /// Place of the last line.
+    /// Place of the last line, behind which `endlsystem` is suggested.
     end: Option<SourcePlace>,
 }
 
-/// Reads the main L-system of a file.
+/// Reads all L-systems of a file: the first is the main one, the others become its subsystems.
 pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourcePlace) -> ParsedGrammar {
     let lines = lines::split_lines(session, tokens);
     let mut p = ItemParser {
@@ -142,7 +142,7 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
 }
 
 impl ItemParser<'_> {
-    /// The lines of the first L-system; others are named and left out.
+    /// Separates the lines of the first L-system from those of the others, and records the place of its heading.
     fn main_lines(&mut self, lines: Vec<LogicalLine>) -> (Vec<LogicalLine>, Vec<Vec<LogicalLine>>) {
         let mut systems = split_systems(lines);
         // Lines before the first heading belong to it.
@@ -222,7 +222,6 @@ impl ItemParser<'_> {
         context.compiler(self.session, scope)
     }
 
-    /// What a compiler of this L-system knows; separate, so that the program can be changed while it compiles.
     fn compiler_context(&self) -> CompilerContext {
         CompilerContext {
             globals: self.globals.clone(),
@@ -498,7 +497,7 @@ impl ItemParser<'_> {
         tokens.iter().map(word).collect::<Vec<_>>().join(" ")
     }
 
-    /// A constant item value, cut to an integer.
+    /// A constant item value, cut to an integer; L001 for a missing or variable one.
     fn integer(&mut self, tokens: &[Token], place: SourcePlace) -> Option<i64> {
         if tokens.is_empty() {
             self.session.error("L001", "unexpected end of line, expected a number", place, "after this");

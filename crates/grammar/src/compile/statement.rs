@@ -173,7 +173,6 @@ impl BlockCompiler<'_, '_> {
         self.open_brace(cursor, OpenBrace::If(jump, ends))
     }
 
-    /// Compiles an expression and appends its code.
     fn append_expression(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
         let code = compile_expression(self.compiler, cursor)?;
         self.code.append(code);
@@ -301,7 +300,7 @@ impl BlockCompiler<'_, '_> {
         self.expect(cursor, ';')
     }
 
-    /// Do the brackets behind the cursor's name end before a single `=`?
+    /// True for `name[..] =` with the cursor at the name; false for `==`.
     fn assigns_element(&self, cursor: &TokenCursor<'_>) -> bool {
         let mut depth = 0_usize;
         let mut ahead = 1;
@@ -341,7 +340,7 @@ impl BlockCompiler<'_, '_> {
         let place = op.place.to(last.place);
         let message = format!("unexpected '{sign}', expected '='");
         let mut d = Diagnostic::error("L001", message, place.span, "here");
-        // `v++` is replaced as a whole; of `v += e` only the operator, which keeps the meaning of e as a last term.
+        // `v++` is replaced as a whole. Of `v += e` only the operator is replaced: `= v +` in front of e is right for any e.
         if doubled {
             d = d
                 .help(format!("write {word} = {word} {sign} 1"))

@@ -29,7 +29,7 @@ struct SuccessorCompiler<'c, 'r, 's> {
     out: Vec<SuccessorModule>,
     repeats: Vec<OpenRepeat>,
     star: Option<SourcePlace>,
-    /// Whether parameters may follow.
+    /// False at the beginning and behind a `repeat`, where no module precedes that parameters could belong to.
     accepts_parameters: bool,
 }
 
@@ -156,7 +156,7 @@ impl SuccessorCompiler<'_, '_, '_> {
         if let Some(place) = self.star.filter(|_| !self.out.is_empty()) {
             return self.error("unexpected '*', expected a module: '*' is the empty successor and stands alone", place);
         }
-        // Occurrences are counted after repeats are expanded, so that every module has a lineage of its own.
+        // Occurrences are counted after repeats are expanded, so that all modules have different lineages.
         let mut counts = vec![0_u32; self.symbols.len()];
         for m in &mut self.out {
             if let Some(count) = counts.get_mut(usize::from(m.symbol)) {

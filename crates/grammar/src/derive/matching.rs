@@ -87,7 +87,7 @@ impl ContextView<'_> {
         self.modules.symbols().get(self.index(position)).copied()
     }
 
-    /// Position of the bracket that belongs to the one at `position`.
+    /// Position of the bracket that belongs to the one at `position`; `None` without one.
     fn partner(&self, position: usize) -> Option<usize> {
         let i = self.index(position);
         let partner = self.partner.get(i).filter(|p| **p != NO_PARTNER)?;
@@ -98,8 +98,8 @@ impl ContextView<'_> {
         self.ignored.get(usize::from(symbol)).copied().unwrap_or(false)
     }
 
-    /// Whether the module at a position begins or ends a sub-L-system. A query, as `?P(x,y,z)`, begins with the symbol of the one, but
-    /// that has no label.
+    /// Whether the module at a position begins or ends a sub-L-system. A query such as `?P(x,y,z)` begins with the symbol that
+    /// opens one, but there it has no parameter.
     fn is_border(&self, position: usize) -> bool {
         let module = self.modules.get(self.index(position));
         let opens = |b: &Borders| module.symbol == b.open && !module.params.is_empty();
@@ -194,7 +194,7 @@ impl ContextView<'_> {
             if i >= end {
                 return None;
             }
-            // Branches that are still open are skipped as a whole.
+            // Branches that begin before the end are skipped as a whole.
             let symbol = self.symbol(i)?;
             if symbol == brackets.open {
                 i = self.partner(i)? + 1;

@@ -30,7 +30,7 @@ pub(super) struct Template<'p> {
     pub text: Option<TemplateText>,
 }
 
-/// Modules without parameters as text.
+/// Symbols of a template whose modules have no parameters, joined to one text, of which ranges are copied.
 #[derive(Debug, Default)]
 pub(super) struct TemplateText {
     text: String,
@@ -48,7 +48,6 @@ impl TemplateText {
         out
     }
 
-    /// Text of the modules of a range.
     #[inline]
     pub fn part(&self, modules: std::ops::Range<usize>) -> &str {
         let end = |n: usize| n.checked_sub(1).map_or(0, |k| self.ends[k]);
@@ -103,7 +102,7 @@ pub(super) struct PlannedProduction<'p> {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Condition<'p> {
     Always,
-    /// The value, and the code that it equals.
+    /// Source of the value, and the code that it equals.
     Value(ValueSource<'p>, &'p Bytecode),
 }
 
@@ -149,7 +148,6 @@ impl<'p> SectionPlans<'p> {
         Self { systems: program.sections(section).map(plan).collect() }
     }
 
-    /// The plan of the main L-system.
     pub fn main(&self) -> &RewritePlan<'p> {
         &self.systems[0]
     }
@@ -199,7 +197,8 @@ impl<'p> Plans<'p> {
 }
 
 impl<'p> RewritePlan<'p> {
-    /// Prepares a section of a program.
+    /// Groups the productions of a section by symbol and number of parameters, and prepares their conditions, weights and
+    /// successors. `stochastic`: they compete by weight.
     pub fn new(program: &'p Program, set: &'p ProductionSet, stochastic: bool) -> Self {
         let mut by_symbol: Vec<Vec<(usize, GroupId)>> = vec![Vec::new(); program.symbols.len()];
         let mut groups: Vec<ProductionGroup> = Vec::new();
@@ -268,7 +267,7 @@ impl<'p> RewritePlan<'p> {
         weights.map(|w| Shares::new(&w))
     }
 
-    /// Group of modules of a symbol with `arity` parameters.
+    /// Group of modules of a symbol with `arity` parameters; `None` if no production rewrites them.
     #[inline]
     pub fn group(&self, symbol: SymbolId, arity: usize) -> Option<GroupId> {
         let row = self.by_symbol.get(usize::from(symbol))?;
@@ -362,7 +361,6 @@ fn may_change(code: &Bytecode, globals: bool) -> bool {
     })
 }
 
-/// Draws random numbers.
 fn draws(code: &Bytecode) -> bool {
     code.ops.iter().any(|o| matches!(o, Op::Random(_) | Op::Choose(_)))
 }

@@ -80,7 +80,8 @@ impl GrowthMatrix {
         m
     }
 
-    /// Kinds that every step rewritten rewrites; none of a grammar whose blocks may end the derivation.
+    /// Per kind: true if every step certainly rewrites its modules. False for all kinds if blocks of steps or `stop` may end the
+    /// derivation.
     fn always_rewritten(&self, grammar: &Grammar) -> Vec<bool> {
         let program = &grammar.program;
         let stops = |c: &Bytecode| c.ops.iter().any(|o| matches!(o, Op::Stop));

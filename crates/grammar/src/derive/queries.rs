@@ -26,7 +26,7 @@ pub struct QueryAnswer {
 pub enum QueryValue {
     /// x, y, z: a position in turtle units, or a unit vector.
     Vector([f64; 3]),
-    /// x, y, z, w.
+    /// x, y, z, w of a unit quaternion, from `?Q`.
     Rotation([f64; 4]),
 }
 
@@ -39,7 +39,7 @@ impl QueryValue {
     }
 }
 
-/// What an interpretation of the string found out.
+/// Result of an interpretation of the string: the answers to its queries and the extent of the drawing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TurtleAnswers {
     /// In the order of the string.

@@ -79,7 +79,7 @@ struct CompilerMark {
     operations: usize,
 }
 
-/// What a production evaluates.
+/// Operations of the condition and of the successor of one production, and the values that their registers begin with.
 #[derive(Debug)]
 pub(super) struct RegisterCode {
     pub initial: RegisterFile,
@@ -107,7 +107,6 @@ impl RegisterCompiler {
         }
     }
 
-    /// Number of operations so far.
     pub fn operation_count(&self) -> usize {
         self.operations.len()
     }
@@ -272,7 +271,7 @@ fn compute(action: Action, a: f64, b: f64) -> Option<f64> {
 }
 
 impl RegisterCode {
-    /// Stores the values from outside.
+    /// Fills the registers that hold global variables, the step, the derivation length and the remaining steps.
     #[inline]
     pub fn load_outside(&self, vm: &Vm, file: &mut [f64]) {
         for (r, value) in &self.outside {

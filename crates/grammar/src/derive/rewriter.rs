@@ -43,7 +43,7 @@ pub(super) struct RewriteSettings<'p> {
     pub purposes: DrawPurposes,
     /// Step of the draws; `None` for a homomorphism, whose draws do not change from step to step.
     pub step: Option<u32>,
-    /// Written into the modules made.
+    /// Step that the modules made are born in.
     pub birth: u32,
     /// Mixed into lineages; 0 = nothing.
     pub tag: u64,
@@ -361,7 +361,7 @@ impl<'p> Rewriter<'p> {
         if weight.is_nan() || weight < 0.0 {
             self.vm.warnings.add("L033", p.source.place, "negative or NaN weight counts as 0");
         }
-        // So that the rest still forms a distribution.
+        // An invalid weight counts as 0, so that the others still form a distribution.
         Ok(if weight > 0.0 { weight } else { 0.0 })
     }
 
@@ -372,7 +372,7 @@ impl<'p> Rewriter<'p> {
         Rng::from_key(CHOICE.of(key))
     }
 
-    /// Index of the candidate drawn by weight.
+    /// Index of the candidate drawn by weight; the first one, with L034, if all weights are 0.
     fn choose(&mut self, h: u64) -> Result<usize, Halt> {
         self.weights.clear();
         let mut resume = None;

@@ -13,7 +13,7 @@ use osier_base::{convert, par};
 /// the machine.
 const BLOCK_MODULES: usize = 65_536;
 
-/// A block while it is rewritten.
+/// Range of the string that one thread rewrites, and what results from it.
 struct BlockTask {
     range: std::ops::Range<usize>,
     modules: ModuleString,

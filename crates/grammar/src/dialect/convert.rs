@@ -12,7 +12,7 @@ use crate::symbols::SymbolId;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 
-/// What a grammar is written as.
+/// Target notation of [`convert`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ConvertTo {
     /// The notation and the commands of cpfg.
@@ -21,19 +21,20 @@ pub enum ConvertTo {
     Osier,
 }
 
-/// A grammar in the notation of cpfg, and what of it that notation cannot say.
+/// Text of a converted grammar, with notes on what the notation cannot express.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Converted {
-    /// The grammar in the notation of cpfg.
+    /// Text of a grammar file; of a grammar in the notation of cpfg, the unchanged file.
     pub text: String,
-    /// What the text says otherwise than the grammar did, such as widths.
+    /// Differences in what the text draws, such as widths; empty if it draws the same.
     pub notes: Vec<String>,
 }
 
 /// Colours that `<` and `>` of Fractint may step over at once.
 const MAX_COLOR_STEPS: u32 = 32;
 
-/// Writes a grammar as text that draws the same.
+/// Writes a grammar as text that draws the same. A grammar in the notation of cpfg is copied, one of L-Py is written for cpfg
+/// whatever `to` is.
 /// # Errors
 /// `Input` with L061 for each command that the notation has no words for.
 pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
@@ -53,13 +54,12 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
     }
 }
 
-/// A grammar while it is written.
 struct Writer<'g> {
     grammar: &'g Grammar,
     dialect: Dialect,
     to: ConvertTo,
     settings: DialectSettings,
-    /// Spelling of each symbol.
+    /// Spelling of each symbol in the target notation.
     names: BTreeMap<SymbolId, String>,
     taken: BTreeSet<char>,
     /// Homomorphisms that draw a symbol of the other program by commands of cpfg.
@@ -68,7 +68,7 @@ struct Writer<'g> {
     notes: BTreeSet<String>,
 }
 
-/// A successor after numbers are attached to their commands.
+/// A module with its parameters as text, after numbers are attached to their commands.
 #[derive(Debug, Clone)]
 struct TextModule {
     symbol: SymbolId,
@@ -107,7 +107,7 @@ impl<'g> Writer<'g> {
         }
     }
 
-    /// All productions with their successors, and the axiom.
+    /// Modules of the axiom and of all successors.
     fn all_modules(&self) -> Vec<TextModule> {
         let program = &self.grammar.program;
         let mut out: Vec<TextModule> = self.attached(&program.axiom);
@@ -518,7 +518,7 @@ impl<'g> Writer<'g> {
         let word = self.grammar.notation().word();
         let label: String = self.grammar.label().chars().filter(|c| c.is_alphanumeric() || *c == ' ').collect();
         let mut out = format!("/* {} */\n", format!("{} (from {word})", label.trim()).trim());
-        // One comment for each symbol that got another name; characters of their own need none.
+        // One comment for each symbol that got another name; symbols of one character need none.
         for (symbol, name) in &self.names {
             let shown = self.shown(*symbol);
             if shown != *name && shown.chars().count() > 1 {
@@ -584,7 +584,7 @@ impl<'g> Writer<'g> {
         out + "endlsystem\n"
     }
 
-    /// Commands that turn the turtle of cpfg to that of the other program.
+    /// Commands that give cpfg's turtle the initial direction, colour and width of the turtle of the other program.
     fn beginning(&self) -> String {
         match (self.to, self.dialect) {
             (ConvertTo::Cpfg, Dialect::Fractint) => "-(90) ;(15) ".into(),

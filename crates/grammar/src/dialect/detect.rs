@@ -18,7 +18,8 @@ pub enum FileKind {
 /// Bytes of a file that are looked at: the heading of a grammar lies within them.
 const LOOKED_AT: usize = 1 << 20;
 
-/// What a file is: by its content, and where that does not tell, by the ending of its name (`.l` cpfg, `.ls` LParser, `.lpy` L-Py).
+/// Determines the kind of a file from its content, and where that is not decisive from the ending of its name (`.l` cpfg, `.ls`
+/// LParser, `.lpy` L-Py).
 pub fn detect(name: &str, bytes: &[u8]) -> FileKind {
     let decoded = decode(&bytes[..bytes.len().min(LOOKED_AT)]);
     let text = decoded.text.as_str();
@@ -53,7 +54,7 @@ fn has_line(text: &str, test: impl Fn(&str) -> bool) -> bool {
     lines(text).any(|l| test(l.text.trim()))
 }
 
-/// `Lsystem: ..`, `ring Lsystem ..`, or `endlsystem` after `derivation length`.
+/// `Lsystem: ..` or `ring Lsystem: ..`, in any case.
 fn is_cpfg_heading(line: &str) -> bool {
     let line = line.to_ascii_lowercase();
     let line = line.strip_prefix("ring").map_or(line.as_str(), str::trim_start);

@@ -12,10 +12,9 @@ const MAX_RULES: usize = 25;
 const MAX_COLUMNS: usize = 160;
 /// Commands that no rule can redefine.
 const RESERVED: &str = "+-/\\@|!c<>[]";
-/// Entries of the file listed in a message.
+/// Upper limit on the entries that a message lists.
 const LISTED: usize = 12;
 
-/// An L-system of the file.
 struct Entry<'t> {
     name: Piece<'t>,
     /// Lines between the braces, without comments.
@@ -132,14 +131,12 @@ fn select<'e, 't>(
     found
 }
 
-/// A rule: predecessor, its place, successor.
 struct Rule {
     symbol: char,
     place: crate::token::SourcePlace,
     successor: Vec<SuccessorModule>,
 }
 
-/// An L-system while its lines are read.
 struct System<'r, 's> {
     reader: &'r mut Reader<'s>,
     angle: Option<f64>,
@@ -289,7 +286,7 @@ impl System<'_, '_> {
     }
 }
 
-/// The number after a command.
+/// The number after a command, if there is one.
 struct Number {
     value: Option<f64>,
 }

@@ -15,14 +15,12 @@ const COMMANDS: &str = "+-&^<>|%$~tFZfzg.[]{}\"';:?!c()0123456789";
 /// Most derivation steps of a file.
 const MAX_RECURSION: f64 = 1e6;
 
-/// A rule: predecessor, its place, successor as text.
 struct Rule<'t> {
     symbol: char,
     place: SourcePlace,
     successor: Vec<Piece<'t>>,
 }
 
-/// A file while its lines are read.
 struct File<'r, 's, 't> {
     reader: &'r mut Reader<'s>,
     recursion: Option<f64>,

@@ -162,7 +162,7 @@ impl<'s> Reader<'s> {
         self.line_starts.partition_point(|start| *start <= at).max(1)
     }
 
-    /// A module without parameters.
+    /// A module without parameters; L004 beyond 65,535 symbols.
     fn module(&mut self, c: char, place: SourcePlace) -> Option<SuccessorModule> {
         let Some(symbol) = self.program.symbols.intern(c) else {
             self.session.error("L004", "more than 65,535 different symbols", place, "this one is too many");

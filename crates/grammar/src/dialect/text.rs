@@ -75,7 +75,7 @@ impl<'t> Piece<'t> {
         (t.up_to(end), t.from(end).trimmed())
     }
 
-    /// Its characters with their places.
+    /// Its characters with their byte offsets in the whole text.
     pub fn chars(self) -> impl Iterator<Item = (usize, char)> + 't {
         let at = self.at;
         self.text.char_indices().map(move |(i, c)| (at + i, c))

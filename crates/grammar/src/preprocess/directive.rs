@@ -135,7 +135,7 @@ impl Preprocessor<'_> {
         }
     }
 
-    /// Value of an `#if` expression.
+    /// Value of an `#if` expression, with `defined(X)` and `defined X` replaced before macros are expanded.
     fn evaluate_condition(&mut self, tokens: &[Token], place: SourcePlace) -> bool {
         let mut list = Vec::new();
         let mut i = 0;

@@ -64,7 +64,7 @@ impl Preprocessor<'_> {
         Some(token)
     }
 
-    /// Drops the topmost list.
+    /// Drops the topmost list; L004 for each `#if` that a file leaves without `#endif`.
     fn pop_frame(&mut self) {
         let Some(frame) = self.frames.pop() else { return };
         self.break_glue = true;

@@ -41,7 +41,7 @@ pub(super) struct LexedText {
     pub comments: Vec<Span>,
 }
 
-/// Turns a text into tokens.
+/// Splits a text into tokens, whose places are bytes of `text`. Errors and the warnings L014 and L057 go to the session.
 pub(super) fn lex(session: &mut ParseSession, source: SourceId, text: &str) -> LexedText {
     warn_of_joined_lines(session, source, text);
     let mut lexer = Lexer {

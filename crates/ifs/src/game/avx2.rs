@@ -42,7 +42,8 @@ impl CoefficientTable {
     }
 }
 
-/// Fills a chunk; `false`, with nothing done, if the processor or the system do not suit.
+/// Fills a chunk; `false`, with nothing done, without AVX2 and for systems that are not plane, have more than 16 maps or a chaos
+/// matrix.
 pub(super) fn advance(game: &ChaosGame, lanes: &mut Lanes, chunk: &mut Chunk) -> bool {
     if game.dim != 2 || game.maps.len() > 16 || game.rows.len() != 1 {
         return false;

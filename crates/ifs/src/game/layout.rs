@@ -3,7 +3,7 @@
 
 use osier_base::par::par_each;
 
-/// log2 of the side of a tile; the fast instructions have it written in.
+/// log2 of the side of a tile; `avx2` has it as literals.
 const SIDE: usize = 5;
 const MASK: usize = (1 << SIDE) - 1;
 

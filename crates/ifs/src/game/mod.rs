@@ -35,7 +35,7 @@ use osier_base::convert::limit;
 use osier_base::math::narrow;
 use osier_base::rng::{Rng, word};
 
-/// Number of lanes of a block.
+/// Chains of a block that step side by side, each with its own random stream.
 pub const LANES: usize = 32;
 /// Steps of all lanes that a sink receives at once.
 pub const CHUNK: usize = 32;
@@ -79,7 +79,7 @@ impl Chunk {
 
 /// Receives the points of one block, chunk after chunk.
 pub trait PointSink {
-    /// Receives up to [`CHUNK`] steps of all lanes.
+    /// Receives up to [`CHUNK`] steps of all lanes, of which `chunk.steps` are valid.
     fn take(&mut self, chunk: &Chunk);
     /// A block begins: state of the block before must be cleared.
     fn begin(&mut self) {}
@@ -187,7 +187,6 @@ impl ChaosGame {
         self.frame
     }
 
-    /// Instructions that steps are made with.
     pub(super) fn tier(&self) -> InstructionSet {
         self.tier
     }

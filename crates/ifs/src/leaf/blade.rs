@@ -139,7 +139,7 @@ pub struct BladePlacement {
     pub anchor: DVec2,
     /// The midrib from the anchor to the tip, pixels.
     pub midrib: Vec<DVec2>,
-    /// A place well inside the blade near its foot, whose colour the stalk wears.
+    /// A place well inside the blade near its foot, whose colour the stalk takes.
     pub solid: DVec2,
     /// How far above the anchor the midrib enters the mesh, pixels.
     pub start: f64,

@@ -1,4 +1,4 @@
-//! A leaf as what is shown of it, and the hash that tells one leaf from another.
+//! Maps and blade of a traced leaf, and a hash of all that they depend on.
 
 use std::sync::OnceLock;
 
@@ -37,7 +37,7 @@ pub struct DrawnLeaf {
 /// A leaf that is made when it is first asked for, or why it cannot be traced.
 pub type LazyLeaf = OnceLock<Result<DrawnLeaf, Box<Diagnostic>>>;
 
-/// Makes a leaf with its maps.
+/// Traces a leaf and paints its maps: colour, normals, roughness and relief.
 /// # Errors
 /// As [`leaf`].
 pub fn mapped(table: &Ifs, spec: &LeafSpec, colors: &LeafColors) -> Result<DrawnLeaf, Box<Diagnostic>> {

@@ -141,7 +141,7 @@ pub fn crossings(segments: &[(DVec2, DVec2)]) -> Vec<usize> {
     out
 }
 
-/// True if a point lies inside a ring.
+/// Even-odd test whether a point lies inside a closed ring; on the ring itself either result is possible.
 pub fn inside(ring: &[DVec2], p: DVec2) -> bool {
     let n = ring.len();
     let crosses = |i: &usize| {

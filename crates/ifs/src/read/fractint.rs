@@ -9,7 +9,7 @@ use osier_base::files::{NumberError, number};
 /// Most characters of a number that a diagnostic points at.
 const MAX_NUMBER_LENGTH: usize = 64;
 
-/// What the header says.
+/// Name and dimension from an entry's header, or the name of a file without one.
 pub(super) struct EntryTitle {
     pub name: String,
     /// `None` without a header: to be found out.

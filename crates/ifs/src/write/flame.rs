@@ -8,7 +8,7 @@ use crate::{Ifs, PictureView};
 use osier_base::diagnostic::Diagnostic;
 use osier_base::units::{srgb_byte, srgb_from_linear};
 
-/// Rows of the picture.
+/// Height of the picture in a written view, pixels.
 const HEIGHT: f64 = 720.0;
 
 /// All systems as one document, with what it cannot hold (I011).

@@ -32,7 +32,7 @@ const SUPPORTED_EXTENSIONS: [&str; 17] = [
     "KHR_texture_transform",
 ];
 
-/// Accessors of an instanced node.
+/// Accessors of the attributes of EXT_mesh_gpu_instancing at a node; `None` for an absent attribute.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct InstanceAccessors {
     pub(super) translation: Option<usize>,

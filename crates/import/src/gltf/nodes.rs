@@ -113,7 +113,7 @@ fn trs(t: Vec3, r: Quat, s: Vec3) -> Mat4 {
     Mat4::from_scale_rotation_translation(s, r, t)
 }
 
-/// Transforms of the instances of a node.
+/// Transforms of the instances of a node, relative to the node.
 /// Source: EXT_mesh_gpu_instancing.
 fn instance_matrices(
     context: &ImportContext<'_>,

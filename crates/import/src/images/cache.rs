@@ -54,7 +54,7 @@ impl MapUse {
     }
 }
 
-/// An image of the file.
+/// A decoded image, before or after it is stored unchanged.
 #[derive(Debug)]
 enum CachedImage {
     /// Decoded, not stored in the result yet.
@@ -153,7 +153,7 @@ impl MapCache {
     }
 }
 
-/// Samples of an 8-bit image.
+/// Samples of an 8-bit image; none of one with 16 bits.
 fn bytes(image: &Image) -> &[u8] {
     match &image.pixels {
         Pixels::U8(samples) => samples,

@@ -20,7 +20,8 @@ struct Shape {
     channels: usize,
 }
 
-/// Decodes a picture of an old format; `None` if its bytes and name are of none. `name`: of the file, whose ending tells Targa.
+/// Decodes a picture of an old format; `None` if its bytes and name are of none. `name`: of the file, by whose ending Targa is
+/// recognised.
 /// # Errors
 /// X010 if it is damaged or over a limit.
 pub(crate) fn decode_old(
@@ -70,7 +71,7 @@ fn little_u16(bytes: &[u8], at: usize) -> Option<usize> {
     Some(usize::from(*bytes.get(at + 1)?) << 8 | usize::from(*bytes.get(at)?))
 }
 
-/// One byte a sample; grey with alpha becomes RGBA.
+/// Shape from the header; `None` for samples of more than one byte. Grey with alpha becomes RGBA.
 fn sgi_shape(bytes: &[u8]) -> Option<Shape> {
     let (width, height, planes) = (big_u16(bytes, 6)?, big_u16(bytes, 8)?, big_u16(bytes, 10)?);
     let dimensions = big_u16(bytes, 4)?;

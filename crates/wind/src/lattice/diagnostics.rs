@@ -4,13 +4,13 @@ use super::domain::Domain;
 use super::snapshot_layout::SnapshotLayout;
 use super::tuning::DENSITY_RANGE;
 
-/// Diagnostics of every plane of the domain.
+/// Diagnostics of a whole domain, plane by plane in the order of z.
 #[derive(Debug, Default)]
 pub(super) struct FlowDiagnostics {
     pub planes: Vec<PlaneDiagnostics>,
 }
 
-/// Diagnostics of one plane of cells.
+/// Density range, mass and checkerboard of one plane of constant z.
 #[derive(Debug, Default)]
 pub(super) struct PlaneDiagnostics {
     /// First cell, by x and y, whose density is NaN or out of range.

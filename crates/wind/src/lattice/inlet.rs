@@ -31,7 +31,7 @@ pub enum WindProfile {
     Table(Vec<[f64; 2]>),
 }
 
-/// Options of an [`InletWind`].
+/// Mean wind, gusts, turbulence and seed of an [`InletWind`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct InletOptions {
     /// Horizontal unit vector that the wind blows towards.
@@ -44,7 +44,7 @@ pub struct InletOptions {
     /// Rows of ascending time, s, from 0 on, and angle, rad, from `direction` counterclockwise as seen from above; linearly
     /// interpolated and constant before and after; empty for a constant direction.
     pub direction_curve: Vec<[f64; 2]>,
-    /// Height profile of the mean.
+    /// Factor on the mean speed by height above the ground.
     pub profile: WindProfile,
     /// Height at which the speed is `speed`, m; none for 10 m, or the height of the box if that is lower.
     pub reference_height: Option<f64>,

@@ -35,7 +35,7 @@ pub enum GroundCondition {
     Smooth,
 }
 
-/// Options of a [`LatticeSolver`](super::LatticeSolver).
+/// Box, inflow, faces and numerics of a [`LatticeSolver`](super::LatticeSolver).
 #[derive(Debug, Clone, PartialEq)]
 pub struct LatticeOptions {
     /// Number of cells along x, y and z.
@@ -56,9 +56,9 @@ pub struct LatticeOptions {
     pub smagorinsky: f64,
     /// Least relaxation time, steps, above 0.5.
     pub tau_floor: f64,
-    /// Boundary condition of the bottom face.
+    /// Ground at the bottom face. A roughness length sets its wall stress only; the profile of the inflow has its own.
     pub ground: GroundCondition,
-    /// Boundary condition of the vertical faces parallel to the wind.
+    /// Condition of the two vertical faces that are parallel to the wind, or most nearly so.
     pub sides: SideCondition,
     /// Outlets extrapolate the non-equilibrium part of the populations too, which damps the flow less.
     pub outlet_nonequilibrium: bool,
@@ -137,7 +137,7 @@ pub(super) struct LatticeSetup {
     pub steps: u32,
     /// Duration of a time step, s.
     pub dt: f64,
-    /// Relaxation time, steps.
+    /// Relaxation time of the kinematic viscosity, steps, at least `tau_floor` of the options.
     pub tau: f64,
     pub ground: GroundModel,
     /// Axis that the wind is most parallel to, 0 or 2.
@@ -208,12 +208,10 @@ impl LatticeSetup {
         (snapshot - f64::from(self.lead_frames)) / self.fps
     }
 
-    /// Place and size of the cells.
     pub(super) fn cells(&self) -> Cells {
         Cells { origin: self.origin, spacing: self.spacing }
     }
 
-    /// Number of cells of the box.
     pub(super) fn cell_count(&self) -> u64 {
         self.n.iter().map(|n| *n as u64).product()
     }

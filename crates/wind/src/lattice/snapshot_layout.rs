@@ -229,8 +229,8 @@ impl SnapshotLayout {
         if near == NearSurface::Air {
             return (0..8).fold(Vec3::ZERO, |sum, c| sum + values(first + corner_offset(c, strides)) * weight(c));
         }
-        // Beside solids: the mean over the fluid cells alone, times the distance to the nearest solid cell (not to its
-        // centre), which rises from 0 to 1 over half a cell.
+        // Beside solids: the mean over the fluid cells only, times the distance to the nearest solid cell (not to its centre),
+        // which rises from 0 to 1 over half a cell.
         let (mut sum, mut total, mut nearest) = (Vec3::ZERO, 0.0, f32::INFINITY);
         for c in 0..8 {
             if self.solid[first + corner_offset(c, strides)] {

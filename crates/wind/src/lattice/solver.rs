@@ -69,7 +69,7 @@ pub struct LatticeSolver {
 }
 
 impl LatticeSolver {
-    /// The warnings and errors of [`LatticeSolver::new`] that follow from the options alone, without making the cells.
+    /// The warnings and errors of [`LatticeSolver::new`] that follow from the options without the solids; no cells are made.
     /// # Errors
     /// As [`LatticeSolver::new`].
     pub fn check_options(options: &LatticeOptions, limits: &Limits) -> Result<Vec<LatticeWarning>> {

@@ -12,7 +12,7 @@ use crate::dialect::text::Piece;
 const MAX_DEPTH: usize = 200;
 /// Operations of one expression after its functions are inserted.
 const MAX_OPS: usize = 20_000;
-/// Numbers of one list.
+/// Upper limit on the numbers of a `range(..)`.
 const MAX_ITEMS: f64 = 10_000.0;
 /// Numbers of a list that a rule looks up by an index which is not constant.
 const MAX_LOOKUP: usize = 256;
@@ -53,7 +53,7 @@ pub(super) enum PyExpr {
     Each(Box<Self>, String, Box<Self>, Range<usize>),
 }
 
-/// An operator of two operands.
+/// Binary operators; `FloorDiv` and `Mod` round towards minus infinity, as in Python.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PyOp {
     Add,
@@ -521,7 +521,7 @@ impl Scope {
     }
 }
 
-/// True if the expression draws a random number.
+/// True if the expression draws a random number, itself or in a function of the model that it calls.
 pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
     match e {
         PyExpr::Number(_) | PyExpr::Name(..) => false,
@@ -717,7 +717,7 @@ fn constant_name(name: &str) -> Option<f64> {
     })
 }
 
-/// The expression with names replaced by expressions.
+/// The expression with names replaced by expressions; the variable of a list `[.. for name in ..]` hides an equal name.
 pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyExpr {
     let sub = |a: &PyExpr| Box::new(substitute(a, names, values));
     match e {
@@ -755,7 +755,7 @@ pub(super) fn compile(e: &PyExpr, scope: &Scope) -> Result<Bytecode, Refusal> {
     let resolved = resolve(e, scope, 0)?;
     let mut code = Bytecode::default();
     emit(&resolved, scope, &mut code.ops)?;
-    // Constants are folded.
+    // A value without variables and random numbers becomes one number.
     if let Some(value) = crate::vm::constant_value(&code) {
         code.ops = vec![Op::Const(value)];
     }
@@ -935,7 +935,7 @@ fn emit_call(
             });
             emit(&least, scope, ops)?;
         }
-        // Counted from 0.
+        // L-Py counts from 0, `Q` from 1.
         ("getIterationNb", []) => {
             ops.extend([Op::Step, Op::Const(1.0), Op::Binary(BinaryOp::Sub, usize::MAX)]);
         }

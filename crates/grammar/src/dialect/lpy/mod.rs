@@ -20,7 +20,7 @@ use crate::program::IgnoredSymbols;
 use crate::symbols::SymbolId;
 use crate::vm;
 
-/// A line of code with its indentation.
+/// A line that is not blank; `indent` in columns.
 #[derive(Debug, Clone, Copy)]
 struct Line<'t> {
     indent: usize,
@@ -35,7 +35,6 @@ enum Section {
     Interpretation,
 }
 
-/// A file while its lines are read.
 struct Model<'r, 's> {
     reader: &'r mut Reader<'s>,
     scope: Scope,
@@ -43,7 +42,7 @@ struct Model<'r, 's> {
     section: Section,
     group: f64,
     has_axiom: bool,
-    /// Statements of Python that the model could not run without; the first is named.
+    /// Number of statements of Python that the model could not run without.
     refusals: usize,
     /// What the values of the model compute before the first step.
     start: Vec<Op>,
@@ -161,7 +160,7 @@ fn without_comments(text: &str) -> String {
     String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
 }
 
-/// A line that holds something.
+/// A line with its indentation; `None` for a blank one.
 fn line_of(piece: Piece<'_>) -> Option<Line<'_>> {
     let trimmed = piece.trimmed();
     if trimmed.text.is_empty() {
@@ -527,7 +526,8 @@ impl<'s> Model<'_, 's> {
         next
     }
 
-    /// A function with a value; any other is named where it is called, one that L-Py calls itself at once.
+    /// Reads a `def`. A function with a value is kept as an expression; another one is refused where it is called. The functions
+    /// that L-Py calls become blocks.
     fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
         let parsed = || {
@@ -567,7 +567,7 @@ impl<'s> Model<'_, 's> {
                     "Start" => &mut self.functions.start,
                     "StartEach" => &mut self.functions.start_each,
                     "EndEach" => &mut self.functions.end_each,
-                    // What they count is of no use to the string.
+                    // The other functions do not change the string.
                     _ => return,
                 };
                 *to = code;
@@ -580,7 +580,7 @@ impl<'s> Model<'_, 's> {
         }
     }
 
-    /// Code of a function that L-Py runs: assignments of numbers, `if`, `for`. Values that are none are named where they are used.
+    /// Code of a function that L-Py runs: assignments of numbers, `if`. A value that cannot be read is refused where it is used.
     fn run_function(&mut self, block: &[Line<'_>]) -> Result<Vec<Op>, Refusal> {
         let mut lines = Vec::new();
         for line in block {

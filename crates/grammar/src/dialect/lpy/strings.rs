@@ -144,7 +144,7 @@ fn name_at(text: &str, declared: &[String]) -> (usize, String) {
     }
 }
 
-/// Modules of a text, as far as it has any.
+/// Splits a text into modules; their parameters are not parsed yet.
 pub(super) fn spell<'t>(piece: Piece<'t>, declared: &[String]) -> Result<Vec<Spelled<'t>>, Refusal> {
     let mut out = Vec::new();
     let text = piece.text;
@@ -244,7 +244,7 @@ pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyMod
         if s.name.starts_with('?') && s.name.len() > 1 {
             return Err(Refusal::new(format!("the query '{}'", s.name), s.range));
         }
-        // What only changes the surface of a drawing is left out with its objects.
+        // Parameters of these commands are objects that change only the surface of a drawing: they are left out.
         let is_object = OBJECTS.contains(&s.name.as_str()) || matches!(s.name.as_str(), "@g" | "@L");
         let args = match &s.params {
             Some(params) if !is_object => {
