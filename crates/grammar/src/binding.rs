@@ -67,7 +67,7 @@ pub enum TurtleAction {
     Move,
     /// Rotates the turtle about the x, y or z axis (0, 1, 2) of the world; its position stays.
     RotateWorld(usize),
-    /// Rotates the turtle about one of its own axes, right-handed, degrees.
+    /// Rotates the turtle about the H, L or U axis of its frame by the number, right-handed, degrees.
     RotateTurtle(TurtleAxis),
     /// Sets the line width to the number.
     Width,
@@ -91,7 +91,7 @@ pub enum TurtleAction {
     Nothing,
 }
 
-/// Binding of one symbol to a turtle action.
+/// Turtle action of one symbol, set by a `bind` item or by the dialect.
 #[derive(Debug, Clone)]
 pub(crate) struct SymbolBinding {
     pub action: TurtleAction,

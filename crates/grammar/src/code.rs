@@ -6,7 +6,7 @@ use super::functions::FunctionTables;
 use super::print_format::PrintFormat;
 use super::token::SourcePlace;
 
-/// Functions of one argument without side effects.
+/// Functions of one argument without side effects; angles in degrees, truth values 1 or 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum UnaryOp {
     Neg,
@@ -27,7 +27,7 @@ pub(crate) enum UnaryOp {
     Sign,
 }
 
-/// Operators of two arguments without side effects.
+/// Arithmetic, comparisons (1 or 0) and `atan2`; `&&` and `||` are not among them, as they compile to jumps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum BinaryOp {
     Add,
@@ -156,7 +156,7 @@ pub(crate) struct ArrayShape {
     pub sizes: Vec<u32>,
 }
 
-/// A place that reads or writes an element of an array.
+/// Array and location of an access to an element; the indices are on the stack when it runs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ElementAccess {
     pub shape: ArrayShape,
@@ -200,7 +200,7 @@ impl Bytecode {
         }
     }
 
-    /// Appends code that was compiled on its own: its jump targets and indices move behind what is here.
+    /// Appends code that was compiled separately: its jump targets and indices are shifted by the length of the code before it.
     pub fn append(&mut self, code: Self) {
         let (shift, places, elements) = (self.ops.len(), self.places.len(), self.elements.len());
         let formats = self.formats.len();

@@ -56,11 +56,11 @@ pub struct AttractorPoints {
 /// An attractor to draw, with how many points and which seed.
 #[derive(Debug, Clone, Copy)]
 pub struct DrawRequest<'a> {
-    /// System whose attractor is drawn.
+    /// System whose attractor is drawn, with its final map and condensation sets.
     pub system: &'a Ifs,
     /// Analysis of `system`: probabilities and warm-up.
     pub study: &'a SystemAnalysis,
-    /// Seed of all random draws.
+    /// Seed of the draws of all blocks; equal seeds give equal points on every instruction set.
     pub seed: u64,
     /// Number of points over all blocks.
     pub points: u64,

@@ -131,7 +131,7 @@ impl ColorLabels {
         self.mode == ColorMode::Coord
     }
 
-    /// True for [`ColorMode::Order`]: labels count branchings, so that a map alone does not decide them.
+    /// True for [`ColorMode::Order`]: labels count branchings, so that the map does not suffice to find them.
     pub fn is_by_order(&self) -> bool {
         self.mode == ColorMode::Order
     }
@@ -147,7 +147,7 @@ impl ColorLabels {
         match self.mode {
             // `max_word_length` keeps the number of words of k letters within MAX_LABELS.
             ColorMode::Map | ColorMode::Prefix(_) => saturating_index(word),
-            // Endless words; coordinates are a point's own.
+            // Endless words; for coordinates every point has a different one.
             ColorMode::Depth => 255,
             ColorMode::Coord | ColorMode::Order | ColorMode::Density => 0,
         }

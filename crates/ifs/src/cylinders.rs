@@ -38,7 +38,7 @@ const ESCAPE_RADIUS: f32 = 1e15;
 /// Share of the pool outside its box, on each side of each axis.
 const TAIL_QUANTILE: f64 = 0.02;
 
-/// Points of an attractor, each coordinate in a row of its own, with their colour coordinates.
+/// Points of an attractor as separate lists of x, y and z, with their colour coordinates.
 #[derive(Debug, Default)]
 pub(super) struct PointPool {
     /// x, y and z of every point, in the units of [`unit_frame`].
@@ -115,7 +115,7 @@ pub(super) struct Cylinder {
 /// How many points are drawn, and how many at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Batches {
-    /// Batches to draw, each with a pool of its own.
+    /// Batches to draw; each draws a new pool.
     pub count: u64,
     /// Points of each batch, all cylinders together.
     pub points: u64,
@@ -417,7 +417,7 @@ mod tests {
 
     #[test]
     fn cuts_end() {
-        // One map alone, and one that nearly always follows itself and hardly shrinks: no cut makes these small.
+        // A system of one map, and one whose map nearly always follows itself and hardly shrinks: no cut makes these small.
         for text in ["a {\n.5 0 0 .5 1 1 1\n}", "b {\n.9999 0 0 .9999 1 0 .9999\n.5 0 0 .5 0 0 .0001\n}"] {
             let ifs = read::read("x.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
             let h = drawn(&ifs, ColorMode::Map, 64);

@@ -87,7 +87,7 @@ struct ColorCounter<'a> {
     cells: Vec<ColorCell>,
     spilled: BTreeMap<u32, [u64; 4]>,
     labels: &'a ColorLabels,
-    /// What a point of a label adds, and by map the share that is shown (empty: all of it).
+    /// What a point of a label adds to its pixel, and by map the share of its points that is drawn (empty: all of them).
     adds: &'a [[u32; 4]],
     shares: &'a [u32],
 }

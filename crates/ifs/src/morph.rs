@@ -31,7 +31,7 @@ const FIXED_POINT_SAMPLES: u32 = 32;
 /// |det(I - A)| below which a fixed point runs away.
 const MIN_FIXED_POINT_DET: f64 = 1e-6;
 
-/// One table at one time.
+/// A system at one time of the morph, with its analysis and the extra turns of its maps.
 #[derive(Debug, Clone)]
 pub struct MorphKey {
     /// Time of the key, s.

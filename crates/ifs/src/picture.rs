@@ -173,7 +173,7 @@ pub fn opacity(d: &Density, tone: &ToneMapping) -> Vec<f32> {
         return vec![0.0; d.value.len()];
     }
     let at = ((full.len() - 1) as f64 * WHITE_QUANTILE) as usize;
-    // The 99.5 % quantile over non-empty pixels is drawn fully opaque.
+    // A selection suffices: of all values only this quantile is needed.
     let white = f64::from(*full.select_nth_unstable_by(at, f32::total_cmp).1);
     let top = math::ln(1.0 + tone.exposure * white).max(1e-12);
     let one = |v: &f32| {

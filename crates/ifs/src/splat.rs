@@ -80,7 +80,7 @@ impl<C: CellCounter> PointSink for ChaosGameCounter<C> {
     }
 }
 
-/// A system made ready for counting.
+/// How a system is counted: by a cut into cylinders where it allows one, else by the chaos game, with the units of work.
 pub(super) struct CountingPlan {
     game: ChaosGame,
     /// The cut into cylinders, for systems that allow it; others are counted by the chaos game.
@@ -88,7 +88,7 @@ pub(super) struct CountingPlan {
     /// Blocks or batches, and steps of a lane of a block.
     blocks: u64,
     steps: u64,
-    /// Points that are drawn in all.
+    /// Points drawn by all blocks or batches, at least as many as asked for.
     pub points: u64,
     /// Order of the cells in memory.
     pub layout: TileLayout,
@@ -97,7 +97,7 @@ pub(super) struct CountingPlan {
 }
 
 impl CountingPlan {
-    /// Makes a system ready for the cells of a window.
+    /// Chooses between cylinders and the chaos game, and divides the points into units of work for the pixels of `window`.
     pub fn new(request: &DrawRequest<'_>, labels: Option<&ColorLabels>, window: &PictureWindow) -> Self {
         let DrawRequest { system, study, seed, points, tier } = *request;
         let frame = window.frame();

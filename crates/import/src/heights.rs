@@ -73,7 +73,7 @@ fn check(context: &ImportContext<'_>, map: HeightMap) -> ImportResult<HeightMap>
     Ok(map)
 }
 
-/// Heights of a PNG, and of a JPEG where one is allowed.
+/// Heights of a PNG (a JPEG where one is allowed), 0 black to 1 white: the mean of its colours as they are stored, without alpha.
 fn from_picture(context: &ImportContext<'_>, bytes: &[u8]) -> ImportResult<HeightMap> {
     let picture = images::decode_deep(context, "height map", bytes, &mut 0)?;
     let (width, height) = (picture.width() as usize, picture.height() as usize);

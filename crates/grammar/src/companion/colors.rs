@@ -93,7 +93,7 @@ pub struct SurfaceColor {
     pub transparency: f32,
 }
 
-/// The look of each of the 256 colour indices.
+/// Material of each colour index, 0 to 255, that a turtle can select.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColorTable {
     colors: Vec<SurfaceColor>,

@@ -115,7 +115,7 @@ pub struct View {
     pub contours: Vec<FileLine>,
     /// Lines `contour set:` in order; each file holds several contours, and `number` is `None`.
     pub contour_sets: Vec<FileLine>,
-    /// Functions and sets of functions in the order of the file; a set has no number of samples of its own.
+    /// Functions and sets of functions in the order of the file; a set gives no number of samples.
     pub functions: Vec<FileLine>,
 }
 
@@ -183,7 +183,7 @@ impl ViewReader<'_, '_> {
         for line in text.split('\n') {
             let span = Span::new(source, start, start + line.trim_end().len());
             start += line.len() + 1;
-            // A line counts if every `#if` around it is in a branch that does.
+            // A line is read only if every `#if` around it is in the branch whose condition holds.
             let counts = open.iter().all(|o| o.counts);
             if let Some(directive) = line.trim_start().strip_prefix('#') {
                 self.directive(directive, span, counts, &mut open, depth);
@@ -473,7 +473,7 @@ impl ViewReader<'_, '_> {
                 self.view.triangles.extend(surface);
             }
             "texture" => {
-                // `F: name` among other parts, or the name alone.
+                // `F: name` among other parts, or only the name.
                 let at = line.words.iter().position(|w| w.text == "F:").map_or(0, |i| i + 1);
                 let joined = line.words.iter().find_map(|w| w.text.strip_prefix("F:").filter(|f| !f.is_empty()));
                 match joined.or_else(|| line.words.get(at).map(|w| w.text)) {

@@ -68,7 +68,7 @@ impl<'a> Reader<'a> {
         self.words.get(self.next).copied()
     }
 
-    /// The word `n` places behind the next one.
+    /// Looks ahead without passing a word: 0 is the next word, 1 the one after it.
     pub fn peek_at(&self, n: usize) -> Option<Word<'a>> {
         self.words.get(self.next + n).copied()
     }

@@ -34,7 +34,7 @@ impl ItemParser<'_> {
         for line in lines {
             let key = line.keyword.map(|(k, _)| k);
             past_header |= line.arrow.is_some() || key == Some(Keyword::Axiom);
-            // Only the three kinds of turtle items are handled here.
+            // Other lines are compiled later, when the bindings of all symbols are known.
             let (Some((k @ (Keyword::Turtle | Keyword::Angles | Keyword::Bind), n)), Some(place)) =
                 (line.keyword, line.place())
             else {

@@ -132,7 +132,8 @@ impl HeadCompiler<'_, '_, '_> {
         None
     }
 
-    /// The strict predecessor. Brackets among its modules are matched literally; alone they are no predecessor.
+    /// The strict predecessor. Brackets among its modules are matched literally; a predecessor of nothing but brackets is an
+    /// error.
     fn predecessor(&mut self, tokens: &[Token]) -> Option<Vec<FormalModule>> {
         let elements = self.context_elements(tokens)?;
         let bracket = elements.iter().find(|(e, _)| !matches!(e, ContextElement::Module(_))).map(|(_, place)| *place);

@@ -388,7 +388,7 @@ impl BlockCompiler<'_, '_> {
     }
 }
 
-/// Compiles a condition that fills its tokens; `*` alone is true.
+/// Compiles a condition that fills its tokens; a single `*` is true.
 pub(super) fn condition(compiler: &mut Compiler<'_>, tokens: &[Token], place: SourcePlace) -> Option<Option<Bytecode>> {
     match tokens {
         [] => Some(None),

@@ -345,7 +345,8 @@ impl<'p> DepthFirst<'p> {
                     self.choices.push(Choice { lineage, production });
                 }
             }
-            // Rewrite the active modules of the block one after the other.
+            // Rewrite the active modules of the block in turn: each successor is a new frame on the stack, completed before the
+            // next module.
             while let Some(active) = template.active.get(to_usize(frame.next)) {
                 let choice = if LINEAGE { self.choices.get(frame.choices + to_usize(frame.next)) } else { None };
                 let lineage = choice.map_or(0, |c| c.lineage);

@@ -112,7 +112,7 @@ impl Derivation<'_> {
     pub(super) fn derive_independently(mut self, options: &DeriveOptions, storage: Storage) -> Result<DerivedString> {
         let deferred = match self.run_blocks() {
             Ok(Some(deferred)) => deferred,
-            // Too many values to keep: every step computes its own.
+            // Too many values to keep them for all steps: every step computes those that it needs.
             Ok(None) => return self.restarted(options).derive_by_steps(options, None),
             Err(halt) => return Err(self.halt_report(halt)),
         };

@@ -48,7 +48,7 @@ pub struct DeriveOptions {
     pub draw_as_cpfg: bool,
 }
 
-/// The final string and what is needed to draw it.
+/// The final string with the seed, variables and warnings of its derivation, from which it can be drawn.
 #[derive(Debug, Clone)]
 pub struct DerivedString {
     /// The final string, without homomorphism; empty if the derivation was deferred.
@@ -115,7 +115,7 @@ pub fn derive_text(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) 
     derive_with(grammar, options, limits, Storage::Text, None)
 }
 
-/// Form in which a derivation keeps its final string.
+/// How a derivation keeps its final string: as modules, not at all (it is derived again while drawing), or as text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Storage {
     String,
@@ -168,7 +168,7 @@ pub(super) struct Derivation<'g> {
     work: u64,
     /// The turtle answers queries, so that modules change between the steps.
     has_queries: bool,
-    /// Error of an interpretation that was asked for.
+    /// Error of the interpretation that a query asked for; returned in place of [`Halt::Query`].
     query_error: Option<osier_base::Error>,
     options: DeriveOptions,
 }
@@ -352,7 +352,7 @@ impl<'g> Derivation<'g> {
         self.result(options, modules, completed)
     }
 
-    /// The result, with the warnings of the run.
+    /// Assembles the result; adds the warning L054 if steps after the first change nothing up to the derivation length.
     fn result(mut self, options: &DeriveOptions, modules: FinalModules, completed: u32) -> DerivedString {
         // L054: the derivation length is larger than the grammar can use.
         if let (Some(step), Some(place)) = (self.unchanged_since, self.program.length_place)

@@ -82,7 +82,7 @@ pub(super) enum Weight<'p> {
     Code(&'p Bytecode),
 }
 
-/// A production with its successor as a template.
+/// A production prepared for rewriting: registers for its condition and parameters, and its successor as a template.
 #[derive(Debug)]
 pub(super) struct PlannedProduction<'p> {
     pub source: &'p Production,
@@ -92,7 +92,7 @@ pub(super) struct PlannedProduction<'p> {
     pub weight: Weight<'p>,
     pub registers: RegisterCode,
     pub template: Template<'p>,
-    /// One predecessor, no contexts, no blocks: whether it applies depends on its condition alone.
+    /// One predecessor, no contexts, no blocks: whether it applies depends only on its condition.
     pub is_simple: bool,
     /// Computing the successor's parameters has no effect but their values.
     pub is_pure: bool,
@@ -157,12 +157,12 @@ impl<'p> SectionPlans<'p> {
         self.systems.get(usize::from(system)).unwrap_or(&self.systems[0])
     }
 
-    /// No production in any L-system.
+    /// True if neither the main L-system nor any other has a production in this section.
     pub fn is_empty(&self) -> bool {
         self.systems.iter().all(|p| p.productions.is_empty())
     }
 
-    /// Some production looks at its neighbours.
+    /// True if some production has a left or right context, for which brackets must be matched.
     pub fn needs_partners(&self) -> bool {
         self.systems.iter().flat_map(|p| &p.set.list).any(|p| !p.is_context_free())
     }
@@ -190,7 +190,7 @@ impl<'p> Plans<'p> {
         }
     }
 
-    /// Some production draws random numbers, or is drawn itself.
+    /// True if a production of either section draws random numbers or is chosen by a draw, so that lineages are needed.
     pub fn draws(&self) -> bool {
         self.rules.systems.iter().chain(&self.decomposition.systems).any(|p| p.draws)
     }
@@ -227,7 +227,7 @@ impl<'p> RewritePlan<'p> {
         let varies_by_step = program.blocks.start_each.is_some() || program.blocks.end_each.is_some();
         for g in &mut groups {
             let tests = g.productions.iter().filter_map(|i| set.list.get(to_usize(*i))).flat_map(tests);
-            // Conditions that depend on parameters alone give the same answer in every step.
+            // Conditions that depend only on parameters give the same answer in every step.
             g.is_stationary = !tests.into_iter().any(|c| may_change(c, varies_by_step));
         }
         let mut plan = Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false };

@@ -92,7 +92,6 @@ impl<'p> Rewriter<'p> {
         }
     }
 
-    /// The production at an index into the productions of the plan.
     #[inline]
     pub fn planned(&self, production: u32) -> &'p PlannedProduction<'p> {
         &self.settings.plan.productions[to_usize(production)]
@@ -292,7 +291,7 @@ impl<'p> Rewriter<'p> {
         self.load_params(production, module.params);
     }
 
-    /// Collects every production that applies, each with its variables in its own registers, and draws one by weight.
+    /// Collects every production that applies, each with its variables in its register file, and draws one by weight.
     fn draw_candidate(
         &mut self,
         group: &ProductionGroup,
@@ -378,7 +377,7 @@ impl<'p> Rewriter<'p> {
         let mut resume = None;
         for k in 0..self.candidates.len() {
             let production = self.candidates[k];
-            // Weights have a stream of their own, so that their draws do not shift those of the successor.
+            // Weights draw from a separate stream, so that their draws do not shift those of the successor.
             if resume.is_none() && matches!(self.planned(production).weight, Weight::Code(_)) {
                 resume = Some(self.vm.save_draws());
                 self.begin_draws(self.settings.purposes.weight, h);

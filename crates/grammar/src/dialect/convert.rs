@@ -570,7 +570,7 @@ impl<'g> Writer<'g> {
         }
         if !program.homomorphism.list.is_empty() || !self.images.is_empty() {
             let own = if program.homomorphism.list.is_empty() { 0 } else { program.homomorphism.depth };
-            // The images are interpreted after the model's own homomorphisms, one level deeper.
+            // The images are interpreted after the homomorphisms of the model, one level deeper.
             let depth = own + u32::from(!self.images.is_empty());
             let _ = writeln!(out, "Homomorphism\nmaximum depth: {depth}");
             for p in &program.homomorphism.list {

@@ -7,9 +7,9 @@ use crate::notation::Notation;
 /// What a file contains, judged by its text and its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
-    /// A grammar in this notation.
+    /// A grammar that can be read, in the notation whose marks it has.
     Grammar(Notation),
-    /// Rules as Houdini writes them, on lines of their own.
+    /// Rules as Houdini writes them, one on each line.
     Houdini,
     /// Nothing that a grammar would contain.
     Other,
@@ -61,14 +61,14 @@ fn is_cpfg_heading(line: &str) -> bool {
     line.strip_prefix("lsystem").is_some_and(|rest| rest.trim_start().starts_with(':'))
 }
 
-/// Lines of L+C, which cpfg's reader names.
+/// A line of L+C, such as `module A(float);`: its file counts as cpfg, whose reader names L+C in its error.
 fn is_l_plus_c(line: &str) -> bool {
     (line.starts_with("#include") && line.contains("lpfgall"))
         || (line.starts_with("module ") && line.ends_with(';'))
         || (line.to_ascii_lowercase().starts_with("derivation length:") && line.ends_with(';'))
 }
 
-/// A production with the arrow of cpfg.
+/// A production with the arrow `-->` of cpfg, but no comment of XML and no line that begins with `#`.
 fn is_arrow_rule(line: &str) -> bool {
     line.contains("-->") && !line.starts_with("<!--") && !line.starts_with('#')
 }

@@ -37,7 +37,7 @@ fn entries(text: &str) -> Vec<Entry<'_>> {
     for line in lines(text) {
         let code = line.before(';');
         if let Some(brace) = code.text.find('{') {
-            // The name stands before the brace, or alone on the line before.
+            // The name stands before the brace, or on the line before as its only text.
             let before = code.up_to(brace).trimmed();
             let name = if before.text.is_empty() { title } else { before };
             let comment = line.text.split_once(';').map_or("", |(_, c)| c.trim());
@@ -292,7 +292,7 @@ struct Number {
 }
 
 impl Number {
-    /// Reads `[I][Q]digits[.digits]`: `I` is 1/x, `Q` the square root. Colours take digits alone.
+    /// Reads `[I][Q]digits[.digits]`: `I` is 1/x, `Q` the square root. Colours take digits without them.
     fn read(chars: &[(usize, char)], i: &mut usize, command: char) -> Self {
         let is_color = matches!(command, 'c' | '<' | '>');
         let peek = |k: usize| chars.get(k).map(|p| p.1);

@@ -12,7 +12,7 @@ const IGNORED: [&str; 9] =
     ["mutation", "shape", "poly_limit", "switch_yz", "closed_form", "user_form", "rand", "trope", "output"];
 /// Commands of the turtle, and the characters of numbers. Any other character without a rule becomes `_`.
 const COMMANDS: &str = "+-&^<>|%$~tFZfzg.[]{}\"';:?!c()0123456789";
-/// Most derivation steps of a file.
+/// Largest `recursion` (derivation length) that is accepted.
 const MAX_RECURSION: f64 = 1e6;
 
 struct Rule<'t> {

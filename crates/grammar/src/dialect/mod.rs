@@ -23,7 +23,7 @@ use osier_base::limits::Limits;
 pub use convert::{ConvertTo, Converted, convert};
 pub use detect::{FileKind, detect};
 
-/// How a grammar file is to be read.
+/// Notation of a grammar file and, in a file of several L-systems, which of them to read.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ReadAs<'a> {
     /// Its notation; `None`: what its content says.

@@ -43,7 +43,7 @@ impl<'t> Piece<'t> {
         Self { at, text }
     }
 
-    /// Without blanks at both ends.
+    /// Without whitespace at either end; `at` moves to the first byte that is left.
     pub fn trimmed(self) -> Self {
         let start = self.text.trim_start();
         Self { at: self.at + self.text.len() - start.len(), text: start.trim_end() }

@@ -177,7 +177,7 @@ impl Preprocessor<'_> {
         }
         self.depth += 1;
         let base = self.frames.len();
-        // The list is a frame of its own: expansion stops at its end.
+        // The list is a separate frame: expansion stops at its end.
         self.frames.push(TokenFrame { tokens: tokens.into(), pos: 0, kind: FrameKind::List });
         let glue = std::mem::take(&mut self.break_glue);
         let mut out = Vec::new();

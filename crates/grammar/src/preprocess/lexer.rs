@@ -86,7 +86,7 @@ fn splice(text: &str) -> Vec<(usize, char)> {
     out
 }
 
-/// Words that begin a line of their own.
+/// First words of items: a line that begins with one was not meant to continue the line before (L057).
 const LINE_WORDS: [&str; 9] =
     ["axiom", "derivation", "decomposition", "homomorphism", "endlsystem", "lsystem", "ignore", "consider", "maximum"];
 

@@ -33,7 +33,7 @@ enum FrameKind {
     File { conditions: usize },
     /// A macro's body after substitution.
     Macro { name: u32 },
-    /// A list expanded on its own.
+    /// A list of tokens that is expanded separately from the text around it.
     List,
 }
 

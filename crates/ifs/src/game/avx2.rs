@@ -65,7 +65,7 @@ struct AdvanceKernel<'a, const WIDE: bool> {
     chunk: &'a mut Chunk,
 }
 
-/// State of [`REGISTERS`] registers.
+/// Generator states and positions of 16 lanes, kept in registers during a chunk.
 struct LaneRegisters {
     s: [[__m256i; REGISTERS]; 4],
     x: [__m256; REGISTERS],
@@ -156,7 +156,7 @@ fn pick(simd: V3, table: &CoefficientTable, draw: __m256i) -> __m256i {
     let mut map = simd.avx._mm256_set1_epi32(0);
     for t in table.thresholds.iter().take(table.count) {
         let reached = simd.avx2._mm256_cmpgt_epi32(draw, simd.avx._mm256_set1_epi32(*t));
-        // All ones is -1.
+        // A comparison that holds gives -1: subtracting it adds one for each threshold reached.
         map = simd.avx2._mm256_sub_epi32(map, reached);
     }
     map

@@ -63,7 +63,7 @@ pub fn extent(ifs: &Ifs, study: &SystemAnalysis) -> Result<Extent, Box<Diagnosti
         }
         escapes = escapes.plus(found);
     }
-    // The extent is that of the shown points: after the final map.
+    // The extent is that of the points as they are drawn: after the final map.
     if let Some(last) = &ifs.last {
         show(last, &mut all);
     }
@@ -76,7 +76,7 @@ pub fn extent(ifs: &Ifs, study: &SystemAnalysis) -> Result<Extent, Box<Diagnosti
     }
     let mut out = Extent { bounds: (DVec3::ZERO, DVec3::ZERO), quantile: (DVec3::ZERO, DVec3::ZERO) };
     for axis in 0..ifs.dim.min(3) {
-        // Bounds and quantiles by selection, each axis on its own.
+        // Bounds and quantiles by selection, one axis after the other.
         let mut values: Vec<f32> = kept.iter().map(|i| all[axis][*i]).collect();
         let end = values.len() - 1;
         #[allow(

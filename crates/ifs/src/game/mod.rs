@@ -35,7 +35,7 @@ use osier_base::convert::limit;
 use osier_base::math::narrow;
 use osier_base::rng::{Rng, word};
 
-/// Chains of a block that step side by side, each with its own random stream.
+/// Chains of a block that step side by side, each with a separate random stream.
 pub const LANES: usize = 32;
 /// Steps of all lanes that a sink receives at once.
 pub const CHUNK: usize = 32;
@@ -238,7 +238,7 @@ impl ChaosGame {
         chunk.steps = limit(left).min(CHUNK);
         let steps = chunk.steps as u64;
         if !self.condensation.is_empty() {
-            // Condensation needs a draw more per step; it has loops of its own.
+            // Condensation needs a draw more per step and has separate loops.
             condensed::advance(self, lanes, chunk);
             return steps;
         }

@@ -51,7 +51,7 @@ pub fn mapped(table: &Ifs, spec: &LeafSpec, colors: &LeafColors) -> Result<Drawn
     // 16 bits for the relief: 8 would show steps under grazing light.
     let deep = |h: &f32| (h.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;
     Ok(DrawnLeaf {
-        // At most 4096.
+        // The side of the maps is at most 4096 pixels.
         side: saturating_index(n),
         color: f.color.iter().flat_map(rgba).collect(),
         normal: normals(&f.height, &traced.raster.mask.set, n),

@@ -70,7 +70,7 @@ fn transformed(part: &MeshPart, world_from_mesh: Mat4) -> MeshPart {
     part
 }
 
-/// The primitives of a mesh in its own space.
+/// Reads the primitives of a mesh that consist of triangles, in the coordinates of the mesh; leaves out others with X016.
 fn mesh(
     context: &mut ImportContext<'_>,
     accessors: &Accessors<'_>,

@@ -4,14 +4,14 @@
 use super::decode::{DecodedImage, spend};
 use crate::{ImportContext, ImportResult};
 
-/// First bytes of a Silicon Graphics picture.
+/// First bytes of a Silicon Graphics picture: the number 474, big-endian.
 const SGI_MAGIC: [u8; 2] = [0x01, 0xda];
-/// Bytes of its header.
+/// Bytes of a Silicon Graphics header, before the pixels or the table of compressed rows.
 const SGI_HEADER: usize = 512;
-/// Bytes of the header of a Targa picture.
+/// Bytes of a Targa header, before its identification text and colour map.
 const TARGA_HEADER: usize = 18;
 
-/// Size and channels of a picture.
+/// Size of a picture, and how many channels its decoding yields.
 #[derive(Debug, Clone, Copy)]
 struct Shape {
     width: usize,

@@ -19,7 +19,7 @@ use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 use osier_base::files::{Encoding, ReadError, decode};
 use osier_base::limits::grouped;
 
-/// Reads an OBJ file and its material libraries.
+/// Reads an OBJ file and its material libraries. Every line is checked before the mesh is built.
 pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResult<ImportedMesh> {
     let limit = context.options.limits.get("mesh-bytes");
     if bytes.len() as u64 > limit {

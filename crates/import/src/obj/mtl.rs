@@ -154,8 +154,8 @@ impl<'l> ObjMaterials<'l> {
         }
     }
 
-    /// Index of the material that `tobj` numbers `id` (none: a grey one named after the file). Without a colour of its own it
-    /// is white under `colored` vertices.
+    /// Index of the material that `tobj` numbers `id` (none: a grey one named after the file). A material without a colour is
+    /// white under `colored` vertices.
     pub(super) fn material_index(
         &mut self,
         context: &mut ImportContext<'_>,
@@ -252,7 +252,7 @@ fn map_file(line: ObjToken<'_>) -> ObjToken<'_> {
         let (least, most) = match option {
             // u, and where given v and w: a word that is no number begins the file name.
             "-o" | "-s" | "-t" => (1, 3),
-            // Base and gain.
+            // Base and gain of a colour map: always two numbers.
             "-mm" => (2, 2),
             _ => (1, 1),
         };

@@ -131,7 +131,7 @@ fn vertex<'a>(
     Ok(())
 }
 
-/// Checks an `f` or `l` statement.
+/// Checks an `f` or `l` statement: number of corners, and indices of elements that are defined above it.
 fn face<'a>(
     key: ObjToken<'_>,
     tokens: impl Iterator<Item = ObjToken<'a>>,

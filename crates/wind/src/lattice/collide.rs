@@ -33,7 +33,7 @@ impl<L: Lane> Relaxation<L> {
         Self { tau, omega: tau.splat(1.0).div(tau), smagorinsky_factor, force }
     }
 
-    /// The same with another relaxation time.
+    /// The same eddy viscosity and body force with another molecular relaxation time.
     #[inline(always)]
     pub(super) fn with_tau(self, tau: L) -> Self {
         Self { tau, omega: tau.splat(1.0).div(tau), ..self }
@@ -77,7 +77,7 @@ impl<L: Lane> OppositePairs<L> {
         self.rest + (((self.even[0] + self.even[1]) + self.even[2]) + self.diagonal_sum())
     }
 
-    /// First moment: sum c_i f_i, from the odd parts alone.
+    /// First moment: sum c_i f_i, to which even parts add nothing.
     #[inline(always)]
     fn momentum(&self) -> [L; 3] {
         // Axis pairs count with their own axis; a diagonal pair counts with the signs of its first member: (+++),

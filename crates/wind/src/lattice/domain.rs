@@ -28,7 +28,7 @@ impl FaceCondition {
     }
 }
 
-/// Cells and faces of the box.
+/// Grid and solid cells of the box, links that surfaces cut, and the conditions at its six faces.
 #[derive(Debug, Clone)]
 pub(super) struct Domain {
     pub grid: LatticeGrid,

@@ -142,7 +142,7 @@ impl<'a> BufferSlice<'a> {
     }
 }
 
-/// What a step reads from boundaries.
+/// Populations that a step takes from boundaries: those exchanged by the step before, and those of ghost nodes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct IncomingPopulations<'a> {
     pub lists: &'a ExchangeLists,

@@ -18,7 +18,7 @@ use osier_base::rng::Rng;
 use osier_base::simd::F32Lanes;
 use osier_scene::solid::LandForm;
 
-/// Height profile of the mean wind.
+/// Factor on the mean speed as a function of the height above the ground.
 #[derive(Debug, Clone, PartialEq)]
 pub enum WindProfile {
     /// Logarithmic law ln((y + z0)/z0), over its value at the reference height; roughness length z0, m.

@@ -37,7 +37,7 @@ pub(super) struct GhostNode {
     pub face: Option<usize>,
 }
 
-/// Condition at a ghost node.
+/// How the air at a ghost node follows from the inflow, or from the cell before an outlet.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum GhostCondition<L> {
     /// Prescribed velocity, cells per step; shear along x and z as in [`shear_nonequilibrium_population`].
@@ -55,7 +55,7 @@ pub(super) fn outlet_density<L: Lane>(target: L, mean: L) -> L {
     (mean - target) * mean.splat(SQRT_3)
 }
 
-/// Air at a ghost node.
+/// Density and velocity of the air at a ghost node, from which its populations are computed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GhostState<L> {
     drho: L,

@@ -26,7 +26,7 @@ pub enum SideCondition {
     Open,
 }
 
-/// Boundary condition of the bottom face.
+/// Friction at the bottom face; the height profile of the inflow is set separately.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum GroundCondition {
     /// Wall stress of a logarithmic profile over a roughness length, m.
@@ -120,13 +120,13 @@ impl LatticeOptions {
     }
 }
 
-/// Axes whose faces are joined.
+/// Axes along which the flow is periodic: their two faces are joined.
 pub(super) fn periodic_axes(options: &LatticeOptions) -> [bool; 3] {
     let faces = face_conditions(options, 0.0);
     [0, 2, 4].map(|f| faces[f] == FaceCondition::Periodic)
 }
 
-/// Quantities that follow from the options.
+/// Lattice units and durations that follow from the options, such as time step, relaxation time and spin-up.
 #[derive(Debug, Clone)]
 pub(super) struct LatticeSetup {
     pub n: [usize; 3],
@@ -148,7 +148,7 @@ pub(super) struct LatticeSetup {
     pub lead_frames: u32,
     /// Depth of the sponge before each outlet, cells.
     sponge: f64,
-    /// Hash of options and solids.
+    /// Hash of options, solid cells and cut links: a checkpoint fits only a flow with the same one.
     fingerprint: u64,
 }
 

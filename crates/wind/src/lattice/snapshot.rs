@@ -12,7 +12,7 @@ use super::snapshot_layout::SnapshotLayout;
 #[derive(Debug)]
 pub struct WindSnapshot {
     pub(super) grid: Arc<SnapshotLayout>,
-    /// Velocity, m/s, and density less 1 by cell, halo included.
+    /// Velocity, m/s, and density less 1 of each cell, x fastest, halo included.
     pub(super) values: Vec<[f32; 4]>,
     /// Time, s; 0 is the clip's first frame.
     pub(super) time: f64,

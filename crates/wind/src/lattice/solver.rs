@@ -149,7 +149,7 @@ impl LatticeSolver {
         })
     }
 
-    /// The undisturbed inflow.
+    /// The inflow without the effect of solids, which is also the wind outside the box.
     pub fn inlet(&self) -> &Arc<InletWind> {
         &self.inlet
     }

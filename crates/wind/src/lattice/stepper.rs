@@ -54,7 +54,7 @@ pub(super) struct BoundaryInputs<'a> {
     pub outlet_velocity: [f32; 6],
 }
 
-/// One step, or two, of a flow.
+/// Inputs of one pass over the lattice, which does one step, or an even and an odd one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StepContext<'a> {
     pub tables: &'a StepTables,
@@ -66,7 +66,7 @@ pub(super) struct StepContext<'a> {
     pub second: Option<BoundaryInputs<'a>>,
 }
 
-/// What one step, or two, did.
+/// Clamped cells of a pass of one or two steps, and diagnostics if it wrote a snapshot.
 #[derive(Debug)]
 pub(super) struct StepReport {
     /// Clamped cells of the first step and of the second.

@@ -27,7 +27,7 @@ pub(super) struct VoxelReport {
     pub blocked: f64,
     /// Solids lower than [`MIN_CELLS_PER_HEIGHT`] cells, and their heights in cells.
     pub coarse: Vec<(String, f64)>,
-    /// Warnings of open meshes.
+    /// Warnings S032 about solids whose meshes are not closed.
     pub open: Vec<String>,
 }
 

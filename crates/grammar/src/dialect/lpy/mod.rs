@@ -241,7 +241,7 @@ impl<'s> Model<'_, 's> {
         }
     }
 
-    /// Names of modules, wherever they are declared.
+    /// Collects the names that `module` lines declare, wherever they stand in the file.
     fn declarations(&mut self, list: &[Line<'_>]) {
         for line in list {
             let (word, rest) = line.piece.first_word(&[]);
@@ -604,7 +604,7 @@ impl<'s> Model<'_, 's> {
         Ok(ops)
     }
 
-    /// Appends the code of statements of a function. Variables of its own are kept apart from those of the model.
+    /// Appends the code of statements of a function. Its local variables are kept apart from those of the model.
     fn block_code(
         &mut self,
         statements: &[Statement],

@@ -22,7 +22,7 @@ const MAX_UNKNOWN: u32 = 64;
 /// Most modules of the successor of one way; a production that makes more is refused.
 const MAX_MODULES: usize = 1 << 20;
 
-/// One step of a way through a production.
+/// One step of a way through a production: an assignment, or a condition with the value it has on this way.
 #[derive(Debug, Clone)]
 pub(super) enum Step {
     Assign(String, PyExpr),
@@ -40,7 +40,7 @@ pub(super) struct Way {
 }
 
 impl Way {
-    /// Variables of the model that it assigns.
+    /// Names declared `global` on the way that it also assigns.
     fn written(&self) -> Vec<&String> {
         let assigns = |name: &String| self.steps.iter().any(|s| matches!(s, Step::Assign(n, _) if n == name));
         self.globals.iter().filter(|g| assigns(g)).collect()
@@ -152,7 +152,7 @@ impl Model<'_, '_> {
         if formals.is_empty() {
             return Err(Refusal::new("a production without predecessor", head.range()));
         }
-        // `*` alone is no context.
+        // A single `*` is no context.
         let mut context = |model: &mut Self, piece: Option<Piece<'_>>| match piece.map(|p| p.trimmed()) {
             Some(p) if p.text != "*" => model.elements(p, &mut conditions),
             _ => Ok(Vec::new()),
@@ -315,7 +315,7 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
-    /// Values of the variable of a loop.
+    /// Values that the variable of a `for` loop takes, one per turn; a list that is not constant is refused.
     fn turns(&self, list: &PyExpr, place: &Range<usize>) -> Result<Vec<f64>, Refusal> {
         let refused = || match list {
             PyExpr::Call(name, ..) if name == "range" || name == "xrange" => {
@@ -423,7 +423,7 @@ impl Model<'_, '_> {
 
     /// The production of one way; `None` after an error.
     fn production(&mut self, head: &Head, way: &Way) -> Option<Production> {
-        // Each way has variables of its own; the parameters of the head are common to all.
+        // Each way has separate variables; the parameters of the head are common to all.
         let own = self.scope.locals.clone();
         let made = self.way_code(way);
         let built = match self.settle(made) {

@@ -231,10 +231,10 @@ fn coordinates(piece: Piece<'_>) -> Vec<Piece<'_>> {
     if parts.len() == 3 { parts } else { vec![piece] }
 }
 
-/// Modules of a successor in their order; none for `*` alone, the empty string.
+/// Modules of a successor in their order; none if it is a single `*`, the empty string.
 pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyModule>, Refusal> {
     let spelled = spell(piece, declared)?;
-    // `*` alone is the empty string.
+    // `*` with nothing beside it produces no module.
     if let [only] = spelled.as_slice()
         && only.name == "*"
     {
