@@ -96,7 +96,7 @@ fn note_idle_symbols(session: &mut ParseSession, program: &Program) {
     }
 }
 
-/// A symbol with a number of parameters.
+/// A symbol and a number of parameters; productions apply to modules with both.
 type Kind = (SymbolId, usize);
 
 fn kind(f: &FormalModule) -> Kind {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-/// Turtle commands of cpfg that are spelled with two characters, each a symbol of its own in the string.
+/// Turtle commands of cpfg that are spelled with two characters; in the string these are two separate symbols.
 pub(crate) const TWO_CHARACTER_COMMANDS: [(char, char); 20] = [
     ('@', 'v'),
     ('@', 'M'),

@@ -77,7 +77,7 @@ impl Token {
 pub(crate) struct NameTable {
     list: Vec<String>,
     index: std::collections::BTreeMap<String, u32>,
-    /// Number of the next new spelling.
+    /// Number that the next new spelling gets; spellings are numbered from 0.
     next: u32,
 }
 

@@ -504,7 +504,7 @@ impl Vm {
     }
 }
 
-/// A beta variate, in its own stream; 0 for parameters that are not positive.
+/// A beta variate drawn from `stream`; 0 for parameters that are not positive.
 /// Source: X / (X + Y) of gamma variates X and Y of shapes a and b has the beta distribution.
 fn beta(stream: &mut Rng, a: f64, b: f64) -> f64 {
     if !(a > 0.0 && b > 0.0) {

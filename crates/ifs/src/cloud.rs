@@ -156,7 +156,7 @@ pub fn cloud(
         depths: vec![0; n],
         escapes: Escapes::default(),
     };
-    // Every block writes its own slice of the arrays, so that blocks can be drawn by any thread.
+    // Every block writes a separate slice of the arrays, so that blocks can be drawn by any thread.
     let parts = out
         .positions
         .chunks_mut(size)

@@ -171,7 +171,8 @@ impl ColorLabels {
         }
     }
 
-    /// Coordinates of one step of all lanes: every map pulls the coordinate to its own, jumps leave it.
+    /// Colour coordinates after one step of all lanes: each map moves the coordinate towards its `coord`; jumps leave it
+    /// unchanged.
     pub fn color_coords(&mut self, maps: &[u32; LANES]) -> [f32; LANES] {
         let last = self.pull.len() - 1;
         for (coord, map) in self.lanes.coord.iter_mut().zip(maps) {

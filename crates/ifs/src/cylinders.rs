@@ -1,8 +1,9 @@
 //! An attractor cut into cylinders: the images w(A) of the whole under words of maps.
 //!
-//! A point of the attractor that every map of a word takes in turn is again such a point, in the word's own small part of
-//! the picture. So a pool of points is drawn once by the chaos game and then mapped into one cylinder after the other, each
-//! of which takes its share: no draw, no choice of a map, and cells that lie together while they are counted.
+//! If all maps of a word are applied to a point of the attractor, the result is again a point of the attractor, in the small part
+//! of the picture that belongs to the word. So a pool of points is drawn once by the chaos game and then mapped into one cylinder
+//! after the other, each of which takes its share: no draw, no choice of a map, and cells that lie together while they are
+//! counted.
 
 use std::ops::Range;
 

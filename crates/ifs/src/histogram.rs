@@ -39,9 +39,9 @@ const SHARES: f64 = 256.0;
 /// Points counted by pixel, with the sums of their colours where they are coloured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
-    /// Width of the picture, pixels.
+    /// Pixels per row of `hits` and `sums`.
     pub width: usize,
-    /// Height of the picture, pixels.
+    /// Number of rows of `hits` and `sums`.
     pub height: usize,
     /// Hits times `unit`, rows from the top.
     pub hits: Vec<u64>,
@@ -57,7 +57,7 @@ pub struct Histogram {
     pub escapes: Escapes,
 }
 
-/// Counts points without colours.
+/// Counts hits by cell, for pictures whose points have one colour.
 struct HitCounter(Vec<u32>);
 
 impl CellCounter for HitCounter {
@@ -82,7 +82,7 @@ impl CellCounter for HitCounter {
 #[repr(align(16))]
 struct ColorCell([u32; 4]);
 
-/// Counts points and colours by pixel.
+/// Sums hits and colours by cell; cells near overflow are emptied into 64-bit sums.
 struct ColorCounter<'a> {
     cells: Vec<ColorCell>,
     spilled: BTreeMap<u32, [u64; 4]>,

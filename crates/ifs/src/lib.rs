@@ -97,7 +97,7 @@ pub struct Map {
     pub stem: bool,
     /// True if a leaf is placed where a word that ends in this map is cut.
     pub leaf: bool,
-    /// Location in the file, for diagnostics.
+    /// Location of the map in the file, for diagnostics about it.
     pub span: Span,
 }
 

@@ -62,9 +62,9 @@ impl Default for ToneMapping {
 /// Density and mean colour per pixel, linear, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Density {
-    /// Width of the picture, pixels.
+    /// Pixels per row of `value` and `color`.
     pub width: usize,
-    /// Height of the picture, pixels.
+    /// Number of rows of `value` and `color`.
     pub height: usize,
     /// hits W H / N: 1 on average when nothing lies outside.
     pub value: Vec<f32>,

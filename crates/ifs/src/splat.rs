@@ -128,12 +128,12 @@ impl CountingPlan {
         }
     }
 
-    /// Counts all points. Each thread has cells of its own, of `bytes` bytes each, while they fit the memory; `make`:
+    /// Counts all points. Each thread has a separate set of cells, of `bytes` bytes each, while they fit the memory; `make`:
     /// empty cells for a [`TileLayout`].
     pub fn count<C: CellCounter + Send>(&self, bytes: usize, make: impl Fn() -> C + Sync) -> (Vec<C>, Escapes) {
         let blocks = limit(self.blocks);
-        // Each thread counts into cells of its own, without atomics; sums of whole numbers do not depend on the
-        // division of the work.
+        // Each thread counts into separate cells, without atomics; sums of whole numbers do not depend on the division of the
+        // work.
         let workers = threads().min(MAX_CELL_BYTES / (bytes * self.layout.cells())).clamp(1, blocks.max(1));
         let jobs: Vec<u64> = (0..workers as u64).collect();
         let parts = par_map(&jobs, |worker| self.count_blocks(make(), (*worker..self.blocks).step_by(workers)));

@@ -144,9 +144,9 @@ struct ImportedMesh {
 /// An image reduced to its brightness, as [`read_grey`] reads it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GreyImage {
-    /// Width of the image, pixels.
+    /// Pixels per row of `values`.
     pub width: usize,
-    /// Height of the image, pixels.
+    /// Number of rows of `values`.
     pub height: usize,
     /// Brightness, 0..1, row by row from the top left.
     pub values: Vec<f32>,

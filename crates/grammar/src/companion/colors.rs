@@ -82,7 +82,7 @@ const FRACTINT_PALETTE: [[u8; 3]; 16] = [
     [0x1f, 0x1f, 0x1f], // black
 ];
 
-/// Material of one colour index.
+/// Material that a turtle's colour index stands for: diffuse colour, roughness and transparency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceColor {
     /// Linear RGB of the diffuse colour, 0 to 1.

@@ -126,7 +126,7 @@ struct Frame {
     /// Start of its parameters in the pool.
     params: usize,
     parent: u64,
-    /// Step in which it was made.
+    /// Step in which it was made; 0 for the axiom.
     birth: u32,
     /// Number of active modules dealt with.
     next: u32,
@@ -154,13 +154,13 @@ struct Choice {
 /// Numbers of modules that a derivation makes: at its end, by step and by production.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DerivationCounts {
-    /// Modules of the final string.
+    /// Number of modules of the final string so far.
     pub modules: u64,
     /// Last step in which a production was applied; 0: none.
     pub last_change: u32,
     /// Modules that each step adds, less those that it removes.
     gains: Vec<i64>,
-    /// Modules made by each production.
+    /// Number of modules that each production has made, by its index in the plan.
     made: Vec<u64>,
     work: u64,
 }

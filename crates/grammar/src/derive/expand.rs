@@ -166,8 +166,7 @@ impl<'p> Expander<'p> {
         let (mut taken, mut expansions) = (replaced.len(), 0_usize);
         self.rewriter.followers = None;
         while let Some(depth) = self.stack.depth.pop() {
-            // Pop the topmost module into a buffer of its own: the production reads its parameters while successors are
-            // pushed.
+            // Move the topmost module to a separate buffer: the production reads its parameters while successors are pushed.
             let n = self.stack.modules.len() - 1;
             self.current.clear();
             self.current.push(self.stack.modules.get(n));

@@ -61,7 +61,7 @@ pub(super) struct ComputedParameter<'p> {
     pub source: ValueSource<'p>,
     /// Its expression, for the report of a division by zero.
     pub code: Option<&'p Bytecode>,
-    /// Position among the parameters.
+    /// Index of its value among the parameters of the whole template.
     pub target: u32,
 }
 

@@ -61,7 +61,7 @@ pub(super) enum ValueSource<'p> {
 /// Translates the expressions of one production into operations on registers; equal constants and results share a register.
 #[derive(Debug)]
 pub(super) struct RegisterCompiler {
-    /// Values that registers begin with.
+    /// Values of the registers before the first operation: constants, and 0 in all others.
     initial: Box<Registers>,
     used: usize,
     /// Registers from here on hold constants, values from outside and results.

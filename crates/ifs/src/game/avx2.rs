@@ -8,7 +8,7 @@ use pulp::x86::V3;
 use super::lanes::Lanes;
 use super::{ChaosGame, Chunk, Coefficients, LANES, TileLayout};
 
-/// Lanes of a register.
+/// Numbers of 32 bits in an AVX2 register.
 const WIDTH: usize = 8;
 /// Registers stepped side by side: enough to hide how long an addition takes.
 const REGISTERS: usize = 2;

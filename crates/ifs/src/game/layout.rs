@@ -10,9 +10,9 @@ const MASK: usize = (1 << SIDE) - 1;
 /// Cells of a picture, tile after tile, with one more for what falls outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TileLayout {
-    /// Width of the picture, pixels.
+    /// Pixels per row of the picture.
     pub width: usize,
-    /// Height of the picture, pixels.
+    /// Number of rows of the picture.
     pub height: usize,
 }
 

@@ -1,7 +1,7 @@
 //! The chaos game: points of an attractor, the same at any thread count and on any processor.
 //!
-//! Points come in blocks of 32 lanes. A lane has a random stream of its own and steps from map to map; the points of a
-//! block are ordered by step, then lane.
+//! Points come in blocks of 32 lanes. Each lane has a separate random stream and steps from map to map; the points of a block are
+//! ordered by step, then lane.
 //!
 //! # Examples
 //! ```

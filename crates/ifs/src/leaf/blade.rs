@@ -113,7 +113,7 @@ fn hexagonal_grid(rings: &[Vec<DVec2>], spacing: f64) -> Vec<DVec2> {
     out
 }
 
-/// How a flat blade stands in space.
+/// Size, bend and stalk that a flat blade gets when it becomes a mesh in space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BladePose {
     /// Distance from anchor to tip, m.

@@ -1,4 +1,4 @@
-//! Our own tables: TOML with everything that Fractint's columns cannot hold.
+//! Tables of osier: TOML with everything that Fractint's columns cannot hold.
 
 use std::ops::{Bound, RangeBounds};
 use toml::Spanned;

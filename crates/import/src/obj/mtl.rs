@@ -20,7 +20,7 @@ pub(super) struct MaterialLibraries {
     pub(super) text: String,
     /// Name and bytes of images by material and statement.
     images: BTreeMap<(String, &'static str), (String, Vec<u8>)>,
-    /// Bytes of images held.
+    /// Bytes of `images` together, which the limit `mesh-bytes` bounds.
     image_bytes: u64,
 }
 

@@ -23,7 +23,7 @@ pub(super) fn cell_center(cells: Cells, cell: [usize; 3]) -> Vec3 {
 }
 
 impl Cells {
-    /// Height of a solid over the bottom of the box, or over its own foot if that is higher, cells.
+    /// Height of the top of a solid over the bottom of the box, or over its lowest point if that is higher, cells.
     pub(super) fn height_of(self, solid: &Solid) -> f64 {
         let bounds = solid.bounds();
         (f64::from(bounds.max.y) - f64::from(bounds.min.y).max(self.origin.y)) / self.spacing

@@ -24,7 +24,7 @@ pub(super) struct PlaneDiagnostics {
 /// Partial sums that are accumulated side by side.
 const PARTIAL_SUMS: usize = 8;
 
-/// Where a snapshot is written.
+/// Memory that a pass fills with the moments of its last step, converted to a snapshot's units.
 #[derive(Debug)]
 pub(super) struct SnapshotTarget<'a> {
     pub grid: &'a SnapshotLayout,

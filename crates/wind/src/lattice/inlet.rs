@@ -95,7 +95,7 @@ pub struct InletWind {
     origin: DVec3,
     /// Terrain in the box; heights of the profile count from it.
     land: Option<Arc<LandForm>>,
-    /// Spacing of the lattice, m.
+    /// Spacing of the lattice, m: waves shorter than six cells are left out.
     spacing: f64,
     /// Height at which the mean speed holds, m.
     reference_height: f64,

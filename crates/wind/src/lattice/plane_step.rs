@@ -60,7 +60,7 @@ impl<'a> ThreadScratch<'a> {
     }
 }
 
-/// A step of the plane `z`.
+/// One step of the plane `z`, with the tables and boundary populations that it reads.
 #[derive(Clone, Copy)]
 pub(super) struct PlaneStep<'a> {
     pub tables: &'a StepTables,

@@ -56,7 +56,7 @@ pub struct LatticeOptions {
     pub smagorinsky: f64,
     /// Least relaxation time, steps, above 0.5.
     pub tau_floor: f64,
-    /// Ground at the bottom face. A roughness length sets its wall stress only; the profile of the inflow has its own.
+    /// Friction at the bottom face. A roughness length given here does not change the profile of the inflow.
     pub ground: GroundCondition,
     /// Condition of the two vertical faces that are parallel to the wind, or most nearly so.
     pub sides: SideCondition,
@@ -133,7 +133,7 @@ pub(super) struct LatticeSetup {
     pub origin: DVec3,
     pub spacing: f64,
     pub fps: f64,
-    /// Time steps per frame.
+    /// Time steps from one snapshot to the next.
     pub steps: u32,
     /// Duration of a time step, s.
     pub dt: f64,

@@ -174,9 +174,8 @@ impl SnapshotLayout {
         }
     }
 
-    /// Velocity at a point, m, by trilinear interpolation of `values` (by index) at the eight cell centres around it.
-    /// Within half a cell of a solid it falls linearly to 0, and cells behind a wall do not count; outside the box, `outside`
-    /// blends in over
+    /// Velocity at a point, m, by trilinear interpolation of `values` (by index) at the eight cell centres around it. Within half
+    /// a cell of a solid it falls linearly to 0, and cells behind a wall do not count; outside the box, `outside` blends in over
     /// [`OUTSIDE_BLEND_CELLS`].
     /// Source: \[catkin\] eq. 11.
     /// Differs: eq. 11 starts at the closest node, which makes negative weights; this starts at the one below.

@@ -486,7 +486,7 @@ pub(super) struct Scope {
     /// Values of the model that are drawn once, before the first step; the position is the slot.
     pub globals: Vec<String>,
     pub constants: BTreeMap<String, f64>,
-    /// Lists that never change.
+    /// Lists that no statement changes, by name; an expression may index them or loop over them.
     pub lists: BTreeMap<String, PyExpr>,
     /// Names whose values are more than expressions.
     pub unreadable: BTreeMap<String, Refusal>,
