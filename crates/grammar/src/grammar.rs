@@ -14,7 +14,7 @@ use super::program::{Program, SuccessorModule};
 use super::symbols::{SymbolId, Symbols};
 use super::token::SourcePlace;
 
-/// A constant parameter beyond this is a slip rather than a length or an angle.
+/// Magnitude from which a constant parameter is taken for a mistake, not for a length or an angle.
 const HUGE: f32 = 1e12;
 
 /// A grammar that was read without errors.

@@ -126,7 +126,7 @@ impl ColorLabels {
         Self { mode, colors, maps: base, top, pull, orders: orders.collect(), lanes }
     }
 
-    /// True if labels are steps of a palette at a point's own coordinate.
+    /// True if a label is a step of the palette, found from the colour coordinate of the point.
     pub fn is_by_coord(&self) -> bool {
         self.mode == ColorMode::Coord
     }

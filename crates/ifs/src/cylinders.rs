@@ -160,8 +160,8 @@ pub(super) fn is_applicable(ifs: &Ifs, study: &SystemAnalysis, labels: Option<&C
 }
 
 impl CylinderCut {
-    /// Cuts until a cylinder is small in the picture, or holds few points, and no pool runs out. `game`: in units of
-    /// [`unit_frame`]; `window`: scale and shift from table units to pixels.
+    /// Splits words until each cylinder is small in the picture or holds few points, and takes no more points than the pool has.
+    /// `game`: in units of [`unit_frame`]; `window`: scale and shift from table units to pixels.
     /// Source: J. Hutchinson, "Fractals and self similarity", 1981: A is the union of w(A) over any full set of words.
     pub fn new(request: &DrawRequest<'_>, game: &ChaosGame, window: AxisScaling, labels: Option<&ColorLabels>) -> Self {
         let DrawRequest { system, study, .. } = *request;

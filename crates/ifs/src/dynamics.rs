@@ -22,7 +22,7 @@ use osier_base::math;
 use osier_base::rng::Rng;
 use osier_base::units;
 
-/// Magnitude of an exponent per step below which growth and decay cannot be told apart from the sampling error.
+/// Magnitude of an exponent per step below which growth and decay cannot be distinguished within the sampling error.
 const NEUTRAL_EXPONENT: f64 = 1e-3;
 /// Independent chains of maps for the Lyapunov exponent, and steps of each.
 const LYAPUNOV_CHAINS: u64 = 64;

@@ -209,7 +209,7 @@ impl Histogram {
     }
 }
 
-/// What a point of a label adds, and by map the share that is shown: empty where all maps show all of their points.
+/// What a point of a label adds, and by map the share of its points that is drawn: empty where all maps draw all of their points.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
 fn weights(labels: &ColorLabels, request: &DrawRequest<'_>) -> (Vec<[u32; 4]>, Vec<u32>) {
     // Linear colours in 12 bits: 2^20 hits of them fit into 32 bits, see SPILL_LIMIT.

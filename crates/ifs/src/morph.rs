@@ -96,7 +96,7 @@ pub struct Morph {
 }
 
 impl Morph {
-    /// Leads from key to key; times rise. Two keys at least make a motion.
+    /// Interpolates from each key to the next; their times must rise. A single key gives a system that does not change.
     /// # Errors
     /// I070 for tables of unequal numbers of maps, dimension or condensation sets, I071 where a fixed point that is to be
     /// moved does not stay single.

@@ -105,7 +105,7 @@ pub struct Expansion {
     pub cuts: Vec<Word>,
 }
 
-/// Scale and factor on radii of each letter: `None` for maps that squash.
+/// Scale and factor on radii of each letter; the scale is `None` for stems, which no word contains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Letters {
     scale: Vec<Option<f64>>,

@@ -106,7 +106,7 @@ impl Wind for WindSum {
 pub struct ShiftedWind {
     /// The wind, sampled at the simulation's time less `lead`.
     pub wind: Arc<dyn Wind>,
-    /// Time that the simulation's clock shows at time 0 of the wind, s.
+    /// Simulation time at which the wind is at its time 0, s.
     pub lead: f64,
 }
 

@@ -55,7 +55,7 @@ fn bind_parameters(formal: &FormalModule, module: Module<'_>, locals: &mut [f64]
     }
 }
 
-/// Does the module have the formal's symbol and number of parameters? If so its parameters are bound.
+/// True if the module has the symbol and number of parameters of `formal`; its parameters are then bound to local variables.
 #[inline]
 pub(super) fn match_module(formal: &FormalModule, module: Module<'_>, locals: &mut [f64]) -> bool {
     let fits = module.symbol == formal.symbol && module.params.len() == usize::from(formal.arity);
@@ -106,8 +106,8 @@ impl ContextView<'_> {
         self.borders.is_some_and(|b| opens(&b) || module.symbol == b.close)
     }
 
-    /// Is the left context there, scanning from module `at` (not included) to the left? Closed branches are jumped
-    /// over, openings are stepped over: a branch sees the axis that carries it.
+    /// True if the left context precedes module `at`. The search passes over closed branches; from within a branch it continues
+    /// on the axis that carries the branch.
     pub fn matches_left(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
         // Positions of a ring count down from a second turn, so that they stay positive up to module `at` again.
         let (mut i, least) = if self.is_ring { (at + self.modules.len(), at) } else { (at, 0) };

@@ -352,7 +352,7 @@ fn tests(p: &Production) -> impl Iterator<Item = &Bytecode> {
     [&p.before, &p.condition].into_iter().flatten()
 }
 
-/// The value may be another one in the next step; `globals`: the blocks of the L-system may change global variables.
+/// True if the value may differ in the next step; `globals`: the blocks of the L-system may change global variables.
 fn may_change(code: &Bytecode, globals: bool) -> bool {
     code.ops.iter().any(|o| match o {
         Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_) => true,

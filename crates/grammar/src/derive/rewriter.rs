@@ -63,7 +63,7 @@ pub(super) struct Followers {
 pub(super) struct Rewriter<'p> {
     pub settings: RewriteSettings<'p>,
     pub vm: Vm,
-    /// `None`: the neighbours in the string follow.
+    /// Modules that a predecessor of several modules may take; `None`: those that follow in the string.
     pub followers: Option<Followers>,
     /// Registers of each production; the first ones are its local variables.
     files: Vec<RegisterFile>,
@@ -148,7 +148,7 @@ impl<'p> Rewriter<'p> {
         planned.registers.load_outside(&self.vm, file);
     }
 
-    /// Is the condition met? The local variables are set.
+    /// Evaluates the condition of a production; its local variables must be set.
     #[inline]
     fn condition_holds(&mut self, production: u32) -> Result<bool, Halt> {
         let planned = self.planned(production);

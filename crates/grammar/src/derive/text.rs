@@ -46,7 +46,7 @@ struct OpenPart<'p> {
     template: &'p Template<'p>,
     /// Derivation steps that still rewrite its active modules.
     left: u32,
-    /// Number of active modules written.
+    /// Number of its active modules dealt with, in order.
     next: usize,
     /// Number of its modules dealt with: written, or active and replaced by the part above it.
     written: usize,

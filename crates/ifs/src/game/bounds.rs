@@ -93,7 +93,7 @@ pub fn extent(ifs: &Ifs, study: &SystemAnalysis) -> Result<Extent, Box<Diagnosti
     Ok(out)
 }
 
-/// Applies the final map to all points.
+/// Applies the final map in place to the points, one list per coordinate.
 fn show(last: &Affine, [xs, ys, zs]: &mut [Vec<f32>; 3]) {
     for ((x, y), z) in xs.iter_mut().zip(ys).zip(zs) {
         let shown = last.apply(DVec3::new(f64::from(*x), f64::from(*y), f64::from(*z)));

@@ -196,7 +196,7 @@ impl IfsReader<'_> {
         }
     }
 
-    /// Names that are used twice, and names that Fractint takes for one.
+    /// Reports names that are used twice (I010), names that Fractint does not distinguish (I009), and too many systems (I008).
     fn check_names(&mut self, systems: &[Ifs]) {
         if systems.len() > MAX_SYSTEMS {
             let text =

@@ -61,7 +61,7 @@ fn flame(item: &TableItem, name: &str) -> String {
     out + "</flame>\n"
 }
 
-/// Column by column with y down.
+/// Coefficients of a map as a flame file has them: column by column, with y down.
 fn coefs(map: &Affine) -> String {
     let [a, b, c, d, e, f] = {
         // y down again: F w F, columns first.

@@ -233,7 +233,7 @@ impl LatticeSetup {
         (self.tau - 0.5) * self.spacing * self.spacing / (3.0 * self.dt)
     }
 
-    /// Hash of options and solid cells; a checkpoint fits only a lattice of the same fingerprint.
+    /// Hash of options, solid cells and cut links; a checkpoint fits only a lattice of the same fingerprint.
     pub(super) fn fingerprint(&self) -> u64 {
         self.fingerprint
     }

@@ -99,8 +99,8 @@ fn description(text: &str) -> String {
     line.trim().lines().next().unwrap_or("").trim_matches(['#', '-', '=', ' ']).to_owned()
 }
 
-/// The text with blanks in place of comments, of texts in three quotes, of the ends of lines within parentheses and of those behind a
-/// backslash: every place stays.
+/// The text with comments, texts in triple quotes, line ends within parentheses and line ends behind a backslash replaced by
+/// blanks, so that all offsets stay.
 fn without_comments(text: &str) -> String {
     let bytes = text.as_bytes();
     let mut out: Vec<u8> = bytes.to_vec();
@@ -172,7 +172,7 @@ fn line_of(piece: Piece<'_>) -> Option<Line<'_>> {
     Some(Line { indent, piece: trimmed })
 }
 
-/// What follows a heading such as `Axiom:`, whose words any number of blanks may part.
+/// The text behind the colon of a heading such as `Axiom:`; any number of blanks may separate the words of the heading.
 fn after_heading<'t>(piece: Piece<'t>, words: &[&str]) -> Option<Piece<'t>> {
     let mut rest = piece;
     for word in words {

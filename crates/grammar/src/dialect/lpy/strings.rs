@@ -181,7 +181,7 @@ pub(super) fn spell<'t>(piece: Piece<'t>, declared: &[String]) -> Result<Vec<Spe
     Ok(out)
 }
 
-/// Index of the parenthesis that closes what is open before the text.
+/// Index of the parenthesis that closes one opened just before the text; `None` if it is never closed.
 pub(super) fn closing(text: &str) -> Option<usize> {
     let mut depth = 0_usize;
     for (i, c) in text.char_indices() {
