@@ -210,6 +210,7 @@ impl Bytecode {
             f.place += places;
             f
         }));
+        // All code of a grammar reads the same tables.
         self.tables = self.tables.take().or(code.tables);
         self.ops.extend(code.ops.into_iter().map(|op| match op {
             Op::Jump(t) => Op::Jump(t + shift),
@@ -319,6 +320,7 @@ impl BinaryOp {
             Self::Add => a + b,
             Self::Sub => a - b,
             Self::Mul => a * b,
+            // A division by zero has a value, so that the derivation goes on with a warning.
             Self::Div if is_zero(b) => return (a, true),
             Self::Div => a / b,
             Self::Rem => return remainder(a, b),

@@ -317,6 +317,7 @@ fn check_ignored_contexts(session: &mut ParseSession, program: &Program) {
         if ignored.get(usize::from(f.symbol)) == Some(&true) {
             let c = shown(program, f.symbol);
             let message = format!("this context never matches: {c} is hidden by '{item}:'");
+            // `Ignore:` lists the hidden symbols, `Consider:` those that are seen.
             let verb = if item == "Ignore" { "take it out of" } else { "add it to" };
             session.warning(
                 "L055",

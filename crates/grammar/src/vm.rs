@@ -459,6 +459,7 @@ impl Vm {
 
     fn push_random(&mut self, f: RandomFunction) {
         if let Some(mut cpfg) = self.cpfg {
+            // The last argument lies on top of the stack; `ran` has only one.
             let b = self.pop();
             let value = match f {
                 RandomFunction::Ran => b * cpfg.uniform(),

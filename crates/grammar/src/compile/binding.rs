@@ -109,6 +109,7 @@ impl ItemParser<'_> {
             }
             let mut compiler = self.compiler(NameScope::Angle);
             let Some(code) = expression::compile_expression(&mut compiler, &mut cursor) else { return };
+            // These are numbers of the turtle, not of a module: angles and variables have no value here.
             let Some(value) = crate::vm::constant_value(&code).filter(|v| v.is_finite()) else {
                 let help = "write a number, or a calculation with numbers";
                 return self.session.error_help("L001", format!("'{name}' is not constant"), t.place, help);
@@ -117,8 +118,10 @@ impl ItemParser<'_> {
             let settings = &mut turtle.settings;
             match name.as_str() {
                 "angle" => settings.angle_deg = Some(value),
+                // Percent in the file become shares.
                 "thickness" => settings.thickness = Some(0.01 * value),
                 "min_thickness" => settings.min_thickness = 0.01 * value,
+                // A share outside of 0 to 1 counts as not given.
                 _ => settings.fraction = Some(value).filter(|f| *f > 0.0 && *f < 1.0),
             }
         }

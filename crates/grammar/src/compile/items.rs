@@ -252,6 +252,7 @@ impl ItemParser<'_> {
                 return self.session.error_help("L001", message, cursor.place(), help);
             }
             cursor.bump();
+            // One `array` may declare several, separated by commas.
             loop {
                 if self.array_definition(&mut cursor).is_none() {
                     return;
@@ -323,6 +324,7 @@ impl ItemParser<'_> {
     fn array_initializer(&mut self, cursor: &mut TokenCursor<'_>, word: &str, first: u16, count: usize) -> Option<()> {
         let place = cursor.place();
         self.expect(cursor, '{')?;
+        // Inner braces only group: values fill the elements in the order in which they are written.
         let (mut depth, mut given) = (1_usize, 0_usize);
         while depth > 0 {
             if cursor.eat('{') {
@@ -635,6 +637,7 @@ impl ItemParser<'_> {
         if !self.ended {
             let help = "add a last line 'endlsystem'";
             let mut d = Diagnostic::error("L003", "the L-system has no 'endlsystem'", at.span, "here").help(help);
+            // The missing line goes behind the last one.
             if let Some(end) = self.end {
                 let behind = Span { start: end.span.end, ..end.span };
                 d = with_fix(d, SourcePlace { span: behind, ..end }, "\nendlsystem");

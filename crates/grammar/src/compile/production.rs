@@ -155,6 +155,7 @@ impl HeadCompiler<'_, '_, '_> {
                     return self.ill_formed("'=]' belongs to a context, a predecessor names every module", place);
                 }
             };
+            // A bracket is matched like a module without parameters.
             let symbol = intern(self.compiler, self.symbols, c, place)?;
             out.push(FormalModule { symbol, arity: 0, slot: 0, place });
         }

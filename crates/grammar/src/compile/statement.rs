@@ -374,6 +374,7 @@ impl BlockCompiler<'_, '_> {
             arguments += 1;
         }
         self.expect(cursor, ')')?;
+        // Place of the warning for output that is left out.
         self.code.places.push(place);
         let format = PrintFormat::new(&format, arguments, self.code.places.len() - 1);
         if format.fields() != arguments {
@@ -383,6 +384,7 @@ impl BlockCompiler<'_, '_> {
         }
         self.code.formats.push(format);
         self.code.ops.push(Op::Print(self.code.formats.len() - 1));
+        // `Print` pushes a 0, which a statement does not use.
         self.code.ops.push(Op::Pop);
         self.expect(cursor, ';')
     }

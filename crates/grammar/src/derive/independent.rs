@@ -301,6 +301,7 @@ impl DerivedString {
             flow
         };
         let result = self.run_again(grammar, deferred, limits, &mut CallingSink(stopping));
+        // A sink that asks for no more modules has what it needs: the halt is no error.
         if is_stopped { Ok(()) } else { result }
     }
 

@@ -124,6 +124,7 @@ impl<'g> Writer<'g> {
         for m in modules {
             let c = self.c(m.symbol);
             if self.dialect == Dialect::LParser {
+                // Between parentheses the characters are collected: they are the parameter of the module before them.
                 match (&mut number, c) {
                     (Some(text), ')') => {
                         if let Some(last) = out.last_mut() {
@@ -210,6 +211,7 @@ impl<'g> Writer<'g> {
     /// With the turtle of the other program commands keep their signs, but for those that the notation needs itself.
     fn osier_name(&mut self, symbol: SymbolId) -> Option<String> {
         let c = self.c(symbol);
+        // Signs that the notation reserves are replaced by those that the turtle of the program reads in their place.
         let name = match (self.dialect, c) {
             (Dialect::Fractint, '<') => ',',
             (Dialect::Fractint, '>') => ';',
@@ -347,6 +349,7 @@ impl<'g> Writer<'g> {
         match c {
             'F' | 'f' | 'g' | '|' | '{' | '.' | '}' => Some(c.to_string()),
             'Z' | 'z' => {
+                // Without a number these segments have half the length.
                 let sign = if c == 'Z' { 'F' } else { 'f' };
                 self.image(symbol, arities, |n| Some(if n > 0 { format!("{sign}(a)") } else { format!("{sign}(0.5)") }))
             }
@@ -376,17 +379,20 @@ impl<'g> Writer<'g> {
 
     fn lpy_name(&mut self, symbol: SymbolId, c: char, arities: &BTreeSet<usize>) -> Option<String> {
         let angle = self.settings.angle_deg.unwrap_or(60.0);
+        // Symbols with long names are private characters, which no file can spell.
         if let Some(long) = self.grammar.program.symbols.long_name(c) {
             let long = long.to_owned();
             return self.lpy_long_name(symbol, &long, arities);
         }
         match c {
             '+' | '-' | '&' | '^' => self.turn(&c.to_string(), angle, arities),
+            // The rolls of the two programs have opposite senses.
             '/' => self.turn("\\", angle, arities),
             '\\' => self.turn("/", angle, arities),
             '|' | '{' | '}' | '.' | ';' | ',' | '%' => Some(c.to_string()),
             'f' => Some("g".into()),
             'F' => {
+                // L-Py gives radii, cpfg widths.
                 if arities.contains(&2) {
                     self.images.push("F(a,b) --> F(a) !(2*(b))".into());
                 }
@@ -497,6 +503,7 @@ impl<'g> Writer<'g> {
         let symbol = p.predecessor.first().map_or(0, |f| f.symbol);
         let before = p.before.as_ref().map(block);
         let condition = p.condition.as_ref().map(|code| expression(&code.ops));
+        // A block or condition without text, `Some(None)`, cannot be written.
         match (before, condition) {
             (None, None) => {}
             (None, Some(Some(condition))) => {

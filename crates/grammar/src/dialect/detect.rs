@@ -122,6 +122,7 @@ fn is_houdini(text: &str) -> bool {
         let Some((left, right)) = line.split_once('=') else { return false };
         let (left, right) = (left.trim(), right.trim());
         let symbol = left.split(['(', ':', '<', '>']).next().unwrap_or("");
+        // The successor of a rule has commands, or letters only; the value of a setting has neither.
         let looks_drawn =
             right.contains(['[', ']', '+', '-', '&', '/']) || right.chars().all(|c| c.is_ascii_alphabetic());
         symbol.chars().count() == 1
@@ -132,6 +133,7 @@ fn is_houdini(text: &str) -> bool {
     };
     let mut rules = 0_usize;
     for line in lines(text).map(|l| l.text.trim()).filter(|l| !l.is_empty() && !l.starts_with(['#', '/'])) {
+        // A heading of TOML, such as `[table]`.
         if line.starts_with('[') && line.ends_with(']') && !line.contains(['+', '-', '&', '/']) {
             return false;
         }

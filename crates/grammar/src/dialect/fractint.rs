@@ -275,6 +275,7 @@ impl System<'_, '_> {
         };
         let reader = self.reader;
         if let Some(turtle) = &mut reader.program.turtle {
+            // The file gives the number of turns in a circle.
             turtle.settings.angle_deg = self.angle.map(|n| 360.0 / n);
         }
         reader.program.length = DEFAULT_ORDER;

@@ -121,6 +121,7 @@ impl MapCache {
     pub(crate) fn store(&mut self, number: usize, map_use: MapUse, name: &str) -> Option<u32> {
         let index = table_index(self.images.len());
         let slot = self.decoded.get_mut(&number)?;
+        // The slot is emptied here; each case fills it again.
         let raw = match slot.take()? {
             CachedImage::Decoded(raw) if map_use.is_plain() => {
                 *slot = Some(CachedImage::Stored(index));

@@ -53,6 +53,7 @@ fn picture(
             format!("picture: image of {} x {} pixels, the limit is {side} a side", shape.width, shape.height);
         return Err(Box::new(context.error_in_file("X010", message).help("make it smaller, or use --max-image-side")));
     }
+    // Counted before any sample is stored: the size is that of the header.
     spend(context, "picture", (shape.width * shape.height * shape.channels) as u64, spent)?;
     let samples = samples_of(bytes, shape).ok_or_else(damaged)?;
     let (Ok(width), Ok(height), Ok(channels)) =
@@ -130,6 +131,7 @@ fn unpacked_row(packed: &[u8], width: usize) -> Option<Vec<u8>> {
     while out.len() < width {
         let code = *packed.get(i)?;
         let count = usize::from(code & 0x7f);
+        // The row ends here, before it is full.
         if count == 0 {
             return None;
         }
@@ -141,6 +143,7 @@ fn unpacked_row(packed: &[u8], width: usize) -> Option<Vec<u8>> {
             i += 2;
         }
     }
+    // The last run may be longer than the row.
     out.truncate(width);
     Some(out)
 }
@@ -220,6 +223,7 @@ fn unpacked_pixels(data: &[u8], pixels: usize, size: usize) -> Option<Vec<u8>> {
             i += count * size;
         }
     }
+    // The last packet may be longer than the picture.
     out.truncate(pixels * size);
     Some(out)
 }

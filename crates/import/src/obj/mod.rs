@@ -74,6 +74,7 @@ fn mesh_part(model: &tobj::Model, material: u32) -> MeshPart {
         material,
         normals: mesh.normals.chunks_exact(3).map(vec3).collect(),
         uvs: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
+        // OBJ has no alpha of vertices.
         colors: mesh.vertex_color.chunks_exact(3).map(|c| vec3(c).extend(1.0).to_array()).collect(),
         points,
         triangles,

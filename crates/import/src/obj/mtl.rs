@@ -100,12 +100,14 @@ fn check_line<'a>(
     let required_numbers = match key.text {
         "Ka" | "Kd" | "Ks" | "Ke" => 3,
         "Ns" | "Ni" | "d" => 1,
+        // Names reach to the end of the line, as they may contain blanks.
         "newmtl" | "map_Kd" | "map_Ka" | "map_Ks" | "map_Ns" | "map_ns" | "map_NS" | "map_d" | "map_Bump"
         | "map_bump" | "bump" | "norm" | "illum"
             if rest.text.is_empty() =>
         {
             return Err(key.syntax_error("a name or value is missing", "add it, or remove the line"));
         }
+        // `tobj` parses this number too, and its error would have no place.
         "illum" if rest.text.parse::<u8>().is_err() => {
             return Err(rest.syntax_error("expected a number from 0 to 10", "remove the line; it is not used"));
         }
@@ -162,6 +164,7 @@ impl<'l> ObjMaterials<'l> {
         id: Option<usize>,
         colored: bool,
     ) -> ImportResult<u32> {
+        // Materials are converted when the first mesh uses them, so that unused ones do not appear.
         let index = match self.index_of.get(&id).copied() {
             Some(index) => index,
             None => {
@@ -176,6 +179,7 @@ impl<'l> ObjMaterials<'l> {
                 self.materials.len() - 1
             }
         };
+        // The grey of a material without a colour must not darken the colours of vertices.
         let given = id.and_then(|i| self.given.get(i)).is_some_and(|g| g.diffuse.is_some());
         if colored && !given {
             self.materials[index].base_color = [1.0; 3];

@@ -101,6 +101,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             i += c.len_utf8();
             continue;
         }
+        // A number may begin with its point: `.5`.
         if c.is_ascii_digit() || (c == '.' && rest[1..].starts_with(|d: char| d.is_ascii_digit())) {
             let n = number_length(rest);
             let value = rest[..n].replace('_', "").parse::<f64>();
@@ -125,6 +126,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
 
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
+    // Python allows underscores between digits.
     let digits = |from: usize| {
         let more = bytes.get(from..).unwrap_or(&[]).iter().take_while(|b| b.is_ascii_digit() || **b == b'_').count();
         from + more
@@ -133,6 +135,7 @@ fn number_length(text: &str) -> usize {
     if bytes.get(n) == Some(&b'.') {
         n = digits(n + 1);
     }
+    // An `e` belongs to the number only if digits follow.
     if matches!(bytes.get(n), Some(b'e' | b'E')) {
         let sign = usize::from(matches!(bytes.get(n + 1), Some(b'+' | b'-')));
         let end = digits(n + 1 + sign);
@@ -639,6 +642,7 @@ fn numbers_of_range(args: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Res
         [from, to, step] => (*from, *to, *step),
         _ => return Err(refused()),
     };
+    // As in Python the end is not included; with a step of 0 it is never reached.
     let count = if step.abs() > 0.0 { ((to - from) / step).ceil().max(0.0) } else { f64::INFINITY };
     if count > MAX_ITEMS {
         return Err(Refusal::new("a range of too many numbers", range.clone()));
@@ -669,6 +673,7 @@ fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -
         let found = (i >= 0.0 && i < n).then(|| items.get(i as usize)).flatten();
         return found.cloned().ok_or_else(|| Refusal::new("an index outside of its list", range.clone()));
     }
+    // An index that is not constant is compared with each position, so that the items must be numbers that need no draw.
     let is_number = |e: &PyExpr| !matches!(e, PyExpr::List(..)) && !has_random(e, scope);
     let Some((last, others)) = items.split_last().filter(|_| items.len() <= MAX_LOOKUP && items.iter().all(is_number))
     else {
@@ -678,6 +683,7 @@ fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -
         return Err(Refusal::new("a random number as an index", range.clone()));
     }
     let is = |k: f64| Box::new(PyExpr::Binary(PyOp::Eq, Box::new(index.clone()), Box::new(PyExpr::Number(k))));
+    // The last item is taken where the index equals no other position.
     let mut out = last.clone();
     for (k, value) in others.iter().enumerate().rev() {
         let k = f64::from(saturating_index(k));

@@ -585,9 +585,11 @@ impl<'s> Model<'_, 's> {
         let mut lines = Vec::new();
         for line in block {
             let text = line.piece.text;
+            // These do not change what rules read.
             if ["seed(", "random.seed(", "context(", "return None"].iter().any(|w| text.starts_with(w)) {
                 continue;
             }
+            // A value that cannot be read refuses only what uses its name.
             let unreadable = assignment(line.piece).and_then(|(names, value)| Some((names, parse(value).err()?)));
             match unreadable {
                 Some((names, why)) if split(names).len() == 1 => {

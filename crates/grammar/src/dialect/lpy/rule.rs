@@ -199,17 +199,20 @@ impl Model<'_, '_> {
             let mut chars = name.text.chars();
             let is_name = chars.next().is_some_and(|c| c.is_alphabetic() || c == '_')
                 && chars.all(|c| c.is_alphanumeric() || c == '_');
+            // A name that an earlier parameter has is no new one, and is refused below.
             if is_name && !self.scope.locals.iter().any(|l| l == name.text) {
                 self.scope.locals.push(name.text.to_owned());
                 conditions.extend(condition.map(parse).transpose()?);
                 continue;
             }
+            // Without a new name only a constant is left, which the parameter must equal.
             let constant = parse(name).ok().and_then(|e| compile(&e, &self.scope).ok());
             let constant =
                 constant.and_then(|code| vm::constant_value(&code)).filter(|_| !is_name && condition.is_none());
             let Some(value) = constant else {
                 return Err(Refusal::new(format!("'{}' as the name of a parameter", p.text), p.range()));
             };
+            // The constant gets a variable that no model can name, so that slots go on in the order of the parameters.
             let hidden = format!("(parameter {})", self.scope.locals.len());
             self.scope.locals.push(hidden.clone());
             let own = Box::new(PyExpr::Name(hidden, p.range()));
