@@ -149,6 +149,7 @@ fn from_exr(context: &ImportContext<'_>, bytes: &[u8]) -> ImportResult<HeightMap
         None => Vec::new(),
     };
     let (width, height) = (layer.size.width(), layer.size.height());
+    // A subsampled channel has fewer values than the layer has pixels.
     if values.len() != width * height {
         return Err(damaged(&"its channel of heights is subsampled"));
     }

@@ -83,6 +83,7 @@ fn surface(reader: &mut Reader<'_>) -> Option<SurfaceFile> {
             Some("END") => out.end = vector(reader, "the end point")?,
             Some("HEADING") => out.heading = vector(reader, "the heading")?,
             Some("UP") => out.up = vector(reader, "the up vector")?,
+            // cpfg's sampling of the patches, which has no effect here.
             Some("PRECISION") => {
                 reader.take_line();
             }
@@ -108,6 +109,7 @@ fn surface(reader: &mut Reader<'_>) -> Option<SurfaceFile> {
         }
     }
     if out.patches.is_empty() {
+        // Without an earlier complaint the file ends where a patch should begin.
         if reader.report.is_empty() {
             reader.expected("a patch");
         }

@@ -347,6 +347,7 @@ impl ViewReader<'_, '_> {
         match keyword {
             "angle increment" => self.view.angle = self.number(line, "an angle in degrees").or(self.view.angle),
             "angle factor" => match self.number(line, "the number of turns of a full circle") {
+                // The file gives the number of turns in a circle.
                 Some(n) if n.abs() > 0.0 => self.view.angle = Some(360.0 / n),
                 Some(_) => self.damaged(line, "a number of turns other than 0"),
                 None => {}
@@ -354,6 +355,7 @@ impl ViewReader<'_, '_> {
             "initial line width" => {
                 if let Some(width) = self.number(line, "a width") {
                     self.view.width = Some(width);
+                    // A unit that begins with `p` means pixels, any other the units of the turtle.
                     let unit = line.words.get(1).map(|w| w.text.to_lowercase());
                     self.view.width_in_pixels = unit.map(|u| u.starts_with('p')).or(self.view.width_in_pixels);
                 }
@@ -424,6 +426,7 @@ impl ViewReader<'_, '_> {
                 Some((name, value)) => (name.chars().next(), value),
                 None => (None, word.text),
             };
+            // A letter begins a part, whose numbers follow it.
             if let Some(name) = name {
                 (part, place) = (name.to_ascii_uppercase(), 0);
             }
@@ -457,6 +460,7 @@ impl ViewReader<'_, '_> {
         let more = [self.view.contours.len(), self.view.contour_sets.len(), self.view.functions.len()];
         if named.into_iter().chain(more).sum::<usize>() >= MAX_FILES {
             let message = format!("a view names more than {MAX_FILES} files");
+            // Lines that name no file are read as before.
             let known = ["surface", "tsurface", "texture", "contour", "contour set", "function", "function set"];
             if known.contains(&keyword) {
                 self.warn("L048", line.span, message);
@@ -482,6 +486,7 @@ impl ViewReader<'_, '_> {
                 }
             }
             "contour" => match &line.words[..] {
+                // Number and file stand in either order.
                 [id, file, ..] if id.count().is_some() => {
                     self.view.contours.push(file_of(file.text, line, count32(id)));
                 }

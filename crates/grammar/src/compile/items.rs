@@ -166,6 +166,7 @@ impl ItemParser<'_> {
         let (axiom, length, place) = (std::mem::take(&mut program.axiom), program.length, program.length_place);
         let (seed, ring) = (program.seed, program.is_ring);
         let blocks = std::mem::take(&mut program.blocks);
+        // Settings that a file may leave out begin anew for each L-system.
         (program.decomposition.depth, program.homomorphism.depth) = (1, 1);
         let (label, first) = (std::mem::take(&mut self.label), self.axiom.take());
         (self.section, self.ended) = (ProductionSection::Productions, false);
@@ -176,6 +177,7 @@ impl ItemParser<'_> {
             self.item(line);
         }
         let program = &mut self.program;
+        // Blocks of all L-systems run one after the other: each is appended to that of the main one.
         let own = std::mem::replace(&mut program.blocks, blocks);
         for (slot, code) in [
             (&mut program.blocks.start, own.start),
@@ -196,6 +198,7 @@ impl ItemParser<'_> {
             decomposition: std::mem::replace(&mut program.decomposition, main.decomposition),
             homomorphism: std::mem::replace(&mut program.homomorphism, main.homomorphism),
         });
+        // Axiom, length, seed and ring are those of the main L-system.
         (program.axiom, program.length, program.length_place) = (axiom, length, place);
         (program.seed, program.is_ring) = (seed, ring);
         (self.label, self.axiom) = (label, first);

@@ -252,6 +252,7 @@ impl Derivation<'_> {
             if let Some(system) = systems.get(i) {
                 expander.rewriter.change_plan(plans.of(*system));
             }
+            // A predecessor of several modules takes all of them at once.
             i += expander.expand(&view, i, &mut |m| {
                 out.push(m);
                 out.len() <= limit

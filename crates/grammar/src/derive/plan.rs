@@ -331,6 +331,7 @@ impl<'p> RewritePlan<'p> {
                 let ValueSource::Constant(c) = source else {
                     let code = if let Expr::Code(code) = arg { Some(code) } else { None };
                     out.computed.push(ComputedParameter { source, code, target });
+                    // Holds the place of the value until it is computed.
                     out.constants.push(0.0);
                     continue;
                 };
@@ -342,6 +343,7 @@ impl<'p> RewritePlan<'p> {
                 out.active.push(ActiveModule { index, group, first_param, end_param });
             }
         }
+        // Without parameters a module is always the same text.
         out.text = out.constants.is_empty().then(|| TemplateText::new(program, &out.symbols));
         out
     }

@@ -115,6 +115,7 @@ impl Derivation<'_> {
         self.string = asked.modules;
         match found {
             Ok(found) => {
+                // Only query modules take answers as parameters.
                 let is_query = |s: SymbolId| QUERIES.contains(&self.program.symbols.get(s));
                 for answer in &found.answers {
                     if self.string.symbols().get(answer.module).is_some_and(|s| is_query(*s)) {

@@ -201,6 +201,7 @@ impl<'t> File<'_, '_, 't> {
             self.rules.iter().map(|r| (r.symbol, r.successor.clone(), r.place)).collect();
         for (symbol, successor, place) in rules {
             let successor = self.modules(&successor);
+            // Of several rules of a symbol the first one counts.
             if made.insert(symbol) {
                 self.reader.rule(symbol, successor, place);
             }

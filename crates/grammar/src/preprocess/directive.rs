@@ -180,6 +180,7 @@ impl Preprocessor<'_> {
             (None, &rest[1..])
         };
         let mut body: Rc<[Token]> = body.into();
+        // `--set` replaces only macros without arguments.
         if params.is_none() {
             if let Some(value) = self.overrides.get(&name) {
                 body = Rc::clone(value);

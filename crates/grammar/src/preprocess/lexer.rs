@@ -181,6 +181,7 @@ impl Lexer<'_> {
                     glued = false;
                     continue;
                 }
+                // After `#pragma osier comments block` only `/*` begins a comment.
                 '/' if self.peek(1) == Some('*')
                     || (self.peek(1) == Some('/') && !self.session.block_comments_only) =>
                 {
@@ -196,9 +197,11 @@ impl Lexer<'_> {
                 }
                 _ => {}
             }
+            // A `#` that begins a line: the pragma must take effect before the next token.
             if c == '#' && self.out.tokens.last().is_none_or(Token::is_newline) {
                 self.pragma();
             }
+            // `-->` begins a successor, in which `//` may be two modules (L014).
             self.rule = match (self.rule, c) {
                 (RuleState::Successor, _) => RuleState::Successor,
                 (RuleState::Arrow(2), '>') if glued => RuleState::Successor,
@@ -211,6 +214,7 @@ impl Lexer<'_> {
             self.out.tokens.push(Token { kind, place, glued });
             glued = true;
         }
+        // The last line of a file may lack its end.
         if !self.out.tokens.last().is_some_and(Token::is_newline) {
             self.newline(self.end);
         }

@@ -173,13 +173,16 @@ fn targa_shape(bytes: &[u8]) -> Option<Shape> {
 fn targa_samples(bytes: &[u8], shape: Shape) -> Option<Vec<u8>> {
     let Shape { width, height, channels } = shape;
     let (kind, descriptor) = (*bytes.get(2)?, *bytes.get(17)?);
+    // An identification text may lie between the header and the colour map.
     let map_start = TARGA_HEADER + usize::from(*bytes.first()?);
     let is_mapped = kind & 7 == 1;
     let (map_first, map_length) = (little_u16(bytes, 3)?, little_u16(bytes, 5)?);
+    // Bytes of an entry of the colour map.
     let entry = if bytes.get(1) == Some(&1) { usize::from(*bytes.get(7)?).div_ceil(8) } else { 0 };
     let map = bytes.get(map_start..map_start + map_length * entry)?;
     let data = bytes.get(map_start + map.len()..)?;
     let stored = if is_mapped { 1 } else { channels };
+    // Kinds from 9 on are the run-length encoded forms of kinds 1 to 3.
     let raw = if kind >= 9 {
         unpacked_pixels(data, width * height, stored)?
     } else {

@@ -202,9 +202,11 @@ impl<'l> ObjMaterials<'l> {
             let alpha = (2.0 / (n.max(0.0) + 2.0)).sqrt();
             material.roughness = alpha.sqrt().clamp(0.05, 1.0);
         }
+        // Exporters also write values, such as 0, that are no index of refraction.
         material.ior = given.optical_density.filter(|n| (1.0..=3.0).contains(n)).unwrap_or(material.ior);
         let mut color = self.decode_map(context, given, "map_Kd")?;
         if let Some(mask) = self.decode_map(context, given, "map_d")? {
+            // The mask is the alpha of an image that has one, else its grey.
             let mask = if mask.has_transparency() { mask.channel(3, 255) } else { mask.channel(0, 255) };
             let joined = color.as_ref().and_then(|c| c.with_alpha(&mask));
             if joined.is_none() {
@@ -221,6 +223,7 @@ impl<'l> ObjMaterials<'l> {
             material.alpha_cutoff = color.has_transparency().then_some(0.5);
             material.maps.color = Some(self.store_map(color, format!("{}_color", material.name), ImageKind::Color));
         }
+        // A grey image holds no normals.
         if let Some(normal) = normal.filter(|n| n.channels >= 3) {
             material.maps.normal = Some(self.store_map(normal, format!("{}_normal", material.name), ImageKind::Data));
         }

@@ -46,6 +46,7 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
             "f" | "l" => face(key, tokens, &mut counts),
             "mtllib" | "usemtl" => {
                 let rest = rest(start, line);
+                // A library that several lines name is read once.
                 if key.text == "mtllib" && !libraries.iter().any(|(l, _)| l == rest.text) {
                     libraries.push((rest.text.to_owned(), rest.start));
                 }

@@ -356,6 +356,7 @@ impl PyParser {
             PyTokenKind::Number(n) => Ok(PyExpr::Number(n)),
             PyTokenKind::Sign("(") => {
                 let e = self.choice()?;
+                // One value in parentheses is that value; with a comma they hold a list.
                 if self.eat(")") {
                     return self.indexed(e);
                 }
@@ -381,6 +382,7 @@ impl PyParser {
                 self.indexed(list)
             }
             PyTokenKind::Name(first) => {
+                // Words of Python that begin no value here.
                 if matches!(first.as_str(), "lambda" | "for" | "if" | "else" | "in" | "is") {
                     return Err(Refusal::new(format!("'{first}'"), t.range));
                 }
@@ -772,10 +774,12 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
     if ops.len() > MAX_OPS {
         return Err(Refusal::new("an expression that grows too large", range_of(e)));
     }
+    // An index beyond all places: divisions by zero of these models are not reported.
     let binary = |op: BinaryOp| Op::Binary(op, usize::MAX);
     match e {
         PyExpr::Number(n) => ops.push(Op::Const(*n)),
         PyExpr::Name(name, range) => {
+            // Variables of the rule hide values of the model.
             if let Some(slot) = Scope::slot(&scope.locals, name) {
                 ops.push(Op::Local(slot));
             } else if let Some(value) = scope.constants.get(name) {
@@ -805,6 +809,7 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
             ops[jump] = if matches!(e, PyExpr::And(..)) { Op::And(end) } else { Op::Or(end) };
         }
         PyExpr::Choice(condition, then, other) => {
+            // condition, JumpIfZero to `other`, then, Jump to the end: each target is set once it is known.
             emit(condition, scope, ops)?;
             let to_other = ops.len();
             ops.push(Op::Pop);

@@ -316,6 +316,7 @@ impl<'s> Model<'_, 's> {
                 self.group = 0.0;
                 return i + 1;
             }
+            // Module names were read before; views and imports do not change the string.
             "module" | "initial_view" => return i + 1,
             "import" | "from" => return i + 1,
             _ => {}
@@ -542,6 +543,7 @@ impl<'s> Model<'_, 's> {
         let head = parsed();
         let called = ["Start", "StartEach", "EndEach", "StartInterpretation", "EndInterpretation", "PostDraw"];
         if !called.contains(&name.as_str()) {
+            // A function that rules call: its body stands behind the colon or in the block.
             let Some((params, body)) = head else { return };
             let inline = [Line { indent: 0, piece: body }];
             let lines = if body.text.is_empty() { block } else { &inline };
@@ -555,6 +557,7 @@ impl<'s> Model<'_, 's> {
                 Ok(value) => {
                     self.scope.functions.insert(name, (params, value));
                 }
+                // A call of a function that could not be read is refused there.
                 Err(_) => {
                     self.scope.functions.remove(&name);
                 }
@@ -621,6 +624,7 @@ impl<'s> Model<'_, 's> {
                     let code = compile(e, &self.scope)?;
                     let offset = ops.len();
                     ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
+                    // Without `global` the name is a local variable in Python, which blocks do not have.
                     let is_of_model = self.scope.constants.contains_key(name) || self.shared.contains(name);
                     if !declared.contains(name) && is_of_model {
                         return Err(Refusal::new(format!("'{name}' as a variable of its own"), 0..0));
