@@ -10,14 +10,14 @@ use osier_base::rng::word;
 /// Turtle commands that symbols have before `bind` changes them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Dialect {
-    /// All turtle commands of cpfg.
+    /// All turtle commands of cpfg, including those of several symbols that begin with `@`, `~` or `?`.
     #[default]
     Cpfg,
     /// The commands of "The Algorithmic Beauty of Plants": those of cpfg with `$` and `'`.
     Abop,
     /// Commands of the L-systems of Fractint, which draw lines in the plane x-y.
     Fractint,
-    /// Commands of the files of LParser.
+    /// Commands of LParser's files; the numbers behind `turtle: lparser` set their defaults ([`DialectSettings`]).
     LParser,
     /// Commands of L-Py, whose symbols may have long names.
     LPy,
@@ -34,7 +34,7 @@ impl Dialect {
     }
 }
 
-/// Numbers that files of other programs hold for their turtle.
+/// Numbers behind the name of the turtle, as in `turtle: lparser angle = 20 thickness = 30`; percentages become shares.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DialectSettings {
     /// Turn of commands without a number, degrees.
@@ -47,7 +47,7 @@ pub struct DialectSettings {
     pub fraction: Option<f64>,
 }
 
-/// An axis of the turtle's own frame, about which a bound symbol turns it.
+/// Axis of the turtle's frame that `rotate turtle h|l|u` names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TurtleAxis {
     /// The direction of movement, H.
@@ -58,7 +58,7 @@ pub enum TurtleAxis {
     Up,
 }
 
-/// Turtle action that `bind` gives to a symbol.
+/// Action of `bind SYMBOL : ACTION`. "The number" is the module's parameter or, without one, the value of the binding.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum TurtleAction {
     /// Moves forward by the number, drawing a segment.
@@ -67,19 +67,19 @@ pub enum TurtleAction {
     Move,
     /// Rotates the turtle about the x, y or z axis (0, 1, 2) of the world; its position stays.
     RotateWorld(usize),
-    /// Rotates the turtle about one of its own axes, right-handed, degrees.
+    /// Rotates the turtle about the H, L or U axis of its frame by the number, right-handed, degrees.
     RotateTurtle(TurtleAxis),
     /// Sets the line width to the number.
     Width,
     /// Adds the number to the line width.
     Widen,
-    /// Sets the colour index.
+    /// Sets the colour index to the number.
     Colour,
     /// Begins a polygon, as `{` does.
     Polygon,
     /// Adds the current position to the polygon.
     Vertex,
-    /// Closes the polygon and fills it.
+    /// Closes the polygon and fills it, as `}` does.
     Fill,
     /// Places the organ of this name, scaled by the number.
     Organ(String),
@@ -91,7 +91,7 @@ pub enum TurtleAction {
     Nothing,
 }
 
-/// Binding of one symbol to a turtle action.
+/// Turtle action of one symbol, set by a `bind` item or by the dialect.
 #[derive(Debug, Clone)]
 pub(crate) struct SymbolBinding {
     pub action: TurtleAction,
@@ -101,7 +101,7 @@ pub(crate) struct SymbolBinding {
     pub place: Option<SourcePlace>,
 }
 
-/// A value that every module draws for itself (`define-angle:`).
+/// A value that is drawn anew for every module (`define-angle:`).
 #[derive(Debug, Clone)]
 pub(crate) struct AngleDefinition {
     pub name: u32,
@@ -116,9 +116,8 @@ pub(crate) struct AngleDefinition {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct TurtleBindings {
     pub dialect: Dialect,
-    /// Numbers of the turtle that a file of another program holds.
     pub settings: DialectSettings,
-    /// The first production that applies is taken, as in the program that the dialect is of.
+    /// Of several productions that apply, the first one in the file is taken, as in the program of the dialect.
     pub first_applies: bool,
     /// The expression of an angle may use the angles before it.
     pub angles: Vec<AngleDefinition>,
@@ -126,7 +125,7 @@ pub(crate) struct TurtleBindings {
 }
 
 impl TurtleBindings {
-    /// The bindings and angles that a dialect begins with.
+    /// Without bindings and angles, except for [`Dialect::Catkin`], whose table of symbols is entered here.
     pub fn new(dialect: Dialect, symbols: &mut Symbols, names: &mut NameTable) -> Self {
         let mut out = Self { dialect, ..Self::default() };
         if dialect == Dialect::Catkin {
@@ -157,7 +156,7 @@ impl TurtleBindings {
         let step = Bytecode { ops: vec![Op::Const(0.0058)], ..Bytecode::default() };
         bind('F', TurtleAction::Forward, Some(step));
         bind('S', TurtleAction::Organ("stalk".into()), None);
-        // Symbol, axis, angle, clockwise.
+        // Symbol, world axis (0 x, 1 y, 2 z), index of the angle above, whether it is clockwise.
         let turns = [
             ('$', 1, 1, true),
             ('%', 1, 1, false),
@@ -173,14 +172,14 @@ impl TurtleBindings {
             ('!', 2, 2, false),
         ];
         for (c, axis, angle, clockwise) in turns {
-            // Clockwise turns negate the angle.
+            // A turn that is clockwise when seen from the end of the axis has a negative angle in the right-handed sense.
             let mut ops = vec![Op::Local(angle)];
             ops.extend(clockwise.then_some(Op::Unary(UnaryOp::Neg)));
             bind(c, TurtleAction::RotateWorld(axis), Some(Bytecode { ops, ..Bytecode::default() }));
         }
     }
 
-    /// Has the symbol lost what it means to cpfg?
+    /// True if the symbol does not act as in cpfg: another dialect, or a `bind` of this symbol.
     pub fn overrides_cpfg(&self, symbol: Option<SymbolId>) -> bool {
         !self.dialect.has_cpfg_commands() || symbol.is_some_and(|s| self.symbols.contains_key(&s))
     }

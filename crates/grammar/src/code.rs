@@ -6,7 +6,7 @@ use super::functions::FunctionTables;
 use super::print_format::PrintFormat;
 use super::token::SourcePlace;
 
-/// Functions of one argument without side effects.
+/// Functions of one argument without side effects; angles in degrees, truth values 1 or 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum UnaryOp {
     Neg,
@@ -27,7 +27,7 @@ pub(crate) enum UnaryOp {
     Sign,
 }
 
-/// Operators of two arguments without side effects.
+/// Arithmetic, comparisons (1 or 0) and `atan2`; `&&` and `||` are not among them, as they compile to jumps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum BinaryOp {
     Add,
@@ -45,7 +45,6 @@ pub(crate) enum BinaryOp {
     Atan2,
 }
 
-/// Functions that draw random numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RandomFunction {
     Ran,
@@ -136,16 +135,16 @@ pub(crate) enum Op {
     Count(usize),
 }
 
-/// A sequence of instructions.
+/// Code of an expression or a block of statements, with the tables that its instructions index.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Bytecode {
     pub ops: Vec<Op>,
     pub places: Vec<SourcePlace>,
     /// The tables that [`Op::Table`] reads.
     pub tables: Option<Arc<FunctionTables>>,
-    /// Uses of array elements.
+    /// Operands of [`Op::LoadElement`] and [`Op::StoreElement`].
     pub elements: Vec<ElementAccess>,
-    /// What [`Op::Print`] writes.
+    /// Operands of [`Op::Print`]; their `place` is an index into `places`.
     pub formats: Vec<PrintFormat>,
 }
 
@@ -157,7 +156,7 @@ pub(crate) struct ArrayShape {
     pub sizes: Vec<u32>,
 }
 
-/// A place that reads or writes an element of an array.
+/// Array and location of an access to an element; the indices are on the stack when it runs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ElementAccess {
     pub shape: ArrayShape,
@@ -192,7 +191,7 @@ pub(crate) enum Expr {
 }
 
 impl Bytecode {
-    /// As an expression, in its simplest form.
+    /// Unwraps code that is only a constant or a local variable.
     pub fn into_expr(self) -> Expr {
         match self.ops.as_slice() {
             [Op::Const(c)] => Expr::Const(*c),
@@ -201,7 +200,7 @@ impl Bytecode {
         }
     }
 
-    /// Appends code that was compiled on its own: its jump targets and indices move behind what is here.
+    /// Appends code that was compiled separately: its jump targets and indices are shifted by the length of the code before it.
     pub fn append(&mut self, code: Self) {
         let (shift, places, elements) = (self.ops.len(), self.places.len(), self.elements.len());
         let formats = self.formats.len();
@@ -211,6 +210,7 @@ impl Bytecode {
             f.place += places;
             f
         }));
+        // All code of a grammar reads the same tables.
         self.tables = self.tables.take().or(code.tables);
         self.ops.extend(code.ops.into_iter().map(|op| match op {
             Op::Jump(t) => Op::Jump(t + shift),
@@ -227,7 +227,7 @@ impl Bytecode {
         }));
     }
 
-    /// Can it turn finite numbers into others?
+    /// True if finite operands may yield infinity or NaN, as with `exp`, `log`, `*`, `/` and `^`.
     pub fn may_overflow(&self) -> bool {
         let risky = |o: &Op| match o {
             Op::Unary(f) => {
@@ -240,12 +240,11 @@ impl Bytecode {
         self.ops.iter().any(risky)
     }
 
-    /// Does it write output?
     pub fn prints(&self) -> bool {
         self.ops.iter().any(|o| matches!(o, Op::Print(_)))
     }
 
-    /// Does it write a global variable?
+    /// True also for writes to elements of arrays and for `stop`.
     pub fn writes_globals(&self) -> bool {
         self.ops.iter().any(|o| matches!(o, Op::StoreGlobal(_) | Op::StoreElement(_) | Op::Stop))
     }
@@ -321,6 +320,7 @@ impl BinaryOp {
             Self::Add => a + b,
             Self::Sub => a - b,
             Self::Mul => a * b,
+            // A division by zero has a value, so that the derivation goes on with a warning.
             Self::Div if is_zero(b) => return (a, true),
             Self::Div => a / b,
             Self::Rem => return remainder(a, b),

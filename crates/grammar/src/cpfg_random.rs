@@ -12,7 +12,7 @@ const ADDEND: u64 = 0xB;
 const BITS: u32 = 48;
 /// Low 16 bits of a state that a seed begins with, as in srand48 of POSIX.
 const SEED_LOW: u64 = 0x330E;
-/// Trials of one binomial variate at most, so that a huge n ends; the same as in osier's own draws.
+/// Trials of one binomial variate at most, so that a huge n ends; the same as for draws that are not cpfg's.
 const MAX_TRIALS: f64 = 1e6;
 
 /// State of a linear congruential generator, a number of 48 bits.

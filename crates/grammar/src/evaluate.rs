@@ -13,7 +13,7 @@ use super::modules::Module;
 use super::symbols::SymbolId;
 use super::vm::{DrawPurpose, RandomStreams, Vm};
 
-/// Reads the local variables, here angles, that a code names.
+/// Slots of the local variables, here angles, that a code reads.
 fn angles_read(code: &Bytecode) -> impl Iterator<Item = usize> {
     code.ops.iter().filter_map(|o| if let Op::Local(i) = o { Some(usize::from(*i)) } else { None })
 }
@@ -42,7 +42,7 @@ pub struct BindingEvaluator<'g> {
 }
 
 impl<'g> BindingEvaluator<'g> {
-    /// For the modules of a derivation of `grammar`.
+    /// Evaluator for the modules of `derived`, with the seed, plant, step and global variables at the end of that derivation.
     pub fn new(grammar: &'g Grammar, derived: &DerivedString, limits: &Limits) -> Self {
         let bindings = grammar.program.turtle.as_ref();
         let streams = RandomStreams::new(derived.seed, derived.plant_id, derived.file_seed);
@@ -88,8 +88,8 @@ impl<'g> BindingEvaluator<'g> {
         self.bindings?.symbols.get(&symbol).map(|b| &b.action)
     }
 
-    /// The number that a bound module acts with, if it has no parameter of its own: drawn by its lineage alone, so that
-    /// it is the same whatever else the string holds.
+    /// The number that a bound module acts with, if it has no parameter: its draws are addressed by its lineage, so that it is
+    /// the same whatever else the string holds.
     pub fn value(&mut self, m: Module<'_>) -> Option<f64> {
         let bindings = self.bindings?;
         let code = bindings.symbols.get(&m.symbol)?.value.as_ref()?;

@@ -173,7 +173,7 @@ impl FunctionTables {
         }
     }
 
-    /// Adds curve number `id`, a contour.
+    /// Adds a contour as curve number `id`, and measures its length.
     pub fn add_curve(&mut self, id: u32, spline: Spline) {
         let length = spline.length();
         self.curves.insert(id, MeasuredCurve { spline, length });
@@ -199,7 +199,7 @@ impl FunctionTables {
         Some(self.curves.get(&number(id)?)?.spline.at(t))
     }
 
-    /// Length of curve `id`; `None` if there is no such curve.
+    /// Length of curve `id` in the units of its control points, computed once; `None` if there is no such curve.
     pub fn curve_length(&self, id: f64) -> Option<f64> {
         Some(self.curves.get(&number(id)?)?.length)
     }

@@ -14,7 +14,7 @@ use super::program::{Program, SuccessorModule};
 use super::symbols::{SymbolId, Symbols};
 use super::token::SourcePlace;
 
-/// A constant parameter beyond this is a slip rather than a length or an angle.
+/// Magnitude from which a constant parameter is taken for a mistake, not for a length or an angle.
 const HUGE: f32 = 1e12;
 
 /// A grammar that was read without errors.
@@ -40,7 +40,7 @@ impl Grammar {
         &self.label
     }
 
-    /// The notation that the file was read in.
+    /// The notation given to `parse_as`, or else detected from the content and the name of the file.
     pub fn notation(&self) -> Notation {
         self.notation
     }
@@ -65,7 +65,7 @@ impl Grammar {
         &self.notes
     }
 
-    /// The derivation length.
+    /// Derivation length of the file, which `DeriveOptions::steps` may replace.
     pub fn steps(&self) -> u32 {
         self.program.length
     }

@@ -70,7 +70,7 @@ use token::{ParseSession, SourcePlace};
 
 /// A grammar file in memory, with its includes and overrides.
 pub struct GrammarSource<'a> {
-    /// Name shown in diagnostics.
+    /// Name in diagnostics; its ending helps to detect the notation.
     pub name: &'a str,
     /// Content of the file: UTF-8, or Latin-1 with a warning.
     pub bytes: &'a [u8],
@@ -82,8 +82,8 @@ pub struct GrammarSource<'a> {
     pub functions: Arc<FunctionTables>,
 }
 
-/// Reads a grammar in the notation that its content tells. The texts are added to `sources`, into which all diagnostics point.
-/// Returns the grammar with its warnings.
+/// Reads a grammar in the notation that its content and name indicate. The texts are added to `sources`, into which all
+/// diagnostics point. Returns the grammar with its warnings.
 /// # Errors
 /// `Input` with everything that is wrong with the file.
 pub fn parse(sources: &mut Sources, source: GrammarSource<'_>, limits: &Limits) -> Result<(Grammar, Vec<Diagnostic>)> {
@@ -109,7 +109,6 @@ pub fn parse_as(
     }
 }
 
-/// Reads a grammar in the notation of cpfg.
 fn parse_cpfg(
     sources: &mut Sources,
     source: GrammarSource<'_>,

@@ -96,7 +96,7 @@ fn note_idle_symbols(session: &mut ParseSession, program: &Program) {
     }
 }
 
-/// A symbol with a number of parameters.
+/// A symbol and a number of parameters; productions apply to modules with both.
 type Kind = (SymbolId, usize);
 
 fn kind(f: &FormalModule) -> Kind {
@@ -317,6 +317,7 @@ fn check_ignored_contexts(session: &mut ParseSession, program: &Program) {
         if ignored.get(usize::from(f.symbol)) == Some(&true) {
             let c = shown(program, f.symbol);
             let message = format!("this context never matches: {c} is hidden by '{item}:'");
+            // `Ignore:` lists the hidden symbols, `Consider:` those that are seen.
             let verb = if item == "Ignore" { "take it out of" } else { "add it to" };
             session.warning(
                 "L055",
@@ -348,7 +349,7 @@ fn check_command_letters(session: &mut ParseSession, program: &Program) {
             if program.overrides_cpfg(prefix) {
                 continue;
             }
-            // The second character of a command is a symbol of its own and is rewritten like any other.
+            // The second character of a command is a separate symbol and is rewritten like any other.
             let known = TWO_CHARACTER_COMMANDS.contains(&(prefix, symbol(w[1].symbol)));
             if (known || prefix == '~') && rewritten.contains(&w[1].symbol) {
                 found.push((w[0].place.to(w[1].place), prefix, symbol(w[1].symbol)));
@@ -356,7 +357,7 @@ fn check_command_letters(session: &mut ParseSession, program: &Program) {
         }
     }
     for (place, prefix, c) in found {
-        // An organ that is a growing module of its own is a common idiom.
+        // An organ that is itself a growing module is a common idiom.
         if prefix == '~' && program.rules.list.iter().all(|p| keeps_symbol(p, c, program)) {
             continue;
         }

@@ -88,7 +88,7 @@ pub struct ModuleString {
 }
 
 impl ModuleString {
-    /// A string without modules.
+    /// Constant for views that need a string without modules.
     pub(crate) const EMPTY: Self = Self {
         symbols: Vec::new(),
         ends: Vec::new(),
@@ -113,7 +113,7 @@ impl ModuleString {
         self.symbols.len()
     }
 
-    /// True without modules.
+    /// True without modules, as after a derivation that stored no string.
     pub fn is_empty(&self) -> bool {
         self.symbols.is_empty()
     }
@@ -214,7 +214,7 @@ impl ModuleString {
         }
     }
 
-    /// Appends a copy of a module.
+    /// Appends a copy of a module, with its lineage and birth.
     #[inline]
     pub(crate) fn push(&mut self, m: Module<'_>) {
         self.params.extend_from_slice(m.params);
@@ -254,7 +254,6 @@ impl ModuleString {
         self.birth.clear();
     }
 
-    /// Keeps the first `n` modules.
     pub(crate) fn truncate(&mut self, n: usize) {
         if n >= self.len() {
             return;

@@ -1,9 +1,9 @@
 //! Notations that grammar files are written in.
 
-/// The notation that a grammar file is written in.
+/// Languages of grammar files: cpfg's notation with one of three turtles, and the formats of three other programs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Notation {
-    /// The notation of cpfg, which is osier's own.
+    /// The notation of cpfg, which is the default of osier.
     #[default]
     Cpfg,
     /// The notation of cpfg, drawn by the turtle of "The Algorithmic Beauty of Plants".

@@ -43,6 +43,7 @@ impl PrintFormat {
         let mut chars = text.chars().peekable();
         while let Some(c) = chars.next() {
             match c {
+                // Escapes as in C; an unknown one stands for its second character.
                 '\\' => plain.push(match chars.next() {
                     Some('n') => '\n',
                     Some('t') => '\t',
@@ -58,6 +59,7 @@ impl PrintFormat {
                         parts.push(Part::Text(std::mem::take(&mut plain)));
                         parts.push(Part::Number(field));
                     }
+                    // A `%` that begins no conversion is printed as it is.
                     None => plain.push('%'),
                 },
                 other => plain.push(other),
@@ -90,6 +92,7 @@ impl PrintFormat {
 fn number_field(chars: &mut std::iter::Peekable<std::str::Chars<'_>>) -> Option<NumberField> {
     let mut ahead = chars.clone();
     let mut field = NumberField { left: false, zeros: false, plus: false, width: 0, precision: None, conversion: 'g' };
+    // A blank and `#` are flags of C too, and change nothing here.
     while let Some(flag) = ahead.next_if(|c| matches!(c, '-' | '0' | '+' | ' ' | '#')) {
         field.left |= flag == '-';
         field.zeros |= flag == '0';
@@ -107,6 +110,7 @@ fn number_field(chars: &mut std::iter::Peekable<std::str::Chars<'_>>) -> Option<
     if ahead.next_if_eq(&'.').is_some() {
         field.precision = Some(digits(&mut ahead));
     }
+    // Length modifiers: all values have double precision.
     while ahead.next_if(|c| matches!(c, 'l' | 'h' | 'L')).is_some() {}
     field.conversion = match ahead.next()? {
         'd' | 'i' | 'u' => 'd',
@@ -124,6 +128,7 @@ impl NumberField {
         let precision = self.precision.unwrap_or(6);
         let magnitude = x.abs();
         let digits = match self.conversion {
+            // `inf` or `NaN`, whatever the conversion.
             _ if !x.is_finite() => format!("{magnitude}"),
             'd' => format!("{:.0}", magnitude.trunc()),
             'f' => format!("{magnitude:.precision$}"),
@@ -138,6 +143,7 @@ impl NumberField {
             ""
         };
         let missing = self.width.saturating_sub(sign.len() + digits.len());
+        // Zeros stand between sign and digits, blanks outside of both.
         match (self.left, self.zeros && x.is_finite()) {
             (true, _) => format!("{sign}{digits}{}", " ".repeat(missing)),
             (false, true) => format!("{sign}{}{digits}", "0".repeat(missing)),

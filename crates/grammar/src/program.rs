@@ -65,7 +65,7 @@ impl Production {
         self.left.is_empty() && self.right.is_empty()
     }
 
-    /// All of its statements and expressions.
+    /// Its statements, and those of its expressions that are code; constant and plain parameters are left out.
     pub fn codes(&self) -> impl Iterator<Item = &Bytecode> {
         let own = [&self.before, &self.condition, &self.after, &self.weight];
         let args = self.successor.iter().flat_map(|t| &t.args);
@@ -144,14 +144,13 @@ pub(crate) struct SubSystem {
     pub homomorphism: ProductionSet,
 }
 
-/// Symbols that begin and end the modules of a sub-L-system.
+/// Symbols `?` and `$`, between which the modules of a sub-L-system stand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Borders {
     pub open: SymbolId,
     pub close: SymbolId,
 }
 
-/// One of the three sections of productions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Section {
     Rules,
@@ -170,7 +169,7 @@ pub(crate) struct ControlBlocks {
     pub globals: usize,
 }
 
-/// A compiled L-system.
+/// A compiled file: its main L-system and, in `subsystems`, the others.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Program {
     pub symbols: Symbols,

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-/// Turtle commands of cpfg that are spelled with two characters, each a symbol of its own in the string.
+/// Turtle commands of cpfg that are spelled with two characters; in the string these are two separate symbols.
 pub(crate) const TWO_CHARACTER_COMMANDS: [(char, char); 20] = [
     ('@', 'v'),
     ('@', 'M'),
@@ -26,7 +26,7 @@ pub(crate) const TWO_CHARACTER_COMMANDS: [(char, char); 20] = [
     ('?', 'L'),
 ];
 
-/// A symbol's number: its place in `LocatedSymbols`.
+/// Number of a symbol: its index in the [`Symbols`] of its grammar.
 pub type SymbolId = u16;
 
 /// The symbols of a grammar in order of appearance.
@@ -64,12 +64,12 @@ impl Symbols {
         Some(c)
     }
 
-    /// The name of a symbol that is spelled with several characters.
+    /// The name of a symbol that is spelled with several characters, by its private character; `None` for any other.
     pub fn long_name(&self, c: char) -> Option<&str> {
         self.names.get(&c).map(String::as_str)
     }
 
-    /// The number of a symbol that occurs in the grammar.
+    /// The number of a symbol; `None` if it does not occur in the grammar.
     pub fn find(&self, c: char) -> Option<SymbolId> {
         self.index.get(&c).copied()
     }
@@ -89,7 +89,7 @@ impl Symbols {
         self.list.len()
     }
 
-    /// True without symbols.
+    /// True without symbols; every grammar that was read has at least `[`, `]` and `%`.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }

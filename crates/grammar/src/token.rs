@@ -10,7 +10,7 @@ use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 pub(crate) struct SourcePlace {
     /// In the file or in a macro's body.
     pub span: Span,
-    /// One-based index into [`Expansions`]; 0 = written in place.
+    /// One-based index into [`ParseSession::expansions`]; 0 = written in place.
     pub origin: u32,
 }
 
@@ -31,7 +31,6 @@ impl SourcePlace {
     }
 }
 
-/// One use of a macro.
 #[derive(Debug, Clone)]
 pub(crate) struct Expansion {
     pub name: u32,
@@ -68,7 +67,6 @@ impl Token {
         self.kind == TokenKind::Char(c)
     }
 
-    /// True for an end of line.
     pub fn is_newline(&self) -> bool {
         matches!(self.kind, TokenKind::Newline { .. })
     }
@@ -79,12 +77,12 @@ impl Token {
 pub(crate) struct NameTable {
     list: Vec<String>,
     index: std::collections::BTreeMap<String, u32>,
-    /// Number of the next new spelling.
+    /// Number that the next new spelling gets; spellings are numbered from 0.
     next: u32,
 }
 
 impl NameTable {
-    /// The number of a spelling.
+    /// The number of a spelling, which is added if it is new.
     pub fn intern(&mut self, text: &str) -> u32 {
         if let Some(&i) = self.index.get(text) {
             return i;
@@ -96,7 +94,7 @@ impl NameTable {
         i
     }
 
-    /// The spelling of a number.
+    /// The spelling of number `i`; empty if there is none.
     pub fn get(&self, i: u32) -> &str {
         self.list.get(i as usize).map_or("", String::as_str)
     }
@@ -122,7 +120,7 @@ const MAX_MACRO_LABELS: usize = 4;
 /// Diagnostics kept per file; a damaged file could otherwise produce one per byte.
 const MAX_DIAGNOSTICS: usize = 200;
 
-/// What mends an error of this code, where its message alone does not tell.
+/// Default help for an error of this code, where the message does not say how to mend it.
 fn help_for(code: &str) -> Option<&'static str> {
     Some(match code {
         "L001" => "mend this line; docs/grammars.md shows the form of every line, and `osier new` makes one that works",
@@ -151,7 +149,7 @@ impl ParseSession {
         self.push(d, place);
     }
 
-    /// Records an error with a way out.
+    /// Records an error with the label `here` at `place` and a help text for this case.
     pub fn error_help(&mut self, code: &'static str, message: String, place: SourcePlace, help: impl Into<String>) {
         self.push(Diagnostic::error(code, message, place.span, "here").help(help), place);
     }
@@ -169,12 +167,12 @@ impl ParseSession {
         self.push(with_fix(d, place, replacement), place);
     }
 
-    /// Records a warning with a way out.
+    /// Records a warning with the label `here` at `place`.
     pub fn warning(&mut self, code: &'static str, message: String, place: SourcePlace, help: impl Into<String>) {
         self.push(Diagnostic::warning(code, message, place.span, "here").help(help), place);
     }
 
-    /// Records a remark for verbose runs.
+    /// Records a remark for verbose runs; a second one of the same code and place is dropped.
     pub fn note(&mut self, code: &'static str, message: String, place: SourcePlace, help: impl Into<String>) {
         let d = Diagnostic::warning(code, message, place.span, "here").help(help);
         if self.notes.iter().any(|n| n.code == code && n.labels.first() == d.labels.first()) {
@@ -201,7 +199,7 @@ impl ParseSession {
         macro_chain(&self.expansions, &self.names, place)
     }
 
-    /// True if an error was recorded.
+    /// True if an error was recorded; warnings do not count.
     pub fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|d| d.severity == osier_base::diagnostic::Severity::Error)
     }

@@ -98,17 +98,17 @@ impl RandomStreams {
 /// Reason why a run ended before its code did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Halt {
-    /// More than [`LOOP_LIMIT`] iterations.
+    /// A loop that passes [`LOOP_LIMIT`] iterations (L044).
     Loop(SourcePlace),
-    /// The budget of statements is used up.
+    /// The derivation has run more statements than its limit allows (L051).
     Statements(SourcePlace),
-    /// The budget of modules is used up.
+    /// A string passes the limit on its modules (L051), or its receiver takes no more.
     Modules,
-    /// The budget of parameters is used up.
+    /// The modules of a string have more parameters than are stored, 2^27 (L051).
     Parameters,
-    /// Modules of all steps pass the limit.
+    /// The modules of all steps together pass the limit on work (L051).
     Work,
-    /// An interpretation for queries failed.
+    /// The interpretation that a query asked for failed; the derivation holds its error.
     Query,
     /// The production at this place expands one module too often, in a decomposition or homomorphism.
     Expansion(SourcePlace),
@@ -130,7 +130,7 @@ pub(crate) struct RuntimeWarnings {
 }
 
 impl RuntimeWarnings {
-    /// Adds one occurrence of a warning.
+    /// Counts one occurrence; the first one of a code and place sets the message.
     pub fn add(&mut self, code: &'static str, place: SourcePlace, message: &str) {
         match self.list.iter_mut().find(|e| e.code == code && e.place == place) {
             Some(e) => e.count += 1,
@@ -178,13 +178,13 @@ pub(crate) struct Vm {
     pub warnings: RuntimeWarnings,
     pub statements: u64,
     pub statement_limit: u64,
-    /// Least and greatest coordinates of the last interpretation.
+    /// Least and greatest x, y, z of what the last interpretation for queries drew; all 0 before the first.
     pub bounds: [[f64; 3]; 2],
     /// Set by `stop(n)`: the derivation ends after this step.
     pub stopped: bool,
     /// Draws as cpfg does, one after the other, instead of by address.
     pub cpfg: Option<CpfgRandom>,
-    /// What `printf` wrote.
+    /// Text that `printf` wrote, at most [`MAX_OUTPUT`] bytes.
     pub output: String,
 }
 
@@ -259,7 +259,7 @@ impl Vm {
         stream
     }
 
-    /// Value of an expression.
+    /// Value of an expression; variables beyond `locals` read 0.
     #[inline]
     pub fn eval(&mut self, e: &Expr, locals: &mut [f64]) -> Result<f64, Halt> {
         match e {
@@ -459,6 +459,7 @@ impl Vm {
 
     fn push_random(&mut self, f: RandomFunction) {
         if let Some(mut cpfg) = self.cpfg {
+            // The last argument lies on top of the stack; `ran` has only one.
             let b = self.pop();
             let value = match f {
                 RandomFunction::Ran => b * cpfg.uniform(),
@@ -504,7 +505,7 @@ impl Vm {
     }
 }
 
-/// A beta variate, in its own stream; 0 for parameters that are not positive.
+/// A beta variate drawn from `stream`; 0 for parameters that are not positive.
 /// Source: X / (X + Y) of gamma variates X and Y of shapes a and b has the beta distribution.
 fn beta(stream: &mut Rng, a: f64, b: f64) -> f64 {
     if !(a > 0.0 && b > 0.0) {

@@ -91,7 +91,7 @@ impl Affine {
         Self { a, b: DVec3::new(0.0, b.h, 0.0) }
     }
 
-    /// Scales each axis by its own factor, then shifts.
+    /// Multiplies each axis by its component of `scale`, then adds `shift`.
     pub fn scaling(scale: DVec3, shift: DVec3) -> Self {
         Self { a: DMat3::from_diagonal(scale), b: shift }
     }

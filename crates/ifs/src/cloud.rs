@@ -56,11 +56,11 @@ pub struct AttractorPoints {
 /// An attractor to draw, with how many points and which seed.
 #[derive(Debug, Clone, Copy)]
 pub struct DrawRequest<'a> {
-    /// System whose attractor is drawn.
+    /// System whose attractor is drawn, with its final map and condensation sets.
     pub system: &'a Ifs,
     /// Analysis of `system`: probabilities and warm-up.
     pub study: &'a SystemAnalysis,
-    /// Seed of all random draws.
+    /// Seed of the draws of all blocks; equal seeds give equal points on every instruction set.
     pub seed: u64,
     /// Number of points over all blocks.
     pub points: u64,
@@ -108,7 +108,7 @@ impl PointSink for PointBlock<'_> {
             *depth = if chunk.map[step][lane] >= self.count { 0 } else { depth.saturating_add(1) };
             *d = *depth;
         }
-        // The final map is applied to what is shown and never fed back.
+        // The final map acts on the points that are output and is never fed back into the iteration.
         if let Some(last) = &self.last {
             for p in &mut self.positions[self.at..self.at + count] {
                 let q = last.apply(p.as_dvec3());
@@ -156,7 +156,7 @@ pub fn cloud(
         depths: vec![0; n],
         escapes: Escapes::default(),
     };
-    // Every block writes its own slice of the arrays, so that blocks can be drawn by any thread.
+    // Every block writes a separate slice of the arrays, so that blocks can be drawn by any thread.
     let parts = out
         .positions
         .chunks_mut(size)

@@ -19,7 +19,7 @@ use super::{Ifs, Map};
 use osier_base::convert::saturating_index;
 use osier_base::math;
 
-/// Property of a point that its colour shows.
+/// Property of a point that decides its colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColorMode {
     /// The map applied last.
@@ -115,7 +115,7 @@ impl ColorLabels {
         let base = ifs.maps.iter().fold(0_u32, |n, _| n + 1).max(1);
         let top = if let ColorMode::Prefix(k) = mode { base.saturating_pow(k - 1) } else { 1 };
         let pull = ifs.maps.iter().map(|m| (math::narrow(1.0 - m.speed), math::narrow(m.speed * m.coord)));
-        // Jumps leave the coordinate.
+        // Jumps leave the coordinate unchanged.
         let pull = pull.chain([(1.0, 0.0)]).collect();
         let orders = ifs.maps.iter().map(|m| match () {
             () if m.stem || is_squash(m) => Branching::Begins,
@@ -126,12 +126,12 @@ impl ColorLabels {
         Self { mode, colors, maps: base, top, pull, orders: orders.collect(), lanes }
     }
 
-    /// True if labels are steps of a palette at a point's own coordinate.
+    /// True if a label is a step of the palette, found from the colour coordinate of the point.
     pub fn is_by_coord(&self) -> bool {
         self.mode == ColorMode::Coord
     }
 
-    /// True for [`ColorMode::Order`]: labels count branchings, so that a map alone does not decide them.
+    /// True for [`ColorMode::Order`]: labels count branchings, so that the map does not suffice to find them.
     pub fn is_by_order(&self) -> bool {
         self.mode == ColorMode::Order
     }
@@ -147,7 +147,7 @@ impl ColorLabels {
         match self.mode {
             // `max_word_length` keeps the number of words of k letters within MAX_LABELS.
             ColorMode::Map | ColorMode::Prefix(_) => saturating_index(word),
-            // Endless words; coordinates are a point's own.
+            // Endless words; for coordinates every point has a different one.
             ColorMode::Depth => 255,
             ColorMode::Coord | ColorMode::Order | ColorMode::Density => 0,
         }
@@ -171,7 +171,8 @@ impl ColorLabels {
         }
     }
 
-    /// Coordinates of one step of all lanes: every map pulls the coordinate to its own, jumps leave it.
+    /// Colour coordinates after one step of all lanes: each map moves the coordinate towards its `coord`; jumps leave it
+    /// unchanged.
     pub fn color_coords(&mut self, maps: &[u32; LANES]) -> [f32; LANES] {
         let last = self.pull.len() - 1;
         for (coord, map) in self.lanes.coord.iter_mut().zip(maps) {

@@ -1,8 +1,9 @@
 //! An attractor cut into cylinders: the images w(A) of the whole under words of maps.
 //!
-//! A point of the attractor that every map of a word takes in turn is again such a point, in the word's own small part of
-//! the picture. So a pool of points is drawn once by the chaos game and then mapped into one cylinder after the other, each
-//! of which takes its share: no draw, no choice of a map, and cells that lie together while they are counted.
+//! If all maps of a word are applied to a point of the attractor, the result is again a point of the attractor, in the small part
+//! of the picture that belongs to the word. So a pool of points is drawn once by the chaos game and then mapped into one cylinder
+//! after the other, each of which takes its share: no draw, no choice of a map, and cells that lie together while they are
+//! counted.
 
 use std::ops::Range;
 
@@ -38,7 +39,7 @@ const ESCAPE_RADIUS: f32 = 1e15;
 /// Share of the pool outside its box, on each side of each axis.
 const TAIL_QUANTILE: f64 = 0.02;
 
-/// Points of an attractor, each coordinate in a row of its own, with their colour coordinates.
+/// Points of an attractor as separate lists of x, y and z, with their colour coordinates.
 #[derive(Debug, Default)]
 pub(super) struct PointPool {
     /// x, y and z of every point, in the units of [`unit_frame`].
@@ -115,9 +116,9 @@ pub(super) struct Cylinder {
 /// How many points are drawn, and how many at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Batches {
-    /// Batches to draw, each with a pool of its own.
+    /// Batches to draw; each draws a new pool.
     pub count: u64,
-    /// Points of each batch.
+    /// Points of each batch, all cylinders together.
     pub points: u64,
 }
 
@@ -141,7 +142,7 @@ pub(super) struct CylinderCut {
     batches: Batches,
 }
 
-/// A word while the cut is made.
+/// A word that may still be split.
 struct OpenWord {
     affine: Affine,
     share: f64,
@@ -159,8 +160,8 @@ pub(super) fn is_applicable(ifs: &Ifs, study: &SystemAnalysis, labels: Option<&C
 }
 
 impl CylinderCut {
-    /// Cuts until a cylinder is small in the picture, or holds few points, and no pool runs out. `game`: in units of
-    /// [`unit_frame`]; `window`: scale and shift from table units to pixels.
+    /// Splits words until each cylinder is small in the picture or holds few points, and takes no more points than the pool has.
+    /// `game`: in units of [`unit_frame`]; `window`: scale and shift from table units to pixels.
     /// Source: J. Hutchinson, "Fractals and self similarity", 1981: A is the union of w(A) over any full set of words.
     pub fn new(request: &DrawRequest<'_>, game: &ChaosGame, window: AxisScaling, labels: Option<&ColorLabels>) -> Self {
         let DrawRequest { system, study, .. } = *request;
@@ -203,7 +204,6 @@ impl CylinderCut {
         cut
     }
 
-    /// How the points are divided into batches.
     pub fn batches(&self) -> Batches {
         self.batches
     }
@@ -418,7 +418,7 @@ mod tests {
 
     #[test]
     fn cuts_end() {
-        // One map alone, and one that nearly always follows itself and hardly shrinks: no cut makes these small.
+        // A system of one map, and one whose map nearly always follows itself and hardly shrinks: no cut makes these small.
         for text in ["a {\n.5 0 0 .5 1 1 1\n}", "b {\n.9999 0 0 .9999 1 0 .9999\n.5 0 0 .5 0 0 .0001\n}"] {
             let ifs = read::read("x.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
             let h = drawn(&ifs, ColorMode::Map, 64);

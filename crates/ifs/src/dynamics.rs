@@ -22,7 +22,7 @@ use osier_base::math;
 use osier_base::rng::Rng;
 use osier_base::units;
 
-/// Magnitude of an exponent per step below which growth and decay cannot be told apart from the sampling error.
+/// Magnitude of an exponent per step below which growth and decay cannot be distinguished within the sampling error.
 const NEUTRAL_EXPONENT: f64 = 1e-3;
 /// Independent chains of maps for the Lyapunov exponent, and steps of each.
 const LYAPUNOV_CHAINS: u64 = 64;
@@ -48,7 +48,7 @@ pub struct SystemAnalysis {
     pub unbounded: bool,
     /// Index of the map whose fixed point chains start from.
     pub first: usize,
-    /// Warnings and errors found by the analysis.
+    /// Warnings and errors about expanding maps (I020 to I022), singular or diverging maps (I025, I026) and weights.
     pub diagnostics: Vec<Diagnostic>,
 }
 
@@ -85,7 +85,7 @@ pub fn study(ifs: &Ifs, rule: WeightRule) -> SystemAnalysis {
     for (i, map) in ifs.maps.iter().enumerate().filter(|(i, _)| norms.get(*i).is_some_and(|n| *n >= 1.0)) {
         diagnostics.push(expanding_map_warning(ifs, i, map, norms.get(i).copied().unwrap_or(0.0)));
     }
-    // Iterating one map alone diverges if its spectral radius is 1 or more, even where the random product contracts.
+    // Repeating one map diverges if its spectral radius is 1 or more, even where the random product contracts.
     let radius: Vec<f64> = ifs.maps.iter().map(|m| m.affine.spectral_radius()).collect();
     let expanding = (0..ifs.maps.len()).filter(drawn).find(|i| radius.get(*i).is_some_and(|r| *r >= 1.0));
     if let Some(i) = expanding {

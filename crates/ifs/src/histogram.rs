@@ -39,9 +39,9 @@ const SHARES: f64 = 256.0;
 /// Points counted by pixel, with the sums of their colours where they are coloured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
-    /// Width of the picture, pixels.
+    /// Pixels per row of `hits` and `sums`.
     pub width: usize,
-    /// Height of the picture, pixels.
+    /// Number of rows of `hits` and `sums`.
     pub height: usize,
     /// Hits times `unit`, rows from the top.
     pub hits: Vec<u64>,
@@ -57,7 +57,7 @@ pub struct Histogram {
     pub escapes: Escapes,
 }
 
-/// Counts points alone.
+/// Counts hits by cell, for pictures whose points have one colour.
 struct HitCounter(Vec<u32>);
 
 impl CellCounter for HitCounter {
@@ -82,12 +82,12 @@ impl CellCounter for HitCounter {
 #[repr(align(16))]
 struct ColorCell([u32; 4]);
 
-/// Counts points and colours by pixel.
+/// Sums hits and colours by cell; cells near overflow are emptied into 64-bit sums.
 struct ColorCounter<'a> {
     cells: Vec<ColorCell>,
     spilled: BTreeMap<u32, [u64; 4]>,
     labels: &'a ColorLabels,
-    /// What a point of a label adds, and by map the share that is shown (empty: all of it).
+    /// What a point of a label adds to its pixel, and by map the share of its points that is drawn (empty: all of them).
     adds: &'a [[u32; 4]],
     shares: &'a [u32],
 }
@@ -209,7 +209,7 @@ impl Histogram {
     }
 }
 
-/// What a point of a label adds, and by map the share that is shown: empty where all maps show all of their points.
+/// What a point of a label adds, and by map the share of its points that is drawn: empty where all maps draw all of their points.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
 fn weights(labels: &ColorLabels, request: &DrawRequest<'_>) -> (Vec<[u32; 4]>, Vec<u32>) {
     // Linear colours in 12 bits: 2^20 hits of them fit into 32 bits, see SPILL_LIMIT.

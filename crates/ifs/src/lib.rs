@@ -47,7 +47,7 @@ use osier_base::diagnostic::Span;
 /// Largest magnitude of a number that readers accept in a file.
 pub const MAX_COEFFICIENT: f64 = 1e12;
 
-/// One system of affine maps.
+/// An iterated function system, with what its file says about colours and the picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ifs {
     /// As written in its file.
@@ -58,7 +58,7 @@ pub struct Ifs {
     pub maps: Vec<Map>,
     /// Factors on the weights of the next map (column) by the last one (row).
     pub chaos: Option<Vec<Vec<f64>>>,
-    /// Final map: applied to the points that are shown, not fed back into the iteration.
+    /// Final map: applied to the points when they are drawn, not fed back into the iteration.
     pub last: Option<Affine>,
     /// Condensation sets: K = C u w_1(K) u ... u w_m(K).
     pub condensation: Vec<Condensation>,
@@ -72,7 +72,7 @@ pub struct Ifs {
     pub span: Span,
 }
 
-/// One map w(x) = A x + b with what belongs to it.
+/// One map w(x) = A x + b, with its weight, its colours and its part in the branching of a plant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Map {
     /// Linear part and shift, table units.
@@ -85,7 +85,7 @@ pub struct Map {
     pub coord: f64,
     /// Share of the distance to `coord` that a point's colour coordinate moves per step, 0..1.
     pub speed: f64,
-    /// Share of its points that are shown, 0..1.
+    /// Share of its points that are drawn, 0..1.
     pub opacity: f64,
     /// Factor on radii; `None`: the scale.
     pub radius: Option<f64>,
@@ -97,7 +97,7 @@ pub struct Map {
     pub stem: bool,
     /// True if a leaf is placed where a word that ends in this map is cut.
     pub leaf: bool,
-    /// Location in the file, for diagnostics.
+    /// Location of the map in the file, for diagnostics about it.
     pub span: Span,
 }
 

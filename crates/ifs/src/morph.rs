@@ -31,12 +31,12 @@ const FIXED_POINT_SAMPLES: u32 = 32;
 /// |det(I - A)| below which a fixed point runs away.
 const MIN_FIXED_POINT_DET: f64 = 1e-6;
 
-/// One table at one time.
+/// A system at one time of the morph, with its analysis and the extra turns of its maps.
 #[derive(Debug, Clone)]
 pub struct MorphKey {
-    /// Time of the key, s.
+    /// Time at which the morph equals `system`, s; keys are in order of time.
     pub at: f64,
-    /// System that the morph shows at `at`.
+    /// System at that time. All keys have the same number of maps, dimension and condensation sets.
     pub system: Ifs,
     /// Analysis of `system`, whose probabilities frames between the keys blend.
     pub study: SystemAnalysis,
@@ -96,7 +96,7 @@ pub struct Morph {
 }
 
 impl Morph {
-    /// Leads from key to key; times rise. Two keys at least make a motion.
+    /// Interpolates from each key to the next; their times must rise. A single key gives a system that does not change.
     /// # Errors
     /// I070 for tables of unequal numbers of maps, dimension or condensation sets, I071 where a fixed point that is to be
     /// moved does not stay single.
@@ -160,10 +160,10 @@ impl Morph {
         (next - 1, if self.options.smooth { t * t * (3.0 - 2.0 * t) } else { t })
     }
 
-    /// The system at a time, s. At the keys' own times it is exactly theirs, but for the name, which is the first one's:
-    /// the chaos game's streams are named by it.
-    /// Own: rotations take the shortest path, everything else is linear. As ||R S|| = ||S|| and the norm is convex, a map's
-    /// norm never exceeds the larger of its keys': what contracts at the keys contracts in every frame.
+    /// The system at a time, s. At the time of a key it equals that key's, except for the name: it is always that of the first
+    /// key, because the streams of the chaos game are named by it.
+    /// Own: rotations take the shortest path, everything else is linear. As ||R S|| = ||S|| and the norm is convex, a map's norm
+    /// never exceeds the larger of its keys': what contracts at the keys contracts in every frame.
     pub fn system(&self, seconds: f64) -> Ifs {
         let (k, t) = self.place(seconds);
         // Everything without a value in between (weights rule, palette, condensation) is that of the key before.
@@ -284,7 +284,7 @@ impl MapPath {
         Affine { a, b: if fixed { shift - a * shift } else { shift } }
     }
 
-    /// Leads the fixed points instead of the shifts.
+    /// Moves the fixed points instead of the shifts linearly; the error says where on the path there is no single one.
     fn use_fixed_points(&mut self, ends: [Affine; 2]) -> Result<(), String> {
         let det = |i: u32| {
             let t = f64::from(i) / f64::from(FIXED_POINT_SAMPLES);

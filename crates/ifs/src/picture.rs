@@ -28,7 +28,7 @@ use osier_base::math::{self, narrow};
 use osier_base::par::par_map;
 use osier_base::units::srgb_from_linear;
 
-/// Share of the non-empty pixels that are at most fully opaque.
+/// Quantile of the density over the non-empty pixels that is drawn fully opaque.
 const WHITE_QUANTILE: f64 = 0.995;
 
 /// Spreads thin hits over discs of max(minimum, radius / hits^curve) pixels.
@@ -62,9 +62,9 @@ impl Default for ToneMapping {
 /// Density and mean colour per pixel, linear, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Density {
-    /// Width of the picture, pixels.
+    /// Pixels per row of `value` and `color`.
     pub width: usize,
-    /// Height of the picture, pixels.
+    /// Number of rows of `value` and `color`.
     pub height: usize,
     /// hits W H / N: 1 on average when nothing lies outside.
     pub value: Vec<f32>,
@@ -173,7 +173,7 @@ pub fn opacity(d: &Density, tone: &ToneMapping) -> Vec<f32> {
         return vec![0.0; d.value.len()];
     }
     let at = ((full.len() - 1) as f64 * WHITE_QUANTILE) as usize;
-    // The 99.5 % quantile over non-empty pixels is drawn fully opaque.
+    // A selection suffices: of all values only this quantile is needed.
     let white = f64::from(*full.select_nth_unstable_by(at, f32::total_cmp).1);
     let top = math::ln(1.0 + tone.exposure * white).max(1e-12);
     let one = |v: &f32| {
@@ -184,7 +184,7 @@ pub fn opacity(d: &Density, tone: &ToneMapping) -> Vec<f32> {
         .concat()
 }
 
-/// RGB over the background, or RGBA without one, sRGB in 0..1, rows from the top. `flat`: colour without a mean one.
+/// RGB over the background, or RGBA without one, sRGB in 0..1, rows from the top. `flat`: linear RGB where `d` has no colours.
 pub fn tone_mapped(d: &Density, tone: &ToneMapping, flat: [f32; 3]) -> Vec<f32> {
     let alpha = opacity(d, tone);
     let mut out = Vec::with_capacity(alpha.len() * 4);

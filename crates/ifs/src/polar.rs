@@ -5,7 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::affine::turn_z;
 use osier_base::math;
 
-/// Sums or singular values below this share of the largest are 0: the turn is not determined.
+/// Sums or singular values below this share of the largest count as 0: the rotation is not determined.
 const SINGULAR_RATIO: f64 = 1e-9;
 
 /// The turn R of A = R S with a symmetric S.
@@ -145,8 +145,9 @@ fn turn(a: DMat3, dim: usize) -> Result<Turn, Option<(DVec3, DVec3)>> {
     Ok(Turn::Space(DQuat::from_mat3(&r).normalize()))
 }
 
-/// Turns and stretches of one map at successive keys: A = R S. Where a key's own turn is open, it takes the neighbour's
-/// as far as that fits, the one before first; without any, none.
+/// Rotations and stretches of one map at successive keys: A = R S. Where the rotation of a key is not determined, that of the
+/// nearest earlier key is used, else of the next later one, else the identity. For rank 1 in space it is changed as little as it
+/// takes to map the known direction to its image.
 pub fn parts(maps: &[DMat3], dim: usize) -> Vec<(Turn, DMat3)> {
     let own: Vec<_> = maps.iter().map(|a| turn(*a, dim)).collect();
     let neighbour = |i: usize| {

@@ -40,7 +40,7 @@ impl PixelIndexer {
 
 /// Cells of a picture that count points.
 pub(super) trait CellCounter {
-    /// What tells points apart, if anything does.
+    /// Labels of the points, if what is counted depends on them.
     fn labels(&self) -> Option<&ColorLabels>;
     /// Counts points in these cells, with the map that made each and its label.
     fn add_each(&mut self, cells: &[u32], maps: &[u32], labels: &[u32]);
@@ -52,7 +52,7 @@ pub(super) trait CellCounter {
 struct ChaosGameCounter<C> {
     cells: C,
     pixels: PixelIndexer,
-    /// The map that places are shown by.
+    /// Final map of the system, in pixels; the identity without one.
     last: [f32; 12],
     labels: Option<ColorLabels>,
     label: Box<[[u32; LANES]; CHUNK]>,
@@ -80,15 +80,15 @@ impl<C: CellCounter> PointSink for ChaosGameCounter<C> {
     }
 }
 
-/// A system made ready for counting.
+/// How a system is counted: by a cut into cylinders where it allows one, else by the chaos game, with the units of work.
 pub(super) struct CountingPlan {
     game: ChaosGame,
-    /// The cylinders, where they suit.
+    /// The cut into cylinders, for systems that allow it; others are counted by the chaos game.
     cut: Option<CylinderCut>,
     /// Blocks or batches, and steps of a lane of a block.
     blocks: u64,
     steps: u64,
-    /// Points that are drawn in all.
+    /// Points drawn by all blocks or batches, at least as many as asked for.
     pub points: u64,
     /// Order of the cells in memory.
     pub layout: TileLayout,
@@ -97,7 +97,7 @@ pub(super) struct CountingPlan {
 }
 
 impl CountingPlan {
-    /// Makes a system ready for the cells of a window.
+    /// Chooses between cylinders and the chaos game, and divides the points into units of work for the pixels of `window`.
     pub fn new(request: &DrawRequest<'_>, labels: Option<&ColorLabels>, window: &PictureWindow) -> Self {
         let DrawRequest { system, study, seed, points, tier } = *request;
         let frame = window.frame();
@@ -128,12 +128,12 @@ impl CountingPlan {
         }
     }
 
-    /// Counts all points. Each thread has cells of its own, of `bytes` bytes each, while they fit the memory; `make`:
+    /// Counts all points. Each thread has a separate set of cells, of `bytes` bytes each, while they fit the memory; `make`:
     /// empty cells for a [`TileLayout`].
     pub fn count<C: CellCounter + Send>(&self, bytes: usize, make: impl Fn() -> C + Sync) -> (Vec<C>, Escapes) {
         let blocks = limit(self.blocks);
-        // Each thread counts into cells of its own, without atomics; sums of whole numbers do not depend on the
-        // division of the work.
+        // Each thread counts into separate cells, without atomics; sums of whole numbers do not depend on the division of the
+        // work.
         let workers = threads().min(MAX_CELL_BYTES / (bytes * self.layout.cells())).clamp(1, blocks.max(1));
         let jobs: Vec<u64> = (0..workers as u64).collect();
         let parts = par_map(&jobs, |worker| self.count_blocks(make(), (*worker..self.blocks).step_by(workers)));
@@ -141,7 +141,7 @@ impl CountingPlan {
         (parts.into_iter().map(|p| p.0).collect(), escapes)
     }
 
-    /// Counts the points of some blocks.
+    /// Counts the points of some blocks or batches, on one thread.
     fn count_blocks<C: CellCounter>(&self, mut cells: C, blocks: impl Iterator<Item = u64>) -> (C, Escapes) {
         let tier = self.game.tier();
         // Scratch memory of one thread, reused for all of its blocks.

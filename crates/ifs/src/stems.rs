@@ -89,7 +89,7 @@ pub fn stems(ifs: &Ifs) -> Result<TreeSystem, Box<Diagnostic>> {
     Ok(TreeSystem { system, letters, trunk, radius })
 }
 
-/// Which branching map is no similarity, so that its subtrees are no copies of the whole; relative tolerance 1e-6.
+/// Index of the first branching map that is no similarity (relative tolerance 1e-6): its subtrees are no copies of the whole.
 pub fn sheared(stems: &TreeSystem) -> Option<usize> {
     let even = |a: &super::affine::Affine| {
         let columns = [a.a.x_axis, a.a.y_axis, a.a.z_axis];

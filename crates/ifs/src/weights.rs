@@ -24,7 +24,7 @@ pub enum WeightRule {
     Det,
     /// By s^D: s is the mean contraction of a map, D the similarity dimension, for which these add up to 1.
     Moran,
-    /// The same for every map.
+    /// The same for every map, whatever the weights of the file.
     Equal,
     /// As Fractint draws: a running sum, of which the last map takes the rest.
     Fractint,

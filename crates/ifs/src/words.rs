@@ -105,7 +105,7 @@ pub struct Expansion {
     pub cuts: Vec<Word>,
 }
 
-/// Scale and factor on radii of each letter: `None` for maps that squash.
+/// Scale and factor on radii of each letter; the scale is `None` for stems, which no word contains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Letters {
     scale: Vec<Option<f64>>,
@@ -157,7 +157,7 @@ impl Letters {
 }
 
 impl ExpansionLimits {
-    /// True if a word is shown and expanded, false if growth is cut at it.
+    /// True if a word is kept and expanded, false if growth is cut at it.
     fn admit(&self, word: WordMeasure) -> bool {
         word.size >= self.eps && word.depth <= self.max_depth && word.order <= self.max_order
     }
@@ -240,7 +240,7 @@ fn varied(map: &Map, key: u64, amount: f64) -> Affine {
             Affine::branch(&b)
         }
         None => {
-            // Turned about its own stem, then tilted along with it.
+            // Turned about its stem, then tilted along with it.
             let turned = super::affine::turn_y(roll) * map.affine.a * super::affine::turn_z(pitch) * scale;
             Affine { a: turned, b: map.affine.b }
         }

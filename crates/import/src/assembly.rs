@@ -95,7 +95,7 @@ fn check_part(context: &ImportContext<'_>, part: &MeshPart) -> ImportResult<()> 
     }
 }
 
-/// Converts a part to +Y up and metres.
+/// Converts a part to +Y up and metres; X001 if a vertex is not finite afterwards.
 fn to_world_axes(context: &ImportContext<'_>, part: &mut MeshPart) -> ImportResult<()> {
     let (up, scale) = (context.options.up, context.options.scale);
     // A quarter turn about x, which keeps the handedness and with it the winding of triangles.

@@ -9,12 +9,12 @@ use image::DynamicImage;
 use crate::{ImportContext, ImportOptions, ImportResult, images};
 use osier_base::{Error, Result};
 
-/// Magic number of an OpenEXR file.
+/// First bytes of an OpenEXR file: the number 20000630, little-endian.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// Names of the channel that holds heights, in the order in which they are looked for; case is ignored.
 const CHANNELS: [&str; 6] = ["Y", "height", "Z", "displacement", "R", "G"];
 
-/// Whether the values of a height map are lengths or wait for a range in metres.
+/// Unit of the values of a height map: fractions of a range that is still to be given, or lengths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeightUnit {
     /// Fractions of the range from black (0) to white (1), of which a picture of whole numbers has so many steps.
@@ -39,7 +39,6 @@ pub struct HeightMap {
     pub unit: HeightUnit,
 }
 
-/// Whether bytes begin as an OpenEXR file does.
 pub(crate) fn is_exr(bytes: &[u8]) -> bool {
     bytes.starts_with(&EXR_MAGIC)
 }
@@ -74,7 +73,7 @@ fn check(context: &ImportContext<'_>, map: HeightMap) -> ImportResult<HeightMap>
     Ok(map)
 }
 
-/// Heights of a PNG, and of a JPEG where one is allowed.
+/// Heights of a PNG (a JPEG where one is allowed), 0 black to 1 white: the mean of its colours as they are stored, without alpha.
 fn from_picture(context: &ImportContext<'_>, bytes: &[u8]) -> ImportResult<HeightMap> {
     let picture = images::decode_deep(context, "height map", bytes, &mut 0)?;
     let (width, height) = (picture.width() as usize, picture.height() as usize);
@@ -150,6 +149,7 @@ fn from_exr(context: &ImportContext<'_>, bytes: &[u8]) -> ImportResult<HeightMap
         None => Vec::new(),
     };
     let (width, height) = (layer.size.width(), layer.size.height());
+    // A subsampled channel has fewer values than the layer has pixels.
     if values.len() != width * height {
         return Err(damaged(&"its channel of heights is subsampled"));
     }

@@ -38,7 +38,7 @@ use osier_scene::{Image, Material, MaterialClass, Mesh};
 
 pub use heights::{HeightMap, HeightUnit, read_heights};
 
-/// Which axis of the file points up.
+/// Up axis of a mesh file, which becomes +Y of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum UpAxis {
     /// +Y is up, as in glTF and in osier.
@@ -141,12 +141,12 @@ struct ImportedMesh {
     images: Vec<Image>,
 }
 
-/// An image of one channel.
+/// An image reduced to its brightness, as [`read_grey`] reads it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GreyImage {
-    /// Width of the image, pixels.
+    /// Pixels per row of `values`.
     pub width: usize,
-    /// Height of the image, pixels.
+    /// Number of rows of `values`.
     pub height: usize,
     /// Brightness, 0..1, row by row from the top left.
     pub values: Vec<f32>,
@@ -203,7 +203,7 @@ impl<'a> ImportContext<'a> {
         Self { path, options, report: Report::default(), files: vec![own], parts: Vec::new() }
     }
 
-    /// The file's name as shown to the user.
+    /// Name of the file in messages.
     fn name(&self) -> String {
         self.path.display().to_string()
     }

@@ -9,7 +9,7 @@ use super::Wind;
 /// A wind with its velocities multiplied by a factor. Gusts still travel at the speed of the original wind.
 #[derive(Debug, Clone)]
 pub struct ScaledWind {
-    /// The wind that is scaled.
+    /// The original wind, whose period is kept.
     pub wind: Arc<dyn Wind>,
     /// Factor on all velocities, means included.
     pub factor: f32,
@@ -104,9 +104,9 @@ impl Wind for WindSum {
 /// ```
 #[derive(Debug, Clone)]
 pub struct ShiftedWind {
-    /// The wind on its own clock.
+    /// The wind, sampled at the simulation's time less `lead`.
     pub wind: Arc<dyn Wind>,
-    /// Time that the simulation's clock shows at time 0 of the wind, s.
+    /// Simulation time at which the wind is at its time 0, s.
     pub lead: f64,
 }
 

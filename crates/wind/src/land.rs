@@ -10,7 +10,8 @@ use osier_scene::solid::LandForm;
 /// Positions that are moved at a time: their copies stay in the L1 cache.
 const BLOCK: usize = 256;
 
-/// A wind over level ground, laid over a land: at each place it blows as the wind does as high above y = 0.
+/// A wind over level ground, applied to terrain: its velocity at a point is that of the original wind at the point's height above
+/// the terrain.
 /// Source: own; terrain-following heights, as weather models use. The flow over a hill is not faster than in a valley.
 #[derive(Debug, Clone)]
 pub struct WindOverLand {

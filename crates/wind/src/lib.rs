@@ -72,7 +72,7 @@ pub trait Wind: Debug + Send + Sync {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UniformWind(
-    /// Velocity of the air, m/s.
+    /// Velocity of the air at all positions and times, m/s.
     pub Vec3,
 );
 

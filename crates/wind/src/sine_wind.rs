@@ -19,7 +19,7 @@ const PRINTED_FPS: f64 = 60.0;
 /// Frames between two values of the printed noise.
 const PRINTED_NOISE_INTERVAL: f64 = 30.0;
 
-/// Options of a [`SineWind`].
+/// Sine, noise, height profile and period of a [`SineWind`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SineWindOptions {
     /// Horizontal unit vector that it blows towards.

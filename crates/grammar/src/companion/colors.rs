@@ -4,15 +4,15 @@ use crate::notation::Notation;
 use osier_base::math::narrow;
 use osier_base::units::linear_from_srgb;
 
-/// Number of colour indices.
+/// Colour indices are bytes.
 const COUNT: usize = 256;
 /// Bytes of a material record: index, transparency, ambient, diffuse, emissive and specular colour, shininess.
 const RECORD: usize = 15;
-/// Roughness of colours of a map, which says nothing about it. Own: a dull surface, as of leaves and stems.
+/// Roughness of colours of a map; the files hold none. Own: a dull surface, as of leaves and stems.
 const ROUGHNESS: f32 = 0.55;
 
-/// Colours that are told apart, sRGB. Own: the colours of plants first, in the order in which `;` meets them from the initial
-/// index 128 on.
+/// Sixteen colours that are easy to distinguish, sRGB. Own: the colours of plants first, in the order in which `;` meets them
+/// from the initial index 128 on.
 const PALETTE: [[u8; 3]; 16] = [
     [0x7a, 0x5c, 0x3e], // bark
     [0x4f, 0x7a, 0x33], // leaf
@@ -32,7 +32,8 @@ const PALETTE: [[u8; 3]; 16] = [
     [0x1f, 0x1f, 0x1f], // black
 ];
 
-/// Colours of LParser's viewer, in colours that suit paint and bark: indices 1 to 15. All other indices are dark grey.
+/// Colours 1 to 15 of LParser's viewer, sRGB, toned down to suit paint and bark; every other index is [`LPARSER_OTHER`], dark
+/// grey.
 const LPARSER_PALETTE: [[u8; 3]; 15] = [
     [0x1f, 0x1f, 0x1f], // black
     [0xc8, 0x30, 0x2a], // red
@@ -51,7 +52,7 @@ const LPARSER_PALETTE: [[u8; 3]; 15] = [
     [0xf2, 0xef, 0xe6], // white
 ];
 const LPARSER_OTHER: [u8; 3] = [0x48, 0x48, 0x46];
-/// Materials of L-Py's turtle: 0 grey, then brown, green, red, yellow, blue and purple, over and over from 0 on.
+/// Materials of L-Py's turtle, sRGB: 0 grey, then brown, green, red, yellow, blue and purple, repeated from index 0 on.
 const LPY_PALETTE: [[u8; 3]; 7] = [
     [0x96, 0x96, 0x90], // grey
     [0x70, 0x4e, 0x28], // brown
@@ -61,7 +62,7 @@ const LPY_PALETTE: [[u8; 3]; 7] = [
     [0x2e, 0x38, 0x90], // blue
     [0x88, 0x2c, 0x88], // purple
 ];
-/// The sixteen colours of Fractint's default map, which repeat; black and white have changed places, for the ground is light here.
+/// The sixteen colours of Fractint's default map, repeated; black and white are exchanged because the background is light here.
 const FRACTINT_PALETTE: [[u8; 3]; 16] = [
     [0xf2, 0xef, 0xe6], // white
     [0x2a, 0x38, 0xa0], // blue
@@ -81,7 +82,7 @@ const FRACTINT_PALETTE: [[u8; 3]; 16] = [
     [0x1f, 0x1f, 0x1f], // black
 ];
 
-/// What a colour index looks like.
+/// Material that a turtle's colour index stands for: diffuse colour, roughness and transparency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceColor {
     /// Linear RGB of the diffuse colour, 0 to 1.
@@ -92,7 +93,7 @@ pub struct SurfaceColor {
     pub transparency: f32,
 }
 
-/// The look of each of the 256 colour indices.
+/// Material of each colour index, 0 to 255, that a turtle can select.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColorTable {
     colors: Vec<SurfaceColor>,
@@ -114,7 +115,7 @@ fn linear(byte: u8) -> f32 {
 }
 
 impl ColorTable {
-    /// The colours that a program gives to indices by itself.
+    /// Palette that the program of a notation uses by default.
     pub fn of(notation: Notation) -> Self {
         let repeated =
             |palette: &[[u8; 3]]| Self { colors: palette.iter().cycle().take(COUNT).map(|c| plain(*c)).collect() };
@@ -159,7 +160,7 @@ impl ColorTable {
             let shininess = f64::from(record[14]);
             table.colors[usize::from(record[0])] = SurfaceColor {
                 base: [record[5], record[6], record[7]].map(linear),
-                // Of a Phong lobe, as wide as a microfacet lobe of this roughness.
+                // Phong exponent n to the width of a microfacet lobe, alpha = sqrt(2 / (n + 2)), which is used as the roughness.
                 roughness: narrow(osier_base::math::sqrt(2.0 / (shininess + 2.0))),
                 transparency: f32::from(record[1]) / 255.0,
             };
@@ -167,7 +168,7 @@ impl ColorTable {
         Ok(table)
     }
 
-    /// The table with other colours, sRGB, at some of its indices.
+    /// Replaces entries by pairs of index and sRGB colour; these entries become opaque, with the roughness of colour maps.
     #[must_use]
     pub fn with(mut self, colors: &[(u8, [u8; 3])]) -> Self {
         for (index, srgb) in colors {
@@ -176,7 +177,7 @@ impl ColorTable {
         self
     }
 
-    /// What an index looks like.
+    /// Material of an index; a table has all 256.
     pub fn get(&self, index: u8) -> SurfaceColor {
         self.colors.get(usize::from(index)).copied().unwrap_or(plain(PALETTE[0]))
     }

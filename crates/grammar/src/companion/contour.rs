@@ -4,7 +4,8 @@ use super::words::Reader;
 use crate::{Spline, SplineEnds};
 use osier_base::diagnostic::{Diagnostic, SourceId};
 
-/// Most points of a contour, counted with their multiplicity, and most contours of a set: its length is measured chord by chord.
+/// Upper limits on the points of a contour, counted with multiplicity, and on the contours of a set: lengths are measured chord
+/// by chord.
 const MAX_POINTS: usize = 1024;
 const MAX_CONTOURS: usize = 256;
 
@@ -13,14 +14,15 @@ const MAX_CONTOURS: usize = 256;
 pub struct ContourFile {
     /// Its name; empty if the file has none.
     pub name: String,
-    /// Whether the end meets the beginning.
+    /// From `type: closed`: the spline joins its last point to its first.
     pub closed: bool,
     /// Control points, each as often as its multiplicity says.
     pub points: Vec<[f64; 3]>,
 }
 
 impl ContourFile {
-    /// The cubic B-spline of its points with uniform knots: closed, or inside its outer points unless they are repeated.
+    /// The cubic B-spline of the points with uniform knots. An open one ends inside its outermost points unless these are
+    /// repeated.
     pub fn spline(&self) -> Spline {
         Spline::new(&self.points, if self.closed { SplineEnds::Closed } else { SplineEnds::Open })
     }

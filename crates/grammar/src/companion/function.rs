@@ -62,6 +62,7 @@ fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
             "points:" => {
                 reader.take();
                 function.points = points(reader)?;
+                // Each sample searches all points: the product bounds the time.
                 function.samples = function.samples.min(MAX_WORK / function.points.len().max(1));
                 return Some(function);
             }
@@ -74,6 +75,7 @@ fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
             }
         }
     }
+    // The file ends within a function, unless nothing of it was read yet.
     if !function.name.is_empty() || function.samples > 0 {
         reader.expected("'points:' and the points of the function");
     }

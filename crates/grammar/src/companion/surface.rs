@@ -3,15 +3,15 @@
 use super::words::{Reader, Word};
 use osier_base::diagnostic::{Diagnostic, SourceId};
 
-/// Most patches or triangles of a surface.
+/// Upper limit on the patches or triangles of a file; further ones are ignored.
 const MAX_ITEMS: usize = 1_000_000;
 
 /// Sixteen control points of a bicubic Bezier patch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurfacePatch {
-    /// Colour index of the upper side; 0 or none: that of the turtle.
+    /// Colour index of the upper side, 1 to 255; `None`, also for index 0 of the file: the turtle's colour.
     pub color: Option<u8>,
-    /// Control points of the file, row by row.
+    /// Control points `points[row][column]` in the coordinates of the file.
     pub points: [[[f64; 3]; 4]; 4],
 }
 
@@ -20,15 +20,15 @@ pub struct SurfacePatch {
 pub struct SurfaceFile {
     /// Point of the surface that is placed at the turtle.
     pub contact: [f64; 3],
-    /// Point of the surface that the turtle moves to.
+    /// Point of the surface to which the turtle moves after drawing it.
     pub end: [f64; 3],
-    /// Direction of the file that is turned to the turtle's heading.
+    /// Direction in the file that is aligned with the turtle's heading.
     pub heading: [f64; 3],
-    /// Direction of the file that is turned to the turtle's up vector, in the sign of cpfg.
+    /// Direction in the file that is aligned with the turtle's up vector, in the sign of cpfg.
     pub up: [f64; 3],
-    /// Length of the file that a turtle unit is.
+    /// Length in the file that equals one turtle unit.
     pub size: f64,
-    /// Patches in the order of the file.
+    /// In the order of the file; not empty if it was read from a file.
     pub patches: Vec<SurfacePatch>,
 }
 
@@ -65,7 +65,7 @@ pub fn read_surface(text: &str, source: SourceId) -> (Option<SurfaceFile>, Vec<D
 }
 
 fn surface(reader: &mut Reader<'_>) -> Option<SurfaceFile> {
-    // Least and greatest coordinates, in one row or in three: the points themselves tell them.
+    // The bounding box, in one row or in three, is not needed: the points give it.
     while reader.peek().is_some_and(|w| w.number().is_some()) {
         reader.take();
     }
@@ -83,6 +83,7 @@ fn surface(reader: &mut Reader<'_>) -> Option<SurfaceFile> {
             Some("END") => out.end = vector(reader, "the end point")?,
             Some("HEADING") => out.heading = vector(reader, "the heading")?,
             Some("UP") => out.up = vector(reader, "the up vector")?,
+            // cpfg's sampling of the patches, which has no effect here.
             Some("PRECISION") => {
                 reader.take_line();
             }
@@ -108,6 +109,7 @@ fn surface(reader: &mut Reader<'_>) -> Option<SurfaceFile> {
         }
     }
     if out.patches.is_empty() {
+        // Without an earlier complaint the file ends where a patch should begin.
         if reader.report.is_empty() {
             reader.expected("a patch");
         }
@@ -163,18 +165,18 @@ fn patch(reader: &mut Reader<'_>) -> Option<SurfacePatch> {
     Some(SurfacePatch { color, points })
 }
 
-/// A colour index of 0 to 255.
+/// `None` outside 0 to 255.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
 fn index(value: f64) -> Option<u8> {
     (0.0..256.0).contains(&value).then_some(value as u8)
 }
 
-/// A triangle of a `.ray` file.
+/// A triangle of a `.ray` file, a surface with a normal at each corner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceTriangle {
-    /// Corners in units of the file; their order may turn either way about the normals.
+    /// Corners in units of the file, in either winding relative to the normals.
     pub points: [[f64; 3]; 3],
-    /// Normals at the corners, as the file has them: of any length.
+    /// Normals at the corners, as the file has them: not normalised.
     pub normals: [[f64; 3]; 3],
     /// Texture coordinates at the corners, if the file has them.
     pub uvs: Option<[[f64; 2]; 3]>,
@@ -201,7 +203,7 @@ fn triangle(reader: &mut Reader<'_>) -> Option<SurfaceTriangle> {
         return None;
     }
     reader.take();
-    // A number behind the word is a material.
+    // A number behind the word is a material, which is skipped.
     let (mut points, mut normals, mut uvs) = ([[0.0; 3]; 3], [[0.0; 3]; 3], [[0.0; 2]; 3]);
     let mut textured = true;
     if reader.peek().zip(reader.peek_at(1)).is_some_and(|(a, b)| a.line != b.line) {

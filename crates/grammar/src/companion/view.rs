@@ -6,15 +6,15 @@ use super::words::{Word, shown, words};
 use osier_base::diagnostic::{Diagnostic, SourceId, Sources, Span};
 use osier_base::files::{Encoding, decode};
 
-/// Most files that a view names.
+/// Upper limit on the files that a view names; lines beyond it are L048.
 const MAX_FILES: usize = 256;
-/// Deepest `#include` of a view.
+/// Levels of `#include` in a view; deeper ones are L048.
 const MAX_DEPTH: usize = 32;
-/// Most bytes of a view with its includes, and most replacements of macros in a line.
+/// Upper limits: bytes of a view with its includes, and macro replacements in one line.
 const MAX_BYTES: usize = 1 << 24;
 const MAX_REPLACEMENTS: usize = 1000;
 
-/// How cpfg draws segments.
+/// Values of `line style:`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LineStyle {
     /// Lines whose widths are pixels.
@@ -25,12 +25,12 @@ pub enum LineStyle {
     Cylinder,
 }
 
-/// A file that a view names, and the place where it does.
+/// Reference to another file in a line of a view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FileLine {
     /// Name of the file as the line has it, relative to the view file.
     pub file: String,
-    /// Where the name stands.
+    /// The whole line, for messages.
     pub span: Span,
     /// Number behind or before the name: samples of a function, number of a contour.
     pub number: Option<u32>,
@@ -41,11 +41,11 @@ pub struct FileLine {
 pub struct SurfaceLine {
     /// Letter that draws the surface where it stands behind `~`.
     pub letter: char,
-    /// File of the surface and the place of its name.
+    /// File of the surface, relative to the view; its `number` is `None`.
     pub file: FileLine,
     /// Turtle units per unit of the surface, above 0; 1 if the line has no number.
     pub scale: f64,
-    /// Quads of a patch along and across it.
+    /// Quads along and across each patch, 0 to 256; `None` if the line gives none.
     pub quads: Option<[u32; 2]>,
     /// Number of its texture in the order of the view, from 1; `None` for none.
     pub texture: Option<u32>,
@@ -58,13 +58,13 @@ pub struct ViewTropism {
     pub dir: [f64; 3],
     /// Angle to it at rest, degrees.
     pub angle: f64,
-    /// Strength of the turn; a negative one turns away from `dir`.
+    /// Strength of the turn, -1 to 1; a negative one turns away from `dir`.
     pub intensity: f64,
     /// Elasticity that the turtle starts with.
     pub elasticity: f64,
     /// What `@Ti` without a parameter adds.
     pub step: f64,
-    /// Turns about the heading.
+    /// True for `torque:`, which turns the turtle about its heading; false for `tropism:`, which turns the heading.
     pub torque: bool,
 }
 
@@ -79,7 +79,7 @@ pub struct View {
     pub width_in_pixels: Option<bool>,
     /// What `#` and `!` without a parameter add and take.
     pub width_increment: Option<f64>,
-    /// How segments are drawn.
+    /// Shape of segments, from `line style:`.
     pub line: Option<LineStyle>,
     /// Whether segments taper to the next width.
     pub tapered: Option<bool>,
@@ -99,31 +99,31 @@ pub struct View {
     pub past_cut: Option<bool>,
     /// Tropisms and torques in the order of the file.
     pub tropisms: Vec<ViewTropism>,
-    /// Direction of the older tropism.
+    /// From `tropism direction:`, the older tropism of cpfg, which has no angle and no intensity.
     pub old_direction: Option<[f64; 3]>,
     /// Elasticity of the older tropism that the turtle starts with.
     pub old_elasticity: Option<f64>,
     /// What `_` without a parameter adds to the elasticity of the older tropism.
     pub old_increment: Option<f64>,
-    /// Lines `surface:` in order; their files hold patches, a few triangles.
+    /// Lines `surface:` in order; most files hold patches, a few hold triangles.
     pub surfaces: Vec<SurfaceLine>,
     /// Lines `tsurface:` in order; their files hold triangles.
     pub triangles: Vec<SurfaceLine>,
     /// Files of textures in the order of the view; the first has number 1.
     pub textures: Vec<FileLine>,
-    /// Contours with their numbers.
+    /// Lines `contour:` in order; `number` is the number of the contour.
     pub contours: Vec<FileLine>,
-    /// Files that hold several contours, each with its number.
+    /// Lines `contour set:` in order; each file holds several contours, and `number` is `None`.
     pub contour_sets: Vec<FileLine>,
-    /// Functions and sets of functions in the order of the file; a set has no number of samples of its own.
+    /// Functions and sets of functions in the order of the file; a set gives no number of samples.
     pub functions: Vec<FileLine>,
 }
 
 /// Finds a file that a view includes: its name for messages and its bytes.
 pub type ViewInclude<'a> = dyn FnMut(&str) -> Result<(String, Vec<u8>), String> + 'a;
 
-/// Reads a view. `name`: for messages; the text is added to `sources`. Returns it with its warnings: L048 for lines that are damaged,
-/// L006 for includes, L047 for lines that have no effect here.
+/// Reads a view. `name`: for messages; the text is added to `sources`. Returns it with its warnings: L048 for damaged lines and
+/// for includes that cannot be read, L047 for lines that have no effect here.
 pub fn read_view(
     name: &str,
     bytes: &[u8],
@@ -151,12 +151,12 @@ struct Line<'a> {
     span: Span,
 }
 
-/// An `#if` that is not closed.
+/// An `#if`, `#ifdef` or `#ifndef` whose `#endif` has not come yet.
 #[derive(Debug, Clone, Copy)]
 struct Conditional {
-    /// The lines of its present branch count.
+    /// The lines of the current branch count.
     counts: bool,
-    /// One of its branches did.
+    /// A branch up to here has counted, so that `#else` does not.
     has_counted: bool,
 }
 
@@ -183,7 +183,7 @@ impl ViewReader<'_, '_> {
         for line in text.split('\n') {
             let span = Span::new(source, start, start + line.trim_end().len());
             start += line.len() + 1;
-            // A line counts if every `#if` around it is in a branch that does.
+            // A line is read only if every `#if` around it is in the branch whose condition holds.
             let counts = open.iter().all(|o| o.counts);
             if let Some(directive) = line.trim_start().strip_prefix('#') {
                 self.directive(directive, span, counts, &mut open, depth);
@@ -243,7 +243,7 @@ impl ViewReader<'_, '_> {
         }
     }
 
-    /// A text with its macros replaced.
+    /// Replaces macros, also within replacements, at most [`MAX_REPLACEMENTS`] times.
     fn expand(&self, text: &str) -> String {
         if self.macros.is_empty() {
             return text.to_owned();
@@ -308,7 +308,7 @@ impl ViewReader<'_, '_> {
         self.warn("L048", line.span, format!("expected {expected}"));
     }
 
-    /// The first number of a line.
+    /// The first word of a line as a number; L048 if it is none.
     fn number(&mut self, line: &Line<'_>, what: &str) -> Option<f64> {
         let value = line.words.first().and_then(value_of);
         if value.is_none() {
@@ -317,7 +317,7 @@ impl ViewReader<'_, '_> {
         value
     }
 
-    /// The first three numbers of a line.
+    /// The first three numbers of a line; L048 if it has fewer.
     fn vector(&mut self, line: &Line<'_>, what: &str) -> Option<[f64; 3]> {
         let numbers: Vec<f64> = line.words.iter().filter_map(value_of).collect();
         match numbers[..] {
@@ -347,6 +347,7 @@ impl ViewReader<'_, '_> {
         match keyword {
             "angle increment" => self.view.angle = self.number(line, "an angle in degrees").or(self.view.angle),
             "angle factor" => match self.number(line, "the number of turns of a full circle") {
+                // The file gives the number of turns in a circle.
                 Some(n) if n.abs() > 0.0 => self.view.angle = Some(360.0 / n),
                 Some(_) => self.damaged(line, "a number of turns other than 0"),
                 None => {}
@@ -354,6 +355,7 @@ impl ViewReader<'_, '_> {
             "initial line width" => {
                 if let Some(width) = self.number(line, "a width") {
                     self.view.width = Some(width);
+                    // A unit that begins with `p` means pixels, any other the units of the turtle.
                     let unit = line.words.get(1).map(|w| w.text.to_lowercase());
                     self.view.width_in_pixels = unit.map(|u| u.starts_with('p')).or(self.view.width_in_pixels);
                 }
@@ -424,6 +426,7 @@ impl ViewReader<'_, '_> {
                 Some((name, value)) => (name.chars().next(), value),
                 None => (None, word.text),
             };
+            // A letter begins a part, whose numbers follow it.
             if let Some(name) = name {
                 (part, place) = (name.to_ascii_uppercase(), 0);
             }
@@ -457,6 +460,7 @@ impl ViewReader<'_, '_> {
         let more = [self.view.contours.len(), self.view.contour_sets.len(), self.view.functions.len()];
         if named.into_iter().chain(more).sum::<usize>() >= MAX_FILES {
             let message = format!("a view names more than {MAX_FILES} files");
+            // Lines that name no file are read as before.
             let known = ["surface", "tsurface", "texture", "contour", "contour set", "function", "function set"];
             if known.contains(&keyword) {
                 self.warn("L048", line.span, message);
@@ -473,7 +477,7 @@ impl ViewReader<'_, '_> {
                 self.view.triangles.extend(surface);
             }
             "texture" => {
-                // `F: name` among other parts, or the name alone.
+                // `F: name` among other parts, or only the name.
                 let at = line.words.iter().position(|w| w.text == "F:").map_or(0, |i| i + 1);
                 let joined = line.words.iter().find_map(|w| w.text.strip_prefix("F:").filter(|f| !f.is_empty()));
                 match joined.or_else(|| line.words.get(at).map(|w| w.text)) {
@@ -482,6 +486,7 @@ impl ViewReader<'_, '_> {
                 }
             }
             "contour" => match &line.words[..] {
+                // Number and file stand in either order.
                 [id, file, ..] if id.count().is_some() => {
                     self.view.contours.push(file_of(file.text, line, count32(id)));
                 }

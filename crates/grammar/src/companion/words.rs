@@ -21,7 +21,7 @@ impl Word<'_> {
         self.text.parse::<f64>().ok().filter(|v| v.is_finite())
     }
 
-    /// The whole number that it is, 0 or more.
+    /// Its value if it is a whole number of 0 or more.
     pub fn count(&self) -> Option<usize> {
         self.text.parse().ok()
     }
@@ -54,7 +54,7 @@ pub(super) struct Reader<'a> {
     words: Vec<Word<'a>>,
     next: usize,
     source: SourceId,
-    /// Behind the last byte.
+    /// Length of the text in bytes, the place of messages about its end.
     end: usize,
     pub report: Vec<Diagnostic>,
 }
@@ -64,12 +64,11 @@ impl<'a> Reader<'a> {
         Self { words: words(text), next: 0, source, end: text.len(), report: Vec::new() }
     }
 
-    /// The next word, which stays the next one.
     pub fn peek(&self) -> Option<Word<'a>> {
         self.words.get(self.next).copied()
     }
 
-    /// The word `n` places behind the next one.
+    /// Looks ahead without passing a word: 0 is the next word, 1 the one after it.
     pub fn peek_at(&self, n: usize) -> Option<Word<'a>> {
         self.words.get(self.next + n).copied()
     }
@@ -145,7 +144,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The beginning of a word, short enough for a message.
+/// At most 24 characters of a word, with `..` behind a longer one, for messages.
 pub(super) fn shown(word: &str) -> String {
     let mut out: String = word.chars().take(24).collect();
     if out.len() < word.len() {

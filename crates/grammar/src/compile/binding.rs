@@ -19,9 +19,9 @@ const DIALECTS: [(&str, Dialect); 7] = [
     ("catkin", Dialect::Catkin),
     ("none", Dialect::None),
 ];
-/// Symbols that mean something to the reader itself.
+/// Symbols that `bind` refuses because they belong to the notation.
 const RESERVED_SYMBOLS: [char; 7] = ['<', '>', ':', '(', ')', '[', ']'];
-/// First words of actions.
+/// First words of actions, for suggestions.
 const ACTIONS: [&str; 13] = [
     "forward", "move", "rotate", "width", "widen", "colour", "polygon", "vertex", "fill", "organ", "sphere", "as",
     "none",
@@ -34,7 +34,7 @@ impl ItemParser<'_> {
         for line in lines {
             let key = line.keyword.map(|(k, _)| k);
             past_header |= line.arrow.is_some() || key == Some(Keyword::Axiom);
-            // Only the three kinds of turtle items are handled here.
+            // Other lines are compiled later, when the bindings of all symbols are known.
             let (Some((k @ (Keyword::Turtle | Keyword::Angles | Keyword::Bind), n)), Some(place)) =
                 (line.keyword, line.place())
             else {
@@ -85,7 +85,7 @@ impl ItemParser<'_> {
             self.program.turtle = Some(bindings);
             return self.turtle_numbers(numbers, place);
         }
-        // What follows is read as it would be with a turtle, so that it earns no complaints of its own.
+        // Continues as if a turtle were chosen, so that the lines that follow cause no further errors.
         self.program.turtle = Some(TurtleBindings { dialect: Dialect::None, ..TurtleBindings::default() });
         let known = DIALECTS.map(|d| d.0);
         let help = match nearest(&spelled, known) {
@@ -109,6 +109,7 @@ impl ItemParser<'_> {
             }
             let mut compiler = self.compiler(NameScope::Angle);
             let Some(code) = expression::compile_expression(&mut compiler, &mut cursor) else { return };
+            // These are numbers of the turtle, not of a module: angles and variables have no value here.
             let Some(value) = crate::vm::constant_value(&code).filter(|v| v.is_finite()) else {
                 let help = "write a number, or a calculation with numbers";
                 return self.session.error_help("L001", format!("'{name}' is not constant"), t.place, help);
@@ -117,19 +118,21 @@ impl ItemParser<'_> {
             let settings = &mut turtle.settings;
             match name.as_str() {
                 "angle" => settings.angle_deg = Some(value),
+                // Percent in the file become shares.
                 "thickness" => settings.thickness = Some(0.01 * value),
                 "min_thickness" => settings.min_thickness = 0.01 * value,
+                // A share outside of 0 to 1 counts as not given.
                 _ => settings.fraction = Some(value).filter(|f| *f > 0.0 && *f < 1.0),
             }
         }
     }
 
-    /// Names of the angles so far.
+    /// Angles defined so far, which an expression may use; the position is the slot.
     fn angle_names(&self) -> Vec<u32> {
         self.program.turtle.iter().flat_map(|t| &t.angles).map(|a| a.name).collect()
     }
 
-    /// `name = expression` over and over.
+    /// `name = expression`, repeated.
     fn angle_definitions(&mut self, value: &[Token], head: SourcePlace) {
         let mut cursor = TokenCursor::new(value, head);
         if cursor.peek().is_none() {
@@ -165,7 +168,7 @@ impl ItemParser<'_> {
                 let d = d.label(first.span, "the first one").help("give the second one another name");
                 self.session.push(d, place);
             }
-            // The dialect's own gives way.
+            // An angle of the dialect is replaced.
             Some(own) => *own = angle,
             None => turtle.angles.push(angle),
         }
@@ -291,7 +294,7 @@ impl ItemParser<'_> {
         None
     }
 
-    /// The next word, or nothing.
+    /// The next token if it is a word, else an empty string.
     fn word(&mut self, cursor: &mut TokenCursor<'_>) -> String {
         let Some(TokenKind::Ident(n)) = cursor.peek().map(|t| t.kind) else { return String::new() };
         cursor.bump();

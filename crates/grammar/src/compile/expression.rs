@@ -21,7 +21,7 @@ enum PendingOperator {
         place: SourcePlace,
         args: usize,
     },
-    /// `[` of an array: its number in [`Compiler::arrays`], the indices before the open one.
+    /// `[` of an array: its index in [`Compiler::arrays`], and the number of indices that are complete.
     Index {
         array: usize,
         place: SourcePlace,
@@ -30,7 +30,7 @@ enum PendingOperator {
 }
 
 impl PendingOperator {
-    /// Holds everything before it until it is closed.
+    /// Operators below it on the stack wait until it is closed.
     fn is_bracket(&self) -> bool {
         matches!(self, Self::Paren(_) | Self::Call { .. } | Self::Index { .. })
     }
@@ -50,14 +50,13 @@ const FUNCTIONS: [&str; 26] = [
 const BOUNDS: [&str; 6] = ["vvXmin", "vvYmin", "vvZmin", "vvXmax", "vvYmax", "vvZmax"];
 const FILE_FUNCTIONS: [&str; 7] = ["fopen", "fclose", "fscan", "fscanf", "fprintf", "fflush", "play"];
 
-/// An expression under construction.
 struct ExpressionCompiler<'c, 'r> {
     compiler: &'c mut Compiler<'r>,
     code: Bytecode,
     pending: Vec<PendingOperator>,
     /// Instructions before this index must not be folded away: a jump lands here.
     barrier: usize,
-    /// The last token's place.
+    /// Place of the last token taken, for errors at the end of the tokens.
     last: SourcePlace,
 }
 
@@ -130,7 +129,7 @@ impl ExpressionCompiler<'_, '_> {
         Some(())
     }
 
-    /// Takes one prefix operator or opening parenthesis.
+    /// Takes one prefix operator or opening parenthesis; false if neither follows.
     fn prefix(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
         // A unary plus changes nothing and leaves no pending operator.
@@ -219,7 +218,7 @@ impl ExpressionCompiler<'_, '_> {
         matches!(self.pending.last(), Some(PendingOperator::Call { place, .. }) if *place == self.last)
     }
 
-    /// Takes a closing parenthesis or a comma that belongs to this expression.
+    /// Takes a `)` or `]` that belongs to this expression; false if none follows.
     fn close_parenthesis(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
         if t.is(']') {
@@ -359,10 +358,10 @@ impl ExpressionCompiler<'_, '_> {
         self.push_pending(PendingOperator::Binary(binary, prec, place), place)
     }
 
-    /// Emits everything pending that binds at least as tightly as `prec`; stops at parentheses and open `?`.
+    /// Emits everything pending that binds at least as tightly as `prec`; stops at brackets and at a `?` without its `:`.
     fn reduce(&mut self, prec: u8) {
         loop {
-            // Precedence of the topmost operator; parentheses and an open "?" hold everything below them.
+            // Precedence of the topmost operator; brackets and a "?" without its ":" keep everything below them.
             let binds = match self.pending.last() {
                 Some(PendingOperator::Unary(_)) => PREC_UNARY,
                 Some(PendingOperator::Binary(_, p, _) | PendingOperator::Short(_, p)) => *p,
@@ -435,14 +434,14 @@ impl ExpressionCompiler<'_, '_> {
         self.code.ops.push(Op::Binary(op, index));
     }
 
-    /// L025: a parameter held against a constant that its 32 bits cannot be.
+    /// L025 for a parameter that is compared with a constant which no 32-bit number equals.
     fn check_equality(&mut self, op: BinaryOp, place: SourcePlace) {
         let sides = self.code.ops.get(self.barrier..).unwrap_or(&[]);
         let (slot, value) = match *sides {
             [.., Op::Local(slot), Op::Const(v)] | [.., Op::Const(v), Op::Local(slot)] => (slot, v),
             _ => return,
         };
-        // A parameter passed through f32: it equals the constant only if the constant is exact in f32.
+        // Parameters are stored as f32, so that they can equal the constant only if it is exact in f32.
         let exact = is_zero(f64::from(narrow(value)) - value);
         if exact || !self.compiler.parameter_slots.contains(&slot) {
             return;
@@ -548,7 +547,7 @@ impl ExpressionCompiler<'_, '_> {
         }
     }
 
-    /// Warns if the constant shares of a `choose` do not sum to 1.
+    /// L035 if the constant shares of a `choose` do not sum to 1 within 0.001.
     fn check_shares(&mut self, place: SourcePlace, args: usize) {
         let n = self.code.ops.len();
         let Some(tail) = n.checked_sub(args).and_then(|first| self.code.ops.get(first..)) else { return };

@@ -39,7 +39,7 @@ fn split_systems(lines: Vec<LogicalLine>) -> Vec<Vec<LogicalLine>> {
     systems
 }
 
-/// What a compiler knows of its L-system.
+/// Copies of what a [`Compiler`] needs of an [`ItemParser`], so that the program can be changed while it compiles.
 struct CompilerContext {
     globals: Vec<u32>,
     arrays: Rc<[Array]>,
@@ -54,7 +54,7 @@ impl CompilerContext {
     }
 }
 
-/// Result of compiling the main L-system of a file.
+/// Program of a file, with the L-systems behind the first one as subsystems; `label` is the text behind `Lsystem:`.
 #[derive(Debug)]
 pub(crate) struct ParsedGrammar {
     pub program: Program,
@@ -82,11 +82,11 @@ pub(super) struct ItemParser<'r> {
     header: Option<SourcePlace>,
     axiom: Option<SourcePlace>,
     ended: bool,
-    /// Place of the last line.
+    /// Place of the last line, behind which `endlsystem` is suggested.
     end: Option<SourcePlace>,
 }
 
-/// Reads the main L-system of a file.
+/// Reads all L-systems of a file: the first is the main one, the others become its subsystems.
 pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourcePlace) -> ParsedGrammar {
     let lines = lines::split_lines(session, tokens);
     let mut p = ItemParser {
@@ -142,7 +142,7 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
 }
 
 impl ItemParser<'_> {
-    /// The lines of the first L-system; others are named and left out.
+    /// Separates the lines of the first L-system from those of the others, and records the place of its heading.
     fn main_lines(&mut self, lines: Vec<LogicalLine>) -> (Vec<LogicalLine>, Vec<Vec<LogicalLine>>) {
         let mut systems = split_systems(lines);
         // Lines before the first heading belong to it.
@@ -166,6 +166,7 @@ impl ItemParser<'_> {
         let (axiom, length, place) = (std::mem::take(&mut program.axiom), program.length, program.length_place);
         let (seed, ring) = (program.seed, program.is_ring);
         let blocks = std::mem::take(&mut program.blocks);
+        // Settings that a file may leave out begin anew for each L-system.
         (program.decomposition.depth, program.homomorphism.depth) = (1, 1);
         let (label, first) = (std::mem::take(&mut self.label), self.axiom.take());
         (self.section, self.ended) = (ProductionSection::Productions, false);
@@ -176,6 +177,7 @@ impl ItemParser<'_> {
             self.item(line);
         }
         let program = &mut self.program;
+        // Blocks of all L-systems run one after the other: each is appended to that of the main one.
         let own = std::mem::replace(&mut program.blocks, blocks);
         for (slot, code) in [
             (&mut program.blocks.start, own.start),
@@ -196,6 +198,7 @@ impl ItemParser<'_> {
             decomposition: std::mem::replace(&mut program.decomposition, main.decomposition),
             homomorphism: std::mem::replace(&mut program.homomorphism, main.homomorphism),
         });
+        // Axiom, length, seed and ring are those of the main L-system.
         (program.axiom, program.length, program.length_place) = (axiom, length, place);
         (program.seed, program.is_ring) = (seed, ring);
         (self.label, self.axiom) = (label, first);
@@ -222,7 +225,6 @@ impl ItemParser<'_> {
         context.compiler(self.session, scope)
     }
 
-    /// What a compiler of this L-system knows; separate, so that the program can be changed while it compiles.
     fn compiler_context(&self) -> CompilerContext {
         CompilerContext {
             globals: self.globals.clone(),
@@ -253,6 +255,7 @@ impl ItemParser<'_> {
                 return self.session.error_help("L001", message, cursor.place(), help);
             }
             cursor.bump();
+            // One `array` may declare several, separated by commas.
             loop {
                 if self.array_definition(&mut cursor).is_none() {
                     return;
@@ -324,6 +327,7 @@ impl ItemParser<'_> {
     fn array_initializer(&mut self, cursor: &mut TokenCursor<'_>, word: &str, first: u16, count: usize) -> Option<()> {
         let place = cursor.place();
         self.expect(cursor, '{')?;
+        // Inner braces only group: values fill the elements in the order in which they are written.
         let (mut depth, mut given) = (1_usize, 0_usize);
         while depth > 0 {
             if cursor.eat('{') {
@@ -498,7 +502,7 @@ impl ItemParser<'_> {
         tokens.iter().map(word).collect::<Vec<_>>().join(" ")
     }
 
-    /// A constant item value, cut to an integer.
+    /// A constant item value, cut to an integer; L001 for a missing or variable one.
     fn integer(&mut self, tokens: &[Token], place: SourcePlace) -> Option<i64> {
         if tokens.is_empty() {
             self.session.error("L001", "unexpected end of line, expected a number", place, "after this");
@@ -636,6 +640,7 @@ impl ItemParser<'_> {
         if !self.ended {
             let help = "add a last line 'endlsystem'";
             let mut d = Diagnostic::error("L003", "the L-system has no 'endlsystem'", at.span, "here").help(help);
+            // The missing line goes behind the last one.
             if let Some(end) = self.end {
                 let behind = Span { start: end.span.end, ..end.span };
                 d = with_fix(d, SourcePlace { span: behind, ..end }, "\nendlsystem");

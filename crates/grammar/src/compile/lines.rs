@@ -3,7 +3,7 @@
 use super::is_arrow;
 use crate::token::{NameTable, ParseSession, SourcePlace, Token, TokenKind};
 
-/// What a line begins with.
+/// Kinds of items, by the words that begin their lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Keyword {
     Lsystem,
@@ -29,7 +29,7 @@ pub(super) enum Keyword {
     Bind,
 }
 
-/// Spelling without blanks, keyword, spelling in messages, does a colon follow.
+/// Spelling without blanks, keyword, spelling in messages.
 pub(super) const KEYWORDS: [(&str, Keyword, &str); 22] = [
     ("lsystem", Keyword::Lsystem, "Lsystem"),
     ("ringlsystem", Keyword::Ring, "ring Lsystem"),
@@ -55,7 +55,8 @@ pub(super) const KEYWORDS: [(&str, Keyword, &str); 22] = [
     ("bind", Keyword::Bind, "bind"),
 ];
 
-/// One logical line without line ends, with the arrow's position if it is a production.
+/// One logical line without line ends, with the position of the arrow if it is a production, or else its keyword and the number
+/// of tokens of the keyword.
 #[derive(Debug)]
 pub(super) struct LogicalLine {
     pub tokens: Vec<Token>,
@@ -64,12 +65,12 @@ pub(super) struct LogicalLine {
 }
 
 impl LogicalLine {
-    /// Begins an L-system.
+    /// True for `Lsystem` and `ring Lsystem`, which begin an L-system.
     pub fn is_heading(&self) -> bool {
         matches!(self.keyword, Some((Keyword::Lsystem | Keyword::Ring, _)))
     }
 
-    /// From the first token to the last.
+    /// From the first token to the last; `None` without tokens.
     pub fn place(&self) -> Option<SourcePlace> {
         Some(self.tokens.first()?.place.to(self.tokens.last()?.place))
     }
@@ -104,7 +105,8 @@ fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
     let next = tokens.get(n);
     // Any symbol may follow `bind`, a colon only as the second.
     let colon_optional = colon_optional || (k == Keyword::Bind && tokens.get(n + 1).is_some_and(|t| t.is(':')));
-    // A keyword counts only in front of a colon or a brace, or alone, so that symbols may be spelled like keywords.
+    // A keyword counts only in front of a colon or a brace, or as the only word of its line, so that symbols may be spelled like
+    // keywords.
     let fits = next.is_some_and(|t| t.is(':') || t.is('{') || t.is_newline()) || colon_optional || next.is_none();
     fits.then_some((k, n))
 }
@@ -130,7 +132,7 @@ struct LineSplitter<'a> {
     arrow: Option<usize>,
     parens: usize,
     braces: usize,
-    /// The brace that none has closed yet.
+    /// Place of the outermost brace that is not closed yet.
     opened: Option<SourcePlace>,
     i: usize,
 }

@@ -87,15 +87,15 @@ pub(super) struct Compiler<'r> {
     pub locals: Vec<u32>,
     /// Slots of the locals that hold a module's parameter as it was stored.
     pub parameter_slots: Vec<u16>,
-    /// Nested brackets in expressions and blocks.
+    /// Limit on nested brackets in expressions and blocks.
     pub max_depth: usize,
     /// The grammar has a `turtle:`: `*` is a letter and `repeat` a word.
     pub has_turtle: bool,
-    /// Arrays of the grammar.
+    /// Arrays of all `Define` blocks of the file.
     pub arrays: Rc<[Array]>,
 }
 
-/// An array of the grammar, by the number of its name.
+/// An array of the grammar; `name` is its number in the table of names.
 #[derive(Debug)]
 pub(super) struct Array {
     pub name: u32,
@@ -109,7 +109,7 @@ impl<'r> Compiler<'r> {
         Self { session, scope, globals, locals, parameter_slots, max_depth: 1000, has_turtle: false, arrays }
     }
 
-    /// Number of the array of a name; a formal parameter or a local variable of the same name hides it.
+    /// Index in `arrays` of the array of a name; a formal parameter or a local variable of the same name hides it.
     pub fn array(&self, name: u32) -> Option<usize> {
         self.arrays.iter().position(|a| a.name == name).filter(|_| !self.locals.contains(&name))
     }
@@ -128,7 +128,6 @@ impl<'r> Compiler<'r> {
         Some(ElementAccess { shape: array.shape.clone(), name, place })
     }
 
-    /// A token as messages quote it.
     pub fn describe(&self, t: &Token) -> String {
         describe(&self.session.names, t)
     }
@@ -138,7 +137,8 @@ impl<'r> Compiler<'r> {
         list.iter().rposition(|n| *n == name).and_then(|i| u16::try_from(i).ok())
     }
 
-    /// Code that reads a variable.
+    /// Instruction that reads a variable: a local, a global, then `Q`, `Z` and `remaining`. Other names read 0, with L020 except
+    /// in `#if`.
     pub fn load_variable(&mut self, name: u32, place: SourcePlace) -> Op {
         if let Some(slot) = Self::slot(&self.locals, name) {
             return Op::Local(slot);
@@ -203,7 +203,7 @@ fn next_slot(session: &mut ParseSession, variables: &[u32], place: SourcePlace) 
     slot
 }
 
-/// A token as messages quote it.
+/// A token in quotes as in messages, `'x'` or `"file"`; `end of line` for a line end.
 pub(super) fn describe(names: &NameTable, t: &Token) -> String {
     match t.kind {
         TokenKind::Ident(n) | TokenKind::Number(n) => format!("'{}'", names.get(n)),
@@ -234,7 +234,7 @@ pub(super) fn is_arrow(tokens: &[Token], i: usize) -> bool {
     }
 }
 
-/// Compiles an expression that must fill the whole list of tokens.
+/// Compiles an expression that must fill the whole list of tokens; L001 for tokens behind it.
 fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: SourcePlace) -> Option<Bytecode> {
     let mut cursor = TokenCursor::new(tokens, place);
     let code = expression::compile_expression(compiler, &mut cursor)?;

@@ -56,7 +56,7 @@ pub(super) fn production(
     Some(Production { left, predecessor, right, before, condition, after, successor, weight, locals, place })
 }
 
-/// Tokens of `{ .. }` beginning at `i`, and the index after the closing brace.
+/// Tokens of `{ .. }` beginning at `i`, and the index after the closing brace; `None` if no brace closes it.
 fn braced(tokens: &[Token], i: usize) -> Option<(&[Token], usize)> {
     let mut depth = 0_usize;
     for (k, t) in tokens.iter().enumerate().skip(i) {
@@ -132,7 +132,8 @@ impl HeadCompiler<'_, '_, '_> {
         None
     }
 
-    /// The strict predecessor. Brackets among its modules are matched literally; alone they are no predecessor.
+    /// The strict predecessor. Brackets among its modules are matched literally; a predecessor of nothing but brackets is an
+    /// error.
     fn predecessor(&mut self, tokens: &[Token]) -> Option<Vec<FormalModule>> {
         let elements = self.context_elements(tokens)?;
         let bracket = elements.iter().find(|(e, _)| !matches!(e, ContextElement::Module(_))).map(|(_, place)| *place);
@@ -154,6 +155,7 @@ impl HeadCompiler<'_, '_, '_> {
                     return self.ill_formed("'=]' belongs to a context, a predecessor names every module", place);
                 }
             };
+            // A bracket is matched like a module without parameters.
             let symbol = intern(self.compiler, self.symbols, c, place)?;
             out.push(FormalModule { symbol, arity: 0, slot: 0, place });
         }
@@ -177,7 +179,7 @@ impl HeadCompiler<'_, '_, '_> {
         Some(elements.into_iter().map(|e| e.0).collect())
     }
 
-    /// Modules with formal parameters, and brackets.
+    /// Reads modules with their formal parameters, which become locals, and brackets.
     fn context_elements(&mut self, tokens: &[Token]) -> Option<Vec<(ContextElement, SourcePlace)>> {
         let mut out: Vec<(ContextElement, SourcePlace)> = Vec::new();
         let mut i = 0;
@@ -255,7 +257,7 @@ impl HeadCompiler<'_, '_, '_> {
             self.compiler.parameter_slots.push(slot);
             self.compiler.locals.push(name);
             count += 1;
-            // The arity of the module grows with each parameter that is read.
+            // The module is in `out` already; its arity follows the parameters.
             let Ok(arity) = u8::try_from(count) else {
                 return self.ill_formed("a module has at most 255 parameters", t.place);
             };

@@ -173,7 +173,6 @@ impl BlockCompiler<'_, '_> {
         self.open_brace(cursor, OpenBrace::If(jump, ends))
     }
 
-    /// Compiles an expression and appends its code.
     fn append_expression(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
         let code = compile_expression(self.compiler, cursor)?;
         self.code.append(code);
@@ -301,7 +300,7 @@ impl BlockCompiler<'_, '_> {
         self.expect(cursor, ';')
     }
 
-    /// Do the brackets behind the cursor's name end before a single `=`?
+    /// True for `name[..] =` with the cursor at the name; false for `==`.
     fn assigns_element(&self, cursor: &TokenCursor<'_>) -> bool {
         let mut depth = 0_usize;
         let mut ahead = 1;
@@ -341,7 +340,7 @@ impl BlockCompiler<'_, '_> {
         let place = op.place.to(last.place);
         let message = format!("unexpected '{sign}', expected '='");
         let mut d = Diagnostic::error("L001", message, place.span, "here");
-        // `v++` is replaced as a whole; of `v += e` only the operator, which keeps the meaning of e as a last term.
+        // `v++` is replaced as a whole. Of `v += e` only the operator is replaced: `= v +` in front of e is right for any e.
         if doubled {
             d = d
                 .help(format!("write {word} = {word} {sign} 1"))
@@ -375,6 +374,7 @@ impl BlockCompiler<'_, '_> {
             arguments += 1;
         }
         self.expect(cursor, ')')?;
+        // Place of the warning for output that is left out.
         self.code.places.push(place);
         let format = PrintFormat::new(&format, arguments, self.code.places.len() - 1);
         if format.fields() != arguments {
@@ -384,12 +384,13 @@ impl BlockCompiler<'_, '_> {
         }
         self.code.formats.push(format);
         self.code.ops.push(Op::Print(self.code.formats.len() - 1));
+        // `Print` pushes a 0, which a statement does not use.
         self.code.ops.push(Op::Pop);
         self.expect(cursor, ';')
     }
 }
 
-/// Compiles a condition that fills its tokens; `*` alone is true.
+/// Compiles a condition that fills its tokens; a single `*` is true.
 pub(super) fn condition(compiler: &mut Compiler<'_>, tokens: &[Token], place: SourcePlace) -> Option<Option<Bytecode>> {
     match tokens {
         [] => Some(None),

@@ -12,7 +12,7 @@ use osier_base::diagnostic::Diagnostic;
 /// Modules that one successor may contain after its repeats are expanded; larger counts belong into productions.
 const MAX_SUCCESSOR_MODULES: usize = 1 << 20;
 
-/// A `repeat` whose block is not yet closed.
+/// A `repeat` whose closing brace has not been read yet.
 #[derive(Debug)]
 struct OpenRepeat {
     /// Index of the first module of its body.
@@ -29,7 +29,7 @@ struct SuccessorCompiler<'c, 'r, 's> {
     out: Vec<SuccessorModule>,
     repeats: Vec<OpenRepeat>,
     star: Option<SourcePlace>,
-    /// Whether parameters may follow.
+    /// False at the beginning and behind a `repeat`, where no module precedes that parameters could belong to.
     accepts_parameters: bool,
 }
 
@@ -128,7 +128,7 @@ impl SuccessorCompiler<'_, '_, '_> {
         Some(())
     }
 
-    /// The body of the innermost `repeat` is complete.
+    /// Ends the innermost `repeat`: copies its body as often as its number says; L050 beyond [`MAX_SUCCESSOR_MODULES`].
     fn close_repeat(&mut self) -> Option<()> {
         let Some(r) = self.repeats.pop() else { return Some(()) };
         let body = self.out.split_off(r.start.min(self.out.len()));
@@ -147,7 +147,7 @@ impl SuccessorCompiler<'_, '_, '_> {
         Some(())
     }
 
-    /// Numbers the modules of each symbol. `*` must stand alone.
+    /// Numbers the occurrences of each symbol, from 0. Fails if `*` has other modules beside it, or if a `repeat` is not closed.
     fn finish(mut self) -> Option<Vec<SuccessorModule>> {
         if let Some(r) = self.repeats.pop() {
             self.compiler.session.error("L004", "'repeat' is never closed", r.place, "opened here");
@@ -156,7 +156,7 @@ impl SuccessorCompiler<'_, '_, '_> {
         if let Some(place) = self.star.filter(|_| !self.out.is_empty()) {
             return self.error("unexpected '*', expected a module: '*' is the empty successor and stands alone", place);
         }
-        // Occurrences are counted after repeats are expanded, so that every module has a lineage of its own.
+        // Occurrences are counted after repeats are expanded, so that all modules have different lineages.
         let mut counts = vec![0_u32; self.symbols.len()];
         for m in &mut self.out {
             if let Some(count) = counts.get_mut(usize::from(m.symbol)) {

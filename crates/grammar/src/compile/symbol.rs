@@ -4,7 +4,7 @@ use super::Compiler;
 use crate::symbols::{SymbolId, Symbols};
 use crate::token::{SourcePlace, Token, TokenKind};
 
-/// Parameters of one module.
+/// Upper limit on the parameters of one module, whose number is stored in 8 bits.
 pub(super) const MAX_ARITY: usize = 255;
 
 /// One symbol: blanks mean nothing, so that a word is as many symbols as it has letters.

@@ -25,7 +25,7 @@ use osier_base::convert::{saturating_index, to_usize};
 pub(super) trait ModuleSink {
     /// Whether modules are handed over with their lineages, which cost time to compute.
     const NEEDS_LINEAGE: bool;
-    /// Asks for parameters.
+    /// False lets a derivation skip the parameters of modules that nothing rewrites any more.
     const NEEDS_PARAMS: bool = true;
 
     /// Takes modules `range` of a block; `Break`: wants no more.
@@ -66,7 +66,7 @@ impl<'a> Block<'a> {
         self.axiom_lineages.get(i).copied().unwrap_or_else(|| self.ids[i].lineage(self.parent))
     }
 
-    /// Module `i` of the block.
+    /// Module `i` of the block; its lineage is computed when it is asked for.
     #[inline]
     pub fn module(&self, i: usize) -> Module<'a> {
         Module {
@@ -100,22 +100,22 @@ impl ModuleSink for ModuleString {
     }
 }
 
-/// Where the derivation begins and what it may cost.
+/// Plan, length and limits of a derivation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DepthFirstJob<'p> {
     pub plan: &'p RewritePlan<'p>,
     pub brackets: Brackets,
     /// Derivation length: number of steps.
     pub length: u32,
-    /// Modules of the final string.
+    /// Limit on the modules of the final string.
     pub max_modules: u64,
-    /// Attempts to rewrite a module, over all steps.
+    /// Limit on the attempts to rewrite a module, over all steps.
     pub max_work: u64,
 }
 
-/// Factor of growth from one step to the next below which no step is predicted: slow growth changes its course.
+/// Factor of growth from one step to the next below which no step is predicted: the factor of slow growth changes too much.
 const SMALLEST_FACTOR: f64 = 1.1;
-/// Difference of two factors of growth that count as equal.
+/// Relative difference of two factors of growth up to which they count as equal.
 const FACTOR_TOLERANCE: f64 = 0.01;
 
 /// A block whose active modules are being rewritten.
@@ -126,7 +126,7 @@ struct Frame {
     /// Start of its parameters in the pool.
     params: usize,
     parent: u64,
-    /// Step in which it was made.
+    /// Step in which it was made; 0 for the axiom.
     birth: u32,
     /// Number of active modules dealt with.
     next: u32,
@@ -142,7 +142,8 @@ impl Frame {
     }
 }
 
-/// What is known of an active module before it is its turn: chains of hashes of several modules are computed side by side.
+/// Lineage and production of an active module, computed for all modules of a block at once, so that their chains of hashes
+/// overlap.
 #[derive(Debug, Clone, Copy)]
 struct Choice {
     lineage: u64,
@@ -153,13 +154,13 @@ struct Choice {
 /// Numbers of modules that a derivation makes: at its end, by step and by production.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DerivationCounts {
-    /// Modules of the final string.
+    /// Number of modules of the final string so far.
     pub modules: u64,
     /// Last step in which a production was applied; 0: none.
     pub last_change: u32,
     /// Modules that each step adds, less those that it removes.
     gains: Vec<i64>,
-    /// Modules made by each production.
+    /// Number of modules that each production has made, by its index in the plan.
     made: Vec<u64>,
     work: u64,
 }
@@ -243,7 +244,7 @@ impl DerivationCounts {
         Some(step)
     }
 
-    /// The production that made most modules.
+    /// Index of the production that made most modules, the first one of equals; `None` without productions.
     pub fn main_production(&self) -> Option<usize> {
         (0..self.made.len()).max_by_key(|i| (self.made[*i], std::cmp::Reverse(*i)))
     }
@@ -305,7 +306,6 @@ impl<'p> DepthFirst<'p> {
         }
     }
 
-    /// The prepared productions that this derivation applies.
     pub fn plan(&self) -> &'p RewritePlan<'p> {
         self.job.plan
     }
@@ -345,7 +345,8 @@ impl<'p> DepthFirst<'p> {
                     self.choices.push(Choice { lineage, production });
                 }
             }
-            // Rewrite the active modules of the block one after the other.
+            // Rewrite the active modules of the block in turn: each successor is a new frame on the stack, completed before the
+            // next module.
             while let Some(active) = template.active.get(to_usize(frame.next)) {
                 let choice = if LINEAGE { self.choices.get(frame.choices + to_usize(frame.next)) } else { None };
                 let lineage = choice.map_or(0, |c| c.lineage);
@@ -384,7 +385,8 @@ impl<'p> DepthFirst<'p> {
                 let made = planned.template.symbols.len();
                 counts.count_production(production, step, made);
                 let is_final = step == self.job.length || planned.template.active.is_empty();
-                // Without anyone to read them, parameters are only computed for what they report.
+                // For a sink that reads no parameters they are computed only where that may report a division by zero or run
+                // code.
                 if is_final && !S::NEEDS_PARAMS && planned.is_pure {
                     counts.count_modules(made as u64, self.job.max_modules)?;
                     continue;
@@ -430,13 +432,12 @@ impl DerivationCounts {
     }
 }
 
-/// A production that was applied, and in which step.
 struct Applied {
     production: u32,
     step: u32,
 }
 
-/// Hands modules to the sink and counts them.
+/// Hands modules to the sink and counts them; [`Halt::Modules`] beyond the limit, or if the sink breaks.
 #[inline]
 fn emit<S: ModuleSink>(
     counts: &mut DerivationCounts,

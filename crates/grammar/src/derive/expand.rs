@@ -49,13 +49,11 @@ impl ExpansionStack {
         Followers { modules, context_from }
     }
 
-    /// Removes all modules.
     fn clear(&mut self) {
         self.modules.clear();
         self.depth.clear();
     }
 
-    /// Removes the uppermost `count` modules.
     fn drop_top(&mut self, count: usize) {
         let n = self.depth.len().saturating_sub(count);
         self.depth.truncate(n);
@@ -69,11 +67,10 @@ pub(super) struct Expander<'p> {
     stack: ExpansionStack,
     successor: ModuleString,
     current: ModuleString,
-    /// A production was applied.
     applied: bool,
-    /// Most modules of a predecessor of these productions.
+    /// Number of modules of the longest predecessor of these productions.
     longest: usize,
-    /// Modules that may wait at once.
+    /// Upper limit on the modules on the stack; [`EXPANSION_SHARE`] divides it for applications of productions.
     limit: usize,
 }
 
@@ -97,12 +94,10 @@ impl<'p> Expander<'p> {
         self.rewriter.change_plan(plan);
     }
 
-    /// The machine that its productions run on.
     pub fn vm(&mut self) -> &mut Vm {
         &mut self.rewriter.vm
     }
 
-    /// Has any production been applied?
     pub fn has_applied(&self) -> bool {
         self.applied
     }
@@ -118,7 +113,7 @@ impl<'p> Expander<'p> {
         if self.rewriter.settings.plan.set.depth == 0 {
             return if successor.iter().all(sink) { Ok(()) } else { Err(Halt::Modules) };
         }
-        // One level deeper than a module of the string: what follows it, follows in the successor.
+        // Depth 1 instead of 0: the modules that follow one of them are found in the successor, not in the string.
         self.stack.clear();
         self.stack.push_reversed(successor, 1);
         self.expand_stack(view, replaced, 1, sink)?;
@@ -171,8 +166,7 @@ impl<'p> Expander<'p> {
         let (mut taken, mut expansions) = (replaced.len(), 0_usize);
         self.rewriter.followers = None;
         while let Some(depth) = self.stack.depth.pop() {
-            // Pop the topmost module into a buffer of its own: the production reads its parameters while successors are
-            // pushed.
+            // Move the topmost module to a separate buffer: the production reads its parameters while successors are pushed.
             let n = self.stack.modules.len() - 1;
             self.current.clear();
             self.current.push(self.stack.modules.get(n));
@@ -258,6 +252,7 @@ impl Derivation<'_> {
             if let Some(system) = systems.get(i) {
                 expander.rewriter.change_plan(plans.of(*system));
             }
+            // A predecessor of several modules takes all of them at once.
             i += expander.expand(&view, i, &mut |m| {
                 out.push(m);
                 out.len() <= limit

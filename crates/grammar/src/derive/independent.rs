@@ -24,11 +24,12 @@ const TEXT_MARGIN: f64 = 1.1;
 /// Values of global variables over all steps that are kept, if blocks change them from step to step.
 const MAX_STEP_VALUES: usize = 1 << 22;
 
-/// Where a derivation without a string begins.
+/// Start of a derivation that is run again for each use of its modules instead of being stored.
 #[derive(Debug, Clone)]
 pub(super) struct Deferred {
     axiom: ModuleString,
-    /// Global variables in the axiom's step and in each step.
+    /// Global variables after the `Start` block; `step_globals` has those after the `StartEach` of each step, if blocks change
+    /// them.
     start_globals: Vec<f64>,
     step_globals: Vec<Vec<f64>>,
     /// Last step: the derivation length, or the step of a `stop(n)`.
@@ -111,7 +112,7 @@ impl Derivation<'_> {
     pub(super) fn derive_independently(mut self, options: &DeriveOptions, storage: Storage) -> Result<DerivedString> {
         let deferred = match self.run_blocks() {
             Ok(Some(deferred)) => deferred,
-            // Too many values to keep: every step computes its own.
+            // Too many values to keep them for all steps: every step computes those that it needs.
             Ok(None) => return self.restarted(options).derive_by_steps(options, None),
             Err(halt) => return Err(self.halt_report(halt)),
         };
@@ -162,12 +163,12 @@ impl Derivation<'_> {
     fn write_text(&self, run: &mut DepthFirst<'_>, bounds: DerivationBounds) -> std::result::Result<String, Halt> {
         let plan = self.plans.rules.main();
         if repeats(plan, &run.axiom, bounds.last_step) {
-            // Equal parts are copied, not derived: the modules must be counted for themselves.
+            // Equal parts are copied, not derived, so that a separate pass counts the modules.
             count(run, bounds)?;
             let text = repeated_text(plan, &run.axiom, bounds.last_step, run.counts.modules);
             return Ok(text.unwrap_or_default());
         }
-        // The expected length spares the copies of a text that grows; a wrong one costs no more than its address space.
+        // Memory of the expected length avoids copies of a growing text; if it is too long, only address space is wasted.
         let expected = predict(self.grammar, bounds.last_step, plan.stochastic).expected.min(bounds.max_modules as f64);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the limit of modules")]
         let mut sink = TextSink::new(self.grammar, (expected * TEXT_MARGIN).max(0.0) as u64);
@@ -175,7 +176,8 @@ impl Derivation<'_> {
         Ok(sink.text)
     }
 
-    /// Runs the blocks of all steps; `None` if they make too many values to keep. Global variables hold those of the end.
+    /// Runs the blocks of all steps; `None` if they make too many values to keep. Afterwards global variables have their final
+    /// values.
     fn run_blocks(&mut self) -> std::result::Result<Option<Deferred>, Halt> {
         self.begin()?;
         let axiom = std::mem::take(&mut self.string);
@@ -204,12 +206,13 @@ impl Derivation<'_> {
         Ok(Some(Deferred { axiom, start_globals, step_globals, last_step }))
     }
 
-    /// The derivation before its first block.
+    /// The same derivation, set back to before its first block.
     fn restarted(&self, options: &DeriveOptions) -> Self {
         Self::new(self.grammar, self.plans, options, self.length, self.limits)
     }
 
-    /// The error of a derivation that was halted.
+    /// The error of a halted derivation. For [`Halt::Modules`] it counts shorter derivations to find the first step beyond the
+    /// limit.
     fn independent_report(
         &self,
         halt: Halt,
@@ -226,7 +229,7 @@ impl Derivation<'_> {
         let mut passes = bounds.last_step;
         let mut counts = DerivationCounts::default();
         while passes - fits > 1 {
-            // Twice as many steps, but no more than the growth so far lets expect to fit or to pass.
+            // Doubles the steps, but stays within the steps that the growth so far predicts to fit or to pass.
             let expected = counts.step_beyond(bounds.max_modules, fits);
             let last_step = (fits * 2).max(1).min(expected.unwrap_or(u32::MAX)).clamp(fits + 1, passes - 1);
             let probe = DerivationBounds { last_step, ..bounds };
@@ -235,7 +238,7 @@ impl Derivation<'_> {
                 fits = last_step;
             } else {
                 passes = last_step;
-                // Growth that is as regular as the expectation needs no further count, the longest of all.
+                // If the growth agrees with the prediction, the longest count, that of the step before, is skipped.
                 if expected == Some(last_step) {
                     break;
                 }
@@ -262,7 +265,7 @@ impl Derivation<'_> {
     }
 }
 
-/// Counts the modules of a derivation that has not run.
+/// Counts the modules of a derivation that has not run: from the growth matrix where that is exact, else by running it.
 fn count(run: &mut DepthFirst<'_>, bounds: DerivationBounds) -> std::result::Result<(), Halt> {
     let Some(counts) = DerivationCounts::predicted(run.plan(), &run.axiom, bounds.last_step) else {
         return run.run(&mut CountingSink);
@@ -298,6 +301,7 @@ impl DerivedString {
             flow
         };
         let result = self.run_again(grammar, deferred, limits, &mut CallingSink(stopping));
+        // A sink that asks for no more modules has what it needs: the halt is no error.
         if is_stopped { Ok(()) } else { result }
     }
 

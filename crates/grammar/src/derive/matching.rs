@@ -55,7 +55,7 @@ fn bind_parameters(formal: &FormalModule, module: Module<'_>, locals: &mut [f64]
     }
 }
 
-/// Does the module have the formal's symbol and number of parameters? If so its parameters are bound.
+/// True if the module has the symbol and number of parameters of `formal`; its parameters are then bound to local variables.
 #[inline]
 pub(super) fn match_module(formal: &FormalModule, module: Module<'_>, locals: &mut [f64]) -> bool {
     let fits = module.symbol == formal.symbol && module.params.len() == usize::from(formal.arity);
@@ -87,7 +87,7 @@ impl ContextView<'_> {
         self.modules.symbols().get(self.index(position)).copied()
     }
 
-    /// Position of the bracket that belongs to the one at `position`.
+    /// Position of the bracket that belongs to the one at `position`; `None` without one.
     fn partner(&self, position: usize) -> Option<usize> {
         let i = self.index(position);
         let partner = self.partner.get(i).filter(|p| **p != NO_PARTNER)?;
@@ -98,16 +98,16 @@ impl ContextView<'_> {
         self.ignored.get(usize::from(symbol)).copied().unwrap_or(false)
     }
 
-    /// Whether the module at a position begins or ends a sub-L-system. A query, as `?P(x,y,z)`, begins with the symbol of the one, but
-    /// that has no label.
+    /// Whether the module at a position begins or ends a sub-L-system. A query such as `?P(x,y,z)` begins with the symbol that
+    /// opens one, but there it has no parameter.
     fn is_border(&self, position: usize) -> bool {
         let module = self.modules.get(self.index(position));
         let opens = |b: &Borders| module.symbol == b.open && !module.params.is_empty();
         self.borders.is_some_and(|b| opens(&b) || module.symbol == b.close)
     }
 
-    /// Is the left context there, scanning from module `at` (not included) to the left? Closed branches are jumped
-    /// over, openings are stepped over: a branch sees the axis that carries it.
+    /// True if the left context precedes module `at`. The search passes over closed branches; from within a branch it continues
+    /// on the axis that carries the branch.
     pub fn matches_left(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
         // Positions of a ring count down from a second turn, so that they stay positive up to module `at` again.
         let (mut i, least) = if self.is_ring { (at + self.modules.len(), at) } else { (at, 0) };
@@ -194,7 +194,7 @@ impl ContextView<'_> {
             if i >= end {
                 return None;
             }
-            // Branches that are still open are skipped as a whole.
+            // Branches that begin before the end are skipped as a whole.
             let symbol = self.symbol(i)?;
             if symbol == brackets.open {
                 i = self.partner(i)? + 1;

@@ -33,7 +33,7 @@ use osier_base::math::narrow;
 use osier_base::rng::{child, mix64};
 use plan::Plans;
 
-/// Seed, plant and what replaces the grammar's own derivation length and choice of productions.
+/// Seed and plant of a derivation, and replacements for the grammar's derivation length and choice of productions.
 #[derive(Debug, Clone, Default)]
 pub struct DeriveOptions {
     /// Seed of every random draw of the derivation and of its drawing.
@@ -48,7 +48,7 @@ pub struct DeriveOptions {
     pub draw_as_cpfg: bool,
 }
 
-/// The final string and what is needed to draw it.
+/// The final string with the seed, variables and warnings of its derivation, from which it can be drawn.
 #[derive(Debug, Clone)]
 pub struct DerivedString {
     /// The final string, without homomorphism; empty if the derivation was deferred.
@@ -72,7 +72,7 @@ pub struct DerivedString {
     pub(crate) cpfg: Option<CpfgRandom>,
     /// What `printf` of the grammar wrote during the derivation.
     pub output: String,
-    /// Where a derivation without a string begins.
+    /// Start of a derivation whose string is not stored.
     deferred: Option<Deferred>,
     /// The string as text, if it was derived as such.
     text: Option<String>,
@@ -87,11 +87,12 @@ struct FinalModules {
     count: u64,
 }
 
-/// Parameters of a string: 2^27 values of 4 bytes are half a gibibyte. It also keeps every end in [`ModuleString`] within
-/// 32 bits.
+/// Upper limit on the parameters of a string: 2^27 values of 4 bytes are half a gibibyte. It also keeps every end in
+/// [`ModuleString`] within 32 bits.
 const MAX_PARAMS: usize = 1 << 27;
 
-/// Derives a grammar.
+/// Derives and stores the final string of a grammar: the axiom is rewritten and decomposed step by step; [`interpret`] then
+/// applies the homomorphism. Queries of the turtle are not answered.
 /// # Errors
 /// `Input` with L050 if the string would surely pass `modules`, with L051 if it does on the way, with L044 for an
 /// endless loop.
@@ -114,7 +115,7 @@ pub fn derive_text(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) 
     derive_with(grammar, options, limits, Storage::Text, None)
 }
 
-/// Whether a string that could be derived while it is drawn is stored.
+/// How a derivation keeps its final string: as modules, not at all (it is derived again while drawing), or as text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Storage {
     String,
@@ -163,11 +164,11 @@ pub(super) struct Derivation<'g> {
     cut_symbol: Option<SymbolId>,
     unchanged_since: Option<u32>,
     steps_done: u32,
-    /// Modules rewritten so far.
+    /// Sum of the lengths of the string over the steps so far, compared with the limit `work`.
     work: u64,
     /// The turtle answers queries, so that modules change between the steps.
     has_queries: bool,
-    /// Error of an interpretation that was asked for.
+    /// Error of the interpretation that a query asked for; returned in place of [`Halt::Query`].
     query_error: Option<osier_base::Error>,
     options: DeriveOptions,
 }
@@ -274,7 +275,8 @@ impl<'g> Derivation<'g> {
         self.run_block(blocks.end.as_ref(), self.steps_done)
     }
 
-    /// Without blocks or `%`, a step that changes nothing is followed by equal ones.
+    /// True if a step that changes nothing is followed by equal ones only: no queries, no `StartEach` or `EndEach`, and no
+    /// production that reads the step, draws random numbers or writes global variables.
     fn nothing_can_change(&self) -> bool {
         let b = &self.program.blocks;
         let uses_step = |c: &Bytecode| {
@@ -350,7 +352,7 @@ impl<'g> Derivation<'g> {
         self.result(options, modules, completed)
     }
 
-    /// The result, with the warnings of the run.
+    /// Assembles the result; adds the warning L054 if steps after the first change nothing up to the derivation length.
     fn result(mut self, options: &DeriveOptions, modules: FinalModules, completed: u32) -> DerivedString {
         // L054: the derivation length is larger than the grammar can use.
         if let (Some(step), Some(place)) = (self.unchanged_since, self.program.length_place)
@@ -392,7 +394,7 @@ fn brackets(program: &Program) -> Brackets {
 /// Warnings collected by the virtual machine as diagnostics of the grammar's source.
 pub(crate) fn runtime_diagnostics(grammar: &Grammar, warnings: &RuntimeWarnings) -> Vec<Diagnostic> {
     let diagnostic = |e: &RuntimeWarning| {
-        // Warnings of one place are added up during the run; the message tells how often they occurred.
+        // Warnings of one place are added up during the run; the message says how often they occurred.
         let times = if e.count > 1 { format!(", {} times", e.count) } else { String::new() };
         let help = match e.code {
             "L040" => "x/0 counts as x, x%0 as 0; test the divisor in a condition",

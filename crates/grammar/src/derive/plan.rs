@@ -30,7 +30,7 @@ pub(super) struct Template<'p> {
     pub text: Option<TemplateText>,
 }
 
-/// Modules without parameters as text.
+/// Symbols of a template whose modules have no parameters, joined to one text, of which ranges are copied.
 #[derive(Debug, Default)]
 pub(super) struct TemplateText {
     text: String,
@@ -48,7 +48,6 @@ impl TemplateText {
         out
     }
 
-    /// Text of the modules of a range.
     #[inline]
     pub fn part(&self, modules: std::ops::Range<usize>) -> &str {
         let end = |n: usize| n.checked_sub(1).map_or(0, |k| self.ends[k]);
@@ -62,7 +61,7 @@ pub(super) struct ComputedParameter<'p> {
     pub source: ValueSource<'p>,
     /// Its expression, for the report of a division by zero.
     pub code: Option<&'p Bytecode>,
-    /// Position among the parameters.
+    /// Index of its value among the parameters of the whole template.
     pub target: u32,
 }
 
@@ -83,7 +82,7 @@ pub(super) enum Weight<'p> {
     Code(&'p Bytecode),
 }
 
-/// A production with its successor as a template.
+/// A production prepared for rewriting: registers for its condition and parameters, and its successor as a template.
 #[derive(Debug)]
 pub(super) struct PlannedProduction<'p> {
     pub source: &'p Production,
@@ -93,7 +92,7 @@ pub(super) struct PlannedProduction<'p> {
     pub weight: Weight<'p>,
     pub registers: RegisterCode,
     pub template: Template<'p>,
-    /// One predecessor, no contexts, no blocks: whether it applies depends on its condition alone.
+    /// One predecessor, no contexts, no blocks: whether it applies depends only on its condition.
     pub is_simple: bool,
     /// Computing the successor's parameters has no effect but their values.
     pub is_pure: bool,
@@ -103,7 +102,7 @@ pub(super) struct PlannedProduction<'p> {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Condition<'p> {
     Always,
-    /// The value, and the code that it equals.
+    /// Source of the value, and the code that it equals.
     Value(ValueSource<'p>, &'p Bytecode),
 }
 
@@ -149,7 +148,6 @@ impl<'p> SectionPlans<'p> {
         Self { systems: program.sections(section).map(plan).collect() }
     }
 
-    /// The plan of the main L-system.
     pub fn main(&self) -> &RewritePlan<'p> {
         &self.systems[0]
     }
@@ -159,12 +157,12 @@ impl<'p> SectionPlans<'p> {
         self.systems.get(usize::from(system)).unwrap_or(&self.systems[0])
     }
 
-    /// No production in any L-system.
+    /// True if neither the main L-system nor any other has a production in this section.
     pub fn is_empty(&self) -> bool {
         self.systems.iter().all(|p| p.productions.is_empty())
     }
 
-    /// Some production looks at its neighbours.
+    /// True if some production has a left or right context, for which brackets must be matched.
     pub fn needs_partners(&self) -> bool {
         self.systems.iter().flat_map(|p| &p.set.list).any(|p| !p.is_context_free())
     }
@@ -192,14 +190,15 @@ impl<'p> Plans<'p> {
         }
     }
 
-    /// Some production draws random numbers, or is drawn itself.
+    /// True if a production of either section draws random numbers or is chosen by a draw, so that lineages are needed.
     pub fn draws(&self) -> bool {
         self.rules.systems.iter().chain(&self.decomposition.systems).any(|p| p.draws)
     }
 }
 
 impl<'p> RewritePlan<'p> {
-    /// Prepares a section of a program.
+    /// Groups the productions of a section by symbol and number of parameters, and prepares their conditions, weights and
+    /// successors. `stochastic`: they compete by weight.
     pub fn new(program: &'p Program, set: &'p ProductionSet, stochastic: bool) -> Self {
         let mut by_symbol: Vec<Vec<(usize, GroupId)>> = vec![Vec::new(); program.symbols.len()];
         let mut groups: Vec<ProductionGroup> = Vec::new();
@@ -228,7 +227,7 @@ impl<'p> RewritePlan<'p> {
         let varies_by_step = program.blocks.start_each.is_some() || program.blocks.end_each.is_some();
         for g in &mut groups {
             let tests = g.productions.iter().filter_map(|i| set.list.get(to_usize(*i))).flat_map(tests);
-            // Conditions that depend on parameters alone give the same answer in every step.
+            // Conditions that depend only on parameters give the same answer in every step.
             g.is_stationary = !tests.into_iter().any(|c| may_change(c, varies_by_step));
         }
         let mut plan = Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false };
@@ -268,7 +267,7 @@ impl<'p> RewritePlan<'p> {
         weights.map(|w| Shares::new(&w))
     }
 
-    /// Group of modules of a symbol with `arity` parameters.
+    /// Group of modules of a symbol with `arity` parameters; `None` if no production rewrites them.
     #[inline]
     pub fn group(&self, symbol: SymbolId, arity: usize) -> Option<GroupId> {
         let row = self.by_symbol.get(usize::from(symbol))?;
@@ -332,6 +331,7 @@ impl<'p> RewritePlan<'p> {
                 let ValueSource::Constant(c) = source else {
                     let code = if let Expr::Code(code) = arg { Some(code) } else { None };
                     out.computed.push(ComputedParameter { source, code, target });
+                    // Holds the place of the value until it is computed.
                     out.constants.push(0.0);
                     continue;
                 };
@@ -343,6 +343,7 @@ impl<'p> RewritePlan<'p> {
                 out.active.push(ActiveModule { index, group, first_param, end_param });
             }
         }
+        // Without parameters a module is always the same text.
         out.text = out.constants.is_empty().then(|| TemplateText::new(program, &out.symbols));
         out
     }
@@ -353,7 +354,7 @@ fn tests(p: &Production) -> impl Iterator<Item = &Bytecode> {
     [&p.before, &p.condition].into_iter().flatten()
 }
 
-/// The value may be another one in the next step; `globals`: the blocks of the L-system may change global variables.
+/// True if the value may differ in the next step; `globals`: the blocks of the L-system may change global variables.
 fn may_change(code: &Bytecode, globals: bool) -> bool {
     code.ops.iter().any(|o| match o {
         Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_) => true,
@@ -362,7 +363,6 @@ fn may_change(code: &Bytecode, globals: bool) -> bool {
     })
 }
 
-/// Draws random numbers.
 fn draws(code: &Bytecode) -> bool {
     code.ops.iter().any(|o| matches!(o, Op::Random(_) | Op::Choose(_)))
 }

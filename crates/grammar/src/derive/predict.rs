@@ -10,7 +10,7 @@ use crate::symbols::SymbolId;
 use osier_base::Result;
 use osier_base::limits::{Limits, grouped};
 
-/// Number of modules after some steps.
+/// Bounds and expected value of the number of modules after some steps, computed without deriving.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
     /// No fewer than this (saturating).
@@ -66,7 +66,7 @@ impl GrowthMatrix {
                 m.start[k] += 1;
             }
         }
-        // Lower bounds hold only while every module is rewritten alone: `%`, predecessors of several modules and
+        // Lower bounds hold only while every module is rewritten separately: `%`, predecessors of several modules and
         // decomposition can remove modules that the matrix does not see.
         let cut_symbol = program.symbols.find('%');
         let has_cut = m.kinds.keys().any(|k| Some(k.0) == cut_symbol);
@@ -80,7 +80,8 @@ impl GrowthMatrix {
         m
     }
 
-    /// Kinds that every step rewritten rewrites; none of a grammar whose blocks may end the derivation.
+    /// Per kind: true if every step certainly rewrites its modules. False for all kinds if blocks of steps or `stop` may end the
+    /// derivation.
     fn always_rewritten(&self, grammar: &Grammar) -> Vec<bool> {
         let program = &grammar.program;
         let stops = |c: &Bytecode| c.ops.iter().any(|o| matches!(o, Op::Stop));

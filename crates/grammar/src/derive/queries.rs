@@ -26,7 +26,7 @@ pub struct QueryAnswer {
 pub enum QueryValue {
     /// x, y, z: a position in turtle units, or a unit vector.
     Vector([f64; 3]),
-    /// x, y, z, w.
+    /// x, y, z, w of a unit quaternion, from `?Q`.
     Rotation([f64; 4]),
 }
 
@@ -39,7 +39,7 @@ impl QueryValue {
     }
 }
 
-/// What an interpretation of the string found out.
+/// Result of an interpretation of the string: the answers to its queries and the extent of the drawing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TurtleAnswers {
     /// In the order of the string.
@@ -115,6 +115,7 @@ impl Derivation<'_> {
         self.string = asked.modules;
         match found {
             Ok(found) => {
+                // Only query modules take answers as parameters.
                 let is_query = |s: SymbolId| QUERIES.contains(&self.program.symbols.get(s));
                 for answer in &found.answers {
                     if self.string.symbols().get(answer.module).is_some_and(|s| is_query(*s)) {

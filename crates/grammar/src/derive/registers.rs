@@ -7,7 +7,7 @@ use crate::vm::Vm;
 /// Registers of a production; expressions that do not fit in stay code. A power of two, so that masked numbers are in range.
 const REGISTERS: usize = 128;
 
-/// The registers that operations reach.
+/// The values that an operation can address: the fixed-size start of a [`RegisterFile`].
 type Registers = [f64; REGISTERS];
 
 /// Values that the expressions of one production read and write: local variables first, then constants and results. Operations
@@ -17,7 +17,7 @@ pub(super) type RegisterFile = Vec<f64>;
 /// Index into the first `REGISTERS` values of a [`RegisterFile`].
 type Register = u8;
 
-/// What an operation does with its operands; `a` alone counts for operations of one operand.
+/// What an operation does with its operands; operations of one operand read only `a`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Action {
     Unary(UnaryOp),
@@ -49,7 +49,7 @@ pub(super) enum OutsideValue {
     Remaining,
 }
 
-/// How an expression gets its value.
+/// Source of an expression's value: known at compile time, computed into a register, or left to the stack machine.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum ValueSource<'p> {
     Constant(f64),
@@ -58,10 +58,10 @@ pub(super) enum ValueSource<'p> {
     Code(&'p Bytecode),
 }
 
-/// Translates the expressions of one production.
+/// Translates the expressions of one production into operations on registers; equal constants and results share a register.
 #[derive(Debug)]
 pub(super) struct RegisterCompiler {
-    /// Values that registers begin with.
+    /// Values of the registers before the first operation: constants, and 0 in all others.
     initial: Box<Registers>,
     used: usize,
     /// Registers from here on hold constants, values from outside and results.
@@ -79,7 +79,7 @@ struct CompilerMark {
     operations: usize,
 }
 
-/// What a production evaluates.
+/// Operations of the condition and of the successor of one production, and the values that their registers begin with.
 #[derive(Debug)]
 pub(super) struct RegisterCode {
     pub initial: RegisterFile,
@@ -93,7 +93,7 @@ pub(super) struct RegisterCode {
 }
 
 impl RegisterCompiler {
-    /// For a production with `locals` local variables.
+    /// Compiler for a production whose first `locals` registers, at most [`REGISTERS`], hold its local variables.
     pub fn new(locals: usize) -> Self {
         let first_free = locals.min(REGISTERS);
         Self {
@@ -107,12 +107,11 @@ impl RegisterCompiler {
         }
     }
 
-    /// Number of operations so far.
     pub fn operation_count(&self) -> usize {
         self.operations.len()
     }
 
-    /// The source of a successor's parameter.
+    /// Source of a successor's parameter; a local variable beyond those of the production reads as 0.
     pub fn expression<'p>(&mut self, e: &'p Expr) -> ValueSource<'p> {
         match e {
             Expr::Const(c) => ValueSource::Constant(*c),
@@ -123,7 +122,8 @@ impl RegisterCompiler {
         }
     }
 
-    /// The source of a condition, a weight or a computed parameter.
+    /// Source of a condition, a weight or a computed parameter; code that does not fit the registers stays with the stack
+    /// machine.
     pub fn code<'p>(&mut self, code: &'p Bytecode) -> ValueSource<'p> {
         let mark = CompilerMark { used: self.used, outside: self.outside.len(), operations: self.operations.len() };
         match self.translate(code) {
@@ -272,7 +272,7 @@ fn compute(action: Action, a: f64, b: f64) -> Option<f64> {
 }
 
 impl RegisterCode {
-    /// Stores the values from outside.
+    /// Fills the registers that hold global variables, the step, the derivation length and the remaining steps.
     #[inline]
     pub fn load_outside(&self, vm: &Vm, file: &mut [f64]) {
         for (r, value) in &self.outside {

@@ -43,7 +43,7 @@ pub(super) struct RewriteSettings<'p> {
     pub purposes: DrawPurposes,
     /// Step of the draws; `None` for a homomorphism, whose draws do not change from step to step.
     pub step: Option<u32>,
-    /// Written into the modules made.
+    /// Step that the modules made are born in.
     pub birth: u32,
     /// Mixed into lineages; 0 = nothing.
     pub tag: u64,
@@ -63,7 +63,7 @@ pub(super) struct Followers {
 pub(super) struct Rewriter<'p> {
     pub settings: RewriteSettings<'p>,
     pub vm: Vm,
-    /// `None`: the neighbours in the string follow.
+    /// Modules that a predecessor of several modules may take; `None`: those that follow in the string.
     pub followers: Option<Followers>,
     /// Registers of each production; the first ones are its local variables.
     files: Vec<RegisterFile>,
@@ -92,7 +92,6 @@ impl<'p> Rewriter<'p> {
         }
     }
 
-    /// The production at an index into the productions of the plan.
     #[inline]
     pub fn planned(&self, production: u32) -> &'p PlannedProduction<'p> {
         &self.settings.plan.productions[to_usize(production)]
@@ -149,7 +148,7 @@ impl<'p> Rewriter<'p> {
         planned.registers.load_outside(&self.vm, file);
     }
 
-    /// Is the condition met? The local variables are set.
+    /// Evaluates the condition of a production; its local variables must be set.
     #[inline]
     fn condition_holds(&mut self, production: u32) -> Result<bool, Halt> {
         let planned = self.planned(production);
@@ -292,7 +291,7 @@ impl<'p> Rewriter<'p> {
         self.load_params(production, module.params);
     }
 
-    /// Collects every production that applies, each with its variables in its own registers, and draws one by weight.
+    /// Collects every production that applies, each with its variables in its register file, and draws one by weight.
     fn draw_candidate(
         &mut self,
         group: &ProductionGroup,
@@ -361,7 +360,7 @@ impl<'p> Rewriter<'p> {
         if weight.is_nan() || weight < 0.0 {
             self.vm.warnings.add("L033", p.source.place, "negative or NaN weight counts as 0");
         }
-        // So that the rest still forms a distribution.
+        // An invalid weight counts as 0, so that the others still form a distribution.
         Ok(if weight > 0.0 { weight } else { 0.0 })
     }
 
@@ -372,13 +371,13 @@ impl<'p> Rewriter<'p> {
         Rng::from_key(CHOICE.of(key))
     }
 
-    /// Index of the candidate drawn by weight.
+    /// Index of the candidate drawn by weight; the first one, with L034, if all weights are 0.
     fn choose(&mut self, h: u64) -> Result<usize, Halt> {
         self.weights.clear();
         let mut resume = None;
         for k in 0..self.candidates.len() {
             let production = self.candidates[k];
-            // Weights have a stream of their own, so that their draws do not shift those of the successor.
+            // Weights draw from a separate stream, so that their draws do not shift those of the successor.
             if resume.is_none() && matches!(self.planned(production).weight, Weight::Code(_)) {
                 resume = Some(self.vm.save_draws());
                 self.begin_draws(self.settings.purposes.weight, h);

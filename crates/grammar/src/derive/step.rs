@@ -13,7 +13,7 @@ use osier_base::{convert, par};
 /// the machine.
 const BLOCK_MODULES: usize = 65_536;
 
-/// A block while it is rewritten.
+/// Range of the string that one thread rewrites, and what results from it.
 struct BlockTask {
     range: std::ops::Range<usize>,
     modules: ModuleString,
@@ -143,6 +143,7 @@ impl<'p> SystemRuns<'p> {
         let mut start = 0;
         for run in systems.chunk_by(|a, b| a == b) {
             let system = run.first().copied().unwrap_or(0);
+            // Each L-system has its productions and its list of symbols that contexts skip.
             rewriter.change_plan(self.plans.of(system));
             let ignored =
                 usize::from(system).checked_sub(1).and_then(|i| hidden.get(i)).map_or(view.ignored, Vec::as_slice);

@@ -44,13 +44,13 @@ struct OpenPart<'p> {
     /// The production that made it; `None`: the axiom.
     production: Option<usize>,
     template: &'p Template<'p>,
-    /// Steps that rewrite it.
+    /// Derivation steps that still rewrite its active modules.
     left: u32,
-    /// Number of active modules written.
+    /// Number of its active modules dealt with, in order.
     next: usize,
-    /// Number of modules written.
+    /// Number of its modules dealt with: written, or active and replaced by the part above it.
     written: usize,
-    /// Where its text begins.
+    /// Byte of the output at which its text begins; finished text is copied from there where it occurs again.
     start: usize,
 }
 

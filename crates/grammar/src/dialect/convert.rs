@@ -12,7 +12,7 @@ use crate::symbols::SymbolId;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 
-/// What a grammar is written as.
+/// Target notation of [`convert`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ConvertTo {
     /// The notation and the commands of cpfg.
@@ -21,19 +21,20 @@ pub enum ConvertTo {
     Osier,
 }
 
-/// A grammar in the notation of cpfg, and what of it that notation cannot say.
+/// Text of a converted grammar, with notes on what the notation cannot express.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Converted {
-    /// The grammar in the notation of cpfg.
+    /// Text of a grammar file; of a grammar in the notation of cpfg, the unchanged file.
     pub text: String,
-    /// What the text says otherwise than the grammar did, such as widths.
+    /// Differences in what the text draws, such as widths; empty if it draws the same.
     pub notes: Vec<String>,
 }
 
 /// Colours that `<` and `>` of Fractint may step over at once.
 const MAX_COLOR_STEPS: u32 = 32;
 
-/// Writes a grammar as text that draws the same.
+/// Writes a grammar as text that draws the same. A grammar in the notation of cpfg is copied, one of L-Py is written for cpfg
+/// whatever `to` is.
 /// # Errors
 /// `Input` with L061 for each command that the notation has no words for.
 pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
@@ -53,13 +54,12 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
     }
 }
 
-/// A grammar while it is written.
 struct Writer<'g> {
     grammar: &'g Grammar,
     dialect: Dialect,
     to: ConvertTo,
     settings: DialectSettings,
-    /// Spelling of each symbol.
+    /// Spelling of each symbol in the target notation.
     names: BTreeMap<SymbolId, String>,
     taken: BTreeSet<char>,
     /// Homomorphisms that draw a symbol of the other program by commands of cpfg.
@@ -68,7 +68,7 @@ struct Writer<'g> {
     notes: BTreeSet<String>,
 }
 
-/// A successor after numbers are attached to their commands.
+/// A module with its parameters as text, after numbers are attached to their commands.
 #[derive(Debug, Clone)]
 struct TextModule {
     symbol: SymbolId,
@@ -107,7 +107,7 @@ impl<'g> Writer<'g> {
         }
     }
 
-    /// All productions with their successors, and the axiom.
+    /// Modules of the axiom and of all successors.
     fn all_modules(&self) -> Vec<TextModule> {
         let program = &self.grammar.program;
         let mut out: Vec<TextModule> = self.attached(&program.axiom);
@@ -124,6 +124,7 @@ impl<'g> Writer<'g> {
         for m in modules {
             let c = self.c(m.symbol);
             if self.dialect == Dialect::LParser {
+                // Between parentheses the characters are collected: they are the parameter of the module before them.
                 match (&mut number, c) {
                     (Some(text), ')') => {
                         if let Some(last) = out.last_mut() {
@@ -210,6 +211,7 @@ impl<'g> Writer<'g> {
     /// With the turtle of the other program commands keep their signs, but for those that the notation needs itself.
     fn osier_name(&mut self, symbol: SymbolId) -> Option<String> {
         let c = self.c(symbol);
+        // Signs that the notation reserves are replaced by those that the turtle of the program reads in their place.
         let name = match (self.dialect, c) {
             (Dialect::Fractint, '<') => ',',
             (Dialect::Fractint, '>') => ';',
@@ -347,6 +349,7 @@ impl<'g> Writer<'g> {
         match c {
             'F' | 'f' | 'g' | '|' | '{' | '.' | '}' => Some(c.to_string()),
             'Z' | 'z' => {
+                // Without a number these segments have half the length.
                 let sign = if c == 'Z' { 'F' } else { 'f' };
                 self.image(symbol, arities, |n| Some(if n > 0 { format!("{sign}(a)") } else { format!("{sign}(0.5)") }))
             }
@@ -376,17 +379,20 @@ impl<'g> Writer<'g> {
 
     fn lpy_name(&mut self, symbol: SymbolId, c: char, arities: &BTreeSet<usize>) -> Option<String> {
         let angle = self.settings.angle_deg.unwrap_or(60.0);
+        // Symbols with long names are private characters, which no file can spell.
         if let Some(long) = self.grammar.program.symbols.long_name(c) {
             let long = long.to_owned();
             return self.lpy_long_name(symbol, &long, arities);
         }
         match c {
             '+' | '-' | '&' | '^' => self.turn(&c.to_string(), angle, arities),
+            // The rolls of the two programs have opposite senses.
             '/' => self.turn("\\", angle, arities),
             '\\' => self.turn("/", angle, arities),
             '|' | '{' | '}' | '.' | ';' | ',' | '%' => Some(c.to_string()),
             'f' => Some("g".into()),
             'F' => {
+                // L-Py gives radii, cpfg widths.
                 if arities.contains(&2) {
                     self.images.push("F(a,b) --> F(a) !(2*(b))".into());
                 }
@@ -497,6 +503,7 @@ impl<'g> Writer<'g> {
         let symbol = p.predecessor.first().map_or(0, |f| f.symbol);
         let before = p.before.as_ref().map(block);
         let condition = p.condition.as_ref().map(|code| expression(&code.ops));
+        // A block or condition without text, `Some(None)`, cannot be written.
         match (before, condition) {
             (None, None) => {}
             (None, Some(Some(condition))) => {
@@ -518,7 +525,7 @@ impl<'g> Writer<'g> {
         let word = self.grammar.notation().word();
         let label: String = self.grammar.label().chars().filter(|c| c.is_alphanumeric() || *c == ' ').collect();
         let mut out = format!("/* {} */\n", format!("{} (from {word})", label.trim()).trim());
-        // One comment for each symbol that got another name; characters of their own need none.
+        // One comment for each symbol that got another name; symbols of one character need none.
         for (symbol, name) in &self.names {
             let shown = self.shown(*symbol);
             if shown != *name && shown.chars().count() > 1 {
@@ -570,7 +577,7 @@ impl<'g> Writer<'g> {
         }
         if !program.homomorphism.list.is_empty() || !self.images.is_empty() {
             let own = if program.homomorphism.list.is_empty() { 0 } else { program.homomorphism.depth };
-            // The images are interpreted after the model's own homomorphisms, one level deeper.
+            // The images are interpreted after the homomorphisms of the model, one level deeper.
             let depth = own + u32::from(!self.images.is_empty());
             let _ = writeln!(out, "Homomorphism\nmaximum depth: {depth}");
             for p in &program.homomorphism.list {
@@ -584,7 +591,7 @@ impl<'g> Writer<'g> {
         out + "endlsystem\n"
     }
 
-    /// Commands that turn the turtle of cpfg to that of the other program.
+    /// Commands that give cpfg's turtle the initial direction, colour and width of the turtle of the other program.
     fn beginning(&self) -> String {
         match (self.to, self.dialect) {
             (ConvertTo::Cpfg, Dialect::Fractint) => "-(90) ;(15) ".into(),

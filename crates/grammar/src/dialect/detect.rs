@@ -7,9 +7,9 @@ use crate::notation::Notation;
 /// What a file contains, judged by its text and its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
-    /// A grammar in this notation.
+    /// A grammar that can be read, in the notation whose marks it has.
     Grammar(Notation),
-    /// Rules as Houdini writes them, on lines of their own.
+    /// Rules as Houdini writes them, one on each line.
     Houdini,
     /// Nothing that a grammar would contain.
     Other,
@@ -18,7 +18,8 @@ pub enum FileKind {
 /// Bytes of a file that are looked at: the heading of a grammar lies within them.
 const LOOKED_AT: usize = 1 << 20;
 
-/// What a file is: by its content, and where that does not tell, by the ending of its name (`.l` cpfg, `.ls` LParser, `.lpy` L-Py).
+/// Determines the kind of a file from its content, and where that is not decisive from the ending of its name (`.l` cpfg, `.ls`
+/// LParser, `.lpy` L-Py).
 pub fn detect(name: &str, bytes: &[u8]) -> FileKind {
     let decoded = decode(&bytes[..bytes.len().min(LOOKED_AT)]);
     let text = decoded.text.as_str();
@@ -53,21 +54,21 @@ fn has_line(text: &str, test: impl Fn(&str) -> bool) -> bool {
     lines(text).any(|l| test(l.text.trim()))
 }
 
-/// `Lsystem: ..`, `ring Lsystem ..`, or `endlsystem` after `derivation length`.
+/// `Lsystem: ..` or `ring Lsystem: ..`, in any case.
 fn is_cpfg_heading(line: &str) -> bool {
     let line = line.to_ascii_lowercase();
     let line = line.strip_prefix("ring").map_or(line.as_str(), str::trim_start);
     line.strip_prefix("lsystem").is_some_and(|rest| rest.trim_start().starts_with(':'))
 }
 
-/// Lines of L+C, which cpfg's reader names.
+/// A line of L+C, such as `module A(float);`: its file counts as cpfg, whose reader names L+C in its error.
 fn is_l_plus_c(line: &str) -> bool {
     (line.starts_with("#include") && line.contains("lpfgall"))
         || (line.starts_with("module ") && line.ends_with(';'))
         || (line.to_ascii_lowercase().starts_with("derivation length:") && line.ends_with(';'))
 }
 
-/// A production with the arrow of cpfg.
+/// A production with the arrow `-->` of cpfg, but no comment of XML and no line that begins with `#`.
 fn is_arrow_rule(line: &str) -> bool {
     line.contains("-->") && !line.starts_with("<!--") && !line.starts_with('#')
 }
@@ -121,6 +122,7 @@ fn is_houdini(text: &str) -> bool {
         let Some((left, right)) = line.split_once('=') else { return false };
         let (left, right) = (left.trim(), right.trim());
         let symbol = left.split(['(', ':', '<', '>']).next().unwrap_or("");
+        // The successor of a rule has commands, or letters only; the value of a setting has neither.
         let looks_drawn =
             right.contains(['[', ']', '+', '-', '&', '/']) || right.chars().all(|c| c.is_ascii_alphabetic());
         symbol.chars().count() == 1
@@ -131,6 +133,7 @@ fn is_houdini(text: &str) -> bool {
     };
     let mut rules = 0_usize;
     for line in lines(text).map(|l| l.text.trim()).filter(|l| !l.is_empty() && !l.starts_with(['#', '/'])) {
+        // A heading of TOML, such as `[table]`.
         if line.starts_with('[') && line.ends_with(']') && !line.contains(['+', '-', '&', '/']) {
             return false;
         }

@@ -12,10 +12,9 @@ const MAX_RULES: usize = 25;
 const MAX_COLUMNS: usize = 160;
 /// Commands that no rule can redefine.
 const RESERVED: &str = "+-/\\@|!c<>[]";
-/// Entries of the file listed in a message.
+/// Upper limit on the entries that a message lists.
 const LISTED: usize = 12;
 
-/// An L-system of the file.
 struct Entry<'t> {
     name: Piece<'t>,
     /// Lines between the braces, without comments.
@@ -38,7 +37,7 @@ fn entries(text: &str) -> Vec<Entry<'_>> {
     for line in lines(text) {
         let code = line.before(';');
         if let Some(brace) = code.text.find('{') {
-            // The name stands before the brace, or alone on the line before.
+            // The name stands before the brace, or on the line before as its only text.
             let before = code.up_to(brace).trimmed();
             let name = if before.text.is_empty() { title } else { before };
             let comment = line.text.split_once(';').map_or("", |(_, c)| c.trim());
@@ -132,14 +131,12 @@ fn select<'e, 't>(
     found
 }
 
-/// A rule: predecessor, its place, successor.
 struct Rule {
     symbol: char,
     place: crate::token::SourcePlace,
     successor: Vec<SuccessorModule>,
 }
 
-/// An L-system while its lines are read.
 struct System<'r, 's> {
     reader: &'r mut Reader<'s>,
     angle: Option<f64>,
@@ -278,6 +275,7 @@ impl System<'_, '_> {
         };
         let reader = self.reader;
         if let Some(turtle) = &mut reader.program.turtle {
+            // The file gives the number of turns in a circle.
             turtle.settings.angle_deg = self.angle.map(|n| 360.0 / n);
         }
         reader.program.length = DEFAULT_ORDER;
@@ -289,13 +287,13 @@ impl System<'_, '_> {
     }
 }
 
-/// The number after a command.
+/// The number after a command, if there is one.
 struct Number {
     value: Option<f64>,
 }
 
 impl Number {
-    /// Reads `[I][Q]digits[.digits]`: `I` is 1/x, `Q` the square root. Colours take digits alone.
+    /// Reads `[I][Q]digits[.digits]`: `I` is 1/x, `Q` the square root. Colours take digits without them.
     fn read(chars: &[(usize, char)], i: &mut usize, command: char) -> Self {
         let is_color = matches!(command, 'c' | '<' | '>');
         let peek = |k: usize| chars.get(k).map(|p| p.1);

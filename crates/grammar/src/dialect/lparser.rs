@@ -12,17 +12,15 @@ const IGNORED: [&str; 9] =
     ["mutation", "shape", "poly_limit", "switch_yz", "closed_form", "user_form", "rand", "trope", "output"];
 /// Commands of the turtle, and the characters of numbers. Any other character without a rule becomes `_`.
 const COMMANDS: &str = "+-&^<>|%$~tFZfzg.[]{}\"';:?!c()0123456789";
-/// Most derivation steps of a file.
+/// Largest `recursion` (derivation length) that is accepted.
 const MAX_RECURSION: f64 = 1e6;
 
-/// A rule: predecessor, its place, successor as text.
 struct Rule<'t> {
     symbol: char,
     place: SourcePlace,
     successor: Vec<Piece<'t>>,
 }
 
-/// A file while its lines are read.
 struct File<'r, 's, 't> {
     reader: &'r mut Reader<'s>,
     recursion: Option<f64>,
@@ -203,6 +201,7 @@ impl<'t> File<'_, '_, 't> {
             self.rules.iter().map(|r| (r.symbol, r.successor.clone(), r.place)).collect();
         for (symbol, successor, place) in rules {
             let successor = self.modules(&successor);
+            // Of several rules of a symbol the first one counts.
             if made.insert(symbol) {
                 self.reader.rule(symbol, successor, place);
             }

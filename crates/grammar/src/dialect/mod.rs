@@ -23,7 +23,7 @@ use osier_base::limits::Limits;
 pub use convert::{ConvertTo, Converted, convert};
 pub use detect::{FileKind, detect};
 
-/// How a grammar file is to be read.
+/// Notation of a grammar file and, in a file of several L-systems, which of them to read.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ReadAs<'a> {
     /// Its notation; `None`: what its content says.
@@ -162,7 +162,7 @@ impl<'s> Reader<'s> {
         self.line_starts.partition_point(|start| *start <= at).max(1)
     }
 
-    /// A module without parameters.
+    /// A module without parameters; L004 beyond 65,535 symbols.
     fn module(&mut self, c: char, place: SourcePlace) -> Option<SuccessorModule> {
         let Some(symbol) = self.program.symbols.intern(c) else {
             self.session.error("L004", "more than 65,535 different symbols", place, "this one is too many");

@@ -43,13 +43,13 @@ impl<'t> Piece<'t> {
         Self { at, text }
     }
 
-    /// Without blanks at both ends.
+    /// Without whitespace at either end; `at` moves to the first byte that is left.
     pub fn trimmed(self) -> Self {
         let start = self.text.trim_start();
         Self { at: self.at + self.text.len() - start.len(), text: start.trim_end() }
     }
 
-    /// What lies before the first of a character, which begins a comment.
+    /// The part before the first `c`, which begins a comment; all of it without one.
     pub fn before(self, c: char) -> Self {
         Self { at: self.at, text: self.text.split(c).next().unwrap_or("") }
     }
@@ -75,7 +75,7 @@ impl<'t> Piece<'t> {
         (t.up_to(end), t.from(end).trimmed())
     }
 
-    /// Its characters with their places.
+    /// Its characters with their byte offsets in the whole text.
     pub fn chars(self) -> impl Iterator<Item = (usize, char)> + 't {
         let at = self.at;
         self.text.char_indices().map(move |(i, c)| (at + i, c))

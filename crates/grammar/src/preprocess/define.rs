@@ -11,7 +11,7 @@ pub struct Define {
     pub value: String,
     /// Its replacement in the grammar, whether or not it is overridden.
     pub written: String,
-    /// Where its name is defined.
+    /// Place of the name in its `#define`.
     pub span: Span,
     /// Where its replacement stands in the grammar; empty, behind the name, without one.
     pub value_span: Span,

@@ -135,7 +135,7 @@ impl Preprocessor<'_> {
         }
     }
 
-    /// Value of an `#if` expression.
+    /// Value of an `#if` expression, with `defined(X)` and `defined X` replaced before macros are expanded.
     fn evaluate_condition(&mut self, tokens: &[Token], place: SourcePlace) -> bool {
         let mut list = Vec::new();
         let mut i = 0;
@@ -180,6 +180,7 @@ impl Preprocessor<'_> {
             (None, &rest[1..])
         };
         let mut body: Rc<[Token]> = body.into();
+        // `--set` replaces only macros without arguments.
         if params.is_none() {
             if let Some(value) = self.overrides.get(&name) {
                 body = Rc::clone(value);

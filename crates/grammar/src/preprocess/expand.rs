@@ -64,7 +64,7 @@ impl Preprocessor<'_> {
         Some(token)
     }
 
-    /// Drops the topmost list.
+    /// Drops the topmost list; L004 for each `#if` that a file leaves without `#endif`.
     fn pop_frame(&mut self) {
         let Some(frame) = self.frames.pop() else { return };
         self.break_glue = true;
@@ -177,7 +177,7 @@ impl Preprocessor<'_> {
         }
         self.depth += 1;
         let base = self.frames.len();
-        // The list is a frame of its own: expansion stops at its end.
+        // The list is a separate frame: expansion stops at its end.
         self.frames.push(TokenFrame { tokens: tokens.into(), pos: 0, kind: FrameKind::List });
         let glue = std::mem::take(&mut self.break_glue);
         let mut out = Vec::new();
@@ -199,6 +199,7 @@ impl Preprocessor<'_> {
         args: &MacroArguments<'_>,
         place: SourcePlace,
     ) -> bool {
+        // Where the right side is a parameter, its argument is pasted as it was written.
         let argument = match right.kind {
             TokenKind::Ident(id) => params.iter().position(|p| *p == id).and_then(|i| args.get(i, true)),
             _ => None,
@@ -211,6 +212,7 @@ impl Preprocessor<'_> {
         let (Some(left), Some((first, rest))) = (body.last().and_then(word), right.split_first()) else { return false };
         let Some(first) = word(first) else { return false };
         let text = format!("{}{}", self.session.names.get(left), self.session.names.get(first));
+        // Both texts must form one token, which the end of line follows.
         let tokens = super::lexer::lex(self.session, place.span.source, &text).tokens;
         let [Token { kind, .. }, _] = tokens[..] else { return false };
         body.pop();

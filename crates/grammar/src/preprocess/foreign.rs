@@ -1,8 +1,8 @@
-//! Files of other programs whose names end alike, known by their first telling line.
+//! Recognises files of other programs whose names have the same ending.
 
 use crate::token::{NameTable, SourcePlace, Token, TokenKind};
 
-/// The program that a file is written for, and the line that tells, if it is one whose language is not supported.
+/// The program that a file is written for, and the line that identifies it, if it is one whose language is not supported.
 pub(super) fn detect(names: &NameTable, tokens: &[Token]) -> Option<(&'static str, SourcePlace)> {
     tokens.split(Token::is_newline).find_map(|line| {
         let (first, last) = (line.first()?, line.last()?);
@@ -10,7 +10,7 @@ pub(super) fn detect(names: &NameTable, tokens: &[Token]) -> Option<(&'static st
     })
 }
 
-/// The program whose files alone have such a line.
+/// The program of such a line; `None` for a line that may belong to cpfg.
 fn program(names: &NameTable, line: &[Token]) -> Option<&'static str> {
     let (first, last) = (line.first()?, line.last()?);
     let word = |t: &Token| if let TokenKind::Ident(n) = t.kind { names.get(n) } else { "" };

@@ -41,7 +41,7 @@ pub(super) struct LexedText {
     pub comments: Vec<Span>,
 }
 
-/// Turns a text into tokens.
+/// Splits a text into tokens, whose places are bytes of `text`. Errors and the warnings L014 and L057 go to the session.
 pub(super) fn lex(session: &mut ParseSession, source: SourceId, text: &str) -> LexedText {
     warn_of_joined_lines(session, source, text);
     let mut lexer = Lexer {
@@ -86,7 +86,7 @@ fn splice(text: &str) -> Vec<(usize, char)> {
     out
 }
 
-/// Words that begin a line of their own.
+/// First words of items: a line that begins with one was not meant to continue the line before (L057).
 const LINE_WORDS: [&str; 9] =
     ["axiom", "derivation", "decomposition", "homomorphism", "endlsystem", "lsystem", "ignore", "consider", "maximum"];
 
@@ -181,6 +181,7 @@ impl Lexer<'_> {
                     glued = false;
                     continue;
                 }
+                // After `#pragma osier comments block` only `/*` begins a comment.
                 '/' if self.peek(1) == Some('*')
                     || (self.peek(1) == Some('/') && !self.session.block_comments_only) =>
                 {
@@ -196,9 +197,11 @@ impl Lexer<'_> {
                 }
                 _ => {}
             }
+            // A `#` that begins a line: the pragma must take effect before the next token.
             if c == '#' && self.out.tokens.last().is_none_or(Token::is_newline) {
                 self.pragma();
             }
+            // `-->` begins a successor, in which `//` may be two modules (L014).
             self.rule = match (self.rule, c) {
                 (RuleState::Successor, _) => RuleState::Successor,
                 (RuleState::Arrow(2), '>') if glued => RuleState::Successor,
@@ -211,6 +214,7 @@ impl Lexer<'_> {
             self.out.tokens.push(Token { kind, place, glued });
             glued = true;
         }
+        // The last line of a file may lack its end.
         if !self.out.tokens.last().is_some_and(Token::is_newline) {
             self.newline(self.end);
         }

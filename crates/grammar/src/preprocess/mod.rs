@@ -33,7 +33,7 @@ enum FrameKind {
     File { conditions: usize },
     /// A macro's body after substitution.
     Macro { name: u32 },
-    /// A list expanded on its own.
+    /// A list of tokens that is expanded separately from the text around it.
     List,
 }
 
@@ -52,7 +52,6 @@ struct OpenConditional {
     place: SourcePlace,
 }
 
-/// The state of one run.
 struct Preprocessor<'a> {
     session: &'a mut ParseSession,
     sources: &'a mut Sources,
@@ -61,7 +60,7 @@ struct Preprocessor<'a> {
     used_overrides: Vec<u32>,
     macros: BTreeMap<u32, MacroDefinition>,
     frames: Vec<TokenFrame>,
-    /// Shown names of the open files, outermost first.
+    /// Names of the files that are being read, the main file first.
     files: Vec<String>,
     comments: Vec<Span>,
     conditions: Vec<OpenConditional>,
@@ -86,7 +85,7 @@ pub(super) struct Preprocessed {
     pub is_unreadable: bool,
 }
 
-/// The file to read, and how.
+/// The main file, and what its directives may use: includes, values of `--set`, limits.
 pub(super) struct PreprocessorInput<'a> {
     pub name: &'a str,
     pub bytes: &'a [u8],
@@ -179,7 +178,7 @@ impl Preprocessor<'_> {
             self.session.warning("L009", format!("\"{name}\" is not UTF-8, read as Latin-1"), start, help);
         }
         let lexed = lexer::lex(self.session, source, &text);
-        // Files of other programs would only produce misleading errors; stop at the first telling line.
+        // Files of other programs would only produce misleading errors; stop at the first line that identifies one.
         if let Some((program, place)) = foreign::detect(&self.session.names, &lexed.tokens) {
             let message = format!("\"{name}\" is written for {program}, whose language is not supported");
             let help = "rewrite it in the notation of cpfg: modules, '-->' and 'Axiom:'";
@@ -208,7 +207,7 @@ impl Preprocessor<'_> {
         text.split_whitespace().filter(|w| *w != "*").collect::<Vec<_>>().join(" ")
     }
 
-    /// Every override must meet a definition.
+    /// L002 for each `--set` without a `#define` of its name.
     fn check_overrides(&mut self) {
         let names: Vec<String> = self.defines.iter().map(|d| d.name.clone()).collect();
         for (name, tokens) in &self.overrides {

@@ -8,7 +8,7 @@ use pulp::x86::V3;
 use super::lanes::Lanes;
 use super::{ChaosGame, Chunk, Coefficients, LANES, TileLayout};
 
-/// Lanes of a register.
+/// Numbers of 32 bits in an AVX2 register.
 const WIDTH: usize = 8;
 /// Registers stepped side by side: enough to hide how long an addition takes.
 const REGISTERS: usize = 2;
@@ -42,7 +42,8 @@ impl CoefficientTable {
     }
 }
 
-/// Fills a chunk; `false`, with nothing done, if the processor or the system do not suit.
+/// Fills a chunk; `false`, with nothing done, without AVX2 and for systems that are not plane, have more than 16 maps or a chaos
+/// matrix.
 pub(super) fn advance(game: &ChaosGame, lanes: &mut Lanes, chunk: &mut Chunk) -> bool {
     if game.dim != 2 || game.maps.len() > 16 || game.rows.len() != 1 {
         return false;
@@ -64,7 +65,7 @@ struct AdvanceKernel<'a, const WIDE: bool> {
     chunk: &'a mut Chunk,
 }
 
-/// State of [`REGISTERS`] registers.
+/// Generator states and positions of 16 lanes, kept in registers during a chunk.
 struct LaneRegisters {
     s: [[__m256i; REGISTERS]; 4],
     x: [__m256; REGISTERS],
@@ -155,7 +156,7 @@ fn pick(simd: V3, table: &CoefficientTable, draw: __m256i) -> __m256i {
     let mut map = simd.avx._mm256_set1_epi32(0);
     for t in table.thresholds.iter().take(table.count) {
         let reached = simd.avx2._mm256_cmpgt_epi32(draw, simd.avx._mm256_set1_epi32(*t));
-        // All ones is -1.
+        // A comparison that holds gives -1: subtracting it adds one for each threshold reached.
         map = simd.avx2._mm256_sub_epi32(map, reached);
     }
     map

@@ -10,13 +10,12 @@ use osier_base::diagnostic::Diagnostic;
 use osier_base::math::narrow;
 use osier_base::par::par_map;
 
-/// Points of the sample.
 const SAMPLE_POINTS: u64 = 1 << 20;
 /// Magnitude beyond which a point of the sample has escaped.
 const ESCAPE_RADIUS: f32 = 1e15;
 /// Shares of the sample outside the quantile box, on each side of each axis.
 const TAIL_QUANTILE: f64 = 0.0005;
-/// Share of escapes that is still an attractor.
+/// Largest share of escapes with which a system still counts as having an attractor.
 const MAX_ESCAPES: f64 = 1e-3;
 
 /// Bounding box of an attractor's sample, with and without outliers, table units.
@@ -64,7 +63,7 @@ pub fn extent(ifs: &Ifs, study: &SystemAnalysis) -> Result<Extent, Box<Diagnosti
         }
         escapes = escapes.plus(found);
     }
-    // The extent is that of the shown points: after the final map.
+    // The extent is that of the points as they are drawn: after the final map.
     if let Some(last) = &ifs.last {
         show(last, &mut all);
     }
@@ -77,7 +76,7 @@ pub fn extent(ifs: &Ifs, study: &SystemAnalysis) -> Result<Extent, Box<Diagnosti
     }
     let mut out = Extent { bounds: (DVec3::ZERO, DVec3::ZERO), quantile: (DVec3::ZERO, DVec3::ZERO) };
     for axis in 0..ifs.dim.min(3) {
-        // Bounds and quantiles by selection, each axis on its own.
+        // Bounds and quantiles by selection, one axis after the other.
         let mut values: Vec<f32> = kept.iter().map(|i| all[axis][*i]).collect();
         let end = values.len() - 1;
         #[allow(
@@ -94,7 +93,7 @@ pub fn extent(ifs: &Ifs, study: &SystemAnalysis) -> Result<Extent, Box<Diagnosti
     Ok(out)
 }
 
-/// Moves all points by the map that they are shown by.
+/// Applies the final map in place to the points, one list per coordinate.
 fn show(last: &Affine, [xs, ys, zs]: &mut [Vec<f32>; 3]) {
     for ((x, y), z) in xs.iter_mut().zip(ys).zip(zs) {
         let shown = last.apply(DVec3::new(f64::from(*x), f64::from(*y), f64::from(*z)));

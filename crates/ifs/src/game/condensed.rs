@@ -14,7 +14,7 @@ pub(super) fn advance(game: &ChaosGame, lanes: &mut Lanes, chunk: &mut Chunk) {
     let total = game.condensation.iter().fold(0.0, |s, c| s + c.weight).clamp(0.0, 1.0);
     for step in 0..chunk.steps {
         for lane in 0..LANES {
-            // One draw decides between a jump into a set and a map, which takes a draw of its own.
+            // One draw decides between a jump into a set and a map; the map takes a second draw.
             let chance = uniform(lanes, lane);
             if chance < total {
                 jump_into_set(game, lanes, lane, chance);

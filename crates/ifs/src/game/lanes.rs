@@ -5,7 +5,7 @@ use super::{ChaosGame, Chunk, Coefficients, LANES, TileLayout};
 /// State of all lanes of a block.
 #[derive(Debug, Clone)]
 pub(super) struct Lanes {
-    /// Words of the generators.
+    /// State of the xoshiro128+ generators: four words per lane.
     pub s: [[u32; LANES]; 4],
     pub x: [f32; LANES],
     pub y: [f32; LANES],
@@ -15,7 +15,7 @@ pub(super) struct Lanes {
 }
 
 impl Lanes {
-    /// All lanes at one place.
+    /// All lanes at the point `start`, with generators that are not seeded yet.
     pub fn at(start: [f32; 3], map: u32) -> Self {
         let all = |v| [v; LANES];
         Self { s: [[0; LANES]; 4], x: all(start[0]), y: all(start[1]), z: all(start[2]), map: [map; LANES] }

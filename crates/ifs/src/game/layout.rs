@@ -3,16 +3,16 @@
 
 use osier_base::par::par_each;
 
-/// log2 of the side of a tile; the fast instructions have it written in.
+/// log2 of the side of a tile; `avx2` has it as literals.
 const SIDE: usize = 5;
 const MASK: usize = (1 << SIDE) - 1;
 
 /// Cells of a picture, tile after tile, with one more for what falls outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TileLayout {
-    /// Width of the picture, pixels.
+    /// Pixels per row of the picture.
     pub width: usize,
-    /// Height of the picture, pixels.
+    /// Number of rows of the picture.
     pub height: usize,
 }
 

@@ -1,7 +1,7 @@
 //! The chaos game: points of an attractor, the same at any thread count and on any processor.
 //!
-//! Points come in blocks of 32 lanes. A lane has a random stream of its own and steps from map to map; the points of a
-//! block are ordered by step, then lane.
+//! Points come in blocks of 32 lanes. Each lane has a separate random stream and steps from map to map; the points of a block are
+//! ordered by step, then lane.
 //!
 //! # Examples
 //! ```
@@ -35,7 +35,7 @@ use osier_base::convert::limit;
 use osier_base::math::narrow;
 use osier_base::rng::{Rng, word};
 
-/// Number of lanes of a block.
+/// Chains of a block that step side by side, each with a separate random stream.
 pub const LANES: usize = 32;
 /// Steps of all lanes that a sink receives at once.
 pub const CHUNK: usize = 32;
@@ -79,7 +79,7 @@ impl Chunk {
 
 /// Receives the points of one block, chunk after chunk.
 pub trait PointSink {
-    /// Receives up to [`CHUNK`] steps of all lanes.
+    /// Receives up to [`CHUNK`] steps of all lanes, of which `chunk.steps` are valid.
     fn take(&mut self, chunk: &Chunk);
     /// A block begins: state of the block before must be cleared.
     fn begin(&mut self) {}
@@ -187,7 +187,6 @@ impl ChaosGame {
         self.frame
     }
 
-    /// Instructions that steps are made with.
     pub(super) fn tier(&self) -> InstructionSet {
         self.tier
     }
@@ -239,7 +238,7 @@ impl ChaosGame {
         chunk.steps = limit(left).min(CHUNK);
         let steps = chunk.steps as u64;
         if !self.condensation.is_empty() {
-            // Condensation needs a draw more per step; it has loops of its own.
+            // Condensation needs a draw more per step and has separate loops.
             condensed::advance(self, lanes, chunk);
             return steps;
         }

@@ -113,7 +113,7 @@ fn hexagonal_grid(rings: &[Vec<DVec2>], spacing: f64) -> Vec<DVec2> {
     out
 }
 
-/// How a flat blade stands in space.
+/// Size, bend and stalk that a flat blade gets when it becomes a mesh in space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BladePose {
     /// Distance from anchor to tip, m.
@@ -139,7 +139,7 @@ pub struct BladePlacement {
     pub anchor: DVec2,
     /// The midrib from the anchor to the tip, pixels.
     pub midrib: Vec<DVec2>,
-    /// A place well inside the blade near its foot, whose colour the stalk wears.
+    /// A place well inside the blade near its foot, whose colour the stalk takes.
     pub solid: DVec2,
     /// How far above the anchor the midrib enters the mesh, pixels.
     pub start: f64,

@@ -1,4 +1,4 @@
-//! A leaf as what is shown of it, and the hash that tells one leaf from another.
+//! Maps and blade of a traced leaf, and a hash of all that they depend on.
 
 use std::sync::OnceLock;
 
@@ -37,7 +37,7 @@ pub struct DrawnLeaf {
 /// A leaf that is made when it is first asked for, or why it cannot be traced.
 pub type LazyLeaf = OnceLock<Result<DrawnLeaf, Box<Diagnostic>>>;
 
-/// Makes a leaf with its maps.
+/// Traces a leaf and paints its maps: colour, normals, roughness and relief.
 /// # Errors
 /// As [`leaf`].
 pub fn mapped(table: &Ifs, spec: &LeafSpec, colors: &LeafColors) -> Result<DrawnLeaf, Box<Diagnostic>> {
@@ -51,7 +51,7 @@ pub fn mapped(table: &Ifs, spec: &LeafSpec, colors: &LeafColors) -> Result<Drawn
     // 16 bits for the relief: 8 would show steps under grazing light.
     let deep = |h: &f32| (h.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;
     Ok(DrawnLeaf {
-        // At most 4096.
+        // The side of the maps is at most 4096 pixels.
         side: saturating_index(n),
         color: f.color.iter().flat_map(rgba).collect(),
         normal: normals(&f.height, &traced.raster.mask.set, n),

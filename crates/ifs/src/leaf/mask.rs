@@ -18,7 +18,7 @@ pub struct CleaningReport {
     pub components: usize,
     /// Share of the set pixels in the largest.
     pub largest: f64,
-    /// Number of holes that were filled.
+    /// Number of holes that were small enough to be filled.
     pub filled: usize,
     /// Number of holes that were too large to be filled.
     pub holes: usize,

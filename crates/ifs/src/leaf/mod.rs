@@ -93,7 +93,7 @@ impl Default for LeafSpec {
 /// A leaf on its pixels, turned so that its tip points up; rows from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafRaster {
-    /// Silhouette: closed gaps, the largest part alone, small holes filled.
+    /// Silhouette: closed gaps, only the largest part, small holes filled.
     pub mask: Mask,
     /// Points counted by pixel, without those beyond the picture.
     pub hits: Vec<u32>,
@@ -128,7 +128,7 @@ pub struct TracedLeaf {
     pub warnings: Vec<Diagnostic>,
 }
 
-/// Makes a leaf of a system.
+/// Traces the attractor of a plane system as a leaf: silhouette, veins and a triangulated blade.
 /// Source: [wang-hao] 3.2.2: the iterated function system at the terminals of a plant.
 /// Differs: the paper paints its points at every terminal; here they become one leaf that is instanced.
 /// # Errors
@@ -339,7 +339,7 @@ fn lobe_tips(rings: &[Vec<DVec2>], mask: &Mask, nearest: &[u32], unit: f64) -> V
     (0..n).filter(sharp).map(of).collect()
 }
 
-/// Veins as wide as what they serve.
+/// Cover of the veins by pixel, 0..1; a vein is the wider the more lobes it serves.
 #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "a few pixels")]
 fn veins(paths: &VeinPaths, tips: &[usize], unit: f64) -> Vec<f32> {
     // Draw each pixel of a path as a disc; overlapping discs keep the strongest value.

@@ -17,7 +17,7 @@ pub fn rings(field: &[f32], n: usize) -> Vec<Vec<DVec2>> {
     for y in -1..size {
         for x in -1..size {
             let corners = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)].map(|v| v > 0.5);
-            // Top, right, bottom, left.
+            // Edges of the cell in the order of its corners: top, right, bottom, left.
             let edges = [(x, y, 1), (x + 1, y, 0), (x, y + 1, 1), (x, y, 0)];
             for k in 0..4 {
                 // A run of set corners begins at k: the ring enters on the edge before it and leaves behind it.
@@ -141,7 +141,7 @@ pub fn crossings(segments: &[(DVec2, DVec2)]) -> Vec<usize> {
     out
 }
 
-/// True if a point lies inside a ring.
+/// Even-odd test whether a point lies inside a closed ring; on the ring itself either result is possible.
 pub fn inside(ring: &[DVec2], p: DVec2) -> bool {
     let n = ring.len();
     let crosses = |i: &usize| {

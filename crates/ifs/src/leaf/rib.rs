@@ -49,7 +49,7 @@ impl VeinPaths {
         Self { side: n, before }
     }
 
-    /// Pixels from `end` back to the anchor, both with them; `end` alone where no way leads there.
+    /// Pixels from `end` back to the anchor, both included; only `end` where no way leads there.
     pub fn path_to_anchor(&self, end: usize) -> Vec<usize> {
         let mut out = vec![end];
         let mut at = end;
@@ -78,7 +78,7 @@ impl VeinPaths {
     }
 }
 
-/// A line smoothed and cut into `count` points at equal steps of arc length.
+/// A line as `count` points, at least 2, at equal steps of arc length.
 pub fn resampled(line: &[DVec2], count: usize) -> Vec<DVec2> {
     // Arc length at every point of the line.
     let mut arcs = vec![0.0];
@@ -101,7 +101,7 @@ pub fn resampled(line: &[DVec2], count: usize) -> Vec<DVec2> {
     (0..count).map(at).collect()
 }
 
-/// Place along a line (0..1), signed distance (above 0 to its left, y up) and nearest point for `p`.
+/// Place along a line (0..1) of its point nearest to `p`, and the signed distance of `p` from it, above 0 to its left with y up.
 pub fn project_onto_line(line: &[DVec2], p: DVec2) -> (f64, f64) {
     let total: f64 = line.windows(2).map(|w| w[0].distance(w[1])).sum();
     let (mut best, mut arc) = ((f64::MAX, 0.0, 0.0), 0.0);

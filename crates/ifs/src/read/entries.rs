@@ -8,7 +8,7 @@ use std::ops::Range;
 /// Characters of a system's name that are kept.
 const MAX_NAME_LENGTH: usize = 40;
 
-/// Where an entry begins.
+/// Bytes of an entry's header, `end` excluded.
 struct EntryHeader {
     start: usize,
     end: usize,

@@ -69,10 +69,10 @@ const FLAME_ATTRIBUTES: &[&str] = &[
     "plugins",
     "new_linear",
 ];
-/// Deepest nesting and most nodes of a document.
+/// Upper limit on the nodes of an XML document.
 const MAX_XML_NODES: u32 = 1_000_000;
 
-/// Reads all flames of a document.
+/// Reads all flames of a document; I033 without any, or for malformed XML.
 pub(super) fn read(reader: &mut IfsReader<'_>) -> Vec<Ifs> {
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_XML_NODES, ..ParsingOptions::default() };
     // Apophysis writes several flames without a root; one is put around them, and positions are moved back.
@@ -122,7 +122,7 @@ impl FlameReader<'_, '_> {
         self.reader.span(back(range.start), back(range.end))
     }
 
-    /// The start tag of a node.
+    /// Place of the `<` and the name of a start tag.
     fn tag(&self, node: Node<'_, '_>) -> Span {
         let r = node.range();
         self.span(r.start..(r.start + 1 + node.tag_name().name().len()).min(r.end))

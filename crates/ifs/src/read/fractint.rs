@@ -9,7 +9,7 @@ use osier_base::files::{NumberError, number};
 /// Most characters of a number that a diagnostic points at.
 const MAX_NUMBER_LENGTH: usize = 64;
 
-/// What the header says.
+/// Name and dimension from an entry's header, or the name of a file without one.
 pub(super) struct EntryTitle {
     pub name: String,
     /// `None` without a header: to be found out.
@@ -46,6 +46,7 @@ pub(super) fn system(reader: &mut IfsReader<'_>, body: &[u8], start: usize, titl
         reader.push(d.help("use fewer maps, or raise the limit with --max-maps"));
         return None;
     }
+    // Only other programs have these limits.
     if maps > 32 {
         let text = format!("\"{}\" has {maps} maps", title.name);
         let help = if maps > 64 { "Fractint reads 32 maps, Iterated Dynamics 64" } else { "Fractint reads 32 maps" };

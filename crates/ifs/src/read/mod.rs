@@ -28,7 +28,6 @@ use osier_base::{Error, Result};
 
 /// Longest file, bytes.
 const MAX_BYTES: usize = 16 << 20;
-/// Most systems in a file.
 const MAX_SYSTEMS: usize = 10_000;
 /// Diagnostics printed about one file; a damaged file could otherwise produce one per number.
 const MAX_DIAGNOSTICS: usize = 100;
@@ -142,7 +141,6 @@ fn stem(name: &str) -> String {
     file.split('.').next().unwrap_or(file).to_owned()
 }
 
-/// One file being read.
 pub(super) struct IfsReader<'a> {
     pub text: &'a str,
     pub source: SourceId,
@@ -155,7 +153,6 @@ pub(super) struct IfsReader<'a> {
 }
 
 impl IfsReader<'_> {
-    /// Most maps of a system.
     fn max_maps(&self) -> usize {
         convert::limit(self.limits.get("maps"))
     }
@@ -199,7 +196,7 @@ impl IfsReader<'_> {
         }
     }
 
-    /// Names that are used twice, and names that Fractint takes for one.
+    /// Reports names that are used twice (I010), names that Fractint does not distinguish (I009), and too many systems (I008).
     fn check_names(&mut self, systems: &[Ifs]) {
         if systems.len() > MAX_SYSTEMS {
             let text =

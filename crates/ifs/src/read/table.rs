@@ -1,4 +1,4 @@
-//! Our own tables: TOML with everything that Fractint's columns cannot hold.
+//! Tables of osier: TOML with everything that Fractint's columns cannot hold.
 
 use std::ops::{Bound, RangeBounds};
 use toml::Spanned;
@@ -136,7 +136,7 @@ impl TableReader<'_, '_> {
         finite
     }
 
-    /// A number in a range, or I-diagnostic naming the range.
+    /// A number in a range; I041, which states the range, for one outside.
     fn number_in(&mut self, item: &TomlItem<'_>, key: &str, range: impl RangeBounds<f64>) -> Option<f64> {
         let v = self.number(item, key)?;
         if !range.contains(&v) {
@@ -384,7 +384,7 @@ impl TableReader<'_, '_> {
             self.reader.push(d.help("add dim = 3 and maps abcdefghijkl or branch, or take a polygon"));
             return None;
         }
-        // A string names the file alone; a table adds scale and up axis.
+        // A string is just the file name; a table adds scale and up axis.
         let (name, scale, up_z) = match item.get_ref() {
             DeValue::Table(t) => {
                 self.check_keys(t, "a mesh", MESH_KEYS);

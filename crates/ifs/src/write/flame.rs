@@ -8,7 +8,7 @@ use crate::{Ifs, PictureView};
 use osier_base::diagnostic::Diagnostic;
 use osier_base::units::{srgb_byte, srgb_from_linear};
 
-/// Rows of the picture.
+/// Height of the picture in a written view, pixels.
 const HEIGHT: f64 = 720.0;
 
 /// All systems as one document, with what it cannot hold (I011).
@@ -61,7 +61,7 @@ fn flame(item: &TableItem, name: &str) -> String {
     out + "</flame>\n"
 }
 
-/// Column by column with y down.
+/// Coefficients of a map as a flame file has them: column by column, with y down.
 fn coefs(map: &Affine) -> String {
     let [a, b, c, d, e, f] = {
         // y down again: F w F, columns first.

@@ -4,7 +4,7 @@ use super::{TableItem, decimal, lost, millionths, names, share};
 use crate::Ifs;
 use osier_base::diagnostic::Diagnostic;
 
-/// What the columns are.
+/// Comment at the head of a file with plane systems: order of the columns, and the map that they define.
 const PLANE: &str = "; columns a b c d e f p :  x' = a x + b y + e   y' = c x + d y + f   (y up)";
 const SPACE: &str =
     "; columns a..i j k l p :  x' = a x + b y + c z + j   y' = d x + e y + f z + k   z' = g x + h y + i z + l";

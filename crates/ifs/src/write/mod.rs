@@ -33,7 +33,7 @@ const MILLION: u64 = 1_000_000;
 /// Characters of a system's name that are kept.
 const MAX_NAME_LENGTH: usize = 40;
 
-/// A system to write and its name in the file.
+/// A system to write, with its weights and, for flames, the view of its picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableItem {
     /// System to write; features that the format lacks are reported as I011.

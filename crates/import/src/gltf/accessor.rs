@@ -95,6 +95,7 @@ impl Accessors<'_> {
         }
         let count = usize::try_from(count).map_err(|_| fault("is too large"))?;
         let (width, component) = (kind.multiplicity(), component.0);
+        // Checked here for all elements, so that a damaged accessor is found before anything is allocated.
         if let Some(view) = accessor.buffer_view {
             let offset = accessor.byte_offset.map_or(0, |o| o.0);
             if self.elements(view.value(), offset, count, width * component.size()).is_none() {

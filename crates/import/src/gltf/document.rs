@@ -32,7 +32,7 @@ const SUPPORTED_EXTENSIONS: [&str; 17] = [
     "KHR_texture_transform",
 ];
 
-/// Accessors of an instanced node.
+/// Accessors of the attributes of EXT_mesh_gpu_instancing at a node; `None` for an absent attribute.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct InstanceAccessors {
     pub(super) translation: Option<usize>,
@@ -67,15 +67,15 @@ pub(super) struct CompressedView {
 #[derive(Debug)]
 pub(super) struct GltfDocument {
     pub(super) root: Root,
-    /// Instance accessors by index of the node.
+    /// Accessors of EXT_mesh_gpu_instancing, by index of the node whose mesh they multiply.
     pub(super) instance_accessors: BTreeMap<usize, InstanceAccessors>,
     /// Transform of the base colour texture, by index of the material.
     pub(super) uv_transforms: BTreeMap<usize, UvTransform>,
-    /// Index of refraction, by index of the material.
+    /// Index of refraction by KHR_materials_ior, by index of the material.
     pub(super) iors: BTreeMap<usize, f64>,
     /// Share of diffuse light that is transmitted, by index of the material.
     pub(super) translucencies: BTreeMap<usize, f64>,
-    /// Compressed bytes, by index of the buffer view.
+    /// Place and coding of compressed buffer views (EXT_meshopt_compression), by index of the view.
     pub(super) compressed_views: BTreeMap<usize, CompressedView>,
 }
 

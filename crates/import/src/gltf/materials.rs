@@ -69,6 +69,7 @@ impl<'a> GltfMaterials<'a> {
         let name = self.names.unique(given.and_then(|g| g.name.as_deref()).unwrap_or(&stem));
         let mut material = context.material(&name);
         let (Some(given), Some(id)) = (given, id) else {
+            // The default material of glTF is white.
             material.base_color = [1.0; 3];
             return Ok(material);
         };
@@ -109,6 +110,7 @@ impl<'a> GltfMaterials<'a> {
         map_use: MapUse,
         name: &str,
     ) -> ImportResult<Option<u32>> {
+        // Materials with the same image and factors share a map.
         if let Some(index_of) = self.cache.find(image, map_use) {
             return Ok(Some(index_of));
         }

@@ -30,6 +30,7 @@ pub(super) fn flatten(
 ) -> ImportResult<Vec<MeshInstances>> {
     let root = &document.root;
     let accessors = Accessors { document, buffers };
+    // A node may be reached once: this excludes cycles and second parents.
     let mut seen = vec![false; root.nodes.len()];
     let mut stack: Vec<(usize, Mat4, usize)> =
         root_nodes(document).into_iter().rev().map(|n| (n, Mat4::IDENTITY, 1)).collect();
@@ -67,6 +68,7 @@ pub(super) fn flatten(
             let name = [called(node.name.as_ref()), called(own)].join(" ").trim().to_owned();
             instances.push(MeshInstances { mesh: mesh.value(), name, world_from_mesh });
         }
+        // Reversed, so that children leave the stack in the order of the file.
         let children = node.children.iter().flatten().rev();
         stack.extend(children.map(|c| (c.value(), world_from_node, depth + 1)));
     }
@@ -113,7 +115,7 @@ fn trs(t: Vec3, r: Quat, s: Vec3) -> Mat4 {
     Mat4::from_scale_rotation_translation(s, r, t)
 }
 
-/// Transforms of the instances of a node.
+/// Transforms of the instances of a node, relative to the node.
 /// Source: EXT_mesh_gpu_instancing.
 fn instance_matrices(
     context: &ImportContext<'_>,

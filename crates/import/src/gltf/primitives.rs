@@ -70,7 +70,7 @@ fn transformed(part: &MeshPart, world_from_mesh: Mat4) -> MeshPart {
     part
 }
 
-/// The primitives of a mesh in its own space.
+/// Reads the primitives of a mesh that consist of triangles, in the coordinates of the mesh; leaves out others with X016.
 fn mesh(
     context: &mut ImportContext<'_>,
     accessors: &Accessors<'_>,
@@ -94,8 +94,10 @@ fn mesh(
             }
         };
         let material = primitive.material.map(|m| m.value());
+        // The material decides which texture coordinates are read.
         let (uv_set, transform) = materials.uv_transform(material);
         let mut part = vertex_attributes(context, accessors, primitive, uv_set, transform)?;
+        // Without indices the vertices follow each other as they are stored.
         let order = match primitive.indices {
             Some(indices) => accessors.vertex_indices(context, indices.value())?,
             None => (0..part.points.len()).filter_map(|i| u32::try_from(i).ok()).collect(),
@@ -119,6 +121,7 @@ fn vertex_attributes(
     transform: Option<UvTransform>,
 ) -> ImportResult<MeshPart> {
     let attribute = |s: Semantic| primitive.attributes.get(&Checked::Valid(s)).map(|i| i.value());
+    // Numbers of an attribute; empty where the primitive does not have it.
     let floats = |s: Semantic, types: &[Type]| {
         attribute(s).map(|i| accessors.floats(context, i, types, "vertices")).transpose().map(Option::unwrap_or_default)
     };
@@ -126,6 +129,7 @@ fn vertex_attributes(
     let normals = floats(Semantic::Normals, &[Type::Vec3])?;
     let uvs = floats(Semantic::TexCoords(uv_set), &[Type::Vec2])?;
     let colors = floats(Semantic::Colors(0), &[Type::Vec3, Type::Vec4])?;
+    // Colours have three or four components, as their accessor says.
     let width = attribute(Semantic::Colors(0)).map_or(4, |i| accessors.width(i)).max(1);
     let part = MeshPart {
         points: points.chunks_exact(3).map(Vec3::from_slice).collect(),

@@ -54,7 +54,7 @@ impl MapUse {
     }
 }
 
-/// An image of the file.
+/// A decoded image, before or after it is stored unchanged.
 #[derive(Debug)]
 enum CachedImage {
     /// Decoded, not stored in the result yet.
@@ -121,6 +121,7 @@ impl MapCache {
     pub(crate) fn store(&mut self, number: usize, map_use: MapUse, name: &str) -> Option<u32> {
         let index = table_index(self.images.len());
         let slot = self.decoded.get_mut(&number)?;
+        // The slot is emptied here; each case fills it again.
         let raw = match slot.take()? {
             CachedImage::Decoded(raw) if map_use.is_plain() => {
                 *slot = Some(CachedImage::Stored(index));
@@ -153,7 +154,7 @@ impl MapCache {
     }
 }
 
-/// Samples of an 8-bit image.
+/// Samples of an 8-bit image; none of one with 16 bits.
 fn bytes(image: &Image) -> &[u8] {
     match &image.pixels {
         Pixels::U8(samples) => samples,

@@ -122,7 +122,7 @@ pub(crate) fn decode_deep(
     if !is_complete {
         return Err(failed(&"its end is missing"));
     }
-    // Dimensions come from the header; nothing is allocated for pixels before they are accepted.
+    // The decoder may not allocate more than the budget, whatever the file declares.
     let mut limits = image::Limits::no_limits();
     limits.max_alloc = Some(budget);
     reader.limits(limits);
@@ -137,7 +137,7 @@ pub(crate) fn decode_deep(
     DynamicImage::from_decoder(decoder).map_err(|e| failed(&e))
 }
 
-/// Counts bytes of decoded images.
+/// Adds `bytes` to those of the images decoded so far for this file.
 /// # Errors
 /// X010 over the limit.
 pub(crate) fn spend(context: &ImportContext<'_>, place: &str, bytes: u64, spent: &mut u64) -> ImportResult<()> {
@@ -172,7 +172,7 @@ fn is_complete_png(bytes: &[u8]) -> bool {
 
 /// True if an end-of-image marker (FFD9) follows the last start-of-scan marker (FFDA). Embedded thumbnails have both, before it.
 fn is_complete_jpeg(bytes: &[u8]) -> bool {
-    // Markers of JPEG: FF D9 ends the image, FF DA starts a scan.
+    // The last of each marker counts: an embedded thumbnail lies before the scans of the picture.
     let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);
     last([0xff, 0xd9]).is_some_and(|end| last([0xff, 0xda]).is_some_and(|scan| end > scan))
 }

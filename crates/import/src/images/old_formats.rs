@@ -4,14 +4,14 @@
 use super::decode::{DecodedImage, spend};
 use crate::{ImportContext, ImportResult};
 
-/// First bytes of a Silicon Graphics picture.
+/// First bytes of a Silicon Graphics picture: the number 474, big-endian.
 const SGI_MAGIC: [u8; 2] = [0x01, 0xda];
-/// Bytes of its header.
+/// Bytes of a Silicon Graphics header, before the pixels or the table of compressed rows.
 const SGI_HEADER: usize = 512;
-/// Bytes of the header of a Targa picture.
+/// Bytes of a Targa header, before its identification text and colour map.
 const TARGA_HEADER: usize = 18;
 
-/// Size and channels of a picture.
+/// Size of a picture, and how many channels its decoding yields.
 #[derive(Debug, Clone, Copy)]
 struct Shape {
     width: usize,
@@ -20,7 +20,8 @@ struct Shape {
     channels: usize,
 }
 
-/// Decodes a picture of an old format; `None` if its bytes and name are of none. `name`: of the file, whose ending tells Targa.
+/// Decodes a picture of an old format; `None` if its bytes and name are of none. `name`: of the file, by whose ending Targa is
+/// recognised.
 /// # Errors
 /// X010 if it is damaged or over a limit.
 pub(crate) fn decode_old(
@@ -52,6 +53,7 @@ fn picture(
             format!("picture: image of {} x {} pixels, the limit is {side} a side", shape.width, shape.height);
         return Err(Box::new(context.error_in_file("X010", message).help("make it smaller, or use --max-image-side")));
     }
+    // Counted before any sample is stored: the size is that of the header.
     spend(context, "picture", (shape.width * shape.height * shape.channels) as u64, spent)?;
     let samples = samples_of(bytes, shape).ok_or_else(damaged)?;
     let (Ok(width), Ok(height), Ok(channels)) =
@@ -70,7 +72,7 @@ fn little_u16(bytes: &[u8], at: usize) -> Option<usize> {
     Some(usize::from(*bytes.get(at + 1)?) << 8 | usize::from(*bytes.get(at)?))
 }
 
-/// One byte a sample; grey with alpha becomes RGBA.
+/// Shape from the header; `None` for samples of more than one byte. Grey with alpha becomes RGBA.
 fn sgi_shape(bytes: &[u8]) -> Option<Shape> {
     let (width, height, planes) = (big_u16(bytes, 6)?, big_u16(bytes, 8)?, big_u16(bytes, 10)?);
     let dimensions = big_u16(bytes, 4)?;
@@ -129,6 +131,7 @@ fn unpacked_row(packed: &[u8], width: usize) -> Option<Vec<u8>> {
     while out.len() < width {
         let code = *packed.get(i)?;
         let count = usize::from(code & 0x7f);
+        // The row ends here, before it is full.
         if count == 0 {
             return None;
         }
@@ -140,6 +143,7 @@ fn unpacked_row(packed: &[u8], width: usize) -> Option<Vec<u8>> {
             i += 2;
         }
     }
+    // The last run may be longer than the row.
     out.truncate(width);
     Some(out)
 }
@@ -169,13 +173,16 @@ fn targa_shape(bytes: &[u8]) -> Option<Shape> {
 fn targa_samples(bytes: &[u8], shape: Shape) -> Option<Vec<u8>> {
     let Shape { width, height, channels } = shape;
     let (kind, descriptor) = (*bytes.get(2)?, *bytes.get(17)?);
+    // An identification text may lie between the header and the colour map.
     let map_start = TARGA_HEADER + usize::from(*bytes.first()?);
     let is_mapped = kind & 7 == 1;
     let (map_first, map_length) = (little_u16(bytes, 3)?, little_u16(bytes, 5)?);
+    // Bytes of an entry of the colour map.
     let entry = if bytes.get(1) == Some(&1) { usize::from(*bytes.get(7)?).div_ceil(8) } else { 0 };
     let map = bytes.get(map_start..map_start + map_length * entry)?;
     let data = bytes.get(map_start + map.len()..)?;
     let stored = if is_mapped { 1 } else { channels };
+    // Kinds from 9 on are the run-length encoded forms of kinds 1 to 3.
     let raw = if kind >= 9 {
         unpacked_pixels(data, width * height, stored)?
     } else {
@@ -219,6 +226,7 @@ fn unpacked_pixels(data: &[u8], pixels: usize, size: usize) -> Option<Vec<u8>> {
             i += count * size;
         }
     }
+    // The last packet may be longer than the picture.
     out.truncate(pixels * size);
     Some(out)
 }

@@ -19,7 +19,7 @@ use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 use osier_base::files::{Encoding, ReadError, decode};
 use osier_base::limits::grouped;
 
-/// Reads an OBJ file and its material libraries.
+/// Reads an OBJ file and its material libraries. Every line is checked before the mesh is built.
 pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResult<ImportedMesh> {
     let limit = context.options.limits.get("mesh-bytes");
     if bytes.len() as u64 > limit {
@@ -74,6 +74,7 @@ fn mesh_part(model: &tobj::Model, material: u32) -> MeshPart {
         material,
         normals: mesh.normals.chunks_exact(3).map(vec3).collect(),
         uvs: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
+        // OBJ has no alpha of vertices.
         colors: mesh.vertex_color.chunks_exact(3).map(|c| vec3(c).extend(1.0).to_array()).collect(),
         points,
         triangles,

@@ -20,7 +20,7 @@ pub(super) struct MaterialLibraries {
     pub(super) text: String,
     /// Name and bytes of images by material and statement.
     images: BTreeMap<(String, &'static str), (String, Vec<u8>)>,
-    /// Bytes of images held.
+    /// Bytes of `images` together, which the limit `mesh-bytes` bounds.
     image_bytes: u64,
 }
 
@@ -100,12 +100,14 @@ fn check_line<'a>(
     let required_numbers = match key.text {
         "Ka" | "Kd" | "Ks" | "Ke" => 3,
         "Ns" | "Ni" | "d" => 1,
+        // Names reach to the end of the line, as they may contain blanks.
         "newmtl" | "map_Kd" | "map_Ka" | "map_Ks" | "map_Ns" | "map_ns" | "map_NS" | "map_d" | "map_Bump"
         | "map_bump" | "bump" | "norm" | "illum"
             if rest.text.is_empty() =>
         {
             return Err(key.syntax_error("a name or value is missing", "add it, or remove the line"));
         }
+        // `tobj` parses this number too, and its error would have no place.
         "illum" if rest.text.parse::<u8>().is_err() => {
             return Err(rest.syntax_error("expected a number from 0 to 10", "remove the line; it is not used"));
         }
@@ -154,14 +156,15 @@ impl<'l> ObjMaterials<'l> {
         }
     }
 
-    /// Index of the material that `tobj` numbers `id` (none: a grey one named after the file). Without a colour of its own it
-    /// is white under `colored` vertices.
+    /// Index of the material that `tobj` numbers `id` (none: a grey one named after the file). A material without a colour is
+    /// white under `colored` vertices.
     pub(super) fn material_index(
         &mut self,
         context: &mut ImportContext<'_>,
         id: Option<usize>,
         colored: bool,
     ) -> ImportResult<u32> {
+        // Materials are converted when the first mesh uses them, so that unused ones do not appear.
         let index = match self.index_of.get(&id).copied() {
             Some(index) => index,
             None => {
@@ -176,6 +179,7 @@ impl<'l> ObjMaterials<'l> {
                 self.materials.len() - 1
             }
         };
+        // The grey of a material without a colour must not darken the colours of vertices.
         let given = id.and_then(|i| self.given.get(i)).is_some_and(|g| g.diffuse.is_some());
         if colored && !given {
             self.materials[index].base_color = [1.0; 3];
@@ -198,9 +202,11 @@ impl<'l> ObjMaterials<'l> {
             let alpha = (2.0 / (n.max(0.0) + 2.0)).sqrt();
             material.roughness = alpha.sqrt().clamp(0.05, 1.0);
         }
+        // Exporters also write values, such as 0, that are no index of refraction.
         material.ior = given.optical_density.filter(|n| (1.0..=3.0).contains(n)).unwrap_or(material.ior);
         let mut color = self.decode_map(context, given, "map_Kd")?;
         if let Some(mask) = self.decode_map(context, given, "map_d")? {
+            // The mask is the alpha of an image that has one, else its grey.
             let mask = if mask.has_transparency() { mask.channel(3, 255) } else { mask.channel(0, 255) };
             let joined = color.as_ref().and_then(|c| c.with_alpha(&mask));
             if joined.is_none() {
@@ -217,6 +223,7 @@ impl<'l> ObjMaterials<'l> {
             material.alpha_cutoff = color.has_transparency().then_some(0.5);
             material.maps.color = Some(self.store_map(color, format!("{}_color", material.name), ImageKind::Color));
         }
+        // A grey image holds no normals.
         if let Some(normal) = normal.filter(|n| n.channels >= 3) {
             material.maps.normal = Some(self.store_map(normal, format!("{}_normal", material.name), ImageKind::Data));
         }
@@ -252,7 +259,7 @@ fn map_file(line: ObjToken<'_>) -> ObjToken<'_> {
         let (least, most) = match option {
             // u, and where given v and w: a word that is no number begins the file name.
             "-o" | "-s" | "-t" => (1, 3),
-            // Base and gain.
+            // Base and gain of a colour map: always two numbers.
             "-mm" => (2, 2),
             _ => (1, 1),
         };

@@ -46,6 +46,7 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
             "f" | "l" => face(key, tokens, &mut counts),
             "mtllib" | "usemtl" => {
                 let rest = rest(start, line);
+                // A library that several lines name is read once.
                 if key.text == "mtllib" && !libraries.iter().any(|(l, _)| l == rest.text) {
                     libraries.push((rest.text.to_owned(), rest.start));
                 }
@@ -131,7 +132,7 @@ fn vertex<'a>(
     Ok(())
 }
 
-/// Checks an `f` or `l` statement.
+/// Checks an `f` or `l` statement: number of corners, and indices of elements that are defined above it.
 fn face<'a>(
     key: ObjToken<'_>,
     tokens: impl Iterator<Item = ObjToken<'a>>,

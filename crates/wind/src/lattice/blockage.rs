@@ -90,7 +90,8 @@ impl<'a> FlowNetwork<'a> {
         faces.filter(|end| self.is_end(*end, condition)).collect()
     }
 
-    /// Whether a face of a cell lies in a face of the box of a condition, and no surface cuts the way there.
+    /// Whether a face of a cell is part of a face of the box with this condition, and no surface lies between it and the cell's
+    /// centre.
     fn is_end(&self, NetworkEnd { cell, face }: NetworkEnd, condition: FaceCondition) -> bool {
         let last = self.domain.grid.n[face / 2] - 1;
         cell[face / 2] == if face.is_multiple_of(2) { 0 } else { last }

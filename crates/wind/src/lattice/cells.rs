@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use super::grid::LatticeGrid;
 use osier_scene::solid::{Form, Solid};
 
-/// Place and size of the cells.
+/// Position of the cells in the world and their size; the [`LatticeGrid`] holds their number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Cells {
     /// Lowest corner of the box, m.
@@ -16,14 +16,14 @@ pub(super) struct Cells {
     pub spacing: f64,
 }
 
-/// Centre of a cell, m.
+/// Centre of a cell in the world, m; [0, 0, 0] is the cell at the lowest corner.
 pub(super) fn cell_center(cells: Cells, cell: [usize; 3]) -> Vec3 {
     let offset = DVec3::new(cell[0] as f64 + 0.5, cell[1] as f64 + 0.5, cell[2] as f64 + 0.5);
     (cells.origin + offset * cells.spacing).as_vec3()
 }
 
 impl Cells {
-    /// Height of a solid over the bottom of the box, or over its own foot if that is higher, cells.
+    /// Height of the top of a solid over the bottom of the box, or over its lowest point if that is higher, cells.
     pub(super) fn height_of(self, solid: &Solid) -> f64 {
         let bounds = solid.bounds();
         (f64::from(bounds.max.y) - f64::from(bounds.min.y).max(self.origin.y)) / self.spacing

@@ -9,7 +9,7 @@ use osier_base::diagnostic::codes;
 const STATS_BYTES: usize = 40;
 
 impl LatticeSolver {
-    /// Hash of options, seed and solid cells; states are exchanged only between solvers of the same fingerprint.
+    /// Hash of options, seed, solid cells and cut links; states are exchanged only between solvers of the same fingerprint.
     pub fn fingerprint(&self) -> u64 {
         self.setup.fingerprint()
     }

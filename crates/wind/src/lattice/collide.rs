@@ -33,7 +33,7 @@ impl<L: Lane> Relaxation<L> {
         Self { tau, omega: tau.splat(1.0).div(tau), smagorinsky_factor, force }
     }
 
-    /// The same with another relaxation time.
+    /// The same eddy viscosity and body force with another molecular relaxation time.
     #[inline(always)]
     pub(super) fn with_tau(self, tau: L) -> Self {
         Self { tau, omega: tau.splat(1.0).div(tau), ..self }
@@ -77,11 +77,10 @@ impl<L: Lane> OppositePairs<L> {
         self.rest + (((self.even[0] + self.even[1]) + self.even[2]) + self.diagonal_sum())
     }
 
-    /// First moment: sum c_i f_i, from the odd parts alone.
+    /// First moment: sum c_i f_i, to which even parts add nothing.
     #[inline(always)]
     fn momentum(&self) -> [L; 3] {
-        // Axis pairs count with their own axis; a diagonal pair counts with the signs of its first member: (+++),
-        // (++-), (+-+), (-++).
+        // Each axis pair adds to one axis; a diagonal pair counts with the signs of its first member: (+++), (++-), (+-+), (-++).
         let d = &self.odd;
         [
             d[0] + ((d[3] + d[4]) + (d[5] - d[6])),
@@ -94,8 +93,8 @@ impl<L: Lane> OppositePairs<L> {
     #[inline(always)]
     fn stress_squared(&self, drho: L, momentum: [L; 3], minus_inverse_density: L) -> L {
         let (s, j) = (&self.even, momentum);
-        // Second moments of the populations less those of the equilibrium, rho/3 + j_a j_b / rho. The weights' own part
-        // of rho/3 is not in the deviations g.
+        // Second moments of the populations less those of the equilibrium, rho/3 + j_a j_b / rho. The deviations g lack the part
+        // of rho/3 that the weights contribute.
         let diagonal = (drho * drho.splat(-1.0 / 3.0)) + self.diagonal_sum();
         let xx = minus_inverse_density.mul_add(j[0] * j[0], s[0] + diagonal);
         let yy = minus_inverse_density.mul_add(j[1] * j[1], s[1] + diagonal);

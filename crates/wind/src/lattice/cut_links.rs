@@ -1,9 +1,9 @@
 //! Links between cells that a surface cuts: walls thinner than a cell, walls oblique to the grid, open meshes.
 //!
-//! A wall between two cell centres holds no centre, so that solid cells alone would leave it open. A population whose way
-//! from centre to centre meets a surface bounces back halfway instead, though both cells are air. Each cell knows which of
-//! its fourteen half links, from its centre to halfway to the neighbour, meet a surface; a link is cut if either half is.
-//! Halves also serve links that a face of the box reflects or joins to the opposite face, whose halves lie apart.
+//! A wall between two cell centres holds no centre, so that solid cells would not close it. A population whose way from centre to
+//! centre meets a surface bounces back halfway instead, though both cells are air. Each cell knows which of its fourteen half
+//! links, from its centre to halfway to the neighbour, meet a surface; a link is cut if either half is. Halves also serve links
+//! that a face of the box reflects or joins to the opposite face, whose halves lie apart.
 
 use glam::Vec3;
 

@@ -4,13 +4,13 @@ use super::domain::Domain;
 use super::snapshot_layout::SnapshotLayout;
 use super::tuning::DENSITY_RANGE;
 
-/// Diagnostics of every plane of the domain.
+/// Diagnostics of a whole domain, plane by plane in the order of z.
 #[derive(Debug, Default)]
 pub(super) struct FlowDiagnostics {
     pub planes: Vec<PlaneDiagnostics>,
 }
 
-/// Diagnostics of one plane of cells.
+/// Density range, mass and checkerboard of one plane of constant z.
 #[derive(Debug, Default)]
 pub(super) struct PlaneDiagnostics {
     /// First cell, by x and y, whose density is NaN or out of range.
@@ -24,7 +24,7 @@ pub(super) struct PlaneDiagnostics {
 /// Partial sums that are accumulated side by side.
 const PARTIAL_SUMS: usize = 8;
 
-/// Where a snapshot is written.
+/// Memory that a pass fills with the moments of its last step, converted to a snapshot's units.
 #[derive(Debug)]
 pub(super) struct SnapshotTarget<'a> {
     pub grid: &'a SnapshotLayout,

@@ -28,7 +28,7 @@ impl FaceCondition {
     }
 }
 
-/// Cells and faces of the box.
+/// Grid and solid cells of the box, links that surfaces cut, and the conditions at its six faces.
 #[derive(Debug, Clone)]
 pub(super) struct Domain {
     pub grid: LatticeGrid,
@@ -133,9 +133,9 @@ impl Domain {
         if self.faces_outside_of(node).iter().flatten().any(|f| self.faces[*f].is_open()) {
             return PopulationSource::Ghost { direction, position: node };
         }
-        // Inside: plain streaming, or the mirrored or wrapped cell. A solid there means halfway bounce-back: the wall
-        // lies midway, and the population returns to its own cell in the opposite direction. So does one whose first half of
-        // the way is cut.
+        // Inside: plain streaming, or the mirrored or wrapped cell. A solid there means halfway bounce-back: the wall lies
+        // midway, and the population returns to the cell it left, in the opposite direction. So does one whose first half of the
+        // way is cut.
         let is_free = |cell: [usize; 3]| {
             let c = self.grid.cell_index(cell);
             !self.solid[c] && !self.cuts.is_cut(c, direction)
@@ -169,7 +169,7 @@ impl Domain {
         })
     }
 
-    /// The cell of the domain nearest to a node outside.
+    /// The cell of the domain nearest to a node outside: each coordinate is clamped.
     #[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "clamped to the domain")]
     pub(super) fn nearest_cell(&self, node: [isize; 3]) -> [usize; 3] {
         std::array::from_fn(|a| node[a].clamp(0, self.grid.n[a] as isize - 1) as usize)

@@ -79,7 +79,7 @@ pub(super) struct ExchangeLists {
     /// The same from the buffer of ghost populations.
     pub ghost_scatter: Vec<SpanCopy>,
     pub ghost_halo: Vec<RowHaloCopy>,
-    /// From slots to the buffer.
+    /// From slots to the buffer: populations that the step has sent towards boundaries.
     pub gather: Vec<SpanCopy>,
     /// Open cells that are not in columns at the ends of rows.
     pub open_spans: Vec<StridedNodes>,
@@ -142,7 +142,7 @@ impl<'a> BufferSlice<'a> {
     }
 }
 
-/// What a step reads from boundaries.
+/// Populations that a step takes from boundaries: those exchanged by the step before, and those of ghost nodes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct IncomingPopulations<'a> {
     pub lists: &'a ExchangeLists,
@@ -178,7 +178,7 @@ impl PlaneSlices<'_> {
 }
 
 impl StridedNodes {
-    /// Element of the first node's slot.
+    /// Element of an array that holds the span's first node in `slot`, for a plane that begins at `plane_start`.
     fn first_element(self, slot: Slot, plane_start: usize) -> usize {
         (plane_start + to_usize(self.first)).wrapping_add_signed(slot.offset)
     }
@@ -327,7 +327,7 @@ impl BoundaryExchange {
         }
     }
 
-    /// What populations alone do not determine: outflow means, highest speeds, and moments of the open cells.
+    /// State that does not follow from the populations: outflow means, highest speeds, and moments of the open cells.
     pub(super) fn checkpoint_values(&self) -> impl Iterator<Item = &f32> {
         let open_cells = &self.previous.open_cells;
         let cells = open_cells.moments.iter().flatten().chain(open_cells.populations.iter().flatten());

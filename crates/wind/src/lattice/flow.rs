@@ -17,7 +17,7 @@ use osier_base::math::narrow;
 use osier_base::par;
 use osier_base::simd::F32Lanes;
 
-/// A flow and the number of its step.
+/// Populations of a flow after a number of steps, with all that the next step reads.
 #[derive(Debug)]
 pub(super) struct FlowState {
     pub domain: Domain,

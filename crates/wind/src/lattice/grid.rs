@@ -157,7 +157,6 @@ pub(super) struct Slot {
     pub offset: isize,
 }
 
-/// Slots by direction.
 pub(super) type DirectionSlots = [Slot; Q];
 
 /// The populations of all nodes, as deviations f_i - w_i from air at rest, which is all zero.

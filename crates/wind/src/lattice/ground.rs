@@ -12,10 +12,10 @@ use super::tuning::MIXING_LENGTH_CELLS;
 use osier_base::math::{ln, narrow};
 use osier_base::simd::Lane;
 
-/// Von Karman's constant.
+/// Von Karman's constant k in the logarithmic law u = u* ln((y + z0)/z0) / k.
 const KARMAN: f64 = 0.4;
 
-/// Wall model of the ground.
+/// Wall stress and eddy viscosity over rough ground, and how the outlet sponge varies with height.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct GroundModel {
     /// Drag coefficient: wall stress over density and the square of the speed in the lowest cells. 0 for ground by

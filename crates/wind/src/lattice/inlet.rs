@@ -18,7 +18,7 @@ use osier_base::rng::Rng;
 use osier_base::simd::F32Lanes;
 use osier_scene::solid::LandForm;
 
-/// Height profile of the mean wind.
+/// Factor on the mean speed as a function of the height above the ground.
 #[derive(Debug, Clone, PartialEq)]
 pub enum WindProfile {
     /// Logarithmic law ln((y + z0)/z0), over its value at the reference height; roughness length z0, m.
@@ -31,7 +31,7 @@ pub enum WindProfile {
     Table(Vec<[f64; 2]>),
 }
 
-/// Options of an [`InletWind`].
+/// Mean wind, gusts, turbulence and seed of an [`InletWind`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct InletOptions {
     /// Horizontal unit vector that the wind blows towards.
@@ -44,7 +44,7 @@ pub struct InletOptions {
     /// Rows of ascending time, s, from 0 on, and angle, rad, from `direction` counterclockwise as seen from above; linearly
     /// interpolated and constant before and after; empty for a constant direction.
     pub direction_curve: Vec<[f64; 2]>,
-    /// Height profile of the mean.
+    /// Factor on the mean speed by height above the ground.
     pub profile: WindProfile,
     /// Height at which the speed is `speed`, m; none for 10 m, or the height of the box if that is lower.
     pub reference_height: Option<f64>,
@@ -95,7 +95,7 @@ pub struct InletWind {
     origin: DVec3,
     /// Terrain in the box; heights of the profile count from it.
     land: Option<Arc<LandForm>>,
-    /// Spacing of the lattice, m.
+    /// Spacing of the lattice, m: waves shorter than six cells are left out.
     spacing: f64,
     /// Height at which the mean speed holds, m.
     reference_height: f64,

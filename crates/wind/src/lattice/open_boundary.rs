@@ -20,7 +20,7 @@ const MAX_GROUP: usize = 512;
 
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
 
-/// A node outside an open face.
+/// A node outside an open face, whose populations are computed anew in every step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GhostNode {
     pub position: [isize; 3],
@@ -37,7 +37,7 @@ pub(super) struct GhostNode {
     pub face: Option<usize>,
 }
 
-/// Condition at a ghost node.
+/// How the air at a ghost node follows from the inflow, or from the cell before an outlet.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum GhostCondition<L> {
     /// Prescribed velocity, cells per step; shear along x and z as in [`shear_nonequilibrium_population`].
@@ -47,15 +47,15 @@ pub(super) enum GhostCondition<L> {
     Outlet { outward: [i8; 3], drho: L, nonequilibrium: bool },
 }
 
-/// Density less 1 beyond an outlet that lets sound leave: that of the outgoing plane wave which alone changes the mean
-/// outward velocity from `target` to `mean`, both in cells per step: drho = (mean - target)/c_s, c_s = 1/sqrt(3).
-/// Differs: at constant density the box between inlet and outlet is a resonator, whose standing wave lasts for thousands
-/// of steps and is as strong as the wind.
+/// Density less 1 beyond an outlet that lets sound leave: that of an outgoing plane wave that changes the mean outward velocity
+/// from `target` to `mean`, both in cells per step: drho = (mean - target)/c_s, c_s = 1/sqrt(3).
+/// Differs: at constant density the box between inlet and outlet is a resonator, whose standing wave lasts for thousands of steps
+/// and is as strong as the wind.
 pub(super) fn outlet_density<L: Lane>(target: L, mean: L) -> L {
     (mean - target) * mean.splat(SQRT_3)
 }
 
-/// Air at a ghost node.
+/// Density and velocity of the air at a ghost node, from which its populations are computed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GhostState<L> {
     drho: L,
@@ -143,7 +143,7 @@ struct PlaneGhostRanges {
     buffer: Range<usize>,
 }
 
-/// All ghost nodes of open faces.
+/// Ghost nodes of all open faces, in runs of one condition, and the cells before outlets.
 #[derive(Debug)]
 pub(super) struct OpenBoundary {
     ghosts: Vec<GhostNode>,

@@ -44,7 +44,7 @@ impl<'a> ThreadScratch<'a> {
         self.snapshot.last().is_some_and(|(plane, _)| *plane == z)
     }
 
-    /// Writes the moments of the plane `z` into the snapshot, if it is of it.
+    /// Writes the moments of the plane `z` into the snapshot, if the snapshot has this plane.
     #[inline(always)]
     fn write_snapshot_plane(&mut self, domain: &Domain, z: usize) {
         let Some((_, mut target)) = self.snapshot.pop_if(|(plane, _)| *plane == z) else { return };
@@ -60,7 +60,7 @@ impl<'a> ThreadScratch<'a> {
     }
 }
 
-/// A step of the plane `z`.
+/// One step of the plane `z`, with the tables and boundary populations that it reads.
 #[derive(Clone, Copy)]
 pub(super) struct PlaneStep<'a> {
     pub tables: &'a StepTables,

@@ -26,7 +26,7 @@ pub enum SideCondition {
     Open,
 }
 
-/// Boundary condition of the bottom face.
+/// Friction at the bottom face; the height profile of the inflow is set separately.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum GroundCondition {
     /// Wall stress of a logarithmic profile over a roughness length, m.
@@ -35,7 +35,7 @@ pub enum GroundCondition {
     Smooth,
 }
 
-/// Options of a [`LatticeSolver`](super::LatticeSolver).
+/// Box, inflow, faces and numerics of a [`LatticeSolver`](super::LatticeSolver).
 #[derive(Debug, Clone, PartialEq)]
 pub struct LatticeOptions {
     /// Number of cells along x, y and z.
@@ -56,9 +56,9 @@ pub struct LatticeOptions {
     pub smagorinsky: f64,
     /// Least relaxation time, steps, above 0.5.
     pub tau_floor: f64,
-    /// Boundary condition of the bottom face.
+    /// Friction at the bottom face. A roughness length given here does not change the profile of the inflow.
     pub ground: GroundCondition,
-    /// Boundary condition of the vertical faces parallel to the wind.
+    /// Condition of the two vertical faces that are parallel to the wind, or most nearly so.
     pub sides: SideCondition,
     /// Outlets extrapolate the non-equilibrium part of the populations too, which damps the flow less.
     pub outlet_nonequilibrium: bool,
@@ -120,24 +120,24 @@ impl LatticeOptions {
     }
 }
 
-/// Axes whose faces are joined.
+/// Axes along which the flow is periodic: their two faces are joined.
 pub(super) fn periodic_axes(options: &LatticeOptions) -> [bool; 3] {
     let faces = face_conditions(options, 0.0);
     [0, 2, 4].map(|f| faces[f] == FaceCondition::Periodic)
 }
 
-/// Quantities that follow from the options.
+/// Lattice units and durations that follow from the options, such as time step, relaxation time and spin-up.
 #[derive(Debug, Clone)]
 pub(super) struct LatticeSetup {
     pub n: [usize; 3],
     pub origin: DVec3,
     pub spacing: f64,
     pub fps: f64,
-    /// Time steps per frame.
+    /// Time steps from one snapshot to the next.
     pub steps: u32,
     /// Duration of a time step, s.
     pub dt: f64,
-    /// Relaxation time, steps.
+    /// Relaxation time of the kinematic viscosity, steps, at least `tau_floor` of the options.
     pub tau: f64,
     pub ground: GroundModel,
     /// Axis that the wind is most parallel to, 0 or 2.
@@ -148,7 +148,7 @@ pub(super) struct LatticeSetup {
     pub lead_frames: u32,
     /// Depth of the sponge before each outlet, cells.
     sponge: f64,
-    /// Hash of options and solids.
+    /// Hash of options, solid cells and cut links: a checkpoint fits only a flow with the same one.
     fingerprint: u64,
 }
 
@@ -208,12 +208,10 @@ impl LatticeSetup {
         (snapshot - f64::from(self.lead_frames)) / self.fps
     }
 
-    /// Place and size of the cells.
     pub(super) fn cells(&self) -> Cells {
         Cells { origin: self.origin, spacing: self.spacing }
     }
 
-    /// Number of cells of the box.
     pub(super) fn cell_count(&self) -> u64 {
         self.n.iter().map(|n| *n as u64).product()
     }
@@ -235,7 +233,7 @@ impl LatticeSetup {
         (self.tau - 0.5) * self.spacing * self.spacing / (3.0 * self.dt)
     }
 
-    /// Hash of options and solid cells; a checkpoint fits only a lattice of the same fingerprint.
+    /// Hash of options, solid cells and cut links; a checkpoint fits only a lattice of the same fingerprint.
     pub(super) fn fingerprint(&self) -> u64 {
         self.fingerprint
     }

@@ -12,7 +12,7 @@ use super::snapshot_layout::SnapshotLayout;
 #[derive(Debug)]
 pub struct WindSnapshot {
     pub(super) grid: Arc<SnapshotLayout>,
-    /// Velocity, m/s, and density less 1 by cell, halo included.
+    /// Velocity, m/s, and density less 1 of each cell, x fastest, halo included.
     pub(super) values: Vec<[f32; 4]>,
     /// Time, s; 0 is the clip's first frame.
     pub(super) time: f64,
@@ -24,7 +24,7 @@ impl WindSnapshot {
         self.time
     }
 
-    /// Number of cells along x, y and z.
+    /// Number of cells along x, y and z, without the halo.
     pub fn cells(&self) -> [usize; 3] {
         self.grid.n
     }
@@ -55,9 +55,9 @@ impl WindSnapshot {
 /// The wind between two snapshots, by linear interpolation in time and trilinear interpolation in space.
 #[derive(Debug, Clone)]
 pub struct InterpolatedWind {
-    /// The earlier snapshot.
+    /// The earlier snapshot, whose inflow applies outside the box.
     pub before: Arc<WindSnapshot>,
-    /// The later snapshot.
+    /// The later snapshot, with the same cells as `before`.
     pub after: Arc<WindSnapshot>,
     /// Time at which the wind is `before`, s; earlier it stays so.
     pub t0: f64,

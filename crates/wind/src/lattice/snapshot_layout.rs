@@ -174,9 +174,8 @@ impl SnapshotLayout {
         }
     }
 
-    /// Velocity at a point, m, by trilinear interpolation of `values` (by index) at the eight cell centres around it.
-    /// Within half a cell of a solid it falls linearly to 0, and cells behind a wall do not count; outside the box, `outside`
-    /// blends in over
+    /// Velocity at a point, m, by trilinear interpolation of `values` (by index) at the eight cell centres around it. Within half
+    /// a cell of a solid it falls linearly to 0, and cells behind a wall do not count; outside the box, `outside` blends in over
     /// [`OUTSIDE_BLEND_CELLS`].
     /// Source: \[catkin\] eq. 11.
     /// Differs: eq. 11 starts at the closest node, which makes negative weights; this starts at the one below.
@@ -229,8 +228,8 @@ impl SnapshotLayout {
         if near == NearSurface::Air {
             return (0..8).fold(Vec3::ZERO, |sum, c| sum + values(first + corner_offset(c, strides)) * weight(c));
         }
-        // Beside solids: the mean over the fluid cells alone, times the distance to the nearest solid cell (not to its
-        // centre), which rises from 0 to 1 over half a cell.
+        // Beside solids: the mean over the fluid cells only, times the distance to the nearest solid cell (not to its centre),
+        // which rises from 0 to 1 over half a cell.
         let (mut sum, mut total, mut nearest) = (Vec3::ZERO, 0.0, f32::INFINITY);
         for c in 0..8 {
             if self.solid[first + corner_offset(c, strides)] {

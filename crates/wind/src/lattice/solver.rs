@@ -69,7 +69,7 @@ pub struct LatticeSolver {
 }
 
 impl LatticeSolver {
-    /// The warnings and errors of [`LatticeSolver::new`] that follow from the options alone, without making the cells.
+    /// The warnings and errors of [`LatticeSolver::new`] that follow from the options without the solids; no cells are made.
     /// # Errors
     /// As [`LatticeSolver::new`].
     pub fn check_options(options: &LatticeOptions, limits: &Limits) -> Result<Vec<LatticeWarning>> {
@@ -149,7 +149,7 @@ impl LatticeSolver {
         })
     }
 
-    /// The undisturbed inflow.
+    /// The inflow without the effect of solids, which is also the wind outside the box.
     pub fn inlet(&self) -> &Arc<InletWind> {
         &self.inlet
     }
@@ -297,8 +297,8 @@ impl LatticeSolver {
         Ok(self.flow.step - before)
     }
 
-    /// While the inflow ramps up, gives the air inside its profile. The pressure that drives the start-up accelerates all
-    /// heights alike, and the slow air near the ground would only come in from the inlet at its own speed.
+    /// While the inflow ramps up, adds the rise of its profile to the air inside. The pressure that drives the start-up
+    /// accelerates all heights alike; without this the slow air near the ground would have to travel in from the inlet.
     fn add_profile_while_ramping(&mut self, before: u64) {
         // The share by which the ramp rose in this pass; 0 when it is over.
         let rise = spin_up_ramp(self.flow.step) - spin_up_ramp(before);

@@ -36,7 +36,7 @@ pub(super) const fn weight(i: usize) -> f64 {
     }
 }
 
-/// The direction opposite to `i`.
+/// Direction with the opposite velocity, into which bounce-back turns a population; 0, at rest, stays 0.
 pub(super) const fn opposite(i: usize) -> usize {
     match i {
         0 => 0,

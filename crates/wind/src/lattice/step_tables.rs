@@ -49,7 +49,7 @@ pub(super) struct StepTables {
     pub(super) drag_sponge: Vec<f32>,
     /// Blocks with ends of rows, the same in every plane.
     pub(super) row_ends: Vec<RowEndLanes>,
-    /// Instruction set of the kernels.
+    /// Instruction set of the kernels, the widest that the processor supports.
     pub(super) arch: Arch,
 }
 

@@ -54,7 +54,7 @@ pub(super) struct BoundaryInputs<'a> {
     pub outlet_velocity: [f32; 6],
 }
 
-/// One step, or two, of a flow.
+/// Inputs of one pass over the lattice, which does one step, or an even and an odd one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StepContext<'a> {
     pub tables: &'a StepTables,
@@ -66,7 +66,7 @@ pub(super) struct StepContext<'a> {
     pub second: Option<BoundaryInputs<'a>>,
 }
 
-/// What one step, or two, did.
+/// Clamped cells of a pass of one or two steps, and diagnostics if it wrote a snapshot.
 #[derive(Debug)]
 pub(super) struct StepReport {
     /// Clamped cells of the first step and of the second.
@@ -144,7 +144,7 @@ impl StepContext<'_> {
         let mut planes: Vec<_> =
             split_slice(&mut exchange.ghost_populations[0], &ranges).into_iter().enumerate().collect();
         planes.retain(|(_, out)| !out.is_empty());
-        // Each plane's ghosts fill a range of their own, so that planes are independent.
+        // Each plane's ghosts fill a separate range, so that planes are independent.
         par::par_each(&mut planes, |(z, out)| {
             self.tables.arch.dispatch(GhostKernel { open_boundary, z: *z, state, out });
         });
@@ -203,7 +203,7 @@ impl StepContext<'_> {
         let inner = |r: &Range<usize>| if r.len() < MIN_CHUNK { r.start..r.start } else { r.start + 1..r.end - 1 };
         let inner: Vec<_> = chunks.iter().map(inner).collect();
         let [ghosts, second_ghosts] = ghost_populations;
-        // Ghosts of a chunk's planes are contiguous in the buffer: each chunk borrows its own part.
+        // Ghosts of a chunk's planes are contiguous in the buffer: each chunk borrows its part.
         let ghost_range =
             |r: &Range<usize>| open_boundary.buffer_range(r.start).start..open_boundary.buffer_range(r.end - 1).end;
         let ghost_ranges: Vec<_> = chunks.iter().map(ghost_range).collect();
@@ -247,7 +247,7 @@ impl StepContext<'_> {
         par::par_map_mut(&mut jobs, |chunk| self.dispatch_kernel(ChunkTask { context: self, chunk, input, second }))
     }
 
-    /// The odd step of the planes at seams.
+    /// Does the odd step of the two planes at each border of chunks, after all chunks have done their even step.
     fn run_seams(
         &self,
         populations: &mut Populations,
@@ -261,8 +261,8 @@ impl StepContext<'_> {
         let seams = bounds.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n));
         // In a domain with too few planes for two seams, they are one.
         let seams: Vec<_> = if n < MIN_CHUNK { std::iter::once(0..n).collect() } else { seams.collect() };
-        // In a fused pass the seams' odd step reads what the even step of this pass has left; alone, what the previous
-        // pass has left.
+        // In a pass of two steps the odd step of the seams reads what the even step has left, else what the previous pass has
+        // left.
         let (before, ghosts) = if self.pass_kind() == PassKind::EvenAndOdd {
             (intermediate, &ghost_populations[1])
         } else {

@@ -91,7 +91,7 @@ pub(super) const LOOP_FADE: f64 = 2.0;
 /// Snapshots that exist at a time, at most: the two that an interpolated wind lies between, the next, and one that a reader still
 /// holds. For the memory estimate only.
 pub(super) const HELD_SNAPSHOTS: u64 = 4;
-/// Arrays with one byte per cell that tells whether it is solid. For the memory estimate only.
+/// Arrays with one byte per cell that marks solid cells. For the memory estimate only.
 pub(super) const SOLID_FLAG_COPIES: u64 = 3;
 /// Bytes per cell at an open face: exchanged populations, ghost node and indices. For the memory estimate only, measured.
 pub(super) const BYTES_PER_OPEN_CELL: u64 = 260;

@@ -14,7 +14,7 @@ use super::tuning::{MAX_BLOCKAGE, MIN_CELLS_PER_HEIGHT, OPEN_FACE_CLEARANCE};
 use osier_base::par;
 use osier_scene::solid::{Form, Solid};
 
-/// Result of [`fill_and_check_solids`].
+/// Counts and faults of voxelized solids, from which the warnings follow.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct VoxelReport {
     /// Number of solid cells, filled ones included.
@@ -27,12 +27,12 @@ pub(super) struct VoxelReport {
     pub blocked: f64,
     /// Solids lower than [`MIN_CELLS_PER_HEIGHT`] cells, and their heights in cells.
     pub coarse: Vec<(String, f64)>,
-    /// Warnings of open meshes.
+    /// Warnings S032 about solids whose meshes are not closed.
     pub open: Vec<String>,
 }
 
 impl VoxelReport {
-    /// The result as warnings S021.
+    /// The result as warnings S021, S031 and S032.
     pub(super) fn warnings(&self) -> Vec<LatticeWarning> {
         let mut warnings = Vec::new();
         let mut warn = |code, text: String| warnings.push(LatticeWarning { code, text });

@@ -12,7 +12,7 @@ use crate::dialect::text::Piece;
 const MAX_DEPTH: usize = 200;
 /// Operations of one expression after its functions are inserted.
 const MAX_OPS: usize = 20_000;
-/// Numbers of one list.
+/// Upper limit on the numbers of a `range(..)`.
 const MAX_ITEMS: f64 = 10_000.0;
 /// Numbers of a list that a rule looks up by an index which is not constant.
 const MAX_LOOKUP: usize = 256;
@@ -53,7 +53,7 @@ pub(super) enum PyExpr {
     Each(Box<Self>, String, Box<Self>, Range<usize>),
 }
 
-/// An operator of two operands.
+/// Binary operators; `FloorDiv` and `Mod` round towards minus infinity, as in Python.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PyOp {
     Add,
@@ -101,6 +101,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             i += c.len_utf8();
             continue;
         }
+        // A number may begin with its point: `.5`.
         if c.is_ascii_digit() || (c == '.' && rest[1..].starts_with(|d: char| d.is_ascii_digit())) {
             let n = number_length(rest);
             let value = rest[..n].replace('_', "").parse::<f64>();
@@ -125,6 +126,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
 
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
+    // Python allows underscores between digits.
     let digits = |from: usize| {
         let more = bytes.get(from..).unwrap_or(&[]).iter().take_while(|b| b.is_ascii_digit() || **b == b'_').count();
         from + more
@@ -133,6 +135,7 @@ fn number_length(text: &str) -> usize {
     if bytes.get(n) == Some(&b'.') {
         n = digits(n + 1);
     }
+    // An `e` belongs to the number only if digits follow.
     if matches!(bytes.get(n), Some(b'e' | b'E')) {
         let sign = usize::from(matches!(bytes.get(n + 1), Some(b'+' | b'-')));
         let end = digits(n + 1 + sign);
@@ -353,6 +356,7 @@ impl PyParser {
             PyTokenKind::Number(n) => Ok(PyExpr::Number(n)),
             PyTokenKind::Sign("(") => {
                 let e = self.choice()?;
+                // One value in parentheses is that value; with a comma they hold a list.
                 if self.eat(")") {
                     return self.indexed(e);
                 }
@@ -378,6 +382,7 @@ impl PyParser {
                 self.indexed(list)
             }
             PyTokenKind::Name(first) => {
+                // Words of Python that begin no value here.
                 if matches!(first.as_str(), "lambda" | "for" | "if" | "else" | "in" | "is") {
                     return Err(Refusal::new(format!("'{first}'"), t.range));
                 }
@@ -486,7 +491,7 @@ pub(super) struct Scope {
     /// Values of the model that are drawn once, before the first step; the position is the slot.
     pub globals: Vec<String>,
     pub constants: BTreeMap<String, f64>,
-    /// Lists that never change.
+    /// Lists that no statement changes, by name; an expression may index them or loop over them.
     pub lists: BTreeMap<String, PyExpr>,
     /// Names whose values are more than expressions.
     pub unreadable: BTreeMap<String, Refusal>,
@@ -521,7 +526,7 @@ impl Scope {
     }
 }
 
-/// True if the expression draws a random number.
+/// True if the expression draws a random number, itself or in a function of the model that it calls.
 pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
     match e {
         PyExpr::Number(_) | PyExpr::Name(..) => false,
@@ -639,6 +644,7 @@ fn numbers_of_range(args: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Res
         [from, to, step] => (*from, *to, *step),
         _ => return Err(refused()),
     };
+    // As in Python the end is not included; with a step of 0 it is never reached.
     let count = if step.abs() > 0.0 { ((to - from) / step).ceil().max(0.0) } else { f64::INFINITY };
     if count > MAX_ITEMS {
         return Err(Refusal::new("a range of too many numbers", range.clone()));
@@ -669,6 +675,7 @@ fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -
         let found = (i >= 0.0 && i < n).then(|| items.get(i as usize)).flatten();
         return found.cloned().ok_or_else(|| Refusal::new("an index outside of its list", range.clone()));
     }
+    // An index that is not constant is compared with each position, so that the items must be numbers that need no draw.
     let is_number = |e: &PyExpr| !matches!(e, PyExpr::List(..)) && !has_random(e, scope);
     let Some((last, others)) = items.split_last().filter(|_| items.len() <= MAX_LOOKUP && items.iter().all(is_number))
     else {
@@ -678,6 +685,7 @@ fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -
         return Err(Refusal::new("a random number as an index", range.clone()));
     }
     let is = |k: f64| Box::new(PyExpr::Binary(PyOp::Eq, Box::new(index.clone()), Box::new(PyExpr::Number(k))));
+    // The last item is taken where the index equals no other position.
     let mut out = last.clone();
     for (k, value) in others.iter().enumerate().rev() {
         let k = f64::from(saturating_index(k));
@@ -717,7 +725,7 @@ fn constant_name(name: &str) -> Option<f64> {
     })
 }
 
-/// The expression with names replaced by expressions.
+/// The expression with names replaced by expressions; the variable of a list `[.. for name in ..]` hides an equal name.
 pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyExpr {
     let sub = |a: &PyExpr| Box::new(substitute(a, names, values));
     match e {
@@ -740,7 +748,7 @@ pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyE
             PyExpr::List(items.iter().map(|a| substitute(a, names, values)).collect(), range.clone())
         }
         PyExpr::Index(a, b, range) => PyExpr::Index(sub(a), sub(b), range.clone()),
-        // The name of the list's own variable means that variable.
+        // Within the list its variable hides any other variable of this name.
         PyExpr::Each(value, name, list, range) => {
             let others: (Vec<String>, Vec<PyExpr>) =
                 names.iter().cloned().zip(values.iter().cloned()).filter(|(n, _)| n != name).unzip();
@@ -755,7 +763,7 @@ pub(super) fn compile(e: &PyExpr, scope: &Scope) -> Result<Bytecode, Refusal> {
     let resolved = resolve(e, scope, 0)?;
     let mut code = Bytecode::default();
     emit(&resolved, scope, &mut code.ops)?;
-    // Constants are folded.
+    // A value without variables and random numbers becomes one number.
     if let Some(value) = crate::vm::constant_value(&code) {
         code.ops = vec![Op::Const(value)];
     }
@@ -766,10 +774,12 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
     if ops.len() > MAX_OPS {
         return Err(Refusal::new("an expression that grows too large", range_of(e)));
     }
+    // An index beyond all places: divisions by zero of these models are not reported.
     let binary = |op: BinaryOp| Op::Binary(op, usize::MAX);
     match e {
         PyExpr::Number(n) => ops.push(Op::Const(*n)),
         PyExpr::Name(name, range) => {
+            // Variables of the rule hide values of the model.
             if let Some(slot) = Scope::slot(&scope.locals, name) {
                 ops.push(Op::Local(slot));
             } else if let Some(value) = scope.constants.get(name) {
@@ -799,6 +809,7 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
             ops[jump] = if matches!(e, PyExpr::And(..)) { Op::And(end) } else { Op::Or(end) };
         }
         PyExpr::Choice(condition, then, other) => {
+            // condition, JumpIfZero to `other`, then, Jump to the end: each target is set once it is known.
             emit(condition, scope, ops)?;
             let to_other = ops.len();
             ops.push(Op::Pop);
@@ -935,7 +946,7 @@ fn emit_call(
             });
             emit(&least, scope, ops)?;
         }
-        // Counted from 0.
+        // L-Py counts from 0, `Q` from 1.
         ("getIterationNb", []) => {
             ops.extend([Op::Step, Op::Const(1.0), Op::Binary(BinaryOp::Sub, usize::MAX)]);
         }

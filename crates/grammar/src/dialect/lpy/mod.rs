@@ -20,7 +20,7 @@ use crate::program::IgnoredSymbols;
 use crate::symbols::SymbolId;
 use crate::vm;
 
-/// A line of code with its indentation.
+/// A line that is not blank; `indent` in columns.
 #[derive(Debug, Clone, Copy)]
 struct Line<'t> {
     indent: usize,
@@ -35,7 +35,6 @@ enum Section {
     Interpretation,
 }
 
-/// A file while its lines are read.
 struct Model<'r, 's> {
     reader: &'r mut Reader<'s>,
     scope: Scope,
@@ -43,7 +42,7 @@ struct Model<'r, 's> {
     section: Section,
     group: f64,
     has_axiom: bool,
-    /// Statements of Python that the model could not run without; the first is named.
+    /// Number of statements of Python that the model could not run without.
     refusals: usize,
     /// What the values of the model compute before the first step.
     start: Vec<Op>,
@@ -100,8 +99,8 @@ fn description(text: &str) -> String {
     line.trim().lines().next().unwrap_or("").trim_matches(['#', '-', '=', ' ']).to_owned()
 }
 
-/// The text with blanks in place of comments, of texts in three quotes, of the ends of lines within parentheses and of those behind a
-/// backslash: every place stays.
+/// The text with comments, texts in triple quotes, line ends within parentheses and line ends behind a backslash replaced by
+/// blanks, so that all offsets stay.
 fn without_comments(text: &str) -> String {
     let bytes = text.as_bytes();
     let mut out: Vec<u8> = bytes.to_vec();
@@ -161,7 +160,7 @@ fn without_comments(text: &str) -> String {
     String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
 }
 
-/// A line that holds something.
+/// A line with its indentation; `None` for a blank one.
 fn line_of(piece: Piece<'_>) -> Option<Line<'_>> {
     let trimmed = piece.trimmed();
     if trimmed.text.is_empty() {
@@ -173,7 +172,7 @@ fn line_of(piece: Piece<'_>) -> Option<Line<'_>> {
     Some(Line { indent, piece: trimmed })
 }
 
-/// What follows a heading such as `Axiom:`, whose words any number of blanks may part.
+/// The text behind the colon of a heading such as `Axiom:`; any number of blanks may separate the words of the heading.
 fn after_heading<'t>(piece: Piece<'t>, words: &[&str]) -> Option<Piece<'t>> {
     let mut rest = piece;
     for word in words {
@@ -242,7 +241,7 @@ impl<'s> Model<'_, 's> {
         }
     }
 
-    /// Names of modules, wherever they are declared.
+    /// Collects the names that `module` lines declare, wherever they stand in the file.
     fn declarations(&mut self, list: &[Line<'_>]) {
         for line in list {
             let (word, rest) = line.piece.first_word(&[]);
@@ -317,6 +316,7 @@ impl<'s> Model<'_, 's> {
                 self.group = 0.0;
                 return i + 1;
             }
+            // Module names were read before; views and imports do not change the string.
             "module" | "initial_view" => return i + 1,
             "import" | "from" => return i + 1,
             _ => {}
@@ -527,7 +527,8 @@ impl<'s> Model<'_, 's> {
         next
     }
 
-    /// A function with a value; any other is named where it is called, one that L-Py calls itself at once.
+    /// Reads a `def`. A function with a value is kept as an expression; another one is refused where it is called. The functions
+    /// that L-Py calls become blocks.
     fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
         let parsed = || {
@@ -542,6 +543,7 @@ impl<'s> Model<'_, 's> {
         let head = parsed();
         let called = ["Start", "StartEach", "EndEach", "StartInterpretation", "EndInterpretation", "PostDraw"];
         if !called.contains(&name.as_str()) {
+            // A function that rules call: its body stands behind the colon or in the block.
             let Some((params, body)) = head else { return };
             let inline = [Line { indent: 0, piece: body }];
             let lines = if body.text.is_empty() { block } else { &inline };
@@ -555,6 +557,7 @@ impl<'s> Model<'_, 's> {
                 Ok(value) => {
                     self.scope.functions.insert(name, (params, value));
                 }
+                // A call of a function that could not be read is refused there.
                 Err(_) => {
                     self.scope.functions.remove(&name);
                 }
@@ -567,7 +570,7 @@ impl<'s> Model<'_, 's> {
                     "Start" => &mut self.functions.start,
                     "StartEach" => &mut self.functions.start_each,
                     "EndEach" => &mut self.functions.end_each,
-                    // What they count is of no use to the string.
+                    // The other functions do not change the string.
                     _ => return,
                 };
                 *to = code;
@@ -580,14 +583,16 @@ impl<'s> Model<'_, 's> {
         }
     }
 
-    /// Code of a function that L-Py runs: assignments of numbers, `if`, `for`. Values that are none are named where they are used.
+    /// Code of a function that L-Py runs: assignments of numbers, `if`. A value that cannot be read is refused where it is used.
     fn run_function(&mut self, block: &[Line<'_>]) -> Result<Vec<Op>, Refusal> {
         let mut lines = Vec::new();
         for line in block {
             let text = line.piece.text;
+            // These do not change what rules read.
             if ["seed(", "random.seed(", "context(", "return None"].iter().any(|w| text.starts_with(w)) {
                 continue;
             }
+            // A value that cannot be read refuses only what uses its name.
             let unreadable = assignment(line.piece).and_then(|(names, value)| Some((names, parse(value).err()?)));
             match unreadable {
                 Some((names, why)) if split(names).len() == 1 => {
@@ -604,7 +609,7 @@ impl<'s> Model<'_, 's> {
         Ok(ops)
     }
 
-    /// Appends the code of statements of a function. Variables of its own are kept apart from those of the model.
+    /// Appends the code of statements of a function. Its local variables are kept apart from those of the model.
     fn block_code(
         &mut self,
         statements: &[Statement],
@@ -619,6 +624,7 @@ impl<'s> Model<'_, 's> {
                     let code = compile(e, &self.scope)?;
                     let offset = ops.len();
                     ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
+                    // Without `global` the name is a local variable in Python, which blocks do not have.
                     let is_of_model = self.scope.constants.contains_key(name) || self.shared.contains(name);
                     if !declared.contains(name) && is_of_model {
                         return Err(Refusal::new(format!("'{name}' as a variable of its own"), 0..0));

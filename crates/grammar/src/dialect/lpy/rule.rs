@@ -15,14 +15,14 @@ use crate::vm;
 /// Most ways through one production, and most statements of one way.
 const MAX_WAYS: usize = 512;
 const MAX_STEPS: usize = 20_000;
-/// Turns of a loop whose end is not constant.
+/// Upper limit on the turns of a loop whose end is not constant, but bounded.
 const MAX_COUNTED: f64 = 100.0;
-/// Turns of a loop of whose end nothing is known.
+/// Turns that are read of a loop whose end has no known bound.
 const MAX_UNKNOWN: u32 = 64;
 /// Most modules of the successor of one way; a production that makes more is refused.
 const MAX_MODULES: usize = 1 << 20;
 
-/// One step of a way through a production.
+/// One step of a way through a production: an assignment, or a condition with the value it has on this way.
 #[derive(Debug, Clone)]
 pub(super) enum Step {
     Assign(String, PyExpr),
@@ -40,7 +40,7 @@ pub(super) struct Way {
 }
 
 impl Way {
-    /// Variables of the model that it assigns.
+    /// Names declared `global` on the way that it also assigns.
     fn written(&self) -> Vec<&String> {
         let assigns = |name: &String| self.steps.iter().any(|s| matches!(s, Step::Assign(n, _) if n == name));
         self.globals.iter().filter(|g| assigns(g)).collect()
@@ -110,7 +110,7 @@ impl Model<'_, '_> {
         }
         let ways = self.ways(&statements);
         let Some(ways) = self.settle(ways) else { return next };
-        // A way that makes nothing still counts what it counts; the next production is tried after it.
+        // A way without modules still assigns variables of the model; the next production is tried after it.
         for way in ways.iter().filter(|w| w.produced || !w.written().is_empty()) {
             if let Some(production) = self.production(&head, way) {
                 let program = &mut self.reader.program;
@@ -152,7 +152,7 @@ impl Model<'_, '_> {
         if formals.is_empty() {
             return Err(Refusal::new("a production without predecessor", head.range()));
         }
-        // `*` alone is no context.
+        // A single `*` is no context.
         let mut context = |model: &mut Self, piece: Option<Piece<'_>>| match piece.map(|p| p.trimmed()) {
             Some(p) if p.text != "*" => model.elements(p, &mut conditions),
             _ => Ok(Vec::new()),
@@ -199,17 +199,20 @@ impl Model<'_, '_> {
             let mut chars = name.text.chars();
             let is_name = chars.next().is_some_and(|c| c.is_alphabetic() || c == '_')
                 && chars.all(|c| c.is_alphanumeric() || c == '_');
+            // A name that an earlier parameter has is no new one, and is refused below.
             if is_name && !self.scope.locals.iter().any(|l| l == name.text) {
                 self.scope.locals.push(name.text.to_owned());
                 conditions.extend(condition.map(parse).transpose()?);
                 continue;
             }
+            // Without a new name only a constant is left, which the parameter must equal.
             let constant = parse(name).ok().and_then(|e| compile(&e, &self.scope).ok());
             let constant =
                 constant.and_then(|code| vm::constant_value(&code)).filter(|_| !is_name && condition.is_none());
             let Some(value) = constant else {
                 return Err(Refusal::new(format!("'{}' as the name of a parameter", p.text), p.range()));
             };
+            // The constant gets a variable that no model can name, so that slots go on in the order of the parameters.
             let hidden = format!("(parameter {})", self.scope.locals.len());
             self.scope.locals.push(hidden.clone());
             let own = Box::new(PyExpr::Name(hidden, p.range()));
@@ -224,7 +227,7 @@ impl Model<'_, '_> {
     /// Every way through statements, in the order in which Python would try them.
     pub(super) fn ways(&mut self, statements: &[Statement]) -> Result<Vec<Way>, Refusal> {
         let mut out = Vec::new();
-        // Each open way: what it has done, and the statements that it has left, the next one last.
+        // Each unfinished way: what it has done, and the statements that it has left, the next one last.
         let mut open: Vec<(Way, Vec<Statement>)> = vec![(Way::default(), statements.iter().rev().cloned().collect())];
         while let Some((mut way, mut left)) = open.pop() {
             let too_many = out.len() + open.len() > MAX_WAYS || way.steps.len() + left.len() > MAX_STEPS;
@@ -288,7 +291,7 @@ impl Model<'_, '_> {
                                 left.push(Statement::Assign(name.clone(), PyExpr::Number(*value)));
                             }
                         }
-                        // As many turns as there may be, each within the condition that it comes to it.
+                        // As many turns as there may be, each inside a condition that the loop gets that far.
                         Err(why) => {
                             let (end, most) = self.last_turn(&list, &way, &place).ok_or(why)?;
                             let count = format!("(turns {})", self.temporaries);
@@ -315,7 +318,7 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
-    /// Values of the variable of a loop.
+    /// Values that the variable of a `for` loop takes, one per turn; a list that is not constant is refused.
     fn turns(&self, list: &PyExpr, place: &Range<usize>) -> Result<Vec<f64>, Refusal> {
         let refused = || match list {
             PyExpr::Call(name, ..) if name == "range" || name == "xrange" => {
@@ -331,7 +334,7 @@ impl Model<'_, '_> {
         items.iter().map(number).collect()
     }
 
-    /// The end of `range(end)` and how many turns are read: as many as there may be, else a number that the file is warned of.
+    /// The end of `range(end)` and how many turns are read: the most that there may be, else [`MAX_UNKNOWN`] with a warning L008.
     fn last_turn(&mut self, list: &PyExpr, way: &Way, place: &Range<usize>) -> Option<(PyExpr, u32)> {
         let PyExpr::Call(name, args, _) = list else { return None };
         let [end] = args.as_slice() else { return None };
@@ -350,7 +353,7 @@ impl Model<'_, '_> {
         Some((end.clone(), turns))
     }
 
-    /// Are all names of an expression known behind the steps of a way?
+    /// True if all names of an expression are known after the steps of a way.
     fn is_readable(&self, e: &PyExpr, way: &Way) -> bool {
         let mut scope = self.scope.clone();
         for step in &way.steps {
@@ -361,7 +364,7 @@ impl Model<'_, '_> {
         compile(e, &scope).is_ok()
     }
 
-    /// A number that an expression does not exceed behind the steps of a way.
+    /// Upper bound on the value of an expression after these steps of a way; `None` if none is found.
     fn at_most(&self, e: &PyExpr, steps: &[Step], depth: usize) -> Option<f64> {
         if depth > 32 {
             return None;
@@ -421,9 +424,9 @@ impl Model<'_, '_> {
         }
     }
 
-    /// The production of one way.
+    /// The production of one way; `None` after an error.
     fn production(&mut self, head: &Head, way: &Way) -> Option<Production> {
-        // Each way has variables of its own; the parameters of the head are common to all.
+        // Each way has separate variables; the parameters of the head are common to all.
         let own = self.scope.locals.clone();
         let made = self.way_code(way);
         let built = match self.settle(made) {
@@ -486,7 +489,7 @@ impl Model<'_, '_> {
                 (None, Step::Assign(..)) => {}
             }
         }
-        // Until here they were local variables: only the way that is gone changes those of the model.
+        // Until here they were local variables: only the way that is taken changes those of the model.
         for name in way.written() {
             let (local, global) = (self.scope.local(name), self.scope.global(name));
             ops.extend([Op::Local(local), Op::StoreGlobal(global)]);

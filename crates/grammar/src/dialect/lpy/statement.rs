@@ -10,7 +10,6 @@ use crate::dialect::text::Piece;
 /// Deepest nesting of blocks in a production; deeper ones are refused, as the reader recurses.
 const MAX_NESTING: usize = 64;
 
-/// A statement of a production.
 #[derive(Debug, Clone)]
 pub(super) enum Statement {
     Assign(String, PyExpr),
@@ -77,7 +76,7 @@ impl Model<'_, '_> {
                 "else" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'else' without ':'", piece.range()))?;
                     let other = body(self, rest.from(c + 1))?;
-                    // As for `elif`.
+                    // The statement before must be an `if`, as for `elif`.
                     let Some(Statement::If(_, last)) = out.last_mut() else {
                         return Err(Refusal::new("'else' without 'if'", piece.range()));
                     };
@@ -158,7 +157,7 @@ fn for_list(piece: Piece<'_>) -> Result<(String, PyExpr), Refusal> {
     Ok((name.text.to_owned(), list))
 }
 
-/// Statements whose value one function may look at.
+/// Upper limit on the statements that are followed through one function.
 const MAX_STATEMENTS: usize = 4_096;
 
 /// The value of a function of assignments, `if`, `for` and `return` as one expression.

@@ -144,7 +144,7 @@ fn name_at(text: &str, declared: &[String]) -> (usize, String) {
     }
 }
 
-/// Modules of a text, as far as it has any.
+/// Splits a text into modules; their parameters are not parsed yet.
 pub(super) fn spell<'t>(piece: Piece<'t>, declared: &[String]) -> Result<Vec<Spelled<'t>>, Refusal> {
     let mut out = Vec::new();
     let text = piece.text;
@@ -181,7 +181,7 @@ pub(super) fn spell<'t>(piece: Piece<'t>, declared: &[String]) -> Result<Vec<Spe
     Ok(out)
 }
 
-/// Index of the parenthesis that closes what is open before the text.
+/// Index of the parenthesis that closes one opened just before the text; `None` if it is never closed.
 pub(super) fn closing(text: &str) -> Option<usize> {
     let mut depth = 0_usize;
     for (i, c) in text.char_indices() {
@@ -231,10 +231,10 @@ fn coordinates(piece: Piece<'_>) -> Vec<Piece<'_>> {
     if parts.len() == 3 { parts } else { vec![piece] }
 }
 
-/// Modules of a successor in their order; none for `*` alone, the empty string.
+/// Modules of a successor in their order; none if it is a single `*`, the empty string.
 pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyModule>, Refusal> {
     let spelled = spell(piece, declared)?;
-    // `*` alone is the empty string.
+    // `*` with nothing beside it produces no module.
     if let [only] = spelled.as_slice()
         && only.name == "*"
     {
@@ -244,7 +244,7 @@ pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyMod
         if s.name.starts_with('?') && s.name.len() > 1 {
             return Err(Refusal::new(format!("the query '{}'", s.name), s.range));
         }
-        // What only changes the surface of a drawing is left out with its objects.
+        // Parameters of these commands are objects that change only the surface of a drawing: they are left out.
         let is_object = OBJECTS.contains(&s.name.as_str()) || matches!(s.name.as_str(), "@g" | "@L");
         let args = match &s.params {
             Some(params) if !is_object => {
