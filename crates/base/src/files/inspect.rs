@@ -26,8 +26,10 @@ pub fn list_files(root: &Path) -> Result<Vec<String>> {
             let entry = entry.map_err(failed)?;
             let name = entry.file_name().to_string_lossy().into_owned();
             let relative = if folder.is_empty() { name.clone() } else { format!("{folder}/{name}") };
-            if entry.file_type().map_err(failed)?.is_dir() && depth < DEPTH {
-                todo.push((relative, depth + 1));
+            if entry.file_type().map_err(failed)?.is_dir() {
+                if depth < DEPTH {
+                    todo.push((relative, depth + 1));
+                }
             } else if relative != JOURNAL && !(name.starts_with('.') && name.ends_with(".part")) {
                 found.push(relative);
             }

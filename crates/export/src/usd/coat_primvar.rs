@@ -46,7 +46,7 @@ pub(super) fn define_coat_weight(
         return Ok(None);
     };
     let rest = weight_at_points(&object.mesh, &coat, sequence, sequence.rest.as_ref());
-    let primvar = AnimatedPrimvar::define(layer, path, &rest)?;
+    let primvar = AnimatedPrimvar::define(layer, path, &rest, cx.up)?;
     Ok(Some(Box::new(CoatWeight { index, coat, primvar })))
 }
 

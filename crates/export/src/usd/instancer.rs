@@ -314,7 +314,7 @@ impl AnimatedPrim for AnimatedInstancer {
         // A primvar is defined by the first frame that has values for it.
         for a in state.attributes.iter().filter(|a| !a.data.is_empty()) {
             if !self.primvars.iter().any(|p| p.name == a.name) {
-                self.primvars.push(AnimatedPrimvar::create(layer, &self.path, a)?);
+                self.primvars.push(AnimatedPrimvar::create(layer, &self.path, a, up)?);
             }
         }
         let mut present = self.primvars.iter().filter(|p| p.has_values_in(&state.attributes));

@@ -362,7 +362,7 @@ impl VaryingMesh {
                 self.subsets.insert(*material, attr);
             }
         }
-        self.sample_primvars(layer, mesh, time)?;
+        self.sample_primvars(cx, layer, mesh, time)?;
         for (material, attr) in &self.subsets {
             let faces = families.iter().find(|(m, _)| m == material).map_or(&[][..], |(_, f)| f);
             layer.writer.set_time_sample(*attr, time, UsdArray::Int(faces).into())?;
@@ -372,11 +372,11 @@ impl VaryingMesh {
     }
 
     /// Samples every attribute seen so far, so that its values fit the points at all frames: none at frames without it.
-    fn sample_primvars(&mut self, layer: &mut LayerBuilder, mesh: &Mesh, time: f64) -> Result<()> {
+    fn sample_primvars(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, mesh: &Mesh, time: f64) -> Result<()> {
         let known = self.primvars.len();
         for a in mesh.attributes.iter().filter(|a| !a.data.is_empty()) {
             if !self.primvars.iter().any(|p| p.name == a.name) {
-                self.primvars.push(AnimatedPrimvar::create(layer, &self.path, a)?);
+                self.primvars.push(AnimatedPrimvar::create(layer, &self.path, a, cx.up)?);
             }
         }
         // An attribute that appears late gets empty samples at the frames before.

@@ -1,5 +1,7 @@
 //! Attributes of the scene as primvars: `primvars:NAME` of a mesh, of points, or of an instancer.
 
+use std::borrow::Cow;
+
 use super::arrays::as_ints;
 use super::layer::LayerBuilder;
 use super::layer_writer::{AttrHandle, AttrSpec};
@@ -17,28 +19,31 @@ pub(super) struct AnimatedPrimvar {
     attr: AttrHandle,
     /// Empty values of the attribute's type, for frames that lack it.
     empty: AttributeData,
+    /// Axes of the stage, to which vectors are rotated.
+    up: UpAxis,
 }
 
 impl AnimatedPrimvar {
     /// Defines the primvar of an attribute of the prim at `path`, without a default value: only frames give it values.
-    pub(super) fn create(layer: &mut LayerBuilder, path: &str, attribute: &Attribute) -> Result<Self> {
+    pub(super) fn create(layer: &mut LayerBuilder, path: &str, attribute: &Attribute, up: UpAxis) -> Result<Self> {
         let attr = layer.writer.create_attr(&primvar_path(path, attribute), &spec(attribute), None)?;
-        Ok(Self { name: attribute.name, attr, empty: attribute.data.gather(&[]) })
+        Ok(Self { name: attribute.name, attr, empty: attribute.data.gather(&[]), up })
     }
 
     /// Defines the primvar of an attribute of the prim at `path`, with the attribute's values as default value.
-    pub(super) fn define(layer: &mut LayerBuilder, path: &str, attribute: &Attribute) -> Result<Self> {
+    pub(super) fn define(layer: &mut LayerBuilder, path: &str, attribute: &Attribute, up: UpAxis) -> Result<Self> {
         let spec = spec(attribute);
-        let value = usd_array(&attribute.data)?.into();
+        let data = on_stage_axes(&attribute.data, up);
+        let value = usd_array(&data)?.into();
         let attr = layer.writer.create_attr(&primvar_path(path, attribute), &spec, Some(value))?;
-        Ok(Self { name: attribute.name, attr, empty: attribute.data.gather(&[]) })
+        Ok(Self { name: attribute.name, attr, empty: attribute.data.gather(&[]), up })
     }
 
     /// Adds a sample: the values of the attribute with its name in `attributes`, or an empty array.
     pub(super) fn sample(&self, layer: &mut LayerBuilder, time: f64, attributes: &[Attribute]) -> Result<()> {
         // An attribute that a frame lacks is written as empty: without a sample, the values of the frame before would be held.
         let data = attributes.iter().find(|a| a.name == self.name).map_or(&self.empty, |a| &a.data);
-        layer.writer.set_time_sample(self.attr, time, usd_array(data)?.into())
+        layer.writer.set_time_sample(self.attr, time, usd_array(&on_stage_axes(data, self.up))?.into())
     }
 
     /// Whether `attributes` contain values for the primvar.
@@ -47,21 +52,26 @@ impl AnimatedPrimvar {
     }
 }
 
-/// Defines the primvars of all attributes that have values; vectors are rotated from the axes of the scene to those of the stage.
+/// Defines the primvars of all attributes that have values.
 pub(super) fn define_all(
     layer: &mut LayerBuilder,
     path: &str,
     attributes: &[Attribute],
     up: UpAxis,
 ) -> Result<Vec<AnimatedPrimvar>> {
-    let define = |a: &Attribute| match &a.data {
+    let with_values = attributes.iter().filter(|a| !a.data.is_empty());
+    with_values.map(|a| AnimatedPrimvar::define(layer, path, a, up)).collect()
+}
+
+/// The values with vectors rotated from the axes of the scene to those of the stage.
+fn on_stage_axes(data: &AttributeData, up: UpAxis) -> Cow<'_, AttributeData> {
+    match data {
         AttributeData::Vector(list) => {
-            let turned = list.iter().map(|v| up.stage_vec(Vec3::from_array(*v)).to_array()).collect();
-            AnimatedPrimvar::define(layer, path, &Attribute { data: AttributeData::Vector(turned), ..*a })
+            let rotate = |v: &[f32; 3]| up.stage_vec(Vec3::from_array(*v)).to_array();
+            Cow::Owned(AttributeData::Vector(list.iter().map(rotate).collect()))
         }
-        _ => AnimatedPrimvar::define(layer, path, a),
-    };
-    attributes.iter().filter(|a| !a.data.is_empty()).map(define).collect()
+        _ => Cow::Borrowed(data),
+    }
 }
 
 fn primvar_path(path: &str, attribute: &Attribute) -> String {

@@ -81,7 +81,12 @@ impl SweptBall {
             let step = if closing { gap } else { gap.max(0.25 * self.radius) };
             gone += f64::from(step.max(MIN_TRACE_STEP).min(left));
         }
-        if gone >= length { (1.0, None) } else { (gone / length, solids.near(self.from.as_vec3(), reach)) }
+        if gone >= length {
+            return (1.0, None);
+        }
+        // At the limit of steps the path ends where it has come to, at the surface that is nearest there.
+        let reached = self.from + self.way * (gone / length);
+        (gone / length, solids.near(reached.as_vec3(), reach))
     }
 }
 

@@ -128,7 +128,8 @@ fn check_organs(plant: &Plant) -> Result<()> {
             return Err(Error::export("X001", format!("plant: organ {i} is not finite")));
         }
         let Some(axis) = plant.axes.get(organ.axis as usize) else {
-            return Err(range_error(format!("axis of organ {i}"), f64::from(organ.axis), 0.0, plant.axes.len() as f64));
+            let last = plant.axes.len() as f64 - 1.0;
+            return Err(range_error(format!("axis of organ {i}"), f64::from(organ.axis), 0.0, last));
         };
         if organ.s < -1e-4 || organ.s > axis.length * 1.0001 + 1e-4 {
             let at = f64::from(organ.s);

@@ -94,13 +94,13 @@ fn wake_by_size_of_cells() {
     for spacing in spacings {
         let wake = wake_of_a_wall(spacing);
         let WallWakeStats { reattachment, mean, rms } = wake;
-        println!("| {spacing} | {:.0} | {reattachment:.1} | {mean:.2} | {rms:.2} |", f64::from(WALL[0]) / spacing);
+        println!("| {spacing} | {:.0} | {reattachment:.1} | {mean:.2} | {rms:.3} |", f64::from(WALL[0]) / spacing);
         if spacing < 0.5
             && let Some(coarser) = before
         {
-            // What holds today, and not what is wanted: neither length nor intensity has converged.
+            // The length has converged to 15 %; the intensity in cells of half a metre is still somewhat low.
             let length = reattachment / coarser.reattachment;
-            assert!((length - 1.0).abs() < 0.2 && (0.5..2.0).contains(&(rms / coarser.rms)), "{length} {rms}");
+            assert!((length - 1.0).abs() < 0.15 && (0.7..1.4).contains(&(rms / coarser.rms)), "{length} {rms}");
         }
         before = Some(wake);
     }

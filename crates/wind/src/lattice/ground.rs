@@ -8,7 +8,7 @@
 //! smaller than the lattice resolves.
 
 use super::stencil::{Q, VELOCITIES, weight};
-use super::tuning::MIXING_LENGTH_CELLS;
+use super::tuning::{MIN_MIXING_LENGTH_CELLS, MIXING_LENGTH_PER_BOX_HEIGHT, MIXING_LENGTH_PER_REFERENCE_HEIGHT};
 use osier_base::math::{ln, narrow};
 use osier_base::simd::Lane;
 
@@ -21,7 +21,7 @@ pub(super) struct GroundModel {
     /// Drag coefficient: wall stress over density and the square of the speed in the lowest cells. 0 for ground by
     /// bounce-back, or none.
     pub drag: f32,
-    /// Least relaxation time by height, steps, for the lowest [`MIXING_LENGTH_CELLS`] cells.
+    /// Least relaxation time by height, steps, of the cells in the mixing-length layer ([`mixing_layer_cells`]).
     pub min_tau: Vec<f32>,
     /// By height, the share of the outlet sponge's viscosity, 0 to 1; empty for 1 everywhere.
     pub sponge_profile: Vec<f32>,
@@ -41,8 +41,13 @@ impl GroundModel {
         // Friction velocity u* = kappa u / ln((y + z0)/z0); eddy viscosity kappa u* (y + z0), which fades to 0 where the
         // lattice resolves the eddies itself. tau = tau_0 + 3 nu.
         let friction = KARMAN * speed / ln((height + roughness) / roughness);
-        let viscosity = |y: f64| KARMAN * friction * (y + roughness) * (1.0 - y / f64::from(MIXING_LENGTH_CELLS));
-        let min_tau = (0..MIXING_LENGTH_CELLS).map(|y| narrow(tau + 3.0 * viscosity(f64::from(y) + 0.5))).collect();
+        let layer = mixing_layer_cells(height, cells as f64);
+        let viscosity = |y: f64| KARMAN * friction * (y + roughness) * (1.0 - y / layer).max(0.0);
+        let min_tau = (0..cells)
+            .map(|y| y as f64 + 0.5)
+            .take_while(|y| *y < layer)
+            .map(|y| narrow(tau + 3.0 * viscosity(y)))
+            .collect();
         let top = cells as f64;
         let profile = |y: f64| (4.0 * (y + roughness) * (1.0 - y / top) / top).min(1.0);
         let sponge_profile = (0..cells).map(|y| narrow(profile(y as f64 + 0.5))).collect();
@@ -51,8 +56,7 @@ impl GroundModel {
         // The drag is this flux over the square of the lowest cells' speed, so that the profile is a discrete steady state.
         let [low, second] = [0.5, 1.5].map(|y: f64| ln((y + roughness) / roughness) / KARMAN);
         let slope = second - low;
-        let flux = KARMAN * (1.0 + roughness) * (1.0 - 1.0 / f64::from(MIXING_LENGTH_CELLS)) * slope
-            + smagorinsky * smagorinsky * slope * slope;
+        let flux = KARMAN * (1.0 + roughness) * (1.0 - 1.0 / layer) * slope + smagorinsky * smagorinsky * slope * slope;
         let drag = narrow(flux / (low * low));
         Self { drag, min_tau, sponge_profile, sponge_drag: narrow(sponge_drag) }
     }
@@ -66,6 +70,14 @@ impl GroundModel {
     pub(super) fn sponge_tau(&self, y: usize, tau: f32) -> f32 {
         (1.0 - tau).max(0.0) * self.sponge_profile.get(y).copied().unwrap_or(1.0)
     }
+}
+
+/// Depth of the mixing-length layer above rough ground, cells. It is a length in metres that does not depend on the cells, so
+/// that refining them converges, unless the cells are so large that it would be fewer than the profile needs.
+/// `reference_height`, `box_height`: cells.
+fn mixing_layer_cells(reference_height: f64, box_height: f64) -> f64 {
+    let layer = (MIXING_LENGTH_PER_REFERENCE_HEIGHT * reference_height).min(MIXING_LENGTH_PER_BOX_HEIGHT * box_height);
+    layer.max(MIN_MIXING_LENGTH_CELLS)
 }
 
 /// Applies the wall stress drag rho u |u| to populations arriving at the lowest cells: the upward diagonals, which were

@@ -1,9 +1,15 @@
 //! Numbers of the lattice wind that were chosen by judgement or by trial, with what changes when they move.
 
-/// Cells above rough ground in which the mixing length stands in for unresolved eddies. Eddies at a height are about as
-/// large as the height, and the lattice resolves those of some eight cells. Fewer: waves of a few cells above the ground;
-/// more: the wind is damped where it could be resolved.
-pub(super) const MIXING_LENGTH_CELLS: u32 = 8;
+/// Least depth, cells, of the layer above rough ground in which a mixing length stands for eddies that are not resolved. Eddies
+/// at a height are about as large as the height, and the lattice resolves those of some eight cells. Less: waves of a few
+/// cells above the ground.
+pub(super) const MIN_MIXING_LENGTH_CELLS: f64 = 8.0;
+/// Depth of that layer over the reference height of the wind, for cells small enough: 4 m below 10 m, which is 8 cells of the
+/// default size. A depth in metres keeps the viscosity, and with it the wake of a wall, the same for all smaller cells.
+/// More: the wind is damped where it could be resolved; less: the wake of a wall depends on the size of the cells.
+pub(super) const MIXING_LENGTH_PER_REFERENCE_HEIGHT: f64 = 0.4;
+/// Largest depth of that layer over the height of the box, for boxes lower than some 24 m: more would leave nothing resolved.
+pub(super) const MIXING_LENGTH_PER_BOX_HEIGHT: f64 = 1.0 / 6.0;
 
 /// Speed of the inflow, cells per step, that the number of steps per frame is chosen for. Errors of compressibility grow
 /// with its square; the cost falls in proportion.

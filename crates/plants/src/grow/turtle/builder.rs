@@ -173,6 +173,7 @@ impl PlantBuilder {
     pub fn finish(mut self, plant_id: u32, seed: u64, steps: u32, options: &TurtleOptions) -> Plant {
         // A string that draws organs but no segment still needs an axis to carry them.
         self.add_stub_axis();
+        self.reattach_children_of_single_nodes();
         let order = self.canonical_order();
         let mut plant = Plant {
             id: plant_id,
@@ -206,8 +207,19 @@ impl PlantBuilder {
         self.extend(axis, RawNode { p: first.pose.p + h * STUB, width_in: Some(STUB), ..node });
     }
 
-    /// Indices of the axes depth first, siblings by place on the parent, then ordinal. Axes of one node are left out, and with
-    /// them any axes that begin there.
+    /// Attaches the branches of axes of one node, which are left out, to the node that carries such an axis, at the same
+    /// position; branches of a root of one node become roots.
+    fn reattach_children_of_single_nodes(&mut self) {
+        // A parent precedes its children, so that its own attachment is final when a child reads it.
+        for i in 0..self.axes.len() {
+            let parent = self.axes.get(self.axes[i].parent as usize).copied();
+            if let Some(parent) = parent.filter(|parent| parent.count == 1) {
+                (self.axes[i].parent, self.axes[i].parent_node) = (parent.parent, parent.parent_node);
+            }
+        }
+    }
+
+    /// Indices of the axes depth first, siblings by arc length on the parent, then ordinal, without axes of one node.
     fn canonical_order(&self) -> Vec<usize> {
         let s = |a: &RawAxis| self.nodes.get(a.parent_node as usize).map_or(0.0, |n| n.s);
         let is_child = |i: &usize| self.axes[*i].parent != NONE && self.axes[*i].count > 1;

@@ -92,6 +92,18 @@ fn nested_brackets_without_a_step_keep_their_parent() {
 }
 
 #[test]
+fn branches_on_axes_without_length_are_drawn() {
+    // A root of one node: its branch becomes a root.
+    let plant = draw("F(0)[+(90)F(1)]");
+    assert_eq!((plant.axes.len(), plant.axes[0].parent), (1, NONE));
+    near(tips(&plant)[0], [-1.0, 0.0, 0.0]);
+    // A branch of one node half way up the stem: its branch grows from the stem there.
+    let plant = draw("F(1)[F(0)[+(90)F(1)]]F(1)");
+    assert_eq!((plant.axes.len(), plant.axes[1].parent, plant.axes[1].parent_s), (2, 0, 1.0));
+    near(tips(&plant)[1], [-1.0, 1.0, 0.0]);
+}
+
+#[test]
 fn widths_taper_from_segment_to_segment() {
     let plant = draw("!(2)F!(1)F");
     assert_eq!(plant.nodes.r.iter().map(|r| (r * 100.0).round()).collect::<Vec<_>>(), [100.0, 50.0, 50.0]);
