@@ -301,7 +301,8 @@ fn content_of(bytes: &[u8]) -> Option<Content> {
     (is_fractint || is_flame).then_some(Content::Table)
 }
 
-/// Whether a file holds coefficients: by its ending, or for TOML by a table `[ifs]`.
+/// Whether a file holds the coefficients of an IFS: by its ending `.ifs` or `.flame`, or for TOML by a line that begins with `[ifs`
+/// or `[[ifs`.
 fn is_coefficient_table(path: &Path, bytes: &[u8]) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     // Lines are searched before any parsing, so that a scene with a syntax error is still reported as a scene.

@@ -12,7 +12,7 @@ use osier_base::progress::Cancel;
 
 /// Time between a signal and forced exit, in which the work can stop and close its files.
 const SHUTDOWN_TIME: Duration = Duration::from_millis(1400);
-/// Time between two measurements of memory.
+/// Time between two measurements of memory. Shorter: reading `/proc` costs time; longer: a run exceeds its limit by more.
 const MEMORY_INTERVAL: Duration = Duration::from_millis(10);
 /// Time before the first measurement: an excess that the estimate predicts is refused earlier, with its reason.
 const FIRST_MEASUREMENT: Duration = Duration::from_millis(500);

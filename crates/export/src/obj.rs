@@ -78,7 +78,7 @@ impl ObjExporter {
         scene: &Scene,
         path: &str,
         pictures: &str,
-        objects: &[ObjObject<'_>],
+        objects: &[Object<'_>],
         finish: impl FnOnce() -> Result<()>,
     ) -> Result<()> {
         let stem = path.rsplit('/').next().unwrap_or(path);
@@ -145,7 +145,7 @@ impl Exporter for ObjExporter {
             FileTarget::Bake => {
                 self.textures.write(scene, &self.folder, "textures/")?;
                 for asset in &scene.assets {
-                    let object = ObjObject { name: &asset.id, flat: &FlattenedAsset::of(asset), world: Trs::IDENTITY };
+                    let object = Object { name: &asset.id, flat: &FlattenedAsset::of(asset), world: Trs::IDENTITY };
                     if object.flat.triangles > 0 {
                         let path = format!("obj/{}", asset.id);
                         self.write_pair(scene, &path, "../textures/", &[object], || Ok(()))?;
@@ -157,9 +157,9 @@ impl Exporter for ObjExporter {
                 let pictures = format!("{stem}_files/");
                 let flats: Vec<FlattenedAsset<'_>> = scene.assets.iter().map(FlattenedAsset::of).collect();
                 let placed = scene.placements.iter().filter_map(|p| Some((p, flats.get(p.asset)?)));
-                let objects: Vec<ObjObject<'_>> = placed
+                let objects: Vec<Object<'_>> = placed
                     .filter(|(_, flat)| flat.triangles > 0)
-                    .map(|(p, flat)| ObjObject { name: &p.name, flat, world: p.transform })
+                    .map(|(p, flat)| Object { name: &p.name, flat, world: p.transform })
                     .collect();
                 // Textures are written last, so that a mesh that cannot be written leaves no folder of textures.
                 let finish = || self.textures.write(scene, &self.folder, &pictures);
@@ -178,13 +178,13 @@ impl Exporter for ObjExporter {
 }
 
 /// An asset, or a placement of it, as an object (`o`) of a file.
-struct ObjObject<'a> {
+struct Object<'a> {
     name: &'a str,
     flat: &'a FlattenedAsset<'a>,
     world: Trs,
 }
 
-impl ObjObject<'_> {
+impl Object<'_> {
     /// Writes `o`, then all `v`, `vt` and `vn`, then `usemtl` and `f` for each material. `base`: number of the object's first
     /// vertex: indices count from 1 over the whole file.
     fn write(&self, lines: &mut LineSink<'_>, base: u64, materials: &[Material]) -> Result<()> {

@@ -129,7 +129,8 @@ pub fn jpeg(image: &Image) -> Result<Option<Vec<u8>>> {
     Ok(Some(bytes))
 }
 
-/// The samples of a square image that [`png()`] has encoded; `None` if `bytes` are anything else.
+/// The samples of a PNG of `side` x `side` pixels: grey for 1 channel, RGB for 3, RGBA for others, as [`png()`] encodes them. `None`
+/// if `bytes` are no PNG or one of another size, colour type or depth.
 pub fn unpng(bytes: &[u8], side: u32, channels: u8) -> Option<Pixels> {
     let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().ok()?;
     let info = reader.info();

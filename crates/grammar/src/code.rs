@@ -156,7 +156,8 @@ pub(crate) struct ArrayShape {
     pub sizes: Vec<u32>,
 }
 
-/// Array and location of an access to an element; the indices are on the stack when it runs.
+/// An access to an element of an array: the array, and the place in the source for messages. The indices are on the stack when
+/// it runs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ElementAccess {
     pub shape: ArrayShape,

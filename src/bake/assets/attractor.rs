@@ -91,7 +91,7 @@ fn build_attractor(
         AttractorOrigin::Origin => DVec3::ZERO,
     };
     let morph = recipe.morph.as_ref().map(|m| AttractorMorph::new(recipe, m, seed, foot, scale));
-    // A morph draws the points of its first key; without one they are drawn once.
+    // A morph draws the points of the first frame here; without a morph they are those of all frames.
     let mut cloud = match &morph {
         Some(morph) => morph.points_at(0.0),
         None => {

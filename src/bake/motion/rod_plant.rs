@@ -9,6 +9,7 @@ use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::plant_materials::petiole_radius;
 use crate::bake::assets::plant_mesh::{bark_mesh, group_organs, instancer_name, leaf_instancer, organ_of_prototype};
+use crate::bake::motion::sway::MAX_GAME_JOINTS;
 use crate::bake::motion::{AssetMotion, CarriedPoints, FrameTime, PointOnAxis};
 use crate::bake::scene::plant_layout::Individual;
 use crate::bake::wind::plant_wind::{PlantWind, wood_params};
@@ -28,8 +29,6 @@ use osier_scene::{
     MeshObject, Skeleton, SkinWeights, Trs,
 };
 
-/// Largest number of joints with `motion = "game"`, for the skinning limits of game engines.
-const MAX_GAME_JOINTS: u32 = 64;
 /// Radius of petioles whose organ has no such parameter, m. Own: of a birch's or poplar's petiole.
 const DEFAULT_PETIOLE_RADIUS: f64 = 8e-4;
 const PETIOLE_TUBE: TubeResolution = TubeResolution { sides: 6, rings: 2 };

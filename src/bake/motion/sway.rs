@@ -22,7 +22,7 @@ use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, MeshFrame, M
 use osier_wind::Wind;
 
 /// Largest number of joints with `motion = "game"`, for the skinning limits of game engines.
-const MAX_GAME_JOINTS: u32 = 64;
+pub(super) const MAX_GAME_JOINTS: u32 = 64;
 
 /// Recorded sway of one plant in the wind, evaluated at any time by interpolation.
 #[derive(Debug, Clone)]

@@ -218,7 +218,7 @@ individuals = 2
         for p in plants {
             let points = &scene.assets[p.asset].meshes[0].mesh.points;
             let low = points.iter().fold(f32::MAX, |m, q| m.min(q.y));
-            // The lowest ring, 0.3 m below the foot, and the same ring where the foot is.
+            // The lowest ring lies `bury`, 0.3 m, below the base; raised by that it must not lie above the land.
             for q in points.iter().filter(|q| q.y < low + 0.02) {
                 let w = p.transform.apply(Vec3::new(q.x, 0.0, q.z));
                 highest = highest.max(w.y - land.height_at(w.x, w.z));

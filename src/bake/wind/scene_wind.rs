@@ -25,8 +25,7 @@ use osier_scene::solid::{LandForm, Solid};
 use osier_wind::{LatticeStats, RecordedWind, ScaledWind, UniformWind, Wind, WindSum};
 
 /// Least height above a surface at which an analytic wind is sampled, m; below it a flight scales the wind down to the surface.
-/// Own:
-/// the width of a cell of the default lattice.
+/// Own: the width of a cell of the default lattice.
 const ANALYTIC_KNOWN_HEIGHT: f64 = 0.5;
 
 /// A part of a scene that reads its wind, as observers distinguish them.

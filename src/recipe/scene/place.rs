@@ -200,7 +200,7 @@ impl Resolver<'_> {
                 return None;
             }
         };
-        // Both ways above refuse more than MAX_COUNT copies, so that the conversion cannot fail.
+        // Both ways above give MAX_COUNT copies or a few more, so that the conversion cannot fail.
         keys.count = u32::try_from(positions.len()).unwrap_or(MAX_COUNT);
         Some(positions)
     }

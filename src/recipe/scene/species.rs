@@ -292,8 +292,8 @@ impl Resolver<'_> {
 
     /// Warns with S038 if `clear_stem` removes most of what a cut leaves, or all branches of the tree.
     fn check_clear_stem(&mut self, plant: &TomlTable, path: &str, habit: &Habit, prunes: &[PruneKeys]) {
-        // Trees of several stems keep their lower branches.
-        if habit.stems > 1.0 {
+        // Shrubs of several stems keep their lower branches.
+        if !habit.clears_stem() {
             return;
         }
         let clear = f64::from(habit.clear_stem);

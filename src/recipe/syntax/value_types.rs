@@ -528,7 +528,7 @@ impl<const N: usize> ValueType for NumberArray<N> {
     }
 }
 
-/// Largest number of elements of a [`NumbersByLevel`]: no plant has more levels.
+/// Largest number of elements of a [`NumbersByLevel`], which is that of the key `levels` of particle-shapes.
 const MAX_LEVELS: usize = 8;
 
 /// One number for each level of branching, from the trunk on; the last one applies to all higher levels. A single number is a

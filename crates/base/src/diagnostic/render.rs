@@ -81,10 +81,12 @@ pub fn render_json(report: &Report) -> Value {
     report.diagnostics.iter().map(one).collect()
 }
 
-/// The lines of a source around some spans, safe to print: first byte and line number of the excerpt.
+/// The lines of a source around some spans, or what is printed of a long one, without control characters.
 struct Excerpt {
     text: String,
+    /// First byte of the excerpt in the source.
     start: usize,
+    /// Number of its first line, from 1.
     line: usize,
     /// Bytes in front of the text that the source does not hold, where a line is cut.
     prefix: usize,

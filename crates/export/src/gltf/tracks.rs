@@ -303,7 +303,7 @@ impl ClipTracks {
     /// Ends the clip with the frame that was added last.
     pub(super) fn close(&mut self) {
         self.assets.iter_mut().flat_map(|a| a.meshes.iter_mut().chain(&mut a.curves)).for_each(MorphFrames::close);
-        // Curves are paths that seeds have flown, and coarse interpolation shows other paths; an
+        // Curves are the paths of catkins. Interpolated coarsely they would be other paths, so coarse ones are dropped; an
         // interpolated tree remains plausible.
         self.assets.iter_mut().flat_map(|a| &mut a.curves).for_each(MorphFrames::drop_if_coarse);
     }

@@ -174,7 +174,7 @@ pub struct FogEntry {
     pub height: f32,
 }
 
-/// Conversion of radiance to displayed values.
+/// How the camera exposes a frame: conversion of radiance to displayed values, and shutter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LookEntry {
     /// Factor on radiance before the curve.

@@ -20,7 +20,7 @@ const MAX_SCALED: f64 = 1e17;
 /// # Errors
 /// X001 for a number that is not finite, X010 for an integer beyond 32 bits with a sign.
 pub(super) fn csv_text(table: &RecordTable, up: UpAxis) -> Result<String> {
-    let columns: Vec<CsvColumn<'_>> = table.columns.iter().map(|c| CsvColumn::new(table, c, up)).collect();
+    let columns: Vec<Column<'_>> = table.columns.iter().map(|c| Column::new(table, c, up)).collect();
     let names: Vec<&str> = table.columns.iter().map(|c| c.name).collect();
     // Tasks have a fixed number of rows, joined in order: the text does not depend on the number of threads.
     let starts: Vec<usize> = (0..table.len()).step_by(ROWS_PER_TASK).collect();
@@ -44,7 +44,7 @@ pub(super) fn csv_text(table: &RecordTable, up: UpAxis) -> Result<String> {
     Ok(text)
 }
 
-struct CsvColumn<'a> {
+struct Column<'a> {
     table: &'static str,
     name: &'static str,
     /// Values of the source column in the scene's axes: with +Z up, y and z of a vector are exchanged.
@@ -53,7 +53,7 @@ struct CsvColumn<'a> {
     is_negated: bool,
 }
 
-impl<'a> CsvColumn<'a> {
+impl<'a> Column<'a> {
     fn new(table: &'a RecordTable, column: &'a RecordColumn, up: UpAxis) -> Self {
         let named = |name: String| table.columns.iter().find(|c| c.name == name);
         // (x, y, z) with Y up becomes (x, -z, y) with Z up; the vector part of a quaternion likewise.

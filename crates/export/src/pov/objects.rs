@@ -15,7 +15,8 @@ const STREAK_OPACITY: f32 = 0.14;
 /// Least ratio of a streak's length to the drop's width; a slower drop is drawn as a sphere. Own: chosen by eye.
 const MIN_STREAK_ASPECT: f32 = 3.0;
 
-/// Steps of the coordinates of a streak in the radius of its drop. Own: eight are finer than a pixel of any streak that shows.
+/// Coordinates of a streak are rounded to the power of ten at or below the drop's radius over this. Own: eight steps a radius
+/// are finer than a pixel of any visible streak.
 const STREAK_POSITION_STEPS: f32 = 8.0;
 
 /// The macro of a streak of falling water: position, half of its displacement, radius in the middle and transparency. Two cones

@@ -328,7 +328,7 @@ impl VaryingMesh {
         mesh: &Mesh,
     ) -> Result<Self> {
         let attrs = define_mesh(cx, layer, place, mesh)?;
-        // At rest the number of velocities equals that of the points of the rest mesh, as it does in every frame.
+        // As many velocities as points, at rest as in every frame.
         let still = vec![[0.0; 3]; mesh.points.len()];
         let path = format!("{}.velocities", place.path);
         let velocities = layer.set_attr(&path, "vector3f[]", UsdArray::Float3(&still).into())?;

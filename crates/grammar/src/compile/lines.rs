@@ -105,8 +105,8 @@ fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
     let next = tokens.get(n);
     // Any symbol may follow `bind`, a colon only as the second.
     let colon_optional = colon_optional || (k == Keyword::Bind && tokens.get(n + 1).is_some_and(|t| t.is(':')));
-    // A keyword counts only in front of a colon or a brace, or as the only word of its line, so that symbols may be spelled like
-    // keywords.
+    // Other keywords count only in front of a colon or a brace, or as the only word of their line, so that symbols may be
+    // spelled like keywords.
     let fits = next.is_some_and(|t| t.is(':') || t.is('{') || t.is_newline()) || colon_optional || next.is_none();
     fits.then_some((k, n))
 }

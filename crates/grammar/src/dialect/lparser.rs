@@ -178,7 +178,7 @@ impl<'t> File<'_, '_, 't> {
         let mut out = Vec::new();
         for (at, c) in chars {
             let place = self.reader.place(at..at + c.len_utf8());
-            // A rule makes a symbol of any character, a command of the turtle included.
+            // A character that is neither a command nor has a rule draws nothing: it becomes `_`.
             let known = COMMANDS.contains(c) || ruled.contains(&c);
             out.extend(self.reader.module(if known { c } else { '_' }, place));
         }

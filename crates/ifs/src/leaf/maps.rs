@@ -42,7 +42,7 @@ pub struct LeafFields {
 /// Relief and colours of a raster.
 /// Source: [wang-hao] 3.2.2: the leaf drawn by an iterated function system at the terminals of a plant.
 /// Differs: the paper paints points; here they are one asset of maps. `Own:` veins are the cheapest ways from the lobes
-/// to the anchor.
+/// to the anchor. `vein_share`: weight of the ridges of the density, which are drawn as veins and as relief, 0 to 1.
 pub fn fields(raster: &LeafRaster, colors: &LeafColors, vein_share: f32) -> LeafFields {
     let n = raster.mask.side;
     let side = size(n);
@@ -71,7 +71,7 @@ fn size(n: usize) -> f32 {
     n as f32
 }
 
-/// ln(1 + hits) over the value at the 99 % quantile, 0..1.
+/// ln(1 + hits) over its value at the 99 % quantile of the pixels that were hit, at most 1.
 fn log_density(hits: &[u32]) -> Vec<f32> {
     let mut full: Vec<u32> = hits.iter().copied().filter(|h| *h > 0).collect();
     let at = full.len().saturating_sub(1) * 99 / 100;

@@ -270,7 +270,8 @@ fn anchor_and_tip(ifs: &Ifs, rule: WeightRule, spec: &LeafSpec) -> Result<[DVec2
     Ok([anchor, tip])
 }
 
-/// The lowest point on the principal axis of some points.
+/// The lowest of the points within 1.5 pixels of their principal axis, or of the vertical if that axis is nearer to horizontal;
+/// their mean if none is that near.
 #[allow(clippy::cast_precision_loss, reason = "pixels")]
 fn base_point(points: &[DVec2], pixel: f64) -> DVec2 {
     let n = points.len().max(1) as f64;

@@ -238,7 +238,8 @@ pub const NECKING_TIME: f64 = 0.04;
 /// Smallest gravity in the capillary length of sessile and pendant drops, m/s^2, and in the maximum volume of the latter: that of the
 /// key `rain.gravity`. A leaf that falls freely has less, with which drops would grow without limit.
 pub const MIN_GRAVITY: f64 = 0.01;
-/// Attraction of [`MergeRule::Paper`](crate::rain::MergeRule::Paper) at most, in units of its constant: the printed logarithm has no limit.
+/// Largest attraction of [`MergeRule::Paper`](crate::rain::MergeRule::Paper), in units of its constant: the logarithm of the
+/// paper has no limit.
 pub const MAX_ATTRACTION: f64 = 3.0;
 /// Largest factor on the length of the profile of the maximum volume, by which a drop with more water is drawn.
 pub const MAX_PENDANT_STRETCH: f64 = 1.6;

@@ -19,7 +19,9 @@ pub struct PosedSkeleton {
 /// A point attached to a segment between two nodes.
 #[derive(Debug, Clone, Copy)]
 struct SegmentAttachment {
+    /// First node of the segment.
     node: u32,
+    /// Place on the segment, 0 at its first node to 1.
     t: f32,
     /// Vector from the centreline to the point at rest, m.
     arm: Vec3,

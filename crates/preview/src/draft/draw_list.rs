@@ -53,7 +53,7 @@ impl DrawList {
     }
 
     /// Draws all primitives. Targets must give the same result in any order.
-    pub(super) fn draw(&self, world: &RenderScene<'_>, projection: &Projection, target: &(impl RasterTarget + Sync)) {
+    pub(super) fn draw(&self, world: &RenderScene<'_>, projection: &Projection, target: &(impl Raster + Sync)) {
         par_map(&self.batches, |batch| {
             let mut vertices = ProjectedVertices::default();
             batch.iter().for_each(|range| range.draw(world, projection, target, &mut vertices));
@@ -62,7 +62,7 @@ impl DrawList {
 }
 
 /// A raster that primitives are drawn into.
-pub(super) trait RasterTarget {
+pub(super) trait Raster {
     /// Columns and rows of the raster within the bounding box of projected points; `None` if the box lies outside.
     fn covered_rect<const N: usize>(
         &self,
@@ -89,7 +89,7 @@ impl PrimitiveRange {
         &self,
         world: &RenderScene<'_>,
         projection: &Projection,
-        target: &impl RasterTarget,
+        target: &impl Raster,
         vertices: &mut ProjectedVertices,
     ) {
         let Some((instance, solid)) = world.instance(self.instance) else { return };

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::{Vec2, Vec3};
 
 use super::super::render_scene::RenderScene;
-use super::draw_list::{DrawList, RasterTarget};
+use super::draw_list::{DrawList, Raster};
 use super::projection::{InstanceProjection, ProjectedPoint, Projection, RasterRect, min_f32, to_f32, touched_cells};
 use osier_base::geometry::Bounds;
 use osier_base::math;
@@ -163,7 +163,7 @@ impl ShadowCells {
     }
 }
 
-impl RasterTarget for ShadowCells {
+impl Raster for ShadowCells {
     #[inline]
     fn covered_rect<const N: usize>(
         &self,

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::super::perspective::PerspectiveCamera;
 use super::super::render_scene::{RenderScene, SceneHit, ray};
-use super::draw_list::{DrawList, RasterTarget};
+use super::draw_list::{DrawList, Raster};
 use super::projection::{InstanceProjection, ProjectedPoint, Projection, RasterRect, pixel_centers, to_f32};
 
 /// Consecutive rows of a picture, which are rasterised together.
@@ -95,7 +95,7 @@ impl<'c> VisibilityBuffer<'c> {
     }
 }
 
-impl RasterTarget for VisibilityBuffer<'_> {
+impl Raster for VisibilityBuffer<'_> {
     #[inline]
     fn covered_rect<const N: usize>(
         &self,

@@ -100,7 +100,7 @@ impl Domain {
         // Streaming: the population that arrives in direction i was at x - c_i. Whatever lies there decides.
         let upstream: [isize; 3] = std::array::from_fn(|a| x[a] as isize - VELOCITIES[i][a] as isize);
         let bounce_back = PopulationSource::Cell { direction: opposite(i), cell: x };
-        // The half of the way next to x.
+        // A surface cuts the link within the half that is nearer to x.
         if self.cuts.is_cut(self.grid.cell_index(x), opposite(i)) {
             return bounce_back;
         }

@@ -20,9 +20,9 @@ pub(super) struct OutletTargets {
 impl OutletTargets {
     /// Averages the mean speed over the ghost nodes of each open face.
     pub(super) fn new(flow: &FlowState, inlet: &InletWind, setup: &LatticeSetup) -> Self {
-        // Heights count from the local ground, on which the profile stands.
         let (mut sum, mut count) = ([0.0_f64; 6], [0.0_f64; 6]);
         for (node, face) in flow.exchange.open_boundary.single_face_nodes() {
+            // Heights count from the local ground, on which the profile stands.
             let height = setup.cell_center(node).y - setup.origin.y - ground_height(&flow.domain, node, setup.spacing);
             sum[face] += inlet.speed_at(height, 1.0) / setup.speed_unit();
             count[face] += 1.0;

@@ -88,12 +88,10 @@ impl SnapshotLayout {
         let (solid, beside_cut, near) = (Vec::new(), Vec::new(), Vec::new());
         let whole_box = n.map(|n| [0.0, n as f64]);
         let mut grid = Self { n, origin, spacing, periodic, solid, beside_cut, near, solids, inlet, ground, whole_box };
-        let source = |k: usize| grid.source_of_halo_cell(grid.coordinates_of_value(k));
+        let source = |k: usize| grid.source_of_halo_cell(grid.coordinates(k));
         let values = 0..grid.value_count();
-        let solid = values
-            .clone()
-            .map(|k| ground && grid.coordinates_of_value(k)[1] == 0 || domain.is_solid(source(k)))
-            .collect();
+        let solid =
+            values.clone().map(|k| ground && grid.coordinates(k)[1] == 0 || domain.is_solid(source(k))).collect();
         let beside = |k: usize| has_cuts && !domain.is_solid(source(k)) && domain.is_beside_cut_link(source(k));
         let beside_cut = values.map(beside).collect();
         (grid.solid, grid.beside_cut) = (solid, beside_cut);
@@ -135,7 +133,7 @@ impl SnapshotLayout {
 
     /// Index here of the value `k` of a part that begins at the cell `low`.
     pub(super) fn index_in_uncropped(&self, part: &Self, low: [usize; 3], k: usize) -> usize {
-        let (at, strides) = (part.coordinates_of_value(k), self.strides());
+        let (at, strides) = (part.coordinates(k), self.strides());
         (0..3).map(|a| (at[a] + low[a]) * strides[a]).sum()
     }
 
@@ -150,7 +148,7 @@ impl SnapshotLayout {
     }
 
     /// Coordinates of value `k`, counted from the halo: cell (0, 0, 0) is at (1, 1, 1).
-    fn coordinates_of_value(&self, k: usize) -> [usize; 3] {
+    fn coordinates(&self, k: usize) -> [usize; 3] {
         let [_, row, plane] = self.strides();
         [k % row, k / row % (self.n[1] + 2), k / plane]
     }

@@ -171,7 +171,8 @@ fn divide_faces(
     let mut middles: BTreeMap<[u32; 2], u32> = BTreeMap::new();
     let is_wet = |ratio: f32| ratio >= WET_CATCH_RATIO;
 
-    // One pass for each halving: add the middles of all edges, then divide the faces whose corners and middles differ.
+    // One pass for each halving: add the middles of all edges, then divide the faces of which some corners and middles are wet
+    // and others dry.
     let mut open = 0..nodes.len();
     while !open.is_empty() {
         context.cancel.check()?;

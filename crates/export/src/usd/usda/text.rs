@@ -107,7 +107,8 @@ pub(super) fn attr_metadata_text(spec: &AttrSpec) -> String {
 
 /// Numbers that have a literal.
 trait Decimal: Copy {
-    /// The shortest decimal that reads back equal, without exponent; -0 as 0. `None` if the number is not finite.
+    /// The shortest decimal that reads back equal (of a half: as an `f32`), without exponent; -0 as 0. `None` if the number is
+    /// not finite.
     fn decimal(self) -> Option<String>;
 }
 

@@ -316,7 +316,7 @@ impl LeafSurface {
         let mut best: Option<MarginPoint> = None;
         let mut least = f64::INFINITY;
         for (edge, MarginSegment { start, along, squared_length }) in self.margin.segments.iter().enumerate() {
-            // Project onto the segment: the fraction is (q - a) . (b - a) / |b - a|^2, clamped to its ends.
+            // Project onto the segment.
             let fraction = ((q - *start).dot(*along) / squared_length).clamp(0.0, 1.0);
             let near = *start + *along * fraction;
             // Most edges are farther than the best so far: compare the squares before taking a root.

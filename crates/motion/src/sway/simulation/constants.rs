@@ -147,7 +147,8 @@ impl SimulationConstants {
         let (arm, rest) = (s.p - s.from, s.p - element.base);
         self.shape.set(row, [arm.x, arm.y, arm.z, s.chord.x, s.chord.y, s.chord.z, element.shape.at(s.middle)]);
         self.rest.set(row, [rest.x, rest.y, rest.z, s.along.x, s.along.y, s.along.z]);
-        // Drag per squared wind speed, and the rate at which drag stops the stretch per unit of wind speed.
+        // rho C A of bark and leaves: twice the drag per squared wind speed, and over the mass the rate at which drag stops the
+        // stretch, per unit of wind speed (the derivative of the drag).
         let (bark, leaf) = (AIR_DENSITY * wood.drag * s.load.wood, AIR_DENSITY * wood.leaf_drag * s.load.leaf);
         let stops = (bark + leaf) / s.load.mass.max(1e-12);
         // At its natural frequency an oscillator has 1 / (2 zeta) times the amplitude of the motion that shakes it.

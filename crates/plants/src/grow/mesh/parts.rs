@@ -111,10 +111,10 @@ pub(super) fn classify_triangles(imported: &Imported, words: &[String]) -> MeshP
             }
         }
     }
-    // Leaves may touch in single vertices, wood is connected by edges.
     let of = |blade: bool| -> Vec<u32> {
         all_triangles.iter().filter(|t| is_blade[**t as usize] == blade).copied().collect()
     };
+    // Triangles that share a vertex are one blade; pieces of wood share edges.
     let blades = merge_stalks(&welded.points, &triangles, connected_patches(&triangles, &of(true), false));
     let solid: Vec<u32> = of(false).iter().filter(has_area).copied().collect();
     let wood =

@@ -76,7 +76,7 @@ impl RefinedSurface {
             }
             cuts.insert(e, cut);
         }
-        // Each triangle becomes a strip between the new points of its edges.
+        // Each triangle with points on its edges is divided by them.
         triangles = triangles.iter().flat_map(|t| strip(*t, &cuts)).collect();
         let sizes = radii.iter().map(|r| sizes.at(*r)).collect();
         let (first_neighbour, neighbour_list) = adjacency(points.len(), &triangles);

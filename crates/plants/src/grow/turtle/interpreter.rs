@@ -23,7 +23,7 @@ use osier_scene::plant::PAINTED;
 const TURNS_PER_ORTHONORMALIZATION: u32 = 64;
 /// Thinnest width, turtle units; `!` may count down below zero.
 const MIN_WIDTH: f64 = 1e-7;
-/// Longest step, m: squares of sums of such steps stay within single precision.
+/// Longest step, m, and largest width, turtle units: squares of sums of such steps stay within the range of `f32`.
 const MAX_STEP: f64 = 1e12;
 
 /// Where the next segment is attached.
@@ -729,7 +729,8 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Adds to the elasticity of tropism number `i`: `sign` times `e`, or `sign` times the tropism's step without `e`.
+    /// Adds to the elasticity of tropism number `i`: `sign` times `e`, or `sign` times the tropism's step without `e`. A
+    /// number without a tropism is ignored.
     fn add_elasticity(&mut self, i: f64, e: Option<f64>, sign: f64) {
         let Some(k) = self.tropism_index(i) else { return };
         let step = e.unwrap_or_else(|| self.options.tropisms.get(k).map_or(0.0, |t| t.step));

@@ -268,7 +268,8 @@ impl Tree {
         self.habit.epicormic > 0.0 && year.is_multiple_of(LOOK_YEARS)
     }
 
-    /// Wakes dormant buds where a subtree has lost more than half of its light, or where it has become lighter.
+    /// Wakes dormant buds where a subtree has lost more than half of its light, and, in every third year, where the light at a node
+    /// has risen by more than a threshold. Species without epicormic buds have none to wake.
     pub fn wake_buds(&mut self, field: &LightField, season: &Season) {
         if self.habit.epicormic <= 0.0 {
             return;

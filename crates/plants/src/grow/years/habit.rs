@@ -200,6 +200,12 @@ habit! {
 }
 
 impl Habit {
+    /// Whether the trunk is cleared of low branches: not of a shrub, whose several stems keep them. `stems` is a mean, so that
+    /// 1.5 divides the two.
+    pub fn clears_stem(&self) -> bool {
+        self.stems < 1.5
+    }
+
     /// Sets the parameter `name`. A list by order may be short: its last value holds for all higher orders.
     /// # Errors
     /// S002 for an unknown name, S003 for a wrong number of values, `Range` for a value outside the key's range.

@@ -48,8 +48,6 @@ impl Season {
         } else {
             1.0
         };
-        // Shrubs of several stems keep their low branches.
-        let clears = habit.stems < 1.5;
         // E / (rho g) in m: the length that Greenhill's formula takes the cube root of.
         let stiffness = habit.elasticity_gpa * 1e9 / (habit.density * GRAVITY);
         Self {
@@ -63,7 +61,7 @@ impl Season {
             }),
             leader: 1.0 + (habit.leader_old - 1.0) * maturity,
             juvenile,
-            clear_stem: if clears { habit.clear_stem.min(habit.clear_rate * at) } else { 0.0 },
+            clear_stem: if habit.clears_stem() { habit.clear_stem.min(habit.clear_rate * at) } else { 0.0 },
             critical_length: GREENHILL * math::cbrt_f32(stiffness),
         }
     }

@@ -87,7 +87,6 @@ pub fn tuft(plant: &Plant, spec: &TuftSpec, key: u64) -> Tuft {
     Tuft { hairs, radius: far, lowest: lowest.min(0.0), spec: *spec, key }
 }
 
-/// Number of points of a hair. Hairs have at most some hundred points.
 #[allow(clippy::cast_possible_truncation, reason = "hairs have at most some hundred points")]
 fn point_count(line: &[Vec3]) -> u32 {
     line.len() as u32

@@ -12,7 +12,8 @@ use osier_base::{Error, Result};
 const LEAST_RISE: f32 = 1e-6;
 /// Vertical distance from which two surfaces at one (x, z) count as separate, m. Own: above the rounding of coordinates of 1 km.
 const LEAST_GAP: f32 = 1e-2;
-/// Margin of the barycentric coordinates within which a point counts as inside, so that neighbours leave no gap between them.
+/// Margin of the barycentric coordinates within which a point counts as inside, so that neighbours leave no gap between them; of
+/// the index, over the extent of the mesh.
 const EDGE_MARGIN: f32 = 1e-5;
 /// Triangles of the mesh for each cell of the index. Own: short lists are scanned faster than a finer index is read.
 const TRIANGLES_PER_CELL: usize = 2;
