@@ -180,7 +180,7 @@ impl GrowthRecord {
         // Births within a year are spread over it along each shoot, so that internodes follow each other. NONE lies beyond the array.
         match nodes.birth.get(nodes.parent[i] as usize) {
             Some(carrier) => carrier.max(self.first_year(i) - 1.0),
-            None => -SPROUTING,
+            None => nodes.birth[i] - SPROUTING,
         }
     }
 
