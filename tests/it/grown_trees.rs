@@ -166,7 +166,8 @@ fn a_root_flare_widens_the_stem_and_does_not_stiffen_it() {
         assembled(&format!("[plants.a]\nspecies = \"oak.species\"\nage = 25\n{skin}{habit}{wind}"))
     };
     let (own, none) = (scene("", ""), scene("[plants.a.skin]\nflare = 0\n", ""));
-    let tree = |scene: &AssembledScene| scene.animated.scene.assets.iter().find(|a| a.group == "a").expect("a tree").clone();
+    let tree =
+        |scene: &AssembledScene| scene.animated.scene.assets.iter().find(|a| a.group == "a").expect("a tree").clone();
     // Greatest distance from the stem's axis near the ground over the mean one between one and two metres.
     let flare = |tree: &Asset| {
         let out = |low: f32, high: f32| -> Vec<f32> {

@@ -272,7 +272,8 @@ fn girth(skin: &PlantSkin, heights: [f32; 2]) -> [f32; 3] {
 fn a_trunk_widens_to_its_roots_and_stays_closed() {
     let points: Vec<(Vec3, f32)> = (0..=10_u8).map(|k| (y(f32::from(k) * 0.5), 0.3)).collect();
     let plant = trunk(&points, AxisEnd::Cut);
-    let flared = |buttresses| SkinOptions { flare: 0.8, flare_height: 1.5, buttresses, bury: 0.2, ..SkinOptions::default() };
+    let flared =
+        |buttresses| SkinOptions { flare: 0.8, flare_height: 1.5, buttresses, bury: 0.2, ..SkinOptions::default() };
     let (round, ridged) = (skin(&plant, &flared(0)).expect("skin"), skin(&plant, &flared(5)).expect("skin"));
     for one in [&round, &ridged] {
         assert_closed(one);
@@ -311,7 +312,8 @@ fn degenerate_plants_neither_panic_nor_give_nan() {
         let length = plant.axes[0].length;
         push_axis(&mut plant, (0, length), points, AxisEnd::Cut);
         validate(&mut plant).unwrap_or_else(|e| panic!("case {k}: {e}"));
-        let skin = skin(&plant, &SkinOptions { flare: 0.6, bury: 0.1, buttresses: 5, ..SkinOptions::default() }).expect("skin");
+        let skin = skin(&plant, &SkinOptions { flare: 0.6, bury: 0.1, buttresses: 5, ..SkinOptions::default() })
+            .expect("skin");
         assert_sound(&skin);
     }
     assert!(skin(&Plant::default(), &SkinOptions::default()).expect("nothing").mesh.points.is_empty());

@@ -6,6 +6,9 @@ use osier_base::{Error, Result};
 /// Orders of axes that tables distinguish: 0, the trunk, to 5; higher orders do not occur.
 pub const ORDERS: usize = 6;
 
+/// Share of the years before `maturity` in which shoots bear all the leaves of a young tree.
+const YOUNG_SHARE: f32 = 0.5;
+
 /// A value for each order of axes.
 pub type PerOrder = [f32; ORDERS];
 
@@ -187,6 +190,7 @@ habit! {
     leaf_mass: f32 = [0.25], "kg/m2", 0.0 to 3.0, "Mass of leaves per area.";
     leaf_area_tip: f32 = [0.02], "m2", 0.0 to 1.0, "Leaf area of a tip.";
     leaf_area_shoot: f32 = [0.0], "m2/m", 0.0 to 2.0, "Leaf area per length of shoot.";
+    leaf_young: f32 = [1.0], "", 0.0 to 10.0, "Leaf area along the shoots of a young tree, as a multiple of an old one's.";
     leaf_years: f32 = [1.0], "yr", 0.1 to 12.0, "Years that leaves live.";
     extinction: f32 = [0.5], "", 0.1 to 1.5, "Light that a leaf area intercepts, as a share of the area.";
     stems: f32 = [1.0], "", 1.0 to 60.0, "Number of stems.";
@@ -248,6 +252,16 @@ impl Habit {
     /// S003 with its [`contradiction`](Self::contradiction).
     pub fn check(&self) -> Result<()> {
         self.contradiction().map_or(Ok(()), |why| Err(Error::input("S003", why)))
+    }
+
+    /// Leaf area per length of a shoot that grew in a year of the tree's life, m2/m. Own: young trees bear large leaves on all of their
+    /// shoots; it declines over the years before `maturity` ends.
+    pub(super) fn leaf_area_of_shoot(&self, birth: f32) -> f32 {
+        if (self.leaf_young - 1.0).abs() < 1e-6 {
+            return self.leaf_area_shoot;
+        }
+        let old = osier_base::math::smoothstep(YOUNG_SHARE * self.maturity[0], self.maturity[1], birth);
+        self.leaf_area_shoot * (self.leaf_young + (1.0 - self.leaf_young) * old)
     }
 
     /// Ridges of the root flare.

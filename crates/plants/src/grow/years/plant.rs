@@ -511,7 +511,10 @@ impl<'a> TreeFoliage<'a> {
 
     /// Number of leaves along an internode.
     pub fn count_along(&self, tree: &Tree, i: usize, length: f32) -> u32 {
-        self.count(tree.habit.leaf_area_shoot * length, mix64(&[tree.node_id(i), word("along")]))
+        self.count(
+            tree.habit.leaf_area_of_shoot(tree.nodes.birth[i]) * length,
+            mix64(&[tree.node_id(i), word("along")]),
+        )
     }
 
     /// Number of leaves of the rosette at the tip of an axis.

@@ -387,7 +387,11 @@ impl Tree {
         let habit = &self.habit;
         // Leaves at an open tip, and others along a shoot that is young enough.
         let tip = if self.nodes.flags[i] & flag::OPEN != 0 { habit.leaf_area_tip } else { 0.0 };
-        if self.bears_along(i) { tip + habit.leaf_area_shoot * self.nodes.length[i] } else { tip }
+        if self.bears_along(i) {
+            tip + habit.leaf_area_of_shoot(self.nodes.birth[i]) * self.nodes.length[i]
+        } else {
+            tip
+        }
     }
 
     /// Whether an internode still bears leaves along its length.

@@ -1,14 +1,12 @@
 //! Root flare: the trunk widens towards the ground, most where its roots leave it.
 
+use super::SkinOptions;
 use super::layout::CirclePoint;
 use super::rings::Ring;
 use super::tube::TubeInputs;
 use super::tube_plan::TubeStart;
-use super::tuning::{
-    LEAST_WIDENING, RIDGE_CONTRAST, RIDGE_SHARPNESS, RIDGE_SHIFT, RIDGE_STRENGTH, SIDES_OF_RIDGE,
-};
+use super::tuning::{LEAST_WIDENING, RIDGE_CONTRAST, RIDGE_SHARPNESS, RIDGE_SHIFT, RIDGE_STRENGTH, SIDES_OF_RIDGE};
 use super::writer::TubeWriter;
-use super::SkinOptions;
 use osier_base::math::{self, narrow};
 use osier_base::rng::{Rng, mix64, word};
 
