@@ -158,6 +158,40 @@ fn a_grown_tree_sways() {
     assert!(format!("{:?}", first.assets) != format!("{:?}", later.assets), "its pose changes");
 }
 
+/// The flare belongs to the skin: what bends in the wind is the wood of the model.
+#[test]
+fn a_root_flare_widens_the_stem_and_does_not_stiffen_it() {
+    let wind = "[frames]\nend = 12\n[wind]\nspeed = 6\n";
+    let scene = |skin: &str, habit: &str| {
+        assembled(&format!("[plants.a]\nspecies = \"oak.species\"\nage = 25\n{skin}{habit}{wind}"))
+    };
+    let (own, none) = (scene("", ""), scene("[plants.a.skin]\nflare = 0\n", ""));
+    let tree =
+        |scene: &AssembledScene| scene.animated.scene.assets.iter().find(|a| a.group == "a").expect("a tree").clone();
+    // Greatest distance from the stem's axis near the ground over the mean one between one and two metres.
+    let flare = |tree: &Asset| {
+        let out = |low: f32, high: f32| -> Vec<f32> {
+            let at = wood(tree).filter(|p| (low..high).contains(&p.y)).map(|p| p.x.hypot(p.z));
+            at.filter(|r| (0.02..0.6).contains(r)).collect()
+        };
+        let (foot, stem) = (out(-0.05, 0.05), out(1.0, 1.6));
+        foot.iter().copied().fold(0.0, f32::max) / (stem.iter().sum::<f32>() / stem.len() as f32)
+    };
+    let (with, without) = (flare(&tree(&own)), flare(&tree(&none)));
+    assert!((1.3..4.0).contains(&(with / without)), "{with} {without}");
+    // The habit is the home of the key; the skin goes before it.
+    let habit = scene("", "[plants.a.habit]\nflare = 0\n");
+    assert!((flare(&tree(&habit)) - without).abs() < 1e-6);
+    // Joints of the wood in a gust, and the leaves on them.
+    let pose = |scene: &AssembledScene| {
+        let frame = &evaluated(scene, &[8])[0];
+        let all: Vec<_> = frame.assets.iter().map(|a| (&a.pose, &a.instancers)).collect();
+        format!("{all:?}")
+    };
+    let swaying = pose(&own);
+    assert!(swaying.len() > 1000 && swaying == pose(&none), "it sways as it does without");
+}
+
 #[test]
 fn the_same_scene_grows_the_same_trees() {
     let text = "[plants.a]\nspecies = \"hazel.species\"\nage = 9\n[[place]]\nplant = \"a\"\ncount = 3\nradius = 2\ntogether = true\n";

@@ -259,6 +259,43 @@ fn a_continuation_shares_its_parents_last_ring() {
     }
 }
 
+/// Least, mean and greatest distance of the points of a trunk along +Y from its axis, between two heights.
+fn girth(skin: &PlantSkin, heights: [f32; 2]) -> [f32; 3] {
+    // The middle of the cap on the axis is no part of the wall.
+    let wall = skin.mesh.points.iter().filter(|p| (heights[0]..=heights[1]).contains(&p.y));
+    let out: Vec<f32> = wall.map(|p| p.x.hypot(p.z)).filter(|r| *r > 1e-3).collect();
+    let mean = out.iter().sum::<f32>() / out.len() as f32;
+    [out.iter().copied().fold(f32::INFINITY, f32::min), mean, out.iter().copied().fold(0.0, f32::max)]
+}
+
+#[test]
+fn a_trunk_widens_to_its_roots_and_stays_closed() {
+    let points: Vec<(Vec3, f32)> = (0..=10_u8).map(|k| (y(f32::from(k) * 0.5), 0.3)).collect();
+    let plant = trunk(&points, AxisEnd::Cut);
+    let flared =
+        |buttresses| SkinOptions { flare: 0.8, flare_height: 1.5, buttresses, bury: 0.2, ..SkinOptions::default() };
+    let (round, ridged) = (skin(&plant, &flared(0)).expect("skin"), skin(&plant, &flared(5)).expect("skin"));
+    for one in [&round, &ridged] {
+        assert_closed(one);
+        assert_sound(one);
+        assert_eq!(bad_triangles(one).0, 0);
+        // r (1 + 0.8) at the ground; at 1.2 m, which is 2.7 heights of the flare, 5.6 % more than r.
+        let [_, mean, _] = girth(one, [-0.01, 0.01]);
+        assert!((mean / 0.54 - 1.0).abs() < 0.03, "{mean}");
+        let [_, mean, _] = girth(one, [1.2, 5.0]);
+        assert!(mean < 0.3 * 1.06, "{mean}");
+    }
+    let [least, _, most] = girth(&round, [-0.2, 0.01]);
+    assert!(most - least < 1e-4, "round: {least} {most}");
+    let [least, _, most] = girth(&ridged, [-0.2, 0.01]);
+    assert!(most > 1.2 * 0.54 && (0.3..0.49).contains(&least), "ridges: {least} {most}");
+    // Another trunk has other roots.
+    let mut other = plant.clone();
+    other.axes[0].id = 7;
+    assert!(skin(&other, &flared(5)).expect("skin").mesh.points != ridged.mesh.points);
+    assert!(skin(&plant, &flared(5)).expect("skin").mesh.points == ridged.mesh.points);
+}
+
 #[test]
 fn degenerate_plants_neither_panic_nor_give_nan() {
     let tiny = 1e-6;
@@ -275,7 +312,8 @@ fn degenerate_plants_neither_panic_nor_give_nan() {
         let length = plant.axes[0].length;
         push_axis(&mut plant, (0, length), points, AxisEnd::Cut);
         validate(&mut plant).unwrap_or_else(|e| panic!("case {k}: {e}"));
-        let skin = skin(&plant, &SkinOptions { flare: 0.6, bury: 0.1, ..SkinOptions::default() }).expect("skin");
+        let skin = skin(&plant, &SkinOptions { flare: 0.6, bury: 0.1, buttresses: 5, ..SkinOptions::default() })
+            .expect("skin");
         assert_sound(&skin);
     }
     assert!(skin(&Plant::default(), &SkinOptions::default()).expect("nothing").mesh.points.is_empty());
@@ -321,10 +359,13 @@ fn wandering(seed: u64, n: usize) -> Plant {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
-    fn random_plants_are_sound(seed in any::<u64>(), n in 20_usize..60, flare in 0.0_f32..1.5) {
+    fn random_plants_are_sound(seed in any::<u64>(), n in 20_usize..60, flare in 0.0_f32..1.5, height in 0.5_f32..4.0) {
         let mut plant = wandering(seed, n);
         validate(&mut plant).expect("sound");
-        let skin = skin(&plant, &SkinOptions { flare, ..SkinOptions::default() }).expect("skin");
+        // Every second flare has ridges, as many as the height happens to say.
+        let buttresses = (height * 10.0) as u32 % 2 * (height * 2.0) as u32;
+        let options = SkinOptions { flare, flare_height: height, buttresses, edge: 0.02, ..SkinOptions::default() };
+        let skin = skin(&plant, &options).expect("skin");
         assert_sound(&skin);
         assert_closed(&skin);
         let (bad, all) = bad_triangles(&skin);

@@ -21,6 +21,8 @@ pub fn skin_options(keys: &SkinKeys, tile: f32, context: &BakeContext<'_>) -> Sk
         tile: [tile, tile],
         uv: if keys.uv == BarkUv::Metric { UvMode::Metric } else { UvMode::Conformal },
         flare: osier_base::math::narrow(keys.flare),
+        flare_height: osier_base::math::narrow(keys.flare_height),
+        buttresses: keys.buttresses,
         bury: osier_base::math::narrow(keys.bury),
         shoot: Some((SHOOT_RADIUS, SHOOT)),
         max_points: context.limits.get("vertices"),

@@ -22,6 +22,8 @@ use osier_scene::plant::{NONE, Plant};
 /// Depth to which every foot is sunk below the lowest terrain around it, m. Own: small beside a stem, enough to
 /// hide gaps between samples of the terrain.
 const FOOT_DEPTH: f32 = 0.02;
+/// Widening of a trunk where a root leaves it over the mean of its root flare: at most twice, for ridges of usual strength.
+const RIDGE_REACH: f32 = 2.0;
 
 /// Scatters the plants of every `[[scatter]]` over the terrain. The key `individuals` is the number grown of each plant; every
 /// copy displays one of them.
@@ -127,7 +129,9 @@ fn scattered_transform(
 /// Radius of a plant's foot at scale 1, m: largest horizontal distance from its pivot to the outside of a root collar, flare
 /// included.
 pub(crate) fn footprint_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
-    let flare = 1.0 + narrow(skin.flare);
+    // Ridges of the flare reach farther out than its mean.
+    let ridged = if skin.buttresses > 1 { RIDGE_REACH } else { 1.0 };
+    let flare = 1.0 + ridged * narrow(skin.flare);
     let roots = plant.axes.iter().filter(|a| a.parent == NONE).map(|a| a.first as usize);
     roots.fold(0.0, |most, i| {
         let (p, r) = (plant.nodes.p.get(i), plant.nodes.r.get(i));

@@ -81,8 +81,12 @@ keys! {
         turn: f64 = "turn_deg" degrees(12.0, 0.6, 85.0);
         /// Texture coordinates: scaled with the circumference ("conformal") or of constant size ("metric").
         uv: BarkUv = "uv" OneOf(BarkUv::Conformal);
-        /// Root flare: widening of the trunk at its base.
+        /// Root flare: widening of the trunk at its base; a species has its own.
         flare: f64 = "flare" number(0.6, 0.0, 2.0, "of the radius");
+        /// Height over which the root flare falls to 1/e; a species has its own.
+        flare_height: f64 = "flare_height" number(3.0, 0.2, 10.0, "radii of the base");
+        /// Roots that show as ridges of the flare; below 2 it is round. A species has its own.
+        buttresses: u32 = "buttresses" integer(0, 0, 12);
         /// Depth to which the trunk continues below the ground.
         bury: f64 = "bury" number(0.15, 0.0, 10.0, "m");
     }

@@ -19,6 +19,7 @@ use osier_grammar::{FileKind, FunctionTables, Grammar, Notation, ReadAs};
 use osier_ifs::stems::{TreeSystem, sheared};
 use osier_ifs::{Ifs, leaf};
 use osier_import::Imported;
+use osier_plants::grow::years::Habit;
 use osier_scene::MaterialClass;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -180,12 +181,30 @@ struct GrammarChoice<'a> {
 /// Sets root flare and burial to 0, unless the scene gives them: hairs have no roots.
 fn tuft_defaults(plant: &TomlTable, skin: &mut SkinKeys) {
     // Keys that the scene gives are kept.
-    let given = |key: &str| matches!(plant.get("skin").map(|e| &e.node.value), Some(TomlValue::Table(t)) if t.get(key).is_some());
     for (key, value) in [("bury", &mut skin.bury), ("flare", &mut skin.flare)] {
-        if !given(key) {
+        if !is_in_skin(plant, key) {
             *value = 0.0;
         }
     }
+}
+
+/// A species says how its trunk widens to the ground, unless the scene does.
+fn species_flare(plant: &TomlTable, habit: &Habit, skin: &mut SkinKeys) {
+    let given = |key: &str| is_in_skin(plant, key);
+    if !given("flare") {
+        skin.flare = habit.flare.into();
+    }
+    if !given("flare_height") {
+        skin.flare_height = habit.flare_height.into();
+    }
+    if !given("buttresses") {
+        skin.buttresses = habit.ridges();
+    }
+}
+
+/// Whether the scene sets this key of a plant's skin.
+fn is_in_skin(plant: &TomlTable, key: &str) -> bool {
+    matches!(plant.get("skin").map(|e| &e.node.value), Some(TomlValue::Table(t)) if t.get(key).is_some())
 }
 
 /// Diagnostic for a file that is not a grammar: L007 for Houdini's notation, S005 for others.
@@ -385,6 +404,7 @@ impl Resolver<'_> {
                 let name = if has_ending { reference.text.clone() } else { format!("{}.species", reference.text) };
                 let file = self.read(&name, reference.span, "text-bytes", &[".species"])?;
                 let mut species = self.species_recipe(&file, table, &path, keys.age)?;
+                species_flare(table, &species.habit.habit, &mut skin);
                 let blocked = self.why_no_growth_clip(&keys);
                 species.clip = self.species_clip(&species, table, &path, keys.growth_clip, blocked);
                 (Growth::Species(Box::new(species)), file.shown, vec!['l'])

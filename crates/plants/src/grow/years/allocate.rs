@@ -16,6 +16,11 @@ const CONTROL_RANGE: [f32; 2] = [0.02, 0.98];
 /// Light per metre of living wood, in fully lit tips, from which `reiterate` has no effect.
 const FULL_LIGHT_PER_METRE: f32 = 3.0;
 
+/// Years in which a late stem lives on the reserves of the others, and the light that these are worth, in fully lit tips. Own: hazel sends
+/// up shoots of a metre in deep shade.
+const SPROUT_YEARS: f32 = 5.0;
+const SPROUT_LIGHT: f32 = 1.0;
+
 impl Tree {
     /// Adds the leaf area of living nodes, times the extinction of the species, to the field.
     pub fn deposit_leaves(&self, areas: &mut LeafAreas) {
@@ -115,8 +120,8 @@ impl Tree {
             if nodes.parent[i] == NONE {
                 nodes.gathered[i] = total;
                 scratch.wood[i] = wood;
-                // One of several stems dies like a branch.
-                if shed && total <= 0.0 && habit.stems > 1.5 {
+                // One of several stems dies like a branch, unless it has still to sprout.
+                if shed && total <= 0.0 && habit.stems > 1.5 && nodes.birth[i] < year {
                     nodes.flags[i] |= flag::DEAD;
                     nodes.death[i] = this_year;
                 }
@@ -183,7 +188,8 @@ impl Tree {
                 apical_share(habit.reiterate, control[usize::from(nodes.order[i])], nodes.gathered[i], scratch.wood[i]);
             let parent = nodes.parent[i] as usize;
             nodes.vigour[i] = if nodes.parent[i] == NONE {
-                habit.vigour * math::pow_f32(nodes.gathered[i].max(0.0), habit.vigour_exponent)
+                let fed = sprout_reserve(nodes.birth[i], self.year);
+                habit.vigour * math::pow_f32(nodes.gathered[i].max(fed), habit.vigour_exponent)
             } else {
                 let of_parent = control[usize::from(nodes.order[parent])];
                 let share = apical_share(habit.reiterate, of_parent, nodes.gathered[parent], scratch.wood[parent]);
@@ -200,6 +206,13 @@ impl Tree {
         let control = season.apical_control[usize::from(self.nodes.order[i])];
         apical_share(self.habit.reiterate, control, self.nodes.gathered[i], self.scratch.wood[i])
     }
+}
+
+/// Light that a stem counts for at least in its first years because older stems feed it; 0 for those of the first year.
+#[inline]
+fn sprout_reserve(birth: f32, year: u32) -> f32 {
+    let fed = birth > 0.0 && year as f32 - birth <= SPROUT_YEARS;
+    if fed { SPROUT_LIGHT } else { 0.0 }
 }
 
 /// Apical control, increased by up to `reiterate` where the light per metre of wood is poor.

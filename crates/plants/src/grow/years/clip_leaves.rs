@@ -5,7 +5,7 @@ use std::collections::BinaryHeap;
 
 use glam::{Quat, Vec3};
 
-use super::plant::{BladeTurn, Foliage, MeanLeaf, NodeSite, PlacedLeaf, ROSETTE_STEP, TreeFoliage};
+use super::plant::{BladeTurn, Foliage, MeanLeaf, NodeSite, PlacedLeaf, TreeFoliage};
 use super::record::{GrowthRecord, Wood};
 use super::tree::{Tree, index_of, y_axis};
 use osier_base::Result;
@@ -348,7 +348,7 @@ impl LeafSlots {
                     LeafStand { node, q, id, turn, behind: leaves.tuft_behind(k, count) }
                 } else {
                     let turn = TreeFoliage::tip_leaf_turn(tree, axis, k, count);
-                    LeafStand { node, q, id, turn, behind: k as f32 * ROSETTE_STEP }
+                    LeafStand { node, q, id, turn, behind: leaves.rosette_behind(k) }
                 }
             }
             LeafSite::Along { node } => {

@@ -6,6 +6,9 @@ use osier_base::{Error, Result};
 /// Orders of axes that tables distinguish: 0, the trunk, to 5; higher orders do not occur.
 pub const ORDERS: usize = 6;
 
+/// Share of the years before `maturity` in which shoots bear all the leaves of a young tree.
+const YOUNG_SHARE: f32 = 0.5;
+
 /// A value for each order of axes, from 0, the trunk, to 5.
 pub type PerOrder = [f32; ORDERS];
 
@@ -174,6 +177,7 @@ habit! {
     phototropism: PerOrder = [0.3], "1/m", -5.0 to 5.0, "How fast it turns to the light while it grows.";
     wander: PerOrder = [0.15], "m^-1/2", 0.0 to 3.0, "Random turns of growth.";
     apex_death: PerOrder = [0.0], "1/yr", 0.0 to 1.0, "Probability that a side bud takes over from the tip, with a kink.";
+    kink: PerOrder = [0.45], "", 0.0 to 2.0, "Mean angle of that kink, as a share of the angle of branches.";
     upright: PerOrder = [1.5, 0.3, 0.1, 0.0], "1/m", 0.0 to 10.0, "How fast reaction wood turns an axis to its elevation.";
     sag: PerOrder = [1.0], "", 0.0 to 20.0, "Bending under the weight that is added, as a share of the elastic beam's.";
     pipe_exponent: f32 = [2.2], "", 1.8 to 3.0, "Exponent of radii whose powers add up at forks.";
@@ -186,16 +190,21 @@ habit! {
     leaf_mass: f32 = [0.25], "kg/m2", 0.0 to 3.0, "Mass of leaves per area.";
     leaf_area_tip: f32 = [0.02], "m2", 0.0 to 1.0, "Leaf area of a tip.";
     leaf_area_shoot: f32 = [0.0], "m2/m", 0.0 to 2.0, "Leaf area per length of shoot.";
+    leaf_young: f32 = [1.0], "", 0.0 to 10.0, "Leaf area along the shoots of a young tree, as a multiple of an old one's.";
     leaf_years: f32 = [1.0], "yr", 0.1 to 12.0, "Years that leaves live.";
     extinction: f32 = [0.5], "", 0.1 to 1.5, "Light that a leaf area intercepts, as a share of the area.";
     stems: f32 = [1.0], "", 1.0 to 60.0, "Number of stems.";
     stem_spread: f32 = [0.2], "m", 0.0 to 5.0, "Radius of the disc that stems stand in.";
+    stem_years: f32 = [0.0], "yr", 0.0 to 200.0, "Years over which stems sprout: two in five at once, the others later.";
     tilt: f32 = [0.0], "deg", 0.0 to 80.0, "Tilt of the outer stems.";
     clear_stem: f32 = [0.0], "m", 0.0 to 50.0, "Height below which branches are taken away.";
     clear_rate: f32 = [0.15], "m/yr", 0.0 to 5.0, "How fast the clear stem rises.";
     epicormic: f32 = [1.0], "", 0.0 to 1.0, "Share of the failed buds that stay dormant.";
     epicormic_radius: f32 = [0.2], "m", 0.0 to 10.0, "Radius of wood beyond which no dormant bud wakes.";
     reiterate: f32 = [0.0], "", -0.5 to 0.5, "Additional share of the tip where light per metre of wood is poor.";
+    flare: f32 = [0.6], "", 0.0 to 2.0, "Root flare: widening of the stem at the ground, as a share of its radius.";
+    flare_height: f32 = [1.5], "", 0.2 to 10.0, "Height over which the root flare falls to 1/e, in radii of the stem's base.";
+    buttresses: f32 = [5.0], "", 0.0 to 12.0, "Roots that show as ridges of the root flare; below 2 it is round.";
     age: f32 = [60.0], "yr", 0.1 to 500.0, "Age of a tree whose scene names none.";
 }
 
@@ -249,6 +258,21 @@ impl Habit {
     /// S003 with its [`contradiction`](Self::contradiction).
     pub fn check(&self) -> Result<()> {
         self.contradiction().map_or(Ok(()), |why| Err(Error::input("S003", why)))
+    }
+
+    /// Leaf area per length of a shoot that grew in a year of the tree's life, m2/m. Own: young trees bear large leaves on all of their
+    /// shoots; it declines over the years before `maturity` ends.
+    pub(super) fn leaf_area_of_shoot(&self, birth: f32) -> f32 {
+        if (self.leaf_young - 1.0).abs() < 1e-6 {
+            return self.leaf_area_shoot;
+        }
+        let old = osier_base::math::smoothstep(YOUNG_SHARE * self.maturity[0], self.maturity[1], birth);
+        self.leaf_area_shoot * (self.leaf_young + (1.0 - self.leaf_young) * old)
+    }
+
+    /// Ridges of the root flare.
+    pub fn ridges(&self) -> u32 {
+        whole(self.buttresses).into()
     }
 
     /// Number of orders of axes that the species forms, 1 to [`ORDERS`].

@@ -25,8 +25,15 @@ const STRAIGHT: [f32; 2] = [0.999_391, 0.05];
 const MAX_DRIFT: f32 = 0.25;
 /// Angles between a rosette's axis and its innermost and outermost leaves, degrees.
 const ROSETTE: [f32; 2] = [35.0, 80.0];
-/// Distance between successive leaves of a rosette along the tip, m.
-pub(super) const ROSETTE_STEP: f32 = 0.004;
+/// Distance between successive leaves of a rosette along the tip, as a share of a leaf's length: leaves that left one point would look
+/// like the lobes of one leaf.
+const ROSETTE_STEP: f32 = 0.06;
+/// Standard deviation of the azimuth of leaves of a rosette, degrees.
+const ROSETTE_AZIMUTH_DEVIATION: f32 = 18.0;
+/// Standard deviation of a blade's turn about its midrib, degrees, and the weight that draws its midrib down, as a share of its direction:
+/// blades that all lay level would merge to stars.
+const BLADE_ROLL_DEVIATION: f32 = 22.0;
+const BLADE_DROOP: f32 = 0.25;
 /// Angle between a shoot and its leaves, degrees.
 const SHOOT_LEAF_ANGLE: f32 = 55.0;
 /// Angles between a shoot and the pieces of needles that stand off it as side twigs, degrees; the first piece continues the
@@ -199,7 +206,10 @@ impl<'a> AxisBuilder<'a> {
         let nodes = &self.tree.nodes;
         let children = Children::new(self.tree);
         self.at = vec![NodeSite { axis: NONE, s: 0.0 }; nodes.len()];
-        let is_root = |i: &usize| nodes.parent[*i] == NO_NODE && nodes.flags[*i] & flag::FALLEN == 0;
+        // Stems that have still to sprout are not there.
+        let is_root = |i: &usize| {
+            nodes.parent[*i] == NO_NODE && nodes.flags[*i] & flag::FALLEN == 0 && nodes.birth[*i] <= self.age
+        };
         // Roots are the first nodes of a tree, so that the search ends at the first node with a parent.
         let roots = (0..nodes.len()).take_while(|i| nodes.parent[*i] == NO_NODE).filter(is_root);
         let mut stack: Vec<AxisStart> = roots.map(|i| AxisStart { node: index_of(i), fork: NONE }).collect();
@@ -333,7 +343,7 @@ impl<'a> AxisBuilder<'a> {
         let first_birth = match nodes.birth.get(nodes.parent[head] as usize) {
             // A branch begins with its first year, not with the node that carries it.
             Some(carrier) => carrier.max(nodes.birth[head].ceil() - 1.0),
-            None => 0.0,
+            None => nodes.birth[head],
         };
         let out = &mut self.plant.nodes;
         self.sources.push(NodeSource { place: nodes.parent[head], node: index_of(head), next: NO_NODE });
@@ -506,7 +516,10 @@ impl<'a> TreeFoliage<'a> {
 
     /// Number of leaves along an internode of the given length, m.
     pub fn count_along(&self, tree: &Tree, i: usize, length: f32) -> u32 {
-        self.count(tree.habit.leaf_area_shoot * length, mix64(&[tree.node_id(i), word("along")]))
+        self.count(
+            tree.habit.leaf_area_of_shoot(tree.nodes.birth[i]) * length,
+            mix64(&[tree.node_id(i), word("along")]),
+        )
     }
 
     /// Number of leaves of the rosette at the tip of an axis; it stays the same while the axis grows.
@@ -524,8 +537,10 @@ impl<'a> TreeFoliage<'a> {
         // A random azimuth per axis turns the rosettes of neighbouring tips differently.
         let first = Rng::from_key(mix64(&[tree.axis_ids[axis as usize], word("tip-azimuth")])).unit_f32();
         let part = (k as f32 + 0.5) / count as f32;
+        let mut draw = Rng::from_key(mix64(&[Self::tip_leaf_id(tree, axis, k), word("azimuth")]));
+        let jitter = ROSETTE_AZIMUTH_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
         BladeTurn {
-            azimuth: first * std::f32::consts::TAU + k as f32 * GOLDEN_ANGLE_F32,
+            azimuth: first * std::f32::consts::TAU + k as f32 * GOLDEN_ANGLE_F32 + jitter,
             angle: math::lerp(ROSETTE[0], ROSETTE[1], part).to_radians(),
         }
     }
@@ -549,6 +564,11 @@ impl<'a> TreeFoliage<'a> {
         whole as u32 + u32::from(Rng::from_key(id).unit_f32() < wanted - whole)
     }
 
+    /// How far behind the tip leaf `k` of its rosette stands, m.
+    pub fn rosette_behind(&self, k: u32) -> f32 {
+        k as f32 * ROSETTE_STEP * narrow(self.foliage.organ().size)
+    }
+
     /// Adds the rosette of a tip: a leaf every [`ROSETTE_STEP`] from the tip down.
     fn add_rosette(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
         let axis = tree.nodes.axis[i];
@@ -556,7 +576,7 @@ impl<'a> TreeFoliage<'a> {
         for k in 0..count {
             let place = LeafPlace {
                 axis: site.axis,
-                s: (site.s - k as f32 * ROSETTE_STEP).max(0.0),
+                s: (site.s - self.rosette_behind(k)).max(0.0),
                 turn: Self::tip_leaf_turn(tree, axis, k, count),
                 id: Self::tip_leaf_id(tree, axis, k),
                 birth,
@@ -565,7 +585,8 @@ impl<'a> TreeFoliage<'a> {
         }
     }
 
-    /// Places a blade at an angle to its wood, its upper side turned up. `q`, `r`: frame and radius of the wood, m.
+    /// Places a blade at an angle to its wood, its upper side turned up as far as the roll of the blade allows. `q`, `r`: frame and
+    /// radius of the wood, m.
     pub fn blade(&self, id: u64, turn: BladeTurn, q: Quat, r: f32) -> PlacedLeaf {
         let mut draw = Rng::from_key(id);
         let deviation = LEAF_ANGLE_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
@@ -573,9 +594,12 @@ impl<'a> TreeFoliage<'a> {
         let side = Vec3::new(math::cos_f32(turn.azimuth), 0.0, math::sin_f32(turn.azimuth));
         // Midrib at `angle` to the wood; the blade's normal is as near to the vertical as the midrib allows.
         let dir = q * (Vec3::Y * math::cos_f32(angle) + side * math::sin_f32(angle));
+        let dir = math::normalize_or(dir - Vec3::Y * BLADE_DROOP, dir);
         let up = math::normalize_or(Vec3::Y - dir * dir.y, math::perpendicular(dir));
-        let q = Quat::from_mat3(&glam::Mat3::from_cols(dir.cross(up), dir, up)).normalize();
         let size = 1.0 + LEAF_SIZE_DEVIATION * narrow(draw.normal().clamp(-2.0, 2.0));
+        let roll = BLADE_ROLL_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
+        let up = up * math::cos_f32(roll) + dir.cross(up) * math::sin_f32(roll);
+        let q = Quat::from_mat3(&glam::Mat3::from_cols(dir.cross(up), dir, up)).normalize();
         let organ = self.foliage.organ();
         PlacedLeaf {
             q,

@@ -181,7 +181,7 @@ impl GrowthRecord {
         // array.
         match nodes.birth.get(nodes.parent[i] as usize) {
             Some(carrier) => carrier.max(self.first_year(i) - 1.0),
-            None => -SPROUTING,
+            None => nodes.birth[i] - SPROUTING,
         }
     }
 

@@ -24,8 +24,8 @@ const SHORT_STAYS: f32 = 1.6;
 const SHORT_LENGTH: f32 = 0.8;
 /// Shoots shorter than this multiple of `short_shoot` bear no buds; whorls need twice `short_shoot`.
 const LONG_ENOUGH: [f32; 2] = [1.2, 2.0];
-/// Kink where a side bud takes over from a dead apex: mean and deviation, as a share of the angle of branches.
-const RELAY_KINK: [f32; 2] = [0.45, 0.2];
+/// Standard deviation of the kink where a side bud takes over from a dead apex, as a share of the angle of branches.
+const KINK_DEVIATION: f32 = 0.2;
 /// Range of the angle at which a shoot leaves its parent, degrees.
 const LEAVE_RANGE: [f32; 2] = [5.0, 150.0];
 /// Deviation of the azimuth of buds, degrees.
@@ -345,7 +345,7 @@ impl Tree {
             return q;
         }
         let angle = season.angle[(order + 1).min(ORDERS - 1)];
-        let kink = angle * (RELAY_KINK[0] + RELAY_KINK[1] * normal(&mut draw));
+        let kink = angle * (self.habit.kink[order] + KINK_DEVIATION * normal(&mut draw));
         let azimuth = draw.unit_f32() * std::f32::consts::TAU;
         let about = q * Vec3::new(math::cos_f32(azimuth), 0.0, math::sin_f32(azimuth));
         (rotation(about, kink) * q).normalize()

@@ -133,6 +133,7 @@ impl Tree {
         self.shoot(&season, field, obstacles, limits)?;
         self.thicken(&season);
         self.bend(&season);
+        self.sprout();
         Ok(())
     }
 

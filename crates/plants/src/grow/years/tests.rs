@@ -246,6 +246,46 @@ fn a_younger_age_is_a_part_of_an_older_run() {
 }
 
 #[test]
+fn young_trees_bear_more_leaves_along_their_shoots_and_old_ones_as_many() {
+    let area = |young: f64, age: f64| {
+        let mut tree = spec(age);
+        // Leaves that hardly shade: more of them must not change how the tree grows.
+        for (key, value) in [("leaf_area_shoot", 0.1), ("leaf_young", young), ("extinction", 0.1)] {
+            tree.habit.set(key, &[value]).expect("sets");
+        }
+        tree.habit.set("maturity", &[8.0, 14.0]).expect("sets");
+        grow_one(&tree).measures().leaf_area
+    };
+    // The first four years bear thrice as many; what grows after the fourteenth bears as many as without.
+    let (plain, young) = (area(1.0, 4.0), area(3.0, 4.0));
+    assert!(young > 1.5 * plain, "{plain} {young}");
+    let (plain, young) = (area(1.0, 18.0), area(3.0, 18.0));
+    assert!((young / plain - 1.0).abs() < 0.1, "{plain} {young}");
+}
+
+/// A bush of ten stems, six of which sprout over twelve years in the shade of the others.
+#[test]
+fn late_stems_sprout_in_their_years_and_grow_in_the_shade_of_others() {
+    let mut bush = spec(20.0);
+    for (key, value) in [("stems", 10.0), ("stem_spread", 0.4), ("tilt", 25.0), ("stem_years", 12.0)] {
+        bush.habit.set(key, &[value]).expect("sets");
+    }
+    let row = grow_through(&bush, &[1, 8, 20], &Site::default(), &Limits::default()).expect("grows");
+    let stems = |tree: &GrownTree| plant_of(tree, None).axes.iter().filter(|a| a.parent == NONE).count();
+    assert_eq!(row.iter().map(stems).collect::<Vec<_>>(), [4, 8, 10]);
+    for (tree, age) in row.iter().zip([1.0, 8.0, 20.0]) {
+        assert_eq!(bits(tree), bits(&grow_one(&TreeSpec { age, ..bush.clone() })), "{age}");
+    }
+    // The late ones live on what the stool has stored: a shoot of at least 0.2 m a year, five years long.
+    let last = &row[2].tree.nodes;
+    let late: Vec<u32> = (0..10).filter(|i| last.birth[*i as usize] > 0.0).collect();
+    for stem in late {
+        let length = (0..last.len()).filter(|i| last.axis[*i] == stem).map(|i| last.path[i]).fold(0.0, f32::max);
+        assert!(length > 1.0, "stem {stem}: {length}");
+    }
+}
+
+#[test]
 fn threads_and_the_order_of_trees_change_no_bit() {
     let other = TreeSpec { id: 4, seed: 8, base: Vec3::new(2.5, 0.0, 1.0), age: 14.0, ..spec(20.0) };
     let pair = [spec(20.0), other.clone()];

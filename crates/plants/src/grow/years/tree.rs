@@ -11,6 +11,10 @@ use osier_base::rng::{Rng, child, mix64, word};
 pub(super) const NONE: u32 = u32::MAX;
 /// Length of the internode that a tree grows from, m.
 const SEED_LENGTH: f32 = 0.05;
+/// Share of the stems that sprout in the first year where others follow. Own.
+const SPROUT_AT_ONCE: f32 = 0.4;
+/// The golden ratio less 1.
+const GOLDEN_SHARE: f32 = 0.618_034;
 
 /// Marks of an internode, as bits of its `flags`.
 pub(super) mod flag {
@@ -305,7 +309,7 @@ impl Tree {
     }
 
     /// Adds the seed internode of a stem.
-    /// Own: stems stand at golden-angle azimuths, at the distance spread sqrt((i + 0.5) / n), tilted outwards by
+    /// Own: with `stem_years` some sprout later, and stay stubs until then. Stems stand at golden-angle azimuths, at the distance spread sqrt((i + 0.5) / n), tilted outwards by
     /// tilt (0.4 + 0.9 U) sqrt((i + 0.5) / n).
     fn add_stem(&mut self, i: u16, stems: u16, id: u64) {
         let habit = &self.habit;
@@ -320,13 +324,16 @@ impl Tree {
         let q = math::rotation_between(Vec3::Y, d)
             * Quat::from_xyzw(0.0, math::sin_f32(0.5 * azimuth), 0.0, math::cos_f32(0.5 * azimuth));
         let area = math::pow_f32(habit.tip_radius, habit.pipe_exponent);
+        // Multiples of the golden ratio spread the late ones over the disc and over the years.
+        let late = (f32::from(i) * GOLDEN_SHARE).fract() - SPROUT_AT_ONCE;
+        let sprouts = (habit.stem_years * (late / (1.0 - SPROUT_AT_ONCE)).max(0.0)).ceil();
         self.axis_ids.push(id);
         self.nodes.push(Node {
             parent: NONE,
             axis: u32::from(i),
             index: 0,
             order: 0,
-            flags: flag::OPEN,
+            flags: if sprouts > 0.0 { 0 } else { flag::OPEN },
             dormant: 0,
             woken: 0,
             starve: 0,
@@ -340,12 +347,26 @@ impl Tree {
             path: SEED_LENGTH,
             s: SEED_LENGTH,
             moment: 0.0,
-            birth: 0.0,
+            birth: sprouts,
             azimuth: 0.0,
             light: 0.0,
             gathered: 1.0,
             vigour: 1.0,
         });
+    }
+
+    /// Opens the tips of stems that sprout after this year.
+    pub fn sprout(&mut self) {
+        let nodes = &mut self.nodes;
+        for i in 0..nodes.len() {
+            if nodes.parent[i] != NONE {
+                break;
+            }
+            let now = nodes.birth[i] > 0.0 && (nodes.birth[i] - self.year as f32).abs() < 0.5;
+            if now && nodes.lives(i) && nodes.flags[i] & flag::CUT == 0 {
+                nodes.flags[i] |= flag::OPEN;
+            }
+        }
     }
 
     /// The stream of random draws for a purpose at an internode or axis.
@@ -366,7 +387,11 @@ impl Tree {
         let habit = &self.habit;
         // Species without leaves along shoots have only those of open tips.
         let tip = if self.nodes.flags[i] & flag::OPEN != 0 { habit.leaf_area_tip } else { 0.0 };
-        if self.bears_along(i) { tip + habit.leaf_area_shoot * self.nodes.length[i] } else { tip }
+        if self.bears_along(i) {
+            tip + habit.leaf_area_of_shoot(self.nodes.birth[i]) * self.nodes.length[i]
+        } else {
+            tip
+        }
     }
 
     /// Whether an internode still bears leaves along its length.

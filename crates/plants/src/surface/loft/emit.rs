@@ -2,6 +2,7 @@
 
 use glam::Vec2;
 
+use super::flare::Ridges;
 use super::junction;
 use super::layout::{CircleTables, MaterialRun, SkinLayout, v_scale};
 use super::rings::Ring;
@@ -106,10 +107,14 @@ fn split_off<'a, T>(from: &mut &'a mut [T], n: usize) -> &'a mut [T] {
 /// Writes one tube: start, rings from the base to the tip, end.
 fn write_tube(tube: &TubeInputs<'_>, out: &mut TubeWriter<'_>) {
     let v_scale = v_scale(tube.context.options, &tube.params);
+    let ridges = Ridges::new(tube);
     // `below`: first point of the ring under the next one. Without a junction the first ring has none under it.
-    let mut below = write_start(tube, out);
+    let mut below = write_start(tube, ridges.as_ref(), out);
     for ring in tube.rings {
         let first = out.ring(&tube.point_ring(ring, v_scale), tube.circle);
+        if let Some(ridges) = &ridges {
+            ridges.shape(tube, ring, first, false, out);
+        }
         if let Some(below) = below {
             out.quad_strip(below, first, tube.params.sides);
         }
@@ -122,13 +127,16 @@ fn write_tube(tube: &TubeInputs<'_>, out: &mut TubeWriter<'_>) {
 
 /// Writes the cap below the first ring or, for a side branch, its junction. Returns the first point of the ring that the first
 /// regular ring is joined to.
-fn write_start(tube: &TubeInputs<'_>, out: &mut TubeWriter<'_>) -> Option<u32> {
+fn write_start(tube: &TubeInputs<'_>, ridges: Option<&Ridges>, out: &mut TubeWriter<'_>) -> Option<u32> {
     let first = tube.rings.first()?;
     if let TubeStart::Side(site) = &tube.plan.start {
         return Some(junction::write_junction(tube, site, out));
     }
     let ring = tube.point_ring(first, v_scale(tube.context.options, &tube.params));
-    tube.write_disc(&ring, first.t, true, out);
+    let disc = tube.write_disc(&ring, first.t, true, out);
+    if let Some(ridges) = ridges {
+        ridges.shape(tube, first, disc, true, out);
+    }
     None
 }
 
@@ -151,7 +159,9 @@ fn write_end(tube: &TubeInputs<'_>, ring: &Ring, below: u32, out: &mut TubeWrite
         out.triangle_fan(below, apex, n, false);
     };
     match tube.params.cap {
-        TubeCap::Disc => tube.write_disc(&base, ring.t, false, out),
+        TubeCap::Disc => {
+            tube.write_disc(&base, ring.t, false, out);
+        }
         TubeCap::Point => write_apex(below, out),
         TubeCap::Dome => {
             // Rings at 30 and 60 degrees of a hemisphere.

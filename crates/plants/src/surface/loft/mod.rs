@@ -19,6 +19,7 @@
 mod centerline;
 mod corners;
 mod emit;
+mod flare;
 mod junction;
 mod layout;
 mod ribbon;
@@ -60,6 +61,10 @@ pub struct SkinOptions {
     pub collar: f32,
     /// Widening of a trunk at the ground, as a share of its radius, 0..2.
     pub flare: f32,
+    /// Height over which that widening falls to 1/e of itself, in radii of the trunk's base, 0.2..10.
+    pub flare_height: f32,
+    /// Ridges of the flare, one for each root that shows, 0..12; fewer than 2: the flare is round.
+    pub buttresses: u32,
     /// Length by which a trunk is extended below its first node, m, so that uneven ground hides its end.
     pub bury: f32,
     /// Axes thinner at their base than the radius (m) take this material (index into the plant's) instead of their own.
@@ -78,6 +83,8 @@ impl Default for SkinOptions {
             uv: UvMode::Conformal,
             collar: 0.6,
             flare: 0.0,
+            flare_height: 3.0,
+            buttresses: 0,
             bury: 0.0,
             shoot: None,
             max_points: 50_000_000,
@@ -153,6 +160,8 @@ fn check(o: &SkinOptions) -> Result<()> {
         ("tile, height", o.tile[1], 1e-3, 100.0, "m"),
         ("collar", o.collar, 0.0, 1.0, ""),
         ("flare", o.flare, 0.0, 2.0, ""),
+        ("flare_height", o.flare_height, 0.2, 10.0, "radii"),
+        ("buttresses", o.buttresses as f32, 0.0, 12.0, ""),
         ("bury", o.bury, 0.0, 100.0, "m"),
     ];
     for (name, value, min, max, unit) in ranges {

@@ -67,13 +67,15 @@ impl<'a> TubeInputs<'a> {
         }
     }
 
-    /// Writes a flat cap on a ring. Its points are not those of the wall, since their normal is `t`, or -`t` for `down`.
-    pub fn write_disc(&self, ring: &PointRing, t: Vec3, down: bool, out: &mut TubeWriter<'_>) {
+    /// Writes a flat cap on a ring. Its points are not those of the wall, since their normal is `t`, or -`t` for `down`. Returns
+    /// the index of the first of them.
+    pub fn write_disc(&self, ring: &PointRing, t: Vec3, down: bool, out: &mut TubeWriter<'_>) -> u32 {
         let normal = if down { -t } else { t };
         let flat = PointRing { axial: normal, radial: 0.0, ..*ring };
         let first = out.ring(&flat, self.circle);
         let uv = Vec2::new(ring.uv[0] + 0.5 * ring.uv[1], ring.uv[2]);
         let middle = out.point(ring.c, normal, uv, ring.binding);
         out.triangle_fan(first, middle, self.params.sides, down);
+        first
     }
 }

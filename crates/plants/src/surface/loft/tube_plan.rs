@@ -6,11 +6,12 @@ use glam::Vec3;
 
 use super::SkinOptions;
 use super::centerline::CurvePoint;
+use super::flare::widening;
 use super::rings::{FirstRing, Ring, RingScratch, place_rings};
 use super::tuning::{
-    AXES_PER_TASK, FLARE_SAMPLE_SPACING, FLARE_SAMPLES, MAX_JUNCTION_DISTANCE, MIN_CONTINUATION_ADVANCE,
-    MIN_CONTINUATION_COSINE, MIN_CONTINUATION_RADIUS, MIN_JUNCTION_SINE, MIN_JUNCTION_SINE_SQUARED,
-    MIN_JUNCTION_STRAIGHTNESS, POINTED_TIP_RADIUS,
+    AXES_PER_TASK, FLARE_SAMPLE_HEIGHT, FLARE_SAMPLE_SPACING, FLARE_SAMPLES, MAX_JUNCTION_DISTANCE,
+    MIN_CONTINUATION_ADVANCE, MIN_CONTINUATION_COSINE, MIN_CONTINUATION_RADIUS, MIN_JUNCTION_SINE,
+    MIN_JUNCTION_SINE_SQUARED, MIN_JUNCTION_STRAIGHTNESS, POINTED_TIP_RADIUS,
 };
 use osier_base::math;
 use osier_base::par::par_chunks;
@@ -224,7 +225,7 @@ impl TubePlanner<'_> {
     }
 
     /// Centreline of a trunk, which flares towards the ground and continues below it; the lines of a drawing do neither.
-    /// Own: r (1 + flare exp(-s / (3 r0))).
+    /// Own: r (1 + flare exp(-s / (flare_height r0))).
     fn root_curve(&self, curve: &mut Vec<CurvePoint>) {
         self.follow_axis(0.0, curve);
         let Some((&a, &b)) = curve.first().zip(curve.get(1)) else { return };
@@ -232,17 +233,19 @@ impl TubePlanner<'_> {
             return;
         }
         if self.options.flare > 0.0 {
-            // The exponential needs points where the axis has none: within ten base radii, unless one is near already.
+            // The exponential needs points where the axis has none: until it has decayed, unless one is near already.
+            let scale = a.r * (self.options.flare_height / FLARE_SAMPLE_HEIGHT);
             for step in FLARE_SAMPLES {
-                let s = step * a.r;
+                let s = step * scale;
                 let Some(at) = curve.iter().position(|k| k.s > s) else { break };
-                if s - curve[at - 1].s > FLARE_SAMPLE_SPACING * a.r && curve[at].s - s > FLARE_SAMPLE_SPACING * a.r {
+                let apart = FLARE_SAMPLE_SPACING * scale;
+                if s - curve[at - 1].s > apart && curve[at].s - s > apart {
                     let site = self.plant.frame(self.axis, s);
                     curve.insert(at, CurvePoint { p: site.p, r: site.r, s });
                 }
             }
             for k in curve.iter_mut() {
-                k.r *= 1.0 + self.options.flare * math::exp_f32(-k.s / (3.0 * a.r));
+                k.r *= 1.0 + widening(self.options, k.s, a.r);
             }
         }
         // Extend the trunk straight downwards, so that uneven ground hides its lower end.

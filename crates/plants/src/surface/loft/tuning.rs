@@ -53,11 +53,25 @@ pub(super) const MIN_JUNCTION_SINE_SQUARED: f32 = 0.04;
 /// A branch gets a junction only if the cosine between the junction's line and the branch beyond it exceeds this (53 degrees).
 pub(super) const MIN_JUNCTION_STRAIGHTNESS: f32 = 0.6;
 
-/// Centrelines of trunks with a flare are sampled at these arc lengths, in base radii: the exponential has decayed to 3.6 % at
-/// the last one.
+/// Centrelines of trunks with a flare of [`FLARE_SAMPLE_HEIGHT`] are sampled at these arc lengths, in base radii, those of others at
+/// as many heights of their flare: the exponential has decayed to 3.6 % at the last one.
 pub(super) const FLARE_SAMPLES: [f32; 8] = [0.6, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 10.0];
-/// A sample is left out if the axis has a node within this many base radii.
+/// Height of the flare to which the samples belong, in base radii.
+pub(super) const FLARE_SAMPLE_HEIGHT: f32 = 3.0;
+/// A sample is left out if the axis has a node within this distance, in the unit of the samples.
 pub(super) const FLARE_SAMPLE_SPACING: f32 = 0.3;
+/// Sides that each ridge of a flare needs: with fewer, ridges turn into corners, and the flare stays round.
+pub(super) const SIDES_OF_RIDGE: u32 = 4;
+/// How far the widening of a flare varies around the trunk, as a share of its mean: at 1 the trunk would be as narrow between two
+/// roots as it is above them.
+pub(super) const RIDGE_CONTRAST: f32 = 0.7;
+/// Sharpness of a ridge, the exponent of exp(k (cos - 1)), for each ridge of the flare: at 1.2 ridges of one flare just merge.
+pub(super) const RIDGE_SHARPNESS: f32 = 1.2;
+/// Range of the strength of a ridge, and of its shift, as a share of the angle between two: roots differ and are not spaced evenly.
+pub(super) const RIDGE_STRENGTH: [f64; 2] = [0.55, 1.3];
+pub(super) const RIDGE_SHIFT: f64 = 0.28;
+/// Ridges are left out of rings that the flare widens by less than this share: the trunk is round there.
+pub(super) const LEAST_WIDENING: f32 = 0.01;
 /// A transition to a continuing branch must advance by at least this share of its length along both of its end tangents;
 /// below it the curve folds back on itself.
 pub(super) const MIN_CONTINUATION_ADVANCE: f32 = 0.35;
