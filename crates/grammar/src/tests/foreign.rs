@@ -158,6 +158,17 @@ fn models_of_lpy_write_a_star_for_no_context_and_lambdas_for_functions() {
 }
 
 #[test]
+fn models_of_lpy_may_declare_values_that_others_can_set() {
+    let model = "from math import pi\nextern(n = 3)\nextern(a = 2*n, turn = [10, 20],\n       b = -1)\n\
+                 Axiom: A(n)\nderivation length: b+3\nproduction:\nA(x) --> +(turn[1])F(a)A(x+b)\n";
+    // Two steps from A(3).
+    assert_eq!(lpy(model), "+(20)F(6)+(20)F(6)A(1)");
+    // The slider that L-Py saved behind the model has set n.
+    let saved = "extern(n = 3)\nAxiom: A(n)\nproduction:\nB --> C\nendlsystem\ndef __initialiseContext__(context):\n\tscalars = [('n', 'Integer', 5, 0, 10)]\n";
+    assert_eq!(lpy(saved), "A(5)");
+}
+
+#[test]
 fn models_of_lpy_may_hold_lists() {
     let model =
         |head: &str, rules: &str| lpy(&format!("{head}\nAxiom: A(2)\nderivation length: 1\nproduction:\n{rules}\n"));

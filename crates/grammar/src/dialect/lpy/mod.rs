@@ -450,6 +450,10 @@ impl<'s> Model<'_, 's> {
         let range = piece.range();
         match word.text {
             "pass" | "print" | "global" | "assert" => return next,
+            "extern" if rest.text.starts_with('(') => {
+                self.external(rest);
+                return next;
+            }
             "def" => {
                 self.function(rest, block, &range);
                 return next;
@@ -525,6 +529,24 @@ impl<'s> Model<'_, 's> {
         let shown: String = piece.text.chars().take(40).collect();
         self.refuse(&Refusal::new(format!("'{shown}'"), range));
         next
+    }
+
+    /// `extern(n = 3, angle = 60)`: values that a program around L-Py may have set before; sliders of the file have.
+    fn external(&mut self, rest: Piece<'_>) {
+        let inside = rest.up_to(rest.text.rfind(')').unwrap_or(rest.text.len())).from(1);
+        for part in split(inside) {
+            match assignment(part) {
+                Some((name, _)) if self.scope.constants.contains_key(name.text) => {}
+                Some((name, value)) => match parse(value) {
+                    Ok(e) => self.global(name.text, &e, value.range()),
+                    Err(why) => {
+                        let refusal = Refusal { range: value.range(), ..why };
+                        self.scope.unreadable.insert(name.text.to_owned(), refusal);
+                    }
+                },
+                None => self.refuse(&Refusal::new(format!("'{}' in 'extern'", part.text), part.range())),
+            }
+        }
     }
 
     /// Reads a `def`. A function with a value is kept as an expression; another one is refused where it is called. The functions
