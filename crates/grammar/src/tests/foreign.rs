@@ -166,6 +166,9 @@ fn models_of_lpy_may_declare_values_that_others_can_set() {
     // The slider that L-Py saved behind the model has set n.
     let saved = "extern(n = 3)\nAxiom: A(n)\nproduction:\nB --> C\nendlsystem\ndef __initialiseContext__(context):\n\tscalars = [('n', 'Integer', 5, 0, 10)]\n";
     assert_eq!(lpy(saved), "A(5)");
+    // Older files have no type before the value.
+    let old = saved.replace("'n', 'Integer', 5, 0, 10", "'m', False, False, True), ('n', 7, 0, 10");
+    assert_eq!(lpy(&old), "A(7)");
 }
 
 #[test]

@@ -213,18 +213,20 @@ impl<'s> Model<'_, 's> {
         }
     }
 
-    /// Values of the sliders that L-Py saves behind the model: `('name', 'Integer', 5, 1, 10)`.
+    /// Values of the sliders that L-Py saves behind the model: `('name', 'Integer', 5, 1, 10)`, in older files without the type.
     fn parameters(&mut self, list: &[Line<'_>]) {
         for line in list.iter().filter(|l| l.piece.text.starts_with("scalars")) {
             for part in line.piece.text.split('(').skip(1) {
                 let fields: Vec<&str> =
                     part.split([',', ')']).map(|f| f.trim().trim_matches(['\'', '"', ' '])).collect();
-                let number = fields.get(2).and_then(|v| match *v {
-                    "True" => Some(1.0),
-                    "False" => Some(0.0),
-                    v => v.parse::<f64>().ok(),
-                });
-                if let (Some(name), Some(value)) = (fields.first(), number) {
+                let number = |i: usize| {
+                    fields.get(i).and_then(|v| match *v {
+                        "True" => Some(1.0),
+                        "False" => Some(0.0),
+                        v => v.parse::<f64>().ok(),
+                    })
+                };
+                if let (Some(name), Some(value)) = (fields.first(), number(1).or_else(|| number(2))) {
                     self.scope.constants.insert((*name).to_owned(), value);
                 }
             }
