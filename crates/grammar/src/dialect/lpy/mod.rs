@@ -1,6 +1,7 @@
 //! Files of L-Py whose productions are rules and expressions: no more of Python than constants, lists, functions with a value, `if`
 //! and `for` over a constant range. A production with `if` becomes one production for each way through it.
 
+mod color;
 mod expression;
 mod rule;
 mod statement;
@@ -87,6 +88,8 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
     model.declarations(&list);
+    let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
+    model.reader.palette = color::palette(&pieces);
     model.lines(&list);
     model.finish(text);
 }
