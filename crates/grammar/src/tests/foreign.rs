@@ -172,6 +172,19 @@ fn models_of_lpy_may_declare_values_that_others_can_set() {
 }
 
 #[test]
+fn colors_of_lpy_given_by_red_green_and_blue_take_the_last_indices() {
+    let model = "g = 200\nAxiom: SetColor(45,g,g)F SetColor(1,2,3)F SetColor(45,200,100*2,9)F SetColor(7)A(5)\nproduction:\n\
+                 A(x) --> SetColor(x,x,x)F\nendlsystem\ndef __initialiseContext__(context):\n\
+                 \tcontext.turtle.setMaterial(254,Material((9,9,9)))\n";
+    let (g, warnings) = read(model);
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    // 255 for the first colour; 254 is taken; x is not constant.
+    assert_eq!(g.print(&d.modules), "SetColor(255)FSetColor(253)FSetColor(255)FSetColor(7)SetColor(5,5,5)F");
+    assert_eq!(g.palette(), [(254, [9, 9, 9]), (255, [45, 200, 200]), (253, [1, 2, 3])]);
+    assert_eq!(warnings.iter().map(|d| d.code).collect::<Vec<_>>(), ["L008"]);
+}
+
+#[test]
 fn models_of_lpy_may_hold_lists() {
     let model =
         |head: &str, rules: &str| lpy(&format!("{head}\nAxiom: A(2)\nderivation length: 1\nproduction:\n{rules}\n"));
