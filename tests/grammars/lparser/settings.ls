@@ -5,3 +5,6 @@ switch_yz 1
 no_wait 1
 axiom a+F
 rule a = Fa
+@ of the file
+F=G
+the rest is text

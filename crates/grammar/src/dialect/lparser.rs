@@ -48,8 +48,8 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     };
     for line in lines(text) {
         let line = line.before('#').trimmed();
-        // '@' ends the file.
-        if line.text == "@" {
+        // '@' ends the file, whatever follows it.
+        if line.text.starts_with('@') && !is_rule(line) {
             break;
         }
         if !line.text.is_empty() {
