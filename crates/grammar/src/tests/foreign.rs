@@ -172,6 +172,20 @@ fn models_of_lpy_may_declare_values_that_others_can_set() {
 }
 
 #[test]
+fn names_of_several_letters_are_written_in_texts() {
+    for (text, wanted) in [
+        ("module Leaf\nAxiom: Leaf A\nderivation length: 2\nproduction:\nA --> Leaf A\nendlsystem\n", "LeafLeafLeafA"),
+        // A comma of Fractint is a symbol with a name, too.
+        ("One {\nAngle 4\nAxiom F,\nF=F,F\n}\n", "f,f,f,f,f,f,f,f,f,f,f,f,f,f,f,f,"),
+    ] {
+        let (g, _) = read(text);
+        let limits = Limits::default();
+        let d = crate::derive_text(&g, &DeriveOptions::default(), &limits).expect("derives");
+        assert_eq!(d.into_text(&g, &limits).expect("derives"), wanted);
+    }
+}
+
+#[test]
 fn colors_of_lpy_given_by_red_green_and_blue_take_the_last_indices() {
     let model = "g = 200\nAxiom: SetColor(45,g,g)F SetColor(1,2,3)F SetColor(45,200,100*2,9)F SetColor(7)A(5)\nproduction:\n\
                  A(x) --> SetColor(x,x,x)F\nendlsystem\ndef __initialiseContext__(context):\n\
