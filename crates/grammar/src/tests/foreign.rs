@@ -135,6 +135,7 @@ fn models_of_lpy_may_count_in_variables_of_their_own() {
                  def EndEach():\n    global n\n    if n > 100:\n        n = 0\n    else:\n        n = n + 10\n\n\
                  Axiom: A\nderivation length: steps\nproduction:\nA --> B(n)A\n";
     assert_eq!(lpy(model), "B(2)B(13)A");
+    assert_eq!(lpy(&model.replace("    n += 1", "    forward()\n    n += 1")), "B(2)B(13)A");
     // A rule changes the variable only where its conditions hold, and once; the modules are rewritten from left to right.
     let rule = "c = 5\nAxiom: A(1)A(0)A(1)\nderivation length: 1\nproduction:\nA(x):\n  global c\n  c = c + 1\n  if x > 0:\n    \
                 produce B(c)\n  else:\n    produce C(c)\n";

@@ -615,8 +615,9 @@ impl<'s> Model<'_, 's> {
         let mut lines = Vec::new();
         for line in block {
             let text = line.piece.text;
-            // These do not change what rules read.
-            if ["seed(", "random.seed(", "context(", "return None"].iter().any(|w| text.starts_with(w)) {
+            // These do not change what rules read; `forward()` is how L-Py rewrites without it.
+            const IDLE: [&str; 5] = ["seed(", "random.seed(", "context(", "return None", "forward()"];
+            if IDLE.iter().any(|w| text.starts_with(w)) {
                 continue;
             }
             // A value that cannot be read refuses only what uses its name.
