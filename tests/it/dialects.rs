@@ -216,7 +216,7 @@ fn faults_of_fractint_are_told_with_their_places() {
 }
 
 /// Segments and the end of the first axis, by hand. Axes: a step goes along +Y, left is -Z, up is -X.
-const LPARSER: [(&str, usize, [f32; 3]); 19] = [
+const LPARSER: [(&str, usize, [f32; 3]); 20] = [
     ("axis.ls", 3, [0.0, 1.0, 0.0]),
     ("square.ls", 4, [0.0, 0.0, 0.0]),
     ("koch.ls", 64, [0.0, 27.0, 0.0]),
@@ -236,6 +236,7 @@ const LPARSER: [(&str, usize, [f32; 3]); 19] = [
     ("long.ls", 5, [0.0, 5.0, 0.0]),
     ("crlf.ls", 2, [0.0, 1.0, -1.0]),
     ("nothing.ls", 1, [0.0, 1.0, 0.0]),
+    ("settings.ls", 3, [0.0, 2.0, -1.0]),
 ];
 
 #[test]
@@ -264,6 +265,7 @@ fn files_of_lparser_are_drawn_as_their_commands_say() {
     near(draw("lparser/angles.ls", "").end(), [0.0, c50 + h, -s50 - h - 1.0], "angles");
     assert_eq!(draw("lparser/nothing.ls", "").string, "__A_F_");
     assert_eq!(draw("lparser/crlf.ls", "").string, "F+F+A");
+    assert_eq!(draw("lparser/settings.ls", "").string, "FFa+F");
     assert_eq!(draw("lparser/leaf.ls", "").plant.organs.len(), 1);
     // Levelled, left is horizontal: a turn to it ends at the height of the turtle.
     assert!(draw("lparser/level.ls", "").end().y.abs() < 1e-6);
@@ -278,6 +280,10 @@ fn widths_of_lparser_are_shares_of_the_length() {
     let thin = draw("lparser/keywords.ls", "").plant;
     assert!((thin.nodes.r[0] - 0.04).abs() < 1e-6);
     assert_eq!(read("lparser/keywords.ls", "").palette(), [(1, [90, 60, 30]), (2, [40, 160, 60])]);
+    let saved = "Axiom: F\nproduction:\nendlsystem\ndef __initialiseContext__(context):\n\timport openalea.plantgl.all as pgl\n\
+                 \tColor_2 = pgl.Material(\"Color_2\" , ambient = (20,30,4) , diffuse = 2 , )\n\tcontext.turtle.setMaterial(2,Color_2)\n";
+    let (model, _) = read_bytes("m.lpy", saved.as_bytes(), ReadAs::default()).expect("read");
+    assert_eq!(model.palette(), [(2, [40, 60, 8])]);
     let bent = draw("lparser/gravity.ls", "").plant;
     let n = bent.nodes.p.len();
     let last = (bent.nodes.p[n - 1] - bent.nodes.p[n - 2]).normalize();

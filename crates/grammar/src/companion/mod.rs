@@ -13,6 +13,7 @@
 //! ```
 
 mod colors;
+mod condition;
 mod contour;
 mod function;
 mod surface;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::condition;
 use super::words::{Word, shown, words};
 use osier_base::diagnostic::{Diagnostic, SourceId, Sources, Span};
 use osier_base::files::{Encoding, decode};
@@ -10,9 +11,10 @@ use osier_base::files::{Encoding, decode};
 const MAX_FILES: usize = 256;
 /// Levels of `#include` in a view; deeper ones are L048.
 const MAX_DEPTH: usize = 32;
-/// Upper limits: bytes of a view with its includes, and macro replacements in one line.
+/// Upper limits: bytes of a view with its includes, and of one line macro replacements and the bytes that they make.
 const MAX_BYTES: usize = 1 << 24;
 const MAX_REPLACEMENTS: usize = 1000;
+const MAX_EXPANDED: usize = 1 << 16;
 
 /// Values of `line style:`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,8 +132,8 @@ pub fn read_view(
     sources: &mut Sources,
     include: &mut ViewInclude<'_>,
 ) -> (View, Vec<Diagnostic>) {
-    let mut reader =
-        ViewReader { sources, include, macros: BTreeMap::new(), view: View::default(), report: Vec::new(), bytes: 0 };
+    let macros = BTreeMap::from([("OSIER".to_owned(), "1".to_owned())]);
+    let mut reader = ViewReader { sources, include, macros, view: View::default(), report: Vec::new(), bytes: 0 };
     reader.file(name, bytes, 0);
     (reader.view, reader.report)
 }
@@ -196,7 +198,7 @@ impl ViewReader<'_, '_> {
 
     fn directive(&mut self, text: &str, span: Span, counts: bool, open: &mut Vec<Conditional>, depth: usize) {
         let text = text.trim();
-        let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+        let (word, rest) = text.split_at(text.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(text.len()));
         let rest = rest.trim();
         // Definitions and includes of branches that do not count are passed over.
         match word {
@@ -212,13 +214,18 @@ impl ViewReader<'_, '_> {
                 self.macros.remove(rest);
             }
             "ifdef" | "ifndef" | "if" => {
-                let defined = self.macros.contains_key(rest) || rest == "OSIER";
                 let holds = match word {
-                    "ifdef" => defined,
-                    "ifndef" => !defined,
-                    _ => self.expand(rest).trim().parse::<f64>().is_ok_and(|v| v.abs() > 0.0),
+                    "ifdef" => self.macros.contains_key(rest),
+                    "ifndef" => !self.macros.contains_key(rest),
+                    _ => counts && self.condition(rest, span),
                 };
                 open.push(Conditional { counts: holds, has_counted: holds });
+            }
+            "elif" => {
+                if let Some((last, outer)) = open.split_last_mut() {
+                    let holds = !last.has_counted && outer.iter().all(|o| o.counts) && self.condition(rest, span);
+                    *last = Conditional { counts: holds, has_counted: last.has_counted || holds };
+                }
             }
             "else" => {
                 if let Some(last) = open.last_mut() {
@@ -243,35 +250,59 @@ impl ViewReader<'_, '_> {
         }
     }
 
-    /// Replaces macros, also within replacements, at most [`MAX_REPLACEMENTS`] times.
-    fn expand(&self, text: &str) -> String {
-        if self.macros.is_empty() {
-            return text.to_owned();
+    /// Does the condition of an `#if` hold? L048 and false if it cannot be read.
+    fn condition(&mut self, text: &str, span: Span) -> bool {
+        let holds = condition::holds(&self.expand(&self.without_defined(text)));
+        if holds.is_none() {
+            self.warn("L048", span, format!("expected a condition of whole numbers, found '{}'", shown(text)));
         }
+        holds.unwrap_or(false)
+    }
+
+    /// `defined(X)` and `defined X` as 1 or 0, before macros are replaced.
+    fn without_defined(&self, text: &str) -> String {
+        let mut parts = text.split("defined");
+        let mut out = parts.next().unwrap_or("").to_owned();
+        for part in parts.map(str::trim_start) {
+            let inside = part.strip_prefix('(').map(str::trim_start);
+            let name = inside.unwrap_or(part);
+            let end = name.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(name.len());
+            let (name, rest) = name.split_at(end);
+            out.push(if self.macros.contains_key(name) { '1' } else { '0' });
+            out.push_str(inside.and_then(|_| rest.trim_start().strip_prefix(')')).unwrap_or(rest));
+        }
+        out
+    }
+
+    /// Replaces macros, also within replacements, at most [`MAX_REPLACEMENTS`] times and up to [`MAX_EXPANDED`] bytes.
+    fn expand(&self, text: &str) -> String {
+        let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
         let mut out = String::new();
-        let mut rest: Vec<String> = vec![text.to_owned()];
+        // The texts that are read, the innermost last, each with the byte that comes next.
+        let mut open: Vec<(&str, usize)> = vec![(text, 0)];
         let mut replaced = 0;
-        while let Some(piece) = rest.pop() {
-            let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
-            let begin = piece.find(|c: char| c.is_ascii_alphabetic() || c == '_').unwrap_or(piece.len());
-            let (before, word) = piece.split_at(begin);
+        while let Some((piece, at)) = open.pop() {
+            let rest = &piece[at..];
+            let begin = rest.find(|c: char| c.is_ascii_alphabetic() || c == '_').unwrap_or(rest.len());
+            let (before, word) = rest.split_at(begin);
             let end = word.find(|c| !is_word(c)).unwrap_or(word.len());
-            let (word, after) = word.split_at(end);
+            let word = &word[..end];
             out.push_str(before);
             // A name that follows a letter or digit is part of a longer word.
             let inside = before.is_empty() && out.ends_with(is_word) || before.ends_with(|c: char| c.is_ascii_digit());
-            match self.macros.get(word).filter(|_| !inside && replaced < MAX_REPLACEMENTS) {
+            if begin + end < rest.len() {
+                open.push((piece, at + begin + end));
+            }
+            let body = self
+                .macros
+                .get(word)
+                .filter(|body| !inside && replaced < MAX_REPLACEMENTS && out.len() + body.len() <= MAX_EXPANDED);
+            match body {
                 Some(body) => {
                     replaced += 1;
-                    rest.push(after.to_owned());
-                    rest.push(body.clone());
+                    open.push((body.as_str(), 0));
                 }
-                None => {
-                    out.push_str(word);
-                    if !after.is_empty() {
-                        rest.push(after.to_owned());
-                    }
-                }
+                None => out.push_str(word),
             }
         }
         out
@@ -355,9 +386,14 @@ impl ViewReader<'_, '_> {
             "initial line width" => {
                 if let Some(width) = self.number(line, "a width") {
                     self.view.width = Some(width);
-                    // A unit that begins with `p` means pixels, any other the units of the turtle.
-                    let unit = line.words.get(1).map(|w| w.text.to_lowercase());
-                    self.view.width_in_pixels = unit.map(|u| u.starts_with('p')).or(self.view.width_in_pixels);
+                    // A unit that begins with `p` means pixels, any other the units of the turtle. `2p` is one word.
+                    let is_pixels = |text: &str| text.starts_with(['p', 'P']);
+                    let unit = line.words.get(1).map(|unit| is_pixels(unit.text));
+                    let touching = line.words.first().is_some_and(|width| {
+                        is_pixels(width.text.trim_start_matches(|c: char| !c.is_ascii_alphabetic()))
+                    });
+                    let in_pixels = unit.or(touching.then_some(true));
+                    self.view.width_in_pixels = in_pixels.or(self.view.width_in_pixels);
                 }
             }
             "line width increment" => {
@@ -551,7 +587,11 @@ fn value_of(word: &Word<'_>) -> Option<f64> {
     let value = match (text.split_once('/'), text.split_once('*')) {
         (Some((a, b)), _) => part(a)? / part(b)?,
         (_, Some((a, b))) => part(a)? * part(b)?,
-        _ => part(text)?,
+        // What follows a number, such as `;` or a unit, does not count.
+        _ => {
+            let end = text.find(|c: char| !c.is_ascii_digit() && !".+-eE".contains(c)).unwrap_or(text.len());
+            part(text[..end].trim_end_matches(['.', '+', '-', 'e', 'E']))?
+        }
     };
     Some(value).filter(|v| v.is_finite())
 }
@@ -686,6 +726,28 @@ mod tests {
         assert_eq!((view.scale, view.color), (None, Some(3)));
         let (view, _) = read("#define A B\n#define B A\nangle increment: A\n");
         assert_eq!(view.angle, None);
+        let two = "#define X 2\n#if X == 1\nangle increment: 10\n#elif X == 2 && defined(X)\nangle increment: 20\n#elif(1)\nangle increment: 30\n\
+                   #else\nangle increment: 40\n#endif\n#if OSIER && !defined Y\ninitial scale: 3\n#endif\n";
+        let (view, report) = read(two);
+        assert_eq!((view.angle, view.scale, report.len()), (Some(20.0), Some(3.0), 0), "{report:?}");
+        let (view, _) = read(&two.replace("X 2", "X 1"));
+        assert_eq!(view.angle, Some(10.0));
+        let (view, _) = read(&two.replace("X 2", "X 3"));
+        assert_eq!(view.angle, Some(30.0));
+        // Branches within one that does not count are passed over.
+        let (view, report) =
+            read("#if 0\n#if 1 2\n#elif 1\nangle increment: 1\n#endif\n#else\nangle increment: 2\n#endif\n");
+        assert_eq!((view.angle, report.len()), (Some(2.0), 0));
+        let (_, report) = read("#if 1 2\n#endif\n");
+        assert!(report.len() == 1 && report[0].code == "L048", "{report:?}");
+    }
+
+    #[test]
+    fn what_follows_a_number_does_not_count() {
+        let (view, report) = read("angle increment: 22.5;\ninitial line width: 2pixels\nline width increment: .5e\n");
+        assert_eq!(report, []);
+        assert_eq!((view.angle, view.width, view.width_in_pixels), (Some(22.5), Some(2.0), Some(true)));
+        assert_eq!(view.width_increment, Some(0.5));
     }
 
     #[test]

@@ -193,7 +193,11 @@ impl LineSplitter<'_> {
             return false;
         }
         let continues = key.is_none_or(|(k, _)| matches!(k, Keyword::Axiom | Keyword::Angles | Keyword::Bind));
-        if !indented || next.is_empty() || !continues || keyword(&self.session.names, next).is_some() {
+        if continues && next.is_empty() {
+            // A comment or a directive on a line of its own, or a blank line.
+            return !self.continues_behind_blank_lines(key.is_some());
+        }
+        if !indented || !continues || keyword(&self.session.names, next).is_some() {
             return true;
         }
         if next_is_rule && (self.arrow.is_some() || key.is_some()) {
@@ -202,6 +206,38 @@ impl LineSplitter<'_> {
         if !tab {
             let help = "cpfg continues a production only on lines that begin with a tab";
             self.session.note("L013", "continued by blanks".into(), newline.place, help);
+        }
+        false
+    }
+
+    /// Before lines without tokens: do the indented lines behind them go on with this logical line? They do not if they are a
+    /// production of their own, whose arrow may stand on a later line than its predecessor. `is_item`: a keyword begins the line.
+    /// If they do, the lines without tokens are passed over.
+    fn continues_behind_blank_lines(&mut self, is_item: bool) -> bool {
+        let rest = &self.tokens[self.i.min(self.tokens.len())..];
+        let blank = rest.iter().take_while(|t| t.is_newline()).count();
+        let (Some(last), behind) = (blank.checked_sub(1), &rest[blank..]) else { return false };
+        if !matches!(rest[last].kind, TokenKind::Newline { indented: true, .. }) || behind.is_empty() {
+            return false;
+        }
+        // Without an arrow yet, whatever follows belongs to the production.
+        if (self.arrow.is_some() || is_item) && self.begins_production(behind) {
+            return false;
+        }
+        self.i += last;
+        true
+    }
+
+    /// Do these lines, up to the next one without tokens, begin with a production? Its arrow may stand on a later line.
+    fn begins_production(&self, tokens: &[Token]) -> bool {
+        for (i, line) in tokens.split(Token::is_newline).enumerate() {
+            if line.is_empty() || keyword(&self.session.names, line).is_some() {
+                return false;
+            }
+            if (0..line.len()).any(|k| is_arrow(line, k)) {
+                // An arrow further on in a later line belongs to a production that begins there.
+                return i == 0 || is_arrow(line, 0) || line[0].is(':');
+            }
         }
         false
     }

@@ -42,7 +42,11 @@ impl TemplateText {
     fn new(program: &Program, symbols: &[SymbolId]) -> Self {
         let mut out = Self::default();
         for symbol in symbols {
-            out.text.push(program.symbols.get(*symbol));
+            let c = program.symbols.get(*symbol);
+            match program.symbols.long_name(c) {
+                Some(name) => out.text.push_str(name),
+                None => out.text.push(c),
+            }
             out.ends.push(out.text.len());
         }
         out

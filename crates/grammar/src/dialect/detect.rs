@@ -112,8 +112,8 @@ fn is_lparser(text: &str) -> bool {
     let is_number = |l: Option<Piece<'_>>| l.is_some_and(|l| l.first_word(&[]).0.text.parse::<f64>().is_ok());
     let has_numbers = (0..3).all(|_| is_number(numbers.next()));
     let Some(axiom) = numbers.next().filter(|_| has_numbers) else { return false };
-    let mut rules = numbers.take_while(|l| l.text != "@");
-    axiom.text.parse::<f64>().is_err() && (rules.any(lparser::is_rule) || code().any(|l| l.text == "@"))
+    let mut rules = numbers.take_while(|l| !l.text.starts_with('@'));
+    axiom.text.parse::<f64>().is_err() && (rules.any(lparser::is_rule) || code().any(|l| l.text.starts_with('@')))
 }
 
 /// Rules `F=F[+F]F` or `A(i):i>3=F(i)A:0.5` without an arrow, at least one, and nothing that TOML could be.

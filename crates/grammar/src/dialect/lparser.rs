@@ -48,8 +48,8 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     };
     for line in lines(text) {
         let line = line.before('#').trimmed();
-        // '@' ends the file.
-        if line.text == "@" {
+        // '@' ends the file, whatever follows it.
+        if line.text.starts_with('@') && !is_rule(line) {
             break;
         }
         if !line.text.is_empty() {
@@ -83,7 +83,7 @@ impl<'t> File<'_, '_, 't> {
             "color" | "colour" => self.color(rest),
             "axiom" => self.set_axiom(rest),
             "rule" => self.rule(rest),
-            ignored if IGNORED.contains(&ignored) => {
+            ignored if IGNORED.contains(&ignored) || is_setting(word, rest) => {
                 let place = self.reader.place(line.range());
                 let message = format!("'{ignored}' has no meaning for osier and is ignored");
                 self.reader.session.warning("L008", message, place, "remove the line");
@@ -218,6 +218,14 @@ impl<'t> File<'_, '_, 't> {
         }
         self.reader.axiom(axiom);
     }
+}
+
+/// A word such as `no_wait` before one number: no axiom is written so.
+fn is_setting(word: Piece<'_>, value: Piece<'_>) -> bool {
+    let mut parts = word.text.split('_');
+    let are_words =
+        parts.clone().count() > 1 && parts.all(|p| p.len() > 1 && p.bytes().all(|b| b.is_ascii_lowercase()));
+    are_words && value.text.parse::<f64>().is_ok()
 }
 
 /// One character, blanks, '='.

@@ -308,3 +308,20 @@ fn blanks_stars_and_lines_mean_what_they_should() {
     let text = "lsystem\nStart Each: {n=n+1;}\nDerivationLength: 2\naxiom: A\nA --> A B(n)\nendlsystem";
     assert_eq!(string(text), "AB(2)B(1)");
 }
+
+#[test]
+fn comments_directives_and_blank_lines_do_not_end_a_production() {
+    for between in ["/* left */", "\t/* left */", "// left", "\t// left", "/* left\n right */", "", "\n\n"] {
+        let rules = format!("A --> B\n{between}\n\t[C]\n{between}\n\tD\n{between}\nB --> E");
+        assert_eq!(steps(2, "A", &rules), "E[C]D", "{between:?}");
+        let axiom = format!("A\n{between}\n\tB");
+        assert_eq!(steps(1, &axiom, "A --> C"), "CB", "{between:?}");
+        let split = format!("A(x)\n{between}\n\t: x > 1\n{between}\n\t--> B");
+        assert_eq!(steps(1, "A(1)A(2)", &split), "A(1)B", "{between:?}");
+        // Productions of a file that is indented throughout stay apart, also if their arrows stand on lines of their own.
+        let rules = format!("\tA --> B\n{between}\n\tB\n\t--> C\n{between}\n\tC(x)\n\t: x > 1 --> D");
+        assert_eq!(steps(1, "ABC(2)", &rules), "BCD", "{between:?}");
+    }
+    let rules = "A --> B\n#ifdef OSIER\n\tC\n#else\n\tD\n#endif\n\tE";
+    assert_eq!(steps(1, "A", rules), "BCE");
+}

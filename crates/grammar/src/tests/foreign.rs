@@ -135,6 +135,7 @@ fn models_of_lpy_may_count_in_variables_of_their_own() {
                  def EndEach():\n    global n\n    if n > 100:\n        n = 0\n    else:\n        n = n + 10\n\n\
                  Axiom: A\nderivation length: steps\nproduction:\nA --> B(n)A\n";
     assert_eq!(lpy(model), "B(2)B(13)A");
+    assert_eq!(lpy(&model.replace("    n += 1", "    forward()\n    n += 1")), "B(2)B(13)A");
     // A rule changes the variable only where its conditions hold, and once; the modules are rewritten from left to right.
     let rule = "c = 5\nAxiom: A(1)A(0)A(1)\nderivation length: 1\nproduction:\nA(x):\n  global c\n  c = c + 1\n  if x > 0:\n    \
                 produce B(c)\n  else:\n    produce C(c)\n";
@@ -155,6 +156,47 @@ fn models_of_lpy_write_a_star_for_no_context_and_lambdas_for_functions() {
     let model = "grow = lambda x : 2*x\nhalf = lambda x, y : (x+y)/2.\nAxiom: A(1)B\nderivation length: 1\nproduction:\n\
                  * < A(x) > B --> A(grow(x))\nA(x) < B > * --> B(half(x,4))\n";
     assert_eq!(lpy(model), "A(2)B(2.5)");
+}
+
+#[test]
+fn models_of_lpy_may_declare_values_that_others_can_set() {
+    let model = "from math import pi\nextern(n = 3)\nextern(a = 2*n, turn = [10, 20],\n       b = -1)\n\
+                 Axiom: A(n)\nderivation length: b+3\nproduction:\nA(x) --> +(turn[1])F(a)A(x+b)\n";
+    // Two steps from A(3).
+    assert_eq!(lpy(model), "+(20)F(6)+(20)F(6)A(1)");
+    // The slider that L-Py saved behind the model has set n.
+    let saved = "extern(n = 3)\nAxiom: A(n)\nproduction:\nB --> C\nendlsystem\ndef __initialiseContext__(context):\n\tscalars = [('n', 'Integer', 5, 0, 10)]\n";
+    assert_eq!(lpy(saved), "A(5)");
+    // Older files have no type before the value.
+    let old = saved.replace("'n', 'Integer', 5, 0, 10", "'m', False, False, True), ('n', 7, 0, 10");
+    assert_eq!(lpy(&old), "A(7)");
+}
+
+#[test]
+fn names_of_several_letters_are_written_in_texts() {
+    for (text, wanted) in [
+        ("module Leaf\nAxiom: Leaf A\nderivation length: 2\nproduction:\nA --> Leaf A\nendlsystem\n", "LeafLeafLeafA"),
+        // A comma of Fractint is a symbol with a name, too.
+        ("One {\nAngle 4\nAxiom F,\nF=F,F\n}\n", "f,f,f,f,f,f,f,f,f,f,f,f,f,f,f,f,"),
+    ] {
+        let (g, _) = read(text);
+        let limits = Limits::default();
+        let d = crate::derive_text(&g, &DeriveOptions::default(), &limits).expect("derives");
+        assert_eq!(d.into_text(&g, &limits).expect("derives"), wanted);
+    }
+}
+
+#[test]
+fn colors_of_lpy_given_by_red_green_and_blue_take_the_last_indices() {
+    let model = "g = 200\nAxiom: SetColor(45,g,g)F SetColor(1,2,3)F SetColor(45,200,100*2,9)F SetColor(7)A(5)\nproduction:\n\
+                 A(x) --> SetColor(x,x,x)F\nendlsystem\ndef __initialiseContext__(context):\n\
+                 \tcontext.turtle.setMaterial(254,Material((9,9,9)))\n";
+    let (g, warnings) = read(model);
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    // 255 for the first colour; 254 is taken; x is not constant.
+    assert_eq!(g.print(&d.modules), "SetColor(255)FSetColor(253)FSetColor(255)FSetColor(7)SetColor(5,5,5)F");
+    assert_eq!(g.palette(), [(254, [9, 9, 9]), (255, [45, 200, 200]), (253, [1, 2, 3])]);
+    assert_eq!(warnings.iter().map(|d| d.code).collect::<Vec<_>>(), ["L008"]);
 }
 
 #[test]

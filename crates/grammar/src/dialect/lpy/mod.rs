@@ -1,6 +1,7 @@
 //! Files of L-Py whose productions are rules and expressions: no more of Python than constants, lists, functions with a value, `if`
 //! and `for` over a constant range. A production with `if` becomes one production for each way through it.
 
+mod color;
 mod expression;
 mod rule;
 mod statement;
@@ -87,6 +88,8 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
     model.declarations(&list);
+    let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
+    model.reader.palette = color::palette(&pieces);
     model.lines(&list);
     model.finish(text);
 }
@@ -213,18 +216,20 @@ impl<'s> Model<'_, 's> {
         }
     }
 
-    /// Values of the sliders that L-Py saves behind the model: `('name', 'Integer', 5, 1, 10)`.
+    /// Values of the sliders that L-Py saves behind the model: `('name', 'Integer', 5, 1, 10)`, in older files without the type.
     fn parameters(&mut self, list: &[Line<'_>]) {
         for line in list.iter().filter(|l| l.piece.text.starts_with("scalars")) {
             for part in line.piece.text.split('(').skip(1) {
                 let fields: Vec<&str> =
                     part.split([',', ')']).map(|f| f.trim().trim_matches(['\'', '"', ' '])).collect();
-                let number = fields.get(2).and_then(|v| match *v {
-                    "True" => Some(1.0),
-                    "False" => Some(0.0),
-                    v => v.parse::<f64>().ok(),
-                });
-                if let (Some(name), Some(value)) = (fields.first(), number) {
+                let number = |i: usize| {
+                    fields.get(i).and_then(|v| match *v {
+                        "True" => Some(1.0),
+                        "False" => Some(0.0),
+                        v => v.parse::<f64>().ok(),
+                    })
+                };
+                if let (Some(name), Some(value)) = (fields.first(), number(1).or_else(|| number(2))) {
                     self.scope.constants.insert((*name).to_owned(), value);
                 }
             }
@@ -450,6 +455,10 @@ impl<'s> Model<'_, 's> {
         let range = piece.range();
         match word.text {
             "pass" | "print" | "global" | "assert" => return next,
+            "extern" if rest.text.starts_with('(') => {
+                self.external(rest);
+                return next;
+            }
             "def" => {
                 self.function(rest, block, &range);
                 return next;
@@ -527,6 +536,24 @@ impl<'s> Model<'_, 's> {
         next
     }
 
+    /// `extern(n = 3, angle = 60)`: values that a program around L-Py may have set before; sliders of the file have.
+    fn external(&mut self, rest: Piece<'_>) {
+        let inside = rest.up_to(rest.text.rfind(')').unwrap_or(rest.text.len())).from(1);
+        for part in split(inside) {
+            match assignment(part) {
+                Some((name, _)) if self.scope.constants.contains_key(name.text) => {}
+                Some((name, value)) => match parse(value) {
+                    Ok(e) => self.global(name.text, &e, value.range()),
+                    Err(why) => {
+                        let refusal = Refusal { range: value.range(), ..why };
+                        self.scope.unreadable.insert(name.text.to_owned(), refusal);
+                    }
+                },
+                None => self.refuse(&Refusal::new(format!("'{}' in 'extern'", part.text), part.range())),
+            }
+        }
+    }
+
     /// Reads a `def`. A function with a value is kept as an expression; another one is refused where it is called. The functions
     /// that L-Py calls become blocks.
     fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
@@ -588,8 +615,9 @@ impl<'s> Model<'_, 's> {
         let mut lines = Vec::new();
         for line in block {
             let text = line.piece.text;
-            // These do not change what rules read.
-            if ["seed(", "random.seed(", "context(", "return None"].iter().any(|w| text.starts_with(w)) {
+            // These do not change what rules read; `forward()` is how L-Py rewrites without it.
+            const IDLE: [&str; 5] = ["seed(", "random.seed(", "context(", "return None", "forward()"];
+            if IDLE.iter().any(|w| text.starts_with(w)) {
                 continue;
             }
             // A value that cannot be read refuses only what uses its name.

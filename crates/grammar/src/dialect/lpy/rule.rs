@@ -6,7 +6,7 @@ use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse, resol
 use super::statement::{Statement, in_turn};
 use super::strings::{PyModule, Spelled, modules, spell};
 use super::{Line, Model, Section, block_after, colon, shifted};
-use crate::code::{Bytecode, Op, UnaryOp};
+use crate::code::{Bytecode, Expr, Op, UnaryOp};
 use crate::dialect::text::Piece;
 use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
 use crate::token::SourcePlace;
@@ -514,6 +514,9 @@ impl Model<'_, '_> {
             for arg in &m.args {
                 let code = compile(arg, &self.scope);
                 args.push(self.settle(code)?.into_expr());
+            }
+            if m.name == "SetColor" && args.len() >= 3 {
+                args = self.color_index(&args, place).map_or(args, |index| vec![Expr::Const(f64::from(index))]);
             }
             let Some(symbol) = self.symbol(&m.name) else {
                 self.refuse(&Refusal::new("more than 65,535 symbols", m.range.clone()));
