@@ -148,12 +148,16 @@ fn grouped(files: &[FileRecord], clip: Clip) -> Vec<FileEntry> {
     entries.into_values().collect()
 }
 
-/// `a/frame.0001.inc` with the tag `0001` as `a/frame.####.inc`: the last part between dots that equals the tag is replaced.
+/// `a/frame.0001.inc` with the tag `0001` as `a/frame.####.inc`, and `a/drops_0001.csv` as `a/drops_####.csv`: the last tag in the
+/// path that follows a dot, or else an underscore, and ends at a dot is replaced.
 fn numbered(path: &str, tag: &str) -> Option<String> {
-    let wanted = format!(".{tag}.");
-    // The last match: a folder or an asset may have the same digits in its name.
-    let at = path.rfind(&wanted)?;
-    Some(format!("{}.####.{}", &path[..at], &path[at + wanted.len()..]))
+    let replaced = |before: char| {
+        let wanted = format!("{before}{tag}.");
+        // The last match: a folder or an asset may have the same digits in its name.
+        let at = path.rfind(&wanted)?;
+        Some(format!("{}{before}####.{}", &path[..at], &path[at + wanted.len()..]))
+    };
+    replaced('.').or_else(|| replaced('_'))
 }
 
 fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
@@ -226,9 +230,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_number_is_taken_where_it_fills_a_dotted_part() {
+    fn a_number_is_taken_where_it_stands_between_dots_or_after_an_underscore() {
         assert_eq!(numbered("pov/frames/frame.0007.inc", "0007").as_deref(), Some("pov/frames/frame.####.inc"));
         assert_eq!(numbered("cloud/a0007.0007.ply", "0007").as_deref(), Some("cloud/a0007.####.ply"));
+        assert_eq!(numbered("points/drops_0007.csv", "0007").as_deref(), Some("points/drops_####.csv"));
+        assert_eq!(numbered("cloud/a_0007.leaves.0007.ply", "0007").as_deref(), Some("cloud/a_0007.leaves.####.ply"));
         assert_eq!(numbered("cloud/a0007.ply", "0007"), None);
     }
 }
