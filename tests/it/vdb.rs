@@ -179,6 +179,21 @@ fn a_stage_shows_the_files_frame_by_frame() {
 }
 
 #[test]
+fn plants_of_the_names_of_volumes_leave_these_to_them() {
+    let dir = tempfile::tempdir().expect("dir");
+    let plant = |name: &str| {
+        format!("[plants.{name}]\ngrammar = \"grass.l\"\nmotion = \"still\"\n[[place]]\nplant = \"{name}\"\n")
+    };
+    let copies = format!("{}count = 4\nindividuals = 2\nradius = 2\n{}", plant("air"), plant("flock"));
+    let out = bake(dir.path(), &format!("{FLIGHT}{copies}"), "usd,vdb", &["--frames", "1-2"]);
+    let text = fs::read_to_string(out.join("air.usda")).expect("wrapper");
+    for (kind, name) in [("Volume", "air"), ("PointInstancer", "air_2"), ("Volume", "flock"), ("Xform", "flock_2")] {
+        assert!(text.contains(&format!("def {kind} \"{name}\"")), "{name}: {text}");
+    }
+    assert!(!text.contains("PointInstancer \"air\"") && !text.contains("Xform \"flock\""), "{text}");
+}
+
+#[test]
 fn too_many_voxels_are_refused_and_still_scenes_are_told() {
     let dir = tempfile::tempdir().expect("dir");
     let (file, out) = (dir.path().join("air.toml"), dir.path().join("out"));

@@ -148,12 +148,16 @@ fn grouped(files: &[FileRecord], clip: Clip) -> Vec<FileEntry> {
     entries.into_values().collect()
 }
 
-/// `a/frame.0001.inc` with the tag `0001` as `a/frame.####.inc`: the last part between dots that equals the tag is replaced.
+/// `a/frame.0001.inc` with the tag `0001` as `a/frame.####.inc`, `a/drops_0001.csv` as `a/drops_####.csv`: the last tag between
+/// dots is replaced, or else the last one between an underscore and a dot.
 fn numbered(path: &str, tag: &str) -> Option<String> {
-    let wanted = format!(".{tag}.");
-    // The last match: a folder or an asset may have the same digits in its name.
-    let at = path.rfind(&wanted)?;
-    Some(format!("{}.####.{}", &path[..at], &path[at + wanted.len()..]))
+    let replaced = |before: char| {
+        let wanted = format!("{before}{tag}.");
+        // The last match: a folder or an asset may have the same digits in its name.
+        let at = path.rfind(&wanted)?;
+        Some(format!("{}{before}####.{}", &path[..at], &path[at + wanted.len()..]))
+    };
+    replaced('.').or_else(|| replaced('_'))
 }
 
 fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
@@ -183,6 +187,18 @@ fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
     }
 }
 
+/// EXR files in any of the `folders` of `maps/` by their names up to the first dot.
+fn map_paths(folders: &[&str], paths: &[&str]) -> BTreeMap<String, String> {
+    let map = |path: &&str| {
+        let (folder, name) = path.strip_prefix("maps/")?.split_once('/')?;
+        let mine = folders.contains(&folder) && name.ends_with(".exr");
+        mine.then(|| (name.split('.').next().unwrap_or(name).to_owned(), (*path).to_owned()))
+    };
+    // Sequences come last: the relief with its water stands in place of the dry one, which has the same name.
+    let (numbered, constant): (Vec<&str>, Vec<&str>) = paths.iter().copied().partition(|path| path.contains("####"));
+    constant.iter().chain(&numbered).filter_map(map).collect()
+}
+
 fn material_entry(scene: &Scene, m: &Material, paths: &[&str]) -> MaterialEntry {
     let picture = |slot: &str, image: Option<u32>| {
         let name = &scene.images.get(image? as usize)?.name;
@@ -197,17 +213,12 @@ fn material_entry(scene: &Scene, m: &Material, paths: &[&str]) -> MaterialEntry 
     ];
     // Maps that change with the frames are in folders named after the material or its map sequence.
     let sequence = m.coat.and_then(|c| scene.map_sequences.get(c.sequence as usize)).map(|s| s.name.clone());
-    let folders = [Some(&m.name), sequence.as_ref()];
-    let map = |path: &&str| {
-        let (folder, name) = path.strip_prefix("maps/")?.split_once('/')?;
-        let mine = folders.contains(&Some(&folder.to_owned())) && name.ends_with(".exr");
-        mine.then(|| (name.split('.').next().unwrap_or(name).to_owned(), (*path).to_owned()))
-    };
+    let folders: Vec<&str> = std::iter::once(m.name.as_str()).chain(sequence.as_deref()).collect();
     MaterialEntry {
         name: m.name.clone(),
         class: m.class.word().into(),
         slots: slots.into_iter().flatten().collect(),
-        maps: paths.iter().filter_map(map).collect(),
+        maps: map_paths(&folders, paths),
         leaf_ids: sequence.into_iter().collect(),
         params: ParamsEntry {
             base_color: m.base_color,
@@ -226,9 +237,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_number_is_taken_where_it_fills_a_dotted_part() {
+    fn a_number_is_taken_where_it_stands_between_dots_or_after_an_underscore() {
         assert_eq!(numbered("pov/frames/frame.0007.inc", "0007").as_deref(), Some("pov/frames/frame.####.inc"));
         assert_eq!(numbered("cloud/a0007.0007.ply", "0007").as_deref(), Some("cloud/a0007.####.ply"));
+        assert_eq!(numbered("points/drops_0007.csv", "0007").as_deref(), Some("points/drops_####.csv"));
+        assert_eq!(numbered("cloud/a_0007.leaves.0007.ply", "0007").as_deref(), Some("cloud/a_0007.leaves.####.ply"));
         assert_eq!(numbered("cloud/a0007.ply", "0007"), None);
+    }
+
+    #[test]
+    fn maps_of_frames_stand_before_constant_ones_of_the_same_name() {
+        let paths = [
+            "maps/leaf_l0/height.####.exr",
+            "maps/leaf_l0/height.####.png",
+            "maps/leaf_l0/height.exr",
+            "maps/leaf_l1/water.####.exr",
+            "maps/sky.exr",
+            "usd/leaf_l0.usdc",
+        ];
+        let of = |folders: &[&str]| map_paths(folders, &paths).into_iter().collect::<Vec<_>>();
+        assert_eq!(of(&["leaf_l0"]), [("height".to_owned(), "maps/leaf_l0/height.####.exr".to_owned())]);
+        assert_eq!(of(&["bark", "leaf_l1"]), [("water".to_owned(), "maps/leaf_l1/water.####.exr".to_owned())]);
     }
 }

@@ -10,13 +10,14 @@ use super::layer::{LayerBuilder, canonical_quat};
 use super::layer_writer::{AttrSpec, PrimMetadata};
 use super::value::UsdArray;
 use crate::up_axis::{UpAxis, extent_corners};
+use crate::vdb::volume_files;
 use osier_base::Result;
 use osier_base::convert::narrow;
 use osier_base::files::{Names, safe_name};
 use osier_base::geometry::Bounds;
 use osier_scene::{Placement, Scene, Trs};
 
-/// Names below the root of a scene that placements must not take.
+/// Names below the root of a scene that placements must not take, beside those of its volumes.
 const RESERVED: [&str; 5] = ["camera", "sun", "sky", "fog", "mtl"];
 
 /// A prototype of a plant's instancer: an individual at a phase of the clip.
@@ -74,7 +75,7 @@ pub(super) fn plan_placements<'a>(scene: &'a Scene, root: &str, instancers: bool
     let copied: BTreeSet<&str> = if instancers { groups_with_copies(scene) } else { BTreeSet::new() };
     let mut names = Names::default();
     // Reserved names are taken first, so that a placement of that name gets a number.
-    RESERVED.iter().for_each(|name| drop(names.unique(name)));
+    RESERVED.into_iter().chain(volume_files(scene)).for_each(|name| drop(names.unique(name)));
     let mut plan = PlacementPlan::default();
     let mut known: BTreeMap<&str, usize> = BTreeMap::new();
     for placement in &scene.placements {

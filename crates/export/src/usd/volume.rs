@@ -12,9 +12,8 @@ use osier_base::Result;
 pub(super) fn define_volumes(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, frames: &[u32]) -> Result<()> {
     let scene = &cx.scene;
     for file in volume_files(scene) {
-        // A placement may have the name of the file: the volume then gets a suffix.
-        let is_taken = scene.placements.iter().any(|p| p.name == file);
-        let path = format!("{root}/{file}{}", if is_taken { "_volume" } else { "" });
+        // `plan_placements` leaves the name to the volume.
+        let path = format!("{root}/{file}");
         layer.define_prim(&path, "Volume")?;
         for grid in scene.volumes.iter().filter(|g| g.file == file) {
             let field = format!("{path}/{}", grid.name);

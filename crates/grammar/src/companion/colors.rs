@@ -160,8 +160,9 @@ impl ColorTable {
             let shininess = f64::from(record[14]);
             table.colors[usize::from(record[0])] = SurfaceColor {
                 base: [record[5], record[6], record[7]].map(linear),
-                // Phong exponent n to the width of a microfacet lobe, alpha = sqrt(2 / (n + 2)), which is used as the roughness.
-                roughness: narrow(osier_base::math::sqrt(2.0 / (shininess + 2.0))),
+                // Phong exponent n to the width of a microfacet lobe, alpha = sqrt(2 / (n + 2)) (Walter et al. 2007);
+                // alpha is the square of the roughness of materials, as in glTF and USD.
+                roughness: narrow(osier_base::math::sqrt(osier_base::math::sqrt(2.0 / (shininess + 2.0)))),
                 transparency: f32::from(record[1]) / 255.0,
             };
         }
@@ -210,8 +211,8 @@ mod tests {
         record[14] = 126;
         let color = ColorTable::from_mat(&record).expect("a material").get(7);
         assert_eq!(color.base, [1.0, 0.0, 1.0]);
-        // sqrt(2 / 128) = 1/8.
-        assert!((color.roughness - 0.125).abs() < 1e-6 && (color.transparency - 0.2).abs() < 1e-6, "{color:?}");
+        // alpha = sqrt(2 / 128) = 1/8, and the roughness its root.
+        assert!((color.roughness - 0.353_553_4).abs() < 1e-6 && (color.transparency - 0.2).abs() < 1e-6, "{color:?}");
     }
 
     #[test]
