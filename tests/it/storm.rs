@@ -232,6 +232,30 @@ fn a_storm_gives_the_same_bytes_at_any_number_of_threads() {
     program::assert_same(&trees[0], &trees[1], "threads");
 }
 
+/// Catkins hang from twigs where these are at that moment, in the rain as without it. None leaves in a wind of 6 m/s.
+#[test]
+fn catkins_hang_from_moving_twigs_in_the_rain() {
+    const FLIGHT: &str = "[catkin]\n[flight]\nrelease = \"canopy\"\nrelease_speed = 60\ncount = 12\n";
+    const RODS: &str = "[catkin]\n[flight]\nrelease = \"canopy\"\nrelease_speed = 60\ncount = 12\n[plants.p.rods]\n";
+    let dir = tempfile::tempdir().expect("dir");
+    let catkins = |scene: &Path, name: &str| {
+        let out = dir.path().join(name);
+        ends(0, &["-q", "bake", arg(scene), "-o", arg(&out), "--formats", "points"]);
+        [12, 24].map(|frame| fs::read_to_string(out.join(format!("points/catkins_{frame:04}.csv"))).expect("catkins"))
+    };
+    let storm = Storm { rains: true, substeps: 8, seed: 1, more: FLIGHT };
+    let scene = storm.write(dir.path());
+    let text = fs::read_to_string(&scene).expect("scene");
+    let wet = catkins(&scene, "wet");
+    let dry = dir.path().join("dry.toml");
+    fs::write(&dry, format!("{}{FLIGHT}", text.split("[rain]").next().expect("text"))).expect("scene");
+    // The sway in the wind does not depend on the rain.
+    assert_eq!(wet, catkins(&dry, "dry"));
+    assert_ne!(wet[0], wet[1], "the twigs move");
+    let on_rods = catkins(&Storm { more: RODS, ..storm }.write(dir.path()), "rods");
+    assert_ne!(on_rods[0], on_rods[1], "the twigs move");
+}
+
 /// Rain of the past wets a wall on the side that the wind comes from, a canopy on top, and the ground but for the places in their lee.
 #[test]
 fn earlier_rain_has_wetted_what_rain_reaches() {

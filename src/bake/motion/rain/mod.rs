@@ -22,12 +22,13 @@ pub use self::drop_records::enum_labels;
 use self::expected_drops::ExpectedDrops;
 pub use self::ground::RainGround;
 pub(crate) use self::plant_in_rain::PlantInRain;
-use self::plant_in_rain::{RainClock, RainedPlant, RainedPlantRecorder, plant_in_rain};
+use self::plant_in_rain::{PointCarrier, RainClock, RainedPlant, RainedPlantRecorder, plant_in_rain};
 use self::scene_leaf::{SceneLeaf, WETNESS, scene_leaves, select_mapped_leaves, set_leaf_wetness};
 use crate::bake::BakeContext;
 use crate::bake::assets::obstacles::rain_faces;
 use crate::bake::assets::plant_growth::GrownPlant;
-use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
+use crate::bake::motion::rod_plant::BoundPoints;
+use crate::bake::motion::{AssetMotion, CarriedPoints, FrameTime, PointOnAxis, TableRow};
 use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::camera_light::ScreenScale;
 use crate::bake::scene::plant_layout::PlantLayout;
@@ -214,6 +215,9 @@ pub(crate) fn add_rain(
     }
     let transforms = layout.first_transforms();
     let plants: Vec<&Plant> = grown.iter().map(|g| &g.plant).collect();
+    // Only catkins of a flight are carried.
+    let carrier = |motion: &PlantInRain| recipe.flight.as_ref().map_or(PointCarrier::Still, |_| motion.point_carrier());
+    let carriers: Vec<PointCarrier> = plant_motions.iter().map(carrier).collect();
     let scene = RainInputs {
         recipe,
         assets: &mut builder.assets,
@@ -236,9 +240,9 @@ pub(crate) fn add_rain(
         builder.images.extend(simulated.images);
     }
     // Plants that rain moves take their motion from its record.
-    for (plant, motion) in builder.motions.iter_mut().enumerate() {
+    for ((plant, motion), carrier) in builder.motions.iter_mut().enumerate().zip(carriers) {
         if simulated.playback.plant_moves(plant) {
-            *motion = Some(Arc::new(PlantMotionInRain { rain: Arc::clone(&simulated.playback), plant }));
+            *motion = Some(Arc::new(PlantMotionInRain { rain: Arc::clone(&simulated.playback), plant, carrier }));
         }
     }
     let moves = recipe.clip.len() > 1;
@@ -691,17 +695,44 @@ impl AssetMotion for RainPlayback {
 }
 
 /// Motion of a plant that drops move, played back from the record of the rain.
-#[derive(Debug, Clone)]
-pub struct PlantMotionInRain {
+#[derive(Debug)]
+struct PlantMotionInRain {
     /// The recorded rain, which holds the frames of all plants.
-    pub rain: Arc<RainPlayback>,
+    rain: Arc<RainPlayback>,
     /// Index of the plant's asset.
-    pub plant: usize,
+    plant: usize,
+    /// What carries points of the plant.
+    carrier: PointCarrier,
 }
 
 impl AssetMotion for PlantMotionInRain {
     fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
         Ok(self.rain.plant_frame(self.plant, time.index()))
+    }
+
+    fn carry_points(self: Arc<Self>, plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
+        match &self.carrier {
+            PointCarrier::Still => None,
+            PointCarrier::Sway(sway) => Arc::clone(sway).carry_points(plant, points),
+            PointCarrier::Rods { rods, binding } => {
+                let points = binding.bind_points(rods, points);
+                Some(Arc::new(PointsOnRodsInRain { motion: Arc::clone(&self), points }))
+            }
+        }
+    }
+}
+
+/// Points of a plant on rods, which the joints of the recorded frames carry.
+#[derive(Debug)]
+struct PointsOnRodsInRain {
+    motion: Arc<PlantMotionInRain>,
+    points: BoundPoints,
+}
+
+impl CarriedPoints for PointsOnRodsInRain {
+    fn positions(&self, time: FrameTime) -> Result<Vec<Vec3>> {
+        let PlantMotionInRain { rain, plant, .. } = &*self.motion;
+        Ok(self.points.carried_by_joints(&rain.plant_frame(*plant, time.index()).pose))
     }
 }
 

@@ -41,10 +41,35 @@ impl PlantInRain {
         }
     }
 
+    /// What carries points of the plant through the clip.
+    pub(super) fn point_carrier(&self) -> PointCarrier {
+        match self {
+            Self::Still => PointCarrier::Still,
+            Self::Rods { rods, binding } => PointCarrier::Rods { rods: rods.clone(), binding: binding.clone() },
+            Self::Sway(motion) => PointCarrier::Sway(Arc::clone(motion)),
+        }
+    }
+
     /// Whether the sway model moves the plant; false for a plant on rods and for a still one.
     pub(crate) fn moves_by_sway_model(&self) -> bool {
         matches!(self, Self::Sway(_))
     }
+}
+
+/// What carries points of a plant in the rain, such as the ends of twigs.
+#[derive(Debug)]
+pub(super) enum PointCarrier {
+    /// Nothing: the plant does not move.
+    Still,
+    /// The joints of the recorded rods.
+    Rods {
+        /// The rods at rest, in world space.
+        rods: Box<RodPlant>,
+        /// Binding of the rods' sections to joints.
+        binding: RodBinding,
+    },
+    /// The sway in the wind; the bends that drops add, which are small beside it, are left out.
+    Sway(Arc<SwayMotion>),
 }
 
 /// A plant of the scene with its asset and the leaves that drops can strike.
