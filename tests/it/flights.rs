@@ -81,6 +81,23 @@ fn each_fault_names_its_place_and_the_mend() {
     }
 }
 
+/// Catkins alone are a scene. A solid and a zone may have the names of columns that the table has without them.
+#[test]
+fn each_column_of_the_table_has_a_name_of_its_own() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = "[frames]\nend = 2\n[flight]\ncount = 5\n[[flight.zone]]\nname = \"wind\"\n\
+        [[solid]]\nname = \"land\"\n";
+    let path = scene(dir.path(), "names", text);
+    let out = baked(dir.path(), "out", &path, &["--formats", "csv"]);
+    let heads = std::fs::read_to_string(out.join("stats/flight.csv")).expect("table");
+    let mut names: Vec<&str> = heads.lines().next().expect("heads").split(',').collect();
+    assert!(names.contains(&"at_land") && names.contains(&"ground_wind_2"), "{names:?}");
+    let count = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), count, "{names:?}");
+}
+
 /// Nobody is lost, nobody is in anything, and the maps hold just those that lie.
 #[test]
 fn tables_and_maps_count_everybody() {
