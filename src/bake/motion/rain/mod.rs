@@ -33,7 +33,7 @@ use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::camera_light::ScreenScale;
 use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
-use crate::recipe::scene::RainRecipe;
+use crate::recipe::scene::{RainRecipe, SwayStart};
 use osier_base::Result;
 use osier_base::convert::{index, limit, to_usize};
 use osier_base::diagnostic::{Diagnostic, Report};
@@ -45,6 +45,7 @@ use osier_motion::rain::{
     RainExposure, RainFrame, RainLeaf, RainPlant, RainSimulation, RainSolids, StillRainPlant, UvRaster, WoodSegment,
     sphere_diameter,
 };
+use osier_motion::rods::PLANT_SPIN_UP_SECONDS;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Attribute, AttributeData, Image, MapFrame, MapSequence, Material, MaterialClass,
@@ -274,13 +275,15 @@ fn simulate_rain(
     let step = 1.0 / (recipe.clip.fps() * f64::from(steps));
     let lead = spin_up_steps(rain, step) as f64 * step;
     let wind = wind.map(|wind| Arc::new(ShiftedWind { wind, lead }) as Arc<dyn Wind>);
-    let clock = RainClock { fps: recipe.clip.fps(), lead, gravity: rain.keys.gravity };
+    let starts_from_rest = recipe.sway.start == SwayStart::Rest && recipe.sway.loop_frames(&recipe.clip).is_none();
+    let rod_spin_up_steps = if full.is_some() || starts_from_rest { 0 } else { rod_spin_up_steps(step) };
+    let clock = RainClock { fps: recipe.clip.fps(), lead, step, rod_spin_up_steps, gravity: rain.keys.gravity };
     // For each plant a target, which drops hit and load, and a recorder, which turns its state into frames of the asset.
     let (mut targets, mut recorders) = (Vec::new(), Vec::new());
     for (k, motion) in plant_motions.into_iter().enumerate() {
         let on_plant = scene_leaves.iter().filter(|leaf| leaf.instance.asset == k).collect();
         let of = RainedPlant { plant: plants[k], asset: &assets[k], transform: transforms[k], leaves: on_plant };
-        let (target, recorder) = plant_in_rain(motion, &of, clock, wind.clone(), || still_plant(&of));
+        let (target, recorder) = plant_in_rain(motion, &of, clock, wind.clone(), || still_plant(&of))?;
         targets.push(target);
         recorders.push(recorder);
     }
@@ -439,6 +442,12 @@ fn steps_per_frame(rain: &RainRecipe, recipe: &Recipe, plant_motions: &[PlantInR
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of steps")]
 fn spin_up_steps(rain: &RainRecipe, h: f64) -> u64 {
     (rain.keys.spin_up / h).round() as u64
+}
+
+/// Number of time steps of `h` s in which plants on rods spin up before it rains.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds of steps")]
+fn rod_spin_up_steps(h: f64) -> u32 {
+    (PLANT_SPIN_UP_SECONDS / h).round() as u32
 }
 
 /// Record of the simulation, frame by frame.

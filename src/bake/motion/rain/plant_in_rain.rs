@@ -8,6 +8,7 @@ use super::scene_leaf::{LeafInstanceIndex, SceneLeaf};
 use crate::bake::motion::FrameTime;
 use crate::bake::motion::rod_plant::RodBinding;
 use crate::bake::motion::sway::{RainedSway, SwayMotion};
+use osier_base::Result;
 use osier_base::convert::to_usize;
 use osier_base::geometry::Bounds;
 use osier_motion::rain::RainPlant;
@@ -82,13 +83,17 @@ pub(super) struct RainedPlant<'a> {
     pub(super) leaves: Vec<&'a SceneLeaf>,
 }
 
-/// Frame rate, lead time and gravity that the models of all plants in the rain share.
+/// Frame rate, time step, lead times and gravity that the models of all plants in the rain share.
 #[derive(Clone, Copy)]
 pub(super) struct RainClock {
     /// Frames per second of the clip, above 0.
     pub(super) fps: f64,
     /// Duration of the rain before the clip, s.
     pub(super) lead: f64,
+    /// Time step of rain and rods, s.
+    pub(super) step: f64,
+    /// Number of steps that plants on rods spin up in the wind before the rain begins.
+    pub(super) rod_spin_up_steps: u32,
     /// Gravitational acceleration, m/s^2.
     pub(super) gravity: f64,
 }
@@ -141,16 +146,26 @@ const SAMPLED_FRAMES: usize = 16;
 
 /// The collision target of a plant for drops, and the recorder of its frames. `still` makes the target of a plant that does not
 /// move.
+/// # Errors
+/// `Simulation` for rods that diverge as they spin up.
 pub(super) fn plant_in_rain(
     motion: PlantInRain,
     of: &RainedPlant<'_>,
     clock: RainClock,
     wind: Option<Arc<dyn Wind>>,
     still: impl FnOnce() -> Box<dyn RainPlant>,
-) -> (Box<dyn RainPlant>, RainedPlantRecorder) {
-    match motion {
+) -> Result<(Box<dyn RainPlant>, RainedPlantRecorder)> {
+    let target_and_recorder: (Box<dyn RainPlant>, RainedPlantRecorder) = match motion {
         PlantInRain::Still => (still(), RainedPlantRecorder::Still),
-        PlantInRain::Rods { rods, binding } => (Box::new(rods.with_wind(wind)), RainedPlantRecorder::Rods(binding)),
+        PlantInRain::Rods { rods, binding } => {
+            // Without wind the rods stay in the equilibrium in which they begin.
+            let steps = if wind.is_some() { clock.rod_spin_up_steps } else { 0 };
+            let mut rods = rods.with_wind(wind);
+            for left in (1..=steps).rev() {
+                rods.step(-f64::from(left) * clock.step, clock.step)?;
+            }
+            (Box::new(rods), RainedPlantRecorder::Rods(binding))
+        }
         PlantInRain::Sway(motion) => {
             let pivot = |of_leaf: &&SceneLeaf| of_leaf.position.as_vec3();
             let nodes = of.plant.nodes.p.iter().map(|p| of.transform.apply(*p));
@@ -166,7 +181,8 @@ pub(super) fn plant_in_rain(
             };
             (Box::new(recorder.rain_plant(of, clock)), RainedPlantRecorder::Sway(recorder))
         }
-    }
+    };
+    Ok(target_and_recorder)
 }
 
 impl SwayRecorder {
