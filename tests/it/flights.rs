@@ -81,6 +81,23 @@ fn each_fault_names_its_place_and_the_mend() {
     }
 }
 
+/// Positions in a solid and in a wavy ground are no starts, and the help names the key that gave them.
+#[test]
+fn catkins_without_a_start_are_counted_with_the_mend() {
+    let dir = tempfile::tempdir().expect("dir");
+    std::fs::write(dir.path().join("starts.csv"), "0,1,0\n5,-3,0\n5,9,0\n").expect("points");
+    let text = "[frames]\nend = 2\n[catkin]\nhairs = 20\nlod = 2\n[[solid]]\nsize = [4, 4, 4]\n\
+        [flight]\nrelease = \"points\"\npoints = \"starts.csv\"\n";
+    let path = scene(dir.path(), "starts", text);
+    let out = dir.path().join("out");
+    let run = osier(&["bake", path.to_str().expect("path"), "-o", out.to_str().expect("path"), "--formats", "csv"]);
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.success() && said.contains("S026") && said.contains("2 catkins"), "{said}");
+    assert!(said.contains("flight.points") && !said.contains("flight.band"), "{said}");
+    let columns = table(&out);
+    assert!((last(&columns, "airborne") - 1.0).abs() < 0.5 && (last(&columns, "exited") - 2.0).abs() < 0.5);
+}
+
 /// Catkins alone are a scene. A solid and a zone may have the names of columns that the table has without them.
 #[test]
 fn each_column_of_the_table_has_a_name_of_its_own() {
