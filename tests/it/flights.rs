@@ -81,6 +81,40 @@ fn each_fault_names_its_place_and_the_mend() {
     }
 }
 
+/// Positions in a solid and in a wavy ground are no starts, and the help names the key that gave them.
+#[test]
+fn catkins_without_a_start_are_counted_with_the_mend() {
+    let dir = tempfile::tempdir().expect("dir");
+    std::fs::write(dir.path().join("starts.csv"), "0,1,0\n5,-3,0\n5,9,0\n").expect("points");
+    let text = "[frames]\nend = 2\n[catkin]\nhairs = 20\nlod = 2\n[[solid]]\nsize = [4, 4, 4]\n\
+        [flight]\nrelease = \"points\"\npoints = \"starts.csv\"\n";
+    let path = scene(dir.path(), "starts", text);
+    let out = dir.path().join("out");
+    let run = osier(&["bake", path.to_str().expect("path"), "-o", out.to_str().expect("path"), "--formats", "csv"]);
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.success() && said.contains("S026") && said.contains("2 catkins"), "{said}");
+    assert!(said.contains("flight.points") && !said.contains("flight.band"), "{said}");
+    let columns = table(&out);
+    assert!((last(&columns, "airborne") - 1.0).abs() < 0.5 && (last(&columns, "exited") - 2.0).abs() < 0.5);
+}
+
+/// Catkins alone are a scene. A solid and a zone may have the names of columns that the table has without them.
+#[test]
+fn each_column_of_the_table_has_a_name_of_its_own() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = "[frames]\nend = 2\n[flight]\ncount = 5\n[[flight.zone]]\nname = \"wind\"\n\
+        [[solid]]\nname = \"land\"\n";
+    let path = scene(dir.path(), "names", text);
+    let out = baked(dir.path(), "out", &path, &["--formats", "csv"]);
+    let heads = std::fs::read_to_string(out.join("stats/flight.csv")).expect("table");
+    let mut names: Vec<&str> = heads.lines().next().expect("heads").split(',').collect();
+    assert!(names.contains(&"at_land") && names.contains(&"ground_wind_2"), "{names:?}");
+    let count = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), count, "{names:?}");
+}
+
 /// Nobody is lost, nobody is in anything, and the maps hold just those that lie.
 #[test]
 fn tables_and_maps_count_everybody() {

@@ -1,10 +1,12 @@
-//! Wind fields computed from other wind fields: scaled, summed, and shifted in time.
+//! Wind fields computed from other wind fields: scaled, summed, shifted in time, and made to repeat.
 
 use std::sync::Arc;
 
 use glam::Vec3;
 
 use super::Wind;
+use super::tuning::LOOP_FADE;
+use osier_base::math::narrow;
 
 /// A wind with its velocities multiplied by a factor. Gusts still travel at the speed of the original wind.
 #[derive(Debug, Clone)]
@@ -132,6 +134,45 @@ impl Wind for ShiftedWind {
     }
 }
 
+/// A wind that repeats: the end of each period fades into what the original wind is before its beginning, as the recording of
+/// a lattice does.
+#[derive(Debug, Clone)]
+pub struct LoopedWind {
+    /// The original wind, of which the time from 0 to `period` is used, and the seconds before.
+    pub wind: Arc<dyn Wind>,
+    /// Time after which it repeats, s, > 0.
+    pub period: f64,
+}
+
+impl Wind for LoopedWind {
+    fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]) {
+        let (time, fade_time) = (t.rem_euclid(self.period), LOOP_FADE.min(self.period));
+        self.wind.sample(positions, time, out);
+        let fade = narrow((1.0 + (time - self.period) / fade_time).clamp(0.0, 1.0));
+        if fade > 0.0 {
+            let mut before = vec![Vec3::ZERO; positions.len()];
+            self.wind.sample(positions, time - self.period, &mut before);
+            out.iter_mut().zip(&before).for_each(|(u, before)| *u = *u * (1.0 - fade) + *before * fade);
+        }
+    }
+
+    fn mean(&self) -> Vec3 {
+        self.wind.mean()
+    }
+
+    fn mean_at(&self, position: Vec3) -> Vec3 {
+        self.wind.mean_at(position)
+    }
+
+    fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
+        self.wind.prescribed_mean_at_time(t.rem_euclid(self.period))
+    }
+
+    fn period(&self) -> Option<f64> {
+        Some(self.period)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::{GustWind, GustWindOptions, UniformWind};
@@ -158,5 +199,26 @@ mod tests {
         let repeating = WindSum(vec![gust(Some(5.0)), Arc::new(UniformWind(Vec3::Z)), gust(Some(5.0))]);
         assert_eq!(repeating.period(), Some(5.0));
         assert_eq!(WindSum(vec![gust(Some(5.0)), gust(Some(4.0))]).period(), None);
+    }
+
+    #[test]
+    fn a_looped_wind_repeats_without_a_jump() {
+        let wind: Arc<dyn Wind> = Arc::new(GustWind::new(GustWindOptions::default()));
+        let looped = LoopedWind { wind: Arc::clone(&wind), period: 5.0 };
+        let at = |w: &dyn Wind, t: f64| {
+            let mut out = [Vec3::ZERO];
+            w.sample(&[Vec3::new(3.0, 5.0, 2.0)], t, &mut out);
+            out[0]
+        };
+        assert_eq!(looped.period(), Some(5.0));
+        // The first three seconds are those of the wind; the last two lead from it to the two before its beginning.
+        assert_eq!(at(&looped, 2.5), at(&*wind, 2.5));
+        assert_eq!(at(&looped, 0.0), at(&*wind, 0.0));
+        let halfway = (at(&*wind, 4.0) + at(&*wind, -1.0)) * 0.5;
+        assert!(at(&looped, 4.0).distance(halfway) < 1e-5);
+        for t in [0.5, 2.0, 4.5] {
+            assert!(at(&looped, t).distance(at(&looped, t - 5.0)) < 1e-5 && at(&looped, t) == at(&looped, t + 5.0));
+        }
+        assert!(at(&looped, 5.0 - 1e-7).distance(at(&looped, 0.0)) < 1e-4);
     }
 }

@@ -1,8 +1,8 @@
 //! Wind fields: the trait [`Wind`] gives the air velocity at any position and time.
 //!
 //! - Analytic winds: [`UniformWind`]; [`GustWind`], gusts and eddies that travel downwind and may repeat; [`SineWind`], the
-//!   wind of [zhao-zhang] 3.1. [`ScaledWind`] and [`WindSum`] combine winds, [`WindOverLand`] lays one over hills, and
-//!   [`ShiftedWind`] is one on the clock of a simulation that started earlier.
+//!   wind of [zhao-zhang] 3.1. [`ScaledWind`] and [`WindSum`] combine winds, [`WindOverLand`] lays one over hills,
+//!   [`ShiftedWind`] is one on the clock of a simulation that started earlier, and [`LoopedWind`] makes one repeat.
 //! - Simulated wind: [`LatticeSolver`], a lattice Boltzmann solver with solids in the flow (\[catkin\] 3), read frame by frame
 //!   ([`InterpolatedWind`]) or recorded for a whole clip ([`RecordedWind`]).
 //!
@@ -31,7 +31,7 @@ use std::fmt::Debug;
 
 use glam::Vec3;
 
-pub use combine::{ScaledWind, ShiftedWind, WindSum};
+pub use combine::{LoopedWind, ScaledWind, ShiftedWind, WindSum};
 pub use gradient_noise::TimeNoise;
 pub use gust_wind::{GustWind, GustWindOptions, fit_gust_length};
 pub use land::WindOverLand;

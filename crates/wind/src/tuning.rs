@@ -1,4 +1,4 @@
-//! Numbers of the analytic winds that were chosen by judgement, with what changes when they move.
+//! Numbers of the analytic and the looped winds that were chosen by judgement, with what changes when they move.
 
 /// Lowest height of the wind profile, m: nearer the ground a power law would fall to 0, where there is grass instead.
 /// Lower: plants of a few decimetres hardly move.
@@ -26,3 +26,6 @@ pub(super) const SINE_NOISE_STRENGTH: f32 = 0.4;
 pub(super) const SINE_NOISE_OCTAVES: u32 = 3;
 /// Least speed, m/s, at which the waves of the sine wind travel; below it the delay between two plants grows without bound.
 pub(super) const MIN_TRAVEL_SPEED: f64 = 0.5;
+
+/// Cross-fade at the end of a wind that is made to repeat, s: as long as an eddy of a few metres lives.
+pub(super) const LOOP_FADE: f64 = 2.0;

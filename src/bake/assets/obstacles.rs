@@ -10,6 +10,7 @@ use crate::bake::scene::builder::SceneBuilder;
 use crate::recipe::scene::SolidShape;
 use crate::recipe::scene::WindModel;
 use crate::recipe::{Recipe, SolidRecipe};
+use osier_base::files::Names;
 use osier_base::math::narrow;
 use osier_base::{Error, Result};
 use osier_plants::surface::ground::Ground;
@@ -88,7 +89,10 @@ impl<'a> Obstacles<'a> {
     pub fn solids_within(&self, side: f32) -> Solids {
         let land = self.terrain_within(side);
         let level = land.is_none();
-        let land = land.map(|l| Solid { name: "land".into(), form: Form::Land(l), humidity: 0.0 });
+        // Each solid is a column of the flight's table: a solid of the scene may have this name already.
+        let mut names = Names::default();
+        self.solids.iter().for_each(|solid| drop(names.unique(&solid.name)));
+        let land = land.map(|l| Solid { name: names.unique("land"), form: Form::Land(l), humidity: 0.0 });
         // Where a solid and the land are equally near, a catkin rests on the one that comes first: the solid.
         Solids::new(self.solids.iter().cloned().chain(land).collect(), level)
     }

@@ -15,6 +15,7 @@ use osier_base::convert::{index, narrow, to_usize};
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::keyframes::Keyframes;
 use osier_base::math;
+use osier_motion::rain::GroundHeight;
 use osier_motion::rods::{
     Actuation, AttachedBody, Integrator, MAX_GAUSS_SEIDEL_STIFFNESS, RecordingParams, RodDescription, RodMaterial,
     RodSystem, RodSystemPose, SupportKind,
@@ -80,19 +81,21 @@ struct ConnectedRods<'a> {
     weights: Vec<WeightBall>,
 }
 
-/// Adds the rods of a recipe, which move in `wind`, to the scene. `estimating`: their motion is not simulated.
+/// Adds the rods of a recipe, which move in `wind`, to the scene. `ground`: on which released weights come to rest; `estimating`:
+/// their motion is not simulated.
 /// # Errors
 /// `Simulation` for rods that diverge, `Limit`, `Cancelled`.
 pub(crate) fn add_rods(
     recipe: &Recipe,
     wind: Option<&dyn Wind>,
+    ground: &dyn GroundHeight,
     estimating: bool,
     builder: &mut SceneBuilder,
     context: &BakeContext<'_>,
     report: &mut Report,
 ) -> Result<()> {
     let first = index(builder.materials.len(), "materials of a scene")?;
-    for mut new in build_rod_assets(recipe, wind, estimating, first, context, report)? {
+    for mut new in build_rod_assets(recipe, wind, ground, estimating, first, context, report)? {
         builder.make_id_unique(&mut new.asset.id, "_rod");
         builder.materials.extend(new.materials);
         let motion = new.motion.map(|motion| Arc::new(motion) as Arc<dyn AssetMotion>);
@@ -106,6 +109,7 @@ pub(crate) fn add_rods(
 fn build_rod_assets(
     recipe: &Recipe,
     wind: Option<&dyn Wind>,
+    ground: &dyn GroundHeight,
     estimating: bool,
     first_material: u32,
     context: &BakeContext<'_>,
@@ -130,7 +134,7 @@ fn build_rod_assets(
         let motion = match recipe.clip.len() {
             0 | 1 => None,
             _ if estimating => Some(RodMotion(Arc::default())),
-            _ => Some(group.simulate_clip(recipe, wind, context)?),
+            _ => Some(group.simulate_clip(recipe, wind, ground, context)?),
         };
         let (materials, asset) = group.build_asset(material, motion.is_some())?;
         material += index(materials.len(), "materials of rods")?;
@@ -255,6 +259,7 @@ impl<'a> ConnectedRods<'a> {
         &mut self,
         recipe: &Recipe,
         wind: Option<&dyn Wind>,
+        ground: &dyn GroundHeight,
         context: &BakeContext<'_>,
     ) -> Result<RodMotion> {
         let keys = &self.members[0].keys;
@@ -274,6 +279,7 @@ impl<'a> ConnectedRods<'a> {
             integrator,
             acts: std::mem::take(&mut self.actuations),
             wind: wind.map(|wind| (drags, wind)),
+            ground,
             name: self.members[0].id.clone(),
         };
         Ok(RodMotion(Arc::new(self.rods.record_clip(&clip, context.cancel)?)))

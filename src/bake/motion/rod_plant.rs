@@ -333,6 +333,21 @@ impl RodBinding {
         &self.groups
     }
 
+    /// Binds points of the plant's axes, at rest, to the joints that carry them. `rods`: those of the plant.
+    pub(crate) fn bind_points(&self, rods: &RodPlant, points: &[PointOnAxis]) -> BoundPoints {
+        let carrier = |section: Option<usize>| {
+            // Joint 0 is the fixed root; section `jointed[i]` has joint i + 1.
+            let joint = usize::from(self.joints[section?]);
+            let (p, q) = self.rest[*self.jointed.get(joint.checked_sub(1)?)?];
+            Some((joint, Trs { t: p, r: q, s: Vec3::ONE }))
+        };
+        let bound = |point: &PointOnAxis| {
+            let nearest = rods.section_blend_at(point.axis, f64::from(point.arc_length));
+            BoundPoint { rest: point.position, carriers: nearest.sections.map(carrier), share: narrow(nearest.share) }
+        };
+        BoundPoints(points.iter().map(bound).collect())
+    }
+
     /// Joint indices and weights for each vertex, the larger weight first; at most two joints per vertex.
     fn skin_weights(&self, bound: &[VertexBinding]) -> SkinWeights {
         let mut skin = SkinWeights::default();
@@ -436,6 +451,35 @@ impl RodBinding {
             velocities.push(velocity);
         }
         MeshFrame::Points { points, normals, velocities }
+    }
+}
+
+/// Points of a plant on rods that its joints carry.
+#[derive(Debug)]
+pub(crate) struct BoundPoints(Vec<BoundPoint>);
+
+/// A point that two joints carry.
+#[derive(Debug)]
+struct BoundPoint {
+    /// Its position at rest, asset space, m.
+    rest: Vec3,
+    /// Index and rest pose of both joints, asset space; `None` for the fixed root.
+    carriers: [Option<(usize, Trs)>; 2],
+    /// Weight of the second joint, 0..1.
+    share: f32,
+}
+
+impl BoundPoints {
+    /// Positions of the points, asset space, m, where the joints have these poses.
+    pub(crate) fn carried_by_joints(&self, pose: &[Trs]) -> Vec<Vec3> {
+        let position = |point: &BoundPoint| {
+            let [a, b] = point.carriers.map(|carrier| {
+                let posed = carrier.and_then(|(joint, rest)| Some((rest, pose.get(joint)?)));
+                posed.map_or(point.rest, |(rest, now)| now.t + now.r * (rest.r.conjugate() * (point.rest - rest.t)))
+            });
+            a.lerp(b, point.share)
+        };
+        self.0.iter().map(position).collect()
     }
 }
 

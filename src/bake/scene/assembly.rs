@@ -33,6 +33,7 @@ use crate::recipe::Recipe;
 use osier_base::diagnostic::Report;
 use osier_base::par::join;
 use osier_base::{Error, Result};
+use osier_motion::rain::GroundHeight;
 use osier_scene::Scene;
 
 /// Optional parts of an assembled scene.
@@ -221,7 +222,13 @@ fn assemble(
     let canopy = Canopy::of_scene(recipe, &layout, &grown, &builder);
     let flight = add_catkins(recipe, &obstacles, &scene_wind, canopy, &mut builder, context, &mut report)?;
     let rod_wind = scene_wind.field(WindUser::Rods);
-    add_rods(recipe, rod_wind.as_deref(), estimating, &mut builder, context, &mut report)?;
+    // What a rod lets go falls to the ground beneath; without any it ends at y = 0.
+    let rod_ground: Box<dyn GroundHeight> = match (&terrain, &ground) {
+        (Some(terrain), _) if !recipe.rods.is_empty() => Box::new(RainGround::Terrain(terrain.clone())),
+        (_, Some(ground)) => Box::new(RainGround::Waves(ground.shape.clone(), ground.center)),
+        _ => Box::new(0.0_f64),
+    };
+    add_rods(recipe, rod_wind.as_deref(), &*rod_ground, estimating, &mut builder, context, &mut report)?;
     add_obstacles(recipe, &mut builder)?;
 
     let (flight_table, fields, flight_volumes) =

@@ -43,7 +43,10 @@ impl WindNeeds {
         let plants_spin_up = !plants.is_empty() && recipe.sway.start != SwayStart::Rest;
         let plant_lead = if plants_spin_up { SPIN_UP_SECONDS.max(PLANT_SPIN_UP_SECONDS) } else { 0.0 };
         let flight_lead = recipe.flight.as_ref().map_or(0.0, |flight| flight.keys.spin_up);
-        let rain_lead = rain.map_or(0.0, |rain| rain.keys.spin_up);
+        // Plants on rods spin up before it rains.
+        let on_rods = plants_spin_up && recipe.plants.iter().any(|plant| plant.rods.is_some());
+        let rod_lead = if on_rods { PLANT_SPIN_UP_SECONDS } else { 0.0 };
+        let rain_lead = rain.map_or(0.0, |rain| rain.keys.spin_up + rod_lead);
         let writes_wind = !recipe.output.wind.grids.is_empty() || recipe.output.velocity_volume().is_some();
         Self {
             region: Bounds::of([plants, rods].iter().filter(|b| !b.is_empty()).flat_map(|b| b.corners())),

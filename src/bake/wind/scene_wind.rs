@@ -22,7 +22,7 @@ use osier_base::Result;
 use osier_base::diagnostic::Report;
 use osier_base::math::narrow;
 use osier_scene::solid::{LandForm, Solid};
-use osier_wind::{LatticeStats, RecordedWind, ScaledWind, UniformWind, Wind, WindSum};
+use osier_wind::{LatticeStats, LoopedWind, RecordedWind, ScaledWind, UniformWind, Wind, WindSum};
 
 /// Least height above a surface at which an analytic wind is sampled, m; below it a flight scales the wind down to the surface.
 /// Own: the width of a cell of the default lattice.
@@ -205,7 +205,13 @@ fn analytic_winds(recipe: &Recipe, land: Option<&Arc<LandForm>>) -> Vec<Arc<dyn 
         let wind: Arc<dyn Wind> = match (keys.model, recipe.lattice.solver) {
             (WindModel::Lattice, WindSolver::Lbm) => return None,
             (WindModel::Lattice, WindSolver::Still) => Arc::new(UniformWind(Vec3::ZERO)),
-            (WindModel::Lattice, WindSolver::Analytic) => Arc::new(analytic_inlet(recipe, land.cloned())),
+            (WindModel::Lattice, WindSolver::Analytic) => {
+                let inlet: Arc<dyn Wind> = Arc::new(analytic_inlet(recipe, land.cloned()));
+                match period {
+                    Some(period) => Arc::new(LoopedWind { wind: inlet, period }),
+                    None => inlet,
+                }
+            }
             _ => formula_wind(keys, period, recipe.general.seed, number, land),
         };
         Some(scaled_wind(wind, narrow(keys.scale)))

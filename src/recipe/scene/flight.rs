@@ -200,7 +200,7 @@ impl Resolver<'_> {
         Some(FlightRecipe { zones: self.flight_zones(table), keys, canopy, forms, starts, wet })
     }
 
-    /// Reads every `[[flight.zone]]`; repeated names get numbers, since each zone is a column.
+    /// Reads every `[[flight.zone]]`; repeated names get numbers, since each zone is a column, and so does "wind".
     fn flight_zones(&mut self, table: &TomlTable) -> Vec<FlightZoneKeys> {
         let Some(entry) = table.get("zone") else { return Vec::new() };
         let TomlValue::List(list) = &entry.node.value else {
@@ -208,6 +208,8 @@ impl Resolver<'_> {
             return Vec::new();
         };
         let (mut zones, mut names) = (Vec::new(), Names::default());
+        // The table has a column `ground_wind` already.
+        drop(names.unique("wind"));
         for (i, node) in list.iter().enumerate() {
             let path = format!("flight.zone.{i}");
             let TomlValue::Table(t) = &node.value else {

@@ -266,7 +266,7 @@ impl Resolver<'_> {
     pub(in crate::recipe) fn plants(&mut self, root: &TomlTable, names: &mut Names) -> Vec<PlantRecipe> {
         let Some(table) = self.table(root, "", "plants") else {
             if !self.report.has_errors()
-                && ["clouds", "terrain", "layer", "catkin", "rod"].iter().all(|t| root.get(t).is_none())
+                && ["clouds", "terrain", "layer", "catkin", "flight", "rod"].iter().all(|t| root.get(t).is_none())
                 // A scene without visible objects may still export the wind.
                 && span_of(root, &["output", "wind"]).is_none()
             {

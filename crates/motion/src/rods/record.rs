@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 
+use crate::rain::GroundHeight;
 use crate::rods::StepFailure;
 use crate::rods::system::RodSystem;
 use crate::rods::tuning::{MAX_STEP_HALVINGS, STABILITY_MARGIN};
@@ -61,6 +62,8 @@ pub struct RecordingParams<'a> {
     pub acts: Vec<Actuation>,
     /// Drag coefficient of each rod, and the wind field; `None` without any force of the air.
     pub wind: Option<(Vec<f64>, &'a dyn Wind)>,
+    /// Ground on which released bodies come to rest.
+    pub ground: &'a dyn GroundHeight,
     /// Name of the rod in error messages.
     pub name: String,
 }
@@ -74,13 +77,21 @@ pub struct RodSystemPose {
     pub bodies: Vec<Vec3>,
 }
 
+impl RecordingParams<'_> {
+    /// Whether the attached body of this index had a mass at a key until time `t`, s.
+    fn has_carried(&self, body: usize, t: f64) -> bool {
+        let carries = |keys: &Keyframes<1>| keys.0.iter().any(|(at, [mass])| *at <= t && *mass > 0.0);
+        self.acts.iter().any(|act| matches!(act, Actuation::Mass(b, keys) if *b == body && carries(keys)))
+    }
+}
+
 /// A body that is not part of the plant, in free fall since its mass became 0.
 #[derive(Debug, Clone, Copy)]
 struct DetachedBody {
     p: DVec3,
     v: DVec3,
-    /// Height at which it comes to rest, m.
-    floor: f64,
+    /// Height over the ground at which it comes to rest, m.
+    clearance: f64,
 }
 
 impl RodSystem {
@@ -205,7 +216,7 @@ impl RodSystem {
             if far > self.divergence_limit {
                 return Err(StepFailure);
             }
-            self.advance_detached_bodies(released, h);
+            self.advance_detached_bodies(clip, t + h, released, h);
         }
         Ok(())
     }
@@ -266,9 +277,16 @@ impl RodSystem {
         }
     }
 
-    /// Advances released weights in free fall by `h` seconds until they rest on the ground, y = 0.
-    fn advance_detached_bodies(&self, released: &mut [Option<DetachedBody>], h: f64) {
-        for (body, state) in self.bodies.iter().zip(released) {
+    /// Advances released weights in free fall by `h` seconds to time `t`, s, until they rest on the ground.
+    fn advance_detached_bodies(
+        &self,
+        clip: &RecordingParams<'_>,
+        t: f64,
+        released: &mut [Option<DetachedBody>],
+        h: f64,
+    ) {
+        let ground = |p: DVec3| clip.ground.height(p.x, p.z);
+        for ((i, body), state) in self.bodies.iter().enumerate().zip(released) {
             if body.of_plant {
                 continue;
             }
@@ -277,16 +295,19 @@ impl RodSystem {
                 Some(k) => {
                     k.p += h * k.v + 0.5 * h * h * self.gravity;
                     k.v += h * self.gravity;
-                    if k.p.y < k.floor {
-                        (k.p.y, k.v) = (k.floor, DVec3::ZERO);
+                    let floor = ground(k.p) + k.clearance;
+                    if k.p.y < floor {
+                        (k.p.y, k.v) = (floor, DVec3::ZERO);
                     }
                 }
-                // Released in this step: it starts with the velocity of its point of attachment.
-                None if body.mass <= 0.0 => {
+                // Released in this step: it starts with the velocity of its point of attachment. A weight whose mass has not
+                // begun yet stays where it will hang.
+                None if body.mass <= 0.0 && clip.has_carried(i, t) => {
                     let (f, (v, spin)) = (self.section_frame(body.section), self.section_rigid_velocity(body.section));
                     let arm = f.matrix() * body.at;
                     let p = f.p + arm;
-                    *state = Some(DetachedBody { p, v: v + spin.cross(arm), floor: body.reach.min(p.y) });
+                    let clearance = body.reach.min(p.y - ground(p));
+                    *state = Some(DetachedBody { p, v: v + spin.cross(arm), clearance });
                 }
                 None => {}
             }

@@ -4,9 +4,13 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
 
-use super::{AttachedBody, RodDescription, RodMaterial, RodSystem, SupportKind};
+use super::{
+    Actuation, AttachedBody, Integrator, RecordingParams, RodDescription, RodMaterial, RodSystem, SupportKind,
+};
 use crate::rods::prism::{CornerRigidMotion, SectionFrame, Vector9, corner, corner_dot, corners_from_fn};
 use crate::rods::system::subtract_corners;
+use osier_base::keyframes::Keyframes;
+use osier_base::progress::Cancel;
 use osier_base::rng::Rng;
 
 const MATERIAL: RodMaterial = RodMaterial {
@@ -522,4 +526,40 @@ fn rest_shape_keeps_a_forked_twig_with_weights_in_its_reference_pose() {
         rods.step_implicit(h).expect("steps");
     }
     assert!(max_displacement(&rods) < 1e-4, "{}", max_displacement(&rods));
+}
+
+#[test]
+fn released_weights_fall_to_the_ground_and_later_ones_wait() {
+    // A rod of 0.8 m at y = 0 over ground at -2 m, with a weight of 5 cm radius at its tip, for 1.25 s.
+    let tip = AttachedBody {
+        section: 8,
+        at: DVec3::ZERO,
+        mass: 0.01,
+        inertia: glam::DMat3::ZERO,
+        of_plant: false,
+        reach: 0.05,
+    };
+    let record = |keys: &[(f64, f64)]| {
+        let clip = RecordingParams {
+            frames: 31,
+            first: 1,
+            fps: 24.0,
+            steps: None,
+            integrator: Integrator::Xpbd,
+            acts: vec![Actuation::Mass(0, Keyframes(keys.iter().map(|(t, mass)| (*t, [*mass])).collect()))],
+            wind: None,
+            ground: &-2.0_f64,
+            name: "rod".into(),
+        };
+        let description = straight_rod(9, 10.0, 0.01, MATERIAL);
+        let rods = RodSystem::new(&[description], &[(0, 0.0, SupportKind::Fixed)]);
+        rods.with_added_bodies(vec![tip.clone()]).record_clip(&clip, &Cancel::default()).expect("a clip")
+    };
+    // Let go after 0.1 s it falls the two metres in 0.63 s, and rests with its radius over the ground.
+    let fallen = record(&[(0.0, 0.01), (0.05, 0.01), (0.1, 0.0)]);
+    assert!((fallen[30].bodies[0].y + 1.95).abs() < 1e-5, "{}", fallen[30].bodies[0]);
+    assert!(fallen[9].bodies[0].y > -1.0 && fallen[9].bodies[0].y < -0.1, "{}", fallen[9].bodies[0]);
+    // A mass that begins later hangs at the tip all the time.
+    let hangs = record(&[(0.0, 0.0), (0.5, 0.0), (0.6, 0.01)]);
+    assert!(hangs.iter().all(|pose| pose.bodies[0].distance(pose.sections[8].0) < 1e-4));
 }

@@ -48,17 +48,18 @@ pub fn materials(name: &str, wall: [f32; 3], roof: [f32; 3]) -> [Material; 4] {
     ]
 }
 
-/// Mesh of a solid in the world, m, without the face on the ground. A prism with a gable gets an overhanging roof and windows.
-/// `first`: the first of its four materials.
+/// Mesh of a solid in the world, m; one that stands at y = 0 or lower has no lower face. A prism with a gable gets an overhanging
+/// roof and windows. `first`: the first of its four materials.
 pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
     let [near, far] = prism.ends();
     let mut mesh = Mesh::default();
     let n = near.len();
     let gable = n == 5;
-    // The face on the ground is left out, and with a gable the two below the roof's slabs.
+    // The face on the ground is left out, and with a gable the two below the roof's slabs. What is raised is seen from below.
+    let raised = near[0].y > 0.0;
     for i in 0..n {
         let k = (i + 1) % n;
-        if i == 0 || (gable && (i == 2 || i == 3)) {
+        if (i == 0 && !raised) || (gable && (i == 2 || i == 3)) {
             continue;
         }
         push_quad(&mut mesh, [near[k], far[k], far[i], near[i]]);
@@ -177,10 +178,15 @@ mod tests {
     #[test]
     fn faces_look_outwards() {
         let foot = Vec3::new(2.0, 0.0, 1.0);
-        for prism in
-            [Prism::block(foot, Vec3::new(0.3, 3.0, 9.0), 0.6), Prism::house(foot, Vec3::new(9.0, 5.6, 7.0), 2.5, 0.6)]
-        {
+        for prism in [
+            Prism::block(foot, Vec3::new(0.3, 3.0, 9.0), 0.6),
+            Prism::house(foot, Vec3::new(9.0, 5.6, 7.0), 2.5, 0.6),
+            Prism::block(foot + Vec3::Y * 3.0, Vec3::new(4.0, 0.3, 5.0), 0.6),
+        ] {
             let mesh = masonry(&prism, 0);
+            // Only the raised block has a face below.
+            let lowest = mesh.normals.iter().fold(0.0_f32, |low, n| low.min(n.y));
+            assert_eq!(lowest < -0.99, prism.ends()[0][0].y > 0.0, "{lowest}");
             let solid = osier_scene::solid::Solid {
                 name: String::new(),
                 form: osier_scene::solid::Form::Prism(prism),

@@ -1,5 +1,7 @@
 //! Height fields as solids.
 
+use std::ops::RangeInclusive;
+
 use glam::{Vec2, Vec3};
 
 use super::Nearest;
@@ -164,9 +166,21 @@ impl LandForm {
         gap.abs() <= half.y + slope * Vec2::new(half.x, half.z).length()
     }
 
-    fn corner(&self, x: usize, z: usize) -> Vec3 {
+    /// Corner of the cell (x, z) with the smallest x and z, m; beyond the rectangle at the height of its nearest edge.
+    fn corner(&self, x: isize, z: isize) -> Vec3 {
         let [x_at, z_at] = [x, z].map(|i| i as f32 * self.step);
-        Vec3::new(x_at + self.corner.x, self.heights[z * self.columns + x], z_at + self.corner.y)
+        let within = |i: isize, count: usize| i.max(0).cast_unsigned().min(count - 1);
+        let height = self.heights[within(z, self.rows) * self.columns + within(x, self.columns)];
+        Vec3::new(x_at + self.corner.x, height, z_at + self.corner.y)
+    }
+
+    /// Cells along an axis that a range of distances from the edge, m, touches. `count`: heights along this axis; `beyond`: cells
+    /// of the land's continuation beyond the rectangle count, too.
+    #[allow(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
+    fn cells_touched(&self, range: [f32; 2], count: usize, beyond: bool) -> RangeInclusive<isize> {
+        let [first, last] =
+            range.map(|v| if beyond { (v / self.step).floor() as isize } else { self.cell(v, count).0.cast_signed() });
+        first..=last
     }
 
     pub(super) fn nearest(&self, at: Vec3) -> Nearest {
@@ -174,18 +188,22 @@ impl LandForm {
         let sign = if gap < 0.0 { -1.0 } else { 1.0 };
         let (x, u) = self.column(at.x);
         let (z, v) = self.row(at.z);
-        let normal = self.normal(x, z, u >= v);
+        let normal = self.normal(x.cast_signed(), z.cast_signed(), u >= v);
         // Far from the surface a lower bound of the distance is enough: the height times the cosine of the steepest slope.
         if gap.abs() > 3.0 * self.step {
             return Nearest { distance: gap * self.flattest, normal };
         }
         // Near it, the nearest point is on a triangle of the cells within the height of the point.
         let reach = gap.abs();
-        let [x0, x1] = [at.x - reach, at.x + reach].map(|x| self.column(x).0);
-        let [z0, z1] = [at.z - reach, at.z + reach].map(|z| self.row(z).0);
+        let (low, high) = (self.bounds.min, self.bounds.max);
+        // To a place over the rectangle no point of the land beyond is nearer than one of the edge.
+        let beyond = at.x < low.x || at.x > high.x || at.z < low.z || at.z > high.z;
+        let around = |v: f32| [v - reach, v + reach];
+        let columns = self.cells_touched(around(at.x - self.corner.x), self.columns, beyond);
+        let rows = self.cells_touched(around(at.z - self.corner.y), self.rows, beyond);
         let mut best = (f32::INFINITY, at, normal);
-        for cz in z0..=z1 {
-            for cx in x0..=x1 {
+        for cz in rows {
+            for cx in columns.clone() {
                 let c = [
                     self.corner(cx, cz),
                     self.corner(cx + 1, cz),
@@ -208,7 +226,7 @@ impl LandForm {
     }
 
     /// Normal of the lower or upper triangle of the cell (x, z).
-    fn normal(&self, x: usize, z: usize, lower: bool) -> Vec3 {
+    fn normal(&self, x: isize, z: isize, lower: bool) -> Vec3 {
         let c = |i, k| self.corner(x + i, z + k);
         let (along, across) =
             if lower { (c(1, 0) - c(0, 0), c(1, 1) - c(1, 0)) } else { (c(1, 1) - c(0, 1), c(0, 1) - c(0, 0)) };

@@ -69,6 +69,15 @@ impl Solid {
         }
     }
 
+    /// The axis-aligned box that holds all points inside of it: that of a land has no border but its highest height.
+    fn enclosing_box(&self) -> Bounds {
+        let bounds = self.bounds();
+        match &self.form {
+            Form::Land(_) => Bounds { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY.with_y(bounds.max.y) },
+            Form::Prism(_) | Form::Shell(_) => bounds,
+        }
+    }
+
     /// True for points inside; of a height field, for all points below it.
     #[inline]
     pub fn contains(&self, at: Vec3) -> bool {
@@ -133,6 +142,7 @@ impl Solid {
 #[derive(Debug, Clone, Default)]
 pub struct Solids {
     all: Vec<Solid>,
+    /// Parallel to the solids: outside of it no point is inside of the solid.
     boxes: Vec<Bounds>,
     /// True if everything below y = 0 is ground.
     level: bool,
@@ -151,7 +161,7 @@ impl Solids {
     /// `all`: in the scene's order; `level`: whether the level y = 0 is ground too.
     #[inline]
     pub fn new(all: Vec<Solid>, level: bool) -> Self {
-        let boxes = all.iter().map(Solid::bounds).collect();
+        let boxes = all.iter().map(Solid::enclosing_box).collect();
         Self { all, boxes, level }
     }
 
@@ -187,11 +197,10 @@ impl Solids {
     #[inline]
     pub fn meets(&self, segment: [Vec3; 2], slack: f32) -> bool {
         let (low, high) = (segment[0].min(segment[1]) - slack, segment[0].max(segment[1]) + slack);
-        self.all.iter().zip(&self.boxes).any(|(solid, b)| {
-            // A height field continues beyond its rectangle, so that its box excludes nothing.
-            let near = matches!(solid.form, Form::Land(_)) || low.cmple(b.max).all() && high.cmpge(b.min).all();
-            near && solid.meets(segment, slack)
-        })
+        self.all
+            .iter()
+            .zip(&self.boxes)
+            .any(|(solid, b)| low.cmple(b.max).all() && high.cmpge(b.min).all() && solid.meets(segment, slack))
     }
 
     fn each_near(&self, at: Vec3, reach: f32, mut take: impl FnMut(Near)) {
@@ -207,7 +216,7 @@ impl Solids {
         }
     }
 
-    /// True for points in the ground or in a solid; a height field counts only within its box, from its lowest height up.
+    /// True for points in the ground or in a solid.
     #[inline]
     pub fn contains(&self, at: Vec3) -> bool {
         (self.level && at.y < 0.0)
@@ -239,5 +248,31 @@ mod tests {
         assert!(solids.near(Vec3::new(3.0, 2.5, 0.0), 2.0).is_none());
         assert_eq!(solids.all_near(Vec3::new(0.45, 0.1, 0.0), 0.5).len(), 2);
         assert!(solids.contains(Vec3::new(0.0, 3.9, 0.0)) && !solids.contains(Vec3::new(0.0, 4.1, 0.0)));
+    }
+
+    #[test]
+    fn land_goes_on_downwards_and_beyond_its_rectangle() {
+        // A ramp along x over 4 x 4 m, from 10 m at x = -2 to 12 m at x = 2.
+        let heights = (0..25).map(|i| 10.0 + (i % 5) as f32 * 0.5).collect();
+        let land = LandForm::new(5, 4.0, heights).expect("fits");
+        let land = Solid { name: "land".into(), form: Form::Land(Arc::new(land)), humidity: 0.0 };
+        let solids = Solids::new(vec![land], false);
+        // Below its lowest height, and beside its rectangle, where the height is that of the edge.
+        for (x, y) in [(0.0, 3.0), (0.0, 10.9), (9.0, 11.9), (9.0, -5.0), (-9.0, 9.9)] {
+            assert!(solids.contains(Vec3::new(x, y, 0.3)), "{x} {y}");
+            assert!(solids.near(Vec3::new(x, y, 0.3), 0.1).is_some_and(|near| near.nearest.distance < 0.0), "{x} {y}");
+        }
+        for (x, y) in [(0.0, 11.1), (9.0, 12.1), (-9.0, 10.1), (-9.0, 11.0)] {
+            assert!(!solids.contains(Vec3::new(x, y, 0.3)), "{x} {y}");
+        }
+        // Beside the edge at x = 2 the land is level at 12 m, beyond the corner too; beside the edge at z = 2 it is the ramp.
+        for z in [0.3, 7.0] {
+            let near = solids.near(Vec3::new(9.0, 12.25, z), 1.0).expect("land below").nearest;
+            assert!((near.distance - 0.25).abs() < 1e-5 && near.normal.distance(Vec3::Y) < 1e-4, "{near:?}");
+        }
+        let near = solids.near(Vec3::new(0.1, 11.3, 8.2), 1.0).expect("land below").nearest;
+        let normal = Vec3::new(-0.5, 1.0, 0.0).normalize();
+        assert!((near.distance - 0.25 * normal.y).abs() < 1e-5 && near.normal.distance(normal) < 1e-4, "{near:?}");
+        assert!(solids.near(Vec3::new(9.0, 14.0, 0.0), 1.0).is_none());
     }
 }

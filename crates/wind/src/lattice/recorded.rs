@@ -6,13 +6,13 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::super::Wind;
+use super::super::tuning::LOOP_FADE;
 use super::inlet::InletWind;
 use super::report::LatticeStats;
 use super::setup::{LatticeOptions, periodic_axes};
 use super::snapshot::WindSnapshot;
 use super::snapshot_layout::{CellRange, SnapshotLayout};
 use super::solver::LatticeSolver;
-use super::tuning::LOOP_FADE;
 use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::limits::Limits;

@@ -91,8 +91,6 @@ pub(super) const TURN_PER_INTERVAL: f64 = 0.1;
 pub(super) const OUTSIDE_BLEND_CELLS: f32 = 4.0;
 /// Cells recorded around the bounds that were asked for, so that interpolation at their edge has all eight neighbours.
 pub(super) const RECORDING_MARGIN: f32 = 2.0;
-/// Cross-fade at the end of a repeating recording, s: as long as an eddy of a few metres lives.
-pub(super) const LOOP_FADE: f64 = 2.0;
 
 /// Snapshots that exist at a time, at most: the two that an interpolated wind lies between, the next, and one that a reader still
 /// holds. For the memory estimate only.

@@ -12,7 +12,7 @@ use crate::bake::motion::flight::canopy::Canopy;
 use crate::bake::motion::flight::{FlightPlayback, FlightSetup};
 use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::wind::scene_wind::SceneWind;
-use crate::recipe::scene::{CatkinKeys, WindModel};
+use crate::recipe::scene::{CatkinKeys, FlightRelease, WindModel};
 use crate::recipe::{FlightRecipe, KeyTable as _, Recipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
@@ -88,7 +88,11 @@ fn start_flight(
     let playback = FlightPlayback::new(&scene, wind, canopy, models)?;
     if playback.enclosed_start_count() > 0 {
         let text = format!("{} catkins found no place to start outside of solids", playback.enclosed_start_count());
-        let help = "raise flight.band, or make room between the solids";
+        let help = match flight.keys.release {
+            FlightRelease::Sky | FlightRelease::Rain => "raise flight.band, or make room between the solids",
+            FlightRelease::Canopy => "keep solids and ground clear of the twigs' ends",
+            FlightRelease::Points => "move these positions of flight.points out of solids and ground",
+        };
         report.push(Diagnostic::about("S026", text).help(help));
     }
 

@@ -22,17 +22,18 @@ pub use self::drop_records::enum_labels;
 use self::expected_drops::ExpectedDrops;
 pub use self::ground::RainGround;
 pub(crate) use self::plant_in_rain::PlantInRain;
-use self::plant_in_rain::{RainClock, RainedPlant, RainedPlantRecorder, plant_in_rain};
+use self::plant_in_rain::{PointCarrier, RainClock, RainedPlant, RainedPlantRecorder, plant_in_rain};
 use self::scene_leaf::{SceneLeaf, WETNESS, scene_leaves, select_mapped_leaves, set_leaf_wetness};
 use crate::bake::BakeContext;
 use crate::bake::assets::obstacles::rain_faces;
 use crate::bake::assets::plant_growth::GrownPlant;
-use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
+use crate::bake::motion::rod_plant::BoundPoints;
+use crate::bake::motion::{AssetMotion, CarriedPoints, FrameTime, PointOnAxis, TableRow};
 use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::camera_light::ScreenScale;
 use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
-use crate::recipe::scene::RainRecipe;
+use crate::recipe::scene::{RainRecipe, SwayStart};
 use osier_base::Result;
 use osier_base::convert::{index, limit, to_usize};
 use osier_base::diagnostic::{Diagnostic, Report};
@@ -44,6 +45,7 @@ use osier_motion::rain::{
     RainExposure, RainFrame, RainLeaf, RainPlant, RainSimulation, RainSolids, StillRainPlant, UvRaster, WoodSegment,
     sphere_diameter,
 };
+use osier_motion::rods::PLANT_SPIN_UP_SECONDS;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Attribute, AttributeData, Image, MapFrame, MapSequence, Material, MaterialClass,
@@ -214,6 +216,9 @@ pub(crate) fn add_rain(
     }
     let transforms = layout.first_transforms();
     let plants: Vec<&Plant> = grown.iter().map(|g| &g.plant).collect();
+    // Only catkins of a flight are carried.
+    let carrier = |motion: &PlantInRain| recipe.flight.as_ref().map_or(PointCarrier::Still, |_| motion.point_carrier());
+    let carriers: Vec<PointCarrier> = plant_motions.iter().map(carrier).collect();
     let scene = RainInputs {
         recipe,
         assets: &mut builder.assets,
@@ -236,9 +241,9 @@ pub(crate) fn add_rain(
         builder.images.extend(simulated.images);
     }
     // Plants that rain moves take their motion from its record.
-    for (plant, motion) in builder.motions.iter_mut().enumerate() {
+    for ((plant, motion), carrier) in builder.motions.iter_mut().enumerate().zip(carriers) {
         if simulated.playback.plant_moves(plant) {
-            *motion = Some(Arc::new(PlantMotionInRain { rain: Arc::clone(&simulated.playback), plant }));
+            *motion = Some(Arc::new(PlantMotionInRain { rain: Arc::clone(&simulated.playback), plant, carrier }));
         }
     }
     let moves = recipe.clip.len() > 1;
@@ -270,13 +275,15 @@ fn simulate_rain(
     let step = 1.0 / (recipe.clip.fps() * f64::from(steps));
     let lead = spin_up_steps(rain, step) as f64 * step;
     let wind = wind.map(|wind| Arc::new(ShiftedWind { wind, lead }) as Arc<dyn Wind>);
-    let clock = RainClock { fps: recipe.clip.fps(), lead, gravity: rain.keys.gravity };
+    let starts_from_rest = recipe.sway.start == SwayStart::Rest && recipe.sway.loop_frames(&recipe.clip).is_none();
+    let rod_spin_up_steps = if full.is_some() || starts_from_rest { 0 } else { rod_spin_up_steps(step) };
+    let clock = RainClock { fps: recipe.clip.fps(), lead, step, rod_spin_up_steps, gravity: rain.keys.gravity };
     // For each plant a target, which drops hit and load, and a recorder, which turns its state into frames of the asset.
     let (mut targets, mut recorders) = (Vec::new(), Vec::new());
     for (k, motion) in plant_motions.into_iter().enumerate() {
         let on_plant = scene_leaves.iter().filter(|leaf| leaf.instance.asset == k).collect();
         let of = RainedPlant { plant: plants[k], asset: &assets[k], transform: transforms[k], leaves: on_plant };
-        let (target, recorder) = plant_in_rain(motion, &of, clock, wind.clone(), || still_plant(&of));
+        let (target, recorder) = plant_in_rain(motion, &of, clock, wind.clone(), || still_plant(&of))?;
         targets.push(target);
         recorders.push(recorder);
     }
@@ -435,6 +442,12 @@ fn steps_per_frame(rain: &RainRecipe, recipe: &Recipe, plant_motions: &[PlantInR
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of steps")]
 fn spin_up_steps(rain: &RainRecipe, h: f64) -> u64 {
     (rain.keys.spin_up / h).round() as u64
+}
+
+/// Number of time steps of `h` s in which plants on rods spin up before it rains.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds of steps")]
+fn rod_spin_up_steps(h: f64) -> u32 {
+    (PLANT_SPIN_UP_SECONDS / h).round() as u32
 }
 
 /// Record of the simulation, frame by frame.
@@ -691,17 +704,44 @@ impl AssetMotion for RainPlayback {
 }
 
 /// Motion of a plant that drops move, played back from the record of the rain.
-#[derive(Debug, Clone)]
-pub struct PlantMotionInRain {
+#[derive(Debug)]
+struct PlantMotionInRain {
     /// The recorded rain, which holds the frames of all plants.
-    pub rain: Arc<RainPlayback>,
+    rain: Arc<RainPlayback>,
     /// Index of the plant's asset.
-    pub plant: usize,
+    plant: usize,
+    /// What carries points of the plant.
+    carrier: PointCarrier,
 }
 
 impl AssetMotion for PlantMotionInRain {
     fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
         Ok(self.rain.plant_frame(self.plant, time.index()))
+    }
+
+    fn carry_points(self: Arc<Self>, plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
+        match &self.carrier {
+            PointCarrier::Still => None,
+            PointCarrier::Sway(sway) => Arc::clone(sway).carry_points(plant, points),
+            PointCarrier::Rods { rods, binding } => {
+                let points = binding.bind_points(rods, points);
+                Some(Arc::new(PointsOnRodsInRain { motion: Arc::clone(&self), points }))
+            }
+        }
+    }
+}
+
+/// Points of a plant on rods, which the joints of the recorded frames carry.
+#[derive(Debug)]
+struct PointsOnRodsInRain {
+    motion: Arc<PlantMotionInRain>,
+    points: BoundPoints,
+}
+
+impl CarriedPoints for PointsOnRodsInRain {
+    fn positions(&self, time: FrameTime) -> Result<Vec<Vec3>> {
+        let PlantMotionInRain { rain, plant, .. } = &*self.motion;
+        Ok(self.points.carried_by_joints(&rain.plant_frame(*plant, time.index()).pose))
     }
 }
 

@@ -8,6 +8,7 @@ use super::scene_leaf::{LeafInstanceIndex, SceneLeaf};
 use crate::bake::motion::FrameTime;
 use crate::bake::motion::rod_plant::RodBinding;
 use crate::bake::motion::sway::{RainedSway, SwayMotion};
+use osier_base::Result;
 use osier_base::convert::to_usize;
 use osier_base::geometry::Bounds;
 use osier_motion::rain::RainPlant;
@@ -41,10 +42,35 @@ impl PlantInRain {
         }
     }
 
+    /// What carries points of the plant through the clip.
+    pub(super) fn point_carrier(&self) -> PointCarrier {
+        match self {
+            Self::Still => PointCarrier::Still,
+            Self::Rods { rods, binding } => PointCarrier::Rods { rods: rods.clone(), binding: binding.clone() },
+            Self::Sway(motion) => PointCarrier::Sway(Arc::clone(motion)),
+        }
+    }
+
     /// Whether the sway model moves the plant; false for a plant on rods and for a still one.
     pub(crate) fn moves_by_sway_model(&self) -> bool {
         matches!(self, Self::Sway(_))
     }
+}
+
+/// What carries points of a plant in the rain, such as the ends of twigs.
+#[derive(Debug)]
+pub(super) enum PointCarrier {
+    /// Nothing: the plant does not move.
+    Still,
+    /// The joints of the recorded rods.
+    Rods {
+        /// The rods at rest, in world space.
+        rods: Box<RodPlant>,
+        /// Binding of the rods' sections to joints.
+        binding: RodBinding,
+    },
+    /// The sway in the wind; the bends that drops add, which are small beside it, are left out.
+    Sway(Arc<SwayMotion>),
 }
 
 /// A plant of the scene with its asset and the leaves that drops can strike.
@@ -57,13 +83,17 @@ pub(super) struct RainedPlant<'a> {
     pub(super) leaves: Vec<&'a SceneLeaf>,
 }
 
-/// Frame rate, lead time and gravity that the models of all plants in the rain share.
+/// Frame rate, time step, lead times and gravity that the models of all plants in the rain share.
 #[derive(Clone, Copy)]
 pub(super) struct RainClock {
     /// Frames per second of the clip, above 0.
     pub(super) fps: f64,
     /// Duration of the rain before the clip, s.
     pub(super) lead: f64,
+    /// Time step of rain and rods, s.
+    pub(super) step: f64,
+    /// Number of steps that plants on rods spin up in the wind before the rain begins.
+    pub(super) rod_spin_up_steps: u32,
     /// Gravitational acceleration, m/s^2.
     pub(super) gravity: f64,
 }
@@ -116,16 +146,26 @@ const SAMPLED_FRAMES: usize = 16;
 
 /// The collision target of a plant for drops, and the recorder of its frames. `still` makes the target of a plant that does not
 /// move.
+/// # Errors
+/// `Simulation` for rods that diverge as they spin up.
 pub(super) fn plant_in_rain(
     motion: PlantInRain,
     of: &RainedPlant<'_>,
     clock: RainClock,
     wind: Option<Arc<dyn Wind>>,
     still: impl FnOnce() -> Box<dyn RainPlant>,
-) -> (Box<dyn RainPlant>, RainedPlantRecorder) {
-    match motion {
+) -> Result<(Box<dyn RainPlant>, RainedPlantRecorder)> {
+    let target_and_recorder: (Box<dyn RainPlant>, RainedPlantRecorder) = match motion {
         PlantInRain::Still => (still(), RainedPlantRecorder::Still),
-        PlantInRain::Rods { rods, binding } => (Box::new(rods.with_wind(wind)), RainedPlantRecorder::Rods(binding)),
+        PlantInRain::Rods { rods, binding } => {
+            // Without wind the rods stay in the equilibrium in which they begin.
+            let steps = if wind.is_some() { clock.rod_spin_up_steps } else { 0 };
+            let mut rods = rods.with_wind(wind);
+            for left in (1..=steps).rev() {
+                rods.step(-f64::from(left) * clock.step, clock.step)?;
+            }
+            (Box::new(rods), RainedPlantRecorder::Rods(binding))
+        }
         PlantInRain::Sway(motion) => {
             let pivot = |of_leaf: &&SceneLeaf| of_leaf.position.as_vec3();
             let nodes = of.plant.nodes.p.iter().map(|p| of.transform.apply(*p));
@@ -141,7 +181,8 @@ pub(super) fn plant_in_rain(
             };
             (Box::new(recorder.rain_plant(of, clock)), RainedPlantRecorder::Sway(recorder))
         }
-    }
+    };
+    Ok(target_and_recorder)
 }
 
 impl SwayRecorder {

@@ -29,7 +29,7 @@ pub struct RigidBlade {
 }
 
 impl RigidBlade {
-    /// Integrates a mesh, which must not contain the stalk.
+    /// Integrates a mesh. A stalk in it counts as blade of the area of its surface; that of a tube faces no direction.
     pub fn from_mesh(mesh: &Mesh) -> Self {
         let (mut area, mut first, mut all, mut faces) = (0.0, DVec3::ZERO, DMat3::ZERO, DVec3::ZERO);
         for t in &mesh.triangles {
