@@ -411,7 +411,7 @@ mod tests {
         let (recipe, mut report) = resolve(&request).expect("a good scene");
         let (limits, cancel) = (Limits::default(), Cancel::default());
         let context = BakeContext { limits: &limits, cancel: &cancel, progress: &Silent, cache: None };
-        let made = build_rod_assets(&recipe, None, false, 3, &context, &mut report).expect("moves");
+        let made = build_rod_assets(&recipe, None, &0.0, false, 3, &context, &mut report).expect("moves");
         (made, report.diagnostics.iter().map(|d| d.code).collect())
     }
 
