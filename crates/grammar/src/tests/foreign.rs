@@ -257,6 +257,32 @@ fn heads_of_lpy_may_hold_constants_and_conditions() {
 }
 
 #[test]
+fn conditions_on_the_variable_of_a_loop_of_lpy_leave_one_way() {
+    let model = |rule: &str| lpy(&format!("p = 3\nAxiom: A(0)A(5)\nproduction:\nA(n):\n{rule}"));
+    let text = model(
+        "  for i in range(40):\n    x = 2*i\n    if i % 2 == 0:\n      nproduce F(x)\n    elif i == 5 and p == 3:\n      nproduce H\n    \
+         else:\n      nproduce G\n",
+    );
+    let one: String = (0..40)
+        .map(|i| match i {
+            5 => "H".to_owned(),
+            i if i % 2 == 0 => format!("F({})", 2 * i),
+            _ => "G".to_owned(),
+        })
+        .collect();
+    assert_eq!(text, format!("{one}{one}"));
+    // A variable of the rule hides the constant of its name, and counts from one turn to the next.
+    assert_eq!(model("  p = n\n  if p < 2: produce B\n  produce C\n"), "BC");
+    let counted =
+        "  p = 0\n  for i in range(3):\n    p = p + i\n    if p > 0: nproduce B(p)\n    if n > p: nproduce C\n";
+    // p is 0, 1, 3.
+    assert_eq!(model(counted), "B(1)B(3)CB(1)CB(3)C");
+    let said = "Axiom: A\nproduction:\nA:\n  for i in range(300000):\n    nproduce F\nendlsystem\n";
+    let said = try_read(said).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("'for' with too many turns") && said.contains("line 4"), "{said}");
+}
+
+#[test]
 fn loops_of_lpy_may_have_an_end_that_is_drawn() {
     let model = |rule: &str| {
         lpy(&format!("few = lambda o: randint(2, 4)\nAxiom: {}\nproduction:\n{rule}\n", "A(3)".repeat(40)))
