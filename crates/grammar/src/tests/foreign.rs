@@ -235,6 +235,10 @@ fn functions_of_lpy_may_have_several_statements() {
         |rule: &str| format!("{head}assert size(1, 1) == 1\nAxiom: A(1)A(2)A(8)\nproduction:\nA(x) --> {rule}\n");
     assert_eq!(lpy(&model("B(size(x,6))")), "B(2)B(30)B(6)");
     assert_eq!(lpy(&model("B(total(x))")), "B(6)B(12)B(48)");
+    // 0 + 2 + .. + 18 = 90 for even i; a parameter hides the constant of its name and the number e.
+    let even = "e = 3\ndef f(e):\n  s = 0\n  for i in range(20):\n    if i % 2 == 0: s += i*e\n    elif i > 100: s = 0\n  if e > 2: s += 1\n  \
+                return s\nAxiom: A(1)A(5)\nproduction:\nA(x) --> B(f(x))\n";
+    assert_eq!(lpy(even), "B(90)B(451)");
     // One without a value, and one that would become too large, are named where they are called.
     let none = "def f(x):\n  if x > 1:\n    return 2\nAxiom: A(1)\nproduction:\nA(x) --> B(f(x))\nendlsystem\n";
     let said = try_read(none).err().map_or_else(String::new, |e| e.to_string());

@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
-use super::expression::{PyExpr, PyOp, Refusal, Scope, has_random, parse, resolve, size_with, substitute};
+use super::expression::{PyExpr, PyOp, Refusal, Scope, compile, has_random, parse, resolve, size_with, substitute};
 use super::strings::{PyModule, modules, split};
 use super::{Line, Model, assignment, block_after, colon};
+use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
 /// Deepest nesting of blocks in a production; deeper ones are refused, as the reader recurses.
@@ -160,6 +161,12 @@ fn for_list(piece: Piece<'_>) -> Result<(String, PyExpr), Refusal> {
 /// Upper limit on the statements that are followed through one function.
 const MAX_STATEMENTS: usize = 4_096;
 
+/// Value of an expression that is a number whatever the variables `names` of its function are.
+fn known_value(e: &PyExpr, names: &[String]) -> Option<f64> {
+    let scope = Scope { locals: names.to_vec(), ..Scope::default() };
+    crate::vm::constant_value(&compile(e, &scope).ok()?).filter(|v| !v.is_nan())
+}
+
 /// The value of a function of assignments, `if`, `for` and `return` as one expression.
 pub(super) struct FunctionValue<'m> {
     pub scope: &'m Scope,
@@ -197,16 +204,31 @@ impl FunctionValue<'_> {
                     }
                 }
                 // Each branch is followed to the end of the function with the statements behind the `if`; the tests choose between the
-                // values.
-                Statement::If(tests, other) => {
+                // values. Tests of numbers alone, such as those of the variable of a loop, leave one branch.
+                Statement::If(tests, mut other) => {
+                    let mut undecided = Vec::new();
+                    for (test, then) in tests {
+                        let test = self.value(&test, &names, &values)?;
+                        match known_value(&test, &names) {
+                            Some(value) if is_zero(value) => {}
+                            Some(_) => {
+                                other = then;
+                                break;
+                            }
+                            None => undecided.push((test, then)),
+                        }
+                    }
+                    if undecided.is_empty() {
+                        statements.extend(other.into_iter().rev());
+                        continue;
+                    }
                     let with = |body: Vec<Statement>| {
                         let mut all = statements.clone();
                         all.extend(body.into_iter().rev());
                         all
                     };
                     let mut out = self.of(with(other), names.clone(), values.clone(), depth + 1)?;
-                    for (test, then) in tests.into_iter().rev() {
-                        let test = self.value(&test, &names, &values)?;
+                    for (test, then) in undecided.into_iter().rev() {
                         let then = self.of(with(then), names.clone(), values.clone(), depth + 1)?;
                         out = PyExpr::Choice(Box::new(test), Box::new(then), Box::new(out));
                     }
