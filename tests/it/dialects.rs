@@ -546,6 +546,10 @@ fn converted_grammars_draw_the_same() {
             assert!(converts(&g, ConvertTo::Cpfg, name), "{name}");
         }
     }
+    // A roll at the end of a rule, which is a backslash in cpfg, joins no lines.
+    let rolls = "Axiom: FA/\nderivation length: 2\nproduction:\nA --> B//\nB --> F^F/\nendlsystem\n";
+    let (g, _) = read_bytes("m.lpy", rolls.as_bytes(), ReadAs::default()).expect("read");
+    assert!(converts(&g, ConvertTo::Cpfg, "rolls"));
     assert!(!converts(&read("lpy/scale.lpy", ""), ConvertTo::Cpfg, "scale"));
     assert!(!converts(&read("lpy/random.lpy", ""), ConvertTo::Cpfg, "random"));
 }
