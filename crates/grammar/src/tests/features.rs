@@ -325,3 +325,15 @@ fn comments_directives_and_blank_lines_do_not_end_a_production() {
     let rules = "A --> B\n#ifdef OSIER\n\tC\n#else\n\tD\n#endif\n\tE";
     assert_eq!(steps(1, "A", rules), "BCE");
 }
+
+#[test]
+fn a_polygon_may_begin_in_the_axiom_and_end_in_a_production() {
+    let rules = "A(n) : n<2 --> F.A(n+1)\nA(n) --> F.}";
+    assert_eq!(steps(3, "{A(1)", rules), "{F.F.}");
+    assert_eq!(steps(3, "{\n\tA(1)\n", rules), "{F.F.}");
+    assert_eq!(steps(3, "{A(1)", &rules.replace("A(n) ", "\tA(n) ")), "{F.F.}");
+    assert_eq!(steps(1, "A{B", "Ignore: +}{\nA < B --> C\nA > C --> D"), "A{C");
+    assert_eq!(steps(1, "{A(1)", "Homomorphism\nA(n) --> F.}"), "{A(1)");
+    let (_, said) = read(&format!("Lsystem: 1\nderivation length: 3\nAxiom: {{A(1)\n{rules}\nendlsystem\n"));
+    assert!(said.iter().any(|d| d.code == "L012"), "{said:?}");
+}
