@@ -77,7 +77,7 @@ impl LogicalLine {
 }
 
 /// The keyword that a list of tokens begins with and how many tokens it takes.
-fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
+pub(super) fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
     // Blanks and case are ignored, and the longest keyword wins: "derivation length", "define-angle".
     let mut word = String::new();
     let mut best = None;
