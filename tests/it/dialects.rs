@@ -281,7 +281,8 @@ fn widths_of_lparser_are_shares_of_the_length() {
     assert!((thin.nodes.r[0] - 0.04).abs() < 1e-6);
     assert_eq!(read("lparser/keywords.ls", "").palette(), [(1, [90, 60, 30]), (2, [40, 160, 60])]);
     let saved = "Axiom: F\nproduction:\nendlsystem\ndef __initialiseContext__(context):\n\timport openalea.plantgl.all as pgl\n\
-                 \tColor_2 = pgl.Material(\"Color_2\" , ambient = (20,30,4) , diffuse = 2 , )\n\tcontext.turtle.setMaterial(2,Color_2)\n";
+                 \tColor_2 = pgl.Material(\"Color_2\" , ambient = (20,30,4) , diffuse = 2 , )\n\
+                 \tcontext.turtle.setMaterial(2,Color_2)\n";
     let (model, _) = read_bytes("m.lpy", saved.as_bytes(), ReadAs::default()).expect("read");
     assert_eq!(model.palette(), [(2, [40, 60, 8])]);
     let bent = draw("lparser/gravity.ls", "").plant;

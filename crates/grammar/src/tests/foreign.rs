@@ -165,7 +165,8 @@ fn models_of_lpy_may_declare_values_that_others_can_set() {
     // Two steps from A(3).
     assert_eq!(lpy(model), "+(20)F(6)+(20)F(6)A(1)");
     // The slider that L-Py saved behind the model has set n.
-    let saved = "extern(n = 3)\nAxiom: A(n)\nproduction:\nB --> C\nendlsystem\ndef __initialiseContext__(context):\n\tscalars = [('n', 'Integer', 5, 0, 10)]\n";
+    let saved = "extern(n = 3)\nAxiom: A(n)\nproduction:\nB --> C\nendlsystem\n\
+                 def __initialiseContext__(context):\n\tscalars = [('n', 'Integer', 5, 0, 10)]\n";
     assert_eq!(lpy(saved), "A(5)");
     // Older files have no type before the value.
     let old = saved.replace("'n', 'Integer', 5, 0, 10", "'m', False, False, True), ('n', 7, 0, 10");
@@ -236,7 +237,8 @@ fn functions_of_lpy_may_have_several_statements() {
     assert_eq!(lpy(&model("B(size(x,6))")), "B(2)B(30)B(6)");
     assert_eq!(lpy(&model("B(total(x))")), "B(6)B(12)B(48)");
     // 0 + 2 + .. + 18 = 90 for even i; a parameter hides the constant of its name and the number e.
-    let even = "e = 3\ndef f(e):\n  s = 0\n  for i in range(20):\n    if i % 2 == 0: s += i*e\n    elif i > 100: s = 0\n  if e > 2: s += 1\n  \
+    let even = "e = 3\ndef f(e):\n  s = 0\n  for i in range(20):\n    if i % 2 == 0: s += i*e\n    elif i > 100: s = 0\n  \
+                if e > 2: s += 1\n  \
                 return s\nAxiom: A(1)A(5)\nproduction:\nA(x) --> B(f(x))\n";
     assert_eq!(lpy(even), "B(90)B(451)");
     // One without a value, and one that would become too large, are named where they are called.
@@ -264,7 +266,8 @@ fn heads_of_lpy_may_hold_constants_and_conditions() {
 fn conditions_on_the_variable_of_a_loop_of_lpy_leave_one_way() {
     let model = |rule: &str| lpy(&format!("p = 3\nAxiom: A(0)A(5)\nproduction:\nA(n):\n{rule}"));
     let text = model(
-        "  for i in range(40):\n    x = 2*i\n    if i % 2 == 0:\n      nproduce F(x)\n    elif i == 5 and p == 3:\n      nproduce H\n    \
+        "  for i in range(40):\n    x = 2*i\n    if i % 2 == 0:\n      nproduce F(x)\n    \
+         elif i == 5 and p == 3:\n      nproduce H\n    \
          else:\n      nproduce G\n",
     );
     let one: String = (0..40)
