@@ -333,3 +333,11 @@ fn a_bracket_of_a_context_of_lpy_skips_the_rest_of_its_branch() {
     assert_eq!(model("[B]D"), "J[BC]DJ[B]D");
     assert_eq!(model("[B=]D"), "I[BC]DJ[B]D");
 }
+
+#[test]
+fn a_line_of_lpy_in_a_grammar_of_cpfg_is_told() {
+    let text = "Lsystem: 1\nderivation length: 1\nAxiom: A\nproduction:\nA --> B\nendlsystem\n";
+    let said = try_read(text).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("read as a grammar of cpfg") && said.contains(":4:1"), "{said}");
+    assert!(!said.contains("not supported"), "{said}");
+}
