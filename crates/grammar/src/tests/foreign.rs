@@ -341,3 +341,16 @@ fn a_line_of_lpy_in_a_grammar_of_cpfg_is_told() {
     assert!(said.contains("L007") && said.contains("read as a grammar of cpfg") && said.contains(":4:1"), "{said}");
     assert!(!said.contains("not supported"), "{said}");
 }
+
+#[test]
+fn assignments_of_lpy_may_stand_side_by_side() {
+    let model = |head: &str| {
+        lpy(&format!("{head}\nAxiom: A(1)\nproduction:\nA(x):\n  y = 2*x; z = y+1;\n  produce ;(2)B(e,f,y,z)\n"))
+    };
+    for head in ["e = 3; f = 3", "e = 3;\nf = 3;", "e = f = 3", "e = 1\ne += 2\nf = e", "e, f = 3, 6\nf /= 2;"] {
+        assert_eq!(model(head), ";(2)B(3,3,2,3)", "{head}");
+    }
+    // Semicolons within texts and what is no name stay as they are.
+    assert_eq!(model("about = \"a; b\"\nmore = 'it\\'s; so'\ne = f = 3 # x; y"), ";(2)B(3,3,2,3)");
+    assert!(try_read("a.b += 1\nAxiom: A\nproduction:\nA --> B\nendlsystem\n").is_err());
+}

@@ -93,15 +93,45 @@ impl Model<'_, '_> {
                 | "nsproduce" | "lambda" => {
                     return Err(Refusal::new(format!("'{}' in a production", word.text), piece.range()));
                 }
-                _ => out.extend(assign_statement(piece)?),
+                _ => out.extend(assign_statements(piece)?),
             }
         }
         Ok(out)
     }
 }
 
+/// Statements of one line: parts between the semicolons outside of parentheses and quotes, without empty ones.
+pub(super) fn at_semicolons(piece: Piece<'_>) -> Vec<Piece<'_>> {
+    let (mut out, mut depth, mut quote, mut from) = (Vec::new(), 0_usize, None, 0);
+    let mut is_escaped = false;
+    for (i, c) in piece.text.char_indices() {
+        match (quote, c) {
+            _ if is_escaped => is_escaped = false,
+            (Some(_), '\\') => is_escaped = true,
+            (Some(open), _) => quote = Some(open).filter(|q| *q != c),
+            (None, '"' | '\'') => quote = Some(c),
+            (None, '(' | '[' | '{') => depth += 1,
+            (None, ')' | ']' | '}') => depth = depth.saturating_sub(1),
+            (None, ';') if depth == 0 => {
+                out.push(piece.up_to(i).from(from).trimmed());
+                from = i + 1;
+            }
+            _ => {}
+        }
+    }
+    out.push(piece.from(from).trimmed());
+    out.retain(|p| !p.text.is_empty());
+    out
+}
+
+/// Assignments of a line of a production.
+fn assign_statements(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
+    let lists = at_semicolons(piece).into_iter().map(assign_statement).collect::<Result<Vec<_>, _>>()?;
+    Ok(lists.into_iter().flatten().collect())
+}
+
 /// Assignments of a production: `x = e`, `x, y = e, f`, `x += e`.
-fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
+pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
     let refused = || {
         let shown: String = piece.text.chars().take(40).collect();
         Refusal::new(format!("'{shown}' in a production"), piece.range())
