@@ -281,7 +281,8 @@ fn widths_of_lparser_are_shares_of_the_length() {
     assert!((thin.nodes.r[0] - 0.04).abs() < 1e-6);
     assert_eq!(read("lparser/keywords.ls", "").palette(), [(1, [90, 60, 30]), (2, [40, 160, 60])]);
     let saved = "Axiom: F\nproduction:\nendlsystem\ndef __initialiseContext__(context):\n\timport openalea.plantgl.all as pgl\n\
-                 \tColor_2 = pgl.Material(\"Color_2\" , ambient = (20,30,4) , diffuse = 2 , )\n\tcontext.turtle.setMaterial(2,Color_2)\n";
+                 \tColor_2 = pgl.Material(\"Color_2\" , ambient = (20,30,4) , diffuse = 2 , )\n\
+                 \tcontext.turtle.setMaterial(2,Color_2)\n";
     let (model, _) = read_bytes("m.lpy", saved.as_bytes(), ReadAs::default()).expect("read");
     assert_eq!(model.palette(), [(2, [40, 60, 8])]);
     let bent = draw("lparser/gravity.ls", "").plant;
@@ -546,6 +547,12 @@ fn converted_grammars_draw_the_same() {
             assert!(converts(&g, ConvertTo::Cpfg, name), "{name}");
         }
     }
+    let notes = convert(&read("lparser/keywords.ls", ""), ConvertTo::Cpfg).expect("converted").notes;
+    assert!(notes.iter().any(|n| n.contains("colours that the file sets")), "{notes:?}");
+    // A roll at the end of a rule, which is a backslash in cpfg, joins no lines.
+    let rolls = "Axiom: FA/\nderivation length: 2\nproduction:\nA --> B//\nB --> F^F/\nendlsystem\n";
+    let (g, _) = read_bytes("m.lpy", rolls.as_bytes(), ReadAs::default()).expect("read");
+    assert!(converts(&g, ConvertTo::Cpfg, "rolls"));
     assert!(!converts(&read("lpy/scale.lpy", ""), ConvertTo::Cpfg, "scale"));
     assert!(!converts(&read("lpy/random.lpy", ""), ConvertTo::Cpfg, "random"));
 }

@@ -726,7 +726,8 @@ mod tests {
         assert_eq!((view.scale, view.color), (None, Some(3)));
         let (view, _) = read("#define A B\n#define B A\nangle increment: A\n");
         assert_eq!(view.angle, None);
-        let two = "#define X 2\n#if X == 1\nangle increment: 10\n#elif X == 2 && defined(X)\nangle increment: 20\n#elif(1)\nangle increment: 30\n\
+        let two = "#define X 2\n#if X == 1\nangle increment: 10\n#elif X == 2 && defined(X)\nangle increment: 20\n\
+                   #elif(1)\nangle increment: 30\n\
                    #else\nangle increment: 40\n#endif\n#if OSIER && !defined Y\ninitial scale: 3\n#endif\n";
         let (view, report) = read(two);
         assert_eq!((view.angle, view.scale, report.len()), (Some(20.0), Some(3.0), 0), "{report:?}");

@@ -490,9 +490,20 @@ impl ItemParser<'_> {
         self.section = if is_homomorphism { ProductionSection::Homomorphism } else { ProductionSection::Decomposition };
         let rules = if is_homomorphism { &mut self.program.homomorphism } else { &mut self.program.decomposition };
         rules.place = Some(place);
-        let words = self.spelling(value).to_ascii_lowercase();
-        if words.contains("warnings") {
-            self.set_depth_warnings(!words.contains("no"));
+        // Items of the section may follow its heading on the same line.
+        let mut rest = value;
+        while let Some(first) = rest.first() {
+            let keyword_at = |i: usize| lines::keyword(&self.session.names, &rest[i..]);
+            let own = [Keyword::Warnings, Keyword::NoWarnings, Keyword::Seed, Keyword::Depth];
+            let Some((key, n)) = keyword_at(0).filter(|(k, _)| own.contains(k)) else {
+                let message = format!("'{}' behind this heading has no effect", self.spelling(rest));
+                let help = "'warnings', 'no warnings', 'seed: n' and 'maximum depth: n' may stand here";
+                return self.session.warning("L008", message, first.place, help);
+            };
+            let end = (n..rest.len()).find(|i| keyword_at(*i).is_some()).unwrap_or(rest.len());
+            let line = LogicalLine { tokens: rest[..end].to_vec(), arrow: None, keyword: Some((key, n)) };
+            self.item(&line);
+            rest = &rest[end..];
         }
     }
 

@@ -77,7 +77,7 @@ impl LogicalLine {
 }
 
 /// The keyword that a list of tokens begins with and how many tokens it takes.
-fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
+pub(super) fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
     // Blanks and case are ignored, and the longest keyword wins: "derivation length", "define-angle".
     let mut word = String::new();
     let mut best = None;
@@ -177,11 +177,12 @@ impl LineSplitter<'_> {
         }
         // A logical line continues over indented physical lines, inside braces, and inside open parentheses.
         let next = self.next_line();
-        if self.braces > 0 {
-            // An unclosed block must not swallow the rest of the file.
-            return !indented && keyword(&self.session.names, next).is_some();
-        }
         let next_is_rule = (0..next.len()).any(|i| is_arrow(next, i));
+        if self.braces > 0 {
+            // An unclosed block must not swallow the rest of the file, nor a polygon of the axiom that a production ends.
+            let ends = keyword(&self.session.names, next).is_some();
+            return if self.lists_symbols(&self.current) { ends || next_is_rule } else { !indented && ends };
+        }
         if self.parens > 0 {
             // An unclosed parenthesis must not swallow the rest of the file.
             let recover = next_is_rule || keyword(&self.session.names, next).is_some();
@@ -242,6 +243,12 @@ impl LineSplitter<'_> {
         false
     }
 
+    /// Items in which a brace is a symbol and need not be closed.
+    fn lists_symbols(&self, tokens: &[Token]) -> bool {
+        let key = keyword(&self.session.names, tokens).map(|(k, _)| k);
+        matches!(key, Some(Keyword::Axiom | Keyword::Ignore | Keyword::Consider | Keyword::Bind))
+    }
+
     /// Tokens of the physical line after the cursor.
     fn next_line(&self) -> &[Token] {
         let rest = &self.tokens[self.i.min(self.tokens.len())..];
@@ -252,7 +259,7 @@ impl LineSplitter<'_> {
     fn finish_line(&mut self, lines: &mut Vec<LogicalLine>) {
         let tokens = std::mem::take(&mut self.current);
         let arrow = self.arrow.take();
-        let unclosed = self.opened.take().filter(|_| self.braces > 0);
+        let unclosed = self.opened.take().filter(|_| self.braces > 0 && !self.lists_symbols(&tokens));
         (self.parens, self.braces) = (0, 0);
         if let Some(place) = unclosed {
             let help = "close it with '}'";

@@ -46,7 +46,13 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
     }
     let to = if dialect == Dialect::LPy { ConvertTo::Cpfg } else { to };
     let mut writer = Writer::new(grammar, dialect, to);
-    let text = writer.grammar_text();
+    // A roll at the end of a line would join it to the next one.
+    let text = writer.grammar_text().replace("\\\n", "\\ \n");
+    if !grammar.palette().is_empty() {
+        writer
+            .notes
+            .insert("the colours that the file sets are left out; a .map file beside the grammar can give them".into());
+    }
     if writer.faults.is_empty() {
         Ok(Converted { text, notes: writer.notes.into_iter().collect() })
     } else {

@@ -180,8 +180,14 @@ impl Preprocessor<'_> {
         let lexed = lexer::lex(self.session, source, &text);
         // Files of other programs would only produce misleading errors; stop at the first line that identifies one.
         if let Some((program, place)) = foreign::detect(&self.session.names, &lexed.tokens) {
-            let message = format!("\"{name}\" is written for {program}, whose language is not supported");
-            let help = "rewrite it in the notation of cpfg: modules, '-->' and 'Axiom:'";
+            // L-Py has a reader of its own, which a heading of cpfg or `--dialect` has kept from the file.
+            let (message, help) = if program == "L-Py" {
+                let message = format!("\"{name}\" is read as a grammar of cpfg, but has a line of {program}");
+                (message, "remove this line; or remove 'Lsystem:' or give --dialect lpy, to have it read as L-Py")
+            } else {
+                let message = format!("\"{name}\" is written for {program}, whose language is not supported");
+                (message, "rewrite it in the notation of cpfg: modules, '-->' and 'Axiom:'")
+            };
             self.session.error_help("L007", message, place, help);
             self.is_foreign = true;
             return;

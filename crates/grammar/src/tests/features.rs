@@ -325,3 +325,38 @@ fn comments_directives_and_blank_lines_do_not_end_a_production() {
     let rules = "A --> B\n#ifdef OSIER\n\tC\n#else\n\tD\n#endif\n\tE";
     assert_eq!(steps(1, "A", rules), "BCE");
 }
+
+#[test]
+fn a_polygon_may_begin_in_the_axiom_and_end_in_a_production() {
+    let rules = "A(n) : n<2 --> F.A(n+1)\nA(n) --> F.}";
+    assert_eq!(steps(3, "{A(1)", rules), "{F.F.}");
+    assert_eq!(steps(3, "{\n\tA(1)\n", rules), "{F.F.}");
+    assert_eq!(steps(3, "{A(1)", &rules.replace("A(n) ", "\tA(n) ")), "{F.F.}");
+    assert_eq!(steps(1, "A{B", "Ignore: +}{\nA < B --> C\nA > C --> D"), "A{C");
+    assert_eq!(steps(1, "{A(1)", "Homomorphism\nA(n) --> F.}"), "{A(1)");
+    let (_, said) = read(&format!("Lsystem: 1\nderivation length: 3\nAxiom: {{A(1)\n{rules}\nendlsystem\n"));
+    assert!(said.iter().any(|d| d.code == "L012"), "{said:?}");
+}
+
+#[test]
+fn items_of_a_section_may_follow_its_heading() {
+    // At depth 2 B becomes C and C D; at depth 1 the string keeps C.
+    for heading in ["maximum depth: 2", "no warnings maximum depth: 2", "seed: 3 maximum depth: 2 warnings"] {
+        for colon in ["", ":"] {
+            let rules = format!("A --> B\nDecomposition{colon} {heading}\nB --> C\nC --> D");
+            assert_eq!(steps(1, "A", &rules), "D", "{heading}");
+        }
+    }
+    let read_with = |heading: &str| {
+        let text = format!(
+            "Lsystem: 1\nderivation length: 1\nAxiom: A\nA --> A\nDecomposition: {heading}\nA --> A\nendlsystem\n"
+        );
+        let (g, said) = read(&text);
+        let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+        said.into_iter().chain(d.warnings).map(|d| d.code).filter(|c| ["L008", "L052"].contains(c)).collect::<Vec<_>>()
+    };
+    assert_eq!(read_with("warnings maximum depth: 3"), ["L052"]);
+    assert_eq!(read_with("maximum depth: 3 no warnings"), [""; 0]);
+    assert_eq!(read_with("no warnings of any kind"), [""; 0]);
+    assert_eq!(read_with("rubbish"), ["L008"]);
+}

@@ -165,7 +165,8 @@ fn models_of_lpy_may_declare_values_that_others_can_set() {
     // Two steps from A(3).
     assert_eq!(lpy(model), "+(20)F(6)+(20)F(6)A(1)");
     // The slider that L-Py saved behind the model has set n.
-    let saved = "extern(n = 3)\nAxiom: A(n)\nproduction:\nB --> C\nendlsystem\ndef __initialiseContext__(context):\n\tscalars = [('n', 'Integer', 5, 0, 10)]\n";
+    let saved = "extern(n = 3)\nAxiom: A(n)\nproduction:\nB --> C\nendlsystem\n\
+                 def __initialiseContext__(context):\n\tscalars = [('n', 'Integer', 5, 0, 10)]\n";
     assert_eq!(lpy(saved), "A(5)");
     // Older files have no type before the value.
     let old = saved.replace("'n', 'Integer', 5, 0, 10", "'m', False, False, True), ('n', 7, 0, 10");
@@ -235,6 +236,11 @@ fn functions_of_lpy_may_have_several_statements() {
         |rule: &str| format!("{head}assert size(1, 1) == 1\nAxiom: A(1)A(2)A(8)\nproduction:\nA(x) --> {rule}\n");
     assert_eq!(lpy(&model("B(size(x,6))")), "B(2)B(30)B(6)");
     assert_eq!(lpy(&model("B(total(x))")), "B(6)B(12)B(48)");
+    // 0 + 2 + .. + 18 = 90 for even i; a parameter hides the constant of its name and the number e.
+    let even = "e = 3\ndef f(e):\n  s = 0\n  for i in range(20):\n    if i % 2 == 0: s += i*e\n    elif i > 100: s = 0\n  \
+                if e > 2: s += 1\n  \
+                return s\nAxiom: A(1)A(5)\nproduction:\nA(x) --> B(f(x))\n";
+    assert_eq!(lpy(even), "B(90)B(451)");
     // One without a value, and one that would become too large, are named where they are called.
     let none = "def f(x):\n  if x > 1:\n    return 2\nAxiom: A(1)\nproduction:\nA(x) --> B(f(x))\nendlsystem\n";
     let said = try_read(none).err().map_or_else(String::new, |e| e.to_string());
@@ -254,6 +260,33 @@ fn heads_of_lpy_may_hold_constants_and_conditions() {
     assert_eq!(lpy(model), "B(1)D(1)C(3,9)");
     let around = "Axiom: K(1)A(5)K(2)A(5)\nproduction:\nK(2) < A(x) --> B(x)\n";
     assert_eq!(lpy(around), "K(1)A(5)K(2)B(5)");
+}
+
+#[test]
+fn conditions_on_the_variable_of_a_loop_of_lpy_leave_one_way() {
+    let model = |rule: &str| lpy(&format!("p = 3\nAxiom: A(0)A(5)\nproduction:\nA(n):\n{rule}"));
+    let text = model(
+        "  for i in range(40):\n    x = 2*i\n    if i % 2 == 0:\n      nproduce F(x)\n    \
+         elif i == 5 and p == 3:\n      nproduce H\n    \
+         else:\n      nproduce G\n",
+    );
+    let one: String = (0..40)
+        .map(|i| match i {
+            5 => "H".to_owned(),
+            i if i % 2 == 0 => format!("F({})", 2 * i),
+            _ => "G".to_owned(),
+        })
+        .collect();
+    assert_eq!(text, format!("{one}{one}"));
+    // A variable of the rule hides the constant of its name, and counts from one turn to the next.
+    assert_eq!(model("  p = n\n  if p < 2: produce B\n  produce C\n"), "BC");
+    let counted =
+        "  p = 0\n  for i in range(3):\n    p = p + i\n    if p > 0: nproduce B(p)\n    if n > p: nproduce C\n";
+    // p is 0, 1, 3.
+    assert_eq!(model(counted), "B(1)B(3)CB(1)CB(3)C");
+    let said = "Axiom: A\nproduction:\nA:\n  for i in range(300000):\n    nproduce F\nendlsystem\n";
+    let said = try_read(said).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("'for' with too many turns") && said.contains("line 4"), "{said}");
 }
 
 #[test]
@@ -299,4 +332,25 @@ fn a_bracket_of_a_context_of_lpy_skips_the_rest_of_its_branch() {
     let model = |context: &str| lpy(&format!("Axiom: I[B C]D I[B]D\nproduction:\nI > {context} --> J\n"));
     assert_eq!(model("[B]D"), "J[BC]DJ[B]D");
     assert_eq!(model("[B=]D"), "I[BC]DJ[B]D");
+}
+
+#[test]
+fn a_line_of_lpy_in_a_grammar_of_cpfg_is_told() {
+    let text = "Lsystem: 1\nderivation length: 1\nAxiom: A\nproduction:\nA --> B\nendlsystem\n";
+    let said = try_read(text).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("read as a grammar of cpfg") && said.contains(":4:1"), "{said}");
+    assert!(!said.contains("not supported"), "{said}");
+}
+
+#[test]
+fn assignments_of_lpy_may_stand_side_by_side() {
+    let model = |head: &str| {
+        lpy(&format!("{head}\nAxiom: A(1)\nproduction:\nA(x):\n  y = 2*x; z = y+1;\n  produce ;(2)B(e,f,y,z)\n"))
+    };
+    for head in ["e = 3; f = 3", "e = 3;\nf = 3;", "e = f = 3", "e = 1\ne += 2\nf = e", "e, f = 3, 6\nf /= 2;"] {
+        assert_eq!(model(head), ";(2)B(3,3,2,3)", "{head}");
+    }
+    // Semicolons within texts and what is no name stay as they are.
+    assert_eq!(model("about = \"a; b\"\nmore = 'it\\'s; so'\ne = f = 3 # x; y"), ";(2)B(3,3,2,3)");
+    assert!(try_read("a.b += 1\nAxiom: A\nproduction:\nA --> B\nendlsystem\n").is_err());
 }

@@ -12,7 +12,7 @@ use std::ops::Range;
 
 use self::expression::{PyExpr, Refusal, Scope, compile, has_random, parse, resolve};
 use self::rule::Step;
-use self::statement::{FunctionValue, Statement};
+use self::statement::{FunctionValue, Statement, assign_statement, at_semicolons};
 use self::strings::{modules, spell, split};
 use super::Reader;
 use super::text::{Piece, lines};
@@ -497,7 +497,38 @@ impl<'s> Model<'_, 's> {
         if is_setting.iter().any(|s| compact.starts_with(s)) {
             return next;
         }
-        if let Some((names, value)) = assignment(piece) {
+        let parts = at_semicolons(piece);
+        if parts.len() > 1 || parts.first().is_some_and(|p| p.text.len() < piece.text.len()) {
+            for part in parts {
+                let own = Line { indent: line.indent, piece: part };
+                self.python(&[own], 0, own);
+            }
+            return next;
+        }
+        // `x += 2`; a plain assignment may have lists and several names.
+        if assignment(piece).is_none()
+            && let Ok([Statement::Assign(name, e)]) = assign_statement(piece).as_deref()
+            && name.chars().all(|c| c.is_alphanumeric() || c == '_')
+        {
+            self.global(name, e, range);
+            return next;
+        }
+        if let Some((names, mut value)) = assignment(piece) {
+            // `x = y = 3` sets each name.
+            let mut others = Vec::new();
+            while let Some((more, last)) = assignment(value) {
+                others.extend(split(more));
+                value = last;
+            }
+            for name in others {
+                match parse(value) {
+                    Ok(e) => self.global(name.text, &e, value.range()),
+                    Err(why) => {
+                        self.scope.constants.remove(name.text);
+                        self.scope.unreadable.insert(name.text.to_owned(), why);
+                    }
+                }
+            }
             let (names, values) = (split(names), split(value));
             if let ([name], Some((params, body))) = (names.as_slice(), lambda(value)) {
                 self.scope.functions.insert(name.text.to_owned(), (params, body));

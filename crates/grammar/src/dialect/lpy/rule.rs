@@ -1,12 +1,13 @@
 //! Productions: heads, the ways through their statements, and what each way becomes.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse, resolve, size_with, substitute};
 use super::statement::{Statement, in_turn};
 use super::strings::{PyModule, Spelled, modules, spell};
 use super::{Line, Model, Section, block_after, colon, shifted};
-use crate::code::{Bytecode, Expr, Op, UnaryOp};
+use crate::code::{Bytecode, Expr, Op, UnaryOp, is_zero};
 use crate::dialect::text::Piece;
 use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
 use crate::token::SourcePlace;
@@ -37,6 +38,8 @@ pub(super) struct Way {
     produced: bool,
     /// Names declared `global` on the way.
     globals: Vec<String>,
+    /// Variables that the way has assigned, with their values where these are numbers whatever the parameters are.
+    known: BTreeMap<String, Option<f64>>,
 }
 
 impl Way {
@@ -253,6 +256,8 @@ impl Model<'_, '_> {
                     return Err(Refusal::new("'return' in a production", place));
                 }
                 Statement::Assign(name, e) => {
+                    let value = self.known_value(&e, &way);
+                    way.known.insert(name.clone(), value);
                     way.steps.push(Step::Assign(name, e));
                     open.push((way, left));
                 }
@@ -268,7 +273,18 @@ impl Model<'_, '_> {
                 Statement::If(tests, other) => {
                     // Pushed in reverse, so that the first alternative is continued first.
                     let mut alternatives = Vec::new();
+                    let mut decided = false;
                     for (test, then) in tests {
+                        // Tests of numbers alone, such as those of the variable of a loop, leave one way.
+                        match self.known_value(&test, &way) {
+                            Some(value) if is_zero(value) => continue,
+                            Some(_) => {
+                                left.extend(then.into_iter().rev());
+                                decided = true;
+                                break;
+                            }
+                            None => {}
+                        }
                         let mut taken = way.clone();
                         taken.steps.push(Step::Condition(test.clone(), true));
                         let mut rest = left.clone();
@@ -276,7 +292,9 @@ impl Model<'_, '_> {
                         alternatives.push((taken, rest));
                         way.steps.push(Step::Condition(test, false));
                     }
-                    left.extend(other.into_iter().rev());
+                    if !decided {
+                        left.extend(other.into_iter().rev());
+                    }
                     alternatives.push((way, left));
                     open.extend(alternatives.into_iter().rev());
                 }
@@ -318,9 +336,23 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
+    /// Value of an expression after the steps of a way, if it is a number whatever the parameters are.
+    fn known_value(&self, e: &PyExpr, way: &Way) -> Option<f64> {
+        let names: Vec<String> = way.known.keys().cloned().collect();
+        // What reads a variable without a known value is not constant: the scope has no such name.
+        let unknown = || PyExpr::Name("(changes)".to_owned(), 0..0);
+        let values: Vec<PyExpr> = way.known.values().map(|v| v.map_or_else(unknown, PyExpr::Number)).collect();
+        let code = compile(&substitute(e, &names, &values), &self.scope).ok()?;
+        vm::constant_value(&code).filter(|v| !v.is_nan())
+    }
+
     /// Values that the variable of a `for` loop takes, one per turn; a list that is not constant is refused.
     fn turns(&self, list: &PyExpr, place: &Range<usize>) -> Result<Vec<f64>, Refusal> {
+        let is_constant = |e: &PyExpr| compile(e, &self.scope).is_ok_and(|code| vm::constant_value(&code).is_some());
         let refused = || match list {
+            PyExpr::Call(name, args, _) if name.ends_with("range") && args.iter().all(is_constant) => {
+                Refusal::new("'for' with too many turns", place.clone())
+            }
             PyExpr::Call(name, ..) if name == "range" || name == "xrange" => {
                 Refusal::new("'for' over a range that is not constant", place.clone())
             }
@@ -338,7 +370,8 @@ impl Model<'_, '_> {
     fn last_turn(&mut self, list: &PyExpr, way: &Way, place: &Range<usize>) -> Option<(PyExpr, u32)> {
         let PyExpr::Call(name, args, _) = list else { return None };
         let [end] = args.as_slice() else { return None };
-        if !name.ends_with("range") || !self.is_readable(end, way) {
+        let constant = compile(end, &self.scope).ok().and_then(|code| vm::constant_value(&code));
+        if !name.ends_with("range") || constant.is_some() || !self.is_readable(end, way) {
             return None;
         }
         let most = self.at_most(end, &way.steps, 0).map(f64::ceil).filter(|m| *m <= MAX_COUNTED);

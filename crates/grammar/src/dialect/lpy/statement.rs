@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
-use super::expression::{PyExpr, PyOp, Refusal, Scope, has_random, parse, resolve, size_with, substitute};
+use super::expression::{PyExpr, PyOp, Refusal, Scope, compile, has_random, parse, resolve, size_with, substitute};
 use super::strings::{PyModule, modules, split};
 use super::{Line, Model, assignment, block_after, colon};
+use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
 /// Deepest nesting of blocks in a production; deeper ones are refused, as the reader recurses.
@@ -92,15 +93,45 @@ impl Model<'_, '_> {
                 | "nsproduce" | "lambda" => {
                     return Err(Refusal::new(format!("'{}' in a production", word.text), piece.range()));
                 }
-                _ => out.extend(assign_statement(piece)?),
+                _ => out.extend(assign_statements(piece)?),
             }
         }
         Ok(out)
     }
 }
 
+/// Statements of one line: parts between the semicolons outside of parentheses and quotes, without empty ones.
+pub(super) fn at_semicolons(piece: Piece<'_>) -> Vec<Piece<'_>> {
+    let (mut out, mut depth, mut quote, mut from) = (Vec::new(), 0_usize, None, 0);
+    let mut is_escaped = false;
+    for (i, c) in piece.text.char_indices() {
+        match (quote, c) {
+            _ if is_escaped => is_escaped = false,
+            (Some(_), '\\') => is_escaped = true,
+            (Some(open), _) => quote = Some(open).filter(|q| *q != c),
+            (None, '"' | '\'') => quote = Some(c),
+            (None, '(' | '[' | '{') => depth += 1,
+            (None, ')' | ']' | '}') => depth = depth.saturating_sub(1),
+            (None, ';') if depth == 0 => {
+                out.push(piece.up_to(i).from(from).trimmed());
+                from = i + 1;
+            }
+            _ => {}
+        }
+    }
+    out.push(piece.from(from).trimmed());
+    out.retain(|p| !p.text.is_empty());
+    out
+}
+
+/// Assignments of a line of a production.
+fn assign_statements(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
+    let lists = at_semicolons(piece).into_iter().map(assign_statement).collect::<Result<Vec<_>, _>>()?;
+    Ok(lists.into_iter().flatten().collect())
+}
+
 /// Assignments of a production: `x = e`, `x, y = e, f`, `x += e`.
-fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
+pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
     let refused = || {
         let shown: String = piece.text.chars().take(40).collect();
         Refusal::new(format!("'{shown}' in a production"), piece.range())
@@ -160,6 +191,12 @@ fn for_list(piece: Piece<'_>) -> Result<(String, PyExpr), Refusal> {
 /// Upper limit on the statements that are followed through one function.
 const MAX_STATEMENTS: usize = 4_096;
 
+/// Value of an expression that is a number whatever the variables `names` of its function are.
+fn known_value(e: &PyExpr, names: &[String]) -> Option<f64> {
+    let scope = Scope { locals: names.to_vec(), ..Scope::default() };
+    crate::vm::constant_value(&compile(e, &scope).ok()?).filter(|v| !v.is_nan())
+}
+
 /// The value of a function of assignments, `if`, `for` and `return` as one expression.
 pub(super) struct FunctionValue<'m> {
     pub scope: &'m Scope,
@@ -197,16 +234,31 @@ impl FunctionValue<'_> {
                     }
                 }
                 // Each branch is followed to the end of the function with the statements behind the `if`; the tests choose between the
-                // values.
-                Statement::If(tests, other) => {
+                // values. Tests of numbers alone, such as those of the variable of a loop, leave one branch.
+                Statement::If(tests, mut other) => {
+                    let mut undecided = Vec::new();
+                    for (test, then) in tests {
+                        let test = self.value(&test, &names, &values)?;
+                        match known_value(&test, &names) {
+                            Some(value) if is_zero(value) => {}
+                            Some(_) => {
+                                other = then;
+                                break;
+                            }
+                            None => undecided.push((test, then)),
+                        }
+                    }
+                    if undecided.is_empty() {
+                        statements.extend(other.into_iter().rev());
+                        continue;
+                    }
                     let with = |body: Vec<Statement>| {
                         let mut all = statements.clone();
                         all.extend(body.into_iter().rev());
                         all
                     };
                     let mut out = self.of(with(other), names.clone(), values.clone(), depth + 1)?;
-                    for (test, then) in tests.into_iter().rev() {
-                        let test = self.value(&test, &names, &values)?;
+                    for (test, then) in undecided.into_iter().rev() {
                         let then = self.of(with(then), names.clone(), values.clone(), depth + 1)?;
                         out = PyExpr::Choice(Box::new(test), Box::new(then), Box::new(out));
                     }
