@@ -269,6 +269,7 @@ def _material(entry: dict[str, Any]) -> dict[str, Any]:
         "ior": float(params["ior"]),
         "translucency": min(max(float(params.get("translucency") or 0.0), 0.0), 1.0),
         "alpha_cutoff": None if cutoff is None else float(cutoff),
+        "vertex_colors": bool(params.get("vertex_colors")),
     }
 
 

@@ -111,6 +111,26 @@ def older_manifests_open(manifest: str, _other: str, folder: pathlib.Path) -> No
     assert any(o.type == "MESH" for o in bpy.context.scene.objects)
 
 
+def changed_copy(manifest: str, folder: pathlib.Path) -> tuple[pathlib.Path, dict]:
+    """A copy of a bake in a folder that does not exist yet: the path of its manifest and what it says."""
+    shutil.copytree(os.path.dirname(manifest), folder)
+    path = folder / "manifest.json"
+    return path, json.loads(path.read_text())
+
+
+def colors_at_points_are_seen(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "colored")
+    for material in data["materials"]:
+        material["params"]["vertex_colors"] = material["class"] == "leaf"
+    path.write_text(json.dumps(data))
+    load(str(path))
+    made = {m["osier_id"].split(":", 1)[1]: m.node_tree.nodes for m in bpy.data.materials if "osier_id" in m}
+    for material in data["materials"]:
+        reads = "osier own color" in made[material["name"]]
+        assert reads == material["params"]["vertex_colors"], material["name"]
+
+
 def a_failing_reload_changes_nothing(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     copied = folder / "reload"
@@ -169,6 +189,7 @@ def main() -> None:
         this_scene_takes_the_settings,
         refusals_change_nothing,
         older_manifests_open,
+        colors_at_points_are_seen,
         a_failing_reload_changes_nothing,
         files_open_again,
         undo_removes_and_redo_restores,
