@@ -62,8 +62,8 @@ def _set_view(bake: Bake, token: str, collection: bpy.types.Collection, scenes: 
         elif bake.view:
             world.build_world(bake, sky)
     for scene in scenes:
-        if [scene.frame_start, scene.frame_end] == list(collection.get("osier_range", [])):
-            scene.frame_start, scene.frame_end = bake.first, bake.last
+        if [scene.frame_start, scene.frame_end, scene.frame_step] == list(collection.get("osier_range", [])):
+            scene.frame_start, scene.frame_end, scene.frame_step = bake.first, bake.last, bake.step
     return notes
 
 

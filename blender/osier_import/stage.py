@@ -113,13 +113,13 @@ def mark(collection: bpy.types.Collection, bake: Bake, token: str) -> None:
     collection["osier_manifest"] = bake.path
     collection["osier_hash"] = bake.bake_hash
     collection["osier_bake"] = token
-    collection["osier_range"] = [bake.first, bake.last]
+    collection["osier_range"] = [bake.first, bake.last, bake.step]
 
 
 def set_time(scene: bpy.types.Scene, bake: Bake) -> None:
-    """Frame rate and range of the bake."""
+    """Frame rate, range and step of the bake: frames that were not baked are not rendered."""
     scene.render.fps, scene.render.fps_base = bake.fps
-    scene.frame_start, scene.frame_end = bake.first, bake.last
+    scene.frame_start, scene.frame_end, scene.frame_step = bake.first, bake.last, bake.step
 
 
 def set_render(scene: bpy.types.Scene, bake: Bake) -> None:
@@ -145,14 +145,15 @@ def _rates(scene: bpy.types.Scene, bake: Bake) -> list[str]:
 
 
 def _settings(scene: bpy.types.Scene) -> tuple[Any, ...]:
-    return (scene.render.fps, scene.render.fps_base, scene.frame_start, scene.frame_end, scene.world, scene.camera)
+    render = scene.render
+    return (render.fps, render.fps_base, scene.frame_start, scene.frame_end, scene.frame_step, scene.world, scene.camera)
 
 
 def _restore(scene: bpy.types.Scene, settings: tuple[Any, ...], into: str) -> None:
     if into == "NEW":
         return
     render = scene.render
-    render.fps, render.fps_base, scene.frame_start, scene.frame_end, scene.world, scene.camera = settings
+    render.fps, render.fps_base, scene.frame_start, scene.frame_end, scene.frame_step, scene.world, scene.camera = settings
 
 
 def build(

@@ -131,6 +131,22 @@ def colors_at_points_are_seen(manifest: str, _other: str, folder: pathlib.Path) 
         assert reads == material["params"]["vertex_colors"], material["name"]
 
 
+def frames_between_need_not_be_baked(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "stepped")
+    data["time"]["step"] = 4
+    for entry in (e for e in data["files"] if "items" in e):
+        first = entry["frames"][0]
+        for item in entry["items"]:
+            if (item["frame"] - first) % 4:
+                (path.parent / entry["path"].replace("####", f"{item['frame']:04}")).unlink()
+        entry["items"] = [i for i in entry["items"] if (i["frame"] - first) % 4 == 0]
+    path.write_text(json.dumps(data))
+    load(str(path), into="THIS")
+    scene = bpy.context.scene
+    assert [scene.frame_start, scene.frame_end, scene.frame_step] == [*data["time"]["written"], 4]
+
+
 def a_failing_reload_changes_nothing(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     copied = folder / "reload"
@@ -190,6 +206,7 @@ def main() -> None:
         refusals_change_nothing,
         older_manifests_open,
         colors_at_points_are_seen,
+        frames_between_need_not_be_baked,
         a_failing_reload_changes_nothing,
         files_open_again,
         undo_removes_and_redo_restores,
