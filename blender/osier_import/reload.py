@@ -54,7 +54,7 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
 
 
 def _set_view(bake: Bake, token: str, collection: bpy.types.Collection, scenes: list[bpy.types.Scene]) -> list[str]:
-    """Sky and frame range, unless the user has changed them."""
+    """Sky, frame rate and range, unless the user has changed them."""
     notes = []
     for sky in [w for w in bpy.data.worlds if w.get("osier_bake") == token]:
         if sky.get("osier_sig") != materials.signature(sky.node_tree):
@@ -64,6 +64,11 @@ def _set_view(bake: Bake, token: str, collection: bpy.types.Collection, scenes: 
     for scene in scenes:
         if [scene.frame_start, scene.frame_end, scene.frame_step] == list(collection.get("osier_range", [])):
             scene.frame_start, scene.frame_end, scene.frame_step = bake.first, bake.last, bake.step
+        if [scene.render.fps, scene.render.fps_base] == list(collection.get("osier_rate", [])):
+            scene.render.fps, scene.render.fps_base = bake.fps
+        notes += stage.rates(scene, bake)
+    if "osier_rate" in collection:
+        collection["osier_rate"] = list(bake.fps)
     return notes
 
 

@@ -100,8 +100,10 @@ def import_bake(context: bpy.types.Context, bake: Bake, into: str, look: str) ->
         world.set_look(scene, look)
         scene.frame_set(bake.first)
     else:
-        notes += _rates(scene, bake)
+        notes += rates(scene, bake)
     mark(collection, bake, token)
+    if into != "APPEND":
+        collection["osier_rate"] = list(bake.fps)
     if into == "NEW" and context.window:
         context.window.scene = scene
     return Report(collection, scene, notes)
@@ -139,7 +141,8 @@ def set_render(scene: bpy.types.Scene, bake: Bake) -> None:
         scene.render.resolution_percentage = 100
 
 
-def _rates(scene: bpy.types.Scene, bake: Bake) -> list[str]:
+def rates(scene: bpy.types.Scene, bake: Bake) -> list[str]:
+    """A note where a scene shows a bake at another speed."""
     mine, its = scene.render.fps / scene.render.fps_base, bake.fps[0] / bake.fps[1]
     return [] if abs(mine - its) < 1e-6 else [f"scene has {mine:g} frames per second, the bake {its:g}"]
 

@@ -147,6 +147,20 @@ def frames_between_need_not_be_baked(manifest: str, _other: str, folder: pathlib
     assert [scene.frame_start, scene.frame_end, scene.frame_step] == [*data["time"]["written"], 4]
 
 
+def reloads_take_the_frame_rate_unless_it_was_set(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "rate")
+    load(str(path), into="THIS")
+    render = bpy.context.scene.render
+    rates = [(None, [30, 1], (30, 1)), (None, [30000, 1001], (30000, 1001)), (12, [25, 1], (12, 1001))]
+    for number, (own, baked, wanted) in enumerate(rates):
+        render.fps = own or render.fps
+        data["time"]["fps"], data["bake_hash"] = baked, str(number) * 64
+        path.write_text(json.dumps(data))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        assert (render.fps, render.fps_base) == wanted, (render.fps, render.fps_base)
+
+
 def a_failing_reload_changes_nothing(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     copied = folder / "reload"
@@ -207,6 +221,7 @@ def main() -> None:
         older_manifests_open,
         colors_at_points_are_seen,
         frames_between_need_not_be_baked,
+        reloads_take_the_frame_rate_unless_it_was_set,
         a_failing_reload_changes_nothing,
         files_open_again,
         undo_removes_and_redo_restores,
