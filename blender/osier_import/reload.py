@@ -61,14 +61,14 @@ def _set_view(bake: Bake, token: str, collection: bpy.types.Collection, scenes: 
             notes.append(f"kept the changed world {sky.name}")
         elif bake.view:
             world.build_world(bake, sky)
+    earlier = list(collection.get("osier_rate", []))
     for scene in scenes:
         if [scene.frame_start, scene.frame_end, scene.frame_step] == list(collection.get("osier_range", [])):
             scene.frame_start, scene.frame_end, scene.frame_step = bake.first, bake.last, bake.step
-        if [scene.render.fps, scene.render.fps_base] == list(collection.get("osier_rate", [])):
-            scene.render.fps, scene.render.fps_base = bake.fps
+        if stage.rate(scene) == earlier:
+            stage.set_rate(scene, bake)
+            collection["osier_rate"] = stage.rate(scene)
         notes += stage.rates(scene, bake)
-    if "osier_rate" in collection:
-        collection["osier_rate"] = list(bake.fps)
     return notes
 
 

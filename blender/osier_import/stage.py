@@ -103,7 +103,7 @@ def import_bake(context: bpy.types.Context, bake: Bake, into: str, look: str) ->
         notes += rates(scene, bake)
     mark(collection, bake, token)
     if into != "APPEND":
-        collection["osier_rate"] = list(bake.fps)
+        collection["osier_rate"] = rate(scene)
     if into == "NEW" and context.window:
         context.window.scene = scene
     return Report(collection, scene, notes)
@@ -120,8 +120,20 @@ def mark(collection: bpy.types.Collection, bake: Bake, token: str) -> None:
 
 def set_time(scene: bpy.types.Scene, bake: Bake) -> None:
     """Frame rate, range and step of the bake: frames that were not baked are not rendered."""
-    scene.render.fps, scene.render.fps_base = bake.fps
+    set_rate(scene, bake)
     scene.frame_start, scene.frame_end, scene.frame_step = bake.first, bake.last, bake.step
+
+
+def set_rate(scene: bpy.types.Scene, bake: Bake) -> None:
+    """Frame rate of the bake as Blender's presets have it: 60 over 1.001, not 60000 over 1001, as the first is at most 32767."""
+    frames, seconds = bake.fps
+    scene.render.fps = max(round(frames / seconds), 1)
+    scene.render.fps_base = scene.render.fps * seconds / frames
+
+
+def rate(scene: bpy.types.Scene) -> list[float]:
+    """Both numbers of a scene's frame rate, to find whether they were changed."""
+    return [float(scene.render.fps), scene.render.fps_base]
 
 
 def set_render(scene: bpy.types.Scene, bake: Bake) -> None:
@@ -144,7 +156,7 @@ def set_render(scene: bpy.types.Scene, bake: Bake) -> None:
 def rates(scene: bpy.types.Scene, bake: Bake) -> list[str]:
     """A note where a scene shows a bake at another speed."""
     mine, its = scene.render.fps / scene.render.fps_base, bake.fps[0] / bake.fps[1]
-    return [] if abs(mine - its) < 1e-6 else [f"scene has {mine:g} frames per second, the bake {its:g}"]
+    return [] if abs(mine / its - 1.0) < 1e-6 else [f"scene has {mine:g} frames per second, the bake {its:g}"]
 
 
 def _settings(scene: bpy.types.Scene) -> tuple[Any, ...]:
