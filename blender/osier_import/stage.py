@@ -277,7 +277,8 @@ def _adopt(
     bake: Bake, asset: Asset, root: bpy.types.Object, target: bpy.types.Collection, source: bpy.types.Collection
 ) -> None:
     """Names the objects of an asset and moves them into the collection of its kind."""
-    for item, path in _paths(root, asset.name):
+    # Parts get their names before the asset: a part may have that of the asset, which the asset would get with a number.
+    for item, path in reversed(list(_paths(root, asset.name))):
         _name(item, bake, asset.name, path)
         if item.name in source.objects:
             source.objects.unlink(item)
