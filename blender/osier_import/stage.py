@@ -18,6 +18,9 @@ KINDS_OF_DATA = (
 )  # fmt: skip
 """Lists of `bpy.data` that an import adds to."""
 
+LONGEST_NAME = 255 if bpy.app.version >= (5, 0, 0) else 63
+"""Most characters of an object's name; Blender cuts off the rest."""
+
 IMPORT_OPTIONS: dict[str, Any] = {
     "relative_path": False,
     "set_frame_range": False,
@@ -192,7 +195,11 @@ def build(
         for asset in bake.assets:
             if asset.has_geometry and (asset.name not in roots or not _shows(roots[asset.name])):
                 cause = f"Blender's USD importer could not read {asset.name}"
-                raise BakeError(bake.stage, cause, "Check the folder with osier info and bake again")
+                step = "Check the folder with osier info and bake again"
+                if len(asset.prim) > LONGEST_NAME:
+                    cause = f"{asset.name} is longer than the {LONGEST_NAME} characters of a name in this Blender"
+                    step = "Bake again with a shorter name of the plant"
+                raise BakeError(bake.stage, cause, step)
     for item in before.added(["objects"]):
         if item.type == "EMPTY" and base_name(item.name) in ("mtl", "Prototypes") and not item.children:
             bpy.data.objects.remove(item)

@@ -162,6 +162,14 @@ def reloads_take_the_frame_rate_unless_it_was_set(manifest: str, _other: str, fo
         assert abs(render.fps / render.fps_base / wanted - 1) < 1e-6, (render.fps, render.fps_base)
 
 
+def names_that_are_too_long_are_told(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "long")
+    plant = next(a for a in data["assets"] if a["kind"] == "plant")
+    path.write_text(json.dumps(data).replace(json.dumps(plant["prim"]), json.dumps("/" + 256 * "a")))
+    assert "characters of a name" in refused(bpy.ops.import_scene.osier, filepath=str(path))
+
+
 def a_failing_reload_changes_nothing(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     copied = folder / "reload"
@@ -223,6 +231,7 @@ def main() -> None:
         colors_at_points_are_seen,
         frames_between_need_not_be_baked,
         reloads_take_the_frame_rate_unless_it_was_set,
+        names_that_are_too_long_are_told,
         a_failing_reload_changes_nothing,
         files_open_again,
         undo_removes_and_redo_restores,
