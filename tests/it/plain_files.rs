@@ -83,6 +83,23 @@ fn obj_of_three_vertices_byte_for_byte() {
 }
 
 #[test]
+fn objects_without_texture_coordinates_shift_those_of_the_next() {
+    let mut scene = triangle();
+    let mut bare = scene.assets[0].clone();
+    bare.id = "bare".into();
+    bare.meshes[0].mesh.uvs.clear();
+    scene.assets.insert(0, bare);
+    let second = Placement { name: "two".into(), asset: 1, ..scene.placements[0].clone() };
+    scene.placements.push(second);
+    let dir = tempfile::tempdir().expect("dir");
+    write(dir.path(), &scene, &[], true);
+    let text = fs::read_to_string(dir.path().join("tri.obj")).expect("obj");
+    let faces: Vec<&str> = text.lines().filter(|l| l.starts_with("f ")).collect();
+    assert_eq!(faces, ["f 1//1 2//2 3//3", "f 4/1/4 5/2/5 6/3/6"]);
+    assert_eq!(text.lines().filter(|l| l.starts_with("vt ")).count(), 3);
+}
+
+#[test]
 fn ply_of_three_vertices_byte_for_byte() {
     let dir = tempfile::tempdir().expect("dir");
     write(dir.path(), &triangle(), &[], true);
