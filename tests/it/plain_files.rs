@@ -125,6 +125,19 @@ fn ply_of_three_vertices_byte_for_byte() {
 }
 
 #[test]
+fn ply_has_the_colors_of_vertices_times_those_of_materials() {
+    let dir = tempfile::tempdir().expect("dir");
+    let mut scene = triangle();
+    scene.materials[1].base_color = [1.0, 0.5, 1.0];
+    scene.assets[0].meshes[0].mesh.colors = vec![[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [0.5, 1.0, 1.0, 1.0]];
+    write(dir.path(), &scene, &[], true);
+    let (_, body) = parts(&dir.path().join("tri.ply"));
+    // Six floats before the colour; linear 0.5 is 188 in sRGB.
+    let colors: Vec<&[u8]> = body[..3 * 28].chunks(28).map(|row| &row[24..]).collect();
+    assert_eq!(colors, [[255_u8, 0, 0, 255], [0, 188, 0, 255], [188, 188, 255, 255]]);
+}
+
+#[test]
 fn obj_read_again_is_equal() {
     let dir = tempfile::tempdir().expect("dir");
     let (scene, frames) = synthetic::scene();
