@@ -17,6 +17,9 @@ ROLES = [
 ]
 """What an object can be."""
 
+PLAIN = "without_material"
+"""Material of faces without one that follow others in a file, grey as osier's own."""
+
 MARK = ".osier-scene"
 """File that marks a folder that this module has made and may replace."""
 
@@ -109,6 +112,8 @@ def export(heads: list[bpy.types.Object], path: str, origin: tuple[float, float,
     library = pathlib.Path(path).with_suffix(".mtl")
     lines: list[str] = [f"mtllib {library.name}"]
     used: dict[str, bpy.types.Material] = {}
+    # In a file a material holds for all faces after it, those of the next object included.
+    in_force = None
     count = coordinates = 0
     graph = bpy.context.evaluated_depsgraph_get()
     for part in shown:
@@ -128,8 +133,11 @@ def export(heads: list[bpy.types.Object], path: str, origin: tuple[float, float,
         material = None
         for face in mesh.polygons:
             slot = part.material_slots[face.material_index].material if face.material_index < len(part.material_slots) else None
-            if slot is not None and slot.name != material:
-                material = slot.name
+            if slot is None and in_force not in (None, PLAIN):
+                material, in_force = None, PLAIN
+                lines.append(f"usemtl {PLAIN}")
+            elif slot is not None and slot.name != material:
+                material = in_force = slot.name
                 used[material.replace(" ", "_")] = slot
                 lines.append(f"usemtl {material.replace(' ', '_')}")
             lines.append("f " + " ".join(_corner(mesh, i, count, coordinates if uvs else None) for i in face.loop_indices))
@@ -137,8 +145,11 @@ def export(heads: list[bpy.types.Object], path: str, origin: tuple[float, float,
         coordinates += len(mesh.loops) if uvs else 0
         evaluated.to_mesh_clear()
     pathlib.Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    colors = ("newmtl {}\nKd {:.5g} {:.5g} {:.5g}\n".format(name, *color_of(slot)) for name, slot in used.items())
-    library.write_text("".join(colors), encoding="utf-8")
+    colors = {name: color_of(slot) for name, slot in used.items()}
+    if f"usemtl {PLAIN}" in lines:
+        colors.setdefault(PLAIN, (0.5, 0.5, 0.5))
+    text = ("newmtl {}\nKd {:.5g} {:.5g} {:.5g}\n".format(name, *color) for name, color in colors.items())
+    library.write_text("".join(text), encoding="utf-8")
 
 
 def color_of(material: bpy.types.Material) -> tuple[float, float, float]:

@@ -64,12 +64,21 @@ class Asset:
 
 @dataclass(frozen=True)
 class Sequence:
-    """Numbered pictures: `pattern` has `####` in place of the frame; `first` and `last` are written frames."""
+    """Numbered pictures: `pattern` has `####` in place of the frame; `frames` are the written ones, rising."""
 
     pattern: str
     digits: int
-    first: int
-    last: int
+    frames: tuple[int, ...]
+
+    @property
+    def first(self) -> int:
+        """The first written frame."""
+        return self.frames[0]
+
+    @property
+    def last(self) -> int:
+        """The last written frame."""
+        return self.frames[-1]
 
     def path(self, frame: int) -> str:
         """The file of a frame."""
@@ -88,6 +97,7 @@ class Bake:
     first: int
     last: int
     start: int
+    step: int
     loop: int | None
     stage: str
     has_assets_stage: bool
@@ -180,7 +190,7 @@ def _bake(path: str, data: dict[str, Any]) -> Bake:
         for name in ("wetness", "normal"):
             sequence = sequences.get(material["maps"].get(name) or "")
             if sequence:
-                needed += [sequence.path(frame) for frame in range(sequence.first, sequence.last + 1)]
+                needed += [sequence.path(frame) for frame in sequence.frames]
     _check_files(path, folder, needed)
     if not view:
         notes.append("the manifest has no camera and light: bake again with a newer osier")
@@ -193,6 +203,7 @@ def _bake(path: str, data: dict[str, Any]) -> Bake:
         first=first,
         last=last,
         start=int(time["start"]),
+        step=max(int(time.get("step") or 1), 1),
         loop=time.get("loop"),
         stage=os.path.join(folder, *stage.split("/")),
         has_assets_stage=bool(data.get("stage")),
@@ -243,7 +254,8 @@ def _sequences(data: dict[str, Any]) -> dict[str, Sequence]:
     for entry in data["files"]:
         frames = entry.get("frames")
         if frames and "####" in entry["path"]:
-            found[entry["path"]] = Sequence(entry["path"], digits, int(frames[0]), int(frames[-1]))
+            written = sorted(int(item["frame"]) for item in entry["items"])
+            found[entry["path"]] = Sequence(entry["path"], digits, tuple(written))
     return found
 
 
@@ -269,6 +281,7 @@ def _material(entry: dict[str, Any]) -> dict[str, Any]:
         "ior": float(params["ior"]),
         "translucency": min(max(float(params.get("translucency") or 0.0), 0.0), 1.0),
         "alpha_cutoff": None if cutoff is None else float(cutoff),
+        "vertex_colors": bool(params.get("vertex_colors")),
     }
 
 

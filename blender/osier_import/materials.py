@@ -167,6 +167,8 @@ def _surface(tree: bpy.types.NodeTree, bake: Bake, entry: dict[str, Any]) -> Non
         color, alpha = node.outputs["Color"], node.outputs["Alpha"]
     if "rough" in slots:
         rough = _picture_node(tree, bake, slots["rough"], "rough", False, 200).outputs["Color"]
+    if entry["vertex_colors"]:
+        color = _point_colors(tree, color, replaces=entry["name"] in {a.points_material for a in bake.assets})
     if entry["class"] == "leaf" and bake.is_occluded():
         color = _occluded(tree, color)
     if "wetness" in maps:
@@ -216,6 +218,21 @@ def _surface(tree: bpy.types.NodeTree, bake: Bake, entry: dict[str, Any]) -> Non
         shader = _cut_out(tree, shader, cut.outputs[0], front, t)
     out = new_node(tree, "ShaderNodeOutputMaterial", "output", 700, 200)
     tree.links.new(shader, out.inputs["Surface"])
+
+
+def _point_colors(tree: bpy.types.NodeTree, color: Any, replaces: bool) -> Any:
+    """The colours at the points of a mesh or a cloud, times `color` unless they replace it."""
+    read = new_node(tree, "ShaderNodeAttribute", "own color", -1200, 700)
+    read.attribute_type = "GEOMETRY"
+    read.attribute_name = "displayColor"
+    if replaces:
+        return read.outputs["Color"]
+    factor, a, b, result = _mix(tree, "RGBA", "times own color", -700, 900)
+    factor.node.blend_type = "MULTIPLY"
+    factor.default_value = 1.0
+    _join(tree, color, a)
+    tree.links.new(read.outputs["Color"], b)
+    return result
 
 
 def _occluded(tree: bpy.types.NodeTree, color: Any) -> Any:

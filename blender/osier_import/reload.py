@@ -54,16 +54,21 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
 
 
 def _set_view(bake: Bake, token: str, collection: bpy.types.Collection, scenes: list[bpy.types.Scene]) -> list[str]:
-    """Sky and frame range, unless the user has changed them."""
+    """Sky, frame rate and range, unless the user has changed them."""
     notes = []
     for sky in [w for w in bpy.data.worlds if w.get("osier_bake") == token]:
         if sky.get("osier_sig") != materials.signature(sky.node_tree):
             notes.append(f"kept the changed world {sky.name}")
         elif bake.view:
             world.build_world(bake, sky)
+    earlier = list(collection.get("osier_rate", []))
     for scene in scenes:
-        if [scene.frame_start, scene.frame_end] == list(collection.get("osier_range", [])):
-            scene.frame_start, scene.frame_end = bake.first, bake.last
+        if [scene.frame_start, scene.frame_end, scene.frame_step] == list(collection.get("osier_range", [])):
+            scene.frame_start, scene.frame_end, scene.frame_step = bake.first, bake.last, bake.step
+        if stage.rate(scene) == earlier:
+            stage.set_rate(scene, bake)
+            collection["osier_rate"] = stage.rate(scene)
+        notes += stage.rates(scene, bake)
     return notes
 
 

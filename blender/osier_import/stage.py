@@ -18,6 +18,9 @@ KINDS_OF_DATA = (
 )  # fmt: skip
 """Lists of `bpy.data` that an import adds to."""
 
+LONGEST_NAME = 255 if bpy.app.version >= (5, 0, 0) else 63
+"""Most characters of an object's name; Blender cuts off the rest."""
+
 IMPORT_OPTIONS: dict[str, Any] = {
     "relative_path": False,
     "set_frame_range": False,
@@ -100,8 +103,10 @@ def import_bake(context: bpy.types.Context, bake: Bake, into: str, look: str) ->
         world.set_look(scene, look)
         scene.frame_set(bake.first)
     else:
-        notes += _rates(scene, bake)
+        notes += rates(scene, bake)
     mark(collection, bake, token)
+    if into != "APPEND":
+        collection["osier_rate"] = rate(scene)
     if into == "NEW" and context.window:
         context.window.scene = scene
     return Report(collection, scene, notes)
@@ -113,13 +118,25 @@ def mark(collection: bpy.types.Collection, bake: Bake, token: str) -> None:
     collection["osier_manifest"] = bake.path
     collection["osier_hash"] = bake.bake_hash
     collection["osier_bake"] = token
-    collection["osier_range"] = [bake.first, bake.last]
+    collection["osier_range"] = [bake.first, bake.last, bake.step]
 
 
 def set_time(scene: bpy.types.Scene, bake: Bake) -> None:
-    """Frame rate and range of the bake."""
-    scene.render.fps, scene.render.fps_base = bake.fps
-    scene.frame_start, scene.frame_end = bake.first, bake.last
+    """Frame rate, range and step of the bake: frames that were not baked are not rendered."""
+    set_rate(scene, bake)
+    scene.frame_start, scene.frame_end, scene.frame_step = bake.first, bake.last, bake.step
+
+
+def set_rate(scene: bpy.types.Scene, bake: Bake) -> None:
+    """Frame rate of the bake as Blender's presets have it: 60 over 1.001, not 60000 over 1001, as the first is at most 32767."""
+    frames, seconds = bake.fps
+    scene.render.fps = max(round(frames / seconds), 1)
+    scene.render.fps_base = scene.render.fps * seconds / frames
+
+
+def rate(scene: bpy.types.Scene) -> list[float]:
+    """Both numbers of a scene's frame rate, to find whether they were changed."""
+    return [float(scene.render.fps), scene.render.fps_base]
 
 
 def set_render(scene: bpy.types.Scene, bake: Bake) -> None:
@@ -139,20 +156,22 @@ def set_render(scene: bpy.types.Scene, bake: Bake) -> None:
         scene.render.resolution_percentage = 100
 
 
-def _rates(scene: bpy.types.Scene, bake: Bake) -> list[str]:
+def rates(scene: bpy.types.Scene, bake: Bake) -> list[str]:
+    """A note where a scene shows a bake at another speed."""
     mine, its = scene.render.fps / scene.render.fps_base, bake.fps[0] / bake.fps[1]
-    return [] if abs(mine - its) < 1e-6 else [f"scene has {mine:g} frames per second, the bake {its:g}"]
+    return [] if abs(mine / its - 1.0) < 1e-6 else [f"scene has {mine:g} frames per second, the bake {its:g}"]
 
 
 def _settings(scene: bpy.types.Scene) -> tuple[Any, ...]:
-    return (scene.render.fps, scene.render.fps_base, scene.frame_start, scene.frame_end, scene.world, scene.camera)
+    render = scene.render
+    return (render.fps, render.fps_base, scene.frame_start, scene.frame_end, scene.frame_step, scene.world, scene.camera)
 
 
 def _restore(scene: bpy.types.Scene, settings: tuple[Any, ...], into: str) -> None:
     if into == "NEW":
         return
     render = scene.render
-    render.fps, render.fps_base, scene.frame_start, scene.frame_end, scene.world, scene.camera = settings
+    render.fps, render.fps_base, scene.frame_start, scene.frame_end, scene.frame_step, scene.world, scene.camera = settings
 
 
 def build(
@@ -176,7 +195,11 @@ def build(
         for asset in bake.assets:
             if asset.has_geometry and (asset.name not in roots or not _shows(roots[asset.name])):
                 cause = f"Blender's USD importer could not read {asset.name}"
-                raise BakeError(bake.stage, cause, "Check the folder with osier info and bake again")
+                step = "Check the folder with osier info and bake again"
+                if len(asset.prim) > LONGEST_NAME:
+                    cause = f"{asset.name} is longer than the {LONGEST_NAME} characters of a name in this Blender"
+                    step = "Bake again with a shorter name of the plant"
+                raise BakeError(bake.stage, cause, step)
     for item in before.added(["objects"]):
         if item.type == "EMPTY" and base_name(item.name) in ("mtl", "Prototypes") and not item.children:
             bpy.data.objects.remove(item)
@@ -261,7 +284,8 @@ def _adopt(
     bake: Bake, asset: Asset, root: bpy.types.Object, target: bpy.types.Collection, source: bpy.types.Collection
 ) -> None:
     """Names the objects of an asset and moves them into the collection of its kind."""
-    for item, path in _paths(root, asset.name):
+    # Parts get their names before the asset: a part may have that of the asset, which the asset would get with a number.
+    for item, path in reversed(list(_paths(root, asset.name))):
         _name(item, bake, asset.name, path)
         if item.name in source.objects:
             source.objects.unlink(item)

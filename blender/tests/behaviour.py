@@ -111,6 +111,65 @@ def older_manifests_open(manifest: str, _other: str, folder: pathlib.Path) -> No
     assert any(o.type == "MESH" for o in bpy.context.scene.objects)
 
 
+def changed_copy(manifest: str, folder: pathlib.Path) -> tuple[pathlib.Path, dict]:
+    """A copy of a bake in a folder that does not exist yet: the path of its manifest and what it says."""
+    shutil.copytree(os.path.dirname(manifest), folder)
+    path = folder / "manifest.json"
+    return path, json.loads(path.read_text())
+
+
+def colors_at_points_are_seen(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "colored")
+    for material in data["materials"]:
+        material["params"]["vertex_colors"] = material["class"] == "leaf"
+    path.write_text(json.dumps(data))
+    load(str(path))
+    made = {m["osier_id"].split(":", 1)[1]: m.node_tree.nodes for m in bpy.data.materials if "osier_id" in m}
+    for material in data["materials"]:
+        reads = "osier own color" in made[material["name"]]
+        assert reads == material["params"]["vertex_colors"], material["name"]
+
+
+def frames_between_need_not_be_baked(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "stepped")
+    data["time"]["step"] = 4
+    for entry in (e for e in data["files"] if "items" in e):
+        first = entry["frames"][0]
+        for item in entry["items"]:
+            if (item["frame"] - first) % 4:
+                (path.parent / entry["path"].replace("####", f"{item['frame']:04}")).unlink()
+        entry["items"] = [i for i in entry["items"] if (i["frame"] - first) % 4 == 0]
+    path.write_text(json.dumps(data))
+    load(str(path), into="THIS")
+    scene = bpy.context.scene
+    assert [scene.frame_start, scene.frame_end, scene.frame_step] == [*data["time"]["written"], 4]
+
+
+def reloads_take_the_frame_rate_unless_it_was_set(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "rate")
+    load(str(path), into="THIS")
+    render = bpy.context.scene.render
+    # The first number of a rate is at most 32767 in Blender; the rate of 12 was set by hand and stays.
+    rates = [(None, [30, 1], 30), (None, [60000, 1001], 60000 / 1001), (12, [25, 1], 12 / 1.001)]
+    for number, (own, baked, wanted) in enumerate(rates):
+        render.fps = own or render.fps
+        data["time"]["fps"], data["bake_hash"] = baked, str(number) * 64
+        path.write_text(json.dumps(data))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        assert abs(render.fps / render.fps_base / wanted - 1) < 1e-6, (render.fps, render.fps_base)
+
+
+def names_that_are_too_long_are_told(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "long")
+    plant = next(a for a in data["assets"] if a["kind"] == "plant")
+    path.write_text(json.dumps(data).replace(json.dumps(plant["prim"]), json.dumps("/" + 256 * "a")))
+    assert "characters of a name" in refused(bpy.ops.import_scene.osier, filepath=str(path))
+
+
 def a_failing_reload_changes_nothing(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     copied = folder / "reload"
@@ -169,6 +228,10 @@ def main() -> None:
         this_scene_takes_the_settings,
         refusals_change_nothing,
         older_manifests_open,
+        colors_at_points_are_seen,
+        frames_between_need_not_be_baked,
+        reloads_take_the_frame_rate_unless_it_was_set,
+        names_that_are_too_long_are_told,
         a_failing_reload_changes_nothing,
         files_open_again,
         undo_removes_and_redo_restores,

@@ -339,6 +339,21 @@ def objects_become_solids_and_trees() -> None:
     assert len(scene.osier.objects) == 1
 
 
+def faces_without_a_material_take_none() -> None:
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    heads = []
+    for name in ("leaf", None, "leaf"):
+        bpy.ops.mesh.primitive_plane_add()
+        heads.append(bpy.context.object)
+        if name:
+            heads[-1].data.materials.append(bpy.data.materials.get(name) or bpy.data.materials.new(name))
+    path = pathlib.Path(FOLDER, "faces.obj")
+    part("objects").export(heads, str(path), (0.0, 0.0, 0.0))
+    worn = [line for line in path.read_text().splitlines() if line.startswith(("usemtl", "f "))]
+    assert [line.split()[1] for line in worn if line[0] == "u"] == ["leaf", "without_material", "leaf"], worn
+    assert path.with_suffix(".mtl").read_text().count("newmtl") == 2
+
+
 def objects_become_the_terrain() -> None:
     # The preset has a terrain of its own, which the object replaces.
     scene = choose("grass")
@@ -415,6 +430,7 @@ def main() -> None:
         quitting_stops_what_runs,
         errors_are_shown_as_they_are,
         objects_become_solids_and_trees,
+        faces_without_a_material_take_none,
         objects_become_the_terrain,
         both_extensions_may_be_installed,
         disabling_leaves_nothing,

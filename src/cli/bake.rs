@@ -160,9 +160,12 @@ fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Opt
         return Some(format!("--frames: frame {frame} of output.gltf.frame is not selected"));
     }
     let part = !frames.is_empty() && frames.len() < recipe.clip.len();
-    // A copy with a phase uses another frame of its plant, which must be written too.
+    // A copy with a phase uses another frame of its plant, which must be written too. Tables of joints have each copy's own
+    // frame, and the other formats have plants at rest or at the frame itself.
+    let shifting = [&osier_export::usd::FORMAT, &osier_export::gltf::FORMAT, &osier_export::pov::FORMAT];
+    let shifts = shifting.into_iter().any(|format| recipe.output.writes(format));
     let phased = stage.scene.placements.iter().filter(|p| p.phase > 0).count();
-    (part && phased > 0).then(|| {
+    (part && shifts && phased > 0).then(|| {
         format!(
             "--frames: {phased} copies are animated with a phase offset and need frames that are not selected; bake the whole \
              clip, or animate all copies in phase with --set sway.phases=1"

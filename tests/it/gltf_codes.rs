@@ -269,12 +269,18 @@ fn a_still_scene_without_anything_is_still_a_valid_file() {
 }
 
 fn cache(scene: &Scene, frames: &[Frame]) -> Vec<u8> {
+    let (bytes, warnings) = cache_and_warnings(scene, frames);
+    assert!(warnings.is_empty(), "{warnings:?}");
+    bytes
+}
+
+fn cache_and_warnings(scene: &Scene, frames: &[Frame]) -> (Vec<u8>, Vec<Warning>) {
     let temp = tempfile::tempdir().expect("temp");
     let mut exporter = Pc2Exporter::new(Folder::open(temp.path()).expect("folder"));
     exporter.begin(&Arc::new(scene.clone())).expect("begin");
     frames.iter().for_each(|f| exporter.frame(f).expect("frame"));
-    exporter.finish().expect("finish");
-    std::fs::read(temp.path().join("cache/flake.pc2")).expect("file")
+    let warnings = exporter.finish().expect("finish").warnings;
+    (std::fs::read(temp.path().join("cache/flake.pc2")).expect("file"), warnings)
 }
 
 fn pc2(vertices: i32, (first, step): (f32, f32), samples: &[&[f32]]) -> Vec<u8> {
@@ -301,6 +307,11 @@ fn a_point_cache_of_three_vertices_byte_for_byte() {
     let third = Frame { number: 3, ..frames[1].clone() };
     assert_eq!(cache(&scene, &[frames[0].clone(), third]), pc2(3, (1.0, 2.0), &[&rest, &moved]));
     assert_eq!(cache(&scene, &frames[1..]), pc2(3, (2.0, 1.0), &[&moved]));
+    // One interval for all samples: frame 4 comes at frame 3, which a warning tells.
+    let fourth = Frame { number: 4, ..frames[1].clone() };
+    let (bytes, warnings) = cache_and_warnings(&scene, &[frames[0].clone(), frames[1].clone(), fourth]);
+    assert_eq!(bytes, pc2(3, (1.0, 1.0), &[&rest, &moved, &moved]));
+    assert!(warnings.len() == 1 && warnings[0].message.ends_with("frame 4 at frame 3"), "{warnings:?}");
 }
 
 #[test]

@@ -104,6 +104,17 @@ fn keys_stand_in_order_and_sequences_are_grouped() {
 }
 
 #[test]
+fn materials_of_colored_points_say_so() {
+    let (mut scene, _) = synthetic::scene();
+    let ground = scene.assets.iter_mut().find(|a| a.id == "ground").expect("the ground");
+    ground.meshes[0].mesh.colors = vec![[1.0, 0.5, 0.0, 1.0]; 4];
+    let manifest = manifest::build(&scene, &[], &[], &Settings::default());
+    // Points of the rain have colours as well, but drops of the same material have none.
+    let colored = manifest.materials.iter().filter(|m| m.params.vertex_colors).map(|m| m.name.as_str());
+    assert_eq!(colored.collect::<Vec<_>>(), ["ground"]);
+}
+
+#[test]
 fn deleted_changed_and_foreign_files_are_named() {
     let dir = tempfile::tempdir().expect("dir");
     bake(dir.path());

@@ -83,6 +83,23 @@ fn obj_of_three_vertices_byte_for_byte() {
 }
 
 #[test]
+fn objects_without_texture_coordinates_shift_those_of_the_next() {
+    let mut scene = triangle();
+    let mut bare = scene.assets[0].clone();
+    bare.id = "bare".into();
+    bare.meshes[0].mesh.uvs.clear();
+    scene.assets.insert(0, bare);
+    let second = Placement { name: "two".into(), asset: 1, ..scene.placements[0].clone() };
+    scene.placements.push(second);
+    let dir = tempfile::tempdir().expect("dir");
+    write(dir.path(), &scene, &[], true);
+    let text = fs::read_to_string(dir.path().join("tri.obj")).expect("obj");
+    let faces: Vec<&str> = text.lines().filter(|l| l.starts_with("f ")).collect();
+    assert_eq!(faces, ["f 1//1 2//2 3//3", "f 4/1/4 5/2/5 6/3/6"]);
+    assert_eq!(text.lines().filter(|l| l.starts_with("vt ")).count(), 3);
+}
+
+#[test]
 fn ply_of_three_vertices_byte_for_byte() {
     let dir = tempfile::tempdir().expect("dir");
     write(dir.path(), &triangle(), &[], true);
@@ -105,6 +122,19 @@ fn ply_of_three_vertices_byte_for_byte() {
     }
     wanted.extend([3, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0]);
     assert_eq!(bytes, wanted);
+}
+
+#[test]
+fn ply_has_the_colors_of_vertices_times_those_of_materials() {
+    let dir = tempfile::tempdir().expect("dir");
+    let mut scene = triangle();
+    scene.materials[1].base_color = [1.0, 0.5, 1.0];
+    scene.assets[0].meshes[0].mesh.colors = vec![[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [0.5, 1.0, 1.0, 1.0]];
+    write(dir.path(), &scene, &[], true);
+    let (_, body) = parts(&dir.path().join("tri.ply"));
+    // Six floats before the colour; linear 0.5 is 188 in sRGB.
+    let colors: Vec<&[u8]> = body[..3 * 28].chunks(28).map(|row| &row[24..]).collect();
+    assert_eq!(colors, [[255_u8, 0, 0, 255], [0, 188, 0, 255], [188, 188, 255, 255]]);
 }
 
 #[test]

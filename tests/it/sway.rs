@@ -234,6 +234,10 @@ fn a_part_of_a_clip_that_copies_need_whole_is_refused() {
     let run = osier.current_dir(dir.path()).args(["bake", "t.toml", "-n", "--frames", "1-30"]).assert().code(2);
     let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
     assert!(said.contains("copies are animated with a phase offset") && said.contains("sway.phases=1"), "{said}");
+    // Tables of joints have the frame of each copy, whether or not it is written.
+    let mut osier = Command::cargo_bin("osier").expect("osier");
+    let points = ["bake", "t.toml", "-n", "--frames", "1-30", "--formats", "points"];
+    osier.current_dir(dir.path()).args(points).assert().success();
 }
 
 #[test]

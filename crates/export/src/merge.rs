@@ -15,6 +15,9 @@ use osier_scene::{Asset, Attribute, InstanceState, Instancer, Mesh, Subset, Trs,
 const BATCH: usize = 1 << 16;
 const BATCHES_AT_ONCE: usize = 8;
 
+/// Colour of a vertex without one: materials are multiplied by it.
+const WHITE: [f32; 4] = [1.0; 4];
+
 /// A range of the points or triangles of a part: of a mesh, or of an instance of a prototype.
 pub(super) struct PartRange<'a> {
     pub mesh: &'a Mesh,
@@ -168,7 +171,7 @@ impl<'a> FlattenedAsset<'a> {
 }
 
 /// An asset at rest as one mesh in memory, for copies that share it, with one subset for each material in order of first use.
-/// Texture coordinates and attributes are zero where a part has none; vertex colours are dropped.
+/// Texture coordinates and attributes are zero and vertex colours white where a part has none.
 /// # Errors
 /// `TooMany` beyond 2^32 points or triangles.
 pub(super) fn merge_asset(asset: &Asset) -> Result<Mesh> {
@@ -176,6 +179,11 @@ pub(super) fn merge_asset(asset: &Asset) -> Result<Mesh> {
     let mut mesh = Mesh::default();
     for Part { mesh: part, trs, toward } in flattened.blocks.iter().flat_map(|b| b.parts(Trs::IDENTITY)) {
         Attribute::append_all(&mut mesh.attributes, mesh.points.len(), &part.attributes, part.points.len());
+        if !mesh.colors.is_empty() || !part.colors.is_empty() {
+            mesh.colors.resize(mesh.points.len(), WHITE);
+            mesh.colors.extend_from_slice(&part.colors);
+            mesh.colors.resize(mesh.points.len() + part.points.len(), WHITE);
+        }
         mesh.points.extend(part.points.iter().map(|p| trs.apply(*p)));
         mesh.normals.extend(part.normals.iter().map(|n| bent_normal(transform_normal(&trs, *n), toward)));
         if flattened.has_uvs {
@@ -249,6 +257,7 @@ pub(super) fn transform_normal(trs: &Trs, n: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use osier_scene::{AssetKind, MeshMotion, MeshObject};
 
     fn part(mesh: &Mesh, trs: Trs, range: Range<usize>) -> PartRange<'_> {
         PartRange { mesh, trs, toward: Vec3::ZERO, range, base: 0 }
@@ -269,6 +278,41 @@ mod tests {
         let [a, b, c] = corners[0].map(|i| points[i as usize]);
         assert!((b - a).cross(c - a).dot(normals[0]) > 0.0);
         assert!((normals[0] + Vec3::Z).length() < 1e-6);
+    }
+
+    #[test]
+    fn parts_without_colors_are_white_beside_colored_ones() {
+        let part = |colors: Vec<[f32; 4]>| MeshObject {
+            name: "part".into(),
+            mesh: Mesh {
+                points: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+                normals: vec![Vec3::Z; 3],
+                triangles: vec![[0, 1, 2]],
+                colors,
+                ..Mesh::default()
+            }
+            .with_material(0),
+            motion: MeshMotion::Still,
+            skin: None,
+        };
+        let red = vec![[1.0, 0.0, 0.0, 1.0]; 3];
+        let greens = |parts: Vec<MeshObject>| {
+            let asset = Asset {
+                id: "plant".into(),
+                kind: AssetKind::Plant,
+                group: String::new(),
+                skeleton: None,
+                meshes: parts,
+                instancers: Vec::new(),
+                points: Vec::new(),
+                curves: Vec::new(),
+                rigged: None,
+            };
+            merge_asset(&asset).expect("few points").colors.iter().map(|c| c[1] > 0.5).collect::<Vec<_>>()
+        };
+        let mixed = greens(vec![part(Vec::new()), part(red), part(Vec::new())]);
+        assert_eq!(mixed, [true, true, true, false, false, false, true, true, true]);
+        assert!(greens(vec![part(Vec::new())]).is_empty());
     }
 
     #[test]

@@ -91,11 +91,12 @@ impl ObjExporter {
         let mut lines = LineSink { out, name: &name };
         lines.put(TextBuffer::default().put(&format!("# {GENERATOR}\n# seed {}\nmtllib {stem}.mtl\n", scene.seed)))?;
         // Objects follow each other with consecutive vertex numbers; the library lists the materials that any of them uses.
-        let mut base = 1;
+        let (mut base, mut plain) = (1, 0);
         let mut used = std::collections::BTreeSet::new();
         for object in objects {
-            object.write(&mut lines, base, &scene.materials)?;
+            object.write(&mut lines, base, plain, &scene.materials)?;
             base += object.flat.vertices;
+            plain += if object.flat.has_uvs { 0 } else { object.flat.vertices };
             used.extend(object.flat.materials.iter().copied());
         }
         finish()?;
@@ -186,8 +187,8 @@ struct Object<'a> {
 
 impl Object<'_> {
     /// Writes `o`, then all `v`, `vt` and `vn`, then `usemtl` and `f` for each material. `base`: number of the object's first
-    /// vertex: indices count from 1 over the whole file.
-    fn write(&self, lines: &mut LineSink<'_>, base: u64, materials: &[Material]) -> Result<()> {
+    /// vertex: indices count from 1 over the whole file. `plain`: how many vertices of objects before have no `vt`.
+    fn write(&self, lines: &mut LineSink<'_>, base: u64, plain: u64, materials: &[Material]) -> Result<()> {
         lines.put(TextBuffer::default().put("o ").put(self.name).put("\n"))?;
         self.write_points(lines, |t, range| {
             range.points().for_each(|p| line(t, "v ", &p.to_array()));
@@ -205,9 +206,10 @@ impl Object<'_> {
             if let Some(m) = materials.get(*id as usize) {
                 lines.put(TextBuffer::default().put("usemtl ").put(&m.name).put("\n"))?;
             }
+            let plain = self.flat.has_uvs.then_some(plain);
             let format = |ranges: &[PartRange<'_>]| {
                 let mut text = TextBuffer::default();
-                ranges.iter().for_each(|p| p.corners().for_each(|c| face(&mut text, c, p.base, self.flat.has_uvs)));
+                ranges.iter().for_each(|p| p.corners().for_each(|c| face(&mut text, c, p.base, plain)));
                 text
             };
             format_in_parallel(self.flat.triangles(self.world, *id, base), format, |text| lines.put(&text))?;
@@ -234,15 +236,15 @@ fn line(text: &mut TextBuffer, word: &str, values: &[f32]) {
     text.put(word).list(values, " ").put("\n");
 }
 
-/// A face: `f v/vt/vn` for each corner. The three indices are equal, as each vertex has one of each. `base`: number of the part's
-/// first vertex.
-fn face(text: &mut TextBuffer, corners: [u32; 3], base: u64, has_uvs: bool) {
+/// A face: `f v/vt/vn` for each corner. The indices of vertex and normal are equal: each vertex has one of each. `base`: number
+/// of the part's first vertex; `plain`: how many vertices before have no `vt`, or `None` if those of the part have none.
+fn face(text: &mut TextBuffer, corners: [u32; 3], base: u64, plain: Option<u64>) {
     text.put("f");
     for v in corners {
         let v = u64::from(v) + base;
         text.put(" ").int(v).put("/");
-        if has_uvs {
-            text.int(v);
+        if let Some(plain) = plain {
+            text.int(v - plain);
         }
         text.put("/").int(v);
     }

@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::format::FormatInfo;
 use super::gltf::submeshes::split_by_material;
-use super::{Exporter, Summary};
+use super::{Exporter, Summary, Warning};
 use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
 use osier_scene::{AssetFrame, Frame, MeshMotion, Scene, check_frame, mesh_points};
@@ -154,6 +154,15 @@ impl Exporter for Pc2Exporter {
             [a, b, ..] => b.saturating_sub(*a).max(1),
             _ => 1,
         };
+        // The format has one interval: samples after another one are shown at other frames than their own.
+        let shown = std::iter::successors(self.numbers.first().copied(), |frame| Some(frame.saturating_add(step)));
+        let late = self.numbers.iter().copied().zip(shown).find(|(number, shown)| number != shown);
+        let warning = late.filter(|_| !self.caches.is_empty()).map(|(number, shown)| Warning {
+            code: "X017",
+            message: format!(
+                "point caches have frames at equal distances only: they show frame {number} at frame {shown}"
+            ),
+        });
         for mut cache in self.caches.drain(..) {
             let header = Pc2Header { step, samples: self.numbers.len(), ..cache.header };
             if let Some(mut out) = cache.out.take() {
@@ -166,6 +175,6 @@ impl Exporter for Pc2Exporter {
         }
         self.scene = None;
         self.numbers.clear();
-        Ok(Summary::default())
+        Ok(Summary { warnings: warning.into_iter().collect() })
     }
 }

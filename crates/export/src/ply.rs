@@ -341,7 +341,7 @@ fn instance_file(scene: &Scene, asset: &Asset, i: usize, state: &AssetFrame, fra
     out
 }
 
-/// Writes a mesh with normals and its materials' flat colours, streamed: all points, then the faces of each material.
+/// Writes a mesh with normals and colours, streamed: all points, then the faces of each material.
 fn write_mesh(out: &mut Output, scene: &Scene, placed: &[(&FlattenedAsset<'_>, Trs)], frame: u32) -> Result<()> {
     let vertices: u64 = placed.iter().map(|p| p.0.vertices).sum();
     let faces: u64 = placed.iter().map(|p| p.0.triangles).sum();
@@ -416,7 +416,8 @@ impl<'a> VertexColors<'a> {
         vertex_colors
     }
 
-    /// The colour of each vertex: the flat colour of the last material, in the order of the file, whose faces use it.
+    /// The colour of each vertex: the flat colour of the last material, in the order of the file, whose faces use it, times the
+    /// vertex's own colour.
     fn colors(&self, mesh: &Mesh) -> Vec<[u8; 4]> {
         // White for vertices that no face uses.
         let mut colors = vec![[255_u8; 4]; mesh.points.len()];
@@ -426,8 +427,9 @@ impl<'a> VertexColors<'a> {
             let [r, g, b] = base_color(&self.scene.materials, subset.material);
             let flat = rgba([r, g, b, 1.0]);
             for v in mesh.subset_triangles(subset).iter().flatten() {
+                let own = mesh.colors.get(*v as usize).map(|[x, y, z, _]| rgba([r * x, g * y, b * z, 1.0]));
                 if let Some(c) = colors.get_mut(*v as usize) {
-                    *c = flat;
+                    *c = own.unwrap_or(flat);
                 }
             }
         }

@@ -13,7 +13,7 @@ use crate::registry::FORMATS;
 use crate::usd::ASSET_STAGE;
 use crate::{VERSION, Warning};
 use osier_base::files::{FileRecord, MANIFEST};
-use osier_scene::{Asset, AssetFrame, Clip, Coat, Material, MaterialClass, Scene, asset_bounds};
+use osier_scene::{Asset, AssetFrame, Clip, Coat, Material, MaterialClass, MaterialId, Scene, asset_bounds};
 
 /// Options of the exporters that the manifest records.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,7 +101,7 @@ pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings
         view: Some(view_entry(scene, &paths, settings)),
         assets: scene.assets.iter().map(|a| asset_entry(scene, a, &paths)).collect(),
         places: places_entry(scene, &paths),
-        materials: scene.materials.iter().map(|m| material_entry(scene, m, &paths)).collect(),
+        materials: (0..).zip(&scene.materials).map(|(id, m)| material_entry(scene, id, m, &paths)).collect(),
         files: Vec::new(),
         bake_hash: String::new(),
         warnings: warnings.iter().map(|w| WarningEntry { code: w.code.into(), message: w.message.clone() }).collect(),
@@ -199,7 +199,17 @@ fn map_paths(folders: &[&str], paths: &[&str]) -> BTreeMap<String, String> {
     constant.iter().chain(&numbered).filter_map(map).collect()
 }
 
-fn material_entry(scene: &Scene, m: &Material, paths: &[&str]) -> MaterialEntry {
+/// Whether something has a material, and all meshes and points that have it have colours.
+fn has_vertex_colors(scene: &Scene, id: MaterialId) -> bool {
+    let prototypes = scene.assets.iter().flat_map(|a| &a.instancers).flat_map(|i| &i.prototypes).map(|p| &p.mesh);
+    let meshes = scene.assets.iter().flat_map(|a| &a.meshes).map(|m| &m.mesh).chain(prototypes);
+    let meshes = meshes.filter(|m| m.subsets.iter().any(|s| s.material == id)).map(|m| m.colors.is_empty());
+    let clouds = scene.assets.iter().flat_map(|a| &a.points).filter(|p| p.material == id).map(|p| p.colors.is_empty());
+    let mut plain = meshes.chain(clouds).peekable();
+    plain.peek().is_some() && !plain.any(|is_plain| is_plain)
+}
+
+fn material_entry(scene: &Scene, id: MaterialId, m: &Material, paths: &[&str]) -> MaterialEntry {
     let picture = |slot: &str, image: Option<u32>| {
         let name = &scene.images.get(image? as usize)?.name;
         let path = format!("textures/{name}.png");
@@ -228,6 +238,7 @@ fn material_entry(scene: &Scene, m: &Material, paths: &[&str]) -> MaterialEntry 
             alpha_cutoff: m.alpha_cutoff,
             height_range_m: m.height_range,
             tile_m: m.tile,
+            vertex_colors: has_vertex_colors(scene, id),
         },
     }
 }

@@ -300,6 +300,10 @@ pub struct ParamsEntry {
     pub height_range_m: f32,
     /// Side of a tile of the textures, m.
     pub tile_m: f32,
+    /// Whether all meshes and points with the material have colours of their own, which multiply the colour of meshes and replace
+    /// that of points.
+    #[serde(default)]
+    pub vertex_colors: bool,
 }
 
 /// A file, or a numbered sequence of files as one entry.

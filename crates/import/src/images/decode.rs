@@ -46,7 +46,12 @@ impl DecodedImage {
     }
 
     /// sRGB colours multiplied by a linear factor, as glTF asks where a material has both image and colour.
+    /// A grey image becomes RGB.
     pub(crate) fn tinted(mut self, factor: [f32; 4]) -> Self {
+        if self.channels == 1 {
+            self.samples = self.samples.iter().flat_map(|v| [*v; 3]).collect();
+            self.channels = 3;
+        }
         let table = |f: f32| -> Vec<u8> {
             let tint = |v: u8| units::srgb_from_linear(units::linear_from_srgb(f32::from(v) / 255.0) * f);
             (0..=255_u8).map(|v| units::byte(tint(v))).collect()
@@ -175,4 +180,17 @@ fn is_complete_jpeg(bytes: &[u8]) -> bool {
     // The last of each marker counts: an embedded thumbnail lies before the scans of the picture.
     let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);
     last([0xff, 0xd9]).is_some_and(|end| last([0xff, 0xda]).is_some_and(|scan| end > scan))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grey_picture_takes_the_tint() {
+        let grey = DecodedImage { width: 2, height: 1, channels: 1, samples: vec![255, 0] };
+        let tinted = grey.tinted([1.0, 0.0, 0.5, 1.0]);
+        // Linear 0.5 is 1.055 * 0.5^(1 / 2.4) - 0.055 = 0.7354 in sRGB, 188 of 255.
+        assert_eq!((tinted.channels, tinted.samples), (3, vec![255, 0, 188, 0, 0, 0]));
+    }
 }
