@@ -185,7 +185,7 @@ impl FlightSimulation {
         // A member sinks at the settling speed that it has as a single, reduced by the wall's humidity in a corner.
         let way = |id: &u32| {
             let c = self.catkin(*id);
-            let wet = if cluster.state == CatkinState::Corner { self.wall_humidity(c.face) } else { 0.0 };
+            let wet = if cluster.state == CatkinState::Corner { self.face_humidity(c) } else { 0.0 };
             (1.0 - wet) * c.fall * dt
         };
         let ways: Vec<f64> = cluster.members.iter().map(way).collect();
