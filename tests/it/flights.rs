@@ -81,6 +81,22 @@ fn each_fault_names_its_place_and_the_mend() {
     }
 }
 
+/// Catkins land on a wavy ground wherever the box of a lattice stands.
+#[test]
+fn the_ground_is_under_a_box_away_from_the_origin() {
+    let dir = tempfile::tempdir().expect("dir");
+    let landed = |x: u32| {
+        let text = format!(
+            "[frames]\nend = 48\n[ground]\nsize = 200\n[catkin]\nhairs = 20\nlod = 2\n[wind]\nmodel = \"lattice\"\nspeed = 1\n\
+             [wind.lattice]\ncells = [16, 12, 16]\nat = [{x}, 0, 0]\n[flight]\ncount = 200\nband = [0.02, 0.15]\nhumidity = 1\n"
+        );
+        let path = scene(dir.path(), &format!("box{x}"), &text);
+        last(&table(&baked(dir.path(), &format!("out{x}"), &path, &["--formats", "csv"])), "deposits")
+    };
+    let [here, there] = [0, 60].map(landed);
+    assert!(here > 20.0 && (there / here - 1.0).abs() < 0.5, "{here} {there}");
+}
+
 /// Positions in a solid and in a wavy ground are no starts, and the help names the key that gave them.
 #[test]
 fn catkins_without_a_start_are_counted_with_the_mend() {
