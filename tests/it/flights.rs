@@ -97,11 +97,11 @@ fn the_ground_is_under_a_box_away_from_the_origin() {
     assert!(here > 20.0 && (there / here - 1.0).abs() < 0.5, "{here} {there}");
 }
 
-/// Positions in a solid and in a wavy ground are no starts, and the help names the key that gave them.
+/// Positions in a solid, in a wavy ground and outside of the domain are no starts, and the help names the key to change.
 #[test]
 fn catkins_without_a_start_are_counted_with_the_mend() {
     let dir = tempfile::tempdir().expect("dir");
-    std::fs::write(dir.path().join("starts.csv"), "0,1,0\n5,-3,0\n5,9,0\n").expect("points");
+    std::fs::write(dir.path().join("starts.csv"), "0,1,0\n5,-3,0\n5,9,0\n40,5,0\n").expect("points");
     let text = "[frames]\nend = 2\n[catkin]\nhairs = 20\nlod = 2\n[[solid]]\nsize = [4, 4, 4]\n\
         [flight]\nrelease = \"points\"\npoints = \"starts.csv\"\n";
     let path = scene(dir.path(), "starts", text);
@@ -110,8 +110,9 @@ fn catkins_without_a_start_are_counted_with_the_mend() {
     let said = String::from_utf8_lossy(&run.stderr).into_owned();
     assert!(run.status.success() && said.contains("S026") && said.contains("2 catkins"), "{said}");
     assert!(said.contains("flight.points") && !said.contains("flight.band"), "{said}");
+    assert!(said.contains("1 catkins start outside") && said.contains("flight.size"), "{said}");
     let columns = table(&out);
-    assert!((last(&columns, "airborne") - 1.0).abs() < 0.5 && (last(&columns, "exited") - 2.0).abs() < 0.5);
+    assert!((last(&columns, "airborne") - 1.0).abs() < 0.5 && (last(&columns, "exited") - 3.0).abs() < 0.5);
 }
 
 /// Catkins alone are a scene. A solid and a zone may have the names of columns that the table has without them.

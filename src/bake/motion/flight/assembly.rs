@@ -98,6 +98,14 @@ fn start_flight(
         report.push(Diagnostic::about("S026", text).help(help));
     }
 
+    if playback.outside_start_count() > 0 {
+        let count = playback.outside_start_count();
+        let text = format!("{count} catkins start outside of the domain of the flight, which they leave at once");
+        let help =
+            "enlarge flight.size, which lies around the origin, or place a lattice wind over them with wind.lattice.at";
+        report.push(Diagnostic::about("S026", text).help(help));
+    }
+
     // The lattice wind has warned of open meshes already, if there is one.
     if scene.cell_size.is_none() {
         let warnings = scene.solids.list().iter().filter_map(|solid| solid.open_mesh_warning("catkins"));
