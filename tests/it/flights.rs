@@ -81,6 +81,23 @@ fn each_fault_names_its_place_and_the_mend() {
     }
 }
 
+/// On high and on low terrain the box stands on the ground: as many catkins land as at y = 0.
+#[test]
+fn the_box_of_a_flight_stands_on_terrain() {
+    let dir = tempfile::tempdir().expect("dir");
+    let landed = |y: i32| {
+        let text = format!(
+            "[frames]\nend = 48\n[catkin]\nhairs = 20\nlod = 2\n[wind]\nmodel = \"uniform\"\nspeed = 1\n\
+             [terrain]\nsubdivisions = 3\nsize = 60\namplitude = 0\ncorners = [{y}, {y}, {y}, {y}]\nside = 64\n\
+             [flight]\ncount = 200\nsize = [12, 6, 8]\nband = [0.02, 0.15]\nhumidity = 1\n"
+        );
+        let path = scene(dir.path(), &format!("land{y}"), &text);
+        last(&table(&baked(dir.path(), &format!("out{y}"), &path, &["--formats", "csv"])), "deposits")
+    };
+    let [level, high, low] = [0, 60, -40].map(landed);
+    assert!(level > 20.0 && (high - level).abs() < 3.0 && (low - level).abs() < 3.0, "{level} {high} {low}");
+}
+
 /// Catkins land on a wavy ground wherever the box of a lattice stands.
 #[test]
 fn the_ground_is_under_a_box_away_from_the_origin() {
