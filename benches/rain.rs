@@ -248,6 +248,7 @@ fn whole_frames(manner: &DropParams) {
         envelope: IntensityEnvelope::Constant,
         jitter: 0.2,
         duration: 10.0,
+        spin_up: 0.0,
         g: 9.81,
     };
     let over = Bounds { min: Vec3::new(-0.05, 0.9, -0.1), max: Vec3::new(0.35, 1.1, 0.1) };

@@ -81,11 +81,44 @@ fn each_fault_names_its_place_and_the_mend() {
     }
 }
 
-/// Positions in a solid and in a wavy ground are no starts, and the help names the key that gave them.
+/// On high and on low terrain the box stands on the ground: as many catkins land as at y = 0.
+#[test]
+fn the_box_of_a_flight_stands_on_terrain() {
+    let dir = tempfile::tempdir().expect("dir");
+    let landed = |y: i32| {
+        let text = format!(
+            "[frames]\nend = 48\n[catkin]\nhairs = 20\nlod = 2\n[wind]\nmodel = \"uniform\"\nspeed = 1\n\
+             [terrain]\nsubdivisions = 3\nsize = 60\namplitude = 0\ncorners = [{y}, {y}, {y}, {y}]\nside = 64\n\
+             [flight]\ncount = 200\nsize = [12, 6, 8]\nband = [0.02, 0.15]\nhumidity = 1\n"
+        );
+        let path = scene(dir.path(), &format!("land{y}"), &text);
+        last(&table(&baked(dir.path(), &format!("out{y}"), &path, &["--formats", "csv"])), "deposits")
+    };
+    let [level, high, low] = [0, 60, -40].map(landed);
+    assert!(level > 20.0 && (high - level).abs() < 3.0 && (low - level).abs() < 3.0, "{level} {high} {low}");
+}
+
+/// Catkins land on a wavy ground wherever the box of a lattice stands.
+#[test]
+fn the_ground_is_under_a_box_away_from_the_origin() {
+    let dir = tempfile::tempdir().expect("dir");
+    let landed = |x: u32| {
+        let text = format!(
+            "[frames]\nend = 48\n[ground]\nsize = 200\n[catkin]\nhairs = 20\nlod = 2\n[wind]\nmodel = \"lattice\"\nspeed = 1\n\
+             [wind.lattice]\ncells = [16, 12, 16]\nat = [{x}, 0, 0]\n[flight]\ncount = 200\nband = [0.02, 0.15]\nhumidity = 1\n"
+        );
+        let path = scene(dir.path(), &format!("box{x}"), &text);
+        last(&table(&baked(dir.path(), &format!("out{x}"), &path, &["--formats", "csv"])), "deposits")
+    };
+    let [here, there] = [0, 60].map(landed);
+    assert!(here > 20.0 && (there / here - 1.0).abs() < 0.5, "{here} {there}");
+}
+
+/// Positions in a solid, in a wavy ground and outside of the domain are no starts, and the help names the key to change.
 #[test]
 fn catkins_without_a_start_are_counted_with_the_mend() {
     let dir = tempfile::tempdir().expect("dir");
-    std::fs::write(dir.path().join("starts.csv"), "0,1,0\n5,-3,0\n5,9,0\n").expect("points");
+    std::fs::write(dir.path().join("starts.csv"), "0,1,0\n5,-3,0\n5,9,0\n40,5,0\n").expect("points");
     let text = "[frames]\nend = 2\n[catkin]\nhairs = 20\nlod = 2\n[[solid]]\nsize = [4, 4, 4]\n\
         [flight]\nrelease = \"points\"\npoints = \"starts.csv\"\n";
     let path = scene(dir.path(), "starts", text);
@@ -94,8 +127,9 @@ fn catkins_without_a_start_are_counted_with_the_mend() {
     let said = String::from_utf8_lossy(&run.stderr).into_owned();
     assert!(run.status.success() && said.contains("S026") && said.contains("2 catkins"), "{said}");
     assert!(said.contains("flight.points") && !said.contains("flight.band"), "{said}");
+    assert!(said.contains("1 catkins start outside") && said.contains("flight.size"), "{said}");
     let columns = table(&out);
-    assert!((last(&columns, "airborne") - 1.0).abs() < 0.5 && (last(&columns, "exited") - 2.0).abs() < 0.5);
+    assert!((last(&columns, "airborne") - 1.0).abs() < 0.5 && (last(&columns, "exited") - 3.0).abs() < 0.5);
 }
 
 /// Catkins alone are a scene. A solid and a zone may have the names of columns that the table has without them.

@@ -195,12 +195,12 @@ fn seeds_land_on_the_terrain_of_a_file() {
         ("mesh", "file = \"hills.obj\"\nmesh_up = \"z\"\nsubdivisions = 8\n"),
     ] {
         let text = format!(
-            "[frames]\nend = 121\n[terrain]\n{land}side = 16\n[catkin]\nlod = 3\nhairs = 12\n[flight]\ncount = 200\n\
+            "[frames]\nend = 145\n[terrain]\n{land}side = 16\n[catkin]\nlod = 3\nhairs = 12\n[flight]\ncount = 200\n\
              fall_speed = 2.5\nsize = [50, 14, 50]\nband = [0.8, 0.95]\nhumidity = 1\n[wind]\nspeed = 0\n\
              [output]\nformats = [\"points\"]\n"
         );
         let out = baked(dir.path(), kind, &text);
-        let table = fs::read_to_string(out.join("points/catkins_0121.csv")).expect("points");
+        let table = fs::read_to_string(out.join("points/catkins_0145.csv")).expect("points");
         let names: Vec<&str> =
             table.lines().next().expect("header").split(',').map(|n| n.split(':').next().expect("name")).collect();
         let column =

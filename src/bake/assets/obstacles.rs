@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::terrain::terrain_solid;
@@ -11,6 +11,7 @@ use crate::recipe::scene::SolidShape;
 use crate::recipe::scene::WindModel;
 use crate::recipe::{Recipe, SolidRecipe};
 use osier_base::files::Names;
+use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::{Error, Result};
 use osier_plants::surface::ground::Ground;
@@ -74,6 +75,17 @@ impl<'a> Obstacles<'a> {
             }
             _ => self.terrain.clone(),
         }
+    }
+
+    /// Lowest height of the terrain under a box, m, at places a thirty-second of its width apart; `None` without terrain.
+    pub fn lowest_terrain_under(&self, bounds: Bounds) -> Option<f32> {
+        let land = self.terrain.as_ref()?;
+        let place = |i: u8, k: u8| {
+            let share = Vec3::new(f32::from(i), 0.0, f32::from(k)) / 32.0;
+            let p = bounds.min + bounds.size() * share;
+            land.height(Vec2::new(p.x, p.z))
+        };
+        Some((0..=32).flat_map(|i| (0..=32).map(move |k| place(i, k))).fold(f32::INFINITY, f32::min))
     }
 
     /// The land above which heights in the wind are measured; `None` if its heights differ by less than [`LEAST_HILL`].

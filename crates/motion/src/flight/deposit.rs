@@ -10,6 +10,7 @@ use super::collision::{
 use super::particles::{Catkin, CatkinState};
 use super::tuning::{GROUND_NORMAL_Y, MAX_PUSH_OUT_PASSES, PENETRATION_TOLERANCE};
 use super::{FlightSimulation, ReleaseCondition};
+use osier_scene::solid::{Form, Solid};
 use osier_wind::Wind;
 
 impl Catkin {
@@ -90,15 +91,18 @@ impl FlightSimulation {
             let c = self.catkin(id);
             let fall = self.clusters.get(&id).map_or(c.fall, |k| k.fall);
             // Net vertical velocity, reduced by the humidity, along the wall's steepest direction.
-            let speed = (1.0 - self.wall_humidity(c.face)) * (f64::from(air.y) - fall);
+            let speed = (1.0 - self.face_humidity(c)) * (f64::from(air.y) - fall);
             let along = (Vec3::Y - c.normal * c.normal.y).normalize_or(Vec3::Y).as_dvec3();
             self.slide_deposit(id, along * (speed * dt));
         }
     }
 
-    /// Humidity of the solid with index `face`, 0 to 1; 0 without a solid, as for the ground.
-    pub(super) fn wall_humidity(&self, face: Option<u32>) -> f64 {
-        face.and_then(|i| self.solids.list().get(i as usize)).map_or(0.0, |s| s.humidity)
+    /// Humidity of the face that carries a catkin, 0 to 1: that of the solid; of land, however steep it is, that of the ground.
+    pub(super) fn face_humidity(&self, c: &Catkin) -> f64 {
+        match c.face.and_then(|i| self.solids.list().get(i as usize)) {
+            Some(Solid { form: Form::Prism(_) | Form::Shell(_), humidity, .. }) => *humidity,
+            _ => self.options.humidity.at(c.x.as_vec3(), self.options.inside),
+        }
     }
 
     /// Moves a deposited single or cluster by `way`, m, along its surface; one that loses contact becomes airborne.

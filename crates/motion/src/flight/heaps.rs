@@ -185,7 +185,7 @@ impl FlightSimulation {
         // A member sinks at the settling speed that it has as a single, reduced by the wall's humidity in a corner.
         let way = |id: &u32| {
             let c = self.catkin(*id);
-            let wet = if cluster.state == CatkinState::Corner { self.wall_humidity(c.face) } else { 0.0 };
+            let wet = if cluster.state == CatkinState::Corner { self.face_humidity(c) } else { 0.0 };
             (1.0 - wet) * c.fall * dt
         };
         let ways: Vec<f64> = cluster.members.iter().map(way).collect();
@@ -216,7 +216,8 @@ impl FlightSimulation {
                         // It has not moved: without a contact check it cannot join again the part that it was torn off.
                         c.moved_since_check = false;
                     }
-                    None => (c.state, c.rested) = (CatkinState::Airborne, -1.0),
+                    // Its path begins here: the heap's contraction in this step is no approach to the part that it was torn off.
+                    None => (c.state, c.rested, c.travel) = (CatkinState::Airborne, -1.0, DVec3::ZERO),
                 }
             }
             if members.len() > 1 {
@@ -225,5 +226,42 @@ impl FlightSimulation {
                 self.clusters.insert(members[0], part);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Vec3;
+
+    use super::super::collision::SurfaceContact;
+    use super::super::{CatkinStart, FlightParams, ReleaseCondition};
+    use super::*;
+    use osier_scene::solid::Solids;
+
+    /// A member that hung in the air by its bond falls, though the contraction of the heap had moved it towards the rest.
+    #[test]
+    fn a_torn_member_does_not_join_its_heap_again() {
+        let start = CatkinStart { at: DVec3::Y, wait: ReleaseCondition::Until(0.0) };
+        let solids = Arc::new(Solids::new(Vec::new(), true));
+        let mut flights = FlightSimulation::new(FlightParams::default(), solids, &[start; 2]);
+        let [lower, upper] = [0, 1].map(|id| f64::from(flights.catkin(id).radius));
+        // They touch; the upper one is a diameter above the ground.
+        let beside = 0.6 * (lower + upper);
+        let ground = SurfaceContact { state: CatkinState::Grounded, normal: Vec3::Y, face: None };
+        for (id, x) in [(0, DVec3::Y * lower), (1, DVec3::new(beside, lower + beside, 0.0))] {
+            let c = flights.catkin_mut(id);
+            (c.x, c.travel, c.free) = (x, DVec3::ZERO, false);
+            c.rest_on(ground);
+        }
+        flights.join_catkins(0, 1, 0.0);
+        let way = (flights.catkin(0).x - flights.catkin(1).x) * 0.1;
+        flights.catkin_mut(1).travel = way;
+        flights.split_cluster(0, &[[0, 1]]);
+        flights.join_contacts(0.0);
+        let stats = flights.stats();
+        assert_eq!((stats.merges, stats.falls, stats.deposits), (1, 1, 0));
+        assert_eq!((stats.grounded, stats.airborne, stats.clusters), (1, 1, 0));
     }
 }

@@ -71,8 +71,8 @@ impl FlightSimulation {
                 let ground = || self.options.humidity.at(c.x.as_vec3(), self.options.inside);
                 // In a corner the wetter of both surfaces holds the deposit.
                 let humidity = match c.state {
-                    CatkinState::OnWall => self.wall_humidity(c.face),
-                    CatkinState::Corner => ground().max(self.wall_humidity(c.face)),
+                    CatkinState::OnWall => self.face_humidity(c),
+                    CatkinState::Corner => ground().max(self.face_humidity(c)),
                     _ => ground(),
                 };
                 let count = self.clusters.get(&c.id).map_or(1, |k| k.members.len());

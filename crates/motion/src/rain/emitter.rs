@@ -60,14 +60,16 @@ pub struct RainfallParams {
     pub intensity: f64,
     /// Distribution of the diameters of drops; Marshall and Palmer's depends on `intensity`.
     pub size: DropSizes,
-    /// Expected number of drops of the whole clip; replaces `intensity` as the measure of how much rain falls.
+    /// Expected number of drops of the clip, the spin-up left out; replaces `intensity` as the measure of how much rain falls.
     pub total: Option<f64>,
     /// Factor on the rate over the time of the clip; with `total` only its course counts.
     pub envelope: IntensityEnvelope,
     /// Relative amplitude of random fluctuations of the rate, 0 to 1.
     pub jitter: f64,
-    /// Duration of the clip, s.
+    /// Duration of spin-up and clip, s.
     pub duration: f64,
+    /// Duration of the spin-up, s.
+    pub spin_up: f64,
     /// Gravity along -Y, m/s^2.
     pub g: f64,
 }
@@ -260,8 +262,8 @@ impl RainEmitter {
 
 /// Integral of the envelope over the clip, s, by the midpoint rule.
 fn envelope_integral_of_clip(params: &RainfallParams) -> f64 {
-    let h = params.duration / f64::from(ENVELOPE_SAMPLES);
-    (0..ENVELOPE_SAMPLES).map(|k| intensity_factor(params, (f64::from(k) + 0.5) * h) * h).sum()
+    let h = (params.duration - params.spin_up) / f64::from(ENVELOPE_SAMPLES);
+    (0..ENVELOPE_SAMPLES).map(|k| intensity_factor(params, params.spin_up + (f64::from(k) + 0.5) * h) * h).sum()
 }
 
 /// Factor of the envelope on the rainfall rate at time `t` of the clip, s.
@@ -355,6 +357,7 @@ mod tests {
             envelope: IntensityEnvelope::Constant,
             jitter: 0.0,
             duration: 10.0,
+            spin_up: 0.0,
             g: 9.81,
         }
     }
@@ -459,5 +462,11 @@ mod tests {
         let mut emitter = RainEmitter::new(fall, bounds(), Some(Arc::new(osier_wind::UniformWind(Vec3::X))));
         let count = emitter.emit_until(10.0).len();
         assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt() + 60.0, "{count}");
+        // Four seconds of spin-up fall in addition to the drops of the clip's six.
+        let fall = RainfallParams { total: Some(2000.0), spin_up: 4.0, ..rainfall() };
+        let mut emitter = RainEmitter::new(fall, bounds(), None);
+        drop(emitter.emit_until(4.0));
+        let count = emitter.emit_until(10.0).len();
+        assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt(), "{count}");
     }
 }

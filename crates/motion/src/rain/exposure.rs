@@ -117,6 +117,7 @@ mod tests {
             envelope: IntensityEnvelope::Constant,
             jitter: 0.0,
             duration: 2.0,
+            spin_up: 0.0,
             g: 9.81,
         };
         RainExposure::new(&params, wind, RainSolids::new([&roof]).expect("a roof"), Arc::new(0.0))

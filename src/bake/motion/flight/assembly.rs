@@ -77,12 +77,14 @@ fn start_flight(
     context: &BakeContext<'_>,
     report: &mut Report,
 ) -> Result<(Asset, AddedFlight)> {
-    let domain = flight_domain(recipe, flight.keys.size);
+    let domain = flight_domain(recipe, flight.keys.size, obstacles);
     let points = f64::from(flight.keys.count) * (flight.keys.trails * recipe.clip.fps()).round();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "far below 2^53")]
     context.limits.check("vertices", points as u64, "the number of points of flight.trails")?;
 
-    let solids = Arc::new(obstacles.solids_within(domain.size().max_element()));
+    // A wavy ground is sampled over a square around the origin that holds the box, wherever a lattice places it.
+    let reach = domain.min.abs().max(domain.max.abs());
+    let solids = Arc::new(obstacles.solids_within(domain.size().max_element().max(2.0 * reach.x.max(reach.z))));
     let (min_resolved_height, cell_size) = (wind.min_resolved_height(), wind.cell_size());
     let scene = FlightSetup { recipe, flight, domain, solids, min_resolved_height, cell_size };
     let playback = FlightPlayback::new(&scene, wind, canopy, models)?;
@@ -93,6 +95,16 @@ fn start_flight(
             FlightRelease::Canopy => "keep solids and ground clear of the twigs' ends",
             FlightRelease::Points => "move these positions of flight.points out of solids and ground",
         };
+        report.push(Diagnostic::about("S026", text).help(help));
+    }
+
+    if playback.outside_start_count() > 0 {
+        let count = playback.outside_start_count();
+        let text = format!(
+            "{count} catkins start outside of the domain of the flight: they leave at once, those above it are moved to its top"
+        );
+        let help =
+            "enlarge flight.size, which lies around the origin, or place a lattice wind over them with wind.lattice.at";
         report.push(Diagnostic::about("S026", text).help(help));
     }
 
@@ -113,11 +125,13 @@ fn start_flight(
     Ok((asset, AddedFlight { playback: Arc::new(playback), table, fields, volumes }))
 }
 
-/// The box of the flight, world, m: the domain of a lattice wind, or one of `size` (width, height, depth) that stands on the
-/// origin.
-fn flight_domain(recipe: &Recipe, size: [f64; 3]) -> Bounds {
+/// The box of the flight, world, m: the domain of a lattice wind, or one of `size` (width, height, depth) around the origin that
+/// stands on y = 0, on terrain on the lowest ground under it.
+fn flight_domain(recipe: &Recipe, size: [f64; 3], obstacles: &Obstacles<'_>) -> Bounds {
     let lattice = recipe.wind.model == WindModel::Lattice;
     let [w, h, d] = if lattice { recipe.lattice.size() } else { size }.map(narrow);
     let base = if lattice { Vec3::from_array(recipe.lattice.at.map(narrow)) } else { Vec3::ZERO };
-    Bounds { min: base - Vec3::new(w / 2.0, 0.0, d / 2.0), max: base + Vec3::new(w / 2.0, h, d / 2.0) }
+    let domain = Bounds { min: base - Vec3::new(w / 2.0, 0.0, d / 2.0), max: base + Vec3::new(w / 2.0, h, d / 2.0) };
+    let lowest = if lattice { None } else { obstacles.lowest_terrain_under(domain) };
+    lowest.map_or(domain, |y| Bounds { min: domain.min.with_y(y), max: domain.max.with_y(y + h) })
 }

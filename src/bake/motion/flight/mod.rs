@@ -165,6 +165,18 @@ impl FlightPlayback {
         self.start.stats().buried
     }
 
+    /// Number of catkins that start above the domain, or beyond a side of it at which catkins leave.
+    pub fn outside_start_count(&self) -> usize {
+        let FlightParams { inside, edges, .. } = self.start.options();
+        let leaves =
+            |axis: usize, v: f32, low: f32, high: f32| edges[axis] == SideBoundary::Exit && !(low..=high).contains(&v);
+        let is_outside = |p: &&Vec3| {
+            let beside = leaves(0, p.x, inside.min.x, inside.max.x) || leaves(1, p.z, inside.min.z, inside.max.z);
+            beside || p.y > inside.max.y
+        };
+        self.start.frame().positions.iter().filter(is_outside).count()
+    }
+
     /// Declarations of the flight's table and deposition maps, which frames fill. `warnings`: codes and texts so far.
     pub fn table_and_fields(
         &self,

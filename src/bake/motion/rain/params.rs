@@ -96,6 +96,7 @@ pub(super) fn rainfall_params(rain: &RainRecipe, recipe: &Recipe) -> RainfallPar
         },
         jitter: keys.jitter,
         duration,
+        spin_up: keys.spin_up,
         g: keys.gravity,
     }
 }

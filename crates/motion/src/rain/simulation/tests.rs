@@ -539,6 +539,7 @@ fn heavy_rain(seed: u64) -> RainfallParams {
         envelope: IntensityEnvelope::Constant,
         jitter: 0.2,
         duration: 10.0,
+        spin_up: 0.0,
         g: 9.81,
     }
 }

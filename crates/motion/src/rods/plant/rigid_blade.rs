@@ -29,7 +29,8 @@ pub struct RigidBlade {
 }
 
 impl RigidBlade {
-    /// Integrates a mesh. A stalk in it counts as blade of the area of its surface; that of a tube faces no direction.
+    /// Integrates a mesh; of a closed one, which has an upper and a lower side, half of it. A stalk in it counts as blade of the
+    /// area of its surface; that of a tube faces no direction.
     pub fn from_mesh(mesh: &Mesh) -> Self {
         let (mut area, mut first, mut all, mut faces) = (0.0, DVec3::ZERO, DMat3::ZERO, DVec3::ZERO);
         for t in &mesh.triangles {
@@ -48,10 +49,11 @@ impl RigidBlade {
         let spread = all - outer_square(centroid) * area;
         let trace = spread.x_axis.x + spread.y_axis.y + spread.z_axis.z;
         let open = faces.length() > CLOSED_MESH_SHARE * area;
+        let sides = if open { 1.0 } else { 2.0 };
         Self {
-            area,
+            area: area / sides,
             centroid,
-            inertia: DMat3::from_diagonal(DVec3::splat(trace)) - spread,
+            inertia: (DMat3::from_diagonal(DVec3::splat(trace)) - spread) * (1.0 / sides),
             normal: if open { faces.normalize() } else { DVec3::Z },
             facing: if open { faces.length() } else { 0.5 * area },
             extent: [spread.x_axis.x, spread.y_axis.y].map(|m| math::sqrt((12.0 * m / area).max(1e-12))),
@@ -153,6 +155,19 @@ mod tests {
             assert!((got / wanted - 1.0).abs() < 1e-6, "{got} {wanted}");
         }
         assert!((sheet.extent[0] - 0.04).abs() < 1e-7 && (sheet.extent[1] - 0.1).abs() < 1e-7);
+    }
+
+    #[test]
+    fn closed_mesh_counts_one_of_its_sides() {
+        let open = plate();
+        let below = open.triangles.iter().map(|t| [t[0], t[2], t[1]]);
+        let closed = Mesh { triangles: open.triangles.iter().copied().chain(below).collect(), ..open.clone() };
+        let [one, both] = [&open, &closed].map(RigidBlade::from_mesh);
+        assert!((both.area / one.area - 1.0).abs() < 1e-9 && (both.facing / one.facing - 1.0).abs() < 1e-9);
+        assert!((both.centroid - one.centroid).length() < 1e-9);
+        let [a, b] = [one, both].map(|blade| blade.inertia(0.2, 1.0));
+        assert!((a.x_axis - b.x_axis).length() < 1e-12 && (a.y_axis - b.y_axis).length() < 1e-12);
+        assert!((0..2).all(|k| (both.extent[k] / one.extent[k] - 1.0).abs() < 1e-9));
     }
 
     #[test]
