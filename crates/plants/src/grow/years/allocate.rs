@@ -19,7 +19,7 @@ const FULL_LIGHT_PER_METRE: f32 = 3.0;
 /// Years in which a late stem lives on the reserves of the others, and the light that these are worth, in fully lit tips. Own: hazel sends
 /// up shoots of a metre in deep shade.
 const SPROUT_YEARS: f32 = 5.0;
-const SPROUT_LIGHT: f32 = 1.0;
+const SPROUT_LIGHT: f32 = 2.0;
 
 impl Tree {
     /// Adds the leaf area of living nodes, times the extinction of the species, to the field.

@@ -144,7 +144,7 @@ fn crowns_have_the_leaf_area_of_trees_and_bear_it_outside() {
         let m = measures(&seeds(name, species(name, 1).age, 1..=2));
         let index = mean(m.iter().map(|m| m.leaf_area_index));
         // Stands of spruce bear more than broadleaves: their needles live for years and shade each other in clumps.
-        let most = if name == "spruce" { 11.0 } else { 6.5 };
+        let most = if name == "spruce" { 7.5 } else { 6.5 };
         assert!((1.5..=most).contains(&index), "{name}: {index}");
     }
     // Shares of an oak's tips beyond 0.6 of the radius of its crown, about the middle of its tips: without shade they fill it.
@@ -278,7 +278,7 @@ fn each_rule_does_what_it_is_for() {
     let limp = with(&[("elevation_rate", 0.0), ("upright", 0.0)]);
     assert!(limp[1] < plain[1] || limp[3] < plain[3], "elevation and righting: {plain:?} {limp:?}");
     let stiff = with(&[("sag", 0.0)]);
-    assert!(stiff[0] > plain[0], "bending: {plain:?} {stiff:?}");
+    assert!(stiff[3] > plain[3] + 0.1, "bending: {plain:?} {stiff:?}");
 }
 
 /// Without light a tree fills its crown until the limit of nodes ends it.

@@ -110,9 +110,10 @@ fn write_tube(tube: &TubeInputs<'_>, out: &mut TubeWriter<'_>) {
     let ridges = Ridges::new(tube);
     // `below`: first point of the ring under the next one. Without a junction the first ring has none under it.
     let mut below = write_start(tube, ridges.as_ref(), out);
-    for ring in tube.rings {
+    for (k, ring) in tube.rings.iter().enumerate() {
         let first = out.ring(&tube.point_ring(ring, v_scale), tube.circle);
-        if let Some(ridges) = &ridges {
+        // The last ring stays round: its cap, and branches that go on from it, join it there.
+        if let Some(ridges) = ridges.as_ref().filter(|_| k + 1 < tube.rings.len()) {
             ridges.shape(tube, ring, first, false, out);
         }
         if let Some(below) = below {
