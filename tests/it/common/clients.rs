@@ -1,6 +1,7 @@
 //! The real programs that judge our files: where they are, and what to do without them.
 //!
-//! `tests/all.sh` installs them and sets `OSIER_JUDGES=require`, which turns a missing client into a failure.
+//! `tests/all.sh` installs them and sets `OSIER_JUDGES=require`, which turns a missing client into a failure. `OSIER_BPY` names
+//! another Python with another version of bpy, such as the one that `tests/full.sh` installs.
 #![allow(dead_code, reason = "each test file uses its own share")]
 #![allow(clippy::disallowed_methods, clippy::print_stderr, reason = "tests ask the environment and say what they skip")]
 
@@ -17,9 +18,10 @@ pub fn script(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/clients").join(name)
 }
 
-/// Python with bpy 5.0.1, usd-core and OpenEXR (import bpy and pxr in separate processes).
+/// Python with bpy, usd-core and OpenEXR (import bpy and pxr in separate processes): that of `OSIER_BPY`, else the one with bpy 5.0.1.
 pub fn python() -> Option<PathBuf> {
-    present("python with bpy, usd-core and OpenEXR", clients().join("venv/bin/python"))
+    let chosen = std::env::var_os("OSIER_BPY").map(|path| Path::new(env!("CARGO_MANIFEST_DIR")).join(path));
+    present("python with bpy, usd-core and OpenEXR", chosen.unwrap_or_else(|| clients().join("venv/bin/python")))
 }
 
 /// maturin, which builds the Python wheel.
