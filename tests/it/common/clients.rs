@@ -98,5 +98,10 @@ pub fn blender_script(blender: &Path, name: &str, arguments: &[&str]) -> Output 
 
 /// Runs one of our Python scripts under the venv's Python (bpy or pxr).
 pub fn python_script(python: &Path, name: &str, arguments: &[&str]) -> Output {
-    run(Command::new(python).arg(script(name)).args(arguments))
+    let mut output = run(Command::new(python).arg(script(name)).args(arguments));
+    // bpy 4.5 ends with a line about memory, behind what the script has printed.
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let said = text.lines().filter(|line| !line.starts_with("Error: Not freed memory blocks"));
+    output.stdout = said.flat_map(|line| [line, "\n"]).collect::<String>().into_bytes();
+    output
 }
