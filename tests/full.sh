@@ -15,6 +15,18 @@ cargo clippy --release --no-default-features --features parallel --lib -- -D war
 say "the serial build passes the same tests, snapshots of bytes among them"
 cargo test --release --no-default-features --lib --quiet
 
+say "Blender 4.5.15 (LTS) opens what 5.0.1 opens"
+lts=target/clients/venv-lts
+if [ ! -e "$lts/ready" ]; then
+    python3.11 -m venv "$lts"
+    sed 's/^bpy==.*/bpy==4.5.15/' tests/clients/requirements.txt | "$lts/bin/pip" install -q --disable-pip-version-check -r /dev/stdin
+    touch "$lts/ready"
+fi
+# The modules of tests that run a script with bpy.
+OSIER_BPY="$lts/bin/python" cargo test --release --workspace --test it -- attractors:: blender_import:: blender_panel:: clips:: \
+    copies:: flights:: gltf_blender:: grown_trees:: maps:: morphs:: particle_shapes:: points:: rain_charts:: rain_files:: \
+    showcase:: sway:: tracks:: usd_stages:: vdb::
+
 say "every preset at seeds 0 to 63"
 OSIER_SEEDS=64 cargo test --release --test it presets -- --nocapture
 

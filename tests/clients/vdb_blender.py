@@ -40,7 +40,11 @@ def sample(points, by_index):
     else:
         read = node("GeometryNodeSampleGrid")
         read.data_type = kind
-        read.inputs["Interpolation"].default_value = "Nearest Neighbor"
+        # A property of the node in Blender 4.5, an input in 5.0.
+        if hasattr(read, "interpolation_mode"):
+            read.interpolation_mode = "NEAREST"
+        else:
+            read.inputs["Interpolation"].default_value = "Nearest Neighbor"
         link(at.outputs[0], read.inputs["Position"])
     link(grid.outputs["Grid"], read.inputs["Grid"])
     store = node("GeometryNodeStoreNamedAttribute")

@@ -110,3 +110,75 @@ fn grammars_of_every_kind_sway_in_valid_files() {
         clients::python_script(&python, "usd_validate.py", &stages);
     }
 }
+
+/// Birches on hills in wind and rain, and seeds that leave them.
+const STORM: &str = "\
+    seed = 4\n[frames]\nend = 4\n[terrain]\nsize = 12\nsubdivisions = 4\namplitude = 2\n[plants.b]\n\
+    grammar = \"birch.l\"\nsteps = 9\n[plants.b.bark]\nside = 64\n[plants.b.leaf]\nsize = 0.08\nside = 64\n\
+    [[place]]\nplant = \"b\"\ncount = 2\nradius = 2\nindividuals = 2\n[wind]\nspeed = 7\n[rain]\n\
+    rate_mm_per_h = 40\nspin_up_s = 0.3\nmax_drop_meshes = 60\n[rain.wet]\nfilm = 0.5\n[catkin]\nhairs = 60\n\
+    lod = 3\n[flight]\ncount = 80\nrelease = \"canopy\"\nrelease_rate = 20\n[output]\n\
+    formats = [\"usd\", \"glb\", \"unreal\"]\n[output.gltf]\nprofiles = [\"blender\", \"web\", \"engine\"]\n";
+
+#[test]
+fn rain_and_seeds_on_hills_are_in_files_for_engines() {
+    let temp = tempfile::tempdir().expect("temp");
+    let scene = temp.path().join("storm.toml");
+    std::fs::write(&scene, STORM).expect("scene");
+    let out = temp.path().join("out");
+    ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out)]);
+    // The ground, drops and seeds are in the scene's file, and what falls moves.
+    let json = web(&out);
+    let names: BTreeSet<&str> =
+        json["nodes"].as_array().expect("nodes").iter().filter_map(|n| n["name"].as_str()).collect();
+    for part in ["terrain", "rain_drops", "catkins"] {
+        assert!(names.iter().any(|n| n.starts_with(part)), "{part}: {names:?}");
+    }
+    let glbs = files(&out, &[".glb"]);
+    if let Some((node, folder)) = clients::validator() {
+        let mut command = Command::new(node);
+        let out = clients::run(command.arg(clients::script("gltf_validate.mjs")).arg(folder).args(&glbs));
+        for line in String::from_utf8_lossy(&out.stdout).lines() {
+            let report: Value = serde_json::from_str(line).expect("report");
+            assert_eq!((&report["errors"], &report["warnings"]), (&0.into(), &0.into()), "{report:#}");
+        }
+    }
+    // Both viewers draw what is in the files for them, and the same.
+    if let Some((node, folder)) = clients::babylon() {
+        let shown: Vec<&PathBuf> = glbs.iter().filter(|f| !f.to_string_lossy().ends_with(".blender.glb")).collect();
+        let mut command = Command::new(node);
+        let out = clients::run(command.arg(clients::script("gltf_counts.mjs")).arg(folder).args(&shown));
+        let lines: Vec<Value> =
+            String::from_utf8_lossy(&out.stdout).lines().map(|l| serde_json::from_str(l).expect("counts")).collect();
+        assert_eq!(lines.len(), shown.len());
+        for (line, file) in lines.iter().zip(shown) {
+            let drawn = triangles(&Player::new(&std::fs::read(file).expect("file")).json);
+            for reader in ["three", "babylon"] {
+                assert_eq!(line[reader]["triangles"].as_f64(), Some(drawn), "{reader}: {line}");
+            }
+        }
+    }
+    // Plants for Unreal Engine stand in their own files.
+    if let Some(python) = clients::python() {
+        let stages = files(&out.join("unreal"), &[".usdc"]);
+        assert_eq!(stages.len(), 2);
+        clients::python_script(&python, "usd_validate.py", &stages.iter().map(|p| arg(p)).collect::<Vec<_>>());
+        clients::python_script(&python, "unreal_assembly.py", &[arg(&out), "1800"]);
+    }
+}
+
+/// Triangles that a file draws, each as often as it is instanced.
+fn triangles(json: &Value) -> f64 {
+    let count = |accessor: &Value| {
+        let index = accessor.as_u64().and_then(|i| usize::try_from(i).ok()).expect("an index");
+        json["accessors"][index]["count"].as_f64().expect("a count")
+    };
+    let of_node = |node: &Value| {
+        let Some(mesh) = node["mesh"].as_u64().and_then(|i| usize::try_from(i).ok()) else { return 0.0 };
+        let primitives = json["meshes"][mesh]["primitives"].as_array().expect("primitives");
+        let own: f64 = primitives.iter().filter(|p| !p["indices"].is_null()).map(|p| count(&p["indices"]) / 3.0).sum();
+        let instances = &node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"];
+        if instances.is_null() { own } else { own * count(instances) }
+    };
+    json["nodes"].as_array().expect("nodes").iter().map(of_node).sum()
+}

@@ -143,3 +143,38 @@ fn still_plants_and_plants_on_rods_have_joints_and_single_rods_are_no_plants() {
         serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("JSON");
     assert_eq!(manifest["warnings"][0]["code"], "X025");
 }
+
+#[test]
+fn a_plant_that_grows_or_turns_over_the_clip_is_shown_at_one_time_and_told() {
+    let dir = tempfile::tempdir().expect("dir");
+    let baked = |name: &str, keys: &str| {
+        let scene = dir.path().join(format!("{name}.toml"));
+        // Trees of this age have shed branches.
+        let rest = "[plants.a.leaf]\nside = 32\n[plants.a.bark]\nside = 32\n[[place]]\nplant = \"a\"\n[ground]\nshow = false\n\
+            [frames]\nend = 3\n";
+        fs::write(&scene, format!("[plants.a]\nspecies = \"oak\"\nage = 16\n{keys}{rest}")).expect("scene");
+        let out = dir.path().join(name);
+        let files = bake(arg(&scene), &out, &[]);
+        let manifest: Value =
+            serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("JSON");
+        (files, manifest["warnings"].to_string())
+    };
+    let (still, silent) = baked("still", "");
+    let (grown, told) = baked("grown", "[plants.a.site]\nfrom = 4\n");
+    assert!(
+        !silent.contains("X017") && told.contains("X017") && told.contains("plants a grow over the clip"),
+        "{told}"
+    );
+    // What falls before the end of the clip is not there; the order of branches may be another one.
+    let (one, other) = (wind(&grown, "a"), wind(&still, "a"));
+    assert_eq!(one["SimulationGroups"].as_array().map(Vec::len), other["SimulationGroups"].as_array().map(Vec::len));
+    if let (Some(one), Some(other)) =
+        (contract(&dir.path().join("grown"), "1800"), contract(&dir.path().join("still"), "1800"))
+    {
+        for count in ["joints", "points", "parts"] {
+            assert_eq!(one[0][count], other[0][count], "{count}");
+        }
+    }
+    let (_, told) = baked("autumn", "season = [\"09-20\", \"11-20\"]\n");
+    assert!(told.contains("X017") && told.contains("change their leaves"), "{told}");
+}

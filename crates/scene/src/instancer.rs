@@ -83,6 +83,17 @@ impl InstanceState {
         self.alive.get(i).copied().unwrap_or(true)
     }
 
+    /// Keeps the instances whose flag in `keep` is set, and those beyond its end.
+    pub fn retain(&mut self, keep: &[bool]) {
+        retain(&mut self.positions, keep);
+        retain(&mut self.orientations, keep);
+        retain(&mut self.alive, keep);
+        retain(&mut self.sizes, keep);
+        retain(&mut self.velocities, keep);
+        retain(&mut self.angular_velocities, keep);
+        self.attributes.iter_mut().for_each(|a| a.data.retain(keep));
+    }
+
     /// Factor on the scale of instance `i`; 1 where `sizes` has no entry for it.
     #[inline]
     pub fn size(&self, i: usize) -> f32 {
@@ -142,6 +153,12 @@ pub fn bent_normal(normal: Vec3, toward: Vec3) -> Vec3 {
     if weight > 0.0 { osier_base::math::normalize_or(normal * (1.0 - weight) + toward, normal) } else { normal }
 }
 
+/// Keeps the items whose flag in `keep` is set, and those beyond its end.
+fn retain<T>(list: &mut Vec<T>, keep: &[bool]) {
+    let mut keep = keep.iter();
+    list.retain(|_| keep.next().copied().unwrap_or(true));
+}
+
 /// N instances of some prototypes. N counts every instance that is ever alive; a slot never changes owner.
 #[derive(Debug, Clone)]
 pub struct Instancer {
@@ -175,6 +192,17 @@ impl Instancer {
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.protos.is_empty()
+    }
+
+    /// Keeps the instances whose flag in `keep` is set, and those beyond its end; its prototypes stay.
+    pub fn retain(&mut self, keep: &[bool]) {
+        retain(&mut self.ids, keep);
+        retain(&mut self.protos, keep);
+        retain(&mut self.scales, keep);
+        self.rest.retain(keep);
+        if let InstancerMotion::Joints(joints) = &mut self.motion {
+            retain(joints, keep);
+        }
     }
 
     /// Asset from prototype space for instance `i` in a state, alive or not.

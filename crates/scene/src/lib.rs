@@ -62,7 +62,7 @@ pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset};
 pub use pixel_footprint::{PICTURE_ROWS, PixelFootprint};
 pub use points::{Curves, Points, PointsFrame, PointsNow};
 pub use records::{CodeList, ColumnValues, RecordColumn, RecordTable};
-pub use rigged_plant::{JointBranch, RiggedPlant};
+pub use rigged_plant::{ClipChange, JointBranch, RiggedPlant};
 pub use skeleton::{Joint, Skeleton, Trs};
 pub use validate::{check_frame, check_scene};
 pub use volume::{VolumeCells, VolumeFrame, VolumeGrid, VolumeValues};

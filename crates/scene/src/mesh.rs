@@ -96,6 +96,24 @@ impl Mesh {
         }
     }
 
+    /// Whether no triangle of each point has an area while the points of the mesh are at `points`: such a point is not seen.
+    pub fn unseen_points(&self, points: &[Vec3]) -> Vec<bool> {
+        /// Width of a triangle whose corners are on one line but for rounding, as a share of their distance from the origin.
+        const ROUNDING: f32 = 1e-6;
+        let mut unseen = vec![true; points.len()];
+        for t in &self.triangles {
+            let [a, b, c] = t.map(|i| i as usize);
+            let (Some(pa), Some(pb), Some(pc)) = (points.get(a), points.get(b), points.get(c)) else { continue };
+            // Twice the area over the longest edge is the width; all squared, to save roots.
+            let (ab, ac, bc) = (*pb - *pa, *pc - *pa, *pc - *pb);
+            let longest = ab.length_squared().max(ac.length_squared()).max(bc.length_squared());
+            if ab.cross(ac).length_squared() > ROUNDING * ROUNDING * pa.length_squared() * longest {
+                [a, b, c].into_iter().for_each(|i| unseen[i] = false);
+            }
+        }
+        unseen
+    }
+
     /// Appends triangles over points of the mesh as a new subset, even if the last one has the same material.
     pub fn append_subset(&mut self, material: MaterialId, triangles: Vec<[u32; 3]>) {
         let first = self.next_triangle();

@@ -14,6 +14,20 @@ pub struct RiggedPlant {
     pub meshes: Vec<MeshObject>,
     /// Leaves at rest, each on a joint of [`Self::skeleton`], those of an axis in order along it.
     pub instancers: Vec<Instancer>,
+    /// What the clip changes of the plant beside its sway, of which this is one moment.
+    pub change: ClipChange,
+}
+
+/// What a clip changes of a plant that wind does not.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum ClipChange {
+    /// Nothing.
+    #[default]
+    None,
+    /// The plant grows; its rig is grown up.
+    Growth,
+    /// Its leaves change with the season; its rig has those of the first frame.
+    Season,
 }
 
 /// The part of a branch that a joint bends.

@@ -21,6 +21,7 @@ use crate::recipe::scene::{GrammarRandom, LineStyle, TropismKeys};
 use crate::recipe::{Growth, OrganRecipe, PlantRecipe, SurfaceForm};
 use osier_base::convert::saturating_byte;
 use osier_base::diagnostic::Report;
+use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::units::radians;
 use osier_base::{Error, Result};
@@ -101,20 +102,21 @@ impl GrownPlant {
 }
 
 impl GrownPlant {
-    /// The plant as the first frame shows it, for formats without frames; `None` if `self` is that plant already.
-    pub(crate) fn at_first_frame(&self) -> Option<Self> {
-        // A plant that stays the same needs no copy.
-        let first = self.season.as_ref()?.first.clone();
+    /// The plant for formats without frames: with the leaves of the first frame, or, if it grows, as old as the clip shows it; `None` if it
+    /// is that already.
+    /// # Errors
+    /// As [`GrowthClip::plant_at_end`].
+    pub(crate) fn at_one_time(&self, limits: &Limits) -> Result<Option<Self>> {
+        let plant = match (&self.season, &self.clip) {
+            (Some(season), _) => season.first.clone(),
+            // The plant of a clip also has what falls before its end.
+            (None, Some(clip)) => clip.plant_at_end(limits)?,
+            // A plant that stays the same needs no copy.
+            (None, None) => return Ok(None),
+        };
         let (imported, segment) = (self.imported.clone(), self.segment.clone());
-        Some(Self {
-            plant: first,
-            report: Report::default(),
-            modules: self.modules,
-            imported,
-            clip: None,
-            segment,
-            season: None,
-        })
+        let report = Report::default();
+        Ok(Some(Self { plant, report, modules: self.modules, imported, clip: None, segment, season: None }))
     }
 }
 

@@ -8,7 +8,7 @@ use crate::bake::BakeContext;
 use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::segments::segment_instancer;
-use crate::bake::assets::skin_options::skin_options;
+use crate::bake::assets::skin_options::{GROWTH_CONES, skin_options};
 use crate::bake::assets::turtle_colors::paint_axes;
 use crate::bake::motion::sway::{FlutterGroup, SwayMotion, SwaySurface};
 use crate::bake::scene::plant_layout::{Individual, PlantLayout};
@@ -155,7 +155,11 @@ pub(crate) fn bark_mesh(
     let (mut mesh, bindings) = match &grown.imported {
         Some(tree) => ((*tree.wood).clone(), tree.bindings.clone()),
         None => {
-            let bark = skin(&grown.plant, &skin_options(&recipe.skin, materials.tile, context))?;
+            let mut options = skin_options(&recipe.skin, materials.tile, context);
+            if grown.clip.is_some() && recipe.skin.cones.is_none() {
+                options.thin = GROWTH_CONES;
+            }
+            let bark = skin(&grown.plant, &options)?;
             let (mut mesh, bindings) = (bark.mesh, bark.bindings.iter().map(|b| (b.axis, b.s)).collect::<Vec<_>>());
             paint_axes(&mut mesh, &bindings, &grown.plant, &materials.paints);
             (mesh, bindings)

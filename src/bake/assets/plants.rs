@@ -36,7 +36,7 @@ use osier_base::par::par_map;
 use osier_base::{Error, Result};
 use osier_plants::surface::terrain::Terrain;
 use osier_scene::solid::{Form, Solid};
-use osier_scene::{Asset, Placement, Trs};
+use osier_scene::{Asset, ClipChange, Placement, RiggedPlant, Trs};
 
 /// Results of [`add_plant_assets`] beside the assets, which go to the scene's builder.
 pub(crate) struct PlantBuildResult {
@@ -60,16 +60,26 @@ impl BuiltPlant {
         Self { asset, motion: None, clamped_angles: 0, motion_in_rain: PlantInRain::Still, diagnostics }
     }
 
-    /// Adds the plant at rest with at most `joints` joints on its branches to the asset.
+    /// Adds the plant at rest with joints on its branches to the asset. A plant that changes over the clip is shown at one time of it.
     fn with_rig(
         mut self,
-        grown: &GrownPlant,
+        recipe: &Recipe,
         plant: &PlantRecipe,
+        grown: &GrownPlant,
         materials: &PlantMaterials,
-        joints: u32,
         context: &BakeContext<'_>,
     ) -> Result<Self> {
-        self.asset.rigged = Some(Arc::new(build_rigged_plant(grown, plant, materials, &self.asset, joints, context)?));
+        let joints = recipe.output.unreal.joints;
+        let at_one_time = grown.at_one_time(context.limits)?;
+        let still = at_one_time.as_ref().unwrap_or(grown);
+        let rig = build_rigged_plant(still, plant, materials, &self.asset, joints, context)?;
+        let grows = grown.clip.is_some() || (plant.keys.growth_clip.is_some() && recipe.clip.len() > 1);
+        let change = match &grown.season {
+            _ if grows => ClipChange::Growth,
+            Some(_) => ClipChange::Season,
+            None => ClipChange::None,
+        };
+        self.asset.rigged = Some(Arc::new(RiggedPlant { change, ..rig }));
         Ok(self)
     }
 }
@@ -199,11 +209,7 @@ pub(crate) fn add_plant_assets(
         let built = build_plant(recipe, plant, wind, grown, materials, individual, transform, context);
         // Formats whose readers simulate the wind need joints in still plants and on rods, too: theirs do not depend on the motion.
         let built = built.and_then(|built| match recipe.output.writes_unreal() {
-            // Formats for simulation show the leaves of the first frame.
-            true => match grown.at_first_frame() {
-                Some(first) => built.with_rig(&first, plant, materials, recipe.output.unreal.joints, context),
-                None => built.with_rig(grown, plant, materials, recipe.output.unreal.joints, context),
-            },
+            true => built.with_rig(recipe, plant, grown, materials, context),
             false => Ok(built),
         });
         context.progress.advance(1);
@@ -238,7 +244,7 @@ fn build_plant(
         let seconds = recipe.clip.seconds(recipe.clip.end);
         let BoundPlant { mut asset, bindings, .. } =
             build_bound_plant(grown, plant, materials, individual, None, context)?;
-        GrowthMotion::prepare(&mut asset);
+        YearsMotion::prepare(&mut asset, materials, clip);
         let motion = YearsMotion::new(clip.clone(), materials, &bindings, is_shown_by_segments(grown, plant), seconds);
         let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
         return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(asset, Vec::new()) });

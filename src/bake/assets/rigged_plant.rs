@@ -13,7 +13,7 @@ use osier_base::convert::to_usize;
 use osier_base::neighbours::NeighbourGrid;
 use osier_motion::sway::{BeamElements, JointBudget, JointRig, WoodParams};
 use osier_scene::plant::Plant;
-use osier_scene::{Asset, MeshMotion, MeshObject, RiggedPlant, SkinWeights};
+use osier_scene::{Asset, ClipChange, MeshMotion, MeshObject, RiggedPlant, SkinWeights};
 
 /// Edge of the cells in which leaves are searched, m: about the length of a stalk.
 const STALK_LENGTH: f32 = 0.05;
@@ -57,7 +57,8 @@ pub(crate) fn build_rigged_plant(
         .iter()
         .map(|(o, organs)| leaf_instancer(plant, materials, *o, organs, organ_instancer_motion(organs, Some(&rig))))
         .collect::<Result<_>>()?;
-    Ok(RiggedPlant { branches: rig.branches(plant, &elements), skeleton: rig.skeleton, meshes, instancers })
+    let branches = rig.branches(plant, &elements);
+    Ok(RiggedPlant { branches, skeleton: rig.skeleton, meshes, instancers, change: ClipChange::None })
 }
 
 /// Binds each point with weight 1 to the joint of the leaf whose pivot is nearest. `points`: points of stalks, plant space, m.

@@ -11,6 +11,10 @@ pub const SHOOT: u16 = 1;
 /// Axes whose radius at the base is below this have the shoot material, m.
 pub const SHOOT_RADIUS: f32 = 0.008;
 
+/// Radius below which axes of a species that grows over the clip are cones, m, without its key. Own: nine tenths of an oak's axes, whose
+/// points would be nine tenths of every frame; from twenty metres on they are thinner than a pixel.
+pub const GROWTH_CONES: f32 = 0.012;
+
 /// Options of the bark's mesh from `[plants.NAME.skin]`; `tile`: width and height of one repeat of the bark, m.
 pub fn skin_options(keys: &SkinKeys, tile: f32, context: &BakeContext<'_>) -> SkinOptions {
     let defaults = SkinOptions::default();
@@ -25,6 +29,7 @@ pub fn skin_options(keys: &SkinKeys, tile: f32, context: &BakeContext<'_>) -> Sk
         buttresses: keys.buttresses,
         bury: osier_base::math::narrow(keys.bury),
         shoot: Some((SHOOT_RADIUS, SHOOT)),
+        thin: osier_base::math::narrow(keys.cones.unwrap_or(0.0)),
         max_points: context.limits.get("vertices"),
         ..defaults
     }

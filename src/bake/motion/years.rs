@@ -1,17 +1,23 @@
 //! A tree over the years of a clip: wood that lengthens, thickens, bends and falls, leaves that come and go.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::Vec3;
 
 use crate::bake::assets::material_set::PlantMaterials;
-use crate::bake::motion::growth::{organs_by_instancer, segment_middles};
+use crate::bake::motion::growth::{GrowthMotion, organs_by_instancer, segment_middles};
 use crate::bake::motion::{AssetMotion, FrameTime};
 use osier_base::Result;
 use osier_base::math::narrow;
 use osier_motion::posed_skin::{GrowthBinding, PosedNodes, pose_skin};
 use osier_plants::grow::years::{GrowthClip, PoseNow};
-use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, MeshFrame};
+use osier_scene::{Asset, AssetFrame, InstanceState, Instancer, InstancerFrame, MeshFrame};
+
+/// Instancers that the leaves of an organ are shared out among, and the fewest leaves of one. Own: a part of the leaves that is not there
+/// yet takes no samples; more instancers save little and fill lists of objects.
+const LEAF_PARTS: usize = 8;
+const LEAST_LEAVES: usize = 500;
 
 /// Motion of a recorded tree through its ages in a clip.
 #[derive(Debug)]
@@ -28,6 +34,27 @@ pub struct YearsMotion {
 }
 
 impl YearsMotion {
+    /// Gives an asset the motions that its growth needs, and divides its leaves by the time of their appearance.
+    pub fn prepare(asset: &mut Asset, materials: &PlantMaterials, clip: &GrowthClip) {
+        GrowthMotion::prepare(asset);
+        // Behind the instancers of organs there may be one of segments.
+        let organs = organs_by_instancer(&clip.plant, materials).len().min(asset.instancers.len());
+        let segments = asset.instancers.split_off(organs);
+        let divided = |leaves: &Instancer| -> Vec<Instancer> {
+            let part = |(k, range): (usize, Range<usize>)| {
+                let mut part = leaves.clone();
+                let keep: Vec<bool> = (0..leaves.len()).map(|i| range.contains(&i)).collect();
+                part.retain(&keep);
+                if k > 0 {
+                    part.name = format!("{}_{}", leaves.name, k + 1);
+                }
+                part
+            };
+            leaf_parts(leaves.len()).into_iter().enumerate().map(part).collect()
+        };
+        asset.instancers = asset.instancers.iter().flat_map(divided).chain(segments).collect();
+    }
+
     /// The motion of a recorded tree. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether it
     /// is displayed by its segments; `seconds`: length of the clip.
     pub fn new(
@@ -39,7 +66,7 @@ impl YearsMotion {
     ) -> Self {
         Self {
             bindings: bindings.iter().map(|(axis, s)| GrowthBinding { axis: *axis, s: *s }).collect(),
-            organs: organs_by_instancer(&clip.plant, materials),
+            organs: organs_by_instancer(&clip.plant, materials).iter().flat_map(|list| divided(list)).collect(),
             segments: if by_segments { segment_middles(&clip.plant) } else { Vec::new() },
             clip,
             seconds,
@@ -78,6 +105,17 @@ impl YearsMotion {
         state.alive = state.sizes.iter().map(|size| *size > 0.0).collect();
         state
     }
+}
+
+/// The parts of so many leaves, which are in the order of their appearance.
+fn leaf_parts(leaves: usize) -> Vec<Range<usize>> {
+    let parts = (leaves / LEAST_LEAVES).clamp(1, LEAF_PARTS);
+    (0..parts).map(|k| leaves * k / parts..leaves * (k + 1) / parts).collect()
+}
+
+/// The leaves of each part.
+fn divided(leaves: &[usize]) -> Vec<Vec<usize>> {
+    leaf_parts(leaves.len()).into_iter().map(|range| leaves[range].to_vec()).collect()
 }
 
 impl AssetMotion for YearsMotion {

@@ -77,6 +77,8 @@ keys! {
         edge: f64 = "edge" number(0.04, 1e-5, 10.0, "m");
         /// Fewest sides of a tube, which twigs have: 3 makes files of growth clips and of trees with many twigs smaller.
         sides: u32 = "sides" integer(5, 3, 32);
+        /// Axes thinner at their base than this radius are cones of three sides, so that files of growth clips are smaller.
+        cones: Option<f64> = "cones_below_mm" OptionalKey(millimetres(0.0, 0.0, 1000.0), "12 where a species grows over the clip, else 0");
         /// Bending angle after which a new ring is inserted.
         turn: f64 = "turn_deg" degrees(12.0, 0.6, 85.0);
         /// Texture coordinates: scaled with the circumference ("conformal") or of constant size ("metric").

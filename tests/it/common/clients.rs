@@ -1,6 +1,7 @@
 //! The real programs that judge our files: where they are, and what to do without them.
 //!
-//! `tests/all.sh` installs them and sets `OSIER_JUDGES=require`, which turns a missing client into a failure.
+//! `tests/all.sh` installs them and sets `OSIER_JUDGES=require`, which turns a missing client into a failure. `OSIER_BPY` names
+//! another Python with another version of bpy, such as the one that `tests/full.sh` installs.
 #![allow(dead_code, reason = "each test file uses its own share")]
 #![allow(clippy::disallowed_methods, clippy::print_stderr, reason = "tests ask the environment and say what they skip")]
 
@@ -17,9 +18,10 @@ pub fn script(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/clients").join(name)
 }
 
-/// Python with bpy 5.0.1, usd-core and OpenEXR (import bpy and pxr in separate processes).
+/// Python with bpy, usd-core and OpenEXR (import bpy and pxr in separate processes): that of `OSIER_BPY`, else the one with bpy 5.0.1.
 pub fn python() -> Option<PathBuf> {
-    present("python with bpy, usd-core and OpenEXR", clients().join("venv/bin/python"))
+    let chosen = std::env::var_os("OSIER_BPY").map(|path| Path::new(env!("CARGO_MANIFEST_DIR")).join(path));
+    present("python with bpy, usd-core and OpenEXR", chosen.unwrap_or_else(|| clients().join("venv/bin/python")))
 }
 
 /// maturin, which builds the Python wheel.
@@ -96,5 +98,10 @@ pub fn blender_script(blender: &Path, name: &str, arguments: &[&str]) -> Output 
 
 /// Runs one of our Python scripts under the venv's Python (bpy or pxr).
 pub fn python_script(python: &Path, name: &str, arguments: &[&str]) -> Output {
-    run(Command::new(python).arg(script(name)).args(arguments))
+    let mut output = run(Command::new(python).arg(script(name)).args(arguments));
+    // bpy 4.5 ends with a line about memory, behind what the script has printed.
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let said = text.lines().filter(|line| !line.starts_with("Error: Not freed memory blocks"));
+    output.stdout = said.flat_map(|line| [line, "\n"]).collect::<String>().into_bytes();
+    output
 }

@@ -136,7 +136,10 @@ impl GltfDocument<'_> {
             let rest = ribbons(curves, &curves.points, tile);
             let ribbon_shapes = |list: &[MorphShape]| -> Vec<MorphShape> {
                 let ribbon = |shape: &MorphShape| ribbons(curves, &shape.points, tile);
-                list.iter().map(ribbon).map(|m| MorphShape { points: m.points, normals: m.normals }).collect()
+                list.iter()
+                    .map(ribbon)
+                    .map(|m| MorphShape { points: m.points, normals: m.normals, unseen: Vec::new() })
+                    .collect()
             };
             let (frames, shapes) = match shapes {
                 MorphFrames::Frames(keys) => (&keys.frames[..], ribbon_shapes(&keys.shapes)),

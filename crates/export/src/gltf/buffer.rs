@@ -66,6 +66,35 @@ impl BinaryBuffer {
         self.add_accessor(Accessor { normalized: true, min: bounds(low), max: bounds(high), ..accessor })
     }
 
+    /// Differences of positions, m, between points of a cube as normalised i16 with a stride of eight bytes: accurate to 1/65534 of its
+    /// edge. Requires KHR_mesh_quantization.
+    pub(super) fn add_quantized_differences(
+        &mut self,
+        values: &[Vec3],
+        cube: QuantizedCube,
+        label: &str,
+    ) -> Result<Index> {
+        check_finite(values.iter().map(|v| v.is_finite()), label)?;
+        let start = self.align();
+        let (mut low, mut high) = ([i16::MAX; 3], [i16::MIN; 3]);
+        for v in values {
+            let stored = cube.difference(*v).to_array().map(to_snorm16);
+            for (c, (low, high)) in stored.iter().zip(low.iter_mut().zip(&mut high)) {
+                self.bytes.extend_from_slice(&c.to_le_bytes());
+                (*low, *high) = ((*low).min(*c), (*high).max(*c));
+            }
+            // Padding to the stride, as of positions.
+            self.bytes.extend_from_slice(&[0; 2]);
+        }
+        let view = self.add_stream(start, Some(target::VERTICES), Stream::Attributes { stride: 8 })?;
+        if let Some(view) = self.views.last_mut() {
+            view.byte_stride = Some(8);
+        }
+        let bounds = |v: [i16; 3]| v.map(f32::from).to_vec();
+        let accessor = accessor_of(view, component::I16, values.len(), "VEC3");
+        self.add_accessor(Accessor { normalized: true, min: bounds(low), max: bounds(high), ..accessor })
+    }
+
     /// Texture coordinates within 0 to 1 as normalised u16, others as floats; v becomes 1 - v. Requires KHR_mesh_quantization.
     pub(super) fn add_quantized_uvs(&mut self, values: &[Vec2], label: &str) -> Result<Index> {
         let fits = |v: &Vec2| v.cmpge(Vec2::ZERO).all() && v.cmple(Vec2::ONE).all();

@@ -99,9 +99,10 @@ impl GltfDocument<'_> {
     /// Adds a mesh with a primitive for each material; `None` if it has no triangles.
     pub(super) fn add_mesh(&mut self, mesh_source: MeshSource<'_>) -> Result<Option<StoredMesh>> {
         let mut primitives = Vec::new();
-        let own = || self.quantized_cube(mesh_source.mesh.points.iter().copied());
-        // Differences of morph targets are floats, which readers cannot add to integers.
-        let cube = if mesh_source.shapes.is_empty() { mesh_source.cube.or_else(own) } else { None };
+        // The cube of a mesh that morphs holds all of its shapes: no difference of two of them is longer than its edge.
+        let shapes = mesh_source.shapes.iter().flat_map(|(_, shape)| &shape.points);
+        let own = || self.quantized_cube(mesh_source.mesh.points.iter().chain(shapes).copied());
+        let cube = mesh_source.cube.or_else(own);
         for submesh in split_by_material(mesh_source.mesh) {
             // Influences run over all vertices of the mesh and are restricted as the points are.
             let skin = mesh_source.skin.map(|s| SkinInfluences {
@@ -165,8 +166,11 @@ impl GltfDocument<'_> {
         };
         let label = vertices.label;
         let count = vertices.points.len();
-        // Morph targets are float differences, which readers cannot add to quantized normals.
-        let storage = if vertices.morphs { VertexStorage::Floats } else { self.input.options.vertex_storage() };
+        // Without a cube the differences of morph targets are floats, and so is what they are added to.
+        let storage = match vertices.cube {
+            None if vertices.morphs => VertexStorage::Floats,
+            _ => self.input.options.vertex_storage(),
+        };
         let small = storage != VertexStorage::Floats;
         let quantized = storage == VertexStorage::Quantized;
         // Colours and weights of bytes need no extension of glTF, and engines convert them to bytes anyway.
@@ -256,8 +260,12 @@ impl GltfDocument<'_> {
         // Either all targets of a primitive have normals or none has, as all must have the same attributes.
         let turns = base.normals.len() == base.points.len() && mesh_source.shapes.iter().any(|(_, shape)| lit(shape));
         let mut targets = Vec::with_capacity(mesh_source.shapes.len());
-        for (_, MorphShape { points, normals }) in mesh_source.shapes {
-            let position = self.buffer.add_positions(&difference(points, &base.points), mesh_source.label)?;
+        for (_, MorphShape { points, normals, .. }) in mesh_source.shapes {
+            let moved = difference(points, &base.points);
+            let position = match base.cube {
+                Some(cube) => self.buffer.add_quantized_differences(&moved, cube, mesh_source.label)?,
+                None => self.buffer.add_positions(&moved, mesh_source.label)?,
+            };
             let mut normal = None;
             if turns {
                 let target = Some(super::json::target::VERTICES);

@@ -253,7 +253,7 @@ impl GltfExporter {
 impl Exporter for GltfExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         check_scene(scene)?;
-        self.tracks = ClipTracks::new(scene, self.options.nodes);
+        self.tracks = ClipTracks::new(scene, &self.options);
         self.scene = Some(Arc::clone(scene));
         Ok(())
     }
@@ -270,7 +270,7 @@ impl Exporter for GltfExporter {
                 Some(number) if number == frame.number => {
                     let still = freeze(scene, frame);
                     check_scene(&still)?;
-                    self.tracks = ClipTracks::new(&still, self.options.nodes);
+                    self.tracks = ClipTracks::new(&still, &self.options);
                     self.scene = Some(Arc::new(still));
                 }
                 Some(_) => {}
@@ -336,7 +336,7 @@ fn warn_unanimated<'a>(scene: &'a Scene, tracks: &'a ClipTracks) -> impl Iterato
 pub fn write(scene: &Scene, textures: &Textures, profile: Profile, out: &mut impl Write) -> Result<Vec<Warning>> {
     check_scene(scene)?;
     let options = GltfOptions { profile, ..GltfOptions::default() };
-    let tracks = ClipTracks::new(scene, options.nodes);
+    let tracks = ClipTracks::new(scene, &options);
     let mut document =
         GltfDocument::new(GltfInput { scene, tracks: &tracks, textures, options: &options }, ImageStorage::Embedded);
     document.assemble(GltfContents::Scene { camera: false })?;

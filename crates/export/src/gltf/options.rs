@@ -82,6 +82,11 @@ impl GltfOptions {
         }
     }
 
+    /// Bytes of a point's position in a morph target: four integers of 16 bits, one of them padding, or three floats.
+    pub(super) fn target_position_bytes(&self) -> usize {
+        if self.vertex_storage() == VertexStorage::Quantized { 8 } else { 12 }
+    }
+
     /// Most joints of an animated skeleton: [`Self::joints`] within 1 to 256 for `engine`, else a constant.
     pub(super) fn most_joints(&self) -> usize {
         match self.profile {
@@ -96,12 +101,12 @@ impl GltfOptions {
     }
 }
 
-/// How the vertices of meshes without morph targets are stored.
+/// How the vertices of meshes are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum VertexStorage {
     /// Floats, which need no extension of glTF.
     Floats,
-    /// Normals and tangents as signed bytes, all else as floats.
+    /// Normals and tangents as signed bytes, all else as floats; meshes with morph targets as floats.
     ByteDirections,
     /// Positions and texture coordinates as 16-bit integers, all else as bytes.
     Quantized,

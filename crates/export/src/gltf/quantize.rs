@@ -31,6 +31,11 @@ impl QuantizedCube {
         (p - self.low) / self.extent
     }
 
+    /// A difference of two positions in the cube, m, as shares of its edge, -1 to 1.
+    pub(super) fn difference(&self, d: Vec3) -> Vec3 {
+        d / self.extent
+    }
+
     /// The transform from shares of the cube to metres.
     pub(super) fn to_metres(self) -> Trs {
         Trs { t: self.low, r: Quat::IDENTITY, s: Vec3::splat(self.extent) }

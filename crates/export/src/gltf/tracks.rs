@@ -2,6 +2,7 @@
 
 use glam::{Quat, Vec3};
 
+use super::options::GltfOptions;
 use osier_base::rng::mix64;
 use osier_scene::{
     Asset, AssetFrame, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, Scene, Trs, instance_states,
@@ -10,11 +11,11 @@ use osier_scene::{
 /// Morph targets of a mesh before its limit is raised, except for the largest meshes. Own: each target is a copy of positions and
 /// normals, and importers hold all of them.
 const MORPH_TARGETS: usize = 32;
-/// Bytes and number of a mesh's targets up to which its limit can be raised. Own: small meshes that move irregularly, such as
-/// trees that grow year by year, keep every frame of a clip of five seconds.
-const MORPH_BUDGET: [usize; 2] = [64 << 20, 256];
-/// Bytes of a point in a target: position and normal.
-const MORPH_POINT_BYTES: usize = 24;
+/// A mesh may have more, up to the second number, while all of its targets take less than the first, bytes. Own: small meshes that
+/// move irregularly, as trees that grow year by year, keep every frame of a clip of five seconds.
+const MORPH_BUDGET: [usize; 2] = [60 << 20, 256];
+/// Bytes of a normal in a target.
+const MORPH_NORMAL_BYTES: usize = 12;
 /// Bytes of targets that a mesh may have before any frame is left out. Own: less than the pictures of a plant.
 const MORPH_FREE: usize = 4 << 20;
 /// Smallest limit of targets, for the largest meshes. Own: with fewer, a tree that grows would jump from shape to shape.
@@ -75,19 +76,25 @@ pub(super) struct InstanceTrack {
 pub(super) struct MorphShape {
     pub points: Vec<Vec3>,
     pub normals: Vec<Vec3>,
+    /// Points that are not seen, which may lie anywhere; empty: all are seen.
+    pub unseen: Vec<bool>,
 }
 
 impl MorphShape {
-    /// Whether all points lie within `tolerance`, m, of the linear interpolation at `share` (0 to 1) between two shapes.
+    /// Whether all points that are seen lie within `tolerance`, m, of those at `share` of the way between two shapes.
     fn lies_between(&self, from: &Self, to: &Self, share: f32, tolerance: f32) -> bool {
-        let mut ways = self.points.iter().zip(&from.points).zip(&to.points);
-        ways.all(|((p, a), b)| p.distance(a.lerp(*b, share)) <= tolerance)
+        self.distances_between(from, to, share).all(|distance| distance <= tolerance)
     }
 
-    /// Largest distance of a point from the linear interpolation at `share` (0 to 1) between two shapes, m.
+    /// Most that a point that is seen lies off its place at `share` of the way between two shapes, m.
     fn distance_between(&self, from: &Self, to: &Self, share: f32) -> f32 {
-        let ways = self.points.iter().zip(&from.points).zip(&to.points);
-        ways.map(|((p, a), b)| p.distance(a.lerp(*b, share))).fold(0.0, f32::max)
+        self.distances_between(from, to, share).fold(0.0, f32::max)
+    }
+
+    fn distances_between(&self, from: &Self, to: &Self, share: f32) -> impl Iterator<Item = f32> {
+        let ways = self.points.iter().zip(&from.points).zip(&to.points).enumerate();
+        let seen = ways.filter(|(i, _)| self.unseen.get(*i) != Some(&true));
+        seen.map(move |(_, ((p, a), b))| p.distance(a.lerp(*b, share)))
     }
 }
 
@@ -145,12 +152,12 @@ impl MorphKeys {
         MorphTrack { frames: &self.frames, shapes: &self.shapes }
     }
 
-    /// Derives limits from the number of points. `rest`: points of the mesh at rest; `frames`: number of frames of the clip.
-    fn new(rest: &[Vec3], frames: usize) -> Self {
+    /// `rest`: points of the mesh at rest; `frames`: of the clip; `position`: bytes of a point in a target, without its normal.
+    fn new(rest: &[Vec3], frames: usize, position: usize) -> Self {
         let [budget, most] = MORPH_BUDGET;
-        // Targets of large meshes have no normals, so that twice as many fit; wood that grows seldom changes its direction.
-        let with_normals = MORPH_POINT_BYTES * rest.len() * MORPH_TARGETS <= budget;
-        let point = if with_normals { MORPH_POINT_BYTES } else { MORPH_POINT_BYTES / 2 };
+        // Targets of large meshes have no normals, so that twice as many fit: wood that grows seldom turns.
+        let with_normals = (position + MORPH_NORMAL_BYTES) * rest.len() * MORPH_TARGETS <= budget;
+        let point = if with_normals { position + MORPH_NORMAL_BYTES } else { position };
         let most = (budget / (point * rest.len().max(1))).clamp(LEAST_TARGETS, most);
         Self {
             frames: Vec::new(),
@@ -289,10 +296,10 @@ impl MorphKeys {
 }
 
 impl ClipTracks {
-    /// No frames yet. `max_moving`: most moving instances in a file.
-    pub(super) fn new(scene: &Scene, max_moving: usize) -> Self {
-        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene, max_moving)).collect();
-        Self { assets, max_moving, ..Self::default() }
+    /// No frames yet.
+    pub(super) fn new(scene: &Scene, options: &GltfOptions) -> Self {
+        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene, options)).collect();
+        Self { assets, max_moving: options.nodes, ..Self::default() }
     }
 
     /// Whether no frame was added, so that the file has no animation.
@@ -321,7 +328,7 @@ impl ClipTracks {
 }
 
 impl AssetTracks {
-    fn new(asset: &Asset, scene: &Scene, max_moving: usize) -> Self {
+    fn new(asset: &Asset, scene: &Scene, options: &GltfOptions) -> Self {
         let mut moving = Vec::new();
         for (instancer, source) in asset.instancers.iter().enumerate() {
             if source.motion == InstancerMotion::Free {
@@ -339,9 +346,10 @@ impl AssetTracks {
         // The key is a hash of the instance's id: the same instances are written whatever the order in which they were emitted.
         moving.sort_by_key(|m| (m.key, m.instancer, m.instance));
         // Instances beyond the limit get no track, which bounds the memory: frames times instances would be held until the end.
-        moving.truncate(max_moving);
+        moving.truncate(options.nodes);
         let shapes = |deforms, rest: &[Vec3]| {
-            if deforms { MorphFrames::Frames(MorphKeys::new(rest, scene.clip.len())) } else { MorphFrames::Still }
+            let keys = || MorphKeys::new(rest, scene.clip.len(), options.target_position_bytes());
+            if deforms { MorphFrames::Frames(keys()) } else { MorphFrames::Still }
         };
         let skinned = asset.skeleton.is_some();
         Self {
@@ -375,10 +383,16 @@ impl AssetTracks {
         }
         for (i, (shapes, object)) in self.meshes.iter_mut().zip(&asset.meshes).enumerate() {
             shapes.push(|| match frame.mesh(i) {
-                MeshFrame::Points { points, normals, .. } => {
-                    MorphShape { points: points.clone(), normals: normals.clone() }
-                }
-                _ => MorphShape { points: object.mesh.points.clone(), normals: object.mesh.normals.clone() },
+                MeshFrame::Points { points, normals, .. } => MorphShape {
+                    points: points.clone(),
+                    normals: normals.clone(),
+                    unseen: object.mesh.unseen_points(points),
+                },
+                _ => MorphShape {
+                    points: object.mesh.points.clone(),
+                    normals: object.mesh.normals.clone(),
+                    unseen: Vec::new(),
+                },
             });
         }
         for (i, (shapes, curves)) in self.curves.iter_mut().zip(&asset.curves).enumerate() {
@@ -387,7 +401,7 @@ impl AssetTracks {
                     CurvesFrame::Points(points) => points.clone(),
                     CurvesFrame::Same => curves.points.clone(),
                 };
-                MorphShape { points, normals: Vec::new() }
+                MorphShape { points, normals: Vec::new(), unseen: Vec::new() }
             });
         }
     }
@@ -459,10 +473,10 @@ mod tests {
         let rest = vec![Vec3::Y * 4.0; 80_000].into_iter().chain([Vec3::ZERO]).collect::<Vec<_>>();
         let keys = |rest: &[Vec3], frames: usize, place: fn(f32) -> f32| {
             let at = |i: usize| place(i as f32 / (frames - 1) as f32);
-            let mut morph = MorphKeys::new(rest, frames);
+            let mut morph = MorphKeys::new(rest, frames, 12);
             for i in 0..frames {
                 let points = vec![Vec3::ZERO, Vec3::Y * at(i)];
-                morph.push(MorphShape { normals: vec![Vec3::Y; 2], points });
+                morph.push(MorphShape { normals: vec![Vec3::Y; 2], points, unseen: Vec::new() });
             }
             morph.close();
             // The stated error holds at every frame.

@@ -24,7 +24,7 @@ use super::{Exporter, Summary, Warning};
 use osier_base::files::{Folder, safe_name};
 use osier_base::geometry::Bounds;
 use osier_base::{Error, Result};
-use osier_scene::{Asset, Frame, Instancer, RiggedPlant, Scene};
+use osier_scene::{Asset, ClipChange, Frame, Instancer, RiggedPlant, Scene};
 
 /// Bytes of a vertex, a triangle, a leaf and a joint in the files, measured on birches and oaks.
 const VERTEX: u64 = 37;
@@ -35,6 +35,9 @@ const JOINT: u64 = 400;
 /// Measured on an oak of 137,661 leaves.
 const TWIG: u64 = 500;
 const TWIG_VERTEX: u64 = 22;
+
+/// Plants that a warning names; of more it tells the number.
+const NAMED_PLANTS: usize = 3;
 
 /// Registry entry of Unreal Engine: two files per plant with a rig, at rest.
 pub const FORMAT: FormatInfo = FormatInfo {
@@ -113,6 +116,23 @@ impl UnrealExporter {
     }
 }
 
+/// X017 for plants that grow and for those whose leaves change, one for all of a kind: the files hold one time of the clip.
+fn warn_of_changes(scene: &Scene) -> Vec<Warning> {
+    let changes = [
+        (ClipChange::Growth, "grow over the clip; format unreal has them grown up"),
+        (ClipChange::Season, "change their leaves over the clip; format unreal has those of its first frame"),
+    ];
+    let warning = |(change, what): &(ClipChange, &str)| {
+        let changing = scene.assets.iter().filter(|a| a.rigged.as_ref().is_some_and(|rig| rig.change == *change));
+        let names: Vec<&str> = changing.map(|a| a.id.as_str()).collect();
+        let (shown, more) = names.split_at(names.len().min(NAMED_PLANTS));
+        let others = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+        let message = format!("plants {}{others} {what}, usd and glb have every frame", shown.join(", "));
+        (!names.is_empty()).then_some(Warning { code: "X017", message })
+    };
+    changes.iter().filter_map(warning).collect()
+}
+
 /// Height of a plant at rest, m: of its wood and of the pivots of its leaves.
 fn height(rig: &RiggedPlant) -> f32 {
     let wood = rig.meshes.iter().fold(Bounds::default(), |b, m| b.union(m.mesh.bounds()));
@@ -139,6 +159,7 @@ impl Exporter for UnrealExporter {
             return Ok(());
         }
         self.textures.write(scene, &self.folder, "textures/")?;
+        self.warnings.extend(warn_of_changes(scene));
         plants.try_for_each(|(asset, rig)| self.write_plant(&cx, asset, rig))
     }
 

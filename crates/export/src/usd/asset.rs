@@ -5,7 +5,16 @@ use super::layer::{AnimatedPrim, LayerBuilder};
 use super::{coat_primvar, instancer, mesh, points, skel};
 use osier_base::Result;
 use osier_base::files::Names;
-use osier_scene::Asset;
+use osier_scene::{Asset, MeshMotion};
+
+/// Factor on the tolerance in pixels of a plant that grows. Own: between two samples a shoot ends early or late by a part of its length,
+/// which has no rhythm that the eye follows.
+const GROWTH_PIXELS: f32 = 3.0;
+
+/// Whether an asset grows: its points move without a skeleton. Time samples with velocities, as of plants on rods, are not left out.
+fn grows(asset: &Asset) -> bool {
+    asset.skeleton.is_none() && asset.meshes.iter().any(|m| m.motion == MeshMotion::Deforming)
+}
 
 /// Writes the asset at an index at rest under `root`, a prim that exists. Returns what changes with the frames.
 pub(super) fn define_asset(
@@ -15,7 +24,7 @@ pub(super) fn define_asset(
     index: usize,
 ) -> Result<Vec<Box<dyn AnimatedPrim>>> {
     let Some(asset) = cx.scene.assets.get(index) else { return Ok(Vec::new()) };
-    let pixel = cx.pixels.get(index).copied().unwrap_or(0.0);
+    let pixel = cx.pixels.get(index).copied().unwrap_or(0.0) * if grows(asset) { GROWTH_PIXELS } else { 1.0 };
     let mut names = Names::default();
     // Reserves the name of the scope of materials.
     names.unique("mtl");
@@ -23,7 +32,7 @@ pub(super) fn define_asset(
     parts.extend(skel::define_skel_root(cx, layer, root, asset, &mut names)?);
     for (i, object) in asset.meshes.iter().enumerate().filter(|(_, m)| !skel::is_skinned(asset, m)) {
         let path = format!("{root}/{}", names.unique(&object.name));
-        let varying = object.motion == osier_scene::MeshMotion::Varying;
+        let varying = object.motion == MeshMotion::Varying;
         let place = mesh::MeshTarget { root, path: &path, skinned: false, varying };
         let source = mesh::MeshSource { index: i, object, pixel };
         parts.extend(mesh::define_unskinned(cx, layer, &place, source)?);

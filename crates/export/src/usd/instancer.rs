@@ -257,11 +257,11 @@ fn invisible_ids(instancer: &Instancer, state: &InstanceState) -> Vec<i64> {
 
 impl AnimatedInstancer {
     fn write_reduced_samples(&self, layer: &mut LayerBuilder, due: DueSamples) -> Result<()> {
-        if let Some(TimeSample { time, values }) = due.orientations {
+        if let Some(TimeSample { time, values, .. }) = due.orientations {
             layer.writer.set_time_sample(self.orientations, time, UsdArray::Quath(&to_quath(&values)).into())?;
         }
         let vectors = [(self.positions, due.positions), (self.scales, due.scales)];
-        for (attr, TimeSample { time, values }) in vectors.into_iter().filter_map(|(a, s)| Some((a, s?))) {
+        for (attr, TimeSample { time, values, .. }) in vectors.into_iter().filter_map(|(a, s)| Some((a, s?))) {
             layer.writer.set_time_sample(attr, time, UsdArray::Float3(as_float3(&values)).into())?;
         }
         Ok(())
@@ -289,10 +289,15 @@ impl AnimatedPrim for AnimatedInstancer {
         }
         let scales = (!state.sizes.is_empty()).then(|| stage_scales(up, instancer, &state));
         if let Some(reducers) = &mut self.reducers {
+            // Instances that are hidden may be anywhere.
+            let unseen: Vec<bool> = state.alive.iter().map(|alive| !alive).collect();
+            let scale_sample = |values| TimeSample { time, values, unseen: unseen.clone() };
+            let scales = scales.and_then(|scales| reducers.scales.push(scale_sample(scales)));
+            let orientations = TimeSample { time, values: self.before.clone(), unseen: unseen.clone() };
             let due = DueSamples {
-                positions: reducers.positions.push(time, positions.into_owned()),
-                orientations: reducers.orientations.push(time, self.before.clone()),
-                scales: scales.and_then(|scales| reducers.scales.push(time, scales)),
+                positions: reducers.positions.push(TimeSample { time, values: positions.into_owned(), unseen }),
+                orientations: reducers.orientations.push(orientations),
+                scales,
             };
             self.write_reduced_samples(layer, due)?;
         } else {

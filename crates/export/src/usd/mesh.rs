@@ -256,7 +256,7 @@ pub(super) struct DeformingMesh {
 
 impl DeformingMesh {
     fn write_points(&self, layer: &mut LayerBuilder, sample: Option<TimeSample<Vec3>>) -> Result<()> {
-        let Some(TimeSample { time, values }) = sample else { return Ok(()) };
+        let Some(TimeSample { time, values, .. }) = sample else { return Ok(()) };
         layer.writer.set_time_sample(self.attrs.points, time, UsdArray::Float3(as_float3(&values)).into())
     }
 }
@@ -281,7 +281,8 @@ impl AnimatedPrim for DeformingMesh {
         let count = points.len();
         match &mut self.reducer {
             Some(reducer) => {
-                let due = reducer.push(sample.time, points.into_owned());
+                let unseen = object.mesh.unseen_points(&points);
+                let due = reducer.push(TimeSample { time: sample.time, values: points.into_owned(), unseen });
                 self.write_points(layer, due)?;
             }
             None => layer.writer.set_time_sample(

@@ -59,6 +59,8 @@ impl Interpolated for Quat {
 pub(super) struct TimeSample<T> {
     pub(super) time: f64,
     pub(super) values: Vec<T>,
+    /// Elements that are not seen at this time, which may have any value; empty: all are seen.
+    pub(super) unseen: Vec<bool>,
 }
 
 /// Takes the frames of one array attribute one by one, and returns those that must be written as time samples.
@@ -71,17 +73,22 @@ pub(super) struct SampleReducer<T> {
     waiting: Vec<TimeSample<T>>,
 }
 
-impl<T: Interpolated> SampleReducer<T> {
+impl<T: Interpolated + PartialEq> SampleReducer<T> {
     pub(super) fn new(tolerance: SampleTolerance) -> Self {
         Self { tolerance, last: None, waiting: Vec::new() }
     }
 
     /// Takes a frame; returns the sample that must be written now, if any.
-    pub(super) fn push(&mut self, time: f64, values: Vec<T>) -> Option<TimeSample<T>> {
-        let sample = TimeSample { time, values };
+    pub(super) fn push(&mut self, sample: TimeSample<T>) -> Option<TimeSample<T>> {
         if self.last.is_none() || self.tolerance.strict <= 0.0 {
             self.last = Some(sample.clone());
             return Some(sample);
+        }
+        // While nothing moves, its newest frame stands for all: a pause of any length has a sample at both ends.
+        let rests = |s: &TimeSample<T>| self.last.as_ref().is_some_and(|last| s.values == last.values);
+        if rests(&sample) && self.waiting.iter().all(rests) {
+            self.waiting = vec![sample];
+            return None;
         }
         // The newest of the waiting frames is written once the gap is full or interpolation over all of them fails.
         let due = if self.waiting.len() >= MAX_GAP || !self.restores_waiting_frames(&sample) {
@@ -110,21 +117,22 @@ impl<T: Interpolated> SampleReducer<T> {
         self.waiting.iter().all(|w| {
             // The parameter of the waiting frame between the two samples, 0 to 1, computed in f64 from the times.
             let t = osier_base::math::narrow((w.time - last.time) / (next.time - last.time));
-            self.restores(&last.values, &next.values, t, &w.values)
+            self.restores(&last.values, &next.values, t, w)
         })
     }
 
-    /// Whether interpolation from `from` to `to` at the parameter `t` restores `values`.
-    fn restores(&self, from: &[T], to: &[T], t: f32, values: &[T]) -> bool {
+    /// Whether interpolation from `from` to `to` at the parameter `t` restores what is seen of a frame.
+    fn restores(&self, from: &[T], to: &[T], t: f32, frame: &TimeSample<T>) -> bool {
+        let TimeSample { values, unseen, .. } = frame;
         let SampleTolerance { strict, seen, levers } = &self.tolerance;
         let (strict, seen) = (strict * strict, seen * seen);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a count")]
-        let most_apart = (values.len() as f64 * (1.0 - SEEN_SHARE)) as usize;
+        let most_apart = ((values.len() - unseen.iter().filter(|u| **u).count()) as f64 * (1.0 - SEEN_SHARE)) as usize;
         let (mut all, mut apart) = (true, 0);
         let ends = from.iter().zip(to);
         for (i, (v, (a, b))) in values.iter().zip(ends).enumerate() {
             let error = v.squared_error(a, b, t);
-            if error <= strict {
+            if error <= strict || unseen.get(i) == Some(&true) {
                 continue;
             }
             all = false;
@@ -145,9 +153,30 @@ mod tests {
 
     fn reduced(tolerance: f32, frames: &[Vec<Vec3>]) -> Vec<TimeSample<Vec3>> {
         let mut t = SampleReducer::new(SampleTolerance { strict: tolerance, ..SampleTolerance::default() });
-        let mut out: Vec<_> = frames.iter().zip(0..).filter_map(|(f, i)| t.push(f64::from(i), f.clone())).collect();
+        let mut out: Vec<_> = frames.iter().zip(0..).filter_map(|(f, i)| t.push(seen(i, f.clone()))).collect();
         out.extend(t.finish());
         out
+    }
+
+    /// A frame of which all is seen.
+    fn seen(frame: u32, values: Vec<Vec3>) -> TimeSample<Vec3> {
+        TimeSample { time: f64::from(frame), values, unseen: Vec::new() }
+    }
+
+    #[test]
+    fn what_is_not_seen_may_be_anywhere() {
+        let frames: [(f32, bool); 4] = [(0.0, false), (7.0, true), (-3.0, true), (3.0, false)];
+        let kept = |hides: bool| {
+            let mut t = SampleReducer::new(SampleTolerance { strict: 0.001, ..SampleTolerance::default() });
+            let frame = |(i, (x, unseen)): (u32, (f32, bool))| TimeSample {
+                unseen: vec![hides && unseen],
+                ..seen(i, vec![Vec3::X * x])
+            };
+            let mut out: Vec<_> = (0..).zip(frames).filter_map(|f| t.push(frame(f))).collect();
+            out.extend(t.finish());
+            out.len()
+        };
+        assert_eq!((kept(true), kept(false)), (2, 4));
     }
 
     #[test]
@@ -169,6 +198,13 @@ mod tests {
     }
 
     #[test]
+    fn a_pause_of_any_length_has_two_samples() {
+        let frames: Vec<Vec<Vec3>> = (0..100_u16).map(|i| vec![Vec3::X * f32::from(i.saturating_sub(90))]).collect();
+        let times: Vec<f64> = reduced(0.001, &frames).iter().map(|s| s.time).collect();
+        assert_eq!(times[..2], [0.0, 90.0], "{times:?}");
+    }
+
+    #[test]
     fn turns_are_compared_by_their_angle() {
         let turn = |a: f32| Quat::from_rotation_y(a);
         let error = |a: f32| turn(a).squared_error(&turn(0.0), &turn(0.1), 0.5).max(0.0).sqrt();
@@ -184,7 +220,7 @@ mod tests {
             let still: Vec<Vec3> = errors.iter().map(|_| Vec3::ZERO).collect();
             let off: Vec<Vec3> = errors.iter().map(|e| Vec3::X * *e).collect();
             let written = [still.clone(), off, still].into_iter().zip(0..);
-            let mut out: Vec<_> = written.filter_map(|(f, i)| t.push(f64::from(i), f)).collect();
+            let mut out: Vec<_> = written.filter_map(|(f, i)| t.push(seen(i, f))).collect();
             out.extend(t.finish());
             out.len()
         };

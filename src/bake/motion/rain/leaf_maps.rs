@@ -13,9 +13,8 @@ use osier_base::convert::{index, to_usize};
 use osier_base::math::{self, narrow};
 use osier_motion::rain::{LeafMaps, LeafSurface, MaterialHeightMap, UvRaster};
 use osier_scene::{
-    Asset, AssetFrame, Coat, Image, InstanceState, Instancer, InstancerFrame, InstancerMotion, MapEncoding, MapFrame,
-    MapLayer, MapSequence, MapTexels, Maps, Material, Mesh, MeshMotion, MeshObject, Prototype, SkinWeights, Subset,
-    Trs,
+    Asset, AssetFrame, Coat, Image, Instancer, InstancerFrame, InstancerMotion, MapEncoding, MapFrame, MapLayer,
+    MapSequence, MapTexels, Maps, Material, Mesh, MeshMotion, MeshObject, Prototype, SkinWeights, Subset, Trs,
 };
 
 /// The layers that every leaf's map sequence has, in their order.
@@ -178,7 +177,7 @@ pub fn add_leaf_maps(
             .filter(|((_, own), _)| !own.is_empty())
             .map(|((instancer, own), keep)| wet_instancer(instancer, own, keep))
             .collect();
-        asset.instancers.iter_mut().zip(&kept).for_each(|(i, keep)| retain_instances(i, keep));
+        asset.instancers.iter_mut().zip(&kept).for_each(|(i, keep)| i.retain(keep));
         asset.instancers.retain(|i| !i.is_empty());
         asset.instancers.extend(wet);
         separated.push(SeparatedLeaves { kept, instanced });
@@ -189,7 +188,7 @@ pub fn add_leaf_maps(
 /// An instancer of the instances that do not stay in `instancer`, each with a separate prototype.
 fn wet_instancer(instancer: &Instancer, prototypes: Vec<Prototype>, keep: &[bool]) -> Instancer {
     let mut wet = instancer.clone();
-    retain_instances(&mut wet, &inverted(keep));
+    wet.retain(&inverted(keep));
     wet.name = format!("{}_with_maps", instancer.name);
     // The blades move under the load of drops: frames write their transforms instead of following the joints.
     wet.motion = InstancerMotion::Free;
@@ -268,34 +267,6 @@ fn transform_mesh(mesh: &mut Mesh, trs: &Trs) {
     mesh.normals.iter_mut().for_each(|n| *n = math::normalize_or(trs.r * *n, Vec3::Y));
 }
 
-fn retain_kept<T>(list: &mut Vec<T>, keep: &[bool]) {
-    let mut k = 0;
-    list.retain(|_| {
-        k += 1;
-        keep.get(k - 1).copied().unwrap_or(true)
-    });
-}
-
-/// Removes the instances whose flag in `keep` is false.
-fn retain_instances(instancer: &mut Instancer, keep: &[bool]) {
-    retain_kept(&mut instancer.ids, keep);
-    retain_kept(&mut instancer.protos, keep);
-    retain_kept(&mut instancer.scales, keep);
-    retain_kept_states(&mut instancer.rest, keep);
-    if let InstancerMotion::Joints(joints) = &mut instancer.motion {
-        retain_kept(joints, keep);
-    }
-}
-
-fn retain_kept_states(state: &mut InstanceState, keep: &[bool]) {
-    retain_kept(&mut state.positions, keep);
-    retain_kept(&mut state.orientations, keep);
-    retain_kept(&mut state.alive, keep);
-    retain_kept(&mut state.velocities, keep);
-    retain_kept(&mut state.angular_velocities, keep);
-    state.attributes.iter_mut().for_each(|a| a.data.retain(keep));
-}
-
 /// Separates the leaves with maps in a frame of the asset as they were separated in the asset itself.
 pub fn separate_frame_instances(frame: &mut AssetFrame, leaves: &SeparatedLeaves) {
     let mut wet = Vec::new();
@@ -304,10 +275,10 @@ pub fn separate_frame_instances(frame: &mut AssetFrame, leaves: &SeparatedLeaves
         if let InstancerFrame::State(state) = of_instancer {
             if separates {
                 let mut separate = state.clone();
-                retain_kept_states(&mut separate, &inverted(keep));
+                separate.retain(&inverted(keep));
                 wet.push(InstancerFrame::State(separate));
             }
-            retain_kept_states(state, keep);
+            state.retain(keep);
         } else if separates {
             wet.push(InstancerFrame::Same);
         }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use glam::{Quat, Vec3};
 
+use super::GrownTree;
 use super::clip_leaves::{ClipOptions, LeafNow, LeafSlots, SlotOptions};
 use super::plant::{AxisBuilder, ClipNodes, NodeSource, PlantOptions, TreeFoliage};
 use super::record::{GrowthRecord, Wood};
@@ -38,6 +39,7 @@ pub struct GrowthClip {
     /// organs as leaves are visible at once.
     pub plant: Plant,
     record: Arc<GrowthRecord>,
+    options: PlantOptions,
     sources: Vec<NodeSource>,
     /// Radius of each node of the plant over that of its source; below 1 where validation made a branch thinner than its parent.
     thinning: Vec<f32>,
@@ -79,11 +81,13 @@ impl GrowthRecord {
 
         // There are as many organs as leaves are visible at once; each shows several leaves in succession.
         let slot_options = SlotOptions { clip, limits };
-        let slots = leaves.map(|leaves| LeafSlots::new(self, &leaves, slot_options)).transpose()?;
-        if let Some(slots) = &slots {
+        let mut slots = leaves.map(|leaves| LeafSlots::new(self, &leaves, slot_options)).transpose()?;
+        if let Some(slots) = &mut slots {
             plant.organs = slots.organs(&plant, self, &all, &at);
+            let waiting = |(position, orientation)| LeafNow { position, orientation, size: 0.0 };
+            slots.waiting = plant.organs.iter().map(|organ| waiting(plant.organ_site(organ))).collect();
         }
-        Ok(GrowthClip { plant, record: Arc::clone(self), sources, thinning, slots })
+        Ok(GrowthClip { plant, record: Arc::clone(self), options: options.clone(), sources, thinning, slots })
     }
 
     /// The recorded tree with the given wood, and with all nodes that the clip never shows marked as fallen.
@@ -145,6 +149,15 @@ impl GrowthClip {
             pose.leaves = slots.leaves_at(&self.record, &wood, age);
         }
         pose
+    }
+
+    /// The tree at the end of the last year that the clip shows, without what has fallen by then, validated.
+    /// # Errors
+    /// As [`GrownTree::plant`].
+    pub fn plant_at_end(&self, limits: &Limits) -> Result<Plant> {
+        let GrowthRecord { tree, id, seed, .. } = &*self.record;
+        let age = f64::from(tree.year).max(0.1);
+        GrownTree { tree: tree.clone(), id: *id, seed: *seed, age }.plant(&self.options, limits)
     }
 
     /// The ages that the clip shows, from its first frame to its last one.

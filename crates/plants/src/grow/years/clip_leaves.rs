@@ -110,6 +110,9 @@ pub(super) struct LeafSlots {
     first_life: Vec<u32>,
     /// Size factor of the plant's organ at each place.
     scales: Vec<f32>,
+    /// Leaves of the plant's organs at each place, of size 0: where a place waits for its first leaf. As it does not move, formats that leave
+    /// out what interpolation restores need no samples of it.
+    pub waiting: Vec<LeafNow>,
 }
 
 impl LeafSlots {
@@ -139,6 +142,7 @@ impl LeafSlots {
             lives: Vec::new(),
             first_life: Vec::new(),
             scales: Vec::new(),
+            waiting: Vec::new(),
         };
         let mut lives = slots.all_lives(record, options.clip.leaves);
         let [first, last] = record.ages();
@@ -290,6 +294,9 @@ impl LeafSlots {
         let absent = LeafNow { position: Vec3::ZERO, orientation: Quat::IDENTITY, size: 0.0 };
         let now = |place: usize| {
             let Some(life) = self.life_at(place, age) else { return absent };
+            if let Some(waiting) = self.waiting.get(place).filter(|_| age < self.lives_of(place)[0].unfolds) {
+                return *waiting;
+            }
             // Both ramps are linear. The rotation follows the wood, so that only the size tells how far a leaf has unfolded.
             let unfolded = ((age - life.unfolds) / UNFOLDING).clamp(0.0, 1.0);
             let left = 1.0 - ((age - life.falls) / FALLING).clamp(0.0, 1.0);

@@ -10,6 +10,9 @@ const FALL_YEARS: f32 = 0.15;
 /// Most years that are stored. A clip of at most as many years shows the tree of each year within a centimetre; with every second
 /// year stored, 99 of 100 leaves are within 0.11 m.
 const MAX_KEYS: u32 = 40;
+/// Part of the clip for which wood that has thinned out keeps its place, before it lies at its base. Own: formats that keep fewer shapes
+/// than frames, at least 16, interpolate between them; a branch would shrink into its base between two of them instead of thinning out.
+const KEPT_PART: f32 = 0.1;
 /// Years before the start over which the seedling appears.
 const SPROUTING: f32 = 0.1;
 /// A node that has not fallen.
@@ -207,6 +210,8 @@ impl GrowthRecord {
         let nodes = &self.tree.nodes;
         let count = nodes.len();
         let root = 1.0 / self.tree.habit.pipe_exponent;
+        let [first, last] = self.span.ordered();
+        let kept = KEPT_PART * (last - first);
         let tip_area = math::pow_f32(self.tree.habit.tip_radius, self.tree.habit.pipe_exponent);
         // Stored years before and after this time.
         let after = self.keys.partition_point(|k| k.year < time);
@@ -233,10 +238,12 @@ impl GrowthRecord {
             let mut length = self.length(i, if all { f32::INFINITY } else { time }) * grown;
             let mut shown = grown;
             if let Some([start, end]) = self.fall_window(i).filter(|_| !all) {
-                // Falling wood thins out where it is; once it cannot be seen, it lies at its base.
-                let left = 1.0 - ((time - start) / (end - start)).clamp(0.0, 1.0);
-                shown *= left;
-                length *= f32::from(u8::from(left > 0.0));
+                // Falling wood thins out where it is; later, when it has not been seen for a while, it lies at its base.
+                shown *= 1.0 - ((time - start) / (end - start)).clamp(0.0, 1.0);
+                // The first internode of a fallen end draws back at once, or it would be a thorn on what stands.
+                let carrier_stands = self.fell.get(parent).is_some_and(|year| *year > self.fell[i]);
+                let is_end = carrier_stands && nodes.axis[parent] == nodes.axis[i];
+                length *= f32::from(u8::from(time < end + if is_end { 0.0 } else { kept }));
             }
             wood.p.push(base + super::tree::y_axis(q) * length);
             wood.q.push(q);

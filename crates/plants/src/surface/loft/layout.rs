@@ -3,12 +3,13 @@
 use glam::Vec3;
 
 use super::rings::Ring;
+use super::thin::is_thin;
 use super::tube_plan::{TubeCap, TubePlans, TubeStart};
 use super::{SkinOptions, TubeRange};
 use osier_base::convert::narrow;
 use osier_base::rng::Rng;
 use osier_base::{Error, Result, math};
-use osier_scene::plant::{AxisKind, Plant};
+use osier_scene::plant::{Axis, AxisKind, Plant};
 
 /// Parameters by which the rings of one tube become points.
 #[derive(Debug, Clone, Copy)]
@@ -70,8 +71,9 @@ pub(super) fn lay_out(plant: &Plant, options: &SkinOptions, plans: &TubePlans) -
             parent.cap = TubeCap::Disc;
         }
     }
-    // Blades are strips, which are appended to the tubes.
-    let tubes = (0_u32..).zip(&plant.axes).filter(|(_, axis)| axis.kind != AxisKind::Blade);
+    // Blades are strips and thin axes are cones, which are appended to the tubes.
+    let is_tube = |axis: &Axis| axis.kind != AxisKind::Blade && !is_thin(plant, options, axis);
+    let tubes = (0_u32..).zip(&plant.axes).filter(|(_, axis)| is_tube(axis));
     let mut order: Vec<(u16, u32)> = tubes.map(|(i, _)| (material(plant, options, plans, i), i)).collect();
     order.sort_unstable();
     assign_ranges(options, plans, params, &order)

@@ -24,6 +24,7 @@ mod junction;
 mod layout;
 mod ribbon;
 mod rings;
+mod thin;
 mod tube;
 mod tube_plan;
 mod tuning;
@@ -69,6 +70,8 @@ pub struct SkinOptions {
     pub bury: f32,
     /// Axes thinner at their base than the radius (m) take this material (index into the plant's) instead of their own.
     pub shoot: Option<(f32, u16)>,
+    /// Axes thinner than this radius at their base are cones of three sides instead of tubes, m, >= 0.
+    pub thin: f32,
     /// Most points of the skin; more are the error `Limit`.
     pub max_points: u64,
 }
@@ -87,6 +90,7 @@ impl Default for SkinOptions {
             buttresses: 0,
             bury: 0.0,
             shoot: None,
+            thin: 0.0,
             max_points: 50_000_000,
         }
     }
@@ -120,15 +124,15 @@ pub struct PlantSkin {
     pub mesh: Mesh,
     /// The skeleton location of each point, parallel to `mesh.points`.
     pub bindings: Vec<AxisBinding>,
-    /// One per axis that is no blade, in the order of the mesh: by material, then as in the plant. Each is a closed surface
-    /// once points that share a position are welded.
+    /// One per axis that is neither a blade nor a cone, in the order of the mesh: by material, then as in the plant. Each is a closed surface once points that
+    /// share a position are welded.
     pub tubes: Vec<TubeRange>,
 }
 
 /// Skins a plant that [`osier_scene::plant::validate`] accepted. Each axis becomes one closed tube that starts inside its
 /// parent; side branches begin with a widened collar that lies on the parent's surface, branches at the tip continue from the
-/// parent's last ring. Axes of the kind [`osier_scene::plant::AxisKind::Blade`] become strips instead. Positions in m, plant
-/// space; normals are exact on cones.
+/// parent's last ring. Axes of the kind [`osier_scene::plant::AxisKind::Blade`] become strips instead, those thinner than
+/// [`SkinOptions::thin`] closed cones. Positions in m, plant space; normals are exact on cones.
 /// # Errors
 /// `Range` for an option outside its range, `Limit` for more than `max_points` points.
 /// Own: rings, junctions and continuations; frames after [`osier_base::math::transport`].
@@ -147,6 +151,7 @@ pub fn skin_into(plant: &Plant, options: &SkinOptions, out: &mut PlantSkin) -> R
     let plans = tube_plan::plan_tubes(plant, options);
     let layout = layout::lay_out(plant, options, &plans)?;
     emit::emit(plant, options, &plans, layout, out);
+    thin::append_thin_axes(plant, options, out)?;
     ribbon::append_ribbons(plant, options, out)
 }
 
@@ -163,6 +168,7 @@ fn check(o: &SkinOptions) -> Result<()> {
         ("flare_height", o.flare_height, 0.2, 10.0, "radii"),
         ("buttresses", o.buttresses as f32, 0.0, 12.0, ""),
         ("bury", o.bury, 0.0, 100.0, "m"),
+        ("thin", o.thin, 0.0, 100.0, "m"),
     ];
     for (name, value, min, max, unit) in ranges {
         if !(min..=max).contains(&value) {

@@ -1,0 +1,189 @@
+//! Thin axes as cones of three sides, for meshes of which every frame of a clip holds all points. Own.
+
+use glam::{Vec2, Vec3};
+
+use super::{AxisBinding, PlantSkin, SkinOptions};
+use osier_base::convert::index;
+use osier_base::{Error, Result, math};
+use osier_scene::plant::{Axis, AxisKind, Plant};
+
+/// Sides of a cone.
+const SIDES: u32 = 3;
+/// Cosine and sine of the directions of its edges.
+const CORNERS: [[f32; 2]; SIDES as usize] = [[1.0, 0.0], [-0.5, 0.866_025_4], [-0.5, -0.866_025_4]];
+/// Most that a node which is left out may lie beside the cone's centreline, in radii at the base of the axis, and m that are always allowed.
+/// Own: the branches that it bears then miss the cone by less than its thickness, its leaves by a stalk.
+const MAX_DRIFT: f32 = 2.0;
+const LEAST_DRIFT: f32 = 0.012;
+
+/// Whether an axis becomes a cone.
+pub(super) fn is_thin(plant: &Plant, options: &SkinOptions, axis: &Axis) -> bool {
+    axis.kind != AxisKind::Blade && plant.nodes.r[axis.first as usize] < options.thin
+}
+
+/// Appends the thin axes of a plant to its skin, as subsets by material.
+/// # Errors
+/// `Limit` for more points than the options allow, `TooMany` beyond 2^32 points.
+pub(super) fn append_thin_axes(plant: &Plant, options: &SkinOptions, skin: &mut PlantSkin) -> Result<()> {
+    let thin = (0_u32..).zip(&plant.axes).filter(|(_, axis)| is_thin(plant, options, axis));
+    let material = |axis: &Axis| match options.shoot {
+        Some((r, shoot)) if plant.nodes.r[axis.first as usize] < r => shoot,
+        _ => axis.material,
+    };
+    let mut by_material: Vec<(u16, u32)> = thin.map(|(i, axis)| (material(axis), i)).collect();
+    by_material.sort_unstable();
+    for run in by_material.chunk_by(|a, b| a.0 == b.0) {
+        let mut triangles = Vec::new();
+        for &(_, axis) in run {
+            append_cone(plant, options, axis, skin, &mut triangles)?;
+        }
+        skin.mesh.append_subset(run[0].0.into(), triangles);
+        if skin.mesh.points.len() as u64 > options.max_points {
+            return Err(Error::Limit {
+                name: "points of the skin".into(),
+                wanted: format!("more than {}", options.max_points),
+                limit: options.max_points.to_string(),
+                flag: "a smaller plant".into(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Nodes of an axis at which its cone has corners: both ends, and those between that its centreline would miss.
+fn corner_nodes(plant: &Plant, axis: &Axis) -> Vec<usize> {
+    let nodes = plant.nodes_of(axis);
+    let (first, last) = (nodes.start, nodes.end - 1);
+    let drift = (MAX_DRIFT * plant.nodes.r[first]).max(LEAST_DRIFT);
+    let p = &plant.nodes.p;
+    let mut corners = vec![first];
+    let mut from = first;
+    for to in first + 1..last {
+        // The chord to the next node leaves out all nodes between, if none of them is too far beside it.
+        let chord = math::normalize_or(p[to + 1] - p[from], Vec3::Y);
+        let misses = |i: usize| (p[i] - p[from]).reject_from_normalized(chord).length_squared() > drift * drift;
+        if (from + 1..=to).any(misses) {
+            corners.push(to);
+            from = to;
+        }
+    }
+    corners.push(last);
+    corners
+}
+
+/// A closed cone: a triangle inside the parent, one at each corner, and a point at the tip.
+fn append_cone(
+    plant: &Plant,
+    options: &SkinOptions,
+    axis: u32,
+    skin: &mut PlantSkin,
+    triangles: &mut Vec<[u32; 3]>,
+) -> Result<()> {
+    let shape = &plant.axes[axis as usize];
+    let corners = corner_nodes(plant, shape);
+    let nodes = &plant.nodes;
+    let mesh = &mut skin.mesh;
+    let first = index(mesh.points.len(), "points of a skin")?;
+    let v = |s: f32| s / options.tile[1];
+    let Some((&tip, rings)) = corners.split_last() else { return Ok(()) };
+    for &k in rings {
+        // Counter-clockwise, seen from the tip: x, then -z.
+        let (x, z) = (nodes.q[k] * Vec3::X, nodes.q[k] * Vec3::Z);
+        for (j, [cos, sin]) in CORNERS.into_iter().enumerate() {
+            let out = x * cos - z * sin;
+            mesh.points.push(nodes.p[k] + out * nodes.r[k]);
+            mesh.normals.push(out);
+            mesh.uvs.push(Vec2::new(j as f32 / SIDES as f32, v(nodes.s[k])));
+            skin.bindings.push(AxisBinding { axis, s: nodes.s[k] });
+        }
+    }
+    mesh.points.push(nodes.p[tip]);
+    mesh.normals.push(nodes.q[tip] * Vec3::Y);
+    mesh.uvs.push(Vec2::new(0.5, v(nodes.s[tip])));
+    skin.bindings.push(AxisBinding { axis, s: nodes.s[tip] });
+
+    // The base, strips of quads between the rings, the sides of the tip.
+    let count = index(rings.len(), "corners of an axis")?;
+    triangles.push([first, first + 2, first + 1]);
+    for r in 1..count {
+        let (a, b) = (first + (r - 1) * SIDES, first + r * SIDES);
+        for j in 0..SIDES {
+            let next = (j + 1) % SIDES;
+            triangles.push([a + j, a + next, b + next]);
+            triangles.push([a + j, b + next, b + j]);
+        }
+    }
+    let (a, apex) = (first + (count - 1) * SIDES, first + count * SIDES);
+    triangles.extend((0..SIDES).map(|j| [a + j, a + (j + 1) % SIDES, apex]));
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::super::skin;
+    use super::*;
+    use glam::Quat;
+    use osier_scene::plant::{AxisEnd, NONE, Nodes};
+
+    /// A straight trunk of 2 m and a twig with a bend, 3 mm thick.
+    fn plant() -> Plant {
+        let axis = |id: u64, parent: u32, first: u32, count: u32, length: f32| Axis {
+            id,
+            parent,
+            parent_s: 1.0,
+            order: u8::from(parent != NONE),
+            kind: osier_scene::plant::AxisKind::Stem,
+            first,
+            count,
+            length,
+            s_exposed: 0.0,
+            material: 0,
+            fork: NONE,
+            end: AxisEnd::Tip,
+            birth: 0.0,
+        };
+        let twig = [Vec3::Y, Vec3::new(0.1, 1.0, 0.0), Vec3::new(0.2, 1.0005, 0.0), Vec3::new(0.3, 1.1, 0.0)];
+        let nodes = Nodes {
+            p: [Vec3::ZERO, Vec3::Y * 2.0].into_iter().chain(twig).collect(),
+            q: vec![Quat::IDENTITY; 2].into_iter().chain([Quat::from_rotation_z(-1.5); 4]).collect(),
+            r: vec![0.05, 0.04, 0.0015, 0.0015, 0.001, 0.001],
+            s: vec![0.0, 2.0, 0.0, 0.1, 0.2, 0.341],
+            birth: vec![0.0; 6],
+            color: vec![0; 6],
+        };
+        Plant {
+            axes: vec![axis(1, NONE, 0, 2, 2.0), axis(2, 0, 2, 4, 0.341)],
+            nodes,
+            materials: vec!["bark".into()],
+            ..Plant::default()
+        }
+    }
+
+    #[test]
+    fn a_thin_axis_is_a_closed_cone_with_a_corner_at_its_bend() {
+        let plant = plant();
+        let tubes = skin(&plant, &SkinOptions::default()).expect("a skin");
+        let cones = skin(&plant, &SkinOptions { thin: 0.004, ..SkinOptions::default() }).expect("a skin");
+        assert_eq!((tubes.tubes.len(), cones.tubes.len()), (2, 1));
+        let trunk = cones.tubes[0].points.1 as usize;
+        // Rings at the base and at the bend, and the tip; the node between lies within half a millimetre of the chord.
+        assert_eq!(cones.mesh.points.len() - trunk, 7);
+        assert!(cones.mesh.points.len() < tubes.mesh.points.len());
+        assert_eq!(cones.bindings.len(), cones.mesh.points.len());
+        let twig = &cones.mesh.triangles[cones.tubes[0].triangles.1 as usize..];
+        let mut edges: BTreeMap<[u32; 2], i32> = BTreeMap::new();
+        let mut volume = 0.0;
+        for t in twig {
+            for k in 0..3 {
+                *edges.entry([t[k], t[(k + 1) % 3]]).or_default() += 1;
+            }
+            let [a, b, c] = t.map(|i| cones.mesh.points[i as usize] - Vec3::Y);
+            volume += a.dot(b.cross(c)) / 6.0;
+        }
+        // Every edge is used once in each direction, and the faces look outwards.
+        assert!(edges.iter().all(|([a, b], n)| *n == 1 && edges.get(&[*b, *a]) == Some(&1)));
+        assert!(volume > 0.0, "{volume}");
+    }
+}
