@@ -32,8 +32,8 @@ const BAD: f64 = 1e-3;
 /// on whose inner side the tube's surface lies up to 0.45 radii (at a right angle) beyond the skeleton's.
 const OUTSIDE: f32 = 0.2;
 /// As [`OUTSIDE`] for plants of tens of thousands of branches that leave bent parents at small angles: junctions assume a straight
-/// parent, and of all of these branches a few leave up to two millimetres beside it.
-const OUTSIDE_WHERE_PARENTS_BEND: f32 = 0.75;
+/// parent, and a few of all of these branches begin beside it, at the sharp bends of an oak's limbs up to 27 mm.
+const OUTSIDE_WHERE_PARENTS_BEND: f32 = 1.0;
 /// How far an organ's pivot may be from the bark, m.
 const LOOSE: f32 = 1e-3;
 /// How far an organ's mesh may begin from its pivot, m: stalks are tubes around it.
