@@ -1,20 +1,13 @@
 //! Root flare: the trunk widens towards the ground, most where its roots leave it.
 
-use super::SkinOptions;
 use super::layout::CirclePoint;
 use super::rings::Ring;
 use super::tube::TubeInputs;
-use super::tube_plan::TubeStart;
+use super::tube_plan::{TubeStart, widening};
 use super::tuning::{LEAST_WIDENING, RIDGE_CONTRAST, RIDGE_SHARPNESS, RIDGE_SHIFT, RIDGE_STRENGTH, SIDES_OF_RIDGE};
 use super::writer::TubeWriter;
 use osier_base::math::{self, narrow};
 use osier_base::rng::{Rng, mix64, word};
-
-/// How much wider a trunk of radius `r0` (m) at its base is at arc length `s` (m), as a share of its radius; below the ground as at the
-/// ground. Own: flare exp(-s / (flare_height r0)).
-pub(super) fn widening(options: &SkinOptions, s: f32, r0: f32) -> f32 {
-    options.flare * math::exp_f32(-s.max(0.0) / (options.flare_height * r0))
-}
 
 /// The widening at a corner of the trunk's polygon.
 #[derive(Debug, Clone, Copy)]

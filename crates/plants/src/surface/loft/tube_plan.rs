@@ -6,7 +6,6 @@ use glam::Vec3;
 
 use super::SkinOptions;
 use super::centerline::CurvePoint;
-use super::flare::widening;
 use super::rings::{FirstRing, Ring, RingScratch, place_rings};
 use super::tuning::{
     AXES_PER_TASK, FLARE_SAMPLE_HEIGHT, FLARE_SAMPLE_SPACING, FLARE_SAMPLES, MAX_JUNCTION_DISTANCE,
@@ -372,4 +371,10 @@ struct SideStart {
     junction: Junction,
     /// Arc length of the first regular ring on the branch, m.
     first_ring: f32,
+}
+
+/// How much wider a trunk of radius `r0` (m) at its base is at arc length `s` (m), as a share of its radius; below the ground as at the
+/// ground. Own: flare exp(-s / (flare_height r0)).
+pub(super) fn widening(options: &SkinOptions, s: f32, r0: f32) -> f32 {
+    options.flare * math::exp_f32(-s.max(0.0) / (options.flare_height * r0))
 }
