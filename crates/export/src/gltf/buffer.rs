@@ -45,25 +45,8 @@ impl BinaryBuffer {
         label: &str,
     ) -> Result<Index> {
         check_finite(values.iter().map(|v| v.is_finite()), label)?;
-        let start = self.align();
-        let (mut low, mut high) = ([u16::MAX; 3], [0_u16; 3]);
-        for v in values {
-            let stored = cube.shares(*v).to_array().map(to_unorm16);
-            for (c, (low, high)) in stored.iter().zip(low.iter_mut().zip(&mut high)) {
-                self.bytes.extend_from_slice(&c.to_le_bytes());
-                (*low, *high) = ((*low).min(*c), (*high).max(*c));
-            }
-            // Padding to the stride: attributes begin at multiples of four bytes.
-            self.bytes.extend_from_slice(&[0; 2]);
-        }
-        let view = self.add_stream(start, Some(target::VERTICES), Stream::Attributes { stride: 8 })?;
-        if let Some(view) = self.views.last_mut() {
-            view.byte_stride = Some(8);
-        }
-        // Bounds of a normalised accessor are the stored integers.
-        let bounds = |v: [u16; 3]| v.map(f32::from).to_vec();
-        let accessor = accessor_of(view, component::U16, values.len(), "VEC3");
-        self.add_accessor(Accessor { normalized: true, min: bounds(low), max: bounds(high), ..accessor })
+        let stored = values.iter().map(|v| cube.shares(*v).to_array().map(to_unorm16));
+        self.add_normalized_vectors(stored, component::U16, u16::to_le_bytes)
     }
 
     /// Differences of positions, m, between points of a cube as normalised i16 with a stride of eight bytes: accurate to 1/65534 of its
@@ -75,24 +58,36 @@ impl BinaryBuffer {
         label: &str,
     ) -> Result<Index> {
         check_finite(values.iter().map(|v| v.is_finite()), label)?;
-        let start = self.align();
-        let (mut low, mut high) = ([i16::MAX; 3], [i16::MIN; 3]);
-        for v in values {
-            let stored = cube.difference(*v).to_array().map(to_snorm16);
-            for (c, (low, high)) in stored.iter().zip(low.iter_mut().zip(&mut high)) {
-                self.bytes.extend_from_slice(&c.to_le_bytes());
+        let stored = values.iter().map(|v| cube.difference(*v).to_array().map(to_snorm16));
+        self.add_normalized_vectors(stored, component::I16, i16::to_le_bytes)
+    }
+
+    /// Normalised vectors of 16-bit integers with a stride of eight bytes, and their bounds.
+    fn add_normalized_vectors<T: Copy + Ord + Default + Into<f32>>(
+        &mut self,
+        vectors: impl ExactSizeIterator<Item = [T; 3]>,
+        component: u32,
+        to_bytes: fn(T) -> [u8; 2],
+    ) -> Result<Index> {
+        let (start, count) = (self.align(), vectors.len());
+        let mut bounds: Option<[[T; 3]; 2]> = None;
+        for vector in vectors {
+            vector.iter().for_each(|c| self.bytes.extend_from_slice(&to_bytes(*c)));
+            // Padding to the stride: attributes begin at multiples of four bytes.
+            self.bytes.extend_from_slice(&[0; 2]);
+            let [low, high] = bounds.get_or_insert([vector; 2]);
+            for (c, (low, high)) in vector.iter().zip(low.iter_mut().zip(high)) {
                 (*low, *high) = ((*low).min(*c), (*high).max(*c));
             }
-            // Padding to the stride, as of positions.
-            self.bytes.extend_from_slice(&[0; 2]);
         }
         let view = self.add_stream(start, Some(target::VERTICES), Stream::Attributes { stride: 8 })?;
         if let Some(view) = self.views.last_mut() {
             view.byte_stride = Some(8);
         }
-        let bounds = |v: [i16; 3]| v.map(f32::from).to_vec();
-        let accessor = accessor_of(view, component::I16, values.len(), "VEC3");
-        self.add_accessor(Accessor { normalized: true, min: bounds(low), max: bounds(high), ..accessor })
+        // Bounds of a normalised accessor are the stored integers.
+        let [min, max] = bounds.unwrap_or_default().map(|v| v.map(Into::into).to_vec());
+        let accessor = accessor_of(view, component, count, "VEC3");
+        self.add_accessor(Accessor { normalized: true, min, max, ..accessor })
     }
 
     /// Texture coordinates within 0 to 1 as normalised u16, others as floats; v becomes 1 - v. Requires KHR_mesh_quantization.

@@ -496,7 +496,7 @@ impl ItemParser<'_> {
             let keyword_at = |i: usize| lines::keyword(&self.session.names, &rest[i..]);
             let own = [Keyword::Warnings, Keyword::NoWarnings, Keyword::Seed, Keyword::Depth];
             let Some((key, n)) = keyword_at(0).filter(|(k, _)| own.contains(k)) else {
-                let message = format!("'{}' behind this heading has no effect", self.spelling(rest));
+                let message = format!("'{}' after this heading has no effect", self.spelling(rest));
                 let help = "'warnings', 'no warnings', 'seed: n' and 'maximum depth: n' may stand here";
                 return self.session.warning("L008", message, first.place, help);
             };

@@ -16,6 +16,7 @@
 //! # }
 //! ```
 
+mod by_material;
 mod centerline;
 mod corners;
 mod emit;

@@ -4,9 +4,10 @@ use std::f32::consts::PI;
 
 use glam::{Quat, Vec2, Vec3};
 
+use super::by_material::{AxisSurface, append_by_material};
 use super::{AxisBinding, PlantSkin, SkinOptions};
 use osier_base::convert::index;
-use osier_base::{Error, Result, math};
+use osier_base::{Result, math};
 use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
 
 /// Angle of each half of a blade to the plane across its midrib, rad: grasses are folded by some 30 degrees in all.
@@ -30,32 +31,9 @@ struct Row {
 /// # Errors
 /// `Limit` for more points than the options allow, `TooMany` beyond 2^32 points.
 pub(super) fn append_ribbons(plant: &Plant, options: &SkinOptions, skin: &mut PlantSkin) -> Result<()> {
-    let blades = (0_u32..).zip(&plant.axes).filter(|(_, a)| a.kind == AxisKind::Blade);
-    let mut by_material: Vec<(u16, u32)> = blades.map(|(i, a)| (material(plant, options, a), i)).collect();
-    by_material.sort_unstable();
-    for run in by_material.chunk_by(|a, b| a.0 == b.0) {
-        let mut triangles = Vec::new();
-        for &(_, axis) in run {
-            append_ribbon(plant, options, axis, skin, &mut triangles)?;
-        }
-        skin.mesh.append_subset(run[0].0.into(), triangles);
-        if skin.mesh.points.len() as u64 > options.max_points {
-            return Err(Error::Limit {
-                name: "points of the skin".into(),
-                wanted: format!("more than {}", options.max_points),
-                limit: options.max_points.to_string(),
-                flag: "fewer blades or a larger turn_deg".into(),
-            });
-        }
-    }
-    Ok(())
-}
-
-fn material(plant: &Plant, options: &SkinOptions, axis: &Axis) -> u16 {
-    match options.shoot {
-        Some((r, shoot)) if plant.nodes.r[axis.first as usize] < r => shoot,
-        _ => axis.material,
-    }
+    let is_blade = |_: &Plant, _: &SkinOptions, axis: &Axis| axis.kind == AxisKind::Blade;
+    let blades = AxisSurface { is_of: is_blade, append: append_ribbon, remedy: "fewer blades or a larger turn_deg" };
+    append_by_material(plant, options, &blades, skin)
 }
 
 /// The rows of a blade but the last, which is a single point: where the axis has turned or a share of its length has passed.

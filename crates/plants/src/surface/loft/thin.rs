@@ -2,9 +2,10 @@
 
 use glam::{Vec2, Vec3};
 
+use super::by_material::{AxisSurface, append_by_material};
 use super::{AxisBinding, PlantSkin, SkinOptions};
 use osier_base::convert::index;
-use osier_base::{Error, Result, math};
+use osier_base::{Result, math};
 use osier_scene::plant::{Axis, AxisKind, Plant};
 
 /// Sides of a cone.
@@ -25,29 +26,8 @@ pub(super) fn is_thin(plant: &Plant, options: &SkinOptions, axis: &Axis) -> bool
 /// # Errors
 /// `Limit` for more points than the options allow, `TooMany` beyond 2^32 points.
 pub(super) fn append_thin_axes(plant: &Plant, options: &SkinOptions, skin: &mut PlantSkin) -> Result<()> {
-    let thin = (0_u32..).zip(&plant.axes).filter(|(_, axis)| is_thin(plant, options, axis));
-    let material = |axis: &Axis| match options.shoot {
-        Some((r, shoot)) if plant.nodes.r[axis.first as usize] < r => shoot,
-        _ => axis.material,
-    };
-    let mut by_material: Vec<(u16, u32)> = thin.map(|(i, axis)| (material(axis), i)).collect();
-    by_material.sort_unstable();
-    for run in by_material.chunk_by(|a, b| a.0 == b.0) {
-        let mut triangles = Vec::new();
-        for &(_, axis) in run {
-            append_cone(plant, options, axis, skin, &mut triangles)?;
-        }
-        skin.mesh.append_subset(run[0].0.into(), triangles);
-        if skin.mesh.points.len() as u64 > options.max_points {
-            return Err(Error::Limit {
-                name: "points of the skin".into(),
-                wanted: format!("more than {}", options.max_points),
-                limit: options.max_points.to_string(),
-                flag: "a smaller plant".into(),
-            });
-        }
-    }
-    Ok(())
+    let cones = AxisSurface { is_of: is_thin, append: append_cone, remedy: "a smaller plant" };
+    append_by_material(plant, options, &cones, skin)
 }
 
 /// Nodes of an axis at which its cone has corners: both ends, and those between that its centreline would miss.
