@@ -105,6 +105,11 @@ impl PlantWind {
     /// Parameters of the sway of a plant. `stand`: world transform of its first copy.
     pub fn sway_params(&self, keys: &WoodKeys, stand: Trs) -> SwayParams {
         let wood = WoodParams { measured: self.measured, second_modes: self.second_modes, ..wood_params(keys) };
+        // Of similar trees the one of twice the size swings half as fast; its static bends are the same. A frequency of the trunk
+        // that the scene gives stays.
+        let scale = f64::from(stand.s.x);
+        let trunk_hertz = wood.trunk_hertz.map(|hertz| hertz * scale);
+        let wood = WoodParams { hertz: wood.hertz / scale, trunk_hertz, ..wood };
         SwayParams { wood, flicker: self.flicker, whip: self.whip, stand, gravity: self.gravity, fps: self.fps }
     }
 }

@@ -140,12 +140,15 @@ pub(super) struct BranchResponse {
 }
 
 impl BranchResponse {
-    /// All elements at rest; stiffness and inertia follow from their compliance and frequency.
-    pub fn new(elements: &BeamElements) -> Self {
+    /// All elements at rest; stiffness and inertia follow from their compliance and frequency. `scale`: of the plant in the world,
+    /// in which forces and frequencies are given.
+    pub fn new(elements: &BeamElements, scale: f64) -> Self {
         let response = |e: &BeamElement| {
             // The tip moves by phi x chord over the whole length: a force there bends it with this arm.
             let arm = e.length * e.shape.integral(1.0);
-            let stiffness = if e.tip_compliance > 0.0 { arm / e.tip_compliance } else { 0.0 };
+            // In the world stiffness is scale^3 times as large, and moments, whose arms are those of plant space, scale times.
+            let own = if e.tip_compliance > 0.0 { arm / e.tip_compliance } else { 0.0 };
+            let stiffness = own * scale * scale;
             // The geometric mean of the frequencies of both directions.
             let w = math::sqrt(e.w[0] * e.w[1]);
             // Both directions have one inertia, k / w^2; their stiffnesses differ as their frequencies do.
@@ -262,7 +265,7 @@ mod tests {
     #[test]
     fn a_steady_force_bends_a_rod_as_its_compliance_says() {
         let elements = BeamElements::build(&rod(2.0, 0.01, 0.01), &WoodParams::default(), 10);
-        let mut response = BranchResponse::new(&elements);
+        let mut response = BranchResponse::new(&elements, 1.0);
         let tip = bend_lever(&elements, ElementLocation { element: 0, at: 1.0 }).expect("bends");
         let p = elements.list[0].base + elements.list[0].chord;
         for _ in 0..20_000 {
@@ -285,7 +288,7 @@ mod tests {
         for k in 0..elements.list.len() {
             let spot = ElementLocation { element: u32::try_from(k).expect("few"), at: 0.7 };
             let lever = bend_lever(&elements, spot).expect("bends");
-            let mut response = BranchResponse::new(&elements);
+            let mut response = BranchResponse::new(&elements, 1.0);
             let inverse = response.inverse_effective_mass(&lever, p, n);
             response.add_impulse(&lever, p, n * 1e-4);
             // A step so short that no angle changes: only velocities do. The velocity at the lever includes those of all elements
@@ -301,7 +304,7 @@ mod tests {
     #[test]
     fn what_is_struck_comes_to_rest() {
         let elements = elements_of_tree();
-        let mut response = BranchResponse::new(&elements);
+        let mut response = BranchResponse::new(&elements, 1.0);
         let spot = ElementLocation { element: u32::try_from(elements.list.len() - 1).expect("few"), at: 1.0 };
         let lever = bend_lever(&elements, spot).expect("bends");
         response.add_impulse(&lever, DVec3::Y, DVec3::NEG_Y * 1e-3);
@@ -312,5 +315,18 @@ mod tests {
         }
         assert!(largest > 1e-5, "{largest}");
         assert!(response.bends().iter().flatten().all(|b| *b == 0.0), "idle elements rest exactly");
+    }
+
+    /// The stiffness that moments of plant space meet grows with the square of the scale, and the inertia with it.
+    #[test]
+    fn larger_plants_answer_less() {
+        let elements = elements_of_tree();
+        let (n, p) = (DVec3::NEG_Y, DVec3::new(0.2, 1.4, -0.1));
+        let lever = bend_lever(&elements, ElementLocation { element: 0, at: 0.7 }).expect("bends");
+        // Frequencies of the elements are those of the world: here the same at both sizes.
+        let [one, two] = [1.0, 2.0].map(|scale| BranchResponse::new(&elements, scale));
+        let small = one.inverse_effective_mass(&lever, p, n);
+        let large = two.inverse_effective_mass(&lever, p, n);
+        assert!(small > 0.0 && (large / small - 0.25).abs() < 1e-12, "{large} {small}");
     }
 }

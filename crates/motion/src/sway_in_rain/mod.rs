@@ -138,7 +138,7 @@ impl SwayingRainPlant {
                 });
             }
         }
-        let branches = BranchResponse::new(elements);
+        let branches = BranchResponse::new(elements, scale);
         let motion = WindMotion::new(poses, params.fps, -lead);
         let mut plant = Self { motion, branches, leaves, wood, poses: Vec::new(), stand, lead, gravity };
         plant.poses = plant.leaf_poses_after(None);
