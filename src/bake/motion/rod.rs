@@ -25,7 +25,7 @@ use osier_scene::{
     Asset, AssetFrame, AssetKind, Joint, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Skeleton, SkinWeights,
     Trs,
 };
-use osier_wind::Wind;
+use osier_wind::{UniformWind, Wind};
 
 /// Density from which the radius of the ball that displays an attached weight follows, kg/m^3.
 const WEIGHT_DENSITY: f64 = osier_base::physics::WATER_DENSITY;
@@ -81,7 +81,7 @@ struct ConnectedRods<'a> {
     weights: Vec<WeightBall>,
 }
 
-/// Adds the rods of a recipe, which move in `wind`, to the scene. `ground`: on which released weights come to rest; `estimating`:
+/// Adds the rods of a recipe, which move in `wind` (`None`: in air at rest, which resists them), to the scene. `ground`: on which released weights come to rest; `estimating`:
 /// their motion is not simulated.
 /// # Errors
 /// `Simulation` for rods that diverge, `Limit`, `Cancelled`.
@@ -278,7 +278,7 @@ impl<'a> ConnectedRods<'a> {
             steps: keys.substeps,
             integrator,
             acts: std::mem::take(&mut self.actuations),
-            wind: wind.map(|wind| (drags, wind)),
+            wind: Some((drags, wind.unwrap_or(&UniformWind(Vec3::ZERO)))),
             ground,
             name: self.members[0].id.clone(),
         };

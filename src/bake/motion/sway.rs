@@ -14,8 +14,8 @@ use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::math::narrow;
 use osier_motion::sway::{
-    BeamElements, BendTrack, ClipOptions, ElementLocation, JointBudget, JointRig, LeafAir, LeafFlutter, OrganBindings,
-    PaperSimulation, PointBinding, PosedSkeleton, SwayParams, check_key_limit,
+    BeamElements, BendTrack, BoundLocation, ClipOptions, ElementLocation, JointBudget, JointRig, LeafAir, LeafFlutter,
+    OrganBindings, PaperSimulation, PointBinding, PosedSkeleton, SwayParams, check_key_limit,
 };
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, instance_states};
@@ -46,7 +46,22 @@ pub struct SwayMotion {
 struct LeafMotion {
     flutter: LeafFlutter,
     bindings: OrganBindings,
-    locations: Vec<ElementLocation>,
+    /// Per leaf: the place on its twig.
+    twigs: Vec<TwigLocation>,
+}
+
+/// A place on a twig, as its leaf feels it.
+#[derive(Debug, Clone, Copy)]
+struct TwigLocation {
+    location: BoundLocation,
+    /// Share of the undisturbed wind there, 0 to 1.
+    wind_exposure: f32,
+}
+
+impl TwigLocation {
+    fn new(elements: &BeamElements, location: ElementLocation) -> Self {
+        Self { location: elements.bind(location), wind_exposure: elements.wind_exposure(location) }
+    }
 }
 
 /// The organs of one instancer, with the strength of their flutter.
@@ -147,7 +162,7 @@ impl SwayMotion {
             LeafMotion {
                 flutter: if wind.paper.is_some() { flutter.as_printed() } else { flutter },
                 bindings: OrganBindings::new(plant, l.organs),
-                locations: l.organs.iter().map(|o| elements.locate(o.axis, o.s)).collect(),
+                twigs: l.organs.iter().map(|o| TwigLocation::new(&elements, elements.locate(o.axis, o.s))).collect(),
             }
         };
         Ok(Self {
@@ -292,11 +307,11 @@ impl SwayMotion {
         let mut velocities = vec![Vec3::ZERO; places.len()];
         self.wind.sample(&places, sample.seconds, &mut velocities);
         for (k, q) in state.orientations.iter_mut().enumerate() {
-            let location = leaves.locations[k];
+            let twig = &leaves.twigs[k];
             // Wind in the plant's space, reduced by the shelter of the crown.
-            let wind = stand.r.conjugate() * velocities[k] * self.elements.wind_exposure(location);
-            let [before, after] =
-                [0, 1].map(|n| self.elements.rotation_at(&sample.base_rotations[n], &sample.bends[2 * n], location));
+            let wind = stand.r.conjugate() * velocities[k] * twig.wind_exposure;
+            let [before, after] = [0, 1]
+                .map(|n| self.elements.rotation_at(&sample.base_rotations[n], &sample.bends[2 * n], twig.location));
             // Angular velocity of the twig over the frame, for small turns: twice the vector part of the rotation from half a frame
             // before to half a frame after, divided by the frame's length.
             let turned = after * before.conjugate();

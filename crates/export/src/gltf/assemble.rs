@@ -10,6 +10,7 @@ use super::asset_nodes::{AssetNodes, InstanceSet, JointNode, NodeParent, NodeTem
 use super::buffer::last_index;
 use super::document::{GltfDocument, check_finite, node_with_extras, node_with_transform};
 use super::json::{Camera, Index, Node, Perspective, Skin};
+use super::leaf_shapes::LeafShapes;
 use osier_base::Result;
 use osier_scene::{Asset, Instancer, InstancerMotion, LEAF_COLOR, Placement, Trs};
 
@@ -87,7 +88,11 @@ impl GltfDocument<'_> {
             // Instances that are never visible get no node.
             let moving = tracks.moving.iter().filter(|m| m.alive.contains(&true) && !stays(m.instancer));
             list.extend(moving.map(|m| (m.key, k, m.instancer, m.instance)));
-            for instancer in asset.instancers.iter().filter(|i| i.motion == InstancerMotion::Free) {
+            let as_nodes = |i: &&Instancer| {
+                i.motion == InstancerMotion::Free
+                    && !(tracks.leaves.is_some() && LeafShapes::holds(asset, i, input.scene))
+            };
+            for instancer in asset.instancers.iter().filter(as_nodes) {
                 let sum = if self.stays_at_rest(asset, instancer) { &mut leaves } else { &mut total };
                 *sum += instancer.len();
             }

@@ -4,11 +4,13 @@ use std::collections::BTreeSet;
 
 use glam::Vec3;
 
+use super::super::Warning;
 use super::Profile;
 use super::document::{GeometryKind, GltfDocument, NodeAnimation, NodeChannel, check_finite};
 use super::instances::{InstanceGroup, live_by_prototype};
 use super::json::{Index, NodeExtensions};
 use super::keys;
+use super::leaf_shapes::{LeafMesh, LeafShapes};
 use super::meshes::{MeshSource, SkinInfluences, StoredMesh};
 use super::quantize::{QuantizedCube, place_stored};
 use super::rig::{JointSelection, MAX_JOINTS};
@@ -109,6 +111,10 @@ impl GltfDocument<'_> {
         }
         for (i, instancer) in source.instancers.iter().enumerate() {
             let label = format!("asset {}, instancer {}", source.id, instancer.name);
+            if tracks.leaves.is_some() && LeafShapes::holds(source, instancer, input.scene) && !input.tracks.is_still()
+            {
+                continue;
+            }
             match (&instancer.motion, &selection) {
                 (InstancerMotion::Free, _) if !input.tracks.is_still() && !self.stays_at_rest(source, instancer) => {
                     let list: Vec<&InstanceTrack> = tracks
@@ -124,6 +130,9 @@ impl GltfDocument<'_> {
                 }
                 _ => self.add_static_instances(&mut nodes, instancer, &label)?,
             }
+        }
+        if let Some(leaves) = tracks.leaves.as_ref().filter(|_| !input.tracks.is_still()) {
+            self.add_growing_leaves(&mut nodes, source, leaves)?;
         }
         for cloud in source.points.iter().filter(|c| !c.moving || input.tracks.is_still()) {
             if let Some(mesh) = self.add_point_cloud(cloud, &format!("asset {}, points {}", source.id, cloud.name))? {
@@ -175,6 +184,30 @@ impl GltfDocument<'_> {
             }
         }
         Ok(nodes)
+    }
+
+    /// The leaves of a growing plant as one mesh that morphs, with X003 if they are fewer than those of the plant.
+    fn add_growing_leaves(&mut self, nodes: &mut AssetNodes, asset: &Asset, leaves: &LeafShapes) -> Result<()> {
+        let label = format!("asset {}, leaves", asset.id);
+        let Some(LeafMesh { mesh, shapes, blades }) = leaves.mesh(asset, &label)? else { return Ok(()) };
+        let message = format!(
+            "{label}: up to {} leaves at once are one mesh of {blades} blades in {} shapes, enlarged up to {:.2} times where not all \
+             are written; USD has all of every frame",
+            leaves.most_alive,
+            shapes.len(),
+            leaves.most_growth
+        );
+        self.warnings.push(Warning { code: "X003", message });
+        let mesh_source = MeshSource {
+            name: "leaves",
+            label: &label,
+            mesh: &mesh,
+            geometry: GeometryKind::Mesh,
+            skin: None,
+            shapes: &[],
+            cube: None,
+        };
+        self.add_morphing_mesh(nodes, mesh_source, MorphTrack { frames: leaves.frames(), shapes: &shapes }, "mesh")
     }
 
     /// A mesh of an asset: skinned, morphing, or static.

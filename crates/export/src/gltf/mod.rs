@@ -24,12 +24,14 @@ mod engine;
 mod instances;
 mod json;
 mod keys;
+mod leaf_shapes;
 mod materials;
 mod meshes;
 mod meshopt;
 pub(crate) mod options;
 mod quantize;
 mod rig;
+mod simplify;
 mod stream;
 pub(super) mod submeshes;
 mod tangents;
@@ -128,12 +130,21 @@ fn estimate(input: &EstimateInput) -> u64 {
             let still = still * 100 / size_ratio_percent(options, *profile);
             // The file of the scene has tracks for each phase that has a skin, the file of the asset for one.
             let nodes = a.free_instances.min(most_nodes);
+            // More than these are the leaves of a plant that grows, which share a mesh with morph targets as its bark has.
+            let leaves = if a.free_instances > most_nodes && most_nodes > 0 { a.free_instances } else { 0 };
+            let shapes = if most_nodes == 0 || a.joints > 0 {
+                0
+            } else {
+                leaf_shapes::estimate(leaves, input.frames, options)
+                    + tracks::estimate(a.deforming_vertices, input.frames, options)
+            };
+            let shapes = shapes * 100 / if options.meshopt && *profile == Profile::Web { 200 } else { 100 };
             // A joint's key is a quaternion, 16 bytes; a free instance's has time, position, rotation and scale, 44 bytes.
             let joints = if *profile == Profile::Engine { a.joints.min(options.joints as u64) } else { a.joints };
             let tracks = a.posed_frames(input.frames) * joints * 16 + nodes * input.frames * 44;
             // Each file of profile engine has one skin, that of the web or of Blender one for each phase.
             let skins = if *profile == Profile::Engine { 1 } else { a.phases.min(options.skins as u64) };
-            files * (still + points) + (skins + files - 1) * tracks
+            files * (still + points + shapes) + (skins + files - 1) * tracks
         });
         files * pictures + assets
     };

@@ -2,6 +2,7 @@
 
 use glam::{Quat, Vec3};
 
+use super::leaf_shapes::LeafShapes;
 use super::options::GltfOptions;
 use osier_base::rng::mix64;
 use osier_scene::{
@@ -49,6 +50,8 @@ pub(super) struct AssetTracks {
     pub poses: Vec<Vec<Trs>>,
     /// Moving instances, sorted by (key, instancer, index).
     pub moving: Vec<InstanceTrack>,
+    /// The leaves of a growing plant, if they are too many for a node each.
+    pub leaves: Option<LeafShapes>,
     /// For each mesh of the asset in its order; [`MorphFrames::Still`] where it does not deform.
     pub meshes: Vec<MorphFrames>,
     /// For each curves primitive of the asset; points only.
@@ -144,6 +147,17 @@ pub(super) struct MorphTrack<'a> {
     pub frames: &'a [usize],
     /// One shape for each of `frames`, in their order.
     pub shapes: &'a [MorphShape],
+}
+
+/// Estimated bytes of the morph targets of a deforming mesh of so many vertices over so many frames.
+pub(super) fn estimate(vertices: u64, frames: u64, options: &GltfOptions) -> u64 {
+    if vertices == 0 {
+        return 0;
+    }
+    let point = options.target_position_bytes() as u64;
+    let [budget, most] = MORPH_BUDGET.map(|n| n as u64);
+    let targets = frames.min((budget / (point * vertices)).clamp(LEAST_TARGETS as u64, most));
+    targets * vertices * point
 }
 
 impl MorphKeys {
@@ -310,6 +324,7 @@ impl ClipTracks {
     /// Ends the clip with the frame that was added last.
     pub(super) fn close(&mut self) {
         self.assets.iter_mut().flat_map(|a| a.meshes.iter_mut().chain(&mut a.curves)).for_each(MorphFrames::close);
+        self.assets.iter_mut().filter_map(|a| a.leaves.as_mut()).for_each(LeafShapes::close);
         // Curves are the paths of catkins. Interpolated coarsely they would be other paths, so coarse ones are dropped; an
         // interpolated tree remains plausible.
         self.assets.iter_mut().flat_map(|a| &mut a.curves).for_each(MorphFrames::drop_if_coarse);
@@ -322,7 +337,7 @@ impl ClipTracks {
         self.numbers.push(frame.number);
         let rest = AssetFrame::default();
         for (i, (tracks, asset)) in self.assets.iter_mut().zip(&scene.assets).enumerate() {
-            tracks.push(asset, frame.assets.get(i).unwrap_or(&rest));
+            tracks.push(asset, frame.assets.get(i).unwrap_or(&rest), scene);
         }
     }
 }
@@ -330,8 +345,10 @@ impl ClipTracks {
 impl AssetTracks {
     fn new(asset: &Asset, scene: &Scene, options: &GltfOptions) -> Self {
         let mut moving = Vec::new();
+        let leaves = LeafShapes::new(asset, scene, options);
         for (instancer, source) in asset.instancers.iter().enumerate() {
-            if source.motion == InstancerMotion::Free {
+            let is_shape = leaves.is_some() && LeafShapes::holds(asset, source, scene);
+            if source.motion == InstancerMotion::Free && !is_shape {
                 moving.extend(source.ids.iter().enumerate().map(|(instance, id)| InstanceTrack {
                     key: mix64(&[scene.seed, *id]),
                     instancer,
@@ -355,6 +372,7 @@ impl AssetTracks {
         Self {
             poses: Vec::new(),
             moving,
+            leaves,
             meshes: asset
                 .meshes
                 .iter()
@@ -365,7 +383,10 @@ impl AssetTracks {
         }
     }
 
-    fn push(&mut self, asset: &Asset, frame: &AssetFrame) {
+    fn push(&mut self, asset: &Asset, frame: &AssetFrame, scene: &Scene) {
+        if let Some(leaves) = &mut self.leaves {
+            leaves.push(asset, frame, scene);
+        }
         if let Some(skeleton) = &asset.skeleton {
             // A frame without a pose shows the skeleton at rest; the track needs an entry all the same, one for each key time.
             let posed = frame.pose.len() == skeleton.joints.len();

@@ -89,6 +89,15 @@ pub struct ElementLocation {
     pub at: f64,
 }
 
+/// An [`ElementLocation`] with what rotates it, evaluated once for all frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BoundLocation {
+    /// Index of the element, or [`NONE`] for a position that does not move.
+    element: u32,
+    /// Slope here over that of the tip, in the first and in the second mode; 0 without a second mode.
+    relative_slopes: [f64; 2],
+}
+
 /// All bending elements of a plant; a carrier precedes the elements on it.
 #[derive(Debug, Clone, Default)]
 pub struct BeamElements {
@@ -102,6 +111,8 @@ pub struct BeamElements {
     parts: Vec<Vec<(f32, u32)>>,
     /// Per axis: location of its base.
     carriers: Vec<ElementLocation>,
+    /// Per element: location of its base on the element that carries it.
+    bases: Vec<BoundLocation>,
 }
 
 impl BeamElements {
@@ -135,6 +146,7 @@ impl BeamElements {
             all.parts[segment.axis as usize].push((segment.span[1], index[i]));
         }
         all.number_second_modes(wood);
+        all.bases = all.list.iter().map(|e| all.bind(ElementLocation { element: e.parent, at: e.at })).collect();
         all.ranked = ranked.iter().filter(|i| kept[**i]).map(|i| index[*i]).collect();
         all.find_carriers(plant);
         all
@@ -233,24 +245,33 @@ impl BeamElements {
     /// Rotations of the bases of all elements from rest. `bends`: both angles of each element, rad, then those of second modes.
     pub fn base_rotations(&self, bends: &[[f32; 2]]) -> Vec<Quat> {
         let mut bases: Vec<Quat> = Vec::with_capacity(self.list.len());
-        for e in &self.list {
-            let base = self.rotation_at(&bases, bends, ElementLocation { element: e.parent, at: e.at });
+        for location in &self.bases {
+            let base = self.rotation_at(&bases, bends, *location);
             bases.push(base);
         }
         bases
     }
 
+    /// Evaluates the slopes of an element at a location, for [`Self::rotation_at`].
+    pub fn bind(&self, spot: ElementLocation) -> BoundLocation {
+        let relative_slopes = self.list.get(spot.element as usize).map_or([0.0; 2], |e| {
+            [e.shape.at(spot.at), if e.second_mode.is_some() { second_mode_slope(spot.at) } else { 0.0 }]
+        });
+        BoundLocation { element: spot.element, relative_slopes }
+    }
+
     /// Rotation of a location from rest. `bases`: from [`BeamElements::base_rotations`] for the same bends.
-    pub fn rotation_at(&self, bases: &[Quat], bends: &[[f32; 2]], spot: ElementLocation) -> Quat {
+    pub fn rotation_at(&self, bases: &[Quat], bends: &[[f32; 2]], spot: BoundLocation) -> Quat {
         let k = spot.element as usize;
         let (Some(e), Some(base)) = (self.list.get(k), bases.get(k)) else { return Quat::IDENTITY };
         let Some(b) = bends.get(k) else { return *base };
         let along =
             |b: &[f32; 2], share: f64| (e.bend_axes[0] * f64::from(b[0]) + e.bend_axes[1] * f64::from(b[1])) * share;
         // Small-angle composition: rotation vectors of both directions and both modes add up before the exponential.
-        let mut bend = along(b, e.shape.at(spot.at));
+        let [first, second] = spot.relative_slopes;
+        let mut bend = along(b, first);
         if let Some(b) = e.second_mode.and_then(|k| bends.get(k)) {
-            bend += along(b, second_mode_slope(spot.at));
+            bend += along(b, second);
         }
         *base * rotation_f32(bend.as_vec3())
     }

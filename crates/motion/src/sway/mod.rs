@@ -64,7 +64,7 @@ mod wood;
 mod zhao_zhang;
 
 pub(crate) use beam::OscillatorStep;
-pub use elements::{BeamElement, BeamElements, ElementLocation, LoadStation};
+pub use elements::{BeamElement, BeamElements, BoundLocation, ElementLocation, LoadStation};
 pub use flutter::{LeafAir, LeafFlutter};
 pub use pose::{OrganBindings, PointBinding, PosedSkeleton};
 pub use rig::{JointBudget, JointRig};

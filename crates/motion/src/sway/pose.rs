@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use super::elements::{BeamElements, ElementLocation};
+use super::elements::{BeamElements, BoundLocation, ElementLocation};
 use crate::sway::tuning::{COLLAR_RADII, MAX_LEAF_OFFSET, POINTS_PER_TASK};
 use osier_base::convert::saturating_index;
 use osier_base::math;
@@ -40,7 +40,7 @@ struct BoundPoint {
 #[derive(Debug, Clone)]
 pub struct PointBinding {
     /// Per node: its location, and that of the middle of the segment that begins there.
-    nodes: Vec<[ElementLocation; 2]>,
+    nodes: Vec<[BoundLocation; 2]>,
     /// Per axis: range of nodes, and the attachment of its base to the parent axis.
     axes: Vec<(std::ops::Range<usize>, Option<SegmentAttachment>)>,
     rest: Vec<Vec3>,
@@ -50,14 +50,15 @@ pub struct PointBinding {
 impl PointBinding {
     /// `bark`: axis and arc length, m, of each of `points`, the bark at rest.
     pub fn new(plant: &Plant, elements: &BeamElements, points: &[Vec3], bark: &[(u32, f32)]) -> Self {
-        let mut nodes = vec![[ElementLocation { element: NONE, at: 0.0 }; 2]; plant.nodes.len()];
+        let still = elements.bind(ElementLocation { element: NONE, at: 0.0 });
+        let mut nodes = vec![[still; 2]; plant.nodes.len()];
         let mut axes = Vec::with_capacity(plant.axes.len());
         for (index, axis) in (0_u32..).zip(&plant.axes) {
             let range = plant.nodes_of(axis);
             for k in range.clone() {
                 let s = plant.nodes.s[k];
                 let next = if k + 1 < range.end { plant.nodes.s[k + 1] } else { s };
-                nodes[k] = [s, (s + next) * 0.5].map(|s| elements.locate(index, s));
+                nodes[k] = [s, (s + next) * 0.5].map(|s| elements.bind(elements.locate(index, s)));
             }
             let attachment = (axis.parent != NONE)
                 .then(|| attach_to_segment(plant, axis.parent, axis.parent_s, plant.nodes.p[range.start]));
@@ -70,7 +71,7 @@ impl PointBinding {
     /// Poses the centrelines. `bends`: both angles of each element, rad, then those of second modes.
     pub fn pose(&self, elements: &BeamElements, bends: &[[f32; 2]]) -> PosedSkeleton {
         let bases = elements.base_rotations(bends);
-        let turned = |s: ElementLocation| elements.rotation_at(&bases, bends, s);
+        let turned = |s: BoundLocation| elements.rotation_at(&bases, bends, s);
         let mut skeleton = PosedSkeleton { p: self.rest.clone(), q: vec![Quat::IDENTITY; self.rest.len()] };
         for (range, stem) in &self.axes {
             // The base of the axis moves with its parent.

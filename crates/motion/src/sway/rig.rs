@@ -7,7 +7,7 @@
 
 use glam::Quat;
 
-use super::elements::{BeamElements, ElementLocation};
+use super::elements::{BeamElements, BoundLocation, ElementLocation};
 use super::pose::own_share;
 use crate::sway::tuning::{CLASS_GAP, JOINT_FADE};
 use osier_base::math;
@@ -20,6 +20,8 @@ struct RigJoint {
     axis: u32,
     /// Location on the elements whose rotation the joint has.
     spot: ElementLocation,
+    /// `spot` with the slopes there.
+    bound: BoundLocation,
     /// Arc length of the middle of its stretch, m.
     middle: f32,
     /// Arc length of its pivot, m.
@@ -68,7 +70,7 @@ impl JointRig {
             skeleton: Skeleton {
                 joints: vec![Joint { name: "root".into(), parent: None, rest: Trs::IDENTITY, radius: 0.0 }],
             },
-            bones: vec![RigJoint { axis: NONE, spot: still, middle: 0.0, pivot: 0.0 }],
+            bones: vec![RigJoint { axis: NONE, spot: still, bound: elements.bind(still), middle: 0.0, pivot: 0.0 }],
             chains: vec![Vec::new(); plant.axes.len()],
             carriers: vec![0; plant.axes.len()],
             shares,
@@ -125,8 +127,8 @@ impl JointRig {
         let site = plant.frame(axis, pivot);
         let rest = Trs::translation(site.p - self.joint_origin(plant, parent));
         self.skeleton.joints.push(Joint { name, parent: Some(u32::from(parent)), rest, radius: site.r });
-        let at = (k as f64 + 0.5) / n as f64;
-        self.bones.push(RigJoint { axis: element.axis, spot: ElementLocation { element: e, at }, middle, pivot });
+        let spot = ElementLocation { element: e, at: (k as f64 + 0.5) / n as f64 };
+        self.bones.push(RigJoint { axis: element.axis, spot, bound: elements.bind(spot), middle, pivot });
     }
 
     /// Pivot of a joint at rest, m.
@@ -212,7 +214,7 @@ impl JointRig {
     pub fn pose(&self, elements: &BeamElements, bends: &[[f32; 2]]) -> Vec<Trs> {
         let bends: Vec<[f32; 2]> = bends.iter().zip(&self.shares).map(|(b, share)| b.map(|b| b * share)).collect();
         let bases = elements.base_rotations(&bends);
-        let turns: Vec<Quat> = self.bones.iter().map(|b| elements.rotation_at(&bases, &bends, b.spot)).collect();
+        let turns: Vec<Quat> = self.bones.iter().map(|b| elements.rotation_at(&bases, &bends, b.bound)).collect();
         // Rotations are absolute; a joint stores its rotation relative to the parent.
         let local = |(joint, q): (&Joint, &Quat)| {
             let parent = joint.parent.and_then(|p| turns.get(p as usize)).copied().unwrap_or(Quat::IDENTITY);
@@ -440,7 +442,7 @@ mod tests {
         let full = elements.rotation_at(
             &elements.base_rotations(&bends),
             &bends,
-            rig.bones[usize::from(rig.chains[faded + 1][0])].spot,
+            rig.bones[usize::from(rig.chains[faded + 1][0])].bound,
         );
         assert!((turned / (full.to_axis_angle().1 * shares[faded]) - 1.0).abs() < 1e-3);
     }

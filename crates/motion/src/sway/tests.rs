@@ -413,7 +413,7 @@ fn measured_shapes_bend_more_at_thin_ends() {
     let (even, measured) = (build(false), build(true));
     let bend = [[0.2_f32, 0.0]];
     let angle = |all: &BeamElements, at: f64| {
-        all.rotation_at(&all.base_rotations(&bend), &bend, ElementLocation { element: 0, at })
+        all.rotation_at(&all.base_rotations(&bend), &bend, all.bind(ElementLocation { element: 0, at }))
             .angle_between(Quat::IDENTITY)
     };
     assert!((angle(&even, 1.0) - 0.2).abs() < 1e-4 && (angle(&measured, 1.0) - 0.2).abs() < 1e-4);

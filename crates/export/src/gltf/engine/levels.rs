@@ -3,20 +3,19 @@
 //! A level holds wood and leaves as one mesh, so that an engine draws it in one call for each material.
 
 use glam::{Vec2, Vec3};
-use meshoptimizer_rs::{
-    Attributes, Limits, Positions, SimplifyOptions, SimplifySettings, Workspace, simplify_with_attributes,
-};
 
 use crate::gltf::meshes::SkinInfluences;
 use crate::gltf::rig::JointSelection;
+use crate::gltf::simplify::{
+    BLADE_DEVIATION, area, compact, index_in, padded, share_of, triangle_area, vertices_of, with_fewer_triangles,
+};
 use crate::gltf::wind_channels::{VertexWind, number_of_id, wind_of_mesh};
 use crate::merge::transform_normal;
-use osier_base::convert::saturating_index;
+use osier_base::Result;
 use osier_base::math::{narrow, sqrt};
 use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
 use osier_base::rng::mix64;
-use osier_base::{Error, Result};
 use osier_scene::{Asset, Instancer, InstancerMotion, MaterialId, Mesh, MeshMotion, MeshObject, Trs, bent_normal};
 
 /// Constants of the levels, guessed or measured.
@@ -31,10 +30,6 @@ mod tuning {
     /// Largest deviation of simplified wood as a share of the plant's size. It is seldom reached: the number of triangles
     /// decides.
     pub(super) const WOOD_DEVIATION: f32 = 0.05;
-    /// Weight of normals beside positions in the simplification: limbs stay round.
-    pub(super) const NORMAL_WEIGHT: f32 = 0.5;
-    /// Largest deviation of a simplified blade as a share of its size.
-    pub(super) const BLADE_DEVIATION: f32 = 0.3;
     /// Fewest triangles of a simplified blade: two form a quadrilateral.
     pub(super) const LEAST_BLADE: usize = 2;
     /// Largest factor by which leaves are enlarged to replace those left out; a larger one is conspicuous.
@@ -98,11 +93,6 @@ impl PlantLevel {
             count,
         })
     }
-}
-
-/// `list` if it has a value for each of `count` vertices, else `count` times `fill`: meshes omit attributes that they lack.
-fn padded<T: Copy>(list: &[T], count: usize, fill: T) -> Vec<T> {
-    if list.len() == count { list.to_vec() } else { vec![fill; count] }
 }
 
 /// Leaves that are thinned out together.
@@ -291,9 +281,8 @@ impl<'a> PlantSource<'a> {
     ) -> Result<()> {
         // Triangles that the budget leaves for each blade.
         let for_each = (budget / members.len().max(1)).max(tuning::LEAST_BLADE);
-        let simple = |mesh: &Mesh| {
-            with_fewer_triangles(mesh, for_each, tuning::BLADE_DEVIATION, self.label).map(|m| compact(&m))
-        };
+        let simple =
+            |mesh: &Mesh| with_fewer_triangles(mesh, for_each, BLADE_DEVIATION, self.label).map(|m| compact(&m));
         let blades: Vec<Mesh> = instancer.prototypes.iter().map(|p| simple(&p.mesh)).collect::<Result<_>>()?;
         let proto = |i: usize| instancer.protos.get(i).map_or(0, |p| *p as usize);
         let of = |list: &dyn Fn(usize) -> f64| members.iter().map(|i| list(proto(*i))).sum::<f64>();
@@ -339,7 +328,7 @@ impl<'a> PlantSource<'a> {
         let for_each = (budget / leaves.len().max(1)).max(tuning::LEAST_BLADE);
         let simple = |leaf: &MergedLeaf| {
             let mesh = leaf.mesh(&object.mesh);
-            with_fewer_triangles(&mesh, for_each, tuning::BLADE_DEVIATION, self.label)
+            with_fewer_triangles(&mesh, for_each, BLADE_DEVIATION, self.label)
         };
         let simple: Vec<Mesh> = par_map(leaves, simple).into_iter().collect::<Result<_>>()?;
         let triangles: usize = simple.iter().map(|m| m.triangles.len()).sum();
@@ -392,13 +381,6 @@ pub(super) fn is_merged(object: &MeshObject) -> bool {
             || (object.motion == MeshMotion::Deforming && object.skin.is_some()))
 }
 
-/// `total` times `part` / `all`, rounded down; 0 if `all` is 0.
-fn share_of(total: usize, part: usize, all: usize) -> usize {
-    let share = total as u128 * part as u128 / (all as u128).max(1);
-    // `part` is among `all`, so that the share is at most `total`, which is a usize.
-    usize::try_from(share).unwrap_or(usize::MAX)
-}
-
 #[allow(clippy::cast_precision_loss, reason = "counts of triangles and leaves are far below 2^52")]
 pub(super) fn to_float(n: usize) -> f64 {
     n as f64
@@ -431,15 +413,6 @@ fn fewest_keys(keys: &[u64], count: usize) -> Vec<usize> {
     kept
 }
 
-fn triangle_area(mesh: &Mesh, t: &[u32; 3]) -> f64 {
-    let [a, b, c] = t.map(|i| mesh.points.get(i as usize).copied().unwrap_or_default());
-    f64::from((b - a).cross(c - a).length()) * 0.5
-}
-
-fn area(mesh: &Mesh) -> f64 {
-    mesh.triangles.iter().map(|t| triangle_area(mesh, t)).sum()
-}
-
 /// Splits a mesh that holds leaves one after the other. The vertices of a leaf share a random number; where it
 /// changes, the next leaf begins.
 fn merged_leaves(mesh: &Mesh, wind: &[VertexWind]) -> Vec<MergedLeaf> {
@@ -459,92 +432,4 @@ fn merged_leaves(mesh: &Mesh, wind: &[VertexWind]) -> Vec<MergedLeaf> {
         }
     }
     leaves
-}
-
-/// Position of `vertex` in a sorted list that contains it.
-fn index_in(sorted: &[u32], vertex: u32) -> u32 {
-    sorted.binary_search(&vertex).map_or(0, saturating_index)
-}
-
-/// Selects the values of `vertices` from a vertex attribute; empty if the mesh lacks the attribute.
-fn pick<T: Copy>(list: &[T], vertices: &[u32]) -> Vec<T> {
-    vertices.iter().filter_map(|i| list.get(*i as usize)).copied().collect()
-}
-
-/// A mesh of the given vertices in this order, without triangles and custom attributes.
-fn vertices_of(mesh: &Mesh, vertices: &[u32]) -> Mesh {
-    Mesh {
-        points: pick(&mesh.points, vertices),
-        normals: pick(&mesh.normals, vertices),
-        uvs: pick(&mesh.uvs, vertices),
-        colors: pick(&mesh.colors, vertices),
-        ..Mesh::default()
-    }
-}
-
-/// Simplifies a mesh to about `most` triangles over the same vertices; each material keeps its share. `deviation`: as a share of
-/// the mesh's size; `label`: names the mesh in errors.
-fn with_fewer_triangles(mesh: &Mesh, most: usize, deviation: f32, label: &str) -> Result<Mesh> {
-    if mesh.triangles.len() <= most {
-        return Ok(mesh.clone());
-    }
-    let mut simple = mesh.clone();
-    (simple.triangles, simple.subsets) = (Vec::new(), Vec::new());
-    for s in &mesh.subsets {
-        let triangles = mesh.subset_triangles(s);
-        let target = share_of(most, triangles.len(), mesh.triangles.len()).max(1);
-        let list = simplified(mesh, triangles, target, deviation, label)?;
-        simple.append_subset(s.material, list);
-    }
-    Ok(simple)
-}
-
-/// The mesh without vertices that no triangle uses.
-fn compact(mesh: &Mesh) -> Mesh {
-    let mut used: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
-    used.sort_unstable();
-    used.dedup();
-    Mesh {
-        triangles: mesh.triangles.iter().map(|t| t.map(|i| index_in(&used, i))).collect(),
-        subsets: mesh.subsets.clone(),
-        ..vertices_of(mesh, &used)
-    }
-}
-
-/// Collapses edges of `triangles` until about `target` of them remain over the same vertices. `deviation`: as a share of the
-/// mesh's size; `label`: names the mesh in errors.
-fn simplified(
-    mesh: &Mesh,
-    triangles: &[[u32; 3]],
-    target: usize,
-    deviation: f32,
-    label: &str,
-) -> Result<Vec<[u32; 3]>> {
-    let refused = |e: meshoptimizer_rs::Error| {
-        Error::export("X005", format!("{label}: {e}; raise output.gltf.triangles, so that less is simplified"))
-    };
-    if target >= triangles.len() {
-        return Ok(triangles.to_vec());
-    }
-    let positions: Vec<[f32; 3]> = mesh.points.iter().map(|p| p.to_array()).collect();
-    let normals: Vec<f32> =
-        padded(&mesh.normals, mesh.points.len(), Vec3::Y).iter().flat_map(|n| n.to_array()).collect();
-    let attributes = Attributes::from_interleaved(&normals, mesh.points.len(), 3, 3, 0).map_err(refused)?;
-    // PRUNE: small unconnected parts may vanish. SPARSE: the triangles use few of the vertices, which saves work on the others.
-    let bits = SimplifyOptions::PRUNE.bits() | SimplifyOptions::SPARSE.bits();
-    let options = SimplifyOptions::from_bits(bits).map_err(refused)?;
-    let settings = SimplifySettings { target_index_count: target * 3, target_error: deviation, options };
-    // The limits of osier bound meshes before they come here.
-    let mut workspace = Workspace::new(Limits { max_bytes: usize::MAX, max_work: u64::MAX });
-    let simple = simplify_with_attributes(
-        triangles.as_flattened(),
-        Positions::from_packed(&positions),
-        attributes,
-        &[tuning::NORMAL_WEIGHT; 3],
-        None,
-        settings,
-        &mut workspace,
-    )
-    .map_err(refused)?;
-    Ok(simple.indices.as_chunks::<3>().0.to_vec())
 }
