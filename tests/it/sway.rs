@@ -198,6 +198,48 @@ fn a_loop_comes_round_within_the_clip() {
 }
 
 #[test]
+fn leaves_come_round_with_the_loop_in_every_wind() {
+    let text = r#"
+[frames]
+end = 60
+[plants.t]
+grammar = "poplar-twig.l"
+steps = 10
+[plants.t.bark]
+side = 16
+[plants.t.shoot]
+side = 16
+[[place]]
+plant = "t"
+[sway]
+loop = 2
+[ground]
+show = false
+"#;
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    for model in ["gust", "uniform"] {
+        let set = vec![format!("wind.model={model}"), "wind.speed=6".to_owned()];
+        let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
+        let recipe = resolve(&request).expect("scene").0;
+        let stage = assemble_scene(&recipe, SceneOptions::default(), &work).expect("stage").animated;
+        let turns = |number: u32| {
+            let frame = motion::evaluate_frame(&stage.scene, &stage.motions, number, false).expect("a frame");
+            match frame.assets[0].instancer(0) {
+                osier::scene::InstancerFrame::State(state) => state.orientations.clone(),
+                osier::scene::InstancerFrame::Same => panic!("leaves flutter"),
+            }
+        };
+        // Largest 1 - cos of half the angle between the rotations of a leaf; 1e-3 is an angle of 5 degrees.
+        let apart = |a: &[glam::Quat], b: &[glam::Quat]| {
+            a.iter().zip(b).map(|(p, q)| 1.0 - p.dot(*q).abs()).fold(0.0, f32::max)
+        };
+        let (now, a_loop_later, half_a_loop_later) = (turns(3), turns(51), turns(27));
+        assert!(apart(&now, &a_loop_later) < 1e-5, "{model}: {}", apart(&now, &a_loop_later));
+        assert!(apart(&now, &half_a_loop_later) > 1e-3, "{model}: {}", apart(&now, &half_a_loop_later));
+    }
+}
+
+#[test]
 fn winds_of_a_scene_add_up() {
     let still = TREE.replace("speed = 6", "model = \"uniform\"\nspeed = 6");
     let of = |text: &str, set: &[&str]| {

@@ -138,12 +138,14 @@ impl SwayMotion {
             }
             None => BendTrack::record(&elements, &*wind.wind, params, clip, limits, cancel)?,
         };
-        // Leaves flutter at the rate of the mean wind at their mean height.
+        // Leaves flutter at the rate of the mean wind at their mean height. Flutter repeats with the clip also in a wind that never
+        // changes, which has no period of its own.
+        let period = wind.clip.repeats.then(|| wind.clip.frames as f64 / params.fps);
         let leaf_motion = |l: &FlutterGroup<'_>| {
             let mean_height =
                 l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;
             let speed = wind.wind.mean_at(params.stand.apply(Vec3::Y * mean_height)).length();
-            let flutter = LeafFlutter::new(l.organs, speed, wind.wind.period(), l.flutter);
+            let flutter = LeafFlutter::new(l.organs, speed, period, l.flutter);
             LeafMotion {
                 flutter: if wind.paper.is_some() { flutter.as_printed() } else { flutter },
                 bindings: OrganBindings::new(plant, l.organs),
