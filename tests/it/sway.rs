@@ -88,6 +88,25 @@ fn copies_downwind_show_what_copies_upwind_showed_before() {
 }
 
 #[test]
+fn offsets_of_copies_follow_the_gusts_and_not_the_air() {
+    let phases = |text: &str, set: &[&str]| -> Vec<u32> {
+        let set = set.iter().map(|s| (*s).to_owned()).collect();
+        let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
+        let work =
+            BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+        let stage =
+            assemble_scene(&resolve(&request).expect("scene").0, SceneOptions::default(), &work).expect("stage");
+        stage.animated.scene.placements.iter().map(|p| p.phase).collect()
+    };
+    // Gusts travel at 6 m/s, whatever the factor on their velocities and a steady wind beneath them.
+    let own = phases(TREE, &["sway.phases=60"]);
+    assert_eq!(phases(TREE, &["sway.phases=60", "wind.scale=2"]), own);
+    let steady = format!("{TREE}[[wind.add]]\nmodel = \"uniform\"\nspeed = 3\n");
+    assert_eq!(phases(&steady, &["sway.phases=60"]), own);
+    assert_ne!(phases(TREE, &["sway.phases=60", "wind.speed=12"]), own);
+}
+
+#[test]
 fn one_phase_is_for_all_and_clips_that_run_on_have_none() {
     for set in [&["sway.phases=1"][..], &["sway.repeat=false"]] {
         assert!(stage(set).scene.placements.iter().all(|p| p.phase == 0), "{set:?}");
