@@ -420,3 +420,33 @@ fn measured_shapes_bend_more_at_thin_ends() {
     assert!((angle(&even, 0.5) - 0.2 * 0.875).abs() < 1e-4);
     assert!(angle(&measured, 0.5) < angle(&even, 0.5) - 0.01);
 }
+
+#[test]
+fn frames_lie_between_the_steps_of_the_printed_equations() {
+    let wood = WoodParams { elasticity: Some(1e9), ..WoodParams::default() };
+    let plant = rod(3.5, 0.035, 0.035);
+    let all = elements(&plant, &wood);
+    let wind = GustWind::new(GustWindOptions { speed: 9.0, ..GustWindOptions::default() });
+    let fixes = PaperCorrections { radius: true, air: true, damping: true };
+    let printed = |fps: f64, frames: usize| {
+        let params = SwayParams { fps, ..params(wood) };
+        let simulation =
+            PaperSimulation::new(&plant, &all, &wind, params, PaperParams { fixes, recoil: 0.3, damping: 0.01 });
+        BendTrack::record_as_printed(simulation, take(frames, false), &Limits::default(), &Cancel::default())
+            .expect("track")
+    };
+    // 60 steps a second: frame k of 24 a second is shown at step 2.5 k, for odd k in the middle between two steps.
+    let (steps, frames) = (printed(60.0, 61), printed(24.0, 25));
+    let mut farthest = 0.0_f32;
+    for k in 0..24_u32 {
+        let step = 2.5 * f64::from(k);
+        let [before, after] = [step.floor(), step.ceil()].map(|at| steps.at(at)[0]);
+        let found = frames.at(f64::from(k))[0];
+        for way in 0..2 {
+            let wanted = 0.5 * (before[way] + after[way]);
+            assert!((found[way] - wanted).abs() < 1e-6, "frame {k}: {} for {wanted}", found[way]);
+            farthest = farthest.max((after[way] - before[way]).abs());
+        }
+    }
+    assert!(farthest > 1e-5, "the wind varies: {farthest}");
+}

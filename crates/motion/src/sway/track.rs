@@ -71,18 +71,22 @@ impl BendTrack {
         let rest = vec![[0.0; 2]; elements.list.len()];
         // After a second of 60 steps the first force has no effect: only a share k of it remains from step to step.
         let lead = if clip.from_rest { 0 } else { 60_i64 };
-        let mut before = rest.clone();
+        // Bends after the last two steps; between them frames are interpolated, as most frame rates do not divide that of the steps.
+        let mut steps = [rest.clone(), rest.clone()];
         let mut frames = Vec::with_capacity(clip.frames + 1);
         let mut number = -lead;
+        #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
         for frame in 0..=clip.frames {
             cancel.check()?;
             let t = frame as f64 / fps * STEPS_PER_SECOND;
-            #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
-            while (number as f64) <= t {
-                before = simulation.advance(number as f64 / STEPS_PER_SECOND);
+            // The last step that was made has the number `number` - 1.
+            while ((number - 1) as f64) < t {
+                let next = simulation.advance(number as f64 / STEPS_PER_SECOND);
+                steps = [std::mem::take(&mut steps[1]), next];
                 number += 1;
             }
-            frames.push(if clip.from_rest && frame == 0 { rest.clone() } else { before.clone() });
+            let still = clip.from_rest && frame == 0;
+            frames.push(if still { rest.clone() } else { between(&steps, t - (number - 2) as f64) });
         }
         Ok(Self { clamped: simulation.clamped, ..Self::from_frames(frames, &rest, clip)? })
     }
@@ -217,6 +221,12 @@ fn advance_frame(run: &mut SwaySimulation<'_>, frame: f64, fps: f64) {
 /// Largest difference between the angles of two lists of bends, rad.
 fn largest_difference(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
     a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// Bends between two steps, `share` of the way, 0 to 1, from the first to the second.
+fn between([from, to]: &[ElementBends; 2], share: f64) -> ElementBends {
+    let mix = |(a, b): (&[f64; 2], &[f64; 2])| [0, 1].map(|k| a[k] * (1.0 - share) + b[k] * share);
+    from.iter().zip(to).map(mix).collect()
 }
 
 /// Closes a loop: distributes the difference between the frame after the clip and the first linearly over all frames.
