@@ -151,6 +151,40 @@ fn the_papers_equations_move_once_they_are_mended() {
     assert!(printed.0 < 2e-6, "as printed, nothing is seen to move: {printed:?}");
 }
 
+#[test]
+fn plants_on_rods_start_at_rest_also_in_a_wind_that_repeats() {
+    let text = r#"
+[frames]
+end = 60
+[plants.t]
+grammar = "rain-twig.l"
+[plants.t.bark]
+side = 16
+[plants.t.shoot]
+side = 16
+[plants.t.rods]
+[[place]]
+plant = "t"
+[wind]
+model = "uniform"
+speed = 6
+[ground]
+show = false
+"#;
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    let far = |start: &str| {
+        let set = vec![format!("sway.start={start}")];
+        let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
+        let recipe = resolve(&request).expect("scene").0;
+        let stage = assemble_scene(&recipe, SceneOptions::default(), &work).expect("stage").animated;
+        let frame = motion::evaluate_frame(&stage.scene, &stage.motions, 1, false).expect("a frame");
+        let rest = &stage.scene.assets[0].skeleton.as_ref().expect("joints").joints;
+        let moved = frame.assets[0].pose.iter().zip(rest).map(|(now, joint)| now.t.distance(joint.rest.t));
+        moved.fold(0.0, f32::max)
+    };
+    assert!(far("rest") < 1e-6 && far("moving") > 2e-3, "{} {}", far("rest"), far("moving"));
+}
+
 fn said(text: &str, set: &[&str]) -> String {
     let set = set.iter().map(|s| (*s).to_owned()).collect();
     let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };

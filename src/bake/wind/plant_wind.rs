@@ -22,6 +22,8 @@ pub struct PlantWind {
     pub rod_wind: Arc<dyn Wind>,
     /// Frames to record, and whether they loop or start from rest.
     pub clip: ClipOptions,
+    /// Whether plants on rods start at rest, which never loop.
+    pub rods_from_rest: bool,
     /// Velocity at which gusts travel, m/s.
     gust_velocity: Vec3,
     flicker: f64,
@@ -65,6 +67,7 @@ impl PlantWind {
         let flickers = winds.filter(|keys| keys.blows() && keys.model != WindModel::Uniform);
         let flicker = flickers.map(|keys| keys.flicker).fold(0.0, f64::max);
         Some(Self {
+            rods_from_rest: sway.start == SwayStart::Rest,
             gust_velocity: gust_velocity(recipe, &*wind),
             wind,
             rod_wind,
