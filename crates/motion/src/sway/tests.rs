@@ -450,3 +450,26 @@ fn frames_lie_between_the_steps_of_the_printed_equations() {
     }
     assert!(farthest > 1e-5, "the wind varies: {farthest}");
 }
+
+#[test]
+fn lean_and_gain_tell_mean_and_oscillation_apart_in_a_clip_from_rest() {
+    // A steady wind sets in: after 20 s the oscillation has died away, and only the mean bend is left.
+    let wood = WoodParams::default();
+    let all = elements(&rod(3.5, 0.035, 0.035), &wood);
+    let ends = |lean: f64, gain: f64| {
+        let clip = ClipOptions { frames: 480, repeats: false, from_rest: true, lean, gain };
+        let track = record(&all, &UniformWind(Vec3::X * 10.0), params(wood), clip);
+        [track.at(0.0)[0], track.at(479.0)[0]]
+    };
+    let own = ends(1.0, 1.0)[1];
+    let size = own.iter().fold(0.0_f32, |m, b| m.max(b.abs()));
+    assert!(size > 1e-4, "{own:?}");
+    for (lean, gain) in [(1.0, 5.0), (2.0, 1.0), (0.0, 1.0), (3.0, 3.0)] {
+        let [first, last] = ends(lean, gain);
+        assert!(first.iter().all(|b| b.abs() <= 0.0), "{first:?}");
+        for way in 0..2 {
+            let wanted = math::narrow(lean) * own[way];
+            assert!((last[way] - wanted).abs() < 0.01 * size, "lean {lean}, gain {gain}: {last:?} of {own:?}");
+        }
+    }
+}

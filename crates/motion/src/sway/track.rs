@@ -1,9 +1,9 @@
 //! Recorded sway: bends of all elements at every frame of a clip.
 
-use super::elements::BeamElements;
+use super::elements::{BeamElement, BeamElements};
 use super::simulation::{SwayParams, SwaySimulation};
 use super::zhao_zhang::{PaperSimulation, STEPS_PER_SECOND};
-use crate::sway::tuning::{LOOP_TOLERANCE, MAX_BEND, MAX_SPIN_UP_CLIPS, SPIN_UP_SECONDS};
+use crate::sway::tuning::{LOOP_TOLERANCE, MAX_BEND, MAX_SPIN_UP_CLIPS, MIN_ONSET_DAMPING, SPIN_UP_SECONDS};
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::progress::Cancel;
@@ -27,6 +27,39 @@ pub struct ClipOptions {
 
 /// Both bending angles of each element, rad.
 type ElementBends = Vec<[f64; 2]>;
+
+/// The part of the recorded bends that is the answer to the mean wind; the rest is oscillation.
+#[derive(Debug, Clone)]
+struct MeanBends {
+    /// Static bends in the mean wind, rad.
+    bends: ElementBends,
+    /// Share of the way to it, per frame, in a clip that starts from rest; empty where frame 0 is in the mean wind.
+    onset: Vec<f64>,
+}
+
+impl MeanBends {
+    /// The means of a clip that starts from rest: elements approach them as their oscillation about them decays.
+    fn from_rest(mut bends: ElementBends, elements: &BeamElements, fps: f64, clip: ClipOptions) -> Self {
+        // Where mean and oscillation have the same factor they need not be told apart.
+        if (clip.lean - clip.gain).abs() <= 0.0 {
+            bends.fill([0.0; 2]);
+            return Self { bends, onset: Vec::new() };
+        }
+        let rate = |e: &BeamElement| e.damping_ratio.max(MIN_ONSET_DAMPING) * e.w[0] / fps;
+        Self { bends, onset: elements.list.iter().map(rate).collect() }
+    }
+
+    /// Mean bend of the element or second mode `i` at a frame, rad.
+    fn at(&self, i: usize, frame: usize) -> [f64; 2] {
+        let bend = self.bends.get(i).copied().unwrap_or_default();
+        // The response of a critically damped oscillator to a load that sets in: 1 - (1 + x) e^-x.
+        let share = self.onset.get(i).map_or(1.0, |rate| {
+            let x = rate * frame as f64;
+            1.0 - (1.0 + x) * math::exp(-x)
+        });
+        bend.map(|b| b * share)
+    }
+}
 
 /// Bends of all elements, second modes included, at every frame: scaled for output, and closed for a loop.
 #[derive(Debug, Clone, Default)]
@@ -53,8 +86,8 @@ impl BendTrack {
         cancel: &Cancel,
     ) -> Result<Self> {
         check_key_limit(elements, clip, limits)?;
-        let (frames, mean_bends) = Self::simulate(elements, wind, params, clip, cancel)?;
-        Self::from_frames(frames, &mean_bends, clip)
+        let (frames, mean) = Self::simulate(elements, wind, params, clip, cancel)?;
+        Self::from_frames(frames, &mean, clip)
     }
 
     /// Records a clip by the equations of [zhao-zhang].
@@ -88,7 +121,8 @@ impl BendTrack {
             let still = clip.from_rest && frame == 0;
             frames.push(if still { rest.clone() } else { between(&steps, t - (number - 2) as f64) });
         }
-        Ok(Self { clamped: simulation.clamped, ..Self::from_frames(frames, &rest, clip)? })
+        let clamped = simulation.clamped;
+        Ok(Self { clamped, ..Self::from_frames(frames, &MeanBends { bends: rest, onset: Vec::new() }, clip)? })
     }
 
     /// Number of angles in the paper's equations that were clamped, over all internodes and frames.
@@ -102,15 +136,15 @@ impl BendTrack {
         params: SwayParams,
         clip: ClipOptions,
         cancel: &Cancel,
-    ) -> Result<(Vec<ElementBends>, ElementBends)> {
+    ) -> Result<(Vec<ElementBends>, MeanBends)> {
         // Spin-up: start in the static equilibrium of the mean wind, then simulate until the start has no effect.
         let mut run = SwaySimulation::new(elements, wind, params);
-        let mut mean_bends = vec![[0.0; 2]; elements.bend_count()];
         run.relax_to_mean_wind();
+        let mut mean = MeanBends { bends: run.bends(), onset: Vec::new() };
         if clip.from_rest {
             run.reset_to_rest();
+            mean = MeanBends::from_rest(mean.bends, elements, params.fps, clip);
         } else {
-            mean_bends = run.bends();
             Self::spin_up(&mut run, params.fps, clip, cancel)?;
         }
         let mut frames: Vec<ElementBends> = Vec::with_capacity(clip.frames + 1);
@@ -120,7 +154,7 @@ impl BendTrack {
             frames.push(run.bends());
             advance_frame(&mut run, frame as f64, params.fps);
         }
-        Ok((frames, mean_bends))
+        Ok((frames, mean))
     }
 
     /// Simulates the time before frame 0: for a loop whole clips, until two of them end alike; else a few seconds.
@@ -147,7 +181,7 @@ impl BendTrack {
     }
 
     /// Closes the loop and scales bends for output. The last of `frames` is the one after the clip.
-    fn from_frames(mut frames: Vec<ElementBends>, mean_bends: &[[f64; 2]], clip: ClipOptions) -> Result<Self> {
+    fn from_frames(mut frames: Vec<ElementBends>, mean: &MeanBends, clip: ClipOptions) -> Result<Self> {
         let after = frames.pop();
         let mut closed_gap = 0.0;
         if let Some((after, first)) = after.filter(|_| clip.repeats).zip(frames.first()) {
@@ -155,8 +189,10 @@ impl BendTrack {
             close_loop(&mut frames, &after);
         }
         // Scaling acts on the deviation from the static bend, so that exaggeration does not change the lean.
-        let scaled = |b: &ElementBends| b.iter().zip(mean_bends).map(|(b, m)| scaled_bend(*b, *m, &clip)).collect();
-        let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(scaled).collect();
+        let scaled = |(frame, b): (usize, &ElementBends)| -> Vec<[f32; 2]> {
+            b.iter().enumerate().map(|(i, b)| scaled_bend(*b, mean.at(i, frame), &clip)).collect()
+        };
+        let frames: Vec<Vec<[f32; 2]>> = frames.iter().enumerate().map(scaled).collect();
         if frames.iter().flatten().flatten().all(|v| v.is_finite()) {
             return Ok(Self { frames, repeats: clip.repeats, clamped: 0, closed_gap });
         }
