@@ -213,6 +213,17 @@ fn what_has_no_effect_or_cannot_be_is_said() {
     let added = format!("{TREE}[[wind.add]]\nspeed = 3\nbeaufort = 2\n[[wind.add]]\nsped = 3\n");
     assert!(said(&added, &[]).starts_with("S007 wind.add.0.beaufort is 2"), "{}", said(&added, &[]));
     assert!(said(&added, &[]).contains("S002 [wind.add.1] has no key \"sped\""));
+    for set in [
+        &["sway.paper_damping=0.2"][..],
+        &["sway.model=paper", "sway.lean=2"],
+        &["wind.model=uniform", "wind.gust=0.3"],
+        &["wind.model=perlin", "wind.turbulence=0.3"],
+        &["wind.model=perlin", "wind.literal=true", "wind.gust=0.3"],
+        &["sway.start=rest"],
+    ] {
+        assert!(said(TREE, set).starts_with("S007"), "{set:?}: {}", said(TREE, set));
+    }
+    assert_eq!(said(TREE, &["sway.start=rest", "sway.repeat=false", "sway.lean=2"]), "");
     assert!(said(TREE, &["sway.paper_recoil=1"]).starts_with("S004"), "the recursion would never end");
 }
 
