@@ -473,3 +473,42 @@ fn lean_and_gain_tell_mean_and_oscillation_apart_in_a_clip_from_rest() {
         }
     }
 }
+
+/// A wind whose speed rises by 1.2 m/s each second from time 0 on, up to 12 m/s.
+#[derive(Debug)]
+struct Rising;
+
+impl Wind for Rising {
+    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
+        out.iter_mut().zip(places).for_each(|(u, place)| *u = self.mean_at_time(*place, t));
+    }
+    fn mean(&self) -> Vec3 {
+        Vec3::X * 12.0
+    }
+    fn mean_at(&self, _: Vec3) -> Vec3 {
+        self.mean()
+    }
+    fn mean_at_time(&self, _: Vec3, t: f64) -> Vec3 {
+        Vec3::X * math::narrow((1.2 * t).clamp(0.0, 12.0))
+    }
+    fn has_varying_mean(&self) -> bool {
+        true
+    }
+    fn period(&self) -> Option<f64> {
+        None
+    }
+}
+
+#[test]
+fn the_lean_in_a_wind_that_rises_slowly_is_no_oscillation() {
+    let wood = WoodParams::default();
+    let all = elements(&rod(3.5, 0.035, 0.035), &wood);
+    let track = |gain: f64| record(&all, &Rising, params(wood), ClipOptions { gain, ..take(240, false) });
+    let (own, exaggerated) = (track(1.0), track(5.0));
+    let size = own.at(239.0)[0].iter().fold(0.0_f32, |m, b| m.max(b.abs()));
+    assert!(size > 1e-4 && exaggerated.at(0.0)[0].iter().all(|b| b.abs() < 1e-3 * size), "{size}");
+    for frame in 0..240_u32 {
+        let [a, b] = [&own, &exaggerated].map(|track| track.at(f64::from(frame))[0]);
+        assert!((0..2).all(|k| (a[k] - b[k]).abs() < 0.05 * size), "frame {frame}: {a:?} {b:?}");
+    }
+}

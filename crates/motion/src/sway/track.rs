@@ -3,7 +3,9 @@
 use super::elements::{BeamElement, BeamElements};
 use super::simulation::{SwayParams, SwaySimulation};
 use super::zhao_zhang::{PaperSimulation, STEPS_PER_SECOND};
-use crate::sway::tuning::{LOOP_TOLERANCE, MAX_BEND, MAX_SPIN_UP_CLIPS, MIN_ONSET_DAMPING, SPIN_UP_SECONDS};
+use crate::sway::tuning::{
+    LOOP_TOLERANCE, MAX_BEND, MAX_SPIN_UP_CLIPS, MEAN_INTERVAL, MIN_ONSET_DAMPING, SPIN_UP_SECONDS,
+};
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::progress::Cancel;
@@ -31,33 +33,62 @@ type ElementBends = Vec<[f64; 2]>;
 /// The part of the recorded bends that is the answer to the mean wind; the rest is oscillation.
 #[derive(Debug, Clone)]
 struct MeanBends {
-    /// Static bends in the mean wind, rad.
-    bends: ElementBends,
-    /// Share of the way to it, per frame, in a clip that starts from rest; empty where frame 0 is in the mean wind.
+    /// Static bends in the mean wind, rad, at equidistant times from frame 0 on; a single entry holds for all frames.
+    keys: Vec<ElementBends>,
+    /// Frames between two of them.
+    interval: usize,
+    /// Share of the way to them, per frame, in a clip that starts from rest; empty where frame 0 is in the mean wind.
     onset: Vec<f64>,
 }
 
 impl MeanBends {
-    /// The means of a clip that starts from rest: elements approach them as their oscillation about them decays.
-    fn from_rest(mut bends: ElementBends, elements: &BeamElements, fps: f64, clip: ClipOptions) -> Self {
+    fn constant(bends: ElementBends) -> Self {
+        Self { keys: vec![bends], interval: 1, onset: Vec::new() }
+    }
+
+    /// The means of a clip in `wind`. `first`: static bends at time 0, rad.
+    fn new(
+        first: ElementBends,
+        elements: &BeamElements,
+        wind: &dyn Wind,
+        params: SwayParams,
+        clip: ClipOptions,
+    ) -> Self {
         // Where mean and oscillation have the same factor they need not be told apart.
-        if (clip.lean - clip.gain).abs() <= 0.0 {
-            bends.fill([0.0; 2]);
-            return Self { bends, onset: Vec::new() };
+        let alike = (clip.lean - clip.gain).abs() <= 0.0;
+        let mut mean = match (clip.from_rest, alike) {
+            (true, true) => return Self::constant(vec![[0.0; 2]; first.len()]),
+            _ => Self::constant(first),
+        };
+        if wind.has_varying_mean() && !alike {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few frames")]
+            let interval = (MEAN_INTERVAL * params.fps).ceil().max(1.0) as usize;
+            let mut statics = SwaySimulation::new(elements, wind, params);
+            let key = |k: usize| {
+                statics.relax_to_mean_wind_at((k * interval) as f64 / params.fps);
+                statics.bends()
+            };
+            (mean.keys, mean.interval) = ((0..=clip.frames.div_ceil(interval)).map(key).collect(), interval);
         }
-        let rate = |e: &BeamElement| e.damping_ratio.max(MIN_ONSET_DAMPING) * e.w[0] / fps;
-        Self { bends, onset: elements.list.iter().map(rate).collect() }
+        // From rest, elements approach the mean as their oscillation about it decays.
+        if clip.from_rest {
+            let rate = |e: &BeamElement| e.damping_ratio.max(MIN_ONSET_DAMPING) * e.w[0] / params.fps;
+            mean.onset = elements.list.iter().map(rate).collect();
+        }
+        mean
     }
 
     /// Mean bend of the element or second mode `i` at a frame, rad.
     fn at(&self, i: usize, frame: usize) -> [f64; 2] {
-        let bend = self.bends.get(i).copied().unwrap_or_default();
+        let key = |k: usize| self.keys.get(k).or(self.keys.last()).and_then(|bends| bends.get(i));
+        let [a, b] = [0, 1].map(|next| key(frame / self.interval + next).copied().unwrap_or_default());
+        let way = (frame % self.interval) as f64 / self.interval as f64;
         // The response of a critically damped oscillator to a load that sets in: 1 - (1 + x) e^-x.
         let share = self.onset.get(i).map_or(1.0, |rate| {
             let x = rate * frame as f64;
             1.0 - (1.0 + x) * math::exp(-x)
         });
-        bend.map(|b| b * share)
+        [0, 1].map(|k| (a[k] * (1.0 - way) + b[k] * way) * share)
     }
 }
 
@@ -122,7 +153,7 @@ impl BendTrack {
             frames.push(if still { rest.clone() } else { between(&steps, t - (number - 2) as f64) });
         }
         let clamped = simulation.clamped;
-        Ok(Self { clamped, ..Self::from_frames(frames, &MeanBends { bends: rest, onset: Vec::new() }, clip)? })
+        Ok(Self { clamped, ..Self::from_frames(frames, &MeanBends::constant(rest), clip)? })
     }
 
     /// Number of angles in the paper's equations that were clamped, over all internodes and frames.
@@ -140,10 +171,9 @@ impl BendTrack {
         // Spin-up: start in the static equilibrium of the mean wind, then simulate until the start has no effect.
         let mut run = SwaySimulation::new(elements, wind, params);
         run.relax_to_mean_wind();
-        let mut mean = MeanBends { bends: run.bends(), onset: Vec::new() };
+        let mean = MeanBends::new(run.bends(), elements, wind, params, clip);
         if clip.from_rest {
             run.reset_to_rest();
-            mean = MeanBends::from_rest(mean.bends, elements, params.fps, clip);
         } else {
             Self::spin_up(&mut run, params.fps, clip, cancel)?;
         }
