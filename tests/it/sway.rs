@@ -129,6 +129,25 @@ fn a_clip_from_rest_begins_at_rest_and_then_moves() {
 }
 
 #[test]
+fn velocities_at_the_ends_of_a_clip_are_those_of_the_motion() {
+    let stage = stage(&["sway.repeat=false"]);
+    let state = |n: u32| match motion::evaluate_frame(&stage.scene, &stage.motions, n, false).expect("a frame").assets
+        [0]
+    .mesh(0)
+    {
+        osier::scene::MeshFrame::Points { points, velocities, .. } => (points.clone(), velocities.clone()),
+        _ => panic!("a cache"),
+    };
+    // A difference over the first or the last frame of the 60, at 24 frames a second.
+    for (at, from, to) in [(1, 1, 2), (60, 59, 60)] {
+        let ((before, _), (after, _), (_, velocities)) = (state(from), state(to), state(at));
+        let wanted: Vec<glam::Vec3> = before.iter().zip(&after).map(|(a, b)| (*b - *a) * 24.0).collect();
+        let fastest = wanted.iter().map(|v| v.length()).fold(0.0, f32::max);
+        assert!(fastest > 1e-4 && apart(&wanted, &velocities) < 0.05 * fastest, "{at}: {fastest}");
+    }
+}
+
+#[test]
 fn the_papers_equations_move_once_they_are_mended() {
     let far = |set: &[&str]| {
         let stage = stage(set);
