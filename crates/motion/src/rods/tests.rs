@@ -587,3 +587,31 @@ fn an_impulse_acts_once_wherever_its_time_lies() {
         assert!((sum - impulse).length() < 0.01 * impulse.length(), "{sum} by an impulse at {at} s");
     }
 }
+
+#[test]
+fn a_clamp_that_is_displaced_at_the_first_frame_has_its_rod_with_it() {
+    // A rod along X, turned about Z by a right angle and moved: from the first frame on it stands upright at x = 0.3.
+    let clip = RecordingParams {
+        frames: 12,
+        first: 1,
+        fps: 24.0,
+        steps: None,
+        integrator: Integrator::Xpbd,
+        acts: vec![
+            Actuation::Shift(0, Keyframes(vec![(0.0, [0.3, 0.0, 0.0])])),
+            Actuation::Turn(0, DVec3::Z, Keyframes(vec![(0.2, [0.5 * PI])])),
+        ],
+        wind: None,
+        ground: &-2.0_f64,
+        name: "rod".into(),
+    };
+    let mut rods = cantilever(9, 3.0, RodMaterial { damping_ratio: 0.1, recovery: 0.25, ..MATERIAL });
+    let poses = rods.record_clip(&clip, &Cancel::default()).expect("a clip");
+    for pose in &poses {
+        let (base, tip) = (pose.sections[0].0.as_dvec3(), pose.sections[8].0.as_dvec3());
+        assert!(
+            base.distance(DVec3::X * 0.3) < 1e-6 && tip.distance(DVec3::new(0.3, 0.24, 0.0)) < 1e-6,
+            "{base} {tip}"
+        );
+    }
+}
