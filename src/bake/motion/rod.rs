@@ -222,8 +222,8 @@ impl<'a> ConnectedRods<'a> {
         self.rods.weightless = self.members[0].keys.gravity == RodGravity::Compensated;
     }
 
-    /// Gives the rods their initial velocities; to be called after the search for a rest shape, which leaves them at rest. A launch
-    /// velocity is the tip's; it falls linearly to zero at the base, as for a rod that turns about it.
+    /// Gives the rods their initial velocities; to be called after the search for a rest shape, which leaves them at rest. A
+    /// launch velocity is the tip's; it falls linearly to zero at the base, as for a rod that turns about it.
     fn launch(&mut self) {
         for (k, rod) in self.members.iter().enumerate() {
             let (tip, length) = (DVec3::from_array(rod.keys.launch), self.descriptions[k].spline_length());

@@ -96,7 +96,8 @@ pub struct RainedSway {
 
 /// The bends of all elements around one frame.
 struct SwaySample {
-    /// Half a frame before, at the frame, and half a frame after it; at the ends of a clip that does not loop there is nothing beyond.
+    /// Half a frame before, at the frame, and half a frame after it; at the ends of a clip that does not loop there is nothing
+    /// beyond.
     bends: [Vec<[f32; 2]>; 3],
     /// Rotation of each element's base half a frame before and after.
     base_rotations: [Vec<Quat>; 2],
@@ -139,8 +140,8 @@ impl SwayMotion {
             }
             None => BendTrack::record(&elements, &*wind.wind, params, clip, limits, cancel)?,
         };
-        // Leaves flutter at the rate of the mean wind at their mean height. Flutter repeats with the clip also in a wind that never
-        // changes, which has no period of its own.
+        // Leaves flutter at the rate of the mean wind at their mean height. Flutter repeats with the clip also in a wind that
+        // never changes, which has no period of its own.
         let period = wind.clip.repeats.then(|| wind.clip.frames as f64 / params.fps);
         let leaf_motion = |l: &FlutterGroup<'_>| {
             let mean_height =

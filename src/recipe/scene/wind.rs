@@ -415,7 +415,8 @@ impl Resolver<'_> {
         keys
     }
 
-    /// Warns with S007 of keys of `[sway]` that its model or a loop does not read. `on_rods`: whether the scene has plants on rods.
+    /// Warns with S007 of keys of `[sway]` that its model or a loop does not read. `on_rods`: whether the scene has plants on
+    /// rods.
     pub(in crate::recipe) fn report_unread_sway_keys(
         &mut self,
         root: &TomlTable,
@@ -443,24 +444,37 @@ impl Resolver<'_> {
         }
     }
 
-    /// Warns with S008 if gust length or eddy size change so that a loop contains a whole number of gusts.
+    /// Warns with S008 if gust length or eddy size of a wind change so that a loop contains a whole number of gusts. `winds`:
+    /// `[wind]`, then every `[[wind.add]]`.
     pub(in crate::recipe) fn report_fitted_lengths(
         &mut self,
         root: &TomlTable,
-        wind: &WindKeys,
+        winds: &[&WindKeys],
         sway: &SwayKeys,
         clip: &Clip,
     ) {
-        let Some(frames) = sway.loop_frames(clip).filter(|_| wind.model == WindModel::Gust) else { return };
+        let Some(frames) = sway.loop_frames(clip) else { return };
+        let Some(TomlValue::Table(first)) = root.get("wind").map(|e| &e.node.value) else { return };
+        let added: &[TomlNode] = match first.get("add").map(|e| &e.node.value) {
+            Some(TomlValue::List(list)) => list,
+            _ => &[],
+        };
+        let added = (0..).zip(added).filter_map(|(i, node)| match &node.value {
+            TomlValue::Table(table) => Some((format!("wind.add.{i}"), table)),
+            _ => None,
+        });
         // In a loop of period T the gusts travel a whole number of gust lengths: lambda = U T / n for an integer n.
         let period = frames as f64 / clip.fps();
-        for (key, length) in [("gust_length", wind.gust_length), ("eddy_size", wind.eddy_size)] {
-            let Some(at) = span_of(root, &["wind", key]) else { continue };
-            let fitted = fit_gust_length(length, wind.speed, period);
-            if (fitted / length - 1.0).abs() > 0.02 {
-                let text = format!("wind.{key} is {length} m, but a loop of {period} s needs a whole number of gusts");
-                let d = Diagnostic::warning("S008", text, at, format!("taken as {fitted:.2} m"));
-                self.report.push(d.help("a longer clip, or sway.repeat = false, keeps it"));
+        for ((path, table), wind) in [("wind".to_owned(), first)].into_iter().chain(added).zip(winds) {
+            for (key, length) in [("gust_length", wind.gust_length), ("eddy_size", wind.eddy_size)] {
+                let Some(at) = span_of(table, &[key]).filter(|_| wind.model == WindModel::Gust) else { continue };
+                let fitted = fit_gust_length(length, wind.speed, period);
+                if (fitted / length - 1.0).abs() > 0.02 {
+                    let text =
+                        format!("{path}.{key} is {length} m, but a loop of {period} s needs a whole number of gusts");
+                    let d = Diagnostic::warning("S008", text, at, format!("taken as {fitted:.2} m"));
+                    self.report.push(d.help("a longer clip, or sway.repeat = false, keeps it"));
+                }
             }
         }
     }

@@ -96,8 +96,8 @@ struct DetachedBody {
     clearance: f64,
 }
 
-/// Time, s, at which the `k`-th of `n` substeps of a frame begins; the `n`-th is the first of the next frame. The end of a substep
-/// is computed as the beginning of the one after it, so that no time lies in both of them, or in neither.
+/// Time, s, at which the `k`-th of `n` substeps of a frame begins; the `n`-th is the first of the next frame. The end of a
+/// substep is computed as the beginning of the one after it, so that no time lies in both of them, or in neither.
 fn substep_time(fps: f64, frame: u32, k: u32, n: u32) -> f64 {
     if k < n {
         f64::from(frame) / fps + f64::from(k) * (1.0 / (fps * f64::from(n)))

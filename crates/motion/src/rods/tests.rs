@@ -566,8 +566,8 @@ fn released_weights_fall_to_the_ground_and_later_ones_wait() {
 
 #[test]
 fn an_impulse_acts_once_wherever_its_time_lies() {
-    // One impulse J gives a free rod without weight the momentum J. At 0.75 s (8 substeps) the rounded end of a substep lies after the
-    // beginning of the next, at 0.3 s (10 substeps) before it.
+    // One impulse J gives a free rod without weight the momentum J. At 0.75 s (8 substeps) the rounded end of a substep lies
+    // after the beginning of the next, at 0.3 s (10 substeps) before it.
     let impulse = DVec3::Y * 1e-3;
     for (steps, at) in [(8, 0.75), (10, 0.3), (8, 0.5), (8, 0.51), (10, 1.0 / 24.0), (8, 0.0)] {
         let clip = RecordingParams {

@@ -135,7 +135,8 @@ impl BendTrack {
         let rest = vec![[0.0; 2]; elements.list.len()];
         // After a second of 60 steps the first force has no effect: only a share k of it remains from step to step.
         let lead = if clip.from_rest { 0 } else { 60_i64 };
-        // Bends after the last two steps; between them frames are interpolated, as most frame rates do not divide that of the steps.
+        // Bends after the last two steps; between them frames are interpolated, as most frame rates do not divide that of the
+        // steps.
         let mut steps = [rest.clone(), rest.clone()];
         let mut frames = Vec::with_capacity(clip.frames + 1);
         let mut number = -lead;
