@@ -243,6 +243,8 @@ fn what_has_no_effect_or_cannot_be_is_said() {
         assert!(said(TREE, set).starts_with("S007"), "{set:?}: {}", said(TREE, set));
     }
     assert_eq!(said(TREE, &["sway.start=rest", "sway.repeat=false", "sway.lean=2"]), "");
+    let rods = "[plants.r]\ngrammar = \"rain-twig.l\"\n[plants.r.rods]\n[plants.r.wood]\nhz_scale = 2\n";
+    assert_eq!(said(rods, &[]), "S007 plants.r.wood.hz_scale has no effect");
     let gusts = format!("{TREE}[[wind.add]]\nspeed = 2\n[[wind.add]]\nspeed = 2\ngust_length = 30\n");
     assert!(said(&gusts, &[]).starts_with("S008 wind.add.1.gust_length is 30 m"), "{}", said(&gusts, &[]));
     assert!(said(TREE, &["sway.paper_recoil=1"]).starts_with("S004"), "the recursion would never end");
