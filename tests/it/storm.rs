@@ -256,7 +256,7 @@ fn catkins_hang_from_moving_twigs_in_the_rain() {
     assert_ne!(on_rods[0], on_rods[1], "the twigs move");
 }
 
-/// Plants on rods have spun up in the wind when it begins to rain, unless the clip starts from rest.
+/// Plants on rods have spun up in the wind when it begins to rain, unless they start from rest.
 #[test]
 fn plants_on_rods_are_in_motion_when_the_rain_begins() {
     let dir = tempfile::tempdir().expect("dir");
@@ -284,6 +284,8 @@ fn plants_on_rods_are_in_motion_when_the_rain_begins() {
     // Without rain the twig is bent by 3.9 mm.
     assert!(farthest("moving", "") > 2e-3);
     assert!(farthest("rest", "[sway]\nstart = \"rest\"\n") < 1e-6);
+    // In a wind that repeats, too: rods do not.
+    assert!(farthest("rest_in_a_loop", "[sway]\nstart = \"rest\"\nloop = 2\n") < 1e-6);
 }
 
 /// Rain of the past wets a wall on the side that the wind comes from, a canopy on top, and the ground but for the places in their lee.

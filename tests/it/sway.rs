@@ -88,6 +88,25 @@ fn copies_downwind_show_what_copies_upwind_showed_before() {
 }
 
 #[test]
+fn offsets_of_copies_follow_the_gusts_and_not_the_air() {
+    let phases = |text: &str, set: &[&str]| -> Vec<u32> {
+        let set = set.iter().map(|s| (*s).to_owned()).collect();
+        let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
+        let work =
+            BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+        let stage =
+            assemble_scene(&resolve(&request).expect("scene").0, SceneOptions::default(), &work).expect("stage");
+        stage.animated.scene.placements.iter().map(|p| p.phase).collect()
+    };
+    // Gusts travel at 6 m/s, whatever the factor on their velocities and a steady wind beneath them.
+    let own = phases(TREE, &["sway.phases=60"]);
+    assert_eq!(phases(TREE, &["sway.phases=60", "wind.scale=2"]), own);
+    let steady = format!("{TREE}[[wind.add]]\nmodel = \"uniform\"\nspeed = 3\n");
+    assert_eq!(phases(&steady, &["sway.phases=60"]), own);
+    assert_ne!(phases(TREE, &["sway.phases=60", "wind.speed=12"]), own);
+}
+
+#[test]
 fn one_phase_is_for_all_and_clips_that_run_on_have_none() {
     for set in [&["sway.phases=1"][..], &["sway.repeat=false"]] {
         assert!(stage(set).scene.placements.iter().all(|p| p.phase == 0), "{set:?}");
@@ -107,6 +126,25 @@ fn a_clip_from_rest_begins_at_rest_and_then_moves() {
     let rest = &stage.scene.assets[0].meshes[0].mesh.points;
     let far = |n: u32| points(n).iter().zip(rest).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
     assert!(far(1) < 1e-5 && far(30) > 1e-3, "{} {}", far(1), far(30));
+}
+
+#[test]
+fn velocities_at_the_ends_of_a_clip_are_those_of_the_motion() {
+    let stage = stage(&["sway.repeat=false"]);
+    let state = |n: u32| match motion::evaluate_frame(&stage.scene, &stage.motions, n, false).expect("a frame").assets
+        [0]
+    .mesh(0)
+    {
+        osier::scene::MeshFrame::Points { points, velocities, .. } => (points.clone(), velocities.clone()),
+        _ => panic!("a cache"),
+    };
+    // A difference over the first or the last frame of the 60, at 24 frames a second.
+    for (at, from, to) in [(1, 1, 2), (60, 59, 60)] {
+        let ((before, _), (after, _), (_, velocities)) = (state(from), state(to), state(at));
+        let wanted: Vec<glam::Vec3> = before.iter().zip(&after).map(|(a, b)| (*b - *a) * 24.0).collect();
+        let fastest = wanted.iter().map(|v| v.length()).fold(0.0, f32::max);
+        assert!(fastest > 1e-4 && apart(&wanted, &velocities) < 0.05 * fastest, "{at}: {fastest}");
+    }
 }
 
 #[test]
@@ -130,6 +168,40 @@ fn the_papers_equations_move_once_they_are_mended() {
     assert!(mended.0 > 5e-5 && mended.1 > 1e-5, "{mended:?}");
     let printed = far(&["sway.model=paper", "wind.model=perlin", "wind.literal=true", "sway.paper_fixes=[]"]);
     assert!(printed.0 < 2e-6, "as printed, nothing is seen to move: {printed:?}");
+}
+
+#[test]
+fn plants_on_rods_start_at_rest_also_in_a_wind_that_repeats() {
+    let text = r#"
+[frames]
+end = 60
+[plants.t]
+grammar = "rain-twig.l"
+[plants.t.bark]
+side = 16
+[plants.t.shoot]
+side = 16
+[plants.t.rods]
+[[place]]
+plant = "t"
+[wind]
+model = "uniform"
+speed = 6
+[ground]
+show = false
+"#;
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    let far = |start: &str| {
+        let set = vec![format!("sway.start={start}")];
+        let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
+        let recipe = resolve(&request).expect("scene").0;
+        let stage = assemble_scene(&recipe, SceneOptions::default(), &work).expect("stage").animated;
+        let frame = motion::evaluate_frame(&stage.scene, &stage.motions, 1, false).expect("a frame");
+        let rest = &stage.scene.assets[0].skeleton.as_ref().expect("joints").joints;
+        let moved = frame.assets[0].pose.iter().zip(rest).map(|(now, joint)| now.t.distance(joint.rest.t));
+        moved.fold(0.0, f32::max)
+    };
+    assert!(far("rest") < 1e-6 && far("moving") > 2e-3, "{} {}", far("rest"), far("moving"));
 }
 
 fn said(text: &str, set: &[&str]) -> String {
@@ -160,6 +232,21 @@ fn what_has_no_effect_or_cannot_be_is_said() {
     let added = format!("{TREE}[[wind.add]]\nspeed = 3\nbeaufort = 2\n[[wind.add]]\nsped = 3\n");
     assert!(said(&added, &[]).starts_with("S007 wind.add.0.beaufort is 2"), "{}", said(&added, &[]));
     assert!(said(&added, &[]).contains("S002 [wind.add.1] has no key \"sped\""));
+    for set in [
+        &["sway.paper_damping=0.2"][..],
+        &["sway.model=paper", "sway.lean=2"],
+        &["wind.model=uniform", "wind.gust=0.3"],
+        &["wind.model=perlin", "wind.turbulence=0.3"],
+        &["wind.model=perlin", "wind.literal=true", "wind.gust=0.3"],
+        &["sway.start=rest"],
+    ] {
+        assert!(said(TREE, set).starts_with("S007"), "{set:?}: {}", said(TREE, set));
+    }
+    assert_eq!(said(TREE, &["sway.start=rest", "sway.repeat=false", "sway.lean=2"]), "");
+    let rods = "[plants.r]\ngrammar = \"rain-twig.l\"\n[plants.r.rods]\n[plants.r.wood]\nhz_scale = 2\n";
+    assert_eq!(said(rods, &[]), "S007 plants.r.wood.hz_scale has no effect");
+    let gusts = format!("{TREE}[[wind.add]]\nspeed = 2\n[[wind.add]]\nspeed = 2\ngust_length = 30\n");
+    assert!(said(&gusts, &[]).starts_with("S008 wind.add.1.gust_length is 30 m"), "{}", said(&gusts, &[]));
     assert!(said(TREE, &["sway.paper_recoil=1"]).starts_with("S004"), "the recursion would never end");
 }
 
@@ -195,6 +282,48 @@ fn a_loop_comes_round_within_the_clip() {
     assert_eq!(points(&stage, 3), points(&stage, 51));
     assert!(apart(&points(&stage, 3), &points(&stage, 27)) > 1e-4);
     assert!(stage.scene.placements.iter().all(|p| p.phase == 0));
+}
+
+#[test]
+fn leaves_come_round_with_the_loop_in_every_wind() {
+    let text = r#"
+[frames]
+end = 60
+[plants.t]
+grammar = "poplar-twig.l"
+steps = 10
+[plants.t.bark]
+side = 16
+[plants.t.shoot]
+side = 16
+[[place]]
+plant = "t"
+[sway]
+loop = 2
+[ground]
+show = false
+"#;
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    for model in ["gust", "uniform"] {
+        let set = vec![format!("wind.model={model}"), "wind.speed=6".to_owned()];
+        let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
+        let recipe = resolve(&request).expect("scene").0;
+        let stage = assemble_scene(&recipe, SceneOptions::default(), &work).expect("stage").animated;
+        let turns = |number: u32| {
+            let frame = motion::evaluate_frame(&stage.scene, &stage.motions, number, false).expect("a frame");
+            match frame.assets[0].instancer(0) {
+                osier::scene::InstancerFrame::State(state) => state.orientations.clone(),
+                osier::scene::InstancerFrame::Same => panic!("leaves flutter"),
+            }
+        };
+        // Largest 1 - cos of half the angle between the rotations of a leaf; 1e-3 is an angle of 5 degrees.
+        let apart = |a: &[glam::Quat], b: &[glam::Quat]| {
+            a.iter().zip(b).map(|(p, q)| 1.0 - p.dot(*q).abs()).fold(0.0, f32::max)
+        };
+        let (now, a_loop_later, half_a_loop_later) = (turns(3), turns(51), turns(27));
+        assert!(apart(&now, &a_loop_later) < 1e-5, "{model}: {}", apart(&now, &a_loop_later));
+        assert!(apart(&now, &half_a_loop_later) > 1e-3, "{model}: {}", apart(&now, &half_a_loop_later));
+    }
 }
 
 #[test]

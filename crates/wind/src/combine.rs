@@ -31,6 +31,14 @@ impl Wind for ScaledWind {
         self.wind.mean_at(position) * self.factor
     }
 
+    fn mean_at_time(&self, position: Vec3, t: f64) -> Vec3 {
+        self.wind.mean_at_time(position, t) * self.factor
+    }
+
+    fn has_varying_mean(&self) -> bool {
+        self.wind.has_varying_mean()
+    }
+
     fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
         self.wind.prescribed_mean_at_time(t) * self.factor
     }
@@ -74,6 +82,14 @@ impl Wind for WindSum {
 
     fn mean_at(&self, position: Vec3) -> Vec3 {
         self.0.iter().map(|w| w.mean_at(position)).sum()
+    }
+
+    fn mean_at_time(&self, position: Vec3, t: f64) -> Vec3 {
+        self.0.iter().map(|w| w.mean_at_time(position, t)).sum()
+    }
+
+    fn has_varying_mean(&self) -> bool {
+        self.0.iter().any(|w| w.has_varying_mean())
     }
 
     fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
@@ -125,6 +141,14 @@ impl Wind for ShiftedWind {
         self.wind.mean_at(position)
     }
 
+    fn mean_at_time(&self, position: Vec3, t: f64) -> Vec3 {
+        self.wind.mean_at_time(position, t - self.lead)
+    }
+
+    fn has_varying_mean(&self) -> bool {
+        self.wind.has_varying_mean()
+    }
+
     fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
         self.wind.prescribed_mean_at_time(t - self.lead)
     }
@@ -162,6 +186,14 @@ impl Wind for LoopedWind {
 
     fn mean_at(&self, position: Vec3) -> Vec3 {
         self.wind.mean_at(position)
+    }
+
+    fn mean_at_time(&self, position: Vec3, t: f64) -> Vec3 {
+        self.wind.mean_at_time(position, t.rem_euclid(self.period))
+    }
+
+    fn has_varying_mean(&self) -> bool {
+        self.wind.has_varying_mean()
     }
 
     fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {

@@ -45,6 +45,14 @@ impl Wind for WindOverLand {
         self.wind.mean_at(self.above_ground(position))
     }
 
+    fn mean_at_time(&self, position: Vec3, t: f64) -> Vec3 {
+        self.wind.mean_at_time(self.above_ground(position), t)
+    }
+
+    fn has_varying_mean(&self) -> bool {
+        self.wind.has_varying_mean()
+    }
+
     fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
         self.wind.prescribed_mean_at_time(t)
     }

@@ -52,8 +52,20 @@ pub trait Wind: Debug + Send + Sync {
     /// Mean velocity at 10 m above the ground, m/s.
     fn mean(&self) -> Vec3;
 
-    /// Mean velocity at a position, m, in m/s; where speed or direction are prescribed over time, that at t = 0.
+    /// Mean velocity at a position, m, in m/s; where speed or direction are prescribed over time, the largest speed in the
+    /// direction at t = 0.
     fn mean_at(&self, position: Vec3) -> Vec3;
+
+    /// Mean velocity, m/s, at a position, m, that the scene prescribes for the time `t`, s: that of [`Wind::mean_at`], unless
+    /// speed or direction are prescribed over time. Nothing is averaged around `t`.
+    fn mean_at_time(&self, position: Vec3, _t: f64) -> Vec3 {
+        self.mean_at(position)
+    }
+
+    /// Whether [`Wind::mean_at_time`] depends on the time.
+    fn has_varying_mean(&self) -> bool {
+        false
+    }
 
     /// The mean velocity at 10 m, m/s, that the scene prescribes for the time `t`, s: that of [`Wind::mean`], unless speed or direction
     /// are prescribed over time. Nothing is averaged around `t`.

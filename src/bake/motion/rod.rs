@@ -131,6 +131,7 @@ fn build_rod_assets(
             );
             group.rods.weightless = true;
         }
+        group.launch();
         let motion = match recipe.clip.len() {
             0 | 1 => None,
             _ if estimating => Some(RodMotion(Arc::default())),
@@ -189,7 +190,7 @@ impl<'a> ConnectedRods<'a> {
         Ok(group)
     }
 
-    /// Adds the forces, impulses and weights of the loads, and the initial velocities.
+    /// Adds the forces, impulses and weights of the loads.
     fn apply_loads(&mut self) {
         let mut bodies = Vec::new();
         for (k, rod) in self.members.iter().enumerate() {
@@ -219,7 +220,11 @@ impl<'a> ConnectedRods<'a> {
         let rods = std::mem::replace(&mut self.rods, RodSystem::new(&[], &[]));
         self.rods = rods.with_added_bodies(bodies);
         self.rods.weightless = self.members[0].keys.gravity == RodGravity::Compensated;
-        // A launch velocity is the tip's; it falls linearly to zero at the base, as for a rod that turns about it.
+    }
+
+    /// Gives the rods their initial velocities; to be called after the search for a rest shape, which leaves them at rest. A
+    /// launch velocity is the tip's; it falls linearly to zero at the base, as for a rod that turns about it.
+    fn launch(&mut self) {
         for (k, rod) in self.members.iter().enumerate() {
             let (tip, length) = (DVec3::from_array(rod.keys.launch), self.descriptions[k].spline_length());
             if tip != DVec3::ZERO {
@@ -455,6 +460,19 @@ mod tests {
             let skin = object.skin.as_ref().expect("moves");
             assert_eq!(skin.joints.len(), object.mesh.points.len());
             assert!(skin.weights.iter().all(|w| (w.iter().sum::<f32>() - 1.0).abs() < 1e-6 && w[0] >= w[1]));
+        }
+    }
+
+    #[test]
+    fn a_launched_rod_moves_whatever_holds_its_weight() {
+        let rod = "[frames]\nend = 8\n[[rod]]\npoints = [[0, 1, 0], [0.4, 1, 0]]\nlaunch = [0, 0, 1]\n";
+        for gravity in ["posed", "compensated", "droop"] {
+            let (made, told) = built(rod, &[&format!("rod.0.gravity={gravity}")]);
+            assert!(told.is_empty(), "{gravity}: {told:?}");
+            let motion = made[0].motion.as_ref().expect("a clip");
+            let tip = |k: u64| motion.pose_at(k).pose.last().map_or(0.0, |joint| joint.t.z);
+            let farthest = (1..8).map(|k| tip(k).abs()).fold(0.0, f32::max);
+            assert!(tip(0).abs() < 1e-6 && farthest > 5e-4, "{gravity}: {farthest}");
         }
     }
 

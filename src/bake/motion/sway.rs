@@ -111,12 +111,14 @@ pub struct RainedSway {
 
 /// The bends of all elements around one frame.
 struct SwaySample {
-    /// Half a frame before, at the frame, and half a frame after it.
+    /// Half a frame before, at the frame, and half a frame after it; at the ends of a clip that does not loop there is nothing
+    /// beyond.
     bends: [Vec<[f32; 2]>; 3],
     /// Rotation of each element's base half a frame before and after.
     base_rotations: [Vec<Quat>; 2],
     seconds: f64,
-    step: f32,
+    /// Time from the first to the last of the bends, s.
+    span: f32,
 }
 
 impl SwayMotion {
@@ -153,12 +155,14 @@ impl SwayMotion {
             }
             None => BendTrack::record(&elements, &*wind.wind, params, clip, limits, cancel)?,
         };
-        // Leaves flutter at the rate of the mean wind at their mean height.
+        // Leaves flutter at the rate of the mean wind at their mean height. Flutter repeats with the clip also in a wind that
+        // never changes, which has no period of its own.
+        let period = wind.clip.repeats.then(|| wind.clip.frames as f64 / params.fps);
         let leaf_motion = |l: &FlutterGroup<'_>| {
             let mean_height =
                 l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;
             let speed = wind.wind.mean_at(params.stand.apply(Vec3::Y * mean_height)).length();
-            let flutter = LeafFlutter::new(l.organs, speed, wind.wind.period(), l.flutter);
+            let flutter = LeafFlutter::new(l.organs, speed, period, l.flutter);
             LeafMotion {
                 flutter: if wind.paper.is_some() { flutter.as_printed() } else { flutter },
                 bindings: OrganBindings::new(plant, l.organs),
@@ -201,7 +205,11 @@ impl SwayMotion {
         let number = time.seconds / time.step;
         let bends = [-0.5, 0.0, 0.5].map(|d| self.track.at(number + d));
         let base_rotations = [&bends[0], &bends[2]].map(|b| self.elements.base_rotations(b));
-        SwaySample { bends, base_rotations, seconds: time.seconds, step: narrow(time.step) }
+        // At either end of a clip that does not loop there are bends on one side only: the motion over half a frame.
+        let last = self.track.frame_count().saturating_sub(1) as f64;
+        let at_an_end = !self.repeats() && (number < 0.25 || number > last - 0.25);
+        let span = if at_an_end { 0.5 } else { 1.0 };
+        SwaySample { bends, base_rotations, seconds: time.seconds, span: narrow(time.step) * span }
     }
 
     /// Leaves and nodes at a time of the clip, in the wind without drops. The meshes of `asset` are not read.
@@ -269,7 +277,7 @@ impl SwayMotion {
             MeshFrame::Points {
                 points: bark.bark(skeleton),
                 normals: bark.normals(skeleton, &m.mesh.normals),
-                velocities: before.iter().zip(&after).map(|(a, b)| (*b - *a) / sample.step).collect(),
+                velocities: before.iter().zip(&after).map(|(a, b)| (*b - *a) / sample.span).collect(),
             }
         };
         asset.meshes.iter().map(mesh_frame).collect()
@@ -313,9 +321,9 @@ impl SwayMotion {
             let [before, after] = [0, 1]
                 .map(|n| self.elements.rotation_at(&sample.base_rotations[n], &sample.bends[2 * n], twig.location));
             // Angular velocity of the twig over the frame, for small turns: twice the vector part of the rotation from half a frame
-            // before to half a frame after, divided by the frame's length.
+            // before to half a frame after, divided by the time between.
             let turned = after * before.conjugate();
-            let spin = turned.xyz() * (2.0 * turned.w.signum() / sample.step);
+            let spin = turned.xyz() * (2.0 * turned.w.signum() / sample.span);
             *q = leaves.flutter.orientation(k, *q, sample.seconds, LeafAir { wind, spin }).normalize();
         }
     }

@@ -10,6 +10,11 @@ use osier_base::rng;
 use osier_scene::solid::LandForm;
 use osier_wind::{GustWind, GustWindOptions, SineWind, SineWindOptions, UniformWind, Wind, WindOverLand};
 
+/// Horizontal unit vector that a wind blows towards; directions of the keys count from +X towards -Z.
+pub(super) fn blowing_direction(keys: &WindKeys) -> Vec3 {
+    Vec3::new(narrow(cos(keys.direction)), 0.0, narrow(-sin(keys.direction)))
+}
+
 /// Builds the wind of one table. `period`: duration of the loop, s; `number`: position among the scene's winds from 0, which
 /// gives the noise of each a different seed; `land`: heights are measured above it.
 pub fn formula_wind(
@@ -20,8 +25,7 @@ pub fn formula_wind(
     land: Option<&Arc<LandForm>>,
 ) -> Arc<dyn Wind> {
     let seed = if number == 0 { seed } else { rng::child(seed, number) };
-    // Directions of the keys count from +X towards -Z.
-    let direction = Vec3::new(narrow(cos(keys.direction)), 0.0, narrow(-sin(keys.direction)));
+    let direction = blowing_direction(keys);
     let wind: Arc<dyn Wind> = match keys.model {
         // These models have the same wind at all heights.
         WindModel::Calm | WindModel::Uniform | WindModel::Lattice => {

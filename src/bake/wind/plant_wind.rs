@@ -4,9 +4,11 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use crate::bake::wind::analytic::blowing_direction;
 use crate::bake::wind::scene_wind::{SceneWind, WindUser};
 use crate::recipe::Recipe;
-use crate::recipe::scene::{BendProfile, PaperFix, SwayKeys, SwayModel, SwayStart, WindModel, WoodKeys};
+use crate::recipe::scene::{BendProfile, PaperFix, SwayKeys, SwayModel, SwayStart, WindKeys, WindModel, WoodKeys};
+use osier_base::math::narrow;
 use osier_motion::sway::{ClipOptions, PaperCorrections, PaperParams, SwayParams, WoodParams};
 use osier_scene::Trs;
 use osier_wind::{CALM_SPEED, UniformWind, Wind};
@@ -20,6 +22,10 @@ pub struct PlantWind {
     pub rod_wind: Arc<dyn Wind>,
     /// Frames to record, and whether they loop or start from rest.
     pub clip: ClipOptions,
+    /// Whether plants on rods start at rest, which never loop.
+    pub rods_from_rest: bool,
+    /// Velocity at which gusts travel, m/s.
+    gust_velocity: Vec3,
     flicker: f64,
     whip: f64,
     fps: f64,
@@ -61,6 +67,8 @@ impl PlantWind {
         let flickers = winds.filter(|keys| keys.blows() && keys.model != WindModel::Uniform);
         let flicker = flickers.map(|keys| keys.flicker).fold(0.0, f64::max);
         Some(Self {
+            rods_from_rest: sway.start == SwayStart::Rest,
+            gust_velocity: gust_velocity(recipe, &*wind),
             wind,
             rod_wind,
             clip,
@@ -91,12 +99,12 @@ impl PlantWind {
         if !self.clip.repeats || count < 2.0 {
             return 0;
         }
-        let mean = self.wind.mean().as_dvec3();
-        if mean.length() < CALM_SPEED {
+        let travel = self.gust_velocity.as_dvec3();
+        if travel.length() < CALM_SPEED {
             return 0;
         }
         // Delay as a share of the loop; negative, since a later gust corresponds to an earlier state.
-        let delay = (copy - first).as_dvec3().dot(mean) / mean.length_squared();
+        let delay = (copy - first).as_dvec3().dot(travel) / travel.length_squared();
         let share = (-delay * self.fps / frames).rem_euclid(1.0);
         // The share is rounded to one of `count` phases, and the phase to a whole frame.
         ((share * count).round() % count / count * frames).round() as u32 % self.clip.frames.max(1) as u32
@@ -111,6 +119,20 @@ impl PlantWind {
         let trunk_hertz = wood.trunk_hertz.map(|hertz| hertz * scale);
         let wood = WoodParams { hertz: wood.hertz / scale, trunk_hertz, ..wood };
         SwayParams { wood, flicker: self.flicker, whip: self.whip, stand, gravity: self.gravity, fps: self.fps }
+    }
+}
+
+/// Velocity, m/s, at which the gusts of a scene's `wind` travel: that of the strongest of its winds that vary. `scale` multiplies
+/// velocities of the air, but not this one, and a steady wind beneath the gusts does not carry them either.
+fn gust_velocity(recipe: &Recipe, wind: &dyn Wind) -> Vec3 {
+    let winds: Vec<&WindKeys> = [&recipe.wind].into_iter().chain(&recipe.added).filter(|keys| keys.blows()).collect();
+    let varying = winds.iter().filter(|keys| keys.model != WindModel::Uniform);
+    let strongest = varying.reduce(|a, b| if b.speed * b.scale > a.speed * a.scale { b } else { a });
+    match strongest {
+        Some(keys) if keys.model != WindModel::Lattice => blowing_direction(keys) * narrow(keys.speed),
+        // The mean of a lattice is that of its profile at 10 m.
+        Some(keys) if winds.len() == 1 => wind.mean() / narrow(keys.scale),
+        _ => wind.mean(),
     }
 }
 

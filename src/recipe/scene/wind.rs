@@ -1,8 +1,8 @@
 //! `[wind]`, `[[wind.add]]`, `[sway]` and the files of the wind: resolution of keys that depend on each other.
 
 use super::{
-    LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SwayKeys, VdbKeys, WindOutputKeys,
-    WindSliceKeys,
+    LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SwayKeys, SwayModel, SwayStart, VdbKeys,
+    WindOutputKeys, WindSliceKeys,
 };
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
@@ -130,7 +130,28 @@ impl Resolver<'_> {
             );
             self.report.push(d.help("write model = \"perlin\""));
         }
+        self.report_unread_wind_keys(&keys, path, table);
         keys
+    }
+
+    /// Warns with S007 of keys of a wind that its model does not read. Those of a lattice are told with its own table.
+    fn report_unread_wind_keys(&mut self, keys: &WindKeys, path: &str, table: Option<&TomlTable>) {
+        let unread: &[&str] = match keys.model {
+            WindModel::Uniform => {
+                &["gust", "gust_length", "turbulence", "eddy_size", "flicker", "wander_deg", "height_power"]
+            }
+            WindModel::Perlin if keys.literal => {
+                &["gust", "gust_length", "turbulence", "eddy_size", "wander_deg", "height_power"]
+            }
+            WindModel::Perlin => &["gust_length", "turbulence", "eddy_size", "wander_deg"],
+            WindModel::Calm | WindModel::Gust | WindModel::Lattice => &[],
+        };
+        let model = word_of(keys.model);
+        for entry in unread.iter().filter_map(|key| table.and_then(|t| t.get(key))) {
+            let text = format!("`{path}.{}` has no effect with `model = \"{model}\"`", entry.key);
+            let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
+            self.report.push(d.help("leave it out, or take model = \"gust\""));
+        }
     }
 
     /// Reads `[wind.lattice]`. Its curves and presets also set speed and direction of `wind`.
@@ -394,24 +415,66 @@ impl Resolver<'_> {
         keys
     }
 
-    /// Warns with S008 if gust length or eddy size change so that a loop contains a whole number of gusts.
+    /// Warns with S007 of keys of `[sway]` that its model or a loop does not read. `on_rods`: whether the scene has plants on
+    /// rods.
+    pub(in crate::recipe) fn report_unread_sway_keys(
+        &mut self,
+        root: &TomlTable,
+        sway: &SwayKeys,
+        clip: &Clip,
+        on_rods: bool,
+    ) {
+        let unread: &[&str] = match sway.model {
+            SwayModel::Beam => &["paper_fixes", "paper_recoil", "paper_damping"],
+            SwayModel::Paper => &["lean", "whip", "modes", "gravity_change"],
+        };
+        let model = word_of(sway.model);
+        for key in unread.iter().copied() {
+            let Some(at) = span_of(root, &["sway", key]) else { continue };
+            let text = format!("`sway.{key}` has no effect with `model = \"{model}\"`");
+            let d = Diagnostic::warning("S007", text, at, "has no effect");
+            self.report.push(d.help("leave it out, or take the other model"));
+        }
+        // Plants on rods do not loop, so that they start at rest in any clip.
+        let starts_nowhere = sway.start == SwayStart::Rest && sway.loop_frames(clip).is_some() && !on_rods;
+        if let Some(at) = span_of(root, &["sway", "start"]).filter(|_| starts_nowhere) {
+            let text = "sway.start is \"rest\", but the clip repeats and has no start";
+            let d = Diagnostic::warning("S007", text, at, "has no effect");
+            self.report.push(d.help("write repeat = false in [sway]"));
+        }
+    }
+
+    /// Warns with S008 if gust length or eddy size of a wind change so that a loop contains a whole number of gusts. `winds`:
+    /// `[wind]`, then every `[[wind.add]]`.
     pub(in crate::recipe) fn report_fitted_lengths(
         &mut self,
         root: &TomlTable,
-        wind: &WindKeys,
+        winds: &[&WindKeys],
         sway: &SwayKeys,
         clip: &Clip,
     ) {
-        let Some(frames) = sway.loop_frames(clip).filter(|_| wind.model == WindModel::Gust) else { return };
+        let Some(frames) = sway.loop_frames(clip) else { return };
+        let Some(TomlValue::Table(first)) = root.get("wind").map(|e| &e.node.value) else { return };
+        let added: &[TomlNode] = match first.get("add").map(|e| &e.node.value) {
+            Some(TomlValue::List(list)) => list,
+            _ => &[],
+        };
+        let added = (0..).zip(added).filter_map(|(i, node)| match &node.value {
+            TomlValue::Table(table) => Some((format!("wind.add.{i}"), table)),
+            _ => None,
+        });
         // In a loop of period T the gusts travel a whole number of gust lengths: lambda = U T / n for an integer n.
         let period = frames as f64 / clip.fps();
-        for (key, length) in [("gust_length", wind.gust_length), ("eddy_size", wind.eddy_size)] {
-            let Some(at) = span_of(root, &["wind", key]) else { continue };
-            let fitted = fit_gust_length(length, wind.speed, period);
-            if (fitted / length - 1.0).abs() > 0.02 {
-                let text = format!("wind.{key} is {length} m, but a loop of {period} s needs a whole number of gusts");
-                let d = Diagnostic::warning("S008", text, at, format!("taken as {fitted:.2} m"));
-                self.report.push(d.help("a longer clip, or sway.repeat = false, keeps it"));
+        for ((path, table), wind) in [("wind".to_owned(), first)].into_iter().chain(added).zip(winds) {
+            for (key, length) in [("gust_length", wind.gust_length), ("eddy_size", wind.eddy_size)] {
+                let Some(at) = span_of(table, &[key]).filter(|_| wind.model == WindModel::Gust) else { continue };
+                let fitted = fit_gust_length(length, wind.speed, period);
+                if (fitted / length - 1.0).abs() > 0.02 {
+                    let text =
+                        format!("{path}.{key} is {length} m, but a loop of {period} s needs a whole number of gusts");
+                    let d = Diagnostic::warning("S008", text, at, format!("taken as {fitted:.2} m"));
+                    self.report.push(d.help("a longer clip, or sway.repeat = false, keeps it"));
+                }
             }
         }
     }

@@ -84,6 +84,14 @@ impl Wind for NearSurfaceWind<'_> {
         self.field.mean_at(position)
     }
 
+    fn mean_at_time(&self, position: Vec3, t: f64) -> Vec3 {
+        self.field.mean_at_time(position, t)
+    }
+
+    fn has_varying_mean(&self) -> bool {
+        self.field.has_varying_mean()
+    }
+
     fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
         self.field.prescribed_mean_at_time(t)
     }

@@ -1,5 +1,7 @@
 //! Recording of a clip: keyed actuations, substeps, and the pose at every frame.
 
+use std::ops::Range;
+
 use glam::{DQuat, DVec3, Quat, Vec3};
 
 use crate::rain::GroundHeight;
@@ -94,6 +96,16 @@ struct DetachedBody {
     clearance: f64,
 }
 
+/// Time, s, at which the `k`-th of `n` substeps of a frame begins; the `n`-th is the first of the next frame. The end of a
+/// substep is computed as the beginning of the one after it, so that no time lies in both of them, or in neither.
+fn substep_time(fps: f64, frame: u32, k: u32, n: u32) -> f64 {
+    if k < n {
+        f64::from(frame) / fps + f64::from(k) * (1.0 / (fps * f64::from(n)))
+    } else {
+        f64::from(frame + 1) / fps
+    }
+}
+
 impl RodSystem {
     /// Simulates a clip and returns the pose at each frame; the first is the start.
     /// # Errors
@@ -103,13 +115,13 @@ impl RodSystem {
         let mut released: Vec<Option<DetachedBody>> = vec![None; self.bodies.len()];
         let mut frames = Vec::new();
         // Loads and clamps of the first frame apply before its pose is taken.
-        self.apply_actuations(clip, 0.0, f64::MAX, 0.0);
+        self.apply_actuations(clip, 0.0);
+        self.follow_first_clamp();
         self.reset_history();
         for frame in 0..clip.frames {
             cancel.check()?;
             frames.push(self.current_pose(&released));
-            let start = f64::from(frame) / clip.fps;
-            self.advance_frame(clip, start, n, &mut released).map_err(|StepFailure| Error::Simulation {
+            self.advance_frame(clip, frame, n, &mut released).map_err(|StepFailure| Error::Simulation {
                 frame: clip.first + frame,
                 quantity: format!("rod \"{}\"", clip.name),
             })?;
@@ -159,12 +171,12 @@ impl RodSystem {
         }
     }
 
-    /// Advances by one frame from time `start`, s, in `n` substeps; on failure restores the state and doubles their
-    /// number, up to [`MAX_STEP_HALVINGS`] times.
+    /// Advances from the `frame`-th frame of the clip, counted from 0, to the next in `n` substeps; on failure restores the
+    /// state and doubles their number, up to [`MAX_STEP_HALVINGS`] times.
     fn advance_frame(
         &mut self,
         clip: &RecordingParams<'_>,
-        start: f64,
+        frame: u32,
         n: u32,
         released: &mut [Option<DetachedBody>],
     ) -> std::result::Result<(), StepFailure> {
@@ -178,7 +190,7 @@ impl RodSystem {
                 released.copy_from_slice(&saved.2);
                 self.reset_history();
             }
-            match self.run_substeps(clip, start, n, released) {
+            match self.run_substeps(clip, frame, n, released) {
                 Ok(()) => {
                     if halving > 0 {
                         self.reset_history();
@@ -191,19 +203,20 @@ impl RodSystem {
         Err(last)
     }
 
-    /// Advances by one frame from time `start`, s, in `n` equal steps; fails where a section leaves the divergence limit.
+    /// Advances by one frame from the `frame`-th in `n` equal steps; fails where a section leaves the divergence limit.
     fn run_substeps(
         &mut self,
         clip: &RecordingParams<'_>,
-        start: f64,
+        frame: u32,
         n: u32,
         released: &mut [Option<DetachedBody>],
     ) -> std::result::Result<(), StepFailure> {
         // Implicit loads: keys are evaluated at the end of each substep.
         let h = 1.0 / (clip.fps * f64::from(n));
         for k in 0..n {
-            let t = start + f64::from(k) * h;
-            self.apply_actuations(clip, t, h, t + h);
+            let t = substep_time(clip.fps, frame, k, n);
+            self.apply_actuations(clip, t + h);
+            self.add_keyed_impulses(clip, t..substep_time(clip.fps, frame, k + 1, n), h);
             match clip.integrator {
                 Integrator::Xpbd => self.step_implicit(h)?,
                 Integrator::XpbdGs => self.step_gauss_seidel(h)?,
@@ -221,23 +234,17 @@ impl RodSystem {
         Ok(())
     }
 
-    /// Sets loads, body masses and clamp targets to their keys at time `t`, s, and adds the impulses keyed within
-    /// [`from`, `from` + `h`), s; with `h` = [`f64::MAX`] none.
-    fn apply_actuations(&mut self, clip: &RecordingParams<'_>, from: f64, h: f64, t: f64) {
+    /// Removes the forces of the last substep, and sets loads, body masses and clamp targets to their keys at time `t`, s.
+    fn apply_actuations(&mut self, clip: &RecordingParams<'_>, t: f64) {
         self.clear_forces();
         for act in &clip.acts {
-            // Impulses act once, in the substep that contains their key; everything else is set to its present value.
             match act {
                 Actuation::Wrench(section, keys) => {
                     let [a, b, c, d, e, f] = keys.at(t).unwrap_or_default();
                     self.add_wrench(*section, DVec3::new(a, b, c), DVec3::new(d, e, f));
                 }
-                Actuation::Impulse(section, keys) => {
-                    let place = self.section_frame(*section).p;
-                    for (_, impulse) in keys.0.iter().filter(|k| k.0 >= from && k.0 < from + h && h < f64::MAX) {
-                        self.add_impulse(*section, place, DVec3::from_array(*impulse), h);
-                    }
-                }
+                // These act once, see `add_keyed_impulses`.
+                Actuation::Impulse(..) => {}
                 Actuation::Mass(body, keys) => self.bodies[*body].mass = keys.at(t).unwrap_or_default()[0],
                 Actuation::Shift(clamp, keys) => {
                     self.clamps[*clamp].shift = DVec3::from_array(keys.at(t).unwrap_or_default())
@@ -251,6 +258,17 @@ impl RodSystem {
         }
         if let Some((drag, wind)) = &clip.wind {
             self.add_wind_drag(drag, *wind, t);
+        }
+    }
+
+    /// Adds the impulses whose keys lie within the times `span`, s, of a substep of `h` seconds.
+    fn add_keyed_impulses(&mut self, clip: &RecordingParams<'_>, span: Range<f64>, h: f64) {
+        for act in &clip.acts {
+            let Actuation::Impulse(section, keys) = act else { continue };
+            let place = self.section_frame(*section).p;
+            for (_, impulse) in keys.0.iter().filter(|k| span.contains(&k.0)) {
+                self.add_impulse(*section, place, DVec3::from_array(*impulse), h);
+            }
         }
     }
 

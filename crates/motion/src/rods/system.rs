@@ -385,6 +385,20 @@ impl RodSystem {
         (0..9).for_each(|k| self.impulse_forces[section][k] += f[k]);
     }
 
+    /// Moves all rods as a rigid body with the first clamp, from where they are drawn to where the clamp is now.
+    pub(crate) fn follow_first_clamp(&mut self) {
+        let Some(clamp) = self.clamps.first() else { return };
+        let (shift, turn, middle) = (clamp.shift, clamp.turn, centroid(&clamp.reference));
+        if shift == DVec3::ZERO && turn == DQuat::IDENTITY {
+            return;
+        }
+        for x in &mut self.x {
+            let drawn = *x;
+            *x = corners_from_fn(|c| middle + shift + turn * (corner(&drawn, c) - middle));
+        }
+        self.divergence_limit = self.divergence_radius();
+    }
+
     /// Gives all corners of a section this velocity, m/s, so that it does not rotate.
     pub fn set_linear_velocity(&mut self, section: usize, velocity: DVec3) {
         self.v[section] = corners_from_fn(|_| velocity);

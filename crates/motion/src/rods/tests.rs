@@ -563,3 +563,55 @@ fn released_weights_fall_to_the_ground_and_later_ones_wait() {
     let hangs = record(&[(0.0, 0.0), (0.5, 0.0), (0.6, 0.01)]);
     assert!(hangs.iter().all(|pose| pose.bodies[0].distance(pose.sections[8].0) < 1e-4));
 }
+
+#[test]
+fn an_impulse_acts_once_wherever_its_time_lies() {
+    // One impulse J gives a free rod without weight the momentum J. At 0.75 s (8 substeps) the rounded end of a substep lies
+    // after the beginning of the next, at 0.3 s (10 substeps) before it.
+    let impulse = DVec3::Y * 1e-3;
+    for (steps, at) in [(8, 0.75), (10, 0.3), (8, 0.5), (8, 0.51), (10, 1.0 / 24.0), (8, 0.0)] {
+        let clip = RecordingParams {
+            frames: 25,
+            first: 1,
+            fps: 24.0,
+            steps: Some(steps),
+            integrator: Integrator::Xpbd,
+            acts: vec![Actuation::Impulse(4, Keyframes(vec![(at, impulse.to_array())]))],
+            wind: None,
+            ground: &-2.0_f64,
+            name: "rod".into(),
+        };
+        let mut rods = weightless(RodSystem::new(&[straight_rod(9, 3.0, 0.01, MATERIAL)], &[]));
+        rods.record_clip(&clip, &Cancel::default()).expect("a clip");
+        let (sum, _) = linear_and_angular_momentum(&mut rods);
+        assert!((sum - impulse).length() < 0.01 * impulse.length(), "{sum} by an impulse at {at} s");
+    }
+}
+
+#[test]
+fn a_clamp_that_is_displaced_at_the_first_frame_has_its_rod_with_it() {
+    // A rod along X, turned about Z by a right angle and moved: from the first frame on it stands upright at x = 0.3.
+    let clip = RecordingParams {
+        frames: 12,
+        first: 1,
+        fps: 24.0,
+        steps: None,
+        integrator: Integrator::Xpbd,
+        acts: vec![
+            Actuation::Shift(0, Keyframes(vec![(0.0, [0.3, 0.0, 0.0])])),
+            Actuation::Turn(0, DVec3::Z, Keyframes(vec![(0.2, [0.5 * PI])])),
+        ],
+        wind: None,
+        ground: &-2.0_f64,
+        name: "rod".into(),
+    };
+    let mut rods = cantilever(9, 3.0, RodMaterial { damping_ratio: 0.1, recovery: 0.25, ..MATERIAL });
+    let poses = rods.record_clip(&clip, &Cancel::default()).expect("a clip");
+    for pose in &poses {
+        let (base, tip) = (pose.sections[0].0.as_dvec3(), pose.sections[8].0.as_dvec3());
+        assert!(
+            base.distance(DVec3::X * 0.3) < 1e-6 && tip.distance(DVec3::new(0.3, 0.24, 0.0)) < 1e-6,
+            "{base} {tip}"
+        );
+    }
+}

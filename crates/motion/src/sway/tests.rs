@@ -420,3 +420,95 @@ fn measured_shapes_bend_more_at_thin_ends() {
     assert!((angle(&even, 0.5) - 0.2 * 0.875).abs() < 1e-4);
     assert!(angle(&measured, 0.5) < angle(&even, 0.5) - 0.01);
 }
+
+#[test]
+fn frames_lie_between_the_steps_of_the_printed_equations() {
+    let wood = WoodParams { elasticity: Some(1e9), ..WoodParams::default() };
+    let plant = rod(3.5, 0.035, 0.035);
+    let all = elements(&plant, &wood);
+    let wind = GustWind::new(GustWindOptions { speed: 9.0, ..GustWindOptions::default() });
+    let fixes = PaperCorrections { radius: true, air: true, damping: true };
+    let printed = |fps: f64, frames: usize| {
+        let params = SwayParams { fps, ..params(wood) };
+        let simulation =
+            PaperSimulation::new(&plant, &all, &wind, params, PaperParams { fixes, recoil: 0.3, damping: 0.01 });
+        BendTrack::record_as_printed(simulation, take(frames, false), &Limits::default(), &Cancel::default())
+            .expect("track")
+    };
+    // 60 steps a second: frame k of 24 a second is shown at step 2.5 k, for odd k in the middle between two steps.
+    let (steps, frames) = (printed(60.0, 61), printed(24.0, 25));
+    let mut farthest = 0.0_f32;
+    for k in 0..24_u32 {
+        let step = 2.5 * f64::from(k);
+        let [before, after] = [step.floor(), step.ceil()].map(|at| steps.at(at)[0]);
+        let found = frames.at(f64::from(k))[0];
+        for way in 0..2 {
+            let wanted = 0.5 * (before[way] + after[way]);
+            assert!((found[way] - wanted).abs() < 1e-6, "frame {k}: {} for {wanted}", found[way]);
+            farthest = farthest.max((after[way] - before[way]).abs());
+        }
+    }
+    assert!(farthest > 1e-5, "the wind varies: {farthest}");
+}
+
+#[test]
+fn lean_and_gain_tell_mean_and_oscillation_apart_in_a_clip_from_rest() {
+    // A steady wind sets in: after 20 s the oscillation has died away, and only the mean bend is left.
+    let wood = WoodParams::default();
+    let all = elements(&rod(3.5, 0.035, 0.035), &wood);
+    let ends = |lean: f64, gain: f64| {
+        let clip = ClipOptions { frames: 480, repeats: false, from_rest: true, lean, gain };
+        let track = record(&all, &UniformWind(Vec3::X * 10.0), params(wood), clip);
+        [track.at(0.0)[0], track.at(479.0)[0]]
+    };
+    let own = ends(1.0, 1.0)[1];
+    let size = own.iter().fold(0.0_f32, |m, b| m.max(b.abs()));
+    assert!(size > 1e-4, "{own:?}");
+    for (lean, gain) in [(1.0, 5.0), (2.0, 1.0), (0.0, 1.0), (3.0, 3.0)] {
+        let [first, last] = ends(lean, gain);
+        assert!(first.iter().all(|b| b.abs() <= 0.0), "{first:?}");
+        for way in 0..2 {
+            let wanted = math::narrow(lean) * own[way];
+            assert!((last[way] - wanted).abs() < 0.01 * size, "lean {lean}, gain {gain}: {last:?} of {own:?}");
+        }
+    }
+}
+
+/// A wind whose speed rises by 1.2 m/s each second from time 0 on, up to 12 m/s.
+#[derive(Debug)]
+struct Rising;
+
+impl Wind for Rising {
+    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
+        out.iter_mut().zip(places).for_each(|(u, place)| *u = self.mean_at_time(*place, t));
+    }
+    fn mean(&self) -> Vec3 {
+        Vec3::X * 12.0
+    }
+    fn mean_at(&self, _: Vec3) -> Vec3 {
+        self.mean()
+    }
+    fn mean_at_time(&self, _: Vec3, t: f64) -> Vec3 {
+        Vec3::X * math::narrow((1.2 * t).clamp(0.0, 12.0))
+    }
+    fn has_varying_mean(&self) -> bool {
+        true
+    }
+    fn period(&self) -> Option<f64> {
+        None
+    }
+}
+
+#[test]
+fn the_lean_in_a_wind_that_rises_slowly_is_no_oscillation() {
+    let wood = WoodParams::default();
+    let all = elements(&rod(3.5, 0.035, 0.035), &wood);
+    let track = |gain: f64| record(&all, &Rising, params(wood), ClipOptions { gain, ..take(240, false) });
+    let (own, exaggerated) = (track(1.0), track(5.0));
+    let size = own.at(239.0)[0].iter().fold(0.0_f32, |m, b| m.max(b.abs()));
+    assert!(size > 1e-4 && exaggerated.at(0.0)[0].iter().all(|b| b.abs() < 1e-3 * size), "{size}");
+    for frame in 0..240_u32 {
+        let [a, b] = [&own, &exaggerated].map(|track| track.at(f64::from(frame))[0]);
+        assert!((0..2).all(|k| (a[k] - b[k]).abs() < 0.05 * size), "frame {frame}: {a:?} {b:?}");
+    }
+}

@@ -1,9 +1,11 @@
 //! Recorded sway: bends of all elements at every frame of a clip.
 
-use super::elements::BeamElements;
+use super::elements::{BeamElement, BeamElements};
 use super::simulation::{SwayParams, SwaySimulation};
 use super::zhao_zhang::{PaperSimulation, STEPS_PER_SECOND};
-use crate::sway::tuning::{LOOP_TOLERANCE, MAX_BEND, MAX_SPIN_UP_CLIPS, SPIN_UP_SECONDS};
+use crate::sway::tuning::{
+    LOOP_TOLERANCE, MAX_BEND, MAX_SPIN_UP_CLIPS, MEAN_INTERVAL, MIN_ONSET_DAMPING, SPIN_UP_SECONDS,
+};
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::progress::Cancel;
@@ -27,6 +29,68 @@ pub struct ClipOptions {
 
 /// Both bending angles of each element, rad.
 type ElementBends = Vec<[f64; 2]>;
+
+/// The part of the recorded bends that is the answer to the mean wind; the rest is oscillation.
+#[derive(Debug, Clone)]
+struct MeanBends {
+    /// Static bends in the mean wind, rad, at equidistant times from frame 0 on; a single entry holds for all frames.
+    keys: Vec<ElementBends>,
+    /// Frames between two of them.
+    interval: usize,
+    /// Share of the way to them, per frame, in a clip that starts from rest; empty where frame 0 is in the mean wind.
+    onset: Vec<f64>,
+}
+
+impl MeanBends {
+    fn constant(bends: ElementBends) -> Self {
+        Self { keys: vec![bends], interval: 1, onset: Vec::new() }
+    }
+
+    /// The means of a clip in `wind`. `first`: static bends at time 0, rad.
+    fn new(
+        first: ElementBends,
+        elements: &BeamElements,
+        wind: &dyn Wind,
+        params: SwayParams,
+        clip: ClipOptions,
+    ) -> Self {
+        // Where mean and oscillation have the same factor they need not be told apart.
+        let alike = (clip.lean - clip.gain).abs() <= 0.0;
+        let mut mean = match (clip.from_rest, alike) {
+            (true, true) => return Self::constant(vec![[0.0; 2]; first.len()]),
+            _ => Self::constant(first),
+        };
+        if wind.has_varying_mean() && !alike {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few frames")]
+            let interval = (MEAN_INTERVAL * params.fps).ceil().max(1.0) as usize;
+            let mut statics = SwaySimulation::new(elements, wind, params);
+            let key = |k: usize| {
+                statics.relax_to_mean_wind_at((k * interval) as f64 / params.fps);
+                statics.bends()
+            };
+            (mean.keys, mean.interval) = ((0..=clip.frames.div_ceil(interval)).map(key).collect(), interval);
+        }
+        // From rest, elements approach the mean as their oscillation about it decays.
+        if clip.from_rest {
+            let rate = |e: &BeamElement| e.damping_ratio.max(MIN_ONSET_DAMPING) * e.w[0] / params.fps;
+            mean.onset = elements.list.iter().map(rate).collect();
+        }
+        mean
+    }
+
+    /// Mean bend of the element or second mode `i` at a frame, rad.
+    fn at(&self, i: usize, frame: usize) -> [f64; 2] {
+        let key = |k: usize| self.keys.get(k).or(self.keys.last()).and_then(|bends| bends.get(i));
+        let [a, b] = [0, 1].map(|next| key(frame / self.interval + next).copied().unwrap_or_default());
+        let way = (frame % self.interval) as f64 / self.interval as f64;
+        // The response of a critically damped oscillator to a load that sets in: 1 - (1 + x) e^-x.
+        let share = self.onset.get(i).map_or(1.0, |rate| {
+            let x = rate * frame as f64;
+            1.0 - (1.0 + x) * math::exp(-x)
+        });
+        [0, 1].map(|k| (a[k] * (1.0 - way) + b[k] * way) * share)
+    }
+}
 
 /// Bends of all elements, second modes included, at every frame: scaled for output, and closed for a loop.
 #[derive(Debug, Clone, Default)]
@@ -53,8 +117,8 @@ impl BendTrack {
         cancel: &Cancel,
     ) -> Result<Self> {
         check_key_limit(elements, clip, limits)?;
-        let (frames, mean_bends) = Self::simulate(elements, wind, params, clip, cancel)?;
-        Self::from_frames(frames, &mean_bends, clip)
+        let (frames, mean) = Self::simulate(elements, wind, params, clip, cancel)?;
+        Self::from_frames(frames, &mean, clip)
     }
 
     /// Records a clip by the equations of [zhao-zhang].
@@ -71,20 +135,26 @@ impl BendTrack {
         let rest = vec![[0.0; 2]; elements.list.len()];
         // After a second of 60 steps the first force has no effect: only a share k of it remains from step to step.
         let lead = if clip.from_rest { 0 } else { 60_i64 };
-        let mut before = rest.clone();
+        // Bends after the last two steps; between them frames are interpolated, as most frame rates do not divide that of the
+        // steps.
+        let mut steps = [rest.clone(), rest.clone()];
         let mut frames = Vec::with_capacity(clip.frames + 1);
         let mut number = -lead;
+        #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
         for frame in 0..=clip.frames {
             cancel.check()?;
             let t = frame as f64 / fps * STEPS_PER_SECOND;
-            #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
-            while (number as f64) <= t {
-                before = simulation.advance(number as f64 / STEPS_PER_SECOND);
+            // The last step that was made has the number `number` - 1.
+            while ((number - 1) as f64) < t {
+                let next = simulation.advance(number as f64 / STEPS_PER_SECOND);
+                steps = [std::mem::take(&mut steps[1]), next];
                 number += 1;
             }
-            frames.push(if clip.from_rest && frame == 0 { rest.clone() } else { before.clone() });
+            let still = clip.from_rest && frame == 0;
+            frames.push(if still { rest.clone() } else { between(&steps, t - (number - 2) as f64) });
         }
-        Ok(Self { clamped: simulation.clamped, ..Self::from_frames(frames, &rest, clip)? })
+        let clamped = simulation.clamped;
+        Ok(Self { clamped, ..Self::from_frames(frames, &MeanBends::constant(rest), clip)? })
     }
 
     /// Number of angles in the paper's equations that were clamped, over all internodes and frames.
@@ -98,15 +168,14 @@ impl BendTrack {
         params: SwayParams,
         clip: ClipOptions,
         cancel: &Cancel,
-    ) -> Result<(Vec<ElementBends>, ElementBends)> {
+    ) -> Result<(Vec<ElementBends>, MeanBends)> {
         // Spin-up: start in the static equilibrium of the mean wind, then simulate until the start has no effect.
         let mut run = SwaySimulation::new(elements, wind, params);
-        let mut mean_bends = vec![[0.0; 2]; elements.bend_count()];
         run.relax_to_mean_wind();
+        let mean = MeanBends::new(run.bends(), elements, wind, params, clip);
         if clip.from_rest {
             run.reset_to_rest();
         } else {
-            mean_bends = run.bends();
             Self::spin_up(&mut run, params.fps, clip, cancel)?;
         }
         let mut frames: Vec<ElementBends> = Vec::with_capacity(clip.frames + 1);
@@ -116,7 +185,7 @@ impl BendTrack {
             frames.push(run.bends());
             advance_frame(&mut run, frame as f64, params.fps);
         }
-        Ok((frames, mean_bends))
+        Ok((frames, mean))
     }
 
     /// Simulates the time before frame 0: for a loop whole clips, until two of them end alike; else a few seconds.
@@ -143,7 +212,7 @@ impl BendTrack {
     }
 
     /// Closes the loop and scales bends for output. The last of `frames` is the one after the clip.
-    fn from_frames(mut frames: Vec<ElementBends>, mean_bends: &[[f64; 2]], clip: ClipOptions) -> Result<Self> {
+    fn from_frames(mut frames: Vec<ElementBends>, mean: &MeanBends, clip: ClipOptions) -> Result<Self> {
         let after = frames.pop();
         let mut closed_gap = 0.0;
         if let Some((after, first)) = after.filter(|_| clip.repeats).zip(frames.first()) {
@@ -151,8 +220,10 @@ impl BendTrack {
             close_loop(&mut frames, &after);
         }
         // Scaling acts on the deviation from the static bend, so that exaggeration does not change the lean.
-        let scaled = |b: &ElementBends| b.iter().zip(mean_bends).map(|(b, m)| scaled_bend(*b, *m, &clip)).collect();
-        let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(scaled).collect();
+        let scaled = |(frame, b): (usize, &ElementBends)| -> Vec<[f32; 2]> {
+            b.iter().enumerate().map(|(i, b)| scaled_bend(*b, mean.at(i, frame), &clip)).collect()
+        };
+        let frames: Vec<Vec<[f32; 2]>> = frames.iter().enumerate().map(scaled).collect();
         if frames.iter().flatten().flatten().all(|v| v.is_finite()) {
             return Ok(Self { frames, repeats: clip.repeats, clamped: 0, closed_gap });
         }
@@ -217,6 +288,12 @@ fn advance_frame(run: &mut SwaySimulation<'_>, frame: f64, fps: f64) {
 /// Largest difference between the angles of two lists of bends, rad.
 fn largest_difference(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
     a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// Bends between two steps, `share` of the way, 0 to 1, from the first to the second.
+fn between([from, to]: &[ElementBends; 2], share: f64) -> ElementBends {
+    let mix = |(a, b): (&[f64; 2], &[f64; 2])| [0, 1].map(|k| a[k] * (1.0 - share) + b[k] * share);
+    from.iter().zip(to).map(mix).collect()
 }
 
 /// Closes a loop: distributes the difference between the frame after the clip and the first linearly over all frames.

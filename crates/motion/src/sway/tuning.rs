@@ -84,6 +84,14 @@ pub(crate) const LOOP_TOLERANCE: f64 = 1e-4;
 /// Spin-up time of a clip that does not loop, s: a few periods of a slow trunk. Shorter: the first frames show the start.
 pub const SPIN_UP_SECONDS: f64 = 5.0;
 
+/// Time between two static bends in a mean wind that changes, s, with linear interpolation between them. Longer: the lean lags
+/// behind sudden changes of the wind; shorter: as many steps again as the simulation takes.
+pub(crate) const MEAN_INTERVAL: f64 = 0.25;
+
+/// Least damping ratio by which the mean bend sets in where a clip starts from rest: that of wood. Lower: branches of little
+/// damping take on the scaled mean bend late.
+pub(crate) const MIN_ONSET_DAMPING: f64 = 0.05;
+
 /// Limit of recorded bends, rad, approached by a hyperbolic tangent. Larger: branches fold back on
 /// themselves in storms.
 pub(crate) const MAX_BEND: f32 = 1.4;

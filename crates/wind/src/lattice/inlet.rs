@@ -156,6 +156,10 @@ impl InletWind {
         })
     }
 
+    fn height_above_ground(&self, position: DVec3) -> f64 {
+        position.y - self.origin.y - self.ground_height(position)
+    }
+
     /// Mean speed at a height above the ground, m, over the one at the reference height.
     pub fn profile(&self, height: f64) -> f64 {
         let y = height.max(0.0);
@@ -333,8 +337,16 @@ impl Wind for InletWind {
     }
 
     fn mean_at(&self, position: Vec3) -> Vec3 {
-        let place = position.as_dvec3();
-        self.mean_velocity_at(place.y - self.origin.y - self.ground_height(place), 0.0)
+        self.mean_velocity_at(self.height_above_ground(position.as_dvec3()), 0.0)
+    }
+
+    fn mean_at_time(&self, position: Vec3, t: f64) -> Vec3 {
+        let height = self.height_above_ground(position.as_dvec3());
+        (self.direction(t) * self.speed_at(height, self.speed_factor(t))).as_vec3()
+    }
+
+    fn has_varying_mean(&self) -> bool {
+        !(self.options.speed_curve.is_empty() && self.options.direction_curve.is_empty())
     }
 
     fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {

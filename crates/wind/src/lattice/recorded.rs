@@ -178,6 +178,14 @@ impl Wind for RecordedWind {
         self.inlet.mean_at(position)
     }
 
+    fn mean_at_time(&self, position: Vec3, t: f64) -> Vec3 {
+        self.inlet.mean_at_time(position, t)
+    }
+
+    fn has_varying_mean(&self) -> bool {
+        self.inlet.has_varying_mean()
+    }
+
     fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
         self.inlet.prescribed_mean_at_time(t)
     }

@@ -91,6 +91,14 @@ impl Wind for InterpolatedWind {
         self.before.grid.inlet.mean_at(position)
     }
 
+    fn mean_at_time(&self, position: Vec3, t: f64) -> Vec3 {
+        self.before.grid.inlet.mean_at_time(position, t)
+    }
+
+    fn has_varying_mean(&self) -> bool {
+        self.before.grid.inlet.has_varying_mean()
+    }
+
     fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
         self.before.grid.inlet.prescribed_mean_at_time(t)
     }

@@ -275,7 +275,7 @@ fn simulate_rain(
     let step = 1.0 / (recipe.clip.fps() * f64::from(steps));
     let lead = spin_up_steps(rain, step) as f64 * step;
     let wind = wind.map(|wind| Arc::new(ShiftedWind { wind, lead }) as Arc<dyn Wind>);
-    let starts_from_rest = recipe.sway.start == SwayStart::Rest && recipe.sway.loop_frames(&recipe.clip).is_none();
+    let starts_from_rest = recipe.sway.start == SwayStart::Rest;
     let rod_spin_up_steps = if full.is_some() || starts_from_rest { 0 } else { rod_spin_up_steps(step) };
     let clock = RainClock { fps: recipe.clip.fps(), lead, step, rod_spin_up_steps, gravity: rain.keys.gravity };
     // For each plant a target, which drops hit and load, and a recorder, which turns its state into frames of the asset.

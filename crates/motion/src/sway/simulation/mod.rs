@@ -107,15 +107,20 @@ impl<'a> SwaySimulation<'a> {
         self.steps_since_reset = 0;
     }
 
-    /// Moves all elements to their static equilibrium in the mean wind, without dynamics, in 24 iterations.
+    /// Moves all elements to their static equilibrium in the mean wind at time 0, as [`SwaySimulation::relax_to_mean_wind_at`].
     pub fn relax_to_mean_wind(&mut self) {
+        self.relax_to_mean_wind_at(0.0);
+    }
+
+    /// Moves all elements to their static equilibrium in the mean wind at time `t`, s, without dynamics, in 24 iterations.
+    pub fn relax_to_mean_wind_at(&mut self, t: f64) {
         // Under-relaxed fixed-point iteration: the load depends on the pose through drag and gravity.
         for _ in 0..24 {
             self.update_positions(true);
             let stand = self.params.stand;
             for (s, row) in self.elements.stations.iter().zip(&self.constants.stations) {
                 let place = stand.apply(to_dvec3(self.state.places.row(*row)).as_vec3());
-                let air = stand.r.conjugate() * self.wind.mean_at(place) * s.open;
+                let air = stand.r.conjugate() * self.wind.mean_at_time(place, t) * s.open;
                 self.state.air.iter_mut().for_each(|a| a.set(*row, air.as_dvec3().to_array()));
             }
             self.integrate(0.0, true);
