@@ -163,7 +163,8 @@ fn fractint_shares(column: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Warnings about the column of weights as written (I012 to I015).
+/// Warnings about the column of weights as written (I012 to I015). Only the rule of the file reads running sums and expects a sum
+/// of 1: flames, whose weights are relative, and tables with another rule get neither I012 nor I014.
 pub(super) fn column_warnings(ifs: &Ifs) -> Vec<Diagnostic> {
     let mut warnings = Vec::new();
     let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight).collect();
@@ -175,10 +176,11 @@ pub(super) fn column_warnings(ifs: &Ifs) -> Vec<Diagnostic> {
     }
     // Negative weights are reported above and count as 0.
     let sum = column.iter().fold(0.0, |s, w| s + w.max(0.0));
-    if differences(&column).is_some() {
+    let by_file = matches!(ifs.weights, None | Some(WeightRule::File));
+    if by_file && differences(&column).is_some() {
         let d = Diagnostic::warning("I012", "the weights look like a running sum", ifs.span, "in this system");
         warnings.push(d.help("their differences are used; weights = \"file-raw\" takes them as they are"));
-    } else if (sum - 1.0).abs() > SUM_TOLERANCE && ifs.chaos.is_none() && ifs.condensation.is_empty() {
+    } else if by_file && (sum - 1.0).abs() > SUM_TOLERANCE && ifs.chaos.is_none() && ifs.condensation.is_empty() {
         let text = format!("the weights sum to {sum:.4}, not to 1");
         let effect = if sum < 1.0 { "the last map takes the rest" } else { "the last maps get too few points" };
         let d = Diagnostic::warning("I014", text, ifs.span, "in this system");
@@ -237,6 +239,11 @@ mod tests {
         assert_eq!(codes(&column_warnings(&with_weights(&[1.0, 1.0, 1.0]))), ["I014"]);
         assert_eq!(codes(&column_warnings(&with_weights(&[0.5, 0.5]))), [] as [&str; 0]);
         assert_eq!(codes(&column_warnings(&with_weights(&[0.5, -0.1, 0.0, 0.5]))), ["I013", "I015"]);
+        // Weights of a flame are relative: neither a rising column nor a sum of 2.8 is a fault.
+        let flame = Ifs { weights: Some(WeightRule::Raw), ..fern };
+        assert_eq!(codes(&column_warnings(&flame)), [] as [&str; 0]);
+        let flame = Ifs { weights: Some(WeightRule::Raw), ..with_weights(&[2.0, -1.0, 0.0]) };
+        assert_eq!(codes(&column_warnings(&flame)), ["I013", "I015"]);
     }
 
     #[test]
