@@ -200,6 +200,41 @@ fn flames_keep_chaos_post_and_palette() {
 }
 
 #[test]
+fn every_encoding_of_a_flames_palette_is_read() {
+    let palette = |element: &str| {
+        let text =
+            format!("<flame name=\"x\"><xform weight=\"1\" linear=\"1\" coefs=\".5 0 0 .5 0 0\"/>{element}</flame>");
+        let (systems, report) = try_read("x.flame", &text);
+        assert!(report.diagnostics.is_empty(), "{report}");
+        systems[0].palette.clone()
+    };
+    // Red, then blue; 255 of sRGB is 1 in linear light.
+    let want = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+    for element in [
+        "<palette count=\"2\" format=\"RGB\">FF0000 0000FF</palette>",
+        "<palette count=\"2\" format=\"RGBA\">FF0000FF\n0000FF80</palette>",
+        "<colors count=\"2\" data=\"00FF0000000000FF\"/>",
+        "<color index=\"1\" rgb=\"0 0 255\"/><color index=\"0\" rgb=\"255 0 0\"/>",
+    ] {
+        let found = palette(element);
+        let near = |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-6);
+        assert!(found.len() == 2 && found.iter().zip(&want).all(near), "{element}: {found:?}");
+    }
+}
+
+#[test]
+fn what_a_flame_switches_off_stays_off() {
+    let text = "<flame name=\"x\"><xform weight=\"1\" linear=\"1\" coefs=\".5 0 0 .5 0 0\" color_speed=\"3\" opacity=\"2\"/>\
+        <finalxform enabled=\"0\" linear=\"1\" coefs=\"1 0 0 1 9 0\"/></flame>";
+    let (systems, report) = try_read("x.flame", text);
+    assert!(report.diagnostics.is_empty(), "{report}");
+    let s = &systems[0];
+    assert_eq!((s.last, s.maps[0].speed, s.maps[0].opacity), (None, 1.0, 1.0));
+    let (on, _) = try_read("x.flame", &text.replace("enabled=\"0\"", "enabled=\"1\""));
+    assert!(on[0].last.is_some());
+}
+
+#[test]
 fn tables_hold_every_form_of_map() {
     let text = "[ifs]\nname = \"t\"\nweights = \"equal\"\nchaos = [[1, 1], [0, 1]]\nmap = [\n\
         { rq = [0.6, 0.5, 40, 40], shift = [0, 0.48], p = 0.2, colour = \"#4f7a2b\" },\n\
