@@ -212,11 +212,16 @@ impl TableReader<'_, '_> {
                 String::new()
             }
         };
-        let dim = match table.get("dim").and_then(|i| self.number(i, "dim")) {
-            // Any other dimension is read as the plane; its maps then name what is wrong.
-            Some(d) if (d - 3.0).abs() < 0.5 => 3,
-            _ => 2,
-        };
+        // Maps of any other dimension are read as those of the plane, so that their faults show as well.
+        let mut dim = 2;
+        if let Some(item) = table.get("dim")
+            && let Some(d) = self.number(item, "dim")
+        {
+            match [2.0_f64, 3.0].iter().position(|known| (d - known).abs() < 1e-9) {
+                Some(i) => dim += i,
+                None => self.report_type(item, "dim", "2 or 3"),
+            }
+        }
         let span = self.at(table.get("name").map_or(range, Spanned::span));
         let maps = self.maps(table, dim, span);
         let ifs = Ifs {
@@ -436,14 +441,35 @@ impl TableReader<'_, '_> {
             let radius = s.get("radius").map_or(Some(1.0), |i| self.number(i, "radius"))?.max(0.0);
             return Some(CondensationShape::Disc { center: point(self, s, "center")?, radius });
         }
-        let list = self.list(t.get("polygon")?, "polygon")?;
+        let polygon = t.get("polygon")?;
+        let list = self.list(polygon, "polygon")?;
         let mut points = Vec::new();
         for item in list {
             let v = self.numbers(item, "polygon", 2)?;
             points.push([v[0], v[1]]);
         }
+        if !is_fan(&points) {
+            let text = "the polygon has a corner that its first corner does not see";
+            let d = Diagnostic::error("I033", text, self.at(polygon.span()), "not convex");
+            self.reader
+                .push(d.help("begin at another corner, or divide it into convex polygons that share the weight"));
+        }
         (points.len() >= 3).then_some(CondensationShape::Polygon { points })
     }
+}
+
+/// Whether the triangles from the first corner to the edges cover a polygon once, as points are drawn: seen from there all edges
+/// run the same way round.
+fn is_fan(points: &[[f64; 2]]) -> bool {
+    let Some((first, rest)) = points.split_first() else { return true };
+    let area = |pair: &[[f64; 2]]| {
+        let [a, b] = [pair[0], pair[1]].map(|p| [p[0] - first[0], p[1] - first[1]]);
+        a[0] * b[1] - a[1] * b[0]
+    };
+    let areas: Vec<f64> = rest.windows(2).map(area).collect();
+    // Corners on one line have areas of rounding errors.
+    let slack = 1e-9 * areas.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    areas.iter().all(|v| *v >= -slack) || areas.iter().all(|v| *v <= slack)
 }
 
 #[allow(clippy::cast_precision_loss, reason = "whole numbers of tables are small")]

@@ -252,6 +252,28 @@ fn tables_hold_every_form_of_map() {
     assert_eq!(try_read("t.ifs.toml", both).0.len(), 2);
 }
 
+#[test]
+fn polygons_that_points_would_leave_and_other_dimensions_are_refused() {
+    let codes = |dim: &str, polygon: &str| {
+        let text = format!(
+            "[ifs]\nname = \"t\"\ndim = {dim}\nmap = [{{ abcdef = [0.5, 0, 0, 0.5, 0, 0] }}]\n\
+             condensation = [{{ polygon = {polygon}, weight = 0.1 }}]\n"
+        );
+        let (systems, report) = try_read("t.ifs.toml", &text);
+        let codes: Vec<&str> = report.diagnostics.iter().map(|d| d.code).collect();
+        assert_eq!(systems.is_empty(), !codes.is_empty(), "{report}");
+        codes
+    };
+    // A square with a notch from above: the bottom of the notch sees every corner, the corner (0, 0) does not see (1, 1).
+    assert_eq!(codes("2", "[[0.5, 0.1], [0, 1], [0, 0], [1, 0], [1, 1]]"), [] as [&str; 0]);
+    assert_eq!(codes("2", "[[0, 0], [1, 0], [1, 1], [0.5, 0.1], [0, 1]]"), ["I033"]);
+    // A pentagram crosses itself; a triangle with a corner on an edge, clockwise, is sound.
+    assert_eq!(codes("2", "[[0, 1], [-0.6, -0.8], [0.95, 0.3], [-0.95, 0.3], [0.6, -0.8]]"), ["I033"]);
+    assert_eq!(codes("2", "[[0, 0], [0, 0.3], [0, 0.9], [1, 0]]"), [] as [&str; 0]);
+    assert_eq!(codes("4", "[[0, 0], [1, 0], [1, 1]]"), ["I033"]);
+    assert_eq!(codes("2.0", "[[0, 0], [1, 0], [1, 1]]"), [] as [&str; 0]);
+}
+
 proptest! {
     #[test]
     fn any_bytes_are_answered(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
