@@ -118,6 +118,16 @@ impl PointSink for PointBlock<'_> {
         self.at += count;
     }
 
+    fn warm_up(&mut self, chunk: &Chunk) {
+        // Colours and depths of the first points depend on the maps before them.
+        self.labels.label(chunk, &mut self.label);
+        for maps in chunk.map.iter().take(chunk.steps) {
+            for (depth, map) in self.depth.iter_mut().zip(maps) {
+                *depth = if *map >= self.count { 0 } else { depth.saturating_add(1) };
+            }
+        }
+    }
+
     fn restart(&mut self, lane: usize) {
         self.labels.restart(lane);
         self.depth[lane] = 0;

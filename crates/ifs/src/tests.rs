@@ -307,6 +307,34 @@ fn orders_count_branchings_from_the_stem() {
 }
 
 #[test]
+fn the_first_point_of_a_lane_has_the_word_of_its_warm_up() {
+    // 1024 points are one step of each lane.
+    let small = |text: &str, mode: ColorMode| {
+        let ifs = read::read("t.ifs.toml", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
+        let s = study(&ifs, WeightRule::File);
+        let e = extent(&ifs, &s).expect("one");
+        let labels = ColorLabels::new(&ifs, mode, &[[0.0; 3], [1.0; 3]]);
+        let r = DrawRequest { points: 1024, ..request(&ifs, &s, InstructionSet::Best) };
+        cloud(&r, &labels, &e, DVec3::ZERO, 1.0)
+    };
+    let line = "[ifs]\nname = \"line\"\nmap = [{ abcdef = [0.5, 0, 0, 0.5, 0, 0], coord = 0 }, \
+                { abcdef = [0.5, 0, 0, 0.5, 1, 0], coord = 1 }]\n";
+    // Coordinates are binary fractions of random digits: of 256 steps of the palette 1024 points leave out 256 e^-4, about 5. After
+    // one step from the middle there would be two colours.
+    let colors = small(line, ColorMode::Coord).colors;
+    let distinct: std::collections::BTreeSet<u32> = colors.iter().map(|c| c[0].to_bits()).collect();
+    assert!(distinct.len() > 230, "{}", distinct.len());
+    // A jump into the set with probability 1/2: the depth is geometric with mean 1 and variance 2, and 1/4 of the points are
+    // deeper than one map. Five standard errors.
+    let text = format!("{line}condensation = [{{ disc = {{ center = [0, 0], radius = 1 }}, weight = 0.5 }}]\n");
+    let depths = small(&text, ColorMode::Map).depths;
+    let mean = depths.iter().map(|d| f64::from(*d)).sum::<f64>() / 1024.0;
+    assert!((mean - 1.0).abs() < 5.0 * (2.0_f64 / 1024.0).sqrt(), "{mean}");
+    let deep = depths.iter().filter(|d| **d > 1).count();
+    assert!((186..=326).contains(&deep), "{deep}");
+}
+
+#[test]
 fn nothing_lies_in_the_gap_of_a_cantor_dust() {
     let text = "dust {\n .333333 0 0 .333333 0 0 .25\n .333333 0 0 .333333 .666667 0 .25\n\
                 .333333 0 0 .333333 0 .666667 .25\n .333333 0 0 .333333 .666667 .666667 .25\n}\n";
