@@ -118,6 +118,33 @@ fn points_of_a_ply_carry_map_and_depth() {
 }
 
 #[test]
+fn maps_of_opacity_0_are_in_neither_clouds_nor_pictures_of_the_density() {
+    let dir = tempfile::tempdir().expect("dir");
+    let table = dir.path().join("corner.ifs.toml");
+    let text = "[ifs]\nname = \"corner\"\nmap = [{ abcdef = [0.5, 0, 0, 0.5, 0, 0] }, \
+        { abcdef = [0.5, 0, 0, 0.5, 0.5, 0], opacity = 0 }, { abcdef = [0.5, 0, 0, 0.5, 0, 0.5], opacity = 0 }]\n";
+    std::fs::write(&table, text).expect("file");
+    let table = table.to_str().expect("path");
+    // The triangle from 0 to 1; its lower left part, up to 0.5, is the image under the first map.
+    let window = ["picture.width=64", "picture.height=64", "picture.center=[0.5, 0.5]", "picture.span=1"];
+    let set: Vec<&str> = window.iter().flat_map(|key| ["--set", *key]).collect();
+    for by in ["map", "density"] {
+        let by = format!("color_by={by}");
+        let set = [&set[..], &["--set", by.as_str(), "--force"]].concat();
+        let picture = image::open(grown(dir.path(), table, "corner.png", &set)).expect("a picture").to_rgba8();
+        let seen = picture.enumerate_pixels().filter(|(_, _, p)| p.0[3] > 0);
+        let (most_x, least_y) = seen.fold((0, 64), |(x, y), p| (x.max(p.0), y.min(p.1)));
+        // A point at 0.5 may fall into the next pixel.
+        assert!((28..=32).contains(&most_x) && (31..=36).contains(&least_y), "{by}: {most_x} {least_y}");
+    }
+    let bytes = std::fs::read(grown(dir.path(), table, "corner.ply", &["--set", "points=3000"])).expect("bytes");
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").expect("header") + 11;
+    let rows: Vec<&[u8]> = bytes[end..].chunks_exact(22).collect();
+    // A third of the points, within five standard errors.
+    assert!(rows.iter().all(|r| r[20] == 0) && rows.len().abs_diff(1000) < 130, "{}", rows.len());
+}
+
+#[test]
 fn voxels_thin_and_count() {
     let dir = tempfile::tempdir().expect("dir");
     let set = ["--set", "points=20000", "--set", "height=1", "--set", "voxel_mm=20"];

@@ -5,7 +5,7 @@
 use crate::affine::AxisScaling;
 use glam::{DMat3, DVec3};
 
-use super::cloud::{DrawRequest, cloud};
+use super::cloud::{DrawRequest, cloud, drop_hidden};
 use super::color::{ColorLabels, ColorMode};
 use super::dynamics::study;
 use super::game::{CHUNK, ChaosGame, Chunk, InstructionSet, LANES, PointSink, extent};
@@ -332,6 +332,29 @@ fn the_first_point_of_a_lane_has_the_word_of_its_warm_up() {
     assert!((mean - 1.0).abs() < 5.0 * (2.0_f64 / 1024.0).sqrt(), "{mean}");
     let deep = depths.iter().filter(|d| **d > 1).count();
     assert!((186..=326).contains(&deep), "{deep}");
+}
+
+#[test]
+fn a_cloud_has_the_share_of_points_that_opacity_draws() {
+    let mut ifs = system("green_tree");
+    let s = study(&ifs, WeightRule::File);
+    let e = extent(&ifs, &s).expect("one");
+    let labels = ColorLabels::new(&ifs, ColorMode::Map, &[]);
+    let all = cloud(&request(&ifs, &s, InstructionSet::Best), &labels, &e, DVec3::ZERO, 1.0);
+    let mut same = all.clone();
+    drop_hidden(&mut same, &ifs, 9);
+    assert_eq!(same, all);
+    (ifs.maps[2].opacity, ifs.maps[3].opacity) = (0.0, 0.25);
+    let mut some = all.clone();
+    drop_hidden(&mut some, &ifs, 9);
+    let count = |c: &super::cloud::AttractorPoints, map: u8| c.maps.iter().filter(|m| **m == map).count();
+    assert_eq!([count(&some, 0), count(&some, 2), count(&some, 4)], [count(&all, 0), 0, count(&all, 4)]);
+    // A quarter of the points of map 3, within five standard errors.
+    #[allow(clippy::cast_precision_loss, reason = "counts")]
+    let (n, found) = (count(&all, 3) as f64, count(&some, 3) as f64);
+    assert!((found - 0.25 * n).abs() < 5.0 * (0.1875 * n).sqrt(), "{found} of {n}");
+    let length = some.maps.len();
+    assert_eq!([some.positions.len(), some.colors.len(), some.depths.len()], [length; 3]);
 }
 
 #[test]
