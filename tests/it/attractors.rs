@@ -102,6 +102,23 @@ fn a_picture_of_layers_is_the_golden_one_at_any_number_of_threads() {
 }
 
 #[test]
+fn a_stretched_layer_stretches_its_condensation_sets() {
+    let dir = tempfile::tempdir().expect("dir");
+    let table = "[ifs]\nname = \"disc\"\nmap = [{ abcdef = [0.25, 0, 0, 0.25, 0, 0], p = 1 }]\n\
+        condensation = [{ disc = { center = [0, 0], radius = 1 }, weight = 0.9 }]\n";
+    std::fs::write(dir.path().join("disc.ifs.toml"), table).expect("file");
+    let scene = dir.path().join("layer.toml");
+    let text = "[picture]\nwidth = 80\nheight = 40\n[[layer]]\nifs = \"disc.ifs.toml\"\nwidth = 1\nheight = 1\n";
+    std::fs::write(&scene, text).expect("file");
+    let made = grown(dir.path(), scene.to_str().expect("path"), "layer.png", &[]);
+    let picture = image::open(made).expect("a picture").to_rgba8();
+    let seen = |x, y| picture.get_pixel(x, y).0[3] > 0;
+    // The unit disc becomes the ellipse of the half axes 40 and 20 pixels: it reaches both sides, not the corners.
+    assert!(seen(2, 20) && seen(77, 20) && seen(40, 2) && seen(40, 37));
+    assert!(!seen(2, 2) && !seen(77, 2) && !seen(2, 37) && !seen(77, 37));
+}
+
+#[test]
 fn points_of_a_ply_carry_map_and_depth() {
     let dir = tempfile::tempdir().expect("dir");
     let path = grown(dir.path(), "fern_leaf", "fern.ply", &["--set", "points=5000", "--set", "height=1"]);

@@ -11,6 +11,7 @@ use osier_base::math::{lerp, narrow};
 use osier_base::rng::{mix64, word};
 use osier_base::units::srgb_from_linear;
 use osier_base::{Error, Result};
+use osier_ifs::affine::Affine;
 use osier_ifs::cloud::DrawRequest;
 use osier_ifs::game::InstructionSet;
 use osier_ifs::histogram::{PictureWindow, histogram};
@@ -172,10 +173,15 @@ fn attractor_layer(
     let pixel = natural.y / rect.height as f64;
     let stretch = DVec3::new(pixel * rect.width as f64 / natural.x, 1.0, 1.0);
     let mut system = cloud.system.clone();
-    for map in &mut system.maps {
-        map.affine = map.affine.conjugated(stretch, DVec3::ZERO);
+    if system.condensation.is_empty() {
+        for map in &mut system.maps {
+            map.affine = map.affine.conjugated(stretch, DVec3::ZERO);
+        }
+        system.last = system.last.map(|a| a.conjugated(stretch, DVec3::ZERO));
+    } else {
+        // Discs and segments cannot be stretched themselves: the points are, after all maps.
+        system.last = Some(Affine::scaling(stretch, DVec3::ZERO).after(&system.last.unwrap_or(Affine::IDENTITY)));
     }
-    system.last = system.last.map(|a| a.conjugated(stretch, DVec3::ZERO));
     let middle = (low + high) * 0.5 * stretch;
     let window = PictureWindow { width: rect.width, height: rect.height, center: [middle.x, middle.y], pixel };
     let seed = mix64(&[scene.general.seed, word("layer"), index as u64]);
