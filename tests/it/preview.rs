@@ -54,6 +54,34 @@ fn bytes_do_not_depend_on_threads_and_seeds_do_make_others() {
 }
 
 #[test]
+fn outputs_and_flags_that_would_mislead_are_refused() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = |name: &str| dir.path().join(name);
+    // A PNG in a file of another name would puzzle the next program.
+    for name in ["a.jpg", "a.gif", "a.exr"] {
+        let (_, err) = ends(2, &["preview", SPRIG, "--size", "16", "-o", arg(&file(name))]);
+        assert!(err.contains("written as .png") && !file(name).exists(), "{err}");
+    }
+    let (_, err) = ends(2, &["preview", SPRIG, "--size", "16", "-o", "-"]);
+    assert!(err.contains("standard output"), "{err}");
+    // A picture of layers has neither camera nor frames, nor a sheet of seeds.
+    for flag in [
+        ["--view", "top"],
+        ["--background", "none"],
+        ["--sun", "30,0"],
+        ["--seeds", "0-3"],
+        ["--compare", "oak"],
+        ["--frame", "2"],
+    ] {
+        let (_, err) = ends(2, &["preview", "fig9", "--size", "32x18", flag[0], flag[1], "-o", arg(&file("b.png"))]);
+        assert!(err.contains(flag[0]) && err.contains("layers") && !file("b.png").exists(), "{err}");
+    }
+    let (_, err) = ends(2, &["preview", "fig9", "--turntable", "4", "-o", arg(&file("b.gif"))]);
+    assert!(err.contains("--turntable") && !file("b.gif").exists(), "{err}");
+    ends(0, &["preview", "fig9", "--size", "32x18", "--seed", "3", "-o", arg(&file("b.png"))]);
+}
+
+#[test]
 fn a_transparent_picture_shows_the_plant_its_shadow_and_nothing_else() {
     let dir = tempfile::tempdir().expect("dir");
     let out = dir.path().join("twig.png");

@@ -36,6 +36,14 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     // A picture of layers has a fixed size, and no space for a camera.
     if let Some((recipe, report)) = source::layered_picture(context, args)? {
         context.console.report(&report);
+        if let Some(flag) = flag_unfit_for_layers(args) {
+            let why = format!(
+                "{flag}: \"{}\" is a picture of layers, which only --size, --seed and --set change",
+                args.source
+            );
+            context.console.complain(&why);
+            return Ok(2);
+        }
         return write_layers(context, args, recipe, &flags, !report.diagnostics.is_empty());
     }
     let display = ProgressDisplay::new(&context.console);
@@ -66,6 +74,22 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             Ok(2)
         }
     }
+}
+
+/// The first flag given for a camera, for light or for several pictures, of which a picture of layers has neither.
+fn flag_unfit_for_layers(args: &Preview) -> Option<&'static str> {
+    let given = [
+        ("--view", args.view.is_some()),
+        ("--sun", args.sun.is_some()),
+        ("--background", args.background.is_some()),
+        ("--frame", args.frame.is_some()),
+        ("--frames", args.frames.is_some()),
+        ("--turntable", args.turntable.is_some()),
+        ("--seeds", args.seeds.is_some()),
+        ("--sweep", !args.sweep.is_empty()),
+        ("--compare", args.compare.is_some()),
+    ];
+    given.iter().find(|flag| flag.1).map(|flag| flag.0)
 }
 
 /// Composes a picture of layers in the size of its keys, or in that of `--size`.
