@@ -33,6 +33,13 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             return Ok(2);
         }
     };
+    if let Some(flag) = flag_unfit_for_meshes(context, args) {
+        context.console.complain(&format!(
+            "{flag}: \"{}\" is a finished mesh, which no seed, key or step changes; preview its scene",
+            args.source
+        ));
+        return Ok(2);
+    }
     // A picture of layers has a fixed size, and no space for a camera.
     if let Some((recipe, report)) = source::layered_picture(context, args)? {
         context.console.report(&report);
@@ -74,6 +81,21 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             Ok(2)
         }
     }
+}
+
+/// The first flag given that changes how a scene is made, if all sources are meshes or bakes, which are made already.
+fn flag_unfit_for_meshes(context: &Context, args: &Preview) -> Option<&'static str> {
+    if !std::iter::once(&args.source).chain(&args.compare).all(|name| source::is_finished(name)) {
+        return None;
+    }
+    let given = [
+        ("--seeds", args.seeds.is_some()),
+        ("--sweep", !args.sweep.is_empty()),
+        ("--seed", context.sources.seed.is_some()),
+        ("--set", !context.sources.set.is_empty()),
+        ("--steps", args.steps.is_some()),
+    ];
+    given.iter().find(|flag| flag.1).map(|flag| flag.0)
 }
 
 /// The first flag given for a camera, for light or for several pictures, of which a picture of layers has neither.
