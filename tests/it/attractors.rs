@@ -162,6 +162,25 @@ fn maps_of_opacity_0_are_in_neither_clouds_nor_pictures_of_the_density() {
 }
 
 #[test]
+fn a_picture_of_a_scene_says_what_it_leaves_out() {
+    let dir = tempfile::tempdir().expect("dir");
+    let said = |clouds: &str| {
+        let scene = dir.path().join("scene.toml");
+        std::fs::write(&scene, clouds).expect("file");
+        let out = dir.path().join("scene.png");
+        let (scene, out) = (scene.to_str().expect("path"), out.to_str().expect("path"));
+        let run =
+            osier(&["grow", scene, "-o", out, "--force", "--set", "picture.width=16", "--set", "picture.height=16"]);
+        assert!(run.status.success());
+        String::from_utf8_lossy(&run.stderr).into_owned()
+    };
+    let one = "[clouds.fern]\nifs = \"fern_leaf.ifs\"\n";
+    assert!(!said(one).contains("alone"));
+    let two = said(&format!("{one}[clouds.tree]\nifs = \"green_tree.ifs\"\n"));
+    assert!(two.contains("\"fern\" alone"), "{two}");
+}
+
+#[test]
 fn voxels_thin_and_count() {
     let dir = tempfile::tempdir().expect("dir");
     let set = ["--set", "points=20000", "--set", "height=1", "--set", "voxel_mm=20"];
