@@ -162,6 +162,29 @@ fn maps_of_opacity_0_are_in_neither_clouds_nor_pictures_of_the_density() {
 }
 
 #[test]
+fn overrides_of_a_bare_tree_are_keys_of_its_growth() {
+    let dir = tempfile::tempdir().expect("dir");
+    // The second system grows a tree, which an OBJ file holds; the points of a cloud would be refused.
+    let table = dir.path().join("two.ifs.toml");
+    let text = "[[ifs]]\nname = \"flat\"\nmap = [{ abcdef = [0.5, 0, 0, 0.5, 0, 0] }]\n\
+        [[ifs]]\nname = \"fork\"\ndim = 3\nmap = [\n\
+        { branch = { h = 1, roll = 120, pitch = 20, scale = 0.8 }, radius = 0.7, axis = true },\n\
+        { branch = { h = 0.5, pitch = 60, scale = 0.5 }, radius = 0.4 },\n]\n\
+        condensation = [{ segment = { from = [0, 0, 0], to = [0, 1, 0], radius = 0.05 }, weight = 0.1 }]\n";
+    std::fs::write(&table, text).expect("file");
+    let table = table.to_str().expect("path");
+    let size = |eps: &str| {
+        let eps = format!("eps={eps}");
+        let set = ["--set", "system=fork", "--set", eps.as_str(), "--force"];
+        std::fs::metadata(grown(dir.path(), table, "fork.obj", &set)).expect("file").len()
+    };
+    assert!(size("0.1") > 2 * size("0.3"), "more branches");
+    let run = osier(&["check", "monopodial", "--set", "nonsense=3"]);
+    let err = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.code() == Some(1) && err.contains("nonsense"), "{err}");
+}
+
+#[test]
 fn a_picture_of_a_scene_says_what_it_leaves_out() {
     let dir = tempfile::tempdir().expect("dir");
     let said = |clouds: &str| {
