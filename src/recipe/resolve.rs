@@ -144,8 +144,8 @@ fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
     }
 }
 
-/// Completes the path of an override of a bare file: `angle=30` sets a #define of the grammar, `eps=0.1` a key of a tree's growth,
-/// `leaf.size=0.1` a key of the plant.
+/// Completes the path of an override of a bare file: `angle=30` sets a #define of the grammar, `eps=0.1` a key of the growth of
+/// a tree, `leaf.size=0.1` a key of the plant.
 fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry) -> String {
     let Some(bare) = bare else { return set.to_owned() };
     let path = set.split('=').next().unwrap_or_default().trim();

@@ -319,8 +319,8 @@ fn the_first_point_of_a_lane_has_the_word_of_its_warm_up() {
     };
     let line = "[ifs]\nname = \"line\"\nmap = [{ abcdef = [0.5, 0, 0, 0.5, 0, 0], coord = 0 }, \
                 { abcdef = [0.5, 0, 0, 0.5, 1, 0], coord = 1 }]\n";
-    // Coordinates are binary fractions of random digits: of 256 steps of the palette 1024 points leave out 256 e^-4, about 5. After
-    // one step from the middle there would be two colours.
+    // Coordinates are binary fractions of random digits: of 256 steps of the palette 1024 points leave out 256 e^-4, about 5.
+    // After one step from the middle there would be two colours.
     let colors = small(line, ColorMode::Coord).colors;
     let distinct: std::collections::BTreeSet<u32> = colors.iter().map(|c| c[0].to_bits()).collect();
     assert!(distinct.len() > 230, "{}", distinct.len());
