@@ -163,13 +163,21 @@ fn fractint_shares(column: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Warnings about the column of weights as written (I012 to I015). Only the rule of the file reads running sums and expects a sum
+/// Warnings about the column of weights as written (I012 to I015), or about a part of one. Only the rule of the file reads running sums and expects a sum
 /// of 1: flames, whose weights are relative, and tables with another rule get neither I012 nor I014.
 pub(super) fn column_warnings(ifs: &Ifs) -> Vec<Diagnostic> {
     let mut warnings = Vec::new();
+    let row = |i: usize| ifs.maps.get(i).map_or(ifs.span, |m| m.span);
+    // Rules that read the column fall back on the maps if a weight is missing.
+    let reads = !matches!(ifs.weights, Some(WeightRule::Det | WeightRule::Moran | WeightRule::Equal));
+    let missing: Vec<usize> = (0..ifs.maps.len()).filter(|i| ifs.maps[*i].weight.is_none()).collect();
+    if let Some(first) = missing.first().filter(|_| reads && missing.len() < ifs.maps.len()) {
+        let text = format!("{} of {} maps have no weight", missing.len(), ifs.maps.len());
+        let d = Diagnostic::warning("I014", text, row(*first), "the first of them");
+        warnings.push(d.help("the weights of the others are not used either; give every map a p, or none"));
+    }
     let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight).collect();
     let Some(column) = column.filter(|c| c.iter().any(|p| *p != 0.0)) else { return warnings };
-    let row = |i: usize| ifs.maps.get(i).map_or(ifs.span, |m| m.span);
     for (i, _) in column.iter().enumerate().filter(|(_, p)| **p < 0.0) {
         let text = format!("the weight of map {} is negative", i + 1);
         warnings.push(Diagnostic::warning("I013", text, row(i), "taken as 0").help("weights are shares of the points"));
@@ -242,6 +250,11 @@ mod tests {
         // Weights of a flame are relative: neither a rising column nor a sum of 2.8 is a fault.
         let flame = Ifs { weights: Some(WeightRule::Raw), ..fern };
         assert_eq!(codes(&column_warnings(&flame)), [] as [&str; 0]);
+        let mut partly = with_weights(&[0.98, 0.01, 0.01]);
+        partly.maps[1].weight = None;
+        assert_eq!(codes(&column_warnings(&partly)), ["I014"]);
+        partly.weights = Some(WeightRule::Equal);
+        assert_eq!(codes(&column_warnings(&partly)), [] as [&str; 0]);
         let flame = Ifs { weights: Some(WeightRule::Raw), ..with_weights(&[2.0, -1.0, 0.0]) };
         assert_eq!(codes(&column_warnings(&flame)), ["I013", "I015"]);
     }

@@ -32,6 +32,11 @@ const MAP_KEYS: &[&str] = &[
 ];
 const BRANCH_KEYS: &[&str] = &["h", "roll", "pitch", "scale"];
 const CONDENSATION_KEYS: &[&str] = &["segment", "disc", "polygon", "mesh", "weight"];
+const SEGMENT_KEYS: &[&str] = &["from", "to", "radius"];
+const DISC_KEYS: &[&str] = &["center", "radius"];
+/// Forms of a map and of a condensation set, one of which each has.
+const MAP_FORMS: &[&str] = &["abcdef", "abcdefghijkl", "rq", "branch"];
+const SHAPES: &[&str] = &["segment", "disc", "polygon", "mesh"];
 const MESH_KEYS: &[&str] = &["file", "scale", "up"];
 const MESH_ENDINGS: &[&str] = &[".obj", ".glb", ".gltf"];
 
@@ -98,6 +103,16 @@ impl TableReader<'_, '_> {
                 None => d.help(format!("known here: {}", known.join(", "))),
             };
             self.reader.push(d);
+        }
+    }
+
+    /// I033 for a table with several of `forms`, of which all but one would be ignored.
+    fn check_forms(&mut self, table: &DeTable<'_>, place: &str, forms: &[&str]) {
+        let given: Vec<_> = table.iter().filter(|(k, _)| forms.contains(&k.get_ref().as_ref())).collect();
+        if let [(first, _), (second, _), ..] = given[..] {
+            let text = format!("{place} is {} or {}, not both", first.get_ref(), second.get_ref());
+            let d = Diagnostic::error("I033", text, self.at(second.span()), "a second form");
+            self.reader.push(d.help("remove one of them"));
         }
     }
 
@@ -298,6 +313,11 @@ impl TableReader<'_, '_> {
 
     fn map(&mut self, t: &DeTable<'_>, item: &TomlItem<'_>, dim: usize) -> Option<Map> {
         self.check_keys(t, "a map", MAP_KEYS);
+        self.check_forms(t, "a map", MAP_FORMS);
+        if let Some(shift) = t.get("shift").filter(|_| !t.contains_key("rq")) {
+            let d = Diagnostic::error("I033", "shift belongs to rq", self.at(shift.span()), "no rq beside it");
+            self.reader.push(d.help("other forms of a map contain the shift"));
+        }
         let span = self.at(item.span());
         let mut branch = None;
         // A map is given in one of four forms, two for the plane and two for space.
@@ -357,12 +377,15 @@ impl TableReader<'_, '_> {
         for item in list {
             let Some(t) = self.table(item, "condensation") else { continue };
             self.check_keys(t, "a condensation set", CONDENSATION_KEYS);
+            self.check_forms(t, "a condensation set", SHAPES);
             let weight = self.share(t, "weight", 0.05);
             let shape = match t.get("mesh") {
                 Some(mesh) => self.mesh(mesh, dim).map(CondensationShape::Mesh),
                 None => {
+                    let before = self.reader.report.diagnostics.len();
                     let shape = self.shape(t);
-                    if shape.is_none() {
+                    // A faulty number in it has been reported.
+                    if shape.is_none() && self.reader.report.diagnostics.len() == before {
                         self.report_type(item, "condensation", "a segment, disc, polygon or mesh");
                     }
                     shape
@@ -429,7 +452,8 @@ impl TableReader<'_, '_> {
         };
         if let Some(item) = t.get("segment") {
             let s = self.table(item, "segment")?;
-            let radius = s.get("radius").map_or(Some(0.05), |i| self.number(i, "radius"))?.max(0.0);
+            self.check_keys(s, "a segment", SEGMENT_KEYS);
+            let radius = s.get("radius").map_or(Some(0.05), |i| self.number_in(i, "radius", 0.0..))?;
             return Some(CondensationShape::Segment {
                 from: point(self, s, "from")?,
                 to: point(self, s, "to")?,
@@ -438,7 +462,8 @@ impl TableReader<'_, '_> {
         }
         if let Some(item) = t.get("disc") {
             let s = self.table(item, "disc")?;
-            let radius = s.get("radius").map_or(Some(1.0), |i| self.number(i, "radius"))?.max(0.0);
+            self.check_keys(s, "a disc", DISC_KEYS);
+            let radius = s.get("radius").map_or(Some(1.0), |i| self.number_in(i, "radius", 0.0..))?;
             return Some(CondensationShape::Disc { center: point(self, s, "center")?, radius });
         }
         let polygon = t.get("polygon")?;

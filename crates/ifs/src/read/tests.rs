@@ -274,6 +274,26 @@ fn polygons_that_points_would_leave_and_other_dimensions_are_refused() {
     assert_eq!(codes("2.0", "[[0, 0], [1, 0], [1, 1]]"), [] as [&str; 0]);
 }
 
+#[test]
+fn keys_that_would_be_ignored_are_faults() {
+    let codes = |map: &str, condensation: &str| {
+        let text =
+            format!("[ifs]\nname = \"t\"\nmap = [{{ {map} }}]\ncondensation = [{{ {condensation}, weight = 0.1 }}]\n");
+        try_read("t.ifs.toml", &text).1.diagnostics.iter().map(|d| d.code).collect::<Vec<&str>>()
+    };
+    let (map, disc) = ("abcdef = [0.5, 0, 0, 0.5, 0, 0]", "disc = { center = [0, 0], radius = 0 }");
+    assert_eq!(codes(map, disc), [] as [&str; 0]);
+    assert_eq!(codes("abcdef = [0.5, 0, 0, 0.5, 0, 0], rq = [0.5, 0.5, 0, 0]", disc), ["I033"]);
+    assert_eq!(codes("abcdef = [0.5, 0, 0, 0.5, 0, 0], shift = [1, 0]", disc), ["I033"]);
+    assert_eq!(codes("rq = [0.5, 0.5, 0, 0], shift = [1, 0]", disc), [] as [&str; 0]);
+    assert_eq!(codes(map, "disc = { center = [0, 0], radus = 2 }"), ["I032"]);
+    assert_eq!(codes(map, "disc = { center = [0, 0], radius = -1 }"), ["I041"]);
+    assert_eq!(codes(map, "segment = { from = [0, 0], to = [0, 1], width = 1 }"), ["I032"]);
+    assert_eq!(codes(map, "segment = { from = [0, 0], to = [0, 1], radius = -0.1 }"), ["I041"]);
+    assert_eq!(codes(map, &format!("{disc}, polygon = [[0, 0], [1, 0], [0, 1]]")), ["I033"]);
+    assert_eq!(codes(map, "disc = { radius = 1 }"), ["I033"]);
+}
+
 proptest! {
     #[test]
     fn any_bytes_are_answered(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
