@@ -91,7 +91,8 @@ pub(super) fn read(reader: &mut IfsReader<'_>) -> Vec<Ifs> {
         }
     };
     let flames = document.descendants().filter(|n| n.has_tag_name("flame"));
-    let systems: Vec<Ifs> = flames.filter_map(|f| FlameReader { reader, shift }.flame(f)).collect();
+    let systems: Vec<Ifs> =
+        flames.enumerate().filter_map(|(index, f)| FlameReader { reader, shift, index }.flame(f)).collect();
     if systems.is_empty() && !reader.report.has_errors() {
         let span = reader.span(0, 0);
         let d = Diagnostic::error("I033", "no flame in this file", span, "no <flame>");
@@ -113,6 +114,8 @@ struct FlameReader<'a, 'r> {
     reader: &'a mut IfsReader<'r>,
     /// Bytes that were put before the text.
     shift: usize,
+    /// Place of the flame among those of the file, from 0.
+    index: usize,
 }
 
 impl FlameReader<'_, '_> {
@@ -134,8 +137,13 @@ impl FlameReader<'_, '_> {
         for a in node.attributes().filter(|a| !FLAME_ATTRIBUTES.contains(&a.name())) {
             self.warn_unknown(&a);
         }
+        // Sequences of flam3 have no names: the first flame is called after the file, others are numbered.
+        let unnamed = || match self.index {
+            0 => self.reader.stem.clone(),
+            i => format!("{}_{}", self.reader.stem, i + 1),
+        };
         let mut ifs = Ifs {
-            name: node.attribute("name").unwrap_or(&self.reader.stem).to_owned(),
+            name: node.attribute("name").map_or_else(unnamed, str::to_owned),
             dim: 2,
             maps: Vec::new(),
             chaos: None,

@@ -223,6 +223,15 @@ fn every_encoding_of_a_flames_palette_is_read() {
 }
 
 #[test]
+fn flames_without_names_are_numbered() {
+    let flame = "<flame time=\"0\"><xform weight=\"1\" linear=\"1\" coefs=\".5 0 0 .5 0 0\"/></flame>";
+    let (systems, report) = try_read("walk.flame", &format!("<flames>{flame}{flame}{flame}</flames>"));
+    assert!(report.diagnostics.is_empty(), "{report}");
+    let names: Vec<&str> = systems.iter().map(|s| s.name.as_str()).collect();
+    assert_eq!(names, ["walk", "walk_2", "walk_3"]);
+}
+
+#[test]
 fn what_a_flame_switches_off_stays_off() {
     let text = "<flame name=\"x\"><xform weight=\"1\" linear=\"1\" coefs=\".5 0 0 .5 0 0\" color_speed=\"3\" opacity=\"2\"/>\
         <finalxform enabled=\"0\" linear=\"1\" coefs=\"1 0 0 1 9 0\"/></flame>";
