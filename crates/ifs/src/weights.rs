@@ -163,8 +163,9 @@ fn fractint_shares(column: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Warnings about the column of weights as written (I012 to I015), or about a part of one. Only the rule of the file reads running sums and expects a sum
-/// of 1: flames, whose weights are relative, and tables with another rule get neither I012 nor I014.
+/// Warnings about the column of weights as written (I012 to I015), or about a part of one. Only the rule of the file reads
+/// running sums and expects a sum of 1: flames, whose weights are relative, and tables with another rule get neither I012 nor
+/// I014 for a sum.
 pub(super) fn column_warnings(ifs: &Ifs) -> Vec<Diagnostic> {
     let mut warnings = Vec::new();
     let row = |i: usize| ifs.maps.get(i).map_or(ifs.span, |m| m.span);
