@@ -87,6 +87,11 @@ pub fn preset_scene(preset: &Preset, options: &SourceOptions) -> Result<Request>
 
 fn find(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {
     let mut request = locate(source, options, table_use)?;
+    let forms = options.set.iter().filter_map(|s| s.trim_start().strip_prefix("as="));
+    if let Some(form) = forms.map(str::trim).find(|form| !matches!(*form, "cloud" | "tree")) {
+        let d = Diagnostic::about("S004", format!("as is \"{form}\", but must be cloud or tree"));
+        return Err(d.help("it chooses how a coefficient table is read").into());
+    }
     // `as=` chooses how a table is read and is not a key of a scene.
     request.set = options.set.iter().filter(|s| !s.trim_start().starts_with("as=")).cloned().collect();
     request.seed = options.seed;

@@ -179,9 +179,11 @@ fn overrides_of_a_bare_tree_are_keys_of_its_growth() {
         std::fs::metadata(grown(dir.path(), table, "fork.obj", &set)).expect("file").len()
     };
     assert!(size("0.1") > 2 * size("0.3"), "more branches");
-    let run = osier(&["check", "monopodial", "--set", "nonsense=3"]);
-    let err = String::from_utf8_lossy(&run.stderr).into_owned();
-    assert!(run.status.code() == Some(1) && err.contains("nonsense"), "{err}");
+    for (set, word) in [("nonsense=3", "nonsense"), ("as=bush", "cloud or tree")] {
+        let run = osier(&["check", "monopodial", "--set", set]);
+        let err = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(run.status.code() == Some(1) && err.contains(word), "{err}");
+    }
 }
 
 #[test]
