@@ -150,7 +150,7 @@ fn maps_of_opacity_0_are_in_neither_clouds_nor_pictures_of_the_density() {
         let set = [&set[..], &["--set", by.as_str(), "--force"]].concat();
         let picture = image::open(grown(dir.path(), table, "corner.png", &set)).expect("a picture").to_rgba8();
         let seen = picture.enumerate_pixels().filter(|(_, _, p)| p.0[3] > 0);
-        let (most_x, least_y) = seen.fold((0, 64), |(x, y), p| (x.max(p.0), y.min(p.1)));
+        let (most_x, least_y) = seen.fold((0_u32, 64_u32), |(x, y), p| (x.max(p.0), y.min(p.1)));
         // A point at 0.5 may fall into the next pixel.
         assert!((28..=32).contains(&most_x) && (31..=36).contains(&least_y), "{by}: {most_x} {least_y}");
     }
