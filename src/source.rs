@@ -87,6 +87,11 @@ pub fn preset_scene(preset: &Preset, options: &SourceOptions) -> Result<Request>
 
 fn find(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {
     let mut request = locate(source, options, table_use)?;
+    let forms = options.set.iter().filter_map(|s| s.trim_start().strip_prefix("as="));
+    if let Some(form) = forms.map(str::trim).find(|form| !matches!(*form, "cloud" | "tree")) {
+        let d = Diagnostic::about("S004", format!("as is \"{form}\", but must be cloud or tree"));
+        return Err(d.help("it chooses how a coefficient table is read").into());
+    }
     // `as=` chooses how a table is read and is not a key of a scene.
     request.set = options.set.iter().filter(|s| !s.trim_start().starts_with("as=")).cloned().collect();
     request.seed = options.seed;
@@ -233,7 +238,16 @@ fn table_request(file: &str, name: &str, bytes: &[u8], options: &SourceOptions, 
     // Errors of the table are reported when it is resolved; here it counts as one without branches.
     let systems = read::read(file, bytes, &options.limits).map(|r| r.0).unwrap_or_default();
     let is_set = |v: &str| options.set.iter().any(|s| s.replace(' ', "") == format!("as={v}"));
-    let has_branches = systems.first().is_some_and(|s| s.maps.iter().any(|m| m.branch.is_some()));
+    // The system that will be drawn, by the last override that names one.
+    let named = options.set.iter().rev().find_map(|s| {
+        let (key, name) = s.split_once('=')?;
+        matches!(key.trim(), "system" | "tree.system").then(|| name.trim().trim_matches('"'))
+    });
+    let system = match named {
+        Some(name) => systems.iter().find(|s| s.name.eq_ignore_ascii_case(name)),
+        None => systems.first(),
+    };
+    let has_branches = system.is_some_and(|s| s.maps.iter().any(|m| m.branch.is_some()));
     if !is_set("cloud") && table_use == TableUse::Scene && (has_branches || is_set("tree")) {
         Request::tree(name, file)
     } else {

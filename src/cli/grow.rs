@@ -161,6 +161,12 @@ fn write_attractor(
         context.console.complain(&why);
         return Ok(2);
     }
+    if let Some(first) = recipe.clouds.first().filter(|_| recipe.layers.is_empty())
+        && recipe.clouds.len() + recipe.plants.len() > 1
+    {
+        let text = format!("note: the picture shows \"{}\" alone; osier preview renders the whole scene", first.id);
+        context.console.note(&text);
+    }
     // The size of a picture is known without drawing it.
     if context.common.dry_run {
         let keys = &recipe.picture;

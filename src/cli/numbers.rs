@@ -44,11 +44,13 @@ pub fn key_values(text: &str) -> Result<KeyValues, String> {
     let bad = || format!("--sweep: \"{text}\" is not KEY=FROM:TO:COUNT nor KEY=VALUE,VALUE,...");
     let (key, range) = text.split_once('=').filter(|(k, r)| !k.is_empty() && !r.is_empty()).ok_or_else(bad)?;
     let values = match range.split(':').collect::<Vec<_>>()[..] {
-        [list] => list.split(',').map(|v| v.trim().to_owned()).collect(),
+        [list] => values(list),
         [a, b, n] => {
             let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(bad);
             let (a, b) = (number(a)?, number(b)?);
-            let n: u32 = n.trim().parse().ok().filter(|n| (1..=64).contains(n)).ok_or_else(bad)?;
+            let few = |n: &u32| (1..=64).contains(n);
+            let many = || format!("--sweep: \"{text}\": COUNT is a whole number from 1 to 64");
+            let n: u32 = n.trim().parse().ok().filter(few).ok_or_else(many)?;
             // Keys that take whole numbers refuse `3.0`, so whole values are written without a point.
             let is_whole = a.fract() == 0.0 && b.fract() == 0.0 && ((b - a) / f64::from((n - 1).max(1))).fract() == 0.0;
             // N evenly spaced values, both ends included; a single one is A.
@@ -61,11 +63,25 @@ pub fn key_values(text: &str) -> Result<KeyValues, String> {
     Ok(KeyValues { key: key.to_owned(), values })
 }
 
-/// A number with four decimals without trailing zeros, but with at least one decimal.
+/// The values between the commas of a list; commas in brackets, braces and quotes belong to a value.
+fn values(list: &str) -> Vec<String> {
+    let (mut depth, mut is_quoted) = (0_i32, false);
+    let is_border = |c: char| {
+        match c {
+            '"' => is_quoted = !is_quoted,
+            '[' | '{' if !is_quoted => depth += 1,
+            ']' | '}' if !is_quoted => depth -= 1,
+            _ => {}
+        }
+        c == ',' && depth <= 0 && !is_quoted
+    };
+    list.split(is_border).map(|v| v.trim().to_owned()).collect()
+}
+
+/// A number with at least one decimal. Nine digits hide the rounding errors of dividing an interval, whatever its size.
 fn trimmed(v: f64) -> String {
-    let text = format!("{v:.4}");
-    let text = text.trim_end_matches('0');
-    if text.ends_with('.') { format!("{text}0") } else { text.to_owned() }
+    let text = format!("{v:.8e}").parse::<f64>().unwrap_or(v).to_string();
+    if text.contains('.') { text } else { format!("{text}.0") }
 }
 
 #[cfg(test)]
@@ -78,6 +94,13 @@ mod tests {
         assert_eq!(values("a.b=0:1:3"), Ok(vec!["0.0".to_owned(), "0.5".into(), "1.0".into()]));
         assert_eq!(values("a=1:5:3"), Ok(vec!["1".to_owned(), "3".into(), "5".into()]));
         assert_eq!(values("a=x, y"), Ok(vec!["x".to_owned(), "y".into()]));
+        // Steps below a ten-thousandth stay apart, and none shows the rounding of thirds.
+        let small = ["0.00012", "0.00015", "0.00018"].map(str::to_owned).to_vec();
+        assert_eq!(values("a=0.00012:0.00018:3"), Ok(small));
+        assert_eq!(values("a=0.1:0.4:4"), Ok(["0.1", "0.2", "0.3", "0.4"].map(str::to_owned).to_vec()));
+        // Commas of a list or a text are no borders.
+        let lists = ["[0, 1, 2]", "[3,4,5]", "\"a,b\""].map(str::to_owned).to_vec();
+        assert_eq!(values("a=[0, 1, 2], [3,4,5],\"a,b\""), Ok(lists));
         assert!(["", "a", "a=", "=1", "a=1:2", "a=1:2:0", "a=1:x:3", "a=1:2:99"].iter().all(|t| values(t).is_err()));
     }
 

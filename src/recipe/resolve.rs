@@ -41,6 +41,8 @@ pub struct Request {
 pub enum SingleSource {
     /// Name of the only plant, in `[plants.NAME]`.
     Plant(String),
+    /// Name of the only plant, a tree of a coefficient table.
+    Tree(String),
     /// Name of the only attractor, in `[clouds.NAME]`.
     Cloud(String),
 }
@@ -82,7 +84,8 @@ impl Request {
 
     /// A scene with a single tree of a coefficient table. `name`: the plant; `reference`: the table.
     pub fn tree(name: &str, reference: &str) -> Self {
-        Self::single_plant(name, "ifs", reference)
+        let bare = Some(SingleSource::Tree(name.into()));
+        Self { bare, ..Self::single_plant(name, "ifs", reference) }
     }
 }
 
@@ -141,16 +144,18 @@ fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
     }
 }
 
-/// Completes the path of an override of a bare file: `angle=30` sets a #define of the grammar, `leaf.size=0.1` a key of the
-/// plant.
+/// Completes the path of an override of a bare file: `angle=30` sets a #define of the grammar, `eps=0.1` a key of the growth of
+/// a tree, `leaf.size=0.1` a key of the plant.
 fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry) -> String {
     let Some(bare) = bare else { return set.to_owned() };
     let path = set.split('=').next().unwrap_or_default().trim();
     // A key of the scene has precedence over a key of the plant, and that over a #define of its grammar.
     let first = path.split('.').next().unwrap_or_default();
     let top = registry.names::<SceneKeys>().contains(&first);
-    let plant = match bare {
-        SingleSource::Plant(name) => name,
+    // Where other keys go: a table has no #defines.
+    let (plant, others) = match bare {
+        SingleSource::Plant(name) => (name, "set"),
+        SingleSource::Tree(name) => (name, "tree"),
         SingleSource::Cloud(_) if top => return set.to_owned(),
         SingleSource::Cloud(name) => return format!("clouds.{name}.{set}"),
     };
@@ -165,7 +170,7 @@ fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry)
     } else if own || first == "set" {
         format!("plants.{plant}.{set}")
     } else {
-        format!("plants.{plant}.set.{set}")
+        format!("plants.{plant}.{others}.{set}")
     }
 }
 

@@ -66,14 +66,17 @@ fn write_density(
     context: &BakeContext<'_>,
 ) -> Result<()> {
     let (density, ..) = attractor::ifs_density(cloud, recipe, context)?;
-    let comment = json!({ "map": "density", "ifs": cloud.system.name, "seed": recipe.general.seed.to_string(), "scene": recipe.hash });
+    let comment = |map: &str| {
+        json!({ "map": map, "ifs": cloud.system.name, "seed": recipe.general.seed.to_string(), "scene": recipe.hash })
+            .to_string()
+    };
     let (width, height) = (density.width, density.height);
-    folder.write(name, "exr.density", &exr::floats(width, height, 1, &density.value, &comment.to_string())?)?;
+    folder.write(name, "exr.density", &exr::floats(width, height, 1, &density.value, &comment("density"))?)?;
     // The density has one channel; colours go into a second file.
     if !density.color.is_empty() {
         let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
         let samples: Vec<f32> = density.color.iter().flatten().copied().collect();
-        let bytes = exr::floats(width, height, 3, &samples, &comment.to_string())?;
+        let bytes = exr::floats(width, height, 3, &samples, &comment("color"))?;
         folder.write(&format!("{stem}.color.exr"), "exr.color", &bytes)?;
     }
     Ok(())

@@ -102,6 +102,23 @@ fn a_picture_of_layers_is_the_golden_one_at_any_number_of_threads() {
 }
 
 #[test]
+fn a_stretched_layer_stretches_its_condensation_sets() {
+    let dir = tempfile::tempdir().expect("dir");
+    let table = "[ifs]\nname = \"disc\"\nmap = [{ abcdef = [0.25, 0, 0, 0.25, 0, 0], p = 1 }]\n\
+        condensation = [{ disc = { center = [0, 0], radius = 1 }, weight = 0.9 }]\n";
+    std::fs::write(dir.path().join("disc.ifs.toml"), table).expect("file");
+    let scene = dir.path().join("layer.toml");
+    let text = "[picture]\nwidth = 80\nheight = 40\n[[layer]]\nifs = \"disc.ifs.toml\"\nwidth = 1\nheight = 1\n";
+    std::fs::write(&scene, text).expect("file");
+    let made = grown(dir.path(), scene.to_str().expect("path"), "layer.png", &[]);
+    let picture = image::open(made).expect("a picture").to_rgba8();
+    let seen = |x, y| picture.get_pixel(x, y).0[3] > 0;
+    // The unit disc becomes the ellipse of the half axes 40 and 20 pixels: it reaches both sides, not the corners.
+    assert!(seen(2, 20) && seen(77, 20) && seen(40, 2) && seen(40, 37));
+    assert!(!seen(2, 2) && !seen(77, 2) && !seen(2, 37) && !seen(77, 37));
+}
+
+#[test]
 fn points_of_a_ply_carry_map_and_depth() {
     let dir = tempfile::tempdir().expect("dir");
     let path = grown(dir.path(), "fern_leaf", "fern.ply", &["--set", "points=5000", "--set", "height=1"]);
@@ -115,6 +132,77 @@ fn points_of_a_ply_carry_map_and_depth() {
     assert!(rows.iter().all(|r| (-0.02..=1.02).contains(&float(r, 1)) && float(r, 2).abs() < 1e-6 && r[20] < 4));
     let share = rows.iter().filter(|r| r[20] == 1).count();
     assert!((4100..4400).contains(&share), "{share} of 5000 points of a map with the weight 0.85");
+}
+
+#[test]
+fn maps_of_opacity_0_are_in_neither_clouds_nor_pictures_of_the_density() {
+    let dir = tempfile::tempdir().expect("dir");
+    let table = dir.path().join("corner.ifs.toml");
+    let text = "[ifs]\nname = \"corner\"\nmap = [{ abcdef = [0.5, 0, 0, 0.5, 0, 0] }, \
+        { abcdef = [0.5, 0, 0, 0.5, 0.5, 0], opacity = 0 }, { abcdef = [0.5, 0, 0, 0.5, 0, 0.5], opacity = 0 }]\n";
+    std::fs::write(&table, text).expect("file");
+    let table = table.to_str().expect("path");
+    // The triangle from 0 to 1; its lower left part, up to 0.5, is the image under the first map.
+    let window = ["picture.width=64", "picture.height=64", "picture.center=[0.5, 0.5]", "picture.span=1"];
+    let set: Vec<&str> = window.iter().flat_map(|key| ["--set", *key]).collect();
+    for by in ["map", "density"] {
+        let by = format!("color_by={by}");
+        let set = [&set[..], &["--set", by.as_str(), "--force"]].concat();
+        let picture = image::open(grown(dir.path(), table, "corner.png", &set)).expect("a picture").to_rgba8();
+        let seen = picture.enumerate_pixels().filter(|(_, _, p)| p.0[3] > 0);
+        let (most_x, least_y) = seen.fold((0_u32, 64_u32), |(x, y), p| (x.max(p.0), y.min(p.1)));
+        // A point at 0.5 may fall into the next pixel.
+        assert!((28..=32).contains(&most_x) && (31..=36).contains(&least_y), "{by}: {most_x} {least_y}");
+    }
+    let bytes = std::fs::read(grown(dir.path(), table, "corner.ply", &["--set", "points=3000"])).expect("bytes");
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").expect("header") + 11;
+    let rows: Vec<&[u8]> = bytes[end..].chunks_exact(22).collect();
+    // A third of the points, within five standard errors.
+    assert!(rows.iter().all(|r| r[20] == 0) && rows.len().abs_diff(1000) < 130, "{}", rows.len());
+}
+
+#[test]
+fn overrides_of_a_bare_tree_are_keys_of_its_growth() {
+    let dir = tempfile::tempdir().expect("dir");
+    // The second system grows a tree, which an OBJ file holds; the points of a cloud would be refused.
+    let table = dir.path().join("two.ifs.toml");
+    let text = "[[ifs]]\nname = \"flat\"\nmap = [{ abcdef = [0.5, 0, 0, 0.5, 0, 0] }]\n\
+        [[ifs]]\nname = \"fork\"\ndim = 3\nmap = [\n\
+        { branch = { h = 1, roll = 120, pitch = 20, scale = 0.8 }, radius = 0.7, axis = true },\n\
+        { branch = { h = 0.5, pitch = 60, scale = 0.5 }, radius = 0.4 },\n]\n\
+        condensation = [{ segment = { from = [0, 0, 0], to = [0, 1, 0], radius = 0.05 }, weight = 0.1 }]\n";
+    std::fs::write(&table, text).expect("file");
+    let table = table.to_str().expect("path");
+    let size = |eps: &str| {
+        let eps = format!("eps={eps}");
+        let set = ["--set", "system=fork", "--set", eps.as_str(), "--force"];
+        std::fs::metadata(grown(dir.path(), table, "fork.obj", &set)).expect("file").len()
+    };
+    assert!(size("0.1") > 2 * size("0.3"), "more branches");
+    for (set, word) in [("nonsense=3", "nonsense"), ("as=bush", "cloud or tree")] {
+        let run = osier(&["check", "monopodial", "--set", set]);
+        let err = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(run.status.code() == Some(1) && err.contains(word), "{err}");
+    }
+}
+
+#[test]
+fn a_picture_of_a_scene_says_what_it_leaves_out() {
+    let dir = tempfile::tempdir().expect("dir");
+    let said = |clouds: &str| {
+        let scene = dir.path().join("scene.toml");
+        std::fs::write(&scene, clouds).expect("file");
+        let out = dir.path().join("scene.png");
+        let (scene, out) = (scene.to_str().expect("path"), out.to_str().expect("path"));
+        let run =
+            osier(&["grow", scene, "-o", out, "--force", "--set", "picture.width=16", "--set", "picture.height=16"]);
+        assert!(run.status.success());
+        String::from_utf8_lossy(&run.stderr).into_owned()
+    };
+    let one = "[clouds.fern]\nifs = \"fern_leaf.ifs\"\n";
+    assert!(!said(one).contains("alone"));
+    let two = said(&format!("{one}[clouds.tree]\nifs = \"green_tree.ifs\"\n"));
+    assert!(two.contains("\"fern\" alone"), "{two}");
 }
 
 #[test]

@@ -54,6 +54,63 @@ fn bytes_do_not_depend_on_threads_and_seeds_do_make_others() {
 }
 
 #[test]
+fn outputs_and_flags_that_would_mislead_are_refused() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = |name: &str| dir.path().join(name);
+    // A PNG in a file of another name would puzzle the next program.
+    for name in ["a.jpg", "a.gif", "a.exr"] {
+        let (_, err) = ends(2, &["preview", SPRIG, "--size", "16", "-o", arg(&file(name))]);
+        assert!(err.contains("written as .png") && !file(name).exists(), "{err}");
+    }
+    let (_, err) = ends(2, &["preview", SPRIG, "--size", "16", "-o", "-"]);
+    assert!(err.contains("standard output"), "{err}");
+    // A picture of layers has neither camera nor frames, nor a sheet of seeds.
+    for flag in [
+        ["--view", "top"],
+        ["--background", "none"],
+        ["--sun", "30,0"],
+        ["--seeds", "0-3"],
+        ["--compare", "oak"],
+        ["--frame", "2"],
+    ] {
+        let (_, err) = ends(2, &["preview", "fig9", "--size", "32x18", flag[0], flag[1], "-o", arg(&file("b.png"))]);
+        assert!(err.contains(flag[0]) && err.contains("layers") && !file("b.png").exists(), "{err}");
+    }
+    let (_, err) = ends(2, &["preview", "fig9", "--turntable", "4", "-o", arg(&file("b.gif"))]);
+    assert!(err.contains("--turntable") && !file("b.gif").exists(), "{err}");
+    ends(0, &["preview", "fig9", "--size", "32x18", "--seed", "3", "-o", arg(&file("b.png"))]);
+    // Four equal pictures with the names of seeds would be no sheet of seeds.
+    std::fs::write(file("t.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("file");
+    let mesh = file("t.obj");
+    for flag in [
+        ["--seeds", "0-3"],
+        ["--seed", "3"],
+        ["--set", "sun.strength=0"],
+        ["--sweep", "sky.glow=0,1"],
+        ["--steps", "2"],
+    ] {
+        let (_, err) = ends(2, &["preview", arg(&mesh), "--size", "16", flag[0], flag[1], "-o", arg(&file("c.png"))]);
+        assert!(err.contains(flag[0]) && !file("c.png").exists(), "{err}");
+    }
+    let beside = ["preview", arg(&mesh), "--compare", SPRIG, "--seed", "3", "--size", "16", "--quality", "draft"];
+    ends(0, &[&beside[..], &["-o", arg(&file("c.png"))]].concat());
+}
+
+#[test]
+fn a_folder_without_a_bake_hides_no_preset() {
+    let dir = tempfile::tempdir().expect("dir");
+    std::fs::create_dir(dir.path().join("grass")).expect("folder");
+    let run = std::process::Command::new(env!("CARGO_BIN_EXE_osier"))
+        .args(["-q", "preview", "grass", "--size", "16", "--quality", "draft", "-o", "grass.png"])
+        .current_dir(dir.path())
+        .output()
+        .expect("osier runs");
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let (_, err) = ends(1, &["preview", arg(&dir.path().join("grass")), "-o", arg(&dir.path().join("g.png"))]);
+    assert!(err.contains("is a folder"), "{err}");
+}
+
+#[test]
 fn a_transparent_picture_shows_the_plant_its_shadow_and_nothing_else() {
     let dir = tempfile::tempdir().expect("dir");
     let out = dir.path().join("twig.png");

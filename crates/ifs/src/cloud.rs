@@ -34,6 +34,7 @@ use super::game::{CHUNK, ChaosGame, Chunk, Escapes, Extent, InstructionSet, LANE
 use osier_base::convert::limit;
 use osier_base::math::narrow;
 use osier_base::par::par_each;
+use osier_base::rng::{Rng, word};
 
 /// Distance from the origin, in diagonals of the attractor's box, beyond which a lane has escaped and restarts.
 const ESCAPE_DIAGONALS: f64 = 1e4;
@@ -118,6 +119,16 @@ impl PointSink for PointBlock<'_> {
         self.at += count;
     }
 
+    fn warm_up(&mut self, chunk: &Chunk) {
+        // Colours and depths of the first points depend on the maps before them.
+        self.labels.label(chunk, &mut self.label);
+        for maps in chunk.map.iter().take(chunk.steps) {
+            for (depth, map) in self.depth.iter_mut().zip(maps) {
+                *depth = if *map >= self.count { 0 } else { depth.saturating_add(1) };
+            }
+        }
+    }
+
     fn restart(&mut self, lane: usize) {
         self.labels.restart(lane);
         self.depth[lane] = 0;
@@ -182,6 +193,29 @@ pub fn cloud(
     par_each(&mut blocks, |b| b.escapes = game.play(b.index, steps, b));
     let escapes = blocks.iter().fold(Escapes::default(), |s, b| s.plus(b.escapes));
     AttractorPoints { escapes, ..out }
+}
+
+/// Keeps of the points of each map the share that its opacity draws; which ones, depends on the seed and the index of a point.
+/// Points of condensation sets all stay.
+pub fn drop_hidden(cloud: &mut AttractorPoints, ifs: &Ifs, seed: u64) {
+    if ifs.maps.iter().all(|m| m.opacity >= 1.0) {
+        return;
+    }
+    let id = word(&ifs.name);
+    let is_drawn = |(i, map): (u64, &u8)| {
+        let opacity = ifs.maps.get(usize::from(*map)).map_or(1.0, |m| m.opacity);
+        opacity >= 1.0 || Rng::at(seed, &["ifs-opacity".into(), id.into(), i.into()]).unit_f64() < opacity
+    };
+    let drawn: Vec<bool> = (0_u64..).zip(&cloud.maps).map(is_drawn).collect();
+    retain(&mut cloud.positions, &drawn);
+    retain(&mut cloud.colors, &drawn);
+    retain(&mut cloud.maps, &drawn);
+    retain(&mut cloud.depths, &drawn);
+}
+
+fn retain<T>(list: &mut Vec<T>, kept: &[bool]) {
+    let mut kept = kept.iter();
+    list.retain(|_| kept.next().copied().unwrap_or(true));
 }
 
 /// Keeps the first point of every cube of the given size; returns how many points each one stands for.

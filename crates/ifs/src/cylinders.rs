@@ -61,6 +61,14 @@ impl PointSink for PointPool {
         }
     }
 
+    fn warm_up(&mut self, chunk: &Chunk) {
+        if let Some(labels) = &mut self.labels {
+            chunk.map.iter().take(chunk.steps).for_each(|maps| {
+                labels.color_coords(maps);
+            });
+        }
+    }
+
     fn begin(&mut self) {
         self.place.iter_mut().for_each(Vec::clear);
         self.coord.clear();

@@ -149,7 +149,7 @@ pub enum CondensationShape {
         /// Radius, table units.
         radius: f64,
     },
-    /// A convex polygon in the plane, at least three corners.
+    /// A polygon in the plane, at least three corners, of which the first sees all others: convex ones do.
     Polygon {
         /// Corners in order, table units.
         points: Vec<[f64; 2]>,

@@ -69,6 +69,12 @@ impl<C: CellCounter> PointSink for ChaosGameCounter<C> {
         self.cells.add_each(pixels, chunk.map[steps].as_flattened(), self.label[steps].as_flattened());
     }
 
+    fn warm_up(&mut self, chunk: &Chunk) {
+        if let Some(labels) = &mut self.labels {
+            labels.label(chunk, &mut self.label);
+        }
+    }
+
     fn begin(&mut self) {
         (0..LANES).for_each(|lane| self.restart(lane));
     }

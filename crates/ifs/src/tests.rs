@@ -5,7 +5,7 @@
 use crate::affine::AxisScaling;
 use glam::{DMat3, DVec3};
 
-use super::cloud::{DrawRequest, cloud};
+use super::cloud::{DrawRequest, cloud, drop_hidden};
 use super::color::{ColorLabels, ColorMode};
 use super::dynamics::study;
 use super::game::{CHUNK, ChaosGame, Chunk, InstructionSet, LANES, PointSink, extent};
@@ -304,6 +304,57 @@ fn orders_count_branchings_from_the_stem() {
         }
     }
     assert!(begun > 20 && added > 20, "{begun} {added}");
+}
+
+#[test]
+fn the_first_point_of_a_lane_has_the_word_of_its_warm_up() {
+    // 1024 points are one step of each lane.
+    let small = |text: &str, mode: ColorMode| {
+        let ifs = read::read("t.ifs.toml", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
+        let s = study(&ifs, WeightRule::File);
+        let e = extent(&ifs, &s).expect("one");
+        let labels = ColorLabels::new(&ifs, mode, &[[0.0; 3], [1.0; 3]]);
+        let r = DrawRequest { points: 1024, ..request(&ifs, &s, InstructionSet::Best) };
+        cloud(&r, &labels, &e, DVec3::ZERO, 1.0)
+    };
+    let line = "[ifs]\nname = \"line\"\nmap = [{ abcdef = [0.5, 0, 0, 0.5, 0, 0], coord = 0 }, \
+                { abcdef = [0.5, 0, 0, 0.5, 1, 0], coord = 1 }]\n";
+    // Coordinates are binary fractions of random digits: of 256 steps of the palette 1024 points leave out 256 e^-4, about 5.
+    // After one step from the middle there would be two colours.
+    let colors = small(line, ColorMode::Coord).colors;
+    let distinct: std::collections::BTreeSet<u32> = colors.iter().map(|c| c[0].to_bits()).collect();
+    assert!(distinct.len() > 230, "{}", distinct.len());
+    // A jump into the set with probability 1/2: the depth is geometric with mean 1 and variance 2, and 1/4 of the points are
+    // deeper than one map. Five standard errors.
+    let text = format!("{line}condensation = [{{ disc = {{ center = [0, 0], radius = 1 }}, weight = 0.5 }}]\n");
+    let depths = small(&text, ColorMode::Map).depths;
+    let mean = depths.iter().map(|d| f64::from(*d)).sum::<f64>() / 1024.0;
+    assert!((mean - 1.0).abs() < 5.0 * (2.0_f64 / 1024.0).sqrt(), "{mean}");
+    let deep = depths.iter().filter(|d| **d > 1).count();
+    assert!((186..=326).contains(&deep), "{deep}");
+}
+
+#[test]
+fn a_cloud_has_the_share_of_points_that_opacity_draws() {
+    let mut ifs = system("green_tree");
+    let s = study(&ifs, WeightRule::File);
+    let e = extent(&ifs, &s).expect("one");
+    let labels = ColorLabels::new(&ifs, ColorMode::Map, &[]);
+    let all = cloud(&request(&ifs, &s, InstructionSet::Best), &labels, &e, DVec3::ZERO, 1.0);
+    let mut same = all.clone();
+    drop_hidden(&mut same, &ifs, 9);
+    assert_eq!(same, all);
+    (ifs.maps[2].opacity, ifs.maps[3].opacity) = (0.0, 0.25);
+    let mut some = all.clone();
+    drop_hidden(&mut some, &ifs, 9);
+    let count = |c: &super::cloud::AttractorPoints, map: u8| c.maps.iter().filter(|m| **m == map).count();
+    assert_eq!([count(&some, 0), count(&some, 2), count(&some, 4)], [count(&all, 0), 0, count(&all, 4)]);
+    // A quarter of the points of map 3, within five standard errors.
+    #[allow(clippy::cast_precision_loss, reason = "counts")]
+    let (n, found) = (count(&all, 3) as f64, count(&some, 3) as f64);
+    assert!((found - 0.25 * n).abs() < 5.0 * (0.1875 * n).sqrt(), "{found} of {n}");
+    let length = some.maps.len();
+    assert_eq!([some.positions.len(), some.colors.len(), some.depths.len()], [length; 3]);
 }
 
 #[test]

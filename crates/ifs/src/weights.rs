@@ -163,22 +163,33 @@ fn fractint_shares(column: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Warnings about the column of weights as written (I012 to I015).
+/// Warnings about the column of weights as written (I012 to I015), or about a part of one. Only the rule of the file reads
+/// running sums and expects a sum of 1: flames, whose weights are relative, and tables with another rule get neither I012 nor
+/// I014 for a sum.
 pub(super) fn column_warnings(ifs: &Ifs) -> Vec<Diagnostic> {
     let mut warnings = Vec::new();
+    let row = |i: usize| ifs.maps.get(i).map_or(ifs.span, |m| m.span);
+    // Rules that read the column fall back on the maps if a weight is missing.
+    let reads = !matches!(ifs.weights, Some(WeightRule::Det | WeightRule::Moran | WeightRule::Equal));
+    let missing: Vec<usize> = (0..ifs.maps.len()).filter(|i| ifs.maps[*i].weight.is_none()).collect();
+    if let Some(first) = missing.first().filter(|_| reads && missing.len() < ifs.maps.len()) {
+        let text = format!("{} of {} maps have no weight", missing.len(), ifs.maps.len());
+        let d = Diagnostic::warning("I014", text, row(*first), "the first of them");
+        warnings.push(d.help("the weights of the others are not used either; give every map a p, or none"));
+    }
     let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight).collect();
     let Some(column) = column.filter(|c| c.iter().any(|p| *p != 0.0)) else { return warnings };
-    let row = |i: usize| ifs.maps.get(i).map_or(ifs.span, |m| m.span);
     for (i, _) in column.iter().enumerate().filter(|(_, p)| **p < 0.0) {
         let text = format!("the weight of map {} is negative", i + 1);
         warnings.push(Diagnostic::warning("I013", text, row(i), "taken as 0").help("weights are shares of the points"));
     }
     // Negative weights are reported above and count as 0.
     let sum = column.iter().fold(0.0, |s, w| s + w.max(0.0));
-    if differences(&column).is_some() {
+    let by_file = matches!(ifs.weights, None | Some(WeightRule::File));
+    if by_file && differences(&column).is_some() {
         let d = Diagnostic::warning("I012", "the weights look like a running sum", ifs.span, "in this system");
         warnings.push(d.help("their differences are used; weights = \"file-raw\" takes them as they are"));
-    } else if (sum - 1.0).abs() > SUM_TOLERANCE && ifs.chaos.is_none() && ifs.condensation.is_empty() {
+    } else if by_file && (sum - 1.0).abs() > SUM_TOLERANCE && ifs.chaos.is_none() && ifs.condensation.is_empty() {
         let text = format!("the weights sum to {sum:.4}, not to 1");
         let effect = if sum < 1.0 { "the last map takes the rest" } else { "the last maps get too few points" };
         let d = Diagnostic::warning("I014", text, ifs.span, "in this system");
@@ -237,6 +248,16 @@ mod tests {
         assert_eq!(codes(&column_warnings(&with_weights(&[1.0, 1.0, 1.0]))), ["I014"]);
         assert_eq!(codes(&column_warnings(&with_weights(&[0.5, 0.5]))), [] as [&str; 0]);
         assert_eq!(codes(&column_warnings(&with_weights(&[0.5, -0.1, 0.0, 0.5]))), ["I013", "I015"]);
+        // Weights of a flame are relative: neither a rising column nor a sum of 2.8 is a fault.
+        let flame = Ifs { weights: Some(WeightRule::Raw), ..fern };
+        assert_eq!(codes(&column_warnings(&flame)), [] as [&str; 0]);
+        let mut partly = with_weights(&[0.98, 0.01, 0.01]);
+        partly.maps[1].weight = None;
+        assert_eq!(codes(&column_warnings(&partly)), ["I014"]);
+        partly.weights = Some(WeightRule::Equal);
+        assert_eq!(codes(&column_warnings(&partly)), [] as [&str; 0]);
+        let flame = Ifs { weights: Some(WeightRule::Raw), ..with_weights(&[2.0, -1.0, 0.0]) };
+        assert_eq!(codes(&column_warnings(&flame)), ["I013", "I015"]);
     }
 
     #[test]

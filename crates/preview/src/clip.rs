@@ -44,12 +44,24 @@ enum ClipEncoder<W: Write> {
     Apng { writer: Box<png::Writer<W>>, opaque: bool },
 }
 
-/// The colours of a GIF. They are those of its first frame: a palette for each frame would flicker.
+/// Largest difference of a channel between a pixel and its colour of the palette; a palette lacks colours that are farther off.
+/// Own: chosen by eye; three times the noise of dithering.
+const FAR: u8 = 24;
+/// Of so many pixels of a frame one may lack its colour. Own: chosen on clips of growth and of autumn; those that sway keep their
+/// palette.
+const PIXELS_PER_LACK: usize = 500;
+
+/// The colours of a GIF. They stay from frame to frame, since a palette for each frame would flicker, until a frame has colours
+/// that they lack: leaves that unfold or turn.
 struct Palette {
     quantizer: NeuQuant,
     /// RGB bytes; colour 0 is that of transparent pixels.
     colors: Vec<u8>,
     has_transparency: bool,
+    /// RGBA bytes of the pixels that the colours were fitted to.
+    samples: Vec<u8>,
+    /// Most pixels of a frame that may lack their colour; unknown until the first frame is looked up.
+    allowed: Option<usize>,
 }
 
 /// P003 with the reason of an encoder.
@@ -108,7 +120,7 @@ impl<W: Write> ClipWriter<W> {
         Ok(Self { encoder, size: [width, height] })
     }
 
-    /// Encodes the next frame and writes it to the sink. The first frame determines the palette of a GIF.
+    /// Encodes the next frame and writes it to the sink. A GIF keeps the palette of the frame before while its colours suffice.
     /// # Errors
     /// `Export` P003 if its size differs or the sink fails.
     pub fn frame(&mut self, picture: &Picture) -> Result<()> {
@@ -121,6 +133,7 @@ impl<W: Write> ClipWriter<W> {
             }
             ClipEncoder::Gif { encoder, palette, delay } => {
                 let palette = palette.get_or_insert_with(|| Palette::of(picture));
+                let buffer = palette.indices(picture);
                 let frame = gif::Frame {
                     width: narrow(picture.width, "columns of a GIF")?,
                     height: narrow(picture.height, "rows of a GIF")?,
@@ -134,7 +147,7 @@ impl<W: Write> ClipWriter<W> {
                     },
                     transparent: palette.has_transparency.then_some(0),
                     palette: Some(palette.colors.clone()),
-                    buffer: palette.indices(picture).into(),
+                    buffer: buffer.into(),
                     ..gif::Frame::default()
                 };
                 encoder.write_frame(&frame).map_err(encoding_error)
@@ -156,36 +169,133 @@ impl<W: Write> ClipWriter<W> {
 }
 
 impl Palette {
-    /// 255 colours fitted to the opaque pixels of a picture, after colour 0 for the transparent ones.
+    /// The palette of a picture.
     fn of(picture: &Picture) -> Self {
-        // Half-transparent pixels count as opaque from alpha 128 on: GIF knows no partial
-        // transparency.
-        let opaque: Vec<u8> =
-            picture.pixels.iter().filter(|p| p[3] >= 128).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
+        Self::fitted(opaque_pixels(picture).collect(), !picture.is_opaque())
+    }
+
+    /// The palette of a picture and of those before it.
+    fn extended(&self, picture: &Picture) -> Self {
+        // Half of the earlier pixels: what was seen keeps its colours, and memory does not grow with the clip.
+        let earlier = self.samples.chunks_exact(4).step_by(2).flatten().copied();
+        let samples = earlier.chain(opaque_pixels(picture)).collect();
+        Self::fitted(samples, self.has_transparency || !picture.is_opaque())
+    }
+
+    /// 255 colours fitted to pixels, after colour 0 for the transparent ones.
+    fn fitted(opaque: Vec<u8>, has_transparency: bool) -> Self {
         let samples = if opaque.is_empty() { vec![0, 0, 0, 255] } else { opaque };
         let quantizer = NeuQuant::new(3, 255, &samples);
         let mut colors = vec![0, 0, 0];
         colors.extend(quantizer.color_map_rgb());
-        Self { quantizer, colors, has_transparency: !picture.is_opaque() }
+        Self { quantizer, colors, has_transparency, samples, allowed: None }
     }
 
-    /// Index of the nearest colour of each pixel, with ordered dithering against banding.
-    fn indices(&self, picture: &Picture) -> Vec<u8> {
+    /// Index of the nearest colour of each pixel. Fits the palette anew if the picture has colours that it lacks.
+    fn indices(&mut self, picture: &Picture) -> Vec<u8> {
+        let (indices, lacks) = self.nearest(picture);
+        match self.allowed {
+            None => {
+                // What the fitted colours leave out of their own picture is no reason for others.
+                self.allowed = Some(3 * lacks + picture.pixels.len() / PIXELS_PER_LACK);
+                indices
+            }
+            Some(allowed) if lacks > allowed || (!self.has_transparency && !picture.is_opaque()) => {
+                *self = self.extended(picture);
+                self.indices(picture)
+            }
+            Some(_) => indices,
+        }
+    }
+
+    /// Index of the nearest colour of each pixel, with ordered dithering against banding, and the number of pixels that lie far
+    /// from it.
+    fn nearest(&self, picture: &Picture) -> (Vec<u8>, usize) {
         /// Threshold matrix of 4 x 4 pixels, in half steps of 8-bit sRGB. A fixed pattern does not crawl from frame
         /// to frame.
         const DITHER: [i8; 16] = [-8, 0, -6, 2, 4, -4, 6, -2, -5, 3, -7, 1, 7, -1, 5, -3];
         let width = picture.width.max(1) as usize;
+        let mut lacks = 0;
         let index = |(i, p): (usize, &[u8; 4])| {
             if p[3] < 128 {
                 return 0;
             }
             let shift = DITHER[(i / width % 4) * 4 + i % width % 4] / 2;
             let dithered = |c: u8| c.saturating_add_signed(shift);
-            let nearest = self.quantizer.index_of(&[dithered(p[0]), dithered(p[1]), dithered(p[2]), 255]);
+            let wanted = [dithered(p[0]), dithered(p[1]), dithered(p[2])];
+            let nearest = self.quantizer.index_of(&[wanted[0], wanted[1], wanted[2], 255]);
+            let found = self.colors.get(3 * (nearest + 1)..).unwrap_or_default();
+            lacks += usize::from(wanted.iter().zip(found).any(|(a, b)| a.abs_diff(*b) > FAR));
             #[allow(clippy::cast_possible_truncation, reason = "the palette has 256 colours")]
             let index = (nearest + 1).min(255) as u8;
             index
         };
-        picture.pixels.iter().enumerate().map(index).collect()
+        let indices = picture.pixels.iter().enumerate().map(index).collect();
+        (indices, lacks)
+    }
+}
+
+/// RGBA bytes of the opaque pixels of a picture.
+fn opaque_pixels(picture: &Picture) -> impl Iterator<Item = u8> + '_ {
+    // Half-transparent pixels count as opaque from alpha 128 on: GIF knows no partial transparency.
+    picture.pixels.iter().filter(|p| p[3] >= 128).flat_map(|p| [p[0], p[1], p[2], 255])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// RGBA bytes of the frames of a GIF of these pictures.
+    fn shown(pictures: &[Picture]) -> Vec<Vec<u8>> {
+        let mut file = Vec::new();
+        let size = [pictures[0].width, pictures[0].height];
+        let timing = ClipTiming { frames: 3, fps: (24, 1) };
+        let mut clip = ClipWriter::new(&mut file, ClipFormat::Gif, size, timing, true).expect("a GIF");
+        pictures.iter().for_each(|p| clip.frame(p).expect("a frame"));
+        clip.finish().expect("an end");
+        let mut options = gif::DecodeOptions::new();
+        options.set_color_output(gif::ColorOutput::RGBA);
+        let mut reader = options.read_info(&file[..]).expect("a GIF");
+        let mut frames = Vec::new();
+        while let Some(frame) = reader.read_next_frame().expect("a frame") {
+            frames.push(frame.buffer.to_vec());
+        }
+        frames
+    }
+
+    #[test]
+    fn colors_that_appear_later_are_shown_and_earlier_ones_stay() {
+        // A grey gradient; then green covers 1/16 of it, then orange another sixteenth.
+        let grey = |i: usize| {
+            let v = u8::try_from(60 + i / 8 % 128).expect("a byte");
+            [v, v, v, 255]
+        };
+        let mut pictures = vec![Picture { width: 64, height: 64, pixels: (0..4096).map(grey).collect() }; 3];
+        let (green, orange) = ([30, 140, 40, 255], [220, 110, 20, 255]);
+        pictures[1].pixels[..256].fill(green);
+        pictures[2].pixels[..256].fill(green);
+        pictures[2].pixels[1024..1280].fill(orange);
+        let frames = shown(&pictures);
+        assert_eq!(frames.len(), 3);
+        // Within the limit of a missing colour plus the dithering, which is 4 at most.
+        for (frame, picture) in frames.iter().zip(&pictures) {
+            let far = frame
+                .chunks_exact(4)
+                .zip(&picture.pixels)
+                .filter(|(a, b)| a.iter().zip(b.iter()).any(|(x, y)| x.abs_diff(*y) > FAR + 4));
+            assert!(far.count() <= 2, "colours are missing");
+        }
+    }
+
+    #[test]
+    fn a_palette_that_suffices_is_kept() {
+        let picture = |v: u8| Picture::filled(16, 16, [v, 100, 50, 255]);
+        let mut palette = Palette::of(&picture(90));
+        palette.indices(&picture(90));
+        let before = palette.colors.clone();
+        palette.indices(&picture(94));
+        assert_eq!(palette.colors, before);
+        palette.indices(&picture(190));
+        assert_ne!(palette.colors, before);
     }
 }

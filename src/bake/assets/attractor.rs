@@ -17,10 +17,10 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::{Error, Result};
 use osier_ifs::affine::{Affine, turn_z};
-use osier_ifs::cloud::{AttractorPoints, DrawRequest, cloud, voxels};
+use osier_ifs::cloud::{AttractorPoints, DrawRequest, cloud, drop_hidden, voxels};
 use osier_ifs::color::ColorLabels;
 use osier_ifs::game::{Escapes, InstructionSet};
-use osier_ifs::histogram::{PictureWindow, histogram};
+use osier_ifs::histogram::{Histogram, PictureWindow, histogram};
 use osier_ifs::picture::{Density, DensityEstimator, ToneMapping, density};
 use osier_ifs::{Ifs, PictureView};
 use osier_scene::{Asset, AssetKind, Attribute, AttributeData, Material, MaterialClass, Points, Trs};
@@ -102,7 +102,9 @@ fn build_attractor(
                 points: u64::from(keys.points),
                 tier: InstructionSet::Best,
             };
-            cloud(&request, &color_labels(recipe), &recipe.extent, foot, scale)
+            let mut drawn = cloud(&request, &color_labels(recipe), &recipe.extent, foot, scale);
+            drop_hidden(&mut drawn, &recipe.system, seed);
+            drawn
         }
     };
     check_escapes(recipe, cloud.escapes)?;
@@ -213,7 +215,7 @@ pub fn ifs_density(
     let small = u64::from(keys.width) * u64::from(keys.height);
     let count = keys.points.map_or(DEFAULT_POINTS_PER_PIXEL * small, u64::from).max(1);
     context.limits.check("points", count, "the number of points")?;
-    let colors = if is_colored_by_density(recipe) { None } else { Some(color_labels(recipe)) };
+    let colors = picture_labels(recipe);
     let cloud_keys = &recipe.keys;
     // Count the points that fall into each oversampled pixel, then estimate densities from the counts.
     let view = recipe.system.view.filter(|_| keys.fit == PictureFit::View);
@@ -229,7 +231,7 @@ pub fn ifs_density(
     check_escapes(recipe, counts.escapes)?;
     context.cancel.check()?;
     let estimator = DensityEstimator { radius: keys.spread, minimum: keys.spread_min, curve: keys.spread_curve };
-    let drawn = density(&counts, keys.oversample as usize, (keys.spread > 0.0).then_some(estimator));
+    let drawn = picture_density(recipe, &counts, keys.oversample as usize, (keys.spread > 0.0).then_some(estimator));
     let tone = ToneMapping { exposure: keys.exposure, gamma: keys.gamma, background: keys.background };
     let flat = cloud_keys.colors.first().copied().unwrap_or([0.05, 0.15, 0.03]);
     Ok((drawn, tone, flat))
@@ -239,7 +241,27 @@ fn is_colored_by_density(recipe: &AttractorRecipe) -> bool {
     recipe.keys.color_by == ColorBy::Density
 }
 
-pub(crate) fn color_labels(recipe: &AttractorRecipe) -> ColorLabels {
+/// Labels of the points of a picture. A picture of the density alone needs them only where maps draw a share of their points.
+pub(crate) fn picture_labels(recipe: &AttractorRecipe) -> Option<ColorLabels> {
+    let is_shared = recipe.system.maps.iter().any(|m| m.opacity < 1.0);
+    (is_shared || !is_colored_by_density(recipe)).then(|| color_labels(recipe))
+}
+
+/// The density of counts, with colours unless the recipe colours by density.
+pub(crate) fn picture_density(
+    recipe: &AttractorRecipe,
+    counts: &Histogram,
+    oversample: usize,
+    estimator: Option<DensityEstimator>,
+) -> Density {
+    let mut drawn = density(counts, oversample, estimator);
+    if is_colored_by_density(recipe) {
+        drawn.color.clear();
+    }
+    drawn
+}
+
+fn color_labels(recipe: &AttractorRecipe) -> ColorLabels {
     ColorLabels::new(&recipe.system, color_mode(recipe.keys.color_by, recipe.keys.prefix), &recipe.keys.colors)
 }
 

@@ -4,19 +4,18 @@ use glam::DVec3;
 
 use crate::bake::BakeContext;
 use crate::bake::assets::attractor::{
-    DEFAULT_POINTS_PER_PIXEL, MAX_HISTOGRAM_BYTES, check_escapes, color_labels, trimmed_bounds,
+    DEFAULT_POINTS_PER_PIXEL, MAX_HISTOGRAM_BYTES, check_escapes, picture_density, picture_labels, trimmed_bounds,
 };
-use crate::recipe::scene::ColorBy;
 use crate::recipe::{AttractorRecipe, LayerRecipe, Recipe};
 use osier_base::math::{lerp, narrow};
 use osier_base::rng::{mix64, word};
 use osier_base::units::srgb_from_linear;
 use osier_base::{Error, Result};
+use osier_ifs::affine::Affine;
 use osier_ifs::cloud::DrawRequest;
-use osier_ifs::color::ColorLabels;
 use osier_ifs::game::InstructionSet;
 use osier_ifs::histogram::{PictureWindow, histogram};
-use osier_ifs::picture::{ToneMapping, density, opacity};
+use osier_ifs::picture::{ToneMapping, opacity};
 
 /// Bytes per pixel of a layer at most: counts, colours, densities.
 const BYTES_PER_PIXEL: u64 = 96;
@@ -174,18 +173,22 @@ fn attractor_layer(
     let pixel = natural.y / rect.height as f64;
     let stretch = DVec3::new(pixel * rect.width as f64 / natural.x, 1.0, 1.0);
     let mut system = cloud.system.clone();
-    for map in &mut system.maps {
-        map.affine = map.affine.conjugated(stretch, DVec3::ZERO);
+    if system.condensation.is_empty() {
+        for map in &mut system.maps {
+            map.affine = map.affine.conjugated(stretch, DVec3::ZERO);
+        }
+        system.last = system.last.map(|a| a.conjugated(stretch, DVec3::ZERO));
+    } else {
+        // Discs and segments cannot be stretched themselves: the points are, after all maps.
+        system.last = Some(Affine::scaling(stretch, DVec3::ZERO).after(&system.last.unwrap_or(Affine::IDENTITY)));
     }
-    system.last = system.last.map(|a| a.conjugated(stretch, DVec3::ZERO));
     let middle = (low + high) * 0.5 * stretch;
     let window = PictureWindow { width: rect.width, height: rect.height, center: [middle.x, middle.y], pixel };
     let seed = mix64(&[scene.general.seed, word("layer"), index as u64]);
     let request = DrawRequest { system: &system, study: &cloud.study, seed, points: count, tier: InstructionSet::Best };
-    let colors: Option<ColorLabels> = (cloud.keys.color_by != ColorBy::Density).then(|| color_labels(cloud));
-    let counts = histogram(&request, colors.as_ref(), &window);
+    let counts = histogram(&request, picture_labels(cloud).as_ref(), &window);
     check_escapes(cloud, counts.escapes)?;
-    let drawn = density(&counts, 1, None);
+    let drawn = picture_density(cloud, &counts, 1, None);
     let tone = ToneMapping {
         exposure: keys.exposure.unwrap_or(scene.picture.exposure),
         gamma: keys.gamma.unwrap_or(scene.picture.gamma),

@@ -3,6 +3,7 @@
 use super::super::Context;
 use super::super::args::{Preview, QualityArg};
 use super::super::numbers::{self, KeyValues, key_values};
+use super::source::ending;
 use crate::scene_preview::{PreviewBackground, PreviewOptions, PreviewView};
 use osier_preview::{CameraView, Quality};
 
@@ -44,6 +45,14 @@ impl PreviewFlags {
             return Err("--seeds/--sweep, --frames, --turntable and --compare exclude each other".into());
         }
         let moving = !frames.is_empty() || args.turntable.is_some();
+        // Clips choose their format by the ending; everything else is a PNG, whatever the name says.
+        let ending = args.output.as_deref().filter(|_| !moving).map(ending).unwrap_or_default();
+        if !matches!(ending.as_str(), "" | "png" | "apng") {
+            return Err(format!("a picture is written as .png, not as .{ending}"));
+        }
+        if args.output.as_deref().is_some_and(|path| path.as_os_str() == "-") {
+            return Err("a preview is written to a file, not to standard output".into());
+        }
         let size = match &args.size {
             Some(text) => size(text, context)?,
             // Pictures are smaller by default if one run renders many.

@@ -33,9 +33,24 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             return Ok(2);
         }
     };
+    if let Some(flag) = flag_unfit_for_meshes(context, args) {
+        context.console.complain(&format!(
+            "{flag}: \"{}\" is a finished mesh, which no seed, key or step changes; preview its scene",
+            args.source
+        ));
+        return Ok(2);
+    }
     // A picture of layers has a fixed size, and no space for a camera.
     if let Some((recipe, report)) = source::layered_picture(context, args)? {
         context.console.report(&report);
+        if let Some(flag) = flag_unfit_for_layers(args) {
+            let why = format!(
+                "{flag}: \"{}\" is a picture of layers, which only --size, --seed and --set change",
+                args.source
+            );
+            context.console.complain(&why);
+            return Ok(2);
+        }
         return write_layers(context, args, recipe, &flags, !report.diagnostics.is_empty());
     }
     let display = ProgressDisplay::new(&context.console);
@@ -66,6 +81,37 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             Ok(2)
         }
     }
+}
+
+/// The first flag given that changes how a scene is made, if all sources are meshes or bakes, which are made already.
+fn flag_unfit_for_meshes(context: &Context, args: &Preview) -> Option<&'static str> {
+    if !std::iter::once(&args.source).chain(&args.compare).all(|name| source::is_finished(name)) {
+        return None;
+    }
+    let given = [
+        ("--seeds", args.seeds.is_some()),
+        ("--sweep", !args.sweep.is_empty()),
+        ("--seed", context.sources.seed.is_some()),
+        ("--set", !context.sources.set.is_empty()),
+        ("--steps", args.steps.is_some()),
+    ];
+    given.iter().find(|flag| flag.1).map(|flag| flag.0)
+}
+
+/// The first flag given for a camera, for light or for several pictures, of which a picture of layers has neither.
+fn flag_unfit_for_layers(args: &Preview) -> Option<&'static str> {
+    let given = [
+        ("--view", args.view.is_some()),
+        ("--sun", args.sun.is_some()),
+        ("--background", args.background.is_some()),
+        ("--frame", args.frame.is_some()),
+        ("--frames", args.frames.is_some()),
+        ("--turntable", args.turntable.is_some()),
+        ("--seeds", args.seeds.is_some()),
+        ("--sweep", !args.sweep.is_empty()),
+        ("--compare", args.compare.is_some()),
+    ];
+    given.iter().find(|flag| flag.1).map(|flag| flag.0)
 }
 
 /// Composes a picture of layers in the size of its keys, or in that of `--size`.

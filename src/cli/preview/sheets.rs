@@ -168,10 +168,19 @@ struct PlannedCell {
 impl PlannedCell {
     fn new(variation: Variation) -> Self {
         let seed = variation.seed.map(|s| format!("seed {s}"));
-        let values = variation.set.iter().map(|s| s.replace('=', " = "));
-        let caption = seed.into_iter().chain(values).collect::<Vec<_>>().join(", ");
+        let caption = seed.into_iter().chain(captions(&variation.set)).collect::<Vec<_>>().join(", ");
         Self { variation, caption }
     }
+}
+
+/// The overrides of a cell as `NAME = VALUE`. The title has whole keys, of which a caption as wide as a picture would show little
+/// more than the tables: names are their last parts, unless two keys end alike.
+fn captions(set: &[String]) -> Vec<String> {
+    let pairs: Vec<(&str, &str)> = set.iter().filter_map(|s| s.split_once('=')).collect();
+    let names: Vec<&str> = pairs.iter().map(|(key, _)| key.rsplit('.').next().unwrap_or(key)).collect();
+    let is_alike = |name: &str| names.iter().filter(|other| **other == name).count() > 1;
+    let named = pairs.iter().zip(&names);
+    named.map(|((key, value), name)| format!("{} = {value}", if is_alike(name) { key } else { name })).collect()
 }
 
 /// All cells row by row, and the number of columns. Of two axes the first runs across and the second down; seeds are the last
@@ -204,5 +213,19 @@ fn plan(flags: &PreviewFlags) -> (Vec<PlannedCell>, usize) {
         }
         [one, ..] => (one.iter().cloned().map(PlannedCell::new).collect(), contact_sheet_columns(one.len())),
         [] => (Vec::new(), 1),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::captions;
+
+    #[test]
+    fn captions_name_the_last_part_of_a_key_unless_two_are_alike() {
+        let of = |set: &[&str]| captions(&set.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>()).join(", ");
+        assert_eq!(of(&["plants.birch.set.HANG=0.3", "plants.birch.set.RISE=30"]), "HANG = 0.3, RISE = 30");
+        assert_eq!(of(&["plants.a.seed=1", "plants.b.seed=2"]), "plants.a.seed = 1, plants.b.seed = 2");
+        assert_eq!(of(&["angle=30"]), "angle = 30");
+        assert_eq!(of(&[]), "");
     }
 }

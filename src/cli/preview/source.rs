@@ -43,7 +43,7 @@ pub fn load(
     let name = variation.source.as_deref().unwrap_or(name);
     let path = Path::new(name);
     let ending = ending(path);
-    if path.is_dir() {
+    if is_bake(path) {
         return PreviewScene::of_bake(path, &context.common.search, &context.limits);
     }
     if MESH_ENDINGS.contains(&ending.as_str()) {
@@ -69,7 +69,7 @@ pub fn load(
 pub fn layered_picture(context: &Context, args: &Preview) -> Result<Option<(Recipe, Report)>> {
     let path = Path::new(&args.source);
     // Standard input can be read only once; meshes and folders are not scenes.
-    if args.source == "-" || path.is_dir() || (args.source.contains('.') && ending(path) != "toml") {
+    if args.source == "-" || is_bake(path) || (args.source.contains('.') && ending(path) != "toml") {
         return Ok(None);
     }
     let request = find_scene(&args.source, &context.sources)?;
@@ -78,6 +78,17 @@ pub fn layered_picture(context: &Context, args: &Preview) -> Result<Option<(Reci
         return Ok(None);
     }
     Ok(Some(resolve(&request)?).filter(|(recipe, _)| !recipe.layers.is_empty()))
+}
+
+/// Whether a source is a mesh file or the folder of a bake, whose shapes depend on no seed and no key.
+pub fn is_finished(name: &str) -> bool {
+    let path = Path::new(name);
+    is_bake(path) || MESH_ENDINGS.contains(&ending(path).as_str())
+}
+
+/// Whether a source is the folder of a bake. Any other folder may have the name of a preset.
+fn is_bake(path: &Path) -> bool {
+    path.is_dir() && path.join("manifest.json").exists()
 }
 
 /// Ending of a file name, in lower case, without its dot.

@@ -348,6 +348,15 @@ impl Resolver<'_> {
                 }
             }
         }
+        let others =
+            [(&keys.ifs, "a coefficient table"), (&keys.shapes, "particle-shapes"), (&keys.mesh, "an imported mesh")];
+        if let Some((_, what)) = others.iter().find(|(file, _)| file.is_some())
+            && let Some(entry) = table.get("set")
+        {
+            let text = format!("{path}.set has no effect on {what}");
+            let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
+            self.report.push(d.help("only a grammar has #defines"));
+        }
         let mut companions = Companions::default();
         // One of mesh, grammar, coefficient table and particle-shapes grows the plant. `letters` are the organs that it uses.
         let (growth, source, mut letters) = match (&keys.grammar, &keys.ifs) {

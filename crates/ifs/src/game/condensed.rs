@@ -77,12 +77,12 @@ fn point(shape: &CondensationShape, [u, v, w]: [f64; 3], dim: usize) -> DVec3 {
     }
 }
 
-/// A point of a convex polygon: a triangle of its fan by area, then a place in it.
+/// A point of a polygon: a triangle of the fan from its first corner by area, then a place in it.
 fn polygon_point(points: &[[f64; 2]], [u, v, w]: [f64; 3]) -> DVec3 {
     let corner = |i: usize| points.get(i).map_or(DVec3::ZERO, |p| DVec3::new(p[0], p[1], 0.0));
     let area = |i: usize| (corner(i) - corner(0)).cross(corner(i + 1) - corner(0)).z.abs();
     let last = points.len().saturating_sub(1);
-    // The fan of triangles from the first corner covers a convex polygon.
+    // The fan covers polygons that are seen whole from their first corner; readers refuse others.
     let total = (1..last).fold(0.0, |s, i| s + area(i));
     let mut left = u * total;
     let mut pick = 1;

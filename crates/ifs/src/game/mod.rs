@@ -81,6 +81,8 @@ impl Chunk {
 pub trait PointSink {
     /// Receives up to [`CHUNK`] steps of all lanes, of which `chunk.steps` are valid.
     fn take(&mut self, chunk: &Chunk);
+    /// Receives steps of the warm-up: no points of the result, but the words of the points after them begin here.
+    fn warm_up(&mut self, _chunk: &Chunk) {}
     /// A block begins: state of the block before must be cleared.
     fn begin(&mut self) {}
     /// A lane has escaped and restarts at the start point: its history must be cleared.
@@ -203,10 +205,11 @@ impl ChaosGame {
         let mut lanes = self.lanes(block);
         let mut chunk = Chunk::new();
         sink.begin();
-        // Warm-up: steps until the start is forgotten; their points are not handed over.
+        // Warm-up: steps until the start is forgotten; their points are not drawn.
         let mut left = u64::from(self.warm_up);
         while left > 0 {
             left -= self.advance(&mut lanes, &mut chunk, left);
+            sink.warm_up(&chunk);
         }
         let mut escapes = Escapes::default();
         let (mut left, mut count) = (steps, 0);

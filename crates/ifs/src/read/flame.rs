@@ -91,7 +91,8 @@ pub(super) fn read(reader: &mut IfsReader<'_>) -> Vec<Ifs> {
         }
     };
     let flames = document.descendants().filter(|n| n.has_tag_name("flame"));
-    let systems: Vec<Ifs> = flames.filter_map(|f| FlameReader { reader, shift }.flame(f)).collect();
+    let systems: Vec<Ifs> =
+        flames.enumerate().filter_map(|(index, f)| FlameReader { reader, shift, index }.flame(f)).collect();
     if systems.is_empty() && !reader.report.has_errors() {
         let span = reader.span(0, 0);
         let d = Diagnostic::error("I033", "no flame in this file", span, "no <flame>");
@@ -113,6 +114,8 @@ struct FlameReader<'a, 'r> {
     reader: &'a mut IfsReader<'r>,
     /// Bytes that were put before the text.
     shift: usize,
+    /// Place of the flame among those of the file, from 0.
+    index: usize,
 }
 
 impl FlameReader<'_, '_> {
@@ -134,8 +137,13 @@ impl FlameReader<'_, '_> {
         for a in node.attributes().filter(|a| !FLAME_ATTRIBUTES.contains(&a.name())) {
             self.warn_unknown(&a);
         }
+        // Sequences of flam3 have no names: the first flame is called after the file, others are numbered.
+        let unnamed = || match self.index {
+            0 => self.reader.stem.clone(),
+            i => format!("{}_{}", self.reader.stem, i + 1),
+        };
         let mut ifs = Ifs {
-            name: node.attribute("name").unwrap_or(&self.reader.stem).to_owned(),
+            name: node.attribute("name").map_or_else(unnamed, str::to_owned),
             dim: 2,
             maps: Vec::new(),
             chaos: None,
@@ -154,6 +162,8 @@ impl FlameReader<'_, '_> {
                     rows.push(self.numbers_attribute(child, "chaos"));
                     ifs.maps.push(map);
                 }
+                // Apophysis keeps a final transform that is switched off.
+                "finalxform" if child.attribute("enabled") == Some("0") => {}
                 "finalxform" => ifs.last = Some(self.map(child)?.affine),
                 "color" | "palette" | "edit" | "colors" => {}
                 other => self.reject_nonlinear(self.tag(child), &format!("<{other}>")),
@@ -214,14 +224,16 @@ impl FlameReader<'_, '_> {
         let mut map = Map::new(post.after(&scaled).conjugated(flip, DVec3::ZERO), Some(weight), span);
         map.coord = self.number_attribute(node, "color", 0.0).clamp(0.0, 1.0);
         // Older files state the speed of the colour as symmetry = 1 - 2 speed.
-        map.speed = match node.attribute("symmetry") {
+        let speed = match node.attribute("symmetry") {
             Some(_) if node.attribute("color_speed").is_none() => {
                 (1.0 - self.number_attribute(node, "symmetry", 0.0)) * 0.5
             }
             _ => self.number_attribute(node, "color_speed", 0.5),
         };
-        map.opacity =
-            if node.attribute("plotmode") == Some("off") { 0.0 } else { self.number_attribute(node, "opacity", 1.0) };
+        // Beyond 0 to 1 a colour coordinate would leave the palette.
+        map.speed = speed.clamp(0.0, 1.0);
+        let opacity = self.number_attribute(node, "opacity", 1.0).clamp(0.0, 1.0);
+        map.opacity = if node.attribute("plotmode") == Some("off") { 0.0 } else { opacity };
         Some(map)
     }
 
@@ -312,13 +324,20 @@ impl FlameReader<'_, '_> {
             }
         }
         out.sort_by(|a, b| a.0.total_cmp(&b.0));
-        if let Some(p) = node.children().find(|c| c.has_tag_name("palette")) {
-            let digits: Vec<u8> = p.text().unwrap_or_default().bytes().filter(u8::is_ascii_hexdigit).collect();
-            let skip = usize::from(p.attribute("format") == Some("RGBA"));
+        let bytes = |text: &str| -> Vec<u8> {
+            let digits: Vec<u8> = text.bytes().filter(u8::is_ascii_hexdigit).collect();
             let byte = |c: &[u8]| std::str::from_utf8(c).ok().and_then(|t| u8::from_str_radix(t, 16).ok()).unwrap_or(0);
-            let bytes: Vec<u8> = digits.chunks_exact(2).map(byte).collect();
-            let color = |c: &[u8]| [linear(c[0].into()), linear(c[1].into()), linear(c[2].into())];
-            out = bytes.chunks_exact(3 + skip).map(|c| (0.0, color(c))).collect();
+            digits.chunks_exact(2).map(byte).collect()
+        };
+        let color = |c: &[u8]| [linear(c[0].into()), linear(c[1].into()), linear(c[2].into())];
+        // Older versions of Apophysis write 00RRGGBB per colour.
+        let data = node.children().find(|c| c.has_tag_name("colors")).and_then(|c| c.attribute("data"));
+        if let Some(data) = data {
+            out = bytes(data).chunks_exact(4).map(|c| (0.0, color(&c[1..]))).collect();
+        }
+        if let Some(p) = node.children().find(|c| c.has_tag_name("palette")) {
+            let skip = usize::from(p.attribute("format") == Some("RGBA"));
+            out = bytes(p.text().unwrap_or_default()).chunks_exact(3 + skip).map(|c| (0.0, color(c))).collect();
         }
         out.into_iter().take(65_536).map(|c| c.1).collect()
     }

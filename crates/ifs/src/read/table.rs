@@ -32,6 +32,11 @@ const MAP_KEYS: &[&str] = &[
 ];
 const BRANCH_KEYS: &[&str] = &["h", "roll", "pitch", "scale"];
 const CONDENSATION_KEYS: &[&str] = &["segment", "disc", "polygon", "mesh", "weight"];
+const SEGMENT_KEYS: &[&str] = &["from", "to", "radius"];
+const DISC_KEYS: &[&str] = &["center", "radius"];
+/// Forms of a map and of a condensation set, one of which each has.
+const MAP_FORMS: &[&str] = &["abcdef", "abcdefghijkl", "rq", "branch"];
+const SHAPES: &[&str] = &["segment", "disc", "polygon", "mesh"];
 const MESH_KEYS: &[&str] = &["file", "scale", "up"];
 const MESH_ENDINGS: &[&str] = &[".obj", ".glb", ".gltf"];
 
@@ -98,6 +103,16 @@ impl TableReader<'_, '_> {
                 None => d.help(format!("known here: {}", known.join(", "))),
             };
             self.reader.push(d);
+        }
+    }
+
+    /// I033 for a table with several of `forms`, of which all but one would be ignored.
+    fn check_forms(&mut self, table: &DeTable<'_>, place: &str, forms: &[&str]) {
+        let given: Vec<_> = table.iter().filter(|(k, _)| forms.contains(&k.get_ref().as_ref())).collect();
+        if let [(first, _), (second, _), ..] = given[..] {
+            let text = format!("{place} is {} or {}, not both", first.get_ref(), second.get_ref());
+            let d = Diagnostic::error("I033", text, self.at(second.span()), "a second form");
+            self.reader.push(d.help("remove one of them"));
         }
     }
 
@@ -212,11 +227,16 @@ impl TableReader<'_, '_> {
                 String::new()
             }
         };
-        let dim = match table.get("dim").and_then(|i| self.number(i, "dim")) {
-            // Any other dimension is read as the plane; its maps then name what is wrong.
-            Some(d) if (d - 3.0).abs() < 0.5 => 3,
-            _ => 2,
-        };
+        // Maps of any other dimension are read as those of the plane, so that their faults show as well.
+        let mut dim = 2;
+        if let Some(item) = table.get("dim")
+            && let Some(d) = self.number(item, "dim")
+        {
+            match [2.0_f64, 3.0].iter().position(|known| (d - known).abs() < 1e-9) {
+                Some(i) => dim += i,
+                None => self.report_type(item, "dim", "2 or 3"),
+            }
+        }
         let span = self.at(table.get("name").map_or(range, Spanned::span));
         let maps = self.maps(table, dim, span);
         let ifs = Ifs {
@@ -293,6 +313,11 @@ impl TableReader<'_, '_> {
 
     fn map(&mut self, t: &DeTable<'_>, item: &TomlItem<'_>, dim: usize) -> Option<Map> {
         self.check_keys(t, "a map", MAP_KEYS);
+        self.check_forms(t, "a map", MAP_FORMS);
+        if let Some(shift) = t.get("shift").filter(|_| !t.contains_key("rq")) {
+            let d = Diagnostic::error("I033", "shift belongs to rq", self.at(shift.span()), "no rq beside it");
+            self.reader.push(d.help("other forms of a map contain the shift"));
+        }
         let span = self.at(item.span());
         let mut branch = None;
         // A map is given in one of four forms, two for the plane and two for space.
@@ -352,12 +377,15 @@ impl TableReader<'_, '_> {
         for item in list {
             let Some(t) = self.table(item, "condensation") else { continue };
             self.check_keys(t, "a condensation set", CONDENSATION_KEYS);
+            self.check_forms(t, "a condensation set", SHAPES);
             let weight = self.share(t, "weight", 0.05);
             let shape = match t.get("mesh") {
                 Some(mesh) => self.mesh(mesh, dim).map(CondensationShape::Mesh),
                 None => {
+                    let before = self.reader.report.diagnostics.len();
                     let shape = self.shape(t);
-                    if shape.is_none() {
+                    // A faulty number in it has been reported.
+                    if shape.is_none() && self.reader.report.diagnostics.len() == before {
                         self.report_type(item, "condensation", "a segment, disc, polygon or mesh");
                     }
                     shape
@@ -424,7 +452,8 @@ impl TableReader<'_, '_> {
         };
         if let Some(item) = t.get("segment") {
             let s = self.table(item, "segment")?;
-            let radius = s.get("radius").map_or(Some(0.05), |i| self.number(i, "radius"))?.max(0.0);
+            self.check_keys(s, "a segment", SEGMENT_KEYS);
+            let radius = s.get("radius").map_or(Some(0.05), |i| self.number_in(i, "radius", 0.0..))?;
             return Some(CondensationShape::Segment {
                 from: point(self, s, "from")?,
                 to: point(self, s, "to")?,
@@ -433,17 +462,39 @@ impl TableReader<'_, '_> {
         }
         if let Some(item) = t.get("disc") {
             let s = self.table(item, "disc")?;
-            let radius = s.get("radius").map_or(Some(1.0), |i| self.number(i, "radius"))?.max(0.0);
+            self.check_keys(s, "a disc", DISC_KEYS);
+            let radius = s.get("radius").map_or(Some(1.0), |i| self.number_in(i, "radius", 0.0..))?;
             return Some(CondensationShape::Disc { center: point(self, s, "center")?, radius });
         }
-        let list = self.list(t.get("polygon")?, "polygon")?;
+        let polygon = t.get("polygon")?;
+        let list = self.list(polygon, "polygon")?;
         let mut points = Vec::new();
         for item in list {
             let v = self.numbers(item, "polygon", 2)?;
             points.push([v[0], v[1]]);
         }
+        if !is_fan(&points) {
+            let text = "the polygon has a corner that its first corner does not see";
+            let d = Diagnostic::error("I033", text, self.at(polygon.span()), "not convex");
+            self.reader
+                .push(d.help("begin at another corner, or divide it into convex polygons that share the weight"));
+        }
         (points.len() >= 3).then_some(CondensationShape::Polygon { points })
     }
+}
+
+/// Whether the triangles from the first corner to the edges cover a polygon once, as points are drawn: seen from there all edges
+/// run the same way round.
+fn is_fan(points: &[[f64; 2]]) -> bool {
+    let Some((first, rest)) = points.split_first() else { return true };
+    let area = |pair: &[[f64; 2]]| {
+        let [a, b] = [pair[0], pair[1]].map(|p| [p[0] - first[0], p[1] - first[1]]);
+        a[0] * b[1] - a[1] * b[0]
+    };
+    let areas: Vec<f64> = rest.windows(2).map(area).collect();
+    // Corners on one line have areas of rounding errors.
+    let slack = 1e-9 * areas.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    areas.iter().all(|v| *v >= -slack) || areas.iter().all(|v| *v <= slack)
 }
 
 #[allow(clippy::cast_precision_loss, reason = "whole numbers of tables are small")]

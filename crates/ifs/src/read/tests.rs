@@ -200,6 +200,50 @@ fn flames_keep_chaos_post_and_palette() {
 }
 
 #[test]
+fn every_encoding_of_a_flames_palette_is_read() {
+    let palette = |element: &str| {
+        let text =
+            format!("<flame name=\"x\"><xform weight=\"1\" linear=\"1\" coefs=\".5 0 0 .5 0 0\"/>{element}</flame>");
+        let (systems, report) = try_read("x.flame", &text);
+        assert!(report.diagnostics.is_empty(), "{report}");
+        systems[0].palette.clone()
+    };
+    // Red, then blue; 255 of sRGB is 1 in linear light.
+    let want = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+    for element in [
+        "<palette count=\"2\" format=\"RGB\">FF0000 0000FF</palette>",
+        "<palette count=\"2\" format=\"RGBA\">FF0000FF\n0000FF80</palette>",
+        "<colors count=\"2\" data=\"00FF0000000000FF\"/>",
+        "<color index=\"1\" rgb=\"0 0 255\"/><color index=\"0\" rgb=\"255 0 0\"/>",
+    ] {
+        let found = palette(element);
+        let near = |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-6);
+        assert!(found.len() == 2 && found.iter().zip(&want).all(near), "{element}: {found:?}");
+    }
+}
+
+#[test]
+fn flames_without_names_are_numbered() {
+    let flame = "<flame time=\"0\"><xform weight=\"1\" linear=\"1\" coefs=\".5 0 0 .5 0 0\"/></flame>";
+    let (systems, report) = try_read("walk.flame", &format!("<flames>{flame}{flame}{flame}</flames>"));
+    assert!(report.diagnostics.is_empty(), "{report}");
+    let names: Vec<&str> = systems.iter().map(|s| s.name.as_str()).collect();
+    assert_eq!(names, ["walk", "walk_2", "walk_3"]);
+}
+
+#[test]
+fn what_a_flame_switches_off_stays_off() {
+    let text = "<flame name=\"x\"><xform weight=\"1\" linear=\"1\" coefs=\".5 0 0 .5 0 0\" color_speed=\"3\" opacity=\"2\"/>\
+        <finalxform enabled=\"0\" linear=\"1\" coefs=\"1 0 0 1 9 0\"/></flame>";
+    let (systems, report) = try_read("x.flame", text);
+    assert!(report.diagnostics.is_empty(), "{report}");
+    let s = &systems[0];
+    assert_eq!((s.last, s.maps[0].speed, s.maps[0].opacity), (None, 1.0, 1.0));
+    let (on, _) = try_read("x.flame", &text.replace("enabled=\"0\"", "enabled=\"1\""));
+    assert!(on[0].last.is_some());
+}
+
+#[test]
 fn tables_hold_every_form_of_map() {
     let text = "[ifs]\nname = \"t\"\nweights = \"equal\"\nchaos = [[1, 1], [0, 1]]\nmap = [\n\
         { rq = [0.6, 0.5, 40, 40], shift = [0, 0.48], p = 0.2, colour = \"#4f7a2b\" },\n\
@@ -215,6 +259,48 @@ fn tables_hold_every_form_of_map() {
     let both = "[[ifs]]\nname = \"a\"\nmap = [{ abcdef = [0.5, 0, 0, 0.5, 0, 0] }]\n\
         [[ifs]]\nname = \"b\"\nmap = [{ abcdef = [0.5, 0, 0, 0.5, 0, 0] }]\n";
     assert_eq!(try_read("t.ifs.toml", both).0.len(), 2);
+}
+
+#[test]
+fn polygons_that_points_would_leave_and_other_dimensions_are_refused() {
+    let codes = |dim: &str, polygon: &str| {
+        let text = format!(
+            "[ifs]\nname = \"t\"\ndim = {dim}\nmap = [{{ abcdef = [0.5, 0, 0, 0.5, 0, 0] }}]\n\
+             condensation = [{{ polygon = {polygon}, weight = 0.1 }}]\n"
+        );
+        let (systems, report) = try_read("t.ifs.toml", &text);
+        let codes: Vec<&str> = report.diagnostics.iter().map(|d| d.code).collect();
+        assert_eq!(systems.is_empty(), !codes.is_empty(), "{report}");
+        codes
+    };
+    // A square with a notch from above: the bottom of the notch sees every corner, the corner (0, 0) does not see (1, 1).
+    assert_eq!(codes("2", "[[0.5, 0.1], [0, 1], [0, 0], [1, 0], [1, 1]]"), [] as [&str; 0]);
+    assert_eq!(codes("2", "[[0, 0], [1, 0], [1, 1], [0.5, 0.1], [0, 1]]"), ["I033"]);
+    // A pentagram crosses itself; a triangle with a corner on an edge, clockwise, is sound.
+    assert_eq!(codes("2", "[[0, 1], [-0.6, -0.8], [0.95, 0.3], [-0.95, 0.3], [0.6, -0.8]]"), ["I033"]);
+    assert_eq!(codes("2", "[[0, 0], [0, 0.3], [0, 0.9], [1, 0]]"), [] as [&str; 0]);
+    assert_eq!(codes("4", "[[0, 0], [1, 0], [1, 1]]"), ["I033"]);
+    assert_eq!(codes("2.0", "[[0, 0], [1, 0], [1, 1]]"), [] as [&str; 0]);
+}
+
+#[test]
+fn keys_that_would_be_ignored_are_faults() {
+    let codes = |map: &str, condensation: &str| {
+        let text =
+            format!("[ifs]\nname = \"t\"\nmap = [{{ {map} }}]\ncondensation = [{{ {condensation}, weight = 0.1 }}]\n");
+        try_read("t.ifs.toml", &text).1.diagnostics.iter().map(|d| d.code).collect::<Vec<&str>>()
+    };
+    let (map, disc) = ("abcdef = [0.5, 0, 0, 0.5, 0, 0]", "disc = { center = [0, 0], radius = 0 }");
+    assert_eq!(codes(map, disc), [] as [&str; 0]);
+    assert_eq!(codes("abcdef = [0.5, 0, 0, 0.5, 0, 0], rq = [0.5, 0.5, 0, 0]", disc), ["I033"]);
+    assert_eq!(codes("abcdef = [0.5, 0, 0, 0.5, 0, 0], shift = [1, 0]", disc), ["I033"]);
+    assert_eq!(codes("rq = [0.5, 0.5, 0, 0], shift = [1, 0]", disc), [] as [&str; 0]);
+    assert_eq!(codes(map, "disc = { center = [0, 0], radus = 2 }"), ["I032"]);
+    assert_eq!(codes(map, "disc = { center = [0, 0], radius = -1 }"), ["I041"]);
+    assert_eq!(codes(map, "segment = { from = [0, 0], to = [0, 1], width = 1 }"), ["I032"]);
+    assert_eq!(codes(map, "segment = { from = [0, 0], to = [0, 1], radius = -0.1 }"), ["I041"]);
+    assert_eq!(codes(map, &format!("{disc}, polygon = [[0, 0], [1, 0], [0, 1]]")), ["I033"]);
+    assert_eq!(codes(map, "disc = { radius = 1 }"), ["I033"]);
 }
 
 proptest! {
