@@ -382,6 +382,23 @@ fn leaves_change_over_a_clip() {
     assert!(count(leaves[1]) < count(leaves[0]));
 }
 
+/// The first and the last day of the year are both in winter: what is between them are the days, not their seasons.
+#[test]
+fn a_clip_of_a_year_has_a_summer() {
+    let text = "[frames]\nend = 13\n[plants.a]\nspecies = \"hazel\"\nage = 4\nseason = [\"01-01\", \"12-31\"]\nlatitude = 50\n";
+    let scene = assembled(text);
+    let leaves = scene.animated.scene.assets[0].instancers.iter().position(|i| i.name == "leaves").expect("leaves");
+    let shown = |number: u32| {
+        let frame =
+            motion::evaluate_frame(&scene.animated.scene, &scene.animated.motions, number, false).expect("a frame");
+        let InstancerFrame::State(state) = frame.assets[0].instancer(leaves) else { panic!("a state") };
+        state.alive.iter().filter(|a| **a).count()
+    };
+    // Frame 7 is day 183, in summer: every leaf is there.
+    let summer = count(&plant("[plants.a]\nspecies = \"hazel\"\nage = 4\nseason = 0.4\n"), "leaves");
+    assert!(summer > 0 && shown(1) == 0 && shown(7) == summer && shown(13) == 0, "{summer} {}", shown(7));
+}
+
 #[test]
 fn faults_of_a_season_are_told_at_their_place() {
     let with = |keys: &str| complaint(&format!("[plants.a]\ngrammar = \"birch.l\"\n{keys}"));
