@@ -11,7 +11,7 @@ use osier::limits::Limits;
 use osier::presets::PRESETS;
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Growth, Recipe, Request, resolve};
-use osier::scene::{Asset, AssetFrame, Frame, InstancerFrame, asset_bounds};
+use osier::scene::{Asset, AssetFrame, Frame, InstancerFrame, MeshFrame, asset_bounds};
 use serde_json::Value;
 
 use crate::common::program::{arg, ends};
@@ -242,6 +242,34 @@ fn a_clip_of_years_ends_as_the_tree_of_its_age() {
     };
     let shown = &frames[1].assets[0].instancers;
     assert!(shown.len() == 8 && shown.iter().map(alive).sum::<usize>() == leaves(still));
+}
+
+/// A birch of 4 years beside an oak of 12: when the oak is 6, it has not been sown.
+#[test]
+fn trees_that_grow_together_have_one_clock_in_both_directions() {
+    let text = |shares: &str| {
+        let plant = |name: &str, species: &str, age: u32| {
+            format!("[plants.{name}]\nspecies = \"{species}\"\nage = {age}\ngrowth_clip = {shares}\n")
+        };
+        let place = |name: &str, x: f32| format!("[[place]]\nplant = \"{name}\"\nat = [{x}, 0, 0]\ntogether = true\n");
+        let plants = plant("a", "oak", 12) + &plant("b", "birch", 4);
+        format!("[frames]\nend = 7\n{plants}{}{}", place("a", 0.0), place("b", 3.0))
+    };
+    // Height of the bark of the birch, m.
+    let heights = |shares: &str| -> Vec<f32> {
+        let scene = assembled(&text(shares));
+        let birch = scene.animated.scene.assets.iter().position(|a| a.group == "b").expect("the birch");
+        let top = |frame: &Frame| {
+            let MeshFrame::Points { points, .. } = &frame.assets[birch].meshes[0] else { panic!("points") };
+            points.iter().fold(0.0_f32, |h, p| h.max(p.y))
+        };
+        evaluated(&scene, &[1, 2, 3, 4, 5, 6, 7]).iter().map(top).collect()
+    };
+    let (forward, backward) = (heights("[0.5, 1]"), heights("[1, 0.5]"));
+    // Frames are a year apart: the oak is 6 to 12, the birch -2 to 4 years old.
+    assert!(forward[1] < 0.02 && forward[3] > 0.05 && forward[6] > 0.5, "{forward:?}");
+    let mut pairs = forward.iter().zip(backward.iter().rev());
+    assert!(pairs.all(|(a, b)| (a - b).abs() < 1e-3), "{forward:?} {backward:?}");
 }
 
 #[test]
