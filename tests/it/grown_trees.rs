@@ -222,6 +222,27 @@ fn faults_name_the_key_and_the_remedy() {
     }
 }
 
+/// Faults of a file point to its line, not to the scene.
+#[test]
+fn faults_of_a_species_file_are_shown_there() {
+    let dir = tempfile::tempdir().expect("dir");
+    let scene = dir.path().join("s.toml");
+    std::fs::write(&scene, "[plants.a]\nspecies = \"mine\"\n").expect("written");
+    let told = |species: &str| {
+        std::fs::write(dir.path().join("mine.species"), species).expect("written");
+        ends(1, &["check", arg(&scene)]).1
+    };
+    let maturity = told("age = 3\nmaturity = [5, 5]\n");
+    assert!(
+        maturity.contains("plants.a.habit: maturity must be") && maturity.contains("mine.species:2:1"),
+        "{maturity}"
+    );
+    assert_eq!(maturity.matches("S003").count(), 1, "{maturity}");
+    let stand = told("age = 3\nstand = 5\n");
+    assert!(stand.contains("plants.a.stand is a whole number, but must be a table"), "{stand}");
+    assert!(stand.contains("mine.species:2:9"), "{stand}");
+}
+
 /// A young oak that grows over eight frames.
 const CLIP: &str = "[frames]\nend = 8\n[plants.a]\nspecies = \"oak\"\nage = 12\n[plants.a.site]\nfrom = 4\n";
 
@@ -311,4 +332,10 @@ fn contradictory_clips_of_years_are_refused() {
     assert!(with("twigs = \"twigs.shapes\"\n[plants.a.site]\nto = 12\n").contains("twigs has no effect"));
     assert!(with("season = 0.5\n[plants.a.site]\nto = 12\n").contains("season has no effect"));
     assert!(with("[plants.a.site]\nto = 12\n[rain]\nrate_mm_per_h = 5\n").contains("to has no effect"));
+    assert!(with("[plants.a.site]\nto = 12\n[plants.a.rods]\n").contains("rods has no effect"));
+    // A scene without [frames] is one still picture.
+    for keys in ["growth_clip = [0, 0.5]\n", "[plants.a.site]\nto = 6\n"] {
+        let found = complaint(&format!("[plants.a]\nspecies = \"oak\"\nage = 12\n{keys}"));
+        assert!(found.contains("has no effect") && found.contains("set frames.end"), "{keys}: {found}");
+    }
 }

@@ -417,7 +417,7 @@ fn faults_of_a_season_are_told_at_their_place() {
     let clip = "season = [0.2, 0.8]\n";
     assert!(with(&format!("{clip}[rain]\n[frames]\nend = 3\n")).contains("rain meets leaves that stay"));
     assert!(with(&format!("{clip}motion = \"game\"\n")).contains("left to shaders"));
-    assert!(with(&format!("{clip}growth_clip = [0, 1]\n")).contains("grows over the clip"));
+    assert!(with(&format!("{clip}growth_clip = [0, 1]\n[frames]\nend = 3\n")).contains("grows over the clip"));
     assert!(with(&format!("{clip}[plants.a.rods]\n")).contains("leaves on rods stay"));
     let growing =
         "[frames]\nend = 9\n[plants.a]\nspecies = \"hazel\"\nseason = 0.8\n[plants.a.site]\nfrom = 1\nto = 4\n";
