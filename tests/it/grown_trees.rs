@@ -265,6 +265,23 @@ fn a_clip_of_years_ends_as_the_tree_of_its_age() {
     assert!(shown.len() == 8 && shown.iter().map(alive).sum::<usize>() == leaves(still));
 }
 
+/// Neither the branches that fell before nor the leaves of other years.
+#[test]
+fn a_mesh_at_rest_of_a_clip_of_years_is_the_tree_at_its_end() {
+    let dir = tempfile::tempdir().expect("dir");
+    let vertices = |name: &str, text: &str| {
+        let scene = dir.path().join(format!("{name}.toml"));
+        std::fs::write(&scene, format!("{text}[[place]]\nplant = \"a\"\n")).expect("written");
+        let out = dir.path().join(name);
+        ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out), "--formats", "obj"]);
+        let mesh = std::fs::read_to_string(out.join("obj/a.obj")).expect("a mesh");
+        mesh.lines().filter(|line| line.starts_with("v ")).count()
+    };
+    let clip = CLIP.replace("age = 12", "age = 7");
+    let still = clip.replace("[plants.a.site]\nfrom = 4\n", "");
+    assert_eq!(vertices("grown", &clip), vertices("still", &still));
+}
+
 /// A birch of 4 years beside an oak of 12: when the oak is 6, it has not been sown.
 #[test]
 fn trees_that_grow_together_have_one_clock_in_both_directions() {
