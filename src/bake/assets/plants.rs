@@ -70,7 +70,7 @@ impl BuiltPlant {
         context: &BakeContext<'_>,
     ) -> Result<Self> {
         let joints = recipe.output.unreal.joints;
-        let at_one_time = grown.at_one_time(context.limits)?;
+        let at_one_time = grown.at_one_time(plant, context.limits)?;
         let still = at_one_time.as_ref().unwrap_or(grown);
         let rig = build_rigged_plant(still, plant, materials, &self.asset, joints, context)?;
         let grows = grown.clip.is_some() || (plant.keys.growth_clip.is_some() && recipe.clip.len() > 1);
