@@ -222,6 +222,25 @@ fn faults_name_the_key_and_the_remedy() {
     }
 }
 
+/// A tree that grows for its place stands as it has grown, and what is no tree of light shares none.
+#[test]
+fn keys_without_effect_on_a_tree_in_its_place_are_told() {
+    let species = "[plants.a]\nspecies = \"oak.species\"\nage = 3\n";
+    let place = "[[place]]\nplant = \"a\"\nturn_deg = 50\nscale = 2\n";
+    for (text, why) in [
+        (format!("{species}{place}together = true\n"), "grows together"),
+        (format!("{species}[plants.a.site]\nsolids = true\n{place}"), "grows round solids"),
+        (format!("{species}[[plants.a.prune]]\nyear = 2\nkeep = [[-1, 0, -1], [1, 1, 1]]\n{place}"), "is cut"),
+    ] {
+        let found = complaint(&text);
+        assert!(found.contains("place.0.turn_deg has no effect") && found.contains(why), "{text}\n{found}");
+        assert!(found.contains("place.0.scale has no effect"), "{text}\n{found}");
+    }
+    assert_eq!(complaint(&format!("{species}{place}")), "");
+    let bush = "[plants.a]\nshapes = \"bush.shapes\"\n[[place]]\nplant = \"a\"\ntogether = true\n";
+    assert!(complaint(bush).contains("place.0.together has no effect"), "{}", complaint(bush));
+}
+
 /// Faults of a file point to its line, not to the scene.
 #[test]
 fn faults_of_a_species_file_are_shown_there() {
