@@ -5,12 +5,13 @@ use std::process::Command;
 
 use glam::Vec3;
 use osier::bake::BakeContext;
-use osier::bake::motion;
+use osier::bake::motion::{self, AssetMotion as _, CarriedPoints as _, FrameTime, PointOnAxis};
 use osier::bake::scene::{self, AssembledScene, SceneOptions};
 use osier::limits::Limits;
 use osier::presets::PRESETS;
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Growth, Recipe, Request, resolve};
+use osier::scene::plant::Plant;
 use osier::scene::{Asset, AssetFrame, Frame, InstancerFrame, MeshFrame, asset_bounds};
 use serde_json::Value;
 
@@ -282,6 +283,30 @@ fn a_clip_of_years_ends_as_the_tree_of_its_age() {
     };
     let shown = &frames[1].assets[0].instancers;
     assert!(shown.len() == 8 && shown.iter().map(alive).sum::<usize>() == leaves(still));
+}
+
+/// Catkins of a canopy hang where the twigs are at that moment.
+#[test]
+fn points_on_a_tree_grow_with_it() {
+    for (text, growth) in
+        [(CLIP.to_owned(), 0.5), (CLIP.replace("[plants.a.site]\nfrom = 4\n", "growth_clip = [0, 1]\n"), 1.0)]
+    {
+        let scene = assembled(&text);
+        let motion = scene.animated.motions[0].clone().expect("it grows");
+        // The end of the trunk: arc lengths beyond it are clamped.
+        let end = PointOnAxis { position: Vec3::ZERO, axis: 0, arc_length: 1e3 };
+        let carried = motion.carry_points(&Plant::default(), &[end]).expect("it carries points");
+        let height = |number: u32| {
+            carried.positions(FrameTime::of_frame(&scene.animated.scene, number)).expect("positions")[0].y
+        };
+        let frames = evaluated(&scene, &[1, 8]);
+        let top = |frame: &Frame| {
+            let MeshFrame::Points { points, .. } = &frame.assets[0].meshes[0] else { panic!("points") };
+            points.iter().fold(0.0_f32, |h, p| h.max(p.y))
+        };
+        assert!(height(8) > height(1) + growth, "{} {}", height(1), height(8));
+        assert!(height(1) < top(&frames[0]) + 0.05 && height(8) < top(&frames[1]) + 0.05, "{text}");
+    }
 }
 
 /// Neither the branches that fell before nor the leaves of other years.
