@@ -350,6 +350,8 @@ fn trees_that_grow_together_have_one_clock_in_both_directions() {
     let (forward, backward) = (heights("[0.5, 1]"), heights("[1, 0.5]"));
     // Frames are a year apart: the oak is 6 to 12, the birch -2 to 4 years old.
     assert!(forward[1] < 0.02 && forward[3] > 0.05 && forward[6] > 0.5, "{forward:?}");
+    // While the oak grows to 6 there is no birch.
+    assert!(heights("[0, 0.5]").iter().all(|h| *h < 0.02));
     let mut pairs = forward.iter().zip(backward.iter().rev());
     assert!(pairs.all(|(a, b)| (a - b).abs() < 1e-3), "{forward:?} {backward:?}");
 }
