@@ -5,13 +5,14 @@ use std::process::Command;
 
 use glam::Vec3;
 use osier::bake::BakeContext;
-use osier::bake::motion;
+use osier::bake::motion::{self, AssetMotion as _, CarriedPoints as _, FrameTime, PointOnAxis};
 use osier::bake::scene::{self, AssembledScene, SceneOptions};
 use osier::limits::Limits;
 use osier::presets::PRESETS;
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Growth, Recipe, Request, resolve};
-use osier::scene::{Asset, AssetFrame, Frame, InstancerFrame, asset_bounds};
+use osier::scene::plant::Plant;
+use osier::scene::{Asset, AssetFrame, Frame, InstancerFrame, MeshFrame, asset_bounds};
 use serde_json::Value;
 
 use crate::common::program::{arg, ends};
@@ -222,6 +223,46 @@ fn faults_name_the_key_and_the_remedy() {
     }
 }
 
+/// A tree that grows for its place stands as it has grown, and what is no tree of light shares none.
+#[test]
+fn keys_without_effect_on_a_tree_in_its_place_are_told() {
+    let species = "[plants.a]\nspecies = \"oak.species\"\nage = 3\n";
+    let place = "[[place]]\nplant = \"a\"\nturn_deg = 50\nscale = 2\n";
+    for (text, why) in [
+        (format!("{species}{place}together = true\n"), "grows together"),
+        (format!("{species}[plants.a.site]\nsolids = true\n{place}"), "grows round solids"),
+        (format!("{species}[[plants.a.prune]]\nyear = 2\nkeep = [[-1, 0, -1], [1, 1, 1]]\n{place}"), "is cut"),
+    ] {
+        let found = complaint(&text);
+        assert!(found.contains("place.0.turn_deg has no effect") && found.contains(why), "{text}\n{found}");
+        assert!(found.contains("place.0.scale has no effect"), "{text}\n{found}");
+    }
+    assert_eq!(complaint(&format!("{species}{place}")), "");
+    let bush = "[plants.a]\nshapes = \"bush.shapes\"\n[[place]]\nplant = \"a\"\ntogether = true\n";
+    assert!(complaint(bush).contains("place.0.together has no effect"), "{}", complaint(bush));
+}
+
+/// Faults of a file point to its line, not to the scene.
+#[test]
+fn faults_of_a_species_file_are_shown_there() {
+    let dir = tempfile::tempdir().expect("dir");
+    let scene = dir.path().join("s.toml");
+    std::fs::write(&scene, "[plants.a]\nspecies = \"mine\"\n").expect("written");
+    let told = |species: &str| {
+        std::fs::write(dir.path().join("mine.species"), species).expect("written");
+        ends(1, &["check", arg(&scene)]).1
+    };
+    let maturity = told("age = 3\nmaturity = [5, 5]\n");
+    assert!(
+        maturity.contains("plants.a.habit: maturity must be") && maturity.contains("mine.species:2:1"),
+        "{maturity}"
+    );
+    assert_eq!(maturity.matches("S003").count(), 1, "{maturity}");
+    let stand = told("age = 3\nstand = 5\n");
+    assert!(stand.contains("plants.a.stand is a whole number, but must be a table"), "{stand}");
+    assert!(stand.contains("mine.species:2:9"), "{stand}");
+}
+
 /// A young oak that grows over eight frames.
 const CLIP: &str = "[frames]\nend = 8\n[plants.a]\nspecies = \"oak\"\nage = 12\n[plants.a.site]\nfrom = 4\n";
 
@@ -242,6 +283,77 @@ fn a_clip_of_years_ends_as_the_tree_of_its_age() {
     };
     let shown = &frames[1].assets[0].instancers;
     assert!(shown.len() == 8 && shown.iter().map(alive).sum::<usize>() == leaves(still));
+}
+
+/// Catkins of a canopy hang where the twigs are at that moment.
+#[test]
+fn points_on_a_tree_grow_with_it() {
+    for (text, growth) in
+        [(CLIP.to_owned(), 0.5), (CLIP.replace("[plants.a.site]\nfrom = 4\n", "growth_clip = [0, 1]\n"), 1.0)]
+    {
+        let scene = assembled(&text);
+        let motion = scene.animated.motions[0].clone().expect("it grows");
+        // The end of the trunk: arc lengths beyond it are clamped.
+        let end = PointOnAxis { position: Vec3::ZERO, axis: 0, arc_length: 1e3 };
+        let carried = motion.carry_points(&Plant::default(), &[end]).expect("it carries points");
+        let height = |number: u32| {
+            carried.positions(FrameTime::of_frame(&scene.animated.scene, number)).expect("positions")[0].y
+        };
+        let frames = evaluated(&scene, &[1, 8]);
+        let top = |frame: &Frame| {
+            let MeshFrame::Points { points, .. } = &frame.assets[0].meshes[0] else { panic!("points") };
+            points.iter().fold(0.0_f32, |h, p| h.max(p.y))
+        };
+        assert!(height(8) > height(1) + growth, "{} {}", height(1), height(8));
+        assert!(height(1) < top(&frames[0]) + 0.05 && height(8) < top(&frames[1]) + 0.05, "{text}");
+    }
+}
+
+/// Neither the branches that fell before nor the leaves of other years.
+#[test]
+fn a_mesh_at_rest_of_a_clip_of_years_is_the_tree_at_its_end() {
+    let dir = tempfile::tempdir().expect("dir");
+    let vertices = |name: &str, text: &str| {
+        let scene = dir.path().join(format!("{name}.toml"));
+        std::fs::write(&scene, format!("{text}[[place]]\nplant = \"a\"\n")).expect("written");
+        let out = dir.path().join(name);
+        ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out), "--formats", "obj"]);
+        let mesh = std::fs::read_to_string(out.join("obj/a.obj")).expect("a mesh");
+        mesh.lines().filter(|line| line.starts_with("v ")).count()
+    };
+    let clip = CLIP.replace("age = 12", "age = 7");
+    let still = clip.replace("[plants.a.site]\nfrom = 4\n", "");
+    assert_eq!(vertices("grown", &clip), vertices("still", &still));
+}
+
+/// A birch of 4 years beside an oak of 12: when the oak is 6, it has not been sown.
+#[test]
+fn trees_that_grow_together_have_one_clock_in_both_directions() {
+    let text = |shares: &str| {
+        let plant = |name: &str, species: &str, age: u32| {
+            format!("[plants.{name}]\nspecies = \"{species}\"\nage = {age}\ngrowth_clip = {shares}\n")
+        };
+        let place = |name: &str, x: f32| format!("[[place]]\nplant = \"{name}\"\nat = [{x}, 0, 0]\ntogether = true\n");
+        let plants = plant("a", "oak", 12) + &plant("b", "birch", 4);
+        format!("[frames]\nend = 7\n{plants}{}{}", place("a", 0.0), place("b", 3.0))
+    };
+    // Height of the bark of the birch, m.
+    let heights = |shares: &str| -> Vec<f32> {
+        let scene = assembled(&text(shares));
+        let birch = scene.animated.scene.assets.iter().position(|a| a.group == "b").expect("the birch");
+        let top = |frame: &Frame| {
+            let MeshFrame::Points { points, .. } = &frame.assets[birch].meshes[0] else { panic!("points") };
+            points.iter().fold(0.0_f32, |h, p| h.max(p.y))
+        };
+        evaluated(&scene, &[1, 2, 3, 4, 5, 6, 7]).iter().map(top).collect()
+    };
+    let (forward, backward) = (heights("[0.5, 1]"), heights("[1, 0.5]"));
+    // Frames are a year apart: the oak is 6 to 12, the birch -2 to 4 years old.
+    assert!(forward[1] < 0.02 && forward[3] > 0.05 && forward[6] > 0.5, "{forward:?}");
+    // While the oak grows to 6 there is no birch.
+    assert!(heights("[0, 0.5]").iter().all(|h| *h < 0.02));
+    let mut pairs = forward.iter().zip(backward.iter().rev());
+    assert!(pairs.all(|(a, b)| (a - b).abs() < 1e-3), "{forward:?} {backward:?}");
 }
 
 #[test]
@@ -283,4 +395,10 @@ fn contradictory_clips_of_years_are_refused() {
     assert!(with("twigs = \"twigs.shapes\"\n[plants.a.site]\nto = 12\n").contains("twigs has no effect"));
     assert!(with("season = 0.5\n[plants.a.site]\nto = 12\n").contains("season has no effect"));
     assert!(with("[plants.a.site]\nto = 12\n[rain]\nrate_mm_per_h = 5\n").contains("to has no effect"));
+    assert!(with("[plants.a.site]\nto = 12\n[plants.a.rods]\n").contains("rods has no effect"));
+    // A scene without [frames] is one still picture.
+    for keys in ["growth_clip = [0, 0.5]\n", "[plants.a.site]\nto = 6\n"] {
+        let found = complaint(&format!("[plants.a]\nspecies = \"oak\"\nage = 12\n{keys}"));
+        assert!(found.contains("has no effect") && found.contains("set frames.end"), "{keys}: {found}");
+    }
 }

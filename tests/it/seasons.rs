@@ -382,6 +382,23 @@ fn leaves_change_over_a_clip() {
     assert!(count(leaves[1]) < count(leaves[0]));
 }
 
+/// The first and the last day of the year are both in winter: what is between them are the days, not their seasons.
+#[test]
+fn a_clip_of_a_year_has_a_summer() {
+    let text = "[frames]\nend = 13\n[plants.a]\nspecies = \"hazel\"\nage = 4\nseason = [\"01-01\", \"12-31\"]\nlatitude = 50\n";
+    let scene = assembled(text);
+    let leaves = scene.animated.scene.assets[0].instancers.iter().position(|i| i.name == "leaves").expect("leaves");
+    let shown = |number: u32| {
+        let frame =
+            motion::evaluate_frame(&scene.animated.scene, &scene.animated.motions, number, false).expect("a frame");
+        let InstancerFrame::State(state) = frame.assets[0].instancer(leaves) else { panic!("a state") };
+        state.alive.iter().filter(|a| **a).count()
+    };
+    // Frame 7 is day 183, in summer: every leaf is there.
+    let summer = count(&plant("[plants.a]\nspecies = \"hazel\"\nage = 4\nseason = 0.4\n"), "leaves");
+    assert!(summer > 0 && shown(1) == 0 && shown(7) == summer && shown(13) == 0, "{summer} {}", shown(7));
+}
+
 #[test]
 fn faults_of_a_season_are_told_at_their_place() {
     let with = |keys: &str| complaint(&format!("[plants.a]\ngrammar = \"birch.l\"\n{keys}"));
@@ -400,7 +417,7 @@ fn faults_of_a_season_are_told_at_their_place() {
     let clip = "season = [0.2, 0.8]\n";
     assert!(with(&format!("{clip}[rain]\n[frames]\nend = 3\n")).contains("rain meets leaves that stay"));
     assert!(with(&format!("{clip}motion = \"game\"\n")).contains("left to shaders"));
-    assert!(with(&format!("{clip}growth_clip = [0, 1]\n")).contains("grows over the clip"));
+    assert!(with(&format!("{clip}growth_clip = [0, 1]\n[frames]\nend = 3\n")).contains("grows over the clip"));
     assert!(with(&format!("{clip}[plants.a.rods]\n")).contains("leaves on rods stay"));
     let growing =
         "[frames]\nend = 9\n[plants.a]\nspecies = \"hazel\"\nseason = 0.8\n[plants.a.site]\nfrom = 1\nto = 4\n";

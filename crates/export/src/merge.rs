@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 use osier_base::Result;
 use osier_base::convert::{index, narrow};
 use osier_base::par::par_map;
-use osier_scene::{Asset, Attribute, InstanceState, Instancer, Mesh, Subset, Trs, bent_normal};
+use osier_scene::{Asset, Attribute, ClipChange, InstanceState, Instancer, Mesh, Subset, Trs, bent_normal};
 
 /// Points or triangles of a batch, and batches that are formatted before they are written.
 /// Own: 8 batches keep two to eight threads busy and take 50 MB as text; larger values take more memory.
@@ -83,7 +83,8 @@ impl PartBlock<'_> {
     }
 }
 
-/// All meshes and live instances of an asset at rest as one mesh: its size, and iterators over its parts.
+/// All meshes and live instances of an asset at rest as one mesh: its size, and iterators over its parts. Of an asset that
+/// grows over the clip and has a rig, those of the rig.
 pub(super) struct FlattenedAsset<'a> {
     blocks: Vec<PartBlock<'a>>,
     /// Indices into the scene's materials, each once, in the order of their first use.
@@ -102,8 +103,12 @@ impl<'a> FlattenedAsset<'a> {
     pub fn of(asset: &'a Asset) -> Self {
         let (blocks, materials, known) = (Vec::new(), Vec::new(), BTreeSet::new());
         let mut flattened = Self { blocks, materials, known, has_uvs: false, vertices: 0, triangles: 0 };
-        let meshes = asset.meshes.iter().map(|o| PartSource::Mesh(&o.mesh));
-        for source in meshes.chain(asset.instancers.iter().map(PartSource::Instances)) {
+        // A tree that grows over the clip has at rest all that the clip ever shows; its rig is the tree of one age.
+        let grown = asset.rigged.as_deref().filter(|rig| rig.change == ClipChange::Growth);
+        let objects = grown.map_or(&asset.meshes, |rig| &rig.meshes);
+        let instancers = grown.map_or(&asset.instancers, |rig| &rig.instancers);
+        let meshes = objects.iter().map(|o| PartSource::Mesh(&o.mesh));
+        for source in meshes.chain(instancers.iter().map(PartSource::Instances)) {
             let mut block = PartBlock { source, vertices: 0, materials: BTreeSet::new() };
             // A prototype has many instances but is looked at once: its address identifies it within the block.
             let mut seen: BTreeSet<*const Mesh> = BTreeSet::new();

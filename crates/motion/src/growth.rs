@@ -100,7 +100,7 @@ impl<'a> GrowingPlant<'a> {
     }
 
     /// Point of the centreline at arc length `s`, m, in plant space, or the present tip of the axis if it has not grown so far.
-    fn center(&self, axis: u32, s: f32) -> Vec3 {
+    pub fn center(&self, axis: u32, s: f32) -> Vec3 {
         let (mut axis, mut s) = (axis, s);
         loop {
             let shape = &self.plant.axes[axis as usize];

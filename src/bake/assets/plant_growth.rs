@@ -89,11 +89,7 @@ impl GrownPlant {
         if !changes {
             show_season(&mut self.plant, recipe, individual, set)?;
         }
-        let keys = &recipe.keys;
-        if keys.canopy_occlusion || keys.canopy_normals > 0.0 {
-            let crown = crown_attributes(&self.plant, keys.canopy_occlusion, narrow(keys.canopy_normals));
-            self.plant.organ_attributes.extend(crown);
-        }
+        add_crown_attributes(&mut self.plant, recipe);
         if changes {
             self.season = season_clip(&mut self.plant, recipe, individual, set, frames)?;
         }
@@ -106,17 +102,27 @@ impl GrownPlant {
     /// is that already.
     /// # Errors
     /// As [`GrowthClip::plant_at_end`].
-    pub(crate) fn at_one_time(&self, limits: &Limits) -> Result<Option<Self>> {
-        let plant = match (&self.season, &self.clip) {
+    pub(crate) fn at_one_time(&self, recipe: &PlantRecipe, limits: &Limits) -> Result<Option<Self>> {
+        let mut plant = match (&self.season, &self.clip) {
             (Some(season), _) => season.first.clone(),
             // The plant of a clip also has what falls before its end.
             (None, Some(clip)) => clip.plant_at_end(limits)?,
             // A plant that stays the same needs no copy.
             (None, None) => return Ok(None),
         };
+        add_crown_attributes(&mut plant, recipe);
         let (imported, segment) = (self.imported.clone(), self.segment.clone());
         let report = Report::default();
         Ok(Some(Self { plant, report, modules: self.modules, imported, clip: None, segment, season: None }))
+    }
+}
+
+/// Gives the leaves of a plant the attributes of their crown that its keys want.
+fn add_crown_attributes(plant: &mut Plant, recipe: &PlantRecipe) {
+    let keys = &recipe.keys;
+    if keys.canopy_occlusion || keys.canopy_normals > 0.0 {
+        let crown = crown_attributes(plant, keys.canopy_occlusion, narrow(keys.canopy_normals));
+        plant.organ_attributes.extend(crown);
     }
 }
 

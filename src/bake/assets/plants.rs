@@ -70,7 +70,7 @@ impl BuiltPlant {
         context: &BakeContext<'_>,
     ) -> Result<Self> {
         let joints = recipe.output.unreal.joints;
-        let at_one_time = grown.at_one_time(context.limits)?;
+        let at_one_time = grown.at_one_time(plant, context.limits)?;
         let still = at_one_time.as_ref().unwrap_or(grown);
         let rig = build_rigged_plant(still, plant, materials, &self.asset, joints, context)?;
         let grows = grown.clip.is_some() || (plant.keys.growth_clip.is_some() && recipe.clip.len() > 1);
@@ -207,8 +207,7 @@ pub(crate) fn add_plant_assets(
         let (plant, materials) = plant_and_entry(recipe, materials, individual)?;
         let transform = transforms.get(*i).copied().unwrap_or(Trs::IDENTITY);
         let built = build_plant(recipe, plant, wind, grown, materials, individual, transform, context);
-        // Formats whose readers simulate the wind need joints in still plants and on rods, too: theirs do not depend on the motion.
-        let built = built.and_then(|built| match recipe.output.writes_unreal() {
+        let built = built.and_then(|built| match needs_rig(recipe, plant, grown) {
             true => built.with_rig(recipe, plant, grown, materials, context),
             false => Ok(built),
         });
@@ -225,6 +224,14 @@ pub(crate) fn add_plant_assets(
         plant.diagnostics.into_iter().for_each(|d| report.push(d));
     }
     Ok(added)
+}
+
+/// Whether a plant is also built at one time of the clip, with joints. Formats whose readers simulate the wind need it of still
+/// plants and of plants on rods, too: their joints do not depend on the motion. Meshes at rest need it of trees whose years the
+/// clip shows.
+fn needs_rig(recipe: &Recipe, plant: &PlantRecipe, grown: &GrownPlant) -> bool {
+    let has_years = grown.clip.is_some() && !is_shown_by_segments(grown, plant);
+    recipe.output.writes_unreal() || (has_years && recipe.output.writes(&osier_export::obj::FORMAT))
 }
 
 /// Builds one plant: on rods where its recipe has `[plants.NAME.rods]`, else on the elements of the sway model.

@@ -6,7 +6,7 @@ use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::plant_materials::{leaf_blade_spec, leaf_colors, organ_names};
 use crate::bake::assets::season_materials::{OrganSeason, SeasonMaterials};
 use crate::bake::scene::plant_layout::Individual;
-use crate::recipe::scene::{BladeOutline, OrganKeys};
+use crate::recipe::scene::{BladeOutline, OrganKeys, SeasonCourse};
 use crate::recipe::{CARD, OrganRecipe, PlantRecipe};
 use osier_base::Result;
 use osier_base::convert::to_usize;
@@ -110,8 +110,8 @@ fn outline_year(blade: BladeOutline) -> OutlineYear {
 /// # Errors
 /// `Range` for blades outside their ranges, `TooMany`.
 pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u64) -> Result<()> {
-    let Some(seasons) = plant.seasons() else { return Ok(()) };
-    let [from, to] = [seasons[0].min(seasons[1]), seasons[0].max(seasons[1])];
+    let Some(course) = plant.season_course() else { return Ok(()) };
+    let [from, to] = course.range();
     // Individuals are ahead or behind by up to MAX_INDIVIDUAL_SHIFT: colours are needed for the whole range.
     let between = [shift_season(from, -MAX_INDIVIDUAL_SHIFT), shift_season(to, MAX_INDIVIDUAL_SHIFT)].map(narrow);
     let mut season = SeasonMaterials::default();
@@ -315,9 +315,9 @@ pub(crate) fn show_season(
     individual: &Individual,
     set: &MaterialSet,
 ) -> Result<()> {
-    let (Some(seasons), Some(materials)) = (recipe.seasons(), &set.season) else { return Ok(()) };
+    let (Some(course), Some(materials)) = (recipe.season_course(), &set.season) else { return Ok(()) };
     let (seed, difference) = season_seed_and_lead(individual);
-    let season = narrow(shift_season(seasons[0], difference));
+    let season = narrow(shift_season(course.at(0.0), difference));
     apply_season(grown, &PlantSeason { season, seed, organs: &seasonal_organs(materials), bud_name: BUD })
 }
 
@@ -328,8 +328,8 @@ pub struct SeasonClip {
     pub slots: SeasonSlots,
     /// The plant with the leaves that it shows at the first frame.
     pub first: Plant,
-    /// Seasons of the first and the last frame, 0..1, before the lead is added.
-    seasons: [f64; 2],
+    /// Season over the clip, before the lead is added.
+    course: SeasonCourse,
     /// Lead of the individual in the middle of the year, as a difference of seasons.
     difference: f64,
 }
@@ -337,8 +337,7 @@ pub struct SeasonClip {
 impl SeasonClip {
     /// Season at a share of the time from the first frame (0) to the last (1), shifted by the lead of the individual.
     pub fn season(&self, share: f64) -> f32 {
-        let [from, to] = self.seasons;
-        narrow(shift_season(from + (to - from) * share, self.difference))
+        narrow(shift_season(self.course.at(share), self.difference))
     }
 }
 
@@ -353,18 +352,18 @@ pub(crate) fn season_clip(
     set: &MaterialSet,
     frames: f64,
 ) -> Result<Option<SeasonClip>> {
-    let (Some(seasons), Some(materials)) = (recipe.seasons(), &set.season) else { return Ok(None) };
+    let (Some(course), Some(materials)) = (recipe.season_course(), &set.season) else { return Ok(None) };
     let (seed, difference) = season_seed_and_lead(individual);
     let organs = seasonal_organs(materials);
     let mut first = grown.clone();
     show_season(&mut first, recipe, individual, set)?;
     let at = PlantSeason { season: 0.0, seed, organs: &organs, bud_name: BUD };
-    let at_share = |share: f64| narrow(shift_season(seasons[0] + (seasons[1] - seasons[0]) * share, difference));
+    let at_share = |share: f64| narrow(shift_season(course.at(share), difference));
     let intervals = frames.max(1.0);
     // Shares 0, 1/n, ..., 1 of the clip, one for each frame, with n intervals.
     let numbers = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= intervals);
     let shares = numbers.map(|k: f64| k / intervals);
     // Seasons are sampled at every frame: each appearance of a leaf becomes a separate instance.
     let slots = season_slots(grown, &at, &shares.map(at_share).collect::<Vec<f32>>())?;
-    Ok(Some(SeasonClip { slots, first, seasons, difference }))
+    Ok(Some(SeasonClip { slots, first, course, difference }))
 }

@@ -96,6 +96,11 @@ fn oldest(recipe: &Recipe, layout: &PlantLayout, job: &[usize]) -> f64 {
 fn clip_span(recipe: &Recipe, individual: &Individual, oldest: f64) -> Option<ClipSpan> {
     let species = species_of(recipe, individual).filter(|_| recipe.clip.len() > 1)?;
     let [from, to] = species.clip?;
+    if individual.together && species.site.from.is_none() && species.site.to.is_none() {
+        // Shares of the age are those of the oldest tree; the tree itself is younger by the difference of their ages.
+        let at = |age: f64| species.age - (1.0 - age / species.age) * oldest;
+        return Some(ClipSpan { from: at(from), to: at(to) });
+    }
     // Ages of the clip are those of the oldest tree: the others are younger by the difference of their ages.
     let later = if individual.together && species.site.from.is_none() { oldest - species.age } else { 0.0 };
     Some(ClipSpan { from: from - later, to })

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::plant_mesh::group_organs;
-use crate::bake::motion::{AssetMotion, FrameTime};
+use crate::bake::motion::{AssetMotion, CarriedPoints, FrameTime, PointOnAxis};
 use osier_base::Result;
 use osier_base::math::narrow;
 use osier_motion::growth::{GrowingOrgan, GrowingPlant, GrowthClock};
@@ -139,5 +139,25 @@ impl AssetMotion for GrowthMotion {
             instancers: asset.instancers.iter().enumerate().map(state).collect(),
             ..AssetFrame::default()
         })
+    }
+
+    fn carry_points(self: Arc<Self>, _plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
+        let sites = points.iter().map(|point| GrowthBinding { axis: point.axis, s: point.arc_length }).collect();
+        Some(Arc::new(PointsOnGrowth { motion: self, sites }))
+    }
+}
+
+/// Points on the axes of a plant that grows. Those of axes that have not grown so far lie at the tip that has grown.
+#[derive(Debug)]
+struct PointsOnGrowth {
+    motion: Arc<GrowthMotion>,
+    sites: Vec<GrowthBinding>,
+}
+
+impl CarriedPoints for PointsOnGrowth {
+    fn positions(&self, time: FrameTime) -> Result<Vec<Vec3>> {
+        let GrowthMotion { plant, clock, .. } = &*self.motion;
+        let young = GrowingPlant::new(plant, clock, self.motion.share(time.seconds));
+        Ok(self.sites.iter().map(|site| young.center(site.axis, site.s)).collect())
     }
 }

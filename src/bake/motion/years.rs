@@ -7,11 +7,12 @@ use glam::Vec3;
 
 use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::motion::growth::{GrowthMotion, organs_by_instancer, segment_middles};
-use crate::bake::motion::{AssetMotion, FrameTime};
+use crate::bake::motion::{AssetMotion, CarriedPoints, FrameTime, PointOnAxis};
 use osier_base::Result;
 use osier_base::math::narrow;
 use osier_motion::posed_skin::{GrowthBinding, PosedNodes, pose_skin};
 use osier_plants::grow::years::{GrowthClip, PoseNow};
+use osier_scene::plant::Plant;
 use osier_scene::{Asset, AssetFrame, InstanceState, Instancer, InstancerFrame, MeshFrame};
 
 /// Instancers that the leaves of an organ are shared out among, and the fewest leaves of one. Own: a part of the leaves that is not there
@@ -148,5 +149,29 @@ impl AssetMotion for YearsMotion {
             instancers: asset.instancers.iter().enumerate().map(state).collect(),
             ..AssetFrame::default()
         })
+    }
+
+    fn carry_points(self: Arc<Self>, _plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
+        let sites = points.iter().map(|point| GrowthBinding { axis: point.axis, s: point.arc_length }).collect();
+        Some(Arc::new(PointsOnYears { motion: self, sites }))
+    }
+}
+
+/// Points on the axes of a tree that grows through its years. Those of wood that is not there yet lie at the tip that has grown.
+#[derive(Debug)]
+struct PointsOnYears {
+    motion: Arc<YearsMotion>,
+    sites: Vec<GrowthBinding>,
+}
+
+impl CarriedPoints for PointsOnYears {
+    fn positions(&self, time: FrameTime) -> Result<Vec<Vec3>> {
+        let YearsMotion { clip, .. } = &*self.motion;
+        let nodes = clip.node_positions(self.motion.age(time.seconds));
+        let at = |site: &GrowthBinding| {
+            let (i, t) = clip.plant.segment(&clip.plant.axes[site.axis as usize], site.s);
+            nodes[i].lerp(nodes[i + 1], t)
+        };
+        Ok(self.sites.iter().map(at).collect())
     }
 }

@@ -96,6 +96,7 @@ impl Resolver<'_> {
         let plant = self.plant_of_place(&keys, table, node.span, plants, declared)?;
         if let Some(plant) = plants.get(plant) {
             self.check_individuals(table, &path, &keys, plant);
+            self.check_turns(table, &path, &keys, plant);
         }
         Some(PlaceRecipe { plant, keys, line: line?, mask: mask? })
     }
@@ -227,20 +228,26 @@ impl Resolver<'_> {
         Some(Some(mask))
     }
 
+    /// Warns with S007 of turns and scales of a plant that grows for its place, and of `together` for one that is no species.
+    fn check_turns(&mut self, table: &TomlTable, path: &str, keys: &PlaceKeys, plant: &PlantRecipe) {
+        if keys.together && !matches!(plant.growth, Growth::Species(_)) {
+            let why = format!("only a species grows in a field of light, which plant \"{}\" is not", plant.name);
+            self.has_no_effect(table, path, &["together"], &why);
+        }
+        let Some(why) = why_in_place(keys, plant) else { return };
+        for key in ["turn_deg", "scale", "vary", "lean_deg", "lean_to_deg"] {
+            if table.get(key).is_some() {
+                let why = format!("plant \"{}\" {why}: it is neither turned nor scaled", plant.name);
+                self.has_no_effect(table, path, &[key], &why);
+            }
+        }
+    }
+
     /// Reports S003 for a plant whose growth depends on its place and which has more copies than individuals.
     fn check_individuals(&mut self, table: &TomlTable, path: &str, keys: &PlaceKeys, plant: &PlantRecipe) {
         let Some(entry) = table.get("individuals") else { return };
         let Some(count) = keys.individuals.filter(|n| *n < keys.count) else { return };
-        let Growth::Species(species) = &plant.growth else { return };
-        let why = if keys.together {
-            "grows together with the trees around it"
-        } else if species.site.solids {
-            "grows round solids"
-        } else if !species.prunes.is_empty() {
-            "is cut where it stands"
-        } else {
-            return;
-        };
+        let Some(why) = why_in_place(keys, plant) else { return };
         // Copies of one individual have the same mesh, which cannot fit two places.
         let places = keys.count;
         let text = format!(
@@ -250,6 +257,20 @@ impl Resolver<'_> {
         );
         let d = Diagnostic::error("S003", text, entry.node.span, "too few individuals");
         self.report.push(d.help(format!("write individuals = {places}, or leave it out")));
+    }
+}
+
+/// Why a plant grows for the place in which it stands, worded to follow its name; `None` if it grows alike everywhere.
+fn why_in_place(keys: &PlaceKeys, plant: &PlantRecipe) -> Option<&'static str> {
+    let Growth::Species(species) = &plant.growth else { return None };
+    if keys.together {
+        Some("grows together with the trees around it")
+    } else if species.site.solids {
+        Some("grows round solids")
+    } else if !species.prunes.is_empty() {
+        Some("is cut where it stands")
+    } else {
+        None
     }
 }
 

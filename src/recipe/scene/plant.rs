@@ -416,6 +416,10 @@ impl Resolver<'_> {
                 species_flare(table, &species.habit.habit, &mut skin);
                 let blocked = self.why_no_growth_clip(&keys);
                 species.clip = self.species_clip(&species, table, &path, keys.growth_clip, blocked);
+                // With `growth_clip` this has been told.
+                if species.clip.is_some() && keys.growth_clip.is_none() && rods.is_some() {
+                    self.has_no_effect(table, &path, &["rods"], "the tree grows over the clip and does not sway");
+                }
                 (Growth::Species(Box::new(species)), file.shown, vec!['l'])
             }
             // An error in `grammar` has been reported.
@@ -578,6 +582,8 @@ impl Resolver<'_> {
             Some("rain meets grown plants")
         } else if matches!(keys.motion, BarkMotion::Game | BarkMotion::Static) {
             Some("its motion is left to shaders")
+        } else if self.frames <= 1 {
+            Some("the scene has one frame: set frames.end")
         } else {
             None
         }

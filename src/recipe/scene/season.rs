@@ -5,13 +5,15 @@ use crate::recipe::syntax::{
 };
 use crate::recipe::{Growth, PlantRecipe};
 use osier_base::diagnostic::Diagnostic;
-use osier_plants::season::{FallOrder, season_of_day};
+use osier_plants::season::{FallOrder, season_of_day, season_of_time};
 use serde_json::json;
 
 /// Latitude, degrees, for dates in scenes without the key `latitude`.
 const LATITUDE: f64 = 50.0;
 /// Days before each month of a common year, then the days of the year.
-const MONTHS: [u16; 13] = [0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334, 365];
+const MONTHS: [u16; 13] = [0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334, YEAR];
+/// Days of a common year.
+const YEAR: u16 = 365;
 
 /// A time of the growing year.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,16 +49,52 @@ impl SeasonSpan {
     }
 }
 
+/// Season of a plant over the clip.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeasonCourse {
+    span: SeasonSpan,
+    /// Latitude by which dates become seasons, degrees.
+    latitude: f64,
+}
+
+impl SeasonCourse {
+    /// Season, 0..1, at a share of the time from the first frame (0) to the last (1). Between two dates the days pass as in the
+    /// calendar, over New Year if the second date is the earlier one.
+    pub fn at(&self, share: f64) -> f64 {
+        if let Some([first, days]) = self.days() {
+            return season_of_time(f64::from(first) + f64::from(days) * share, self.latitude);
+        }
+        let [first, last] = [self.span.first, self.span.last].map(|time| time.season(self.latitude));
+        first + (last - first) * share
+    }
+
+    /// Least and greatest season of the clip.
+    pub fn range(&self) -> [f64; 2] {
+        // Seasons of numbers are between those of the first and the last frame; dates may pass the start of a growing year.
+        let steps = self.days().map_or(1, |[_, days]| days.max(1));
+        let seasons = (0..=steps).map(|k| self.at(f64::from(k) / f64::from(steps)));
+        seasons.fold([1.0, 0.0], |[least, greatest], season| [season.min(least), season.max(greatest)])
+    }
+
+    /// The first day and the number of days from it to the last one; `None` unless both seasons are dates.
+    fn days(&self) -> Option<[u16; 2]> {
+        match (self.span.first, self.span.last) {
+            (SeasonTime::Day(first), SeasonTime::Day(last)) => Some([first, (last + YEAR - first) % YEAR]),
+            _ => None,
+        }
+    }
+}
+
 impl PlantRecipe {
-    /// Seasons of the first and the last frame, 0..1; `None` for a plant without the key.
-    pub fn seasons(&self) -> Option<[f64; 2]> {
+    /// Its season over the clip; `None` for a plant without the key.
+    pub fn season_course(&self) -> Option<SeasonCourse> {
         let site = match &self.growth {
             Growth::Species(species) => species.site.latitude,
             // Only species have a site with a latitude.
             _ => LATITUDE,
         };
         let latitude = self.keys.latitude.unwrap_or(site);
-        self.keys.season.map(|span| [span.first, span.last].map(|time| time.season(latitude)))
+        self.keys.season.map(|span| SeasonCourse { span, latitude })
     }
 }
 
@@ -144,6 +182,36 @@ impl Digest for FallOrder {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn course(first: SeasonTime, last: SeasonTime) -> SeasonCourse {
+        SeasonCourse { span: SeasonSpan { first, last }, latitude: 50.0 }
+    }
+
+    /// At 50 degrees buds burst on day 110, and trees are bare from day 330 on.
+    #[test]
+    fn a_clip_between_two_dates_passes_the_days_between_them() {
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
+        let year = course(SeasonTime::Day(1), SeasonTime::Day(365));
+        assert!(near(year.at(0.0), 1.0) && near(year.at(1.0), 1.0));
+        // The middle of the clip is day 183.
+        assert!(near(year.at(0.5), 73.0 / 220.0), "{}", year.at(0.5));
+        let [least, greatest] = year.range();
+        assert!(least < 0.01 && near(greatest, 1.0), "{least} {greatest}");
+        // From 15 November to 15 May: over New Year, not back through the summer.
+        let winter = course(SeasonTime::Day(319), SeasonTime::Day(135));
+        assert!(near(winter.at(0.0), 209.0 / 220.0) && near(winter.at(0.5), 1.0) && near(winter.at(1.0), 25.0 / 220.0));
+        let autumn = course(SeasonTime::Day(263), SeasonTime::Day(324));
+        let range = autumn.range();
+        assert!(near(range[0], 153.0 / 220.0) && near(range[1], 214.0 / 220.0), "{range:?}");
+    }
+
+    #[test]
+    fn a_clip_between_two_numbers_passes_the_seasons_between_them() {
+        let back = course(SeasonTime::Season(0.8), SeasonTime::Season(0.2));
+        assert!((back.at(0.25) - 0.65).abs() < 1e-9);
+        let [least, greatest] = back.range();
+        assert!((least - 0.2).abs() < 1e-9 && (greatest - 0.8).abs() < 1e-9);
+    }
 
     #[test]
     fn dates_are_days_of_the_year() {

@@ -226,17 +226,26 @@ impl Resolver<'_> {
         let habit_path = join(path, "habit");
         let merged = self.laid_over(own, plant, path, "habit");
         let habit: super::HabitKeys = self.read_keys(&merged, &habit_path);
-        if let Err(e) = habit.habit.check() {
-            let span = span_of(plant, &["habit"]).unwrap_or(self.whole);
-            let d = Diagnostic::error("S003", e.to_string(), span, "contradictory keys");
+        if let Some(why) = habit.habit.contradiction() {
+            // Keys of the scene come after those of the file: of two that contradict each other, the scene's is shown.
+            let named = merged.entries.iter().rev().find(|e| why.split_whitespace().any(|word| word == e.key));
+            let span = named.map_or(self.whole, |e| e.key_span);
+            let d = Diagnostic::error("S003", format!("{habit_path}: {why}"), span, "contradictory keys");
             self.report.push(d.help("`osier list options plants.NAME.habit` shows every key"));
         }
         let stand = match (stand_of_file, plant.get("stand").is_some()) {
             (None, false) => None,
             // Neighbours of the file are kept if the plant changes only some of their keys.
             (file, _) => {
-                let table = file.and_then(|e| if let TomlValue::Table(t) = e.node.value { Some(t) } else { None });
-                let merged = self.laid_over(table.unwrap_or_default(), plant, path, "stand");
+                let table = match file.map(|e| e.node) {
+                    Some(TomlNode { value: TomlValue::Table(table), .. }) => table,
+                    Some(other) => {
+                        self.report.push(*wrong(&join(path, "stand"), &other, "a table"));
+                        TomlTable::default()
+                    }
+                    None => TomlTable::default(),
+                };
+                let merged = self.laid_over(table, plant, path, "stand");
                 Some(self.read_keys(&merged, &join(path, "stand")))
             }
         };

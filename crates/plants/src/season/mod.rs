@@ -45,9 +45,14 @@ const YEAR: f64 = 365.0;
 
 /// The season of a day of the year, 1..=366, at a latitude in degrees, negative in the south: 0..1, 1 in winter.
 pub fn season_of_day(day: u16, latitude: f64) -> f64 {
+    season_of_time(day.into(), latitude)
+}
+
+/// As [`season_of_day`], at a time in days, with fractions: 365 days more are the same time of the next year.
+pub fn season_of_time(day: f64, latitude: f64) -> f64 {
     let from_equator = latitude.abs().clamp(LATITUDES[0], LATITUDES[1]);
     let turned = if latitude < 0.0 { 0.5 * YEAR } else { 0.0 };
-    let day = (f64::from(day) + turned).rem_euclid(YEAR);
+    let day = (day + turned).rem_euclid(YEAR);
     let burst = BURST_DAY + SPRING_DELAY * (from_equator - MIDDLE);
     let bare = (BARE_DAY - WINTER_ADVANCE * (from_equator - MIDDLE)).min(YEAR - 1.0);
     if day < burst || day > bare { 1.0 } else { (day - burst) / (bare - burst) }

@@ -151,6 +151,12 @@ impl GrowthClip {
         pose
     }
 
+    /// Positions of the plant's nodes at an age, years, as in [`Self::pose`].
+    pub fn node_positions(&self, age: f32) -> Vec<Vec3> {
+        let wood = self.record.wood(age);
+        self.sources.iter().map(|source| posed_node(&self.record.tree, &wood, *source).p).collect()
+    }
+
     /// The tree at the end of the last year that the clip shows, without what has fallen by then, validated.
     /// # Errors
     /// As [`GrownTree::plant`].

@@ -7,7 +7,7 @@ use glam::{Quat, Vec3};
 
 use super::plant::{BladeTurn, Foliage, MeanLeaf, NodeSite, PlacedLeaf, TreeFoliage};
 use super::record::{GrowthRecord, Wood};
-use super::tree::{Tree, index_of, y_axis};
+use super::tree::{NONE as NO_NODE, Tree, index_of, y_axis};
 use osier_base::Result;
 use osier_base::limits::Limits;
 use osier_base::math;
@@ -191,15 +191,18 @@ impl LeafSlots {
             let site = LeafSite::Tip { axis };
             lives.extend((0..count).map(|k| LeafLife { site, k, count, unfolds, falls }));
         };
+        // A stem comes out of the ground at the end of its year, without a shoot; other axes begin with one.
+        let is_stem = tree.nodes.parent[first.node as usize] == NO_NODE;
         if sheds {
             // One rosette each year, as long as the axis has an open tip.
-            let mut year = first.year.max(1.0);
+            let mut year = first.year + f32::from(u8::from(is_stem));
             while year <= open_until {
                 add(year - 1.0 + SPRING, year - 1.0 + AUTUMN);
                 year += 1.0;
             }
         } else {
-            add(first.year - 1.0 + SPRING, end_of_life(record, last.node as usize, open_until));
+            let unfolds = if is_stem { first.year - UNFOLDING } else { first.year - 1.0 + SPRING };
+            add(unfolds, end_of_life(record, last.node as usize, open_until));
         }
     }
 

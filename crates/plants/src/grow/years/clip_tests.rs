@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::tests::{habit, leaf, spec};
 use super::*;
+use osier_base::math;
 use osier_base::par::on_threads;
 
 fn foliage(needles: bool) -> Foliage {
@@ -32,7 +33,7 @@ fn leaf_distances(clip: &GrowthClip, spec: &TreeSpec) -> Vec<f32> {
     let grown = grow(std::slice::from_ref(spec), &Site::default(), &Limits::default()).expect("grows").pop();
     let needles = spec.habit.leaf_area_shoot > 0.0;
     let plant = grown.expect("one").plant(&options(needles), &Limits::default()).expect("a plant");
-    let pose = clip.pose(osier_base::math::narrow(spec.age));
+    let pose = clip.pose(math::narrow(spec.age));
     let there: Vec<Vec3> = pose.leaves.iter().filter(|l| l.size > 0.0).map(|l| l.position).collect();
     assert_eq!(there.len(), plant.organs.len(), "leaves at {} years", spec.age);
     let nearest = |p: Vec3| there.iter().map(|q| q.distance(p)).fold(f32::MAX, f32::min);
@@ -130,6 +131,30 @@ fn leaves_share_places_in_succession() {
         let places = clip.plant.organs.len();
         assert!(places >= most && places < most * 6 / 5, "{places} places for {most} leaves");
     }
+}
+
+#[test]
+fn a_stem_that_sprouts_late_bears_no_leaves_before() {
+    let mut bush = spec(8.0);
+    for (key, value) in [("stems", 3.0), ("stem_spread", 5.0), ("stem_years", 10.0)] {
+        bush.habit.set(key, &[value]).expect("a key");
+    }
+    // The second of three stems sprouts at the end of year 4: ceil(10 (0.618 - 0.4) / 0.6). It stands 5 sqrt(1.5 / 3) m from the
+    // middle and more than 4 m from both others.
+    let azimuth = math::GOLDEN_ANGLE_F32;
+    let foot = Vec3::new(math::cos_f32(azimuth), 0.0, math::sin_f32(azimuth)) * (5.0 * 0.5_f32.sqrt());
+    for leaves in [ClipLeaves::Summer, ClipLeaves::Seasons] {
+        let clip = clip_of(&bush, whole(8.0), leaves);
+        let near = |age: f32| {
+            let pose = clip.pose(age);
+            pose.leaves.iter().filter(|l| l.size > 0.0 && l.position.distance(foot) < 1.0).count()
+        };
+        assert_eq!((near(3.3), near(3.7)), (0, 0), "{leaves:?}");
+        assert!(near(4.6) > 0, "{leaves:?}");
+    }
+    // A clip may end while a stem comes out of the ground.
+    let clip = clip_of(&TreeSpec { age: 4.0, ..bush }, whole(3.95), ClipLeaves::Summer);
+    assert_eq!(clip.plant.organs.len(), clip.pose(3.95).leaves.len());
 }
 
 #[test]

@@ -206,9 +206,10 @@ impl<'a> AxisBuilder<'a> {
         let nodes = &self.tree.nodes;
         let children = Children::new(self.tree);
         self.at = vec![NodeSite { axis: NONE, s: 0.0 }; nodes.len()];
-        // Stems that have still to sprout are not there.
+        // Stems that have still to sprout are not there; a clip shows some as they come out of the ground.
         let is_root = |i: &usize| {
-            nodes.parent[*i] == NO_NODE && nodes.flags[*i] & flag::FALLEN == 0 && nodes.birth[*i] <= self.age
+            let has_sprouted = self.clip.is_some() || nodes.birth[*i] <= self.age;
+            nodes.parent[*i] == NO_NODE && nodes.flags[*i] & flag::FALLEN == 0 && has_sprouted
         };
         // Roots are the first nodes of a tree, so that the search ends at the first node with a parent.
         let roots = (0..nodes.len()).take_while(|i| nodes.parent[*i] == NO_NODE).filter(is_root);

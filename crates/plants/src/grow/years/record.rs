@@ -150,10 +150,12 @@ impl GrowthRecord {
         self.span.ordered()
     }
 
-    /// Whether a node is visible at some time of the clip.
+    /// Whether a node is in the clip: those that are visible at some time of it, and seedlings.
     pub(super) fn is_shown(&self, i: usize) -> bool {
         let [first, last] = self.span.ordered();
-        self.start(i) < last && self.fall_window(i).is_none_or(|[_, end]| end > first)
+        // A tree that is sown after the end of the clip has its seedling in it, which is never seen: a plant needs an axis.
+        let begins = self.start(i) < last || self.tree.nodes.birth[i] <= 0.0;
+        begins && self.fall_window(i).is_none_or(|[_, end]| end > first)
     }
 
     /// Whether a node has fallen by the end of the record.
