@@ -41,7 +41,7 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
         material = placeholders[entry["name"]]
         if material.get("osier_bake") != token:
             material["osier_bake"] = token
-            material["osier_sig"] = materials.signature(material.node_tree) if material.node_tree else ""
+            material["osier_sig"] = materials.signature(material.node_tree)
             material["osier_id"] = f"{bake.scene}:{entry['name']}"
     pictures = [i for i in bpy.data.images if i.users]
     materials.build_all(bake, token, placeholders, kept)

@@ -219,6 +219,16 @@ def undo_removes_and_redo_restores(manifest: str, _other: str, _folder: pathlib.
     assert counts()["objects"] == after["objects"], counts()
 
 
+def new_materials_reload(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "new_material")
+    load(str(path))
+    added = {**data["materials"][0], "name": "added"}
+    path.write_text(json.dumps({**data, "bake_hash": "1" * 64, "materials": [*data["materials"], added]}))
+    assert bpy.ops.osier.reload() == {"FINISHED"}
+    assert "osier surface" in bpy.data.materials["added"].node_tree.nodes
+
+
 def main() -> None:
     manifest, other, folder = sys.argv[1:]
     failed = []
@@ -233,6 +243,7 @@ def main() -> None:
         reloads_take_the_frame_rate_unless_it_was_set,
         names_that_are_too_long_are_told,
         a_failing_reload_changes_nothing,
+        new_materials_reload,
         files_open_again,
         undo_removes_and_redo_restores,
     ):
