@@ -197,8 +197,7 @@ def build(
                 cause = f"Blender's USD importer could not read {asset.name}"
                 step = "Check the folder with osier info and bake again"
                 if len(asset.prim) > LONGEST_NAME:
-                    cause = f"{asset.name} is longer than the {LONGEST_NAME} characters of a name in this Blender"
-                    step = "Bake again with a shorter name of the plant"
+                    raise _too_long(bake, asset.name)
                 raise BakeError(bake.stage, cause, step)
     for item in before.added(["objects"]):
         if item.type == "EMPTY" and base_name(item.name) in ("mtl", "Prototypes") and not item.children:
@@ -263,6 +262,12 @@ def _layer_collection(root: bpy.types.LayerCollection, wanted: bpy.types.Collect
         if found.collection == wanted:
             return found
     return root
+
+
+def _too_long(bake: Bake, name: str) -> BakeError:
+    """The error about a name that this Blender cuts off."""
+    cause = f"{name} is longer than the {LONGEST_NAME} characters of a name in this Blender"
+    return BakeError(bake.stage, cause, "Bake again with a shorter name of the plant")
 
 
 def _shows(root: bpy.types.Object) -> bool:
@@ -354,6 +359,7 @@ def _name(item: bpy.types.Object, bake: Bake, asset: str, path: str) -> None:
 def _set_materials(bake: Bake, items: list[bpy.types.Object], built: dict[str, bpy.types.Material]) -> None:
     """Gives all slots the materials of this import, and points without a slot the material of the manifest."""
     points = {a.name: a.points_material for a in bake.assets}
+    longest = max(built, key=len, default="")
     for item in items:
         if item.data is None or not hasattr(item.data, "materials"):
             continue
@@ -362,6 +368,8 @@ def _set_materials(bake: Bake, items: list[bpy.types.Object], built: dict[str, b
             wanted = built.get(base_name(material.name)) if material else None
             if wanted is not None and wanted != material:
                 slots[i] = wanted
+            if wanted is None and material and len(longest) > LONGEST_NAME:
+                raise _too_long(bake, longest)
         if item.type == "POINTCLOUD" and not slots and "osier_id" in item:
             asset = item["osier_id"].split(":", 1)[1].split("/", 1)[0]
             if built.get(points.get(asset) or ""):

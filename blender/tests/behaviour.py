@@ -219,6 +219,22 @@ def undo_removes_and_redo_restores(manifest: str, _other: str, _folder: pathlib.
     assert counts()["objects"] == after["objects"], counts()
 
 
+def bake_differently(path: pathlib.Path, data: dict, content: str) -> None:
+    """Adds content in the notation of USD to the rain, and marks the bake as another one."""
+    stage = path.parent / "usd" / "assets.usda"
+    head, rain, tail = stage.read_text().partition('def Xform "rain" (')
+    before, _, after = tail.partition("{")
+    stage.write_text(head + rain + before + "{" + content + after)
+    path.write_text(json.dumps({**data, "bake_hash": "1" * 64}))
+
+
+TRIANGLE = """
+int[] faceVertexCounts = [3]
+int[] faceVertexIndices = [0, 1, 2]
+point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+"""
+
+
 def new_materials_reload(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     path, data = changed_copy(manifest, folder / "new_material")
@@ -227,6 +243,17 @@ def new_materials_reload(manifest: str, _other: str, folder: pathlib.Path) -> No
     path.write_text(json.dumps({**data, "bake_hash": "1" * 64, "materials": [*data["materials"], added]}))
     assert bpy.ops.osier.reload() == {"FINISHED"}
     assert "osier surface" in bpy.data.materials["added"].node_tree.nodes
+
+
+def names_of_materials_that_are_too_long_are_told(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "long_material")
+    name = 300 * "m"
+    sheet = f'def Mesh "sheet" {{{TRIANGLE}rel material:binding = </rain/{name}>\n}}\ndef Material "{name}" {{ }}\n'
+    bake_differently(path, {**data, "materials": [*data["materials"], {**data["materials"][0], "name": name}]}, sheet)
+    before = counts()
+    assert "characters of a name" in refused(bpy.ops.import_scene.osier, filepath=str(path))
+    assert counts() == before
 
 
 def main() -> None:
@@ -244,6 +271,7 @@ def main() -> None:
         names_that_are_too_long_are_told,
         a_failing_reload_changes_nothing,
         new_materials_reload,
+        names_of_materials_that_are_too_long_are_told,
         files_open_again,
         undo_removes_and_redo_restores,
     ):
