@@ -244,7 +244,7 @@ class Session:
             return
         try:
             bake = manifest.read(path)
-            earlier = [c for c in scene.collection.children_recursive if c.get("osier_manifest") == bake.path]
+            earlier = [c for c in scene.collection.children_recursive if reload.is_own(c) and c.get("osier_manifest") == bake.path]
             if not earlier:
                 self.notes += stage.import_bake(bpy.context, bake, scene.osier.into, scene.osier.look).notes
             elif earlier[0]["osier_hash"] != bake.bake_hash:

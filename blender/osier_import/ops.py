@@ -86,11 +86,16 @@ class OSIER_OT_reload(bpy.types.Operator):
         return can_import(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        done, failed = 0, False
+        done, failed, linked = 0, False, False
         for collection in [c for c in bpy.data.collections if "osier_hash" in c]:
             try:
-                bake = manifest.read(collection["osier_manifest"])
+                bake = manifest.read(reload.manifest_path(collection))
                 if bake.bake_hash == collection["osier_hash"]:
+                    continue
+                if not reload.is_own(collection):
+                    source = collection.library or collection.override_library.reference.library
+                    self.report({"WARNING"}, f"{collection.name} is linked from {source.filepath}: reload it in that file")
+                    linked = True
                     continue
                 notes = reload.reload_bake(context, collection, bake)
             except manifest.BakeError as error:
@@ -102,7 +107,8 @@ class OSIER_OT_reload(bpy.types.Operator):
                 self.report({"INFO"}, note)
         if failed and not done:
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Reloaded {done} bakes" if done else "All bakes are up to date")
+        if done or not linked:
+            self.report({"INFO"}, f"Reloaded {done} bakes" if done else "All bakes are up to date")
         return {"FINISHED"}
 
 
