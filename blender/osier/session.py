@@ -335,7 +335,10 @@ def preference(name: str, default: Any) -> Any:
 
 def bakes_folder() -> str:
     """The folder of bakes, which is made if it is missing."""
-    folder = bpy.path.abspath(preference("folder", "")) or default_folder()
+    folder = bpy.path.abspath(preference("folder", ""))
+    if not os.path.isabs(folder):
+        # Empty, or relative to a file that is not saved yet.
+        folder = default_folder()
     os.makedirs(folder, exist_ok=True)
     return folder
 
