@@ -299,6 +299,7 @@ def _adopt(
             prototypes = modifier.type == "NODES" and modifier.node_group and _instanced(modifier.node_group)
             if prototypes:
                 _adopt_prototypes(bake, asset, path, prototypes)
+                _hold(item, prototypes)
                 modifier.node_group.name = f"{asset.name} {path.rsplit('/', 1)[-1]}"
 
 
@@ -327,6 +328,13 @@ def _adopt_prototypes(bake: Bake, asset: Asset, path: str, prototypes: bpy.types
         for root in [o for o in child.objects if o.parent is None]:
             for item, below in _paths(root, f"{path}/{part}/{base_name(root.name)}"):
                 _name(item, bake, asset.name, below)
+
+
+def _hold(item: bpy.types.Object, prototypes: bpy.types.Collection) -> None:
+    """Makes an object a user of what it instances: the node that Blender's importer has set is not counted as one, so that the collection
+    would be left out of saved files, and all leaves with it.
+    """
+    item["osier_prototypes"] = prototypes
 
 
 def _instanced(group: bpy.types.NodeTree) -> bpy.types.Collection | None:
