@@ -159,7 +159,8 @@ def _set_view(bake: Bake, token: str, collection: bpy.types.Collection, scenes: 
             world.build_world(bake, sky)
     earlier = list(collection.get("osier_rate", []))
     for scene in scenes:
-        if [scene.frame_start, scene.frame_end, scene.frame_step] == list(collection.get("osier_range", [])):
+        # A scene that the bake was appended to keeps its range, also one that is equal by chance; it has no rate of the bake.
+        if earlier and [scene.frame_start, scene.frame_end, scene.frame_step] == list(collection.get("osier_range", [])):
             scene.frame_start, scene.frame_end, scene.frame_step = bake.first, bake.last, bake.step
         if stage.rate(scene) == earlier:
             stage.set_rate(scene, bake)

@@ -66,6 +66,19 @@ def appending_keeps_the_scene(manifest: str, other: str, _folder: pathlib.Path) 
     assert len(bpy.context.scene.objects) > objects + 4
 
 
+def appended_bakes_leave_the_range_when_reloaded(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "appended")
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = data["time"]["written"]
+    load(str(path), into="APPEND")
+    before = scene_settings()
+    data["time"]["written"] = [data["time"]["written"][0], data["time"]["written"][1] - 1]
+    path.write_text(json.dumps({**data, "bake_hash": "1" * 64}))
+    assert bpy.ops.osier.reload() == {"FINISHED"}
+    assert scene_settings() == before, (scene_settings(), before)
+
+
 def this_scene_takes_the_settings(manifest: str, _other: str, _folder: pathlib.Path) -> None:
     fresh()
     scene = bpy.context.scene
@@ -349,6 +362,7 @@ def main() -> None:
     osier_import.register()
     for check in (
         appending_keeps_the_scene,
+        appended_bakes_leave_the_range_when_reloaded,
         this_scene_takes_the_settings,
         refusals_change_nothing,
         older_manifests_open,

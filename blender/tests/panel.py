@@ -105,6 +105,11 @@ def values_have_the_ranges_of_the_scene() -> None:
     held.plants__grass__set__HEIGHT = 1e6
     knob = next(f for f in part("session").session.fields if f.path == "plants.grass.set.HEIGHT")
     assert abs(held.plants__grass__set__HEIGHT - knob.maximum) < 1e-5 and knob.basic
+    # One leaf, where the grammar says 2 to 15: the field returns to the value of the scene.
+    fields = part("schema").fields
+    knob = {"key": "plants.leaf.set.LEAVES", "number": 5, "min": 2, "max": 15, "unit": "", "about": ""}
+    field = fields([], {"keys": [{"key": knob["key"], "value": 1}], "knobs": [knob]})[0]
+    assert (field.value, field.minimum, field.maximum) == (1, 1, 15)
     refused(lambda: setattr(held, "plants__grass__motion", "unknown"))
     refused(lambda: setattr(held, "wind__speed", "fast"))
 
