@@ -171,8 +171,8 @@ def export(heads: list[bpy.types.Object], path: str, origin: tuple[float, float,
                     lines.append(f"usemtl {PLAIN}")
                 elif slot is not None and slot.name != material:
                     material = in_force = slot.name
-                    used[material.replace(" ", "_")] = slot
-                    lines.append(f"usemtl {material.replace(' ', '_')}")
+                    used[material] = slot
+                    lines.append(f"usemtl {material}")
                 lines.append("f " + " ".join(_corner(mesh, i, count, coordinates if uvs else None) for i in face.loop_indices))
             count += len(mesh.vertices)
             coordinates += len(mesh.loops) if uvs else 0

@@ -359,6 +359,13 @@ def faces_without_a_material_take_none() -> None:
     worn = [line for line in path.read_text().splitlines() if line.startswith(("usemtl", "f "))]
     assert [line.split()[1] for line in worn if line[0] == "u"] == ["leaf", "without_material", "leaf"], worn
     assert path.with_suffix(".mtl").read_text().count("newmtl") == 2
+    # Blanks stay, so that names which differ in them stay two.
+    for name in ("dry leaf", "dry_leaf"):
+        bpy.ops.mesh.primitive_plane_add()
+        heads.append(bpy.context.object)
+        heads[-1].data.materials.append(bpy.data.materials.new(name))
+    part("objects").export(heads[-2:], str(path), (0.0, 0.0, 0.0))
+    assert path.with_suffix(".mtl").read_text().count("newmtl") == 2
 
 
 def hidden_objects_are_exported_as_they_are_shown() -> None:
