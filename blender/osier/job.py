@@ -132,7 +132,8 @@ def event_lines(event: dict[str, Any]) -> list[str]:
     code = f"[{event['code']}]" if event.get("code") else ""
     lines = [f"{event['event']}{code}: {event['message']}"]
     if event.get("file"):
-        lines.append(f"  {event['file']}:{event['line']}:{event['column']}")
+        place = [str(event[key]) for key in ("file", "line", "column") if event.get(key) is not None]
+        lines.append("  " + ":".join(place))
     if event.get("help"):
         lines.append(f"  help: {event['help']}")
     return lines

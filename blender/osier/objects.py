@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Objects of Blender in a scene of osier: solids that stop wind, rain and seeds, and trees that sway."""
 
+import contextlib
 import json
 import os
 import pathlib
 import re
 import shutil
+from collections.abc import Iterator
 
 import bpy
 from mathutils import Matrix, Vector
@@ -40,7 +42,7 @@ def write_scene(folder: str, name: str, text: str, given: list[str], plants: lis
         tables += [f'[[place]]\nplant = {json.dumps(plant)}\nat = [{4 * i}, 0, 0]\n' for i, plant in enumerate(plants)]
     land = [item.object for item in items if item.role == "TERRAIN"]
     if land:
-        export(land, os.path.join(folder, "terrain_objects.obj"), (0.0, 0.0, 0.0))
+        export(land, os.path.join(folder, "terrain_objects.obj"), (0.0, 0.0, 0.0), instances=False)
         # The table of the scene describes another land; keys that the user has changed in the panel are still checked.
         text = re.sub(r"(?ms)^[ \t]*\[terrain\].*?(?=^[ \t]*\[|\Z)", "", text)
         tables.append('[terrain]\nfile = "terrain_objects.obj"\n')
@@ -74,23 +76,54 @@ def fresh_folder(path: str) -> None:
     pathlib.Path(path, MARK).write_text("Made by the extension osier, which removes this folder at the next bake.\n")
 
 
+@contextlib.contextmanager
+def evaluated(heads: list[bpy.types.Object], instances: bool) -> Iterator[Iterator[tuple[bpy.types.Object, Matrix]]]:
+    """The evaluated states of objects, of all below them, and of what they instance if wanted, each with its place. Blender does not
+    evaluate what is hidden in all viewports or is in a collection that is switched off: a scene for the moment shows them.
+    """
+    parts = [part for head in heads for part in (head, *(o for o in head.children_recursive if usable(o)))]
+    hidden = [part for part in parts if part.hide_viewport]
+    scene = bpy.data.scenes.new("osier export")
+    try:
+        scene.frame_current = bpy.context.scene.frame_current
+        for part in parts:
+            part.hide_viewport = False
+            if part.name not in scene.collection.objects:
+                scene.collection.objects.link(part)
+        layer = scene.view_layers[0]
+        layer.update()
+        yield _states(parts, layer.depsgraph, instances)
+    finally:
+        for part in hidden:
+            part.hide_viewport = True
+        bpy.data.scenes.remove(scene)
+
+
+def _states(parts: list[bpy.types.Object], graph: bpy.types.Depsgraph, instances: bool) -> Iterator[tuple[bpy.types.Object, Matrix]]:
+    for part in parts:
+        state = part.evaluated_get(graph)
+        yield state, state.matrix_world
+    for instance in graph.object_instances if instances else ():
+        if instance.is_instance and instance.parent.original in parts and usable(instance.object):
+            yield instance.object, instance.matrix_world.copy()
+
+
 def ground_height(land: list[bpy.types.Object], position: tuple[float, float, float]) -> float | None:
     """The height of the highest surface of some objects above or below a position; `None` beside them."""
-    graph = bpy.context.evaluated_depsgraph_get()
     heights = []
-    for item in (o for head in land for o in (head, *head.children_recursive) if usable(o)):
-        evaluated = item.evaluated_get(graph)
-        mesh = evaluated.to_mesh()
-        if mesh is None:
-            continue
-        mesh.transform(evaluated.matrix_world)
-        for face in mesh.polygons:
-            corners = [mesh.vertices[i].co for i in face.vertices]
-            for second, third in zip(corners[1:], corners[2:]):
-                height = height_in_triangle((corners[0], second, third), position)
-                if height is not None:
-                    heights.append(height)
-        evaluated.to_mesh_clear()
+    with evaluated(land, False) as parts:
+        for state, place in parts:
+            mesh = state.to_mesh()
+            if mesh is None:
+                continue
+            mesh.transform(place)
+            for face in mesh.polygons:
+                corners = [mesh.vertices[i].co for i in face.vertices]
+                for second, third in zip(corners[1:], corners[2:]):
+                    height = height_in_triangle((corners[0], second, third), position)
+                    if height is not None:
+                        heights.append(height)
+            state.to_mesh_clear()
     return max(heights, default=None)
 
 
@@ -105,9 +138,8 @@ def height_in_triangle(corners: tuple[Vector, Vector, Vector], position: tuple[f
     return a.z + u * (b.z - a.z) + v * (c.z - a.z) if u >= 0 and v >= 0 and u + v <= 1 else None
 
 
-def export(heads: list[bpy.types.Object], path: str, origin: tuple[float, float, float]) -> None:
-    """Writes objects and all below them as OBJ, +Y up, with `origin` at zero; modifiers are applied."""
-    shown = [part for head in heads for part in (head, *(o for o in head.children_recursive if usable(o)))]
+def export(heads: list[bpy.types.Object], path: str, origin: tuple[float, float, float], instances: bool = True) -> None:
+    """Writes objects, all below them and what they instance as OBJ, +Y up, with `origin` at zero; modifiers are applied."""
     mapping = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1))) @ Matrix.Translation(origin).inverted()
     library = pathlib.Path(path).with_suffix(".mtl")
     lines: list[str] = [f"mtllib {library.name}"]
@@ -115,35 +147,36 @@ def export(heads: list[bpy.types.Object], path: str, origin: tuple[float, float,
     # In a file a material holds for all faces after it, those of the next object included.
     in_force = None
     count = coordinates = 0
-    graph = bpy.context.evaluated_depsgraph_get()
-    for part in shown:
-        evaluated = part.evaluated_get(graph)
-        mesh = evaluated.to_mesh()
-        if mesh is None:
-            continue
-        place = mapping @ evaluated.matrix_world
-        mesh.transform(place)
-        if place.determinant() < 0:
-            mesh.flip_normals()
-        lines.append(f"o {part.name.replace(' ', '_')}")
-        lines += ["v {:.7g} {:.7g} {:.7g}".format(*vertex.co) for vertex in mesh.vertices]
-        uvs = mesh.uv_layers.active
-        if uvs:
-            lines += ["vt {:.7g} {:.7g}".format(*loop.uv) for loop in uvs.data]
-        material = None
-        for face in mesh.polygons:
-            slot = part.material_slots[face.material_index].material if face.material_index < len(part.material_slots) else None
-            if slot is None and in_force not in (None, PLAIN):
-                material, in_force = None, PLAIN
-                lines.append(f"usemtl {PLAIN}")
-            elif slot is not None and slot.name != material:
-                material = in_force = slot.name
-                used[material.replace(" ", "_")] = slot
-                lines.append(f"usemtl {material.replace(' ', '_')}")
-            lines.append("f " + " ".join(_corner(mesh, i, count, coordinates if uvs else None) for i in face.loop_indices))
-        count += len(mesh.vertices)
-        coordinates += len(mesh.loops) if uvs else 0
-        evaluated.to_mesh_clear()
+    with evaluated(heads, instances) as parts:
+        for state, place in parts:
+            mesh = state.to_mesh()
+            if mesh is None:
+                continue
+            place = mapping @ place
+            mesh.transform(place)
+            if place.determinant() < 0:
+                mesh.flip_normals()
+            lines.append(f"o {state.name.replace(' ', '_')}")
+            lines += ["v {:.7g} {:.7g} {:.7g}".format(*vertex.co) for vertex in mesh.vertices]
+            uvs = mesh.uv_layers.active
+            if uvs:
+                lines += ["vt {:.7g} {:.7g}".format(*loop.uv) for loop in uvs.data]
+            slots = [slot.material and slot.material.original for slot in state.material_slots]
+            material = None
+            for face in mesh.polygons:
+                # Modifiers may set materials that the object itself does not have.
+                slot = slots[face.material_index] if face.material_index < len(slots) else None
+                if slot is None and in_force not in (None, PLAIN):
+                    material, in_force = None, PLAIN
+                    lines.append(f"usemtl {PLAIN}")
+                elif slot is not None and slot.name != material:
+                    material = in_force = slot.name
+                    used[material] = slot
+                    lines.append(f"usemtl {material}")
+                lines.append("f " + " ".join(_corner(mesh, i, count, coordinates if uvs else None) for i in face.loop_indices))
+            count += len(mesh.vertices)
+            coordinates += len(mesh.loops) if uvs else 0
+            state.to_mesh_clear()
     pathlib.Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
     colors = {name: color_of(slot) for name, slot in used.items()}
     if f"usemtl {PLAIN}" in lines:

@@ -65,10 +65,11 @@ def fields(options: list[dict[str, Any]], check: dict[str, Any]) -> list[Field]:
     found: dict[str, Field] = {}
     for knob in check["knobs"]:
         if knob["number"] is not None:
-            value = given.get(knob["key"], knob["number"])
-            found[knob["key"]] = Field(
-                knob["key"], "number", float(value), knob["min"], knob["max"], None, (), knob["unit"], knob["about"], True
-            )
+            value = float(given.get(knob["key"], knob["number"]))
+            # A scene may have a value beyond the range of its grammar; the field must be able to return to it.
+            low, high = knob["min"], knob["max"]
+            low, high = low if low is None else min(low, value), high if high is None else max(high, value)
+            found[knob["key"]] = Field(knob["key"], "number", value, low, high, None, (), knob["unit"], knob["about"], True)
     for option in options:
         for table in (option["table"], *option["also"]):
             for place in _tables(table, given):

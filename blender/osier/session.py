@@ -244,7 +244,7 @@ class Session:
             return
         try:
             bake = manifest.read(path)
-            earlier = [c for c in scene.collection.children_recursive if c.get("osier_manifest") == bake.path]
+            earlier = [c for c in scene.collection.children_recursive if reload.is_own(c) and c.get("osier_manifest") == bake.path]
             if not earlier:
                 self.notes += stage.import_bake(bpy.context, bake, scene.osier.into, scene.osier.look).notes
             elif earlier[0]["osier_hash"] != bake.bake_hash:
@@ -335,7 +335,10 @@ def preference(name: str, default: Any) -> Any:
 
 def bakes_folder() -> str:
     """The folder of bakes, which is made if it is missing."""
-    folder = bpy.path.abspath(preference("folder", "")) or default_folder()
+    folder = bpy.path.abspath(preference("folder", ""))
+    if not os.path.isabs(folder):
+        # Empty, or relative to a file that is not saved yet.
+        folder = default_folder()
     os.makedirs(folder, exist_ok=True)
     return folder
 

@@ -59,8 +59,10 @@ def build(material: bpy.types.Material, bake: Bake, entry: dict[str, Any]) -> No
     material.roughness = entry["roughness"]
 
 
-def signature(tree: bpy.types.NodeTree) -> str:
-    """A hash of the types, links and values of the nodes of a tree."""
+def signature(tree: bpy.types.NodeTree | None) -> str:
+    """A hash of the types, links and values of the nodes of a tree. Empty without one: materials have none before Blender 5 at first."""
+    if tree is None:
+        return ""
     lines = []
     for node in tree.nodes:
         values = [_value(s) for s in node.inputs] + [_value(s) for s in node.outputs]

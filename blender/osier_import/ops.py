@@ -59,6 +59,12 @@ class OSIER_OT_import(bpy.types.Operator, ImportHelper):
     def poll(cls, context: bpy.types.Context) -> bool:
         return can_import(cls, context)
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        # A dropped file needs its options, not a list of files; before 4.1 there is neither.
+        if hasattr(self, "invoke_popup"):
+            return self.invoke_popup(context)
+        return ImportHelper.invoke(self, context, event)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         began = time.perf_counter()
         try:
@@ -86,11 +92,16 @@ class OSIER_OT_reload(bpy.types.Operator):
         return can_import(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        done, failed = 0, False
+        done, failed, linked = 0, False, False
         for collection in [c for c in bpy.data.collections if "osier_hash" in c]:
             try:
-                bake = manifest.read(collection["osier_manifest"])
+                bake = manifest.read(reload.manifest_path(collection))
                 if bake.bake_hash == collection["osier_hash"]:
+                    continue
+                if not reload.is_own(collection):
+                    source = collection.library or collection.override_library.reference.library
+                    self.report({"WARNING"}, f"{collection.name} is linked from {source.filepath}: reload it in that file")
+                    linked = True
                     continue
                 notes = reload.reload_bake(context, collection, bake)
             except manifest.BakeError as error:
@@ -102,7 +113,8 @@ class OSIER_OT_reload(bpy.types.Operator):
                 self.report({"INFO"}, note)
         if failed and not done:
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Reloaded {done} bakes" if done else "All bakes are up to date")
+        if done or not linked:
+            self.report({"INFO"}, f"Reloaded {done} bakes" if done else "All bakes are up to date")
         return {"FINISHED"}
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reads a changed bake again: objects stay and show new data; what the user has changed stays, too."""
 
+import os
+from collections.abc import Iterable
 from typing import Any
 
 import bpy
@@ -16,54 +18,149 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
     Raises `BakeError`; then the file is as before.
     """
     token = collection["osier_bake"]
-    old = {o["osier_id"]: o for o in bpy.data.objects if o.get("osier_bake") == token and "osier_id" in o}
-    old_groups = {c["osier_id"]: c for c in bpy.data.collections if c.get("osier_bake") == token and "osier_id" in c}
+    _rename_scene(bake, token)
+    old, twins = _originals(collection, marked(bpy.data.objects, token))
+    old_groups = {c["osier_id"]: c for c in reversed(marked(bpy.data.collections, token))}
     scenes = [s for s in bpy.data.scenes if collection in s.collection.children_recursive]
     scene = context.scene if context.scene in scenes or not scenes else scenes[0]
-    released = _release_caches(list(old.values()))
+    released, others = _release_caches(bake, token)
     before = stage.Snapshot()
     temporary = bpy.data.collections.new("osier reload")
     scene.collection.children.link(temporary)
     try:
         # Names of the materials are those of this import; existing ones are rebuilt only after the stage was read.
-        mine = {m["osier_id"].split(":", 1)[1]: m for m in bpy.data.materials if m.get("osier_bake") == token}
+        mine = {m["osier_id"].split(":", 1)[1]: m for m in reversed(marked(bpy.data.materials, token))}
         placeholders = {e["name"]: mine.get(e["name"]) or bpy.data.materials.new(e["name"]) for e in bake.materials}
         objects = stage.build(context, scene, bake, temporary, placeholders, token)
     except Exception as error:
         before.remove_added()
-        _restore_caches(released)
+        _restore_caches(released + others)
         if isinstance(error, BakeError):
             raise
         cause = f"the import failed ({type(error).__name__}: {error})"
         raise BakeError(bake.path, cause, "Bake again; the objects show the earlier bake") from error
+    _restore_caches(others)
     kept: list[str] = []
     for entry in bake.materials:
         material = placeholders[entry["name"]]
         if material.get("osier_bake") != token:
             material["osier_bake"] = token
-            material["osier_sig"] = materials.signature(material.node_tree) if material.node_tree else ""
+            material["osier_sig"] = materials.signature(material.node_tree)
             material["osier_id"] = f"{bake.scene}:{entry['name']}"
     pictures = [i for i in bpy.data.images if i.users]
     materials.build_all(bake, token, placeholders, kept)
     bpy.data.batch_remove([i for i in pictures if i.users == 0])
-    _replace(collection, temporary, old, old_groups, objects, token)
+    _reload_pictures(bake)
     notes = [f"kept the changed material {name}" for name in kept]
+    notes += _take_twins(twins, old, objects)
+    _replace(collection, temporary, old, old_groups, objects, before.added(["collections"]))
     notes += _set_view(bake, token, collection, scenes)
-    stage.mark(collection, bake, token)
+    for same in [c for c in marked(bpy.data.collections, token, "osier_hash") if c == collection or c["osier_manifest"] == bake.path]:
+        stage.mark(same, bake, token)
     return notes
+
+
+def marked(items: Iterable[bpy.types.ID], token: str, name: str = "osier_id") -> list[bpy.types.ID]:
+    """Data of one import that has a property. Linked data and overrides belong to another file."""
+    return [i for i in items if is_own(i) and i.get("osier_bake") == token and name in i]
+
+
+def manifest_path(collection: bpy.types.Collection) -> str:
+    """The manifest of an import. Where the project was moved, it lies above the pictures and stages, whose paths Blender keeps."""
+    path, token = collection["osier_manifest"], collection["osier_bake"]
+    if os.path.isfile(path):
+        return path
+    trees = [m.node_tree for m in marked(bpy.data.materials, token) if m.node_tree]
+    files = [node.image for tree in trees for node in tree.nodes if getattr(node, "image", None)]
+    files += [u.cache_file for o in marked(bpy.data.objects, token) for u in copies.cache_users(o) if u.cache_file]
+    for file in files:
+        folder = os.path.dirname(os.path.abspath(bpy.path.abspath(file.filepath)))
+        # Maps of leaves are two folders below the manifest.
+        for _ in range(3):
+            folder = os.path.dirname(folder)
+            moved = os.path.join(folder, os.path.basename(path))
+            if os.path.isfile(moved):
+                return moved
+    return path
+
+
+def is_own(item: bpy.types.ID) -> bool:
+    """Whether data belongs to this file, so that changes of it are saved."""
+    return item.library is None and item.override_library is None
+
+
+def _rename_scene(bake: Bake, token: str) -> None:
+    """Gives the identifiers of an import the name that its scene has now."""
+    for kind in (bpy.data.objects, bpy.data.collections, bpy.data.materials, bpy.data.worlds):
+        for item in marked(kind, token):
+            item["osier_id"] = f"{bake.scene}:{item['osier_id'].split(':', 1)[1]}"
+
+
+def _originals(
+    collection: bpy.types.Collection, items: list[bpy.types.Object]
+) -> tuple[dict[str, bpy.types.Object], dict[str, list[bpy.types.Object]]]:
+    """Objects of an import by identifier, and the copies that the user has made of them."""
+    home = {o.as_pointer() for o in collection.all_objects}
+    old: dict[str, bpy.types.Object] = {}
+    twins: dict[str, list[bpy.types.Object]] = {}
+    for item in sorted(items, key=lambda o: o.as_pointer() not in home):
+        if old.setdefault(item["osier_id"], item) is not item:
+            twins.setdefault(item["osier_id"], []).append(item)
+    return old, twins
+
+
+def _take_twins(
+    twins: dict[str, list[bpy.types.Object]], old: dict[str, bpy.types.Object], objects: list[bpy.types.Object]
+) -> list[str]:
+    """Gives the user's copies of objects what the new objects show. Copies that share data go on to share it."""
+    new = {o["osier_id"]: o for o in objects if "osier_id" in o}
+    shown: dict[tuple[bpy.types.ID, bpy.types.ID], bpy.types.ID] = {}
+    actions, gone = set(), []
+    for name, copied in twins.items():
+        item = new.get(name)
+        for twin in copied:
+            if item is None or item.type != twin.type:
+                gone.append(twin)
+                continue
+            data, earlier = item.data, twin.data
+            if data is not None and item.type not in ("CAMERA", "LIGHT") and earlier != old[name].data:
+                # Its slots may have other materials than those of the original.
+                data = shown.get((earlier, item.data)) or item.data.copy()
+                shown[earlier, item.data] = data
+            actions.update(_actions(twin))
+            _take(twin, item, data)
+    before_data = {earlier for earlier, _ in shown} | {o.data for o in gone if o.data}
+    removed = len(gone)
+    bpy.data.batch_remove(gone)
+    _remove_unused(before_data, actions)
+    return [f"removed {removed} copied objects that the bake does not have any more"] if removed else []
+
+
+def _reload_pictures(bake: Bake) -> None:
+    """Reads pictures of the bake again that changed materials or the user's own still show, except painted and packed ones."""
+    for image in bpy.data.images:
+        if is_own(image) and image.filepath and not image.is_dirty and not image.packed_file and _is_below(bake, image.filepath):
+            image.reload()
+
+
+def _is_below(bake: Bake, path: str) -> bool:
+    """Whether a file is in the folder of a bake."""
+    folder, path = (os.path.realpath(p) for p in (bake.folder, bpy.path.abspath(path)))
+    return path.startswith(folder + os.sep)
 
 
 def _set_view(bake: Bake, token: str, collection: bpy.types.Collection, scenes: list[bpy.types.Scene]) -> list[str]:
     """Sky, frame rate and range, unless the user has changed them."""
     notes = []
-    for sky in [w for w in bpy.data.worlds if w.get("osier_bake") == token]:
+    for sky in marked(bpy.data.worlds, token):
         if sky.get("osier_sig") != materials.signature(sky.node_tree):
             notes.append(f"kept the changed world {sky.name}")
         elif bake.view:
             world.build_world(bake, sky)
     earlier = list(collection.get("osier_rate", []))
     for scene in scenes:
-        if [scene.frame_start, scene.frame_end, scene.frame_step] == list(collection.get("osier_range", [])):
+        # A scene that the bake was appended to keeps its range, also one that is equal by chance; it has no rate of the bake.
+        if earlier and [scene.frame_start, scene.frame_end, scene.frame_step] == list(collection.get("osier_range", [])):
             scene.frame_start, scene.frame_end, scene.frame_step = bake.first, bake.last, bake.step
         if stage.rate(scene) == earlier:
             stage.set_rate(scene, bake)
@@ -72,18 +169,22 @@ def _set_view(bake: Bake, token: str, collection: bpy.types.Collection, scenes: 
     return notes
 
 
-def _release_caches(items: list[bpy.types.Object]) -> list[tuple[Any, ...]]:
-    """Detaches cache files: as long as one holds a stage, USD returns the earlier content of its files."""
-    released = []
+def _release_caches(bake: Bake, token: str) -> tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]:
+    """Detaches cache files: as long as one holds a stage, USD returns the earlier content of its files.
+
+    Returns those of this import and those of other objects that show the same bake, as another import of it.
+    """
+    released, others = [], []
     files: dict[Any, tuple[str, float, str]] = {}
-    for item in items:
+    mine = set(marked(bpy.data.objects, token))
+    for item in bpy.data.objects:
         for user in copies.cache_users(item):
             file = user.cache_file
-            if file is None:
+            if file is None or not (item in mine or _is_below(bake, file.filepath)):
                 continue
             if file not in files:
                 files[file] = (file.filepath, file.frame_offset, file.name)
-            released.append((item, user.name, user.object_path, *files[file]))
+            (released if item in mine else others).append((item, user.name, user.object_path, *files[file]))
             user.cache_file = None
     _update_layers()
     # A file that the operator has opened counts a user that it does not have.
@@ -91,7 +192,7 @@ def _release_caches(items: list[bpy.types.Object]) -> list[tuple[Any, ...]]:
     bpy.data.batch_remove([f for f in files if not users.get(f)])
     # Evaluated copies of the removed files hold the stage until the next update.
     _update_layers()
-    return released
+    return released, others
 
 
 def _update_layers() -> None:
@@ -121,15 +222,11 @@ def _replace(
     old: dict[str, bpy.types.Object],
     old_groups: dict[str, bpy.types.Collection],
     objects: list[bpy.types.Object],
-    token: str,
+    added: list[bpy.types.Collection],
 ) -> None:
     """Moves what the new objects show to the earlier ones, and removes the rest."""
     new = {o["osier_id"]: o for o in objects if "osier_id" in o}
-    new_groups = {
-        c["osier_id"]: c
-        for c in bpy.data.collections
-        if c.get("osier_bake") == token and "osier_id" in c and c not in old_groups.values()
-    }
+    new_groups = {c["osier_id"]: c for c in added if "osier_id" in c}
     before_data = {o.data for o in old.values() if o.data}
     before_actions = {a for o in old.values() for a in _actions(o)}
     for name, group in new_groups.items():
@@ -143,7 +240,7 @@ def _replace(
     for name, item in new.items():
         mine = old.get(name)
         if mine is not None and mine.type == item.type:
-            _take(mine, item, old)
+            _take(mine, item, item.data)
             continue
         for home in list(item.users_collection):
             target = collection if home is temporary else old_groups.get(home.get("osier_id", ""))
@@ -184,13 +281,13 @@ def _actions(item: bpy.types.Object) -> list[bpy.types.Action]:
     return [*strips, data.action] if data.action else strips
 
 
-def _take(mine: bpy.types.Object, item: bpy.types.Object, old: dict[str, bpy.types.Object]) -> None:
-    """Gives the earlier object what the new one shows."""
+def _take(mine: bpy.types.Object, item: bpy.types.Object, data: bpy.types.ID | None) -> None:
+    """Gives the earlier object what the new one shows. `data`: that of the new one, or a copy of it."""
     if mine.type in ("CAMERA", "LIGHT"):
         _take_view(mine, item)
-    elif item.data is not None and mine.data is not item.data:
-        _keep_own_materials(mine.data, item.data)
-        mine.data = item.data
+    elif data is not None and mine.data is not data:
+        _keep_own_materials(mine.data, data)
+        mine.data = data
     if _untouched(mine):
         mine.matrix_basis = item.matrix_basis
     mine["osier_base"] = [v for row in item.matrix_basis for v in row]

@@ -197,8 +197,7 @@ def build(
                 cause = f"Blender's USD importer could not read {asset.name}"
                 step = "Check the folder with osier info and bake again"
                 if len(asset.prim) > LONGEST_NAME:
-                    cause = f"{asset.name} is longer than the {LONGEST_NAME} characters of a name in this Blender"
-                    step = "Bake again with a shorter name of the plant"
+                    raise _too_long(bake, asset.name)
                 raise BakeError(bake.stage, cause, step)
     for item in before.added(["objects"]):
         if item.type == "EMPTY" and base_name(item.name) in ("mtl", "Prototypes") and not item.children:
@@ -265,6 +264,12 @@ def _layer_collection(root: bpy.types.LayerCollection, wanted: bpy.types.Collect
     return root
 
 
+def _too_long(bake: Bake, name: str) -> BakeError:
+    """The error about a name that this Blender cuts off."""
+    cause = f"{name} is longer than the {LONGEST_NAME} characters of a name in this Blender"
+    return BakeError(bake.stage, cause, "Bake again with a shorter name of the plant")
+
+
 def _shows(root: bpy.types.Object) -> bool:
     return any(o.type != "EMPTY" for o in copies.hierarchy(root))
 
@@ -294,6 +299,7 @@ def _adopt(
             prototypes = modifier.type == "NODES" and modifier.node_group and _instanced(modifier.node_group)
             if prototypes:
                 _adopt_prototypes(bake, asset, path, prototypes)
+                _hold(item, prototypes)
                 modifier.node_group.name = f"{asset.name} {path.rsplit('/', 1)[-1]}"
 
 
@@ -322,6 +328,13 @@ def _adopt_prototypes(bake: Bake, asset: Asset, path: str, prototypes: bpy.types
         for root in [o for o in child.objects if o.parent is None]:
             for item, below in _paths(root, f"{path}/{part}/{base_name(root.name)}"):
                 _name(item, bake, asset.name, below)
+
+
+def _hold(item: bpy.types.Object, prototypes: bpy.types.Collection) -> None:
+    """Makes an object a user of what it instances: the node that Blender's importer has set is not counted as one, so that the collection
+    would be left out of saved files, and all leaves with it.
+    """
+    item["osier_prototypes"] = prototypes
 
 
 def _instanced(group: bpy.types.NodeTree) -> bpy.types.Collection | None:
@@ -354,6 +367,7 @@ def _name(item: bpy.types.Object, bake: Bake, asset: str, path: str) -> None:
 def _set_materials(bake: Bake, items: list[bpy.types.Object], built: dict[str, bpy.types.Material]) -> None:
     """Gives all slots the materials of this import, and points without a slot the material of the manifest."""
     points = {a.name: a.points_material for a in bake.assets}
+    longest = max(built, key=len, default="")
     for item in items:
         if item.data is None or not hasattr(item.data, "materials"):
             continue
@@ -362,6 +376,8 @@ def _set_materials(bake: Bake, items: list[bpy.types.Object], built: dict[str, b
             wanted = built.get(base_name(material.name)) if material else None
             if wanted is not None and wanted != material:
                 slots[i] = wanted
+            if wanted is None and material and len(longest) > LONGEST_NAME:
+                raise _too_long(bake, longest)
         if item.type == "POINTCLOUD" and not slots and "osier_id" in item:
             asset = item["osier_id"].split(":", 1)[1].split("/", 1)[0]
             if built.get(points.get(asset) or ""):

@@ -66,6 +66,19 @@ def appending_keeps_the_scene(manifest: str, other: str, _folder: pathlib.Path) 
     assert len(bpy.context.scene.objects) > objects + 4
 
 
+def appended_bakes_leave_the_range_when_reloaded(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "appended")
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = data["time"]["written"]
+    load(str(path), into="APPEND")
+    before = scene_settings()
+    data["time"]["written"] = [data["time"]["written"][0], data["time"]["written"][1] - 1]
+    path.write_text(json.dumps({**data, "bake_hash": "1" * 64}))
+    assert bpy.ops.osier.reload() == {"FINISHED"}
+    assert scene_settings() == before, (scene_settings(), before)
+
+
 def this_scene_takes_the_settings(manifest: str, _other: str, _folder: pathlib.Path) -> None:
     fresh()
     scene = bpy.context.scene
@@ -219,12 +232,137 @@ def undo_removes_and_redo_restores(manifest: str, _other: str, _folder: pathlib.
     assert counts()["objects"] == after["objects"], counts()
 
 
+def bake_differently(path: pathlib.Path, data: dict, content: str) -> None:
+    """Adds content in the notation of USD to the rain, and marks the bake as another one."""
+    stage = path.parent / "usd" / "assets.usda"
+    head, rain, tail = stage.read_text().partition('def Xform "rain" (')
+    before, _, after = tail.partition("{")
+    stage.write_text(head + rain + before + "{" + content + after)
+    path.write_text(json.dumps({**data, "bake_hash": "1" * 64}))
+
+
+TRIANGLE = """
+int[] faceVertexCounts = [3]
+int[] faceVertexIndices = [0, 1, 2]
+point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+"""
+
+
+def all_that_shows_a_bake_reloads(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "twice")
+    # Two imports of one bake, and a copy that the user has made, with a material of its own.
+    load(str(path))
+    load(str(path))
+    scene = bpy.context.scene
+    source = next(o for o in bpy.data.objects if o.get("osier_id", "").endswith("/drops"))
+    copy, own = source.copy(), bpy.data.materials.new("own")
+    copy.data = source.data.copy()
+    copy.data.materials[0] = own
+    copy.location.x += 1
+    scene.collection.objects.link(copy)
+    bake_differently(path, data, f'over "drops" {{{TRIANGLE}}}')
+    assert bpy.ops.osier.reload() == {"FINISHED"}
+    drops = [o for o in bpy.data.objects if o.get("osier_id", "").endswith("/drops")]
+    assert len(drops) == 3
+    for item in drops:
+        layer = next(s for s in bpy.data.scenes if item.name in s.objects).view_layers[0]
+        layer.update()
+        shown = item.evaluated_get(layer.depsgraph).data
+        assert (len(item.data.vertices), len(shown.vertices)) == (3, 3), (item.name, len(item.data.vertices), len(shown.vertices))
+    assert copy.data.materials[0] == own and own.name not in source.data.materials and copy.location.x != source.location.x
+
+
+def pictures_of_changed_materials_are_read_again(_manifest: str, other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(other, folder / "pictures")
+    load(str(path))
+    nodes = next(m.node_tree.nodes for m in bpy.data.materials if "osier_id" in m and "osier color" in m.node_tree.nodes)
+    nodes["osier surface"].inputs["IOR"].default_value = 1.75
+    image = nodes["osier color"].image
+    assert min(image.size) > 2 and image.pixels[0] >= 0
+    small = bpy.data.images.new("small", 2, 2)
+    small.filepath_raw, small.file_format = str(folder / "small.png"), "PNG"
+    small.save()
+    replace(pathlib.Path(image.filepath), (folder / "small.png").read_bytes())
+    path.write_text(json.dumps({**data, "bake_hash": "1" * 64}))
+    assert bpy.ops.osier.reload() == {"FINISHED"}
+    assert nodes["osier color"].image == image and tuple(image.size) == (2, 2), tuple(image.size)
+
+
+def moved_projects_reload(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "project" / "bake")
+    load(str(path))
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "project" / "saved.blend"))
+    moved = folder / "moved"
+    os.rename(folder / "project", moved)
+    bpy.ops.wm.open_mainfile(filepath=str(moved / "saved.blend"))
+    (moved / "bake" / "manifest.json").write_text(json.dumps({**data, "bake_hash": "1" * 64}))
+    assert bpy.ops.osier.reload() == {"FINISHED"}
+    marks = [(c["osier_hash"], c["osier_folder"]) for c in bpy.data.collections if "osier_hash" in c]
+    assert marks == [("1" * 64, str(moved / "bake"))], marks
+
+
+def another_name_of_the_scene_keeps_the_objects(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "name")
+    load(str(path), into="THIS")
+    root = next(o for o in bpy.context.scene.objects if o.get("osier_id", "").endswith(":leaf"))
+    root.location.x += 5
+    before = counts(), root.as_pointer(), root.location.x
+    path.write_text(json.dumps({**data, "bake_hash": "1" * 64, "scene": {**data["scene"], "name": "renamed"}}))
+    assert bpy.ops.osier.reload() == {"FINISHED"}
+    assert (counts(), bpy.data.objects[root.name].as_pointer(), root.location.x) == before, (counts(), before)
+    assert root["osier_id"] == "renamed:leaf"
+
+
+def new_materials_reload(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "new_material")
+    load(str(path))
+    added = {**data["materials"][0], "name": "added"}
+    path.write_text(json.dumps({**data, "bake_hash": "1" * 64, "materials": [*data["materials"], added]}))
+    assert bpy.ops.osier.reload() == {"FINISHED"}
+    assert "osier surface" in bpy.data.materials["added"].node_tree.nodes
+
+
+def linked_bakes_stay(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "linked")
+    load(str(path))
+    name = next(c.name for c in bpy.data.collections if "osier_hash" in c)
+    library = str(folder / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=library)
+    fresh()
+    with bpy.data.libraries.load(library, link=True) as (_, wanted):
+        wanted.collections = [name]
+    linked = wanted.collections[0]
+    bpy.context.scene.collection.children.link(linked)
+    path.write_text(json.dumps({**data, "bake_hash": "1" * 64}))
+    assert bpy.ops.osier.reload() == {"FINISHED"}
+    # A change of linked data would be lost with the next opening.
+    assert linked["osier_hash"] == data["bake_hash"]
+
+
+def names_of_materials_that_are_too_long_are_told(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "long_material")
+    name = 300 * "m"
+    sheet = f'def Mesh "sheet" {{{TRIANGLE}rel material:binding = </rain/{name}>\n}}\ndef Material "{name}" {{ }}\n'
+    bake_differently(path, {**data, "materials": [*data["materials"], {**data["materials"][0], "name": name}]}, sheet)
+    before = counts()
+    assert "characters of a name" in refused(bpy.ops.import_scene.osier, filepath=str(path))
+    assert counts() == before
+
+
 def main() -> None:
     manifest, other, folder = sys.argv[1:]
     failed = []
     osier_import.register()
     for check in (
         appending_keeps_the_scene,
+        appended_bakes_leave_the_range_when_reloaded,
         this_scene_takes_the_settings,
         refusals_change_nothing,
         older_manifests_open,
@@ -233,6 +371,13 @@ def main() -> None:
         reloads_take_the_frame_rate_unless_it_was_set,
         names_that_are_too_long_are_told,
         a_failing_reload_changes_nothing,
+        all_that_shows_a_bake_reloads,
+        pictures_of_changed_materials_are_read_again,
+        moved_projects_reload,
+        another_name_of_the_scene_keeps_the_objects,
+        new_materials_reload,
+        linked_bakes_stay,
+        names_of_materials_that_are_too_long_are_told,
         files_open_again,
         undo_removes_and_redo_restores,
     ):

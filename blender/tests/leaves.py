@@ -38,11 +38,34 @@ def emit_occlusion(material: bpy.types.Material) -> bool:
     return read is not None
 
 
+def instances() -> int:
+    """How many instances the scene shows."""
+    return sum(1 for item in bpy.context.evaluated_depsgraph_get().object_instances if item.is_instance)
+
+
+def open_again(path: str) -> None:
+    """Saves the file and opens it."""
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+
+
+def check_files(path: str) -> None:
+    """Saved files keep their leaves, before and after a reload."""
+    shown = instances()
+    open_again(path)
+    assert instances() == shown > 0, (instances(), shown)
+    next(c for c in bpy.data.collections if "osier_hash" in c)["osier_hash"] = "0" * 64
+    assert bpy.ops.osier.reload() == {"FINISHED"}
+    open_again(path)
+    assert instances() == shown, (instances(), shown)
+
+
 def main() -> None:
     manifest, folder = sys.argv[1:]
     bpy.ops.wm.read_factory_settings()
     osier_import.register()
     assert bpy.ops.import_scene.osier(filepath=manifest) == {"FINISHED"}
+    check_files(os.path.join(folder, "leaves.blend"))
     scene = bpy.context.scene
     clouds = {o["osier_id"].rsplit("/", 1)[-1]: o.data for o in bpy.data.objects if o.type == "POINTCLOUD"}
     told = {name: means(data) for name, data in clouds.items()}

@@ -105,6 +105,11 @@ def values_have_the_ranges_of_the_scene() -> None:
     held.plants__grass__set__HEIGHT = 1e6
     knob = next(f for f in part("session").session.fields if f.path == "plants.grass.set.HEIGHT")
     assert abs(held.plants__grass__set__HEIGHT - knob.maximum) < 1e-5 and knob.basic
+    # One leaf, where the grammar says 2 to 15: the field returns to the value of the scene.
+    fields = part("schema").fields
+    knob = {"key": "plants.leaf.set.LEAVES", "number": 5, "min": 2, "max": 15, "unit": "", "about": ""}
+    field = fields([], {"keys": [{"key": knob["key"], "value": 1}], "knobs": [knob]})[0]
+    assert (field.value, field.minimum, field.maximum) == (1, 1, 15)
     refused(lambda: setattr(held, "plants__grass__motion", "unknown"))
     refused(lambda: setattr(held, "wind__speed", "fast"))
 
@@ -288,6 +293,8 @@ def errors_are_shown_as_they_are() -> None:
     bpy.ops.osier.retry()
     work()
     assert not session.errors and values(scene).wind__speed > 0
+    # An error about a whole file has no line.
+    assert part("job").event_lines({"event": "error", "message": "m", "file": "f", "line": None, "column": None})[1] == "  f"
     # A seed that is no number is refused; then the panel works on.
     scene.osier.seed = "x"
     refused(bpy.ops.osier.bake)
@@ -352,6 +359,72 @@ def faces_without_a_material_take_none() -> None:
     worn = [line for line in path.read_text().splitlines() if line.startswith(("usemtl", "f "))]
     assert [line.split()[1] for line in worn if line[0] == "u"] == ["leaf", "without_material", "leaf"], worn
     assert path.with_suffix(".mtl").read_text().count("newmtl") == 2
+    # Blanks stay, so that names which differ in them stay two.
+    for name in ("dry leaf", "dry_leaf"):
+        bpy.ops.mesh.primitive_plane_add()
+        heads.append(bpy.context.object)
+        heads[-1].data.materials.append(bpy.data.materials.new(name))
+    part("objects").export(heads[-2:], str(path), (0.0, 0.0, 0.0))
+    assert path.with_suffix(".mtl").read_text().count("newmtl") == 2
+
+
+def hidden_objects_are_exported_as_they_are_shown() -> None:
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    scene, kept = bpy.context.scene, bpy.data.collections.new("kept")
+    scene.collection.children.link(kept)
+    bpy.ops.mesh.primitive_plane_add()
+    head = bpy.context.object
+    scene.collection.objects.unlink(head)
+    kept.objects.link(head)
+    head.modifiers.new("three", "ARRAY").count = 3
+    # A copy of another object at each point, and a material that only the modifier sets.
+    bpy.ops.mesh.primitive_plane_add()
+    leaf, green = bpy.context.object, bpy.data.materials.new("green")
+    leaf.name = "leaf"
+    group = bpy.data.node_groups.new("leaves", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeSetMaterial", "GeometryNodeObjectInfo", "GeometryNodeInstanceOnPoints")
+    source, target, paint, info, show = (group.nodes.new(kind) for kind in kinds)
+    join = group.nodes.new("GeometryNodeJoinGeometry")
+    paint.inputs["Material"].default_value, info.inputs["Object"].default_value = green, leaf
+    info.inputs["As Instance"].default_value = True
+    for a, b in (
+        (source.outputs[0], paint.inputs["Geometry"]), (source.outputs[0], show.inputs["Points"]), (paint.outputs[0], join.inputs[0]),
+        (info.outputs["Geometry"], show.inputs["Instance"]), (show.outputs[0], join.inputs[0]), (join.outputs[0], target.inputs[0]),
+    ):  # fmt: skip
+        group.links.new(a, b)
+    head.modifiers.new("leaves", "NODES").node_group = group
+    layer = bpy.context.view_layer.layer_collection.children["kept"]
+    path = FOLDER / "shown.obj"
+
+    def written(**options: bool) -> list[str]:
+        part("objects").export([head], str(path), (0.0, 0.0, 0.0), **options)
+        return path.read_text().splitlines()
+
+    shown = written()
+    count = {word: sum(line.startswith(word + " ") for line in shown) for word in ("v", "f", "usemtl green")}
+    # Three planes of four points, and a leaf of four at each of the twelve.
+    assert count["v"] == 12 + 12 * 4 and count["f"] == 3 + 12 and "usemtl green" in shown, (count, shown)
+    assert sum(line == "o leaf" for line in shown) == 12
+    assert sum(line.startswith("v ") for line in written(instances=False)) == 12
+    head.hide_viewport = True
+    assert written() == shown and head.hide_viewport
+    head.hide_viewport, layer.exclude = False, True
+    assert written() == shown and len(bpy.data.scenes) == 1
+
+
+def a_folder_beside_an_unsaved_file_is_not_used() -> None:
+    scene, session = choose("grass"), part("session")
+    preferences = bpy.context.preferences.addons[MODULE].preferences
+    preferences.folder = "//bakes"
+    assert session.bakes_folder() == session.default_folder()
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "beside.blend"))
+    assert session.bakes_folder() == str(FOLDER / "bakes")
+    values(scene).frames__end = 2
+    bake()
+    assert not session.session.errors and imported(), session.session.errors
+    preferences.folder = ""
 
 
 def objects_become_the_terrain() -> None:
@@ -431,6 +504,8 @@ def main() -> None:
         errors_are_shown_as_they_are,
         objects_become_solids_and_trees,
         faces_without_a_material_take_none,
+        hidden_objects_are_exported_as_they_are_shown,
+        a_folder_beside_an_unsaved_file_is_not_used,
         objects_become_the_terrain,
         both_extensions_may_be_installed,
         disabling_leaves_nothing,

@@ -231,6 +231,10 @@ mod tests {
         assert!(heights(&line).expect_err("no cell").contains("4 x 1 pixels"));
         assert!(heights(&line[..line.len() - 6]).expect_err("cut").starts_with("X010"));
         assert!(heights(b"").expect_err("empty").starts_with("X010"));
+        for other in [&b"II*\0\x08\0\0\0"[..], b"BM\x1e\0\0\0"] {
+            let said = heights(other).expect_err("another format");
+            assert!(said.contains("neither PNG nor JPEG") && !said.contains("damaged"), "{said}");
+        }
         let mut small = Limits::default();
         small.set("image-side", "3").expect("limit");
         assert!(heights_within(&line, &small).expect_err("too large").contains("the limit is 3 a side"));
