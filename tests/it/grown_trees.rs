@@ -5,7 +5,7 @@ use std::process::Command;
 
 use glam::Vec3;
 use osier::bake::BakeContext;
-use osier::bake::motion::{self, AssetMotion as _, CarriedPoints as _, FrameTime, PointOnAxis};
+use osier::bake::motion::{self, FrameTime, PointOnAxis};
 use osier::bake::scene::{self, AssembledScene, SceneOptions};
 use osier::limits::Limits;
 use osier::presets::PRESETS;

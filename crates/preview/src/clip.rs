@@ -40,7 +40,7 @@ pub struct ClipWriter<W: Write> {
 }
 
 enum ClipEncoder<W: Write> {
-    Gif { encoder: Box<gif::Encoder<W>>, palette: Option<Palette>, delay: u16 },
+    Gif { encoder: Box<gif::Encoder<W>>, palette: Option<Box<Palette>>, delay: u16 },
     Apng { writer: Box<png::Writer<W>>, opaque: bool },
 }
 
@@ -132,7 +132,7 @@ impl<W: Write> ClipWriter<W> {
                 writer.write_image_data(&picture.samples(*opaque)).map_err(encoding_error)
             }
             ClipEncoder::Gif { encoder, palette, delay } => {
-                let palette = palette.get_or_insert_with(|| Palette::of(picture));
+                let palette = palette.get_or_insert_with(|| Box::new(Palette::of(picture)));
                 let buffer = palette.indices(picture);
                 let frame = gif::Frame {
                     width: narrow(picture.width, "columns of a GIF")?,

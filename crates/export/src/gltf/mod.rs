@@ -112,7 +112,12 @@ fn estimate(input: &EstimateInput) -> u64 {
         let assets = input.per_asset(|a| {
             // 12 bytes of a point are its position, the others colour or counts.
             let points = (a.points - a.moving_points) * 18;
-            let triangles = a.triangles + a.instance_triangles;
+            // A plant that grows has bark with morph targets, and more leaves than nodes share a mesh with others.
+            let morphs = most_nodes > 0 && a.joints == 0 && a.deforming_vertices > 0;
+            let grows = morphs && a.free_instances > most_nodes;
+            let (instances, instance_vertices, instance_triangles) =
+                if grows { (0, 0, 0) } else { (a.instances, a.instance_vertices, a.instance_triangles) };
+            let triangles = a.triangles + instance_triangles;
             let is_plant = a.joints > 0 || a.instance_triangles > 0;
             let still = match profile {
                 // All levels together have a third more triangles than the finest; 80 bytes each with its vertices, measured.
@@ -120,25 +125,21 @@ fn estimate(input: &EstimateInput) -> u64 {
                 Profile::Blender | Profile::Engine => {
                     // Points, normals, coordinates, tangents; bark has joints and weights as well.
                     let skinned = if a.joints > 0 { a.vertices * 24 } else { 0 };
-                    (a.vertices + a.instance_vertices) * 48 + skinned + triangles * 12
+                    (a.vertices + instance_vertices) * 48 + skinned + triangles * 12
                 }
                 Profile::Web => {
                     // An instance is 32 bytes: 12 of position, 8 of the quantized rotation, 12 of scale. A triangle is three u32.
-                    a.vertices * 48 + a.triangles * 12 + a.prototype_vertices * 28 + a.instances * a.still_copies * 32
+                    a.vertices * 48 + a.triangles * 12 + a.prototype_vertices * 28 + instances * a.still_copies * 32
                 }
             };
             let still = still * 100 / size_ratio_percent(options, *profile);
             // The file of the scene has tracks for each phase that has a skin, the file of the asset for one.
             let nodes = a.free_instances.min(most_nodes);
-            // More than these are the leaves of a plant that grows, which share a mesh with morph targets as its bark has.
-            let leaves = if a.free_instances > most_nodes && most_nodes > 0 { a.free_instances } else { 0 };
-            let shapes = if most_nodes == 0 || a.joints > 0 {
-                0
-            } else {
-                leaf_shapes::estimate(leaves, input.frames, options)
-                    + tracks::estimate(a.deforming_vertices, input.frames, options)
-            };
-            let shapes = shapes * 100 / if options.meshopt && *profile == Profile::Web { 200 } else { 100 };
+            let of_profile = GltfOptions { profile: *profile, ..options.clone() };
+            let bark = if morphs { tracks::estimate(a.deforming_vertices, input.frames, &of_profile) } else { 0 };
+            let leaves = if grows { leaf_shapes::estimate(a.free_instances, input.frames, &of_profile) } else { 0 };
+            // Own: compression halves morph targets.
+            let shapes = (bark + leaves) / if of_profile.compresses() { 2 } else { 1 };
             // A joint's key is a quaternion, 16 bytes; a free instance's has time, position, rotation and scale, 44 bytes.
             let joints = if *profile == Profile::Engine { a.joints.min(options.joints as u64) } else { a.joints };
             let tracks = a.posed_frames(input.frames) * joints * 16 + nodes * input.frames * 44;
