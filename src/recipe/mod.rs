@@ -6,6 +6,7 @@
 
 mod companions;
 mod given;
+mod ignored;
 mod library;
 mod resolve;
 pub mod scene;

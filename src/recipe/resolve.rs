@@ -270,6 +270,7 @@ impl Resolver<'_> {
         // The hash covers all fields above and must be computed last.
         recipe.moves = clip.len() > 1 && recipe.blows();
         recipe.hash = hash(&recipe, &self.inputs);
+        self.report_ignored_keys(root, &recipe);
         recipe
     }
 
