@@ -222,3 +222,65 @@ fn a_key_of_an_earlier_version_is_named_by_its_present_name() {
         assert!(said.contains("error[S002]") && said.contains(help), "{said}");
     }
 }
+
+/// Messages of the warnings S007 about a scene.
+fn without_effect(text: &str) -> Vec<String> {
+    let request = Request { name: "s".into(), shown: "s.toml".into(), text: text.into(), ..Request::default() };
+    match resolve(&request) {
+        Ok((_, report)) => report.diagnostics.into_iter().filter(|d| d.code == "S007").map(|d| d.message).collect(),
+        Err(e) => panic!("{text}: {e}"),
+    }
+}
+
+#[test]
+fn a_key_that_needs_another_value_is_told_without_it() {
+    let plant = "[plants.a]\ngrammar = \"rain-twig.l\"\n";
+    // Lines without the value that the key needs, the key, and lines with it.
+    let cases = [
+        ("[fog]\nheight = 30\n", "fog.height", "[fog]\nheight = 30\nvisibility = 400\n"),
+        ("[sway]\npaper_recoil = 0.5\n", "sway.paper_recoil", "[sway]\nmodel = \"paper\"\npaper_recoil = 0.5\n"),
+        ("[wind]\nmodel = \"uniform\"\ngust = 0.9\n", "wind.gust", "[wind]\nmodel = \"perlin\"\ngust = 0.9\n"),
+        (
+            "[[wind.add]]\nmodel = \"perlin\"\neddy_size = 2\n",
+            "wind.add.0.eddy_size",
+            "[[wind.add]]\nmodel = \"gust\"\neddy_size = 2\n",
+        ),
+        ("[rain]\nsize_mm = 3\n", "rain.size_mm", "[rain]\nsize_distribution = \"fixed\"\nsize_mm = 3\n"),
+        ("[rain]\nmiddle_s = 3\n", "rain.middle_s", "[rain]\npreset = \"paper\"\nmiddle_s = 3\n"),
+        (
+            "[rain]\npreset = \"paper\"\n[rain.impact]\nrestitution = 0.5\n",
+            "rain.impact.restitution",
+            "[rain.impact]\nrestitution = 0.5\n",
+        ),
+        ("[rain.drop]\nlambda = 1.2\n", "rain.drop.lambda", "[rain.drop]\nshape = \"paper_wedge\"\nlambda = 1.2\n"),
+        ("[flight]\nduration = 3\n", "flight.duration", "[flight]\nrelease = \"rain\"\nduration = 3\n"),
+        (
+            "[plants.a.leaf]\nneedles = 30\n",
+            "plants.a.leaf.needles",
+            "[plants.a.leaf]\nblade = \"needles\"\nneedles = 30\n",
+        ),
+        (
+            "[plants.a.leaf]\nifs = \"fern_leaf.ifs\"\nlobes = 3\n",
+            "plants.a.leaf.lobes",
+            "[plants.a.leaf]\nblade = \"lobed\"\nlobes = 3\n",
+        ),
+        ("[plants.a.leaf]\ndepth = 0.3\n", "plants.a.leaf.depth", "[plants.a.leaf]\nlobes = 9\ndepth = 0.3\n"),
+        ("[plants.a.tree]\nheight = 3\n", "plants.a.tree", ""),
+        (
+            "[plants.a.skin]\nsegment = \"l\"\n",
+            "plants.a.skin.segment",
+            "[plants.a.skin]\nform = \"segments\"\nsegment = \"l\"\n",
+        ),
+        ("[[place]]\nradius = 3\n", "place.0.radius", "[[place]]\nradius = 3\ncount = 2\n"),
+        ("[[place]]\ntogether = true\n", "place.0.together", "[[place]]\ntogether = false\n"),
+        ("[terrain]\nsubdivisions = 3\n[ground]\nrelief = 2\n", "ground", "[ground]\nrelief = 2\n"),
+        ("[maps]\nresolution = 64\n", "maps", "[rain]\n[maps]\nresolution = 64\n"),
+        ("[camera]\neye = [1, 2, 3]\ndistance = 2\n", "camera.distance", "[camera]\ndistance = 2\n"),
+    ];
+    for (without, key, with) in cases {
+        assert_eq!(without_effect(&format!("{plant}{without}")), [format!("{key} has no effect")], "{without}");
+        assert_eq!(without_effect(&format!("{plant}{with}")), Vec::<String>::new(), "{with}");
+    }
+    let shapes = "[plants.a]\nshapes = \"bush.shapes\"\nsteps = 3\n[plants.a.turtle]\nunit_m = 2\n";
+    assert_eq!(without_effect(shapes), ["plants.a.steps has no effect", "plants.a.turtle has no effect"]);
+}
