@@ -12,7 +12,7 @@ use osier_base::{Error, Result};
 pub fn completions(context: &Context, args: &Completions) -> Result<u8> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "osier", &mut text);
-    context.console.artefact(&text)?;
+    context.console.document(&String::from_utf8_lossy(&text))?;
     Ok(0)
 }
 
@@ -23,6 +23,6 @@ pub fn man(context: &Context) -> Result<u8> {
     let mut text = Vec::new();
     let page = |e| Error::io("write", "the manual page", e);
     clap_mangen::Man::new(Cli::command()).render(&mut text).map_err(page)?;
-    context.console.artefact(&text)?;
+    context.console.document(&String::from_utf8_lossy(&text))?;
     Ok(0)
 }

@@ -3,7 +3,7 @@
 use super::resolve::Resolver;
 use super::scene::{
     BladeOutline, ColorBy, DropFriction, DropLever, DropMerge, DropShape, FlightRelease, ImpactModel, LatticeProfile,
-    OrganKeys, RainEnvelope, RainSize, RodLoadKind, SkinForm, SolidShape, SwayModel, WindModel,
+    OrganKeys, RainEnvelope, RainSize, RodLoadKind, SkinForm, SolidShape, SwayModel, SwayStart, WindModel,
 };
 use super::syntax::{KeyTable as _, TomlTable, TomlValue, join};
 use super::{Growth, PlaceRecipe, PlantRecipe, Recipe};
@@ -108,9 +108,17 @@ impl Resolver<'_> {
             ];
             self.report_unmet(table_at(root, &["wind", "lattice"]), "wind.lattice", &of_profiles);
         }
+        let (sway, is_paper) = (&recipe.sway, recipe.sway.model == SwayModel::Paper);
         let of_paper = &["paper_fixes", "paper_recoil", "paper_damping"];
-        let paper = needs(of_paper, recipe.sway.model == SwayModel::Paper, "model = \"paper\"");
-        self.report_unmet(table_at(root, &["sway"]), "sway", &[paper]);
+        let of_beams = &["lean", "whip", "modes", "gravity_change"];
+        let starts = sway.start == SwayStart::Moving || sway.loop_frames(&recipe.clip).is_none();
+        let all = [
+            needs(of_paper, is_paper, "model = \"paper\""),
+            // In the rain plants bend as beams.
+            needs(of_beams, !is_paper || recipe.rain.is_some(), "model = \"beam\""),
+            needs(&["start"], starts, "repeat = false: a clip that loops has no start"),
+        ];
+        self.report_unmet(table_at(root, &["sway"]), "sway", &all);
     }
 
     /// Keys of gusts beside a model without them. Calm air keeps the keys of the wind that a scene may have again, and those of a

@@ -167,13 +167,49 @@ fn an_artefact_goes_through_a_pipe_and_readers_may_leave() {
         drop(child.stdout.take());
         said(&child.wait_with_output().expect("ends"))
     };
-    let (code, _, err) = left(&["list", "options"]);
-    assert_eq!((code, err.as_str()), (0, ""));
+    for args in [&["list", "options"][..], &["completions", "bash"], &["man"]] {
+        let (code, _, err) = left(args);
+        assert_eq!((code, err.as_str()), (0, ""), "{args:?}");
+    }
     let out = dir.path().join("out");
     let (code, _, err) = left(&["bake", SCENE, "-o", arg(&out)]);
     assert!(code == 0 && out.join("manifest.json").exists(), "{err}");
     let (code, _, err) = left(&["grow", SCENE, "-o", "-"]);
     assert!(code == 74 && err.contains("standard output"), "{err}");
+}
+
+#[test]
+fn a_converted_grammar_is_the_same_on_standard_output_and_in_a_file() {
+    let dir = folder();
+    let grammar = file(&dir, "t.l", "Lsystem: 1\nDerivation length: 1\nAxiom: A\nA -->\tF\n\t[ +F ] F\nendlsystem\n");
+    let written = dir.path().join("out.l");
+    ends(0, &["convert", arg(&grammar), "-o", arg(&written)]);
+    let text = fs::read_to_string(&written).expect("grammar");
+    assert!(text.contains("\n\t[ +F ] F"), "{text}");
+    assert_eq!(ends(0, &["convert", arg(&grammar)]).0, text);
+    assert_eq!(ends(0, &["convert", arg(&grammar), "-o", "-"]).0, text);
+    // An undefined variable is a warning.
+    let warns = file(&dir, "w.l", "Lsystem: 1\nDerivation length: 2\nAxiom: A\nA --> F B(u)\nendlsystem\n");
+    ends(3, &["convert", arg(&warns), "--strict"]);
+}
+
+#[test]
+fn a_dry_run_writes_nothing() {
+    let dir = folder();
+    let path = |name: &str| dir.path().join(name);
+    let [glb, png, gif, text] = ["x.glb", "x.png", "x.gif", "x.l"].map(path);
+    for args in [
+        &["bake", SCENE, "-o", arg(&path("out"))][..],
+        &["grow", SCENE, "-o", arg(&glb)],
+        &["preview", SCENE, "--size", "16x16", "-o", arg(&png)],
+        &["preview", SCENE, "--size", "16x16", "--frames", "1-2", "-o", arg(&gif)],
+        &["convert", GRAMMAR, "-o", arg(&text)],
+        &["new", arg(&path("mine"))],
+        &["list", "presets", "--thumbnails", arg(&path("small"))],
+    ] {
+        ends(0, &[args, &["-n"]].concat());
+        assert!(tree(dir.path()).is_empty() && !path("small").exists(), "{args:?}");
+    }
 }
 
 #[test]
