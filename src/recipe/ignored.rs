@@ -61,6 +61,11 @@ impl Resolver<'_> {
             let of_species = recipe.plants.get(place.plant).is_some_and(|p| matches!(p.growth, Growth::Species(_)));
             self.ignored_in_place(table, &format!("place.{i}"), place, of_species);
         }
+        let has_grammar = recipe.plants.iter().any(|plant| matches!(plant.growth, Growth::Grammar(_)));
+        if self.request.steps.is_some() && !has_grammar {
+            let d = Diagnostic::about("S007", "the number of steps has no effect");
+            self.report.push(d.help("it needs a grammar, whose derivation it ends"));
+        }
         for plant in &recipe.plants {
             if let Some(table) = table_at(root, &["plants", plant.name.as_str()]) {
                 self.ignored_in_plant(table, &format!("plants.{}", plant.name), plant);

@@ -213,6 +213,47 @@ fn a_dry_run_writes_nothing() {
 }
 
 #[test]
+fn a_file_with_dots_in_its_name_takes_overrides() {
+    let dir = folder();
+    let text = "#define ANGLE 20\nLsystem: 1\nDerivation length: 1\nAxiom: F +(ANGLE) F ~l\nendlsystem\n";
+    let (dotted, plain) = (file(&dir, "v1.2.l", text), file(&dir, "v.l", text));
+    let string = |grammar: &Path, name: &str| {
+        let out = dir.path().join(name);
+        ends(
+            0,
+            &["grow", arg(grammar), "--set", "ANGLE=35", "--set", "leaf.size=0.2", "--rng", "osier", "-o", arg(&out)],
+        );
+        fs::read_to_string(out).expect("a string")
+    };
+    let wanted = string(&plain, "plain.txt");
+    assert!(wanted.contains("+(35)"), "{wanted}");
+    assert_eq!(string(&dotted, "dotted.txt"), wanted);
+    // The listed key is one that an override takes, in quotes.
+    let (json, _) = ends(0, &["list", "knobs", arg(&dotted), "--json"]);
+    assert!(json.contains("plants.\\\"v1.2\\\".set.ANGLE"), "{json}");
+}
+
+#[test]
+fn flags_that_a_source_cannot_heed_are_told() {
+    let dir = folder();
+    for flag in [["--rng", "cpfg"], ["--dialect", "cpfg"]] {
+        let (_, err) = ends(1, &[&["check", "oak"][..], &flag].concat());
+        assert!(err.contains(flag[0]) && err.contains("[plants.NAME]"), "{err}");
+    }
+    let (_, err) = ends(1, &["check", "koch.l", "--rng", "lcg"]);
+    assert!(err.contains("S003") && err.contains("lcg"), "{err}");
+    let (_, err) =
+        ends(3, &["grow", "hazel.species", "--set", "age=1", "--steps", "3", "--strict", "-n", "-o", "x.glb"]);
+    assert!(err.contains("warning[S007]") && err.contains("steps"), "{err}");
+    // Pictures are PNG files; another ending would promise another format.
+    for name in ["x.jpg", "x.gif"] {
+        let picture = dir.path().join(name);
+        let (_, err) = ends(2, &["preview", SCENE, "--size", "16x16", "-o", arg(&picture)]);
+        assert!(err.contains("is written as .png") && !picture.exists(), "{err}");
+    }
+}
+
+#[test]
 fn closed_descriptors_stop_nothing() {
     let dir = folder();
     let (open, closed) = (dir.path().join("open"), dir.path().join("closed"));

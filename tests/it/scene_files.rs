@@ -240,6 +240,12 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         ("[fog]\nheight = 30\n", "fog.height", "[fog]\nheight = 30\nvisibility = 400\n"),
         ("[sway]\npaper_recoil = 0.5\n", "sway.paper_recoil", "[sway]\nmodel = \"paper\"\npaper_recoil = 0.5\n"),
         ("[wind]\nmodel = \"uniform\"\ngust = 0.9\n", "wind.gust", "[wind]\nmodel = \"perlin\"\ngust = 0.9\n"),
+        ("[sway]\nmodel = \"paper\"\nlean = 2\n", "sway.lean", "[sway]\nlean = 2\n"),
+        (
+            "[frames]\nend = 48\n[sway]\nstart = \"rest\"\n",
+            "sway.start",
+            "[frames]\nend = 48\n[sway]\nrepeat = false\nstart = \"rest\"\n",
+        ),
         (
             "[[wind.add]]\nmodel = \"perlin\"\neddy_size = 2\n",
             "wind.add.0.eddy_size",

@@ -36,6 +36,10 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     // A picture of layers has a fixed size, and no space for a camera.
     if let Some((recipe, report)) = source::layered_picture(context, args)? {
         context.console.report(&report);
+        if let Some(why) = refused_ending(args) {
+            context.console.complain(&why);
+            return Ok(2);
+        }
         return write_layers(context, args, recipe, &flags, !report.diagnostics.is_empty());
     }
     let display = ProgressDisplay::new(&context.console);
@@ -47,6 +51,11 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     // The sheet of a file's L-systems has small pictures.
     if entries.len() > 1 && args.size.is_none() && !flags.is_sheet() {
         flags.options.size = [320, 320];
+    }
+    let is_clip = !flags.is_sheet() && entries.len() < 2 && (!flags.frames.is_empty() || args.turntable.is_some());
+    if let Some(why) = refused_ending(args).filter(|_| !is_clip) {
+        context.console.complain(&why);
+        return Ok(2);
     }
     // Several seeds make a contact sheet; several frames or a turntable make a clip; else a single picture.
     let outcome = if flags.is_sheet() {
@@ -66,6 +75,13 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             Ok(2)
         }
     }
+}
+
+/// Message for an output whose ending is that of another format than PNG, in which pictures are written.
+fn refused_ending(args: &Preview) -> Option<String> {
+    let ending = source::ending(args.output.as_deref()?);
+    let is_png = ["", "png", "apng"].contains(&ending.as_str());
+    (!is_png).then(|| format!("a picture is written as .png, not as .{ending}"))
 }
 
 /// Composes a picture of layers in the size of its keys, or in that of `--size`.
