@@ -288,6 +288,18 @@ fn foreign_files_are_left_alone_without_force() {
     }
 }
 
+#[test]
+fn a_plant_is_grown_again_over_its_own_files() {
+    let dir = folder();
+    for ending in ["glb", "gltf", "usda", "usdc", "usdz", "obj", "ply", "pov"] {
+        let path = dir.path().join(format!("x.{ending}"));
+        // Another seed gives other bytes, so that every file is replaced.
+        for seed in ["1", "2"] {
+            ends(0, &["grow", SCENE, "--seed", seed, "-o", arg(&path)]);
+        }
+    }
+}
+
 /// A scene whose one plant has a mesh of its own as its leaf.
 fn with_leaf(mesh: &str) -> String {
     let grammar = "[plants.a]\ngrammar = \"sprig.l\"\n[plants.a.bark]\nside = 16\n[plants.a.shoot]\nside = 16\n";
