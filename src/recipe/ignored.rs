@@ -37,13 +37,15 @@ const OF_OUTLINES: &[&str] = &[
 ];
 /// Further keys of organs that meshes and surfaces of files replace.
 const OF_DRAWN_LEAVES: &[&str] =
-    &["width", "fold_deg", "curl_deg", "color", "color2", "variants", "detail", "side", "translucency", "roughness"];
+    &["width", "fold_deg", "curl_deg", "color2", "variants", "detail", "side", "translucency", "roughness"];
 /// Keys and tables of plants that only grammars read, those of them that are about the notation, and those that only trees of
 /// coefficient tables read.
 const OF_GRAMMARS: &[&str] = &["steps", "set", "stochastic", "dialect", "rng", "turtle"];
 const OF_NOTATIONS: &[&str] = &["dialect", "rng"];
 const OF_TREES: &[&str] = &["tree"];
 const NONE: &[&str] = &[];
+/// What keys of the sway model need.
+const SWAYING: &str = "a plant that sways: leave [plants.NAME.rods] out";
 
 impl Resolver<'_> {
     /// Warns with S007 of keys that have no effect beside the values that the scene gives. A scene with errors gets no such
@@ -240,9 +242,12 @@ impl Resolver<'_> {
             needs(of_trees, false, "a coefficient table: ifs = \"FILE.ifs\""),
         ];
         self.report_unmet(Some(table), path, &sources);
-        let wood =
-            needs(&["timber"], plant.wood.elasticity.is_none(), "wood without `elasticity_gpa`, which replaces it");
-        self.report_unmet(table_at(table, &["wood"]), &join(path, "wood"), &[wood]);
+        let own_modulus = plant.wood.elasticity.is_none();
+        let wood = [
+            needs(&["timber"], own_modulus, "wood without `elasticity_gpa`, which replaces it"),
+            needs(&["trunk_hz", "hz_scale"], plant.rods.is_none(), SWAYING),
+        ];
+        self.report_unmet(table_at(table, &["wood"]), &join(path, "wood"), &wood);
         if matches!(plant.growth, Growth::Mesh(..)) {
             return;
         }
@@ -252,17 +257,17 @@ impl Resolver<'_> {
         let segments = needs(&["segment"], has_form || plant.skin.form == SkinForm::Segments, "form = \"segments\"");
         self.report_unmet(skin, &join(path, "skin"), &[segments]);
         if let Some(leaf) = table_at(table, &["leaf"]) {
-            self.ignored_in_organ(leaf, &join(path, "leaf"));
+            self.ignored_in_organ(leaf, &join(path, "leaf"), plant);
         }
         let organs = table_at(table, &["organs"]).map(|t| t.entries.as_slice()).unwrap_or_default();
         for entry in organs {
             if let TomlValue::Table(organ) = &entry.node.value {
-                self.ignored_in_organ(organ, &format!("{path}.organs.{}", entry.key));
+                self.ignored_in_organ(organ, &format!("{path}.organs.{}", entry.key), plant);
             }
         }
     }
 
-    fn ignored_in_organ(&mut self, table: &TomlTable, path: &str) {
+    fn ignored_in_organ(&mut self, table: &TomlTable, path: &str, plant: &PlantRecipe) {
         // The table was read without errors, so that this reading has none either.
         let keys = OrganKeys::read(Some(table), path, &mut self.report);
         let is_file = keys.mesh.is_some() || keys.surface.is_some();
@@ -271,14 +276,18 @@ impl Resolver<'_> {
         // Teeth of an elliptic blade begin with their number; all other outlines have some, lobes or a notch.
         let is_notched = !is_blade || keys.blade != BladeOutline::Elliptic || keys.lobes.is_some_and(|n| n > 0);
         let table_file = "a coefficient table: ifs = \"FILE.ifs\"";
+        let drawn = "a leaf that osier draws, without mesh and surface";
         let all = [
             needs(&["system", "anchor", "close_px", "fill", "holes"], keys.ifs.is_some(), table_file),
             needs(&["mesh_scale", "mesh_up"], keys.mesh.is_some(), "a mesh: mesh = \"FILE.obj\""),
             needs(&["needles", "twigs", "twig_length", "twig_angle_deg"], needles, "blade = \"needles\""),
             needs(OF_OUTLINES, is_blade, "a parametric blade, without ifs, mesh and surface"),
-            needs(OF_DRAWN_LEAVES, !is_file, "a leaf that osier draws, without mesh and surface"),
+            needs(OF_DRAWN_LEAVES, !is_file, drawn),
+            // The first leaves of spring are lighter than this colour.
+            needs(&["color"], !is_file || plant.keys.season.is_some(), drawn),
             needs(&["depth", "minor_teeth"], is_notched, "lobes or teeth: another `blade`, or their number in `lobes`"),
             needs(&["leaflet_length"], !is_blade || keys.leaflets > 1, "a compound leaf: leaflets = 7"),
+            needs(&["flutter"], plant.rods.is_none(), SWAYING),
         ];
         self.report_unmet(Some(table), path, &all);
     }

@@ -271,6 +271,17 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "[plants.a.leaf]\nblade = \"lobed\"\nlobes = 3\n",
         ),
         ("[plants.a.leaf]\ndepth = 0.3\n", "plants.a.leaf.depth", "[plants.a.leaf]\nlobes = 9\ndepth = 0.3\n"),
+        (
+            "[plants.a.rods]\n[plants.a.wood]\nhz_scale = 2\n",
+            "plants.a.wood.hz_scale",
+            "[plants.a.wood]\nhz_scale = 2\n",
+        ),
+        ("[plants.a.rods]\n[plants.a.leaf]\nflutter = 2\n", "plants.a.leaf.flutter", "[plants.a.leaf]\nflutter = 2\n"),
+        (
+            "[plants.a.wood]\ntimber = \"willow\"\nelasticity_gpa = 5\n",
+            "plants.a.wood.timber",
+            "[plants.a.wood]\ntimber = \"willow\"\n",
+        ),
         ("[plants.a.tree]\nheight = 3\n", "plants.a.tree", ""),
         (
             "[plants.a.skin]\nsegment = \"l\"\n",
