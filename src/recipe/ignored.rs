@@ -40,7 +40,7 @@ const OF_DRAWN_LEAVES: &[&str] =
     &["width", "fold_deg", "curl_deg", "color2", "variants", "detail", "side", "translucency", "roughness"];
 /// Keys and tables of plants that only grammars read, those of them that are about the notation, and those that only trees of
 /// coefficient tables read.
-const OF_GRAMMARS: &[&str] = &["steps", "set", "stochastic", "dialect", "rng", "turtle"];
+const OF_GRAMMARS: &[&str] = &["steps", "set", "stochastic", "dialect", "rng"];
 const OF_NOTATIONS: &[&str] = &["dialect", "rng"];
 const OF_TREES: &[&str] = &["tree"];
 const NONE: &[&str] = &[];
@@ -237,9 +237,13 @@ impl Resolver<'_> {
             Growth::Ifs(..) => (OF_GRAMMARS, NONE),
             Growth::Shapes(_) => (OF_GRAMMARS, OF_TREES),
         };
+        // Surfaces have the unit of the turtle on every plant.
+        let is_drawn = !matches!(plant.growth, Growth::Ifs(..) | Growth::Shapes(_));
+        let reads_turtle = is_drawn || plant.organs.iter().any(|organ| organ.surface.is_some());
         let sources = [
             needs(of_grammars, false, "a grammar: grammar = \"FILE.l\""),
             needs(of_trees, false, "a coefficient table: ifs = \"FILE.ifs\""),
+            needs(&["turtle"], reads_turtle, "a grammar: grammar = \"FILE.l\""),
         ];
         self.report_unmet(Some(table), path, &sources);
         let own_modulus = plant.wood.elasticity.is_none();
