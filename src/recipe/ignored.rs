@@ -100,6 +100,10 @@ impl Resolver<'_> {
     }
 
     fn ignored_in_wind(&mut self, root: &TomlTable, recipe: &Recipe) {
+        // Rain and flights meet the wind in their spin-up, too.
+        let is_met = recipe.clip.len() > 1 || recipe.rain.is_some() || recipe.flight.is_some();
+        let clip = needs(&["wind", "sway"], is_met || !recipe.blows(), "a clip: [frames] end = 48");
+        self.report_unmet(Some(root), "", &[clip]);
         let wind = table_at(root, &["wind"]);
         self.ignored_in_model(wind, "wind", recipe.wind.model);
         let added = wind.map(|table| tables_of(table, "add")).unwrap_or_default();

@@ -234,18 +234,14 @@ fn without_effect(text: &str) -> Vec<String> {
 
 #[test]
 fn a_key_that_needs_another_value_is_told_without_it() {
-    let plant = "[plants.a]\ngrammar = \"rain-twig.l\"\n";
+    let plant = "[frames]\nend = 48\n[plants.a]\ngrammar = \"rain-twig.l\"\n";
     // Lines without the value that the key needs, the key, and lines with it.
     let cases = [
         ("[fog]\nheight = 30\n", "fog.height", "[fog]\nheight = 30\nvisibility = 400\n"),
         ("[sway]\npaper_recoil = 0.5\n", "sway.paper_recoil", "[sway]\nmodel = \"paper\"\npaper_recoil = 0.5\n"),
         ("[wind]\nmodel = \"uniform\"\ngust = 0.9\n", "wind.gust", "[wind]\nmodel = \"perlin\"\ngust = 0.9\n"),
         ("[sway]\nmodel = \"paper\"\nlean = 2\n", "sway.lean", "[sway]\nlean = 2\n"),
-        (
-            "[frames]\nend = 48\n[sway]\nstart = \"rest\"\n",
-            "sway.start",
-            "[frames]\nend = 48\n[sway]\nrepeat = false\nstart = \"rest\"\n",
-        ),
+        ("[sway]\nstart = \"rest\"\n", "sway.start", "[sway]\nrepeat = false\nstart = \"rest\"\n"),
         (
             "[[wind.add]]\nmodel = \"perlin\"\neddy_size = 2\n",
             "wind.add.0.eddy_size",
@@ -298,6 +294,9 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         assert_eq!(without_effect(&format!("{plant}{without}")), [format!("{key} has no effect")], "{without}");
         assert_eq!(without_effect(&format!("{plant}{with}")), Vec::<String>::new(), "{with}");
     }
+    let still = "[plants.a]\ngrammar = \"rain-twig.l\"\n[wind]\nspeed = 3\n";
+    assert_eq!(without_effect(still), ["wind has no effect"]);
+    assert!(without_effect(&format!("{still}[frames]\nend = 2\n")).is_empty());
     let shapes = "[plants.a]\nshapes = \"bush.shapes\"\nsteps = 3\n[plants.a.turtle]\nunit_m = 2\n";
     assert_eq!(without_effect(shapes), ["plants.a.steps has no effect", "plants.a.turtle has no effect"]);
 }
