@@ -92,8 +92,10 @@ impl Resolver<'_> {
         self.report_unmet(table_at(root, &["fog"]), "fog", &[haze]);
         let fitted = needs(&["distance"], recipe.camera.eye.is_none(), "a fitted camera: leave `eye` out");
         self.report_unmet(table_at(root, &["camera"]), "camera", &[fitted]);
+        // The scene of a bare file hides the ground itself.
+        let has_ground = recipe.terrain.is_none() || self.request.bare.is_some();
         let whole = [
-            needs(&["ground"], recipe.terrain.is_none(), "a scene without [terrain], which replaces the ground"),
+            needs(&["ground"], has_ground, "a scene without [terrain], which replaces the ground"),
             needs(&["maps"], recipe.rain.is_some(), "[rain]: these are maps of the water on leaves"),
         ];
         self.report_unmet(Some(root), "", &whole);
