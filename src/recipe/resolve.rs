@@ -258,7 +258,7 @@ impl Resolver<'_> {
             rain: self.rain(root),
             maps: self.maps(root),
             fog: self.section(root, "fog"),
-            camera: self.section(root, "camera"),
+            camera: self.camera(root),
             sun: self.section(root, "sun"),
             sky: self.section(root, "sky"),
             moves: false,

@@ -300,3 +300,18 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     let shapes = "[plants.a]\nshapes = \"bush.shapes\"\nsteps = 3\n[plants.a.turtle]\nunit_m = 2\n";
     assert_eq!(without_effect(shapes), ["plants.a.steps has no effect", "plants.a.turtle has no effect"]);
 }
+
+#[test]
+fn weights_that_draw_nothing_and_a_camera_without_a_direction_are_refused() {
+    let plant = "[plants.a]\ngrammar = \"rain-twig.l\"\n";
+    for (lines, told) in [
+        ("[flight]\nforms = { v0 = 0 }\n", "every weight of flight.forms is 0"),
+        ("[flight]\nrelease = \"canopy\"\ncanopy = { a = 0 }\n", "every weight of flight.canopy is 0"),
+        ("[terrain]\n[[scatter]]\nplants = { a = 0 }\n", "is 0"),
+        ("[camera]\neye = [1, 2, 3]\ntarget = [1, 2, 3]\n", "camera.target is the position of the camera"),
+    ] {
+        let Err(said) = read(&format!("{plant}{lines}"), &[]) else { panic!("{lines} is accepted") };
+        assert!(said.contains("error[S004]") && said.contains(told), "{said}");
+    }
+    read(&format!("{plant}[flight]\nforms = {{ v0 = 0, v3 = 1 }}\n"), &[]).expect("one form is drawn");
+}
