@@ -496,6 +496,10 @@ fn shells_and_man_learn_every_command() {
     }
     let (page, _) = ends(0, &["man"]);
     assert!(page.contains(".TH osier 1") && page.contains("Exit codes") && page.contains("bake"), "{page}");
+    // Flags of the commands, in one page without references to others.
+    let flags = ["\\-\\-sweep", "\\-\\-turntable", "\\-\\-thumbnails", "\\-\\-profile"];
+    assert!(flags.iter().all(|flag| page.contains(flag)) && page.contains(".SH \"OSIER PREVIEW\""), "{page}");
+    assert!(!page.contains("(1)") && page.matches(".ie ").count() == 1, "{page}");
 }
 
 #[test]
