@@ -126,8 +126,13 @@ impl OutputPicture {
         let path = args.output.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}.{ending}")));
         let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let folder = if context.common.dry_run { Folder::memory() } else { Folder::plain(parent, options)? };
+        // A folder in memory has portable names only.
+        let (folder, name) = if context.common.dry_run {
+            (Folder::memory(), format!("preview.{ending}"))
+        } else {
+            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            (Folder::plain(parent, options)?, name)
+        };
         Ok(Self { folder, name, path })
     }
 
