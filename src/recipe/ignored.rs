@@ -194,7 +194,7 @@ impl Resolver<'_> {
         self.report_unmet(table_at(root, &["flight"]), "flight", &all);
     }
 
-    /// Solids, loads of rods, attractors and layers.
+    /// Solids, loads of rods, scatters, attractors and layers.
     fn ignored_in_objects(&mut self, root: &TomlTable, recipe: &Recipe) {
         for (i, (table, solid)) in tables_of(root, "solid").into_iter().zip(&recipe.solids).enumerate() {
             let is_mesh = solid.keys.shape == SolidShape::Mesh;
@@ -209,6 +209,10 @@ impl Resolver<'_> {
                 let mass = needs(&["show", "color"], load.kind == RodLoadKind::Mass, "kind = \"mass\"");
                 self.report_unmet(Some(table), &format!("rod.{i}.load.{k}"), &[mass]);
             }
+        }
+        for (i, (table, scatter)) in tables_of(root, "scatter").into_iter().zip(&recipe.scatters).enumerate() {
+            let disc = needs(&["at", "inner", "fade"], scatter.keys.radius.is_some(), "a disc: add radius = 50");
+            self.report_unmet(Some(table), &format!("scatter.{i}"), &[disc]);
         }
         let word = |color_by: ColorBy| [needs(&["prefix"], color_by == ColorBy::Word, "color_by = \"word\"")];
         for cloud in &recipe.clouds {

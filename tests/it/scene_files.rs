@@ -287,6 +287,11 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         ("[[place]]\nradius = 3\n", "place.0.radius", "[[place]]\nradius = 3\ncount = 2\n"),
         ("[[place]]\ntogether = true\n", "place.0.together", "[[place]]\ntogether = false\n"),
         ("[terrain]\nsubdivisions = 3\n[ground]\nrelief = 2\n", "ground", "[ground]\nrelief = 2\n"),
+        (
+            "[terrain]\n[[scatter]]\nplants = { a = 1 }\ninner = 9\n",
+            "scatter.0.inner",
+            "[terrain]\n[[scatter]]\nplants = { a = 1 }\ninner = 9\nradius = 50\n",
+        ),
         ("[maps]\nresolution = 64\n", "maps", "[rain]\n[maps]\nresolution = 64\n"),
         ("[camera]\neye = [1, 2, 3]\ndistance = 2\n", "camera.distance", "[camera]\ndistance = 2\n"),
     ];
