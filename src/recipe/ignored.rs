@@ -190,6 +190,7 @@ impl Resolver<'_> {
             ),
             needs(&["size"], !recipe.has_lattice_wind(), "a wind without a lattice, which has a domain of its own"),
             needs(&["humidity"], flight.keys.humidity_map.is_none(), "a flight without `humidity_map`"),
+            needs(&["trail_width"], flight.keys.trails > 0.0, "trajectories: trails = 2"),
         ];
         self.report_unmet(table_at(root, &["flight"]), "flight", &all);
     }
