@@ -263,6 +263,9 @@ impl Resolver<'_> {
             needs(&["trunk_hz", "hz_scale"], plant.rods.is_none(), SWAYING),
         ];
         self.report_unmet(table_at(table, &["wood"]), &join(path, "wood"), &wood);
+        // Rods in the rain move in its time steps.
+        let steps = needs(&["substeps"], !self.raining, "a scene without [rain], where rain.substeps counts");
+        self.report_unmet(table_at(table, &["rods"]), &join(path, "rods"), &[steps]);
         if matches!(plant.growth, Growth::Mesh(..)) {
             return;
         }

@@ -278,6 +278,7 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "plants.a.wood.timber",
             "[plants.a.wood]\ntimber = \"willow\"\n",
         ),
+        ("[rain]\n[plants.a.rods]\nsubsteps = 9\n", "plants.a.rods.substeps", "[plants.a.rods]\nsubsteps = 9\n"),
         ("[plants.a.tree]\nheight = 3\n", "plants.a.tree", ""),
         (
             "[plants.a.skin]\nsegment = \"l\"\n",
