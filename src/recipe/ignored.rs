@@ -102,8 +102,8 @@ impl Resolver<'_> {
     }
 
     fn ignored_in_wind(&mut self, root: &TomlTable, recipe: &Recipe) {
-        // Rain and flights meet the wind in their spin-up, too.
-        let is_met = recipe.clip.len() > 1 || recipe.rain.is_some() || recipe.flight.is_some();
+        // Catkins fly in their spin-up, before the first frame; rain in a still scene has no wind.
+        let is_met = recipe.clip.len() > 1 || recipe.flight.is_some();
         let clip = needs(&["wind", "sway"], is_met || !recipe.blows(), "a clip: [frames] end = 48");
         self.report_unmet(Some(root), "", &[clip]);
         let wind = table_at(root, &["wind"]);
