@@ -263,6 +263,15 @@ impl Resolver<'_> {
             needs(&["trunk_hz", "hz_scale"], plant.rods.is_none(), SWAYING),
         ];
         self.report_unmet(table_at(table, &["wood"]), &join(path, "wood"), &wood);
+        if let Growth::Species(species) = &plant.growth {
+            // Dates of seasons follow the latitude of the site, too.
+            let has_sun = species.site.direct > 0.0 || plant.keys.season.is_some();
+            let site = [
+                needs(&["latitude"], has_sun, "direct sunlight: direct = 0.4"),
+                needs(&["clip_leaves"], species.clip.is_some(), "a tree that grows over the clip: from = 5"),
+            ];
+            self.report_unmet(table_at(table, &["site"]), &join(path, "site"), &site);
+        }
         // Rods in the rain move in its time steps.
         let steps = needs(&["substeps"], !self.raining, "a scene without [rain], where rain.substeps counts");
         self.report_unmet(table_at(table, &["rods"]), &join(path, "rods"), &[steps]);

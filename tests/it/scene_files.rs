@@ -303,6 +303,9 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     let still = "[plants.a]\ngrammar = \"rain-twig.l\"\n[wind]\nspeed = 3\n";
     assert_eq!(without_effect(still), ["wind has no effect"]);
     assert!(without_effect(&format!("{still}[frames]\nend = 2\n")).is_empty());
+    let site = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.site]\nlatitude = 20\n";
+    assert_eq!(without_effect(site), ["plants.a.site.latitude has no effect"]);
+    assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());
     let shapes = "[plants.a]\nshapes = \"bush.shapes\"\nsteps = 3\n[plants.a.turtle]\nunit_m = 2\n";
     assert_eq!(without_effect(shapes), ["plants.a.steps has no effect", "plants.a.turtle has no effect"]);
 }
