@@ -38,6 +38,22 @@ const OF_OUTLINES: &[&str] = &[
 /// Further keys of organs that meshes and surfaces of files replace.
 const OF_DRAWN_LEAVES: &[&str] =
     &["width", "fold_deg", "curl_deg", "color2", "variants", "detail", "side", "translucency", "roughness"];
+/// Keys of organs that needles do not have.
+const OF_BLADES: &[&str] = &[
+    "lobes",
+    "depth",
+    "leaflets",
+    "leaflet_length",
+    "minor_teeth",
+    "veins",
+    "fold_deg",
+    "curl_deg",
+    "waviness",
+    "petiole",
+    "petiole_flatness",
+    "color2",
+    "side",
+];
 /// Keys and tables of plants that only grammars read, those of them that are about the notation, and those that only trees of
 /// coefficient tables read.
 const OF_GRAMMARS: &[&str] = &["steps", "set", "stochastic", "dialect", "rng"];
@@ -301,7 +317,9 @@ impl Resolver<'_> {
         let is_blade = !is_file && keys.ifs.is_none();
         let needles = is_blade && keys.blade == BladeOutline::Needles;
         // Teeth of an elliptic blade begin with their number; all other outlines have some, lobes or a notch.
-        let is_notched = !is_blade || keys.blade != BladeOutline::Elliptic || keys.lobes.is_some_and(|n| n > 0);
+        let is_cut = keys.blade != BladeOutline::Elliptic || keys.lobes.is_some_and(|n| n > 0);
+        let is_lobed = matches!(keys.blade, BladeOutline::Lobed | BladeOutline::Palmate | BladeOutline::Petal);
+        let has_no_outline = needles || !is_blade;
         let table_file = "a coefficient table: ifs = \"FILE.ifs\"";
         let drawn = "a leaf that osier draws, without mesh and surface";
         let all = [
@@ -312,8 +330,11 @@ impl Resolver<'_> {
             needs(OF_DRAWN_LEAVES, !is_file, drawn),
             // The first leaves of spring are lighter than this colour.
             needs(&["color"], !is_file || plant.keys.season.is_some(), drawn),
-            needs(&["depth", "minor_teeth"], is_notched, "lobes or teeth: another `blade`, or their number in `lobes`"),
-            needs(&["leaflet_length"], !is_blade || keys.leaflets > 1, "a compound leaf: leaflets = 7"),
+            needs(&["petiole_radius_mm"], keys.mesh.is_none(), "a leaf that osier draws, without mesh"),
+            needs(OF_BLADES, !needles, "a blade: needles have none"),
+            needs(&["depth"], has_no_outline || is_cut, "lobes or teeth: another `blade`, or their number in `lobes`"),
+            needs(&["minor_teeth"], has_no_outline || is_cut && !is_lobed, "teeth: blade = \"toothed\""),
+            needs(&["leaflet_length"], has_no_outline || keys.leaflets > 1, "a compound leaf: leaflets = 7"),
             needs(&["flutter"], plant.rods.is_none(), SWAYING),
         ];
         self.report_unmet(Some(table), path, &all);

@@ -266,6 +266,16 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "plants.a.leaf.lobes",
             "[plants.a.leaf]\nblade = \"lobed\"\nlobes = 3\n",
         ),
+        (
+            "[plants.a.leaf]\nblade = \"needles\"\ncolor2 = \"#406030\"\n",
+            "plants.a.leaf.color2",
+            "[plants.a.leaf]\ncolor2 = \"#406030\"\n",
+        ),
+        (
+            "[plants.a.leaf]\nblade = \"lobed\"\nminor_teeth = 2\n",
+            "plants.a.leaf.minor_teeth",
+            "[plants.a.leaf]\nblade = \"toothed\"\nminor_teeth = 2\n",
+        ),
         ("[plants.a.leaf]\ndepth = 0.3\n", "plants.a.leaf.depth", "[plants.a.leaf]\nlobes = 9\ndepth = 0.3\n"),
         (
             "[plants.a.rods]\n[plants.a.wood]\nhz_scale = 2\n",
