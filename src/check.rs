@@ -3,7 +3,7 @@
 use crate::bake::output::single_file::refuse_without_visible_plants;
 use crate::bake::scene::{SceneOptions, assemble_for_estimate};
 use crate::bake::{BakeContext, BakeEstimate};
-use crate::recipe::{GivenKey, Growth, Recipe, Request, given_keys, resolve};
+use crate::recipe::{GivenKey, Growth, Recipe, Request, given_keys, path_element, resolve};
 use osier_base::diagnostic::Report;
 use osier_base::{Error, Result};
 use osier_grammar::DefineRange;
@@ -34,7 +34,7 @@ pub fn grammar_parameters(recipe: &Recipe) -> Vec<GrammarParameter> {
     for plant in &recipe.plants {
         let Growth::Grammar(grammar) = &plant.growth else { continue };
         parameters.extend(grammar.defines().iter().map(|d| GrammarParameter {
-            key: format!("plants.{}.set.{}", plant.name, d.name),
+            key: format!("plants.{}.set.{}", path_element(&plant.name), d.name),
             value: d.value.clone(),
             number: d.number(),
             range: d.range(),

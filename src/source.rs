@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use crate::presets::{self, Preset, PresetKind};
 use crate::recipe::scene::no_grammar;
-use crate::recipe::{Library, Request};
+use crate::recipe::{Library, Request, SingleSource};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result, files};
@@ -93,10 +93,28 @@ fn find(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Re
         return Err(d.help("it chooses how a coefficient table is read").into());
     }
     // `as=` chooses how a table is read and is not a key of a scene.
-    request.set = options.set.iter().filter(|s| !s.trim_start().starts_with("as=")).cloned().collect();
+    let set = options.set.iter().filter(|s| !s.trim_start().starts_with("as=")).cloned();
+    request.set = grammar_keys(&request, options)?.into_iter().chain(set).collect();
     request.seed = options.seed;
     request.limits = options.limits.clone();
     Ok(request)
+}
+
+/// The flags `--dialect` and `--rng` as overrides of the only plant of a bare file.
+/// # Errors
+/// S003 if a flag is given for a scene or an attractor, which would not heed it.
+fn grammar_keys(request: &Request, options: &SourceOptions) -> Result<Vec<String>> {
+    let flags = [("dialect", &options.dialect), ("rng", &options.rng)];
+    let mut keys = Vec::new();
+    for (key, value) in flags.into_iter().filter_map(|(key, value)| Some((key, value.as_ref()?))) {
+        if !matches!(request.bare, Some(SingleSource::Plant(_))) {
+            let message = format!("--{key} is for the file of a grammar, and \"{}\" is none", request.shown);
+            let help = format!("in a scene it is a key of the plant: [plants.NAME] {key} = \"{value}\"");
+            return Err(Diagnostic::about("S003", message).help(help).into());
+        }
+        keys.push(format!("{key}={}", toml::Value::String(value.clone())));
+    }
+    Ok(keys)
 }
 
 /// File and entry of `FILE#ENTRY` or `FILE:ENTRY`; a file with the whole text as its name has precedence.
@@ -260,15 +278,7 @@ fn grammar_request(path: &Path, entry: Option<&str>, options: &SourceOptions) ->
     let file = file_name(path);
     let name = entry.map_or_else(|| file_stem(path), str::to_owned);
     let reference = entry.map_or_else(|| file.clone(), |e| format!("{file}#{e}"));
-    let request = Request::bare(&name, &reference);
-    let library = Library::new(path, &options.search)?;
-    // The notation and the random numbers are keys of the plant.
-    let key = |name: &str, value: &Option<String>| {
-        value.as_ref().map_or_else(String::new, |v| format!("{name} = {}\n", toml::Value::String(v.clone())))
-    };
-    let keys = key("dialect", &options.dialect) + &key("rng", &options.rng);
-    let text = request.text.replace("[ground]\n", &format!("{keys}[ground]\n"));
-    Ok(Request { library, text, ..request })
+    Ok(Request { library: Library::new(path, &options.search)?, ..Request::bare(&name, &reference) })
 }
 
 /// The request for a scene of one plant of a grammar, of particle-shapes or of a species.

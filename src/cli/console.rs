@@ -44,12 +44,23 @@ impl Console {
     /// # Errors
     /// `Io` if standard output cannot be written for another reason.
     pub fn result(&self, text: &str) -> Result<()> {
+        let text = if self.json { escaped(text) } else { made_visible(text) };
+        self.print(&mut anstream::stdout().lock(), &text)
+    }
+
+    /// Prints a text that other programs read, such as a grammar: unchanged, except on a terminal. A closed pipe is no error.
+    /// # Errors
+    /// `Io` if standard output cannot be written for another reason.
+    pub fn document(&self, text: &str) -> Result<()> {
+        let mut out = io::stdout().lock();
+        if out.is_terminal() { self.print(&mut out, &made_visible(text)) } else { self.print(&mut out, text) }
+    }
+
+    fn print(&self, out: &mut impl io::Write, text: &str) -> Result<()> {
         // After `osier list | head` the reader is gone: further writes would all fail.
         if self.closed.load(Ordering::Relaxed) {
             return Ok(());
         }
-        let text = if self.json { escaped(text) } else { made_visible(text) };
-        let mut out = anstream::stdout().lock();
         match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
             Err(e) if e.kind() == io::ErrorKind::BrokenPipe => {
                 self.closed.store(true, Ordering::Relaxed);
@@ -121,10 +132,11 @@ impl Console {
     }
 }
 
-/// Replaces invisible characters except line breaks by visible ones, so that a hostile file name cannot control the
+/// Replaces invisible characters except line breaks and tabs by visible ones, so that a hostile file name cannot control the
 /// terminal.
 fn made_visible(text: &str) -> String {
-    let lines: Vec<String> = text.split('\n').map(visible).collect();
+    let lines: Vec<String> =
+        text.split('\n').map(|line| line.split('\t').map(visible).collect::<Vec<_>>().join("\t")).collect();
     lines.join("\n")
 }
 

@@ -25,18 +25,26 @@ pub fn run(context: &Context, args: &Convert) -> Result<u8> {
     for note in &converted.notes {
         context.console.note(note);
     }
-    let Some(output) = &args.output else {
-        context.console.result(&converted.text)?;
-        return Ok(context.strict(!converted.notes.is_empty()));
+    let warned = !warnings.diagnostics.is_empty() || !converted.notes.is_empty();
+    let Some(output) = args.output.as_deref().filter(|path| *path != Path::new("-")) else {
+        context.console.document(&converted.text)?;
+        return Ok(context.strict(warned));
     };
+    if !context.common.dry_run {
+        write(context, args, output, &converted.text)?;
+    }
+    if !context.console.quiet {
+        context.console.result(&format!("{}\n", output.display()))?;
+    }
+    Ok(context.strict(warned))
+}
+
+/// Writes the text of a grammar into a file, whose folder is made if it is missing.
+fn write(context: &Context, args: &Convert, output: &Path, text: &str) -> Result<()> {
     let parent = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
     let folder = Folder::plain(parent, options)?;
     let name = output.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    folder.write(&name, "grammar", converted.text.as_bytes())?;
-    folder.finish()?;
-    if !context.console.quiet {
-        context.console.result(&format!("{}\n", output.display()))?;
-    }
-    Ok(context.strict(!converted.notes.is_empty()))
+    folder.write(&name, "grammar", text.as_bytes())?;
+    folder.finish()
 }

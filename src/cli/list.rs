@@ -32,11 +32,13 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         return Ok(2);
     }
     let knobs = if args.what == What::Knobs { knobs::of_sources(context, &args.words)? } else { Vec::new() };
+    // A dry run draws nothing.
+    let thumbnails = args.thumbnails.as_deref().filter(|_| !context.common.dry_run);
     // One text per kind of list; kinds without a JSON arm here share `as_json`.
     let text = match (args.what, context.console.json) {
-        (What::Presets, true) => format!("{:#}\n", preset_list::as_json(context, args.thumbnails.as_deref())?),
+        (What::Presets, true) => format!("{:#}\n", preset_list::as_json(context, thumbnails)?),
         (What::Presets, false) => {
-            args.thumbnails.iter().try_for_each(|folder| preset_list::write_pictures(context, folder))?;
+            thumbnails.map_or(Ok(()), |folder| preset_list::write_pictures(context, folder))?;
             preset_list::as_text()
         }
         (What::Entries, as_json) => {

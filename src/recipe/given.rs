@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::Request;
-use super::syntax::{TomlNode, TomlTable, TomlValue, join, parse};
+use super::syntax::{TomlNode, TomlTable, TomlValue, join, parse, path_element};
 use osier_base::diagnostic::{Report, Span};
 
 /// A key that the text of a scene sets.
@@ -34,7 +34,7 @@ pub fn given_keys(request: &Request) -> Vec<GivenKey> {
 }
 
 fn add_table(table: &TomlTable, path: &str, file: &str, keys: &mut Vec<GivenKey>) {
-    table.entries.iter().for_each(|entry| add_node(&entry.node, &join(path, &entry.key), file, keys));
+    table.entries.iter().for_each(|entry| add_node(&entry.node, &join(path, &path_element(&entry.key)), file, keys));
 }
 
 fn add_node(node: &TomlNode, path: &str, file: &str, keys: &mut Vec<GivenKey>) {

@@ -6,6 +6,7 @@
 
 mod companions;
 mod given;
+mod ignored;
 mod library;
 mod resolve;
 pub mod scene;
@@ -25,11 +26,11 @@ use osier_ifs::stems::TreeSystem;
 use osier_ifs::weights::WeightRule;
 use osier_import::{GreyImage, HeightMap, Imported};
 use osier_scene::{AirGrid, Clip, Image};
-pub use resolve::{Request, resolve};
+pub use resolve::{Request, SingleSource, resolve};
 use syntax::recipe;
 pub use syntax::{
     Choice, Digest, KeyInfo, KeyListing, KeyTable, RecipePart, Reference, Registry, TableInfo, ValueForm, ValueKind,
-    ValueType, word_of,
+    ValueType, path_element, word_of,
 };
 
 /// Letter of the organ for billboards of a tree's small branches; it is last in the list of organs.

@@ -3,7 +3,9 @@
 use super::scene::{
     FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlantKeys, SceneKeys, SeasonSpan, WindModel, solid_names,
 };
-use super::syntax::{Digest, KeyTable, Registry, TomlTable, TomlValue, apply_override, join, parse, wrong};
+use super::syntax::{
+    Digest, KeyTable, Registry, TomlTable, TomlValue, apply_override, join, parse, path_element, wrong,
+};
 use super::{Growth, Library, OutputRecipe, PlantRecipe, Recipe, ReferencedFile, VdbRecipe, WindOutputRecipe};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::files::{Encoding, Names, decode, safe_name};
@@ -135,7 +137,7 @@ fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
             _ => false,
         };
         let keys: Vec<String> =
-            recipe.plants.iter().filter(has).map(|p| format!("plants.{}.set.{name}", p.name)).collect();
+            recipe.plants.iter().filter(has).map(|p| format!("plants.{}.set.{name}", path_element(&p.name))).collect();
         if !keys.is_empty() {
             d.help = Some(format!("it is a #define of a grammar: its key is {}", keys.join(" or ")));
             // The fix was a guess at a similar key, which the help now contradicts.
@@ -154,10 +156,10 @@ fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry)
     let top = registry.names::<SceneKeys>().contains(&first);
     // Where other keys go: a table has no #defines.
     let (plant, others) = match bare {
-        SingleSource::Plant(name) => (name, "set"),
-        SingleSource::Tree(name) => (name, "tree"),
+        SingleSource::Plant(name) => (path_element(name), "set"),
+        SingleSource::Tree(name) => (path_element(name), "tree"),
         SingleSource::Cloud(_) if top => return set.to_owned(),
-        SingleSource::Cloud(name) => return format!("clouds.{name}.{set}"),
+        SingleSource::Cloud(name) => return format!("clouds.{}.{set}", path_element(name)),
     };
     // A key with a dot in it, such as `leaf.size`, belongs to the plant if its first word names a table of plants.
     let own = registry.names::<PlantKeys>().contains(&first);
@@ -263,7 +265,7 @@ impl Resolver<'_> {
             rain: self.rain(root),
             maps: self.maps(root),
             fog: self.section(root, "fog"),
-            camera: self.section(root, "camera"),
+            camera: self.camera(root),
             sun: self.section(root, "sun"),
             sky: self.section(root, "sky"),
             moves: false,
@@ -277,6 +279,7 @@ impl Resolver<'_> {
         // The hash covers all fields above and must be computed last.
         recipe.moves = clip.len() > 1 && recipe.blows();
         recipe.hash = hash(&recipe, &self.inputs);
+        self.report_ignored_keys(root, &recipe);
         recipe
     }
 

@@ -167,13 +167,90 @@ fn an_artefact_goes_through_a_pipe_and_readers_may_leave() {
         drop(child.stdout.take());
         said(&child.wait_with_output().expect("ends"))
     };
-    let (code, _, err) = left(&["list", "options"]);
-    assert_eq!((code, err.as_str()), (0, ""));
+    for args in [&["list", "options"][..], &["completions", "bash"], &["man"]] {
+        let (code, _, err) = left(args);
+        assert_eq!((code, err.as_str()), (0, ""), "{args:?}");
+    }
     let out = dir.path().join("out");
     let (code, _, err) = left(&["bake", SCENE, "-o", arg(&out)]);
     assert!(code == 0 && out.join("manifest.json").exists(), "{err}");
     let (code, _, err) = left(&["grow", SCENE, "-o", "-"]);
     assert!(code == 74 && err.contains("standard output"), "{err}");
+}
+
+#[test]
+fn a_converted_grammar_is_the_same_on_standard_output_and_in_a_file() {
+    let dir = folder();
+    let grammar = file(&dir, "t.l", "Lsystem: 1\nDerivation length: 1\nAxiom: A\nA -->\tF\n\t[ +F ] F\nendlsystem\n");
+    let written = dir.path().join("out.l");
+    ends(0, &["convert", arg(&grammar), "-o", arg(&written)]);
+    let text = fs::read_to_string(&written).expect("grammar");
+    assert!(text.contains("\n\t[ +F ] F"), "{text}");
+    assert_eq!(ends(0, &["convert", arg(&grammar)]).0, text);
+    assert_eq!(ends(0, &["convert", arg(&grammar), "-o", "-"]).0, text);
+    // An undefined variable is a warning.
+    let warns = file(&dir, "w.l", "Lsystem: 1\nDerivation length: 2\nAxiom: A\nA --> F B(u)\nendlsystem\n");
+    ends(3, &["convert", arg(&warns), "--strict"]);
+}
+
+#[test]
+fn a_dry_run_writes_nothing() {
+    let dir = folder();
+    let path = |name: &str| dir.path().join(name);
+    let [glb, png, gif, text] = ["x.glb", "x.png", "x.gif", "x.l"].map(path);
+    for args in [
+        &["bake", SCENE, "-o", arg(&path("out"))][..],
+        &["grow", SCENE, "-o", arg(&glb)],
+        &["preview", SCENE, "--size", "16x16", "-o", arg(&png)],
+        &["preview", SCENE, "--size", "16x16", "--frames", "1-2", "-o", arg(&gif)],
+        &["convert", GRAMMAR, "-o", arg(&text)],
+        &["new", arg(&path("mine"))],
+        &["list", "presets", "--thumbnails", arg(&path("small"))],
+    ] {
+        ends(0, &[args, &["-n"]].concat());
+        assert!(tree(dir.path()).is_empty() && !path("small").exists(), "{args:?}");
+    }
+}
+
+#[test]
+fn a_file_with_dots_in_its_name_takes_overrides() {
+    let dir = folder();
+    let text = "#define ANGLE 20\nLsystem: 1\nDerivation length: 1\nAxiom: F +(ANGLE) F ~l\nendlsystem\n";
+    let (dotted, plain) = (file(&dir, "v1.2.l", text), file(&dir, "v.l", text));
+    let string = |grammar: &Path, name: &str| {
+        let out = dir.path().join(name);
+        ends(
+            0,
+            &["grow", arg(grammar), "--set", "ANGLE=35", "--set", "leaf.size=0.2", "--rng", "osier", "-o", arg(&out)],
+        );
+        fs::read_to_string(out).expect("a string")
+    };
+    let wanted = string(&plain, "plain.txt");
+    assert!(wanted.contains("+(35)"), "{wanted}");
+    assert_eq!(string(&dotted, "dotted.txt"), wanted);
+    // The listed key is one that an override takes, in quotes.
+    let (json, _) = ends(0, &["list", "knobs", arg(&dotted), "--json"]);
+    assert!(json.contains("plants.\\\"v1.2\\\".set.ANGLE"), "{json}");
+}
+
+#[test]
+fn flags_that_a_source_cannot_heed_are_told() {
+    let dir = folder();
+    for flag in [["--rng", "cpfg"], ["--dialect", "cpfg"]] {
+        let (_, err) = ends(1, &[&["check", "oak"][..], &flag].concat());
+        assert!(err.contains(flag[0]) && err.contains("[plants.NAME]"), "{err}");
+    }
+    let (_, err) = ends(1, &["check", "koch.l", "--rng", "lcg"]);
+    assert!(err.contains("S003") && err.contains("lcg"), "{err}");
+    let (_, err) =
+        ends(3, &["grow", "hazel.species", "--set", "age=1", "--steps", "3", "--strict", "-n", "-o", "x.glb"]);
+    assert!(err.contains("warning[S007]") && err.contains("steps"), "{err}");
+    // Pictures are PNG files; another ending would promise another format.
+    for name in ["x.jpg", "x.gif"] {
+        let picture = dir.path().join(name);
+        let (_, err) = ends(2, &["preview", SCENE, "--size", "16x16", "-o", arg(&picture)]);
+        assert!(err.contains("is written as .png") && !picture.exists(), "{err}");
+    }
 }
 
 #[test]
@@ -208,6 +285,18 @@ fn foreign_files_are_left_alone_without_force() {
         ends(0, &["bake", SCENE, "-o", arg(&out), "--force"]);
         assert_same(&tree(&out), &tree(&plain), name);
         fs::remove_dir_all(&out).expect("remove");
+    }
+}
+
+#[test]
+fn a_plant_is_grown_again_over_its_own_files() {
+    let dir = folder();
+    for ending in ["glb", "gltf", "usda", "usdc", "usdz", "obj", "ply", "pov"] {
+        let path = dir.path().join(format!("x.{ending}"));
+        // Another seed gives other bytes, so that every file is replaced.
+        for seed in ["1", "2"] {
+            ends(0, &["grow", SCENE, "--seed", seed, "-o", arg(&path)]);
+        }
     }
 }
 
@@ -407,6 +496,10 @@ fn shells_and_man_learn_every_command() {
     }
     let (page, _) = ends(0, &["man"]);
     assert!(page.contains(".TH osier 1") && page.contains("Exit codes") && page.contains("bake"), "{page}");
+    // Flags of the commands, in one page without references to others.
+    let flags = ["\\-\\-sweep", "\\-\\-turntable", "\\-\\-thumbnails", "\\-\\-profile"];
+    assert!(flags.iter().all(|flag| page.contains(flag)) && page.contains(".SH \"OSIER PREVIEW\""), "{page}");
+    assert!(!page.contains("(1)") && page.matches(".ie ").count() == 1, "{page}");
 }
 
 #[test]

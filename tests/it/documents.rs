@@ -53,16 +53,32 @@ fn complete(command: &str, folder: &Path) -> Option<Vec<String>> {
     (!open && !ends_open && (source.is_some() || !needs_source)).then_some(words)
 }
 
-#[test]
-fn the_commands_of_the_documents_are_taken() {
+/// The texts of README and of the documents.
+fn documents() -> Vec<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut files = vec![root.join("README.md")];
     let docs = std::fs::read_dir(root.join("docs")).expect("docs").map(|e| e.expect("entry").path());
     files.extend(docs.filter(|p| p.extension().is_some_and(|e| e == "md")));
     let gallery = std::fs::read_dir(root.join("docs/gallery")).expect("gallery").map(|e| e.expect("entry").path());
     files.extend(gallery.filter(|p| p.extension().is_some_and(|e| e == "md")));
-    let text = |path| std::fs::read_to_string(path).expect("document");
-    let all: BTreeSet<String> = files.iter().flat_map(|f| commands(&text(f))).collect();
+    files.iter().map(|path| std::fs::read_to_string(path).expect("document")).collect()
+}
+
+#[test]
+fn the_documents_name_folders_as_bakes_do() {
+    // The folder of a bake has the name of its scene in `[a-z0-9_]`.
+    let stems = osier::presets::PRESETS.iter().filter_map(|p| p.name.strip_suffix(".toml"));
+    let wrong: Vec<String> = stems.filter(|stem| stem.contains('-')).map(|stem| format!("out/{stem}")).collect();
+    assert!(wrong.contains(&"out/rain-leaves".to_owned()), "{wrong:?}");
+    for text in documents() {
+        let named: Vec<&String> = wrong.iter().filter(|folder| text.contains(folder.as_str())).collect();
+        assert!(named.is_empty(), "{named:?}");
+    }
+}
+
+#[test]
+fn the_commands_of_the_documents_are_taken() {
+    let all: BTreeSet<String> = documents().iter().flat_map(|text| commands(text)).collect();
 
     let dir = tempfile::tempdir().expect("dir");
     let run = |words: &[String], more: &[&str]| {

@@ -222,3 +222,115 @@ fn a_key_of_an_earlier_version_is_named_by_its_present_name() {
         assert!(said.contains("error[S002]") && said.contains(help), "{said}");
     }
 }
+
+/// Messages of the warnings S007 about a scene.
+fn without_effect(text: &str) -> Vec<String> {
+    let request = Request { name: "s".into(), shown: "s.toml".into(), text: text.into(), ..Request::default() };
+    match resolve(&request) {
+        Ok((_, report)) => report.diagnostics.into_iter().filter(|d| d.code == "S007").map(|d| d.message).collect(),
+        Err(e) => panic!("{text}: {e}"),
+    }
+}
+
+#[test]
+fn a_key_that_needs_another_value_is_told_without_it() {
+    let plant = "[frames]\nend = 48\n[plants.a]\ngrammar = \"rain-twig.l\"\n";
+    // Lines without the value that the key needs, the key, and lines with it.
+    let cases = [
+        ("[fog]\nheight = 30\n", "fog.height", "[fog]\nheight = 30\nvisibility = 400\n"),
+        ("[sway]\npaper_recoil = 0.5\n", "sway.paper_recoil", "[sway]\nmodel = \"paper\"\npaper_recoil = 0.5\n"),
+        ("[wind]\nmodel = \"uniform\"\ngust = 0.9\n", "wind.gust", "[wind]\nmodel = \"perlin\"\ngust = 0.9\n"),
+        ("[sway]\nmodel = \"paper\"\nlean = 2\n", "sway.lean", "[sway]\nlean = 2\n"),
+        ("[sway]\nstart = \"rest\"\n", "sway.start", "[sway]\nrepeat = false\nstart = \"rest\"\n"),
+        (
+            "[[wind.add]]\nmodel = \"perlin\"\neddy_size = 2\n",
+            "wind.add.0.eddy_size",
+            "[[wind.add]]\nmodel = \"gust\"\neddy_size = 2\n",
+        ),
+        ("[rain]\nsize_mm = 3\n", "rain.size_mm", "[rain]\nsize_distribution = \"fixed\"\nsize_mm = 3\n"),
+        ("[rain]\nmiddle_s = 3\n", "rain.middle_s", "[rain]\npreset = \"paper\"\nmiddle_s = 3\n"),
+        (
+            "[rain]\npreset = \"paper\"\n[rain.impact]\nrestitution = 0.5\n",
+            "rain.impact.restitution",
+            "[rain.impact]\nrestitution = 0.5\n",
+        ),
+        ("[rain.drop]\nlambda = 1.2\n", "rain.drop.lambda", "[rain.drop]\nshape = \"paper_wedge\"\nlambda = 1.2\n"),
+        ("[flight]\nduration = 3\n", "flight.duration", "[flight]\nrelease = \"rain\"\nduration = 3\n"),
+        (
+            "[plants.a.leaf]\nneedles = 30\n",
+            "plants.a.leaf.needles",
+            "[plants.a.leaf]\nblade = \"needles\"\nneedles = 30\n",
+        ),
+        (
+            "[plants.a.leaf]\nifs = \"fern_leaf.ifs\"\nlobes = 3\n",
+            "plants.a.leaf.lobes",
+            "[plants.a.leaf]\nblade = \"lobed\"\nlobes = 3\n",
+        ),
+        (
+            "[plants.a.leaf]\nblade = \"needles\"\ncolor2 = \"#406030\"\n",
+            "plants.a.leaf.color2",
+            "[plants.a.leaf]\ncolor2 = \"#406030\"\n",
+        ),
+        (
+            "[plants.a.leaf]\nblade = \"lobed\"\nminor_teeth = 2\n",
+            "plants.a.leaf.minor_teeth",
+            "[plants.a.leaf]\nblade = \"toothed\"\nminor_teeth = 2\n",
+        ),
+        ("[plants.a.leaf]\ndepth = 0.3\n", "plants.a.leaf.depth", "[plants.a.leaf]\nlobes = 9\ndepth = 0.3\n"),
+        (
+            "[plants.a.rods]\n[plants.a.wood]\nhz_scale = 2\n",
+            "plants.a.wood.hz_scale",
+            "[plants.a.wood]\nhz_scale = 2\n",
+        ),
+        ("[plants.a.rods]\n[plants.a.leaf]\nflutter = 2\n", "plants.a.leaf.flutter", "[plants.a.leaf]\nflutter = 2\n"),
+        (
+            "[plants.a.wood]\ntimber = \"willow\"\nelasticity_gpa = 5\n",
+            "plants.a.wood.timber",
+            "[plants.a.wood]\ntimber = \"willow\"\n",
+        ),
+        ("[rain]\n[plants.a.rods]\nsubsteps = 9\n", "plants.a.rods.substeps", "[plants.a.rods]\nsubsteps = 9\n"),
+        ("[plants.a.tree]\nheight = 3\n", "plants.a.tree", ""),
+        (
+            "[plants.a.skin]\nsegment = \"l\"\n",
+            "plants.a.skin.segment",
+            "[plants.a.skin]\nform = \"segments\"\nsegment = \"l\"\n",
+        ),
+        ("[[place]]\nradius = 3\n", "place.0.radius", "[[place]]\nradius = 3\ncount = 2\n"),
+        ("[[place]]\ntogether = true\n", "place.0.together", "[[place]]\ntogether = false\n"),
+        ("[terrain]\nsubdivisions = 3\n[ground]\nrelief = 2\n", "ground", "[ground]\nrelief = 2\n"),
+        (
+            "[terrain]\n[[scatter]]\nplants = { a = 1 }\ninner = 9\n",
+            "scatter.0.inner",
+            "[terrain]\n[[scatter]]\nplants = { a = 1 }\ninner = 9\nradius = 50\n",
+        ),
+        ("[maps]\nresolution = 64\n", "maps", "[rain]\n[maps]\nresolution = 64\n"),
+        ("[camera]\neye = [1, 2, 3]\ndistance = 2\n", "camera.distance", "[camera]\ndistance = 2\n"),
+    ];
+    for (without, key, with) in cases {
+        assert_eq!(without_effect(&format!("{plant}{without}")), [format!("{key} has no effect")], "{without}");
+        assert_eq!(without_effect(&format!("{plant}{with}")), Vec::<String>::new(), "{with}");
+    }
+    let still = "[plants.a]\ngrammar = \"rain-twig.l\"\n[wind]\nspeed = 3\n";
+    assert_eq!(without_effect(still), ["wind has no effect"]);
+    assert!(without_effect(&format!("{still}[frames]\nend = 2\n")).is_empty());
+    let site = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.site]\nlatitude = 20\n";
+    assert_eq!(without_effect(site), ["plants.a.site.latitude has no effect"]);
+    assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());
+    let shapes = "[plants.a]\nshapes = \"bush.shapes\"\nsteps = 3\n[plants.a.turtle]\nunit_m = 2\n";
+    assert_eq!(without_effect(shapes), ["plants.a.steps has no effect", "plants.a.turtle has no effect"]);
+}
+
+#[test]
+fn weights_that_draw_nothing_and_a_camera_without_a_direction_are_refused() {
+    let plant = "[plants.a]\ngrammar = \"rain-twig.l\"\n";
+    for (lines, told) in [
+        ("[flight]\nforms = { v0 = 0 }\n", "every weight of flight.forms is 0"),
+        ("[flight]\nrelease = \"canopy\"\ncanopy = { a = 0 }\n", "every weight of flight.canopy is 0"),
+        ("[terrain]\n[[scatter]]\nplants = { a = 0 }\n", "is 0"),
+        ("[camera]\neye = [1, 2, 3]\ntarget = [1, 2, 3]\n", "camera.target is the position of the camera"),
+    ] {
+        let Err(said) = read(&format!("{plant}{lines}"), &[]) else { panic!("{lines} is accepted") };
+        assert!(said.contains("error[S004]") && said.contains(told), "{said}");
+    }
+    read(&format!("{plant}[flight]\nforms = {{ v0 = 0, v3 = 1 }}\n"), &[]).expect("one form is drawn");
+}

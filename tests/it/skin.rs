@@ -294,6 +294,9 @@ fn a_trunk_widens_to_its_roots_and_stays_closed() {
     other.axes[0].id = 7;
     assert!(skin(&other, &flared(5)).expect("skin").mesh.points != ridged.mesh.points);
     assert!(skin(&plant, &flared(5)).expect("skin").mesh.points == ridged.mesh.points);
+    // A tube of 32 sides carries eight ridges, four sides each.
+    let [eight, twelve] = [8, 12].map(|count| skin(&plant, &flared(count)).expect("skin").mesh.points);
+    assert!(eight == twelve && twelve != round.mesh.points, "twelve ridges leave the trunk round");
 }
 
 #[test]

@@ -151,13 +151,19 @@ struct OutputPicture {
 }
 
 impl OutputPicture {
-    /// Opens the folder of the output: that of `-o`, else `out` with the file `NAME.ENDING`.
+    /// Opens the folder of the output: that of `-o`, else `out` with the file `NAME.ENDING`; a folder in memory for a dry run.
     fn new(context: &Context, args: &Preview, name: &str, ending: &str) -> Result<Self> {
         let path = args.output.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}.{ending}")));
         let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        Ok(Self { folder: Folder::plain(parent, options)?, name, path })
+        // A folder in memory has portable names only.
+        let (folder, name) = if context.common.dry_run {
+            (Folder::memory(), format!("preview.{ending}"))
+        } else {
+            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            (Folder::plain(parent, options)?, name)
+        };
+        Ok(Self { folder, name, path })
     }
 
     /// Writes a picture with title, hash and seed of its scene as PNG text chunks, and prints its path.

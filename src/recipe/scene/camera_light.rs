@@ -1,7 +1,9 @@
 //! `[camera]`, `[sun]`, `[sky]` and `[fog]`.
 
+use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::keys;
-use crate::recipe::syntax::{ColorType, OptionalKey, SunDirection, degrees, number, point};
+use crate::recipe::syntax::{ColorType, OptionalKey, SunDirection, TomlTable, degrees, number, point};
+use osier_base::diagnostic::Diagnostic;
 
 keys! {
     /// Camera; fitted to the plants unless `eye` is set.
@@ -54,5 +56,19 @@ keys! {
         color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#edf3f9"), "the sky's at the horizon");
         /// Height at which a quarter of the density remains; 0 for a constant density.
         height: f64 = "height" number(0.0, 0.0, 1e5, "m");
+    }
+}
+
+impl Resolver<'_> {
+    /// Reads `[camera]`; S004 for a camera that looks at its own position.
+    pub(in crate::recipe) fn camera(&mut self, root: &TomlTable) -> CameraKeys {
+        let keys: CameraKeys = self.section(root, "camera");
+        let is_same = |(eye, target): ([f64; 3], [f64; 3])| eye.iter().zip(target).all(|(a, b)| (a - b).abs() <= 0.0);
+        if keys.eye.zip(keys.target).is_some_and(is_same) {
+            let span = span_of(root, &["camera", "target"]).unwrap_or(self.whole);
+            let d = Diagnostic::error("S004", "camera.target is the position of the camera", span, "no direction");
+            self.report.push(d.help("name another point, or leave `target` out to look at the plants"));
+        }
+        keys
     }
 }

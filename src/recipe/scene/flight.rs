@@ -260,6 +260,7 @@ impl Resolver<'_> {
                 }
             }
         }
+        self.check_some_weight("flight.forms", &keys.forms, span);
         weights
     }
 

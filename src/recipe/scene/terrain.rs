@@ -279,6 +279,14 @@ impl Resolver<'_> {
         }
     }
 
+    /// Reports S004 if every weight is 0, so that none of the named is ever drawn. `path`, `span`: key that names them.
+    pub(in crate::recipe) fn check_some_weight(&mut self, path: &str, named: &[(String, f64)], span: Span) {
+        if !named.is_empty() && named.iter().all(|(_, weight)| weight.abs() <= 0.0) {
+            let d = Diagnostic::error("S004", format!("every weight of {path} is 0"), span, "none is ever drawn");
+            self.report.push(d.help("give one of them a weight above 0, or leave the key out"));
+        }
+    }
+
     /// Plants as indices into `plants`, with their weights; `None` after an error. `path`, `span`: key that names them.
     pub(in crate::recipe) fn weights(
         &mut self,
@@ -293,6 +301,7 @@ impl Resolver<'_> {
             Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
             _ => Vec::new(),
         };
+        self.check_some_weight(path, named, span);
         let mut out = Vec::new();
         for (name, weight) in named {
             self.weight(path, name, *weight, span);

@@ -14,6 +14,7 @@ pub use key::{Fault, KeyInfo, KeyListing, KeyTable, RecipePart, TableInfo, Table
 pub(super) use key::{choices, finite_number, is_basic, join, keys, outside, wrong};
 pub use registry::Registry;
 pub(super) use registry::{digest_field, list_table, recipe};
+pub use tree::path_element;
 pub(super) use tree::{TomlNode, TomlTable, TomlValue, apply_override, parse};
 pub(super) use value_types::*;
 pub use value_types::{Choice, Reference, word_of};

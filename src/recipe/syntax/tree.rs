@@ -132,12 +132,40 @@ fn node(value: &Spanned<DeValue<'_>>, source: SourceId, report: &mut Report) -> 
     TomlNode { span, value }
 }
 
-/// Applies `path = value` (one `--set`) to a tree. Path elements are table keys or, in lists, indices from 0; missing tables
-/// are created.
+/// A key as an element of the path of an override: in quotes if it holds a dot or an equals sign.
+pub fn path_element(key: &str) -> String {
+    if key.contains(['.', '=']) { format!("\"{key}\"") } else { key.to_owned() }
+}
+
+/// Splits a text at the first `mark` outside quotes; `None` without one.
+fn split_outside_quotes(text: &str, mark: char) -> Option<(&str, &str)> {
+    let mut is_quoted = false;
+    let at = text.char_indices().find(|(_, c)| {
+        is_quoted ^= *c == '"';
+        *c == mark && !is_quoted
+    });
+    at.map(|(i, _)| (&text[..i], &text[i + mark.len_utf8()..]))
+}
+
+/// The elements of the path of an override, without the quotes around them.
+fn path_elements(path: &str) -> Vec<&str> {
+    let mut elements = Vec::new();
+    let mut rest = Some(path);
+    while let Some(text) = rest {
+        let (element, after) = split_outside_quotes(text, '.').map_or((text, None), |(a, b)| (a, Some(b)));
+        let bare = element.trim();
+        elements.push(bare.strip_prefix('"').and_then(|b| b.strip_suffix('"')).unwrap_or(bare));
+        rest = after;
+    }
+    elements
+}
+
+/// Applies `path = value` (one `--set`) to a tree. Path elements are table keys, in quotes if they have dots, or, in lists,
+/// indices from 0; missing tables are created.
 pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Report) {
     let source = report.sources.add("--set", assignment);
     let whole = Span::new(source, 0, assignment.len());
-    let Some((path, text)) = assignment.split_once('=') else {
+    let Some((path, text)) = split_outside_quotes(assignment, '=') else {
         let d = Diagnostic::error("S001", "an override is written path=value", whole, "no '=' here");
         report.push(d.help("for example --set wind.speed=6"));
         return;
@@ -145,7 +173,7 @@ pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Repor
     // The value of the override is parsed as TOML with spans that point into the assignment.
     let offset = path.len() + 1;
     let value = override_value(text.trim(), Span::new(source, offset, assignment.len()), report);
-    let names: Vec<&str> = path.trim().split('.').map(str::trim).collect();
+    let names = path_elements(path);
     let node = TomlNode { span: Span::new(source, offset, assignment.len()), value };
     if !put(root, &names, node, Span::new(source, 0, path.len())) {
         let d = Diagnostic::error(
@@ -265,6 +293,12 @@ mod tests {
         assert_eq!(value(&t, "place.0.at.2"), Some(&TomlValue::Integer(3)));
         assert_eq!(value(&t, "title"), Some(&TomlValue::Text("Two words".into())));
         assert_eq!(value(&t, "sun.color"), Some(&TomlValue::Text("#fff".into())));
+        let (t, r) = read("", &["plants.\"a.b=c\".set.X = 3", &format!("{}=4", path_element("v1.2"))]);
+        assert!(!r.has_errors(), "{r}");
+        let names: Vec<&str> = t.entries.iter().map(|e| e.key.as_str()).collect();
+        assert_eq!((names, value(&t, "v1")), (vec!["plants", "v1.2"], None));
+        let Some(TomlValue::Table(plants)) = value(&t, "plants") else { panic!("{t:?}") };
+        assert_eq!(plants.entries[0].key, "a.b=c");
     }
 
     #[test]

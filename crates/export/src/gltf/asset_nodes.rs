@@ -189,13 +189,13 @@ impl GltfDocument<'_> {
     /// The leaves of a growing plant as one mesh that morphs, with X003 if they are fewer than those of the plant.
     fn add_growing_leaves(&mut self, nodes: &mut AssetNodes, asset: &Asset, leaves: &LeafShapes) -> Result<()> {
         let label = format!("asset {}, leaves", asset.id);
-        let Some(LeafMesh { mesh, shapes, blades }) = leaves.mesh(asset, &label)? else { return Ok(()) };
+        let Some(LeafMesh { mesh, shapes, blades, most_alive, most_growth }) = leaves.mesh(asset, &label)? else {
+            return Ok(());
+        };
         let message = format!(
-            "{label}: up to {} leaves at once are one mesh of {blades} blades in {} shapes, enlarged up to {:.2} times where not all \
-             are written; USD has all of every frame",
-            leaves.most_alive,
+            "{label}: up to {most_alive} leaves at once are one mesh of {blades} blades in {} shapes, enlarged up to {most_growth:.2} \
+             times where not all are written; USD has all of every frame",
             shapes.len(),
-            leaves.most_growth
         );
         self.warnings.push(Warning { code: "X003", message });
         let mesh_source = MeshSource {

@@ -43,7 +43,12 @@ pub(super) fn write_glb(mut document: GltfDocument<'_>, mut put: impl FnMut(&[u8
 /// # Errors
 /// X005 for more than 2^32 - 1 bytes, X001 for a number that is not finite.
 pub(super) fn encode_gltf(mut document: GltfDocument<'_>, uri: String) -> Result<(Vec<u8>, Vec<u8>)> {
-    let bin = take_buffer(&mut document, Some(uri))?;
+    let mut bin = take_buffer(&mut document, Some(uri))?;
+    if let Some(buffer) = document.root.buffers.first_mut().filter(|_| !bin.is_empty()) {
+        // Behind all that the document refers to stands the mark by which a later run knows the file as one of its own.
+        bin.extend_from_slice(crate::GENERATOR.as_bytes());
+        buffer.byte_length = bin.len();
+    }
     length(&bin)?;
     Ok((to_json(&document.root)?, bin))
 }

@@ -1,7 +1,7 @@
 //! Leaves of a plant that grows over the clip and has too many for a node each: one mesh that morphs from shape to shape.
 //!
-//! At evenly spaced frames the leaves of the smallest keys among those that are alive are recorded, enlarged to cover the area of
-//! all. Each run of recorded frames of a leaf is a blade of a few triangles. While its leaf is not recorded, a blade is a point at
+//! At evenly spaced frames the leaves of the smallest keys among those that are alive are recorded. As many of each frame are
+//! written as the budget of bytes allows, enlarged to cover the area of all. Each run of recorded frames of a leaf is a blade of a few triangles. While its leaf is not recorded, a blade is a point at
 //! the place where the leaf appears or disappears.
 //!
 //! ```text
@@ -33,8 +33,6 @@ const MOST_SHAPES: usize = 24;
 /// Triangles and vertices of a simplified blade: a quadrilateral.
 const BLADE_TRIANGLES: usize = 2;
 const BLADE_VERTICES: usize = 4;
-/// Share of the blades that are seen at once; the others are leaves that have fallen or have not appeared yet.
-const SEEN_AT_ONCE: f64 = 0.75;
 /// Largest factor by which leaves are enlarged to replace those left out; a larger one is conspicuous.
 const MOST_GROWTH: f32 = 3.0;
 /// A leaf that moves farther between two shapes, as a share of the diagonal of the plant's box, is another leaf of the same
@@ -44,10 +42,34 @@ const LONGEST_MOVE: f32 = 0.1;
 /// One leaf in one shape.
 #[derive(Debug, Clone, Copy)]
 struct RecordedLeaf {
+    /// Hash of the seed and the leaf's id: those of the smallest keys are written.
+    key: u64,
     /// Index of the instancer in the asset, and of the instance in it.
     id: [u32; 2],
-    /// In the space of the asset; the scale includes the enlargement.
+    /// In the space of the asset.
     place: Trs,
+}
+
+/// The leaves of one frame.
+#[derive(Debug, Default)]
+struct RecordedShape {
+    /// Number of leaves that are alive.
+    alive: usize,
+    /// Those of the smallest keys, by rising key.
+    leaves: Vec<RecordedLeaf>,
+}
+
+impl RecordedShape {
+    /// The leaves of the smallest keys, at most `most`.
+    fn first(&self, most: usize) -> &[RecordedLeaf] {
+        &self.leaves[..most.min(self.leaves.len())]
+    }
+
+    /// Factor on the size of `most` leaves that cover the area of all, which grows with the square of the size.
+    fn growth(&self, most: usize) -> f32 {
+        let ratio = self.alive as f64 / self.first(most).len().max(1) as f64;
+        math::narrow(math::sqrt(ratio)).clamp(1.0, MOST_GROWTH)
+    }
 }
 
 /// Largest numbers of blades and shapes that the budget allows.
@@ -64,18 +86,15 @@ struct Limits {
 pub(super) struct LeafShapes {
     /// Indices of the recorded frames, increasing.
     frames: Vec<usize>,
-    /// Per recorded frame: its leaves by rising id.
-    shapes: Vec<Vec<RecordedLeaf>>,
+    /// One for each of `frames`.
+    shapes: Vec<RecordedShape>,
     /// The last frame, if it is not a recorded one.
-    waiting: Option<Vec<RecordedLeaf>>,
+    waiting: Option<RecordedShape>,
     /// Number of frames so far.
     seen: usize,
     /// Interval of the recorded frames.
     stride: usize,
     limits: Limits,
-    /// Largest number of leaves that were alive at a frame, and largest enlargement.
-    pub most_alive: usize,
-    pub most_growth: f32,
     /// Of the scene, which the keys depend on.
     seed: u64,
 }
@@ -86,6 +105,9 @@ pub(super) struct LeafMesh {
     pub mesh: Mesh,
     pub shapes: Vec<MorphShape>,
     pub blades: usize,
+    /// Largest number of leaves that are alive in a shape, and largest factor by which those written are enlarged.
+    pub most_alive: usize,
+    pub most_growth: f32,
 }
 
 /// A run of shapes in which an instance is the same leaf.
@@ -124,8 +146,6 @@ impl LeafShapes {
             seen: 0,
             stride: scene.clip.len().saturating_sub(1).div_ceil(limits.shapes.max(1)).max(1),
             limits,
-            most_alive: 0,
-            most_growth: 1.0,
             seed: scene.seed,
         })
     }
@@ -161,50 +181,34 @@ impl LeafShapes {
         &self.frames
     }
 
-    /// The leaves of the smallest keys that are alive at a frame, enlarged to cover the area of all.
-    fn leaves_at(&mut self, asset: &Asset, frame: &AssetFrame, scene: &Scene) -> Vec<RecordedLeaf> {
-        let mut alive: Vec<(u64, [u32; 2])> = Vec::new();
-        let states: Vec<_> = (asset.instancers.iter().enumerate())
-            .map(|(n, instancer)| grows(asset, instancer, scene).then(|| instance_states(asset, instancer, n, frame)))
-            .collect();
-        for (n, (instancer, state)) in asset.instancers.iter().zip(&states).enumerate() {
-            let Some(state) = state else { continue };
+    /// The leaves of the smallest keys that are alive at a frame: no more than there may be blades.
+    fn leaves_at(&self, asset: &Asset, frame: &AssetFrame, scene: &Scene) -> RecordedShape {
+        let mut leaves: Vec<RecordedLeaf> = Vec::new();
+        for (n, instancer) in asset.instancers.iter().enumerate().filter(|(_, i)| grows(asset, i, scene)) {
+            let state = instance_states(asset, instancer, n, frame);
             let live = (0..instancer.len()).filter(|i| state.is_alive(*i) && state.size(*i) > 0.0);
-            alive.extend(live.map(|i| (mix64(&[self.seed, instancer.ids[i]]), [n, i].map(saturating_index))));
+            leaves.extend(live.map(|i| RecordedLeaf {
+                key: mix64(&[self.seed, instancer.ids[i]]),
+                id: [n, i].map(saturating_index),
+                place: instancer.transform(&state, i),
+            }));
         }
-        let all = alive.len();
+        let alive = leaves.len();
         // The same leaves stay from shape to shape, spread over the crown: keys are hashes of their ids.
-        let most = self.most_at_once();
-        if all > most {
-            alive.select_nth_unstable(most);
-            alive.truncate(most);
-        }
-        alive.sort_unstable_by_key(|(_, id)| *id);
-        // The area grows with the square of the size.
-        let growth = math::narrow(math::sqrt(all as f64 / alive.len().max(1) as f64)).min(MOST_GROWTH);
-        self.most_alive = self.most_alive.max(all);
-        self.most_growth = self.most_growth.max(growth);
-        let leaf = |(_, id): &(u64, [u32; 2])| {
-            let [n, i] = id.map(|k| k as usize);
-            let mut place = states[n].as_ref().map_or(Trs::IDENTITY, |state| asset.instancers[n].transform(state, i));
-            place.s *= growth;
-            RecordedLeaf { id: *id, place }
-        };
-        alive.iter().map(leaf).collect()
-    }
-
-    fn most_at_once(&self) -> usize {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a count")]
-        let seen = (self.limits.blades as f64 * SEEN_AT_ONCE) as usize;
-        seen.max(1)
+        leaves.sort_unstable_by_key(|leaf| (leaf.key, leaf.id));
+        leaves.truncate(self.limits.blades);
+        RecordedShape { alive, leaves }
     }
 
     /// The mesh of all blades and its shapes, one for each of [`Self::frames`]; `None` without leaves.
     /// # Errors
     /// `Export` X005 if a blade can't be simplified.
     pub(super) fn mesh(&self, asset: &Asset, label: &str) -> Result<Option<LeafMesh>> {
-        let runs = self.runs(asset);
-        let Some(full) = (0..self.shapes.len()).max_by_key(|k| (self.shapes[*k].len(), *k)) else { return Ok(None) };
+        let places = self.shapes.iter().flat_map(|shape| shape.leaves.iter().map(|leaf| leaf.place.t));
+        let longest = LONGEST_MOVE * osier_base::geometry::Bounds::of(places).size().length();
+        let most = self.most_at_once(longest);
+        let runs = self.runs(most, longest);
+        let Some(full) = (0..self.shapes.len()).max_by_key(|k| (self.shapes[*k].alive, *k)) else { return Ok(None) };
         // Simplified blades have a smaller area than the full ones: they are scaled to the same.
         let blade = |mesh: &Mesh| -> Result<Mesh> {
             let mut simple = compact(&with_fewer_triangles(mesh, BLADE_TRIANGLES, BLADE_DEVIATION, label)?);
@@ -246,38 +250,50 @@ impl LeafShapes {
             runs.iter().flat_map(of).collect()
         };
         let shape = |k: usize| MorphShape { points: points_at(k), normals: Vec::new(), unseen: Vec::new() };
-        Ok(Some(LeafMesh { mesh, shapes: (0..self.shapes.len()).map(shape).collect(), blades: runs.len() }))
+        Ok(Some(LeafMesh {
+            mesh,
+            shapes: (0..self.shapes.len()).map(shape).collect(),
+            blades: runs.len(),
+            most_alive: self.shapes[full].alive,
+            most_growth: self.shapes.iter().map(|shape| shape.growth(most)).fold(1.0, f32::max),
+        }))
     }
 
-    /// The runs of all recorded leaves by id and first shape; of too many, those of the smallest keys.
-    fn runs(&self, asset: &Asset) -> Vec<Run> {
-        let places = self.shapes.iter().flatten().map(|leaf| leaf.place.t);
-        let longest = LONGEST_MOVE * osier_base::geometry::Bounds::of(places).size().length();
-        let mut list: Vec<([u32; 2], usize, Trs)> = (self.shapes.iter().enumerate())
-            .flat_map(|(k, leaves)| leaves.iter().map(move |leaf| (leaf.id, k, leaf.place)))
-            .collect();
+    /// The largest number of leaves in a shape with which all runs are blades: shapes with fewer have all of their leaves.
+    fn most_at_once(&self, longest: f32) -> usize {
+        let (mut low, mut high) = (1, self.limits.blades);
+        // With more leaves in each shape there are more runs: bisection.
+        while low < high {
+            let middle = low + (high - low).div_ceil(2);
+            if self.runs(middle, longest).len() <= self.limits.blades {
+                low = middle;
+            } else {
+                high = middle - 1;
+            }
+        }
+        low
+    }
+
+    /// The runs of leaves by id and first shape, with at most `most` leaves in each shape, which are enlarged to cover the area of
+    /// all. `longest`: distance, m, beyond which a leaf is another one.
+    fn runs(&self, most: usize, longest: f32) -> Vec<Run> {
+        let mut list: Vec<([u32; 2], usize, Trs)> = Vec::new();
+        for (k, shape) in self.shapes.iter().enumerate() {
+            let growth = shape.growth(most);
+            let place = |leaf: &RecordedLeaf| Trs { s: leaf.place.s * growth, ..leaf.place };
+            list.extend(shape.first(most).iter().map(|leaf| (leaf.id, k, place(leaf))));
+        }
         list.sort_unstable_by_key(|(id, k, _)| (*id, *k));
         let mut runs: Vec<Run> = Vec::new();
         for (id, k, place) in list {
-            match runs.last_mut() {
-                Some(run)
-                    if run.id == id
-                        && run.first + run.places.len() == k
-                        && run.places.last().is_some_and(|last| last.t.distance(place.t) <= longest) =>
-                {
-                    run.places.push(place);
-                }
-                _ => runs.push(Run { id, first: k, places: vec![place] }),
-            }
-        }
-        if runs.len() > self.limits.blades {
-            let key = |run: &Run| {
-                let [n, i] = run.id.map(|k| k as usize);
-                mix64(&[self.seed, asset.instancers.get(n).and_then(|list| list.ids.get(i)).copied().unwrap_or(0)])
+            let goes_on = |run: &&mut Run| {
+                let near = run.places.last().is_some_and(|last| last.t.distance(place.t) <= longest);
+                run.id == id && run.first + run.places.len() == k && near
             };
-            runs.sort_by_key(|run| (key(run), run.first));
-            runs.truncate(self.limits.blades);
-            runs.sort_by_key(|run| (run.id, run.first));
+            match runs.last_mut().filter(goes_on) {
+                Some(run) => run.places.push(place),
+                None => runs.push(Run { id, first: k, places: vec![place] }),
+            }
         }
         runs
     }

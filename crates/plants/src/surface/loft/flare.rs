@@ -30,7 +30,8 @@ impl Ridges {
     /// individual, whatever else changes.
     pub fn new(tube: &TubeInputs<'_>) -> Option<Self> {
         let options = tube.context.options;
-        let count = options.buttresses;
+        // Thick trunks have the most sides of all tubes: more ridges than they carry would leave them round.
+        let count = options.buttresses.min(options.sides.1 / SIDES_OF_RIDGE);
         let is_trunk = matches!(tube.plan.start, TubeStart::Root) && options.flare > 0.0;
         if !is_trunk || count < 2 || tube.params.sides < SIDES_OF_RIDGE * count {
             return None;

@@ -1,0 +1,356 @@
+//! Warnings about keys that have no effect beside the values of other keys.
+
+use super::resolve::Resolver;
+use super::scene::{
+    BladeOutline, ColorBy, DropFriction, DropLever, DropMerge, DropShape, FlightRelease, ImpactModel, LatticeProfile,
+    OrganKeys, RainEnvelope, RainSize, RodLoadKind, SkinForm, SolidShape, SwayModel, SwayStart, WindModel,
+};
+use super::syntax::{KeyTable as _, TomlTable, TomlValue, join};
+use super::{Growth, PlaceRecipe, PlantRecipe, Recipe};
+use osier_base::diagnostic::Diagnostic;
+
+/// Keys of a table that have an effect only beside another value.
+struct Needs<'a> {
+    keys: &'a [&'a str],
+    /// Whether the scene has that value.
+    met: bool,
+    /// That value, worded to follow "it needs".
+    what: &'a str,
+}
+
+fn needs<'a>(keys: &'a [&'a str], met: bool, what: &'a str) -> Needs<'a> {
+    Needs { keys, met, what }
+}
+
+/// Keys of organs that describe the outline of a parametric blade; `blade` itself also sets the season of other leaves, and
+/// `width` stretches leaves of a coefficient table.
+const OF_OUTLINES: &[&str] = &[
+    "lobes",
+    "depth",
+    "leaflets",
+    "leaflet_length",
+    "minor_teeth",
+    "veins",
+    "vein_angle_deg",
+    "waviness",
+    "petiole_flatness",
+];
+/// Further keys of organs that meshes and surfaces of files replace.
+const OF_DRAWN_LEAVES: &[&str] =
+    &["width", "fold_deg", "curl_deg", "color2", "variants", "detail", "side", "translucency", "roughness"];
+/// Keys of organs that needles do not have.
+const OF_BLADES: &[&str] = &[
+    "lobes",
+    "depth",
+    "leaflets",
+    "leaflet_length",
+    "minor_teeth",
+    "veins",
+    "fold_deg",
+    "curl_deg",
+    "waviness",
+    "petiole",
+    "petiole_flatness",
+    "color2",
+    "side",
+];
+/// Keys and tables of plants that only grammars read, those of them that are about the notation, and those that only trees of
+/// coefficient tables read.
+const OF_GRAMMARS: &[&str] = &["steps", "set", "stochastic", "dialect", "rng"];
+const OF_NOTATIONS: &[&str] = &["dialect", "rng"];
+const OF_TREES: &[&str] = &["tree"];
+const NONE: &[&str] = &[];
+/// What keys of the sway model need.
+const SWAYING: &str = "a plant that sways: leave [plants.NAME.rods] out";
+
+impl Resolver<'_> {
+    /// Warns with S007 of keys that have no effect beside the values that the scene gives. A scene with errors gets no such
+    /// warning, since its recipe lacks what could not be read.
+    pub(super) fn report_ignored_keys(&mut self, root: &TomlTable, recipe: &Recipe) {
+        if self.report.has_errors() {
+            return;
+        }
+        self.ignored_in_view(root, recipe);
+        self.ignored_in_wind(root, recipe);
+        self.ignored_in_rain(root, recipe);
+        self.ignored_in_flight(root, recipe);
+        self.ignored_in_objects(root, recipe);
+        for (i, (table, place)) in tables_of(root, "place").into_iter().zip(&recipe.places).enumerate() {
+            let of_species = recipe.plants.get(place.plant).is_some_and(|p| matches!(p.growth, Growth::Species(_)));
+            self.ignored_in_place(table, &format!("place.{i}"), place, of_species);
+        }
+        let has_grammar = recipe.plants.iter().any(|plant| matches!(plant.growth, Growth::Grammar(_)));
+        if self.request.steps.is_some() && !has_grammar {
+            let d = Diagnostic::about("S007", "the number of steps has no effect");
+            self.report.push(d.help("it needs a grammar, whose derivation it ends"));
+        }
+        for plant in &recipe.plants {
+            if let Some(table) = table_at(root, &["plants", plant.name.as_str()]) {
+                self.ignored_in_plant(table, &format!("plants.{}", plant.name), plant);
+            }
+        }
+    }
+
+    /// Warns of those of the keys that a table has and whose needs are not met. `path`: of the table in the scene.
+    fn report_unmet(&mut self, table: Option<&TomlTable>, path: &str, all: &[Needs<'_>]) {
+        let Some(table) = table else { return };
+        for unmet in all.iter().filter(|n| !n.met) {
+            for entry in unmet.keys.iter().filter_map(|key| table.get(key)) {
+                let text = format!("{} has no effect", join(path, &entry.key));
+                let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
+                self.report.push(d.help(format!("it needs {}", unmet.what)));
+            }
+        }
+    }
+
+    fn ignored_in_view(&mut self, root: &TomlTable, recipe: &Recipe) {
+        let haze = needs(&["color", "height"], recipe.fog.visibility.is_some(), "haze: add visibility = 400");
+        self.report_unmet(table_at(root, &["fog"]), "fog", &[haze]);
+        let fitted = needs(&["distance"], recipe.camera.eye.is_none(), "a fitted camera: leave `eye` out");
+        self.report_unmet(table_at(root, &["camera"]), "camera", &[fitted]);
+        // The scene of a bare file hides the ground itself.
+        let has_ground = recipe.terrain.is_none() || self.request.bare.is_some();
+        let whole = [
+            needs(&["ground"], has_ground, "a scene without [terrain], which replaces the ground"),
+            needs(&["maps"], recipe.rain.is_some(), "[rain]: these are maps of the water on leaves"),
+        ];
+        self.report_unmet(Some(root), "", &whole);
+    }
+
+    fn ignored_in_wind(&mut self, root: &TomlTable, recipe: &Recipe) {
+        // Catkins fly in their spin-up, before the first frame; rain in a still scene has no wind.
+        let is_met = recipe.clip.len() > 1 || recipe.flight.is_some();
+        let clip = needs(&["wind", "sway"], is_met || !recipe.blows(), "a clip: [frames] end = 48");
+        self.report_unmet(Some(root), "", &[clip]);
+        let wind = table_at(root, &["wind"]);
+        self.ignored_in_model(wind, "wind", recipe.wind.model);
+        let added = wind.map(|table| tables_of(table, "add")).unwrap_or_default();
+        for (i, (table, keys)) in added.into_iter().zip(&recipe.added).enumerate() {
+            self.ignored_in_model(Some(table), &format!("wind.add.{i}"), keys.model);
+        }
+        // Without a lattice its whole table has been reported.
+        if recipe.has_lattice_wind() {
+            let profile = recipe.lattice.profile;
+            let of_profiles = [
+                needs(&["exponent"], profile == LatticeProfile::Power, "profile = \"power\""),
+                needs(&["profile_table"], profile == LatticeProfile::Table, "profile = \"table\""),
+            ];
+            self.report_unmet(table_at(root, &["wind", "lattice"]), "wind.lattice", &of_profiles);
+        }
+        let (sway, is_paper) = (&recipe.sway, recipe.sway.model == SwayModel::Paper);
+        let of_paper = &["paper_fixes", "paper_recoil", "paper_damping"];
+        let of_beams = &["lean", "whip", "modes", "gravity_change"];
+        let starts = sway.start == SwayStart::Moving || sway.loop_frames(&recipe.clip).is_none();
+        let all = [
+            needs(of_paper, is_paper, "model = \"paper\""),
+            // In the rain plants bend as beams.
+            needs(of_beams, !is_paper || recipe.rain.is_some(), "model = \"beam\""),
+            needs(&["start"], starts, "repeat = false: a clip that loops has no start"),
+        ];
+        self.report_unmet(table_at(root, &["sway"]), "sway", &all);
+    }
+
+    /// Keys of gusts beside a model without them. Calm air keeps the keys of the wind that a scene may have again, and those of a
+    /// lattice have been reported.
+    fn ignored_in_model(&mut self, table: Option<&TomlTable>, path: &str, model: WindModel) {
+        let gusts = !matches!(model, WindModel::Uniform | WindModel::Perlin);
+        let of_gusts = &["gust_length", "turbulence", "eddy_size", "wander_deg"];
+        let of_both = &["gust", "height_power", "flicker"];
+        let all = [
+            needs(of_gusts, gusts, "model = \"gust\""),
+            needs(of_both, model != WindModel::Uniform, "model = \"gust\" or \"perlin\""),
+        ];
+        self.report_unmet(table, path, &all);
+    }
+
+    fn ignored_in_rain(&mut self, root: &TomlTable, recipe: &Recipe) {
+        let Some(rain) = &recipe.rain else { return };
+        let (size, envelope) = (rain.keys.size, rain.keys.envelope);
+        let of_rain = [
+            needs(&["size_mm"], size != RainSize::Natural, "size_distribution = \"fixed\" or \"log_normal\""),
+            needs(&["size_spread"], size == RainSize::LogNormal, "size_distribution = \"log_normal\""),
+            needs(&["middle_s", "width_s"], envelope == RainEnvelope::Bell, "envelope = \"bell\""),
+            needs(&["envelope_keyframes"], envelope == RainEnvelope::Keys, "envelope = \"keys\""),
+        ];
+        self.report_unmet(table_at(root, &["rain"]), "rain", &of_rain);
+        let model = rain.impact.model;
+        let of_impact = [
+            needs(&["energy_loss"], model == ImpactModel::PaperEnergy, "model = \"paper_energy\""),
+            needs(&["restitution"], model == ImpactModel::Momentum, "model = \"momentum\""),
+        ];
+        self.report_unmet(table_at(root, &["rain", "impact"]), "rain.impact", &of_impact);
+        let drop = &rain.drop;
+        let of_drop = [
+            needs(&["lambda"], drop.shape == DropShape::PaperWedge, "shape = \"paper_wedge\""),
+            needs(&["paper_friction_n"], drop.friction == DropFriction::Paper, "friction = \"paper\""),
+            needs(&["paper_attraction_n"], drop.merge == DropMerge::Paper, "merge = \"paper\""),
+            needs(&["paper_lever_max"], drop.lever == DropLever::Paper, "lever = \"paper\""),
+        ];
+        self.report_unmet(table_at(root, &["rain", "drop"]), "rain.drop", &of_drop);
+    }
+
+    fn ignored_in_flight(&mut self, root: &TomlTable, recipe: &Recipe) {
+        let Some(flight) = &recipe.flight else { return };
+        let release = flight.keys.release;
+        let of_sky = matches!(release, FlightRelease::Sky | FlightRelease::Rain);
+        let of_canopy = &["ripening_s", "canopy", "release_rate", "release_speed"];
+        let all = [
+            needs(&["duration"], release == FlightRelease::Rain, "release = \"rain\""),
+            needs(&["band"], of_sky, "release = \"sky\" or \"rain\""),
+            needs(of_canopy, release == FlightRelease::Canopy, "release = \"canopy\""),
+            needs(&["points"], release == FlightRelease::Points, "release = \"points\""),
+            needs(
+                &["count"],
+                release != FlightRelease::Points,
+                "another release: the file of points has its own number",
+            ),
+            needs(&["size"], !recipe.has_lattice_wind(), "a wind without a lattice, which has a domain of its own"),
+            needs(&["humidity"], flight.keys.humidity_map.is_none(), "a flight without `humidity_map`"),
+            needs(&["trail_width"], flight.keys.trails > 0.0, "trajectories: trails = 2"),
+        ];
+        self.report_unmet(table_at(root, &["flight"]), "flight", &all);
+    }
+
+    /// Solids, loads of rods, scatters, attractors and layers.
+    fn ignored_in_objects(&mut self, root: &TomlTable, recipe: &Recipe) {
+        for (i, (table, solid)) in tables_of(root, "solid").into_iter().zip(&recipe.solids).enumerate() {
+            let is_mesh = solid.keys.shape == SolidShape::Mesh;
+            let all = [
+                needs(&["mesh_scale"], is_mesh, "shape = \"mesh\""),
+                needs(&["size"], !is_mesh, "shape = \"block\" or \"house\"; mesh_scale sets the size of a mesh"),
+            ];
+            self.report_unmet(Some(table), &format!("solid.{i}"), &all);
+        }
+        for (i, (rod, keys)) in tables_of(root, "rod").into_iter().zip(&recipe.rods).enumerate() {
+            for (k, (table, load)) in tables_of(rod, "load").into_iter().zip(&keys.loads).enumerate() {
+                let mass = needs(&["show", "color"], load.kind == RodLoadKind::Mass, "kind = \"mass\"");
+                self.report_unmet(Some(table), &format!("rod.{i}.load.{k}"), &[mass]);
+            }
+        }
+        for (i, (table, scatter)) in tables_of(root, "scatter").into_iter().zip(&recipe.scatters).enumerate() {
+            let disc = needs(&["at", "inner", "fade"], scatter.keys.radius.is_some(), "a disc: add radius = 50");
+            self.report_unmet(Some(table), &format!("scatter.{i}"), &[disc]);
+        }
+        let word = |color_by: ColorBy| [needs(&["prefix"], color_by == ColorBy::Word, "color_by = \"word\"")];
+        for cloud in &recipe.clouds {
+            let table = table_at(root, &["clouds", cloud.name.as_str()]);
+            self.report_unmet(table, &format!("clouds.{}", cloud.name), &word(cloud.keys.color_by));
+        }
+        for (i, (table, layer)) in tables_of(root, "layer").into_iter().zip(&recipe.layers).enumerate() {
+            self.report_unmet(Some(table), &format!("layer.{i}"), &word(layer.keys.color_by));
+        }
+    }
+
+    fn ignored_in_place(&mut self, table: &TomlTable, path: &str, place: &PlaceRecipe, of_species: bool) {
+        let keys = &place.keys;
+        let is_group = keys.count > 1 || !place.line.is_empty();
+        // A single copy has a random position only in an area.
+        let is_random = is_group || keys.area.is_some();
+        let all = [
+            needs(&["radius"], is_group, "a group of copies: count = 10"),
+            needs(&["spacing", "clear"], is_random, "a group of copies: count = 10"),
+            needs(&["individuals"], is_group, "copies that share them: count = 10"),
+            needs(&["lean_to_deg"], keys.lean.abs() > 0.0, "an inclination: lean_deg = 5"),
+            needs(&["together"], of_species || !keys.together, "a plant with `species`, which grows in light"),
+        ];
+        self.report_unmet(Some(table), path, &all);
+    }
+
+    fn ignored_in_plant(&mut self, table: &TomlTable, path: &str, plant: &PlantRecipe) {
+        // Keys of other sources have been reported of a mesh, most of those of grammars of a species.
+        let (of_grammars, of_trees) = match &plant.growth {
+            Growth::Mesh(..) | Growth::Species(_) => (OF_NOTATIONS, NONE),
+            Growth::Grammar(_) => (NONE, OF_TREES),
+            Growth::Ifs(..) => (OF_GRAMMARS, NONE),
+            Growth::Shapes(_) => (OF_GRAMMARS, OF_TREES),
+        };
+        // Surfaces have the unit of the turtle on every plant.
+        let is_drawn = !matches!(plant.growth, Growth::Ifs(..) | Growth::Shapes(_));
+        let reads_turtle = is_drawn || plant.organs.iter().any(|organ| organ.surface.is_some());
+        let sources = [
+            needs(of_grammars, false, "a grammar: grammar = \"FILE.l\""),
+            needs(of_trees, false, "a coefficient table: ifs = \"FILE.ifs\""),
+            needs(&["turtle"], reads_turtle, "a grammar: grammar = \"FILE.l\""),
+        ];
+        self.report_unmet(Some(table), path, &sources);
+        let own_modulus = plant.wood.elasticity.is_none();
+        let wood = [
+            needs(&["timber"], own_modulus, "wood without `elasticity_gpa`, which replaces it"),
+            needs(&["trunk_hz", "hz_scale"], plant.rods.is_none(), SWAYING),
+        ];
+        self.report_unmet(table_at(table, &["wood"]), &join(path, "wood"), &wood);
+        if let Growth::Species(species) = &plant.growth {
+            // Dates of seasons follow the latitude of the site, too.
+            let has_sun = species.site.direct > 0.0 || plant.keys.season.is_some();
+            let site = [
+                needs(&["latitude"], has_sun, "direct sunlight: direct = 0.4"),
+                needs(&["clip_leaves"], species.clip.is_some(), "a tree that grows over the clip: from = 5"),
+            ];
+            self.report_unmet(table_at(table, &["site"]), &join(path, "site"), &site);
+        }
+        // Rods in the rain move in its time steps.
+        let steps = needs(&["substeps"], !self.raining, "a scene without [rain], where rain.substeps counts");
+        self.report_unmet(table_at(table, &["rods"]), &join(path, "rods"), &[steps]);
+        if matches!(plant.growth, Growth::Mesh(..)) {
+            return;
+        }
+        // A form that does not fit the scene has been reported.
+        let skin = table_at(table, &["skin"]);
+        let has_form = skin.is_some_and(|t| t.get("form").is_some());
+        let segments = needs(&["segment"], has_form || plant.skin.form == SkinForm::Segments, "form = \"segments\"");
+        self.report_unmet(skin, &join(path, "skin"), &[segments]);
+        if let Some(leaf) = table_at(table, &["leaf"]) {
+            self.ignored_in_organ(leaf, &join(path, "leaf"), plant);
+        }
+        let organs = table_at(table, &["organs"]).map(|t| t.entries.as_slice()).unwrap_or_default();
+        for entry in organs {
+            if let TomlValue::Table(organ) = &entry.node.value {
+                self.ignored_in_organ(organ, &format!("{path}.organs.{}", entry.key), plant);
+            }
+        }
+    }
+
+    fn ignored_in_organ(&mut self, table: &TomlTable, path: &str, plant: &PlantRecipe) {
+        // The table was read without errors, so that this reading has none either.
+        let keys = OrganKeys::read(Some(table), path, &mut self.report);
+        let is_file = keys.mesh.is_some() || keys.surface.is_some();
+        let is_blade = !is_file && keys.ifs.is_none();
+        let needles = is_blade && keys.blade == BladeOutline::Needles;
+        // Teeth of an elliptic blade begin with their number; all other outlines have some, lobes or a notch.
+        let is_cut = keys.blade != BladeOutline::Elliptic || keys.lobes.is_some_and(|n| n > 0);
+        let is_lobed = matches!(keys.blade, BladeOutline::Lobed | BladeOutline::Palmate | BladeOutline::Petal);
+        let has_no_outline = needles || !is_blade;
+        let table_file = "a coefficient table: ifs = \"FILE.ifs\"";
+        let drawn = "a leaf that osier draws, without mesh and surface";
+        let all = [
+            needs(&["system", "anchor", "close_px", "fill", "holes"], keys.ifs.is_some(), table_file),
+            needs(&["mesh_scale", "mesh_up"], keys.mesh.is_some(), "a mesh: mesh = \"FILE.obj\""),
+            needs(&["needles", "twigs", "twig_length", "twig_angle_deg"], needles, "blade = \"needles\""),
+            needs(OF_OUTLINES, is_blade, "a parametric blade, without ifs, mesh and surface"),
+            needs(OF_DRAWN_LEAVES, !is_file, drawn),
+            // The first leaves of spring are lighter than this colour.
+            needs(&["color"], !is_file || plant.keys.season.is_some(), drawn),
+            needs(&["petiole_radius_mm"], keys.mesh.is_none(), "a leaf that osier draws, without mesh"),
+            needs(OF_BLADES, !needles, "a blade: needles have none"),
+            needs(&["depth"], has_no_outline || is_cut, "lobes or teeth: another `blade`, or their number in `lobes`"),
+            needs(&["minor_teeth"], has_no_outline || is_cut && !is_lobed, "teeth: blade = \"toothed\""),
+            needs(&["leaflet_length"], has_no_outline || keys.leaflets > 1, "a compound leaf: leaflets = 7"),
+            needs(&["flutter"], plant.rods.is_none(), SWAYING),
+        ];
+        self.report_unmet(Some(table), path, &all);
+    }
+}
+
+/// The table at `path` below another one; `None` where there is none.
+fn table_at<'t>(root: &'t TomlTable, path: &[&str]) -> Option<&'t TomlTable> {
+    path.iter().try_fold(root, |table, name| match &table.get(name)?.node.value {
+        TomlValue::Table(below) => Some(below),
+        _ => None,
+    })
+}
+
+/// The tables of a list below another table; empty without the list.
+fn tables_of<'t>(root: &'t TomlTable, name: &str) -> Vec<&'t TomlTable> {
+    let Some(TomlValue::List(list)) = root.get(name).map(|entry| &entry.node.value) else { return Vec::new() };
+    list.iter().filter_map(|node| if let TomlValue::Table(table) = &node.value { Some(table) } else { None }).collect()
+}
