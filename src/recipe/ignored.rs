@@ -3,7 +3,7 @@
 use super::resolve::Resolver;
 use super::scene::{
     BladeOutline, ColorBy, DropFriction, DropLever, DropMerge, DropShape, FlightRelease, ImpactModel, LatticeProfile,
-    OrganKeys, RainEnvelope, RainSize, RodLoadKind, SkinForm, SolidShape, SwayModel, SwayStart, WindModel,
+    OrganKeys, RainEnvelope, RainSize, RodLoadKind, SkinForm, SolidShape, SwayModel, SwayStart, WindKeys, WindModel,
 };
 use super::syntax::{KeyTable as _, TomlTable, TomlValue, join};
 use super::{Growth, PlaceRecipe, PlantRecipe, Recipe};
@@ -123,10 +123,10 @@ impl Resolver<'_> {
         let clip = needs(&["wind", "sway"], is_met || !recipe.blows(), "a clip: [frames] end = 48");
         self.report_unmet(Some(root), "", &[clip]);
         let wind = table_at(root, &["wind"]);
-        self.ignored_in_model(wind, "wind", recipe.wind.model);
+        self.ignored_in_model(wind, "wind", &recipe.wind);
         let added = wind.map(|table| tables_of(table, "add")).unwrap_or_default();
         for (i, (table, keys)) in added.into_iter().zip(&recipe.added).enumerate() {
-            self.ignored_in_model(Some(table), &format!("wind.add.{i}"), keys.model);
+            self.ignored_in_model(Some(table), &format!("wind.add.{i}"), keys);
         }
         // Without a lattice its whole table has been reported.
         if recipe.has_lattice_wind() {
@@ -140,7 +140,9 @@ impl Resolver<'_> {
         let (sway, is_paper) = (&recipe.sway, recipe.sway.model == SwayModel::Paper);
         let of_paper = &["paper_fixes", "paper_recoil", "paper_damping"];
         let of_beams = &["lean", "whip", "modes", "gravity_change"];
-        let starts = sway.start == SwayStart::Moving || sway.loop_frames(&recipe.clip).is_none();
+        // Plants on rods do not loop, so that they start at rest in any clip.
+        let on_rods = recipe.plants.iter().any(|plant| plant.rods.is_some());
+        let starts = sway.start == SwayStart::Moving || sway.loop_frames(&recipe.clip).is_none() || on_rods;
         let all = [
             needs(of_paper, is_paper, "model = \"paper\""),
             // In the rain plants bend as beams.
@@ -152,13 +154,17 @@ impl Resolver<'_> {
 
     /// Keys of gusts beside a model without them. Calm air keeps the keys of the wind that a scene may have again, and those of a
     /// lattice have been reported.
-    fn ignored_in_model(&mut self, table: Option<&TomlTable>, path: &str, model: WindModel) {
+    fn ignored_in_model(&mut self, table: Option<&TomlTable>, path: &str, keys: &WindKeys) {
+        let model = keys.model;
+        let printed = model == WindModel::Perlin && keys.literal;
         let gusts = !matches!(model, WindModel::Uniform | WindModel::Perlin);
         let of_gusts = &["gust_length", "turbulence", "eddy_size", "wander_deg"];
         let of_both = &["gust", "height_power", "flicker"];
+        let of_fields = &["gust", "height_power"];
         let all = [
             needs(of_gusts, gusts, "model = \"gust\""),
             needs(of_both, model != WindModel::Uniform, "model = \"gust\" or \"perlin\""),
+            needs(of_fields, !printed, "a wind that is not the paper's: leave `literal` out"),
         ];
         self.report_unmet(table, path, &all);
     }

@@ -241,7 +241,6 @@ impl Resolver<'_> {
         let sway = self.disable_loop(root, sway, lattice.curve().filter(|_| wind.model == WindModel::Lattice));
         let winds: Vec<_> = [&wind].into_iter().chain(&added).collect();
         self.report_fitted_lengths(root, &winds, &sway, &clip);
-        self.report_unread_sway_keys(root, &sway, &clip, plants.iter().any(|plant| plant.rods.is_some()));
         // Files of the wind sample the domain of the lattice, else of the flight, else that of `[output.wind]`.
         let flight_size = flight.as_ref().map(|f| f.keys.size);
         let wind_output = self.wind_output(root, &wind, &lattice, flight_size, clip);

@@ -141,6 +141,51 @@ fn growth_is_in_gltf_of_every_profile() {
     }
 }
 
+/// Area of all meshes whose nodes' names have `part`, m^2, and number of their triangles that are seen, at a time, s.
+fn area_of(player: &Player, part: &str, time: f32) -> (f32, usize) {
+    let (mut area, mut seen) = (0.0, 0);
+    for (k, node) in player.json["nodes"].as_array().expect("nodes").iter().enumerate() {
+        if node["mesh"].is_null() || !node["name"].as_str().is_some_and(|name| name.contains(part)) {
+            continue;
+        }
+        let points = player.positions(k, time);
+        let mesh = &player.json["meshes"][node["mesh"].as_u64().expect("index") as usize];
+        let mut base = 0;
+        for primitive in mesh["primitives"].as_array().expect("primitives") {
+            let index = |v: &Value| v.as_u64().expect("index") as usize;
+            for t in player.rows(index(&primitive["indices"])).as_flattened().chunks(3) {
+                let [a, b, c] = [0, 1, 2].map(|i| points[base + t[i] as usize]);
+                let triangle = 0.5 * (b - a).cross(c - a).length();
+                area += triangle;
+                seen += usize::from(triangle > 1e-9);
+            }
+            base += player.vectors(index(&primitive["attributes"]["POSITION"])).len();
+        }
+    }
+    (area, seen)
+}
+
+#[test]
+fn leaves_of_a_growing_tree_cover_in_gltf_what_they_cover() {
+    let temp = tempfile::tempdir().expect("temp");
+    let scene = "[frames]\nend = 41\n[plants.a]\nspecies = \"oak\"\nage = 16\n[plants.a.site]\nfrom = 2\nto = 16\n\
+         clip_leaves = \"summer\"\n[[place]]\nplant = \"a\"\n[ground]\nshow = false\n[output]\nformats = [\"glb\"]\n";
+    let player = |name: &str, sets: &[&str]| {
+        let out = bake(temp.path(), name, scene, sets);
+        Player::new(&std::fs::read(out.join(format!("gltf/{name}.blender.glb"))).expect("file"))
+    };
+    let profile = "output.gltf.profiles=[\"blender\"]";
+    let clip = player("clip", &[profile]);
+    for (frame, time) in [("11", 10.0 / 24.0), ("41", 40.0 / 24.0)] {
+        // One frame has all leaves as they are.
+        let still = player(&format!("still{frame}"), &[profile, &format!("output.gltf.frame={frame}")]);
+        let (full, all) = area_of(&still, "leaf", 0.0);
+        let (area, seen) = area_of(&clip, "leaves", time);
+        assert!((area / full - 1.0).abs() < 0.15, "frame {frame}: {area} of {full} m^2, {seen} of {all} triangles");
+        assert!(seen > 1000, "frame {frame}: {seen}");
+    }
+}
+
 #[test]
 fn a_swaying_oak_of_sixty_years_is_four_megabytes_for_engines() {
     let temp = tempfile::tempdir().expect("temp");

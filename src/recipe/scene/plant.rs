@@ -524,12 +524,6 @@ impl Resolver<'_> {
         if keys.growth_clip.is_some() && plant.get("rods").is_some() {
             self.has_no_effect(plant, path, &["rods"], "the plant grows over the clip and does not sway");
         }
-        for key in ["trunk_hz", "hz_scale"] {
-            if plant.get("rods").is_some() && span_of(plant, &["wood", key]).is_some() {
-                let why = "frequencies of rods follow from their stiffness and mass";
-                self.has_no_effect(plant, path, &["wood", key], why);
-            }
-        }
         if skin.form == SkinForm::Segments && (self.raining || plant.get("rods").is_some()) {
             let why = if self.raining { "rain needs a closed skin" } else { "rods need a closed skin" };
             self.has_no_effect(plant, path, &["skin", "form"], why);

@@ -1,8 +1,8 @@
 //! `[wind]`, `[[wind.add]]`, `[sway]` and the files of the wind: resolution of keys that depend on each other.
 
 use super::{
-    LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SwayKeys, SwayModel, SwayStart, VdbKeys,
-    WindOutputKeys, WindSliceKeys,
+    LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SwayKeys, VdbKeys, WindOutputKeys,
+    WindSliceKeys,
 };
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
@@ -130,28 +130,7 @@ impl Resolver<'_> {
             );
             self.report.push(d.help("write model = \"perlin\""));
         }
-        self.report_unread_wind_keys(&keys, path, table);
         keys
-    }
-
-    /// Warns with S007 of keys of a wind that its model does not read. Those of a lattice are told with its own table.
-    fn report_unread_wind_keys(&mut self, keys: &WindKeys, path: &str, table: Option<&TomlTable>) {
-        let unread: &[&str] = match keys.model {
-            WindModel::Uniform => {
-                &["gust", "gust_length", "turbulence", "eddy_size", "flicker", "wander_deg", "height_power"]
-            }
-            WindModel::Perlin if keys.literal => {
-                &["gust", "gust_length", "turbulence", "eddy_size", "wander_deg", "height_power"]
-            }
-            WindModel::Perlin => &["gust_length", "turbulence", "eddy_size", "wander_deg"],
-            WindModel::Calm | WindModel::Gust | WindModel::Lattice => &[],
-        };
-        let model = word_of(keys.model);
-        for entry in unread.iter().filter_map(|key| table.and_then(|t| t.get(key))) {
-            let text = format!("`{path}.{}` has no effect with `model = \"{model}\"`", entry.key);
-            let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
-            self.report.push(d.help("leave it out, or take model = \"gust\""));
-        }
     }
 
     /// Reads `[wind.lattice]`. Its curves and presets also set speed and direction of `wind`.
@@ -413,35 +392,6 @@ impl Resolver<'_> {
             }
         }
         keys
-    }
-
-    /// Warns with S007 of keys of `[sway]` that its model or a loop does not read. `on_rods`: whether the scene has plants on
-    /// rods.
-    pub(in crate::recipe) fn report_unread_sway_keys(
-        &mut self,
-        root: &TomlTable,
-        sway: &SwayKeys,
-        clip: &Clip,
-        on_rods: bool,
-    ) {
-        let unread: &[&str] = match sway.model {
-            SwayModel::Beam => &["paper_fixes", "paper_recoil", "paper_damping"],
-            SwayModel::Paper => &["lean", "whip", "modes", "gravity_change"],
-        };
-        let model = word_of(sway.model);
-        for key in unread.iter().copied() {
-            let Some(at) = span_of(root, &["sway", key]) else { continue };
-            let text = format!("`sway.{key}` has no effect with `model = \"{model}\"`");
-            let d = Diagnostic::warning("S007", text, at, "has no effect");
-            self.report.push(d.help("leave it out, or take the other model"));
-        }
-        // Plants on rods do not loop, so that they start at rest in any clip.
-        let starts_nowhere = sway.start == SwayStart::Rest && sway.loop_frames(clip).is_some() && !on_rods;
-        if let Some(at) = span_of(root, &["sway", "start"]).filter(|_| starts_nowhere) {
-            let text = "sway.start is \"rest\", but the clip repeats and has no start";
-            let d = Diagnostic::warning("S007", text, at, "has no effect");
-            self.report.push(d.help("write repeat = false in [sway]"));
-        }
     }
 
     /// Warns with S008 if gust length or eddy size of a wind change so that a loop contains a whole number of gusts. `winds`:

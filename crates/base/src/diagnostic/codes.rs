@@ -140,7 +140,7 @@ pub const CODES: &[Code] = &[
     row("S043", Warning, "a plant exceeds its budget of rods or leaves; the rest is rigid"),
     row("X001", Error, "value is not finite"),
     row("X002", Warning, "too many joints; the smallest are merged into their parents"),
-    row("X003", Warning, "too many animated nodes; only a part of them is written"),
+    row("X003", Warning, "too many animated nodes; a part of them is written, of growing leaves larger ones"),
     row("X004", Error, "the usda file would be too large"),
     row("X005", Error, "the glb file would exceed 4 GiB"),
     row("X006", Error, "the face subsets are not a partition"),

@@ -10,7 +10,7 @@ use super::document::{GeometryKind, GltfDocument, NodeAnimation, NodeChannel, ch
 use super::instances::{InstanceGroup, live_by_prototype};
 use super::json::{Index, NodeExtensions};
 use super::keys;
-use super::leaf_shapes::{LeafMesh, LeafShapes};
+use super::leaf_shapes::{LeafMesh, LeafMeshes, LeafShapes};
 use super::meshes::{MeshSource, SkinInfluences, StoredMesh};
 use super::quantize::{QuantizedCube, place_stored};
 use super::rig::{JointSelection, MAX_JOINTS};
@@ -186,28 +186,33 @@ impl GltfDocument<'_> {
         Ok(nodes)
     }
 
-    /// The leaves of a growing plant as one mesh that morphs, with X003 if they are fewer than those of the plant.
+    /// The leaves of a growing plant as meshes that morph, with X003, which tells how many are written and how large.
     fn add_growing_leaves(&mut self, nodes: &mut AssetNodes, asset: &Asset, leaves: &LeafShapes) -> Result<()> {
         let label = format!("asset {}, leaves", asset.id);
-        let Some(LeafMesh { mesh, shapes, blades, most_alive, most_growth }) = leaves.mesh(asset, &label)? else {
+        let LeafMeshes { meshes, blades, most_alive, most_growth } = leaves.meshes(asset, &label)?;
+        if meshes.is_empty() {
             return Ok(());
-        };
+        }
         let message = format!(
-            "{label}: up to {most_alive} leaves at once are one mesh of {blades} blades in {} shapes, enlarged up to {most_growth:.2} \
+            "{label}: up to {most_alive} at once are {blades} simpler ones in {} meshes that morph, enlarged up to {most_growth:.2} \
              times where not all are written; USD has all of every frame",
-            shapes.len(),
+            meshes.len()
         );
         self.warnings.push(Warning { code: "X003", message });
-        let mesh_source = MeshSource {
-            name: "leaves",
-            label: &label,
-            mesh: &mesh,
-            geometry: GeometryKind::Mesh,
-            skin: None,
-            shapes: &[],
-            cube: None,
-        };
-        self.add_morphing_mesh(nodes, mesh_source, MorphTrack { frames: leaves.frames(), shapes: &shapes }, "mesh")
+        for (k, LeafMesh { mesh, frames, shapes }) in meshes.iter().enumerate() {
+            let name = if k == 0 { "leaves".to_owned() } else { format!("leaves_{}", k + 1) };
+            let mesh_source = MeshSource {
+                name: &name,
+                label: &label,
+                mesh,
+                geometry: GeometryKind::Mesh,
+                skin: None,
+                shapes: &[],
+                cube: None,
+            };
+            self.add_morphing_mesh(nodes, mesh_source, MorphTrack { frames, shapes }, "mesh")?;
+        }
+        Ok(())
     }
 
     /// A mesh of an asset: skinned, morphing, or static.

@@ -1,8 +1,9 @@
-//! Leaves of a plant that grows over the clip and has too many for a node each: one mesh that morphs from shape to shape.
+//! Leaves of a plant that grows over the clip and has too many for a node each: meshes that morph from shape to shape.
 //!
 //! At evenly spaced frames the leaves of the smallest keys among those that are alive are recorded. As many of each frame are
-//! written as the budget of bytes allows, enlarged to cover the area of all. Each run of recorded frames of a leaf is a blade of a few triangles. While its leaf is not recorded, a blade is a point at
-//! the place where the leaf appears or disappears.
+//! written as the budget of bytes allows, enlarged to cover the area of all. Each run of recorded frames of a leaf is a blade of
+//! a few triangles. While its leaf is not recorded, a blade is a point at the place where the leaf appears or disappears. Blades
+//! that appear at one frame are a mesh, whose targets are only the shapes in which they are seen.
 //!
 //! ```text
 //! frame of the clip   0     5     10    15    20
@@ -33,6 +34,10 @@ const MOST_SHAPES: usize = 24;
 /// Triangles and vertices of a simplified blade: a quadrilateral.
 const BLADE_TRIANGLES: usize = 2;
 const BLADE_VERTICES: usize = 4;
+/// Bytes of a vertex beside its position: normal, texture coordinates, indices of its triangles.
+const VERTEX_BYTES: usize = 20;
+/// Most shapes of a blade. Own: a mesh has a target for each shape of its longest run, so longer runs are divided.
+const LONGEST_RUN: usize = 6;
 /// Largest factor by which leaves are enlarged to replace those left out; a larger one is conspicuous.
 const MOST_GROWTH: f32 = 3.0;
 /// A leaf that moves farther between two shapes, as a share of the diagonal of the plant's box, is another leaf of the same
@@ -72,13 +77,15 @@ impl RecordedShape {
     }
 }
 
-/// Largest numbers of blades and shapes that the budget allows.
+/// Numbers of leaves and shapes that the budget allows.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
-    /// Blades in the mesh.
-    blades: usize,
+    /// Leaves of a shape, if each were in all shapes.
+    leaves: usize,
     /// Shapes besides the last one.
     shapes: usize,
+    /// Bytes of a position in a target.
+    position: usize,
 }
 
 /// The recorded leaves of an asset.
@@ -99,11 +106,20 @@ pub(super) struct LeafShapes {
     seed: u64,
 }
 
-/// The mesh of the leaves with its shapes, and the frame of each.
+/// Blades that appear in one shape.
 pub(super) struct LeafMesh {
-    /// The leaves at the shape that has most of them.
+    /// The blades in the shape that has most leaves; those without a leaf then are points.
     pub mesh: Mesh,
+    /// Indices of the frames at which it has a shape, increasing, including the first and the last recorded one.
+    pub frames: Vec<usize>,
+    /// One for each of `frames`.
     pub shapes: Vec<MorphShape>,
+}
+
+/// The leaves of a plant as meshes that morph.
+pub(super) struct LeafMeshes {
+    /// By the shape in which their blades appear.
+    pub meshes: Vec<LeafMesh>,
     pub blades: usize,
     /// Largest number of leaves that are alive in a shape, and largest factor by which those written are enlarged.
     pub most_alive: usize,
@@ -138,7 +154,7 @@ impl LeafShapes {
         if leaves == 0 || all <= options.nodes {
             return None;
         }
-        let limits = limits(leaves, scene.clip.len(), options);
+        let limits = limits(scene.clip.len(), options);
         Some(Self {
             frames: Vec::new(),
             shapes: Vec::new(),
@@ -176,11 +192,6 @@ impl LeafShapes {
         }
     }
 
-    /// Indices of the recorded frames, increasing.
-    pub(super) fn frames(&self) -> &[usize] {
-        &self.frames
-    }
-
     /// The leaves of the smallest keys that are alive at a frame: no more than there may be blades.
     fn leaves_at(&self, asset: &Asset, frame: &AssetFrame, scene: &Scene) -> RecordedShape {
         let mut leaves: Vec<RecordedLeaf> = Vec::new();
@@ -196,36 +207,41 @@ impl LeafShapes {
         let alive = leaves.len();
         // The same leaves stay from shape to shape, spread over the crown: keys are hashes of their ids.
         leaves.sort_unstable_by_key(|leaf| (leaf.key, leaf.id));
-        leaves.truncate(self.limits.blades);
+        leaves.truncate(self.limits.leaves);
         RecordedShape { alive, leaves }
     }
 
-    /// The mesh of all blades and its shapes, one for each of [`Self::frames`]; `None` without leaves.
+    /// The blades of all leaves; no meshes without leaves.
     /// # Errors
     /// `Export` X005 if a blade can't be simplified.
-    pub(super) fn mesh(&self, asset: &Asset, label: &str) -> Result<Option<LeafMesh>> {
+    pub(super) fn meshes(&self, asset: &Asset, label: &str) -> Result<LeafMeshes> {
         let places = self.shapes.iter().flat_map(|shape| shape.leaves.iter().map(|leaf| leaf.place.t));
         let longest = LONGEST_MOVE * osier_base::geometry::Bounds::of(places).size().length();
         let most = self.most_at_once(longest);
         let runs = self.runs(most, longest);
-        let Some(full) = (0..self.shapes.len()).max_by_key(|k| (self.shapes[*k].alive, *k)) else { return Ok(None) };
-        // Simplified blades have a smaller area than the full ones: they are scaled to the same.
-        let blade = |mesh: &Mesh| -> Result<Mesh> {
-            let mut simple = compact(&with_fewer_triangles(mesh, BLADE_TRIANGLES, BLADE_DEVIATION, label)?);
-            let factor = math::narrow(math::sqrt(area(mesh) / area(&simple).max(1e-12)));
-            simple.points.iter_mut().for_each(|p| *p *= factor.clamp(1.0, MOST_GROWTH));
-            Ok(simple)
-        };
-        let blades: Vec<Vec<Mesh>> = (asset.instancers.iter())
-            .map(|instancer| instancer.prototypes.iter().map(|p| blade(&p.mesh)).collect())
-            .collect::<Result<_>>()?;
+        let full = (0..self.shapes.len()).max_by_key(|k| (self.shapes[*k].alive, *k)).unwrap_or(0);
+        let blades = simple_blades(asset, label)?;
+        let mut meshes = Vec::new();
+        for group in runs.chunk_by(|a, b| a.first == b.first) {
+            meshes.extend(self.group_mesh(group, full, asset, &blades));
+        }
+        Ok(LeafMeshes {
+            meshes,
+            blades: runs.len(),
+            most_alive: self.shapes.get(full).map_or(0, |shape| shape.alive),
+            most_growth: self.shapes.iter().map(|shape| shape.growth(most)).fold(1.0, f32::max),
+        })
+    }
+
+    /// The mesh of runs that begin in one shape. `full`: the shape in which it is at rest; `blades`: per instancer and prototype.
+    fn group_mesh(&self, group: &[Run], full: usize, asset: &Asset, blades: &[Vec<Mesh>]) -> Option<LeafMesh> {
         let blade_of = |run: &Run| {
             let [n, i] = run.id.map(|k| k as usize);
             let proto = asset.instancers.get(n).and_then(|instancer| instancer.protos.get(i));
             proto.and_then(|proto| blades.get(n)?.get(*proto as usize))
         };
         let mut mesh = Mesh::default();
-        for run in &runs {
+        for run in group {
             let Some(blade) = blade_of(run) else { continue };
             let [n, i] = run.id.map(|k| k as usize);
             let place = run.place(full);
@@ -240,32 +256,37 @@ impl LeafShapes {
         }
         mesh.join_subsets();
         if mesh.triangles.is_empty() {
-            return Ok(None);
+            return None;
         }
         let points_at = |k: usize| {
             let of = |run: &Run| {
                 let place = run.place(k);
                 blade_of(run).into_iter().flat_map(move |blade| blade.points.iter().map(move |p| place.apply(*p)))
             };
-            runs.iter().flat_map(of).collect()
+            group.iter().flat_map(of).collect()
         };
-        let shape = |k: usize| MorphShape { points: points_at(k), normals: Vec::new(), unseen: Vec::new() };
-        Ok(Some(LeafMesh {
+        // Before the first and after the last of these shapes all blades are points: two keys hold them until the ends of the clip.
+        let (first, last) = (group[0].first, self.shapes.len() - 1);
+        let end = first + group.iter().map(|run| run.places.len()).max().unwrap_or(1);
+        let mut kept: Vec<usize> = [0, last].into_iter().chain(first.saturating_sub(1)..=end.min(last)).collect();
+        kept.sort_unstable();
+        kept.dedup();
+        let shape = |k: &usize| MorphShape { points: points_at(*k), normals: Vec::new(), unseen: Vec::new() };
+        Some(LeafMesh {
             mesh,
-            shapes: (0..self.shapes.len()).map(shape).collect(),
-            blades: runs.len(),
-            most_alive: self.shapes[full].alive,
-            most_growth: self.shapes.iter().map(|shape| shape.growth(most)).fold(1.0, f32::max),
-        }))
+            shapes: kept.iter().map(shape).collect(),
+            frames: kept.iter().map(|k| self.frames[*k]).collect(),
+        })
     }
 
-    /// The largest number of leaves in a shape with which all runs are blades: shapes with fewer have all of their leaves.
+    /// The largest number of leaves in a shape with which all runs are within the budget: shapes with fewer have all of their
+    /// leaves.
     fn most_at_once(&self, longest: f32) -> usize {
-        let (mut low, mut high) = (1, self.limits.blades);
+        let (mut low, mut high) = (1, self.limits.leaves);
         // With more leaves in each shape there are more runs: bisection.
         while low < high {
             let middle = low + (high - low).div_ceil(2);
-            if self.runs(middle, longest).len() <= self.limits.blades {
+            if self.bytes(&self.runs(middle, longest)) <= LEAF_BUDGET {
                 low = middle;
             } else {
                 high = middle - 1;
@@ -274,7 +295,17 @@ impl LeafShapes {
         low
     }
 
-    /// The runs of leaves by id and first shape, with at most `most` leaves in each shape, which are enlarged to cover the area of
+    /// Estimated bytes of the meshes of runs.
+    fn bytes(&self, runs: &[Run]) -> usize {
+        let position = self.limits.position;
+        let of_group = |group: &[Run]| {
+            let targets = group.iter().map(|run| run.places.len()).max().unwrap_or(0);
+            group.len() * BLADE_VERTICES * (VERTEX_BYTES + position * (1 + targets))
+        };
+        runs.chunk_by(|a, b| a.first == b.first).map(of_group).sum()
+    }
+
+    /// The runs of leaves by first shape and id, with at most `most` leaves in each shape, which are enlarged to cover the area of
     /// all. `longest`: distance, m, beyond which a leaf is another one.
     fn runs(&self, most: usize, longest: f32) -> Vec<Run> {
         let mut list: Vec<([u32; 2], usize, Trs)> = Vec::new();
@@ -288,13 +319,14 @@ impl LeafShapes {
         for (id, k, place) in list {
             let goes_on = |run: &&mut Run| {
                 let near = run.places.last().is_some_and(|last| last.t.distance(place.t) <= longest);
-                run.id == id && run.first + run.places.len() == k && near
+                run.id == id && run.first + run.places.len() == k && near && run.places.len() < LONGEST_RUN
             };
             match runs.last_mut().filter(goes_on) {
                 Some(run) => run.places.push(place),
                 None => runs.push(Run { id, first: k, places: vec![place] }),
             }
         }
+        runs.sort_unstable_by_key(|run| (run.first, run.id));
         runs
     }
 }
@@ -311,16 +343,79 @@ fn grows(asset: &Asset, instancer: &Instancer, scene: &Scene) -> bool {
         && instancer.prototypes.iter().all(|p| is_leaf(&p.mesh))
 }
 
-/// Numbers of blades and shapes for so many leaves and frames.
-fn limits(leaves: usize, frames: usize, options: &GltfOptions) -> Limits {
+/// A simple blade for each prototype of each instancer, scaled to the area of the full one.
+fn simple_blades(asset: &Asset, label: &str) -> Result<Vec<Vec<Mesh>>> {
+    let blade = |mesh: &Mesh| -> Result<Mesh> {
+        let mut simple = compact(&with_fewer_triangles(mesh, BLADE_TRIANGLES, BLADE_DEVIATION, label)?);
+        let factor = math::narrow(math::sqrt(area(mesh) / area(&simple).max(1e-12)));
+        simple.points.iter_mut().for_each(|p| *p *= factor.clamp(1.0, MOST_GROWTH));
+        Ok(simple)
+    };
+    let of_instancer = |i: &Instancer| i.prototypes.iter().map(|p| blade(&p.mesh)).collect();
+    asset.instancers.iter().map(of_instancer).collect()
+}
+
+/// Numbers of leaves and shapes for so many frames.
+fn limits(frames: usize, options: &GltfOptions) -> Limits {
     let shapes = frames.saturating_sub(1).clamp(1, MOST_SHAPES);
-    let blade = BLADE_VERTICES * options.target_position_bytes() * (shapes + 1);
-    Limits { blades: (LEAF_BUDGET / blade).min(leaves.saturating_mul(2)).max(1), shapes }
+    let position = options.target_position_bytes();
+    Limits { leaves: (LEAF_BUDGET / (BLADE_VERTICES * position * (shapes + 1))).max(1), shapes, position }
 }
 
 /// Estimated bytes of the shapes of so many growing leaves over so many frames.
 pub(super) fn estimate(leaves: u64, frames: u64, options: &GltfOptions) -> u64 {
-    let count = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
-    let Limits { blades, shapes } = limits(count(leaves), count(frames), options);
-    (blades * BLADE_VERTICES * options.target_position_bytes() * (shapes + 1)) as u64
+    let frames = usize::try_from(frames).unwrap_or(usize::MAX);
+    let Limits { shapes, position, .. } = limits(frames, options);
+    // If every leaf had a blade in every shape.
+    let all = leaves.saturating_mul((BLADE_VERTICES * (VERTEX_BYTES + position * (shapes + 1))) as u64);
+    all.min(LEAF_BUDGET as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recorded(frames: &[&[(u32, f32)]]) -> LeafShapes {
+        let leaf = |(i, x): &(u32, f32)| RecordedLeaf {
+            key: u64::from(*i),
+            id: [0, *i],
+            place: Trs::translation(Vec3::X * *x),
+        };
+        let shape = |list: &&[(u32, f32)]| RecordedShape { alive: list.len(), leaves: list.iter().map(leaf).collect() };
+        LeafShapes {
+            frames: (0..frames.len()).collect(),
+            shapes: frames.iter().map(shape).collect(),
+            waiting: None,
+            seen: frames.len(),
+            stride: 1,
+            limits: limits(frames.len(), &GltfOptions::default()),
+            seed: 0,
+        }
+    }
+
+    #[test]
+    fn a_leaf_that_pauses_or_jumps_begins_another_run() {
+        // Leaf 3 pauses in shape 2, leaf 5 jumps to another place after shape 1.
+        let shapes = recorded(&[&[(3, 0.0)], &[(3, 0.1), (5, 7.0)], &[(5, 2.0)], &[(3, 0.2), (5, 2.1)]]);
+        let runs = shapes.runs(10, 1.0);
+        let list: Vec<([u32; 2], usize, usize)> = runs.iter().map(|r| (r.id, r.first, r.places.len())).collect();
+        assert_eq!(list, [([0, 3], 0, 2), ([0, 5], 1, 1), ([0, 5], 2, 2), ([0, 3], 3, 1)]);
+        // Outside of its shapes it is a point where it appeared or disappeared.
+        let late = &runs[2];
+        assert_eq!((late.place(0).t, late.place(0).s), (Vec3::X * 2.0, Vec3::ZERO));
+        assert_eq!((late.place(3).t, late.place(3).s), (Vec3::X * 2.1, Vec3::ONE));
+        assert_eq!(runs[1].place(3).s, Vec3::ZERO);
+    }
+
+    #[test]
+    fn long_runs_are_divided_and_few_leaves_cover_the_area_of_all() {
+        let many: Vec<(u32, f32)> = (0..16).map(|i| (i, 0.0)).collect();
+        let shapes = recorded(&[&many[..]; 8]);
+        // Of 16 leaves the four of the smallest keys, of twice the size.
+        let runs = shapes.runs(4, 1.0);
+        assert!(runs.iter().all(|r| r.id[1] < 4 && r.places.iter().all(|p| p.s == Vec3::splat(2.0))));
+        let lengths: Vec<usize> = runs.iter().map(|r| r.places.len()).collect();
+        assert_eq!(lengths, [LONGEST_RUN, LONGEST_RUN, LONGEST_RUN, LONGEST_RUN, 2, 2, 2, 2]);
+        assert_eq!(shapes.shapes[0].growth(16).to_bits(), 1.0_f32.to_bits());
+    }
 }
