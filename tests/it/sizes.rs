@@ -153,7 +153,7 @@ fn area_of(player: &Player, part: &str, time: f32) -> (f32, usize) {
         let mut base = 0;
         for primitive in mesh["primitives"].as_array().expect("primitives") {
             let index = |v: &Value| v.as_u64().expect("index") as usize;
-            for t in player.rows(index(&primitive["indices"])).as_flattened().chunks(3) {
+            for t in player.rows(index(&primitive["indices"])).concat().chunks(3) {
                 let [a, b, c] = [0, 1, 2].map(|i| points[base + t[i] as usize]);
                 let triangle = 0.5 * (b - a).cross(c - a).length();
                 area += triangle;
