@@ -28,7 +28,7 @@ use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::plant_layout::{Individual, PlantInstance, PlantLayout};
 use crate::bake::scene::scatter;
 use crate::bake::wind::plant_wind::PlantWind;
-use crate::recipe::scene::BarkMotion;
+use crate::recipe::scene::{BarkMotion, RainPreset};
 use crate::recipe::{Growth, PlantRecipe, Recipe, SolidRecipe};
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::Names;
@@ -37,6 +37,7 @@ use osier_base::{Error, Result};
 use osier_plants::surface::terrain::Terrain;
 use osier_scene::solid::{Form, Solid};
 use osier_scene::{Asset, ClipChange, Placement, RiggedPlant, Trs};
+use osier_wind::{UniformWind, Wind};
 
 /// Results of [`add_plant_assets`] beside the assets, which go to the scene's builder.
 pub(crate) struct PlantBuildResult {
@@ -281,7 +282,11 @@ fn build_plant(
     // In the rain the rods are stepped together with the drops, by the rain simulation: only hand them over.
     if moves_on_rods && recipe.rain.is_some() && recipe.clip.len() > 1 {
         let built = build_rods()?;
-        let motion_in_rain = PlantInRain::Rods { rods: Box::new(built.rods), binding: built.binding };
+        // In calm weather the air resists what drops move; the rain of the paper has no air.
+        let has_air = recipe.rain.as_ref().is_some_and(|rain| rain.keys.preset != RainPreset::Paper);
+        let calm = has_air.then(|| Arc::new(UniformWind(Vec3::ZERO)) as Arc<dyn Wind>);
+        let rods = Box::new(built.rods.with_wind(calm));
+        let motion_in_rain = PlantInRain::Rods { rods, binding: built.binding };
         return Ok(BuiltPlant { motion_in_rain, ..BuiltPlant::without_motion(built.asset, built.diagnostics) });
     }
     // Without rain the rods step by themselves in the wind.

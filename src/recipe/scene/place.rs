@@ -228,12 +228,8 @@ impl Resolver<'_> {
         Some(Some(mask))
     }
 
-    /// Warns with S007 of turns and scales of a plant that grows for its place, and of `together` for one that is no species.
+    /// Warns with S007 of turns and scales of a plant that grows for its place.
     fn check_turns(&mut self, table: &TomlTable, path: &str, keys: &PlaceKeys, plant: &PlantRecipe) {
-        if keys.together && !matches!(plant.growth, Growth::Species(_)) {
-            let why = format!("only a species grows in a field of light, which plant \"{}\" is not", plant.name);
-            self.has_no_effect(table, path, &["together"], &why);
-        }
         let Some(why) = why_in_place(keys, plant) else { return };
         for key in ["turn_deg", "scale", "vary", "lean_deg", "lean_to_deg"] {
             if table.get(key).is_some() {

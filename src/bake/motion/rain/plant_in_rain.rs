@@ -16,7 +16,7 @@ use osier_motion::rods::RodPlant;
 use osier_motion::sway_in_rain::{LeafPlace, SwayInRain, SwayingLeaf, SwayingRainPlant, WindPose, WindPoses};
 use osier_scene::plant::Plant;
 use osier_scene::{Asset, AssetFrame, InstanceState, Trs};
-use osier_wind::{UniformWind, Wind};
+use osier_wind::Wind;
 
 /// The model by which wind and drops move a plant.
 pub(crate) enum PlantInRain {
@@ -158,9 +158,9 @@ pub(super) fn plant_in_rain(
     let target_and_recorder: (Box<dyn RainPlant>, RainedPlantRecorder) = match motion {
         PlantInRain::Still => (still(), RainedPlantRecorder::Still),
         PlantInRain::Rods { rods, binding } => {
-            // Without wind the rods stay in the equilibrium in which they begin. Air at rest resists what drops move.
+            // Without wind the rods stay in the equilibrium in which they begin.
             let steps = if wind.is_some() { clock.rod_spin_up_steps } else { 0 };
-            let mut rods = rods.with_wind(Some(wind.unwrap_or_else(|| Arc::new(UniformWind(Vec3::ZERO)))));
+            let mut rods = if wind.is_some() { rods.with_wind(wind) } else { *rods };
             for left in (1..=steps).rev() {
                 rods.step(-f64::from(left) * clock.step, clock.step)?;
             }
