@@ -4,10 +4,12 @@
 use glam::Vec3;
 
 use super::tree::flag;
-use super::{GrownTree, Keep, Measures, Prune, Site, TreeSpec, grow, grow_through};
+use super::{GrownTree, Keep, Measures, PlantOptions, Prune, Site, TreeSpec, grow, grow_through};
+use crate::surface::{SkinOptions, skin};
 use osier_base::Error;
 use osier_base::limits::Limits;
 use osier_base::par::par_map;
+use osier_scene::plant::{Axis, Plant};
 use osier_scene::solid::{Form, Prism, Solid, Solids};
 use tables::{names, spec as species};
 
@@ -367,4 +369,49 @@ fn without_shade_the_limit_of_nodes_ends_growth() {
     limits.set("nodes", "600k").expect("sets");
     let error = grow(&[spec], &Site::default(), &limits).expect_err("too many nodes");
     assert!(matches!(&error, Error::Limit { .. }) && error.to_string().contains("\"oak\" in year"), "{error}");
+}
+
+/// Distance of a point from the centreline of an axis less the radius there, as a share of the radius; negative inside.
+fn outside(plant: &Plant, axis: &Axis, p: Vec3) -> f32 {
+    let nodes = plant.nodes_of(axis);
+    let segment = |i: usize| {
+        let (a, b) = (plant.nodes.p[i], plant.nodes.p[i + 1]);
+        let along = b - a;
+        let t = ((p - a).dot(along) / along.length_squared().max(1e-20)).clamp(0.0, 1.0);
+        let radius = plant.nodes.r[i] + t * (plant.nodes.r[i + 1] - plant.nodes.r[i]);
+        (p.distance(a + along * t) - radius) / radius
+    };
+    (nodes.start..nodes.end - 1).map(segment).fold(f32::MAX, f32::min)
+}
+
+/// The limbs of an oak bend sharply; branches begin inside of them all the same.
+#[test]
+fn branches_begin_inside_of_bent_limbs() {
+    only_in_release!();
+    for tree in grow_all(&seeds("oak", 60.0, 1..=4), &Site::default()) {
+        let plant =
+            tree.plant(&PlantOptions { materials: vec!["bark".into()], ..PlantOptions::default() }, &Limits::default());
+        let plant = plant.expect("a sound plant");
+        let skin = skin(&plant, &SkinOptions::default()).expect("a skin");
+        let mut worst = (f32::MIN, 0);
+        for tube in &skin.tubes {
+            let axis = &plant.axes[tube.axis as usize];
+            let Some(parent) = plant.axes.get(axis.parent as usize) else { continue };
+            // A tube begins with a ring and the middle of the disc that closes it, which the first triangle names.
+            let first = skin.mesh.triangles[tube.triangles.0 as usize];
+            let middle = first.into_iter().max().expect("three corners");
+            // Near the foot of its parent a branch may begin inside of what bears the parent.
+            let bearer = plant.axes.get(parent.parent as usize);
+            let least = |p: u32| {
+                let p = skin.mesh.points[p as usize];
+                outside(&plant, parent, p).min(bearer.map_or(f32::MAX, |axis| outside(&plant, axis, p)))
+            };
+            let ring = (tube.points.0..=middle).map(least);
+            let nearest = ring.fold(f32::MAX, f32::min);
+            if nearest > worst.0 {
+                worst = (nearest, tube.axis);
+            }
+        }
+        assert!(worst.0 < 0.75, "axis {} begins {} radii outside of its parent", worst.1, worst.0);
+    }
 }
