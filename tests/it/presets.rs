@@ -31,9 +31,9 @@ const BAD: f64 = 1e-3;
 /// It is measured from the skeleton, and where the skeleton has a tight corner the tube leads an arc of 1.1 radii through it,
 /// on whose inner side the tube's surface lies up to 0.45 radii (at a right angle) beyond the skeleton's.
 const OUTSIDE: f32 = 0.2;
-/// As [`OUTSIDE`] for plants of tens of thousands of branches that leave bent parents at small angles: junctions assume a straight
-/// parent, and a few of all of these branches begin beside it, at the sharp bends of an oak's limbs up to 27 mm.
-const OUTSIDE_WHERE_PARENTS_BEND: f32 = 1.0;
+/// As [`OUTSIDE`] for plants of tens of thousands of branches that leave bent parents at small angles: the junction of a parent is a
+/// straight line beside its bent skeleton, and a few of all of these branches begin there, near the foot of their parent.
+const OUTSIDE_WHERE_PARENTS_BEND: f32 = 0.75;
 /// How far an organ's pivot may be from the bark, m.
 const LOOSE: f32 = 1e-3;
 /// How far an organ's mesh may begin from its pivot, m: stalks are tubes around it.
@@ -182,7 +182,10 @@ fn rings(g: &Grown) -> (f32, String) {
         let mut at = String::new();
         for p in tube.points.0..=middle {
             let (distance, radius) = from_centreline(&g.plant, parent, g.skin.mesh.points[p as usize]);
-            let out = (distance - radius) / radius;
+            // Near the foot of its parent a branch may begin inside of what bears the parent.
+            let bearer = g.plant.axes.get(parent.parent as usize);
+            let hidden = bearer.map(|axis| from_centreline(&g.plant, axis, g.skin.mesh.points[p as usize]));
+            let out = ((distance - radius) / radius).min(hidden.map_or(f32::MAX, |(d, r)| (d - r) / r));
             if out < nearest {
                 nearest = out;
                 at = format!("axis {}, {distance} m from the centreline, radius {radius} m", tube.axis);

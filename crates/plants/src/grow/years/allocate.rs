@@ -21,6 +21,9 @@ const FULL_LIGHT_PER_METRE: f32 = 3.0;
 const SPROUT_YEARS: f32 = 5.0;
 const SPROUT_LIGHT: f32 = 2.0;
 
+/// Bare stretch beyond a node that bears several living branches: none, and marked as such.
+const BORNE_TWICE: f32 = -1.0;
+
 impl Tree {
     /// Adds the leaf area of living nodes, times the extinction of the species, to the field.
     pub fn deposit_leaves(&self, areas: &mut LeafAreas) {
@@ -102,13 +105,15 @@ impl Tree {
     }
 
     /// Sums light and length of living wood towards the base. With `shed`, subtrees without light die, and side axes with too
-    /// little of it per length are shed.
+    /// little of it per length and wood that is bare over too long a stretch for the light beyond it are shed.
     pub fn sum_light(&mut self, shed: bool) {
         let habit = &self.habit;
         let year = self.year as f32;
         let this_year = self.stored_year();
         let nodes = &mut self.nodes;
         let scratch = &mut self.scratch;
+        scratch.bare.clear();
+        scratch.bare.resize(nodes.len(), 0.0);
         // Children have higher indices than their parent: from the end, each node is complete before it is added to its parent.
         for i in (0..nodes.len()).rev() {
             if !nodes.lives(i) {
@@ -116,6 +121,11 @@ impl Tree {
             }
             let total = scratch.main[i] + scratch.side[i];
             let wood = scratch.wood[i] + nodes.length[i];
+            // What bears leaves interrupts the bare stretch; a fork has interrupted it already (`BORNE_TWICE`).
+            let years = year - nodes.birth[i];
+            let leafy = habit.leaf_area_shoot > 0.0 && years < habit.leaf_years + 1.0;
+            let bears = nodes.flags[i] & flag::OPEN != 0 || leafy;
+            let bare = if bears { 0.0 } else { scratch.bare[i].max(0.0) + nodes.length[i] };
             let parent = nodes.parent[i] as usize;
             if nodes.parent[i] == NONE {
                 nodes.gathered[i] = total;
@@ -130,8 +140,11 @@ impl Tree {
             let is_main = nodes.flags[i] & flag::MAIN != 0;
             // [palubicki] 4.2, shedding: light per length of wood below a threshold. Continuations are exempt: an axis is shed as
             // a whole.
-            let old = !is_main && year - nodes.birth[i] > habit.shed_age;
-            if shed && (total <= 0.0 || old && total < habit.shed * wood) {
+            let old = years > habit.shed_age;
+            // Own: a long shoot that bears its leaves at the end alone cannot pay for the wood behind them. It dies as far down as it is
+            // bare, since what is left of it has no light.
+            let whip = old && nodes.order[i] > 0 && bare > habit.bare_max * total;
+            if shed && (total <= 0.0 || whip || old && !is_main && total < habit.shed * wood) {
                 nodes.flags[i] |= flag::DEAD;
                 nodes.death[i] = this_year;
                 // The pipes that fed it remain in the wood below, as far as the species keeps them.
@@ -142,6 +155,9 @@ impl Tree {
             nodes.gathered[i] = total;
             scratch.wood[i] = wood;
             scratch.wood[parent] += wood;
+            // A stretch of no length still counts as the first: only the second child of a node makes a fork of it.
+            let first = scratch.bare[parent].abs() < f32::MIN_POSITIVE;
+            scratch.bare[parent] = if first { bare.max(f32::MIN_POSITIVE) } else { BORNE_TWICE };
             if is_main {
                 scratch.main[parent] += total;
             } else {

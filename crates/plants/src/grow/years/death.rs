@@ -181,8 +181,9 @@ impl Tree {
                 nodes.death[i] = nodes.death[parent];
             }
             let dead = nodes.flags[i] & flag::DEAD != 0;
+            // Wood that would stand for less than a year falls in the year of its death: bare twigs do not hang in summer crowns.
             let stands = linger * (nodes.r[i] / LINGER_RADIUS).min(LINGER_MAX);
-            if carrier & flag::FALLEN != 0 || dead && year - f32::from(nodes.death[i]) > stands {
+            if carrier & flag::FALLEN != 0 || dead && year - f32::from(nodes.death[i]) + 1.0 > stands {
                 self.fall(i);
             }
         }

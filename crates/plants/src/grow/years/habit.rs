@@ -158,6 +158,7 @@ habit! {
     patience: f32 = [2.0], "yr", 0.0 to 20.0, "Years that a tip starves before it dies.";
     shed: f32 = [0.35], "1/m", 0.0 to 10.0, "Light per metre of living wood below which a branch is shed.";
     shed_age: f32 = [4.0], "yr", 0.0 to 50.0, "Age before which no branch is shed.";
+    bare_max: f32 = [1.0], "m", 0.05 to 1000.0, "Longest wood without leaves and forks that the light of one tip keeps alive.";
     linger: f32 = [4.0], "yr", 0.0 to 100.0, "Years that a dead branch of 20 mm radius stands before it falls.";
     bud_life: f32 = [2.0], "yr", 0.0 to 20.0, "Years that a bud waits for light.";
     levels: f32 = [6.0], "", 1.0 to 6.0, "Number of orders of axes.";

@@ -178,6 +178,7 @@ fn areas_of_pipes_add_up_at_forks() {
         ("pipe_memory", 0.0),
         ("stout", 0.0),
         ("shed", 0.0),
+        ("bare_max", 1000.0),
         ("shade_point", 0.0),
         ("clear_stem", 0.0),
     ] {

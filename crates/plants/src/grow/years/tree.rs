@@ -201,6 +201,8 @@ pub(super) struct Scratch {
     pub side: Vec<f32>,
     /// Length of living wood from its base on, m.
     pub wood: Vec<f32>,
+    /// Length of the stretch without leaves and forks that begins at its end, m; negative if it is a fork.
+    pub bare: Vec<f32>,
     /// Vigour of the node over its weighted light; times light and weight it is the vigour of a child or bud.
     pub factor: Vec<f32>,
     /// Light lost since last year by death and cuts above.
