@@ -497,8 +497,10 @@ fn loops_of_lpy_run_as_those_of_python() {
     // Texts are compared; functions that L-Py runs see values that stand behind them, and a text describes a function.
     let texts = "A(n, kind):\n  if kind == 'main': produce F(n)A(n+1,\"side\")A(n+1,'main')\n  else: produce G";
     assert_eq!(lpy_string("A(0,'side')A(0,'main')", 1, texts).split("A(1").collect::<Vec<_>>().len(), 3);
-    let later = "A --> F(k)A\ndef StartEach():\n  global k\n  'counts'\n  k += 1\nk = 4";
-    assert_eq!(lpy_string("A", 2, later), "F(5)F(6)A");
+    let later = "def StartEach():\n  global k\n  'counts'\n  k += 1\nk = 4\nAxiom: A\nderivation length: 2\nproduction:\n\
+                 A --> F(k)A\nendlsystem\n";
+    let (g, _) = read_bytes("m.lpy", later.as_bytes(), ReadAs::default()).expect("read");
+    assert_eq!(draw_steps(&g, None).string, "F(5)F(6)A");
     let endless = "Axiom: A\nderivation length: 1\nproduction:\nA:\n  i = 0\n  while i < 1:\n    x = 2\n  produce F\nendlsystem\n";
     let (g, _) = read_bytes("m.lpy", endless.as_bytes(), ReadAs::default()).expect("read");
     let why = derive(&g, &DeriveOptions::default(), &Limits::default()).expect_err("endless").to_string();

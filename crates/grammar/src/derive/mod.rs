@@ -408,7 +408,8 @@ impl<'g> Derivation<'g> {
             let of = p.predecessor.first().and_then(|f| counts.get(usize::from(f.symbol))).copied().unwrap_or(0);
             of.saturating_mul(p.successor.len().saturating_sub(p.predecessor.len()) as u64)
         };
-        self.program.productions().filter(|p| gain(p) > 0).max_by_key(gain)
+        // Of equal ones the first.
+        self.program.productions().filter(|p| gain(p) > 0).min_by_key(|p| std::cmp::Reverse(gain(p)))
     }
 }
 
