@@ -420,7 +420,7 @@ fn hostile_grammars_are_refused_with_their_line_in_little_memory() {
         ("doubling.ls", "60\n30\n20\nF\nF=FF\n@\n".to_owned(), "L050", "doubling.ls:1:1"),
         ("branch.lpy", lpy(&format!("A --> {open}")), "L004", "branch.lpy:4:100007"),
         ("while.lpy", lpy("A:\n  i = 0\n  while i < 1:\n    x = 3\n  produce F"), "L044", "while.lpy:6:3"),
-        ("context.lpy", lpy("A << A --> AA\nA --> AA"), "L051", "context.lpy:"),
+        ("context.lpy", lpy("A << A --> AA\nA --> AA"), "L050", "context.lpy:2:20"),
         (
             "ways.lpy",
             lpy(&("A:\n".to_owned() + &many("  if uniform(0,1) < 0.5:\n    nproduce F\n", 40))),

@@ -46,7 +46,7 @@ pub const LIMITS: &[Limit] = &[
     row("points", 1_000_000_000, "points of an attractor"),
     row("statements", 100_000_000, "statements executed in blocks and decompositions"),
     row("steps", 1_000_000, "derivation length"),
-    row("string-bytes", 160_000_000, "bytes of the strings that a derivation holds at a time"),
+    row("string-bytes", 130_000_000, "bytes of the strings that a derivation holds at a time"),
     row("text-bytes", 64 << 20, "bytes of one text file"),
     row("triangles", 50_000_000, "triangles of a mesh"),
     row("turtle-stack", 100_000, "open brackets"),

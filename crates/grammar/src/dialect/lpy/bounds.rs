@@ -116,10 +116,9 @@ impl Bounds {
             },
             PyExpr::Binary(op, a, b) => {
                 let (a, b) = (self.of(a, scope, 0), self.of(b, scope, 0));
-                let less = |a: Interval, b: Interval| match () {
-                    () if a.1 < b.0 => Some(true),
-                    () if a.0 >= b.1 => Some(false),
-                    () => None,
+                let less = |a: Interval, b: Interval| {
+                    let (holds, fails) = (a.1 < b.0, a.0 >= b.1);
+                    (holds || fails).then_some(holds)
                 };
                 match op {
                     PyOp::Lt => less(a, b),
