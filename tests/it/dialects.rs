@@ -439,13 +439,15 @@ fn python_that_is_more_than_rules_is_refused_by_name() {
         refused("m.lpy", &format!("Axiom: A(1)\nderivation length: 1\nproduction:\n{rules}\nendlsystem\n"))
     };
     for (rules, construct) in [
-        ("A(x):\n  while x < 3:\n    x += 1\n  produce F", "'while' in a production"),
+        ("A(x):\n  try:\n    x += 1\n  produce F", "'try' in a production"),
         ("A(x):\n  produce F(x.length)", "an attribute of 'x'"),
         ("A(x) --> F([1,2])", "a list or an index"),
         ("A(x) --> F(foo(x))", "the function 'foo'"),
         ("A(x) --> F(y)", "the unknown name 'y'"),
         ("A(x):\n  for m in lstring:\n    nproduce F\n", "'for' over something other than range"),
-        ("?P(x,y,z) --> F", "the query '?P'"),
+        ("?F(f) --> F", "the query '?F'"),
+        ("A(**rest) --> F", "'**rest' as the name of a parameter"),
+        ("A(x) --> F(**x)", "'**', arguments by name"),
         ("A(x) >> B --> F", "a context of the new string"),
         ("class P:\n  pass", "'class' outside of a production"),
     ] {
@@ -461,6 +463,124 @@ fn python_that_is_more_than_rules_is_refused_by_name() {
     assert!(read_bytes("m.lpy", unused.as_bytes(), ReadAs::default()).is_ok());
     let used = refused("m.lpy", &unused.replace("Axiom: F", "Axiom: F(table)"));
     assert!(used.contains("line 1: a dictionary"), "{used}");
+}
+
+/// A model of L-Py after `steps` steps.
+fn lpy_string(axiom: &str, steps: u32, rules: &str) -> String {
+    let text = format!("module B\nAxiom: {axiom}\nderivation length: {steps}\nproduction:\n{rules}\nendlsystem\n");
+    let (g, _) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{rules}: {e}"));
+    let options = DeriveOptions { seed: 5, ..DeriveOptions::default() };
+    let turtle = TurtleOptions::default();
+    let derived = osier::grow::turtle::derive(&g, &options, &turtle, &Limits::default()).expect("derives");
+    derived.into_text(&g, &Limits::default()).expect("text").trim_end().to_owned()
+}
+
+#[test]
+fn loops_of_lpy_run_as_those_of_python() {
+    let counts = "A(n):\n  i = 0\n  while i < n:\n    nproduce F(i)\n    i += 1\n  produce +A(n+1)";
+    assert_eq!(lpy_string("A(0)", 4, counts), "+F(0)+F(0)F(1)+F(0)F(1)F(2)+A(4)");
+    // 1 + 3: two is passed over, and four ends the loop.
+    let jumps = "A(n):\n  s = 0\n  i = 0\n  while True:\n    i += 1\n    if i == 2: continue\n    if i > n: break\n    s += i\n  \
+                 produce F(s)";
+    assert_eq!(lpy_string("A(3)", 1, jumps), "F(4)");
+    // Loops over a parameter that only compute run as often as it says: 200 times 0 + 1 + 2.
+    let nested = "A(n):\n  s = 0\n  for i in range(n):\n    for j in range(3):\n      s += j\n  produce F(s)";
+    assert_eq!(lpy_string("A(200)", 1, nested), "F(600)");
+    // A loop over constants ends early, or leaves a turn out.
+    let early =
+        "A:\n  for i in range(9):\n    if i == 1: continue\n    if i == 4: break\n    nproduce F(i)\n  produce G";
+    assert_eq!(lpy_string("A", 1, early), "F(0)F(2)F(3)G");
+    // What holds of a parameter is known in the turns: one way for each number of turns and each outcome.
+    let last =
+        "A(n):\n  for i in range(int(n)):\n    if i < n-1: nproduce [+(i)]\n    else: nproduce F(i)\n  produce G";
+    assert_eq!(lpy_string("A(3)A(1)A(0)", 1, last), "[+(0)][+(1)]F(2)GF(0)GG");
+    // Texts are compared; functions that L-Py runs see values that stand behind them, and a text describes a function.
+    let texts = "A(n, kind):\n  if kind == 'main': produce F(n)A(n+1,\"side\")A(n+1,'main')\n  else: produce G";
+    assert_eq!(lpy_string("A(0,'side')A(0,'main')", 1, texts).split("A(1").collect::<Vec<_>>().len(), 3);
+    let later = "def StartEach():\n  global k\n  'counts'\n  k += 1\nk = 4\nAxiom: A\nderivation length: 2\nproduction:\n\
+                 A --> F(k)A\nendlsystem\n";
+    let (g, _) = read_bytes("m.lpy", later.as_bytes(), ReadAs::default()).expect("read");
+    assert_eq!(draw_steps(&g, None).string, "F(5)F(6)A");
+    let endless = "Axiom: A\nderivation length: 1\nproduction:\nA:\n  i = 0\n  while i < 1:\n    x = 2\n  produce F\nendlsystem\n";
+    let (g, _) = read_bytes("m.lpy", endless.as_bytes(), ReadAs::default()).expect("read");
+    let why = derive(&g, &DeriveOptions::default(), &Limits::default()).expect_err("endless").to_string();
+    assert!(why.contains("L044") && why.contains("m.lpy:6:3"), "{why}");
+}
+
+#[test]
+fn rows_of_parameters_of_lpy_stand_for_any_number() {
+    let rules = "B(x, *rest): produce B(x+1, *rest)F(len(rest))\nA(*all):\n  produce A(*all)F(all[0])";
+    assert_eq!(lpy_string("A(7)B(1,2)B(1,2,3)", 1, rules), "A(7)F(7)B(2,2)F(1)B(2,2,3)F(2)");
+}
+
+#[test]
+fn new_contexts_of_lpy_see_what_the_step_made() {
+    // The signal passes through the whole string in one step; the context of the string before it moves it by one.
+    assert_eq!(lpy_string("CAAA", 1, "C << A --> C"), "CCCC");
+    assert_eq!(lpy_string("CAAA", 1, "C < A --> C"), "CCAA");
+    // Branches are passed over, and see the axis that carries them. Parameters are those of the new module.
+    assert_eq!(lpy_string("C(1)[A]XA", 1, "C(n) << A --> C(n+1)\nX --> *"), "C(1)[C(2)]C(2)");
+    assert_eq!(lpy_string("DCA", 1, "D << C < A --> E\nC --> *"), "DE");
+    let right = refused("m.lpy", "Axiom: AB\nderivation length: 1\nproduction:\nA >> B --> B\nendlsystem\n");
+    assert!(right.contains("'>>'") && right.contains("'<<'") && right.contains("m.lpy:4:1"), "{right}");
+}
+
+#[test]
+fn queries_of_lpy_are_answered_in_its_axes() {
+    // +Z is up in L-Py.
+    let limit = "A > ?P(x,y,z):\n  if z < 3: produce F(1)A";
+    assert_eq!(lpy_string("A?P(0,0,0)", 5, limit), "F(1)F(1)F(1)A?P(0,0,3)");
+    // Up by 1, then 2 along the left vector of the beginning, -y; up stays +x, left is down.
+    let vectors = "?P(v):\n  produce P(v.x,v.y,v[2])\n?H(h): produce H(h.x,h.y,h.z)\n?U(u): produce U(u.x,u.y,u.z)\n\
+                   ?L(l): produce L(l.x,l.y,l.z)";
+    let text = lpy_string("F(1)+(90)F(2)?P(v)?H?U?L", 1, vectors);
+    let wanted = [("P", [0.0, -2.0, 1.0]), ("H", [0.0, -1.0, 0.0]), ("U", [1.0, 0.0, 0.0]), ("L", [0.0, 0.0, -1.0])];
+    for (letter, wanted) in wanted {
+        let values = text.split(&format!("{letter}(")).nth(1).and_then(|t| t.split(')').next()).expect("a module");
+        let values: Vec<f32> = values.split(',').map(|v| v.parse().expect("a number")).collect();
+        assert!(values.len() == 3 && values.iter().zip(wanted).all(|(v, w)| (v - w).abs() < 1e-6), "{letter}: {text}");
+    }
+}
+
+#[test]
+fn interpretations_that_refer_to_themselves_are_converted_level_by_level() {
+    for (depth, segments) in [(1, 2), (2, 4), (3, 8)] {
+        let text = format!(
+            "Axiom: F(8)_(0.2)F(8)\nderivation length: 0\nproduction:\ninterpretation:\nmaximum depth: {depth}\n\
+             F(x) --> F(x/2)+(30)F(x/2)\nendlsystem\n"
+        );
+        let (g, _) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read");
+        assert_eq!(positions(&g).0.len(), 2 * segments, "depth {depth}");
+        assert!(converts(&g, ConvertTo::Cpfg, "self"), "depth {depth}");
+    }
+}
+
+#[test]
+fn namesakes_and_faulty_entries_of_fractint_are_told() {
+    let dir = tempfile::tempdir().expect("folder");
+    let file = dir.path().join("s.l");
+    let entry = |name: &str, rule: &str| format!("{name} {{\n Angle 6\n Axiom F\n {rule}\n}}\n");
+    let text = entry("Koch", "F=F+F--F+F") + &entry("Bad", "+=F") + &entry("koch", "F=F-F++F-F");
+    std::fs::write(&file, text).expect("written");
+    let (names, _) = ends(0, &["list", arg(&file)]);
+    assert!(names.contains("s.l#Koch\n") && names.contains("s.l#koch(2)"), "{names}");
+    let (_, told) = ends(1, &["check", arg(&file)]);
+    assert!(
+        told.contains("warning[L062]") && told.contains("used again in line 11") && told.contains("s.l:1:1"),
+        "{told}"
+    );
+    assert!(told.contains("s.l#koch(2)"), "{told}");
+    // Each has its own drawing: the second one turns to the other side.
+    let string = dir.path().join("s.txt");
+    let drawn = |entry: &str| {
+        ends(0, &["grow", &format!("{}#{entry}", arg(&file)), "--steps", "1", "-o", arg(&string), "--force"]);
+        std::fs::read_to_string(&string).expect("string")
+    };
+    assert!(drawn("Koch").contains("f+f--f+f") && drawn("koch(2)").contains("f-f++f-f"));
+    // A sheet leaves the faulty one out, and tells of it.
+    let picture = dir.path().join("s.png");
+    let (_, told) = ends(0, &["preview", arg(&file), "-o", arg(&picture), "--quality", "draft"]);
+    assert!(told.contains("L061") && told.contains("s.l:9:2") && picture.exists(), "{told}");
 }
 
 /// Midpoints of all segments and number of organs of a grammar.

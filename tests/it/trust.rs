@@ -351,6 +351,96 @@ fn peak(folder: &Path, args: &[&str]) -> f64 {
     most
 }
 
+/// Resident memory that a hostile grammar may take, bytes.
+#[cfg(target_os = "linux")]
+const HOSTILE_MEMORY: f64 = 200e6;
+
+/// Grammars that would grow without end are refused with the line that does it, before they take much memory.
+#[cfg(target_os = "linux")]
+#[test]
+fn hostile_grammars_are_refused_with_their_line_in_little_memory() {
+    let dir = folder();
+    let cpfg = |steps: u32, axiom: &str, rules: &str| {
+        format!("Lsystem: 1\nderivation length: {steps}\nAxiom: {axiom}\n{rules}\nendlsystem\n")
+    };
+    let lpy = |rules: &str| format!("Axiom: A\nderivation length: 60\nproduction:\n{rules}\nendlsystem\n");
+    let open = "[".repeat(1_000_000);
+    let many = |line: &str, n: usize| line.repeat(n);
+    let bombs = (1..20).fold("#define A0 F F F F F F F F\n".to_owned(), |text, i| {
+        text + &format!("#define A{i} {}\n", format!("A{} ", i - 1).repeat(8))
+    });
+    let chain = (1..60_000).fold("#define A0 F\n".to_owned(), |text, i| text + &format!("#define A{i} (A{})\n", i - 1));
+    let deep = "while (i<999999) {x=biran(1000000,0.5); i=i+1;}";
+    // File, text, code, and the place that is told.
+    let files = [
+        ("conditional.l", cpfg(60, "F(1)", "F(x) : x>0 --> F(x*0.9)F(x*0.9)"), "L051", "conditional.l:4:1"),
+        (
+            "contexts.l",
+            cpfg(60, "B A(1)", "A(x) < A(y) --> A(x)A(y)\nB < A(x) : x>0 --> A(x)A(x)"),
+            "L051",
+            "contexts.l:4:",
+        ),
+        (
+            "globals.l",
+            cpfg(60, "A", "A : 1 {n=n+1;} --> F(n) A A").replace("Axiom", "Start: {n=0;}\nAxiom"),
+            "L051",
+            "globals.l:5:1",
+        ),
+        ("several.l", cpfg(60, "AA", "A A --> A A A A"), "L051", "several.l:4:1"),
+        ("branches.l", cpfg(60, "A", "A > A --> A[A]A\nA : Q>0 --> A A"), "L051", "branches.l:"),
+        (
+            "sub.l",
+            cpfg(60, "?(2,1) B $", "A --> A") + &cpfg(1, "B", "B --> BB").replace(": 1\n", ": 2\n"),
+            "L051",
+            "sub.l:9:1",
+        ),
+        (
+            "images.l",
+            cpfg(1, "A(1)", "Homomorphism\nmaximum depth: 60\nA(x) : x>0 --> F A(x*0.9)A(x*0.9)"),
+            "L051",
+            "images.l:6:1",
+        ),
+        ("parts.l", cpfg(1, "A", "A --> B\nDecomposition\nmaximum depth: 60\nB --> BB"), "L051", "parts.l:7:1"),
+        ("loop.l", cpfg(1, "A", "A : {while (1) {x = x+1;}} 1 --> F"), "L044", "loop.l:4:"),
+        ("draws.l", cpfg(60, "A", &format!("A : {{i=0; {deep}}} 1 --> F A")), "L051", "draws.l:4:"),
+        ("axiom.l", cpfg(1, &open, "A --> A"), "L004", "axiom.l:3:100008"),
+        (
+            "successor.l",
+            cpfg(1, "A", &format!("A --> {open}F{}", open.replace('[', "]"))),
+            "L004",
+            "successor.l:4:100007",
+        ),
+        ("macros.l", bombs + &cpfg(1, "A19", "X --> X"), "L005", "macros.l:1:"),
+        ("chain.l", chain + &cpfg(1, "F(A59999)", "X --> X"), "L005", "chain.l:"),
+        ("rules.l", cpfg(1, "A(1)", &many("A(x) : x > 3 --> F(x)\n", 60_000)), "L004", "rules.l:20004:1"),
+        ("names.l", cpfg(1, "A", &many("A --> F(foo(1))\n", 100_000)), "L021", "names.l:4:"),
+        ("corners.l", cpfg(1, "A", &format!("A --> {{ {} }}", many("f+(1)", 100_000))), "L051", "20000 corners"),
+        ("fractint.l", format!("Bomb {{\n Angle 4\n Axiom {open}\n F=FF\n}}\n"), "L004", "fractint.l:3:100008"),
+        ("lparser.ls", format!("3\n30\n20\n{open}\nF=FF\n@\n"), "L004", "lparser.ls:4:100001"),
+        ("doubling.ls", "60\n30\n20\nF\nF=FF\n@\n".to_owned(), "L050", "doubling.ls:1:1"),
+        ("branch.lpy", lpy(&format!("A --> {open}")), "L004", "branch.lpy:4:100007"),
+        ("while.lpy", lpy("A:\n  i = 0\n  while i < 1:\n    x = 3\n  produce F"), "L044", "while.lpy:6:3"),
+        ("context.lpy", lpy("A << A --> AA\nA --> AA"), "L050", "context.lpy:2:20"),
+        (
+            "ways.lpy",
+            lpy(&("A:\n".to_owned() + &many("  if uniform(0,1) < 0.5:\n    nproduce F\n", 40))),
+            "L007",
+            "ways.lpy:",
+        ),
+    ];
+    for (name, text, code, place) in files {
+        write(dir.path(), name, text);
+        let (exit, _, said) = run(dir.path(), &["check", name]);
+        let shown: String = said.chars().take(600).collect();
+        assert!(exit == 1 && said.contains(code) && said.contains(place), "{name}: {exit} {shown}");
+        let most = peak(dir.path(), &["check", name]);
+        assert!(most < HOSTILE_MEMORY, "{name} takes {most:.3e} bytes");
+    }
+    // The limit is the user's to raise, and its message says how.
+    let (_, _, said) = run(dir.path(), &["grow", "contexts.l", "-o", "x.glb"]);
+    assert!(said.contains("--max-string-bytes") && said.contains("this production makes most of them"), "{said}");
+}
+
 /// What a dry run tells of memory is what the run takes, to a quarter.
 #[cfg(target_os = "linux")]
 #[test]

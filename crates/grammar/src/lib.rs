@@ -130,7 +130,7 @@ fn parse_cpfg(
     let start = SourcePlace::start_of(main.unwrap_or(osier_base::diagnostic::SourceId(0)));
     // Compile all lines even after errors, to report them together; lint only what compiled.
     let tokens = dialect::with_turtle(&mut session, preprocessed.tokens, notation, start);
-    let parsed = compile::parse(&mut session, &tokens, start);
+    let parsed = compile::parse(&mut session, tokens, start);
     if !session.has_errors() {
         lint::check(&mut session, &parsed.program);
     }

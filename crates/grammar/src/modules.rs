@@ -123,6 +123,12 @@ impl ModuleString {
         &self.symbols
     }
 
+    /// Bytes that its modules take.
+    pub(crate) fn bytes(&self) -> usize {
+        let four = self.ends.len() + self.params.len() + self.birth.len();
+        2 * self.symbols.len() + 4 * four + 8 * self.lineage.len()
+    }
+
     /// Number of parameters of all modules together.
     pub fn param_count(&self) -> usize {
         self.params.len()

@@ -43,6 +43,8 @@ pub(crate) struct Production {
     pub left: Vec<ContextElement>,
     pub predecessor: Vec<FormalModule>,
     pub right: Vec<ContextElement>,
+    /// What the new string, as far as it is made, must end with: a left context that sees what this step made.
+    pub new_left: Vec<ContextElement>,
     pub before: Option<Bytecode>,
     pub condition: Option<Bytecode>,
     pub after: Option<Bytecode>,
@@ -62,7 +64,7 @@ impl Production {
 
     /// Looks at no neighbour.
     pub fn is_context_free(&self) -> bool {
-        self.left.is_empty() && self.right.is_empty()
+        self.left.is_empty() && self.right.is_empty() && self.new_left.is_empty()
     }
 
     /// Its statements, and those of its expressions that are code; constant and plain parameters are left out.
@@ -286,7 +288,7 @@ impl Program {
     pub fn is_serial(&self) -> bool {
         let writes = |p: &Production| p.codes().any(|c| c.writes_globals() || c.prints());
         !self.subsystems.is_empty()
-            || self.rules.list.iter().any(|p| writes(p) || p.predecessor.len() > 1)
+            || self.rules.list.iter().any(|p| writes(p) || p.predecessor.len() > 1 || !p.new_left.is_empty())
             || self.decomposition.list.iter().any(writes)
     }
 }

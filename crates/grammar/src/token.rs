@@ -199,6 +199,11 @@ impl ParseSession {
         macro_chain(&self.expansions, &self.names, place)
     }
 
+    /// True if errors fill the report, so that readers of long files may stop.
+    pub fn is_full(&self) -> bool {
+        self.diagnostics.len() >= MAX_DIAGNOSTICS && self.has_errors()
+    }
+
     /// True if an error was recorded; warnings do not count.
     pub fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|d| d.severity == osier_base::diagnostic::Severity::Error)

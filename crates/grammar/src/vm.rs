@@ -104,6 +104,8 @@ pub(crate) enum Halt {
     Statements(SourcePlace),
     /// A string passes the limit on its modules (L051), or its receiver takes no more.
     Modules,
+    /// The strings take more bytes than the limit `string-bytes` (L051).
+    Bytes,
     /// The modules of a string have more parameters than are stored, 2^27 (L051).
     Parameters,
     /// The modules of all steps together pass the limit on work (L051).
@@ -210,6 +212,13 @@ impl Vm {
             cpfg: None,
             output: String::new(),
         }
+    }
+
+    /// The machine, with an empty one in its place until it is put back: a copy of long output and large arrays in each step
+    /// would cost more than the step.
+    pub fn take(&mut self) -> Self {
+        let empty = Self::new(self.streams, 0, self.length);
+        std::mem::replace(self, empty)
     }
 
     /// From here on draws belong to `owner`.
@@ -355,7 +364,14 @@ impl Vm {
                 Op::Pop => {
                     self.pop();
                 }
-                Op::Random(f) => self.push_random(f),
+                Op::Random(f) => {
+                    // Trials are drawn one by one: many of them take the time of statements.
+                    if f == RandomFunction::Biran {
+                        let trials = self.stack.iter().rev().nth(1).copied().unwrap_or(0.0);
+                        self.statements = self.statements.saturating_add(trial_cost(trials));
+                    }
+                    self.push_random(f);
+                }
                 Op::Choose(n) => self.choose(n),
                 Op::Bounds(i) => self.stack.push(self.bounds[usize::from(i / 3 % 2)][usize::from(i % 3)]),
                 Op::Table(f, place) => self.read_table(code, f, place),
@@ -547,6 +563,12 @@ fn binomial(stream: &mut Rng, n: f64, p: f64) -> f64 {
         left -= 1.0;
     }
     hits
+}
+
+/// Statements whose time `biran` with so many trials takes. Own: a trial takes about a fourth of a statement.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
+fn trial_cost(trials: f64) -> u64 {
+    if trials.is_finite() { trials.clamp(0.0, BIRAN_LIMIT) as u64 / 4 } else { 0 }
 }
 
 /// Value of code that needs nothing from outside; `None` if it does.

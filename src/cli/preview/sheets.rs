@@ -9,9 +9,9 @@ use super::source::{Variation, load};
 use super::{Outcome, OutputPicture};
 use crate::bake::BakeContext;
 use crate::scene_preview::{PreviewScene, preview_together};
-use osier_base::Result;
 use osier_base::par::par_map;
 use osier_base::progress::Silent;
+use osier_base::{Error, Result};
 use osier_preview::{ContactSheetCell, contact_sheet, contact_sheet_columns, contact_sheet_size};
 
 /// Renders and writes one picture, or two side by side for `--compare`.
@@ -45,7 +45,15 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
     sheet_of(cells, columns, &SheetTitle { name: None, about: about(flags) }, context, args, flags, work)
 }
 
-/// Renders and writes a contact sheet of the L-systems of a file.
+/// Pictures of a contact sheet of entries whose scenes are in memory at a time.
+const ENTRIES_AT_A_TIME: usize = 4;
+
+/// What makes such a picture cheap, unless the command line sets the key: its lines are a few pixels wide, on which neither bark
+/// maps nor the sides of a tube are seen.
+const ENTRY_SETTINGS: [&str; 4] = ["bark.side=16", "skin.edge=10", "skin.sides=3", "skin.turn_deg=85"];
+
+/// Renders and writes a contact sheet of the L-systems of a file, each with a camera of its own. One that cannot be drawn is
+/// reported and left out; without any other it is an error.
 pub fn entries(
     context: &Context,
     args: &Preview,
@@ -53,15 +61,93 @@ pub fn entries(
     flags: &PreviewFlags,
     work: &BakeContext<'_>,
 ) -> Result<Outcome> {
-    let cell = |source: &String| PlannedCell {
-        caption: source.rsplit_once('#').map_or(source.as_str(), |(_, name)| name).to_owned(),
-        variation: Variation { source: Some(source.clone()), ..Variation::default() },
+    let columns = args.columns.map_or(contact_sheet_columns(sources.len()), |c| c.max(1) as usize);
+    if let Some(refused) = refused(sources.len(), columns, flags, context) {
+        return Ok(refused);
+    }
+    let is_given =
+        |key: &str| context.sources.set.iter().any(|s| s.split('=').next().is_some_and(|k| k.trim().ends_with(key)));
+    let own = ENTRY_SETTINGS.iter().filter(|s| !s.split('=').next().is_some_and(is_given));
+    let set: Vec<String> = own.map(|s| (*s).to_owned()).collect();
+    let quiet = BakeContext { progress: &Silent, ..*work };
+    let load_entry = |source: &String| {
+        work.cancel.check()?;
+        let variation = Variation { source: Some(source.clone()), set: set.clone(), ..Variation::default() };
+        let scene = load(context, args, source, flags.options.quality, args.frame.is_some(), &variation, &quiet);
+        work.progress.advance(1);
+        scene
     };
-    let cells: Vec<PlannedCell> = sources.iter().map(cell).collect();
-    let columns = contact_sheet_columns(cells.len());
-    let about = format!("{} L-systems of {}", cells.len(), args.source);
+    work.progress.stage("drawing", sources.len() as u64);
+    let (mut cells, mut first, mut failure, mut warned) = (Vec::new(), None, None, false);
+    for group in sources.chunks(ENTRIES_AT_A_TIME) {
+        // Scenes of a group are grown side by side, drawn, and dropped before those of the next.
+        for (source, scene) in group.iter().zip(par_map(group, load_entry)) {
+            let caption = source.rsplit_once('#').map_or(source.as_str(), |(_, name)| name);
+            let drawn = scene.and_then(|scene| {
+                if let Some(why) = outside_clip(&scene, args.frame) {
+                    return Ok((scene, Err(why)));
+                }
+                let cell = render_cells(std::slice::from_ref(&scene), args, flags, &quiet)?.pop();
+                Ok((scene, Ok(cell)))
+            });
+            match drawn {
+                Ok((_, Err(why))) => return Ok(Outcome::Refused(why)),
+                Ok((scene, Ok(cell))) => {
+                    context.console.report(scene.report());
+                    warned |= !scene.report().diagnostics.is_empty();
+                    cells.extend(cell.map(|cell| ContactSheetCell { caption: caption.to_owned(), ..cell }));
+                    first.get_or_insert(scene);
+                }
+                Err(e @ (Error::Input(_) | Error::Limit { .. })) => {
+                    // The last failure is returned, and so reported, if no entry can be drawn.
+                    if let Some(e) = failure.replace(e) {
+                        context.console.error(&e);
+                    }
+                }
+                Err(e) => return Err(e),
+            }
+        }
+    }
+    let Some(first) = first else {
+        return failure.map_or_else(|| Ok(Outcome::Refused("the file has no L-systems".into())), Err);
+    };
+    warned |= failure.is_some();
+    if let Some(e) = failure {
+        context.console.error(&e);
+    }
     let stem = Path::new(&args.source).file_stem().map(|s| s.to_string_lossy().into_owned());
-    sheet_of(cells, columns, &SheetTitle { name: stem, about }, context, args, flags, work)
+    let about = format!("{} L-systems of {}", cells.len(), args.source);
+    let title = SheetTitle { name: stem, about };
+    write_sheet(&title, &cells, columns, &first, context, args, flags)?;
+    Ok(Outcome::Written { warned })
+}
+
+/// Why a sheet of so many pictures cannot be made; `None` if it can.
+fn refused(cells: usize, columns: usize, flags: &PreviewFlags, context: &Context) -> Option<Outcome> {
+    if cells as u64 > MAX_CELLS {
+        let why = format!("a contact sheet of {cells} pictures; at most {MAX_CELLS} are possible");
+        return Some(Outcome::Refused(why));
+    }
+    // The size of the whole sheet is checked before any of its scenes is grown.
+    let size = contact_sheet_size(cells, columns, flags.options.size);
+    check_picture_limits(size, context).err().map(Outcome::Refused)
+}
+
+/// Writes a contact sheet. `first`: the scene whose name it bears, unless `title` has one.
+fn write_sheet(
+    title: &SheetTitle,
+    pictures: &[ContactSheetCell],
+    columns: usize,
+    first: &PreviewScene,
+    context: &Context,
+    args: &Preview,
+    flags: &PreviewFlags,
+) -> Result<()> {
+    let shown = title.name.as_deref().unwrap_or(first.name());
+    let name = format!("{shown}-sheet");
+    let picture = contact_sheet(shown, &title.about, pictures, columns)?;
+    let target = OutputPicture::new(context, args, &name, "png")?;
+    target.write(context, &picture, flags.options.quality, first.scene(), &name)
 }
 
 /// Title lines of a contact sheet.
@@ -71,7 +157,7 @@ struct SheetTitle {
     about: String,
 }
 
-/// Loads all cells, renders them and writes a contact sheet. Each entry of a file has a fitted camera; other cells share one.
+/// Loads all cells, renders them with cameras of one scale and writes a contact sheet.
 fn sheet_of(
     cells: Vec<PlannedCell>,
     columns: usize,
@@ -82,15 +168,8 @@ fn sheet_of(
     work: &BakeContext<'_>,
 ) -> Result<Outcome> {
     let columns = args.columns.map_or(columns, |c| c.max(1) as usize);
-    if cells.len() as u64 > MAX_CELLS {
-        return Ok(Outcome::Refused(format!(
-            "a contact sheet of {} pictures; at most {MAX_CELLS} are possible",
-            cells.len()
-        )));
-    }
-    // The size of the whole sheet is checked before any of its scenes is grown.
-    if let Err(why) = check_picture_limits(contact_sheet_size(cells.len(), columns, flags.options.size), context) {
-        return Ok(Outcome::Refused(why));
+    if let Some(refused) = refused(cells.len(), columns, flags, context) {
+        return Ok(refused);
     }
     let quiet = BakeContext { progress: &Silent, ..*work };
     let load_cell = |cell: &PlannedCell| {
@@ -110,21 +189,12 @@ fn sheet_of(
     if let Some(why) = scenes.iter().find_map(|scene| outside_clip(scene, args.frame)) {
         return Ok(Outcome::Refused(why));
     }
-    // Seeds and values of a key are compared at one scale; different L-systems are not.
-    let is_of_entries = cells.iter().any(|cell| cell.variation.source.is_some());
-    let mut pictures = Vec::with_capacity(scenes.len());
-    for group in scenes.chunks(if is_of_entries { 1 } else { scenes.len() }) {
-        pictures.extend(render_cells(group, args, flags, work)?);
-    }
+    // Seeds and values of a key are compared at one scale.
+    let mut pictures = render_cells(&scenes, args, flags, work)?;
     for (picture, cell) in pictures.iter_mut().zip(cells) {
         picture.caption = cell.caption;
     }
-    let first = &scenes[0];
-    let shown = title.name.as_deref().unwrap_or(first.name());
-    let name = format!("{shown}-sheet");
-    let picture = contact_sheet(shown, &title.about, &pictures, columns)?;
-    let target = OutputPicture::new(context, args, &name, "png")?;
-    target.write(context, &picture, flags.options.quality, first.scene(), &name)?;
+    write_sheet(title, &pictures, columns, &scenes[0], context, args, flags)?;
     Ok(Outcome::Written { warned })
 }
 

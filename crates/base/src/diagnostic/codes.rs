@@ -106,6 +106,7 @@ pub const CODES: &[Code] = &[
     row("L057", Warning, "a backslash joins the next line, which looks like a line of its own"),
     row("L060", Warning, "beyond a limit of Fractint, whose own reading ends there"),
     row("L061", Error, "the file of another program cannot be read; the message says why"),
+    row("L062", Warning, "two L-systems of one name in a file of Fractint"),
     row("P001", Error, "the source contains nothing visible"),
     row("P002", Error, "the position or direction of the camera is not finite"),
     row("P003", Error, "the picture cannot be encoded"),

@@ -15,22 +15,28 @@ use osier_base::diagnostic::{Diagnostic, Span, nearest};
 /// Variables, elements of arrays included, that a grammar may have: their slots are 16-bit numbers.
 const MAX_ARRAY_ELEMENTS: u32 = 65_535;
 
+/// Productions of a section of a file. Own: a hundred times those of the largest models, which take 20 MB.
+const MAX_PRODUCTIONS: usize = 20_000;
+
 /// Lines of each L-system of a file. One begins with its heading: `Lsystem`, `ring Lsystem`, or both on two lines.
 fn split_systems(lines: Vec<LogicalLine>) -> Vec<Vec<LogicalLine>> {
     let mut systems: Vec<Vec<LogicalLine>> = Vec::new();
+    // What the last system has so far.
+    let (mut has_ended, mut has_heading, mut has_items) = (false, false, false);
     for line in lines {
-        let key = |l: &LogicalLine| l.keyword.map(|k| k.0);
-        let begins = systems.last().is_none_or(|system| {
-            let has_ended = system.iter().any(|l| key(l) == Some(Keyword::EndLsystem));
-            // A second `Lsystem` begins another one even where `endlsystem` is missing.
-            let has_heading = system.iter().any(|l| key(l) == Some(Keyword::Lsystem));
-            let has_items = system.iter().any(|l| !l.is_heading());
-            match key(&line) {
-                Some(Keyword::Lsystem) => has_ended || (has_heading && has_items),
-                Some(Keyword::Ring) => has_ended,
-                _ => false,
-            }
-        });
+        let key = line.keyword.map(|k| k.0);
+        // A second `Lsystem` begins another one even where `endlsystem` is missing.
+        let begins = match key {
+            Some(Keyword::Lsystem) => has_ended || (has_heading && has_items),
+            Some(Keyword::Ring) => has_ended,
+            _ => false,
+        };
+        if begins {
+            (has_ended, has_heading, has_items) = (false, false, false);
+        }
+        has_ended |= key == Some(Keyword::EndLsystem);
+        has_heading |= key == Some(Keyword::Lsystem);
+        has_items |= !line.is_heading();
         match systems.last_mut() {
             Some(system) if !begins => system.push(line),
             _ => systems.push(vec![line]),
@@ -82,13 +88,17 @@ pub(super) struct ItemParser<'r> {
     header: Option<SourcePlace>,
     axiom: Option<SourcePlace>,
     ended: bool,
+    /// A production beyond [`MAX_PRODUCTIONS`] was reported.
+    has_too_many: bool,
     /// Place of the last line, behind which `endlsystem` is suggested.
     end: Option<SourcePlace>,
 }
 
 /// Reads all L-systems of a file: the first is the main one, the others become its subsystems.
-pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourcePlace) -> ParsedGrammar {
-    let lines = lines::split_lines(session, tokens);
+pub(crate) fn parse(session: &mut ParseSession, tokens: Vec<Token>, start: SourcePlace) -> ParsedGrammar {
+    let lines = lines::split_lines(session, &tokens);
+    // The lines hold the tokens again: of a long text both would take a fourth of all memory.
+    drop(tokens);
     let mut p = ItemParser {
         session,
         program: Program::default(),
@@ -101,6 +111,7 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
         header: None,
         axiom: None,
         ended: false,
+        has_too_many: false,
         end: lines.last().and_then(LogicalLine::place),
     };
     p.program.decomposition.depth = 1;
@@ -124,6 +135,9 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
     p.set_array_values();
     p.turtle_items(&main);
     for line in &main {
+        if p.session.is_full() {
+            break;
+        }
         p.item(line);
     }
     p.check_complete(start);
@@ -561,6 +575,21 @@ impl ItemParser<'_> {
     }
 
     fn production(&mut self, line: &LogicalLine, arrow: usize) {
+        let known = match self.section {
+            ProductionSection::Productions => &self.program.rules,
+            ProductionSection::Decomposition => &self.program.decomposition,
+            ProductionSection::Homomorphism => &self.program.homomorphism,
+        };
+        if known.list.len() >= MAX_PRODUCTIONS {
+            // One report for the first that is too many: the others have the same cause.
+            if let Some(place) = line.place().filter(|_| !self.has_too_many) {
+                let message = format!("more than {MAX_PRODUCTIONS} productions");
+                let help = "give symbols parameters, so that one production serves for many cases";
+                self.session.error_help("L004", message, place, help);
+            }
+            self.has_too_many = true;
+            return;
+        }
         let mut compiler = self.compiler_context().compiler(self.session, NameScope::Production);
         let parsed = production::production(&mut compiler, &mut self.program.symbols, line, arrow);
         let Some(parsed) = parsed else { return };

@@ -53,7 +53,8 @@ pub(super) fn production(
     let end = tail[..length].last().map_or(arrow_place, |t| t.place);
     check_balance(compiler.session, &successor, symbols, "successor", place, end);
     let locals = compiler.locals.len();
-    Some(Production { left, predecessor, right, before, condition, after, successor, weight, locals, place })
+    let new_left = Vec::new();
+    Some(Production { left, predecessor, right, new_left, before, condition, after, successor, weight, locals, place })
 }
 
 /// Tokens of `{ .. }` beginning at `i`, and the index after the closing brace; `None` if no brace closes it.

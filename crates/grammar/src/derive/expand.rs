@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::matching::{self, ContextView};
 use super::plan::{RewritePlan, SectionPlans};
 use super::rewriter::{DrawPurposes, Followers, RewriteSettings, Rewriter};
-use super::step::check_size;
+use super::step::StringBudget;
 use super::{Derivation, DerivedString, brackets, halt_error, runtime_diagnostics};
 use crate::grammar::Grammar;
 use crate::modules::{Module, ModuleString};
@@ -24,6 +24,9 @@ const MAX_DRAWN_PER_STORED: u64 = 10;
 /// Part of the limit `modules` that productions may be applied for a single module, so that an endless expansion ends before
 /// it fills the memory. Own: the million of the default takes a quarter of a second.
 pub(super) const EXPANSION_SHARE: usize = 20;
+
+/// Bytes of the modules that wait for their expansion. Own: four million, where models have a few hundred.
+const MAX_STACK_BYTES: usize = 64 << 20;
 
 /// Stack of modules to expand, with the depth of each; the last one is next.
 #[derive(Debug, Default)]
@@ -205,7 +208,12 @@ impl<'p> Expander<'p> {
             self.rewriter.settings.birth = module.birth;
             self.rewriter.append_successor(p, module.lineage(), &mut self.successor)?;
             self.stack.push_reversed(&self.successor, depth + 1);
-            check_size(&self.stack.modules, 0, 0, self.limit)?;
+            if self.stack.modules.len() > self.limit {
+                return Err(Halt::Modules);
+            }
+            if self.stack.modules.bytes() > MAX_STACK_BYTES {
+                return Err(Halt::Expansion(source.place));
+            }
             // Expansions that vanish produce nothing for the sink to count.
             self.rewriter.vm.statements += 1;
             if self.rewriter.vm.statements > self.rewriter.vm.statement_limit {
@@ -234,9 +242,9 @@ impl Derivation<'_> {
             tag: 0,
             brackets: self.brackets,
         };
-        let limit = convert::limit(self.limits.get("modules"));
         // Modules are expanded in string order into the second buffer; contexts see the string before decomposition.
-        let mut expander = Expander::new(settings, plans, self.vm.clone(), limit);
+        let budget = StringBudget::new(self.limits, self.string.bytes());
+        let mut expander = Expander::new(settings, plans, self.vm.take(), budget.modules);
         self.next_string.clear();
         let view = ContextView {
             modules: &self.string,
@@ -253,11 +261,13 @@ impl Derivation<'_> {
                 expander.rewriter.change_plan(plans.of(*system));
             }
             // A predecessor of several modules takes all of them at once.
-            i += expander.expand(&view, i, &mut |m| {
+            let taken = expander.expand(&view, i, &mut |m| {
                 out.push(m);
-                out.len() <= limit
-            })?;
-            check_size(out, 0, 0, limit)?;
+                budget.check(out).is_ok()
+            });
+            // The budget knows which limit ended the expansion.
+            i += taken.map_err(|halt| budget.check(out).err().unwrap_or(halt))?;
+            budget.check(out)?;
         }
         let applied = expander.applied;
         self.vm = expander.rewriter.vm;

@@ -5,10 +5,9 @@ use super::Derivation;
 use super::expand::Expander;
 use super::matching::{self, ContextView};
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
-use super::step::check_size;
+use super::step::StringBudget;
 use crate::modules::ModuleString;
 use crate::vm::{DrawPurpose, Halt};
-use osier_base::convert;
 
 impl Derivation<'_> {
     /// Rewrites the string in the order of cpfg; true if any production was applied.
@@ -23,7 +22,8 @@ impl Derivation<'_> {
             is_ring: self.program.is_ring,
             borders: self.program.borders(),
         };
-        let limit = convert::limit(self.limits.get("modules"));
+        let budget = StringBudget::new(self.limits, self.string.bytes() + 4 * partner.len());
+        let limit = budget.modules;
         let decomposing = RewriteSettings {
             plan: decomposition.main(),
             purposes: DrawPurposes::all(DrawPurpose::Decomposition),
@@ -71,7 +71,7 @@ impl Derivation<'_> {
                 })?;
                 std::mem::swap(&mut rewriter.vm, expander.vm());
             }
-            check_size(out, 0, 0, limit)?;
+            budget.check(out)?;
             i += taken;
         }
         changed |= expander.has_applied();

@@ -28,6 +28,53 @@ pub(super) struct Brackets {
     pub close: SymbolId,
 }
 
+/// The string that a step makes, as far as it is made, with the partners of its brackets.
+#[derive(Debug, Default)]
+pub(super) struct MadeString {
+    modules: ModuleString,
+    partner: Vec<u32>,
+    open: Vec<u32>,
+}
+
+impl MadeString {
+    /// Takes the string until it is given back, and finds the partners of the brackets that are new in it.
+    pub fn lend(&mut self, modules: &mut ModuleString, brackets: Brackets) {
+        std::mem::swap(&mut self.modules, modules);
+        // A shorter string is that of another step.
+        if self.modules.len() < self.partner.len() {
+            self.partner.clear();
+            self.open.clear();
+        }
+        for (i, &s) in (0_u32..).zip(self.modules.symbols()).skip(self.partner.len()) {
+            self.partner.push(NO_PARTNER);
+            if s == brackets.open {
+                self.open.push(i);
+            } else if s == brackets.close
+                && let Some(o) = self.open.pop()
+            {
+                self.partner[o as usize] = i;
+                self.partner[i as usize] = o;
+            }
+        }
+    }
+
+    pub fn give_back(&mut self, modules: &mut ModuleString) {
+        std::mem::swap(&mut self.modules, modules);
+    }
+
+    /// True if what is made ends with this left context.
+    pub fn ends_with(
+        &self,
+        view: &ContextView<'_>,
+        brackets: Brackets,
+        context: &[ContextElement],
+        locals: &mut [f64],
+    ) -> bool {
+        let made = ContextView { modules: &self.modules, partner: &self.partner, is_ring: false, ..*view };
+        made.matches_left(brackets, context, self.modules.len(), locals)
+    }
+}
+
 /// Partner of every bracket; `NO_PARTNER` for all else and for brackets without one.
 pub(super) fn matching_brackets(modules: &ModuleString, brackets: Brackets) -> Vec<u32> {
     let mut partner = vec![NO_PARTNER; modules.len()];

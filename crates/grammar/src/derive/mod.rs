@@ -381,7 +381,35 @@ impl<'g> Derivation<'g> {
     }
 
     fn halt_report(&self, halt: Halt) -> osier_base::Error {
-        halt_error(self.grammar, halt, self.steps_done + 1, self.limits)
+        let grows = matches!(halt, Halt::Modules | Halt::Bytes | Halt::Parameters | Halt::Work);
+        let error = halt_error(self.grammar, halt, self.steps_done + 1, self.limits);
+        match (self.main_production().filter(|_| grows), error) {
+            (Some(p), osier_base::Error::Input(mut report)) => {
+                if let Some(mut d) = report.diagnostics.pop() {
+                    // The cause first; that the derivation goes this far is told behind it.
+                    d.labels.insert(0, (p.place.span, "this production makes most of them".to_owned()));
+                    report.push(d);
+                }
+                osier_base::Error::Input(report)
+            }
+            (_, error) => error,
+        }
+    }
+
+    /// The production that lengthens the present string most; `None` if none does.
+    fn main_production(&self) -> Option<&crate::program::Production> {
+        let mut counts = vec![0_u64; self.program.symbols.len()];
+        for s in self.string.symbols() {
+            if let Some(n) = counts.get_mut(usize::from(*s)) {
+                *n += 1;
+            }
+        }
+        let gain = |p: &&crate::program::Production| {
+            let of = p.predecessor.first().and_then(|f| counts.get(usize::from(f.symbol))).copied().unwrap_or(0);
+            of.saturating_mul(p.successor.len().saturating_sub(p.predecessor.len()) as u64)
+        };
+        // Of equal ones the first.
+        self.program.productions().filter(|p| gain(p) > 0).min_by_key(|p| std::cmp::Reverse(gain(p)))
     }
 }
 
@@ -432,6 +460,12 @@ pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limi
             let limit = osier_base::limits::grouped(limits.get("modules"));
             let message = format!("step {step} passes the limit of {limit} modules");
             runtime_error(grammar, "L051", message, at, "raise it with --max-modules, or shorten the derivation")
+        }
+        Halt::Bytes => {
+            let limit = osier_base::limits::grouped(limits.get("string-bytes"));
+            let message = format!("step {step} passes the limit of {limit} bytes of strings");
+            let help = "raise it with --max-string-bytes, shorten the derivation, or end the growth by a condition";
+            runtime_error(grammar, "L051", message, at, help)
         }
         Halt::Expansion(place) => {
             let message = format!("step {step}: this production expands a single module without end");

@@ -136,6 +136,8 @@ pub(super) struct RewritePlan<'p> {
     pub stochastic: bool,
     /// Some production draws random numbers, or is drawn itself: lineages are needed while rewriting.
     pub draws: bool,
+    /// Some production reads the new string.
+    pub reads_made: bool,
 }
 
 /// The plans of one section of all L-systems of a file.
@@ -234,7 +236,9 @@ impl<'p> RewritePlan<'p> {
             // Conditions that depend only on parameters give the same answer in every step.
             g.is_stationary = !tests.into_iter().any(|c| may_change(c, varies_by_step));
         }
-        let mut plan = Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false };
+        let mut plan =
+            Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false, reads_made: false };
+        plan.reads_made = set.list.iter().any(|p| !p.new_left.is_empty());
         plan.productions = set.list.iter().map(|p| plan.production(program, p)).collect();
         for i in 0..plan.groups.len() {
             plan.groups[i].is_simple =

@@ -238,5 +238,29 @@ fn limit_error(grammar: &Grammar, m: &GrowthMatrix, first_over: u32, steps: u32,
     let allowed = first_over.saturating_sub(1);
     let message = format!("step {steps} would make {wanted} modules; --max-modules {limit} allows {allowed}");
     let help = format!("set the derivation length to {allowed} or less, or raise --max-modules");
-    runtime_error(grammar, "L050", message, grammar.length_place(), help)
+    let error = runtime_error(grammar, "L050", message, grammar.length_place(), help);
+    match (main_production(grammar, m, first_over), error) {
+        (Some(p), osier_base::Error::Input(mut report)) => {
+            if let Some(d) = report.diagnostics.pop() {
+                report.push(d.label(p.place.span, "this production makes most of them"));
+            }
+            osier_base::Error::Input(report)
+        }
+        (_, error) => error,
+    }
+}
+
+/// The production that adds most modules in step `step`, of equal ones the first; `None` if none adds any.
+fn main_production<'g>(grammar: &'g Grammar, m: &GrowthMatrix, step: u32) -> Option<&'g Production> {
+    let mut v = m.start.clone();
+    for _ in 1..step.min(4096) {
+        v = GrowthMatrix::next_counts(&m.lower, &v);
+    }
+    let gain = |p: &&Production| {
+        let first = p.predecessor.first();
+        let kind = first.and_then(|f| m.kinds.get(&(f.symbol, usize::from(f.arity))));
+        let count = kind.and_then(|k| v.get(*k)).copied().unwrap_or(0);
+        count.saturating_mul(p.successor.len().saturating_sub(1) as u128)
+    };
+    grammar.program.rules.list.iter().filter(|p| gain(p) > 0).min_by_key(|p| std::cmp::Reverse(gain(p)))
 }

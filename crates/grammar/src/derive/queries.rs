@@ -63,12 +63,23 @@ pub fn derive_with_queries(
     derive_with(grammar, options, limits, Storage::String, Some(ask))
 }
 
+/// True for the name of a query of L-Py.
+fn is_query_name(name: &str) -> bool {
+    matches!(name, "?P" | "?H" | "?L" | "?U")
+}
+
 impl Program {
     /// Does it ask the turtle anything? Then its string is interpreted in every step.
     pub fn has_queries(&self) -> bool {
         let asks_bounds = |c: &Bytecode| c.ops.iter().any(|o| matches!(o, Op::Bounds(_)));
         let blocks = [&self.blocks.start, &self.blocks.start_each, &self.blocks.end_each, &self.blocks.end];
         if blocks.into_iter().flatten().any(asks_bounds) || self.productions().any(|p| p.codes().any(asks_bounds)) {
+            return true;
+        }
+        // L-Py spells a query as one symbol.
+        let is_long = |s: SymbolId| self.symbols.long_name(self.symbols.get(s)).is_some_and(is_query_name);
+        let mut all = self.productions().map(|p| &p.successor).chain([&self.axiom]).flatten();
+        if all.any(|t| !t.args.is_empty() && is_long(t.symbol)) {
             return true;
         }
         let Some(mark) = self.symbols.find('?').filter(|_| !self.overrides_cpfg('?')) else { return false };
@@ -116,7 +127,11 @@ impl Derivation<'_> {
         match found {
             Ok(found) => {
                 // Only query modules take answers as parameters.
-                let is_query = |s: SymbolId| QUERIES.contains(&self.program.symbols.get(s));
+                let symbols = &self.program.symbols;
+                let is_query = |s: SymbolId| {
+                    let c = symbols.get(s);
+                    QUERIES.contains(&c) || symbols.long_name(c).is_some_and(is_query_name)
+                };
                 for answer in &found.answers {
                     if self.string.symbols().get(answer.module).is_some_and(|s| is_query(*s)) {
                         self.string.set_params(answer.module, answer.value.numbers());

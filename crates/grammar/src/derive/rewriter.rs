@@ -1,6 +1,6 @@
 //! Chooses and applies productions, one module at a time.
 
-use super::matching::{self, Brackets, ContextView};
+use super::matching::{self, Brackets, ContextView, MadeString};
 use super::plan::{Condition, GroupId, PlannedProduction, ProductionGroup, RewritePlan, Template, Weight};
 use super::registers::{RegisterFile, ValueSource};
 use crate::cpfg_random::CpfgRandom;
@@ -72,12 +72,23 @@ pub(super) struct Rewriter<'p> {
     weights: Vec<f64>,
     /// The part of a choice's address that is the same for all modules of a step.
     choice_step: Option<(u32, rng::ChildId)>,
+    /// The new string while a production that reads it is selected.
+    pub made: MadeString,
 }
 
 impl<'p> Rewriter<'p> {
     pub fn new(settings: RewriteSettings<'p>, vm: Vm) -> Self {
         let files = Self::register_files(settings.plan);
-        Self { settings, vm, followers: None, files, candidates: Vec::new(), weights: Vec::new(), choice_step: None }
+        Self {
+            settings,
+            vm,
+            followers: None,
+            files,
+            candidates: Vec::new(),
+            weights: Vec::new(),
+            choice_step: None,
+            made: MadeString::default(),
+        }
     }
 
     fn register_files(plan: &RewritePlan<'_>) -> Vec<RegisterFile> {
@@ -195,6 +206,9 @@ impl<'p> Rewriter<'p> {
         // Contexts: to the left of the first module, to the right of the last one.
         let brackets = self.settings.brackets;
         if !view.matches_left(brackets, &p.left, at, locals) || !view.matches_right(brackets, &p.right, right, locals) {
+            return Ok(false);
+        }
+        if !p.new_left.is_empty() && !self.made.ends_with(view, brackets, &p.new_left, locals) {
             return Ok(false);
         }
         // The block before the condition may assign variables that the condition reads.

@@ -6,7 +6,9 @@ use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
 use super::{Derivation, MAX_PARAMS};
 use crate::modules::ModuleString;
 use crate::program::Program;
+use crate::symbols::SymbolId;
 use crate::vm::Halt;
+use osier_base::limits::Limits;
 use osier_base::{convert, par};
 
 /// Modules of a block that one thread rewrites. Smaller blocks balance the threads better, larger ones cost fewer copies of
@@ -38,22 +40,27 @@ impl<'g> Derivation<'g> {
             is_ring: self.program.is_ring,
             borders: self.program.borders(),
         };
-        let limit = convert::limit(self.limits.get("modules"));
+        let held = self.string.bytes() + 4 * partner.len();
+        let budget = StringBudget::new(self.limits, held);
         let n = self.string.len();
         if !self.program.subsystems.is_empty() {
-            let rewriter = Rewriter::new(settings, self.vm.clone());
+            let rewriter = Rewriter::new(settings, self.vm.take());
             let systems = SystemRuns { program: self.program, plans: &self.plans.rules };
-            let (changed, vm) = systems.rewrite(rewriter, &view, &mut self.next_string, limit);
+            let (changed, vm) = systems.rewrite(rewriter, &view, &mut self.next_string, budget);
             self.vm = vm;
             std::mem::swap(&mut self.string, &mut self.next_string);
             return changed;
         }
         // Serial grammars see the effects of one module on the next (global variables, predecessors of several
         // modules). Short strings do not repay the cost of parallel blocks, nor does a single thread.
-        if self.program.is_serial() || n <= BLOCK_MODULES || par::threads() == 1 {
-            let mut rewriter = Rewriter::new(settings, self.vm.clone());
+        // Nor may blocks be rewritten beside each other if the limit on bytes could end the step: one pass sees it in time. While
+        // blocks are joined, they are there beside the string.
+        let may_pass = self.largest_result().saturating_mul(2) > budget.bytes;
+        if self.program.is_serial() || may_pass || n <= BLOCK_MODULES || par::threads() == 1 {
+            self.block_buffers.clear();
+            let mut rewriter = Rewriter::new(settings, self.vm.take());
             self.next_string.clear();
-            let changed = rewrite_range(&mut rewriter, &view, 0..n, &mut self.next_string, limit);
+            let changed = rewrite_range(&mut rewriter, &view, 0..n, &mut self.next_string, budget);
             self.vm = rewriter.vm;
             std::mem::swap(&mut self.string, &mut self.next_string);
             return changed;
@@ -72,12 +79,12 @@ impl<'g> Derivation<'g> {
         let mut blocks: Vec<BlockTask> = (0..n.div_ceil(BLOCK_MODULES)).map(block).collect();
         par::par_each(&mut blocks, |block| {
             let mut rewriter = Rewriter::new(settings, block.vm.clone());
-            let result = rewrite_range(&mut rewriter, &view, block.range.clone(), &mut block.modules, limit);
+            let result = rewrite_range(&mut rewriter, &view, block.range.clone(), &mut block.modules, budget);
             block.changed = result.unwrap_or(false);
             block.vm = rewriter.vm;
             block.halt = result.err();
         });
-        self.join_blocks(blocks, limit)
+        self.join_blocks(blocks, budget)
     }
 
     /// Settings of the main productions in one step: draws are addressed by the step, modules are born in it.
@@ -86,8 +93,25 @@ impl<'g> Derivation<'g> {
         RewriteSettings { plan, purposes, step: Some(step), birth: step, tag: 0, brackets: self.brackets }
     }
 
+    /// Bytes that the next string takes at most: each module as the longest successor of its symbol.
+    fn largest_result(&self) -> usize {
+        // A module without parameters, with lineage and birth; every parameter and every end take four more.
+        let one = |modules: usize, params: usize| 18 * modules + 4 * params;
+        let mut longest = vec![0_usize; self.program.symbols.len()];
+        for p in &self.program.rules.list {
+            let params = p.successor.iter().map(|t| t.args.len()).sum();
+            let slot = p.predecessor.first().and_then(|f| longest.get_mut(usize::from(f.symbol)));
+            if let Some(slot) = slot {
+                *slot = one(p.successor.len(), params).max(*slot);
+            }
+        }
+        let copied = 4 * self.string.param_count();
+        let of = |s: &SymbolId| longest.get(usize::from(*s)).copied().unwrap_or(0).max(one(1, 0));
+        self.string.symbols().iter().map(of).fold(copied, usize::saturating_add)
+    }
+
     /// Concatenates the rewritten blocks in order and merges their warnings and counters.
-    fn join_blocks(&mut self, blocks: Vec<BlockTask>, limit: usize) -> Result<bool, Halt> {
+    fn join_blocks(&mut self, blocks: Vec<BlockTask>, budget: StringBudget) -> Result<bool, Halt> {
         // Each block counted its statements from the same start; only the differences are added.
         let before = self.vm.statements;
         let mut changed = false;
@@ -100,8 +124,8 @@ impl<'g> Derivation<'g> {
                 return Err(halt);
             }
             changed |= block.changed;
-            check_size(&block.modules, self.next_string.len(), self.next_string.param_count(), limit)?;
             self.next_string.extend(&block.modules, 0..block.modules.len());
+            budget.check(&self.next_string)?;
             self.block_buffers.push(block.modules);
         }
         std::mem::swap(&mut self.string, &mut self.next_string);
@@ -109,15 +133,34 @@ impl<'g> Derivation<'g> {
     }
 }
 
-/// Checks the budgets of modules and parameters for `out` appended to `modules` modules with `params` parameters.
-pub(super) fn check_size(out: &ModuleString, modules: usize, params: usize, limit: usize) -> Result<(), Halt> {
-    if out.len() + modules > limit {
-        return Err(Halt::Modules);
+/// What a string may become.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct StringBudget {
+    pub modules: usize,
+    pub bytes: usize,
+}
+
+impl StringBudget {
+    /// The limits `modules` and `string-bytes`; of the latter `held` bytes are taken by other strings.
+    pub fn new(limits: &Limits, held: usize) -> Self {
+        let bytes = convert::limit(limits.get("string-bytes")).saturating_sub(held);
+        Self { modules: convert::limit(limits.get("modules")), bytes }
     }
-    if out.param_count() + params > MAX_PARAMS {
-        return Err(Halt::Parameters);
+
+    /// Fails if `out` has more modules, bytes or parameters than it may have.
+    #[inline]
+    pub fn check(self, out: &ModuleString) -> Result<(), Halt> {
+        if out.len() > self.modules {
+            return Err(Halt::Modules);
+        }
+        if out.bytes() > self.bytes {
+            return Err(Halt::Bytes);
+        }
+        if out.param_count() > MAX_PARAMS {
+            return Err(Halt::Parameters);
+        }
+        Ok(())
     }
-    Ok(())
 }
 
 /// A string with sub-L-systems: the modules between two borders are rewritten by the productions of their L-system.
@@ -133,7 +176,7 @@ impl<'p> SystemRuns<'p> {
         mut rewriter: Rewriter<'p>,
         view: &ContextView<'_>,
         out: &mut ModuleString,
-        limit: usize,
+        budget: StringBudget,
     ) -> (Result<bool, Halt>, crate::vm::Vm) {
         let program = self.program;
         let systems = program.systems_of(view.modules);
@@ -148,7 +191,7 @@ impl<'p> SystemRuns<'p> {
             let ignored =
                 usize::from(system).checked_sub(1).and_then(|i| hidden.get(i)).map_or(view.ignored, Vec::as_slice);
             let view = ContextView { ignored, ..*view };
-            match rewrite_range(&mut rewriter, &view, start..start + run.len(), out, limit) {
+            match rewrite_range(&mut rewriter, &view, start..start + run.len(), out, budget) {
                 Ok(c) => changed |= c,
                 Err(halt) => return (Err(halt), rewriter.vm),
             }
@@ -164,7 +207,7 @@ pub(super) fn rewrite_range(
     view: &ContextView<'_>,
     range: std::ops::Range<usize>,
     out: &mut ModuleString,
-    limit: usize,
+    budget: StringBudget,
 ) -> Result<bool, Halt> {
     let plan = rewriter.settings.plan;
     let mut changed = false;
@@ -178,14 +221,25 @@ pub(super) fn rewrite_range(
             continue;
         }
         let module = view.modules.get(i);
-        let Some(p) = rewriter.select(module, view, i)? else {
+        let selected = if plan.reads_made {
+            // The new string is complete up to this module and lent to the contexts that read it.
+            out.extend(view.modules, copied_to..i);
+            copied_to = i;
+            rewriter.made.lend(out, rewriter.settings.brackets);
+            let selected = rewriter.select(module, view, i);
+            rewriter.made.give_back(out);
+            selected?
+        } else {
+            rewriter.select(module, view, i)?
+        };
+        let Some(p) = selected else {
             i += 1;
             continue;
         };
         // A production applies: copy the unchanged run before the module, then append the successor.
         out.extend(view.modules, copied_to..i);
         rewriter.append_successor(p, module.lineage(), out)?;
-        check_size(out, 0, 0, limit)?;
+        budget.check(out)?;
         changed = true;
         // A predecessor of several modules consumes all of them.
         i += rewriter.planned(p).source.predecessor.len();
@@ -194,6 +248,6 @@ pub(super) fn rewrite_range(
     if copied_to < range.end {
         out.extend(view.modules, copied_to..range.end);
     }
-    check_size(out, 0, 0, limit)?;
+    budget.check(out)?;
     Ok(changed)
 }

@@ -60,6 +60,9 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
     }
 }
 
+/// Levels of interpretations that refer to themselves for which letters are made.
+const MAX_LEVELS: u32 = 8;
+
 struct Writer<'g> {
     grammar: &'g Grammar,
     dialect: Dialect,
@@ -497,7 +500,17 @@ impl<'g> Writer<'g> {
     }
 
     fn production(&mut self, p: &Production) -> String {
+        let head = self.production_head(p);
+        let successor = self.successor(&p.successor);
+        format!("{head} --> {successor}").trim_end().to_owned()
+    }
+
+    /// A production up to its arrow.
+    fn production_head(&mut self, p: &Production) -> String {
         let mut out = String::new();
+        if let Some(ContextElement::Module(f)) = p.new_left.first() {
+            self.fault(f.symbol, "it is a context of the new string");
+        }
         if !p.left.is_empty() {
             let _ = write!(out, "{} < ", self.context(&p.left));
         }
@@ -520,9 +533,7 @@ impl<'g> Writer<'g> {
             }
             _ => self.fault(symbol, "its production draws random numbers before it is chosen"),
         }
-        let successor = self.successor(&p.successor);
-        let _ = write!(out, " --> {successor}");
-        out.trim_end().to_owned()
+        out
     }
 
     fn grammar_text(&mut self) -> String {
@@ -586,8 +597,7 @@ impl<'g> Writer<'g> {
             // The images are interpreted after the homomorphisms of the model, one level deeper.
             let depth = own + u32::from(!self.images.is_empty());
             let _ = writeln!(out, "Homomorphism\nmaximum depth: {depth}");
-            for p in &program.homomorphism.list {
-                let line = self.production(p);
+            for line in self.homomorphisms(own) {
                 let _ = writeln!(out, "{line}");
             }
             for line in &self.images {
@@ -595,6 +605,59 @@ impl<'g> Writer<'g> {
             }
         }
         out + "endlsystem\n"
+    }
+
+    /// The homomorphisms of the model, which expand a symbol `levels` times. The images need one level more, in which a symbol
+    /// that its own homomorphism makes would be expanded again: such symbols get a letter for each level, and the letter of the
+    /// last one is drawn as the symbol itself.
+    fn homomorphisms(&mut self, levels: u32) -> Vec<String> {
+        let list = &self.grammar.program.homomorphism.list;
+        let heads: BTreeSet<SymbolId> = list.iter().filter_map(|p| p.predecessor.first()).map(|f| f.symbol).collect();
+        let made: Vec<TextModule> = list.iter().flat_map(|p| self.attached(&p.successor)).collect();
+        let again: BTreeSet<SymbolId> = made.iter().map(|m| m.symbol).filter(|s| heads.contains(s)).collect();
+        let is_expanded = !self.images.is_empty() && !again.is_empty();
+        if is_expanded && levels > MAX_LEVELS {
+            self.notes.insert(format!(
+                "interpretations that refer to themselves over more than {MAX_LEVELS} levels expand once more"
+            ));
+        }
+        if !is_expanded || levels > MAX_LEVELS {
+            return list.iter().map(|p| self.production(p)).collect();
+        }
+        let mut out = Vec::new();
+        let plain = self.names.clone();
+        let mut names = plain.clone();
+        for level in 0..levels {
+            let next: BTreeMap<SymbolId, String> =
+                again.iter().map(|s| (*s, self.free_letter(*s).to_string())).collect();
+            for p in list {
+                let symbol = p.predecessor.first().map_or(0, |f| f.symbol);
+                // Only symbols with letters are met again after the first level.
+                if level > 0 && !again.contains(&symbol) {
+                    continue;
+                }
+                self.names.clone_from(&names);
+                let head = self.production_head(p);
+                self.names.clone_from(&plain);
+                self.names.extend(next.iter().map(|(s, n)| (*s, n.clone())));
+                let successor = self.successor(&p.successor);
+                out.push(format!("{head} --> {successor}").trim_end().to_owned());
+            }
+            names = plain.clone();
+            names.extend(next);
+        }
+        // What the letters of the last level draw: the image of the symbol, else its command.
+        for symbol in &again {
+            let (Some(own), Some(letter)) = (plain.get(symbol), names.get(symbol)) else { continue };
+            let arities: BTreeSet<usize> = made.iter().filter(|m| m.symbol == *symbol).map(|m| m.args.len()).collect();
+            for n in arities {
+                let head = with_letters(own, n);
+                let image = self.images.iter().find_map(|i| i.strip_prefix(&format!("{head} --> ")));
+                out.push(format!("{} --> {}", with_letters(letter, n), image.unwrap_or(&head)));
+            }
+        }
+        self.names = plain;
+        out
     }
 
     /// Commands that give cpfg's turtle the initial direction, colour and width of the turtle of the other program.

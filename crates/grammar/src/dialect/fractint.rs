@@ -3,7 +3,8 @@
 use super::Reader;
 use super::text::{Piece, lines};
 use crate::program::SuccessorModule;
-use osier_base::diagnostic::nearest;
+use osier_base::diagnostic::{Diagnostic, nearest};
+use std::collections::BTreeMap;
 
 /// Derivation steps where the scene gives none: the order that Fractint begins with.
 const DEFAULT_ORDER: u32 = 4;
@@ -20,9 +21,16 @@ struct Entry<'t> {
     /// Lines between the braces, without comments.
     lines: Vec<Piece<'t>>,
     comment: &'t str,
+    /// Its number among those of its name, from 1.
+    number: usize,
 }
 
 impl Entry<'_> {
+    /// A name that no other entry of the file has.
+    fn own_name(&self) -> String {
+        if self.number == 1 { self.name.text.to_owned() } else { format!("{}({})", self.name.text, self.number) }
+    }
+
     /// An entry with an axiom: any other, such as `comment { .. }`, is text.
     fn is_system(&self) -> bool {
         self.lines.iter().any(|l| l.first_word(&['=']).0.text.eq_ignore_ascii_case("axiom"))
@@ -41,7 +49,7 @@ fn entries(text: &str) -> Vec<Entry<'_>> {
             let before = code.up_to(brace).trimmed();
             let name = if before.text.is_empty() { title } else { before };
             let comment = line.text.split_once(';').map_or("", |(_, c)| c.trim());
-            out.push(Entry { name, lines: Vec::new(), comment });
+            out.push(Entry { name, lines: Vec::new(), comment, number: 1 });
             is_open = true;
             is_open = add_line(&mut out, code.from(brace + 1)) && is_open;
         } else if is_open {
@@ -51,6 +59,12 @@ fn entries(text: &str) -> Vec<Entry<'_>> {
         }
     }
     out.retain(Entry::is_system);
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for e in &mut out {
+        let count = counts.entry(e.name.text.to_lowercase()).or_insert(0);
+        *count += 1;
+        e.number = *count;
+    }
     out
 }
 
@@ -64,15 +78,16 @@ fn add_line<'t>(entries: &mut [Entry<'t>], line: Piece<'t>) -> bool {
     close.is_none()
 }
 
-/// Names of the L-systems in the order of the file.
+/// Names of the L-systems in the order of the file. The second of a name is `NAME(2)`.
 pub(super) fn names(text: &str) -> Vec<String> {
-    entries(text).iter().map(|e| e.name.text.to_owned()).collect()
+    entries(text).iter().map(Entry::own_name).collect()
 }
 
 /// Reads the entry `wanted`, without it the only one of the file; L061 for none or several.
 pub(super) fn read(reader: &mut Reader<'_>, text: &str, file: &str, wanted: Option<&str>) {
     let list = entries(text);
     let Some(entry) = select(reader, &list, file, wanted) else { return };
+    warn_of_namesakes(reader, &list, entry, file);
     entry.name.text.clone_into(&mut reader.label);
     entry.comment.clone_into(&mut reader.description);
     let mut system = System { reader, angle: None, axiom: None, rules: Vec::new() };
@@ -119,6 +134,7 @@ fn select<'e, 't>(
     let found = list
         .iter()
         .find(|e| e.name.text == wanted)
+        .or_else(|| list.iter().find(|e| e.own_name().eq_ignore_ascii_case(wanted)))
         .or_else(|| list.iter().find(|e| e.name.text.eq_ignore_ascii_case(wanted)))
         .or_else(|| list.iter().find(|e| first_word(e.name.text).eq_ignore_ascii_case(wanted)));
     if found.is_none() {
@@ -129,6 +145,23 @@ fn select<'e, 't>(
         reader.session.error_help("L061", format!("the file has no L-system \"{wanted}\""), place, help);
     }
     found
+}
+
+/// L062 if other entries have the name of this one: Fractint draws the first and none of the others.
+fn warn_of_namesakes(reader: &mut Reader<'_>, list: &[Entry<'_>], entry: &Entry<'_>, file: &str) {
+    let others = list.iter().filter(|e| e.name.text.eq_ignore_ascii_case(entry.name.text) && e.number != entry.number);
+    let lines: Vec<String> = others.clone().map(|e| reader.line_number(e.name.at).to_string()).collect();
+    let Some(other) = others.clone().next() else { return };
+    let message = format!("the name \"{}\" is used again in line {}", entry.name.text, lines.join(", "));
+    let help = format!(
+        "rename one of them; \"{file}#{}\" is this one, \"{file}#{}\" the other",
+        entry.own_name(),
+        other.own_name()
+    );
+    let d = Diagnostic::warning("L062", message, reader.place(entry.name.range()).span, "this one is drawn")
+        .label(reader.place(other.name.range()).span, "the other one")
+        .help(help);
+    reader.session.push(d, reader.place(entry.name.range()));
 }
 
 struct Rule {

@@ -173,7 +173,7 @@ impl<'t> File<'_, '_, 't> {
 
     /// Modules of a text without its blanks.
     fn modules(&mut self, parts: &[Piece<'_>]) -> Vec<SuccessorModule> {
-        let ruled: Vec<char> = self.rules.iter().map(|r| r.symbol).collect();
+        let ruled: std::collections::BTreeSet<char> = self.rules.iter().map(|r| r.symbol).collect();
         let chars = parts.iter().flat_map(|p| p.chars()).filter(|(_, c)| !c.is_whitespace());
         let mut out = Vec::new();
         for (at, c) in chars {
@@ -200,9 +200,9 @@ impl<'t> File<'_, '_, 't> {
         let rules: Vec<(char, Vec<Piece<'t>>, SourcePlace)> =
             self.rules.iter().map(|r| (r.symbol, r.successor.clone(), r.place)).collect();
         for (symbol, successor, place) in rules {
-            let successor = self.modules(&successor);
             // Of several rules of a symbol the first one counts.
             if made.insert(symbol) {
+                let successor = self.modules(&successor);
                 self.reader.rule(symbol, successor, place);
             }
         }

@@ -12,7 +12,7 @@ use super::binding::{Dialect, TurtleBindings};
 use super::code::Expr;
 use super::grammar::Grammar;
 use super::notation::Notation;
-use super::preprocess::Define;
+use super::preprocess::{Define, brackets};
 use super::program::{FormalModule, Production, Program, SuccessorModule};
 use super::token::{ParseSession, SourcePlace, Token, TokenKind};
 use super::{GrammarSource, input_error, lint};
@@ -82,6 +82,9 @@ pub(super) fn parse(
     if decoded.is_latin1 {
         let message = format!("\"{}\" is not UTF-8, read as Latin-1", source.name);
         session.warning("L009", message, start, "save the file as UTF-8");
+    }
+    if brackets::check_nesting(&mut session, id, &decoded.text, limits) {
+        return Err(input_error(&mut session, sources));
     }
     // Each reader makes the same program as a grammar of cpfg has.
     let mut reader = Reader::new(&mut session, id, &decoded.text, notation);
@@ -185,6 +188,7 @@ impl<'s> Reader<'s> {
             left: Vec::new(),
             predecessor: vec![FormalModule { symbol, arity: 0, slot: 0, place }],
             right: Vec::new(),
+            new_left: Vec::new(),
             before: None,
             condition: None,
             after: None,

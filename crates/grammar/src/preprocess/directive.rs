@@ -211,9 +211,15 @@ impl Preprocessor<'_> {
         let end = line.last().map_or(place.span.end, |t| t.place.span.end);
         // The comment behind a definition on its line describes it in `osier list options`.
         let behind = |c: &&Span| c.source == place.span.source && c.start >= end && !slice(end, c.start).contains('\n');
-        let comment = self.comments.iter().find(behind).map_or_else(String::new, |c| self.comment_text(*c));
+        // Comments are sorted by source and place, since each file is read as a whole.
+        let source = place.span.source;
+        let first = self.comments.partition_point(|c| (c.source, c.start) < (source, end));
+        let comment = self.comments.get(first).filter(behind).map_or_else(String::new, |c| self.comment_text(*c));
+        let is_known = !self.defined.insert(name);
         let name = self.session.names.get(name).to_owned();
-        self.defines.retain(|d| d.name != name);
+        if is_known {
+            self.defines.retain(|d| d.name != name);
+        }
         self.defines.push(Define { name, value, written, span: place.span, value_span, comment });
     }
 

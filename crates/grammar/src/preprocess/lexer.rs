@@ -1,6 +1,7 @@
 //! Bytes to text to tokens: encodings, spliced lines, comments.
 
 use crate::token::{ParseSession, SourcePlace, Token, TokenKind};
+use osier_base::convert::saturating_index;
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 
 /// Text of a file's bytes and whether they had to be read as Latin-1. A byte order mark is dropped; line ends of a lone CR
@@ -58,7 +59,7 @@ pub(super) fn lex(session: &mut ParseSession, source: SourceId, text: &str) -> L
 }
 
 /// Characters with their byte offsets; backslash-newline removed, CRLF and CR turned into LF.
-fn splice(text: &str) -> Vec<(usize, char)> {
+fn splice(text: &str) -> Vec<(u32, char)> {
     let bytes = text.as_bytes();
     let mut out = Vec::with_capacity(text.len());
     // Offsets refer to the original text, so that locations stay exact across spliced lines.
@@ -79,8 +80,8 @@ fn splice(text: &str) -> Vec<(usize, char)> {
                 skip_to = if bytes.get(i + 2) == Some(&b'\n') { i + 3 } else { i + 2 };
             }
             '\r' if bytes.get(i + 1) == Some(&b'\n') => {}
-            '\r' => out.push((i, '\n')),
-            c => out.push((i, c)),
+            '\r' => out.push((saturating_index(i), '\n')),
+            c => out.push((saturating_index(i), c)),
         }
     }
     out
@@ -139,7 +140,8 @@ fn looks_like_modules(text: &str, touches: bool) -> bool {
 struct Lexer<'a> {
     session: &'a mut ParseSession,
     source: SourceId,
-    chars: Vec<(usize, char)>,
+    /// With offsets of 32 bits: texts are limited far below that, and a long one takes half the memory.
+    chars: Vec<(u32, char)>,
     i: usize,
     end: usize,
     rule: RuleState,
@@ -161,7 +163,7 @@ impl Lexer<'_> {
     }
 
     fn offset(&self) -> usize {
-        self.chars.get(self.i).map_or(self.end, |c| c.0)
+        self.chars.get(self.i).map_or(self.end, |c| c.0 as usize)
     }
 
     fn run(&mut self) {
@@ -192,7 +194,10 @@ impl Lexer<'_> {
                 '\0' => {
                     let place = SourcePlace::bare(Span::new(self.source, start, start + 1));
                     self.session.error("L001", "unexpected NUL byte, expected text", place, "NUL byte");
-                    self.i += 1;
+                    // A run of them, as a damaged disk leaves it, is one error.
+                    while self.peek(0) == Some('\0') {
+                        self.i += 1;
+                    }
                     continue;
                 }
                 _ => {}
@@ -222,7 +227,7 @@ impl Lexer<'_> {
 
     /// End of the character before the cursor.
     fn last_end(&self) -> usize {
-        self.i.checked_sub(1).and_then(|i| self.chars.get(i)).map_or(0, |(o, c)| o + c.len_utf8())
+        self.i.checked_sub(1).and_then(|i| self.chars.get(i)).map_or(0, |(o, c)| *o as usize + c.len_utf8())
     }
 
     fn newline(&mut self, start: usize) {

@@ -1,5 +1,6 @@
 //! The preprocessor: a grammar file and what it includes become one list of expanded tokens.
 
+pub(super) mod brackets;
 mod define;
 mod directive;
 mod expand;
@@ -65,6 +66,8 @@ struct Preprocessor<'a> {
     comments: Vec<Span>,
     conditions: Vec<OpenConditional>,
     defines: Vec<Define>,
+    /// Names of all definitions so far.
+    defined: std::collections::BTreeSet<u32>,
     included: u64,
     produced: u64,
     depth: u32,
@@ -118,6 +121,7 @@ pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: Prep
         comments: Vec::new(),
         conditions: Vec::new(),
         defines: Vec::new(),
+        defined: std::collections::BTreeSet::new(),
         included: 0,
         produced: 0,
         depth: 0,
@@ -176,6 +180,10 @@ impl Preprocessor<'_> {
         if latin1 {
             let help = "save the file as UTF-8";
             self.session.warning("L009", format!("\"{name}\" is not UTF-8, read as Latin-1"), start, help);
+        }
+        if brackets::check_nesting(self.session, source, &text, self.limits) {
+            self.is_foreign = true;
+            return;
         }
         let lexed = lexer::lex(self.session, source, &text);
         // Files of other programs would only produce misleading errors; stop at the first line that identifies one.

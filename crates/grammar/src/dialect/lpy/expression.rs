@@ -24,11 +24,17 @@ const CUT: f64 = 1e18;
 pub(super) struct Refusal {
     pub construct: String,
     pub range: Range<usize>,
+    /// How to write it so that it can be read; `None`: the general advice.
+    pub remedy: Option<&'static str>,
 }
 
 impl Refusal {
     pub fn new(construct: impl Into<String>, range: Range<usize>) -> Self {
-        Self { construct: construct.into(), range }
+        Self { construct: construct.into(), range, remedy: None }
+    }
+
+    pub fn remedy(self, remedy: &'static str) -> Self {
+        Self { remedy: Some(remedy), ..self }
     }
 }
 
@@ -113,7 +119,13 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             out.push(PyToken { kind: PyTokenKind::Name(rest[..n].to_owned()), range: at..at + n });
             i += n;
         } else if c == '"' || c == '\'' {
-            return Err(Refusal::new("a text in quotes", at..at + rest.len()));
+            let inner = &rest[1..];
+            let Some(n) = inner.find(c) else {
+                return Err(Refusal::new("a text in quotes that does not end", at..at + rest.len()));
+            };
+            // Texts are compared and handed on, no more: a number that no other text has stands for each.
+            out.push(PyToken { kind: PyTokenKind::Number(text_number(&inner[..n])), range: at..at + n + 2 });
+            i += n + 2;
         } else if let Some(sign) = SIGNS.iter().find(|s| rest.starts_with(**s)) {
             out.push(PyToken { kind: PyTokenKind::Sign(sign), range: at..at + sign.len() });
             i += sign.len();
@@ -122,6 +134,12 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
         }
     }
     Ok(out)
+}
+
+/// The number that stands for a text: whole, above a million, and exact in single precision, so that parameters keep it.
+fn text_number(text: &str) -> f64 {
+    let hash = osier_base::rng::word(text) % 15_000_000;
+    f64::from(saturating_index(usize::try_from(hash).unwrap_or(0))) + 1_000_000.0
 }
 
 fn number_length(text: &str) -> usize {
@@ -389,6 +407,14 @@ impl PyParser {
                 // Modules of functions: math.sin is sin.
                 let mut name = first;
                 while self.sign() == Some(".") {
+                    // A coordinate of a vector, which a query answers with.
+                    if let Some(PyTokenKind::Name(axis)) = self.tokens.get(self.i + 1).map(|t| &t.kind)
+                        && matches!(axis.as_str(), "x" | "y" | "z")
+                    {
+                        name = format!("{name}.{axis}");
+                        self.i += 2;
+                        continue;
+                    }
                     if !matches!(name.as_str(), "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m") {
                         return Err(Refusal::new(format!("an attribute of '{name}'"), self.here()));
                     }
@@ -595,7 +621,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 return resolve(&body, scope, depth + 1);
             }
             match (name.as_str(), args.as_slice()) {
-                ("range" | "xrange", _) => numbers_of_range(&args, scope, range)?,
+                ("range" | "xrange" | "arange", _) => numbers_of_range(&args, scope, range)?,
                 ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(saturating_index(items.len()))),
                 ("sum", [PyExpr::List(items, _)]) => {
                     let add = |a, b| PyExpr::Binary(PyOp::Add, Box::new(a), Box::new(b));

@@ -1,13 +1,14 @@
 //! Files of L-Py whose productions are rules and expressions: no more of Python than constants, lists, functions with a value, `if`
 //! and `for` over a constant range. A production with `if` becomes one production for each way through it.
 
+mod bounds;
 mod color;
 mod expression;
 mod rule;
 mod statement;
 mod strings;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use self::expression::{PyExpr, Refusal, Scope, compile, has_random, parse, resolve};
@@ -16,10 +17,15 @@ use self::statement::{FunctionValue, Statement, assign_statement, at_semicolons}
 use self::strings::{modules, spell, split};
 use super::Reader;
 use super::text::{Piece, lines};
-use crate::code::{Bytecode, Op};
+use crate::code::Op;
 use crate::program::IgnoredSymbols;
 use crate::symbols::SymbolId;
+use crate::token::SourcePlace;
 use crate::vm;
+
+/// Functions that L-Py runs at the beginning, around each step and around each drawing.
+const CALLED_FUNCTIONS: [&str; 6] =
+    ["Start", "StartEach", "EndEach", "StartInterpretation", "EndInterpretation", "PostDraw"];
 
 /// A line that is not blank; `indent` in columns.
 #[derive(Debug, Clone, Copy)]
@@ -54,6 +60,17 @@ struct Model<'r, 's> {
     /// Values of shared names before the first step, for items that need a constant.
     initial: BTreeMap<String, f64>,
     temporaries: usize,
+    /// Places of the loops that run as code, which each block with loops has a copy of.
+    loop_places: Vec<SourcePlace>,
+    /// How many parameters `*args` stands for in the present reading of a head.
+    star: usize,
+    /// Lists that the head of the present rule names.
+    rule_lists: Vec<String>,
+    /// Names and numbers of parameters of modules as the text has them.
+    arities: BTreeSet<(String, usize)>,
+    /// Lines of the functions that L-Py runs, which are read when all values of the model are known: name, first and last line
+    /// of the body, place.
+    run_later: Vec<(String, Range<usize>, Range<usize>)>,
 }
 
 /// Code of the functions that L-Py runs between the steps.
@@ -83,14 +100,23 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         shared: Vec::new(),
         initial: BTreeMap::new(),
         temporaries: 0,
+        loop_places: Vec::new(),
+        star: 0,
+        rule_lists: Vec::new(),
+        arities: BTreeSet::new(),
+        run_later: Vec::new(),
     };
     model.shared_names(&list);
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
     model.declarations(&list);
+    model.arities = arities(&plain, &model.declared);
     let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
     model.reader.palette = color::palette(&pieces);
     model.lines(&list);
+    for (name, body, place) in std::mem::take(&mut model.run_later) {
+        model.called_function(&name, list.get(body).unwrap_or(&[]), &place);
+    }
     model.finish(text);
 }
 
@@ -163,6 +189,35 @@ fn without_comments(text: &str) -> String {
     String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
 }
 
+/// Names of modules with the numbers of parameters that the text gives them; of texts without `*` among parameters none, as
+/// nothing asks for them.
+fn arities(text: &str, declared: &[String]) -> BTreeSet<(String, usize)> {
+    let mut out = BTreeSet::new();
+    if !text.contains("(*") && !text.contains(",*") && !text.contains(", *") {
+        return out;
+    }
+    let single = text.chars().filter(char::is_ascii_alphabetic).map(|c| c.to_string()).collect::<BTreeSet<_>>();
+    for name in declared.iter().cloned().chain(single) {
+        for (i, _) in text.match_indices(name.as_str()) {
+            // A longer word is another name, unless it is a row of modules: those of single letters cannot be told from it.
+            let after = &text[i + name.len()..];
+            let is_word = |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
+            if name.len() > 1 && (is_word(text[..i].chars().next_back()) || is_word(after.chars().next())) {
+                continue;
+            }
+            let Some(inner) = after.strip_prefix('(') else {
+                continue;
+            };
+            let Some(close) = strings::closing(inner) else { continue };
+            let params = split(Piece::new(0, &inner[..close]));
+            if !params.iter().any(|p| p.text.starts_with('*')) {
+                out.insert((name.clone(), params.len()));
+            }
+        }
+    }
+    out
+}
+
 /// A line with its indentation; `None` for a blank one.
 fn line_of(piece: Piece<'_>) -> Option<Line<'_>> {
     let trimmed = piece.trimmed();
@@ -201,8 +256,10 @@ impl<'s> Model<'_, 's> {
         let place = self.reader.place(why.range.clone());
         let line = self.reader.line_number(why.range.start);
         let message = format!("this is L-Py with Python code, line {line}: {}", why.construct);
-        let help = "osier reads rules, expressions, constants, lists, functions with a value, 'if', and 'for' over a constant \
-                    range; pass what a production needs as parameters of its modules";
+        let help = why.remedy.unwrap_or(
+            "osier reads rules, expressions, constants, lists, functions with a value, 'if', 'while', and 'for' over a range; pass \
+             what a production needs as parameters of its modules",
+        );
         self.reader.session.error_help("L007", message, place, help);
     }
 
@@ -460,7 +517,12 @@ impl<'s> Model<'_, 's> {
                 return next;
             }
             "def" => {
-                self.function(rest, block, &range);
+                let name = rest.text.split('(').next().unwrap_or("").trim();
+                if CALLED_FUNCTIONS.contains(&name) {
+                    self.run_later.push((name.to_owned(), i + 1..next, range));
+                } else {
+                    self.function(rest, block, &range);
+                }
                 return next;
             }
             "class" | "if" | "for" | "while" | "try" | "with" | "raise" | "del" => {
@@ -599,32 +661,32 @@ impl<'s> Model<'_, 's> {
             Some((params, body))
         };
         let head = parsed();
-        let called = ["Start", "StartEach", "EndEach", "StartInterpretation", "EndInterpretation", "PostDraw"];
-        if !called.contains(&name.as_str()) {
-            // A function that rules call: its body stands behind the colon or in the block.
-            let Some((params, body)) = head else { return };
-            let inline = [Line { indent: 0, piece: body }];
-            let lines = if body.text.is_empty() { block } else { &inline };
-            let value = self.statements(lines, 0).and_then(|mut list| {
-                list.reverse();
-                let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
-                let mut function = FunctionValue { scope: &self.scope, place: range.clone(), count: 0 };
-                function.of(list, params.clone(), values, 0)
-            });
-            match value {
-                Ok(value) => {
-                    self.scope.functions.insert(name, (params, value));
-                }
-                // A call of a function that could not be read is refused there.
-                Err(_) => {
-                    self.scope.functions.remove(&name);
-                }
+        // A function that rules call: its body stands behind the colon or in the block.
+        let Some((params, body)) = head else { return };
+        let inline = [Line { indent: 0, piece: body }];
+        let lines = if body.text.is_empty() { block } else { &inline };
+        let value = self.statements(lines, 0).and_then(|mut list| {
+            list.reverse();
+            let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
+            let mut function = FunctionValue { scope: &self.scope, place: range.clone(), count: 0 };
+            function.of(list, params.clone(), values, 0)
+        });
+        match value {
+            Ok(value) => {
+                self.scope.functions.insert(name, (params, value));
             }
-            return;
+            // A call of a function that could not be read is refused there.
+            Err(_) => {
+                self.scope.functions.remove(&name);
+            }
         }
+    }
+
+    /// Reads a function that L-Py runs, which becomes a block.
+    fn called_function(&mut self, name: &str, block: &[Line<'_>], range: &Range<usize>) {
         match self.run_function(block) {
             Ok(code) => {
-                let to = match name.as_str() {
+                let to = match name {
                     "Start" => &mut self.functions.start,
                     "StartEach" => &mut self.functions.start_each,
                     "EndEach" => &mut self.functions.end_each,
@@ -636,7 +698,7 @@ impl<'s> Model<'_, 's> {
             Err(why) => {
                 let construct = format!("the function '{name}', which L-Py runs: {}", why.construct);
                 let range = if why.range.is_empty() { range.clone() } else { why.range };
-                self.refuse(&Refusal::new(construct, range));
+                self.refuse(&Refusal { construct, range, remedy: why.remedy });
             }
         }
     }
@@ -709,8 +771,28 @@ impl<'s> Model<'_, 's> {
                         ops[end] = Op::Jump(ops.len());
                     }
                 }
+                Statement::While(test, body, place, _) => {
+                    // test, JumpIfZero behind the loop, body, Jump to the test.
+                    let start = ops.len();
+                    ops.push(Op::Count(self.loop_places.len()));
+                    self.loop_places.push(self.reader.place(place.clone()));
+                    let code = compile(test, &self.scope)?;
+                    let offset = ops.len();
+                    ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
+                    let skip = ops.len();
+                    ops.push(Op::Pop);
+                    self.block_code(body, declared, ops)?;
+                    ops.push(Op::Jump(start));
+                    ops[skip] = Op::JumpIfZero(ops.len());
+                }
+                Statement::Break(place) | Statement::Continue(place) => {
+                    let why = Refusal::new("'break' or 'continue' in a function that L-Py runs", place.clone());
+                    return Err(why.remedy("put the condition into the test of the loop"));
+                }
+                Statement::TurnEnd | Statement::LoopEnd => {}
                 Statement::For(_, _, _, place) => {
-                    return Err(Refusal::new("'for' in a function", place.clone()));
+                    let why = Refusal::new("'for' in a function that L-Py runs", place.clone());
+                    return Err(why.remedy("count with 'while'"));
                 }
                 Statement::Produce(modules, _) => {
                     let range = modules.first().map_or(0..0, |m| m.range.clone());
@@ -728,15 +810,15 @@ impl<'s> Model<'_, 's> {
             let help = "write: Axiom: F";
             self.reader.session.error_help("L003", "the model has no axiom".into(), place, help);
         }
-        let blocks = &mut self.reader.program.blocks;
-        blocks.globals = self.scope.globals.len();
         // Values of the model first, wherever they are written, then the function that begins a run.
         let offset = self.start.len();
         self.start.extend(self.functions.start.iter().map(|op| shifted(*op, offset)));
-        let block = |ops: Vec<Op>| (!ops.is_empty()).then(|| Bytecode { ops, ..Bytecode::default() });
-        blocks.start = block(self.start);
-        blocks.start_each = block(self.functions.start_each);
-        blocks.end_each = block(self.functions.end_each);
+        let [start, start_each, end_each] =
+            [self.start.clone(), self.functions.start_each.clone(), self.functions.end_each.clone()]
+                .map(|ops| (!ops.is_empty()).then(|| self.bytecode(ops)));
+        let blocks = &mut self.reader.program.blocks;
+        blocks.globals = self.scope.globals.len();
+        (blocks.start, blocks.start_each, blocks.end_each) = (start, start_each, end_each);
     }
 }
 

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use super::bounds::Bounds;
 use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse, resolve, size_with, substitute};
-use super::statement::{Statement, in_turn};
+use super::statement::{Statement, assigned, in_turn, only_computes};
 use super::strings::{PyModule, Spelled, modules, spell};
-use super::{Line, Model, Section, block_after, colon, shifted};
+use super::{Line, Model, Section, block_after, colon, shifted, strings};
 use crate::code::{Bytecode, Expr, Op, UnaryOp, is_zero};
 use crate::dialect::text::Piece;
 use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
@@ -20,14 +21,72 @@ const MAX_STEPS: usize = 20_000;
 const MAX_COUNTED: f64 = 100.0;
 /// Turns that are read of a loop whose end has no known bound.
 const MAX_UNKNOWN: u32 = 64;
+/// Turns of a `while` whose tests are known, which are written out.
+const MAX_KNOWN_TURNS: u32 = 2_000;
 /// Most modules of the successor of one way; a production that makes more is refused.
 const MAX_MODULES: usize = 1 << 20;
+
+/// Appends a test and a place for the jump where it is 0; returns that place.
+fn push_test(ops: &mut Vec<Op>, test: &Bytecode) -> usize {
+    let offset = ops.len();
+    ops.extend(test.ops.iter().map(|op| shifted(*op, offset)));
+    ops.push(Op::Pop);
+    ops.len() - 1
+}
+
+/// The end of `range(end)`.
+fn range_end(list: &PyExpr) -> Option<PyExpr> {
+    match list {
+        PyExpr::Call(name, args, _) if name.ends_with("range") && args.len() == 1 => args.first().cloned(),
+        _ => None,
+    }
+}
+
+/// Beginning, end and positive step of a `range(..)`.
+fn range_of_loop(list: &PyExpr) -> Option<(PyExpr, PyExpr, f64)> {
+    let PyExpr::Call(name, args, _) = list else { return None };
+    if !name.ends_with("range") {
+        return None;
+    }
+    match args.as_slice() {
+        [end] => Some((PyExpr::Number(0.0), end.clone(), 1.0)),
+        [from, end] => Some((from.clone(), end.clone(), 1.0)),
+        [from, end, PyExpr::Number(step)] if *step > 0.0 => Some((from.clone(), end.clone(), *step)),
+        _ => None,
+    }
+}
 
 /// One step of a way through a production: an assignment, or a condition with the value it has on this way.
 #[derive(Debug, Clone)]
 pub(super) enum Step {
     Assign(String, PyExpr),
     Condition(PyExpr, bool),
+    /// A `while` loop of statements that only compute.
+    Loop(PyExpr, Vec<Statement>, Range<usize>),
+}
+
+impl Step {
+    fn assigns(&self, name: &str) -> bool {
+        match self {
+            Self::Assign(n, _) => n == name,
+            Self::Condition(..) => false,
+            Self::Loop(_, body, _) => names_of(body).0.iter().any(|n| n == name),
+        }
+    }
+}
+
+/// Names that statements assign, and names that they declare `global`.
+fn names_of(statements: &[Statement]) -> (Vec<String>, Vec<String>) {
+    let (mut names, mut globals) = (Vec::new(), Vec::new());
+    assigned(statements, &mut names, &mut globals);
+    (names, globals)
+}
+
+/// Jumps of a loop whose targets are known at its end.
+#[derive(Debug, Default)]
+struct LoopJumps {
+    breaks: Vec<usize>,
+    continues: Vec<usize>,
 }
 
 /// A way through a production: what it computes, and what it makes.
@@ -40,12 +99,14 @@ pub(super) struct Way {
     globals: Vec<String>,
     /// Variables that the way has assigned, with their values where these are numbers whatever the parameters are.
     known: BTreeMap<String, Option<f64>>,
+    /// What its conditions leave of the values of its variables.
+    bounds: Bounds,
 }
 
 impl Way {
     /// Names declared `global` on the way that it also assigns.
     fn written(&self) -> Vec<&String> {
-        let assigns = |name: &String| self.steps.iter().any(|s| matches!(s, Step::Assign(n, _) if n == name));
+        let assigns = |name: &String| self.steps.iter().any(|s| s.assigns(name));
         self.globals.iter().filter(|g| assigns(g)).collect()
     }
 
@@ -60,6 +121,7 @@ struct Head {
     left: Vec<ContextElement>,
     formals: Vec<FormalModule>,
     right: Vec<ContextElement>,
+    new_left: Vec<ContextElement>,
     /// What the parameters of its modules must be.
     conditions: Vec<PyExpr>,
     place: SourcePlace,
@@ -100,11 +162,42 @@ impl Model<'_, '_> {
             self.reader.session.warning("L008", message, place, "move it before the groups, or after 'endgroup'");
             return next;
         }
+        let Some(statements) = self.settle(statements) else { return next };
+        // With `*args` there is a production for each number of parameters that the model gives the module.
+        for star in self.star_lengths(head) {
+            self.star = star;
+            self.scope.locals.clear();
+            if self.rule_of(head, condition, statements.clone()).is_none() {
+                break;
+            }
+        }
+        for name in std::mem::take(&mut self.rule_lists) {
+            self.scope.lists.remove(&name);
+        }
+        next
+    }
+
+    /// Numbers of parameters that the `*args` of a head may stand for; a single 0 without one.
+    fn star_lengths(&self, head: Piece<'_>) -> Vec<usize> {
+        // Signs of contexts are no names of modules.
+        let plain = head.text.replace(['<', '>'], " ");
+        let Ok(spelled) = spell(Piece::new(head.at, &plain), &self.declared) else { return vec![0] };
+        for s in spelled {
+            let Some(params) = s.params.filter(|p| p.last().is_some_and(|p| p.text.starts_with('*'))) else { continue };
+            let fixed = params.len() - 1;
+            let known = self.arities.iter().filter(|(name, _)| *name == s.name);
+            let lengths: Vec<usize> = known.filter_map(|(_, n)| n.checked_sub(fixed)).collect();
+            return if lengths.is_empty() { vec![0] } else { lengths };
+        }
+        vec![0]
+    }
+
+    /// The productions of one reading of a head; `None` after an error.
+    fn rule_of(&mut self, head: Piece<'_>, condition: Option<Piece<'_>>, mut statements: Vec<Statement>) -> Option<()> {
         let heads = self.heads(head);
-        let Some(head) = self.settle(heads) else { return next };
-        let Some(mut statements) = self.settle(statements) else { return next };
+        let head = self.settle(heads)?;
         if let Some(condition) = condition {
-            let Some(test) = self.settle(parse(condition)) else { return next };
+            let test = self.settle(parse(condition))?;
             // `head : condition --> successor` is `head: if condition: produce successor`.
             statements = vec![Statement::If(vec![(test, statements)], Vec::new())];
         }
@@ -112,7 +205,7 @@ impl Model<'_, '_> {
             statements = vec![Statement::If(vec![(test, statements)], Vec::new())];
         }
         let ways = self.ways(&statements);
-        let Some(ways) = self.settle(ways) else { return next };
+        let ways = self.settle(ways)?;
         // A way without modules still assigns variables of the model; the next production is tried after it.
         for way in ways.iter().filter(|w| w.produced || !w.written().is_empty()) {
             if let Some(production) = self.production(&head, way) {
@@ -124,14 +217,27 @@ impl Model<'_, '_> {
                 }
             }
         }
-        next
+        Some(())
     }
 
     /// Left context, predecessor and right context, whose parameters become local variables.
     fn heads(&mut self, head: Piece<'_>) -> Result<Head, Refusal> {
         let text = head.text;
-        if text.contains("<<") || text.contains(">>") {
-            return Err(Refusal::new("a context of the new string ('<<', '>>')", head.range()));
+        if text.contains(">>") {
+            let why = Refusal::new("a context of the new string to the right ('>>')", head.range());
+            return Err(why.remedy(
+                "osier rewrites from left to right, where the new string is there only to the left ('<<'); write '>', which \
+                 reads the string before the step",
+            ));
+        }
+        // `new << left < predecessor > right`
+        let (made, head) = match text.find("<<") {
+            Some(i) => (Some(head.up_to(i)), head.from(i + 2)),
+            None => (None, head),
+        };
+        let text = head.text;
+        if made.is_some() && self.section != Section::Rules {
+            return Err(Refusal::new("a context of the new string ('<<') outside of productions", head.range()));
         }
         // Signs within parentheses are no contexts.
         let outside = |c: char| {
@@ -162,7 +268,8 @@ impl Model<'_, '_> {
         };
         let left = context(self, less.map(|i| head.up_to(i)))?;
         let right = context(self, greater.map(|i| head.from(i + 1)))?;
-        Ok(Head { left, formals, right, conditions, place })
+        let new_left = context(self, made)?;
+        Ok(Head { left, formals, right, new_left, conditions, place })
     }
 
     fn elements(&mut self, piece: Piece<'_>, conditions: &mut Vec<PyExpr>) -> Result<Vec<ContextElement>, Refusal> {
@@ -178,10 +285,11 @@ impl Model<'_, '_> {
                     list.next();
                     out.push(ContextElement::Close);
                 }
-                "*" => return Err(Refusal::new("'*', which stands for any module", s.range)),
-                "?P" | "?H" | "?U" | "?L" | "?R" | "?F" => {
-                    return Err(Refusal::new(format!("the query '{}'", s.name), s.range));
+                "*" => {
+                    let why = Refusal::new("'*', which stands for any module", s.range);
+                    return Err(why.remedy("write one production for each module that it stands for"));
                 }
+                "?R" | "?F" => return Err(strings::frame_query(&s.name, s.range)),
                 _ => out.push(ContextElement::Module(self.formal(&s, conditions)?)),
             }
         }
@@ -194,7 +302,15 @@ impl Model<'_, '_> {
         let slot = u16::try_from(self.scope.locals.len());
         let slot = slot.map_err(|_| Refusal::new("more than 65,535 parameters", s.range.clone()))?;
         let params = s.params.as_deref().unwrap_or(&[]);
-        for p in params {
+        let list = |names: &[String]| {
+            PyExpr::List(names.iter().map(|n| PyExpr::Name(n.clone(), s.range.clone())).collect(), s.range.clone())
+        };
+        // A query has three numbers, which one name holds as a vector: `?P(v)` has `v.x` and `v[0]`.
+        let is_vector = strings::QUERIES.contains(&s.name.as_str()) && params.len() < 3;
+        // `A(x, *args)` takes whatever number of parameters there is beyond the first: `star` in this reading of the head.
+        let star = params.last().filter(|p| p.text.starts_with('*') && !p.text.starts_with("**"));
+        let plain = if is_vector { &[][..] } else { &params[..params.len() - usize::from(star.is_some())] };
+        for p in plain {
             let (name, condition) = match p.text.find(" if ") {
                 Some(i) => (p.up_to(i).trimmed(), Some(p.from(i + " if ".len()).trimmed())),
                 None => (*p, None),
@@ -221,8 +337,22 @@ impl Model<'_, '_> {
             let own = Box::new(PyExpr::Name(hidden, p.range()));
             conditions.push(PyExpr::Binary(PyOp::Eq, own, Box::new(PyExpr::Number(value))));
         }
-        let arity =
-            u8::try_from(params.len()).map_err(|_| Refusal::new("more than 255 parameters", s.range.clone()))?;
+        let mut arity = plain.len();
+        let mut group = None;
+        if is_vector {
+            let name = params.first().map_or("(query)", |p| p.text);
+            group = Some((name.to_owned(), ["x", "y", "z"].map(|axis| format!("{name}.{axis}")).to_vec()));
+        } else if let Some(star) = star {
+            let name = star.text.trim_start_matches('*').trim();
+            group = Some((name.to_owned(), (0..self.star).map(|k| format!("{name} ({k})")).collect()));
+        }
+        if let Some((name, names)) = group {
+            self.scope.lists.insert(name.clone(), list(&names));
+            self.rule_lists.push(name);
+            arity += names.len();
+            self.scope.locals.extend(names);
+        }
+        let arity = u8::try_from(arity).map_err(|_| Refusal::new("more than 255 parameters", s.range.clone()))?;
         let symbol = self.symbol(&s.name).ok_or_else(|| Refusal::new("more than 65,535 symbols", s.range.clone()))?;
         Ok(FormalModule { symbol, arity, slot, place })
     }
@@ -258,6 +388,7 @@ impl Model<'_, '_> {
                 Statement::Assign(name, e) => {
                     let value = self.known_value(&e, &way);
                     way.known.insert(name.clone(), value);
+                    way.bounds.assign(&name, &e, &self.scope);
                     way.steps.push(Step::Assign(name, e));
                     open.push((way, left));
                 }
@@ -273,7 +404,7 @@ impl Model<'_, '_> {
                 Statement::If(tests, other) => {
                     // Pushed in reverse, so that the first alternative is continued first.
                     let mut alternatives = Vec::new();
-                    let mut decided = false;
+                    let (mut decided, mut impossible) = (false, false);
                     for (test, then) in tests {
                         // Tests of numbers alone, such as those of the variable of a loop, leave one way.
                         match self.known_value(&test, &way) {
@@ -285,12 +416,34 @@ impl Model<'_, '_> {
                             }
                             None => {}
                         }
+                        // Conditions before may have decided this one; what draws is tested all the same.
+                        let draws = has_random(&test, &self.scope);
+                        match way.bounds.decide(&test, &self.scope).filter(|_| !draws) {
+                            Some(false) => continue,
+                            Some(true) => {
+                                left.extend(then.into_iter().rev());
+                                decided = true;
+                                break;
+                            }
+                            None => {}
+                        }
                         let mut taken = way.clone();
                         taken.steps.push(Step::Condition(test.clone(), true));
                         let mut rest = left.clone();
                         rest.extend(then.into_iter().rev());
-                        alternatives.push((taken, rest));
+                        if draws || taken.bounds.refine(&test, true, &self.scope) {
+                            alternatives.push((taken, rest));
+                        }
+                        impossible = !draws && !way.bounds.refine(&test, false, &self.scope);
+                        if impossible {
+                            break;
+                        }
                         way.steps.push(Step::Condition(test, false));
+                    }
+                    // Nothing but the alternatives is left where one of the tests must hold.
+                    if impossible {
+                        open.extend(alternatives.into_iter().rev());
+                        continue;
                     }
                     if !decided {
                         left.extend(other.into_iter().rev());
@@ -301,19 +454,40 @@ impl Model<'_, '_> {
                 Statement::For(name, list, body, place) => {
                     match self.turns(&list, &place) {
                         Ok(turns) => {
+                            left.push(Statement::LoopEnd);
                             if turns.len().saturating_mul(body.len() + 1) > MAX_STEPS {
                                 return Err(Refusal::new("'for' with too many turns", place));
                             }
                             for value in turns.iter().rev() {
+                                left.push(Statement::TurnEnd);
                                 left.extend(body.iter().rev().map(|s| in_turn(s, &name, *value)));
                                 left.push(Statement::Assign(name.clone(), PyExpr::Number(*value)));
                             }
+                        }
+                        // A loop that only computes runs as often as it must.
+                        Err(_) if only_computes(&body) && range_end(&list).is_some() => {
+                            let count = format!("(turn {})", self.temporaries);
+                            self.temporaries += 1;
+                            let at = |n: &str| PyExpr::Name(n.to_owned(), place.clone());
+                            let end = range_end(&list).unwrap_or(PyExpr::Number(0.0));
+                            let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(end));
+                            let one = Box::new(PyExpr::Number(1.0));
+                            let next = PyExpr::Binary(PyOp::Add, Box::new(at(&count)), one);
+                            // Counted first, so that `continue` does not pass over it.
+                            let mut turn = vec![
+                                Statement::Assign(name.clone(), at(&count)),
+                                Statement::Assign(count.clone(), next),
+                            ];
+                            turn.extend(body.iter().cloned());
+                            left.push(Statement::While(test, turn, place, 0));
+                            left.push(Statement::Assign(count, PyExpr::Number(0.0)));
                         }
                         // As many turns as there may be, each inside a condition that the loop gets that far.
                         Err(why) => {
                             let (end, most) = self.last_turn(&list, &way, &place).ok_or(why)?;
                             let count = format!("(turns {})", self.temporaries);
                             self.temporaries += 1;
+                            way.bounds.assign(&count, &end, &self.scope);
                             way.steps.push(Step::Assign(count.clone(), end));
                             let mut inner = Vec::new();
                             for k in (0..most).rev() {
@@ -323,12 +497,74 @@ impl Model<'_, '_> {
                                 let test = PyExpr::Binary(PyOp::Lt, Box::new(number.clone()), Box::new(end));
                                 let mut turn = vec![Statement::Assign(name.clone(), number)];
                                 turn.extend(body.iter().map(|s| in_turn(s, &name, value)));
+                                turn.push(Statement::TurnEnd);
                                 turn.append(&mut inner);
                                 inner = vec![Statement::If(vec![(test, turn)], Vec::new())];
                             }
+                            left.push(Statement::LoopEnd);
                             left.append(&mut inner);
                         }
                     }
+                    open.push((way, left));
+                }
+                Statement::While(test, body, place, turn) => {
+                    if turn == 0 {
+                        left.push(Statement::LoopEnd);
+                    }
+                    match self.known_value(&test, &way) {
+                        Some(value) if is_zero(value) => open.push((way, left)),
+                        // Counted by numbers alone: the turns are written out, so that what they make is known.
+                        Some(_) if !only_computes(&body) || turn > 0 => {
+                            if turn > MAX_KNOWN_TURNS {
+                                return Err(Refusal::new("'while' with too many turns", place));
+                            }
+                            left.push(Statement::While(test, body.clone(), place, turn + 1));
+                            left.push(Statement::TurnEnd);
+                            left.extend(body.into_iter().rev());
+                            open.push((way, left));
+                        }
+                        _ if only_computes(&body) => {
+                            let (names, globals) = names_of(&body);
+                            names.iter().for_each(|n| way.bounds.forget(n));
+                            way.known.extend(names.into_iter().map(|n| (n, None)));
+                            way.globals.extend(globals);
+                            way.steps.push(Step::Loop(test, body, place));
+                            open.push((way, left));
+                        }
+                        _ => {
+                            if turn == MAX_UNKNOWN {
+                                let at = self.reader.place(place);
+                                let message =
+                                    format!("this 'while' makes modules: read with up to {MAX_UNKNOWN} turns");
+                                let help = "further turns are left out; make one module in a turn, by a production that repeats";
+                                self.reader.session.warning("L008", message, at, help);
+                                open.push((way, left));
+                                continue;
+                            }
+                            let mut taken = way.clone();
+                            taken.steps.push(Step::Condition(test.clone(), true));
+                            let draws = has_random(&test, &self.scope);
+                            let goes_on = draws || taken.bounds.refine(&test, true, &self.scope);
+                            let ends = draws || way.bounds.refine(&test, false, &self.scope);
+                            let mut rest = left.clone();
+                            rest.push(Statement::While(test.clone(), body.clone(), place, turn + 1));
+                            rest.push(Statement::TurnEnd);
+                            rest.extend(body.into_iter().rev());
+                            way.steps.push(Step::Condition(test, false));
+                            open.extend(Some((way, left)).filter(|_| ends));
+                            open.extend(Some((taken, rest)).filter(|_| goes_on));
+                        }
+                    }
+                }
+                Statement::TurnEnd | Statement::LoopEnd => open.push((way, left)),
+                Statement::Break(place) => {
+                    let at = left.iter().rposition(|s| matches!(s, Statement::LoopEnd));
+                    left.truncate(at.ok_or_else(|| Refusal::new("'break' outside of a loop", place))?);
+                    open.push((way, left));
+                }
+                Statement::Continue(place) => {
+                    let at = left.iter().rposition(|s| matches!(s, Statement::TurnEnd));
+                    left.truncate(at.ok_or_else(|| Refusal::new("'continue' outside of a loop", place))?);
                     open.push((way, left));
                 }
             }
@@ -390,8 +626,14 @@ impl Model<'_, '_> {
     fn is_readable(&self, e: &PyExpr, way: &Way) -> bool {
         let mut scope = self.scope.clone();
         for step in &way.steps {
-            if let Step::Assign(name, _) = step {
-                scope.local(name);
+            match step {
+                Step::Assign(name, _) => {
+                    scope.local(name);
+                }
+                Step::Loop(_, body, _) => names_of(body).0.iter().for_each(|name| {
+                    scope.local(name);
+                }),
+                Step::Condition(..) => {}
             }
         }
         compile(e, &scope).is_ok()
@@ -408,11 +650,13 @@ impl Model<'_, '_> {
             PyExpr::Name(name, _) => {
                 // The last assignment before this place counts; what it reads was assigned before it.
                 let last = steps.iter().enumerate().rev().find_map(|(i, s)| match s {
-                    Step::Assign(n, e) if n == name => Some((i, e)),
+                    Step::Assign(n, e) if n == name => Some((i, Some(e))),
+                    // A loop may assign anything.
+                    Step::Loop(..) if s.assigns(name) => Some((i, None)),
                     _ => None,
                 });
                 match last {
-                    Some((i, e)) => self.at_most(e, &steps[..i], depth + 1),
+                    Some((i, e)) => self.at_most(e?, &steps[..i], depth + 1),
                     None => fixed(e),
                 }
             }
@@ -447,6 +691,10 @@ impl Model<'_, '_> {
     fn produce(&mut self, way: &mut Way, modules: &[PyModule], ends: bool) {
         for m in modules {
             let mut module = m.clone();
+            // A list that cannot be read is refused where the successor is made.
+            if let Ok(args) = self.spread(&m.args) {
+                module.args = args;
+            }
             for arg in module.args.iter_mut().filter(|a| !ends && !matches!(a, PyExpr::Number(_))) {
                 let name = format!("(value {})", self.temporaries);
                 self.temporaries += 1;
@@ -469,6 +717,7 @@ impl Model<'_, '_> {
                     left: head.left.clone(),
                     predecessor: head.formals.clone(),
                     right: head.right.clone(),
+                    new_left: head.new_left.clone(),
                     before,
                     condition,
                     after: None,
@@ -492,7 +741,7 @@ impl Model<'_, '_> {
             let test = |s: &Step| match s {
                 Step::Condition(e, true) => Some(e.clone()),
                 Step::Condition(e, false) => Some(PyExpr::Not(Box::new(e.clone()))),
-                Step::Assign(..) => None,
+                Step::Assign(..) | Step::Loop(..) => None,
             };
             let all = way.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
             return Ok((None, all.map(|e| compile(&e, &self.scope)).transpose()?));
@@ -506,6 +755,10 @@ impl Model<'_, '_> {
             let (e, store) = match step {
                 Step::Assign(name, e) => (e, Some(name)),
                 Step::Condition(e, _) => (e, None),
+                Step::Loop(test, body, place) => {
+                    self.loop_code(test, body, place, &mut ops)?;
+                    continue;
+                }
             };
             let code = compile(e, &self.scope)?;
             let offset = ops.len();
@@ -519,7 +772,7 @@ impl Model<'_, '_> {
                     failures.push(ops.len());
                     ops.push(Op::Pop);
                 }
-                (None, Step::Assign(..)) => {}
+                (None, Step::Assign(..) | Step::Loop(..)) => {}
             }
         }
         // Until here they were local variables: only the way that is taken changes those of the model.
@@ -536,7 +789,117 @@ impl Model<'_, '_> {
         ops.extend([Op::Const(0.0), Op::StoreLocal(result)]);
         ops[jump] = Op::Jump(ops.len());
         let condition = Bytecode { ops: vec![Op::Local(result)], ..Bytecode::default() };
-        Ok((Some(Bytecode { ops, ..Bytecode::default() }), Some(condition)))
+        Ok((Some(self.bytecode(ops)), Some(condition)))
+    }
+
+    /// Code with the places of its loops.
+    pub(super) fn bytecode(&self, ops: Vec<Op>) -> Bytecode {
+        let has_loops = ops.iter().any(|op| matches!(op, Op::Count(_)));
+        let places = if has_loops { self.loop_places.clone() } else { Vec::new() };
+        Bytecode { ops, places, ..Bytecode::default() }
+    }
+
+    /// Appends a loop: test, JumpIfZero to its end, body, Jump to the test.
+    fn loop_code(
+        &mut self,
+        test: &PyExpr,
+        body: &[Statement],
+        place: &Range<usize>,
+        ops: &mut Vec<Op>,
+    ) -> Result<(), Refusal> {
+        // Names that the body assigns exist before it, so that the test may read them.
+        for name in names_of(body).0 {
+            self.scope.local(&name);
+        }
+        let start = ops.len();
+        ops.push(Op::Count(self.loop_places.len()));
+        self.loop_places.push(self.reader.place(place.clone()));
+        let skip = push_test(ops, &compile(test, &self.scope)?);
+        let mut jumps = LoopJumps::default();
+        self.computing_code(body, ops, &mut jumps)?;
+        for at in jumps.continues {
+            ops[at] = Op::Jump(start);
+        }
+        ops.push(Op::Jump(start));
+        ops[skip] = Op::JumpIfZero(ops.len());
+        for at in jumps.breaks {
+            ops[at] = Op::Jump(ops.len());
+        }
+        Ok(())
+    }
+
+    /// Appends statements that only compute. `jumps`: those of the loop around them.
+    fn computing_code(&mut self, body: &[Statement], ops: &mut Vec<Op>, jumps: &mut LoopJumps) -> Result<(), Refusal> {
+        for statement in body {
+            match statement {
+                Statement::Assign(name, e) => {
+                    let code = compile(e, &self.scope)?;
+                    let offset = ops.len();
+                    ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
+                    ops.push(Op::StoreLocal(self.scope.local(name)));
+                }
+                Statement::If(tests, other) => {
+                    let mut ends = Vec::new();
+                    for (test, then) in tests {
+                        let skip = push_test(ops, &compile(test, &self.scope)?);
+                        self.computing_code(then, ops, jumps)?;
+                        ends.push(ops.len());
+                        ops.push(Op::Pop);
+                        ops[skip] = Op::JumpIfZero(ops.len());
+                    }
+                    self.computing_code(other, ops, jumps)?;
+                    for end in ends {
+                        ops[end] = Op::Jump(ops.len());
+                    }
+                }
+                Statement::While(test, inner, place, _) => self.loop_code(test, inner, place, ops)?,
+                Statement::For(name, list, inner, place) => {
+                    let count = format!("(turn {})", self.temporaries);
+                    self.temporaries += 1;
+                    let (from, end, step) = range_of_loop(list)
+                        .ok_or_else(|| Refusal::new("'for' over a list in a loop", place.clone()))?;
+                    let at = |n: &str| PyExpr::Name(n.to_owned(), place.clone());
+                    let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(end));
+                    let next = PyExpr::Binary(PyOp::Add, Box::new(at(&count)), Box::new(PyExpr::Number(step)));
+                    let mut turn =
+                        vec![Statement::Assign(name.clone(), at(&count)), Statement::Assign(count.clone(), next)];
+                    turn.extend(inner.iter().cloned());
+                    let code = compile(&from, &self.scope)?;
+                    let offset = ops.len();
+                    ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
+                    ops.push(Op::StoreLocal(self.scope.local(&count)));
+                    self.loop_code(&test, &turn, place, ops)?;
+                }
+                Statement::Break(_) => {
+                    jumps.breaks.push(ops.len());
+                    ops.push(Op::Pop);
+                }
+                Statement::Continue(_) => {
+                    jumps.continues.push(ops.len());
+                    ops.push(Op::Pop);
+                }
+                // The names of `global` are known from the way; nothing else is left in a loop that only computes.
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// The arguments of a module, `*list` replaced by the items of the list.
+    fn spread(&self, args: &[PyExpr]) -> Result<Vec<PyExpr>, Refusal> {
+        let mut out = Vec::with_capacity(args.len());
+        for arg in args {
+            match arg {
+                PyExpr::Call(star, list, range) if star == "*" => {
+                    match list.first().map(|l| resolve(l, &self.scope, 0)).transpose()? {
+                        Some(PyExpr::List(items, _)) => out.extend(items),
+                        _ => return Err(Refusal::new("'*' before something other than a list", range.clone())),
+                    }
+                }
+                _ => out.push(arg.clone()),
+            }
+        }
+        Ok(out)
     }
 
     pub(super) fn successor(&mut self, list: &[PyModule]) -> Option<Vec<SuccessorModule>> {
@@ -544,7 +907,8 @@ impl Model<'_, '_> {
         for m in list {
             let place = self.reader.place(m.range.clone());
             let mut args = Vec::new();
-            for arg in &m.args {
+            let spread = self.spread(&m.args);
+            for arg in &self.settle(spread)? {
                 let code = compile(arg, &self.scope);
                 args.push(self.settle(code)?.into_expr());
             }

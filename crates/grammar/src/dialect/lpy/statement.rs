@@ -22,6 +22,14 @@ pub(super) enum Statement {
     Produce(Vec<PyModule>, bool),
     /// Names whose assignments change variables of the model.
     Global(Vec<String>),
+    /// Test, body, place of the heading, and how many turns lie behind it where it is written out turn by turn.
+    While(PyExpr, Vec<Statement>, Range<usize>, u32),
+    Break(Range<usize>),
+    Continue(Range<usize>),
+    /// Where a `continue` goes on in a loop that is written out turn by turn.
+    TurnEnd,
+    /// Where a `break` goes on.
+    LoopEnd,
     /// A function has a value, a production has none.
     Return(Option<PyExpr>, Range<usize>),
     Pass,
@@ -56,6 +64,8 @@ impl Model<'_, '_> {
                 }
                 // What these do does not reach the string of modules.
                 "pass" | "print" | "assert" => out.push(Statement::Pass),
+                // A text alone describes a function.
+                _ if piece.text.starts_with(['"', '\'']) => {}
                 "global" => out.push(Statement::Global(split(rest).iter().map(|n| n.text.to_owned()).collect())),
                 "return" if rest.text.is_empty() || rest.text == "None" => {
                     out.push(Statement::Return(None, piece.range()));
@@ -89,8 +99,16 @@ impl Model<'_, '_> {
                     let inner = body(self, rest.from(c + 1))?;
                     out.push(Statement::For(name, list, inner, piece.range()));
                 }
-                "while" | "try" | "with" | "import" | "from" | "def" | "class" | "raise" | "del" | "sproduce"
-                | "nsproduce" | "lambda" => {
+                "while" => {
+                    let c = colon(rest).ok_or_else(|| Refusal::new("'while' without ':'", piece.range()))?;
+                    let test = parse(rest.up_to(c))?;
+                    let inner = body(self, rest.from(c + 1))?;
+                    out.push(Statement::While(test, inner, piece.range(), 0));
+                }
+                "break" => out.push(Statement::Break(piece.range())),
+                "continue" => out.push(Statement::Continue(piece.range())),
+                "try" | "with" | "import" | "from" | "def" | "class" | "raise" | "del" | "sproduce" | "nsproduce"
+                | "lambda" => {
                     return Err(Refusal::new(format!("'{}' in a production", word.text), piece.range()));
                 }
                 _ => out.extend(assign_statements(piece)?),
@@ -175,7 +193,38 @@ pub(super) fn in_turn(s: &Statement, name: &String, value: f64) -> Statement {
             let list = substitute(list, std::slice::from_ref(name), &[PyExpr::Number(value)]);
             Statement::For(own.clone(), list, all(body), place.clone())
         }
+        Statement::While(test, body, place, turn) => Statement::While(test.clone(), all(body), place.clone(), *turn),
         other => other.clone(),
+    }
+}
+
+/// True if statements only compute: a loop of them becomes code that runs as often as it must.
+pub(super) fn only_computes(statements: &[Statement]) -> bool {
+    statements.iter().all(|s| match s {
+        Statement::If(tests, other) => tests.iter().all(|(_, then)| only_computes(then)) && only_computes(other),
+        Statement::For(_, _, body, _) | Statement::While(_, body, ..) => only_computes(body),
+        Statement::Produce(..) | Statement::Return(..) => false,
+        _ => true,
+    })
+}
+
+/// Names that statements assign, and those that they declare `global`.
+pub(super) fn assigned(statements: &[Statement], names: &mut Vec<String>, globals: &mut Vec<String>) {
+    for s in statements {
+        match s {
+            Statement::Assign(name, _) => names.push(name.clone()),
+            Statement::Global(list) => globals.extend(list.iter().cloned()),
+            Statement::If(tests, other) => {
+                tests.iter().for_each(|(_, then)| assigned(then, names, globals));
+                assigned(other, names, globals);
+            }
+            Statement::For(name, _, body, _) => {
+                names.push(name.clone());
+                assigned(body, names, globals);
+            }
+            Statement::While(_, body, ..) => assigned(body, names, globals),
+            _ => {}
+        }
     }
 }
 
@@ -280,6 +329,21 @@ impl FunctionValue<'_> {
                 }
                 Statement::Return(Some(e), _) => return self.value(&e, &names, &values),
                 Statement::Return(None, place) => return Err(Refusal::new("a function without a value", place)),
+                // Each test must be known, as in a loop that counts: the turns are written out.
+                Statement::While(test, body, place, turn) => {
+                    let now = self.value(&test, &names, &values)?;
+                    let known = known_value(&now, &names);
+                    let known =
+                        known.ok_or_else(|| Refusal::new("'while' in a function with a value", place.clone()))?;
+                    if !is_zero(known) {
+                        statements.push(Statement::While(test, body.clone(), place, turn + 1));
+                        statements.extend(body.into_iter().rev());
+                    }
+                }
+                Statement::Break(place) | Statement::Continue(place) => {
+                    return Err(Refusal::new("'break' or 'continue' in a function with a value", place));
+                }
+                Statement::TurnEnd | Statement::LoopEnd => {}
                 Statement::Global(_) | Statement::Produce(..) => {
                     return Err(Refusal::new("a function that changes the model", self.place.clone()));
                 }

@@ -102,6 +102,15 @@ const OBJECTS: [&str; 8] = [
     "TextureTransformation",
 ];
 
+/// Queries whose answers are three numbers.
+pub(super) const QUERIES: [&str; 4] = ["?P", "?H", "?U", "?L"];
+
+/// The refusal of a query whose answer is more than a vector.
+pub(super) fn frame_query(name: &str, range: Range<usize>) -> Refusal {
+    let why = Refusal::new(format!("the query '{name}'"), range);
+    why.remedy("ask for its parts: ?P (position), ?H (heading), ?L (left) and ?U (up)")
+}
+
 /// A module of a string, its parameters as text.
 #[derive(Debug, Clone)]
 pub(super) struct Spelled<'t> {
@@ -231,6 +240,18 @@ fn coordinates(piece: Piece<'_>) -> Vec<Piece<'_>> {
     if parts.len() == 3 { parts } else { vec![piece] }
 }
 
+/// An argument of a module: an expression, or `*list`, which is kept as a call of `*`.
+fn argument(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
+    if piece.text.starts_with("**") {
+        let why = Refusal::new("'**', arguments by name", piece.range());
+        return Err(why.remedy("write the parameters of the module in their order"));
+    }
+    match piece.text.strip_prefix('*') {
+        Some(_) => Ok(PyExpr::Call("*".into(), vec![parse(piece.from(1).trimmed())?], piece.range())),
+        None => parse(piece),
+    }
+}
+
 /// Modules of a successor in their order; none if it is a single `*`, the empty string.
 pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyModule>, Refusal> {
     let spelled = spell(piece, declared)?;
@@ -241,14 +262,18 @@ pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyMod
         return Ok(Vec::new());
     }
     let module = |s: Spelled<'_>| {
-        if s.name.starts_with('?') && s.name.len() > 1 {
-            return Err(Refusal::new(format!("the query '{}'", s.name), s.range));
+        if matches!(s.name.as_str(), "?R" | "?F") {
+            return Err(frame_query(&s.name, s.range));
+        }
+        // The turtle answers with three numbers, whatever the model gives.
+        if QUERIES.contains(&s.name.as_str()) && s.params.as_ref().map_or(0, Vec::len) != 3 {
+            return Ok(PyModule { name: s.name, args: vec![PyExpr::Number(0.0); 3], range: s.range });
         }
         // Parameters of these commands are objects that change only the surface of a drawing: they are left out.
         let is_object = OBJECTS.contains(&s.name.as_str()) || matches!(s.name.as_str(), "@g" | "@L");
         let args = match &s.params {
             Some(params) if !is_object => {
-                params.iter().flat_map(|p| coordinates(*p)).map(parse).collect::<Result<Vec<_>, _>>()?
+                params.iter().flat_map(|p| coordinates(*p)).map(argument).collect::<Result<Vec<_>, _>>()?
             }
             _ => Vec::new(),
         };

@@ -7,7 +7,7 @@ use super::interpreter::{Turtle, TurtleState, color_index};
 use super::options::TurtleOptions;
 use osier_base::math;
 use osier_base::units::radians;
-use osier_grammar::{Dialect, DialectSettings, Module, SymbolId};
+use osier_grammar::{Dialect, DialectSettings, Module, QueryAnswer, QueryValue, SymbolId};
 use osier_scene::plant::Plant;
 
 /// Diameter of the lines of a drawing in the plane: a share of its median step, so that dense curves stay legible, limited to
@@ -43,6 +43,8 @@ const MAX_NUMBER: usize = 64;
 /// A command of the turtle of another program.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum DialectCommand {
+    /// L-Py: asks for position, heading, left or up, by the letter after `?`.
+    Query(char),
     /// Fractint: moves by the integer pointer (`F`, `G`); true draws.
     Units(bool),
     /// Fractint: moves by the pointer in degrees (`D`, `M`); true draws.
@@ -335,6 +337,7 @@ fn lpy_name(name: &str) -> Option<DialectCommand> {
         "@Ts" => C::Elasticity,
         "@Tp" => C::Tropism,
         "@Gc" | "@Ge" | "Frame" | "InterpolateColors" | "SectionResolution" | "@2D" | "@3D" | "@L" => C::Ignored,
+        "?P" | "?H" | "?L" | "?U" => C::Query(name.chars().nth(1)?),
         _ if name.starts_with("Texture") || name.starts_with('?') => C::Ignored,
         _ if name.starts_with('~') => C::Surface(name.chars().nth(1)?),
         "EulerAngles" | "LeftReflection" | "UpReflection" | "HeadingReflection" | "@g" | "SetContour" | "SetGuide"
@@ -533,6 +536,18 @@ impl Turtle<'_> {
         self.step(step, m, draws, adds_vertex);
     }
 
+    /// Answers a query in the axes of L-Py, whose +Z is up: world axes are (x, z, -y) of them.
+    fn lpy_query(&mut self, letter: char) {
+        let v = match letter {
+            'H' => self.s.frame.h,
+            'L' => self.s.frame.l,
+            'U' => self.s.frame.u,
+            _ => self.s.p / self.options.unit_m,
+        };
+        let value = QueryValue::Vector([v.x, -v.z, v.y]);
+        self.answers.answers.push(QueryAnswer { module: self.index, value });
+    }
+
     /// Performs a command that only L-Py has.
     fn lpy_command(&mut self, command: DialectCommand, given: Option<f64>, m: Module<'_>) {
         use DialectCommand as C;
@@ -548,6 +563,7 @@ impl Turtle<'_> {
                 }
                 self.bend();
             }
+            C::Query(letter) => self.lpy_query(letter),
             C::Path => {
                 self.close_segment();
                 self.step(given.unwrap_or(1.0), m, true, true);

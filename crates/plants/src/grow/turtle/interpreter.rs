@@ -63,6 +63,9 @@ pub(super) struct TurtleState {
     attachment: Attachment,
 }
 
+/// Corners of a polygon. Own: the time to divide one into triangles grows with the square of their number.
+const MAX_CORNERS: usize = 20_000;
+
 /// A polygon between `{` and `}`.
 #[derive(Debug)]
 struct Polygon {
@@ -554,9 +557,12 @@ impl<'a> Turtle<'a> {
 
     /// Adds a corner to the innermost unfinished polygon; ignored outside of polygons.
     pub(super) fn vertex_at(&mut self, p: DVec3) {
-        if let Some(polygon) = self.polygons.last_mut() {
-            polygon.corners.push(p);
+        let Some(polygon) = self.polygons.last_mut() else { return };
+        if polygon.corners.len() >= MAX_CORNERS {
+            let message = format!("a polygon of more than {MAX_CORNERS} corners");
+            return self.halt("L051", '{', message, "close it earlier with '}', or draw the outline without a polygon");
         }
+        polygon.corners.push(p);
     }
 
     /// Moves ahead by `length` (turtle units), bent by the tropisms before the step and by the old tropism after it.
