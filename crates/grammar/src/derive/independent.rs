@@ -19,6 +19,9 @@ use osier_base::limits::{Limits, grouped};
 
 /// Modules up to which a string is stored without counting them first; counting a string of this length takes milliseconds.
 const COUNTED_FROM: u128 = 1 << 20;
+/// Factor on the limit of modules from which the upper bound of a prediction is an explosion. Own: conditions of models that stop
+/// growing leave bounds far beyond it too, whose short derivations cost little.
+const EXPLOSION: u128 = 50;
 /// Factor on the expected length of a text: random growth exceeds it by a few percent.
 const TEXT_MARGIN: f64 = 1.1;
 /// Values of global variables over all steps that are kept, if blocks change them from step to step.
@@ -119,6 +122,14 @@ impl Derivation<'_> {
         let bounds = DerivationBounds::new(self.length, deferred.last_step, self.limits);
         let streams = self.vm.streams;
         let plan = self.plans.rules.main();
+        // Where conditions decide whether the string explodes, short derivations tell it in less time than the whole one.
+        let upper = predict(self.grammar, deferred.last_step, plan.stochastic).upper;
+        if upper > EXPLOSION * u128::from(bounds.max_modules)
+            && let Some((step, counts)) = self.first_step_beyond(&deferred, streams, bounds)
+            && step < bounds.last_step
+        {
+            return Err(self.too_long(&counts, step));
+        }
         let mut run = deferred.restart(self.grammar, plan, streams, bounds);
         let (mut string, mut text) = (ModuleString::default(), None);
         let result = match storage {
@@ -126,7 +137,6 @@ impl Derivation<'_> {
             Storage::Text => self.write_text(&mut run, bounds).map(|t| text = Some(t)),
             Storage::String => {
                 // Count before a long string is stored: if it passes a limit, it is refused without its memory.
-                let upper = predict(self.grammar, deferred.last_step, plan.stochastic).upper;
                 let counted = if upper > COUNTED_FROM { count(&mut run, bounds) } else { Ok(()) };
                 counted.and_then(|()| {
                     run = deferred.restart(self.grammar, plan, streams, bounds);
@@ -223,29 +233,45 @@ impl Derivation<'_> {
         if halt != Halt::Modules {
             return self.halt_report(halt);
         }
+        match self.first_step_beyond(deferred, streams, bounds) {
+            Some((step, counts)) => self.too_long(&counts, step),
+            None => self.halt_report(halt),
+        }
+    }
+
+    /// The first step whose string passes the limit of modules, if it comes before the last step, else the last step; with the
+    /// counts of a derivation of about that length. `None` if one of these derivations halts for another reason.
+    fn first_step_beyond(
+        &self,
+        deferred: &Deferred,
+        streams: RandomStreams,
+        bounds: DerivationBounds,
+    ) -> Option<(u32, DerivationCounts)> {
         // Depth first, a derivation that grows too long is halted somewhere in its last step. The first step that passes the
         // limit is found by counting shorter derivations.
         let mut fits = 0;
         let mut passes = bounds.last_step;
         let mut counts = DerivationCounts::default();
-        while passes - fits > 1 {
+        while passes > fits + 1 {
             // Doubles the steps, but stays within the steps that the growth so far predicts to fit or to pass.
             let expected = counts.step_beyond(bounds.max_modules, fits);
             let last_step = (fits * 2).max(1).min(expected.unwrap_or(u32::MAX)).clamp(fits + 1, passes - 1);
             let probe = DerivationBounds { last_step, ..bounds };
             let mut run = deferred.restart(self.grammar, self.plans.rules.main(), streams, probe);
-            if run.run(&mut CountingSink).is_ok() {
-                fits = last_step;
-            } else {
-                passes = last_step;
-                // If the growth agrees with the prediction, the longest count, that of the step before, is skipped.
-                if expected == Some(last_step) {
-                    break;
+            match run.run(&mut CountingSink) {
+                Ok(()) => fits = last_step,
+                Err(Halt::Modules) => {
+                    passes = last_step;
+                    // If the growth agrees with the prediction, the longest count, that of the step before, is skipped.
+                    if expected == Some(last_step) {
+                        return Some((passes, run.counts));
+                    }
                 }
+                Err(_) => return None,
             }
             counts = run.counts;
         }
-        self.too_long(&counts, passes)
+        Some((passes, counts))
     }
 
     /// L051 for a string that passes the limit in `step`.
