@@ -148,7 +148,6 @@ fn twigs_in_leaf_are_not_bare() {
     for name in names() {
         let trees = grow_all(&seeds(&name, species(&name, 1).age, 1..=2), &Site::default());
         let found: Vec<_> = trees.iter().map(bare_wood).collect();
-        println!("{name}: {found:?}");
         // Inside the crowns of spruces and poplars limbs are bare, and the twigs of weeping willows hang down by metres.
         let whips = if matches!(name.as_str(), "poplar" | "spruce" | "willow") { 1.0 } else { 0.03 };
         if found.iter().any(|f| f.ends > 0.03 || f.whips > whips) {
