@@ -199,18 +199,21 @@ impl GltfDocument<'_> {
             meshes.len()
         );
         self.warnings.push(Warning { code: "X003", message });
-        for (k, LeafMesh { mesh, frames, shapes }) in meshes.iter().enumerate() {
+        for (k, LeafMesh { mesh, frames, shapes }) in meshes.into_iter().enumerate() {
+            let shape = |points| MorphShape { points, normals: Vec::new(), unseen: Vec::new() };
+            let shapes: Vec<MorphShape> = shapes.into_iter().map(shape).collect();
             let name = if k == 0 { "leaves".to_owned() } else { format!("leaves_{}", k + 1) };
             let mesh_source = MeshSource {
                 name: &name,
                 label: &label,
-                mesh,
+                mesh: &mesh,
                 geometry: GeometryKind::Mesh,
                 skin: None,
                 shapes: &[],
                 cube: None,
             };
-            self.add_morphing_mesh(nodes, mesh_source, MorphTrack { frames, shapes }, "mesh")?;
+            let track = MorphTrack { frames: &frames, shapes: &shapes };
+            self.add_morphing_mesh(nodes, mesh_source, track, "mesh")?;
         }
         Ok(())
     }

@@ -15,10 +15,9 @@ use glam::Vec3;
 
 use super::options::GltfOptions;
 use super::simplify::{BLADE_DEVIATION, area, compact, with_fewer_triangles};
-use super::tracks::MorphShape;
 use crate::merge::transform_normal;
 use osier_base::Result;
-use osier_base::convert::saturating_index;
+use osier_base::convert::{limit, saturating_index};
 use osier_base::math;
 use osier_base::rng::mix64;
 use osier_scene::{
@@ -79,7 +78,7 @@ impl RecordedShape {
 
 /// Numbers of leaves and shapes that the budget allows.
 #[derive(Debug, Clone, Copy)]
-struct Limits {
+struct LeafBudget {
     /// Leaves of a shape, if each were in all shapes.
     leaves: usize,
     /// Shapes besides the last one.
@@ -101,7 +100,7 @@ pub(super) struct LeafShapes {
     seen: usize,
     /// Interval of the recorded frames.
     stride: usize,
-    limits: Limits,
+    budget: LeafBudget,
     /// Of the scene, which the keys depend on.
     seed: u64,
 }
@@ -112,8 +111,8 @@ pub(super) struct LeafMesh {
     pub mesh: Mesh,
     /// Indices of the frames at which it has a shape, increasing, including the first and the last recorded one.
     pub frames: Vec<usize>,
-    /// One for each of `frames`.
-    pub shapes: Vec<MorphShape>,
+    /// Points of the mesh, one list for each of `frames`.
+    pub shapes: Vec<Vec<Vec3>>,
 }
 
 /// The leaves of a plant as meshes that morph.
@@ -154,14 +153,14 @@ impl LeafShapes {
         if leaves == 0 || all <= options.nodes {
             return None;
         }
-        let limits = limits(scene.clip.len(), options);
+        let budget = leaf_budget(scene.clip.len(), options);
         Some(Self {
             frames: Vec::new(),
             shapes: Vec::new(),
             waiting: None,
             seen: 0,
-            stride: scene.clip.len().saturating_sub(1).div_ceil(limits.shapes.max(1)).max(1),
-            limits,
+            stride: scene.clip.len().saturating_sub(1).div_ceil(budget.shapes.max(1)).max(1),
+            budget,
             seed: scene.seed,
         })
     }
@@ -207,7 +206,7 @@ impl LeafShapes {
         let alive = leaves.len();
         // The same leaves stay from shape to shape, spread over the crown: keys are hashes of their ids.
         leaves.sort_unstable_by_key(|leaf| (leaf.key, leaf.id));
-        leaves.truncate(self.limits.leaves);
+        leaves.truncate(self.budget.leaves);
         RecordedShape { alive, leaves }
     }
 
@@ -258,9 +257,9 @@ impl LeafShapes {
         if mesh.triangles.is_empty() {
             return None;
         }
-        let points_at = |k: usize| {
+        let points_at = |k: &usize| {
             let of = |run: &Run| {
-                let place = run.place(k);
+                let place = run.place(*k);
                 blade_of(run).into_iter().flat_map(move |blade| blade.points.iter().map(move |p| place.apply(*p)))
             };
             group.iter().flat_map(of).collect()
@@ -271,10 +270,9 @@ impl LeafShapes {
         let mut kept: Vec<usize> = [0, last].into_iter().chain(first.saturating_sub(1)..=end.min(last)).collect();
         kept.sort_unstable();
         kept.dedup();
-        let shape = |k: &usize| MorphShape { points: points_at(*k), normals: Vec::new(), unseen: Vec::new() };
         Some(LeafMesh {
             mesh,
-            shapes: kept.iter().map(shape).collect(),
+            shapes: kept.iter().map(points_at).collect(),
             frames: kept.iter().map(|k| self.frames[*k]).collect(),
         })
     }
@@ -282,7 +280,7 @@ impl LeafShapes {
     /// The largest number of leaves in a shape with which all runs are within the budget: shapes with fewer have all of their
     /// leaves.
     fn most_at_once(&self, longest: f32) -> usize {
-        let (mut low, mut high) = (1, self.limits.leaves);
+        let (mut low, mut high) = (1, self.budget.leaves);
         // With more leaves in each shape there are more runs: bisection.
         while low < high {
             let middle = low + (high - low).div_ceil(2);
@@ -297,7 +295,7 @@ impl LeafShapes {
 
     /// Estimated bytes of the meshes of runs.
     fn bytes(&self, runs: &[Run]) -> usize {
-        let position = self.limits.position;
+        let position = self.budget.position;
         let of_group = |group: &[Run]| {
             let targets = group.iter().map(|run| run.places.len()).max().unwrap_or(0);
             group.len() * BLADE_VERTICES * (VERTEX_BYTES + position * (1 + targets))
@@ -356,16 +354,15 @@ fn simple_blades(asset: &Asset, label: &str) -> Result<Vec<Vec<Mesh>>> {
 }
 
 /// Numbers of leaves and shapes for so many frames.
-fn limits(frames: usize, options: &GltfOptions) -> Limits {
+fn leaf_budget(frames: usize, options: &GltfOptions) -> LeafBudget {
     let shapes = frames.saturating_sub(1).clamp(1, MOST_SHAPES);
     let position = options.target_position_bytes();
-    Limits { leaves: (LEAF_BUDGET / (BLADE_VERTICES * position * (shapes + 1))).max(1), shapes, position }
+    LeafBudget { leaves: (LEAF_BUDGET / (BLADE_VERTICES * position * (shapes + 1))).max(1), shapes, position }
 }
 
 /// Estimated bytes of the shapes of so many growing leaves over so many frames.
 pub(super) fn estimate(leaves: u64, frames: u64, options: &GltfOptions) -> u64 {
-    let frames = usize::try_from(frames).unwrap_or(usize::MAX);
-    let Limits { shapes, position, .. } = limits(frames, options);
+    let LeafBudget { shapes, position, .. } = leaf_budget(limit(frames), options);
     // If every leaf had a blade in every shape.
     let all = leaves.saturating_mul((BLADE_VERTICES * (VERTEX_BYTES + position * (shapes + 1))) as u64);
     all.min(LEAF_BUDGET as u64)
@@ -388,7 +385,7 @@ mod tests {
             waiting: None,
             seen: frames.len(),
             stride: 1,
-            limits: limits(frames.len(), &GltfOptions::default()),
+            budget: leaf_budget(frames.len(), &GltfOptions::default()),
             seed: 0,
         }
     }

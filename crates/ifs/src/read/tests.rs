@@ -295,7 +295,7 @@ fn keys_that_would_be_ignored_are_faults() {
     assert_eq!(codes("abcdef = [0.5, 0, 0, 0.5, 0, 0], rq = [0.5, 0.5, 0, 0]", disc), ["I033"]);
     assert_eq!(codes("abcdef = [0.5, 0, 0, 0.5, 0, 0], shift = [1, 0]", disc), ["I033"]);
     assert_eq!(codes("rq = [0.5, 0.5, 0, 0], shift = [1, 0]", disc), [] as [&str; 0]);
-    assert_eq!(codes(map, "disc = { center = [0, 0], radus = 2 }"), ["I032"]);
+    assert_eq!(codes(map, "disc = { center = [0, 0], breadth = 2 }"), ["I032"]);
     assert_eq!(codes(map, "disc = { center = [0, 0], radius = -1 }"), ["I041"]);
     assert_eq!(codes(map, "segment = { from = [0, 0], to = [0, 1], width = 1 }"), ["I032"]);
     assert_eq!(codes(map, "segment = { from = [0, 0], to = [0, 1], radius = -0.1 }"), ["I041"]);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use osier_base::convert::saturating_index;
+use osier_base::convert::{limit, saturating_index};
 
 use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp};
 use crate::dialect::text::Piece;
@@ -139,7 +139,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
 /// The number that stands for a text: whole, above a million, and exact in single precision, so that parameters keep it.
 fn text_number(text: &str) -> f64 {
     let hash = osier_base::rng::word(text) % 15_000_000;
-    f64::from(saturating_index(usize::try_from(hash).unwrap_or(0))) + 1_000_000.0
+    f64::from(saturating_index(limit(hash))) + 1_000_000.0
 }
 
 fn number_length(text: &str) -> usize {
