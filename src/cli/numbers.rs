@@ -54,7 +54,11 @@ pub fn key_values(text: &str) -> Result<KeyValues, String> {
             // Keys that take whole numbers refuse `3.0`, so whole values are written without a point.
             let is_whole = a.fract() == 0.0 && b.fract() == 0.0 && ((b - a) / f64::from((n - 1).max(1))).fract() == 0.0;
             // N evenly spaced values, both ends included; a single one is A.
-            let value = |i: u32| a + (b - a) * f64::from(i) / f64::from((n - 1).max(1));
+            let value = |i: u32| {
+                let v = a + (b - a) * f64::from(i) / f64::from((n - 1).max(1));
+                // The middle of -0.1 to 0.1 is 0, and not the rounding error of its computation.
+                if v.abs() < 1e-12 * a.abs().max(b.abs()) { 0.0 } else { v }
+            };
             let text = |v: f64| if is_whole { format!("{v:.0}") } else { trimmed(v) };
             (0..n).map(|i| text(value(i))).collect()
         }
@@ -98,6 +102,7 @@ mod tests {
         let small = ["0.00012", "0.00015", "0.00018"].map(str::to_owned).to_vec();
         assert_eq!(values("a=0.00012:0.00018:3"), Ok(small));
         assert_eq!(values("a=0.1:0.4:4"), Ok(["0.1", "0.2", "0.3", "0.4"].map(str::to_owned).to_vec()));
+        assert_eq!(values("a=-0.1:0.1:7").map(|v| v[3].clone()), Ok("0.0".to_owned()));
         // Commas of a list or a text are no borders.
         let lists = ["[0, 1, 2]", "[3,4,5]", "\"a,b\""].map(str::to_owned).to_vec();
         assert_eq!(values("a=[0, 1, 2], [3,4,5],\"a,b\""), Ok(lists));

@@ -37,7 +37,7 @@ const OF_OUTLINES: &[&str] = &[
 ];
 /// Further keys of organs that meshes and surfaces of files replace.
 const OF_DRAWN_LEAVES: &[&str] =
-    &["width", "fold_deg", "curl_deg", "color2", "variants", "detail", "side", "translucency", "roughness"];
+    &["width", "fold_deg", "curl_deg", "color", "color2", "variants", "detail", "side", "translucency", "roughness"];
 /// Keys of organs that needles do not have.
 const OF_BLADES: &[&str] = &[
     "lobes",
@@ -334,8 +334,6 @@ impl Resolver<'_> {
             needs(&["needles", "twigs", "twig_length", "twig_angle_deg"], needles, "blade = \"needles\""),
             needs(OF_OUTLINES, is_blade, "a parametric blade, without ifs, mesh and surface"),
             needs(OF_DRAWN_LEAVES, !is_file, drawn),
-            // The first leaves of spring are lighter than this colour.
-            needs(&["color"], !is_file || plant.keys.season.is_some(), drawn),
             needs(&["petiole_radius_mm"], keys.mesh.is_none(), "a leaf that osier draws, without mesh"),
             needs(OF_BLADES, !needles, "a blade: needles have none"),
             needs(&["depth"], has_no_outline || is_cut, "lobes or teeth: another `blade`, or their number in `lobes`"),

@@ -163,7 +163,8 @@ fn is_leaf(set: &MaterialSet, material: u32) -> bool {
 
 /// The colours that a blade is painted with; `None` for leaves from files, tables and needles.
 fn generated_blade_colors(recipe: &OrganRecipe) -> Option<LeafColors> {
-    let painted = recipe.mesh.is_none() && recipe.ifs.is_none() && recipe.keys.blade != BladeOutline::Needles;
+    let is_file = recipe.mesh.is_some() || recipe.surface.is_some();
+    let painted = !is_file && recipe.ifs.is_none() && recipe.keys.blade != BladeOutline::Needles;
     painted.then(|| leaf_colors(&recipe.keys))
 }
 

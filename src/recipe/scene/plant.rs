@@ -337,7 +337,9 @@ impl Resolver<'_> {
                 ("tree", "only a coefficient table has it; the habit of a species is in [plants.NAME.habit]"),
                 ("stochastic", "only a grammar has productions"),
             ] {
-                if let Some(entry) = table.get(key) {
+                // Surfaces of organs have the unit of the turtle.
+                let is_read = key == "turtle" && organs.iter().any(|o| o.surface.is_some());
+                if let Some(entry) = table.get(key).filter(|_| !is_read) {
                     let d = Diagnostic::warning(
                         "S007",
                         format!("{path}.{key} has no effect on a species"),

@@ -258,8 +258,20 @@ impl GltfDocument<'_> {
         let is_rest = |mesh: &Mesh, s: &MorphShape| {
             s.points == mesh.points && (s.normals.is_empty() || s.normals == mesh.normals)
         };
-        // Frames at rest need no target: all weights are 0 there.
-        let morphed: Vec<usize> = (0..shapes.len()).filter(|&i| !is_rest(mesh_source.mesh, &shapes[i])).collect();
+        // Frames at rest need no target: all weights are 0 there. Frames of one shape in succession share a target.
+        let mut morphed: Vec<usize> = Vec::new();
+        let mut target_of: Vec<Option<usize>> = Vec::with_capacity(shapes.len());
+        for (i, shape) in shapes.iter().enumerate() {
+            let target = if i > 0 && shapes[i - 1] == *shape {
+                target_of[i - 1]
+            } else if is_rest(mesh_source.mesh, shape) {
+                None
+            } else {
+                morphed.push(i);
+                Some(morphed.len() - 1)
+            };
+            target_of.push(target);
+        }
         let tag = |i: usize| {
             let frame = frames.get(i).copied().unwrap_or_default();
             let number = self.input.tracks.numbers.get(frame).copied().unwrap_or_default();
@@ -270,8 +282,12 @@ impl GltfDocument<'_> {
         let mut part = NodeTemplate::new(mesh_source.name, kind, mesh, NodeParent::Placement);
         if !morphed.is_empty() {
             // One key for each shape, with the weights of all targets: 1 for the target that is this shape, 0 for the others.
-            let weights: Vec<f32> =
-                (0..shapes.len()).flat_map(|i| morphed.iter().map(move |&b| if i == b { 1.0 } else { 0.0 })).collect();
+            let count = morphed.len();
+            let of_key = |target: &Option<usize>| {
+                let shown = *target;
+                (0..count).map(move |b| if shown == Some(b) { 1.0 } else { 0.0 })
+            };
+            let weights: Vec<f32> = target_of.iter().flat_map(of_key).collect();
             let output = self.buffer.add_scalars(&weights, mesh_source.label)?;
             let sampler = self.add_sampler(frames, output, false)?;
             part.motion.channels.push(NodeChannel { sampler, path: "weights" });

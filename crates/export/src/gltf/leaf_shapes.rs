@@ -3,7 +3,7 @@
 //! At evenly spaced frames the leaves of the smallest keys among those that are alive are recorded. As many of each frame are
 //! written as the budget of bytes allows, enlarged to cover the area of all. Each run of recorded frames of a leaf is a blade of
 //! a few triangles. While its leaf is not recorded, a blade is a point at the place where the leaf appears or disappears. Blades
-//! that appear at one frame are a mesh, whose targets are only the shapes in which they are seen.
+//! that appear at one frame are a mesh, whose targets are only the shapes in which they are seen, and those beside them.
 //!
 //! ```text
 //! frame of the clip   0     5     10    15    20
@@ -35,7 +35,9 @@ const BLADE_TRIANGLES: usize = 2;
 const BLADE_VERTICES: usize = 4;
 /// Bytes of a vertex beside its position: normal, texture coordinates, indices of its triangles.
 const VERTEX_BYTES: usize = 20;
-/// Most shapes of a blade. Own: a mesh has a target for each shape of its longest run, so longer runs are divided.
+/// Most shapes of a blade. Own: a mesh has a target for each shape of its longest run, so longer runs are divided. Between the two
+/// shapes at which a run is divided one blade shrinks while the next grows, with half of the area halfway; leaves are divided at
+/// different shapes, so that a crown does not pulsate.
 const LONGEST_RUN: usize = 6;
 /// Largest factor by which leaves are enlarged to replace those left out; a larger one is conspicuous.
 const MOST_GROWTH: f32 = 3.0;
@@ -203,10 +205,16 @@ impl LeafShapes {
                 place: instancer.transform(&state, i),
             }));
         }
-        let alive = leaves.len();
+        let (alive, most) = (leaves.len(), self.budget.leaves);
         // The same leaves stay from shape to shape, spread over the crown: keys are hashes of their ids.
-        leaves.sort_unstable_by_key(|leaf| (leaf.key, leaf.id));
-        leaves.truncate(self.budget.leaves);
+        let by_key = |leaf: &RecordedLeaf| (leaf.key, leaf.id);
+        if alive > most {
+            leaves.select_nth_unstable_by_key(most, by_key);
+            leaves.truncate(most);
+            // Shapes are held until the end of the clip, each with room for all leaves otherwise.
+            leaves.shrink_to_fit();
+        }
+        leaves.sort_unstable_by_key(by_key);
         RecordedShape { alive, leaves }
     }
 
@@ -216,10 +224,11 @@ impl LeafShapes {
     pub(super) fn meshes(&self, asset: &Asset, label: &str) -> Result<LeafMeshes> {
         let places = self.shapes.iter().flat_map(|shape| shape.leaves.iter().map(|leaf| leaf.place.t));
         let longest = LONGEST_MOVE * osier_base::geometry::Bounds::of(places).size().length();
-        let most = self.most_at_once(longest);
+        let blades = simple_blades(asset, label)?;
+        let vertices = |run: &Run| simple_blade(run, asset, &blades).map_or(0, |blade| blade.points.len());
+        let most = self.most_at_once(longest, &vertices);
         let runs = self.runs(most, longest);
         let full = (0..self.shapes.len()).max_by_key(|k| (self.shapes[*k].alive, *k)).unwrap_or(0);
-        let blades = simple_blades(asset, label)?;
         let mut meshes = Vec::new();
         for group in runs.chunk_by(|a, b| a.first == b.first) {
             meshes.extend(self.group_mesh(group, full, asset, &blades));
@@ -234,11 +243,7 @@ impl LeafShapes {
 
     /// The mesh of runs that begin in one shape. `full`: the shape in which it is at rest; `blades`: per instancer and prototype.
     fn group_mesh(&self, group: &[Run], full: usize, asset: &Asset, blades: &[Vec<Mesh>]) -> Option<LeafMesh> {
-        let blade_of = |run: &Run| {
-            let [n, i] = run.id.map(|k| k as usize);
-            let proto = asset.instancers.get(n).and_then(|instancer| instancer.protos.get(i));
-            proto.and_then(|proto| blades.get(n)?.get(*proto as usize))
-        };
+        let blade_of = |run: &Run| simple_blade(run, asset, blades);
         let mut mesh = Mesh::default();
         for run in group {
             let Some(blade) = blade_of(run) else { continue };
@@ -257,34 +262,36 @@ impl LeafShapes {
         if mesh.triangles.is_empty() {
             return None;
         }
-        let points_at = |k: &usize| {
+        // Before the first and after the last of these shapes all blades are points: two keys hold them until the ends of the clip.
+        let (first, last) = (group[0].first, self.shapes.len() - 1);
+        let end = first + group.iter().map(|run| run.places.len()).max().unwrap_or(1);
+        let near = first.saturating_sub(1)..=end.min(last);
+        let mut kept: Vec<usize> = [0, last].into_iter().chain(near.clone()).collect();
+        kept.sort_unstable();
+        kept.dedup();
+        let points_at = |k: &usize| -> Vec<Vec3> {
+            // Where all blades are points, at rest and here, it is not seen where these lie: the mesh at rest needs no target.
+            if !(first..end).contains(&full) && !near.contains(k) {
+                return mesh.points.clone();
+            }
             let of = |run: &Run| {
                 let place = run.place(*k);
                 blade_of(run).into_iter().flat_map(move |blade| blade.points.iter().map(move |p| place.apply(*p)))
             };
             group.iter().flat_map(of).collect()
         };
-        // Before the first and after the last of these shapes all blades are points: two keys hold them until the ends of the clip.
-        let (first, last) = (group[0].first, self.shapes.len() - 1);
-        let end = first + group.iter().map(|run| run.places.len()).max().unwrap_or(1);
-        let mut kept: Vec<usize> = [0, last].into_iter().chain(first.saturating_sub(1)..=end.min(last)).collect();
-        kept.sort_unstable();
-        kept.dedup();
-        Some(LeafMesh {
-            mesh,
-            shapes: kept.iter().map(points_at).collect(),
-            frames: kept.iter().map(|k| self.frames[*k]).collect(),
-        })
+        let shapes = kept.iter().map(points_at).collect();
+        Some(LeafMesh { mesh, shapes, frames: kept.iter().map(|k| self.frames[*k]).collect() })
     }
 
     /// The largest number of leaves in a shape with which all runs are within the budget: shapes with fewer have all of their
-    /// leaves.
-    fn most_at_once(&self, longest: f32) -> usize {
+    /// leaves. `vertices`: number of vertices of a run's blade.
+    fn most_at_once(&self, longest: f32, vertices: &dyn Fn(&Run) -> usize) -> usize {
         let (mut low, mut high) = (1, self.budget.leaves);
         // With more leaves in each shape there are more runs: bisection.
         while low < high {
             let middle = low + (high - low).div_ceil(2);
-            if self.bytes(&self.runs(middle, longest)) <= LEAF_BUDGET {
+            if self.bytes(&self.runs(middle, longest), vertices) <= LEAF_BUDGET {
                 low = middle;
             } else {
                 high = middle - 1;
@@ -293,12 +300,13 @@ impl LeafShapes {
         low
     }
 
-    /// Estimated bytes of the meshes of runs.
-    fn bytes(&self, runs: &[Run]) -> usize {
+    /// Estimated bytes of the meshes of runs. `vertices`: number of vertices of a run's blade.
+    fn bytes(&self, runs: &[Run], vertices: &dyn Fn(&Run) -> usize) -> usize {
         let position = self.budget.position;
         let of_group = |group: &[Run]| {
-            let targets = group.iter().map(|run| run.places.len()).max().unwrap_or(0);
-            group.len() * BLADE_VERTICES * (VERTEX_BYTES + position * (1 + targets))
+            // Besides the shapes in which they are seen, blades have one as points where they appear or disappear.
+            let targets = 1 + group.iter().map(|run| run.places.len()).max().unwrap_or(0);
+            group.iter().map(vertices).sum::<usize>() * (VERTEX_BYTES + position * (1 + targets))
         };
         runs.chunk_by(|a, b| a.first == b.first).map(of_group).sum()
     }
@@ -317,7 +325,8 @@ impl LeafShapes {
         for (id, k, place) in list {
             let goes_on = |run: &&mut Run| {
                 let near = run.places.last().is_some_and(|last| last.t.distance(place.t) <= longest);
-                run.id == id && run.first + run.places.len() == k && near && run.places.len() < LONGEST_RUN
+                let is_divided = (k + id[1] as usize).is_multiple_of(LONGEST_RUN);
+                run.id == id && run.first + run.places.len() == k && near && !is_divided
             };
             match runs.last_mut().filter(goes_on) {
                 Some(run) => run.places.push(place),
@@ -329,16 +338,25 @@ impl LeafShapes {
     }
 }
 
-/// Whether the instances of an instancer are leaves that growth moves, and whose colours do not change over the clip.
+/// Whether the instances of an instancer are leaves that growth moves, and whose colours do not change over the clip. A plant that
+/// grows has no joints, and all of its instancers are free; in the rain those of leaves with maps are free as well.
 fn grows(asset: &Asset, instancer: &Instancer, scene: &Scene) -> bool {
     let is_leaf = |mesh: &Mesh| {
         let class = |s: &osier_scene::Subset| scene.materials.get(s.material as usize).map(|m| m.class);
         !mesh.subsets.is_empty() && mesh.subsets.iter().all(|s| class(s) != Some(MaterialClass::Bark))
     };
     asset.kind == AssetKind::Plant
-        && instancer.motion == InstancerMotion::Free
+        && asset.skeleton.is_none()
+        && asset.instancers.iter().all(|i| i.motion == InstancerMotion::Free)
         && instancer.rest.attribute(LEAF_COLOR).is_none()
         && instancer.prototypes.iter().all(|p| is_leaf(&p.mesh))
+}
+
+/// The simple blade of a run. `blades`: per instancer and prototype.
+fn simple_blade<'a>(run: &Run, asset: &Asset, blades: &'a [Vec<Mesh>]) -> Option<&'a Mesh> {
+    let [n, i] = run.id.map(|k| k as usize);
+    let proto = asset.instancers.get(n)?.protos.get(i)?;
+    blades.get(n)?.get(*proto as usize)
 }
 
 /// A simple blade for each prototype of each instancer, scaled to the area of the full one.
@@ -412,7 +430,7 @@ mod tests {
         let runs = shapes.runs(4, 1.0);
         assert!(runs.iter().all(|r| r.id[1] < 4 && r.places.iter().all(|p| p.s == Vec3::splat(2.0))));
         let lengths: Vec<usize> = runs.iter().map(|r| r.places.len()).collect();
-        assert_eq!(lengths, [LONGEST_RUN, LONGEST_RUN, LONGEST_RUN, LONGEST_RUN, 2, 2, 2, 2]);
+        assert_eq!(lengths, [LONGEST_RUN, 5, 4, 3, 5, 4, 3, 2], "each leaf is divided at other shapes");
         assert_eq!(shapes.shapes[0].growth(16).to_bits(), 1.0_f32.to_bits());
     }
 }

@@ -118,7 +118,8 @@ fn estimate(input: &EstimateInput) -> u64 {
             let (instances, instance_vertices, instance_triangles) =
                 if grows { (0, 0, 0) } else { (a.instances, a.instance_vertices, a.instance_triangles) };
             let triangles = a.triangles + instance_triangles;
-            let is_plant = a.joints > 0 || a.instance_triangles > 0;
+            // A plant that grows has no levels of detail.
+            let is_plant = !grows && (a.joints > 0 || a.instance_triangles > 0);
             let still = match profile {
                 // All levels together have a third more triangles than the finest; 80 bytes each with its vertices, measured.
                 Profile::Engine if is_plant => triangles.min(options.level_triangles as u64) * 4 / 3 * 80,
@@ -134,7 +135,7 @@ fn estimate(input: &EstimateInput) -> u64 {
             };
             let still = still * 100 / size_ratio_percent(options, *profile);
             // The file of the scene has tracks for each phase that has a skin, the file of the asset for one.
-            let nodes = a.free_instances.min(most_nodes);
+            let nodes = if grows { 0 } else { a.free_instances.min(most_nodes) };
             let of_profile = GltfOptions { profile: *profile, ..options.clone() };
             let bark = if morphs { tracks::estimate(a.deforming_vertices, input.frames, &of_profile) } else { 0 };
             let leaves = if grows { leaf_shapes::estimate(a.free_instances, input.frames, &of_profile) } else { 0 };
@@ -203,7 +204,11 @@ impl GltfExporter {
         match self.write_bake_glb(input, &stem, GltfContents::Scene { camera: true }) {
             // The files of the assets have reported their joints (X002) already.
             Ok(more) => {
-                warnings.extend(more.into_iter().flatten().filter(|w| !self.options.assets || w.code != "X002"))
+                let mut more = more.unwrap_or_default();
+                more.retain(|w| !self.options.assets || w.code != "X002");
+                // So have those of plants that grow their leaves (X003).
+                more.retain(|w| warnings.iter().all(|told: &Warning| told.message != w.message));
+                warnings.append(&mut more);
             }
             // The files of the assets are complete by now: a scene too large for one file costs only that file.
             Err(Error::Export { code: code @ "X005", reason }) => {

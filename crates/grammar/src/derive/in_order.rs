@@ -44,15 +44,23 @@ impl Derivation<'_> {
                 expander.change_plan(decomposition.of(*system));
             }
             let module = view.modules.get(i);
+            // Contexts of the new string read what is made so far.
+            let reads_made = rewriter.settings.plan.reads_made;
+            if reads_made {
+                rewriter.made.lend(out, rewriter.settings.brackets);
+            }
             // Every module takes a number, whether a production may apply to it or not.
             let selected = if rewriter.settings.plan.stochastic {
-                rewriter.select_by_number(module, &view, i)?
+                rewriter.select_by_number(module, &view, i)
             } else {
-                rewriter.select(module, &view, i)?
+                rewriter.select(module, &view, i)
             };
+            if reads_made {
+                rewriter.made.give_back(out);
+            }
             successor.clear();
             let mut taken = 1;
-            match selected {
+            match selected? {
                 Some(p) => {
                     rewriter.append_successor(p, module.lineage(), &mut successor)?;
                     taken = rewriter.planned(p).source.predecessor.len();

@@ -408,8 +408,11 @@ impl<'g> Derivation<'g> {
             let of = p.predecessor.first().and_then(|f| counts.get(usize::from(f.symbol))).copied().unwrap_or(0);
             of.saturating_mul(p.successor.len().saturating_sub(p.predecessor.len()) as u64)
         };
-        // Of equal ones the first.
-        self.program.productions().filter(|p| gain(p) > 0).min_by_key(|p| std::cmp::Reverse(gain(p)))
+        // Homomorphisms do not lengthen the string that is derived. Of equal ones the first.
+        let own = [&self.program.rules, &self.program.decomposition];
+        let of_others = self.program.subsystems.iter().flat_map(|s| [&s.rules, &s.decomposition]);
+        let productions = own.into_iter().chain(of_others).flat_map(|set| &set.list);
+        productions.filter(|p| gain(p) > 0).min_by_key(|p| std::cmp::Reverse(gain(p)))
     }
 }
 

@@ -466,11 +466,11 @@ impl Model<'_, '_> {
                         }
                         // A loop that only computes runs as often as it must.
                         Err(_) if only_computes(&body) && range_end(&list).is_some() => {
-                            let count = format!("(turn {})", self.temporaries);
+                            let [count, last] = ["turn", "end"].map(|word| format!("({word} {})", self.temporaries));
                             self.temporaries += 1;
                             let at = |n: &str| PyExpr::Name(n.to_owned(), place.clone());
                             let end = range_end(&list).unwrap_or(PyExpr::Number(0.0));
-                            let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(end));
+                            let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(at(&last)));
                             let one = Box::new(PyExpr::Number(1.0));
                             let next = PyExpr::Binary(PyOp::Add, Box::new(at(&count)), one);
                             // Counted first, so that `continue` does not pass over it.
@@ -481,6 +481,8 @@ impl Model<'_, '_> {
                             turn.extend(body.iter().cloned());
                             left.push(Statement::While(test, turn, place, 0));
                             left.push(Statement::Assign(count, PyExpr::Number(0.0)));
+                            // Evaluated once: the body may change what it reads, and it may draw a random number.
+                            left.push(Statement::Assign(last, end));
                         }
                         // As many turns as there may be, each inside a condition that the loop gets that far.
                         Err(why) => {
@@ -854,20 +856,23 @@ impl Model<'_, '_> {
                 }
                 Statement::While(test, inner, place, _) => self.loop_code(test, inner, place, ops)?,
                 Statement::For(name, list, inner, place) => {
-                    let count = format!("(turn {})", self.temporaries);
+                    let [count, last] = ["turn", "end"].map(|word| format!("({word} {})", self.temporaries));
                     self.temporaries += 1;
                     let (from, end, step) = range_of_loop(list)
                         .ok_or_else(|| Refusal::new("'for' over a list in a loop", place.clone()))?;
                     let at = |n: &str| PyExpr::Name(n.to_owned(), place.clone());
-                    let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(end));
+                    let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(at(&last)));
                     let next = PyExpr::Binary(PyOp::Add, Box::new(at(&count)), Box::new(PyExpr::Number(step)));
                     let mut turn =
                         vec![Statement::Assign(name.clone(), at(&count)), Statement::Assign(count.clone(), next)];
                     turn.extend(inner.iter().cloned());
-                    let code = compile(&from, &self.scope)?;
-                    let offset = ops.len();
-                    ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
-                    ops.push(Op::StoreLocal(self.scope.local(&count)));
+                    // Python evaluates a range once, before the first turn.
+                    for (variable, value) in [(&count, &from), (&last, &end)] {
+                        let code = compile(value, &self.scope)?;
+                        let offset = ops.len();
+                        ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
+                        ops.push(Op::StoreLocal(self.scope.local(variable)));
+                    }
                     self.loop_code(&test, &turn, place, ops)?;
                 }
                 Statement::Break(_) => {

@@ -141,8 +141,8 @@ impl Tree {
             // [palubicki] 4.2, shedding: light per length of wood below a threshold. Continuations are exempt: an axis is shed as
             // a whole.
             let old = years > habit.shed_age;
-            // Own: a long shoot that bears its leaves at the end alone cannot pay for the wood behind them. It dies as far down as it is
-            // bare, since what is left of it has no light.
+            // Own: a long shoot that bears its leaves at the end alone gathers too little light for the wood behind them. It dies as far
+            // down as it is bare, since what is left of it has no light.
             let whip = old && nodes.order[i] > 0 && bare > habit.bare_max * total;
             if shed && (total <= 0.0 || whip || old && !is_main && total < habit.shed * wood) {
                 nodes.flags[i] |= flag::DEAD;
