@@ -355,7 +355,7 @@ fn each_fault_of_a_place_is_named_with_its_mend() {
             "warning[S038]",
             "a plant that is cut at 1.8 m",
         ),
-        ("tall", wood("[plants.a.habit]\nclear_stem = 40\n"), "warning[S038]", "grows 27.1 m high at most"),
+        ("tall", wood("[plants.a.habit]\nclear_stem = 40\n"), "warning[S038]", "takes away the branches below 40 m"),
         (
             "keep",
             wood("[[plants.a.prune]]\nkeep = \"hosue\"\n[[solid]]\nname = \"house\"\n"),

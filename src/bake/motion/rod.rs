@@ -439,7 +439,7 @@ mod tests {
 
     #[test]
     fn air_at_rest_slows_a_rod() {
-        let text = "[frames]\nend = 72\n[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\nradius = [0.002, 0.002]\n\
+        let text = "[frames]\nend = 72\n[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\nradius_mm = [2, 2]\n\
              damping_ratio = 0\ngravity = \"compensated\"\nlaunch = [3, 0, 0]\n";
         // Largest swing of the tip in the last second, without any wind in the scene.
         let swing = |drag: &str| {

@@ -260,13 +260,7 @@ impl Derivation<'_> {
             let mut run = deferred.restart(self.grammar, self.plans.rules.main(), streams, probe);
             match run.run(&mut CountingSink) {
                 Ok(()) => fits = last_step,
-                Err(Halt::Modules) => {
-                    passes = last_step;
-                    // If the growth agrees with the prediction, the longest count, that of the step before, is skipped.
-                    if expected == Some(last_step) {
-                        return Some((passes, run.counts));
-                    }
-                }
+                Err(Halt::Modules) => passes = last_step,
                 Err(_) => return None,
             }
             counts = run.counts;

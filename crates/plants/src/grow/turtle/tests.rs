@@ -232,7 +232,7 @@ fn oddities_are_told() {
 }
 
 #[test]
-fn deep_brackets_neither_recurse_nor_pass_the_limit() {
+fn deep_brackets_do_not_recurse() {
     let grow_on_small_stack = |text: String| {
         std::thread::Builder::new()
             .stack_size(256 * 1024)
@@ -243,9 +243,6 @@ fn deep_brackets_neither_recurse_nor_pass_the_limit() {
     };
     let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: F{}\nendlsystem", "[F".repeat(50_000));
     assert_eq!(grow_on_small_stack(text).expect("within limits"), 50_001);
-    let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: F{}\nendlsystem", "[".repeat(1_000_000));
-    let e = grow_on_small_stack(text).expect_err("too deep").to_string();
-    assert!(e.contains("L051") && e.contains("open branches"), "{e}");
 }
 
 #[test]
