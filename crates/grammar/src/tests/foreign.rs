@@ -143,10 +143,12 @@ fn models_of_lpy_may_count_in_variables_of_their_own() {
     // One that makes nothing counts all the same, and the next rule is tried.
     let idle = "k = 0\nAxiom: A A A\nderivation length: 1\nproduction:\nA:\n  global k\n  k = k + 1\nA --> B(k)\n";
     assert_eq!(lpy(idle), "B(1)B(2)B(3)");
-    // A shared name keeps the value that items need.
+    // A shared name keeps the value that items need, and functions of time are told where a rule needs them.
     let timed = "import time as t\nn = 2\nstamp = 0\ndef Start():\n  global stamp, n\n  stamp = t.time()\n  n = 2\n\
                  Axiom: A\nderivation length: n\nproduction:\nA --> A B\n";
     assert_eq!(lpy(timed), "ABB");
+    let said = try_read(&timed.replace("A B", "A B(stamp)")).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("line 6"), "{said}");
 }
 
 #[test]

@@ -218,6 +218,13 @@ fn arities(text: &str, declared: &[String]) -> BTreeSet<(String, usize)> {
     out
 }
 
+/// The name that a line of a function sets to a value that cannot be read, with the reason: only what uses the name is refused.
+fn unreadable_assignment<'t>(line: &Line<'t>) -> Option<(&'t str, Refusal)> {
+    let (names, value) = assignment(line.piece)?;
+    let why = parse(value).err()?;
+    (split(names).len() == 1).then_some((names.text, why))
+}
+
 /// A line with its indentation; `None` for a blank one.
 fn line_of(piece: Piece<'_>) -> Option<Line<'_>> {
     let trimmed = piece.trimmed();
@@ -519,6 +526,11 @@ impl<'s> Model<'_, 's> {
             "def" => {
                 let name = rest.text.split('(').next().unwrap_or("").trim();
                 if CALLED_FUNCTIONS.contains(&name) {
+                    // Productions that follow are read before the function is.
+                    for (name, why) in block.iter().filter_map(unreadable_assignment) {
+                        self.scope.constants.remove(name);
+                        self.scope.unreadable.insert(name.to_owned(), why);
+                    }
                     self.run_later.push((name.to_owned(), i + 1..next, range));
                 } else {
                     self.function(rest, block, &range);
@@ -713,14 +725,8 @@ impl<'s> Model<'_, 's> {
             if IDLE.iter().any(|w| text.starts_with(w)) {
                 continue;
             }
-            // A value that cannot be read refuses only what uses its name.
-            let unreadable = assignment(line.piece).and_then(|(names, value)| Some((names, parse(value).err()?)));
-            match unreadable {
-                Some((names, why)) if split(names).len() == 1 => {
-                    self.scope.constants.remove(names.text);
-                    self.scope.unreadable.insert(names.text.to_owned(), why);
-                }
-                _ => lines.push(*line),
+            if unreadable_assignment(line).is_none() {
+                lines.push(*line);
             }
         }
         let statements = self.statements(&lines, 0)?;

@@ -232,7 +232,7 @@ fn oddities_are_told() {
 }
 
 #[test]
-fn deep_brackets_do_not_recurse() {
+fn deep_brackets_neither_recurse_nor_pass_the_limit() {
     let grow_on_small_stack = |text: String| {
         std::thread::Builder::new()
             .stack_size(256 * 1024)
@@ -243,6 +243,10 @@ fn deep_brackets_do_not_recurse() {
     };
     let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: F{}\nendlsystem", "[F".repeat(50_000));
     assert_eq!(grow_on_small_stack(text).expect("within limits"), 50_001);
+    // A million brackets in a text are refused as it is read; these come from productions.
+    let text = "Lsystem: 1\nderivation length: 21\nAxiom: F A(0)\nA(n) : n < 20 --> A(n+1) A(n+1)\nA(n) : n >= 20 --> [\nendlsystem";
+    let e = grow_on_small_stack(text.to_owned()).expect_err("too deep").to_string();
+    assert!(e.contains("L051") && e.contains("open branches"), "{e}");
 }
 
 #[test]
