@@ -101,13 +101,13 @@ impl Resolver<'_> {
         for contour in &keys.contours {
             let Some(file) = &contour.file else { continue };
             // A key gives one contour its number: of a file that holds several, only the first is taken.
-            let read = finder.named(file).map(|file| finder.contours(&file)).unwrap_or_default();
+            let read = finder.read_named(file).map(|file| finder.contours(&file)).unwrap_or_default();
             out.contours.extend(read.into_iter().next().map(|c| (contour.id, c)));
         }
         // Functions of the scene come after those of the view, which have the first numbers.
         for function in &keys.functions {
             let Some(file) = &function.file else { continue };
-            let mut read = finder.named(file).map(|file| finder.functions(&file)).unwrap_or_default();
+            let mut read = finder.read_named(file).map(|file| finder.functions(&file)).unwrap_or_default();
             if function.samples > 0 {
                 read.iter_mut().for_each(|f| f.tabulate(function.samples));
             }
@@ -143,7 +143,7 @@ impl Finder<'_, '_> {
             // "none" refuses even a file of the same stem; "auto" is the default.
             Some("none") => return None,
             Some("auto") | None => {}
-            Some(_) => return self.named(key?),
+            Some(_) => return self.read_named(key?),
         }
         // Nothing lies beside a preset.
         if self.grammar.shown.starts_with("preset:") {
@@ -166,17 +166,17 @@ impl Finder<'_, '_> {
             (None, [only]) if lone && is_free(only) => only.clone(),
             _ => return None,
         };
-        self.beside(&name, None)
+        self.read_beside(&name, None)
     }
 
     /// Reads a file that a key of the scene names; `None` after a diagnostic.
-    fn named(&mut self, key: &Reference) -> Option<ReferencedFile> {
+    fn read_named(&mut self, key: &Reference) -> Option<ReferencedFile> {
         let endings = [".v", ".map", ".mat", ".con", ".cset", ".func", ".fset"];
         self.resolver.read(&key.text, key.span, "text-bytes", &endings)
     }
 
     /// Reads a file beside the grammar; `None` after a diagnostic. `span`: position at which a companion names it.
-    fn beside(&mut self, name: &str, span: Option<Span>) -> Option<ReferencedFile> {
+    fn read_beside(&mut self, name: &str, span: Option<Span>) -> Option<ReferencedFile> {
         let found = self.resolver.request.library.find_beside(&self.grammar.path, name, MAX_BYTES);
         match found {
             Ok(file) => {
@@ -305,14 +305,14 @@ impl Finder<'_, '_> {
 
     /// Applies `read` to the file that a line of the view names; empty after a diagnostic about the file.
     fn line<T>(&mut self, line: &FileLine, read: fn(&mut Self, &ReferencedFile) -> Vec<T>) -> Vec<T> {
-        match self.beside(&line.file, Some(line.span)) {
+        match self.read_beside(&line.file, Some(line.span)) {
             Some(file) => read(self, &file),
             None => Vec::new(),
         }
     }
 
     fn surface_line(&mut self, line: &SurfaceLine, triangles: bool) -> Option<OrganSurface> {
-        let file = self.beside(&line.file.file, Some(line.file.span))?;
+        let file = self.read_beside(&line.file.file, Some(line.file.span))?;
         // Some views name triangle files in lines for patches: the ending decides.
         let form = self.surface(&file, triangles || line.file.file.to_ascii_lowercase().ends_with(".ray"))?;
         let quads = line.quads.unwrap_or(QUADS).map(|n| n.clamp(1, 64));
@@ -321,7 +321,7 @@ impl Finder<'_, '_> {
 
     /// Reads the image of a texture; `None` and L048 for formats that are not supported.
     fn texture(&mut self, line: &FileLine) -> Option<Image> {
-        let file = self.beside(&line.file, Some(line.span))?;
+        let file = self.read_beside(&line.file, Some(line.span))?;
         let request = self.resolver.request;
         // A picture has no axes and no scale; only the roots and limits of the options count.
         let options = osier_import::ImportOptions {

@@ -227,7 +227,7 @@ impl Resolver<'_> {
         let plants = self.plants(root, &mut names);
         let clouds = self.clouds(root, &mut names);
         let layers = self.layers(root);
-        // Places, scatters, flights and rain refer to plants by index, so that plants come first.
+        // Places, scatters and flights refer to plants by index, so plants are resolved first.
         let places = self.places(root, &plants);
         self.check_sites_together(root, &plants, &places);
         let scatters = self.scatters(root, &plants);

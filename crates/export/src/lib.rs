@@ -18,30 +18,44 @@ use osier_scene::{Frame, Scene};
 
 pub mod air;
 pub mod estimate;
-pub mod exr;
 pub mod file_target;
 pub mod format;
-pub mod gltf;
 pub mod manifest;
 pub mod map_sequences;
 mod merge;
-pub mod obj;
 pub mod options;
-pub mod pc2;
-pub mod ply;
-pub mod points;
-pub mod pov;
 pub mod registry;
 mod skin_remap;
-pub mod stats;
 pub mod text;
 pub mod textures;
-pub mod tracks;
-pub mod unreal;
 mod up_axis;
-pub mod usd;
-pub mod vdb;
 mod world_joints;
+
+/// Declares the module of each format and lists their `FORMAT`s, so that a format is one line here. `cargo fmt` does not find
+/// modules that a macro declares: `.ci/run` formats them by name.
+macro_rules! formats {
+    ($($module:ident,)+) => {
+        $(pub mod $module;)+
+        /// The formats of [`registry::FORMATS`].
+        const FORMATS: &[&format::FormatInfo] = &[$(&$module::FORMAT,)+];
+    };
+}
+
+// In the order in which they are listed.
+formats! {
+    usd,
+    gltf,
+    pc2,
+    obj,
+    ply,
+    pov,
+    exr,
+    stats,
+    tracks,
+    points,
+    vdb,
+    unreal,
+}
 
 /// A warning of something that the format cannot represent and how it was written instead (X002, X003, X007 ...).
 #[derive(Debug, Clone, PartialEq, Eq)]

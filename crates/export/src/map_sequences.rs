@@ -96,7 +96,7 @@ struct LayerIndex {
 pub struct EncodedMap<T> {
     /// Index in the list of sequences that [`MapEncoder::frame`] got.
     pub sequence: usize,
-    /// The layer of the sequence that the file contains.
+    /// Name, kind of file and encoding of the layer.
     pub layer: MapLayer,
     /// Result of the `encode` of [`MapEncoder::frame`], at this frame or at an earlier one.
     pub file: Arc<T>,
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_map_may_hold_is_an_error_with_its_place() {
+    fn invalid_maps_are_errors() {
         let bad = |f: &dyn Fn(&mut Texels), layer| {
             let mut m = maps(0.0);
             f(&mut m);

@@ -1,9 +1,9 @@
 //! The registry of formats: every format of the crate, found by its name or by the ending of a file.
 //!
 //! A new format is one file (or folder) with its [`Exporter`](super::Exporter) and its `pub const FORMAT: FormatInfo`, and one
-//! line in [`FORMATS`]. The words of `[output] formats` and `--formats`, `osier list formats`, the endings of `osier grow -o`,
-//! predicted sizes and memory, the folders that the manifest assigns to assets and the table in docs/formats.md all read the
-//! registry.
+//! line in the list `formats!` of this crate. The words of `[output] formats` and `--formats`, `osier list formats`, the
+//! endings of `osier grow -o`, predicted sizes and memory, the folders that the manifest assigns to assets and the table in
+//! docs/formats.md all read the registry.
 //!
 //! ```
 //! use osier_export::registry::{FORMATS, by_ending, by_word};
@@ -14,23 +14,9 @@
 //! ```
 
 use super::format::FormatInfo;
-use super::{exr, gltf, obj, pc2, ply, points, pov, stats, tracks, unreal, usd, vdb};
 
 /// Every format of a bake, in the order in which they are listed.
-pub const FORMATS: &[&FormatInfo] = &[
-    &usd::FORMAT,
-    &gltf::FORMAT,
-    &pc2::FORMAT,
-    &obj::FORMAT,
-    &ply::FORMAT,
-    &pov::FORMAT,
-    &exr::FORMAT,
-    &stats::FORMAT,
-    &tracks::FORMAT,
-    &points::FORMAT,
-    &vdb::FORMAT,
-    &unreal::FORMAT,
-];
+pub const FORMATS: &[&FormatInfo] = super::FORMATS;
 
 /// The format whose [`FormatInfo::word`] is this one, in lower case; `None` if there is none.
 pub fn by_word(word: &str) -> Option<&'static FormatInfo> {

@@ -232,7 +232,7 @@ fn signals_travel_one_module_per_step() {
 }
 
 #[test]
-fn cut_takes_the_rest_of_its_branch() {
+fn cut_removes_the_rest_of_its_branch() {
     assert_eq!(steps(1, "A[+F%F[F]F]F%F", ""), "A[+F]F");
     assert_eq!(steps(1, "A", "A --> F%G"), "F%G");
     assert_eq!(steps(2, "A", "A --> F%G"), "F");

@@ -30,7 +30,7 @@ use super::Ifs;
 use super::affine::AxisScaling;
 use super::color::ColorLabels;
 use super::dynamics::SystemAnalysis;
-use super::game::{CHUNK, ChaosGame, Chunk, Escapes, Extent, InstructionSet, LANES, PointSink};
+use super::game::{CHUNK_STEPS, ChaosGame, Chunk, Escapes, Extent, InstructionSet, LANES, PointSink};
 use osier_base::convert::limit;
 use osier_base::math::narrow;
 use osier_base::par::par_each;
@@ -73,7 +73,7 @@ struct PointBlock<'a> {
     index: u64,
     at: usize,
     labels: ColorLabels,
-    label: Box<[[u32; LANES]; CHUNK]>,
+    label: Box<[[u32; LANES]; CHUNK_STEPS]>,
     positions: &'a mut [Vec3],
     colors: &'a mut [[f32; 3]],
     maps: &'a mut [u8],
@@ -179,7 +179,7 @@ pub fn cloud(
         index,
         at: 0,
         labels: labels.clone(),
-        label: Box::new([[0; LANES]; CHUNK]),
+        label: Box::new([[0; LANES]; CHUNK_STEPS]),
         positions,
         colors,
         maps,

@@ -14,7 +14,7 @@
 //! # Ok::<(), osier_base::Error>(())
 //! ```
 
-use super::game::{CHUNK, Chunk, LANES};
+use super::game::{CHUNK_STEPS, Chunk, LANES};
 use super::{Ifs, Map};
 use osier_base::convert::saturating_index;
 use osier_base::math;
@@ -155,12 +155,12 @@ impl ColorLabels {
 
     /// Writes the labels of the valid steps of a chunk. Chunks of a block come in order: labels depend on the maps of the
     /// steps before.
-    pub fn label(&mut self, chunk: &Chunk, out: &mut [[u32; LANES]; CHUNK]) {
+    pub fn label(&mut self, chunk: &Chunk, out: &mut [[u32; LANES]; CHUNK_STEPS]) {
         if self.mode == ColorMode::Map {
             *out = chunk.map;
             return;
         }
-        for step in 0..chunk.steps.min(CHUNK) {
+        for step in 0..chunk.steps.min(CHUNK_STEPS) {
             if self.mode == ColorMode::Coord {
                 out[step] = self.color_coords(&chunk.map[step]).map(palette_step);
                 continue;

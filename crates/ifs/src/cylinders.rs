@@ -13,7 +13,7 @@ use super::affine::{Affine, AxisScaling};
 use super::cloud::DrawRequest;
 use super::color::ColorLabels;
 use super::dynamics::SystemAnalysis;
-use super::game::{CHUNK, ChaosGame, Chunk, Escapes, LANES, PointSink};
+use super::game::{CHUNK_STEPS, ChaosGame, Chunk, Escapes, LANES, PointSink};
 use super::{Ifs, Map};
 use osier_base::convert::saturating_index;
 use osier_base::math::narrow;
@@ -26,7 +26,7 @@ const TARGET_BATCHES: u64 = 8;
 /// Points of a batch for each point of the pool, and the fewest points of a pool. A smaller pool repeats itself visibly.
 const POOL_SHARE: u64 = 64;
 const MIN_POOL: u64 = 1 << 16;
-/// Pixels of a cylinder's box that need no further cut: their cells stay in the nearest caches.
+/// Most pixels of a cylinder's box without a further cut: their cells stay in the nearest caches.
 const MAX_CYLINDER_PIXELS: f64 = 16_384.0;
 /// A cylinder with fewer points in a batch than this is not split for its size: the word would cost more than its points.
 const MIN_POINTS_TO_SPLIT: f64 = 512.0;
@@ -51,7 +51,7 @@ pub(super) struct PointPool {
 
 impl PointSink for PointPool {
     fn take(&mut self, chunk: &Chunk) {
-        for step in 0..chunk.steps.min(CHUNK) {
+        for step in 0..chunk.steps.min(CHUNK_STEPS) {
             for (list, row) in self.place.iter_mut().zip([&chunk.x, &chunk.y, &chunk.z]) {
                 list.extend_from_slice(&row[step]);
             }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::cloud::DrawRequest;
 use super::color::ColorLabels;
 use super::cylinders::{self, Cylinder, CylinderCut, PointPool};
-use super::game::{CHUNK, ChaosGame, Chunk, Escapes, InstructionSet, LANES, PointSink, TileLayout, images};
+use super::game::{CHUNK_STEPS, ChaosGame, Chunk, Escapes, InstructionSet, LANES, PointSink, TileLayout, images};
 use super::window::PictureWindow;
 use osier_base::convert::limit;
 use osier_base::math::narrow;
@@ -55,12 +55,12 @@ struct ChaosGameCounter<C> {
     /// Final map of the system, in pixels; the identity without one.
     last: [f32; 12],
     labels: Option<ColorLabels>,
-    label: Box<[[u32; LANES]; CHUNK]>,
+    label: Box<[[u32; LANES]; CHUNK_STEPS]>,
 }
 
 impl<C: CellCounter> PointSink for ChaosGameCounter<C> {
     fn take(&mut self, chunk: &Chunk) {
-        let steps = ..chunk.steps.min(CHUNK);
+        let steps = ..chunk.steps.min(CHUNK_STEPS);
         if let Some(labels) = &mut self.labels {
             labels.label(chunk, &mut self.label);
         }
@@ -162,7 +162,7 @@ impl CountingPlan {
             return (cells, escapes);
         }
         let labels = cells.labels().cloned();
-        let label = Box::new([[0; LANES]; CHUNK]);
+        let label = Box::new([[0; LANES]; CHUNK_STEPS]);
         let mut sink = ChaosGameCounter { cells, pixels, last: self.last, labels, label };
         let escapes = blocks.fold(none, |s, b| s.plus(self.game.play(b, self.steps, &mut sink)));
         (sink.cells, escapes)

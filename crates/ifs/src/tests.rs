@@ -8,7 +8,7 @@ use glam::{DMat3, DVec3};
 use super::cloud::{DrawRequest, cloud, drop_hidden};
 use super::color::{ColorLabels, ColorMode};
 use super::dynamics::study;
-use super::game::{CHUNK, ChaosGame, Chunk, InstructionSet, LANES, PointSink, extent};
+use super::game::{CHUNK_STEPS, ChaosGame, Chunk, InstructionSet, LANES, PointSink, extent};
 use super::histogram::{PictureWindow, histogram};
 use super::weights::{WeightRule, probabilities};
 use super::words::{Expansion, ExpansionLimits, Letters, Variation, expand};
@@ -109,7 +109,7 @@ struct Moments {
 impl PointSink for Moments {
     fn take(&mut self, chunk: &Chunk) {
         self.lanes.resize(LANES, [0.0; 2]);
-        for step in 0..chunk.steps.min(CHUNK) {
+        for step in 0..chunk.steps.min(CHUNK_STEPS) {
             for lane in 0..LANES {
                 let (x, y) = (f64::from(chunk.x[step][lane]), f64::from(chunk.y[step][lane]));
                 self.lanes[lane][0] += x;

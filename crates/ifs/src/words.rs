@@ -119,7 +119,7 @@ impl Letters {
     pub fn new(ifs: &Ifs) -> Result<Self, Box<Diagnostic>> {
         let mut out = Self { scale: Vec::new(), radius: Vec::new() };
         for (i, map) in ifs.maps.iter().enumerate() {
-            // Branches state their scale; other maps shrink by their norm.
+            // The norm is the greatest factor by which a map stretches a distance.
             let s = map.branch.map_or_else(|| map.affine.norm(), |b| b.scale);
             let shrinks = s > 0.0 && s < 1.0;
             if !(map.stem || shrinks) {

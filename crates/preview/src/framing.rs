@@ -39,8 +39,8 @@ impl CameraView {
                 (28.0, -6.0 + 44.0 * flatness)
             }
         };
-        // The elevation stays just below 90 degrees, where the camera would have no upward direction; in a view from above,
-        // -Z is at the top of the picture.
+        // The elevation stays just below 90 degrees, where the camera would have no upward direction; in a view from above at
+        // azimuth 0, -Z is at the top of the picture.
         let (a, e) = (radians_f32(azimuth), radians_f32(elevation.clamp(-89.9, 89.9)));
         Vec3::new(math::cos_f32(e) * math::sin_f32(a), math::sin_f32(e), math::cos_f32(e) * math::cos_f32(a))
     }

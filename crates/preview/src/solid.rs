@@ -263,7 +263,8 @@ impl<'a> Solid<'a> {
         }
     }
 
-    /// Intersection with primitive `i` in the order of the BVH; `None` where a texture cuts it out.
+    /// Intersection with primitive `i` in the order of the BVH. Also `None` where a texture cuts it out, and for a random
+    /// share 1 - opacity of the rays that meet a cone.
     #[inline]
     pub(super) fn intersect(&self, ray: &Ray, i: usize, materials: &PreviewMaterials) -> Option<PrimitiveHit> {
         let primitive = u32::try_from(i).ok()?;

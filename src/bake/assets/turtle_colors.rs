@@ -28,7 +28,7 @@ pub(crate) fn add_worn_colors(
     grown: &mut [GrownPlant],
 ) -> Result<()> {
     for (kind, (plant, set)) in recipe.plants.iter().zip(sets).enumerate() {
-        // All colour indices of any individual of this kind, in rising order.
+        // A sorted set: materials are added in the order of the colour indices, whatever the order of the plants.
         let individuals = || layout.individuals.iter().enumerate().filter(|(_, n)| n.plant == kind).map(|(i, _)| i);
         let mut worn: BTreeSet<Paint> = BTreeSet::new();
         for grown in individuals().filter_map(|i| grown.get(i)) {

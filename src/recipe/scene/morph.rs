@@ -127,7 +127,7 @@ impl Resolver<'_> {
             let d = Diagnostic::warning("I072", text, row.ifs, "other weights than before");
             self.report.push(d.help("weights = \"hold\" keeps the first table's: then every point keeps its word"));
         }
-        // The attractor moves within the union of the extents of its tables.
+        // One extent for the whole clip: the union over all keyframes. Between keyframes the attractor may exceed it.
         let mut all = rows.iter();
         let first = all.next()?.cloud.clone();
         let extent = all.fold(first.extent, |e, r| union(e, r.cloud.extent));

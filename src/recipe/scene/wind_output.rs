@@ -26,7 +26,7 @@ keys! {
         /// Width, height and depth of the domain about the origin, without a lattice or a flight.
         size: [f64; 3] = "size" NumberArray([35.0; 3], number(35.0, 0.5, 1e4, "m"));
     }
-    /// A plane through the wind.
+    /// Plane on which wind velocities are written as EXR files.
     WindSliceKeys at "output.wind.slice" {
         /// Axis normal to the plane.
         across: SliceAxis = "across" OneOf(SliceAxis::Y);

@@ -5,7 +5,6 @@
 pub struct RenamedKey {
     /// Path of the table, as `plants.NAME.rods`.
     table: &'static str,
-    /// Name of the key in earlier versions.
     old: &'static str,
     /// Name of the key that `osier check` suggests.
     pub new: &'static str,

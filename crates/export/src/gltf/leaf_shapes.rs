@@ -71,7 +71,8 @@ impl RecordedShape {
         &self.leaves[..most.min(self.leaves.len())]
     }
 
-    /// Factor on the size of `most` leaves that cover the area of all, which grows with the square of the size.
+    /// Factor on the size of the first `most` leaves with which they have the area of all, as area grows with the square of
+    /// the size; 1 to [`MOST_GROWTH`].
     fn growth(&self, most: usize) -> f32 {
         let ratio = self.alive as f64 / self.first(most).len().max(1) as f64;
         math::narrow(math::sqrt(ratio)).clamp(1.0, MOST_GROWTH)

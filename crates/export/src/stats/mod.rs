@@ -19,11 +19,11 @@
 //! assert_eq!([exited.mean, exited.least, exited.most], [12.0, 10.0, 14.0], "over the seeds");
 //! ```
 
-mod map_statistics;
+mod maps;
 mod plot;
 mod sweep;
 
-pub use map_statistics::MapStatistics;
+pub use maps::MapStatistics;
 pub use sweep::{Mean, Run, Spread, Sweep};
 
 use std::fmt::Write as _;

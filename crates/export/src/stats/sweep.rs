@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Map, Value, json};
 
-use super::map_statistics::MapStatistics;
+use super::maps::MapStatistics;
 use super::plot::{PlotAxis, PlotLine, PlotPanel, draw_panels};
 use super::{Whole, named, number};
 use osier_base::Result;

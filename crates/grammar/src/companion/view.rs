@@ -735,7 +735,7 @@ mod tests {
         assert_eq!(view.angle, Some(10.0));
         let (view, _) = read(&two.replace("X 2", "X 3"));
         assert_eq!(view.angle, Some(30.0));
-        // Branches within one that does not count are passed over.
+        // Conditions within a branch that is not taken are not evaluated.
         let (view, report) =
             read("#if 0\n#if 1 2\n#elif 1\nangle increment: 1\n#endif\n#else\nangle increment: 2\n#endif\n");
         assert_eq!((view.angle, report.len()), (Some(2.0), 0));

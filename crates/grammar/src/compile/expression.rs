@@ -287,7 +287,7 @@ impl ExpressionCompiler<'_, '_> {
                 let jump = self.code.ops.len() - 1;
                 self.push_pending(PendingOperator::Question(jump), t.place)?;
             }
-            TokenKind::Char(':') if self.innermost_question() => {
+            TokenKind::Char(':') if self.has_open_question() => {
                 self.reduce(0);
                 let Some(PendingOperator::Question(jump)) = self.pending.pop() else { return Some(false) };
                 self.code.ops.push(Op::Jump(0));
@@ -326,7 +326,7 @@ impl ExpressionCompiler<'_, '_> {
     }
 
     /// Is a `?` still without its `:` inside the innermost parenthesis?
-    fn innermost_question(&self) -> bool {
+    fn has_open_question(&self) -> bool {
         let stop = |p: &&PendingOperator| matches!(p, PendingOperator::Question(_)) || p.is_bracket();
         matches!(self.pending.iter().rev().find(stop), Some(PendingOperator::Question(_)))
     }

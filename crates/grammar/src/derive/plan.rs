@@ -357,7 +357,7 @@ impl<'p> RewritePlan<'p> {
     }
 }
 
-/// What decides whether a production applies: its condition and the block before it.
+/// Code that is run to decide whether a production applies: the block before its condition, and the condition.
 fn tests(p: &Production) -> impl Iterator<Item = &Bytecode> {
     [&p.before, &p.condition].into_iter().flatten()
 }

@@ -49,7 +49,7 @@ impl<'t> Piece<'t> {
         Self { at: self.at + self.text.len() - start.len(), text: start.trim_end() }
     }
 
-    /// The part before the first `c`, which begins a comment; all of it without one.
+    /// The part before the first `c`; all of it if it has no `c`.
     pub fn before(self, c: char) -> Self {
         Self { at: self.at, text: self.text.split(c).next().unwrap_or("") }
     }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{CHUNK, ChaosGame, Chunk, Escapes, LANES, PointSink};
+use super::{CHUNK_STEPS, ChaosGame, Chunk, Escapes, LANES, PointSink};
 use crate::Ifs;
 use crate::affine::{Affine, AxisScaling};
 use crate::dynamics::SystemAnalysis;
@@ -34,7 +34,7 @@ struct SampleCollector {
 
 impl PointSink for SampleCollector {
     fn take(&mut self, chunk: &Chunk) {
-        for step in 0..chunk.steps.min(CHUNK) {
+        for step in 0..chunk.steps.min(CHUNK_STEPS) {
             for (list, row) in self.points.iter_mut().zip([&chunk.x, &chunk.y, &chunk.z]) {
                 list.extend_from_slice(&row[step]);
             }

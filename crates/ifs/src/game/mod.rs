@@ -38,7 +38,7 @@ use osier_base::rng::{Rng, word};
 /// Chains of a block that step side by side, each with a separate random stream.
 pub const LANES: usize = 32;
 /// Steps of all lanes that a sink receives at once.
-pub const CHUNK: usize = 32;
+pub const CHUNK_STEPS: usize = 32;
 /// Least number of blocks, and most points of one. Both fix the result: other values draw other points.
 const MIN_BLOCKS: u64 = 32;
 const MAX_BLOCK_POINTS: u64 = 1 << 20;
@@ -54,32 +54,32 @@ pub enum InstructionSet {
     Plain,
 }
 
-/// Up to [`CHUNK`] steps of all lanes, one array per coordinate, lane after lane within a step.
+/// Up to [`CHUNK_STEPS`] steps of all lanes, one array per coordinate, lane after lane within a step.
 #[derive(Debug)]
 pub struct Chunk {
-    /// Number of valid steps, at most [`CHUNK`].
+    /// Number of valid steps, at most [`CHUNK_STEPS`].
     pub steps: usize,
     /// x of every point, by step and lane.
-    pub x: [[f32; LANES]; CHUNK],
+    pub x: [[f32; LANES]; CHUNK_STEPS],
     /// y of every point, by step and lane.
-    pub y: [[f32; LANES]; CHUNK],
+    pub y: [[f32; LANES]; CHUNK_STEPS],
     /// z of every point, by step and lane; 0 in the plane.
-    pub z: [[f32; LANES]; CHUNK],
+    pub z: [[f32; LANES]; CHUNK_STEPS],
     /// The map that made each point; the number of maps for a point of the condensation set.
-    pub map: [[u32; LANES]; CHUNK],
+    pub map: [[u32; LANES]; CHUNK_STEPS],
 }
 
 impl Chunk {
     /// A chunk without valid steps; boxed, for its arrays are too large for the stacks of threads.
     pub fn new() -> Box<Self> {
-        let zero = [[0.0; LANES]; CHUNK];
-        Box::new(Self { steps: 0, x: zero, y: zero, z: zero, map: [[0; LANES]; CHUNK] })
+        let zero = [[0.0; LANES]; CHUNK_STEPS];
+        Box::new(Self { steps: 0, x: zero, y: zero, z: zero, map: [[0; LANES]; CHUNK_STEPS] })
     }
 }
 
 /// Receives the points of one block, chunk after chunk.
 pub trait PointSink {
-    /// Receives up to [`CHUNK`] steps of all lanes, of which `chunk.steps` are valid.
+    /// Receives up to [`CHUNK_STEPS`] steps of all lanes, of which `chunk.steps` are valid.
     fn take(&mut self, chunk: &Chunk);
     /// Receives steps of the warm-up: no points of the result, but the words of the points after them begin here.
     fn warm_up(&mut self, _chunk: &Chunk) {}
@@ -238,7 +238,7 @@ impl ChaosGame {
 
     /// Up to `left` steps, at most a chunk; returns how many.
     fn advance(&self, lanes: &mut Lanes, chunk: &mut Chunk, left: u64) -> u64 {
-        chunk.steps = limit(left).min(CHUNK);
+        chunk.steps = limit(left).min(CHUNK_STEPS);
         let steps = chunk.steps as u64;
         if !self.condensation.is_empty() {
             // Condensation needs a draw more per step and has separate loops.

@@ -9,7 +9,7 @@ use crate::stems::TreeSystem;
 use crate::words::{ExpansionLimits, expand, height};
 use osier_base::math;
 
-/// Width of the dense part of a crown over its whole width: outliers must not make the trunk too thin.
+/// Share of the trunk's diameter that the squashed crown takes, so that outliers of the crown stay within the trunk.
 const DENSE: f64 = 0.8;
 /// Least weight of a map before normalization: thin maps must get enough points to show.
 const LEAST: f64 = 0.02;
@@ -37,7 +37,7 @@ fn squash(stems: &TreeSystem) -> Affine {
     let ends = words.iter().map(|w| w.map.apply(tip) - foot);
     let wide = ends.fold(0.0_f64, |m, p| m.max(p.x.abs()).max(p.z.abs())).max(1e-9);
     let along = tip - foot;
-    // The squash map takes the crown's height to the trunk and its width to the trunk's diameter.
+    // The squash map takes the crown's height to the trunk's length, and its half width to DENSE times the trunk's radius.
     let thin = DENSE * stems.radius / wide;
     let up = along.try_normalize().unwrap_or(DVec3::Y);
     let side = (DVec3::X - up * up.x).try_normalize().unwrap_or(DVec3::Z);

@@ -1,6 +1,6 @@
 //! Bonds of a cluster: one per join, a tree over its members, along which they contract.
 
-use crate::flight::tuning::{CONTRACTION_TIME, NEGLIGIBLE_SQUARED};
+use crate::flight::tuning::{CONTRACTION_TIME, NEGLIGIBLE_LENGTH_SQUARED};
 use glam::DVec3;
 
 use osier_base::math::exp;
@@ -17,7 +17,7 @@ impl ClusterBond {
     /// Takes the share `gone`, 0 to 1, off the remaining displacement and returns that part, m.
     fn close(&mut self, gone: f64) -> DVec3 {
         // Exponential approach, completed at once when it becomes invisible.
-        let way = if self.left.length_squared() < NEGLIGIBLE_SQUARED { self.left } else { self.left * gone };
+        let way = if self.left.length_squared() < NEGLIGIBLE_LENGTH_SQUARED { self.left } else { self.left * gone };
         self.left -= way;
         way
     }

@@ -71,7 +71,6 @@ impl GroundHumidity {
         match self {
             Self::Even(h) => *h,
             Self::Map { width, values } => {
-                // Nearest pixel; positions outside take the border's value.
                 let height = values.len() / (*width).max(1);
                 let share = (place - inside.min) / inside.size();
                 let pixel = |s: f32, n: usize| ((s * n as f32).max(0.0) as usize).min(n.saturating_sub(1));

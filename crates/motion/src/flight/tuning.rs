@@ -59,7 +59,7 @@ pub(crate) const SAME_TIME: f64 = 1e-9;
 pub(crate) const CONTRACTION_TIME: f64 = 0.6;
 
 /// Square of the distance below which a contraction is completed at once, m^2.
-pub(crate) const NEGLIGIBLE_SQUARED: f64 = 1e-10;
+pub(crate) const NEGLIGIBLE_LENGTH_SQUARED: f64 = 1e-10;
 
 /// Least distance in a heap over the sum of both radii: under their weight hairs interpenetrate. Smaller: flatter
 /// heaps.

@@ -277,12 +277,12 @@ pub const SMALL_DROP_GRID: [u32; 2] = [6, 24];
 pub const LARGE_DROP_GRID: [u32; 2] = [12, 48];
 pub const LARGE_DROP_RADIUS: f64 = 1e-3;
 /// The same for drops that are small in the picture, and for drops of a pixel or two.
-pub const AFAR_DROP_GRID: [u32; 2] = [4, 12];
+pub const FAR_DROP_GRID: [u32; 2] = [4, 12];
 pub const DISTANT_DROP_GRID: [u32; 2] = [1, 6];
 /// Radius over distance below which a drop counts as far, and below which it counts as distant: about 15 and 3 pixels across in a
 /// picture of 1080 lines that covers 40 degrees. Polygons of 12 and 6 sides then deviate from the circle by a quarter of a pixel.
 /// Larger: the coarse meshes become visible; smaller: files hold vertices that nobody sees.
-pub const AFAR_DROP_ANGLE: f64 = 5e-3;
+pub const FAR_DROP_ANGLE: f64 = 5e-3;
 pub const DISTANT_DROP_ANGLE: f64 = 1e-3;
 /// Exponent of the spacing of rings: above 1 they are denser towards the contact line, where highlights and refraction vary most.
 pub const RIM_DENSITY: f64 = 1.6;

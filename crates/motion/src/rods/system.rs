@@ -40,7 +40,6 @@ pub struct RodSupport {
 
 impl RodSupport {
     fn target_corners(&self) -> Vector9 {
-        // Rotate the reference corners about their centre, then translate.
         let p = centroid(&self.reference);
         corners_from_fn(|c| p + self.shift + self.turn * (corner(&self.reference, c) - p))
     }

@@ -252,6 +252,16 @@ impl BeamElements {
         bases
     }
 
+    /// [`Self::base_rotations`] of `chosen` elements, in rising order with all elements that carry them; the identity for the
+    /// others.
+    pub(crate) fn base_rotations_of(&self, bends: &[[f32; 2]], chosen: &[u32]) -> Vec<Quat> {
+        let mut bases = vec![Quat::IDENTITY; self.list.len()];
+        for element in chosen.iter().map(|e| *e as usize) {
+            bases[element] = self.rotation_at(&bases, bends, self.bases[element]);
+        }
+        bases
+    }
+
     /// Evaluates the slopes of an element at a location, for [`Self::rotation_at`].
     pub fn bind(&self, spot: ElementLocation) -> BoundLocation {
         let relative_slopes = self.list.get(spot.element as usize).map_or([0.0; 2], |e| {

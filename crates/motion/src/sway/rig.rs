@@ -42,6 +42,8 @@ pub struct JointRig {
     carriers: Vec<u16>,
     /// Per bend of the elements: fraction of it, 0 to 1, by which the joints rotate.
     shares: Vec<f32>,
+    /// Elements with joints and the elements that carry them, in rising order: the only ones that a pose evaluates.
+    posed: Vec<u32>,
 }
 
 /// How many joints a skeleton may have, and how many an element gets.
@@ -74,6 +76,7 @@ impl JointRig {
             chains: vec![Vec::new(); plant.axes.len()],
             carriers: vec![0; plant.axes.len()],
             shares,
+            posed: with_carriers(elements, &counts),
         };
         rig.add_in_depth_first_order(plant, elements, &counts);
         rig.find_carriers(plant);
@@ -213,7 +216,7 @@ impl JointRig {
     /// Parent-from-joint transforms of all joints. `bends`: both angles of each element, rad, then those of second modes.
     pub fn pose(&self, elements: &BeamElements, bends: &[[f32; 2]]) -> Vec<Trs> {
         let bends: Vec<[f32; 2]> = bends.iter().zip(&self.shares).map(|(b, share)| b.map(|b| b * share)).collect();
-        let bases = elements.base_rotations(&bends);
+        let bases = elements.base_rotations_of(&bends, &self.posed);
         let turns: Vec<Quat> = self.bones.iter().map(|b| elements.rotation_at(&bases, &bends, b.bound)).collect();
         // Rotations are absolute; a joint stores its rotation relative to the parent.
         let local = |(joint, q): (&Joint, &Quat)| {
@@ -222,6 +225,18 @@ impl JointRig {
         };
         self.skeleton.joints.iter().zip(&turns).map(local).collect()
     }
+}
+
+/// Elements that have joints, and all elements between them and the ground, in rising order.
+fn with_carriers(elements: &BeamElements, counts: &[usize]) -> Vec<u32> {
+    let mut wanted: Vec<bool> = counts.iter().map(|count| *count > 0).collect();
+    // A carrier stands before what it carries: one pass from the end marks whole chains.
+    for (k, element) in elements.list.iter().enumerate().rev() {
+        if wanted[k] && element.parent != NONE {
+            wanted[element.parent as usize] = true;
+        }
+    }
+    (0..).zip(wanted).filter(|(_, wanted)| *wanted).map(|(k, _)| k).collect()
 }
 
 /// Distribution of a joint budget to the elements.

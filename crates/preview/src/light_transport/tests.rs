@@ -85,7 +85,7 @@ fn white_things_vanish_in_a_white_room() {
 }
 
 #[test]
-fn a_wall_without_end_takes_half_the_sky() {
+fn an_infinite_wall_hides_half_the_sky() {
     let floor = quad(Vec3::ZERO, Vec3::Z * 1e4, Vec3::X * 1e4).with_material(0);
     let wall = quad(Vec3::X * -0.5, Vec3::Y * 1e4, Vec3::Z * 1e4).with_material(1);
     let s = scene(vec![floor, wall], vec![material(0.5, 0.0, 1.0), material(0.0, 0.0, 1.0)], 0.0, 1.0);

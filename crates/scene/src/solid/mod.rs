@@ -98,7 +98,9 @@ impl Solid {
         }
     }
 
-    /// Whether a segment between two places outside passes through the solid or comes within `slack`, m, of it.
+    /// Whether a segment between two places outside passes through the solid. `slack`, m: a prism is grown by it on every
+    /// side and a land is raised by it; the triangles of a mesh are grown by it in their planes, and an end within it of one
+    /// meets the mesh.
     #[inline]
     pub fn meets(&self, segment: [Vec3; 2], slack: f32) -> bool {
         match &self.form {

@@ -96,7 +96,7 @@ impl Shell {
         });
     }
 
-    /// Whether a segment comes within `slack`, m, of the surface or passes it.
+    /// Whether a segment meets one of the triangles; see [`segment_meets`] for `slack`, m.
     pub(super) fn meets(&self, [from, to]: [Vec3; 2], slack: f32) -> bool {
         let within = Bounds { min: from.min(to), max: from.max(to) }.grown(slack);
         let mut met = false;

@@ -15,8 +15,8 @@ use osier_base::Result;
 use osier_base::convert::{index, to_usize};
 use osier_base::simd::{F32Lanes, Lane};
 
-/// Ghost nodes per group, at most: what a group sends lies in the nearest cache.
-const MAX_GROUP: usize = 512;
+/// Ghost nodes per run, at most: what a run sends lies in the nearest cache.
+const MAX_RUN_NODES: usize = 512;
 
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
 
@@ -136,10 +136,10 @@ impl GhostSlots {
     }
 }
 
-/// Parts of a plane: its groups, and its range of the buffer of ghost populations.
+/// Parts of a plane: its runs, and its range of the buffer of ghost populations.
 #[derive(Debug, Clone)]
 struct PlaneGhostRanges {
-    groups: Range<usize>,
+    runs: Range<usize>,
     buffer: Range<usize>,
 }
 
@@ -147,7 +147,7 @@ struct PlaneGhostRanges {
 #[derive(Debug)]
 pub(super) struct OpenBoundary {
     ghosts: Vec<GhostNode>,
-    groups: Vec<GhostRun>,
+    runs: Vec<GhostRun>,
     planes: Vec<PlaneGhostRanges>,
     /// By face, if it is an outlet: the open cells before it.
     outlet_cells: [Vec<u32>; 6],
@@ -183,19 +183,19 @@ impl OpenBoundary {
     /// # Errors
     /// `Limit` for more nodes than an index of 32 bits counts.
     pub(super) fn new(ghosts: Vec<GhostNode>, planes: usize) -> Result<(Self, Vec<GhostSlots>)> {
-        // Join alike neighbours to groups, which are evaluated in SIMD lanes where their open cells are contiguous.
-        let mut groups: Vec<GhostRun> = Vec::new();
+        // Join alike neighbours to runs, which are evaluated in SIMD lanes where their open cells are contiguous.
+        let mut runs: Vec<GhostRun> = Vec::new();
         let mut outlet_cells: [Vec<u32>; 6] = std::array::from_fn(|_| Vec::new());
         let (mut inlets, mut last) = (0, None);
         for (first, g) in ghosts.iter().enumerate() {
             let outward = (!g.inlet).then_some(g.outward);
             let key = Some((g.adjacent_plane(planes), outward, g.before_solid));
-            if let Some(group) = groups.last_mut().filter(|l| key == last && l.count < MAX_GROUP) {
-                let count = index(group.count, "ghost nodes of the lattice wind")?;
-                group.first_open_cell = group.first_open_cell.filter(|cell| cell + count == g.open_cell);
-                (group.count, group.directions) = (group.count + 1, group.directions | g.directions);
+            if let Some(run) = runs.last_mut().filter(|l| key == last && l.count < MAX_RUN_NODES) {
+                let count = index(run.count, "ghost nodes of the lattice wind")?;
+                run.first_open_cell = run.first_open_cell.filter(|cell| cell + count == g.open_cell);
+                (run.count, run.directions) = (run.count + 1, run.directions | g.directions);
             } else {
-                groups.push(GhostRun {
+                runs.push(GhostRun {
                     first,
                     count: 1,
                     directions: g.directions,
@@ -211,12 +211,12 @@ impl OpenBoundary {
                 outlet_cells[face].push(g.open_cell);
             }
         }
-        // Lay out the buffer plane by plane, group by group, direction by direction.
+        // Lay out the buffer plane by plane, run by run, direction by direction.
         let mut parts = Vec::with_capacity(planes);
         let (mut slots, mut at, mut number) = (Vec::new(), 0, 0);
         for z in 0..planes {
-            let (first_group, first_index) = (number, at);
-            while let Some(g) = groups.get(number).filter(|g| ghosts[g.first].adjacent_plane(planes) == z) {
+            let (first_run, first_index) = (number, at);
+            while let Some(g) = runs.get(number).filter(|g| ghosts[g.first].adjacent_plane(planes) == z) {
                 slots.extend((0..g.count).map(|k| GhostSlots {
                     first: at + k,
                     stride: g.count,
@@ -224,9 +224,9 @@ impl OpenBoundary {
                 }));
                 (at, number) = (at + g.buffer_len(), number + 1);
             }
-            parts.push(PlaneGhostRanges { groups: first_group..number, buffer: first_index..at });
+            parts.push(PlaneGhostRanges { runs: first_run..number, buffer: first_index..at });
         }
-        Ok((Self { ghosts, groups, planes: parts, outlet_cells }, slots))
+        Ok((Self { ghosts, runs, planes: parts, outlet_cells }, slots))
     }
 
     /// Positions of the inlet nodes, in the order of [`GhostInputs::inlet_velocity`].
@@ -263,11 +263,11 @@ impl OpenBoundary {
     /// Computes the populations that ghost nodes before plane `z` send, into the plane's range of the buffer.
     #[inline(always)]
     pub(super) fn compute_plane_ghosts<S: Simd>(&self, simd: S, z: usize, state: GhostInputs<'_>, mut out: &mut [f32]) {
-        for group in &self.groups[self.planes[z].groups.clone()] {
+        for run in &self.runs[self.planes[z].runs.clone()] {
             // Groups fill the plane's range one after the other.
-            let (own, others) = std::mem::take(&mut out).split_at_mut(group.buffer_len());
-            let ghosts = &self.ghosts[group.first..group.first + group.count];
-            group.compute_populations(simd, ghosts, state, own);
+            let (own, others) = std::mem::take(&mut out).split_at_mut(run.buffer_len());
+            let ghosts = &self.ghosts[run.first..run.first + run.count];
+            run.compute_populations(simd, ghosts, state, own);
             out = others;
         }
     }
@@ -322,7 +322,7 @@ impl GhostRun {
             };
             let ghost = GhostState::new(cell[0], [cell[1], cell[2], cell[3]], condition);
             let mut to = at;
-            // Only directions into the domain are stored, side by side: index in the group first, direction second.
+            // Only directions into the domain are stored, side by side: index in the run first, direction second.
             for i in 1..Q {
                 if self.directions >> i & 1 == 1 {
                     let sent = ghost.population_sent(i, F32Lanes::from_scalar(simd, 0.0));
@@ -333,7 +333,7 @@ impl GhostRun {
         }
     }
 
-    /// One node after another, for short groups, scattered open cells, and outlets with a non-equilibrium part.
+    /// One node after another, for short runs, scattered open cells, and outlets with a non-equilibrium part.
     fn compute_populations_scalar(&self, ghosts: &[GhostNode], state: GhostInputs<'_>, out: &mut [f32]) {
         let populations = state.populations.filter(|_| !self.before_solid);
         for (k, ghost) in ghosts.iter().enumerate() {

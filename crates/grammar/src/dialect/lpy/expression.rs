@@ -774,7 +774,7 @@ pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyE
             PyExpr::List(items.iter().map(|a| substitute(a, names, values)).collect(), range.clone())
         }
         PyExpr::Index(a, b, range) => PyExpr::Index(sub(a), sub(b), range.clone()),
-        // Within the list its variable hides any other variable of this name.
+        // In the value, but not in the list, the variable of the comprehension hides others of its name.
         PyExpr::Each(value, name, list, range) => {
             let others: (Vec<String>, Vec<PyExpr>) =
                 names.iter().cloned().zip(values.iter().cloned()).filter(|(n, _)| n != name).unzip();

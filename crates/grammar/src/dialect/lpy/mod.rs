@@ -361,11 +361,11 @@ impl<'s> Model<'_, 's> {
             return next;
         }
         if let Some(rest) = after_heading(piece, &["derivation", "length"]) {
-            self.length(rest);
+            self.set_length(rest);
             return i + 1;
         }
         if let Some(rest) = after_heading(piece, &["maximum", "depth"]) {
-            self.depth(rest);
+            self.set_depth(rest);
             return i + 1;
         }
         for (word, hides) in [("ignore", true), ("consider", false)] {
@@ -410,7 +410,7 @@ impl<'s> Model<'_, 's> {
     }
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
-    fn length(&mut self, value: Piece<'_>) {
+    fn set_length(&mut self, value: Piece<'_>) {
         let place = self.reader.place(value.range());
         if let Some(n) = self.constant(value) {
             self.reader.program.length = n.clamp(0.0, 1e6) as u32;
@@ -419,7 +419,7 @@ impl<'s> Model<'_, 's> {
     }
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
-    fn depth(&mut self, value: Piece<'_>) {
+    fn set_depth(&mut self, value: Piece<'_>) {
         let Some(n) = self.constant(value) else { return };
         let depth = n.clamp(0.0, 1e6) as u32;
         match self.section {

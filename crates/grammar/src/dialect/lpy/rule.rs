@@ -515,7 +515,7 @@ impl Model<'_, '_> {
                     }
                     match self.known_value(&test, &way) {
                         Some(value) if is_zero(value) => open.push((way, left)),
-                        // Counted by numbers alone: the turns are written out, so that what they make is known.
+                        // The condition is known to be true: a loop that makes modules is unrolled, so that what it makes is known.
                         Some(_) if !only_computes(&body) || turn > 0 => {
                             if turn > MAX_KNOWN_TURNS {
                                 return Err(Refusal::new("'while' with too many turns", place));

@@ -14,7 +14,7 @@ use crate::rain::leaf::surface::SurfacePoint;
 use crate::rain::mesh::tail_body::TailedDropShape;
 use crate::rain::target::LeafPose;
 use crate::rain::tuning::{
-    AFAR_DROP_ANGLE, AFAR_DROP_GRID, DISTANT_DROP_ANGLE, DISTANT_DROP_GRID, LARGE_DROP_GRID, LARGE_DROP_RADIUS,
+    DISTANT_DROP_ANGLE, DISTANT_DROP_GRID, FAR_DROP_ANGLE, FAR_DROP_GRID, LARGE_DROP_GRID, LARGE_DROP_RADIUS,
     PENDANT_SIDES, PROFILE_POINTS, RIM_DENSITY, SEAT_HEIGHT, SEAT_RINGS, SMALL_DROP_GRID, TAIL_COLUMNS,
     UNDERSIDE_DEPTH,
 };
@@ -28,7 +28,7 @@ pub enum DropDetail {
     #[default]
     Near,
     /// For a drop of a few pixels.
-    Afar,
+    Far,
     /// For a drop of a pixel or two.
     Distant,
 }
@@ -37,8 +37,8 @@ impl DropDetail {
     /// The detail of a drop of a radius, m, at a distance from the camera, m.
     pub fn at_distance(radius: f64, distance: f64) -> Self {
         match radius / distance.max(1e-9) {
-            angle if angle >= AFAR_DROP_ANGLE => Self::Near,
-            angle if angle >= DISTANT_DROP_ANGLE => Self::Afar,
+            angle if angle >= FAR_DROP_ANGLE => Self::Near,
+            angle if angle >= DISTANT_DROP_ANGLE => Self::Far,
             _ => Self::Distant,
         }
     }
@@ -47,7 +47,7 @@ impl DropDetail {
     pub fn typical_vertices(self) -> u32 {
         let [rings, sides] = match self {
             Self::Near => LARGE_DROP_GRID,
-            Self::Afar => AFAR_DROP_GRID,
+            Self::Far => FAR_DROP_GRID,
             Self::Distant => DISTANT_DROP_GRID,
         };
         // Cap and seat have the grid each; tails and apexes add a third of it. Measured: 24 for a distant drop.
@@ -58,7 +58,7 @@ impl DropDetail {
     fn table_index(self) -> usize {
         match self {
             Self::Near => 0,
-            Self::Afar => 1,
+            Self::Far => 1,
             Self::Distant => 2,
         }
     }
@@ -68,7 +68,7 @@ impl DropDetail {
         match self {
             Self::Near if cap.max_radius() < LARGE_DROP_RADIUS => SMALL_DROP_GRID,
             Self::Near => LARGE_DROP_GRID,
-            Self::Afar => AFAR_DROP_GRID,
+            Self::Far => FAR_DROP_GRID,
             Self::Distant => DISTANT_DROP_GRID,
         }
     }

@@ -21,7 +21,7 @@ impl RodSystem {
         for _ in 0..MAX_EQUILIBRIUM_ITERATIONS {
             // Newton step on the equilibrium K dx = f(x), cut to a share of the total length so that large rotations stay
             // within reach of the linearisation, then shortened until the energy does not rise.
-            let Some(largest) = self.compute_static_newton_displacement() else { return false };
+            let Some(largest) = self.compute_newton_displacement() else { return false };
             self.line_search((MAX_NEWTON_STEP * length / largest.max(1e-300)).min(1.0));
             converged = largest < EQUILIBRIUM_TOLERANCE * length;
             if converged {
@@ -34,7 +34,7 @@ impl RodSystem {
 
     /// Fills `step.change` with the Newton displacement K^-1 f at the present shape and returns its largest component,
     /// m; `None` if the stiffness is singular.
-    fn compute_static_newton_displacement(&mut self) -> Option<f64> {
+    fn compute_newton_displacement(&mut self) -> Option<f64> {
         self.prepare_step(0.0);
         self.step.next.copy_from_slice(&self.x);
         self.step.speed.fill([0.0; 9]);
@@ -136,7 +136,7 @@ impl RodSystem {
         let mut least = f64::MAX;
         for _ in 0..MAX_RESIDUAL_ITERATIONS {
             self.set_rest_shape(&shape);
-            let Some(largest) = self.compute_static_newton_displacement() else { break };
+            let Some(largest) = self.compute_newton_displacement() else { break };
             if largest < RESIDUAL_TOLERANCE {
                 self.reset_history();
                 return true;

@@ -150,7 +150,7 @@ impl WordSkeleton {
     }
 
     /// Site at the base of a word's segment, once the axes are numbered; `None` for an unknown word.
-    pub fn foot(&self, word: usize) -> Option<WordSite> {
+    pub fn base_site(&self, word: usize) -> Option<WordSite> {
         self.segments.get(word).map(|w| WordSite { axis: self.raw[w.axis].plant_index, s: w.start })
     }
 

@@ -151,7 +151,7 @@ pub fn grow(
             }
         }
     })?;
-    limits.check("organs", tree.organs.len() as u64, "the number of leaves and grow_branchlets of a tree")?;
+    limits.check("organs", tree.organs.len() as u64, "the number of leaves and branchlets of a tree")?;
     Ok((tree, branchlets))
 }
 

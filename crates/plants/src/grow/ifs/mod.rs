@@ -176,7 +176,7 @@ fn place_condensation_sets(plant: &mut Plant, grown: GrownTree<'_>, options: &Tr
         let proto = proto_index(plant.protos.len());
         plant.protos.push(Proto { name: set.name.clone(), mesh: std::sync::Arc::clone(mesh) });
         for (i, word) in expanded.words.iter().enumerate() {
-            let Some(site) = skeleton.foot(i) else { continue };
+            let Some(site) = skeleton.base_site(i) else { continue };
             let id = mix64(&[plant.axes[site.axis as usize].id, self::word("set"), proto.into(), word.id]);
             let tint = Rng::at(plant.seed, &[plant.id.into(), "ifs-set".into(), id.into()]).unit_f32();
             let size = narrow(scale * volume_scale(&word.map));

@@ -125,7 +125,7 @@ pub(super) fn classify_triangles(imported: &Imported, words: &[String]) -> MeshP
 /// For each triangle, whether the name of its object or of its material marks it as a blade.
 fn blades_by_name(imported: &Imported, words: &[String]) -> Vec<bool> {
     let mut is_blade = vec![false; imported.mesh.triangles.len()];
-    // A matching name marks all triangles of its object, or of its material.
+    // The words are in lower case already.
     let says = |name: &str| {
         let name = name.to_lowercase();
         words.iter().any(|w| name.contains(w.as_str()))

@@ -55,7 +55,7 @@ impl Tree {
             if nodes.parent[i] != NONE {
                 weights[nodes.parent[i] as usize] += weight;
             }
-            // The sum of all that it bears is complete: from here on only the lever about its base is needed.
+            // All children have been added: replace the moments about the origin by those about the base of the internode.
             weights[i] = Vec3::new(weight.x - weight.y * base.x, 0.0, weight.z - weight.y * base.z);
         }
         self.scratch.weight = weights;
@@ -90,11 +90,13 @@ impl Tree {
             // theta = M l / (E I) with I = pi r^4 / 4; `modulus` is E pi / 4.
             let angle = habit.sag[order] * gain * length / (modulus * square * square);
             let bends = angle * (length + self.scratch.beyond[i]) > LEAST_SHIFT;
-            // The moment is stored once it has bent the wood; otherwise the gain accumulates until a bend is large enough.
+            // The moment is stored if it bends the wood, if it has decreased, or if this order does not sag; otherwise the
+            // gain accumulates until a bend is large enough.
             if bends || gain < 0.0 || habit.sag[order] <= 0.0 {
                 nodes.moment[i] = moment;
             }
-            // Its direction after the rotation of its parent, so that what the parent has righted is not righted again.
+            // Orientation of the internode after the rotation of its parent, so that what the parent has righted is not
+            // righted again.
             let mut q = carried * nodes.q[i];
             // `own` is the rotation that children inherit: all turns from the root to here.
             let mut own = carried;

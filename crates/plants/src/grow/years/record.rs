@@ -34,7 +34,7 @@ impl ClipSpan {
         self.from.max(self.to).max(0.0).ceil() as u32
     }
 
-    /// First and last age in the order of time.
+    /// Smaller and larger of the two ages, years.
     fn ordered(self) -> [f32; 2] {
         [self.from.min(self.to), self.from.max(self.to)].map(math::narrow)
     }
@@ -145,7 +145,7 @@ impl GrowthRecord {
         self.span
     }
 
-    /// First and last age that the clip shows, in the order of time.
+    /// Smallest and largest age that the clip shows, years, also for a clip that runs backwards.
     pub(super) fn ages(&self) -> [f32; 2] {
         self.span.ordered()
     }

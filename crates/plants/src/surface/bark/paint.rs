@@ -73,8 +73,8 @@ pub fn bark(spec: &BarkSpec, grain: Option<&BarkGrain>, name: &str) -> Result<Su
     let tables = BarkNoise::new(spec);
     let side = spec.side as usize;
     let rows: Vec<usize> = (0..side).collect();
-    // Height, tint and marks of every texel; then stretch the heights to [0, 1], and derive normals and colours from
-    // them.
+    // Height, tint, patches and marks of every texel; then stretch the heights to [0, 1]; then compute normals, colours
+    // and roughness.
     let samples = par_map(&rows, |&row| sample_row(spec, &tables, grain, row));
     let heights = normalized_heights(&samples);
     // Slope of one height unit over one texel, for normals in metres.

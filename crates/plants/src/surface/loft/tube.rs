@@ -29,7 +29,7 @@ pub(super) struct TubeInputs<'a> {
     pub plan: &'a TubePlan,
     pub params: TubeParams,
     pub rings: &'a [Ring],
-    /// The polygon of the tube's number of sides.
+    /// Corners of the regular polygon with `params.sides` sides; the last repeats the first.
     pub circle: &'a [CirclePoint],
 }
 
