@@ -15,9 +15,10 @@ use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
 use osier_base::Result;
+use osier_base::diagnostic::nearest;
 use osier_base::files::{BakeCache, Folder, WriteOptions, is_settled};
-use osier_export::VERSION;
 use osier_export::manifest::{self, Manifest};
+use osier_export::{VERSION, registry};
 
 /// Hash of the sources from which this program was built: the output of a build with other sources is not up to date, even with
 /// the same version.
@@ -28,12 +29,16 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     if !args.sweep.is_empty() || args.seeds.is_some() {
         return sweep::run(context, args);
     }
+    let formats = match args.formats.as_deref().map(format_list).transpose() {
+        Ok(formats) => formats,
+        Err(why) => {
+            context.console.complain(&why);
+            return Ok(2);
+        }
+    };
     let mut request = find_scene(args.scene.as_deref().unwrap_or("showcase"), &context.sources)?;
-    // The flag becomes an override of the scene's key, so that it is checked and hashed like any other.
-    if let Some(formats) = &args.formats {
-        let words: Vec<String> = formats.split(',').map(|f| format!("\"{}\"", f.trim())).collect();
-        request.set.push(format!("output.formats=[{}]", words.join(",")));
-    }
+    // The flag becomes an override of the scene's key, so that it is hashed like any other.
+    request.set.extend(formats.map(|formats| format!("output.formats={formats}")));
     let (mut recipe, warnings) = resolve(&request)?;
     context.console.report(&warnings);
     let frames = match selection(context, args, &mut recipe) {
@@ -116,6 +121,21 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     }
     summary(context, &root, &recipe, &manifest, Some(&timer.seconds()))?;
     Ok(context.strict(warned || !export_warnings.is_empty()))
+}
+
+/// The list of `--formats` as a value of the key `output.formats`.
+/// # Errors
+/// A message for a word that is no format.
+fn format_list(list: &str) -> std::result::Result<String, String> {
+    let quoted = |word: &str| match registry::by_word(word) {
+        Some(format) => Ok(format!("\"{}\"", format.word)),
+        None => Err(match nearest(word, registry::FORMATS.iter().map(|f| f.word)) {
+            Some(near) => format!("--formats: \"{word}\" is no format; did you mean \"{near}\"?"),
+            None => format!("--formats: \"{word}\" is no format; one of {}", registry::words()),
+        }),
+    };
+    let words = list.split(',').map(|word| quoted(word.trim())).collect::<std::result::Result<Vec<_>, _>>()?;
+    Ok(format!("[{}]", words.join(",")))
 }
 
 /// Numbers of the frames to write; empty for a still scene. A selection is added to the scene's hash, since it changes the

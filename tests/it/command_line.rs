@@ -51,6 +51,12 @@ fn usage_ends_with_2_and_help_with_0() {
         let (_, err) = ends(2, &["bake", SCENE, "-o", arg(dir.path()), "--frames", list]);
         assert!(err.starts_with("error: --frames"), "{err}");
     }
+    for (list, told) in
+        [("usdd", "did you mean \"usd\"?"), ("usd,picture", "one of usd, glb"), ("", "\"\" is no format")]
+    {
+        let (_, err) = ends(2, &["bake", SCENE, "-o", arg(dir.path()), "--formats", list]);
+        assert!(err.starts_with("error: --formats") && err.contains(told), "{err}");
+    }
     let (_, err) = ends(2, &["bake", "koch", "-o", arg(dir.path()), "--frames", "1-4"]);
     assert!(err.contains("which has the one frame 1; --set frames.end=2"), "{err}");
     let (_, err) = ends(2, &["grow", SCENE, "-o", "x.docx"]);

@@ -326,6 +326,8 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     let site = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.site]\nlatitude = 20\n";
     assert_eq!(without_effect(site), ["plants.a.site.latitude has no effect"]);
     assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());
+    let empty = "[plants.a]\ngrammar = \"rain-twig.l\"\n[output]\nformats = []\n";
+    assert_eq!(without_effect(empty), ["output.formats is empty: a bake writes textures and no scene"]);
     // A tree that grows for its place is neither turned nor inclined, which is told once.
     let together = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[[place]]\ntogether = true\n";
     assert_eq!(without_effect(&format!("{together}lean_to_deg = 30\n")), ["place.0.lean_to_deg has no effect"]);
