@@ -116,6 +116,10 @@ fn standard_output_holds_results_and_nothing_else() {
     assert!(json(&["info", arg(&glb)])["triangles"].as_u64().is_some_and(|n| n > 0));
     assert_eq!(json(&["new", arg(&new), "--from", "koch"])["files"].as_array().map(Vec::len), Some(2));
     assert_eq!(json(&["check", SCENE, SCENE]).as_array().map(Vec::len), Some(2));
+    let grammar = dir.path().join("sprig.l");
+    assert_eq!(json(&["convert", GRAMMAR, "-o", arg(&grammar)])["files"][0]["path"], arg(&grammar));
+    let text = fs::read_to_string(&grammar).expect("grammar");
+    assert_eq!(json(&["convert", GRAMMAR])["text"], text.as_str());
     for what in ["presets", "options", "formats", "codes", "limits"] {
         assert!(json(&["list", what]).as_array().is_some_and(|rows| rows.len() > 3), "{what}");
     }
