@@ -243,6 +243,26 @@ fn a_file_with_dots_in_its_name_takes_overrides() {
     assert!(json.contains("plants.\\\"v1.2\\\".set.ANGLE"), "{json}");
 }
 
+/// Runs the program with a file as its standard input.
+fn fed(input: &Path, args: &[&str]) -> (i32, String, String) {
+    let input = fs::File::open(input).expect("input");
+    said(&osier(args).stdin(input).output().expect("runs"))
+}
+
+#[test]
+fn a_scene_is_read_from_standard_input_as_often_as_a_command_needs_it() {
+    let dir = folder();
+    let scene = file(&dir, "scene.toml", "title = \"seed --> tree\"\n[plants.koch]\ngrammar = \"koch.l\"\n");
+    let (code, _, err) = fed(&scene, &["check", "-", "-"]);
+    assert_eq!(code, 0, "{err}");
+    ends(0, &["check", arg(&scene)]);
+    let sheet = dir.path().join("sheet.png");
+    let (code, _, err) = fed(&scene, &["preview", "-", "--seeds", "1,2", "--size", "16x16", "-o", arg(&sheet)]);
+    assert!(code == 0 && sheet.is_file(), "{err}");
+    let (code, _, err) = fed(Path::new(GRAMMAR), &["check", "-"]);
+    assert!(code == 1 && err.matches("error[").count() == 1 && err.contains("only scenes"), "{err}");
+}
+
 #[test]
 fn flags_that_a_source_cannot_heed_are_told() {
     let dir = folder();
