@@ -32,9 +32,9 @@ pub use wind::lattice::{SolidSizeInCells, lattice_memory, solids_in_cells};
 
 use std::sync::Arc;
 
-use osier_base::Result;
 use osier_base::diagnostic::Report;
 use osier_base::files::Folder;
+use osier_base::{Error, Result};
 use osier_export::Warning;
 use osier_export::manifest::{self, Manifest};
 use osier_export::textures::Textures;
@@ -59,13 +59,21 @@ pub struct Baked {
 }
 
 /// Bakes a recipe: builds its scene, simulates it and writes all of its files into a folder.
-/// `frames`: numbers of the frames to write, in rising order; empty for a still scene.
+/// `frames`: numbers of the frames to write, in rising order; empty for a still scene. `folder`: opened with a
+/// [key](osier_base::files::WriteOptions::key), an interrupted bake continues where it stopped.
 /// # Errors
-/// `Input` with the faults of grammars, `Limit` before memory is spent, `Export` and `Io` of what cannot be written, `Cancelled`.
+/// `Range` for a frame outside of the clip; `Input` with the faults of grammars; `Limit` if the predicted bytes or the predicted memory
+/// exceed the limits in force; `Export` and `Io` of what cannot be written; `Cancelled`.
 pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeContext<'_>) -> Result<Baked> {
+    let clip = recipe.clip;
+    if let Some(number) = frames.iter().find(|number| !(clip.start..=clip.end).contains(*number)) {
+        let [value, min, max] = [*number, clip.start, clip.end].map(f64::from);
+        return Err(Error::Range { name: "frame".into(), value, min, max, unit: "" });
+    }
     cache::ifs_leaves::load(recipe, folder.root(), context.limits);
     let mut built = scene::assembly::assemble_scene(recipe, SceneOptions::default(), context)?;
     refuse_without_visible_plants(&built.animated.scene)?;
+    built.counts(recipe, frames).check_limits(context.limits)?;
     let (manifest, warnings) = write_files(recipe, &mut built.animated, frames, folder, context)?;
     Ok(Baked { manifest, report: built.report, warnings })
 }

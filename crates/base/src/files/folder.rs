@@ -35,7 +35,8 @@ pub struct FileRecord {
 /// Options of an output folder: what its files depend on, and what may be overwritten.
 #[derive(Debug, Clone)]
 pub struct WriteOptions {
-    /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept.
+    /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept; with an empty key,
+    /// which says nothing of the bytes, every file is written.
     pub key: String,
     /// Overwrite files that osier did not write, instead of ending with [`Error::Foreign`].
     pub force: bool,
@@ -269,8 +270,12 @@ impl Folder {
         Ok(())
     }
 
-    /// Counts a file as finished if the journal has an entry of this key and the bytes on disk agree with it.
+    /// Counts a file as finished if the journal has an entry of this key and the bytes on disk agree with it. Without a key only files
+    /// of this run count.
     fn reuse_finished(&self, record: &FileRecord) -> Result<bool> {
+        if self.shared.options.key.is_empty() && !self.state().finished.contains_key(&record.path) {
+            return Ok(false);
+        }
         let of_this_key = |state: &FolderState| -> Vec<JournalEntry> {
             let entries = state.journal.iter().flat_map(|j| j.entries(&record.path));
             entries.filter(|e| e.key == self.shared.key).cloned().collect()
