@@ -4,8 +4,8 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::Context;
 use super::args::{Convert, ConvertArg};
+use super::{Context, unreadable_name};
 use crate::recipe::{Growth, resolve};
 use crate::source::find_scene;
 use osier_base::Result;
@@ -15,6 +15,10 @@ use osier_grammar::{ConvertTo, convert};
 
 /// Runs `osier convert` on the first grammar of the source; the result is the exit code.
 pub fn run(context: &Context, args: &Convert) -> Result<u8> {
+    if let Some(why) = args.output.as_deref().and_then(unreadable_name) {
+        context.console.complain(&why);
+        return Ok(2);
+    }
     let (recipe, warnings) = resolve(&find_scene(&args.file, &context.sources)?)?;
     context.console.report(&warnings);
     let grammar = recipe.plants.iter().find_map(|p| if let Growth::Grammar(g) = &p.growth { Some(g) } else { None });

@@ -22,6 +22,7 @@ mod sweep;
 mod watch;
 
 use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser as _;
@@ -144,6 +145,12 @@ fn start(cli: Cli) -> u8 {
         context.console.error(&e);
         e.exit_code()
     })
+}
+
+/// Message about an output whose file name is not UTF-8, which written files could not refer to; `None` for any other.
+fn unreadable_name(output: &Path) -> Option<String> {
+    let is_text = output.file_name().is_none_or(|name| name.to_str().is_some());
+    (!is_text).then(|| format!("the name of the file \"{}\" is not UTF-8", output.display()))
 }
 
 /// Starts the global thread pool with `jobs` threads, by default as many as the machine has, at most [`THREADS`].

@@ -296,6 +296,23 @@ fn closed_descriptors_stop_nothing() {
 }
 
 #[test]
+fn no_file_gets_another_name_than_the_one_given() {
+    use std::os::unix::ffi::OsStrExt as _;
+
+    let dir = folder();
+    let cases: [(&[u8], &[&str]); 3] = [
+        (b"\xff.glb", &["grow", SCENE, "-o"]),
+        (b"\xff.png", &["preview", SCENE, "--size", "16x16", "-o"]),
+        (b"\xff.l", &["convert", GRAMMAR, "-o"]),
+    ];
+    for (name, args) in cases {
+        let path = dir.path().join(std::ffi::OsStr::from_bytes(name));
+        let (code, _, err) = said(&osier(args).arg(&path).output().expect("runs"));
+        assert!(code == 2 && err.contains("is not UTF-8") && tree(dir.path()).is_empty(), "{err}");
+    }
+}
+
+#[test]
 fn foreign_files_are_left_alone_without_force() {
     let dir = folder();
     let glb = file(&dir, "x.glb", "mine");
