@@ -217,6 +217,20 @@ fn a_rerun_keeps_what_is_proved_and_makes_what_is_not() {
 }
 
 #[test]
+fn no_manifest_lists_files_that_another_bake_replaced() {
+    let dir = tempfile::tempdir().expect("dir");
+    let folder = Folder::open_with(dir.path(), options("a", Arc::new(Quick))).expect("folder");
+    folder.write("main.usda", "usda", b"one").expect("write");
+    // Another scene is baked into the folder meanwhile.
+    bake(dir.path(), options("b", Arc::new(Quick))).expect("the other");
+    let end = folder.write(MANIFEST, "manifest", b"main.usda 3");
+    assert_eq!(end.map_err(|e| e.exit_code()), Err(75));
+    assert!(!dir.path().join(MANIFEST).exists());
+    bake(dir.path(), options("a", Arc::new(Quick))).expect("again");
+    assert_eq!(tree(dir.path()), undisturbed("a"));
+}
+
+#[test]
 fn without_a_key_no_file_of_an_earlier_run_is_kept() {
     let dir = tempfile::tempdir().expect("dir");
     let run = || bake(dir.path(), options("", Arc::new(Quick))).expect("bake");

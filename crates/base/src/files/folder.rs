@@ -183,6 +183,7 @@ impl Folder {
         self.prepare_folder(path.rsplit_once('/').map_or("", |(folder, _)| folder))?;
         // The manifest lists a finished set: before it, files of earlier bakes are removed. Any other file withdraws it.
         if path == MANIFEST {
+            self.check_finished()?;
             self.remove_stale_files()?;
         }
         if self.reuse_finished(&record)? {
@@ -347,6 +348,23 @@ impl Folder {
         }
         state.manifest_withdrawn = true;
         Ok(())
+    }
+
+    /// Refuses to list files that a bake under another key has replaced meanwhile, as both manifests would then be wrong of some
+    /// files. A file that was only removed is told by the manifest.
+    fn check_finished(&self) -> Result<()> {
+        let mut state = self.state();
+        let is_replaced = |record: &&FileRecord| {
+            fs::symlink_metadata(self.root().join(&record.path)).is_ok_and(|found| found.len() != record.bytes)
+        };
+        let Some(replaced) = state.finished.values().find(is_replaced).map(|record| record.path.clone()) else {
+            return Ok(());
+        };
+        // The manifest may be that of the other bake.
+        state.manifest_withdrawn = false;
+        self.withdraw_manifest(&mut state)?;
+        let why = io::Error::new(io::ErrorKind::ResourceBusy, "another bake into this folder replaced it; run again");
+        Err(Error::io("keep", self.root().join(replaced), why))
     }
 
     /// Renames a finished part to its name. The journal entry is written first: if the process dies between the two, the file
