@@ -59,8 +59,8 @@ pub fn main() -> ExitCode {
     ExitCode::from(run(std::env::args_os()))
 }
 
-/// Runs the program with arguments, the first of which is its name, and returns the exit code. A process may call it once:
-/// signal handlers, the thread pool and the memory watch are installed for the whole process.
+/// Runs the program with arguments, the first of which is its name, and returns the exit code. A process may call it once, since
+/// the thread pool is that of the whole process; signal handlers and the memory watch end with the run.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let args: Vec<OsString> = args.into_iter().collect();
     if args.len() <= 1 {
@@ -107,19 +107,21 @@ fn start(cli: Cli) -> u8 {
             return 2;
         }
     };
-    // Signal handlers, threads and memory watch exist once per process and precede all work.
+    // Signal handlers, threads and memory watch precede all work; the handlers and the watch end with the run.
     let cancel = Cancel::default();
-    if let Err(e) = watch::listen(&cancel) {
-        console.complain(&format!("cannot listen to signals: {e}"));
-    }
+    let _signals =
+        watch::listen(&cancel).inspect_err(|e| console.complain(&format!("cannot listen to signals: {e}"))).ok();
     if let Err(e) = pool(cli.common.jobs) {
         console.complain(&e);
         return 2;
     }
-    if let Err(e) = watch::watch(&limits) {
-        console.error(&e);
-        return e.exit_code();
-    }
+    let _memory = match watch::watch(&limits) {
+        Ok(memory) => memory,
+        Err(e) => {
+            console.error(&e);
+            return e.exit_code();
+        }
+    };
     let sources = SourceOptions {
         search: cli.common.search.clone(),
         set: cli.common.set.clone(),
