@@ -62,8 +62,8 @@ pub struct Baked {
 /// `frames`: numbers of the frames to write, in rising order; empty for a still scene. `folder`: opened with a
 /// [key](osier_base::files::WriteOptions::key), an interrupted bake continues where it stopped.
 /// # Errors
-/// `Range` for a frame outside of the clip; `Input` with the faults of grammars; `Limit` if the predicted bytes or the predicted memory
-/// exceed the limits in force; `Export` and `Io` of what cannot be written; `Cancelled`.
+/// `Range` for a frame outside of the clip; `Input` with the faults of grammars; `Limit` if the predicted bytes or the predicted
+/// memory exceed the limits in force; `Export` and `Io` of what cannot be written; `Cancelled`.
 pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeContext<'_>) -> Result<Baked> {
     let clip = recipe.clip;
     if let Some(number) = frames.iter().find(|number| !(clip.start..=clip.end).contains(*number)) {

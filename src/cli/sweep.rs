@@ -46,8 +46,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             return Ok(2);
         }
     };
-    // All recipes are resolved before the first run, so that an error in a late value costs no simulation. Runs have most warnings
-    // in common, of which each is printed once.
+    // All recipes are resolved before the first run, so that an error in a late value costs no simulation. Runs have most
+    // warnings in common, of which each is printed once.
     let mut recipes = Vec::new();
     let mut of_scenes = Report::default();
     for planned in &runs {

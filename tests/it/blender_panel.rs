@@ -91,8 +91,9 @@ fn a_wheel_in_a_clean_environment_is_the_program() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("once in a process"), "{output:?}");
 
     // After a call the signals are those of Python again.
-    let after = "import osier, os, signal, time\nosier.main(['list', 'limits'])\ntry:\n    os.kill(os.getpid(), signal.SIGINT)\n    \
-                 time.sleep(9)\nexcept KeyboardInterrupt:\n    time.sleep(2)\n    print('goes on')";
+    let after = "import osier, os, signal, time\nosier.main(['list', 'limits'])\n\
+                 try:\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(9)\n\
+                 except KeyboardInterrupt:\n    time.sleep(2)\n    print('goes on')";
     let output = Command::new(&own).args(["-c", after]).output().expect("python");
     assert!(output.status.success() && String::from_utf8_lossy(&output.stdout).ends_with("goes on\n"), "{output:?}");
 

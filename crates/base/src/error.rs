@@ -74,7 +74,7 @@ pub enum Error {
     },
     /// The output would overwrite a file of which neither its content nor a journal says that osier wrote it.
     #[error(
-        "\"{}\" exists and does not name osier as its maker; choose another name or folder with -o, or pass --force to overwrite it",
+        "\"{}\" does not name osier as its maker; choose another name or folder with -o, or pass --force to overwrite it",
         path.display()
     )]
     Foreign {

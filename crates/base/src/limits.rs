@@ -69,8 +69,8 @@ impl Default for Limits {
 
 impl Limits {
     /// The defaults, with `memory` set to three quarters of the memory of the machine or of the container, whichever is less,
-    /// where the system reports it. Written bytes never depend on it. `machine`, `container`: texts of `/proc/meminfo` and of the files
-    /// that [`control_group_files`] names, one per line; empty if there are none.
+    /// where the system reports it. Written bytes never depend on it. `machine`, `container`: texts of `/proc/meminfo` and of
+    /// the files that [`control_group_files`] names, one per line; empty if there are none.
     pub fn of_machine(machine: &str, container: &str) -> Self {
         let mut limits = Self::default();
         let place = LIMITS.iter().position(|l| l.name == "memory");

@@ -35,8 +35,8 @@ pub struct FileRecord {
 /// Options of an output folder: what its files depend on, and what may be overwritten.
 #[derive(Debug, Clone)]
 pub struct WriteOptions {
-    /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept; with an empty key,
-    /// which says nothing of the bytes, every file is written.
+    /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept; with an empty
+    /// key, which says nothing of the bytes, every file is written.
     pub key: String,
     /// Overwrite files that osier did not write, instead of ending with [`Error::Foreign`].
     pub force: bool,
@@ -271,8 +271,8 @@ impl Folder {
         Ok(())
     }
 
-    /// Counts a file as finished if the journal has an entry of this key and the bytes on disk agree with it. Without a key only files
-    /// of this run count.
+    /// Counts a file as finished if the journal has an entry of this key and the bytes on disk agree with it. Without a key
+    /// only files of this run count.
     fn reuse_finished(&self, record: &FileRecord) -> Result<bool> {
         if self.shared.options.key.is_empty() && !self.state().finished.contains_key(&record.path) {
             return Ok(false);
