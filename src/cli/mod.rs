@@ -107,6 +107,10 @@ fn start(cli: Cli) -> u8 {
             return 2;
         }
     };
+    if let Some(bad) = cli.common.set.iter().find(|set| !set.contains('=')) {
+        console.complain(&format!("--set: \"{bad}\" is not PATH=VALUE, such as wind.speed=6"));
+        return 2;
+    }
     // Signal handlers, threads and memory watch precede all work; the handlers and the watch end with the run.
     let cancel = Cancel::default();
     let _signals =

@@ -43,7 +43,15 @@ fn usage_ends_with_2_and_help_with_0() {
     let dir = folder();
     let glb = dir.path().join("x.glb");
     let grow = ["grow", SCENE, "-o", arg(&glb)];
-    for more in [&["--nope"][..], &["-j0"], &["--max-modules", "many"], &["--max-wishes", "1"], &["--seed", "x"]] {
+    let wrong = [
+        &["--nope"][..],
+        &["-j0"],
+        &["--max-modules", "many"],
+        &["--max-wishes", "1"],
+        &["--seed", "x"],
+        &["--set", "wind.speed"],
+    ];
+    for more in wrong {
         let (out, err) = ends(2, &[&grow[..], more].concat());
         assert!(out.is_empty() && err.starts_with("error:"), "{err}");
     }
