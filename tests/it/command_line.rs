@@ -492,7 +492,17 @@ fn info_names_what_was_deleted_or_changed_and_a_bake_mends_it() {
     assert_same(&tree(&out), &wanted, "mended");
     ends(1, &["info", arg(dir.path())]);
     let (text, _) = ends(0, &["info", arg(&out.join("gltf/sprig.web.glb"))]);
-    assert!(text.contains("gltf/sprig.web.glb"), "{text}");
+    assert!(text.contains("gltf/sprig.web.glb") && text.contains("\nbake "), "{text}");
+    // A file beside a bake, or beside the manifest of another program, is described by itself.
+    fs::copy(out.join("gltf/sprig.web.glb"), out.join("copy.glb")).expect("copy");
+    let site = dir.path().join("site/models");
+    fs::create_dir_all(&site).expect("folder");
+    file(&dir, "site/manifest.json", "{ \"name\": \"a web application\" }");
+    fs::copy(out.join("gltf/sprig.web.glb"), site.join("tree.glb")).expect("copy");
+    for path in [out.join("copy.glb"), site.join("tree.glb")] {
+        let (text, _) = ends(0, &["info", arg(&path)]);
+        assert!(text.contains(" triangles") && !text.contains("\nbake "), "{text}");
+    }
 }
 
 #[test]
