@@ -19,8 +19,8 @@ const SHUTDOWN_TIME: Duration = Duration::from_millis(1400);
 const MEMORY_INTERVAL: Duration = Duration::from_millis(10);
 /// Time before the first measurement: an excess that the estimate predicts is refused earlier, with its reason.
 const FIRST_MEASUREMENT: Duration = Duration::from_millis(500);
-/// Bytes of a memory page, the unit of `/proc/self/statm`.
-const PAGE_BYTES: u64 = 4096;
+/// Most bytes of `/proc/self/status`, which lists processors and groups.
+const STATUS_BYTES: u64 = 1 << 16;
 
 /// The handlers of signals of a run. Dropping it removes them, so that a process that runs osier as a library, such as an
 /// interpreter of Python, has its own again.
@@ -84,7 +84,7 @@ impl Drop for MemoryWatch {
 pub(super) fn watch(limits: &Limits) -> std::result::Result<MemoryWatch, Error> {
     let most = limits.get("memory");
     if most == 0 {
-        return Err(limit_error(resident_bytes().unwrap_or(PAGE_BYTES), most));
+        return Err(limit_error(resident_bytes().unwrap_or(1), most));
     }
     let watch = MemoryWatch(Arc::default());
     let is_over = Arc::clone(&watch.0);
@@ -110,10 +110,10 @@ fn limit_error(bytes: u64, most: u64) -> Error {
 
 /// Resident memory of the process in bytes; `None` where the system does not report it.
 fn resident_bytes() -> Option<u64> {
-    let text = read_input(Path::new("/proc/self/statm"), 4096).ok()?;
-    let text = String::from_utf8(text).ok()?;
-    // The second field of `/proc/self/statm` is the resident set, in pages.
-    text.split_whitespace().nth(1)?.parse::<u64>().ok()?.checked_mul(PAGE_BYTES)
+    let text = read_input(Path::new("/proc/self/status"), STATUS_BYTES).ok()?;
+    // `/proc/self/statm` counts in pages, which are larger than 4 kB on some machines.
+    let line = text.split(|b| *b == b'\n').find_map(|line| line.strip_prefix(b"VmRSS:"))?;
+    std::str::from_utf8(line).ok()?.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
 /// Exits the process with the code of an error, even while other threads work or block, as in a write to a full pipe.
