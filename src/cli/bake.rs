@@ -10,7 +10,7 @@ use super::progress::{ProgressDisplay, StageTimer};
 use super::{numbers, report, sweep};
 use crate::bake::cache::ifs_leaves;
 use crate::bake::output::single_file::refuse_without_visible_plants;
-use crate::bake::scene::{self, AnimatedScene};
+use crate::bake::scene;
 use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
@@ -88,8 +88,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     messages.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();
-    if let Some(why) = missing_frames(&recipe, &built.animated, &frames) {
-        context.console.complain(&why);
+    if let Some(why) = bake::missing_frames(&recipe, &built.animated, &frames) {
+        context.console.complain(&format!("--frames: {why}"));
         return Ok(2);
     }
     // The following checks may refuse the bake, and precede the first file of the output.
@@ -169,28 +169,6 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
     }
     recipe.hash = hasher.finalize().to_hex().to_string();
     Ok(frames)
-}
-
-/// Why the selected frames cannot be written: placements with a phase offset, or the still glTF file, need frames
-/// that are not selected.
-fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Option<String> {
-    // A still glTF file has one frame of the clip, which must be among the written ones.
-    let wanted = recipe.output.gltf.frame.filter(|_| recipe.output.writes(&osier_export::gltf::FORMAT));
-    if let Some(frame) = wanted.filter(|f| !frames.is_empty() && !frames.contains(f)) {
-        return Some(format!("--frames: frame {frame} of output.gltf.frame is not selected"));
-    }
-    let part = !frames.is_empty() && frames.len() < recipe.clip.len();
-    // A copy with a phase uses another frame of its plant, which must be written too. Tables of joints have each copy's own
-    // frame, and the other formats have plants at rest or at the frame itself.
-    let shifting = [&osier_export::usd::FORMAT, &osier_export::gltf::FORMAT, &osier_export::pov::FORMAT];
-    let shifts = shifting.into_iter().any(|format| recipe.output.writes(format));
-    let phased = stage.scene.placements.iter().filter(|p| p.phase > 0).count();
-    (part && shifts && phased > 0).then(|| {
-        format!(
-            "--frames: {phased} copies are animated with a phase offset and need frames that are not selected; bake the whole \
-             clip, or animate all copies in phase with --set sway.phases=1"
-        )
-    })
 }
 
 /// The manifest of the folder if the folder is up to date: complete, written by this program from the same scene, and closed
