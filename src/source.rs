@@ -174,7 +174,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     if source != "-" && !source.contains(['/', '\\']) && (!path.exists() || path.is_dir()) {
         return Ok(Request { library: Library::presets(search)?, ..find_preset(source, options, table_use)? });
     }
-    if path.is_dir() {
+    if source != "-" && path.is_dir() {
         return Err(folder_error(source));
     }
     // The file is read before its folder is opened for references, so that a missing path is reported as a missing file.
