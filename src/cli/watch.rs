@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use signal_hook::SigId;
-use signal_hook::iterator::Handle;
 
 use osier_base::Error;
 use osier_base::files::{drop_parts, read_input};
@@ -15,6 +14,8 @@ use osier_base::progress::Cancel;
 
 /// Time between a signal and forced exit, in which the work can stop and close its files.
 const SHUTDOWN_TIME: Duration = Duration::from_millis(1400);
+/// Time between two looks for a signal.
+const SIGNAL_INTERVAL: Duration = Duration::from_millis(20);
 /// Time between two measurements of memory. Shorter: reading `/proc` costs time; longer: a run exceeds its limit by more.
 const MEMORY_INTERVAL: Duration = Duration::from_millis(10);
 /// Time before the first measurement: an excess that the estimate predicts is refused earlier, with its reason.
@@ -26,7 +27,6 @@ const STATUS_BYTES: u64 = 1 << 16;
 /// interpreter of Python, has its own again.
 pub(super) struct SignalWatch {
     ids: Vec<SigId>,
-    handle: Handle,
     is_over: Arc<AtomicBool>,
 }
 
@@ -36,7 +36,6 @@ impl Drop for SignalWatch {
         for id in self.ids.drain(..) {
             signal_hook::low_level::unregister(id);
         }
-        self.handle.close();
     }
 }
 
@@ -54,16 +53,19 @@ pub(super) fn listen(cancel: &Cancel) -> std::io::Result<SignalWatch> {
         ids.push(flag::register(signal, Arc::clone(&armed))?);
         ids.push(flag::register_usize(signal, cancel.flag(), number)?);
     }
-    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM])?;
-    let watch = SignalWatch { ids, handle: signals.handle(), is_over: Arc::default() };
-    let is_over = Arc::clone(&watch.is_over);
+    let watch = SignalWatch { ids, is_over: Arc::default() };
+    let (is_over, cancel) = (Arc::clone(&watch.is_over), cancel.clone());
+    // The request is polled, since Windows has no iterator over signals.
     std::thread::Builder::new().name("signals".into()).spawn(move || {
-        // Without a signal the iterator ends when the run does.
-        if let Some(signal) = signals.forever().next() {
-            std::thread::sleep(SHUTDOWN_TIME);
-            if !is_over.load(Ordering::Relaxed) {
-                end(Error::Cancelled { signal });
+        while !is_over.load(Ordering::Relaxed) {
+            if let Err(why) = cancel.check() {
+                std::thread::sleep(SHUTDOWN_TIME);
+                if !is_over.load(Ordering::Relaxed) {
+                    end(why);
+                }
+                return;
             }
+            std::thread::sleep(SIGNAL_INTERVAL);
         }
     })?;
     Ok(watch)

@@ -250,8 +250,9 @@ fn the_library_bakes_another_scene_over_the_last_and_refuses_what_the_program_re
 
     let dir = tempfile::tempdir().expect("dir");
     let bake = |seed: &str, frames: &[u32], most: &str| {
-        let text =
-            "[plants.grass]\ngrammar = \"grass.l\"\n[ground]\nshow = false\n[output]\nformats = [\"obj\"]\n".to_owned();
+        let plant =
+            "[plants.grass]\ngrammar = \"grass.l\"\n[plants.grass.bark]\nside = 16\n[plants.grass.leaf]\nside = 32\n";
+        let text = format!("{plant}[ground]\nshow = false\n[output]\nformats = [\"obj\"]\n");
         let request = Request { name: "lawn".into(), text, set: vec![format!("seed={seed}")], ..Request::default() };
         let (recipe, _) = resolve(&request)?;
         let mut limits = Limits::default();
