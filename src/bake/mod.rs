@@ -52,7 +52,7 @@ use scene::assembly::SceneOptions;
 pub struct Baked {
     /// The manifest as written: scene, materials, all files with their hashes.
     pub manifest: Manifest,
-    /// Warnings of the scene: grammars, growth, wind.
+    /// Warnings from building the scene: layout, grammars, growth, wind, rain, flight and rods.
     pub report: Report,
     /// Warnings of the exporters, by code.
     pub warnings: Vec<Warning>,

@@ -38,7 +38,7 @@ impl<'r> StillScene<'r> {
         Ok(Self { recipe, assembled: assemble_for_estimate(recipe, SceneOptions { ground: false }, context)? })
     }
 
-    /// Warnings of grammars, growth and wind, without those of the recipe.
+    /// Warnings from building the scene, without those of the recipe.
     pub fn report(&self) -> &Report {
         &self.assembled.report
     }

@@ -8,8 +8,8 @@ use crate::rng::mix64;
 /// Source: K. Perlin, "Improving noise", SIGGRAPH 2002; gradients from a hash instead of a table.
 #[inline]
 pub fn gradient2(seed: u64, p: [f32; 2], period: [i32; 2]) -> f32 {
-    let (x0, fx) = split(p[0]);
-    let (y0, fy) = split(p[1]);
+    let (x0, fx) = floor_and_fraction(p[0]);
+    let (y0, fy) = floor_and_fraction(p[1]);
     // Contribution of a lattice corner: its unit gradient, from a hash, dotted with the offset from it.
     let corner = |dx: i32, dy: i32| {
         let h = mix64(&[seed, cell(x0 + dx, period[0]), cell(y0 + dy, period[1])]);
@@ -26,7 +26,7 @@ pub fn gradient2(seed: u64, p: [f32; 2], period: [i32; 2]) -> f32 {
 /// Gradient noise along a line, periodic with `period` cells (>= 1), in [-1, 1]. `x`: position in cells.
 #[inline]
 pub fn gradient1(seed: u64, x: f32, period: i32) -> f32 {
-    let (x0, f) = split(x);
+    let (x0, f) = floor_and_fraction(x);
     let slope = |d: i32| {
         let h = mix64(&[seed, cell(x0 + d, period)]);
         ((h >> 40) as f32 * (2.0 / 16_777_216.0) - 1.0) * (f - d as f32)
@@ -65,8 +65,8 @@ pub struct Cellular {
 /// `p`: position in cells; `period`: cells, >= 1.
 /// Source: S. Worley, "A cellular texture basis function", SIGGRAPH 1996.
 pub fn cellular2(seed: u64, p: [f32; 2], period: [i32; 2], jitter: f32) -> Cellular {
-    let (x0, fx) = split(p[0]);
-    let (y0, fy) = split(p[1]);
+    let (x0, fx) = floor_and_fraction(p[0]);
+    let (y0, fy) = floor_and_fraction(p[1]);
     let mut found = Cellular { f1: f32::MAX, f2: f32::MAX, id: 0 };
     // The nearest two feature points lie in the 3 x 3 cells around if (1/2 + jitter/2) sqrt 2 <= 3/2 - jitter/2: up to jitter
     // 0.65. At larger jitter a nearer point two cells away may be missed.
@@ -91,7 +91,7 @@ pub fn cellular2(seed: u64, p: [f32; 2], period: [i32; 2], jitter: f32) -> Cellu
     clippy::cast_possible_truncation,
     reason = "positions are a few thousand cells at most; beyond, the cast saturates"
 )]
-fn split(x: f32) -> (i32, f32) {
+fn floor_and_fraction(x: f32) -> (i32, f32) {
     let floor = x.floor();
     (floor as i32, x - floor)
 }

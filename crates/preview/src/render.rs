@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_that_share_the_sky_keep_its_mean_and_lose_its_noise() {
+    fn shared_ambient_keeps_the_mean_and_reduces_noise() {
         let scene = thicket();
         let materials = PreviewMaterials::new(&scene, Quality::Normal);
         let world = RenderScene::new(&scene, None, &materials);

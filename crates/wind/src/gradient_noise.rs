@@ -82,8 +82,8 @@ pub(super) fn noise1(seed: u32, x: NoiseCoordinate, period: i32) -> f32 {
     2.0 * (low + (high - low) * fade(x.fraction))
 }
 
-/// Hash of a lattice point: the bits of the result are uncorrelated. Source: own; a product with odd constants per axis, then
-/// the `lowbias32` finalizer of Wellons.
+/// Hash of a lattice point. Source: C. Ericson, "Real-time collision detection", 2005 (one large odd factor per axis), then the
+/// `lowbias32` finalizer of C. Wellons. Differs: the products are combined by exclusive or, with the seed.
 #[inline(always)]
 pub(super) fn hash_cell(seed: u32, [x, y, z]: [u32; 3]) -> u32 {
     let mut h = seed ^ x.wrapping_mul(0x8DA6_B343) ^ y.wrapping_mul(0xD816_3841) ^ z.wrapping_mul(0xCB1A_B31F);

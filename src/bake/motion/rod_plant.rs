@@ -109,7 +109,7 @@ pub fn build_rod_plant_at_rest(
     let defaults = RodPlantKeys::defaults();
     let keys = recipe.rods.as_ref().unwrap_or(&defaults);
     let plant = &grown.plant;
-    // Rods: one per stem and petiole, down to the thinnest that the limits allow.
+    // Rods: one for each stem, from where it is thin enough to bend, and one for each petiole, as many as the limits allow.
     let params = rod_plant_params(plant, recipe, materials, keys, gravity);
     let rods =
         RodPlant::new(plant, &transform, &params, &individual.asset).with_frame_numbering(clock.fps, clock.first);

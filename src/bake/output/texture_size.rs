@@ -6,7 +6,7 @@ use osier_base::par::par_each;
 use osier_scene::{Asset, Image, Material, Mesh, PixelFootprint, Scene};
 
 /// Texels along a side that every texture keeps. Own: smaller ones save little.
-const LEAST_SIDE: u32 = 256;
+const MIN_SIDE: u32 = 256;
 /// Longest edge of a texel on a surface to which reduction may lead, m. Own: with it, bark keeps its pattern when the camera is
 /// moved close to a plant.
 const LARGEST_TEXEL: f32 = 0.002;
@@ -47,12 +47,12 @@ pub fn texture_halvings(recipe: &Recipe, scene: &Scene) -> Vec<u32> {
     scene.images.iter().zip(needed).map(|(image, needed)| halvings_of(image, needed)).collect()
 }
 
-/// Number of halvings after which the longer side of an image still has `needed` texels and at least [`LEAST_SIDE`].
+/// Number of halvings after which the longer side of an image still has `needed` texels and at least [`MIN_SIDE`].
 fn halvings_of(image: &Image, needed: f32) -> u32 {
     let mut side = image.width.max(image.height);
     let mut count = 0;
     // An image that no visible surface uses has `needed` 0 and keeps its size, since its use is unknown.
-    while needed > 0.0 && side / 2 >= LEAST_SIDE && (side / 2) as f32 >= needed {
+    while needed > 0.0 && side / 2 >= MIN_SIDE && (side / 2) as f32 >= needed {
         side /= 2;
         count += 1;
     }

@@ -86,7 +86,7 @@ impl ValueForm {
         Self { kind, initial: default.clone(), default, ..Self::default() }
     }
 
-    /// Sets the bounds; absolute values of 10^9 and more mean no bound.
+    /// Sets the bounds; `min` of -10^9 or less, or `max` of 10^9 or more, means no bound on that side.
     #[must_use]
     pub fn within(self, min: f64, max: f64) -> Self {
         Self { range: [(min > -1e9).then_some(min), (max < 1e9).then_some(max)], ..self }

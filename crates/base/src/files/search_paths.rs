@@ -104,7 +104,7 @@ impl SearchPaths {
     /// Reads the file that `reference` names in the file `from`, at most `limit` bytes: beside `from`, else in a search
     /// folder.
     /// # Errors
-    /// Why not.
+    /// [`ReadError`]: a spelling that is not a relative path, outside the search paths, missing, too long, or unreadable.
     pub fn read(&self, from: &Path, reference: &str, limit: u64) -> std::result::Result<ReferencedFile, ReadError> {
         let parts = spell(reference)?;
         let outside = || ReadError::Outside { reference: reference.into() };
@@ -142,7 +142,7 @@ impl SearchPaths {
 
     /// As [`SearchPaths::read`] for a glTF uri: decodes `%XX` once, before any check.
     /// # Errors
-    /// Why not.
+    /// [`ReadError::Spelling`] for a malformed `%` escape, else as [`SearchPaths::read`].
     pub fn read_uri(&self, from: &Path, uri: &str, limit: u64) -> std::result::Result<ReferencedFile, ReadError> {
         let decoded = percent_decode(uri)
             .ok_or(ReadError::Spelling { reference: uri.into(), reason: "has a malformed % escape" })?;

@@ -164,7 +164,7 @@ impl BinaryBuffer {
     }
 
     /// Vertex attributes of two floats, such as a TEXCOORD_1 that holds wind.
-    pub(super) fn add_vertex_pairs(&mut self, values: &[[f32; 2]], label: &str) -> Result<Index> {
+    pub(super) fn add_vertex_vec2s(&mut self, values: &[[f32; 2]], label: &str) -> Result<Index> {
         self.add_floats(values.iter().flatten().copied(), "VEC2", 2, Some(target::VERTICES), label)
     }
 

@@ -217,7 +217,7 @@ impl GltfDocument<'_> {
         }
         for a in vertices.attributes.iter().filter(|a| a.data.len() == count && count > 0) {
             if let (SECOND_UV, AttributeData::Unit2(pairs)) = (a.name, &a.data) {
-                attributes.second_uv = Some(self.buffer.add_vertex_pairs(pairs, label)?);
+                attributes.second_uv = Some(self.buffer.add_vertex_vec2s(pairs, label)?);
                 continue;
             }
             // Blender's importer mixes up attributes of unlike width and then fails: all that are written have four numbers.

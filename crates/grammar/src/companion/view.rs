@@ -288,7 +288,7 @@ impl ViewReader<'_, '_> {
             let end = word.find(|c| !is_word(c)).unwrap_or(word.len());
             let word = &word[..end];
             out.push_str(before);
-            // A name that follows a letter or digit is part of a longer word.
+            // A name that follows a letter, a digit or an underscore is part of a longer word.
             let inside = before.is_empty() && out.ends_with(is_word) || before.ends_with(|c: char| c.is_ascii_digit());
             if begin + end < rest.len() {
                 open.push((piece, at + begin + end));

@@ -36,8 +36,8 @@ impl Define {
         plain_number(&self.value)
     }
 
-    /// The range that the comment begins with, as in `0..40 deg: how crooked limbs are`; without one from 0 to twice the value that
-    /// is written in the grammar. `None` where that is no number.
+    /// The range that the comment begins with, as in `0..40 deg: how crooked limbs are`; without one the range between 0 and
+    /// twice the value that is written in the grammar, 0 to 1 for the value 0. `None` if that value is not a number.
     pub fn range(&self) -> Option<DefineRange> {
         let value = plain_number(&self.written)?;
         let far = if value == 0.0 { 1.0 } else { 2.0 * value };

@@ -101,7 +101,7 @@ impl FlightSimulation {
 pub(super) fn rotate_by(q: Quat, r: Vec3) -> Quat {
     let half = r * 0.5;
     let s = half.length_squared();
-    // Terms up to the eighth power: 1e-7 at the fastest turn.
+    // Terms up to the seventh power of |half|: the truncation error is below 1e-7 for rotations up to 1 rad.
     let sinc = 1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0));
     let cos = 1.0 - s / 2.0 * (1.0 - s / 12.0 * (1.0 - s / 30.0));
     let v = half * sinc;

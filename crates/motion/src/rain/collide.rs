@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hierarchy_finds_the_first_of_all_triangles() {
+    fn hierarchy_finds_the_first_hit() {
         let collider = LeafCollider::new(&bumpy());
         let mut draw = Rng::at(9, &["ways".into()]);
         let mut any = |r: f64| DVec3::new(draw.range(-r, r), draw.range(-r, r) + 0.04, draw.range(-r, r));

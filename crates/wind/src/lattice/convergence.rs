@@ -30,8 +30,8 @@ const MEAN_OVER: f64 = 80.0;
 struct WallWakeStats {
     /// Length of the reverse flow half a metre over the ground, wall heights.
     reattachment: f64,
-    /// Mean and root mean square of the velocity along the wind five heights behind the wall at its height, over that of the inflow
-    /// there.
+    /// Mean and standard deviation of the velocity along the wind five heights behind the wall at its height, as fractions of
+    /// the inflow's mean there.
     mean: f64,
     rms: f64,
 }

@@ -211,7 +211,7 @@ impl Populations {
         std::array::from_fn(|k| &all[k * self.grid.array_stride..(k + 1) * self.grid.array_stride])
     }
 
-    /// The arrays, to be written.
+    /// As [`Self::arrays`], mutable: [`Q`] arrays of `array_stride` elements.
     pub(super) fn arrays_mut(&mut self) -> Vec<&mut [f32]> {
         let all: &mut [f32] = bytemuck::cast_slice_mut(&mut self.memory[..]);
         all.chunks_exact_mut(self.grid.array_stride).take(Q).collect()

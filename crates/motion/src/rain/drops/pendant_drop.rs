@@ -65,7 +65,7 @@ impl RainLeaf {
         if g.dot(pendant.outward) < -TIPPED_OVER * g.length() && self.return_to_blade(drop, &pendant) {
             return;
         }
-        // Acceleration of the leaf adds to gravity: the maximum volume falls while it springs up.
+        // Gravity less the acceleration of the leaf: upward acceleration decreases the maximum volume.
         let max_volume = max_pendant_volume(pendant.radius, g.length());
         // The excess over it is taken as linear in time, so that the necking does not depend on the step.
         let [before, after] = [pendant.max_volume, max_volume].map(|max| drop.volume - max);

@@ -261,7 +261,7 @@ fn crowns_turn_away_from_a_wall() {
 }
 
 #[test]
-fn crowns_turn_to_the_brighter_side() {
+fn crowns_shift_to_the_brighter_side() {
     only_in_release!();
     let specs = seeds("oak", 30.0, 1..=8);
     let free = grow_all(&specs, &Site::default());
