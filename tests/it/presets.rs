@@ -11,15 +11,13 @@
 
 use crate::common::grown;
 use std::collections::BTreeMap;
-use std::path::Path;
-use std::process::Command;
 
 use crate::common::grown::Grown;
 use glam::{DVec3, Vec3};
 use osier::bake::scene::SceneOptions;
 use osier::par::par_map;
 use osier::plant::{Axis, Plant};
-use osier::presets::{PRESETS, Preset, find};
+use osier::presets::{PRESETS, Preset};
 use osier::scene::{Asset, Mesh, check_scene};
 
 /// Triangles smaller than this count as empty, m^2.
@@ -332,32 +330,5 @@ fn individuals_are_those_of_the_stage() {
                 assert_eq!((&x.rest, &x.ids, &x.protos), (&y.rest, &y.ids, &y.protos), "{}", preset.name);
             }
         }
-    }
-}
-
-/// Names and hashes of all files that `osier grow` writes.
-fn written(dir: &Path, preset: &Preset, jobs: &str) -> BTreeMap<String, blake3::Hash> {
-    let folder = dir.join(jobs);
-    std::fs::create_dir_all(&folder).expect("folder");
-    let run = Command::new(env!("CARGO_BIN_EXE_osier"))
-        .args(["-q", jobs, "--seed", "2", "grow", preset.name, "-o"])
-        .arg(folder.join("x.usdc"))
-        .output()
-        .expect("osier runs");
-    assert!(run.status.success(), "{}: {}", preset.name, String::from_utf8_lossy(&run.stderr));
-    let files = osier::files::list_files(&folder).expect("files");
-    files.into_iter().map(|f| (f.clone(), blake3::hash(&std::fs::read(folder.join(f)).expect("bytes")))).collect()
-}
-
-#[test]
-fn bytes_do_not_depend_on_the_number_of_threads() {
-    // A grammar that a scene of its name grows is written with that.
-    let grown_by_scene = |p: &&Preset| p.name.strip_suffix(".l").is_some_and(|n| find(&format!("{n}.toml")).is_some());
-    // Two and eight threads in turn: `tests/hashes.rs` tries other numbers.
-    for (preset, jobs) in growing().filter(|p| !grown_by_scene(p)).zip(["-j2", "-j8"].into_iter().cycle()) {
-        let dir = tempfile::tempdir().expect("dir");
-        let one = written(dir.path(), preset, "-j1");
-        assert!(one.contains_key("x.usdc"), "{one:?}");
-        assert!(written(dir.path(), preset, jobs) == one, "{}: {jobs} differs from -j1", preset.name);
     }
 }
