@@ -496,6 +496,25 @@ fn steps_per_frame_and_limits_follow_from_the_options() {
     assert!(matches!(LatticeSolver::new(&o, &[], &few), Err(Error::Limit { .. })));
 }
 
+/// 40 m at 1.92 m/s take 1000 steps of 1/48 s, twice that with four open faces.
+#[test]
+fn open_sides_take_two_crossings_of_spin_up() {
+    let mut o = channel_options();
+    let steps = |o: &LatticeOptions| new_solver(o, &[]).spin_up_steps();
+    assert!((1000..=1001).contains(&steps(&o)), "{}", steps(&o));
+    o.sides = SideCondition::Open;
+    assert!((1000..=1001).contains(&steps(&o)), "parallel to its sides: {}", steps(&o));
+    o.inlet.direction = DVec3::new(0.8, 0.0, 0.6);
+    assert!((2000..=2001).contains(&steps(&o)), "{}", steps(&o));
+    o.sides = SideCondition::Slip;
+    assert!((1000..=1001).contains(&steps(&o)), "{}", steps(&o));
+    (o.sides, o.inlet.direction) = (SideCondition::Auto, DVec3::X);
+    o.inlet.direction_curve = vec![[2.0, 0.0], [4.0, 1.0]];
+    assert!((2000..=2001).contains(&steps(&o)), "turning: {}", steps(&o));
+    o.spin_up = Some(4.0);
+    assert_eq!(steps(&o), 192);
+}
+
 #[test]
 fn no_population_crosses_a_thin_wall_and_enclosed_air_is_filled() {
     let o = channel_options();
