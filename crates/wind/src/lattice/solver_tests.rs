@@ -220,6 +220,24 @@ fn restored_state_keeps_statistics_and_warnings() {
 }
 
 #[test]
+fn restored_state_tells_of_solids_by_their_present_names() {
+    let mut o = channel_options();
+    o.spin_up = Some(0.5);
+    // 2 m are four cells of 0.5 m, which S031 warns of by name.
+    let low = |name: &str| {
+        let prism = Prism::block(Vec3::ZERO, Vec3::new(1.0, 2.0, 2.0), 0.0);
+        [Solid { name: name.into(), form: Form::Prism(prism), humidity: 0.5 }]
+    };
+    let mut first = new_solver(&o, &low("before"));
+    first.spin_up(&Silent, &Cancel::default()).expect("spin-up");
+    first.warnings.push(LatticeWarning { code: "S022", text: "fast air".into() });
+    let mut second = new_solver(&o, &low("after"));
+    second.restore_state(&first.save_state()).expect("the same lattice");
+    let told = |text: &str| second.warnings().iter().filter(|w| w.text.contains(text)).count();
+    assert_eq!([told("\"before\""), told("\"after\""), told("fast air")], [0, 1, 1], "{:?}", second.warnings());
+}
+
+#[test]
 fn inlet_profile_matches_the_log_law() {
     let mut l = new_solver(&channel_options(), &[]);
     let s = run_frames(&mut l, 100).pop().expect("frame");
