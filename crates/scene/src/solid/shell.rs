@@ -348,6 +348,17 @@ mod tests {
         }
     }
 
+    /// The cube without its last faces: with at most two of six open its inside still counts as inside.
+    #[test]
+    fn the_inside_of_an_open_mesh_is_that_of_most_rays() {
+        let points: Vec<Vec3> = cube().triangles().iter().flatten().copied().collect();
+        for (faces, inside) in [(6, true), (5, true), (4, true), (3, false), (1, false)] {
+            let triangles: Vec<[u32; 3]> = (0..2 * faces).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            let open = Shell::new(&points, &triangles).expect("faces");
+            assert_eq!(open.contains(Vec3::new(0.1, 0.2, -0.3)), inside, "{faces}");
+        }
+    }
+
     #[test]
     fn what_is_open_is_counted() {
         let cube = cube();
