@@ -132,8 +132,8 @@ impl Solid {
         let edges = self.open_edges();
         (edges > 0).then(|| {
             format!(
-                "the mesh of solid \"{}\" has {edges} open edges: its surface stops {stopped}, but its inside is a guess; close the \
-                 mesh if it is to be solid",
+                "the mesh of solid \"{}\" has {edges} open edges: its surface stops {stopped}, but its inside is a guess; close \
+                 the mesh if it is to be solid",
                 self.name
             )
         })

@@ -77,8 +77,8 @@ impl Shell {
         axes.iter().filter(|way| self.crossings(at, **way) % 2 == 1).count() > 3
     }
 
-    /// Number of times that the ray from `from` along the unit vector `way` passes through the surface. At an edge or a corner the
-    /// triangles that face the same way are one crossing: rays along the axes meet the diagonals of faces on a grid exactly.
+    /// Number of times that the ray from `from` along the unit vector `way` passes through the surface. At an edge or a corner
+    /// the triangles that face the same way are one crossing: rays along the axes meet the diagonals of faces on a grid exactly.
     fn crossings(&self, from: Vec3, way: Vec3) -> usize {
         // Long enough to leave the mesh from any point in its box.
         let far = self.bounds.size().max_element() * 2.0;
@@ -321,8 +321,8 @@ mod tests {
         assert!(!cube.may_touch(Bounds { min: Vec3::splat(-0.5), max: Vec3::splat(0.5) }));
     }
 
-    /// The diagonals of the cube's faces cross above each point of its own diagonal, and edges and corners of the octahedron lie on
-    /// the axes: rays that count two or four triangles there count an inner point as outside.
+    /// The diagonals of the cube's faces cross above each point of its own diagonal, and edges and corners of the octahedron lie
+    /// on the axes: rays that count two or four triangles there count an inner point as outside.
     #[test]
     fn rays_through_edges_and_corners_count_once() {
         for v in [-0.75, -0.25, 0.0, 0.5] {
