@@ -14,6 +14,7 @@ use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
 use osier_base::Result;
+use osier_base::diagnostic::Report;
 use osier_base::files::{Folder, WriteOptions};
 use osier_base::progress::{Progress as _, Silent};
 use osier_export::VERSION;
@@ -79,8 +80,11 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let display = ProgressDisplay::new(&context.console);
     display.stage("running", frames);
     let mut all = Sweep { title: first.general.title.clone(), keys, ..Sweep::default() };
+    // Warnings of the simulations, such as those of solids in a lattice wind, each once.
+    let mut told = Report::default();
     for (recipe, planned) in recipes.iter().zip(runs) {
-        let SimulatedRun { scene, whole, maps } = simulate(context, recipe, &display)?;
+        let SimulatedRun { scene, whole, maps, report } = simulate(context, recipe, &display)?;
+        told.extend(report);
         // Runs with the same values are consecutive; their statistics begin with the first.
         if all.runs.last().is_none_or(|last| last.values != planned.values) {
             all.maps.push(scene.fields.iter().cloned().map(MapStatistics::new).collect());
@@ -96,6 +100,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         all.runs.push(Run { values: planned.values, seed: recipe.general.seed, hash: recipe.hash.clone(), whole });
     }
     display.done();
+    context.console.report(&told);
+    warned |= !told.diagnostics.is_empty();
     write(context, args, &root, &all)?;
     print_means(context, &root, &all)?;
     Ok(context.strict(warned))
@@ -143,13 +149,16 @@ struct SimulatedRun {
     whole: Whole,
     /// Texels of the scene's deposition maps at the last frame.
     maps: Vec<Vec<f32>>,
+    /// Warnings from assembling the scene, its wind included.
+    report: Report,
 }
 
 /// Simulates the clip of one run and summarises its statistics.
 fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Result<SimulatedRun> {
     // The context is silent, since one bar counts the frames of all runs.
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
-    let stage = scene::assemble_scene(recipe, scene::SceneOptions::default(), &work)?.animated;
+    let assembled = scene::assemble_scene(recipe, scene::SceneOptions::default(), &work)?;
+    let (stage, report) = (assembled.animated, assembled.report);
     let mut all = Vec::new();
     // Each frame adds one row; nothing else is kept of the frames.
     for number in recipe.clip.start..=recipe.clip.end {
@@ -162,7 +171,7 @@ fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Re
     // Maps are those of the last frame, like the last row of the table.
     let last = FrameTime::of_frame(&stage.scene, recipe.clip.end).index();
     let maps = stage.motions.iter().flatten().map(|m| m.fields(last)).collect::<Result<Vec<_>>>()?.concat();
-    Ok(SimulatedRun { scene: stage.scene, whole, maps })
+    Ok(SimulatedRun { scene: stage.scene, whole, maps, report })
 }
 
 fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<()> {
