@@ -195,7 +195,8 @@ impl LatticeSetup {
             GroundCondition::Smooth => GroundModel::default(),
         };
         let spin_up = spin_up_steps(options, dt, size, n, along);
-        let fingerprint = options_hash(options);
+        // The default of the spin-up is no part of the options, and a state of another spin-up has other gusts.
+        let fingerprint = rng::child(options_hash(options), spin_up);
         let (spacing, fps, lead_frames) = (options.spacing, options.fps, options.lead_frames);
         let sponge = options.sponge_cells.map_or_else(|| default_sponge_depth(n[along], spacing), f64::from);
         let setup =
