@@ -333,7 +333,7 @@ mod tests {
         let faces = (0..8_u32).map(|k| {
             let (x, y, z) = (k & 1, 2 + (k >> 1 & 1), 4 + (k >> 2));
             // Each step to an opposite corner turns the face over.
-            if (x + y + z) % 2 == 0 { [x, y, z] } else { [x, z, y] }
+            if (x + y + z).is_multiple_of(2) { [x, y, z] } else { [x, z, y] }
         });
         let octahedron = Shell::new(&points, &faces.collect::<Vec<_>>()).expect("an octahedron");
         assert_eq!(octahedron.open_edges(), 0);
