@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use crate::bake::assets::material_set::MaterialSet;
-use crate::bake::assets::terrain::terrain_solid;
+use crate::bake::assets::terrain::shown_terrain_solid;
 use crate::bake::scene::builder::SceneBuilder;
 use crate::recipe::scene::SolidShape;
 use crate::recipe::scene::WindModel;
@@ -61,7 +61,7 @@ impl<'a> Obstacles<'a> {
                 Ok(Solid { name: solid.id.clone(), form: solid_form(solid)?, humidity: solid.keys.humidity })
             });
         let terrain = match &surface {
-            GroundSurface::Terrain(terrain) => terrain_solid(terrain).map(Arc::new),
+            GroundSurface::Terrain(terrain) => shown_terrain_solid(terrain).map(Arc::new),
             _ => None,
         };
         Ok(Self { solids: solids.collect::<Result<_>>()?, surface, terrain })

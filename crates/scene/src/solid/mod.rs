@@ -23,7 +23,7 @@ use glam::Vec3;
 
 use osier_base::geometry::Bounds;
 
-pub use land::{LandForm, LandGrid};
+pub use land::{CellDiagonal, LandForm, LandGrid};
 pub use prism::{Prism, Side};
 pub use shell::Shell;
 
