@@ -92,6 +92,22 @@ fn an_obj_leaf_with_its_material_and_picture() {
     assert_eq!(names, ["leaf.obj", "leaf.mtl", "leaf.png", "mask.png"]);
 }
 
+/// A missing library, none at all, and one without the second material: every material has its name and its triangle.
+#[test]
+fn materials_without_a_library_keep_their_names() {
+    let shop = Shop::new();
+    shop.put("bark.mtl", "newmtl Bark\nKd 0.25 0.5 0.75\n");
+    let faces = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl Bark\nf 1 2 3\nusemtl Green Leaf\nf 1 2 4\n";
+    for (library, code, color) in [("", "", 0.5), ("mtllib gone.mtl\n", "X014", 0.5), ("mtllib bark.mtl\n", "", 0.25)] {
+        let tree = shop.read("tree.obj", format!("{library}{faces}")).expect("tree");
+        let names: Vec<&str> = tree.materials.iter().map(|m| m.name.as_str()).collect();
+        assert_eq!((names, tree.materials[0].base_color[0]), (vec!["bark", "green_leaf"], color), "{library}");
+        let runs: Vec<(u32, u32)> = tree.mesh.subsets.iter().map(|s| (s.material, s.count)).collect();
+        assert_eq!(runs, [(0, 1), (1, 1)], "{library}");
+        assert!(tree.warnings.diagnostics.iter().all(|d| d.code == code), "{}", tree.warnings);
+    }
+}
+
 #[test]
 fn axes_scale_and_text_forms() {
     let mut shop = Shop::new();

@@ -33,13 +33,15 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
     // First pass: every line is checked, so that all faults come with their place. The second pass, by `tobj`, builds the
     // mesh.
     let Some(scan) = scan::scan(context, &mut checked)? else { return Ok(ImportedMesh::default()) };
-    let library = MaterialLibraries::read(context, &mut checked, &scan.libraries);
+    let mut library = MaterialLibraries::read(context, &mut checked, &scan.libraries);
     if context.report.has_errors() {
         return Ok(ImportedMesh::default());
     }
-    let plain = tokens::plain(&text);
+    library.add_undescribed(&scan.materials);
+    // Materials are known from the first line on, whether or not the text names a library.
+    let plain = format!("mtllib all\n{}", tokens::plain(&text));
     let options = tobj::LoadOptions { single_index: true, triangulate: false, ..tobj::LoadOptions::default() };
-    // All libraries are handed over at the first `mtllib`, none again at the others; nothing is opened.
+    // All libraries are handed over at the first `mtllib`, which is ours, none again at the others; nothing is opened.
     let mtl = Cell::new(library.text.as_str());
     let loaded =
         tobj::load_obj_buf(&mut plain.as_bytes(), &options, |_: &Path| tobj::load_mtl_buf(&mut mtl.take().as_bytes()));
