@@ -19,13 +19,14 @@ use osier_base::limits::{Limits, grouped};
 use osier_base::math::{cos, narrow, sin};
 use osier_base::progress::{Cancel, Progress, Silent};
 use osier_base::{Error, Result};
-use osier_scene::solid::{LandForm, Solid};
+use osier_scene::solid::{Form, LandForm, Solid};
 use osier_wind::{
     GroundCondition, InletOptions, InletWind, InterpolatedWind, LatticeMemory, LatticeOptions, LatticeSolver,
     LatticeStats, LatticeWarning, RecordingOptions, SideCondition, Wind, WindProfile, WindSnapshot,
 };
 
-/// Solids around which a recipe's lattice wind flows, the land included; empty for every other wind.
+/// Solids around which a recipe's lattice wind flows, the land included if it reaches the centre of a cell; empty for every other
+/// wind.
 pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> {
     if !lattice_wind_in_clip(recipe) {
         return Vec::new();
@@ -33,7 +34,14 @@ pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> 
     let [x, _, z] = recipe.lattice.cells;
     // The land is sampled over a square around the origin that holds the domain.
     let side = 2.0 * (x.max(z) * recipe.lattice.cell_size + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
-    obstacles.solids_within(narrow(side)).list().to_vec()
+    // Lower land, such as the waves of a ground, is the bottom of the box with its wall stress: bounce-back at the links that it
+    // cuts would slow the wind as smooth ground does.
+    let lowest_centers = recipe.lattice.at[1] + recipe.lattice.cell_size / 2.0;
+    let is_met = |solid: &&Solid| match &solid.form {
+        Form::Land(land) => f64::from(land.height_range()[1]) > lowest_centers,
+        Form::Prism(_) | Form::Shell(_) => true,
+    };
+    obstacles.solids_within(narrow(side)).list().iter().filter(is_met).cloned().collect()
 }
 
 /// Options of the solver from the keys of `[wind]` and `[wind.lattice]`.
