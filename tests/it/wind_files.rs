@@ -115,7 +115,8 @@ fn a_valley_below_a_lattice_is_told() {
 #[test]
 fn heights_of_the_wind_count_from_a_plain_at_any_height() {
     let dir = tempfile::tempdir().expect("dir");
-    let text = "[frames]\nend = 2\n[terrain]\nsubdivisions = 3\nsize = 60\namplitude = 0\ncorners = [-40, -40, -40, -40]\nside = 64\n\
+    let text = "[frames]\nend = 2\n[terrain]\nsubdivisions = 3\nsize = 60\namplitude = 0\n\
+        corners = [-40, -40, -40, -40]\nside = 64\n\
         [wind]\nspeed = 5\ngust = 0\nturbulence = 0\nwander_deg = 0\n[output]\nformats = [\"obj\"]\n\
         [output.wind]\nsize = [2, 2, 2]\ntexel = 1\nvti_every = 1\n";
     let cells = vti(&baked(dir.path(), "plain", text, &[]).join("wind/box.0001.vti")).values;

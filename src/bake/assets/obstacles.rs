@@ -88,8 +88,8 @@ impl<'a> Obstacles<'a> {
         Some((0..=32).flat_map(|i| (0..=32).map(move |k| place(i, k))).fold(f32::INFINITY, f32::min))
     }
 
-    /// The land above which heights in the wind are measured; `None` if its heights differ by less than [`LEAST_HILL`] from each other
-    /// and from y = 0.
+    /// The land above which heights in the wind are measured; `None` if its heights differ by less than [`LEAST_HILL`] from each
+    /// other and from y = 0.
     pub fn ground_heights_for_wind(&self, recipe: &Recipe) -> Option<Arc<LandForm>> {
         // The sampled square is centred on the origin: it must hold the ground's square wherever that lies.
         let center = if let GroundSurface::Waves(_, center) = self.surface { center.abs().max_element() } else { 0.0 };
@@ -111,9 +111,9 @@ impl<'a> Obstacles<'a> {
     }
 }
 
-/// Smallest difference, m, between the highest and the lowest point of a ground, or between these and y = 0, from which on heights
-/// in the wind count from the ground instead of from y = 0. Own: the height below which the wind profile is constant; lower waves lie within its
-/// roughness.
+/// Smallest difference, m, between the highest and the lowest point of a ground, or between these and y = 0, from which on
+/// heights in the wind count from the ground instead of from y = 0. Own: the height below which the wind profile is constant;
+/// lower waves lie within its roughness.
 const LEAST_HILL: f32 = 0.5;
 
 /// Whether a recipe has a clip with a lattice wind: the only wind that flows around solids.

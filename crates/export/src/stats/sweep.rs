@@ -141,8 +141,8 @@ impl Sweep {
         Ok(())
     }
 
-    /// Names of the numbers of all runs, in the order in which they first appear. The values of a key may add columns: a wavy ground
-    /// is a solid of its own, and a lattice wind has statistics.
+    /// Names of the numbers of all runs, in the order in which they first appear. The values of a key may add columns: a wavy
+    /// ground is a solid of its own, and a lattice wind has statistics.
     fn columns(&self) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();
         for (name, _) in self.runs.iter().flat_map(Run::numbers) {

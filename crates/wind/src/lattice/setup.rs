@@ -378,8 +378,8 @@ fn steps_per_frame(options: &LatticeOptions, peak: f64, warnings: &mut Vec<Latti
     Ok(steps)
 }
 
-/// Steps before the first frame: those asked for, or one flow through the box, [`OPEN_SIDES_CROSSINGS`] with open sides, but at least
-/// [`SPIN_UP_SOUND_CROSSINGS`] of sound, whose speed is 1/sqrt(3) cells per step.
+/// Steps before the first frame: those asked for, or one flow through the box ([`OPEN_SIDES_CROSSINGS`] with open sides), but
+/// at least [`SPIN_UP_SOUND_CROSSINGS`] of sound, whose speed is 1/sqrt(3) cells per step.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are limited")]
 fn spin_up_steps(options: &LatticeOptions, dt: f64, size: DVec3, n: [usize; 3], along: usize) -> u64 {
     if let Some(seconds) = options.spin_up {
