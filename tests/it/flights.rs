@@ -321,8 +321,7 @@ fn seeds() -> u64 {
 #[test]
 fn runs_of_a_sweep_may_differ_in_columns() {
     let dir = tempfile::tempdir().expect("dir");
-    let lattice =
-        "model = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\nspin_up_s = 0.5\n";
+    let lattice = "model = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\nspin_up_s = 0.5\n";
     let text = SCENE.replace("end = 48", "end = 2").replace("speed = 2\n", lattice);
     let (path, out) = (scene(dir.path(), "waves", &text), dir.path().join("sweep"));
     let [path, folder] = [&path, &out].map(|p| p.to_str().expect("path"));

@@ -315,7 +315,8 @@ mod tests {
     fn cells_are_divided_along_either_diagonal() {
         let cell = |heights: [f32; 4], diagonal| {
             let heights = heights.to_vec();
-            LandForm::over(LandGrid { counts: [2, 2], width: 2.0, center: Vec2::ZERO, heights, diagonal }).expect("fits")
+            LandForm::over(LandGrid { counts: [2, 2], width: 2.0, center: Vec2::ZERO, heights, diagonal })
+                .expect("fits")
         };
         let [main, smaller] = [CellDiagonal::Main, CellDiagonal::SmallerDifference];
         let (fold, ridge) = ([0.0, 0.0, 0.0, 4.0], [0.0, 2.0, 2.0, 0.0]);
