@@ -92,6 +92,16 @@ fn an_obj_leaf_with_its_material_and_picture() {
     assert_eq!(names, ["leaf.obj", "leaf.mtl", "leaf.png", "mask.png"]);
 }
 
+/// Blender writes the linear colours 0.5, 0.25, 0.1 of a vertex as these sRGB ones; glTF holds linear ones.
+#[test]
+fn colors_at_vertices_of_an_obj_are_srgb() {
+    let text = "v 0 0 0 0.7353 0.5371 0.3492\nv 1 0 0 0 0 0\nv 0 1 0 1 1 1\nf 1 2 3\n";
+    let colors = Shop::new().read("leaf.obj", text).expect("leaf").mesh.colors;
+    let near = |found: [f32; 4], wanted: [f32; 4]| found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 2e-4);
+    assert!(near(colors[0], [0.5, 0.25, 0.1, 1.0]), "{colors:?}");
+    assert!(near(colors[1], [0.0, 0.0, 0.0, 1.0]) && near(colors[2], [1.0; 4]), "{colors:?}");
+}
+
 /// A missing library, none at all, and one without the second material: every material has its name and its triangle.
 #[test]
 fn materials_without_a_library_keep_their_names() {

@@ -18,6 +18,7 @@ use super::{ImportContext, ImportResult, ImportedMesh};
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 use osier_base::files::{Encoding, ReadError, decode};
 use osier_base::limits::grouped;
+use osier_base::units;
 
 /// Reads an OBJ file and its material libraries. Every line is checked before the mesh is built.
 pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResult<ImportedMesh> {
@@ -68,6 +69,7 @@ fn mesh_part(model: &tobj::Model, material: u32) -> MeshPart {
         [x, y, z] => Vec3::new(*x, *y, *z),
         _ => Vec3::ZERO,
     };
+    let linear = |c: Vec3| Vec3::from_array(c.to_array().map(units::linear_from_srgb));
     let points: Vec<Vec3> = mesh.positions.chunks_exact(3).map(vec3).collect();
     let triangles = faces::triangulate(&points, &mesh.indices, &mesh.face_arities);
     MeshPart {
@@ -76,8 +78,8 @@ fn mesh_part(model: &tobj::Model, material: u32) -> MeshPart {
         material,
         normals: mesh.normals.chunks_exact(3).map(vec3).collect(),
         uvs: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
-        // OBJ has no alpha of vertices.
-        colors: mesh.vertex_color.chunks_exact(3).map(|c| vec3(c).extend(1.0).to_array()).collect(),
+        // OBJ has no alpha of vertices. Their colours are sRGB, as Blender, MeshLab and ZBrush write them; meshes hold linear ones.
+        colors: mesh.vertex_color.chunks_exact(3).map(|c| linear(vec3(c)).extend(1.0).to_array()).collect(),
         points,
         triangles,
     }
