@@ -313,6 +313,26 @@ fn transforms_instances_and_mirrors() {
     assert_eq!(mesh.points[3], Vec3::Y * 7.0);
 }
 
+/// A skinned mesh stands where its joint and the inverse bind matrix put it, here 0.01 (300 p + (100, 0, 0)) + (0, 0, 5), and not where
+/// its node is; the joint comes after it in the file.
+#[test]
+fn a_skinned_mesh_stands_as_bound() {
+    let mut data = floats(&CORNERS);
+    data.extend(floats(&[300.0, 0.0, 0.0, 0.0, 0.0, 300.0, 0.0, 0.0, 0.0, 0.0, 300.0, 0.0, 100.0, 0.0, 0.0, 1.0]));
+    let node = r#","skin":0,"translation":[9,9,9]},{"translation":[0,0,5],"scale":[0.01,0.01,0.01]"#;
+    let json = document(&data, node, r#","skins":[{"inverseBindMatrices":1,"joints":[1]}]"#)
+        .replace(r#""scenes":[{"nodes":[0]}]"#, r#""scenes":[{"nodes":[0,1]}]"#)
+        .replace(
+            "}],\n\"bufferViews\":[",
+            "},{\"bufferView\":0,\"byteOffset\":36,\"componentType\":5126,\"count\":1,\"type\":\"MAT4\"}],\"bufferViews\":[",
+        );
+    let tree = Shop::new().read("a.gltf", json).expect("mesh");
+    for (found, wanted) in tree.mesh.points.iter().zip([[1.0, 0.0, 5.0], [4.0, 0.0, 5.0], [1.0, 3.0, 5.0]]) {
+        assert!((*found - Vec3::from_array(wanted)).length() < 1e-4, "{found} {wanted:?}");
+    }
+    assert_eq!(tree.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"]);
+}
+
 #[test]
 fn quantized_and_sparse_positions() {
     let shop = Shop::new();
