@@ -74,17 +74,18 @@ impl Shell {
         }
         let axes = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
         // A hole in an open mesh falsifies the count of the rays through it; the majority of the rays decides.
-        axes.iter().filter(|way| self.crossings(at, **way) % 2 == 1).count() > 3
+        let mut met = [Vec::new(), Vec::new()];
+        axes.iter().filter(|way| self.crossings(at, **way, &mut met) % 2 == 1).count() > 3
     }
 
     /// Number of times that the ray from `from` along the unit vector `way` passes through the surface. At an edge or a corner
     /// the triangles that face the same way are one crossing: rays along the axes meet the diagonals of faces on a grid exactly.
-    fn crossings(&self, from: Vec3, way: Vec3) -> usize {
+    /// `met`: memory for the distances of the triangles that face the ray, and of those that face away.
+    fn crossings(&self, from: Vec3, way: Vec3, met: &mut [Vec<f32>; 2]) -> usize {
         // Long enough to leave the mesh from any point in its box.
         let far = self.bounds.size().max_element() * 2.0;
         let reach = from + way * far;
-        // Distances of the triangles that face the ray, and of those that face away.
-        let mut met = [Vec::new(), Vec::new()];
+        met.iter_mut().for_each(Vec::clear);
         self.each_in_box(Bounds { min: from.min(reach), max: from.max(reach) }, |triangle| {
             if let Some(hit) = ray_hit(triangle, from, way) {
                 met[usize::from(hit.faces_away)].push(hit.distance);
