@@ -37,7 +37,8 @@ struct ObjCounts {
 pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_>) -> ImportResult<Option<ObjSummary>> {
     let plain = plain(checked.text);
     let mut counts = ObjCounts::default();
-    let (mut libraries, mut materials) = (Vec::new(), BTreeSet::new());
+    let mut libraries = Vec::new();
+    let mut materials: BTreeSet<String> = BTreeSet::new();
     let mut errors = 0;
     // Check every statement that is read later; other keywords (groups, smoothing, curves) are ignored.
     for (start, line) in lines(&plain) {
