@@ -317,6 +317,21 @@ fn seeds() -> u64 {
     std::env::var("OSIER_SEEDS").map_or(2, |v| v.parse::<u64>().expect("OSIER_SEEDS is a number").min(8))
 }
 
+/// The flight of a still scene flies round a wall in a lattice as that of a clip does before its first frame.
+#[test]
+fn a_still_flight_meets_the_air_behind_a_wall() {
+    let dir = tempfile::tempdir().expect("dir");
+    let lattice = "model = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\nspin_up_s = 2\n";
+    let text = SCENE.replace("count = 200", "count = 200\nspin_up_s = 2").replace("speed = 2\n", lattice);
+    let cloud = |name: &str, end: &str, file: &str| {
+        let path = scene(dir.path(), name, &text.replace("end = 48", end));
+        let out = baked(dir.path(), &format!("out_{name}"), &path, &["--formats", "ply"]);
+        std::fs::read(out.join("cloud").join(file)).expect("points")
+    };
+    let still = cloud("still", "end = 1", "catkins.catkins.ply");
+    assert!(still.len() > 1000 && still == cloud("clip", "end = 2", "catkins.catkins.0001.ply"));
+}
+
 /// A wavy ground is a solid with columns of its own; a wall of four cells is warned of once.
 #[test]
 fn runs_of_a_sweep_may_differ_in_columns() {

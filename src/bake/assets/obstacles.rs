@@ -49,7 +49,7 @@ impl<'a> Obstacles<'a> {
     /// # Errors
     /// X010 for a mesh without triangles.
     pub fn from_recipe(recipe: &Recipe, surface: GroundSurface<'a>) -> Result<Self> {
-        let meets_solids = recipe.flight.is_some() || lattice_wind_in_clip(recipe);
+        let meets_solids = recipe.flight.is_some() || reads_lattice_wind(recipe);
         let blows = recipe.clip.len() >= 2 && recipe.blows();
         if !meets_solids && !blows {
             return Ok(Self { solids: Vec::new(), surface: GroundSurface::Level, terrain: None });
@@ -116,9 +116,10 @@ impl<'a> Obstacles<'a> {
 /// lower waves lie within its roughness.
 const LEAST_HILL: f32 = 0.5;
 
-/// Whether a recipe has a clip with a lattice wind: the only wind that flows around solids.
-pub fn lattice_wind_in_clip(recipe: &Recipe) -> bool {
-    recipe.wind.model == WindModel::Lattice && recipe.clip.len() >= 2
+/// Whether a recipe reads a lattice wind, the only one that flows around solids: a clip does, and the flight of a still scene, before
+/// its frame.
+pub fn reads_lattice_wind(recipe: &Recipe) -> bool {
+    recipe.wind.model == WindModel::Lattice && (recipe.clip.len() >= 2 || recipe.flight.is_some())
 }
 
 fn sample_ground(ground: &Ground, center: Vec3, side: f32) -> Option<LandForm> {

@@ -5,12 +5,10 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2};
 
 use crate::bake::BakeContext;
-use crate::bake::assets::obstacles::{Obstacles, lattice_wind_in_clip};
+use crate::bake::assets::obstacles::{Obstacles, reads_lattice_wind};
 use crate::bake::cache::wind_spin_up;
 use crate::bake::wind::needs::WindNeeds;
-use crate::recipe::scene::{
-    LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, SolidShape, WindModel, WindSolver,
-};
+use crate::recipe::scene::{LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, SolidShape, WindSolver};
 use crate::recipe::{Recipe, SolidRecipe};
 use osier_base::diagnostic::{Diagnostic, Report, codes};
 use osier_base::files::BakeCache;
@@ -28,7 +26,7 @@ use osier_wind::{
 /// Solids around which a recipe's lattice wind flows, the land included if it reaches the centre of a cell; empty for every other
 /// wind.
 pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> {
-    if !lattice_wind_in_clip(recipe) {
+    if !reads_lattice_wind(recipe) {
         return Vec::new();
     }
     let [x, _, z] = recipe.lattice.cells;
@@ -311,8 +309,7 @@ impl SteppedLattice {
 
 /// Memory of a recipe's lattice wind, bytes, by purpose; empty without one.
 pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
-    let solved = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == WindSolver::Lbm;
-    if !solved || recipe.clip.len() < 2 || !recipe.wind.blows() {
+    if !reads_lattice_wind(recipe) || recipe.lattice.solver != WindSolver::Lbm || !recipe.wind.blows() {
         return Vec::new();
     }
     let m = LatticeMemory::estimate(&lattice_options(recipe));
