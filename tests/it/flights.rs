@@ -118,7 +118,8 @@ fn the_ground_is_under_a_box_away_from_the_origin() {
 #[test]
 fn catkins_without_a_start_are_counted_with_the_mend() {
     let dir = tempfile::tempdir().expect("dir");
-    std::fs::write(dir.path().join("starts.csv"), "0,1,0\n5,-3,0\n5,9,0\n40,5,0\n").expect("points");
+    // The mark of the encoding, as spreadsheets write it, is no part of the first number.
+    std::fs::write(dir.path().join("starts.csv"), "\u{feff}0,1,0\n5,-3,0\n5,9,0\n40,5,0\n").expect("points");
     let text = "[frames]\nend = 2\n[catkin]\nhairs = 20\nlod = 2\n[[solid]]\nsize = [4, 4, 4]\n\
         [flight]\nrelease = \"points\"\npoints = \"starts.csv\"\n";
     let path = scene(dir.path(), "starts", text);
