@@ -533,8 +533,8 @@ fn open_sides_take_two_crossings_of_spin_up() {
     assert_eq!(steps(&o), 192);
 }
 
-/// Ten degrees off an axis, in an empty box of 8 m: high above the middle the first frame has the direction that was asked for, with
-/// a tangent of 0.176. After one crossing it was 0.11, because of the eddies that air makes which escapes at the start.
+/// Ten degrees off an axis, in an empty box of 8 m: high above the middle the first frame has the direction that was asked for,
+/// with a tangent of 0.176. After one crossing it is 0.11, because of the eddies of the air that escapes at the start.
 #[test]
 fn an_oblique_wind_has_its_direction_from_the_first_frame_on() {
     let mut o = channel_options();
