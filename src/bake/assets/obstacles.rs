@@ -116,8 +116,8 @@ impl<'a> Obstacles<'a> {
 /// lower waves lie within its roughness.
 const LEAST_HILL: f32 = 0.5;
 
-/// Whether a recipe reads a lattice wind, the only one that flows around solids: a clip does, and the flight of a still scene, before
-/// its frame.
+/// Whether a recipe reads a lattice wind, the only one that flows around solids: a clip does, and the flight of a still scene
+/// before its frame.
 pub fn reads_lattice_wind(recipe: &Recipe) -> bool {
     recipe.wind.model == WindModel::Lattice && (recipe.clip.len() >= 2 || recipe.flight.is_some())
 }
