@@ -313,8 +313,8 @@ fn transforms_instances_and_mirrors() {
     assert_eq!(mesh.points[3], Vec3::Y * 7.0);
 }
 
-/// A skinned mesh stands where its joint and the inverse bind matrix put it, here 0.01 (300 p + (100, 0, 0)) + (0, 0, 5), and not where
-/// its node is; the joint comes after it in the file.
+/// A skinned mesh stands where its joint and the inverse bind matrix put it, here 0.01 (300 p + (100, 0, 0)) + (0, 0, 5), and
+/// not where its node is; the joint comes after it in the file.
 #[test]
 fn a_skinned_mesh_stands_as_bound() {
     let mut data = floats(&CORNERS);

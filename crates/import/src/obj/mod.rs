@@ -78,7 +78,8 @@ fn mesh_part(model: &tobj::Model, material: u32) -> MeshPart {
         material,
         normals: mesh.normals.chunks_exact(3).map(vec3).collect(),
         uvs: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
-        // OBJ has no alpha of vertices. Their colours are sRGB, as Blender, MeshLab and ZBrush write them; meshes hold linear ones.
+        // OBJ has no alpha of vertices. Their colours are sRGB, as Blender, MeshLab and ZBrush write them; those of meshes are
+        // linear.
         colors: mesh.vertex_color.chunks_exact(3).map(|c| linear(vec3(c)).extend(1.0).to_array()).collect(),
         points,
         triangles,
