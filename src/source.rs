@@ -174,7 +174,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     if source != "-" && !source.contains(['/', '\\']) && (!path.exists() || path.is_dir()) {
         return Ok(Request { library: Library::presets(search)?, ..find_preset(source, options, table_use)? });
     }
-    if path.is_dir() {
+    if source != "-" && path.is_dir() {
         return Err(folder_error(source));
     }
     // The file is read before its folder is opened for references, so that a missing path is reported as a missing file.
@@ -188,6 +188,14 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     }
     let kind = osier_grammar::detect(&file_name(path), &bytes);
     let is_mesh_or_table = has_ending(&["obj", "glb", "gltf", "ifs", "flame"]);
+    // Read as a scene, every line of a grammar would be an error. A scene may look like one by an arrow in a comment.
+    let is_grammar = options.dialect.is_some() || matches!(kind, FileKind::Grammar(_)) && !is_toml(&bytes);
+    if source == "-" && is_grammar {
+        let help = "save it in a file: osier grow FILE.l -o FILE.glb";
+        return Err(Diagnostic::about("S001", "grammars are not read from standard input, only scenes")
+            .help(help)
+            .into());
+    }
     match kind {
         // A file with the ending of a grammar is read as one, so that its errors are those of a grammar.
         _ if options.dialect.is_some() || has_ending(&["l"]) && kind != FileKind::Houdini => {
@@ -242,6 +250,10 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
         library: Library::new(path, search)?,
         ..Request::default()
     })
+}
+
+fn is_toml(bytes: &[u8]) -> bool {
+    std::str::from_utf8(bytes).is_ok_and(|text| text.parse::<toml::Table>().is_ok())
 }
 
 /// S001 for a folder where a scene was expected.

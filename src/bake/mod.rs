@@ -32,9 +32,9 @@ pub use wind::lattice::{SolidSizeInCells, lattice_memory, solids_in_cells};
 
 use std::sync::Arc;
 
-use osier_base::Result;
 use osier_base::diagnostic::Report;
 use osier_base::files::Folder;
+use osier_base::{Error, Result};
 use osier_export::Warning;
 use osier_export::manifest::{self, Manifest};
 use osier_export::textures::Textures;
@@ -59,15 +59,49 @@ pub struct Baked {
 }
 
 /// Bakes a recipe: builds its scene, simulates it and writes all of its files into a folder.
-/// `frames`: numbers of the frames to write, in rising order; empty for a still scene.
+/// `frames`: numbers of the frames to write, in rising order; empty for a still scene. `folder`: opened with a
+/// [key](osier_base::files::WriteOptions::key), an interrupted bake continues where it stopped.
 /// # Errors
-/// `Input` with the faults of grammars, `Limit` before memory is spent, `Export` and `Io` of what cannot be written, `Cancelled`.
+/// `Range` for a frame outside of the clip; `Input` with the faults of grammars, or if `frames` lack those that copies with a phase
+/// need; `Limit` if the predicted bytes or the predicted memory exceed the limits in force; `Export` and `Io` of what cannot be
+/// written; `Cancelled`.
 pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeContext<'_>) -> Result<Baked> {
+    let clip = recipe.clip;
+    if let Some(number) = frames.iter().find(|number| !(clip.start..=clip.end).contains(*number)) {
+        let [value, min, max] = [*number, clip.start, clip.end].map(f64::from);
+        return Err(Error::Range { name: "frame".into(), value, min, max, unit: "" });
+    }
     cache::ifs_leaves::load(recipe, folder.root(), context.limits);
     let mut built = scene::assembly::assemble_scene(recipe, SceneOptions::default(), context)?;
+    if let Some(why) = missing_frames(recipe, &built.animated, frames) {
+        return Err(Error::input("S004", why));
+    }
     refuse_without_visible_plants(&built.animated.scene)?;
+    built.counts(recipe, frames).check_limits(context.limits)?;
     let (manifest, warnings) = write_files(recipe, &mut built.animated, frames, folder, context)?;
     Ok(Baked { manifest, report: built.report, warnings })
+}
+
+/// Why the selected frames cannot be written: placements with a phase offset, or the still glTF file, need frames
+/// that are not selected.
+pub(crate) fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Option<String> {
+    // A still glTF file has one frame of the clip, which must be among the written ones.
+    let wanted = recipe.output.gltf.frame.filter(|_| recipe.output.writes(&osier_export::gltf::FORMAT));
+    if let Some(frame) = wanted.filter(|f| !frames.is_empty() && !frames.contains(f)) {
+        return Some(format!("frame {frame} of output.gltf.frame is not selected"));
+    }
+    let part = !frames.is_empty() && frames.len() < recipe.clip.len();
+    // A copy with a phase uses another frame of its plant, which must be written too. Tables of joints have each copy's own
+    // frame, and the other formats have plants at rest or at the frame itself.
+    let shifting = [&osier_export::usd::FORMAT, &osier_export::gltf::FORMAT, &osier_export::pov::FORMAT];
+    let shifts = shifting.into_iter().any(|format| recipe.output.writes(format));
+    let phased = stage.scene.placements.iter().filter(|p| p.phase > 0).count();
+    (part && shifts && phased > 0).then(|| {
+        format!(
+            "{phased} copies are animated with a phase offset and need frames that are not selected; bake the whole \
+             clip, or animate all copies in phase with --set sway.phases=1"
+        )
+    })
 }
 
 /// Writes all files of an assembled scene, frame by frame, the manifest last; reduces its textures to the sizes that the camera

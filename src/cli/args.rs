@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use osier_base::limits::{LIMITS, Limits};
+use osier_base::limits::{LIMITS, Limits, control_group_files};
 
 /// Table of exit codes, printed below every long help.
 pub const EXIT_CODES: &str = "\
@@ -415,9 +415,11 @@ impl Common {
     /// # Errors
     /// A message for a flag or a variable that cannot be read.
     pub fn limits(&self, environment: Option<OsString>) -> Result<Limits, String> {
-        // The smallest of three bounds: memory of the machine, of its control group, and address space of the process.
-        let [machine, container] = ["/proc/meminfo", "/sys/fs/cgroup/memory.max"].map(system_text);
-        let mut limits = Limits::of_machine(&machine, &container).within_process(&system_text("/proc/self/limits"));
+        // The smallest of three bounds: memory of the machine, of its control groups, and address space of the process.
+        let groups = control_group_files(&system_text("/proc/self/cgroup"));
+        let container: Vec<String> = groups.iter().map(|file| system_text(file)).collect();
+        let machine = Limits::of_machine(&system_text("/proc/meminfo"), &container.join("\n"));
+        let mut limits = machine.within_process(&system_text("/proc/self/limits"));
         let text = environment.map(|v| v.to_string_lossy().into_owned()).unwrap_or_default();
         for part in text.split(',').filter(|p| !p.is_empty()) {
             let (name, value) = part.split_once('=').ok_or(format!("OSIER_MAX: \"{part}\" is not name=value"))?;

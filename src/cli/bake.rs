@@ -10,14 +10,15 @@ use super::progress::{ProgressDisplay, StageTimer};
 use super::{numbers, report, sweep};
 use crate::bake::cache::ifs_leaves;
 use crate::bake::output::single_file::refuse_without_visible_plants;
-use crate::bake::scene::{self, AnimatedScene};
+use crate::bake::scene;
 use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
 use osier_base::Result;
+use osier_base::diagnostic::nearest;
 use osier_base::files::{BakeCache, Folder, WriteOptions, is_settled};
-use osier_export::VERSION;
 use osier_export::manifest::{self, Manifest};
+use osier_export::{VERSION, registry};
 
 /// Hash of the sources from which this program was built: the output of a build with other sources is not up to date, even with
 /// the same version.
@@ -28,12 +29,16 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     if !args.sweep.is_empty() || args.seeds.is_some() {
         return sweep::run(context, args);
     }
+    let formats = match args.formats.as_deref().map(format_list).transpose() {
+        Ok(formats) => formats,
+        Err(why) => {
+            context.console.complain(&why);
+            return Ok(2);
+        }
+    };
     let mut request = find_scene(args.scene.as_deref().unwrap_or("showcase"), &context.sources)?;
-    // The flag becomes an override of the scene's key, so that it is checked and hashed like any other.
-    if let Some(formats) = &args.formats {
-        let words: Vec<String> = formats.split(',').map(|f| format!("\"{}\"", f.trim())).collect();
-        request.set.push(format!("output.formats=[{}]", words.join(",")));
-    }
+    // The flag becomes an override of the scene's key, so that it is hashed like any other.
+    request.set.extend(formats.map(|formats| format!("output.formats={formats}")));
     let (mut recipe, warnings) = resolve(&request)?;
     context.console.report(&warnings);
     let frames = match selection(context, args, &mut recipe) {
@@ -83,8 +88,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     messages.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();
-    if let Some(why) = missing_frames(&recipe, &built.animated, &frames) {
-        context.console.complain(&why);
+    if let Some(why) = bake::missing_frames(&recipe, &built.animated, &frames) {
+        context.console.complain(&format!("--frames: {why}"));
         return Ok(2);
     }
     // The following checks may refuse the bake, and precede the first file of the output.
@@ -118,6 +123,21 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     Ok(context.strict(warned || !export_warnings.is_empty()))
 }
 
+/// The list of `--formats` as a value of the key `output.formats`.
+/// # Errors
+/// A message for a word that is no format.
+fn format_list(list: &str) -> std::result::Result<String, String> {
+    let quoted = |word: &str| match registry::by_word(word) {
+        Some(format) => Ok(format!("\"{}\"", format.word)),
+        None => Err(match nearest(word, registry::FORMATS.iter().map(|f| f.word)) {
+            Some(near) => format!("--formats: \"{word}\" is no format; did you mean \"{near}\"?"),
+            None => format!("--formats: \"{word}\" is no format; one of {}", registry::words()),
+        }),
+    };
+    let words = list.split(',').map(|word| quoted(word.trim())).collect::<std::result::Result<Vec<_>, _>>()?;
+    Ok(format!("[{}]", words.join(",")))
+}
+
 /// Numbers of the frames to write; empty for a still scene. A selection is added to the scene's hash, since it changes the
 /// output.
 /// # Errors
@@ -149,28 +169,6 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
     }
     recipe.hash = hasher.finalize().to_hex().to_string();
     Ok(frames)
-}
-
-/// Why the selected frames cannot be written: placements with a phase offset, or the still glTF file, need frames
-/// that are not selected.
-fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Option<String> {
-    // A still glTF file has one frame of the clip, which must be among the written ones.
-    let wanted = recipe.output.gltf.frame.filter(|_| recipe.output.writes(&osier_export::gltf::FORMAT));
-    if let Some(frame) = wanted.filter(|f| !frames.is_empty() && !frames.contains(f)) {
-        return Some(format!("--frames: frame {frame} of output.gltf.frame is not selected"));
-    }
-    let part = !frames.is_empty() && frames.len() < recipe.clip.len();
-    // A copy with a phase uses another frame of its plant, which must be written too. Tables of joints have each copy's own
-    // frame, and the other formats have plants at rest or at the frame itself.
-    let shifting = [&osier_export::usd::FORMAT, &osier_export::gltf::FORMAT, &osier_export::pov::FORMAT];
-    let shifts = shifting.into_iter().any(|format| recipe.output.writes(format));
-    let phased = stage.scene.placements.iter().filter(|p| p.phase > 0).count();
-    (part && shifts && phased > 0).then(|| {
-        format!(
-            "--frames: {phased} copies are animated with a phase offset and need frames that are not selected; bake the whole \
-             clip, or animate all copies in phase with --set sway.phases=1"
-        )
-    })
 }
 
 /// The manifest of the folder if the folder is up to date: complete, written by this program from the same scene, and closed

@@ -2,17 +2,23 @@
 
 use std::path::Path;
 
-use super::Context;
+use serde_json::{Value, json};
+
 use super::args::{Convert, ConvertArg};
+use super::{Context, unreadable_name};
 use crate::recipe::{Growth, resolve};
 use crate::source::find_scene;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
-use osier_base::files::{Folder, WriteOptions};
+use osier_base::files::{FileRecord, Folder, WriteOptions};
 use osier_grammar::{ConvertTo, convert};
 
 /// Runs `osier convert` on the first grammar of the source; the result is the exit code.
 pub fn run(context: &Context, args: &Convert) -> Result<u8> {
+    if let Some(why) = args.output.as_deref().and_then(unreadable_name) {
+        context.console.complain(&why);
+        return Ok(2);
+    }
     let (recipe, warnings) = resolve(&find_scene(&args.file, &context.sources)?)?;
     context.console.report(&warnings);
     let grammar = recipe.plants.iter().find_map(|p| if let Growth::Grammar(g) = &p.growth { Some(g) } else { None });
@@ -27,24 +33,34 @@ pub fn run(context: &Context, args: &Convert) -> Result<u8> {
     }
     let warned = !warnings.diagnostics.is_empty() || !converted.notes.is_empty();
     let Some(output) = args.output.as_deref().filter(|path| *path != Path::new("-")) else {
-        context.console.document(&converted.text)?;
+        if context.console.json {
+            let value = json!({ "text": converted.text, "notes": converted.notes });
+            context.console.result(&format!("{value:#}\n"))?;
+        } else {
+            context.console.document(&converted.text)?;
+        }
         return Ok(context.strict(warned));
     };
-    if !context.common.dry_run {
-        write(context, args, output, &converted.text)?;
-    }
-    if !context.console.quiet {
-        context.console.result(&format!("{}\n", output.display()))?;
+    let files = if context.common.dry_run { Vec::new() } else { write(context, args, output, &converted.text)? };
+    let path = output.display().to_string();
+    if context.console.json {
+        let row = |f: &FileRecord| json!({ "path": path, "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
+        let files: Vec<Value> = files.iter().map(row).collect();
+        let value = json!({ "files": files, "notes": converted.notes });
+        context.console.result(&format!("{value:#}\n"))?;
+    } else if !context.console.quiet {
+        context.console.result(&format!("{path}\n"))?;
     }
     Ok(context.strict(warned))
 }
 
-/// Writes the text of a grammar into a file, whose folder is made if it is missing.
-fn write(context: &Context, args: &Convert, output: &Path, text: &str) -> Result<()> {
+/// Writes the text of a grammar into a file, whose folder is made if it is missing; returns the record of the file.
+fn write(context: &Context, args: &Convert, output: &Path, text: &str) -> Result<Vec<FileRecord>> {
     let parent = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
     let folder = Folder::plain(parent, options)?;
     let name = output.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     folder.write(&name, "grammar", text.as_bytes())?;
-    folder.finish()
+    folder.finish()?;
+    Ok(folder.files())
 }

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::args::{Grow, ProfileArg};
 use super::progress::ProgressDisplay;
-use super::{Context, report};
+use super::{Context, report, unreadable_name};
 use crate::bake::BakeContext;
 use crate::recipe::{Growth, Recipe, resolve};
 use crate::single_file::{
@@ -22,6 +22,10 @@ use osier_export::gltf::Profile;
 
 /// Runs `osier grow`: the ending of the output chooses the format. The result is the exit code.
 pub fn run(context: &Context, args: &Grow) -> Result<u8> {
+    if let Some(why) = unreadable_name(&args.output) {
+        context.console.complain(&why);
+        return Ok(2);
+    }
     let to_pipe = args.output == Path::new("-");
     // Standard output has no name with an ending: it gets a glb, the format that is a single binary file.
     let name = if to_pipe { "stdout.glb".into() } else { file_name(&args.output) };

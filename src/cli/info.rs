@@ -17,18 +17,27 @@ use osier_scene::MaterialClass;
 
 /// Runs `osier info` on a bake, one of its files or any other file; the result is the exit code, 1 for an incomplete bake.
 pub fn run(context: &Context, args: &Info) -> Result<u8> {
-    let path = &args.path;
+    let path = args.path.as_path();
+    let limit = context.limits.get("json-bytes");
     // A folder or its manifest means the whole bake, any other file only itself.
-    if path.is_dir() {
-        return describe_bake(context, path, None);
+    if path.is_dir() || path.file_name().is_some_and(|n| n == MANIFEST) {
+        let root = if path.is_dir() { path } else { parent(path) };
+        if !root.join(MANIFEST).is_file() {
+            let root = root.display();
+            let why = format!("\"{root}\" contains no {MANIFEST}: it is not a bake, or the bake did not finish");
+            context.console.complain(&why);
+            return Ok(1);
+        }
+        return describe_bake(context, &VerifiedBake::read(root, limit)?, None);
     }
-    if path.file_name().is_some_and(|n| n == MANIFEST) {
-        return describe_bake(context, parent(path), None);
+    // Other programs have files of the manifest's name, too, and the folder of a bake may hold further files.
+    if let Some((root, inside)) = bake_of(path)
+        && let Ok(bake) = VerifiedBake::read(&root, limit)
+        && bake.manifest.expanded().iter().any(|file| file.0 == inside)
+    {
+        return describe_bake(context, &bake, Some(&inside));
     }
-    match bake_of(path) {
-        Some((root, inside)) => describe_bake(context, &root, Some(&inside)),
-        None => describe_file(context, path),
-    }
+    describe_file(context, path)
 }
 
 fn parent(path: &Path) -> &Path {
@@ -50,14 +59,22 @@ fn bake_of(path: &Path) -> Option<(PathBuf, String)> {
     None
 }
 
-fn describe_bake(context: &Context, root: &Path, only: Option<&str>) -> Result<u8> {
-    if !root.join(MANIFEST).is_file() {
-        let why =
-            format!("\"{}\" contains no {MANIFEST}: it is not a bake, or the bake did not finish", root.display());
-        context.console.complain(&why);
-        return Ok(1);
+/// A bake with its manifest, and the differences of its files from that.
+struct VerifiedBake {
+    root: PathBuf,
+    manifest: Manifest,
+    found: Verification,
+}
+
+impl VerifiedBake {
+    fn read(root: &Path, limit: u64) -> Result<Self> {
+        let (manifest, found) = verify(root, limit)?;
+        Ok(Self { root: root.to_path_buf(), manifest, found })
     }
-    let (manifest, found) = verify(root, context.limits.get("json-bytes"))?;
+}
+
+fn describe_bake(context: &Context, bake: &VerifiedBake, only: Option<&str>) -> Result<u8> {
+    let VerifiedBake { root, manifest, found } = bake;
     if context.console.json {
         let value = json!({
             "folder": root.display().to_string(), "complete": found.is_complete(), "missing": found.missing,
@@ -65,8 +82,8 @@ fn describe_bake(context: &Context, root: &Path, only: Option<&str>) -> Result<u
         });
         context.console.result(&format!("{value:#}\n"))?;
     } else {
-        context.console.result(&describe(root, &manifest, only))?;
-        report_verification(context, &found);
+        context.console.result(&describe(root, manifest, only))?;
+        report_verification(context, found);
     }
     Ok(u8::from(!found.is_complete()))
 }

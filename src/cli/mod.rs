@@ -22,6 +22,7 @@ mod sweep;
 mod watch;
 
 use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser as _;
@@ -58,8 +59,8 @@ pub fn main() -> ExitCode {
     ExitCode::from(run(std::env::args_os()))
 }
 
-/// Runs the program with arguments, the first of which is its name, and returns the exit code. A process may call it once:
-/// signal handlers, the thread pool and the memory watch are installed for the whole process.
+/// Runs the program with arguments, the first of which is its name, and returns the exit code. A process may call it once, since
+/// the thread pool is that of the whole process; signal handlers and the memory watch end with the run.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let args: Vec<OsString> = args.into_iter().collect();
     if args.len() <= 1 {
@@ -106,19 +107,25 @@ fn start(cli: Cli) -> u8 {
             return 2;
         }
     };
-    // Signal handlers, threads and memory watch exist once per process and precede all work.
-    let cancel = Cancel::default();
-    if let Err(e) = watch::listen(&cancel) {
-        console.complain(&format!("cannot listen to signals: {e}"));
+    if let Some(bad) = cli.common.set.iter().find(|set| !set.contains('=')) {
+        console.complain(&format!("--set: \"{bad}\" is not PATH=VALUE, such as wind.speed=6"));
+        return 2;
     }
+    // Signal handlers, threads and memory watch precede all work; the handlers and the watch end with the run.
+    let cancel = Cancel::default();
+    let _signals =
+        watch::listen(&cancel).inspect_err(|e| console.complain(&format!("cannot listen to signals: {e}"))).ok();
     if let Err(e) = pool(cli.common.jobs) {
         console.complain(&e);
         return 2;
     }
-    if let Err(e) = watch::watch(&limits) {
-        console.error(&e);
-        return e.exit_code();
-    }
+    let _memory = match watch::watch(&limits) {
+        Ok(memory) => memory,
+        Err(e) => {
+            console.error(&e);
+            return e.exit_code();
+        }
+    };
     let sources = SourceOptions {
         search: cli.common.search.clone(),
         set: cli.common.set.clone(),
@@ -144,6 +151,12 @@ fn start(cli: Cli) -> u8 {
         context.console.error(&e);
         e.exit_code()
     })
+}
+
+/// Message about an output whose file name is not UTF-8, which written files could not refer to; `None` for any other.
+fn unreadable_name(output: &Path) -> Option<String> {
+    let is_text = output.file_name().is_none_or(|name| name.to_str().is_some());
+    (!is_text).then(|| format!("the name of the file \"{}\" is not UTF-8", output.display()))
 }
 
 /// Starts the global thread pool with `jobs` threads, by default as many as the machine has, at most [`THREADS`].

@@ -19,6 +19,10 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.complain(&format!("\"{}\" is not the name of a folder", args.name.display()));
         return Ok(2);
     }
+    if context.common.seed.is_some() || !context.common.set.is_empty() {
+        context.console.complain("a new scene is a copy, which --seed and --set do not change: write the keys into it");
+        return Ok(2);
+    }
     let from = match &args.grammar {
         None => args.from.as_str(),
         Some(words) => {

@@ -17,9 +17,9 @@ use osier_base::Result;
 use osier_base::diagnostic::Report;
 use osier_base::files::{Folder, WriteOptions};
 use osier_base::progress::{Progress as _, Silent};
-use osier_export::VERSION;
 use osier_export::stats::{MapStatistics, Run, Spread, Sweep, Whole};
-use osier_scene::Scene;
+use osier_export::{VERSION, Warning};
+use osier_scene::{Scene, largest};
 
 /// Largest number of runs of a sweep, each of which simulates the whole clip.
 const MAX_RUNS: u64 = 1000;
@@ -46,21 +46,20 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             return Ok(2);
         }
     };
-    // All recipes are resolved before the first run, so that an error in a late value costs no simulation. Warnings are printed
-    // once.
+    // All recipes are resolved before the first run, so that an error in a late value costs no simulation. Runs have most
+    // warnings in common, of which each is printed once.
     let mut recipes = Vec::new();
-    let mut warned = false;
+    let mut of_scenes = Report::default();
     for planned in &runs {
         let mut request = find_scene(args.scene.as_deref().unwrap_or("showcase"), &context.sources)?;
         request.set.extend(keys.iter().zip(&planned.values).map(|(k, v)| format!("{k}={v}")));
         request.seed = planned.seed.or(request.seed);
         let (recipe, report) = resolve(&request)?;
-        if recipes.is_empty() {
-            context.console.report(&report);
-            warned = !report.diagnostics.is_empty();
-        }
+        of_scenes.extend(report);
         recipes.push(recipe);
     }
+    context.console.report(&of_scenes);
+    let mut warned = !of_scenes.diagnostics.is_empty();
     let Some(first) = recipes.first() else { return Ok(0) };
     if first.flight.is_none() {
         let name = &first.name;
@@ -80,11 +79,16 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let display = ProgressDisplay::new(&context.console);
     display.stage("running", frames);
     let mut all = Sweep { title: first.general.title.clone(), keys, ..Sweep::default() };
-    // Warnings of the simulations, such as those of solids in a lattice wind, each once.
-    let mut told = Report::default();
+    let (mut of_runs, mut told) = (Report::default(), Vec::new());
     for (recipe, planned) in recipes.iter().zip(runs) {
-        let SimulatedRun { scene, whole, maps, report } = simulate(context, recipe, &display)?;
-        told.extend(report);
+        let SimulatedRun { scene, whole, maps, report, measured } = simulate(context, recipe, &display)?;
+        of_runs.extend(report);
+        // The numbers in these messages differ from run to run: the first of each code is printed.
+        for warning in measured {
+            if told.iter().all(|earlier: &Warning| earlier.code != warning.code) {
+                told.push(warning);
+            }
+        }
         // Runs with the same values are consecutive; their statistics begin with the first.
         if all.runs.last().is_none_or(|last| last.values != planned.values) {
             all.maps.push(scene.fields.iter().cloned().map(MapStatistics::new).collect());
@@ -100,8 +104,9 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         all.runs.push(Run { values: planned.values, seed: recipe.general.seed, hash: recipe.hash.clone(), whole });
     }
     display.done();
-    context.console.report(&told);
-    warned |= !told.diagnostics.is_empty();
+    context.console.report(&of_runs);
+    told.iter().for_each(|w| context.console.warning(w.code, &w.message));
+    warned |= !of_runs.diagnostics.is_empty() || !told.is_empty();
     write(context, args, &root, &all)?;
     print_means(context, &root, &all)?;
     Ok(context.strict(warned))
@@ -149,16 +154,18 @@ struct SimulatedRun {
     whole: Whole,
     /// Texels of the scene's deposition maps at the last frame.
     maps: Vec<Vec<f32>>,
-    /// Warnings from assembling the scene, its wind included.
+    /// Warnings of growth and wind.
     report: Report,
+    /// Warnings of the simulation, by the largest values of the first table.
+    measured: Vec<Warning>,
 }
 
 /// Simulates the clip of one run and summarises its statistics.
 fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Result<SimulatedRun> {
     // The context is silent, since one bar counts the frames of all runs.
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
-    let assembled = scene::assemble_scene(recipe, scene::SceneOptions::default(), &work)?;
-    let (stage, report) = (assembled.animated, assembled.report);
+    let built = scene::assemble_scene(recipe, scene::SceneOptions::default(), &work)?;
+    let (stage, report) = (built.animated, built.report);
     let mut all = Vec::new();
     // Each frame adds one row; nothing else is kept of the frames.
     for number in recipe.clip.start..=recipe.clip.end {
@@ -168,10 +175,13 @@ fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Re
         display.advance(1);
     }
     let whole = stage.scene.tables.first().map(|table| Whole::of(table, &all)).unwrap_or_default();
+    let largest_row = largest(all.iter().map(|(_, row)| row.as_slice()));
+    let measured = stage.scene.tables.first().map(|table| table.warnings(&largest_row)).unwrap_or_default();
+    let measured = measured.into_iter().map(|(code, message)| Warning { code, message }).collect();
     // Maps are those of the last frame, like the last row of the table.
     let last = FrameTime::of_frame(&stage.scene, recipe.clip.end).index();
     let maps = stage.motions.iter().flatten().map(|m| m.fields(last)).collect::<Result<Vec<_>>>()?.concat();
-    Ok(SimulatedRun { scene: stage.scene, whole, maps, report })
+    Ok(SimulatedRun { scene: stage.scene, whole, maps, report, measured })
 }
 
 fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<()> {

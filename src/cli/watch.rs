@@ -2,8 +2,10 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+
+use signal_hook::SigId;
 
 use osier_base::Error;
 use osier_base::files::{drop_parts, read_input};
@@ -12,54 +14,95 @@ use osier_base::progress::Cancel;
 
 /// Time between a signal and forced exit, in which the work can stop and close its files.
 const SHUTDOWN_TIME: Duration = Duration::from_millis(1400);
+/// Time between two looks for a signal.
+const SIGNAL_INTERVAL: Duration = Duration::from_millis(20);
 /// Time between two measurements of memory. Shorter: reading `/proc` costs time; longer: a run exceeds its limit by more.
 const MEMORY_INTERVAL: Duration = Duration::from_millis(10);
 /// Time before the first measurement: an excess that the estimate predicts is refused earlier, with its reason.
 const FIRST_MEASUREMENT: Duration = Duration::from_millis(500);
-/// Bytes of a memory page, the unit of `/proc/self/statm`.
-const PAGE_BYTES: u64 = 4096;
+/// Most bytes of `/proc/self/status`, which lists processors and groups.
+const STATUS_BYTES: u64 = 1 << 16;
+
+/// The handlers of signals of a run. Dropping it removes them, so that a process that runs osier as a library, such as an
+/// interpreter of Python, has its own again.
+pub(super) struct SignalWatch {
+    ids: Vec<SigId>,
+    is_over: Arc<AtomicBool>,
+}
+
+impl Drop for SignalWatch {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::Relaxed);
+        for id in self.ids.drain(..) {
+            signal_hook::low_level::unregister(id);
+        }
+    }
+}
 
 /// Installs handlers of SIGINT and SIGTERM: the first signal requests cancellation and forces the exit if the work
 /// has not stopped within SHUTDOWN_TIME; a second signal exits at once.
-pub(super) fn listen(cancel: &Cancel) -> std::io::Result<()> {
+pub(super) fn listen(cancel: &Cancel) -> std::io::Result<SignalWatch> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     use signal_hook::flag;
+    let mut ids = Vec::new();
     let armed = Arc::new(AtomicBool::new(false));
     // Order matters: the conditional exit is registered before the handler that arms it, so that the first signal only
     // arms it and the second one exits. Codes are 128 plus the signal's number, as shells have them.
     for (signal, code, number) in [(SIGINT, 130, 2), (SIGTERM, 143, 15)] {
-        flag::register_conditional_shutdown(signal, code, Arc::clone(&armed))?;
-        flag::register(signal, Arc::clone(&armed))?;
-        flag::register_usize(signal, cancel.flag(), number)?;
+        ids.push(flag::register_conditional_shutdown(signal, code, Arc::clone(&armed))?);
+        ids.push(flag::register(signal, Arc::clone(&armed))?);
+        ids.push(flag::register_usize(signal, cancel.flag(), number)?);
     }
-    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM])?;
+    let watch = SignalWatch { ids, is_over: Arc::default() };
+    let (is_over, cancel) = (Arc::clone(&watch.is_over), cancel.clone());
+    // The request is polled, since Windows has no iterator over signals.
     std::thread::Builder::new().name("signals".into()).spawn(move || {
-        if let Some(signal) = signals.forever().next() {
-            std::thread::sleep(SHUTDOWN_TIME);
-            end(Error::Cancelled { signal });
+        while !is_over.load(Ordering::Relaxed) {
+            if let Err(why) = cancel.check() {
+                std::thread::sleep(SHUTDOWN_TIME);
+                if !is_over.load(Ordering::Relaxed) {
+                    end(why);
+                }
+                return;
+            }
+            std::thread::sleep(SIGNAL_INTERVAL);
         }
     })?;
-    Ok(())
+    Ok(watch)
+}
+
+/// The thread that watches the memory of a run; it ends when this is dropped.
+pub(super) struct MemoryWatch(Arc<AtomicBool>);
+
+impl Drop for MemoryWatch {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
 }
 
 /// Starts a thread that ends the run when it takes more memory than its limit, which covers excesses that no estimate predicts.
 /// # Errors
 /// `Limit` for a limit of 0, `Io` if the thread cannot be started.
-pub(super) fn watch(limits: &Limits) -> std::result::Result<(), Error> {
+pub(super) fn watch(limits: &Limits) -> std::result::Result<MemoryWatch, Error> {
     let most = limits.get("memory");
     if most == 0 {
-        return Err(limit_error(resident_bytes().unwrap_or(PAGE_BYTES), most));
+        return Err(limit_error(resident_bytes().unwrap_or(1), most));
     }
+    let watch = MemoryWatch(Arc::default());
+    let is_over = Arc::clone(&watch.0);
     let spawned = std::thread::Builder::new().name("memory".into()).spawn(move || {
         std::thread::sleep(FIRST_MEASUREMENT);
         while let Some(bytes) = resident_bytes() {
+            if is_over.load(Ordering::Relaxed) {
+                return;
+            }
             if bytes > most {
                 end(limit_error(bytes, most));
             }
             std::thread::sleep(MEMORY_INTERVAL);
         }
     });
-    spawned.map(drop).map_err(|e| Error::io("start", "a thread", e))
+    spawned.map(|_| watch).map_err(|e| Error::io("start", "a thread", e))
 }
 
 fn limit_error(bytes: u64, most: u64) -> Error {
@@ -69,10 +112,10 @@ fn limit_error(bytes: u64, most: u64) -> Error {
 
 /// Resident memory of the process in bytes; `None` where the system does not report it.
 fn resident_bytes() -> Option<u64> {
-    let text = read_input(Path::new("/proc/self/statm"), 4096).ok()?;
-    let text = String::from_utf8(text).ok()?;
-    // The second field of `/proc/self/statm` is the resident set, in pages.
-    text.split_whitespace().nth(1)?.parse::<u64>().ok()?.checked_mul(PAGE_BYTES)
+    let text = read_input(Path::new("/proc/self/status"), STATUS_BYTES).ok()?;
+    // `/proc/self/statm` counts in pages, which are larger than 4 kB on some machines.
+    let line = text.split(|b| *b == b'\n').find_map(|line| line.strip_prefix(b"VmRSS:"))?;
+    std::str::from_utf8(line).ok()?.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
 /// Exits the process with the code of an error, even while other threads work or block, as in a write to a full pipe.

@@ -4,6 +4,7 @@ use super::resolve::Resolver;
 use super::scene::{
     BladeOutline, ColorBy, DropFriction, DropLever, DropMerge, DropShape, FlightRelease, ImpactModel, LatticeProfile,
     OrganKeys, RainEnvelope, RainSize, RodLoadKind, SkinForm, SolidShape, SwayModel, SwayStart, WindKeys, WindModel,
+    why_in_place,
 };
 use super::syntax::{KeyTable as _, TomlTable, TomlValue, join};
 use super::{Growth, PlaceRecipe, PlantRecipe, Recipe};
@@ -24,36 +25,13 @@ fn needs<'a>(keys: &'a [&'a str], met: bool, what: &'a str) -> Needs<'a> {
 
 /// Keys of organs that describe the outline of a parametric blade; `blade` itself also sets the season of other leaves, and
 /// `width` stretches leaves of a coefficient table.
-const OF_OUTLINES: &[&str] = &[
-    "lobes",
-    "depth",
-    "leaflets",
-    "leaflet_length",
-    "minor_teeth",
-    "veins",
-    "vein_angle_deg",
-    "waviness",
-    "petiole_flatness",
-];
+const OF_OUTLINES: &[&str] =
+    &["lobes", "depth", "leaflets", "leaflet_length", "minor_teeth", "veins", "waviness", "petiole_flatness"];
 /// Further keys of organs that meshes and surfaces of files replace.
 const OF_DRAWN_LEAVES: &[&str] =
     &["width", "fold_deg", "curl_deg", "color", "color2", "variants", "detail", "side", "translucency", "roughness"];
-/// Keys of organs that needles do not have.
-const OF_BLADES: &[&str] = &[
-    "lobes",
-    "depth",
-    "leaflets",
-    "leaflet_length",
-    "minor_teeth",
-    "veins",
-    "fold_deg",
-    "curl_deg",
-    "waviness",
-    "petiole",
-    "petiole_flatness",
-    "color2",
-    "side",
-];
+/// Further keys of organs that needles do not have.
+const OF_BLADES: &[&str] = &["fold_deg", "curl_deg", "petiole", "color2", "side"];
 /// Keys and tables of plants that only grammars read, those of them that are about the notation, and those that only trees of
 /// coefficient tables read.
 const OF_GRAMMARS: &[&str] = &["steps", "set", "stochastic", "dialect", "rng"];
@@ -76,8 +54,7 @@ impl Resolver<'_> {
         self.ignored_in_flight(root, recipe);
         self.ignored_in_objects(root, recipe);
         for (i, (table, place)) in tables_of(root, "place").into_iter().zip(&recipe.places).enumerate() {
-            let of_species = recipe.plants.get(place.plant).is_some_and(|p| matches!(p.growth, Growth::Species(_)));
-            self.ignored_in_place(table, &format!("place.{i}"), place, of_species);
+            self.ignored_in_place(table, &format!("place.{i}"), place, recipe.plants.get(place.plant));
         }
         let has_grammar = recipe.plants.iter().any(|plant| matches!(plant.growth, Growth::Grammar(_)));
         if self.request.steps.is_some() && !has_grammar {
@@ -248,8 +225,11 @@ impl Resolver<'_> {
         }
     }
 
-    fn ignored_in_place(&mut self, table: &TomlTable, path: &str, place: &PlaceRecipe, of_species: bool) {
+    fn ignored_in_place(&mut self, table: &TomlTable, path: &str, place: &PlaceRecipe, plant: Option<&PlantRecipe>) {
         let keys = &place.keys;
+        let of_species = plant.is_some_and(|p| matches!(p.growth, Growth::Species(_)));
+        // Turns of a plant that grows for its place have been reported.
+        let is_turned = plant.is_none_or(|p| why_in_place(keys, p).is_none());
         let is_group = keys.count > 1 || !place.line.is_empty();
         // A single copy has a random position only in an area.
         let is_random = is_group || keys.area.is_some();
@@ -257,7 +237,7 @@ impl Resolver<'_> {
             needs(&["radius"], is_group, "a group of copies: count = 10"),
             needs(&["spacing", "clear"], is_random, "a group of copies: count = 10"),
             needs(&["individuals"], is_group, "copies that share them: count = 10"),
-            needs(&["lean_to_deg"], keys.lean.abs() > 0.0, "an inclination: lean_deg = 5"),
+            needs(&["lean_to_deg"], keys.lean.abs() > 0.0 || !is_turned, "an inclination: lean_deg = 5"),
             needs(&["together"], of_species || !keys.together, "a plant with `species`, which grows in light"),
         ];
         self.report_unmet(Some(table), path, &all);
@@ -329,14 +309,18 @@ impl Resolver<'_> {
         let has_no_outline = needles || !is_blade;
         let table_file = "a coefficient table: ifs = \"FILE.ifs\"";
         let drawn = "a leaf that osier draws, without mesh and surface";
+        let parametric = "a parametric blade, without ifs, mesh and surface";
+        let blade = "a blade: needles have none";
         let all = [
             needs(&["system", "anchor", "close_px", "fill", "holes"], keys.ifs.is_some(), table_file),
             needs(&["mesh_scale", "mesh_up"], keys.mesh.is_some(), "a mesh: mesh = \"FILE.obj\""),
             needs(&["needles", "twigs", "twig_length", "twig_angle_deg"], needles, "blade = \"needles\""),
-            needs(OF_OUTLINES, is_blade, "a parametric blade, without ifs, mesh and surface"),
+            needs(OF_OUTLINES, is_blade && !needles, if needles { blade } else { parametric }),
+            // Of needles it is the angle to their shoot.
+            needs(&["vein_angle_deg"], is_blade, parametric),
             needs(OF_DRAWN_LEAVES, !is_file, drawn),
             needs(&["petiole_radius_mm"], keys.mesh.is_none(), "a leaf that osier draws, without mesh"),
-            needs(OF_BLADES, !needles, "a blade: needles have none"),
+            needs(OF_BLADES, !needles, blade),
             needs(&["depth"], has_no_outline || is_cut, "lobes or teeth: another `blade`, or their number in `lobes`"),
             needs(&["minor_teeth"], has_no_outline || is_cut && !is_lobed, "teeth: blade = \"toothed\""),
             needs(&["leaflet_length"], has_no_outline || keys.leaflets > 1, "a compound leaf: leaflets = 7"),

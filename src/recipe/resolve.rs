@@ -447,6 +447,13 @@ impl Resolver<'_> {
             let d = Diagnostic::warning("S007", text, span, "has no effect");
             self.report.push(d.help("make it a clip: [frames] end = 48"));
         }
+        // Grids of the wind are written without a format.
+        if keys.formats.is_empty() && wind.grids.is_empty() {
+            let span = span_of(root, &["output", "formats"]).unwrap_or(self.whole);
+            let text = "output.formats is empty: a bake writes textures and no scene";
+            let d = Diagnostic::warning("S007", text, span, "no format");
+            self.report.push(d.help("name formats, such as [\"usd\", \"glb\"], or leave the key out"));
+        }
         OutputRecipe {
             keys,
             pov: self.section_at(table, "output", "pov"),

@@ -85,10 +85,17 @@ fn a_wheel_in_a_clean_environment_is_the_program() {
         assert_eq!(module, line, "{wrong:?}");
     }
 
-    // A second call in one process cannot set up signals and threads again, and says so.
+    // A second call in one process cannot set up threads again, and says so.
     let twice = "import osier; osier.main(['list']); osier.main(['list'])";
     let output = Command::new(&own).args(["-c", twice]).output().expect("python");
     assert!(String::from_utf8_lossy(&output.stderr).contains("once in a process"), "{output:?}");
+
+    // After a call the signals are those of Python again.
+    let after = "import osier, os, signal, time\nosier.main(['list', 'limits'])\n\
+                 try:\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(9)\n\
+                 except KeyboardInterrupt:\n    time.sleep(2)\n    print('goes on')";
+    let output = Command::new(&own).args(["-c", after]).output().expect("python");
+    assert!(output.status.success() && String::from_utf8_lossy(&output.stdout).ends_with("goes on\n"), "{output:?}");
 
     // Signals end a bake with their code and without unfinished files, although Python has handlers of its own.
     for (signal, code) in [(Signal::TERM, 143), (Signal::INT, 130)] {

@@ -43,13 +43,27 @@ fn usage_ends_with_2_and_help_with_0() {
     let dir = folder();
     let glb = dir.path().join("x.glb");
     let grow = ["grow", SCENE, "-o", arg(&glb)];
-    for more in [&["--nope"][..], &["-j0"], &["--max-modules", "many"], &["--max-wishes", "1"], &["--seed", "x"]] {
+    let wrong = [
+        &["--nope"][..],
+        &["-j0"],
+        &["--max-modules", "many"],
+        &["--max-wishes", "1"],
+        &["--seed", "x"],
+        &["--set", "wind.speed"],
+    ];
+    for more in wrong {
         let (out, err) = ends(2, &[&grow[..], more].concat());
         assert!(out.is_empty() && err.starts_with("error:"), "{err}");
     }
     for list in ["x", "9-7", "1-9", "1-6:0"] {
         let (_, err) = ends(2, &["bake", SCENE, "-o", arg(dir.path()), "--frames", list]);
         assert!(err.starts_with("error: --frames"), "{err}");
+    }
+    for (list, told) in
+        [("usdd", "did you mean \"usd\"?"), ("usd,picture", "one of usd, glb"), ("", "\"\" is no format")]
+    {
+        let (_, err) = ends(2, &["bake", SCENE, "-o", arg(dir.path()), "--formats", list]);
+        assert!(err.starts_with("error: --formats") && err.contains(told), "{err}");
     }
     let (_, err) = ends(2, &["bake", "koch", "-o", arg(dir.path()), "--frames", "1-4"]);
     assert!(err.contains("which has the one frame 1; --set frames.end=2"), "{err}");
@@ -110,6 +124,10 @@ fn standard_output_holds_results_and_nothing_else() {
     assert!(json(&["info", arg(&glb)])["triangles"].as_u64().is_some_and(|n| n > 0));
     assert_eq!(json(&["new", arg(&new), "--from", "koch"])["files"].as_array().map(Vec::len), Some(2));
     assert_eq!(json(&["check", SCENE, SCENE]).as_array().map(Vec::len), Some(2));
+    let grammar = dir.path().join("sprig.l");
+    assert_eq!(json(&["convert", GRAMMAR, "-o", arg(&grammar)])["files"][0]["path"], arg(&grammar));
+    let text = fs::read_to_string(&grammar).expect("grammar");
+    assert_eq!(json(&["convert", GRAMMAR])["text"], text.as_str());
     for what in ["presets", "options", "formats", "codes", "limits"] {
         assert!(json(&["list", what]).as_array().is_some_and(|rows| rows.len() > 3), "{what}");
     }
@@ -233,6 +251,26 @@ fn a_file_with_dots_in_its_name_takes_overrides() {
     assert!(json.contains("plants.\\\"v1.2\\\".set.ANGLE"), "{json}");
 }
 
+/// Runs the program with a file as its standard input.
+fn fed(input: &Path, args: &[&str]) -> (i32, String, String) {
+    let input = fs::File::open(input).expect("input");
+    said(&osier(args).stdin(input).output().expect("runs"))
+}
+
+#[test]
+fn a_scene_is_read_from_standard_input_as_often_as_a_command_needs_it() {
+    let dir = folder();
+    let scene = file(&dir, "scene.toml", "title = \"seed --> tree\"\n[plants.koch]\ngrammar = \"koch.l\"\n");
+    let (code, _, err) = fed(&scene, &["check", "-", "-"]);
+    assert_eq!(code, 0, "{err}");
+    ends(0, &["check", arg(&scene)]);
+    let sheet = dir.path().join("sheet.png");
+    let (code, _, err) = fed(&scene, &["preview", "-", "--seeds", "1,2", "--size", "16x16", "-o", arg(&sheet)]);
+    assert!(code == 0 && sheet.is_file(), "{err}");
+    let (code, _, err) = fed(Path::new(GRAMMAR), &["check", "-"]);
+    assert!(code == 1 && err.matches("error[").count() == 1 && err.contains("only scenes"), "{err}");
+}
+
 #[test]
 fn flags_that_a_source_cannot_heed_are_told() {
     let dir = folder();
@@ -263,6 +301,23 @@ fn closed_descriptors_stop_nothing() {
     shell.current_dir(env!("CARGO_MANIFEST_DIR")).args(["-c", script, OSIER, SCENE, arg(&closed)]);
     assert_eq!(shell.stdin(Stdio::null()).status().expect("sh").code(), Some(0));
     assert_same(&tree(&closed), &tree(&open), "closed descriptors");
+}
+
+#[test]
+fn no_file_gets_another_name_than_the_one_given() {
+    use std::os::unix::ffi::OsStrExt as _;
+
+    let dir = folder();
+    let cases: [(&[u8], &[&str]); 3] = [
+        (b"\xff.glb", &["grow", SCENE, "-o"]),
+        (b"\xff.png", &["preview", SCENE, "--size", "16x16", "-o"]),
+        (b"\xff.l", &["convert", GRAMMAR, "-o"]),
+    ];
+    for (name, args) in cases {
+        let path = dir.path().join(std::ffi::OsStr::from_bytes(name));
+        let (code, _, err) = said(&osier(args).arg(&path).output().expect("runs"));
+        assert!(code == 2 && err.contains("is not UTF-8") && tree(dir.path()).is_empty(), "{err}");
+    }
 }
 
 #[test]
@@ -410,6 +465,8 @@ fn a_new_folder_starts_from_the_grammar_that_words_describe() {
     assert!(err.contains("daisy: Oxeye daisy"), "{err}");
     assert!(mine.join("daisy.l").is_file() && mine.join("mine.toml").is_file());
     ends(0, &["check", arg(&mine.join("mine.toml"))]);
+    let (_, err) = ends(2, &["new", arg(&dir.path().join("other")), "--set", "wind.speed=3"]);
+    assert!(err.contains("write the keys into it") && !dir.path().join("other").exists(), "{err}");
     let (_, err) = ends(2, &["new", arg(&dir.path().join("other")), "--grammar", "daisy", "--from", "oak"]);
     assert!(err.contains("cannot be used with"), "{err}");
 }
@@ -435,7 +492,17 @@ fn info_names_what_was_deleted_or_changed_and_a_bake_mends_it() {
     assert_same(&tree(&out), &wanted, "mended");
     ends(1, &["info", arg(dir.path())]);
     let (text, _) = ends(0, &["info", arg(&out.join("gltf/sprig.web.glb"))]);
-    assert!(text.contains("gltf/sprig.web.glb"), "{text}");
+    assert!(text.contains("gltf/sprig.web.glb") && text.contains("\nbake "), "{text}");
+    // A file beside a bake, or beside the manifest of another program, is described by itself.
+    fs::copy(out.join("gltf/sprig.web.glb"), out.join("copy.glb")).expect("copy");
+    let site = dir.path().join("site/models");
+    fs::create_dir_all(&site).expect("folder");
+    file(&dir, "site/manifest.json", "{ \"name\": \"a web application\" }");
+    fs::copy(out.join("gltf/sprig.web.glb"), site.join("tree.glb")).expect("copy");
+    for path in [out.join("copy.glb"), site.join("tree.glb")] {
+        let (text, _) = ends(0, &["info", arg(&path)]);
+        assert!(text.contains(" triangles") && !text.contains("\nbake "), "{text}");
+    }
 }
 
 #[test]

@@ -340,6 +340,7 @@ fn the_program_finds_out_what_a_file_is() {
     let (_, err) = ends(1, &["check", arg(&write("scene.txt", b"[plants.a]\ngramar = \"oak.l\"\n"))]);
     assert!(err.contains("S002"), "{err}");
     let utf16: Vec<u8> = [0xff, 0xfe].into_iter().chain(cpfg.iter().flat_map(|b| [*b, 0])).collect();
+    assert_eq!(detect("scene.toml", b"title = \"seed --> tree\"\n"), FileKind::Other);
     assert_eq!(detect("koch.txt", &utf16), FileKind::Grammar(Notation::Cpfg));
     let houdini = write("plant.txt", b"A=F[+A][-A]\n");
     let (_, err) = ends(1, &["check", arg(&houdini)]);

@@ -278,6 +278,11 @@ fn a_lattice_says_how_it_did() {
     let told: serde_json::Value =
         serde_json::from_slice(&std::fs::read(out.join("stats/flight.json")).expect("json")).expect("json");
     assert!(told["warnings"].as_array().expect("list").iter().any(|w| w["code"] == "S027"), "{told}");
+    // A sweep tells of it, too.
+    let swept = dir.path().join("swept");
+    let run = osier(&["bake", path, "-o", swept.to_str().expect("path"), "--seeds", "5", "--strict"]);
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.code() == Some(3) && said.contains("S027"), "{said}");
     // Four steps a frame are short enough.
     let calm = ["--formats", "csv", "--strict", "--set", "flight.substeps=4"];
     let columns = table(&baked(dir.path(), "calm", Path::new(path), &calm));

@@ -217,6 +217,61 @@ fn a_rerun_keeps_what_is_proved_and_makes_what_is_not() {
 }
 
 #[test]
+fn no_manifest_lists_files_that_another_bake_replaced() {
+    let dir = tempfile::tempdir().expect("dir");
+    let folder = Folder::open_with(dir.path(), options("a", Arc::new(Quick))).expect("folder");
+    folder.write("main.usda", "usda", b"one").expect("write");
+    // Another scene is baked into the folder meanwhile.
+    bake(dir.path(), options("b", Arc::new(Quick))).expect("the other");
+    let end = folder.write(MANIFEST, "manifest", b"main.usda 3");
+    assert_eq!(end.map_err(|e| e.exit_code()), Err(75));
+    assert!(!dir.path().join(MANIFEST).exists());
+    bake(dir.path(), options("a", Arc::new(Quick))).expect("again");
+    assert_eq!(tree(dir.path()), undisturbed("a"));
+}
+
+#[test]
+fn without_a_key_no_file_of_an_earlier_run_is_kept() {
+    let dir = tempfile::tempdir().expect("dir");
+    let run = || bake(dir.path(), options("", Arc::new(Quick))).expect("bake");
+    assert_eq!((run(), run()), (5, 5));
+    let folder = Folder::open(dir.path()).expect("folder");
+    folder.write("main.usda", "usda", b"another scene").expect("write");
+    assert_eq!(read(&dir.path().join("main.usda")), b"another scene");
+    // Of one run it is finished: exporters share textures.
+    assert!(folder.create("main.usda", "usda", None).expect("create").is_none());
+}
+
+#[test]
+fn the_library_bakes_another_scene_over_the_last_and_refuses_what_the_program_refuses() {
+    use osier::bake::BakeContext;
+    use osier::limits::Limits;
+    use osier::recipe::{Request, resolve};
+
+    let dir = tempfile::tempdir().expect("dir");
+    let bake = |seed: &str, frames: &[u32], most: &str| {
+        let plant =
+            "[plants.grass]\ngrammar = \"grass.l\"\n[plants.grass.bark]\nside = 16\n[plants.grass.leaf]\nside = 32\n";
+        let text = format!("{plant}[ground]\nshow = false\n[output]\nformats = [\"obj\"]\n");
+        let request = Request { name: "lawn".into(), text, set: vec![format!("seed={seed}")], ..Request::default() };
+        let (recipe, _) = resolve(&request)?;
+        let mut limits = Limits::default();
+        limits.set("output-bytes", most).expect("limit");
+        let folder = Folder::open(dir.path())?;
+        osier::bake(&recipe, frames, &folder, &BakeContext::quiet(&limits, &Cancel::default())).map(drop)
+    };
+    let mesh = || read(&dir.path().join("obj/grass.obj"));
+    bake("1", &[], "1G").expect("bake");
+    let first = mesh();
+    bake("2", &[], "1G").expect("bake");
+    assert_ne!(mesh(), first, "the grass of another seed");
+    bake("1", &[], "1G").expect("bake");
+    assert_eq!(mesh(), first);
+    assert!(matches!(bake("1", &[2], "1G"), Err(Error::Range { .. })), "the scene has the frame 1 only");
+    assert!(matches!(bake("1", &[], "1k"), Err(Error::Limit { .. })));
+}
+
+#[test]
 fn a_stale_file_that_someone_changed_is_theirs() {
     let dir = tempfile::tempdir().expect("dir");
     bake(dir.path(), options("a", Arc::new(Quick))).expect("bake");

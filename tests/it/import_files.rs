@@ -195,6 +195,19 @@ fn a_broken_library_is_named_too() {
 }
 
 #[test]
+fn forms_of_a_library_that_are_not_read_are_left_out_with_a_warning() {
+    let shop = Shop::new();
+    let lines = "Kd spectral leaf.rfl 0.9\nKs xyz 0.1 0.2 0.3\nd -halo 0.5\nNs 30\n";
+    shop.put("leaf.mtl", format!("newmtl Green Leaf\n{lines}"));
+    let leaf = shop.read("leaf.obj", LEAF).expect("leaf");
+    let told: Vec<&str> = leaf.warnings.diagnostics.iter().map(|d| d.code).collect();
+    assert_eq!(told, ["X016"; 3], "{}", leaf.warnings);
+    assert!(leaf.warnings.to_string().contains("leaf.mtl:2:1"), "{}", leaf.warnings);
+    // The lines that are read count: roughness (2 / (30 + 2))^(1/4).
+    assert!((leaf.materials[0].roughness - 0.5).abs() < 1e-6);
+}
+
+#[test]
 #[cfg(unix)]
 fn pipes_devices_and_folders_never_block() {
     let shop = Shop::new();

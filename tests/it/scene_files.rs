@@ -267,6 +267,16 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "[plants.a.leaf]\nblade = \"lobed\"\nlobes = 3\n",
         ),
         (
+            "[plants.a.leaf]\nblade = \"needles\"\nlobes = 3\n",
+            "plants.a.leaf.lobes",
+            "[plants.a.leaf]\nblade = \"lobed\"\nlobes = 3\n",
+        ),
+        (
+            "[plants.a.leaf]\nifs = \"fern_leaf.ifs\"\nvein_angle_deg = 40\n",
+            "plants.a.leaf.vein_angle_deg",
+            "[plants.a.leaf]\nblade = \"needles\"\nvein_angle_deg = 40\n",
+        ),
+        (
             "[plants.a.leaf]\nblade = \"needles\"\ncolor2 = \"#406030\"\n",
             "plants.a.leaf.color2",
             "[plants.a.leaf]\ncolor2 = \"#406030\"\n",
@@ -321,6 +331,12 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     let site = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.site]\nlatitude = 20\n";
     assert_eq!(without_effect(site), ["plants.a.site.latitude has no effect"]);
     assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());
+    let empty = "[plants.a]\ngrammar = \"rain-twig.l\"\n[output]\nformats = []\n";
+    assert_eq!(without_effect(empty), ["output.formats is empty: a bake writes textures and no scene"]);
+    // A tree that grows for its place is neither turned nor inclined, which is told once.
+    let together = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[[place]]\ntogether = true\n";
+    assert_eq!(without_effect(&format!("{together}lean_to_deg = 30\n")), ["place.0.lean_to_deg has no effect"]);
+    assert!(without_effect(together).is_empty());
     let shapes = "[plants.a]\nshapes = \"bush.shapes\"\nsteps = 3\n[plants.a.turtle]\nunit_m = 2\n";
     assert_eq!(without_effect(shapes), ["plants.a.steps has no effect", "plants.a.turtle has no effect"]);
 }

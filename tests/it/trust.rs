@@ -111,6 +111,13 @@ fn a_plan_counts_what_is_built() {
         let share = wanted.expect("size") / size;
         assert!((0.75..1.25).contains(&share), "{format}: told {wanted:?}, is {size}");
     }
+    // A bake has a file for each asset.
+    let bake = ["bake", "oak", "--formats", "obj", "-o", "out", "--json"];
+    let wanted = told(&[&bake[..], &["-n"]].concat())["would_make"]["sizes"]["obj"].as_f64();
+    told(&bake);
+    let size = bytes_in(&dir.path().join("out/obj"));
+    let share = wanted.expect("size") / size;
+    assert!((0.85..1.15).contains(&share), "obj: told {wanted:?}, is {size}");
 }
 
 #[test]

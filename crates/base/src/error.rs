@@ -72,8 +72,11 @@ pub enum Error {
         /// Subject, fact, next step.
         reason: String,
     },
-    /// The output folder holds something that osier did not write.
-    #[error("\"{}\" was not written by osier; choose another folder with -o, or pass --force to overwrite it", path.display())]
+    /// The output would overwrite a file of which neither its content nor a journal says that osier wrote it.
+    #[error(
+        "\"{}\" does not name osier as its maker; choose another name or folder with -o, or pass --force to overwrite it",
+        path.display()
+    )]
     Foreign {
         /// The file, or the journal of a folder, that would be overwritten.
         path: PathBuf,

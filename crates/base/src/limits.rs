@@ -69,8 +69,8 @@ impl Default for Limits {
 
 impl Limits {
     /// The defaults, with `memory` set to three quarters of the memory of the machine or of the container, whichever is less,
-    /// where the system reports it. Written bytes never depend on it. `machine`, `container`: texts of `/proc/meminfo` and of a
-    /// control group's `memory.max`, empty if there are none.
+    /// where the system reports it. Written bytes never depend on it. `machine`, `container`: texts of `/proc/meminfo` and of
+    /// the files that [`control_group_files`] names, one per line; empty if there are none.
     pub fn of_machine(machine: &str, container: &str) -> Self {
         let mut limits = Self::default();
         let place = LIMITS.iter().position(|l| l.name == "memory");
@@ -122,12 +122,46 @@ impl Limits {
     }
 }
 
-/// Bytes of memory by Linux's files of the machine and of the container, the smaller; `None` if neither has a number.
+/// Linux's files with the limits of memory of the control groups in which a process runs, from the outermost group to its own, of
+/// both versions of control groups. `text`: of `/proc/self/cgroup`.
+/// # Examples
+/// ```
+/// use osier_base::limits::control_group_files;
+///
+/// let files = control_group_files("0::/batch/job_7\n");
+/// assert_eq!(files.last().map(String::as_str), Some("/sys/fs/cgroup/batch/job_7/memory.max"));
+/// ```
+pub fn control_group_files(text: &str) -> Vec<String> {
+    // A container sees its own group at the root, whatever the path of the group is outside.
+    let mut files =
+        vec!["/sys/fs/cgroup/memory.max".to_owned(), "/sys/fs/cgroup/memory/memory.limit_in_bytes".to_owned()];
+    for line in text.lines() {
+        // ID:CONTROLLERS:PATH, without controllers in version 2.
+        let mut fields = line.splitn(3, ':').skip(1);
+        let (Some(controllers), Some(path)) = (fields.next(), fields.next()) else { continue };
+        let (root, name) = if controllers.is_empty() {
+            ("/sys/fs/cgroup", "memory.max")
+        } else if controllers.split(',').any(|c| c == "memory") {
+            ("/sys/fs/cgroup/memory", "memory.limit_in_bytes")
+        } else {
+            continue;
+        };
+        if path.contains("..") {
+            continue;
+        }
+        // The limit of every group around that of the process applies, too.
+        let ends = path.match_indices('/').map(|(i, _)| i).skip(1).chain([path.len()]);
+        files.extend(ends.map(|end| format!("{root}{}/{name}", path[..end].trim_end_matches('/'))));
+    }
+    files
+}
+
+/// Bytes of memory by Linux's files of the machine and of the container, the smallest; `None` if none has a number.
 fn usable(machine: &str, container: &str) -> Option<u64> {
     let total = machine.lines().find_map(|line| line.strip_prefix("MemTotal:")?.trim().strip_suffix("kB"));
     let total = total.and_then(|kib| kib.trim().parse::<u64>().ok()?.checked_mul(1024));
-    let most = container.trim().parse::<u64>().ok();
-    // An unlimited control group holds the word `max`, which does not parse and leaves the machine's memory alone.
+    // An unlimited control group holds the word `max`, which does not parse, or a number beyond every memory.
+    let most = container.lines().filter_map(|line| line.trim().parse::<u64>().ok());
     total.into_iter().chain(most).min()
 }
 
@@ -166,6 +200,7 @@ mod tests {
         let machine = "MemFree:  7 kB\nMemTotal:       32768 kB\n";
         assert_eq!(usable(machine, "max\n"), Some(32 << 20));
         assert_eq!(usable(machine, "1048576\n"), Some(1 << 20));
+        assert_eq!(usable(machine, "max\n\n4096\n9223372036854771712\n"), Some(4096));
         assert_eq!((usable("", "1024"), usable("MemTotal: many kB", "")), (Some(1024), None));
         let here = Limits::of_machine(machine, "");
         assert_eq!((here.get("memory"), here.get("cells")), (24 << 20, Limits::default().get("cells")));
@@ -173,6 +208,18 @@ mod tests {
         let bounded = "Max file size  unlimited\nMax address space         8192  unlimited  bytes\n";
         assert_eq!(here.clone().within_process(bounded).get("memory"), 6144);
         assert_eq!(here.clone().within_process("Max address space  unlimited  unlimited  bytes"), here);
+    }
+
+    #[test]
+    fn groups_of_both_versions_have_their_files() {
+        let own = |text: &str| control_group_files(text).split_off(2);
+        let nested = ["/sys/fs/cgroup/a/memory.max", "/sys/fs/cgroup/a/b.slice/memory.max"];
+        assert_eq!(own("0::/a/b.slice\n"), nested);
+        assert_eq!(
+            own("9:cpu:/x\n4:pids,memory:/a\n0::/\n"),
+            ["/sys/fs/cgroup/memory/a/memory.limit_in_bytes", "/sys/fs/cgroup/memory.max"]
+        );
+        assert!(own("0::/../a\nnonsense\n").is_empty());
     }
 
     #[test]

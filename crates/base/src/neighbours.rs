@@ -54,7 +54,9 @@ impl NeighbourGrid {
     /// Calls `visit` with the index of every point in the cells that a box touches: all points in the box, and some within a cell
     /// of it.
     pub fn for_each_in_box(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(u32)) {
-        let (a, b) = (self.cell(low), self.cell(high));
+        // Cells beyond the outermost ones share their keys: each key is visited once.
+        let bounded = |p: Vec3| self.cell(p).clamp(IVec3::splat(-MAX_CELL), IVec3::splat(MAX_CELL - 1));
+        let (a, b) = (bounded(low), bounded(high));
         for x in a.x..=b.x {
             for y in a.y..=b.y {
                 // The cells of a row along z are consecutive in the sorted array.
@@ -115,6 +117,18 @@ mod tests {
             let p = points[*i as usize];
             p.cmpge(low - Vec3::splat(0.5)).all() && p.cmple(high + Vec3::splat(0.5)).all()
         }));
+    }
+
+    #[test]
+    fn far_points_are_visited_once() {
+        // Cells of 1 m: those beyond 2^20 m share the outermost.
+        let points = [Vec3::new(2e6, 2e6, 0.0), Vec3::new(2e6 + 4.0, 2e6, 0.0)];
+        let grid = NeighbourGrid::new(1.0, (0..).zip(points));
+        let mut found = Vec::new();
+        grid.for_each_in_box(Vec3::new(2e6 - 1.0, 2e6 - 1.0, -1.0), Vec3::new(2e6 + 5.0, 2e6 + 1.0, 1.0), |i| {
+            found.push(i)
+        });
+        assert_eq!(found, [0, 1]);
     }
 
     #[test]

@@ -40,21 +40,28 @@ const NORMAL_LINE: u64 = 36;
 const UV_LINE: u64 = 24;
 const FACE_LINE: u64 = 11;
 
-/// Estimate from bytes per line; indices of faces take more with the number of vertices.
+/// Estimate from bytes per line. A bake has a file for each asset, whose vertices nearly all have texture coordinates.
 fn estimate(input: &EstimateInput) -> u64 {
-    if !input.single {
-        return input
-            .per_asset(|a| (a.vertices + a.instance_vertices) * 80 + (a.triangles + a.instance_triangles) * 40);
+    if input.single {
+        let size = MergedSize::of(input.scene);
+        return file_bytes(size.vertices, size.mapped_vertices, size.triangles);
     }
-    let size = MergedSize::of(input.scene);
+    input.per_asset(|a| {
+        let vertices = a.vertices + a.instance_vertices;
+        file_bytes(vertices, vertices, a.triangles + a.instance_triangles)
+    })
+}
+
+/// Bytes of a file of so many vertices, of which `mapped` have texture coordinates; indices of faces take more with their number.
+fn file_bytes(vertices: u64, mapped: u64, triangles: u64) -> u64 {
     // Decimal digits of the largest index.
-    let digits = size.vertices.max(1).ilog10() + 1;
+    let digits = vertices.max(1).ilog10() + 1;
     // Indices of a face: three corners with point and normal, and a coordinate where there are any.
-    let numbers = if size.mapped_vertices > 0 { 9 } else { 6 };
+    let numbers = if mapped > 0 { 9 } else { 6 };
     // An index is a blank or a slash and its digits; the vertices before 10^(digits - 1) have one digit less.
-    let fewer = numbers * 10_u64.pow(digits - 1) / size.vertices.max(1);
+    let fewer = numbers * 10_u64.pow(digits - 1) / vertices.max(1);
     let face = FACE_LINE + numbers * u64::from(digits) - fewer;
-    size.vertices * (POINT_LINE + NORMAL_LINE) + size.mapped_vertices * UV_LINE + size.triangles * face
+    vertices * (POINT_LINE + NORMAL_LINE) + mapped * UV_LINE + triangles * face
 }
 
 /// Writes meshes as OBJ with their materials as MTL and textures as PNG; instances become copies of their prototypes.

@@ -1,8 +1,8 @@
 //! Parsing of the flags of `osier preview`.
 
-use super::super::Context;
 use super::super::args::{Preview, QualityArg};
 use super::super::numbers::{self, KeyValues, key_values};
+use super::super::{Context, unreadable_name};
 use super::source::ending;
 use crate::scene_preview::{PreviewBackground, PreviewOptions, PreviewView};
 use osier_preview::{CameraView, Quality};
@@ -52,6 +52,9 @@ impl PreviewFlags {
         }
         if args.output.as_deref().is_some_and(|path| path.as_os_str() == "-") {
             return Err("a preview is written to a file, not to standard output".into());
+        }
+        if let Some(why) = args.output.as_deref().and_then(unreadable_name) {
+            return Err(why);
         }
         let size = match &args.size {
             Some(text) => size(text, context)?,

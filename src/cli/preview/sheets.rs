@@ -9,6 +9,7 @@ use super::source::{Variation, load};
 use super::{Outcome, OutputPicture};
 use crate::bake::BakeContext;
 use crate::scene_preview::{PreviewScene, preview_together};
+use osier_base::diagnostic::Report;
 use osier_base::par::par_map;
 use osier_base::progress::Silent;
 use osier_base::{Error, Result};
@@ -183,9 +184,12 @@ fn sheet_of(
     work.progress.stage("growing", cells.len() as u64);
     // The first cell is loaded before the others, so that an error of the file is reported once.
     let mut scenes = vec![load_cell(&cells[0])?];
-    context.console.report(scenes[0].report());
-    let warned = !scenes[0].report().diagnostics.is_empty();
     scenes.extend(par_map(cells.get(1..).unwrap_or_default(), load_cell).into_iter().collect::<Result<Vec<_>>>()?);
+    // The cells have most warnings in common, of which each is printed once.
+    let mut found = Report::default();
+    scenes.iter().for_each(|scene| found.extend(scene.report().clone()));
+    context.console.report(&found);
+    let warned = !found.diagnostics.is_empty();
     if let Some(why) = scenes.iter().find_map(|scene| outside_clip(scene, args.frame)) {
         return Ok(Outcome::Refused(why));
     }

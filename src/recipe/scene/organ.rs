@@ -89,7 +89,7 @@ keys! {
         minor_teeth: Option<u32> = "minor_teeth" OptionalKey(integer(0, 0, 4), OWN);
         /// Number of secondary veins on each side; lobed blades have one per lobe.
         veins: Option<u32> = "veins" OptionalKey(integer(6, 1, 16), OWN);
-        /// Angle between midrib and secondary veins.
+        /// Angle between midrib and secondary veins; of needles, between shoot and needle.
         vein_angle: Option<f64> = "vein_angle_deg" OptionalKey(degrees(48.0, 18.0, 80.0), OWN);
         /// Fold angle along the midrib.
         fold: Option<f64> = "fold_deg" OptionalKey(degrees(10.0, -68.0, 68.0), OWN);

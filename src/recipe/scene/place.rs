@@ -257,7 +257,7 @@ impl Resolver<'_> {
 }
 
 /// Why a plant grows for the place in which it stands, worded to follow its name; `None` if it grows alike everywhere.
-fn why_in_place(keys: &PlaceKeys, plant: &PlantRecipe) -> Option<&'static str> {
+pub(in crate::recipe) fn why_in_place(keys: &PlaceKeys, plant: &PlantRecipe) -> Option<&'static str> {
     let Growth::Species(species) = &plant.growth else { return None };
     if keys.together {
         Some("grows together with the trees around it")

@@ -192,8 +192,14 @@ fn override_value(text: &str, span: Span, report: &mut Report) -> TomlValue {
     let (document, errors) = DeTable::parse_recoverable(&line);
     match document.get_ref().iter().next() {
         Some((_, value)) if errors.is_empty() && document.get_ref().len() == 1 => {
-            let mut node = node(value, span.source, report);
+            let mut faults = Report::default();
+            let mut node = node(value, span.source, &mut faults);
             move_to(&mut node, span);
+            // Their places are those of the line above, not of the override.
+            for mut fault in faults.diagnostics {
+                fault.labels.iter_mut().for_each(|label| label.0 = span);
+                report.push(fault);
+            }
             node.value
         }
         _ => TomlValue::Text(text.to_owned()),
@@ -299,6 +305,15 @@ mod tests {
         assert_eq!((names, value(&t, "v1")), (vec!["plants", "v1.2"], None));
         let Some(TomlValue::Table(plants)) = value(&t, "plants") else { panic!("{t:?}") };
         assert_eq!(plants.entries[0].key, "a.b=c");
+    }
+
+    #[test]
+    fn the_fault_of_a_value_is_at_the_value_of_the_override() {
+        for (set, at) in [("wind.speed=nan", [11, 14]), ("place.0.at=[1, 1e999, 0]", [11, 24])] {
+            let (_, r) = read("[[place]]\n", &[set]);
+            let span = r.diagnostics[0].labels[0].0;
+            assert_eq!((r.diagnostics[0].code, [span.start, span.end]), ("S003", at), "{set}");
+        }
     }
 
     #[test]

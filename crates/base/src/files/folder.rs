@@ -35,7 +35,8 @@ pub struct FileRecord {
 /// Options of an output folder: what its files depend on, and what may be overwritten.
 #[derive(Debug, Clone)]
 pub struct WriteOptions {
-    /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept.
+    /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept; with an empty
+    /// key, which says nothing of the bytes, every file is written.
     pub key: String,
     /// Overwrite files that osier did not write, instead of ending with [`Error::Foreign`].
     pub force: bool,
@@ -182,6 +183,7 @@ impl Folder {
         self.prepare_folder(path.rsplit_once('/').map_or("", |(folder, _)| folder))?;
         // The manifest lists a finished set: before it, files of earlier bakes are removed. Any other file withdraws it.
         if path == MANIFEST {
+            self.check_finished()?;
             self.remove_stale_files()?;
         }
         if self.reuse_finished(&record)? {
@@ -269,8 +271,12 @@ impl Folder {
         Ok(())
     }
 
-    /// Counts a file as finished if the journal has an entry of this key and the bytes on disk agree with it.
+    /// Counts a file as finished if the journal has an entry of this key and the bytes on disk agree with it. Without a key
+    /// only files of this run count.
     fn reuse_finished(&self, record: &FileRecord) -> Result<bool> {
+        if self.shared.options.key.is_empty() && !self.state().finished.contains_key(&record.path) {
+            return Ok(false);
+        }
         let of_this_key = |state: &FolderState| -> Vec<JournalEntry> {
             let entries = state.journal.iter().flat_map(|j| j.entries(&record.path));
             entries.filter(|e| e.key == self.shared.key).cloned().collect()
@@ -342,6 +348,23 @@ impl Folder {
         }
         state.manifest_withdrawn = true;
         Ok(())
+    }
+
+    /// Refuses to list files that a bake under another key has replaced meanwhile, as both manifests would then be wrong of some
+    /// files. A file that was only removed is told by the manifest.
+    fn check_finished(&self) -> Result<()> {
+        let mut state = self.state();
+        let is_replaced = |record: &&FileRecord| {
+            fs::symlink_metadata(self.root().join(&record.path)).is_ok_and(|found| found.len() != record.bytes)
+        };
+        let Some(replaced) = state.finished.values().find(is_replaced).map(|record| record.path.clone()) else {
+            return Ok(());
+        };
+        // The manifest may be that of the other bake.
+        state.manifest_withdrawn = false;
+        self.withdraw_manifest(&mut state)?;
+        let why = io::Error::new(io::ErrorKind::ResourceBusy, "another bake into this folder replaced it; run again");
+        Err(Error::io("keep", self.root().join(replaced), why))
     }
 
     /// Renames a finished part to its name. The journal entry is written first: if the process dies between the two, the file

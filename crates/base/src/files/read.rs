@@ -1,23 +1,37 @@
 //! Bytes of files that a person named.
 
 use std::fs::File;
+use std::io;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 use super::file_system::{read_limited, retry};
 use crate::{Error, Result};
 
-/// Bytes of a file named by the user (a file, a pipe, a link; `-` is standard input), at most `limit` of them.
+/// Bytes of a file named by the user (a file, a pipe, a link; `-` is standard input), at most `limit` of them. Standard input
+/// gives the same bytes to every call.
 /// # Errors
 /// `Io` if it cannot be read, `Limit` if it is longer.
 pub fn read_input(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let bytes = if path == Path::new("-") {
-        read_limited(std::io::stdin().lock(), limit)
+        standard_input(limit)
     } else {
         #[allow(clippy::disallowed_methods, reason = "this is the place")]
         let file = retry(|| File::open(path)).map_err(|e| Error::io("open", path, e))?;
         read_limited(file, limit)
     };
     bytes.map_err(|e| Error::io("read", path, e))?.ok_or_else(|| too_long(path, limit))
+}
+
+/// Bytes of standard input; `None` if it has more than `limit`. They are kept, since a sweep reads its scene once for every run
+/// and a pipe can be read only once.
+fn standard_input(limit: u64) -> io::Result<Option<Vec<u8>>> {
+    static KEPT: Mutex<Option<Vec<u8>>> = Mutex::new(None);
+    let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    if kept.is_none() {
+        *kept = read_limited(io::stdin().lock(), limit)?;
+    }
+    Ok(kept.clone().filter(|bytes| bytes.len() as u64 <= limit))
 }
 
 pub(super) fn too_long(path: &Path, limit: u64) -> Error {

@@ -34,7 +34,8 @@ pub fn detect(name: &str, bytes: &[u8]) -> FileKind {
     if is_lpy(text, ending == "lpy") {
         return FileKind::Grammar(Notation::LPy);
     }
-    if has_line(text, is_arrow_rule) {
+    // A comment or title of a scene may contain an arrow.
+    if ending != "toml" && has_line(text, is_arrow_rule) {
         return FileKind::Grammar(Notation::Cpfg);
     }
     if ending != "toml" && is_lparser(text) {

@@ -72,12 +72,19 @@ impl MaterialLibraries {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let Some(text) = text(context, &name, bytes) else { return };
         let plain = plain(&text);
+        let mut read = plain.clone();
         let mut checked = CheckedText::new(&name, &text);
         let mut material = String::new();
         for (start, line) in lines(&plain) {
             let mut tokens = tokens(start, line);
             let Some(key) = tokens.next() else { continue };
             let rest = rest(start, line);
+            if let Some(warning) = unread_form(key, rest) {
+                checked.report(context, warning);
+                // `tobj` would refuse the whole library: it gets blanks, as many bytes as the line had.
+                read.replace_range(start..start + line.len(), &" ".repeat(line.len()));
+                continue;
+            }
             if let Err(syntax_error) = check_line(key, tokens, rest) {
                 checked.report(context, syntax_error);
                 continue;
@@ -99,9 +106,24 @@ impl MaterialLibraries {
                 Err(error) => checked.report_unreadable(context, token, &error),
             }
         }
-        self.text.push_str(&plain);
+        self.text.push_str(&read);
         self.text.push('\n');
     }
+}
+
+/// The warning about a line in a form of the format that is not read: a colour as a spectral curve or in CIE XYZ, an opacity with
+/// a halo.
+fn unread_form(key: ObjToken<'_>, rest: ObjToken<'_>) -> Option<SyntaxError> {
+    let form = rest.text.split_whitespace().next()?;
+    let (is_unread, help) = match key.text {
+        "Ka" | "Kd" | "Ks" | "Ke" => {
+            (matches!(form, "spectral" | "xyz"), "write the colour as three numbers, red, green and blue")
+        }
+        "d" => (form == "-halo", "write the opacity as one number"),
+        _ => return None,
+    };
+    let message = format!("\"{} {form}\" is not read; the line is left out", key.text);
+    is_unread.then(|| SyntaxError { code: "X016", ..key.syntax_error(message, help) })
 }
 
 /// Checks a line: numbers are finite and as many as the statement needs, names are present.

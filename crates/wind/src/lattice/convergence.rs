@@ -26,6 +26,7 @@ const FETCH: f64 = 18.0;
 const MEAN_OVER: f64 = 80.0;
 
 /// The mean flow behind the wall.
+#[derive(Debug, Clone, Copy)]
 struct WallWakeStats {
     /// Length of the reverse flow half a metre over the ground, wall heights.
     reattachment: f64,
@@ -36,13 +37,13 @@ struct WallWakeStats {
 }
 
 /// The wake in a wind of 3 m/s at 10 m over ground of a roughness of 0.05 m, in cells of `spacing` m.
-fn wake_of_a_wall(spacing: f64) -> WallWakeStats {
+fn wake_of_a_wall(spacing: f64, seed: u64) -> WallWakeStats {
     let base = LatticeOptions::default();
     let options = LatticeOptions {
         cells: BOX.map(|v| (v / spacing).round() as u32),
         spacing,
         base_center: DVec3::new(BOX[0] / 2.0 - FETCH, 0.0, 0.0),
-        inlet: InletOptions { speed: 3.0, gust_strength: 0.0, turbulence: 0.1, ..base.inlet },
+        inlet: InletOptions { speed: 3.0, gust_strength: 0.0, turbulence: 0.1, seed, ..base.inlet },
         spin_up: Some(60.0),
         fps: 8.0,
         ..base
@@ -91,10 +92,24 @@ fn wake_by_size_of_cells() {
     let spacings: Vec<f64> = std::env::var("OSIER_SPACINGS")
         .map_or_else(|_| vec![1.0, 0.5, 0.25], |list| list.split(',').map(|v| v.parse().expect("spacings")).collect());
     let mut before: Option<WallWakeStats> = None;
+    let seeds = std::env::var("OSIER_SEEDS").map_or(4, |n| n.parse().expect("seeds"));
     for spacing in spacings {
-        let wake = wake_of_a_wall(spacing);
-        let WallWakeStats { reattachment, mean, rms } = wake;
-        println!("| {spacing} | {:.0} | {reattachment:.1} | {mean:.2} | {rms:.3} |", f64::from(WALL[0]) / spacing);
+        let wakes: Vec<WallWakeStats> = (1..=seeds).map(|seed| wake_of_a_wall(spacing, seed)).collect();
+        // Mean over the seeds, and the standard error of the mean.
+        let of = |value: fn(&WallWakeStats) -> f64| {
+            let n = wakes.len() as f64;
+            let mean = wakes.iter().map(value).sum::<f64>() / n;
+            let square: f64 = wakes.iter().map(|w| (value(w) - mean) * (value(w) - mean)).sum();
+            [mean, (square / (n * (n - 1.0).max(1.0))).sqrt()]
+        };
+        let [reattachment, reattachment_error] = of(|w| w.reattachment);
+        let [mean, mean_error] = of(|w| w.mean);
+        let [rms, rms_error] = of(|w| w.rms);
+        let wake = WallWakeStats { reattachment, mean, rms };
+        println!(
+            "| {spacing} | {:.0} | {reattachment:.1} +- {reattachment_error:.1} | {mean:.2} +- {mean_error:.2} | {rms:.3} +- {rms_error:.3} |",
+            f64::from(WALL[0]) / spacing
+        );
         if spacing < 0.5
             && let Some(coarser) = before
         {

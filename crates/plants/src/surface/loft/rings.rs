@@ -154,23 +154,27 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], edges: &[f32], turn: f3
     let mut kept: Option<(CurvePoint, Vec3)> = None;
     let mut skipped = 0;
     let mut passed = SkippedPoints::default();
-    let mut edges = edges.iter().peekable();
+    let mut edges = edges;
     for (i, (k, t)) in curve.iter().zip(tangents).enumerate() {
         // A ring is needed at the ends, where tangent or radius changed since the last one, after a long gap, and where the
         // tube without it would leave the centreline or its radii.
         let mut at_edge = false;
-        while edges.next_if(|s| k.s >= **s - EDGE_TOLERANCE * **s).is_some() {
-            at_edge = true;
+        while let Some((_, rest)) = edges.split_first().filter(|(s, _)| k.s >= **s - EDGE_TOLERANCE * **s) {
+            (edges, at_edge) = (rest, true);
         }
         let needed = kept.is_none_or(|(l, lt)| {
             let gap = k.s - l.s;
             let changed = lt.dot(*t) < limit || k.r < l.r * narrow || k.r > l.r * wide || gap > MAX_RING_SPACING * l.r;
             let close = if fixed && out.len() == start + 1 { 1.0 } else { MIN_RING_SPACING };
-            // Points are tested one by one only where their bounds do not prove that they are near enough.
             let mut deviates = || {
-                passed.add(l, &curve[skipped..=i]);
-                (passed.may_sag(l, &curve[i + 1]) && exceeds_sag(l, &curve[skipped..=i + 1]))
-                    || (passed.may_swell(l, &curve[i + 1]) && exceeds_swell(l, &curve[skipped..=i + 1]))
+                let chord = &curve[skipped..=i + 1];
+                // Many points are tested one by one only where their bounds do not prove that they are near enough.
+                let bounded = i - skipped >= FEW_POINTS;
+                if bounded {
+                    passed.add(l, &curve[skipped..=i]);
+                }
+                ((!bounded || passed.may_sag(l, &curve[i + 1])) && exceeds_sag(l, chord))
+                    || ((!bounded || passed.may_swell(l, &curve[i + 1])) && exceeds_swell(l, chord))
             };
             i == last || gap > close * l.r && (changed || deviates()) || at_edge && gap > MIN_EDGE_SPACING * l.r
         });
@@ -178,7 +182,9 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], edges: &[f32], turn: f3
             continue;
         }
         skipped = i + 1;
-        passed = SkippedPoints::default();
+        if passed.count > 0 {
+            passed = SkippedPoints::default();
+        }
         // The last ring replaces one that it would crowd.
         if i == last && out.len() > start + 1 && kept.is_some_and(|(l, _)| k.s - l.s < MIN_RING_SPACING * l.r) {
             out.pop();
@@ -188,6 +194,8 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], edges: &[f32], turn: f3
     }
 }
 
+/// Points after a ring up to which testing each takes less time than bounds: about the cost of the two directions of a bound.
+const FEW_POINTS: usize = 6;
 /// Share of a tolerance that bounds may use up, so that rounding does not decide.
 const BOUND_SHARE: f32 = 0.9;
 

@@ -49,6 +49,7 @@ impl<'a> TubeInputs<'a> {
 
     /// The points of a regular ring, with the exact normals of the cone through it. `v_scale`: v per unit of the ring's
     /// coordinate.
+    #[inline]
     pub fn point_ring(&self, ring: &Ring, v_scale: f32) -> PointRing {
         let e = rolled(ring.t, ring.e, self.params.roll);
         // The normal of a cone of slope m is (radial - m tangent) / sqrt(1 + m^2).

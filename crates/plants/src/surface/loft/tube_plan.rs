@@ -196,9 +196,10 @@ impl TubePlanner<'_> {
     fn color_edges(&self, edges: &mut Vec<f32>) {
         edges.clear();
         let (colors, range) = (&self.plant.nodes.color, self.plant.nodes_of(self.axis));
-        let changes = |i: &usize| colors[*i] != colors[*i + 1] && (colors[*i] | colors[*i + 1]) & PAINTED != 0;
-        let inner = range.start + 1..range.end.saturating_sub(1);
-        edges.extend(inner.filter(changes).map(|i| self.plant.nodes.s[i]));
+        let inner = range.start + 1..range.end.max(range.start + 1);
+        let pairs = colors[inner.clone()].windows(2).zip(&self.plant.nodes.s[inner]);
+        let changes = |pair: &[u16]| pair[0] != pair[1] && (pair[0] | pair[1]) & PAINTED != 0;
+        edges.extend(pairs.filter(|(pair, _)| changes(pair)).map(|(_, s)| *s));
     }
 
     fn node(&self, i: usize) -> CurvePoint {
