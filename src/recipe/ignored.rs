@@ -201,6 +201,7 @@ impl Resolver<'_> {
             let all = [
                 needs(&["mesh_scale"], is_mesh, "shape = \"mesh\""),
                 needs(&["size"], !is_mesh, "shape = \"block\" or \"house\"; mesh_scale sets the size of a mesh"),
+                needs(&["color"], !is_mesh, "shape = \"block\" or \"house\"; a mesh has the materials of its file"),
             ];
             self.report_unmet(Some(table), &format!("solid.{i}"), &all);
         }

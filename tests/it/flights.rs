@@ -118,7 +118,8 @@ fn the_ground_is_under_a_box_away_from_the_origin() {
 #[test]
 fn catkins_without_a_start_are_counted_with_the_mend() {
     let dir = tempfile::tempdir().expect("dir");
-    std::fs::write(dir.path().join("starts.csv"), "0,1,0\n5,-3,0\n5,9,0\n40,5,0\n").expect("points");
+    // The mark of the encoding, as spreadsheets write it, is no part of the first number.
+    std::fs::write(dir.path().join("starts.csv"), "\u{feff}0,1,0\n5,-3,0\n5,9,0\n40,5,0\n").expect("points");
     let text = "[frames]\nend = 2\n[catkin]\nhairs = 20\nlod = 2\n[[solid]]\nsize = [4, 4, 4]\n\
         [flight]\nrelease = \"points\"\npoints = \"starts.csv\"\n";
     let path = scene(dir.path(), "starts", text);
@@ -320,6 +321,45 @@ fn a_late_frame_alone_is_the_same() {
 /// Seeds that walls and wet ground are tried at: two, or as many as `OSIER_SEEDS` says, at most eight.
 fn seeds() -> u64 {
     std::env::var("OSIER_SEEDS").map_or(2, |v| v.parse::<u64>().expect("OSIER_SEEDS is a number").min(8))
+}
+
+/// The flight of a still scene flies round a wall in a lattice as that of a clip does before its first frame.
+#[test]
+fn a_still_flight_meets_the_air_behind_a_wall() {
+    let dir = tempfile::tempdir().expect("dir");
+    let lattice = "model = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\nspin_up_s = 2\n";
+    let text = SCENE.replace("count = 200", "count = 200\nspin_up_s = 2").replace("speed = 2\n", lattice);
+    let cloud = |name: &str, end: &str, file: &str| {
+        let path = scene(dir.path(), name, &text.replace("end = 48", end));
+        let out = baked(dir.path(), &format!("out_{name}"), &path, &["--formats", "ply"]);
+        std::fs::read(out.join("cloud").join(file)).expect("points")
+    };
+    let still = cloud("still", "end = 1", "catkins.catkins.ply");
+    assert!(still.len() > 1000 && still == cloud("clip", "end = 2", "catkins.catkins.0001.ply"));
+}
+
+/// A wavy ground is a solid with columns of its own; a wall of four cells is warned of once.
+#[test]
+fn runs_of_a_sweep_may_differ_in_columns() {
+    let dir = tempfile::tempdir().expect("dir");
+    let lattice = "model = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\nspin_up_s = 0.5\n";
+    let text = SCENE.replace("end = 48", "end = 2").replace("speed = 2\n", lattice);
+    let (path, out) = (scene(dir.path(), "waves", &text), dir.path().join("sweep"));
+    let [path, folder] = [&path, &out].map(|p| p.to_str().expect("path"));
+    let run = osier(&["bake", path, "-o", folder, "--sweep", "ground.relief=0,0.1"]);
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.success() && said.matches("\"wall\" is only 4.0 cells high").count() == 1, "{said}");
+    let text = std::fs::read_to_string(out.join("sweep.csv")).expect("table");
+    let rows: Vec<Vec<&str>> = text.lines().map(|l| l.split(',').collect()).collect();
+    assert!(rows.len() == 3 && rows.iter().all(|row| row.len() == rows[0].len()), "{text}");
+    let at = |name: &str| rows[0].iter().position(|n| *n == name).expect("column");
+    // All 200 are in the air or somewhere at rest, whatever the columns.
+    for row in &rows[1..] {
+        let count = |name: &&str| row[at(name)].parse::<u32>().expect("a number");
+        let all = ["pending", "airborne", "grounded", "on_wall", "corner", "exited"];
+        assert_eq!(all.iter().map(count).sum::<u32>(), 200, "{text}");
+    }
+    assert_eq!((rows[1][at("at_land")], rows[2][at("at_land")].parse::<u32>().is_ok()), ("", true), "{text}");
 }
 
 /// Every choice of values with every seed is a row, that of a bake with the same; means go over the seeds.

@@ -92,6 +92,32 @@ fn an_obj_leaf_with_its_material_and_picture() {
     assert_eq!(names, ["leaf.obj", "leaf.mtl", "leaf.png", "mask.png"]);
 }
 
+/// Blender writes the linear colours 0.5, 0.25, 0.1 of a vertex as these sRGB ones; glTF holds linear ones.
+#[test]
+fn colors_at_vertices_of_an_obj_are_srgb() {
+    let text = "v 0 0 0 0.7353 0.5371 0.3492\nv 1 0 0 0 0 0\nv 0 1 0 1 1 1\nf 1 2 3\n";
+    let colors = Shop::new().read("leaf.obj", text).expect("leaf").mesh.colors;
+    let near = |found: [f32; 4], wanted: [f32; 4]| found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 2e-4);
+    assert!(near(colors[0], [0.5, 0.25, 0.1, 1.0]), "{colors:?}");
+    assert!(near(colors[1], [0.0, 0.0, 0.0, 1.0]) && near(colors[2], [1.0; 4]), "{colors:?}");
+}
+
+/// A missing library, none at all, and one without the second material: every material has its name and its triangle.
+#[test]
+fn materials_without_a_library_keep_their_names() {
+    let shop = Shop::new();
+    shop.put("bark.mtl", "newmtl Bark\nKd 0.25 0.5 0.75\n");
+    let faces = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl Bark\nf 1 2 3\nusemtl Green Leaf\nf 1 2 4\n";
+    for (library, code, color) in [("", "", 0.5), ("mtllib gone.mtl\n", "X014", 0.5), ("mtllib bark.mtl\n", "", 0.25)] {
+        let tree = shop.read("tree.obj", format!("{library}{faces}")).expect("tree");
+        let names: Vec<&str> = tree.materials.iter().map(|m| m.name.as_str()).collect();
+        assert_eq!((names, tree.materials[0].base_color[0]), (vec!["bark", "green_leaf"], color), "{library}");
+        let runs: Vec<(u32, u32)> = tree.mesh.subsets.iter().map(|s| (s.material, s.count)).collect();
+        assert_eq!(runs, [(0, 1), (1, 1)], "{library}");
+        assert!(tree.warnings.diagnostics.iter().all(|d| d.code == code), "{}", tree.warnings);
+    }
+}
+
 #[test]
 fn axes_scale_and_text_forms() {
     let mut shop = Shop::new();
@@ -298,6 +324,26 @@ fn transforms_instances_and_mirrors() {
     let turned = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2) * Vec3::X + Vec3::X * 5.0;
     assert!((mesh.points[1] - turned).length() < 1e-4, "{}", mesh.points[1]);
     assert_eq!(mesh.points[3], Vec3::Y * 7.0);
+}
+
+/// A skinned mesh stands where its joint and the inverse bind matrix put it, here 0.01 (300 p + (100, 0, 0)) + (0, 0, 5), and
+/// not where its node is; the joint comes after it in the file.
+#[test]
+fn a_skinned_mesh_stands_as_bound() {
+    let mut data = floats(&CORNERS);
+    data.extend(floats(&[300.0, 0.0, 0.0, 0.0, 0.0, 300.0, 0.0, 0.0, 0.0, 0.0, 300.0, 0.0, 100.0, 0.0, 0.0, 1.0]));
+    let node = r#","skin":0,"translation":[9,9,9]},{"translation":[0,0,5],"scale":[0.01,0.01,0.01]"#;
+    let json = document(&data, node, r#","skins":[{"inverseBindMatrices":1,"joints":[1]}]"#)
+        .replace(r#""scenes":[{"nodes":[0]}]"#, r#""scenes":[{"nodes":[0,1]}]"#)
+        .replace(
+            "}],\n\"bufferViews\":[",
+            "},{\"bufferView\":0,\"byteOffset\":36,\"componentType\":5126,\"count\":1,\"type\":\"MAT4\"}],\"bufferViews\":[",
+        );
+    let tree = Shop::new().read("a.gltf", json).expect("mesh");
+    for (found, wanted) in tree.mesh.points.iter().zip([[1.0, 0.0, 5.0], [4.0, 0.0, 5.0], [1.0, 3.0, 5.0]]) {
+        assert!((*found - Vec3::from_array(wanted)).length() < 1e-4, "{found} {wanted:?}");
+    }
+    assert_eq!(tree.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"]);
 }
 
 #[test]

@@ -313,6 +313,11 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "scatter.0.inner",
             "[terrain]\n[[scatter]]\nplants = { a = 1 }\ninner = 9\nradius = 50\n",
         ),
+        (
+            "[[solid]]\nshape = \"mesh\"\nmesh = \"young-tree.obj\"\ncolor = \"#406030\"\n",
+            "solid.0.color",
+            "[[solid]]\ncolor = \"#406030\"\n",
+        ),
         ("[maps]\nresolution = 64\n", "maps", "[rain]\n[maps]\nresolution = 64\n"),
         ("[camera]\neye = [1, 2, 3]\ndistance = 2\n", "camera.distance", "[camera]\ndistance = 2\n"),
     ];

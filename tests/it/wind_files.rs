@@ -111,6 +111,31 @@ fn a_valley_below_a_lattice_is_told() {
     assert!(!said.contains("S034"), "{said}");
 }
 
+/// On a plain 40 m below y = 0 the wind of 5 m/s at 10 m has the power law above the plain: at y = 0.5 it is 5 (40.5 / 10)^0.2.
+#[test]
+fn heights_of_the_wind_count_from_a_plain_at_any_height() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = "[frames]\nend = 2\n[terrain]\nsubdivisions = 3\nsize = 60\namplitude = 0\n\
+        corners = [-40, -40, -40, -40]\nside = 64\n\
+        [wind]\nspeed = 5\ngust = 0\nturbulence = 0\nwander_deg = 0\n[output]\nformats = [\"obj\"]\n\
+        [output.wind]\nsize = [2, 2, 2]\ntexel = 1\nvti_every = 1\n";
+    let cells = vti(&baked(dir.path(), "plain", text, &[]).join("wind/box.0001.vti")).values;
+    assert!((cells[0][0] - 6.614).abs() < 0.01 && cells[0][1].abs() + cells[0][2].abs() < 1e-5, "{:?}", cells[0]);
+}
+
+/// Waves of a ground that reach no centre of a cell leave the wind as level ground has it; those of a metre are hills.
+#[test]
+fn low_waves_of_the_ground_do_not_slow_a_lattice() {
+    let dir = tempfile::tempdir().expect("dir");
+    let air = |ground: &str| {
+        let out = baked(dir.path(), "waves", &LATTICE.replace("show = false", ground), &["--force"]);
+        vti(&out.join("wind/box.0005.vti")).values
+    };
+    let level = air("relief = 0");
+    assert!(air("relief = 0.1") == level && air("show = false") == level);
+    assert!(air("relief = 1") != level);
+}
+
 #[test]
 fn planes_and_boxes_show_the_same_air() {
     let dir = tempfile::tempdir().expect("dir");

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use crate::bake::assets::material_set::MaterialSet;
-use crate::bake::assets::terrain::terrain_solid;
+use crate::bake::assets::terrain::shown_terrain_solid;
 use crate::bake::scene::builder::SceneBuilder;
 use crate::recipe::scene::SolidShape;
 use crate::recipe::scene::WindModel;
@@ -49,7 +49,7 @@ impl<'a> Obstacles<'a> {
     /// # Errors
     /// X010 for a mesh without triangles.
     pub fn from_recipe(recipe: &Recipe, surface: GroundSurface<'a>) -> Result<Self> {
-        let meets_solids = recipe.flight.is_some() || lattice_wind_in_clip(recipe);
+        let meets_solids = recipe.flight.is_some() || reads_lattice_wind(recipe);
         let blows = recipe.clip.len() >= 2 && recipe.blows();
         if !meets_solids && !blows {
             return Ok(Self { solids: Vec::new(), surface: GroundSurface::Level, terrain: None });
@@ -61,7 +61,7 @@ impl<'a> Obstacles<'a> {
                 Ok(Solid { name: solid.id.clone(), form: solid_form(solid)?, humidity: solid.keys.humidity })
             });
         let terrain = match &surface {
-            GroundSurface::Terrain(terrain) => terrain_solid(terrain).map(Arc::new),
+            GroundSurface::Terrain(terrain) => shown_terrain_solid(terrain).map(Arc::new),
             _ => None,
         };
         Ok(Self { solids: solids.collect::<Result<_>>()?, surface, terrain })
@@ -88,13 +88,14 @@ impl<'a> Obstacles<'a> {
         Some((0..=32).flat_map(|i| (0..=32).map(move |k| place(i, k))).fold(f32::INFINITY, f32::min))
     }
 
-    /// The land above which heights in the wind are measured; `None` if its heights differ by less than [`LEAST_HILL`].
+    /// The land above which heights in the wind are measured; `None` if its heights differ by less than [`LEAST_HILL`] from each
+    /// other and from y = 0.
     pub fn ground_heights_for_wind(&self, recipe: &Recipe) -> Option<Arc<LandForm>> {
         // The sampled square is centred on the origin: it must hold the ground's square wherever that lies.
         let center = if let GroundSurface::Waves(_, center) = self.surface { center.abs().max_element() } else { 0.0 };
         let land = self.terrain_within(narrow(recipe.ground.size) + 2.0 * center)?;
         let [low, high] = land.height_range();
-        (high - low >= LEAST_HILL).then_some(land)
+        ((high - low).max(high).max(-low) >= LEAST_HILL).then_some(land)
     }
 
     /// All solids, the land last. `side`: side of the square around the origin within which a wavy ground is sampled, m.
@@ -110,14 +111,15 @@ impl<'a> Obstacles<'a> {
     }
 }
 
-/// Smallest difference, m, between the highest and the lowest point of a ground above which heights in the wind count from the
-/// ground instead of from y = 0. Own: the height below which the wind profile is constant; lower waves lie within its
-/// roughness.
+/// Smallest difference, m, between the highest and the lowest point of a ground, or between these and y = 0, from which on
+/// heights in the wind count from the ground instead of from y = 0. Own: the height below which the wind profile is constant;
+/// lower waves lie within its roughness.
 const LEAST_HILL: f32 = 0.5;
 
-/// Whether a recipe has a clip with a lattice wind: the only wind that flows around solids.
-pub fn lattice_wind_in_clip(recipe: &Recipe) -> bool {
-    recipe.wind.model == WindModel::Lattice && recipe.clip.len() >= 2
+/// Whether a recipe reads a lattice wind, the only one that flows around solids: a clip does, and the flight of a still scene
+/// before its frame.
+pub fn reads_lattice_wind(recipe: &Recipe) -> bool {
+    recipe.wind.model == WindModel::Lattice && (recipe.clip.len() >= 2 || recipe.flight.is_some())
 }
 
 fn sample_ground(ground: &Ground, center: Vec3, side: f32) -> Option<LandForm> {

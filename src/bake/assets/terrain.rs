@@ -14,7 +14,7 @@ use osier_import::{HeightMap, HeightUnit, Imported};
 use osier_plants::surface::terrain::{
     HeightMapParams, Terrain, TerrainColors, TerrainParams, TerrainSurface, terrain_material,
 };
-use osier_scene::solid::{LandForm, LandGrid};
+use osier_scene::solid::{CellDiagonal, LandForm, LandGrid};
 use osier_scene::{
     Asset, AssetKind, Camera, HeightField, Maps, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Trs,
 };
@@ -106,13 +106,29 @@ fn generate_terrain(keys: &TerrainKeys, seed: u64) -> Result<Terrain> {
     })
 }
 
-/// The heights of a terrain as a solid, for wind, seeds and growth; `None` if the grid cannot form a surface.
+/// All heights of a terrain as a solid, for growth; `None` if the grid cannot form a surface.
 pub(crate) fn terrain_solid(terrain: &Terrain) -> Option<LandForm> {
     LandForm::over(LandGrid {
         counts: terrain.counts,
         width: terrain.size[0],
         center: Vec2::from_array(terrain.center),
         heights: terrain.heights.clone(),
+        diagonal: CellDiagonal::Main,
+    })
+}
+
+/// A terrain as its mesh shows it, as a solid on which seeds come to rest and over which wind blows: the heights at intervals of
+/// its stride, cells divided as in the mesh. Of an artist's mesh the samples. `None` if the grid cannot form a surface.
+pub(crate) fn shown_terrain_solid(terrain: &Terrain) -> Option<LandForm> {
+    let stride = terrain.stride.max(1);
+    let counts = terrain.counts.map(|n| (n - 1) / stride + 1);
+    let row = |j: usize| (0..counts[0]).map(move |i| terrain.height(i * stride, j * stride));
+    LandForm::over(LandGrid {
+        counts,
+        width: terrain.size[0],
+        center: Vec2::from_array(terrain.center),
+        heights: (0..counts[1]).flat_map(row).collect(),
+        diagonal: CellDiagonal::SmallerDifference,
     })
 }
 
@@ -225,6 +241,21 @@ pub(crate) fn lift_camera(camera: &mut Camera, terrain: &Terrain) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn seeds_rest_on_the_mesh() {
+        for stride in [1, 4] {
+            let params = TerrainParams { n: 6, stride, exponent: 0.5, ..TerrainParams::default() };
+            let terrain = Terrain::generate(&params).expect("land");
+            let land = shown_terrain_solid(&terrain).expect("a surface");
+            for k in 0..500_u16 {
+                // Spread over the terrain of 200 m, a metre within its border.
+                let [x, z] = [0.7549, 0.5698].map(|step| (f32::from(k) * step).fract() * 198.0 - 99.0);
+                let (found, shown) = (land.height(Vec2::new(x, z)), terrain.height_at(x, z));
+                assert!((found - shown).abs() < 1e-3, "stride {stride} at {x} {z}: {found} {shown}");
+            }
+        }
+    }
 
     #[test]
     fn no_seed_buries_the_camera_and_others_stay() {

@@ -5,12 +5,10 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2};
 
 use crate::bake::BakeContext;
-use crate::bake::assets::obstacles::{Obstacles, lattice_wind_in_clip};
+use crate::bake::assets::obstacles::{Obstacles, reads_lattice_wind};
 use crate::bake::cache::wind_spin_up;
 use crate::bake::wind::needs::WindNeeds;
-use crate::recipe::scene::{
-    LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, SolidShape, WindModel, WindSolver,
-};
+use crate::recipe::scene::{LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, SolidShape, WindSolver};
 use crate::recipe::{Recipe, SolidRecipe};
 use osier_base::diagnostic::{Diagnostic, Report, codes};
 use osier_base::files::BakeCache;
@@ -19,21 +17,29 @@ use osier_base::limits::{Limits, grouped};
 use osier_base::math::{cos, narrow, sin};
 use osier_base::progress::{Cancel, Progress, Silent};
 use osier_base::{Error, Result};
-use osier_scene::solid::{LandForm, Solid};
+use osier_scene::solid::{Form, LandForm, Solid};
 use osier_wind::{
     GroundCondition, InletOptions, InletWind, InterpolatedWind, LatticeMemory, LatticeOptions, LatticeSolver,
     LatticeStats, LatticeWarning, RecordingOptions, SideCondition, Wind, WindProfile, WindSnapshot,
 };
 
-/// Solids around which a recipe's lattice wind flows, the land included; empty for every other wind.
+/// Solids around which a recipe's lattice wind flows, the land included if it reaches the centre of a cell; empty for every other
+/// wind.
 pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> {
-    if !lattice_wind_in_clip(recipe) {
+    if !reads_lattice_wind(recipe) {
         return Vec::new();
     }
     let [x, _, z] = recipe.lattice.cells;
     // The land is sampled over a square around the origin that holds the domain.
     let side = 2.0 * (x.max(z) * recipe.lattice.cell_size + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
-    obstacles.solids_within(narrow(side)).list().to_vec()
+    // Lower land, such as the waves of a ground, is the bottom of the box with its wall stress: bounce-back at the links that it
+    // cuts would slow the wind as smooth ground does.
+    let lowest_centers = recipe.lattice.at[1] + recipe.lattice.cell_size / 2.0;
+    let is_met = |solid: &&Solid| match &solid.form {
+        Form::Land(land) => f64::from(land.height_range()[1]) > lowest_centers,
+        Form::Prism(_) | Form::Shell(_) => true,
+    };
+    obstacles.solids_within(narrow(side)).list().iter().filter(is_met).cloned().collect()
 }
 
 /// Options of the solver from the keys of `[wind]` and `[wind.lattice]`.
@@ -303,8 +309,7 @@ impl SteppedLattice {
 
 /// Memory of a recipe's lattice wind, bytes, by purpose; empty without one.
 pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
-    let solved = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == WindSolver::Lbm;
-    if !solved || recipe.clip.len() < 2 || !recipe.wind.blows() {
+    if !reads_lattice_wind(recipe) || recipe.lattice.solver != WindSolver::Lbm || !recipe.wind.blows() {
         return Vec::new();
     }
     let m = LatticeMemory::estimate(&lattice_options(recipe));

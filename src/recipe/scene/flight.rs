@@ -268,7 +268,9 @@ impl Resolver<'_> {
     /// error.
     fn starts(&mut self, reference: &Reference) -> Option<Vec<[f64; 3]>> {
         let file = self.read(&reference.text, reference.span, "text-bytes", &[".csv", ".txt"])?;
-        let text = String::from_utf8_lossy(&file.bytes).into_owned();
+        // Spreadsheets begin a CSV with the mark of its encoding.
+        let text = String::from_utf8_lossy(&file.bytes);
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned();
         let source = self.report.sources.add(file.shown.clone(), text.as_str());
         let (mut starts, mut at) = (Vec::new(), 0_usize);
         for line in text.split_inclusive('\n') {

@@ -12,7 +12,7 @@ keys! {
         leaf_pattern: String = "leaf_pattern" StringType("leaf|leaves|blade|needle|frond");
         /// Distance between points of the skeleton along the wood.
         spacing: Option<f64> = "spacing" OptionalKey(number(0.1, 1e-4, 100.0, "m"), "three radii of the wood");
-        /// Base of the trunk, in coordinates of the mesh.
+        /// Base of the trunk, in metres with +Y up, as `mesh_scale` and `mesh_up` make the mesh.
         root: Option<[f64; 3]> = "root" OptionalKey(point([0.0; 3]), "the lowest thick end");
         /// Metres per unit of the mesh.
         mesh_scale: f64 = "mesh_scale" number(1.0, 1e-6, 1e6, "m");

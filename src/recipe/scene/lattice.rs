@@ -114,7 +114,7 @@ keys! {
         /// Number of Fourier modes of the turbulence.
         modes: u32 = "modes" integer(24, 0, 128);
         /// Duration of the spin-up before the first frame.
-        spin_up: Option<f64> = "spin_up_s" OptionalKey(number(20.0, 0.0, 3600.0, "s"), "the time in which the wind crosses the domain");
+        spin_up: Option<f64> = "spin_up_s" OptionalKey(number(20.0, 0.0, 3600.0, "s"), "the time in which the wind crosses the domain, twice that with open sides");
         /// Whether a bake stores the state after spin-up in `wind/` of its folder (60 bytes per cell), from which later
         /// bakes start.
         keep: bool = "keep" BooleanType(false);

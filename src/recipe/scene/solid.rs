@@ -13,7 +13,7 @@ choices! {
         Block = "block",
         /// A house with a gable roof.
         House = "house",
-        /// A mesh of a file. An open mesh stops wind and catkins, but its interior is not filled.
+        /// A mesh of a file. An open mesh stops wind and catkins, but its inside is a guess.
         Mesh = "mesh",
     }
 }

@@ -55,7 +55,7 @@ keys! {
         floor: Option<f64> = "floor" OptionalKey(number(0.0, -1e5, 1e5, "m"), "none");
         /// Number of smoothing passes.
         smooth: u32 = "smooth" integer(0, 0, 8);
-        /// Interval of heights that the mesh uses: 1, 2, 4 ... With a height map all that stands and falls uses these, too.
+        /// Interval of heights that the mesh uses, and all that stands, falls and blows over it: 1, 2, 4 ...
         stride: u32 = "stride" integer(1, 1, 8192);
         /// Colour of bare soil.
         color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#5c4d3d"), "brown");

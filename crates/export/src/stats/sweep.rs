@@ -1,6 +1,7 @@
 //! Parameter sweeps: runs of a scene with different values of some keys, as rows of a table, and plots of the means over the
 //! seeds.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use serde_json::{Map, Value, json};
@@ -140,15 +141,28 @@ impl Sweep {
         Ok(())
     }
 
+    /// Names of the numbers of all runs, in the order in which they first appear. The values of a key may add columns: a wavy
+    /// ground is a solid of its own, and a lattice wind has statistics.
+    fn columns(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for (name, _) in self.runs.iter().flat_map(Run::numbers) {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
+    /// A row for each run; the cell of a column that a run does not have is empty.
     fn csv(&self) -> String {
-        // All runs are of one scene and have the same columns.
-        let names = self.runs.first().map(|r| r.numbers().map(|n| n.0).collect::<Vec<_>>()).unwrap_or_default();
+        let names = self.columns();
         let heads: Vec<String> =
-            self.keys.iter().map(|k| csv_cell(k)).chain(["seed".to_owned()]).chain(names).collect();
+            self.keys.iter().map(|k| csv_cell(k)).chain(["seed".to_owned()]).chain(names.clone()).collect();
         let mut out = heads.join(",") + "\n";
         for run in &self.runs {
             let values: Vec<String> = run.values.iter().map(|v| csv_cell(v)).collect();
-            let numbers: Vec<String> = run.numbers().map(|n| number(n.1)).collect();
+            let own: BTreeMap<String, f64> = run.numbers().collect();
+            let numbers = names.iter().map(|name| own.get(name).map_or_else(String::new, |v| number(*v)));
             let all: Vec<String> = values.into_iter().chain([run.seed.to_string()]).chain(numbers).collect();
             let _ = writeln!(out, "{}", all.join(","));
         }
@@ -158,15 +172,21 @@ impl Sweep {
     /// For each choice of values the number of its runs, then mean and standard deviation of each column of `sweep.csv` over
     /// them.
     fn means_csv(&self) -> String {
-        let names: Vec<String> = self.runs.first().map(|r| r.numbers().map(|n| n.0).collect()).unwrap_or_default();
+        let names = self.columns();
         let columns = names.iter().flat_map(|name| [name.clone(), format!("{name}_deviation")]);
         let heads: Vec<String> =
             self.keys.iter().map(|k| csv_cell(k)).chain(["runs".to_owned()]).chain(columns).collect();
         let mut out = heads.join(",") + "\n";
         for group in self.groups() {
-            let rows: Vec<Vec<f64>> = group.iter().map(|run| run.numbers().map(|n| n.1).collect()).collect();
-            let spread = |k: usize| Spread::of(&rows.iter().filter_map(|row| row.get(k).copied()).collect::<Vec<_>>());
-            let numbers = (0..names.len()).map(spread).flat_map(|s| [number(s.mean), number(s.deviation)]);
+            let rows: Vec<BTreeMap<String, f64>> = group.iter().map(|run| run.numbers().collect()).collect();
+            let numbers = names.iter().flat_map(|name| {
+                let values: Vec<f64> = rows.iter().filter_map(|row| row.get(name).copied()).collect();
+                if values.is_empty() {
+                    return [String::new(), String::new()];
+                }
+                let spread = Spread::of(&values);
+                [number(spread.mean), number(spread.deviation)]
+            });
             let values = group[0].values.iter().map(|v| csv_cell(v));
             let all: Vec<String> = values.chain([group.len().to_string()]).chain(numbers).collect();
             let _ = writeln!(out, "{}", all.join(","));
@@ -315,6 +335,21 @@ mod tests {
         let numbers: Vec<f64> = lines[1].split(',').map(|v| v.parse().expect("a number")).collect();
         assert_eq!(numbers, [2.0, 0.5, 2.0, 2.0, 0.0, 12.0, 8.0_f64.sqrt(), 6.0, 2.0_f64.sqrt()]);
         assert_eq!((lines.len(), lines[3]), (4, "0.5,\"[1, 2]\",1,2,0,4,0,2,0"));
+    }
+
+    /// The third run has one solid more, whose column stands before another of its own.
+    #[test]
+    fn numbers_stand_below_their_names_where_runs_differ() {
+        let mut sweep = sweep();
+        sweep.runs[2].whole.last.insert(0, ("at_land".into(), 7.0));
+        let text = sweep.csv();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], "solid.0.size.1,flight.humidity,seed,merges,exited,mean_exited,at_land");
+        assert_eq!((lines[1], lines[3]), ("2,0.5,1,2,10,5,", "0.5,0.5,1,2,20,10,7"));
+        let text = sweep.means_csv();
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[0].ends_with(",at_land,at_land_deviation") && lines[1].ends_with(",,"), "{text}");
+        assert_eq!(lines[2], "0.5,0.5,1,2,0,20,0,10,0,7,0");
     }
 
     /// Two panels; a line for each humidity, from the lowest wall to the highest, with the spread of the seeds.

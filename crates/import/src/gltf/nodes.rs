@@ -34,8 +34,10 @@ pub(super) fn flatten(
     let mut seen = vec![false; root.nodes.len()];
     let mut stack: Vec<(usize, Mat4, usize)> =
         root_nodes(document).into_iter().rev().map(|n| (n, Mat4::IDENTITY, 1)).collect();
-    let mut instances = Vec::new();
-    let mut skinned = 0;
+    let mut instances: Vec<MeshInstances> = Vec::new();
+    // World transform of each node that was reached; instances with a skin, and the number of that.
+    let mut world_from_nodes: Vec<Option<Mat4>> = vec![None; root.nodes.len()];
+    let mut skinned: Vec<(usize, usize)> = Vec::new();
     while let Some((index, world_from_parent, depth)) = stack.pop() {
         let Some(node) = root.nodes.get(index) else { continue };
         match seen.get_mut(index) {
@@ -53,9 +55,10 @@ pub(super) fn flatten(
             );
         }
         let world_from_node = world_from_parent * local_matrix(node);
+        world_from_nodes.get_mut(index).into_iter().for_each(|world| *world = Some(world_from_node));
         if let Some(mesh) = node.mesh {
-            skinned += usize::from(node.skin.is_some());
-            // A skinned mesh ignores the transform of its node: its bind pose is in world space.
+            skinned.extend(node.skin.map(|skin| (instances.len(), skin.value())));
+            // A skinned mesh ignores the transform of its node: it stands where its joints do, which may follow in the file.
             let base = if node.skin.is_some() { Mat4::IDENTITY } else { world_from_node };
             let world_from_mesh = match document.instance_accessors.get(&index) {
                 Some(instancing) => {
@@ -72,11 +75,39 @@ pub(super) fn flatten(
         let children = node.children.iter().flatten().rev();
         stack.extend(children.map(|c| (c.value(), world_from_node, depth + 1)));
     }
-    if skinned > 0 {
-        context
-            .warn("X016", format_args!("holds {skinned} skinned meshes; they are read as bound, without their skin"));
+    for (instance, skin) in &skinned {
+        let world_from_bound = bound_pose(context, &accessors, *skin, &world_from_nodes)?;
+        if let Some(instance) = instances.get_mut(*instance) {
+            instance.world_from_mesh.iter_mut().for_each(|m| *m = world_from_bound * *m);
+        }
+    }
+    if !skinned.is_empty() {
+        let count = skinned.len();
+        context.warn("X016", format_args!("holds {count} skinned meshes; they are read as bound, without their skin"));
     }
     Ok(instances)
+}
+
+/// Transform of a mesh as its skin binds it: that of the first joint times its inverse bind matrix. Joints that stand as they
+/// were bound all give the same one; it holds the transform of an armature and, of quantized positions, their scale. The identity
+/// without a joint in the scene.
+fn bound_pose(
+    context: &ImportContext<'_>,
+    accessors: &Accessors<'_>,
+    skin: usize,
+    world_from_nodes: &[Option<Mat4>],
+) -> ImportResult<Mat4> {
+    let skin = accessors.document.root.skins.get(skin);
+    let joint = skin.and_then(|skin| world_from_nodes.get(skin.joints.first()?.value()).copied().flatten());
+    let (Some(skin), Some(world_from_joint)) = (skin, joint) else { return Ok(Mat4::IDENTITY) };
+    let values = match skin.inverse_bind_matrices {
+        Some(index) => accessors.floats(context, index.value(), &[Type::Mat4], "vertices")?,
+        None => Vec::new(),
+    };
+    let joint_from_bound = values.first_chunk::<16>().map_or(Mat4::IDENTITY, Mat4::from_cols_array);
+    let pose = world_from_joint * joint_from_bound;
+    // The product of a matrix and its inverse is the identity but for rounding.
+    Ok(if pose.abs_diff_eq(Mat4::IDENTITY, 1e-5) { Mat4::IDENTITY } else { pose })
 }
 
 /// Root nodes of the default scene; without scenes, all nodes that are no child.

@@ -18,6 +18,7 @@ use super::{ImportContext, ImportResult, ImportedMesh};
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 use osier_base::files::{Encoding, ReadError, decode};
 use osier_base::limits::grouped;
+use osier_base::units;
 
 /// Reads an OBJ file and its material libraries. Every line is checked before the mesh is built.
 pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResult<ImportedMesh> {
@@ -33,13 +34,15 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
     // First pass: every line is checked, so that all faults come with their place. The second pass, by `tobj`, builds the
     // mesh.
     let Some(scan) = scan::scan(context, &mut checked)? else { return Ok(ImportedMesh::default()) };
-    let library = MaterialLibraries::read(context, &mut checked, &scan.libraries);
+    let mut library = MaterialLibraries::read(context, &mut checked, &scan.libraries);
     if context.report.has_errors() {
         return Ok(ImportedMesh::default());
     }
-    let plain = tokens::plain(&text);
+    library.add_undescribed(&scan.materials);
+    // Materials are known from the first line on, whether or not the text names a library.
+    let plain = format!("mtllib all\n{}", tokens::plain(&text));
     let options = tobj::LoadOptions { single_index: true, triangulate: false, ..tobj::LoadOptions::default() };
-    // All libraries are handed over at the first `mtllib`, none again at the others; nothing is opened.
+    // All libraries are handed over at the first `mtllib`, which is ours, none again at the others; nothing is opened.
     let mtl = Cell::new(library.text.as_str());
     let loaded =
         tobj::load_obj_buf(&mut plain.as_bytes(), &options, |_: &Path| tobj::load_mtl_buf(&mut mtl.take().as_bytes()));
@@ -66,6 +69,7 @@ fn mesh_part(model: &tobj::Model, material: u32) -> MeshPart {
         [x, y, z] => Vec3::new(*x, *y, *z),
         _ => Vec3::ZERO,
     };
+    let linear = |c: Vec3| Vec3::from_array(c.to_array().map(units::linear_from_srgb));
     let points: Vec<Vec3> = mesh.positions.chunks_exact(3).map(vec3).collect();
     let triangles = faces::triangulate(&points, &mesh.indices, &mesh.face_arities);
     MeshPart {
@@ -74,8 +78,9 @@ fn mesh_part(model: &tobj::Model, material: u32) -> MeshPart {
         material,
         normals: mesh.normals.chunks_exact(3).map(vec3).collect(),
         uvs: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
-        // OBJ has no alpha of vertices.
-        colors: mesh.vertex_color.chunks_exact(3).map(|c| vec3(c).extend(1.0).to_array()).collect(),
+        // OBJ has no alpha of vertices. Their colours are sRGB, as Blender, MeshLab and ZBrush write them; those of meshes are
+        // linear.
+        colors: mesh.vertex_color.chunks_exact(3).map(|c| linear(vec3(c)).extend(1.0).to_array()).collect(),
         points,
         triangles,
     }

@@ -1,6 +1,6 @@
 //! Material libraries (MTL) and the images that they name.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use super::tokens::{ObjToken, lines, plain, rest, tokens};
@@ -18,6 +18,8 @@ const MAP_STATEMENTS: [&str; 3] = ["map_Kd", "map_d", "norm"];
 pub(super) struct MaterialLibraries {
     /// Their texts, one after the other.
     pub(super) text: String,
+    /// Names of the materials that they describe.
+    described: BTreeSet<String>,
     /// Name and bytes of images by material and statement.
     images: BTreeMap<(String, &'static str), (String, Vec<u8>)>,
     /// Bytes of `images` together, which the limit `mesh-bytes` bounds.
@@ -54,6 +56,16 @@ impl MaterialLibraries {
         library
     }
 
+    /// Adds a material without values for each of the names that no library describes, as where a library is missing: leaves are
+    /// found by the names of their materials.
+    pub(super) fn add_undescribed(&mut self, names: &BTreeSet<String>) {
+        for name in names.iter().filter(|name| !self.described.contains(*name)) {
+            self.text.push_str("newmtl ");
+            self.text.push_str(name);
+            self.text.push('\n');
+        }
+    }
+
     /// Checks a library and reads the images that it names.
     fn add(&mut self, context: &mut ImportContext<'_>, path: &Path, bytes: &[u8]) {
         // The file's own name suffices beside the name of the mesh, and keeps folders of the machine out of reports.
@@ -80,6 +92,7 @@ impl MaterialLibraries {
             // The lines up to the next `newmtl` describe this material.
             if key.text == "newmtl" {
                 rest.text.clone_into(&mut material);
+                self.described.insert(material.clone());
             }
             let Some(map) = MAP_STATEMENTS.into_iter().find(|m| *m == key.text) else { continue };
             let token = map_file(rest);

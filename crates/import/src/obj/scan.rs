@@ -1,5 +1,7 @@
 //! Checks every line of an OBJ text and notes which libraries it names.
 
+use std::collections::BTreeSet;
+
 use super::tokens::{ObjToken, lines, plain, rest, tokens};
 use super::{CheckedText, SyntaxError};
 use crate::{ImportContext, ImportResult};
@@ -14,6 +16,8 @@ const MAX_REPORTED_ERRORS: usize = 20;
 pub(super) struct ObjSummary {
     /// Library names in order, with their first byte.
     pub(super) libraries: Vec<(String, usize)>,
+    /// Names of the materials that faces use.
+    pub(super) materials: BTreeSet<String>,
 }
 
 /// Numbers of elements so far; `colored`: vertices with a colour, `faceless`: faces of fewer than three corners.
@@ -34,6 +38,7 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
     let plain = plain(checked.text);
     let mut counts = ObjCounts::default();
     let mut libraries = Vec::new();
+    let mut materials: BTreeSet<String> = BTreeSet::new();
     let mut errors = 0;
     // Check every statement that is read later; other keywords (groups, smoothing, curves) are ignored.
     for (start, line) in lines(&plain) {
@@ -49,6 +54,9 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
                 // A library that several lines name is read once.
                 if key.text == "mtllib" && !libraries.iter().any(|(l, _)| l == rest.text) {
                     libraries.push((rest.text.to_owned(), rest.start));
+                }
+                if key.text == "usemtl" && !materials.contains(rest.text) {
+                    materials.insert(rest.text.to_owned());
                 }
                 if rest.text.is_empty() {
                     Err(key.syntax_error("a name is missing", "add it, or remove the line"))
@@ -80,7 +88,7 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
         let n = counts.faceless;
         context.warn("X016", format_args!("holds {n} faces with fewer than three corners; they are left out"));
     }
-    Ok((errors == 0).then_some(ObjSummary { libraries }))
+    Ok((errors == 0).then_some(ObjSummary { libraries, materials }))
 }
 
 /// Checks that as many numbers follow as allowed; returns how many.

@@ -7,6 +7,15 @@ use glam::{Vec2, Vec3};
 use super::Nearest;
 use osier_base::geometry::Bounds;
 
+/// Along which diagonal the square cells of a land are divided into two triangles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CellDiagonal {
+    /// From -x -z to +x +z.
+    Main,
+    /// That of the smaller height difference, and from +x -z to -x +z if both are equal: as the mesh of a terrain.
+    SmallerDifference,
+}
+
 /// Heights on a grid of square cells over a rectangle, from which [`LandForm::over`] makes a solid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LandGrid {
@@ -18,10 +27,12 @@ pub struct LandGrid {
     pub center: Vec2,
     /// Heights, m: rows from -z to +z, in each from -x to +x.
     pub heights: Vec<f32>,
+    /// How the cells are divided.
+    pub diagonal: CellDiagonal,
 }
 
-/// A height field as a solid: two triangles for each square cell, divided by its diagonal from -x -z to +x +z. Outside of the
-/// rectangle the height is that of the nearest point of its edge.
+/// A height field as a solid: two triangles for each square cell. Outside of the rectangle the height is that of the nearest
+/// point of its edge.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LandForm {
     columns: usize,
@@ -33,6 +44,7 @@ pub struct LandForm {
     /// Column and row at x = 0 and z = 0, in cells.
     origin: Vec2,
     heights: Vec<f32>,
+    diagonal: CellDiagonal,
     bounds: Bounds,
     /// Cosine of the steepest slope: times the vertical gap, a lower bound of the distance to the surface everywhere.
     flattest: f32,
@@ -42,13 +54,14 @@ impl LandForm {
     /// Heights over a square around the origin. `heights`: `side * side`, m, rows from -z to +z, in each from -x to +x;
     /// `size`: length of a side, m. `None` where [`LandForm::over`] returns it.
     pub fn new(side: usize, size: f32, heights: Vec<f32>) -> Option<Self> {
-        Self::over(LandGrid { counts: [side; 2], width: size, center: Vec2::ZERO, heights })
+        let diagonal = CellDiagonal::Main;
+        Self::over(LandGrid { counts: [side; 2], width: size, center: Vec2::ZERO, heights, diagonal })
     }
 
     /// Heights over a rectangle. `None` for fewer than two rows or columns, for another number of heights than `counts` gives,
     /// or for a width that is not positive.
     pub fn over(grid: LandGrid) -> Option<Self> {
-        let LandGrid { counts: [columns, rows], width, center, heights } = grid;
+        let LandGrid { counts: [columns, rows], width, center, heights, diagonal } = grid;
         if columns < 2 || rows < 2 || heights.len() != columns.checked_mul(rows)? || width <= 0.0 {
             return None;
         }
@@ -82,6 +95,7 @@ impl LandForm {
             corner,
             origin,
             heights,
+            diagonal,
             bounds,
             flattest: 1.0 / (1.0 + slope * slope).sqrt(),
         })
@@ -105,16 +119,26 @@ impl LandForm {
         (cell, at - cell as f32)
     }
 
+    /// Whether a cell is divided from -x -z to +x +z. Heights of its corners, m: at -x -z, +x -z, -x +z, +x +z.
+    fn is_divided_along_main(&self, [a, b, c, d]: [f32; 4]) -> bool {
+        match self.diagonal {
+            CellDiagonal::Main => true,
+            CellDiagonal::SmallerDifference => (a - d).abs() < (b - c).abs(),
+        }
+    }
+
     /// Height at (x, z), m; outside the rectangle, that of the nearest point of its edge.
     #[inline]
     pub fn height(&self, at: Vec2) -> f32 {
         let ((x, u), (z, v)) = (self.column(at.x), self.row(at.y));
         let h = |i: usize, k: usize| self.heights[(z + k) * self.columns + x + i];
-        // The diagonal runs from (0, 0) to (1, 1).
-        if u >= v {
-            h(0, 0) + (h(1, 0) - h(0, 0)) * u + (h(1, 1) - h(1, 0)) * v
+        let [a, b, c, d] = [h(0, 0), h(1, 0), h(0, 1), h(1, 1)];
+        if self.is_divided_along_main([a, b, c, d]) {
+            if u >= v { a + (b - a) * u + (d - b) * v } else { a + (c - a) * v + (d - c) * u }
+        } else if u + v <= 1.0 {
+            a + (b - a) * u + (c - a) * v
         } else {
-            h(0, 0) + (h(0, 1) - h(0, 0)) * v + (h(1, 1) - h(0, 1)) * u
+            d + (c - d) * (1.0 - u) + (b - d) * (1.0 - v)
         }
     }
 
@@ -139,9 +163,11 @@ impl LandForm {
             p.y - self.height(Vec2::new(p.x, p.z))
         };
         // The land is flat between the lines of its cells and their diagonals, so that the gap is least at one of these or at an
-        // end. Lines: x, z and x - z at whole multiples of the step.
-        let cells = |p: Vec3| [p.x / self.step, p.z / self.step, (p.x - p.z) / self.step];
-        let offset = [self.origin.x, self.origin.y, self.origin.x - self.origin.y];
+        // end. Lines: x, z, x - z and, where cells have the other diagonal, x + z at whole multiples of the step.
+        let cells = |p: Vec3| [p.x, p.z, p.x - p.z, p.x + p.z].map(|v| v / self.step);
+        let (column, row) = (self.origin.x, self.origin.y);
+        let offset = [column, row, column - row, column + row];
+        let families = if self.diagonal == CellDiagonal::Main { 3 } else { 4 };
         let dips = |axis: usize| {
             let (a, b) = (cells(from)[axis] + offset[axis], cells(to)[axis] + offset[axis]);
             let (mut line, last) = (a.min(b).ceil(), a.max(b));
@@ -153,7 +179,7 @@ impl LandForm {
             }
             false
         };
-        gap(0.0) < slack || gap(1.0) < slack || (0..3).any(dips)
+        gap(0.0) < slack || gap(1.0) < slack || (0..families).any(dips)
     }
 
     /// Conservative test of a box: false only if the surface does not pass through it.
@@ -188,7 +214,9 @@ impl LandForm {
         let sign = if gap < 0.0 { -1.0 } else { 1.0 };
         let (x, u) = self.column(at.x);
         let (z, v) = self.row(at.z);
-        let normal = self.normal(x.cast_signed(), z.cast_signed(), u >= v);
+        let (x, z) = (x.cast_signed(), z.cast_signed());
+        let lower = if self.is_divided_along_main(self.corner_heights(x, z)) { u >= v } else { u + v <= 1.0 };
+        let normal = self.normal(x, z, lower);
         // Far from the surface a lower bound of the distance is enough: the height times the cosine of the steepest slope.
         if gap.abs() > 3.0 * self.step {
             return Nearest { distance: gap * self.flattest, normal };
@@ -210,7 +238,12 @@ impl LandForm {
                     self.corner(cx, cz + 1),
                     self.corner(cx + 1, cz + 1),
                 ];
-                for (t, lower) in [([c[0], c[3], c[1]], true), ([c[0], c[2], c[3]], false)] {
+                let halves = if self.is_divided_along_main(c.map(|p| p.y)) {
+                    [([c[0], c[3], c[1]], true), ([c[0], c[2], c[3]], false)]
+                } else {
+                    [([c[0], c[2], c[1]], true), ([c[1], c[2], c[3]], false)]
+                };
+                for (t, lower) in halves {
                     let p = super::shell::nearest_on(t, at);
                     let d = p.distance(at);
                     if d < best.0 {
@@ -225,11 +258,18 @@ impl LandForm {
         Nearest { distance: distance * sign, normal: if distance > 1e-5 { out / distance } else { flat } }
     }
 
-    /// Normal of the lower or upper triangle of the cell (x, z).
+    /// Heights of the corners of the cell (x, z), m, in the order of [`LandForm::is_divided_along_main`].
+    fn corner_heights(&self, x: isize, z: isize) -> [f32; 4] {
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, k)| self.corner(x + i, z + k).y)
+    }
+
+    /// Normal of the triangle of the cell (x, z) that has its side at -z, or of the other one.
     fn normal(&self, x: isize, z: isize, lower: bool) -> Vec3 {
         let c = |i, k| self.corner(x + i, z + k);
-        let (along, across) =
-            if lower { (c(1, 0) - c(0, 0), c(1, 1) - c(1, 0)) } else { (c(1, 1) - c(0, 1), c(0, 1) - c(0, 0)) };
+        // Sides along x and along z of the triangle.
+        let along = if lower { c(1, 0) - c(0, 0) } else { c(1, 1) - c(0, 1) };
+        let is_main = self.is_divided_along_main(self.corner_heights(x, z));
+        let across = if lower == is_main { c(1, 1) - c(1, 0) } else { c(0, 1) - c(0, 0) };
         across.cross(along).normalize()
     }
 }
@@ -255,7 +295,8 @@ mod tests {
     fn a_rectangle_lies_where_its_middle_is() {
         // 5 x 3 heights over 8 x 4 m around (100, -50): a ramp along x, and a step along z in its last row.
         let heights = (0..15).map(|i| (i % 5) as f32 + if i >= 10 { 1.0 } else { 0.0 }).collect();
-        let grid = LandGrid { counts: [5, 3], width: 8.0, center: Vec2::new(100.0, -50.0), heights };
+        let (center, diagonal) = (Vec2::new(100.0, -50.0), CellDiagonal::Main);
+        let grid = LandGrid { counts: [5, 3], width: 8.0, center, heights, diagonal };
         let land = LandForm::over(grid.clone()).expect("fits");
         for (x, z, h) in
             [(96.0, -52.0, 0.0), (104.0, -52.0, 4.0), (101.0, -50.0, 2.5), (101.0, -48.0, 3.5), (90.0, -60.0, 0.0)]
@@ -267,6 +308,41 @@ mod tests {
         assert!(land.meets([Vec3::new(97.0, 3.0, -51.0), Vec3::new(103.0, 3.0, -51.0)], 0.0));
         assert!(!land.meets([Vec3::new(97.0, 3.0, -51.0), Vec3::new(99.0, 3.0, -51.0)], 0.0));
         assert!(LandForm::over(LandGrid { counts: [3, 5], heights: vec![0.0; 14], ..grid }).is_none());
+    }
+
+    /// One cell of 2 m: with the other diagonal a level triangle and y = 2 (x + z), and a ridge from +x -z to -x +z.
+    #[test]
+    fn cells_are_divided_along_either_diagonal() {
+        let cell = |heights: [f32; 4], diagonal| {
+            let heights = heights.to_vec();
+            LandForm::over(LandGrid { counts: [2, 2], width: 2.0, center: Vec2::ZERO, heights, diagonal })
+                .expect("fits")
+        };
+        let [main, smaller] = [CellDiagonal::Main, CellDiagonal::SmallerDifference];
+        let (fold, ridge) = ([0.0, 0.0, 0.0, 4.0], [0.0, 2.0, 2.0, 0.0]);
+        for (heights, diagonal, at, height) in [
+            (fold, main, 0.0, 2.0),
+            (fold, smaller, 0.0, 0.0),
+            (fold, main, 0.5, 3.0),
+            (fold, smaller, 0.5, 2.0),
+            (fold, smaller, -0.5, 0.0),
+            // Equal differences: the other diagonal.
+            (ridge, smaller, 0.0, 2.0),
+            // The main diagonal has the smaller difference; along the other one it would be 2.25 m.
+            ([1.0, 5.0, 2.0, 1.0], smaller, 0.5, 1.0),
+        ] {
+            let found = cell(heights, diagonal).height(Vec2::splat(at));
+            assert!((found - height).abs() < 1e-6, "{heights:?} {diagonal:?} {at}: {found}");
+        }
+        let land = cell(fold, smaller);
+        // One metre above the slope, whose normal has the length 3: a third of a metre away.
+        let near = land.nearest(Vec3::new(0.5, 3.0, 0.5));
+        let normal = Vec3::new(-2.0, 1.0, -2.0) / 3.0;
+        assert!((near.distance - 1.0 / 3.0).abs() < 1e-5 && near.normal.distance(normal) < 1e-4, "{near:?}");
+        let near = land.nearest(Vec3::new(-0.8, 0.5, -0.8));
+        assert!((near.distance - 0.5).abs() < 1e-5 && near.normal.distance(Vec3::Y) < 1e-4, "{near:?}");
+        let over = [Vec3::new(-0.9, 1.5, -0.9), Vec3::new(0.9, 1.5, 0.9)];
+        assert!(cell(ridge, smaller).meets(over, 0.0) && !cell(ridge, main).meets(over, 0.0));
     }
 
     #[test]

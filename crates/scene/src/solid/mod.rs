@@ -23,7 +23,7 @@ use glam::Vec3;
 
 use osier_base::geometry::Bounds;
 
-pub use land::{LandForm, LandGrid};
+pub use land::{CellDiagonal, LandForm, LandGrid};
 pub use prism::{Prism, Side};
 pub use shell::Shell;
 
@@ -132,8 +132,8 @@ impl Solid {
         let edges = self.open_edges();
         (edges > 0).then(|| {
             format!(
-                "the mesh of solid \"{}\" has {edges} open edges: its surface stops {stopped}, but the air inside counts as air; \
-                 close the mesh if it is to be solid",
+                "the mesh of solid \"{}\" has {edges} open edges: its surface stops {stopped}, but its inside is a guess; close \
+                 the mesh if it is to be solid",
                 self.name
             )
         })

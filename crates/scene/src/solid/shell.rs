@@ -11,6 +11,10 @@ use obvhs::bvh2::builder::build_bvh2;
 use super::Nearest;
 use osier_base::geometry::Bounds;
 
+/// Distance, over the length of a ray, within which triangles that face the same way are one crossing. Above the rounding of
+/// distances to triangles that share an edge; a closed surface has no two sheets that face alike so near each other.
+const SAME_CROSSING: f32 = 1e-5;
+
 /// A triangle mesh with a bounding volume hierarchy. If it has open edges, what counts as inside is a guess.
 #[derive(Clone)]
 pub struct Shell {
@@ -70,20 +74,30 @@ impl Shell {
         }
         let axes = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
         // A hole in an open mesh falsifies the count of the rays through it; the majority of the rays decides.
-        axes.iter().filter(|way| self.walls(at, **way) % 2 == 1).count() > 3
+        let mut met = [Vec::new(), Vec::new()];
+        axes.iter().filter(|way| self.crossings(at, **way, &mut met) % 2 == 1).count() > 3
     }
 
-    /// Number of triangles that the ray from `from` along `way` passes through.
-    fn walls(&self, from: Vec3, way: Vec3) -> usize {
-        let mut count = 0;
+    /// Number of times that the ray from `from` along the unit vector `way` passes through the surface. At an edge or a corner
+    /// the triangles that face the same way are one crossing: rays along the axes meet the diagonals of faces on a grid exactly.
+    /// `met`: memory for the distances of the triangles that face the ray, and of those that face away.
+    fn crossings(&self, from: Vec3, way: Vec3, met: &mut [Vec<f32>; 2]) -> usize {
         // Long enough to leave the mesh from any point in its box.
         let far = self.bounds.size().max_element() * 2.0;
         let reach = from + way * far;
+        met.iter_mut().for_each(Vec::clear);
         self.each_in_box(Bounds { min: from.min(reach), max: from.max(reach) }, |triangle| {
-            count += usize::from(meets(triangle, from, way));
+            if let Some(hit) = ray_hit(triangle, from, way) {
+                met[usize::from(hit.faces_away)].push(hit.distance);
+            }
             true
         });
-        count
+        let distinct = |distances: &mut Vec<f32>| {
+            distances.sort_by(f32::total_cmp);
+            distances.dedup_by(|next, kept| *next - *kept <= far * SAME_CROSSING);
+            distances.len()
+        };
+        met.iter_mut().map(distinct).sum()
     }
 
     /// Calls `take` with the triangles of the tree's leaves that overlap a box, until it returns false.
@@ -174,20 +188,29 @@ fn open_edges(triangles: &[[Vec3; 3]]) -> usize {
     edges.chunk_by(|a, b| a == b).filter(|run| run.len() != 2).count()
 }
 
-/// True if the ray from `from` along `way` crosses a triangle, from either side.
+/// Where a ray meets a triangle.
+struct RayHit {
+    /// Distance from the start of the ray, m.
+    distance: f32,
+    /// Whether the ray comes from behind the triangle.
+    faces_away: bool,
+}
+
+/// Where the ray from `from` along the unit vector `way` crosses a triangle, from either side; `None` if it misses.
 /// Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", 1997.
-fn meets([a, b, c]: [Vec3; 3], from: Vec3, way: Vec3) -> bool {
+fn ray_hit([a, b, c]: [Vec3; 3], from: Vec3, way: Vec3) -> Option<RayHit> {
     let (ab, ac) = (b - a, c - a);
     let across = way.cross(ac);
     let det = ab.dot(across);
     if det.abs() < f32::MIN_POSITIVE {
-        return false;
+        return None;
     }
     let away = from - a;
     let u = away.dot(across) / det;
     let lift = away.cross(ab);
     let v = way.dot(lift) / det;
-    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && ac.dot(lift) / det > 0.0
+    let distance = ac.dot(lift) / det;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && distance > 0.0).then_some(RayHit { distance, faces_away: det < 0.0 })
 }
 
 /// Whether a segment passes a triangle grown by `slack`, m, in its plane, or ends within `slack` of it. The slack leaves no gap
@@ -297,6 +320,44 @@ mod tests {
         assert!(cube.meets([Vec3::new(1.5, 0.2, 0.3), Vec3::new(1.0, 0.2, 0.3)], 1e-4));
         assert!(!cube.meets([Vec3::new(1.5, 0.2, 0.3), Vec3::new(1.01, 0.2, 0.3)], 1e-4));
         assert!(!cube.may_touch(Bounds { min: Vec3::splat(-0.5), max: Vec3::splat(0.5) }));
+    }
+
+    /// The diagonals of the cube's faces cross above each point of its own diagonal, and edges and corners of the octahedron lie
+    /// on the axes: rays that count two or four triangles there count an inner point as outside.
+    #[test]
+    fn rays_through_edges_and_corners_count_once() {
+        for v in [-0.75, -0.25, 0.0, 0.5] {
+            assert!(cube().contains(Vec3::splat(v)), "{v}");
+        }
+        assert!(!cube().contains(Vec3::splat(1.25)));
+        let points = [Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y, Vec3::Z, -Vec3::Z];
+        let faces = (0..8_u32).map(|k| {
+            let (x, y, z) = (k & 1, 2 + (k >> 1 & 1), 4 + (k >> 2));
+            // Each step to an opposite corner turns the face over.
+            if (x + y + z).is_multiple_of(2) { [x, y, z] } else { [x, z, y] }
+        });
+        let octahedron = Shell::new(&points, &faces.collect::<Vec<_>>()).expect("an octahedron");
+        assert_eq!(octahedron.open_edges(), 0);
+        for (x, y, z, inside) in [
+            (0.0, 0.0, 0.0, true),
+            (0.3, 0.3, 0.0, true),
+            (0.0, -0.6, 0.2, true),
+            (0.7, 0.7, 0.0, false),
+            (0.0, 0.6, -0.6, false),
+        ] {
+            assert_eq!(octahedron.contains(Vec3::new(x, y, z)), inside, "{x} {y} {z}");
+        }
+    }
+
+    /// The cube without its last faces: with at most two of six open its inside still counts as inside.
+    #[test]
+    fn the_inside_of_an_open_mesh_is_that_of_most_rays() {
+        let points: Vec<Vec3> = cube().triangles().iter().flatten().copied().collect();
+        for (faces, inside) in [(6, true), (5, true), (4, true), (3, false), (1, false)] {
+            let triangles: Vec<[u32; 3]> = (0..2 * faces).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            let open = Shell::new(&points, &triangles).expect("faces");
+            assert_eq!(open.contains(Vec3::new(0.1, 0.2, -0.3)), inside, "{faces}");
+        }
     }
 
     #[test]

@@ -7,6 +7,8 @@ use osier_base::diagnostic::codes;
 
 /// Bytes of [`LatticeStats`]: five numbers.
 const STATS_BYTES: usize = 40;
+/// Codes of warnings about steps: clamped speeds and checkerboards. All others are about options and solids.
+const CODES_OF_STEPS: [&str; 2] = ["S022", "S023"];
 
 impl LatticeSolver {
     /// Hash of options, seed, solid cells and cut links; states are exchanged only between solvers of the same fingerprint.
@@ -35,7 +37,11 @@ impl LatticeSolver {
     pub fn restore_state(&mut self, bytes: &[u8]) -> Result<()> {
         let Some((stats, warnings, flow)) = parse_state(bytes) else { return Err(checkpoint_mismatch_error()) };
         self.resume(flow)?;
-        (self.stats, self.warnings) = (stats, warnings);
+        self.stats = stats;
+        // The state tells of its steps only: its solids may have had other names, which do not change the flow.
+        let is_of_steps = |warning: &LatticeWarning| CODES_OF_STEPS.contains(&warning.code);
+        self.warnings.retain(|warning| !is_of_steps(warning));
+        self.warnings.extend(warnings.into_iter().filter(is_of_steps));
         Ok(())
     }
 }

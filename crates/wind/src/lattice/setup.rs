@@ -8,8 +8,8 @@ use super::ground::GroundModel;
 use super::inlet::{InletOptions, InletWind, WindProfile, direction_at};
 use super::report::LatticeWarning;
 use super::tuning::{
-    MAX_SPONGE_SHARE, MIN_CARRIED_TURBULENCE, MIN_TAU_WITHOUT_EDDIES, PARALLEL_COMPONENT, REFUSED_SPEED, SLOW_SPEED,
-    SPIN_UP_SOUND_CROSSINGS, SPONGE_CELLS, SPONGE_DEPTH, TARGET_SPEED, WARN_SPEED,
+    MAX_SPONGE_SHARE, MIN_CARRIED_TURBULENCE, MIN_TAU_WITHOUT_EDDIES, OPEN_SIDES_CROSSINGS, PARALLEL_COMPONENT,
+    REFUSED_SPEED, SLOW_SPEED, SPIN_UP_SOUND_CROSSINGS, SPONGE_CELLS, SPONGE_DEPTH, TARGET_SPEED, WARN_SPEED,
 };
 use osier_base::math::{cos, narrow};
 use osier_base::rng;
@@ -64,7 +64,7 @@ pub struct LatticeOptions {
     pub outlet_nonequilibrium: bool,
     /// Depth of the sponge before each outlet, cells, over which the viscosity rises; none for 4 m, within limits.
     pub sponge_cells: Option<u32>,
-    /// Spin-up time before the first snapshot, s; none for one flow through the box.
+    /// Spin-up time before the first snapshot, s; none for one flow through the box, two with open sides.
     pub spin_up: Option<f64>,
     /// Snapshots before time 0, from which gusts and the curves of speed and direction count.
     pub lead_frames: u32,
@@ -195,7 +195,8 @@ impl LatticeSetup {
             GroundCondition::Smooth => GroundModel::default(),
         };
         let spin_up = spin_up_steps(options, dt, size, n, along);
-        let fingerprint = options_hash(options);
+        // The default of the spin-up is no part of the options, and a state of another spin-up has other gusts.
+        let fingerprint = rng::child(options_hash(options), spin_up);
         let (spacing, fps, lead_frames) = (options.spacing, options.fps, options.lead_frames);
         let sponge = options.sponge_cells.map_or_else(|| default_sponge_depth(n[along], spacing), f64::from);
         let setup =
@@ -377,15 +378,18 @@ fn steps_per_frame(options: &LatticeOptions, peak: f64, warnings: &mut Vec<Latti
     Ok(steps)
 }
 
-/// Steps before the first frame: those asked for, or one flow through the box, but at least [`SPIN_UP_SOUND_CROSSINGS`] of sound,
-/// whose speed is 1/sqrt(3) cells per step.
+/// Steps before the first frame: those asked for, or one flow through the box ([`OPEN_SIDES_CROSSINGS`] with open sides), but
+/// at least [`SPIN_UP_SOUND_CROSSINGS`] of sound, whose speed is 1/sqrt(3) cells per step.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are limited")]
 fn spin_up_steps(options: &LatticeOptions, dt: f64, size: DVec3, n: [usize; 3], along: usize) -> u64 {
     if let Some(seconds) = options.spin_up {
         return (seconds / dt).ceil() as u64;
     }
+    // Inlet and outlet are open in any case; further open faces are sides.
+    let open = face_conditions(options, 0.0).into_iter().filter(|face| face.is_open()).count();
+    let crossings = if open > 2 { OPEN_SIDES_CROSSINGS } else { 1.0 };
     // Sound crosses one cell in sqrt(3) steps.
-    let flow_through = size[along] / options.inlet.speed.max(0.01) / dt;
+    let flow_through = crossings * size[along] / options.inlet.speed.max(0.01) / dt;
     let longest = n.iter().copied().max().unwrap_or(0) as f64;
     flow_through.max(SPIN_UP_SOUND_CROSSINGS * longest * osier_base::math::sqrt(3.0)).ceil() as u64
 }

@@ -91,7 +91,7 @@ impl MeshPlant {
 /// `Input` with X018 for a mesh without wood or without volume; what `plant::validate` refuses; `Cancelled`.
 pub fn extract_skeleton(imported: &Imported, options: &SkeletonOptions, cancel: &Cancel) -> Result<MeshPlant> {
     let parts = parts::classify_triangles(imported, &options.leaf_words);
-    let solid: Vec<&WoodPiece> = parts.wood.iter().filter(|p| p.is_solid()).collect();
+    let solid: Vec<&WoodPiece> = parts.wood.iter().filter(|p| parts.has_axes(p)).collect();
     if solid.is_empty() {
         return Err(no_skeleton_error(&parts, options));
     }
@@ -205,7 +205,7 @@ impl MeshPlant {
         let mut loose: Vec<Vec<u32>> = Vec::new();
         let mut solid = cluster_sites.refined.iter().zip(&cluster_sites.graph.nodes_of_clusters);
         for piece in &parts.wood {
-            if !piece.is_solid() {
+            if !parts.has_axes(piece) {
                 loose.push(piece.welded.clone());
                 continue;
             }

@@ -22,7 +22,7 @@ const MAX_BLADE_AREA_SHARE: f64 = 0.05;
 const STALK_AREA_SHARE: f64 = 0.25;
 /// Largest distance of a stalk from its blade, as a share of the blade's size.
 const STALK_GAP_SHARE: f32 = 0.03;
-/// Fewest points of a piece of wood that gets axes; smaller pieces are bound to the nearest wood.
+/// Fewest points of a piece of wood that gets axes, if any piece has so many; smaller pieces are bound to the nearest wood.
 const MIN_WOOD_POINTS: usize = 12;
 /// A volume below this share of area^(3/2) counts as zero; a sphere has 0.094.
 const MIN_VOLUME_RATIO: f64 = 1e-4;
@@ -54,6 +54,15 @@ pub(super) struct MeshParts {
     pub blades: Vec<TrianglePatch>,
     /// Pieces of wood, in the order of the file.
     pub wood: Vec<WoodPiece>,
+    /// Fewest points of a piece that gets axes: [`MIN_WOOD_POINTS`], or any number on a tree so coarse that no piece has so many.
+    fewest_points: usize,
+}
+
+impl MeshParts {
+    /// Whether a piece of its wood gets axes.
+    pub fn has_axes(&self, piece: &WoodPiece) -> bool {
+        piece.points.len() >= self.fewest_points && piece.encloses_volume()
+    }
 }
 
 /// A piece of wood: a surface whose triangles are connected by edges.
@@ -77,12 +86,10 @@ impl WoodPiece {
         2.0 * self.volume.abs() / self.area
     }
 
-    /// Whether it has enough points and encloses a volume, so that it can have axes.
-    pub fn is_solid(&self) -> bool {
+    /// Whether it encloses a volume, so that it can have axes.
+    fn encloses_volume(&self) -> bool {
         let root = math::sqrt(self.area);
-        self.points.len() >= MIN_WOOD_POINTS
-            && self.volume.abs() > MIN_VOLUME_RATIO * root * self.area
-            && self.cap_area < MAX_OPEN_SHARE * self.area
+        self.volume.abs() > MIN_VOLUME_RATIO * root * self.area && self.cap_area < MAX_OPEN_SHARE * self.area
     }
 }
 
@@ -117,9 +124,11 @@ pub(super) fn classify_triangles(imported: &Imported, words: &[String]) -> MeshP
     // Triangles that share a vertex are one blade; pieces of wood share edges.
     let blades = merge_stalks(&welded.points, &triangles, connected_patches(&triangles, &of(true), false));
     let solid: Vec<u32> = of(false).iter().filter(has_area).copied().collect();
-    let wood =
+    let wood: Vec<WoodPiece> =
         connected_patches(&triangles, &solid, true).iter().map(|p| wood_piece(&welded.points, &triangles, p)).collect();
-    MeshParts { welded, blades, wood }
+    let is_fine = |piece: &WoodPiece| piece.points.len() >= MIN_WOOD_POINTS && piece.encloses_volume();
+    let fewest_points = if wood.iter().any(is_fine) { MIN_WOOD_POINTS } else { 0 };
+    MeshParts { welded, blades, wood, fewest_points }
 }
 
 /// For each triangle, whether the name of its object or of its material marks it as a blade.
@@ -406,8 +415,8 @@ mod tests {
             (0..n).flat_map(|k| [[k, k + n, (k + 1) % n], [(k + 1) % n, k + n, (k + 1) % n + n]]).collect();
         let patch: TrianglePatch = (0..).take(tube.len()).collect();
         let tube = wood_piece(&points, &tube, &patch);
-        assert!((tube.radius() / 0.1 - 1.0).abs() < 2e-3 && tube.is_solid(), "{}", tube.radius());
+        assert!((tube.radius() / 0.1 - 1.0).abs() < 2e-3 && tube.encloses_volume(), "{}", tube.radius());
         let sheet = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 0.3, 1.0), Vec3::Z];
-        assert!(!wood_piece(&sheet, &[[0, 1, 2], [0, 2, 3]], &vec![0, 1]).is_solid());
+        assert!(!wood_piece(&sheet, &[[0, 1, 2], [0, 2, 3]], &vec![0, 1]).encloses_volume());
     }
 }

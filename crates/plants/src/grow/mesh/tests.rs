@@ -299,6 +299,20 @@ fn the_mesh_is_the_files_own() {
     assert!(tree.bindings.iter().zip(&whole.mesh.points).all(|((_, s), p)| (s - p.y).abs() < 0.005));
 }
 
+/// A square trunk of ten points, as of a tree for games, stands alone; beside a finer one it follows that.
+#[test]
+fn a_coarse_trunk_has_an_axis() {
+    let square = tube(&[(Vec3::ZERO, 0.05), (Vec3::Y, 0.05)], 4);
+    let tree = found(square.clone());
+    let nodes = axis_nodes(&tree, 0);
+    let reach = |from: f32, node: &(Vec3, f32)| (node.0 - Vec3::Y * from).length();
+    assert!(reach(0.0, &nodes[0]) < 0.1 && reach(1.0, &nodes[nodes.len() - 1]) < 0.1, "{nodes:?}");
+    let mut both = square;
+    both.points.iter_mut().for_each(|p| *p += Vec3::X);
+    both.append(&straight(Vec3::ZERO, Vec3::Y, 0.01, 5));
+    assert!(found(both).plant.nodes.p.iter().all(|p| p.x < 0.1));
+}
+
 #[test]
 fn a_told_root_and_a_told_spacing_are_kept() {
     let whole = imported(straight(Vec3::ZERO, Vec3::Y, 0.01, 50));
