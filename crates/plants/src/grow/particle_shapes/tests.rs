@@ -652,6 +652,42 @@ fn filling_adds_twigs_and_leaves_and_keeps_what_was_there() {
     assert!(validate(&mut again).expect("valid").is_empty());
 }
 
+/// Growth time of the place where an axis is attached.
+fn time_of_site(plant: &Plant, axis: &osier_scene::plant::Axis) -> f32 {
+    let (i, t) = plant.segment(&plant.axes[axis.parent as usize], axis.parent_s);
+    plant.nodes.birth[i] + (plant.nodes.birth[i + 1] - plant.nodes.birth[i]) * t
+}
+
+#[test]
+fn twigs_of_a_filled_plant_grow_no_earlier_than_the_wood_that_bears_them() {
+    let mut bare = params();
+    bare.limits.levels = 2;
+    bare.leaves.spacing = 0.0;
+    let before = grow(&bare, (7, 5), None, &materials()).expect("grows").0;
+    let mut twigs = params();
+    twigs.limits.levels = 2;
+    twigs.limits.length = [1.0, 0.2].into();
+    let filled = |mut plant: Plant| {
+        fill(&mut plant, &twigs, Some(&leaf()), &materials()).expect("fills");
+        plant
+    };
+    let plant = filled(before.clone());
+    assert!(plant.axes.len() > before.axes.len());
+    for axis in plant.axes.iter().filter(|a| a.parent != osier_scene::plant::NONE) {
+        let (site, own) = (time_of_site(&plant, axis), plant.nodes.birth[axis.first as usize]);
+        assert!(own > site - 1e-5, "an axis begins at {own} on wood of {site}");
+    }
+    // The times of all nodes are shares of that of the last.
+    let last = plant.nodes.birth.iter().fold(0.0_f32, |m, b| m.max(*b));
+    assert!((last - 1.0).abs() < 1e-5, "{last}");
+    // A plant without times, as one of a coefficient table, gets none: a clip grows it by path lengths.
+    let mut timeless = before;
+    timeless.nodes.birth.iter_mut().for_each(|b| *b = 0.0);
+    timeless.axes.iter_mut().for_each(|a| a.birth = 0.0);
+    let plant = filled(timeless);
+    assert!(plant.nodes.birth.iter().chain(plant.organs.iter().map(|o| &o.birth)).all(|b| b.abs() < 1e-9));
+}
+
 fn index_of(plant: &Plant, id: u64) -> usize {
     plant.axes.iter().position(|a| a.id == id).expect("an axis")
 }
