@@ -688,6 +688,32 @@ fn twigs_of_a_filled_plant_grow_no_earlier_than_the_wood_that_bears_them() {
     assert!(plant.nodes.birth.iter().chain(plant.organs.iter().map(|o| &o.birth)).all(|b| b.abs() < 1e-9));
 }
 
+#[test]
+fn filling_a_leafy_plant_keeps_its_leaves_and_doubles_none() {
+    let mut leafy = params();
+    leafy.limits.levels = 2;
+    let before = grown(&leafy, 5);
+    assert!(!before.organs.is_empty());
+    let mut twigs = params();
+    twigs.limits.levels = 2;
+    twigs.limits.length = [1.0, 0.2].into();
+    let mut plant = before.clone();
+    fill(&mut plant, &twigs, Some(&leaf()), &materials()).expect("fills");
+    let mut ids: Vec<u64> = plant.organs.iter().map(|o| o.id).collect();
+    ids.sort_unstable();
+    let all = ids.len();
+    ids.dedup();
+    assert_eq!(ids.len(), all, "leaves with the same id");
+    assert!(before.organs.iter().all(|o| ids.binary_search(&o.id).is_ok()));
+    // The branches keep the number of their leaves; new ones hang on twigs.
+    let on = |plant: &Plant, id: u64| {
+        plant.organs.iter().filter(|o| plant.axes[o.axis as usize].id == id).count()
+    };
+    let branches: Vec<u64> = before.axes.iter().filter(|a| a.order == 1).map(|a| a.id).collect();
+    assert!(branches.iter().all(|id| on(&plant, *id) == on(&before, *id)));
+    assert!(plant.organs.len() > before.organs.len());
+}
+
 fn index_of(plant: &Plant, id: u64) -> usize {
     plant.axes.iter().position(|a| a.id == id).expect("an axis")
 }
