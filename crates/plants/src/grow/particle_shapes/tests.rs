@@ -714,6 +714,27 @@ fn filling_a_leafy_plant_keeps_its_leaves_and_doubles_none() {
     assert!(plant.organs.len() > before.organs.len());
 }
 
+#[test]
+fn leaves_begin_at_the_surface_of_their_wood() {
+    // A thick stem that bears leaves itself, and twigs.
+    let mut thick = params();
+    thick.limits.levels = 1;
+    thick.limits.length = [1.0].into();
+    thick.thickness = Thickness { rule: ThicknessRule::Taper, base: Some(0.1), tip: 0.02, exponent: 1.0 };
+    // The petiole of `leaf()` is 0.02 m, times the size of the leaf over the 0.06 m of its mesh, here its scale.
+    let beyond = |leaf: &osier_scene::plant::Organ| leaf.petiole - 0.02 * leaf.scale;
+    let thick = grown(&thick, 3);
+    assert!(thick.organs.len() > 15);
+    for leaf in &thick.organs {
+        // The stem tapers from 0.1 m to 0.02 m.
+        let r = 0.1 - 0.08 * leaf.s / thick.axes[0].length;
+        assert!((beyond(leaf) - r).abs() < 1e-4, "{} at a radius of {r}", beyond(leaf));
+    }
+    // No wood is thinner than its tip, 1.5 mm.
+    let tree = grown(&params(), 3);
+    assert!(tree.organs.len() > 100 && tree.organs.iter().all(|leaf| beyond(leaf) > 0.0014));
+}
+
 fn index_of(plant: &Plant, id: u64) -> usize {
     plant.axes.iter().position(|a| a.id == id).expect("an axis")
 }
