@@ -153,7 +153,10 @@ fn grow_generation(around: &mut Surroundings<'_>, starts: Vec<AxisStart>) -> (Ve
     let axes = par_map(&axes, |axis| {
         let mut axis = axis.clone();
         axis.sites = spawn::sites(params, &axis, seed);
-        axis.lose_apex(params.spawning.apex_death.at(axis.level), seed);
+        // Only axes that bear children can be continued by one.
+        if axis.level + 1 < params.limits.levels {
+            axis.lose_apex(params.spawning.apex_death.at(axis.level), seed);
+        }
         axis
     });
     (axes, cut)

@@ -608,10 +608,17 @@ fn forks_share_a_number_and_lost_apices_end_at_their_last_child() {
     assert!(forked.len() <= 30 && forked.iter().all(|a| a.order == 0));
     let mut dead = params();
     dead.spawning.apex_death = [1.0].into();
-    for axis in axes(&dead, 8).axes.iter().filter(|a| a.sites.len() > 1) {
+    let (dead, alive) = (axes(&dead, 8), axes(&params(), 8));
+    for axis in dead.axes.iter().filter(|a| a.level < 2 && a.sites.len() > 1) {
         let last = axis.sites.last().copied().unwrap_or_default();
         assert!((axis.grown_length() - last).abs() < 1e-9);
     }
+    // Twigs bear no axes that could continue them: they keep their length, that of the same twigs with living apices.
+    let lengths: std::collections::BTreeMap<u64, f64> =
+        alive.axes.iter().filter(|a| a.level == 2).map(|a| (a.id, a.grown_length())).collect();
+    let both = dead.axes.iter().filter_map(|a| lengths.get(&a.id).map(|length| (a.grown_length(), *length)));
+    let both: Vec<(f64, f64)> = both.collect();
+    assert!(both.len() > 20 && both.iter().all(|(a, b)| (a - b).abs() < 1e-9));
 }
 
 #[test]
