@@ -742,6 +742,24 @@ fn leaves_begin_at_the_surface_of_their_wood() {
     assert!(tree.organs.len() > 100 && tree.organs.iter().all(|leaf| beyond(leaf) > 0.0014));
 }
 
+#[test]
+fn twigs_end_in_shade_at_any_height_of_the_plant_that_they_fill() {
+    let mut bare = params();
+    bare.limits.levels = 1;
+    bare.limits.length = [6.0].into();
+    bare.leaves.spacing = 0.0;
+    let mut plant = grow(&bare, (7, 5), None, &materials()).expect("grows").0;
+    let mut twigs = params();
+    twigs.limits.levels = 2;
+    twigs.limits.length = [1.0, 0.4].into();
+    twigs.spawning.crown = CrownShape::Cylindrical;
+    // Shade is updated every 8 of about 16 steps, and every node shades its own cell.
+    twigs.limits.max_shade = Some(0.0);
+    fill(&mut plant, &twigs, Some(&leaf()), &materials()).expect("fills");
+    let high: Vec<_> = plant.axes.iter().filter(|a| a.order == 1 && a.parent_s > 3.0).collect();
+    assert!(high.len() > 5 && high.iter().all(|a| a.end == AxisEnd::Shade), "{high:?}");
+}
+
 fn index_of(plant: &Plant, id: u64) -> usize {
     plant.axes.iter().position(|a| a.id == id).expect("an axis")
 }
