@@ -238,8 +238,10 @@ impl Resolver<'_> {
         }
         // Attraction of 0 at every level is the same as none.
         let guided = keys.attract.iter().any(|a| *a != 0.0);
+        // The half space of a plane has no bounds in which points could be spread.
+        let is_bounded = !keys.envelope.is_empty() && keys.envelope.iter().all(|r| r.shape != RegionShape::Plane);
         for (key, useless, needs) in [
-            ("attract", guided && keys.envelope.is_empty(), "an `envelope`, in which the points lie"),
+            ("attract", guided && !is_bounded, "an `envelope` without planes, in which the points lie"),
             ("ratios", keys.radii != ShapeRadii::Cone, "radii = \"cone\""),
             ("paper_spread", keys.equations != ShapeEquations::Paper, "equations = \"paper\""),
         ] {
