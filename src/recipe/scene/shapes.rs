@@ -5,7 +5,7 @@ use crate::recipe::ReferencedFile;
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
     BooleanType, NumberArray, NumbersByLevel, OneOf, OptionalKey, RisingPairs, StringType, TomlTable, TomlValue,
-    degrees, integer, number, point,
+    degrees, integer, number, point, word_of,
 };
 use crate::recipe::syntax::{InlineTables, KeyTable as _, choices, keys};
 use osier_base::diagnostic::{Diagnostic, Report, Severity, nearest};
@@ -217,6 +217,7 @@ impl Resolver<'_> {
         let merged = self.laid_over(parsed, plant, path, name);
         let keys: ShapeKeys = self.read_keys(&merged, &format!("{path}.{name}"));
         self.check_shape_keys(&keys, &merged, &format!("{path}.{name}"));
+        self.check_region_keys(&keys, &merged, &format!("{path}.{name}"));
         self.check_region_solids(&keys, &merged, &format!("{path}.{name}"));
         let faulty = self.report.diagnostics.iter().skip(before).any(|d| d.severity == Severity::Error);
         (!faulty).then_some(keys)
@@ -252,6 +253,24 @@ impl Resolver<'_> {
         }
     }
 
+    /// Reports S007 for keys of regions that their shape does not read, as `size` of a sphere.
+    fn check_region_keys(&mut self, keys: &ShapeKeys, table: &TomlTable, path: &str) {
+        for (key, regions) in [("envelope", &keys.envelope), ("obstacles", &keys.obstacles)] {
+            let Some(TomlValue::List(nodes)) = table.get(key).map(|e| &e.node.value) else { continue };
+            for (i, (node, region)) in nodes.iter().zip(regions).enumerate() {
+                let TomlValue::Table(written) = &node.value else { continue };
+                let read = keys_of_shape(region.shape);
+                for name in ["at", "to", "size", "radius", "height", "normal", "name"] {
+                    let Some(entry) = written.get(name).filter(|_| !read.contains(&name)) else { continue };
+                    let text = format!("{path}.{key}.{i}.{name} has no effect");
+                    let d = Diagnostic::warning("S007", text, entry.node.span, "has no effect");
+                    let help = format!("shape = \"{}\" reads {}", word_of(region.shape), read.join(", "));
+                    self.report.push(d.help(help));
+                }
+            }
+        }
+    }
+
     /// Reports S005 for regions with the name of a solid that the scene does not have.
     fn check_region_solids(&mut self, keys: &ShapeKeys, table: &TomlTable, path: &str) {
         for (key, regions) in [("envelope", &keys.envelope), ("obstacles", &keys.obstacles)] {
@@ -266,6 +285,18 @@ impl Resolver<'_> {
                 });
             }
         }
+    }
+}
+
+/// The keys that say where a region of a shape lies and how large it is.
+fn keys_of_shape(shape: RegionShape) -> &'static [&'static str] {
+    match shape {
+        RegionShape::Sphere => &["at", "radius"],
+        RegionShape::Ellipsoid | RegionShape::Box => &["at", "size"],
+        RegionShape::Capsule => &["at", "to", "radius"],
+        RegionShape::Cone => &["at", "radius", "height"],
+        RegionShape::Plane => &["at", "normal"],
+        RegionShape::Solid => &["name"],
     }
 }
 
