@@ -171,6 +171,18 @@ fn the_seam_differs_by_whole_repeats() {
 }
 
 #[test]
+fn bark_of_a_fixed_size_keeps_it_on_the_end_of_an_axis() {
+    let plant = trunk(&[(y(0.0), 0.2), (y(1.0), 0.18)], AxisEnd::Tip);
+    let options = SkinOptions { uv: UvMode::Metric, sides: (8, 8), ..SkinOptions::default() };
+    let skin = skin(&plant, &options).expect("skin");
+    // The last points: the last ring of the wall, two rings of the dome, its apex, which lies a radius of 0.18 m beyond the wall.
+    let v = |back: usize| skin.mesh.uvs[skin.mesh.uvs.len() - back].y;
+    let (wall, first, apex) = (v(1 + 9 + 9 + 9), v(1 + 9 + 9), v(1));
+    assert!((apex - wall - 0.18 / 0.5).abs() < 1e-5, "{wall} to {apex}");
+    assert!((first - wall - 0.5 * 0.18 / 0.5).abs() < 1e-5, "{wall} to {first}");
+}
+
+#[test]
 fn used_memory_does_not_show() {
     let options = SkinOptions::default();
     let (mut large, mut small) = (wandering(1, 60), wandering(2, 20));
