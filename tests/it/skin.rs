@@ -183,6 +183,26 @@ fn bark_of_a_fixed_size_keeps_it_on_the_end_of_an_axis() {
 }
 
 #[test]
+fn shoots_have_repeats_of_their_own_size() {
+    let plant = trunk(&[(y(0.0), 0.05), (y(1.0), 0.05)], AxisEnd::Tip);
+    let uvs = |uv: UvMode, thickest: f32| {
+        let shoot = Some((thickest, 1));
+        let options = SkinOptions { uv, sides: (8, 8), shoot, shoot_tile: [0.1; 2], ..SkinOptions::default() };
+        skin(&plant, &options).expect("skin").mesh.uvs
+    };
+    // Points 10 to 18 are the first ring of the wall. A girth of 0.314 m holds three repeats of 0.1 m, one of 0.5 m.
+    for (thickest, repeats) in [(0.06, 3.0), (0.04, 1.0)] {
+        let around = uvs(UvMode::Conformal, thickest);
+        assert!((around[18].x - around[10].x - repeats).abs() < 1e-6);
+    }
+    // Two rings of the dome and its apex follow the last ring of the wall, a metre above the first.
+    for (thickest, repeats) in [(0.06, 10.0), (0.04, 2.0)] {
+        let along = uvs(UvMode::Metric, thickest);
+        assert!((along[along.len() - 1 - 3 * 9].y - along[10].y - repeats).abs() < 1e-4);
+    }
+}
+
+#[test]
 fn used_memory_does_not_show() {
     let options = SkinOptions::default();
     let (mut large, mut small) = (wandering(1, 60), wandering(2, 20));

@@ -64,7 +64,8 @@ fn append_cone(
     let nodes = &plant.nodes;
     let mesh = &mut skin.mesh;
     let first = index(mesh.points.len(), "points of a skin")?;
-    let v = |s: f32| s / options.tile[1];
+    let tile = options.tile_of(nodes.r[shape.first as usize]);
+    let v = |s: f32| s / tile[1];
     let Some((&tip, rings)) = corners.split_last() else { return Ok(()) };
     for &k in rings {
         // Counter-clockwise, seen from the tip: x, then -z.
