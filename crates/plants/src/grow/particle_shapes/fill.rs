@@ -1,5 +1,7 @@
 //! Twigs and leaves on a plant that exists: [hoetzlein] Figure 6c.
 
+use std::collections::BTreeSet;
+
 use glam::Vec3;
 
 use super::axis::{ROOT, ShapeAxis, ShapeNode};
@@ -49,8 +51,11 @@ pub fn fill(
         }
     }
     insert(plant, &parents, &grown.axes, &hosts, params)?;
+    // As on a plant of its own, twigs of the last level bear leaves whatever their radius.
+    let twigs = grown.axes.iter().filter(|a| a.level + 1 == params.limits.levels);
+    let leafy: BTreeSet<u64> = twigs.map(|a| a.id).collect();
     place_leaves(plant, params, organ, |axis, r| {
-        axis.kind == AxisKind::Stem && f64::from(r) < params.leaves.max_radius
+        axis.kind == AxisKind::Stem && (leafy.contains(&axis.id) || f64::from(r) < params.leaves.max_radius)
     });
     finish(plant, materials)?;
     Ok(report)

@@ -760,6 +760,22 @@ fn twigs_end_in_shade_at_any_height_of_the_plant_that_they_fill() {
     assert!(high.len() > 5 && high.iter().all(|a| a.end == AxisEnd::Shade), "{high:?}");
 }
 
+#[test]
+fn twigs_of_the_last_level_bear_leaves_whatever_their_radius() {
+    let mut bare = params();
+    bare.limits.levels = 2;
+    bare.leaves.spacing = 0.0;
+    let mut plant = grow(&bare, (7, 5), None, &materials()).expect("grows").0;
+    let old: Vec<u64> = plant.axes.iter().map(|a| a.id).collect();
+    let mut twigs = params();
+    twigs.limits.levels = 2;
+    twigs.limits.length = [1.0, 0.2].into();
+    twigs.leaves.max_radius = 0.0;
+    fill(&mut plant, &twigs, Some(&leaf()), &materials()).expect("fills");
+    assert!(plant.organs.len() > 100);
+    assert!(plant.organs.iter().all(|o| !old.contains(&plant.axes[o.axis as usize].id)));
+}
+
 fn index_of(plant: &Plant, id: u64) -> usize {
     plant.axes.iter().position(|a| a.id == id).expect("an axis")
 }
