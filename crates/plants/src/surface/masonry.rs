@@ -211,9 +211,13 @@ mod tests {
                 let slabs = 2.0 * (9.0 + 2.0 * EAVES) * (Vec2::new(3.5, 2.5).length() + EAVES) * ROOF_THICKNESS;
                 assert!((whole - slabs).abs() < 1e-2 * slabs, "{whole} {slabs}");
                 // Their upper faces, the only ones that look up by more than 45 degrees, lie half a centimetre above the solid.
-                let upper = mesh.subset_triangles(roof).iter().map(|t| t[0] as usize).filter(|i| mesh.normals[*i].y > 0.71);
+                let upper =
+                    mesh.subset_triangles(roof).iter().map(|t| t[0] as usize).filter(|i| mesh.normals[*i].y > 0.71);
                 let above: Vec<f32> = upper.map(|i| (mesh.points[i] - ridge).dot(mesh.normals[i])).collect();
-                assert!(above.len() == 4 && above.iter().all(|d| (d - 0.03 * ROOF_THICKNESS).abs() < 1e-4), "{above:?}");
+                assert!(
+                    above.len() == 4 && above.iter().all(|d| (d - 0.03 * ROOF_THICKNESS).abs() < 1e-4),
+                    "{above:?}"
+                );
             }
         }
     }

@@ -713,9 +713,7 @@ fn filling_a_leafy_plant_keeps_its_leaves_and_doubles_none() {
     assert_eq!(ids.len(), all, "leaves with the same id");
     assert!(before.organs.iter().all(|o| ids.binary_search(&o.id).is_ok()));
     // The branches keep the number of their leaves; new ones hang on twigs.
-    let on = |plant: &Plant, id: u64| {
-        plant.organs.iter().filter(|o| plant.axes[o.axis as usize].id == id).count()
-    };
+    let on = |plant: &Plant, id: u64| plant.organs.iter().filter(|o| plant.axes[o.axis as usize].id == id).count();
     let branches: Vec<u64> = before.axes.iter().filter(|a| a.order == 1).map(|a| a.id).collect();
     assert!(branches.iter().all(|id| on(&plant, *id) == on(&before, *id)));
     assert!(plant.organs.len() > before.organs.len());
