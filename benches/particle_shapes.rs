@@ -59,7 +59,7 @@ fn main() {
         if !set.is_empty() {
             continue;
         }
-        let options = skin_options(&recipe.plants[0].skin, 0.5, &work);
+        let options = skin_options(&recipe.plants[0].skin, [0.5; 2], &work);
         let mut skin = PlantSkin::default();
         let lofted = on_threads(1, || best(|| skin_into(&plant, &options, &mut skin).expect("skin")));
         println!("  its skin: {} vertices, {:.2} ms", skin.mesh.points.len(), lofted * 1e3);

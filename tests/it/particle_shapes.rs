@@ -100,6 +100,10 @@ fn faults_that_single_keys_cannot_show_are_told() {
             .contains("did you mean \"wall\"?")
     );
     assert!(with("attract = 1\n").contains("needs an `envelope`"));
+    let plane = "attract = 1\nenvelope = [{ shape = \"sphere\", radius = 2 }, { shape = \"plane\" }]\n";
+    assert!(with(plane).contains("without planes"));
+    let sphere = with("envelope = [{ shape = \"sphere\", at = [0, 1, 0], size = [4, 4, 4] }]\n");
+    assert!(sphere.contains("S007") && sphere.contains("envelope.0.size") && sphere.contains("reads at, radius"));
     assert!(with("radii = \"cone\"\nratios = [[0.8, 1], [1.2, 1]]\n").contains("would widen upwards"));
     assert!(with("length = [1, 2, 3, 4, 5, 6, 7, 8, 9]\n").contains("1 to 8"));
     let twice = "solids = true\n[[solid]]\nsize = [1, 2, 1]\nat = [3, 0, 0]\n[[place]]\ncount = 3\nindividuals = 1\n";

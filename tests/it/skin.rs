@@ -171,6 +171,38 @@ fn the_seam_differs_by_whole_repeats() {
 }
 
 #[test]
+fn bark_of_a_fixed_size_keeps_it_on_the_end_of_an_axis() {
+    let plant = trunk(&[(y(0.0), 0.2), (y(1.0), 0.18)], AxisEnd::Tip);
+    let options = SkinOptions { uv: UvMode::Metric, sides: (8, 8), ..SkinOptions::default() };
+    let skin = skin(&plant, &options).expect("skin");
+    // The last points: the last ring of the wall, two rings of the dome, its apex, which lies a radius of 0.18 m beyond the wall.
+    let v = |back: usize| skin.mesh.uvs[skin.mesh.uvs.len() - back].y;
+    let (wall, first, apex) = (v(1 + 9 + 9 + 9), v(1 + 9 + 9), v(1));
+    assert!((apex - wall - 0.18 / 0.5).abs() < 1e-5, "{wall} to {apex}");
+    assert!((first - wall - 0.5 * 0.18 / 0.5).abs() < 1e-5, "{wall} to {first}");
+}
+
+#[test]
+fn shoots_have_repeats_of_their_own_size() {
+    let plant = trunk(&[(y(0.0), 0.05), (y(1.0), 0.05)], AxisEnd::Tip);
+    let uvs = |uv: UvMode, thickest: f32| {
+        let shoot = Some((thickest, 1));
+        let options = SkinOptions { uv, sides: (8, 8), shoot, shoot_tile: [0.1; 2], ..SkinOptions::default() };
+        skin(&plant, &options).expect("skin").mesh.uvs
+    };
+    // Points 10 to 18 are the first ring of the wall. A girth of 0.314 m holds three repeats of 0.1 m, one of 0.5 m.
+    for (thickest, repeats) in [(0.06, 3.0), (0.04, 1.0)] {
+        let around = uvs(UvMode::Conformal, thickest);
+        assert!((around[18].x - around[10].x - repeats).abs() < 1e-6);
+    }
+    // Two rings of the dome and its apex follow the last ring of the wall, a metre above the first.
+    for (thickest, repeats) in [(0.06, 10.0), (0.04, 2.0)] {
+        let along = uvs(UvMode::Metric, thickest);
+        assert!((along[along.len() - 1 - 3 * 9].y - along[10].y - repeats).abs() < 1e-4);
+    }
+}
+
+#[test]
 fn used_memory_does_not_show() {
     let options = SkinOptions::default();
     let (mut large, mut small) = (wandering(1, 60), wandering(2, 20));

@@ -6,6 +6,7 @@ use crate::bake::BakeContext;
 use crate::bake::assets::branchlets::{branch_skin_options, branchlet_mesh};
 use crate::bake::assets::ifs_tree::ifs_tree_options;
 use crate::bake::assets::material_set::MaterialSet;
+use crate::bake::assets::skin_options::bark_tiles;
 use crate::recipe::PlantRecipe;
 use crate::recipe::scene::IfsTreeKeys;
 use osier_base::diagnostic::Report;
@@ -50,7 +51,7 @@ pub fn build_billboards(
     let scale = keys.height / words::height(&stems.system, &stems.letters, stems.trunk);
     let radius = keys.radius.unwrap_or(stems.radius * scale);
     let jobs: Vec<(SubtreeClass, u32)> = classes.iter().flat_map(|c| (0..variants).map(|v| (*c, v))).collect();
-    let tile = set.materials.first().map_or(0.5, |bark| bark.tile);
+    let tiles = bark_tiles(&set.materials);
     let meshes: Vec<Mesh> = par_map(&jobs, |(class, variant)| {
         context.cancel.check()?;
         let options = TreeOptions {
@@ -62,7 +63,7 @@ pub fn build_billboards(
         };
         // A subtree of relative size s is a tree of height s with the relative precision eps / s.
         let key = mix64(&[seed, word(&plant.name), word("card"), u64::from(*variant)]);
-        subtree_mesh(stems, plant, &options, (*variant, key), tile, context)
+        subtree_mesh(stems, plant, &options, (*variant, key), tiles, context)
     })
     .into_iter()
     .collect::<Result<_>>()?;
@@ -90,9 +91,9 @@ fn subtree_mesh(
     plant: &PlantRecipe,
     options: &TreeOptions,
     individual: (u32, u64),
-    tile: f32,
+    tiles: [f32; 2],
     context: &BakeContext<'_>,
 ) -> Result<Mesh> {
     let grown = ifs::grow(stems, individual, options, context.limits)?;
-    branchlet_mesh(&grown, &branch_skin_options(plant, tile, context))
+    branchlet_mesh(&grown, &branch_skin_options(plant, tiles, context))
 }

@@ -14,17 +14,17 @@ use osier_plants::surface::{SkinOptions, skin};
 use osier_scene::plant::Plant;
 use osier_scene::{Mesh, Trs};
 
-/// Builds the meshes of a tree's branchlet prototypes. `tile`: width of one repeat of the bark, m.
+/// Builds the meshes of a tree's branchlet prototypes. `tiles`: as for [`skin_options`].
 /// # Errors
 /// `Limit` for the vertices of one branchlet or of all together, `Cancelled`.
 pub fn skin_branchlets(
     tree: &mut Plant,
     twigs: &[Branchlet],
     recipe: &PlantRecipe,
-    tile: f32,
+    tiles: [f32; 2],
     context: &BakeContext<'_>,
 ) -> Result<()> {
-    let options = branch_skin_options(recipe, tile, context);
+    let options = branch_skin_options(recipe, tiles, context);
     let meshes = par_map(twigs, |twig| {
         context.cancel.check()?;
         oriented_branchlet_mesh(twig, &options)
@@ -38,8 +38,8 @@ pub fn skin_branchlets(
 }
 
 /// Skin options of a plant without root flare and buried foot, for meshes of single branches.
-pub(crate) fn branch_skin_options(recipe: &PlantRecipe, tile: f32, context: &BakeContext<'_>) -> SkinOptions {
-    SkinOptions { flare: 0.0, bury: 0.0, ..skin_options(&recipe.skin, tile, context) }
+pub(crate) fn branch_skin_options(recipe: &PlantRecipe, tiles: [f32; 2], context: &BakeContext<'_>) -> SkinOptions {
+    SkinOptions { flare: 0.0, bury: 0.0, ..skin_options(&recipe.skin, tiles, context) }
 }
 
 /// The mesh of a branchlet; a mirrored one is reflected in z, and the winding of its triangles is reversed.

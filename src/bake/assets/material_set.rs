@@ -57,8 +57,8 @@ impl MaterialSet {
 pub struct PlantMaterials {
     /// Index in the scene of the plant's material 0.
     pub first_material: u32,
-    /// Width of one repeat of the bark's maps, m.
-    pub tile: f32,
+    /// Width of one repeat of the maps of bark and of shoots, m.
+    pub tiles: [f32; 2],
     /// Names of the organs, parallel to the recipe's; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
     pub organ_names: Vec<String>,
     /// Materials of the plant by the colour indices that the turtle has given its axes.

@@ -155,7 +155,7 @@ pub(crate) fn bark_mesh(
     let (mut mesh, bindings) = match &grown.imported {
         Some(tree) => ((*tree.wood).clone(), tree.bindings.clone()),
         None => {
-            let mut options = skin_options(&recipe.skin, materials.tile, context);
+            let mut options = skin_options(&recipe.skin, materials.tiles, context);
             if grown.clip.is_some() && recipe.skin.cones.is_none() {
                 options.thin = GROWTH_CONES;
             }

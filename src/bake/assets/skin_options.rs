@@ -3,6 +3,7 @@
 use crate::bake::BakeContext;
 use crate::recipe::scene::{BarkUv, SkinKeys};
 use osier_plants::surface::{SkinOptions, UvMode};
+use osier_scene::Material;
 
 /// Index of the bark material in the list of a plant.
 pub const BARK: u16 = 0;
@@ -15,14 +16,20 @@ pub const SHOOT_RADIUS: f32 = 0.008;
 /// points would be nine tenths of every frame; from twenty metres on they are thinner than a pixel.
 pub const GROWTH_CONES: f32 = 0.012;
 
-/// Options of the bark's mesh from `[plants.NAME.skin]`; `tile`: width and height of one repeat of the bark, m.
-pub fn skin_options(keys: &SkinKeys, tile: f32, context: &BakeContext<'_>) -> SkinOptions {
+/// Width and height of one repeat of the maps of bark and shoots, m, among the materials of a plant.
+pub fn bark_tiles(materials: &[Material]) -> [f32; 2] {
+    [BARK, SHOOT].map(|i| materials.get(usize::from(i)).map_or(0.5, |m| m.tile))
+}
+
+/// Options of the bark's mesh from `[plants.NAME.skin]`; `tiles`: those of [`bark_tiles`].
+pub fn skin_options(keys: &SkinKeys, tiles: [f32; 2], context: &BakeContext<'_>) -> SkinOptions {
     let defaults = SkinOptions::default();
     SkinOptions {
         sides: (keys.sides, defaults.sides.1),
         turn: osier_base::math::narrow(keys.turn),
         edge: osier_base::math::narrow(keys.edge),
-        tile: [tile, tile],
+        tile: [tiles[0]; 2],
+        shoot_tile: [tiles[1]; 2],
         uv: if keys.uv == BarkUv::Metric { UvMode::Metric } else { UvMode::Conformal },
         flare: osier_base::math::narrow(keys.flare),
         flare_height: osier_base::math::narrow(keys.flare_height),

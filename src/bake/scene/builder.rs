@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::bake::assets::material_set::{MaterialSet, PlantMaterials, image_indices_mut};
+use crate::bake::assets::skin_options::bark_tiles;
 use crate::bake::motion::AssetMotion;
 use osier_base::Result;
 use osier_base::convert::index;
@@ -46,7 +47,7 @@ impl SceneBuilder {
     /// `TooMany` beyond 2^32 materials or images.
     pub(crate) fn add_materials(&mut self, set: MaterialSet) -> Result<PlantMaterials> {
         let (organ_names, paints) = (set.names, set.paints);
-        let tile = set.materials.first().map_or(0.5, |bark| bark.tile);
+        let tiles = bark_tiles(&set.materials);
         let first_material = index(self.materials.len(), "materials of a scene")?;
         let first_image = index(self.images.len(), "images of a scene")?;
         self.images.extend(set.images);
@@ -54,6 +55,6 @@ impl SceneBuilder {
             image_indices_mut(&mut material.maps).into_iter().for_each(|slot| *slot = slot.map(|i| i + first_image));
             material
         }));
-        Ok(PlantMaterials { first_material, tile, organ_names, paints, shader_wind: false })
+        Ok(PlantMaterials { first_material, tiles, organ_names, paints, shader_wind: false })
     }
 }

@@ -5,7 +5,7 @@ use crate::recipe::ReferencedFile;
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
     BooleanType, NumberArray, NumbersByLevel, OneOf, OptionalKey, RisingPairs, StringType, TomlTable, TomlValue,
-    degrees, integer, number, point,
+    degrees, integer, number, point, word_of,
 };
 use crate::recipe::syntax::{InlineTables, KeyTable as _, choices, keys};
 use osier_base::diagnostic::{Diagnostic, Report, Severity, nearest};
@@ -217,6 +217,7 @@ impl Resolver<'_> {
         let merged = self.laid_over(parsed, plant, path, name);
         let keys: ShapeKeys = self.read_keys(&merged, &format!("{path}.{name}"));
         self.check_shape_keys(&keys, &merged, &format!("{path}.{name}"));
+        self.check_region_keys(&keys, &merged, &format!("{path}.{name}"));
         self.check_region_solids(&keys, &merged, &format!("{path}.{name}"));
         let faulty = self.report.diagnostics.iter().skip(before).any(|d| d.severity == Severity::Error);
         (!faulty).then_some(keys)
@@ -238,14 +239,34 @@ impl Resolver<'_> {
         }
         // Attraction of 0 at every level is the same as none.
         let guided = keys.attract.iter().any(|a| *a != 0.0);
+        // The half space of a plane has no bounds in which points could be spread.
+        let is_bounded = !keys.envelope.is_empty() && keys.envelope.iter().all(|r| r.shape != RegionShape::Plane);
         for (key, useless, needs) in [
-            ("attract", guided && keys.envelope.is_empty(), "an `envelope`, in which the points lie"),
+            ("attract", guided && !is_bounded, "an `envelope` without planes, in which the points lie"),
             ("ratios", keys.radii != ShapeRadii::Cone, "radii = \"cone\""),
             ("paper_spread", keys.equations != ShapeEquations::Paper, "equations = \"paper\""),
         ] {
             if let Some(at) = span(key).filter(|_| useless) {
                 let d = Diagnostic::warning("S007", format!("{path}.{key} has no effect"), at, "has no effect");
                 self.report.push(d.help(format!("it needs {needs}")));
+            }
+        }
+    }
+
+    /// Reports S007 for keys of regions that their shape does not read, as `size` of a sphere.
+    fn check_region_keys(&mut self, keys: &ShapeKeys, table: &TomlTable, path: &str) {
+        for (key, regions) in [("envelope", &keys.envelope), ("obstacles", &keys.obstacles)] {
+            let Some(TomlValue::List(nodes)) = table.get(key).map(|e| &e.node.value) else { continue };
+            for (i, (node, region)) in nodes.iter().zip(regions).enumerate() {
+                let TomlValue::Table(written) = &node.value else { continue };
+                let read = keys_of_shape(region.shape);
+                for name in ["at", "to", "size", "radius", "height", "normal", "name"] {
+                    let Some(entry) = written.get(name).filter(|_| !read.contains(&name)) else { continue };
+                    let text = format!("{path}.{key}.{i}.{name} has no effect");
+                    let d = Diagnostic::warning("S007", text, entry.node.span, "has no effect");
+                    let help = format!("shape = \"{}\" reads {}", word_of(region.shape), read.join(", "));
+                    self.report.push(d.help(help));
+                }
             }
         }
     }
@@ -264,6 +285,18 @@ impl Resolver<'_> {
                 });
             }
         }
+    }
+}
+
+/// The keys that say where a region of a shape lies and how large it is.
+fn keys_of_shape(shape: RegionShape) -> &'static [&'static str] {
+    match shape {
+        RegionShape::Sphere => &["at", "radius"],
+        RegionShape::Ellipsoid | RegionShape::Box => &["at", "size"],
+        RegionShape::Capsule => &["at", "to", "radius"],
+        RegionShape::Cone => &["at", "radius", "height"],
+        RegionShape::Plane => &["at", "normal"],
+        RegionShape::Solid => &["name"],
     }
 }
 

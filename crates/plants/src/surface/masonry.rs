@@ -131,9 +131,10 @@ fn push_roof(mesh: &mut Mesh, near: &[Vec3], far: &[Vec3]) {
         let low = [out(near[eave]) + width, out(far[eave]) - width];
         let normal = (ridge[1] - ridge[0]).cross(low[0] - ridge[0]).normalize_or(Vec3::Y);
         let thickness = normal * if normal.y < 0.0 { -ROOF_THICKNESS } else { ROOF_THICKNESS };
-        // A little above the gable's own edge, to avoid coplanar faces.
-        let bottom = [ridge[0], ridge[1], low[1], low[0]].map(|p| p + thickness * 0.03);
-        let top = bottom.map(|p| p + thickness);
+        // The tiles are the surface of the solid, on which vines grow and seeds lie; a little above the gable's own edge, to avoid
+        // coplanar faces.
+        let top = [ridge[0], ridge[1], low[1], low[0]].map(|p| p + thickness * 0.03);
+        let bottom = top.map(|p| p - thickness);
         let sides = [[0, 1], [1, 2], [2, 3], [3, 0]].map(|[i, k]| [bottom[i], bottom[k], top[k], top[i]]);
         let under = [bottom[3], bottom[2], bottom[1], bottom[0]];
         for corners in [top, under].into_iter().chain(sides) {
@@ -184,6 +185,7 @@ mod tests {
             Prism::block(foot + Vec3::Y * 3.0, Vec3::new(4.0, 0.3, 5.0), 0.6),
         ] {
             let mesh = masonry(&prism, 0);
+            let ridge = prism.ends()[0][3];
             // Only the raised block has a face below.
             let lowest = mesh.normals.iter().fold(0.0_f32, |low, n| low.min(n.y));
             assert_eq!(lowest < -0.99, prism.ends()[0][0].y > 0.0, "{lowest}");
@@ -208,6 +210,14 @@ mod tests {
                 let whole: f32 = mesh.subset_triangles(roof).iter().map(volume).sum();
                 let slabs = 2.0 * (9.0 + 2.0 * EAVES) * (Vec2::new(3.5, 2.5).length() + EAVES) * ROOF_THICKNESS;
                 assert!((whole - slabs).abs() < 1e-2 * slabs, "{whole} {slabs}");
+                // Their upper faces, the only ones that look up by more than 45 degrees, lie half a centimetre above the solid.
+                let upper =
+                    mesh.subset_triangles(roof).iter().map(|t| t[0] as usize).filter(|i| mesh.normals[*i].y > 0.71);
+                let above: Vec<f32> = upper.map(|i| (mesh.points[i] - ridge).dot(mesh.normals[i])).collect();
+                assert!(
+                    above.len() == 4 && above.iter().all(|d| (d - 0.03 * ROOF_THICKNESS).abs() < 1e-4),
+                    "{above:?}"
+                );
             }
         }
     }

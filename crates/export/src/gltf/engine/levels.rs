@@ -32,6 +32,11 @@ mod tuning {
     pub(super) const WOOD_DEVIATION: f32 = 0.05;
     /// Fewest triangles of a simplified blade: two form a quadrilateral.
     pub(super) const LEAST_BLADE: usize = 2;
+    /// Share of the area of a blade below which what edge collapse leaves of it does not stand for it. Of a twig of needles single
+    /// needles are left, of a blade with a stalk often a sliver.
+    pub(super) const LEAST_AREA: f64 = 0.5;
+    /// Blades that have fewer triangles, as billboards, or may keep as many are simplified whatever is left of their area.
+    pub(super) const ENOUGH: usize = 16;
     /// Largest factor by which leaves are enlarged to replace those left out; a larger one is conspicuous.
     pub(super) const MOST_GROWTH: f32 = 8.0;
 }
@@ -281,12 +286,11 @@ impl<'a> PlantSource<'a> {
     ) -> Result<()> {
         // Triangles that the budget leaves for each blade.
         let for_each = (budget / members.len().max(1)).max(tuning::LEAST_BLADE);
-        let simple =
-            |mesh: &Mesh| with_fewer_triangles(mesh, for_each, BLADE_DEVIATION, self.label).map(|m| compact(&m));
+        let simple = |mesh: &Mesh| simpler_blade(mesh, for_each, self.label);
         let blades: Vec<Mesh> = instancer.prototypes.iter().map(|p| simple(&p.mesh)).collect::<Result<_>>()?;
         let proto = |i: usize| instancer.protos.get(i).map_or(0, |p| *p as usize);
         let of = |list: &dyn Fn(usize) -> f64| members.iter().map(|i| list(proto(*i))).sum::<f64>();
-        let areas: Vec<f64> = instancer.prototypes.iter().map(|p| area(&p.mesh)).collect();
+        let areas: Vec<f64> = instancer.prototypes.iter().map(|p| seen_area(&p.mesh)).collect();
         let simple_areas: Vec<f64> = blades.iter().map(area).collect();
         let at = |list: &[f64], p: usize| list.get(p).copied().unwrap_or(0.0);
         // Leaf area of the full crown, m^2, and triangles of all simpler blades. As many instances are kept as fit, nested from
@@ -395,6 +399,57 @@ fn to_count(x: f64) -> usize {
     x as usize
 }
 
+/// Area of a leaf seen from above, m^2: its area, or the rectangle around it where its parts overlap, as needles do.
+fn seen_area(mesh: &Mesh) -> f64 {
+    let size = mesh.bounds().size();
+    area(mesh).min(f64::from(size.x * size.y))
+}
+
+/// A leaf of at most about `most` triangles: simplified, or a rhombus where that leaves too little of it. `label`: names the mesh in
+/// errors.
+fn simpler_blade(mesh: &Mesh, most: usize, label: &str) -> Result<Mesh> {
+    let simple = compact(&with_fewer_triangles(mesh, most, BLADE_DEVIATION, label)?);
+    let is_free = mesh.triangles.len() < tuning::ENOUGH || most >= tuning::ENOUGH;
+    if is_free || area(&simple) >= tuning::LEAST_AREA * seen_area(mesh) {
+        return Ok(simple);
+    }
+    Ok(rhombus(mesh).unwrap_or(simple))
+}
+
+/// Two triangles between the base, the tip and the sides of a leaf, which lies along +Y with its upper side to +Z, at most as large as
+/// the leaf; `None` for one without extent. The material is that of most of its triangles.
+fn rhombus(mesh: &Mesh) -> Option<Mesh> {
+    let subset = mesh.subsets.iter().max_by_key(|s| s.count)?;
+    let extreme = |along: Vec3| {
+        let places = (0_u32..).zip(&mesh.points).map(|(i, p)| (p.dot(along), i));
+        places.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, i)| i)
+    };
+    // Needles, which share few points, stand all round their twig: a rhombus that leans by 45 degrees is seen from above and from the
+    // side.
+    let is_round = mesh.points.len() > mesh.triangles.len();
+    let across = if is_round { Vec3::new(1.0, 0.0, 1.0).normalize() } else { Vec3::X };
+    // Base, right side, tip, left side: counter-clockwise seen from above.
+    let corners = [extreme(Vec3::NEG_Y)?, extreme(across)?, extreme(Vec3::Y)?, extreme(-across)?];
+    let mut blade = vertices_of(mesh, &corners);
+    // Base and tip are on the midrib: the last needle of a twig points aside.
+    for (p, side) in blade.points.iter_mut().zip([0.0, 1.0, 0.0, 1.0]) {
+        *p = if is_round { Vec3::Y * p.y + across * (side * p.dot(across)) } else { Vec3::new(side * p.x, p.y, p.z) };
+    }
+    blade.append_subset(subset.material, vec![[0, 1, 2], [0, 2, 3]]);
+    // The sides move in towards the midrib until the area is that of the leaf.
+    let (own, whole) = (area(&blade), area(mesh));
+    let inwards = narrow((whole / own.max(1e-12)).min(1.0));
+    let [base, right, tip, left] = blade.points[..] else { return None };
+    let along = (tip - base).normalize_or(Vec3::Y);
+    for (i, side) in [(1, right), (3, left)] {
+        let on_midrib = base + along * (side - base).dot(along);
+        blade.points[i] = on_midrib + (side - on_midrib) * inwards;
+    }
+    let normal = (right - left).cross(tip - base).normalize_or(Vec3::Z);
+    blade.normals = vec![normal; corners.len()];
+    (own > 1e-12).then_some(blade)
+}
+
 /// Factor for the size of leaves of area `covered` to replace an area `wanted`, from 1 to [`tuning::MOST_GROWTH`].
 fn growth_for(wanted: f64, covered: f64) -> f32 {
     // Area grows with the square of the size.
@@ -432,4 +487,50 @@ fn merged_leaves(mesh: &Mesh, wind: &[VertexWind]) -> Vec<MergedLeaf> {
         }
     }
     leaves
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A twig of 0.1 m with a hundred needles of 3.75 mm^2 to its right and left, in the plane of x and y.
+    fn brush() -> Mesh {
+        let mut brush = Mesh::default();
+        let mut triangles = Vec::new();
+        for (i, first) in (0_u8..100).zip((0_u32..).step_by(3)) {
+            let (y, x) = (f32::from(i) * 0.001, if i % 2 == 0 { 0.015 } else { -0.015 });
+            let foot = [Vec3::new(0.0, y, 0.0), Vec3::new(0.0, y + 0.0005, 0.0)];
+            brush.points.extend([foot[0], foot[1], Vec3::new(x, y + 0.01, 0.0)]);
+            triangles.push([first, first + 1, first + 2]);
+        }
+        brush.normals = vec![Vec3::Z; brush.points.len()];
+        brush.append_subset(7, triangles);
+        brush
+    }
+
+    #[test]
+    fn two_triangles_stand_for_a_twig_of_needles() {
+        let brush = brush();
+        let whole = area(&brush);
+        assert!((whole - 100.0 * 3.75e-6).abs() < 1e-8, "{whole}");
+        let blade = rhombus(&brush).expect("it has an extent");
+        assert_eq!((blade.triangles.len(), blade.points.len(), blade.subsets[0].material), (2, 4, 7));
+        // From the foot of the first needle, at 0, to the end of the last, at 0.109; a rhombus 0.03 m wide would be larger than the needles.
+        let size = blade.bounds().size();
+        assert!((size.y - 0.109).abs() < 1e-6 && size.x < 0.015, "{size}");
+        assert!((area(&blade) - whole).abs() < 0.02 * whole, "{}", area(&blade));
+        // It leans, as needles stand all round their twig.
+        assert!(blade.normals.iter().all(|n| n.x < -0.7 && n.z > 0.7), "{:?}", blade.normals);
+        // Needles beside each other are seen in full, many layers of them as the rectangle around them.
+        assert!((seen_area(&brush) - whole).abs() < 1e-8);
+        let mut dense = Mesh::default();
+        (0..20).for_each(|_| dense.append(&brush));
+        assert!((seen_area(&dense) - 0.03 * 0.109).abs() < 1e-6, "{}", seen_area(&dense));
+    }
+
+    #[test]
+    fn a_leaf_keeps_half_of_its_area_however_few_triangles_it_gets() {
+        let blade = simpler_blade(&brush(), 2, "a twig").expect("simplified");
+        assert!(area(&blade) >= 0.45 * area(&brush()), "{}", area(&blade));
+    }
 }

@@ -250,7 +250,8 @@ fn place_leaves(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, 
                 continue;
             }
             let on = AxisSite { axis: site.axis, s: narrow(site.s * scale) };
-            let organ = leaf_organ(plant, on, LeafCopy { stems, cut, copy, size, up: options.up }, &mut draw);
+            let (petiole, up) = (leaf.petiole, options.up);
+            let organ = leaf_organ(plant, on, LeafCopy { stems, cut, copy, size, petiole, up }, &mut draw);
             // The bits of positive floats have the order of the floats.
             placed.insert((site.axis, organ.s.to_bits(), organ.id), organ);
         }
@@ -275,13 +276,15 @@ struct LeafCopy<'a> {
     copy: u32,
     /// Scale of the prototypes at mean size.
     size: f64,
+    /// Length of a petiole that the prototypes lack, at mean size, m.
+    petiole: f64,
     /// Unit vector that the upper side turns to.
     up: Vec3,
 }
 
 /// A leaf along the direction in which its word would have grown, its upper side turned up; size and spread are random.
 fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -> Organ {
-    let LeafCopy { stems, cut, copy, size, up: sky } = leaf;
+    let LeafCopy { stems, cut, copy, size, petiole, up: sky } = leaf;
     let axis = at.axis;
     let on = &plant.axes[axis as usize];
     let s = at.s.clamp(0.0, on.length);
@@ -308,7 +311,7 @@ fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -
         q: (site.q.inverse() * q).normalize(),
         scale: narrow(size * size_factor),
         proto: pick_prototype(id, plant.protos.len()),
-        petiole: site.r,
+        petiole: site.r + narrow(petiole * size_factor),
         tint: draw.unit_f32(),
         birth: 0.0,
     }

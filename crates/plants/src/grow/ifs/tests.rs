@@ -97,6 +97,26 @@ fn forks_share_a_number() {
 }
 
 #[test]
+fn leaves_stand_at_the_ends_of_their_petioles() {
+    let stems = stems_of(MODES[0]);
+    let tree = |petiole: f64| {
+        let mut options = options(0.2, 1.0);
+        if let Some(leaf) = &mut options.leaf {
+            leaf.petiole = petiole;
+        }
+        grow(&stems, (7, 5), &options, &Limits::default()).expect("grows")
+    };
+    let (without, with) = (tree(0.0), tree(0.03));
+    assert!(without.organs.len() > 20 && without.organs.len() == with.organs.len());
+    for (a, b) in without.organs.iter().zip(&with.organs) {
+        // The leaf of 0.06 m has a mesh of 0.1 m: a leaf of mean size has the scale 0.6 and the petiole of 0.03 m.
+        let petiole = 0.03 * a.scale / 0.6;
+        assert!((b.petiole - a.petiole - petiole).abs() < 1e-6 && a.id == b.id, "{} {}", a.petiole, b.petiole);
+        assert!(with.organ_site(b).0.distance(without.organ_site(a).0) > 0.9 * petiole);
+    }
+}
+
+#[test]
 fn a_finer_cut_moves_nothing() {
     let stems = stems_of(MODES[0]);
     let coarse = grow(&stems, (7, 3), &options(0.2, 1.0), &Limits::default()).expect("grows");

@@ -1,5 +1,7 @@
 //! Twigs and leaves on a plant that exists: [hoetzlein] Figure 6c.
 
+use std::collections::BTreeSet;
+
 use glam::Vec3;
 
 use super::axis::{ROOT, ShapeAxis, ShapeNode};
@@ -49,8 +51,11 @@ pub fn fill(
         }
     }
     insert(plant, &parents, &grown.axes, &hosts, params)?;
+    // As on a plant of its own, twigs of the last level bear leaves whatever their radius.
+    let twigs = grown.axes.iter().filter(|a| a.level + 1 == params.limits.levels);
+    let leafy: BTreeSet<u64> = twigs.map(|a| a.id).collect();
     place_leaves(plant, params, organ, |axis, r| {
-        axis.kind == AxisKind::Stem && f64::from(r) < params.leaves.max_radius
+        axis.kind == AxisKind::Stem && (leafy.contains(&axis.id) || f64::from(r) < params.leaves.max_radius)
     });
     finish(plant, materials)?;
     Ok(report)
@@ -95,8 +100,13 @@ fn insert(
     hosts: &[usize],
     params: &ShapeParams,
 ) -> Result<()> {
-    let old = std::mem::take(plant);
-    let last = last_time(twigs).max(1.0);
+    let mut old = std::mem::take(plant);
+    // Twigs begin at the times of the nodes that bear them, 0..1, and end later: the times of the whole plant become shares of the
+    // last of all. A plant without times gets none, so that a clip still grows it by its path lengths.
+    let last = if old.nodes.birth.iter().any(|b| *b > 0.0) { last_time(twigs).max(1.0) } else { 0.0 };
+    if last > 0.0 {
+        scale_births(&mut old, narrow(1.0 / last));
+    }
     // The twigs of one host in canonical order: `depth_first` keeps each with what it bears.
     let mut by_host: Vec<Vec<usize>> = vec![Vec::new(); old.axes.len()];
     let mut host = ROOT;
@@ -143,6 +153,13 @@ fn insert(
     plant.source.clone_from(&old.source);
     (plant.id, plant.seed) = (old.id, old.seed);
     Ok(())
+}
+
+/// Multiplies all growth times of a plant.
+fn scale_births(plant: &mut Plant, factor: f32) {
+    let axes = plant.axes.iter_mut().map(|axis| &mut axis.birth);
+    let organs = plant.organs.iter_mut().map(|organ| &mut organ.birth);
+    plant.nodes.birth.iter_mut().chain(axes).chain(organs).for_each(|birth| *birth *= factor);
 }
 
 /// Copies an axis and its nodes from another plant. `places`: new index of each axis copied before, its parent included.

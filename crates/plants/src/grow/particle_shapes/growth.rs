@@ -56,16 +56,21 @@ pub(super) struct RefusedLevel {
 pub(super) fn grow_axes(params: &ShapeParams, starts: Vec<AxisStart>, plant: (u32, u64)) -> GrownShapes {
     let reads_shade = params.motion.light.any() || params.limits.max_shade.is_some();
     let guide = params.limits.envelope.as_ref().filter(|_| params.motion.attract.any());
+    let first_level = starts.first().map_or(0, |s| s.level);
+    // Roots begin in their disc, twigs that fill a plant anywhere in it.
+    let start = match first_level {
+        0 => params.roots.radius,
+        _ => starts.iter().map(|s| s.p.length()).fold(0.0, f64::max),
+    };
     let reach: f64 = (0..params.limits.levels).map(|level| params.limits.length.at(level)).sum();
     let mut around = Surroundings {
         params,
         seed: plant.1,
-        shade: reads_shade.then(|| ShadeGrid::new(reach + params.roots.radius)),
+        shade: reads_shade.then(|| ShadeGrid::new(reach + start)),
         guide: guide.map(|envelope| CrownGuide::new(envelope, plant.0, plant.1)),
     };
     let mut out = GrownShapes::default();
     let (mut starts, mut nodes, mut forks) = (starts, 0_u64, 0_u32);
-    let first_level = starts.first().map_or(0, |s| s.level);
     for level in first_level..params.limits.levels {
         let first = out.axes.len();
         // Axes of one level, and the axes of the same level into which they fork.
@@ -153,7 +158,10 @@ fn grow_generation(around: &mut Surroundings<'_>, starts: Vec<AxisStart>) -> (Ve
     let axes = par_map(&axes, |axis| {
         let mut axis = axis.clone();
         axis.sites = spawn::sites(params, &axis, seed);
-        axis.lose_apex(params.spawning.apex_death.at(axis.level), seed);
+        // Only axes that bear children can be continued by one.
+        if axis.level + 1 < params.limits.levels {
+            axis.lose_apex(params.spawning.apex_death.at(axis.level), seed);
+        }
         axis
     });
     (axes, cut)

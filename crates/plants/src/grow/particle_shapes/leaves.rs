@@ -12,8 +12,8 @@ use osier_scene::plant::{Axis, Organ, Plant};
 /// Deviates beyond this many standard deviations are clamped: one leaf in 700 would stand out by its size or angle.
 const MAX_DEVIATION: f64 = 3.0;
 
-/// Places leaves every `spacing` along the axes of a plant, where `bears` is true for the axis and its radius at the site. Adds
-/// the prototypes of the organ if the plant has none of them; organs keep their canonical order.
+/// Places leaves every `spacing` along the axes of a plant that bear none of the organ yet, where `bears` is true for the axis and
+/// its radius at the site. Adds the prototypes of the organ if the plant has none of them; organs keep their canonical order.
 pub(super) fn place_leaves(
     plant: &mut Plant,
     params: &ShapeParams,
@@ -23,11 +23,17 @@ pub(super) fn place_leaves(
     let leaves = &params.leaves;
     let Some(organ) = organ.filter(|o| leaves.spacing > 0.0 && !o.meshes.is_empty()) else { return };
     let first_proto = register_prototypes(plant, organ);
+    // A plant that is filled may have leaves of this kind: axes that bear some get no others in the same places.
+    let own = usize::from(first_proto)..usize::from(first_proto) + organ.meshes.len();
+    let mut is_leafy = vec![false; plant.axes.len()];
+    for leaf in plant.organs.iter().filter(|o| own.contains(&usize::from(o.proto))) {
+        is_leafy[leaf.axis as usize] = true;
+    }
     // All variants are scaled by the length of the longest, so that their proportions to each other stay.
     let longest = organ.meshes.iter().map(|m| m.bounds().max.y).fold(0.0_f32, f32::max);
     let unit = if longest > 1e-9 { organ.size / f64::from(longest) } else { organ.size };
     let mut placed = Vec::new();
-    for (i, axis) in (0_u32..).zip(&plant.axes) {
+    for ((i, axis), _) in (0_u32..).zip(&plant.axes).zip(&is_leafy).filter(|(_, leafy)| !**leafy) {
         let mut draws = Rng::at(plant.seed, &[axis.id.into(), "phyllotaxis".into()]);
         let first_azimuth = draws.range(0.0, std::f64::consts::TAU);
         let mut s = f64::from(axis.s_exposed) + leaves.spacing * draws.unit_f64();

@@ -15,6 +15,8 @@ use osier_base::math::narrow;
 use osier_base::rng::Rng;
 use osier_scene::plant::{Axis, AxisKind, NONE, Nodes, Plant};
 
+/// Radius of the nodes of an axis until [`set_radii`], m: leaves need the centreline before.
+const NO_RADIUS: f32 = 1e-4;
 /// Half width of the tip of a blade, m: a ribbon needs some width up to its end.
 const BLADE_TIP: f64 = 1e-4;
 
@@ -41,8 +43,7 @@ pub(super) fn push_axis(plant: &mut Plant, axis: &ShapeAxis, at: Attachment, kin
         before = Some(p);
         plant.nodes.p.push(p);
         plant.nodes.q.push(frame(node));
-        // Any positive radius until [`set_radii`]; leaves need the centreline before.
-        plant.nodes.r.push(1e-4);
+        plant.nodes.r.push(NO_RADIUS);
         plant.nodes.s.push(s);
         plant.nodes.birth.push(birth(node.time));
         plant.nodes.color.push(0);
@@ -121,9 +122,19 @@ pub(super) fn build_plant(
     let highest = params.limits.levels.saturating_sub(1);
     place_leaves(&mut out, params, organ, |axis, _| axis.order == highest);
     set_radii(&mut out, &in_order, params);
+    seat_leaves(&mut out);
     place_leaves(&mut out, params, organ, |axis, r| axis.order != highest && f64::from(r) < params.leaves.max_radius);
     finish(&mut out, materials)?;
     Ok(out)
+}
+
+/// Moves leaves that were placed before their wood had radii out to its surface.
+fn seat_leaves(plant: &mut Plant) {
+    let mut leaves = std::mem::take(&mut plant.organs);
+    for leaf in &mut leaves {
+        leaf.petiole += plant.frame(&plant.axes[leaf.axis as usize], leaf.s).r - NO_RADIUS;
+    }
+    plant.organs = leaves;
 }
 
 /// Validates the plant, whose radii are set, then computes exposed lengths and assigns materials by thickness.

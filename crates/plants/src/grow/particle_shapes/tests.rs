@@ -608,10 +608,17 @@ fn forks_share_a_number_and_lost_apices_end_at_their_last_child() {
     assert!(forked.len() <= 30 && forked.iter().all(|a| a.order == 0));
     let mut dead = params();
     dead.spawning.apex_death = [1.0].into();
-    for axis in axes(&dead, 8).axes.iter().filter(|a| a.sites.len() > 1) {
+    let (dead, alive) = (axes(&dead, 8), axes(&params(), 8));
+    for axis in dead.axes.iter().filter(|a| a.level < 2 && a.sites.len() > 1) {
         let last = axis.sites.last().copied().unwrap_or_default();
         assert!((axis.grown_length() - last).abs() < 1e-9);
     }
+    // Twigs bear no axes that could continue them: they keep their length, that of the same twigs with living apices.
+    let lengths: std::collections::BTreeMap<u64, f64> =
+        alive.axes.iter().filter(|a| a.level == 2).map(|a| (a.id, a.grown_length())).collect();
+    let both = dead.axes.iter().filter_map(|a| lengths.get(&a.id).map(|length| (a.grown_length(), *length)));
+    let both: Vec<(f64, f64)> = both.collect();
+    assert!(both.len() > 20 && both.iter().all(|(a, b)| (a - b).abs() < 1e-9));
 }
 
 #[test]
@@ -650,6 +657,121 @@ fn filling_adds_twigs_and_leaves_and_keeps_what_was_there() {
     }
     let mut again = plant;
     assert!(validate(&mut again).expect("valid").is_empty());
+}
+
+/// Growth time of the place where an axis is attached.
+fn time_of_site(plant: &Plant, axis: &osier_scene::plant::Axis) -> f32 {
+    let (i, t) = plant.segment(&plant.axes[axis.parent as usize], axis.parent_s);
+    plant.nodes.birth[i] + (plant.nodes.birth[i + 1] - plant.nodes.birth[i]) * t
+}
+
+#[test]
+fn twigs_of_a_filled_plant_grow_no_earlier_than_the_wood_that_bears_them() {
+    let mut bare = params();
+    bare.limits.levels = 2;
+    bare.leaves.spacing = 0.0;
+    let before = grow(&bare, (7, 5), None, &materials()).expect("grows").0;
+    let mut twigs = params();
+    twigs.limits.levels = 2;
+    twigs.limits.length = [1.0, 0.2].into();
+    let filled = |mut plant: Plant| {
+        fill(&mut plant, &twigs, Some(&leaf()), &materials()).expect("fills");
+        plant
+    };
+    let plant = filled(before.clone());
+    assert!(plant.axes.len() > before.axes.len());
+    for axis in plant.axes.iter().filter(|a| a.parent != osier_scene::plant::NONE) {
+        let (site, own) = (time_of_site(&plant, axis), plant.nodes.birth[axis.first as usize]);
+        assert!(own > site - 1e-5, "an axis begins at {own} on wood of {site}");
+    }
+    // The times of all nodes are shares of that of the last.
+    let last = plant.nodes.birth.iter().fold(0.0_f32, |m, b| m.max(*b));
+    assert!((last - 1.0).abs() < 1e-5, "{last}");
+    // A plant without times, as one of a coefficient table, gets none: a clip grows it by path lengths.
+    let mut timeless = before;
+    timeless.nodes.birth.iter_mut().for_each(|b| *b = 0.0);
+    timeless.axes.iter_mut().for_each(|a| a.birth = 0.0);
+    let plant = filled(timeless);
+    assert!(plant.nodes.birth.iter().chain(plant.organs.iter().map(|o| &o.birth)).all(|b| b.abs() < 1e-9));
+}
+
+#[test]
+fn filling_a_leafy_plant_keeps_its_leaves_and_doubles_none() {
+    let mut leafy = params();
+    leafy.limits.levels = 2;
+    let before = grown(&leafy, 5);
+    assert!(!before.organs.is_empty());
+    let mut twigs = params();
+    twigs.limits.levels = 2;
+    twigs.limits.length = [1.0, 0.2].into();
+    let mut plant = before.clone();
+    fill(&mut plant, &twigs, Some(&leaf()), &materials()).expect("fills");
+    let mut ids: Vec<u64> = plant.organs.iter().map(|o| o.id).collect();
+    ids.sort_unstable();
+    let all = ids.len();
+    ids.dedup();
+    assert_eq!(ids.len(), all, "leaves with the same id");
+    assert!(before.organs.iter().all(|o| ids.binary_search(&o.id).is_ok()));
+    // The branches keep the number of their leaves; new ones hang on twigs.
+    let on = |plant: &Plant, id: u64| plant.organs.iter().filter(|o| plant.axes[o.axis as usize].id == id).count();
+    let branches: Vec<u64> = before.axes.iter().filter(|a| a.order == 1).map(|a| a.id).collect();
+    assert!(branches.iter().all(|id| on(&plant, *id) == on(&before, *id)));
+    assert!(plant.organs.len() > before.organs.len());
+}
+
+#[test]
+fn leaves_begin_at_the_surface_of_their_wood() {
+    // A thick stem that bears leaves itself, and twigs.
+    let mut thick = params();
+    thick.limits.levels = 1;
+    thick.limits.length = [1.0].into();
+    thick.thickness = Thickness { rule: ThicknessRule::Taper, base: Some(0.1), tip: 0.02, exponent: 1.0 };
+    // The petiole of `leaf()` is 0.02 m, times the size of the leaf over the 0.06 m of its mesh, here its scale.
+    let beyond = |leaf: &osier_scene::plant::Organ| leaf.petiole - 0.02 * leaf.scale;
+    let thick = grown(&thick, 3);
+    assert!(thick.organs.len() > 15);
+    for leaf in &thick.organs {
+        // The stem tapers from 0.1 m to 0.02 m.
+        let r = 0.1 - 0.08 * leaf.s / thick.axes[0].length;
+        assert!((beyond(leaf) - r).abs() < 1e-4, "{} at a radius of {r}", beyond(leaf));
+    }
+    // No wood is thinner than its tip, 1.5 mm.
+    let tree = grown(&params(), 3);
+    assert!(tree.organs.len() > 100 && tree.organs.iter().all(|leaf| beyond(leaf) > 0.0014));
+}
+
+#[test]
+fn twigs_end_in_shade_at_any_height_of_the_plant_that_they_fill() {
+    let mut bare = params();
+    bare.limits.levels = 1;
+    bare.limits.length = [6.0].into();
+    bare.leaves.spacing = 0.0;
+    let mut plant = grow(&bare, (7, 5), None, &materials()).expect("grows").0;
+    let mut twigs = params();
+    twigs.limits.levels = 2;
+    twigs.limits.length = [1.0, 0.4].into();
+    twigs.spawning.crown = CrownShape::Cylindrical;
+    // Shade is updated every 8 of about 16 steps, and every node shades its own cell.
+    twigs.limits.max_shade = Some(0.0);
+    fill(&mut plant, &twigs, Some(&leaf()), &materials()).expect("fills");
+    let high: Vec<_> = plant.axes.iter().filter(|a| a.order == 1 && a.parent_s > 3.0).collect();
+    assert!(high.len() > 5 && high.iter().all(|a| a.end == AxisEnd::Shade), "{high:?}");
+}
+
+#[test]
+fn twigs_of_the_last_level_bear_leaves_whatever_their_radius() {
+    let mut bare = params();
+    bare.limits.levels = 2;
+    bare.leaves.spacing = 0.0;
+    let mut plant = grow(&bare, (7, 5), None, &materials()).expect("grows").0;
+    let old: Vec<u64> = plant.axes.iter().map(|a| a.id).collect();
+    let mut twigs = params();
+    twigs.limits.levels = 2;
+    twigs.limits.length = [1.0, 0.2].into();
+    twigs.leaves.max_radius = 0.0;
+    fill(&mut plant, &twigs, Some(&leaf()), &materials()).expect("fills");
+    assert!(plant.organs.len() > 100);
+    assert!(plant.organs.iter().all(|o| !old.contains(&plant.axes[o.axis as usize].id)));
 }
 
 fn index_of(plant: &Plant, id: u64) -> usize {

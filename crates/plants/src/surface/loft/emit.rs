@@ -10,7 +10,7 @@ use super::tube::{SkinContext, TubeInputs};
 use super::tube_plan::{TubeCap, TubePlans, TubeStart};
 use super::tuning::POINTS_PER_TASK;
 use super::writer::{PointRing, TubeWriter};
-use super::{AxisBinding, PlantSkin, SkinOptions, TubeRange};
+use super::{AxisBinding, PlantSkin, SkinOptions, TubeRange, UvMode};
 use osier_base::par::par_each;
 use osier_scene::plant::Plant;
 use osier_scene::{Mesh, Subset};
@@ -151,8 +151,11 @@ fn write_end(tube: &TubeInputs<'_>, ring: &Ring, below: u32, out: &mut TubeWrite
         uv: [base.uv[0], base.uv[1], base.uv[2] + v],
         ..base
     };
-    // v over one radius beyond the ring: 1 / (2 pi) of the repeats around, as on the wall.
-    let step = 0.16 * tube.params.repeats;
+    // v over one radius beyond the ring, as on the wall: 1 / (2 pi) of the repeats around, or the radius itself.
+    let step = match tube.context.options.uv {
+        UvMode::Conformal => 0.16 * tube.params.repeats,
+        UvMode::Metric => ring.r * v_scale(tube.context.options, &tube.params),
+    };
     let write_apex = |below: u32, out: &mut TubeWriter<'_>| {
         let tip = raised(1.0, step);
         let uv = Vec2::new(tip.uv[0] + 0.5 * tip.uv[1], tip.uv[2]);

@@ -18,6 +18,8 @@ pub(super) struct TubeParams {
     pub sides: u32,
     /// Whole repeats of the bark around the tube.
     pub repeats: f32,
+    /// Size of one repeat of the bark maps, width and height, m.
+    pub tile: [f32; 2],
     /// Texture coordinates at the seam of the first ring.
     pub uv: [f32; 2],
     /// Cosine and sine of the roll of all references of the axis about their tangents.
@@ -102,7 +104,8 @@ fn tube_params(
     // Sides of length `edge` around the base, and the whole number of bark repeats nearest to the girth.
     let girth = std::f32::consts::TAU * plan.r_base;
     let sides = (girth / options.edge).ceil().clamp(options.sides.0 as f32, options.sides.1 as f32) as u32;
-    let repeats = (girth / options.tile[0]).round().max(1.0);
+    let tile = options.tile_of(plan.r_base);
+    let repeats = (girth / tile[0]).round().max(1.0);
     let parent = match plan.start {
         TubeStart::Continuation => earlier.get(axis.parent as usize),
         _ => None,
@@ -111,10 +114,10 @@ fn tube_params(
         // The seam and the start of the bark are random, so that equal branches do not show equal bark.
         let mut draw = Rng::at(plant.seed, &[plant.id.into(), axis.id.into(), "bark".into()]);
         let uv = [draw.unit_f32(), draw.unit_f32()];
-        return TubeParams { sides, repeats, uv, roll: [1.0, 0.0], cap: plan.cap };
+        return TubeParams { sides, repeats, tile, uv, roll: [1.0, 0.0], cap: plan.cap };
     };
     let (Some(last), Some(first)) = (plans.rings(axis.parent as usize).last(), plans.rings(i).first()) else {
-        return TubeParams { sides, repeats, uv: parent.uv, roll: [1.0, 0.0], cap: plan.cap };
+        return TubeParams { sides, repeats, tile, uv: parent.uv, roll: [1.0, 0.0], cap: plan.cap };
     };
     // Roll the axis' references so that the first one coincides with the parent's last one: its cosine and sine are the
     // coordinates of that vector in the first ring's plane.
@@ -126,7 +129,7 @@ fn tube_params(
     let v = parent.uv[1] + v_scale(options, parent) * v_coordinate(options, last);
     let sides = if sides * 2 >= parent.sides { parent.sides } else { sides };
     let repeats = if repeats * 2.0 >= parent.repeats { parent.repeats } else { repeats };
-    TubeParams { sides, repeats, uv: [parent.uv[0], v - v.floor()], roll, cap: plan.cap }
+    TubeParams { sides, repeats, tile, uv: [parent.uv[0], v - v.floor()], roll, cap: plan.cap }
 }
 
 /// The reference turned about `t` by the angle whose cosine and sine are given.
@@ -137,8 +140,8 @@ pub(super) fn rolled(t: Vec3, e: Vec3, roll: [f32; 2]) -> Vec3 {
 /// Factor from [`v_coordinate`] to v.
 pub(super) fn v_scale(options: &SkinOptions, tube: &TubeParams) -> f32 {
     match options.uv {
-        super::UvMode::Conformal => tube.repeats * options.tile[0] / options.tile[1],
-        super::UvMode::Metric => 1.0 / options.tile[1],
+        super::UvMode::Conformal => tube.repeats * tube.tile[0] / tube.tile[1],
+        super::UvMode::Metric => 1.0 / tube.tile[1],
     }
 }
 

@@ -42,7 +42,7 @@ use osier_scene::plant::Plant;
 pub enum UvMode {
     /// Keeps the proportions of the maps along the taper: thin branches show finer bark.
     Conformal,
-    /// Every repeat has the same length, that of [`SkinOptions::tile`].
+    /// Every repeat has the same length, that of [`SkinOptions::tile`] or of [`SkinOptions::shoot_tile`].
     Metric,
 }
 
@@ -57,6 +57,8 @@ pub struct SkinOptions {
     pub sides: (u32, u32),
     /// Size of one repeat of the bark maps, width and height, m, > 0.
     pub tile: [f32; 2],
+    /// The same for axes that take the material of [`SkinOptions::shoot`].
+    pub shoot_tile: [f32; 2],
     /// Whether the length of a repeat along an axis follows its radius or is fixed.
     pub uv: UvMode,
     /// Widening of a branch where it leaves its parent, as a share of its radius, 0..1.
@@ -84,6 +86,7 @@ impl Default for SkinOptions {
             edge: 0.04,
             sides: (5, 32),
             tile: [0.5, 0.5],
+            shoot_tile: [0.5, 0.5],
             uv: UvMode::Conformal,
             collar: 0.6,
             flare: 0.0,
@@ -93,6 +96,16 @@ impl Default for SkinOptions {
             shoot: None,
             thin: 0.0,
             max_points: 50_000_000,
+        }
+    }
+}
+
+impl SkinOptions {
+    /// Size of one repeat of the maps on an axis with a radius at its base, m.
+    fn tile_of(&self, r_base: f32) -> [f32; 2] {
+        match self.shoot {
+            Some((r, _)) if r_base < r => self.shoot_tile,
+            _ => self.tile,
         }
     }
 }
@@ -164,6 +177,8 @@ fn check(o: &SkinOptions) -> Result<()> {
         ("sides, most", o.sides.1 as f32, o.sides.0 as f32, 32.0, ""),
         ("tile, width", o.tile[0], 1e-3, 100.0, "m"),
         ("tile, height", o.tile[1], 1e-3, 100.0, "m"),
+        ("tile of shoots, width", o.shoot_tile[0], 1e-3, 100.0, "m"),
+        ("tile of shoots, height", o.shoot_tile[1], 1e-3, 100.0, "m"),
         ("collar", o.collar, 0.0, 1.0, ""),
         ("flare", o.flare, 0.0, 2.0, ""),
         ("flare_height", o.flare_height, 0.2, 10.0, "radii"),

@@ -74,7 +74,7 @@ fn append_ribbon(
     let shape = &plant.axes[axis as usize];
     let rows = rows(plant, options, shape);
     let (sin, cos) = (math::sin_f32(FOLD), math::cos_f32(FOLD));
-    let [tile_w, tile_h] = options.tile;
+    let [tile_w, tile_h] = options.tile_of(plant.nodes.r[shape.first as usize]);
     let mesh = &mut skin.mesh;
     let first = index(mesh.points.len(), "points of a skin")?;
     for row in &rows {

@@ -264,13 +264,17 @@ fn exceeds_swell(from: CurvePoint, curve: &[CurvePoint]) -> bool {
     between.iter().any(|k| (k.r - math::lerp(from.r, to.r, (k.s - from.s) / span)).abs() > SWELL_TOLERANCE * k.r)
 }
 
-/// Whether a point of ring `b` lies behind the corresponding point of ring `a`, seen along the mean of their tangents.
+/// Whether a point of ring `b` lies behind the corresponding point of ring `a`, seen along the mean of their tangents, or one of
+/// the rings faces back on the way between them, as at a hairpin of which points were left out.
 /// The distance of corresponding points along that mean is ahead + x cos a + y sin a, negative somewhere if ahead^2 < x^2 + y^2
 /// (here with a margin of 5 %).
 fn rings_cross(a: &Ring, b: &Ring) -> bool {
     // The polygons are compared along the sum of both tangents; its length cancels in the test below.
-    let m = a.t + b.t;
-    let ahead = (b.c - a.c).dot(m);
+    let (m, step) = (a.t + b.t, b.c - a.c);
+    if step.dot(a.t) < 0.0 || step.dot(b.t) < 0.0 {
+        return true;
+    }
+    let ahead = step.dot(m);
     let x = (b.e * b.r - a.e * a.r).dot(m);
     let y = (b.t.cross(b.e) * b.r - a.t.cross(a.e) * a.r).dot(m);
     ahead <= 0.0 || ahead * ahead <= 1.05 * (x * x + y * y)
@@ -402,6 +406,16 @@ mod tests {
         let length = f64::from(inner[inner.len() - 1].s - inner[0].s);
         let expected = torsion * length;
         assert!((total.abs() - expected).abs() < 1e-3 * expected, "{total} instead of {expected}");
+    }
+
+    #[test]
+    fn a_ring_that_faces_back_crosses_its_neighbour() {
+        let ring = |c: Vec3, t: Vec3| Ring { c, t, e: math::perpendicular(t), r: 0.0017, slope: 0.0, s: 0.0, v: 0.0 };
+        let (low, high) = (ring(Vec3::ZERO, Vec3::Y), Vec3::new(0.002, 0.031, -0.0115));
+        // Leaning by 47 degrees from the way between the rings, which are 20 radii apart, and the same reversed.
+        let t = Vec3::new(0.61, 0.69, -0.27).normalize();
+        assert!(!rings_cross(&low, &ring(high, t)));
+        assert!(rings_cross(&low, &ring(high, -t)) && rings_cross(&ring(Vec3::ZERO, -Vec3::Y), &ring(high, t)));
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! Thin axes as cones of three sides, for meshes of which every frame of a clip holds all points. Own.
 
+use std::f32::consts::PI;
+
 use glam::{Vec2, Vec3};
 
 use super::by_material::{AxisSurface, append_by_material};
-use super::{AxisBinding, PlantSkin, SkinOptions};
+use super::{AxisBinding, PlantSkin, SkinOptions, UvMode};
 use osier_base::convert::index;
 use osier_base::{Result, math};
 use osier_scene::plant::{Axis, AxisKind, Plant};
@@ -51,6 +53,25 @@ fn corner_nodes(plant: &Plant, axis: &Axis) -> Vec<usize> {
     corners
 }
 
+/// v at the corner nodes of a cone, as on a tube with one repeat around: by the girth of the wood between them, which counts as a
+/// quarter of that of the base at least, or by the length alone.
+fn v_coordinates(plant: &Plant, options: &SkinOptions, corners: &[usize]) -> Vec<f32> {
+    let (s, r) = (&plant.nodes.s, &plant.nodes.r);
+    let base = corners.first().map_or(0.0, |k| r[*k]);
+    let tile = options.tile_of(base);
+    let wide = |k: usize| r[k].max(0.25 * base);
+    let step = |w: &[usize]| match options.uv {
+        UvMode::Conformal => (s[w[1]] - s[w[0]]) * tile[0] / (tile[1] * PI * (wide(w[0]) + wide(w[1]))),
+        UvMode::Metric => (s[w[1]] - s[w[0]]) / tile[1],
+    };
+    let steps = corners.windows(2).map(step);
+    let sum = |v: &mut f32, step: f32| {
+        *v += step;
+        Some(*v)
+    };
+    [0.0].into_iter().chain(steps.scan(0.0, sum)).collect()
+}
+
 /// A closed cone: a triangle inside the parent, one at each corner, and a point at the tip.
 fn append_cone(
     plant: &Plant,
@@ -64,22 +85,22 @@ fn append_cone(
     let nodes = &plant.nodes;
     let mesh = &mut skin.mesh;
     let first = index(mesh.points.len(), "points of a skin")?;
-    let v = |s: f32| s / options.tile[1];
+    let vs = v_coordinates(plant, options, &corners);
     let Some((&tip, rings)) = corners.split_last() else { return Ok(()) };
-    for &k in rings {
+    for (&k, &v) in rings.iter().zip(&vs) {
         // Counter-clockwise, seen from the tip: x, then -z.
         let (x, z) = (nodes.q[k] * Vec3::X, nodes.q[k] * Vec3::Z);
         for (j, [cos, sin]) in CORNERS.into_iter().enumerate() {
             let out = x * cos - z * sin;
             mesh.points.push(nodes.p[k] + out * nodes.r[k]);
             mesh.normals.push(out);
-            mesh.uvs.push(Vec2::new(j as f32 / SIDES as f32, v(nodes.s[k])));
+            mesh.uvs.push(Vec2::new(j as f32 / SIDES as f32, v));
             skin.bindings.push(AxisBinding { axis, s: nodes.s[k] });
         }
     }
     mesh.points.push(nodes.p[tip]);
     mesh.normals.push(nodes.q[tip] * Vec3::Y);
-    mesh.uvs.push(Vec2::new(0.5, v(nodes.s[tip])));
+    mesh.uvs.push(Vec2::new(0.5, vs[rings.len()]));
     skin.bindings.push(AxisBinding { axis, s: nodes.s[tip] });
 
     // The base, strips of quads between the rings, the sides of the tip.
@@ -165,5 +186,24 @@ mod tests {
         // Every edge is used once in each direction, and the faces look outwards.
         assert!(edges.iter().all(|([a, b], n)| *n == 1 && edges.get(&[*b, *a]) == Some(&1)));
         assert!(volume > 0.0, "{volume}");
+    }
+
+    #[test]
+    fn bark_of_a_cone_has_the_size_of_that_of_a_tube() {
+        let plant = plant();
+        let v_of = |uv: UvMode| {
+            let options = SkinOptions { thin: 0.004, uv, ..SkinOptions::default() };
+            let cones = skin(&plant, &options).expect("a skin");
+            let twig = &cones.mesh.uvs[cones.tubes[0].points.1 as usize..];
+            [twig[0].y, twig[3].y, twig[6].y]
+        };
+        // Corners at 0, 0.2 m and 0.341 m, with radii of 1.5, 1 and 1 mm: the girths between them are pi times the sum of both radii.
+        let wanted = [0.0, 0.2 / (PI * 0.0025), 0.2 / (PI * 0.0025) + 0.141 / (PI * 0.002)];
+        for (v, wanted) in v_of(UvMode::Conformal).into_iter().zip(wanted) {
+            assert!((v - wanted).abs() < 1e-3, "{v} instead of {wanted}");
+        }
+        for (v, s) in v_of(UvMode::Metric).into_iter().zip([0.0, 0.2, 0.341]) {
+            assert!((v - s / 0.5).abs() < 1e-5, "{v} at {s}");
+        }
     }
 }
