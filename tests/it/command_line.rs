@@ -412,6 +412,12 @@ fn a_new_folder_starts_from_the_grammar_that_words_describe() {
     ends(0, &["check", arg(&mine.join("mine.toml"))]);
     let (_, err) = ends(2, &["new", arg(&dir.path().join("other")), "--grammar", "daisy", "--from", "oak"]);
     assert!(err.contains("cannot be used with"), "{err}");
+    for flag in [["--set", "wind.speed=12"], ["--seed", "4"], ["--rng", "cpfg"]] {
+        let other = dir.path().join("other");
+        let (_, err) = ends(2, &["new", arg(&other), flag[0], flag[1]]);
+        assert!(err.contains(&format!("{} does not change what `new` copies", flag[0])), "{err}");
+        assert!(!other.exists(), "{}", flag[0]);
+    }
 }
 
 #[test]
