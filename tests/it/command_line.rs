@@ -403,6 +403,18 @@ fn a_new_folder_bakes_and_is_never_overwritten() {
 }
 
 #[test]
+fn presets_grow_by_the_names_that_their_list_shows() {
+    let dir = folder();
+    for name in ["koch.l", "young-tree.obj"] {
+        let file = dir.path().join(format!("{name}.ply"));
+        ends(0, &["grow", name, "-o", arg(&file)]);
+        let picture = dir.path().join(format!("{name}.png"));
+        ends(0, &["preview", name, "--size", "16x16", "--quality", "draft", "-o", arg(&picture)]);
+        assert!(file.is_file() && picture.is_file(), "{name}");
+    }
+}
+
+#[test]
 fn a_new_folder_starts_from_the_grammar_that_words_describe() {
     let dir = folder();
     let mine = dir.path().join("mine");
