@@ -217,6 +217,12 @@ fn presets_say_what_they_are_and_show() {
 }
 
 #[test]
+fn keys_are_found_by_the_path_that_set_takes() {
+    let (text, _) = ends(0, &["list", "options", "wind.speed"]);
+    assert!(text.contains("\n[wind]  ") && text.contains("\n  speed              Mean speed"), "{text}");
+}
+
+#[test]
 fn species_are_shown_by_scenes_of_their_own() {
     let (json, _) = ends(0, &["list", "species", "--json"]);
     let rows: Vec<Value> = serde_json::from_str(&json).expect("JSON");
