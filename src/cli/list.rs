@@ -94,7 +94,10 @@ fn misplaced(args: &List) -> Option<String> {
         What::Entries if args.words.is_empty() => Some("name a file of L-systems: osier list FILE.l".to_owned()),
         What::Knobs | What::Entries => None,
         _ if args.words.is_empty() => None,
-        _ => Some(format!("only `list options` and `list knobs` take words, here {}", quoted(&args.words))),
+        _ => {
+            let words = quoted(&args.words);
+            Some(format!("only `list options`, `list knobs` and `list entries` take words, here {words}"))
+        }
     }
 }
 
