@@ -113,10 +113,11 @@ fn matching(words: &[String]) -> Vec<TableInfo> {
     for table in &mut tables {
         // Path and description of a table count for all of its keys: `list options wind speed` finds `speed` in `[wind]`.
         let place = format!("{} {}", table.path, table.about).to_lowercase();
+        let path = table.path;
         table.keys.retain(|key| {
-            // The path as --set takes it: `list options wind.speed` finds `speed` in `[wind]`.
-            let path = format!("{}.{}", table.path, key.name);
-            let text = format!("{place} {path} {} {} {}", key.name, key.help, key.listing.accepts).to_lowercase();
+            // The key as --set takes it: `list options wind.speed` finds `speed` in `[wind]`.
+            let name = format!("{path}.{} {}", key.name, key.name);
+            let text = format!("{place} {name} {} {}", key.help, key.listing.accepts).to_lowercase();
             let begins_a_word = |at: usize| !text[..at].ends_with(char::is_alphanumeric);
             words.iter().all(|w| text.match_indices(w.as_str()).any(|(at, _)| begins_a_word(at)))
         });
