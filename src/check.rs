@@ -17,8 +17,8 @@ pub struct GrammarParameter {
     pub value: String,
     /// Value as a number; `None` for an expression.
     pub number: Option<f64>,
-    /// Range of useful values: the one with which the comment begins, else 0 to twice the grammar's value. `None` for an
-    /// expression.
+    /// Range of useful values: the one with which the comment begins, else 0 to twice the grammar's value; widened to the value.
+    /// `None` for an expression.
     pub range: Option<DefineRange>,
     /// Comment beside the `#define`, without the range.
     pub about: String,

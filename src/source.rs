@@ -74,13 +74,7 @@ pub fn find_picture(source: &str, options: &SourceOptions) -> Result<Request> {
 /// # Errors
 /// `Io` if a folder of `options.search` cannot be opened.
 pub fn preset_scene(preset: &Preset, options: &SourceOptions) -> Result<Request> {
-    let request = match presets::kind(preset) {
-        PresetKind::Mesh => {
-            let text = format!("[plants.mesh]\nmesh = \"{}\"\n[ground]\nshow = false\n", preset.name);
-            Request { name: "mesh".into(), shown: format!("preset:{}", preset.name), text, ..Request::default() }
-        }
-        _ => find_preset(preset.name, options, TableUse::Scene)?,
-    };
+    let request = find_preset(preset.name, options, TableUse::Scene)?;
     let (library, limits) = (Library::presets(&options.search)?, options.limits.clone());
     Ok(Request { library, limits, seed: options.seed, ..request })
 }
@@ -369,6 +363,10 @@ fn find_preset(name: &str, options: &SourceOptions, table_use: TableUse) -> Resu
         return Ok(table_request(preset.name, stem, preset.text.as_bytes(), options, table_use));
     }
     let shown = format!("preset:{}", preset.name);
+    if presets::kind(preset) == PresetKind::Mesh {
+        let text = format!("[plants.mesh]\nmesh = \"{}\"\n[ground]\nshow = false\n", preset.name);
+        return Ok(Request { name: stem.into(), shown, text, ..Request::default() });
+    }
     Ok(Request { name: stem.into(), shown, text: preset.text.into(), ..Request::default() })
 }
 

@@ -97,7 +97,7 @@ class OSIER_OT_step_seed(bpy.types.Operator):
 
 
 class OSIER_OT_draw_presets(bpy.types.Operator):
-    """Draw a small picture of every preset, which takes about a minute"""
+    """Draw a small picture of every preset, which takes a few minutes"""
 
     bl_idname = "osier.draw_presets"
     bl_label = "Draw Pictures of Presets"

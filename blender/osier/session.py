@@ -108,7 +108,7 @@ class Session:
         self.wake()
 
     def draw_thumbnails(self) -> None:
-        """Draws pictures of all presets into the folder of bakes, which takes about a minute."""
+        """Draws pictures of all presets into the folder of bakes, which takes a few minutes."""
         folder = thumbnails_folder()
         os.makedirs(folder, exist_ok=True)
         self._guarded(lambda: self._start("Drawing presets", ["list", "presets", "--json", "--thumbnails", folder], self._take_presets))

@@ -12,7 +12,7 @@ pub const EXIT_CODES: &str = "\
 Exit codes:
   0    success, also with warnings or with nothing to do
   1    input or run failed: faults in files, missing input, a limit, a foreign file in the way
-  2    wrong usage: unknown flag, bad value of a flag, no arguments
+  2    wrong usage: unknown flag, bad value of a flag, no arguments, over 2 GB without --force
   3    warnings under --strict; the output is complete
   74   reading or writing failed: disk full, no permission, closed pipe of -o -
   75   a temporary failure, try again: network or busy file systems
@@ -130,10 +130,11 @@ pub enum ProgressArg {
 /// Arguments of `osier grow`.
 #[derive(Debug, Args)]
 pub struct Grow {
-    /// Grammar (.l), scene (.toml), coefficient table (.ifs .flame) or preset.
+    /// Grammar (.l .ls .lpy), scene (.toml), species (.species), particle-shapes (.shapes), coefficient table (.ifs .flame) or preset.
     #[arg(value_name = "SOURCE")]
     pub source: String,
-    /// File to write: .glb .gltf .usda .usdc .usdz .obj .ply .pov, .txt for the string of a grammar, or - for a glb on standard output.
+    /// File to write: .glb .gltf .usda .usdc .usdz .obj .ply .pov, .txt for the string of a grammar, .png .exr .ifs .flame for a
+    /// coefficient table, or - for a glb on standard output.
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     pub output: PathBuf,
     /// Derivation length in place of that of the grammar.
@@ -268,8 +269,8 @@ pub struct List {
     /// What to list.
     #[arg(value_enum, default_value = "presets")]
     pub what: What,
-    /// With `options`: only keys whose name, table or help contains all of these words. With `knobs`: the scene or
-    /// grammar. With `entries`: the files.
+    /// With `options`: only keys whose name, table or help has a word that begins with each of these. With `knobs`: the scene
+    /// or grammar. With `entries`: the files.
     #[arg(value_name = "WORD")]
     pub words: Vec<String>,
     /// With `presets`: also draw a small picture of each into this folder.

@@ -94,7 +94,10 @@ fn misplaced(args: &List) -> Option<String> {
         What::Entries if args.words.is_empty() => Some("name a file of L-systems: osier list FILE.l".to_owned()),
         What::Knobs | What::Entries => None,
         _ if args.words.is_empty() => None,
-        _ => Some(format!("only `list options` and `list knobs` take words, here {}", quoted(&args.words))),
+        _ => {
+            let words = quoted(&args.words);
+            Some(format!("only `list options`, `list knobs` and `list entries` take words, here {words}"))
+        }
     }
 }
 
@@ -110,8 +113,11 @@ fn matching(words: &[String]) -> Vec<TableInfo> {
     for table in &mut tables {
         // Path and description of a table count for all of its keys: `list options wind speed` finds `speed` in `[wind]`.
         let place = format!("{} {}", table.path, table.about).to_lowercase();
+        let path = table.path;
         table.keys.retain(|key| {
-            let text = format!("{place} {} {} {}", key.name, key.help, key.listing.accepts).to_lowercase();
+            // The key as --set takes it: `list options wind.speed` finds `speed` in `[wind]`.
+            let name = format!("{path}.{} {}", key.name, key.name);
+            let text = format!("{place} {name} {} {}", key.help, key.listing.accepts).to_lowercase();
             let begins_a_word = |at: usize| !text[..at].ends_with(char::is_alphanumeric);
             words.iter().all(|w| text.match_indices(w.as_str()).any(|(at, _)| begins_a_word(at)))
         });

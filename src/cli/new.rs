@@ -19,8 +19,9 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.complain(&format!("\"{}\" is not the name of a folder", args.name.display()));
         return Ok(2);
     }
-    if context.common.seed.is_some() || !context.common.set.is_empty() {
-        context.console.complain("a new scene is a copy, which --seed and --set do not change: write the keys into it");
+    if let Some(flag) = flag_of_scenes(context) {
+        let why = format!("{flag} does not change what `new` copies; edit the copied scene, or give {flag} to `bake`");
+        context.console.complain(&why);
         return Ok(2);
     }
     let from = match &args.grammar {
@@ -67,6 +68,18 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.note(&format!("next: osier bake {quote}{scene}{quote}"));
     }
     Ok(0)
+}
+
+/// The first given flag that changes scenes as they are read; files are copied without reading them. `None` if there is none.
+fn flag_of_scenes(context: &Context) -> Option<&'static str> {
+    let common = &context.common;
+    let flags = [
+        ("--set", !common.set.is_empty()),
+        ("--seed", common.seed.is_some()),
+        ("--dialect", common.dialect.is_some()),
+        ("--rng", common.rng.is_some()),
+    ];
+    flags.into_iter().find(|(_, is_given)| *is_given).map(|(flag, _)| flag)
 }
 
 /// Help text for an unknown name: the most similar preset of `among`, or how to list them.

@@ -65,7 +65,7 @@ struct ListedSpecies {
     /// Age in scenes that do not set the key `age`, years.
     age: f64,
     about: String,
-    /// Name of the preset scene whose only species it is, if there is one.
+    /// Name of the preset scene whose only plant it is, if there is one.
     scene: Option<&'static str>,
 }
 
@@ -75,10 +75,14 @@ fn species() -> Vec<ListedSpecies> {
         // Presets have a uniform layout: searching lines is enough to find a key.
         let age = preset.text.lines().find_map(|line| line.strip_prefix("age = ")?.trim().parse().ok());
         let grows_it_alone = |scene: &&Preset| {
-            let mut species = scene.text.lines().filter_map(|line| line.strip_prefix("species = "));
+            // The lines that say of a plant what it grows from: those of a scene with a second plant are two or more.
+            let key = |line: &&str| {
+                ["grammar = ", "species = ", "shapes = ", "ifs = ", "mesh = "].iter().any(|k| line.starts_with(k))
+            };
+            let mut sources = scene.text.lines().filter(key);
             scene.name.ends_with(".toml")
-                && species.next().is_some_and(|s| s.starts_with(&format!("\"{name}\"")))
-                && species.next().is_none()
+                && sources.next().is_some_and(|line| line.starts_with(&format!("species = \"{name}\"")))
+                && sources.next().is_none()
         };
         let scene = PRESETS.iter().find(grows_it_alone).and_then(|scene| scene.name.strip_suffix(".toml"));
         let default = f64::from(osier_plants::grow::years::Habit::default().age);

@@ -458,6 +458,18 @@ fn a_new_folder_bakes_and_is_never_overwritten() {
 }
 
 #[test]
+fn presets_grow_by_the_names_that_their_list_shows() {
+    let dir = folder();
+    for name in ["koch.l", "young-tree.obj"] {
+        let file = dir.path().join(format!("{name}.ply"));
+        ends(0, &["grow", name, "-o", arg(&file)]);
+        let picture = dir.path().join(format!("{name}.png"));
+        ends(0, &["preview", name, "--size", "16x16", "--quality", "draft", "-o", arg(&picture)]);
+        assert!(file.is_file() && picture.is_file(), "{name}");
+    }
+}
+
+#[test]
 fn a_new_folder_starts_from_the_grammar_that_words_describe() {
     let dir = folder();
     let mine = dir.path().join("mine");
@@ -469,6 +481,12 @@ fn a_new_folder_starts_from_the_grammar_that_words_describe() {
     assert!(err.contains("write the keys into it") && !dir.path().join("other").exists(), "{err}");
     let (_, err) = ends(2, &["new", arg(&dir.path().join("other")), "--grammar", "daisy", "--from", "oak"]);
     assert!(err.contains("cannot be used with"), "{err}");
+    for flag in [["--set", "wind.speed=12"], ["--seed", "4"], ["--rng", "cpfg"]] {
+        let other = dir.path().join("other");
+        let (_, err) = ends(2, &["new", arg(&other), flag[0], flag[1]]);
+        assert!(err.contains(&format!("{} does not change what `new` copies", flag[0])), "{err}");
+        assert!(!other.exists(), "{}", flag[0]);
+    }
 }
 
 #[test]

@@ -215,3 +215,20 @@ fn presets_say_what_they_are_and_show() {
     assert!(["wind", "copies"].iter().all(|w| meadow["shows"].as_array().is_some_and(|s| s.contains(&(*w).into()))));
     ends(2, &["list", "codes", "--thumbnails", "x"]);
 }
+
+#[test]
+fn keys_are_found_by_the_path_that_set_takes() {
+    let (text, _) = ends(0, &["list", "options", "wind.speed"]);
+    assert!(text.contains("\n[wind]  ") && text.contains("\n  speed              Mean speed"), "{text}");
+}
+
+#[test]
+fn species_are_shown_by_scenes_of_their_own() {
+    let (json, _) = ends(0, &["list", "species", "--json"]);
+    let rows: Vec<Value> = serde_json::from_str(&json).expect("JSON");
+    let of =
+        |name: &str| rows.iter().find(|row| row["name"] == name).unwrap_or_else(|| panic!("{name}"))["scene"].clone();
+    // Presets oak and birch are of grammars; the preset landscape has an oak among five other plants.
+    assert_eq!([of("oak"), of("birch"), of("beech")], ["oak-grown", "birch-grown", "beech"]);
+    assert!(rows.iter().all(|row| row["scene"].is_string()), "{rows:?}");
+}

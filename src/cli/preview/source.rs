@@ -5,6 +5,7 @@ use std::path::Path;
 use super::super::Context;
 use super::super::args::Preview;
 use crate::bake::BakeContext;
+use crate::presets;
 use crate::recipe::{Recipe, resolve};
 use crate::scene_preview::PreviewScene;
 use crate::source::find_scene;
@@ -46,7 +47,7 @@ pub fn load(
     if is_bake(path) {
         return PreviewScene::of_bake(path, &context.common.search, &context.limits);
     }
-    if MESH_ENDINGS.contains(&ending.as_str()) {
+    if is_mesh_file(path) {
         return PreviewScene::of_mesh_file(path, &context.common.search, &context.limits);
     }
     if WRITE_ONLY_ENDINGS.contains(&ending.as_str()) {
@@ -83,7 +84,13 @@ pub fn layered_picture(context: &Context, args: &Preview) -> Result<Option<(Reci
 /// Whether a source is a mesh file or the folder of a bake, whose shapes depend on no seed and no key.
 pub fn is_finished(name: &str) -> bool {
     let path = Path::new(name);
-    is_bake(path) || MESH_ENDINGS.contains(&ending(path).as_str())
+    is_bake(path) || is_mesh_file(path)
+}
+
+/// Whether a source is a mesh file by its ending, and not the name of a preset that has such an ending.
+fn is_mesh_file(path: &Path) -> bool {
+    let is_preset = || path.to_str().is_some_and(|name| presets::find(name).is_some());
+    MESH_ENDINGS.contains(&ending(path).as_str()) && (path.exists() || !is_preset())
 }
 
 /// Whether a source is the folder of a bake. Any other folder may have the name of a preset.

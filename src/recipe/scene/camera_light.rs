@@ -38,8 +38,7 @@ keys! {
         horizon: [f32; 3] = "horizon" ColorType("#edf3f9"), basic;
         /// Colour at the zenith.
         zenith: [f32; 3] = "zenith" ColorType("#89b3e6"), basic;
-        /// Colour below the horizon, such as distant trees, which drops refract. POV-Ray, previews and USD.   (USD's
-        /// maps/sky.exr holds it too)
+        /// Colour below the horizon, such as distant trees, which drops refract. POV-Ray, previews and USD (`maps/sky.exr`).
         below: Option<[f32; 3]> = "below" OptionalKey(ColorType("#1a2417"), "the sky goes on");
         /// Strength of blurred shade and gaps of light around the scene, as of leaves out of focus. POV-Ray and USD.
         dapple: f64 = "dapple" number(0.0, 0.0, 1.0, "");

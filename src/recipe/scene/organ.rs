@@ -50,7 +50,7 @@ keys! {
         blade: BladeOutline = "blade" OneOf(BladeOutline::Elliptic), basic;
         /// Mesh file instead of a parametric blade: base of the petiole at the origin, midrib along +Y, upper side towards
         /// +Z.
-        mesh: Option<Reference> = "mesh" FileReference(".obj, .glb");
+        mesh: Option<Reference> = "mesh" FileReference(".obj, .glb, .gltf");
         /// Surface of Bezier patches or triangles, as of cpfg, instead of a parametric blade.
         surface: Option<Reference> = "surface" FileReference(".s, .ray");
         /// Coefficient table whose attractor is the leaf, instead of a parametric blade.

@@ -37,12 +37,15 @@ impl Define {
     }
 
     /// The range that the comment begins with, as in `0..40 deg: how crooked limbs are`; without one the range between 0 and
-    /// twice the value that is written in the grammar, 0 to 1 for the value 0. `None` if that value is not a number.
+    /// twice the value that is written in the grammar, 0 to 1 for the value 0. Widened to the value, which a scene may have set
+    /// outside of it. `None` if what is written in the grammar is not a number.
     pub fn range(&self) -> Option<DefineRange> {
-        let value = plain_number(&self.written)?;
-        let far = if value == 0.0 { 1.0 } else { 2.0 * value };
+        let written = plain_number(&self.written)?;
+        let far = if written == 0.0 { 1.0 } else { 2.0 * written };
         let twice = DefineRange { min: far.min(0.0), max: far.max(0.0), unit: String::new() };
-        Some(split_comment(&self.comment).map_or(twice, |(range, _)| range))
+        let DefineRange { min, max, unit } = split_comment(&self.comment).map_or(twice, |(range, _)| range);
+        let value = self.number().unwrap_or(written);
+        Some(DefineRange { min: min.min(value), max: max.max(value), unit })
     }
 
     /// The comment without its range.
@@ -95,5 +98,15 @@ mod tests {
         assert_eq!(range("(0.58+ran(0.08))", "0..1: share"), None);
         assert_eq!(range("3", "9..2: no range"), Some([0.0, 6.0]));
         assert_eq!(define("1", "a: b").about(), "a: b");
+    }
+
+    #[test]
+    fn the_range_holds_the_value_that_a_scene_sets() {
+        let range = |value: &str| {
+            let tuft = Define { value: value.into(), ..define("1", "0..4: leaves at each end") };
+            tuft.range().map(|r| [r.min, r.max])
+        };
+        assert_eq!([range("3"), range("7"), range("-2")], [Some([0.0, 4.0]), Some([0.0, 7.0]), Some([-2.0, 4.0])]);
+        assert_eq!(range("2*N"), Some([0.0, 4.0]));
     }
 }
