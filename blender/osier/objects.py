@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Iterator
 
 import bpy
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 ROLES = [
     ("SOLID", "Solid", "Stops wind, rain and seeds"),
@@ -54,11 +54,10 @@ def write_scene(folder: str, name: str, text: str, given: list[str], plants: lis
         position = item.object.matrix_world.translation if item.role == "TREE" else (0.0, 0.0, 0.0)
         export([item.object], os.path.join(folder, file), position)
         if item.role == "TREE":
-            # On a terrain the height of a place counts from the surface.
-            height = position[2] - (ground_height(land, position) or 0.0)
-            at = [round(v, 6) for v in (position[0], height, -position[1])]
+            # The height is that in Blender, whatever ground or terrain the scene has.
+            at = [round(v, 6) for v in (position[0], position[2], -position[1])]
             plant = f"object{number}_{word}"
-            tables.append(f'[plants.{plant}]\nmesh = "{file}"\n\n[[place]]\nplant = "{plant}"\nat = {json.dumps(at)}\n')
+            tables.append(f'[plants.{plant}]\nmesh = "{file}"\n\n[[place]]\nplant = "{plant}"\nat = {json.dumps(at)}\nheight_from = "zero"\n')
         else:
             tables.append(f'[[solid]]\nname = "object{number}_{word}"\nshape = "mesh"\nmesh = "{file}"\n')
     path = os.path.join(folder, f"{name}.toml")
@@ -106,36 +105,6 @@ def _states(parts: list[bpy.types.Object], graph: bpy.types.Depsgraph, instances
     for instance in graph.object_instances if instances else ():
         if instance.is_instance and instance.parent.original in parts and usable(instance.object):
             yield instance.object, instance.matrix_world.copy()
-
-
-def ground_height(land: list[bpy.types.Object], position: tuple[float, float, float]) -> float | None:
-    """The height of the highest surface of some objects above or below a position; `None` beside them."""
-    heights = []
-    with evaluated(land, False) as parts:
-        for state, place in parts:
-            mesh = state.to_mesh()
-            if mesh is None:
-                continue
-            mesh.transform(place)
-            for face in mesh.polygons:
-                corners = [mesh.vertices[i].co for i in face.vertices]
-                for second, third in zip(corners[1:], corners[2:]):
-                    height = height_in_triangle((corners[0], second, third), position)
-                    if height is not None:
-                        heights.append(height)
-            state.to_mesh_clear()
-    return max(heights, default=None)
-
-
-def height_in_triangle(corners: tuple[Vector, Vector, Vector], position: tuple[float, float, float]) -> float | None:
-    """The height of a triangle at the x and y of a position; `None` if that lies outside of it."""
-    a, b, c = corners
-    area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y)
-    if abs(area) < 1e-12:
-        return None
-    u = ((position[0] - a.x) * (c.y - a.y) - (c.x - a.x) * (position[1] - a.y)) / area
-    v = ((b.x - a.x) * (position[1] - a.y) - (position[0] - a.x) * (b.y - a.y)) / area
-    return a.z + u * (b.z - a.z) + v * (c.z - a.z) if u >= 0 and v >= 0 and u + v <= 1 else None
 
 
 def export(heads: list[bpy.types.Object], path: str, origin: tuple[float, float, float], instances: bool = True) -> None:

@@ -450,12 +450,31 @@ def objects_become_the_terrain() -> None:
     land = [c for name, c in corners.items() if "terrain" in name]
     highest = 2 + 12 * math.sin(0.2)
     assert land and abs(max(p.z for c in land for p in c) - highest) < 0.02, (corners.keys(), highest)
-    # The tree stands where the cylinder stands, on the slope or not, but for what its base is lowered.
+    # The tree stands where the cylinder stands, on the slope or not.
     tree = next(c for name, c in corners.items() if "cylinder" in name.lower())
-    assert abs(min(p.z for p in tree) - 2.5) < 0.15 and abs(min(p.x for p in tree) + 2.1) < 0.05, [tuple(p) for p in tree[:4]]
+    assert abs(min(p.z for p in tree) - 2.5) < 1e-3 and abs(min(p.x for p in tree) + 2.1) < 0.05, [tuple(p) for p in tree[:4]]
     # The grass stands on the land.
     roots = [p for o in scene.objects if "grass" in o.name and "osier_bake" in o for p in [o.matrix_world.translation]]
     assert any(abs(p.z - 2) < 0.3 for p in roots), [tuple(p) for p in roots]
+    scene.osier.file = ""
+    work()
+
+
+def trees_keep_their_height_on_the_land_of_the_scene() -> None:
+    scene = choose("grass")
+    path = FOLDER / "land.toml"
+    # Land 20 m high, and a wavy ground without one.
+    for land in ("[terrain]\nsize = 60\namplitude = 0\ncorners = [20, 20, 20, 20]\nside = 16\n", "[ground]\nrelief = 1\nside = 16\n"):
+        path.write_text(f'[plants.grass]\ngrammar = "grass.l"\n{land}')
+        scene = choose(file=str(path))
+        bpy.ops.mesh.primitive_cylinder_add(radius=0.1, depth=3, location=(-2, 4, 23))
+        bpy.ops.osier.add_objects(role="TREE")
+        bake()
+        session = part("session").session
+        assert not session.errors, session.errors
+        made = [o for o in scene.objects if "osier_bake" in o and o.type == "MESH" and "cylinder" in o.name.lower()]
+        heights = [(o.matrix_world @ v.co).z for o in made for v in o.data.vertices]
+        assert heights and abs(min(heights) - 21.5) < 1e-3 and abs(max(heights) - 24.5) < 1e-3, (land, heights[:8])
     scene.osier.file = ""
     work()
 
@@ -507,6 +526,7 @@ def main() -> None:
         hidden_objects_are_exported_as_they_are_shown,
         a_folder_beside_an_unsaved_file_is_not_used,
         objects_become_the_terrain,
+        trees_keep_their_height_on_the_land_of_the_scene,
         both_extensions_may_be_installed,
         disabling_leaves_nothing,
     ):

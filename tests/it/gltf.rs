@@ -231,6 +231,85 @@ fn quantized_positions_move_as_floats_do() {
     assert!(seen > 0, "a skin is there");
 }
 
+/// The meshes of the synthetic scene alone, which are the same in every profile.
+fn meshes_alone() -> (Arc<Scene>, Vec<Frame>) {
+    let (mut scene, frames) = synthetic::scene();
+    for asset in &mut scene.assets {
+        (asset.instancers, asset.curves, asset.points) = Default::default();
+    }
+    (Arc::new(scene), frames)
+}
+
+/// Meshes at rest as readers see them: a skin in its rest pose moves nothing, so that only rounding to the cube is left.
+#[test]
+fn readers_see_quantized_meshes_within_half_a_step() {
+    let (scene, frames) = meshes_alone();
+    let temp = tempfile::tempdir().expect("temp");
+    let [quantized, _] = small_files();
+    export(temp.path(), &scene, &[], quantized);
+    let file = temp.path().join("gltf/synthetic.web.glb");
+    let number = frames[0].number;
+    let assets = scene.assets.iter().map(|_| osier::scene::AssetFrame::default()).collect();
+    let rest = Frame { number, assets, ..Frame::default() };
+    let wanted = gltf_objects::objects(&scene, std::slice::from_ref(&rest), &[number], true);
+    assert!(wanted[number.to_string()].as_object().expect("objects").len() >= 4, "{wanted}");
+    // Half a step of the largest mesh, and what the world positions of 32 bits lose at 10 m.
+    let bound = largest_side(&wanted) / 131_070.0 + 2e-6;
+    let job = serde_json::json!([{"file": file, "fps": 24, "start": number, "frames": wanted, "bound": bound}]);
+    let jobs = temp.path().join("jobs.json");
+    std::fs::write(&jobs, job.to_string()).expect("jobs");
+    let path = jobs.to_string_lossy().into_owned();
+    let judged = |output: std::process::Output| {
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(text.contains("\"worst\""), "{text}");
+    };
+    if let Some((node, folder)) = clients::three() {
+        judged(clients::run(Command::new(node).arg(clients::script("gltf_three.mjs")).arg(folder).arg(&jobs)));
+    }
+    if let Some(python) = clients::python() {
+        judged(clients::python_script(&python, "blender_gltf.py", &[&path]));
+    }
+    if let Some(blender) = clients::blender() {
+        judged(clients::blender_script(&blender, "blender_gltf.py", &[&path]));
+    }
+}
+
+/// Normals in bytes and coordinates in 16 bits, against the floats of profile `blender` of the same meshes.
+#[test]
+fn quantized_normals_and_coordinates_keep_their_accuracy() {
+    let (scene, _) = meshes_alone();
+    let temp = tempfile::tempdir().expect("temp");
+    let [quantized, _] = small_files();
+    let plain = GltfOptions { profile: Profile::Blender, ..GltfOptions::default() };
+    let files = [plain, quantized].map(|options| {
+        let word = options.profile.word();
+        export(temp.path(), &scene, &[], options);
+        Player::new(&read(&temp.path().join(format!("gltf/synthetic.{word}.glb"))))
+    });
+    let primitives = |player: &Player| -> Vec<Value> {
+        let meshes = player.json["meshes"].as_array().expect("meshes");
+        meshes.iter().flat_map(|m| m["primitives"].as_array().expect("list").clone()).collect()
+    };
+    let [plain, small] = &files;
+    let (mut turned, mut shifted, mut normals) = (0.0_f32, 0.0_f32, 0);
+    for (a, b) in primitives(plain).iter().zip(primitives(small)) {
+        let of = |player: &Player, primitive: &Value, name: &str| {
+            let accessor = primitive["attributes"][name].as_u64();
+            accessor.map(|i| player.rows(i as usize)).unwrap_or_default()
+        };
+        for (a, b) in of(plain, a, "NORMAL").iter().zip(of(small, &b, "NORMAL")) {
+            let [a, b] = [&a[..], &b[..]].map(|v| glam::Vec3::from_slice(v).normalize_or_zero());
+            turned = turned.max(a.angle_between(b).to_degrees());
+            normals += 1;
+        }
+        for (a, b) in of(plain, a, "TEXCOORD_0").iter().zip(of(small, &b, "TEXCOORD_0")) {
+            shifted = a.iter().zip(b).fold(shifted, |most, (a, b)| most.max((a - b).abs()));
+        }
+    }
+    assert!(normals > 20 && turned < 0.3, "{turned} degrees, {normals} normals");
+    assert!(shifted < 7.7e-6, "{shifted}");
+}
+
 #[test]
 fn leaves_transmit_diffuse_light_in_their_own_colour() {
     let (mut scene, _) = synthetic::scene();

@@ -127,6 +127,44 @@ fn plants_stand_on_the_terrain_of_a_file() {
 }
 
 #[test]
+fn heights_from_zero_are_absolute() {
+    let dir = tempfile::tempdir().expect("dir");
+    write_map(&dir.path().join("hills.png"));
+    let terrain = "[terrain]\nfile = \"hills.png\"\nsize = 80\nheight = 20\n";
+    let wavy = "[ground]\nrelief = 1\nside = 16\n";
+    let places = |datum: &str| {
+        format!(
+            "[[place]]\nplant = \"tree\"\nat = [20, 9.5, -10]\n{datum}[[place]]\nplant = \"tree\"\nat = [-20, 3, 0]\n\
+             along = [[0, 0, 0], [10, 1, 0]]\ncount = 3\nindividuals = 1\n{datum}[[place]]\nplant = \"tree\"\nat = [-90, 4, 0]\n{datum}"
+        )
+    };
+    for (kind, land) in [("terrain", terrain), ("ground", wavy)] {
+        let heights = |datum: &str| -> Vec<f32> {
+            feet(dir.path(), &format!("{TREE}{land}{}", places(datum))).iter().map(|p| p.y).collect()
+        };
+        let absolute = heights("height_from = \"zero\"\n");
+        let wanted = [9.5, 3.0, 3.5, 4.0, 4.0];
+        assert!(absolute.len() == 5 && absolute.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-5), "{absolute:?}");
+        // Without the key they count from the land, as they do with its default.
+        let above = heights("");
+        assert_eq!(above, heights("height_from = \"ground\"\n"));
+        assert!(above.iter().zip(&absolute).any(|(a, b)| (a - b).abs() > 0.1), "{kind}: {above:?}");
+    }
+    // Beyond the edge of the terrain only heights above it are uncertain.
+    let text = |datum: &str| format!("{TREE}{terrain}{}", places(datum));
+    for (datum, warned) in [("height_from = \"zero\"\n", false), ("", true)] {
+        let path = scene(dir.path(), "edge", &text(datum));
+        let out = dir.path().join("edge");
+        let (code, said) =
+            osier(&["bake", path.to_str().expect("path"), "--dry-run", "-o", out.to_str().expect("path")]);
+        assert_eq!((code, said.contains("S037")), (Some(0), warned), "{said}");
+    }
+    let path = scene(dir.path(), "wrong", &text("height_from = \"sea\"\n"));
+    let (code, said) = osier(&["check", path.to_str().expect("path")]);
+    assert!(code != Some(0) && said.contains("wrong.toml:") && said.contains("\"zero\""), "{said}");
+}
+
+#[test]
 fn a_terrain_read_from_its_own_heights_is_the_same() {
     let dir = tempfile::tempdir().expect("dir");
     let land = "subdivisions = 5\nsize = 60\namplitude = 9\nside = 16\n";

@@ -73,6 +73,8 @@ pub struct AssetSize {
     pub triangles: u64,
     /// Points of meshes with [`MeshMotion::Deforming`], whose frames carry new points of the same topology.
     pub deforming_vertices: u64,
+    /// Number of those meshes.
+    pub deforming_meshes: u64,
     /// Points at rest, for a typical frame, of meshes with [`MeshMotion::Varying`], whose frames carry points and triangles.
     pub varying_vertices: u64,
     /// Points of all meshes except those with [`MeshMotion::Still`], whether joints move them or frames carry them.
@@ -120,6 +122,7 @@ impl AssetSize {
             size.triangles += object.mesh.triangles.len() as u64;
             size.moving_vertices += if object.motion == MeshMotion::Still { 0 } else { vertices };
             size.varying_vertices += if object.motion == MeshMotion::Varying { vertices } else { 0 };
+            size.deforming_meshes += u64::from(object.motion == MeshMotion::Deforming);
             size.deforming_vertices += if object.motion == MeshMotion::Deforming { vertices } else { 0 };
         }
         for cloud in &asset.points {

@@ -55,12 +55,12 @@ pub(crate) fn ground_materials(shape: &Ground, keys: &GroundKeys, horizon: [f32;
     Ok(set)
 }
 
-/// Centres the ground under the plants and raises each plant to the ground's height at its foot.
+/// Centres the ground under the plants and raises each plant to the ground's height at its foot, except those at absolute heights.
 pub(crate) fn place_on_ground(recipe: &Recipe, layout: &mut PlantLayout) -> PlacedGround {
     let shape = ground_shape(&recipe.ground, recipe.general.seed);
     let feet = Bounds::of(layout.instances.iter().map(|s| s.transform.t));
     let center = feet.center() * Vec3::new(1.0, 0.0, 1.0);
-    for instance in &mut layout.instances {
+    for instance in layout.instances.iter_mut().filter(|i| !i.absolute_height) {
         let local = instance.transform.t - center;
         instance.transform.t.y += shape.height(local.x, local.z);
     }

@@ -11,6 +11,7 @@ use crate::bake::scene::plant_layout::{
     Individual, PlantInstance, PlantLayout, next_individual, rotation_about_axis, tan_of_slope,
 };
 use crate::bake::scene::scatter;
+use crate::recipe::scene::HeightDatum;
 use crate::recipe::{Growth, PlaceRecipe, Recipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
@@ -39,11 +40,11 @@ pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<Scene
     let mut layout = lay_out(recipe);
     let mut report = Report::default();
     let Some(terrain) = &recipe.terrain else { return Ok(SceneLayout { plants: layout, terrain: None, report }) };
-    // Places give heights above the terrain; scattered plants are placed on it directly.
+    // Places give heights above the terrain unless they count from zero; scattered plants are placed on it directly.
     let (land, folded) = terrain::build_terrain(terrain, recipe.general.seed)?;
     folded.into_iter().for_each(|d| report.push(d));
     let mut beyond = 0_usize;
-    for s in &mut layout.instances {
+    for s in layout.instances.iter_mut().filter(|s| !s.absolute_height) {
         let at = &mut s.transform.t;
         beyond += usize::from(!land.covers(at.x, at.z));
         at.y += land.height_at(at.x, at.z);
@@ -95,7 +96,8 @@ pub fn lay_out(recipe: &Recipe) -> PlantLayout {
             // A plant that grows for its place has grown in the directions of the scene: it is neither turned nor scaled.
             let transform = if in_place { Trs { t: transform.t, ..Trs::IDENTITY } } else { transform };
             let individual = first + shared;
-            layout.instances.push(PlantInstance { individual, transform, slope: None });
+            let absolute_height = place.keys.height_from == HeightDatum::Zero;
+            layout.instances.push(PlantInstance { individual, transform, absolute_height, slope: None });
         }
     }
     name_assets(recipe, &mut layout);

@@ -29,7 +29,9 @@ pub struct PlantInstance {
     pub individual: usize,
     /// World from plant space.
     pub transform: Trs,
-    /// Tangent of the terrain's slope there, by which the foot is sunk; `None` without terrain.
+    /// Whether its height is absolute, so that ground and terrain don't move it.
+    pub absolute_height: bool,
+    /// Tangent of the terrain's slope there, by which the foot is sunk; `None` without terrain and at absolute heights.
     pub slope: Option<f32>,
 }
 

@@ -74,7 +74,7 @@ pub(crate) fn scatter_plants(
                 Rng::at(recipe.general.seed, &["facing".into(), seed.into()]).range(0.0, std::f64::consts::TAU)
             });
             let (transform, slope) = scattered_transform(land, recipe_entry, spot.at, shared_turn, &mut rng);
-            layout.instances.push(PlantInstance { individual, transform, slope: Some(slope) });
+            layout.instances.push(PlantInstance { individual, transform, absolute_height: false, slope: Some(slope) });
         }
         // Plants of later entries keep their distance to those of this one.
         obstacles.extend(

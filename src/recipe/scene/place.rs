@@ -1,11 +1,11 @@
 //! `[[place]]`: copies of a plant around a point, along a line or over an area.
 
 use crate::recipe::resolve::Resolver;
-use crate::recipe::syntax::keys;
 use crate::recipe::syntax::{
-    BooleanType, FileReference, KeyTable as _, NumberArray, OptionalKey, PointList, Reference, SeedType, StringType,
-    TomlNode, TomlTable, TomlValue, degrees, integer, number, point, wrong,
+    BooleanType, FileReference, KeyTable as _, NumberArray, OneOf, OptionalKey, PointList, Reference, SeedType,
+    StringType, TomlNode, TomlTable, TomlValue, degrees, integer, number, point, wrong,
 };
+use crate::recipe::syntax::{choices, keys};
 use crate::recipe::{Growth, PlaceRecipe, PlantRecipe};
 use osier_base::diagnostic::{Diagnostic, Span, nearest};
 use osier_import::GreyImage;
@@ -15,13 +15,25 @@ const MAX_COUNT: u32 = 100_000;
 /// Number of corners of the polygon that approximates a ring. Own: at a radius of 100 m its sides are shorter than a metre.
 const RING_CORNERS: u16 = 720;
 
+choices! {
+    /// Level from which the heights of a place count.
+    HeightDatum {
+        /// The ground or terrain below each copy.
+        Ground = "ground",
+        /// Height 0 of the scene: heights are absolute, and the ground does not move the copies.
+        Zero = "zero",
+    }
+}
+
 keys! {
     /// Places plants in the scene.
     PlaceKeys at "place" {
         /// Name of the plant, as in `[plants.NAME]`.
         plant: String = "plant" StringType(""), basic;
-        /// Position; with `count` the centre of the group.
+        /// Position; with `count` the centre of the group. Y is a height, see `height_from`.
         at: [f64; 3] = "at" point([0.0; 3]), basic;
+        /// What the y of `at` and `along` counts from: the ground below each copy, or height 0 of the scene.
+        height_from: HeightDatum = "height_from" OneOf(HeightDatum::Ground);
         /// Rotation about the vertical axis.
         turn: Option<f64> = "turn_deg" OptionalKey(degrees(0.0, -360.0, 360.0), "0; random in groups"), basic;
         /// Factor on the size of the copies.
@@ -43,7 +55,7 @@ keys! {
         spacing: f64 = "spacing" number(0.0, 0.0, 1e5, "m"), basic;
         /// Smallest distance to plants of earlier `[[place]]` tables.
         clear: f64 = "clear" number(0.0, 0.0, 1e5, "m");
-        /// Corners of a line along which the copies stand, from `at`; y is the height above the ground.
+        /// Corners of a line along which the copies stand, from `at`; y is a height, see `height_from`.
         along: Vec<[f64; 3]> = "along" PointList;
         /// Width (X) and depth (Z) of a rectangle around `at` on whose outline the copies stand, as hedges round a garden.
         outline: Option<[f64; 2]> = "outline" OptionalKey(NumberArray([10.0, 10.0], number(10.0, 0.01, 1e5, "m")), "none");

@@ -137,7 +137,11 @@ fn estimate(input: &EstimateInput) -> u64 {
             // The file of the scene has tracks for each phase that has a skin, the file of the asset for one.
             let nodes = if grows { 0 } else { a.free_instances.min(most_nodes) };
             let of_profile = GltfOptions { profile: *profile, ..options.clone() };
-            let bark = if morphs { tracks::estimate(a.deforming_vertices, input.frames, &of_profile) } else { 0 };
+            let bark = if morphs {
+                tracks::estimate(a.deforming_vertices, a.deforming_meshes, input.frames, &of_profile)
+            } else {
+                0
+            };
             let leaves = if grows { leaf_shapes::estimate(a.free_instances, input.frames, &of_profile) } else { 0 };
             // Own: compression halves morph targets.
             let shapes = (bark + leaves) / if of_profile.compresses() { 2 } else { 1 };

@@ -4,6 +4,7 @@ use glam::{Quat, Vec3};
 
 use super::leaf_shapes::LeafShapes;
 use super::options::GltfOptions;
+use osier_base::convert::limit;
 use osier_base::rng::mix64;
 use osier_scene::{
     Asset, AssetFrame, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, Scene, Trs, instance_states,
@@ -149,15 +150,36 @@ pub(super) struct MorphTrack<'a> {
     pub shapes: &'a [MorphShape],
 }
 
-/// Estimated bytes of the morph targets of a deforming mesh of so many vertices over so many frames.
-pub(super) fn estimate(vertices: u64, frames: u64, options: &GltfOptions) -> u64 {
+/// Estimated bytes of the morph targets of `meshes` deforming meshes of `vertices` points in all, over so many frames.
+pub(super) fn estimate(vertices: u64, meshes: u64, frames: u64, options: &GltfOptions) -> u64 {
     if vertices == 0 {
         return 0;
     }
-    let point = options.target_position_bytes() as u64;
-    let [budget, most] = MORPH_BUDGET.map(|n| n as u64);
-    let targets = frames.min((budget / (point * vertices)).clamp(LEAST_TARGETS as u64, most));
-    targets * vertices * point
+    // The meshes of a plant differ in size; only sums are known, and the budget is that of each.
+    let each = TargetBudget::new(limit(vertices.div_ceil(meshes.max(1))), options.target_position_bytes());
+    frames.min(each.most as u64) * vertices * each.point as u64
+}
+
+/// What the number of points of a mesh allows for its targets.
+#[derive(Debug, Clone, Copy)]
+struct TargetBudget {
+    /// Whether targets have normals. Those of large meshes have none, so that twice as many fit: wood that grows seldom turns.
+    with_normals: bool,
+    /// Bytes of a point of a target.
+    point: usize,
+    /// Most targets.
+    most: usize,
+}
+
+impl TargetBudget {
+    /// `position`: bytes of a point in a target, without its normal.
+    fn new(points: usize, position: usize) -> Self {
+        let [budget, most] = MORPH_BUDGET;
+        let points = points.max(1);
+        let with_normals = (position + MORPH_NORMAL_BYTES).saturating_mul(points).saturating_mul(MORPH_TARGETS) <= budget;
+        let point = if with_normals { position + MORPH_NORMAL_BYTES } else { position };
+        Self { with_normals, point, most: (budget / point.saturating_mul(points)).clamp(LEAST_TARGETS, most) }
+    }
 }
 
 impl MorphKeys {
@@ -168,11 +190,7 @@ impl MorphKeys {
 
     /// `rest`: points of the mesh at rest; `frames`: of the clip; `position`: bytes of a point in a target, without its normal.
     fn new(rest: &[Vec3], frames: usize, position: usize) -> Self {
-        let [budget, most] = MORPH_BUDGET;
-        // Targets of large meshes have no normals, so that twice as many fit: wood that grows seldom turns.
-        let with_normals = (position + MORPH_NORMAL_BYTES) * rest.len() * MORPH_TARGETS <= budget;
-        let point = if with_normals { position + MORPH_NORMAL_BYTES } else { position };
-        let most = (budget / (point * rest.len().max(1))).clamp(LEAST_TARGETS, most);
+        let TargetBudget { with_normals, point, most } = TargetBudget::new(rest.len(), position);
         Self {
             frames: Vec::new(),
             shapes: Vec::new(),
@@ -543,6 +561,28 @@ mod tests {
         let kept = keys(&huge, 120, growth);
         assert_eq!(kept.frames, (0..120).step_by(8).chain([119]).collect::<Vec<_>>());
         assert!(kept.error > 0.001 && kept.error < 0.02, "{}", kept.error);
+    }
+
+    #[test]
+    fn the_estimate_counts_normals_where_targets_have_them() {
+        let options = GltfOptions::default();
+        for (points, frames) in [(1000, 120), (100_000, 40)] {
+            let rest: Vec<Vec3> = (0..points).map(|i| Vec3::Y * (i as f32 / points as f32)).collect();
+            let mut morph = MorphKeys::new(&rest, frames, options.target_position_bytes());
+            for frame in 0..frames {
+                let sway = Vec3::X * osier_base::math::sin_f32(frame as f32);
+                let points = rest.iter().map(|p| *p + sway).collect();
+                morph.push(MorphShape { points, normals: vec![Vec3::Y; rest.len()], unseen: Vec::new() });
+            }
+            morph.close();
+            let written: usize = morph.shapes.iter().map(|s| (s.points.len() + s.normals.len()) * 12).sum();
+            let estimated = estimate(points as u64, 1, frames as u64, &options);
+            let near = (written as f64 / estimated as f64 - 1.0).abs() < 0.05;
+            assert!(near, "{points} points, {} shapes: {written} bytes, estimated {estimated}", morph.shapes.len());
+            assert_eq!(points < 80_000, morph.shapes.iter().all(|s| !s.normals.is_empty()));
+            // Two meshes of half as many points each have the budget of both.
+            assert!(estimate(points as u64, 2, frames as u64, &options) >= estimated);
+        }
     }
 
     #[test]
