@@ -183,8 +183,8 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     let kind = osier_grammar::detect(&file_name(path), &bytes);
     let is_mesh_or_table = has_ending(&["obj", "glb", "gltf", "ifs", "flame"]);
     // Read as a scene, every line of a grammar would be an error. A scene may look like one by an arrow in a comment.
-    let is_grammar = options.dialect.is_some() || matches!(kind, FileKind::Grammar(_)) && !is_toml(&bytes);
-    if source == "-" && is_grammar {
+    let is_grammar = || options.dialect.is_some() || matches!(kind, FileKind::Grammar(_)) && !is_toml(&bytes);
+    if source == "-" && is_grammar() {
         let help = "save it in a file: osier grow FILE.l -o FILE.glb";
         return Err(Diagnostic::about("S001", "grammars are not read from standard input, only scenes")
             .help(help)

@@ -2,6 +2,21 @@
 
 use pyo3::prelude::*;
 
+/// Numbers of SIGINT and SIGTERM.
+const SIGNALS: [i32; 2] = [2, 15];
+
+/// Lets Python install its handlers of signals again. The one that a run has put in their place stays: it only calls those before
+/// it, so that a signal with the default effect, such as SIGTERM, would have none.
+fn reinstall_handlers(py: Python<'_>) {
+    let Ok(module) = py.import("signal") else { return };
+    for number in SIGNALS {
+        // Python refuses outside of its main thread, and for a handler that it did not install.
+        if let Ok(handler) = module.call_method1("getsignal", (number,)) {
+            let _ = module.call_method1("signal", (number, handler));
+        }
+    }
+}
+
 /// Runs the program osier as Python calls it.
 #[pymodule]
 mod osier {
@@ -30,7 +45,9 @@ mod osier {
         };
         let code = py.detach(|| ::osier::cli::run(std::iter::once(OsString::from("osier")).chain(arguments)));
         // Python has noted SIGINT, too, and would raise KeyboardInterrupt after a run that has already stopped because of it.
-        match py.check_signals() {
+        let noted = py.check_signals();
+        super::reinstall_handlers(py);
+        match noted {
             Err(e) if !e.is_instance_of::<PyKeyboardInterrupt>(py) => Err(e),
             _ => Ok(code),
         }

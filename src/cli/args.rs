@@ -269,8 +269,8 @@ pub struct List {
     /// What to list.
     #[arg(value_enum, default_value = "presets")]
     pub what: What,
-    /// With `options`: only keys whose name, table or help has a word that begins with each of these. With `knobs`: the scene
-    /// or grammar. With `entries`: the files.
+    /// With `options`: only keys in whose name, table or help each of these begins a word. With `knobs`: the scene or grammar. With
+    /// `entries`: the files.
     #[arg(value_name = "WORD")]
     pub words: Vec<String>,
     /// With `presets`: also draw a small picture of each into this folder.

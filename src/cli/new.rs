@@ -20,7 +20,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         return Ok(2);
     }
     if let Some(flag) = flag_of_scenes(context) {
-        let why = format!("{flag} does not change what `new` copies; edit the copied scene, or give {flag} to `bake`");
+        let why = format!("{flag} does not change what `new` copies; edit the copied scene");
         context.console.complain(&why);
         return Ok(2);
     }

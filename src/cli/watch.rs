@@ -23,8 +23,9 @@ const FIRST_MEASUREMENT: Duration = Duration::from_millis(500);
 /// Most bytes of `/proc/self/status`, which lists processors and groups.
 const STATUS_BYTES: u64 = 1 << 16;
 
-/// The handlers of signals of a run. Dropping it removes them, so that a process that runs osier as a library, such as an
-/// interpreter of Python, has its own again.
+/// The handlers of signals of a run. Dropping it removes them, so that in a process that runs osier as a library, such as an
+/// interpreter of Python, a signal again calls only the handler that was there before. A signal with the default effect then has
+/// none, until the process installs its handlers again.
 pub(super) struct SignalWatch {
     ids: Vec<SigId>,
     is_over: Arc<AtomicBool>,
@@ -44,16 +45,16 @@ impl Drop for SignalWatch {
 pub(super) fn listen(cancel: &Cancel) -> std::io::Result<SignalWatch> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     use signal_hook::flag;
-    let mut ids = Vec::new();
+    // What is registered before an error is removed again.
+    let mut watch = SignalWatch { ids: Vec::new(), is_over: Arc::default() };
     let armed = Arc::new(AtomicBool::new(false));
     // Order matters: the conditional exit is registered before the handler that arms it, so that the first signal only
     // arms it and the second one exits. Codes are 128 plus the signal's number, as shells have them.
     for (signal, code, number) in [(SIGINT, 130, 2), (SIGTERM, 143, 15)] {
-        ids.push(flag::register_conditional_shutdown(signal, code, Arc::clone(&armed))?);
-        ids.push(flag::register(signal, Arc::clone(&armed))?);
-        ids.push(flag::register_usize(signal, cancel.flag(), number)?);
+        watch.ids.push(flag::register_conditional_shutdown(signal, code, Arc::clone(&armed))?);
+        watch.ids.push(flag::register(signal, Arc::clone(&armed))?);
+        watch.ids.push(flag::register_usize(signal, cancel.flag(), number)?);
     }
-    let watch = SignalWatch { ids, is_over: Arc::default() };
     let (is_over, cancel) = (Arc::clone(&watch.is_over), cancel.clone());
     // The request is polled, since Windows has no iterator over signals.
     std::thread::Builder::new().name("signals".into()).spawn(move || {

@@ -2,6 +2,7 @@
 #![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run programs and read their files")]
 
 use std::fs;
+use std::os::unix::process::ExitStatusExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
@@ -96,6 +97,10 @@ fn a_wheel_in_a_clean_environment_is_the_program() {
                  except KeyboardInterrupt:\n    time.sleep(2)\n    print('goes on')";
     let output = Command::new(&own).args(["-c", after]).output().expect("python");
     assert!(output.status.success() && String::from_utf8_lossy(&output.stdout).ends_with("goes on\n"), "{output:?}");
+    let ended = "import osier, os, signal, time\nosier.main(['list', 'limits'])\n\
+                 os.kill(os.getpid(), signal.SIGTERM)\ntime.sleep(9)";
+    let output = Command::new(&own).args(["-c", ended]).output().expect("python");
+    assert_eq!(output.status.signal(), Some(15), "{output:?}");
 
     // Signals end a bake with their code and without unfinished files, although Python has handlers of its own.
     for (signal, code) in [(Signal::TERM, 143), (Signal::INT, 130)] {

@@ -218,16 +218,19 @@ fn a_rerun_keeps_what_is_proved_and_makes_what_is_not() {
 
 #[test]
 fn no_manifest_lists_files_that_another_bake_replaced() {
-    let dir = tempfile::tempdir().expect("dir");
-    let folder = Folder::open_with(dir.path(), options("a", Arc::new(Quick))).expect("folder");
-    folder.write("main.usda", "usda", b"one").expect("write");
-    // Another scene is baked into the folder meanwhile.
-    bake(dir.path(), options("b", Arc::new(Quick))).expect("the other");
-    let end = folder.write(MANIFEST, "manifest", b"main.usda 3");
-    assert_eq!(end.map_err(|e| e.exit_code()), Err(75));
-    assert!(!dir.path().join(MANIFEST).exists());
-    bake(dir.path(), options("a", Arc::new(Quick))).expect("again");
-    assert_eq!(tree(dir.path()), undisturbed("a"));
+    // One that the other replaces by a file of another length, one of the same length, and one that it removes.
+    for (path, bytes) in [("main.usda", &b"one"[..]), ("main.usda", b"thirteen byte"), ("gltf/only_a.glb", b"one")] {
+        let dir = tempfile::tempdir().expect("dir");
+        let folder = Folder::open_with(dir.path(), options("a", Arc::new(Quick))).expect("folder");
+        folder.write(path, "usda", bytes).expect("write");
+        // Another scene is baked into the folder meanwhile.
+        bake(dir.path(), options("b", Arc::new(Quick))).expect("the other");
+        let end = folder.write(MANIFEST, "manifest", path.as_bytes());
+        assert_eq!(end.map_err(|e| e.exit_code()), Err(75), "{path} {}", bytes.len());
+        assert!(!dir.path().join(MANIFEST).exists());
+        bake(dir.path(), options("a", Arc::new(Quick))).expect("again");
+        assert_eq!(tree(dir.path()), undisturbed("a"));
+    }
 }
 
 #[test]
@@ -240,6 +243,9 @@ fn without_a_key_no_file_of_an_earlier_run_is_kept() {
     assert_eq!(read(&dir.path().join("main.usda")), b"another scene");
     // Of one run it is finished: exporters share textures.
     assert!(folder.create("main.usda", "usda", None).expect("create").is_none());
+    folder.write(MANIFEST, "manifest", b"main.usda").expect("write");
+    folder.finish().expect("finish");
+    assert_eq!(tree(dir.path()).into_keys().collect::<Vec<_>>(), [".osier", "main.usda", MANIFEST]);
 }
 
 #[test]

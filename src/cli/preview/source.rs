@@ -69,8 +69,8 @@ pub fn load(
 /// As [`load`].
 pub fn layered_picture(context: &Context, args: &Preview) -> Result<Option<(Recipe, Report)>> {
     let path = Path::new(&args.source);
-    // Standard input can be read only once; meshes and folders are not scenes.
-    if args.source == "-" || is_bake(path) || (args.source.contains('.') && ending(path) != "toml") {
+    // Meshes and folders are not scenes.
+    if is_bake(path) || (args.source.contains('.') && ending(path) != "toml") {
         return Ok(None);
     }
     let request = find_scene(&args.source, &context.sources)?;

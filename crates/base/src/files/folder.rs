@@ -36,7 +36,8 @@ pub struct FileRecord {
 #[derive(Debug, Clone)]
 pub struct WriteOptions {
     /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept; with an empty
-    /// key, which says nothing of the bytes, every file is written.
+    /// key, which says nothing of the bytes, every file is written, and files of earlier runs are removed as those of another key
+    /// are.
     pub key: String,
     /// Overwrite files that osier did not write, instead of ending with [`Error::Foreign`].
     pub force: bool,
@@ -231,14 +232,18 @@ impl Folder {
             // Other processes may have finished files of the same key; their lengths are checked, their hashes only when
             // reused.
             let length = fs::symlink_metadata(self.root().join(path)).map(|m| m.len());
-            let kept =
-                entries.iter().find(|e| e.key == self.shared.key && length.as_ref().is_ok_and(|l| *l == e.bytes));
+            let kept = entries.iter().find(|e| self.is_own_key(e) && length.as_ref().is_ok_and(|l| *l == e.bytes));
             files.extend(kept.map(|e| (path.clone(), e.clone())));
         }
         files.extend(finished.values().map(|r| (r.path.clone(), self.entry(r))));
         let path = self.root().join(JOURNAL);
         journal.rewrite(files).map_err(|e| Error::io("write", path, e))?;
         retry(|| self.disk().sync_dir(self.root())).map_err(|e| Error::io("sync", self.root(), e))
+    }
+
+    /// Whether an entry is of this key. An empty key, which may be that of any other scene, has no entries of its own.
+    fn is_own_key(&self, entry: &JournalEntry) -> bool {
+        !self.shared.options.key.is_empty() && entry.key == self.shared.key
     }
 
     fn entry(&self, record: &FileRecord) -> JournalEntry {
@@ -350,12 +355,26 @@ impl Folder {
         Ok(())
     }
 
-    /// Refuses to list files that a bake under another key has replaced meanwhile, as both manifests would then be wrong of some
-    /// files. A file that was only removed is told by the manifest.
+    /// Refuses to list files that a bake under another key has replaced or removed meanwhile, as both manifests would then be
+    /// wrong of some files. A file that someone else removed is told by the manifest.
     fn check_finished(&self) -> Result<()> {
         let mut state = self.state();
+        // As it is on disk: another bake adds its lines, and at its end takes out those of this one.
+        let journal = Journal::open(self.disk(), self.root()).ok();
         let is_replaced = |record: &&FileRecord| {
-            fs::symlink_metadata(self.root().join(&record.path)).is_ok_and(|found| found.len() != record.bytes)
+            let entry = self.entry(record);
+            let lines: Vec<&JournalEntry> = journal.iter().flat_map(|j| j.entries(&record.path)).collect();
+            let is_listed = lines.contains(&&entry);
+            match fs::symlink_metadata(self.root().join(&record.path)) {
+                Ok(found) if found.len() != record.bytes => true,
+                // A file of the same length is read only if the journal has another content of that length.
+                Ok(_) => {
+                    let is_other = |line: &&JournalEntry| line.bytes == entry.bytes && line.blake3 != entry.blake3;
+                    let is_doubtful = !is_listed || lines.iter().any(is_other);
+                    is_doubtful && self.verified_entry(&record.path, [&entry]).is_none()
+                }
+                Err(_) => !is_listed,
+            }
         };
         let Some(replaced) = state.finished.values().find(is_replaced).map(|record| record.path.clone()) else {
             return Ok(());
@@ -363,7 +382,8 @@ impl Folder {
         // The manifest may be that of the other bake.
         state.manifest_withdrawn = false;
         self.withdraw_manifest(&mut state)?;
-        let why = io::Error::new(io::ErrorKind::ResourceBusy, "another bake into this folder replaced it; run again");
+        let why = "another bake into this folder replaced or removed it; run again";
+        let why = io::Error::new(io::ErrorKind::ResourceBusy, why);
         Err(Error::io("keep", self.root().join(replaced), why))
     }
 
@@ -399,7 +419,7 @@ impl Folder {
         let stale = journal.files().filter(|(path, entries)| {
             path.as_str() != MANIFEST
                 && !state.finished.contains_key(*path)
-                && entries.iter().all(|e| e.key != self.shared.key)
+                && entries.iter().all(|e| !self.is_own_key(e))
                 && self.is_own_folder(path.rsplit_once('/').map_or("", |(folder, _)| folder))
         });
         for (path, entries) in stale {

@@ -26,12 +26,13 @@ pub fn read_input(path: &Path, limit: u64) -> Result<Vec<u8>> {
 /// Bytes of standard input; `None` if it has more than `limit`. They are kept, since a sweep reads its scene once for every run
 /// and a pipe can be read only once.
 fn standard_input(limit: u64) -> io::Result<Option<Vec<u8>>> {
-    static KEPT: Mutex<Option<Vec<u8>>> = Mutex::new(None);
+    // Whether it has been read, and its bytes, `None` if there were too many: another call must not take the rest for the whole.
+    static KEPT: Mutex<(bool, Option<Vec<u8>>)> = Mutex::new((false, None));
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-    if kept.is_none() {
-        *kept = read_limited(io::stdin().lock(), limit)?;
+    if !kept.0 {
+        *kept = (true, read_limited(io::stdin().lock(), limit)?);
     }
-    Ok(kept.clone().filter(|bytes| bytes.len() as u64 <= limit))
+    Ok(kept.1.clone().filter(|bytes| bytes.len() as u64 <= limit))
 }
 
 pub(super) fn too_long(path: &Path, limit: u64) -> Error {

@@ -7,6 +7,7 @@ mod scan;
 mod tokens;
 
 use std::cell::Cell;
+use std::io::Read as _;
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
@@ -40,12 +41,13 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
     }
     library.add_undescribed(&scan.materials);
     // Materials are known from the first line on, whether or not the text names a library.
-    let plain = format!("mtllib all\n{}", tokens::plain(&text));
+    let plain = tokens::plain(&text);
+    let mut with_library = "mtllib all\n".as_bytes().chain(plain.as_bytes());
     let options = tobj::LoadOptions { single_index: true, triangulate: false, ..tobj::LoadOptions::default() };
     // All libraries are handed over at the first `mtllib`, which is ours, none again at the others; nothing is opened.
     let mtl = Cell::new(library.text.as_str());
     let loaded =
-        tobj::load_obj_buf(&mut plain.as_bytes(), &options, |_: &Path| tobj::load_mtl_buf(&mut mtl.take().as_bytes()));
+        tobj::load_obj_buf(&mut with_library, &options, |_: &Path| tobj::load_mtl_buf(&mut mtl.take().as_bytes()));
     let damaged = |context: &ImportContext<'_>, e: tobj::LoadError| {
         context.error_about_file("X010", format_args!("is damaged: {e}"))
     };

@@ -12,8 +12,20 @@ use osier_base::geometry::Bounds;
 pub enum CellDiagonal {
     /// From -x -z to +x +z.
     Main,
-    /// That of the smaller height difference, and from +x -z to -x +z if both are equal: as the mesh of a terrain.
+    /// That of the smaller height difference, which follows ridges and valleys better than a fixed one, and from +x -z to -x +z if
+    /// both are equal: as the mesh of a terrain.
     SmallerDifference,
+}
+
+impl CellDiagonal {
+    /// Whether a cell is divided from -x -z to +x +z. Heights of its corners, m: at -x -z, +x -z, -x +z, +x +z.
+    #[inline]
+    pub fn is_main(self, [a, b, c, d]: [f32; 4]) -> bool {
+        match self {
+            Self::Main => true,
+            Self::SmallerDifference => (a - d).abs() < (b - c).abs(),
+        }
+    }
 }
 
 /// Heights on a grid of square cells over a rectangle, from which [`LandForm::over`] makes a solid.
@@ -119,21 +131,13 @@ impl LandForm {
         (cell, at - cell as f32)
     }
 
-    /// Whether a cell is divided from -x -z to +x +z. Heights of its corners, m: at -x -z, +x -z, -x +z, +x +z.
-    fn is_divided_along_main(&self, [a, b, c, d]: [f32; 4]) -> bool {
-        match self.diagonal {
-            CellDiagonal::Main => true,
-            CellDiagonal::SmallerDifference => (a - d).abs() < (b - c).abs(),
-        }
-    }
-
     /// Height at (x, z), m; outside the rectangle, that of the nearest point of its edge.
     #[inline]
     pub fn height(&self, at: Vec2) -> f32 {
         let ((x, u), (z, v)) = (self.column(at.x), self.row(at.y));
         let h = |i: usize, k: usize| self.heights[(z + k) * self.columns + x + i];
         let [a, b, c, d] = [h(0, 0), h(1, 0), h(0, 1), h(1, 1)];
-        if self.is_divided_along_main([a, b, c, d]) {
+        if self.diagonal.is_main([a, b, c, d]) {
             if u >= v { a + (b - a) * u + (d - b) * v } else { a + (c - a) * v + (d - c) * u }
         } else if u + v <= 1.0 {
             a + (b - a) * u + (c - a) * v
@@ -215,7 +219,7 @@ impl LandForm {
         let (x, u) = self.column(at.x);
         let (z, v) = self.row(at.z);
         let (x, z) = (x.cast_signed(), z.cast_signed());
-        let lower = if self.is_divided_along_main(self.corner_heights(x, z)) { u >= v } else { u + v <= 1.0 };
+        let lower = if self.diagonal.is_main(self.corner_heights(x, z)) { u >= v } else { u + v <= 1.0 };
         let normal = self.normal(x, z, lower);
         // Far from the surface a lower bound of the distance is enough: the height times the cosine of the steepest slope.
         if gap.abs() > 3.0 * self.step {
@@ -238,7 +242,7 @@ impl LandForm {
                     self.corner(cx, cz + 1),
                     self.corner(cx + 1, cz + 1),
                 ];
-                let halves = if self.is_divided_along_main(c.map(|p| p.y)) {
+                let halves = if self.diagonal.is_main(c.map(|p| p.y)) {
                     [([c[0], c[3], c[1]], true), ([c[0], c[2], c[3]], false)]
                 } else {
                     [([c[0], c[2], c[1]], true), ([c[1], c[2], c[3]], false)]
@@ -258,7 +262,7 @@ impl LandForm {
         Nearest { distance: distance * sign, normal: if distance > 1e-5 { out / distance } else { flat } }
     }
 
-    /// Heights of the corners of the cell (x, z), m, in the order of [`LandForm::is_divided_along_main`].
+    /// Heights of the corners of the cell (x, z), m, in the order of [`CellDiagonal::is_main`].
     fn corner_heights(&self, x: isize, z: isize) -> [f32; 4] {
         [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, k)| self.corner(x + i, z + k).y)
     }
@@ -268,7 +272,7 @@ impl LandForm {
         let c = |i, k| self.corner(x + i, z + k);
         // Sides along x and along z of the triangle.
         let along = if lower { c(1, 0) - c(0, 0) } else { c(1, 1) - c(0, 1) };
-        let is_main = self.is_divided_along_main(self.corner_heights(x, z));
+        let is_main = self.diagonal.is_main(self.corner_heights(x, z));
         let across = if lower == is_main { c(1, 1) - c(1, 0) } else { c(0, 1) - c(0, 0) };
         across.cross(along).normalize()
     }

@@ -291,7 +291,7 @@ impl<'a> PlantSource<'a> {
         let proto = |i: usize| instancer.protos.get(i).map_or(0, |p| *p as usize);
         let of = |list: &dyn Fn(usize) -> f64| members.iter().map(|i| list(proto(*i))).sum::<f64>();
         let areas: Vec<f64> = instancer.prototypes.iter().map(|p| seen_area(&p.mesh)).collect();
-        let simple_areas: Vec<f64> = blades.iter().map(area).collect();
+        let simple_areas: Vec<f64> = blades.iter().map(seen_area).collect();
         let at = |list: &[f64], p: usize| list.get(p).copied().unwrap_or(0.0);
         // Leaf area of the full crown, m^2, and triangles of all simpler blades. As many instances are kept as fit, nested from
         // level to level, and enlarged until they cover the full area.
@@ -426,7 +426,7 @@ fn rhombus(mesh: &Mesh) -> Option<Mesh> {
     };
     // Needles, which share few points, stand all round their twig: a rhombus that leans by 45 degrees is seen from above and from the
     // side.
-    let is_round = mesh.points.len() > mesh.triangles.len();
+    let is_round = mesh.points.len() > mesh.triangles.len() && faces_all_round(mesh);
     let across = if is_round { Vec3::new(1.0, 0.0, 1.0).normalize() } else { Vec3::X };
     // Base, right side, tip, left side: counter-clockwise seen from above.
     let corners = [extreme(Vec3::NEG_Y)?, extreme(across)?, extreme(Vec3::Y)?, extreme(-across)?];
@@ -448,6 +448,15 @@ fn rhombus(mesh: &Mesh) -> Option<Mesh> {
     let normal = (right - left).cross(tip - base).normalize_or(Vec3::Z);
     blade.normals = vec![normal; corners.len()];
     (own > 1e-12).then_some(blade)
+}
+
+/// Whether the triangles of a mesh face all round: their mean normal, weighted by area, is shorter than half a unit. That of a blade
+/// is longer, also if its triangles share no points, unless it is rolled up.
+fn faces_all_round(mesh: &Mesh) -> bool {
+    let point = |i: u32| mesh.points.get(i as usize).copied().unwrap_or_default();
+    let normals = mesh.triangles.iter().map(|[a, b, c]| (point(*b) - point(*a)).cross(point(*c) - point(*a)));
+    let (sum, whole) = normals.fold((Vec3::ZERO, 0.0_f32), |(sum, whole), n| (sum + n, whole + n.length()));
+    sum.length() < 0.5 * whole
 }
 
 /// Factor for the size of leaves of area `covered` to replace an area `wanted`, from 1 to [`tuning::MOST_GROWTH`].
@@ -526,6 +535,24 @@ mod tests {
         let mut dense = Mesh::default();
         (0..20).for_each(|_| dense.append(&brush));
         assert!((seen_area(&dense) - 0.03 * 0.109).abs() < 1e-6, "{}", seen_area(&dense));
+    }
+
+    /// Twenty triangles without common points, as of a file with a normal for each face: a flat blade of 0.1 m x 0.02 m.
+    #[test]
+    fn a_blade_of_single_faces_stays_in_its_plane() {
+        let mut blade = Mesh::default();
+        let mut triangles = Vec::new();
+        for (row, first) in (0_u8..10).zip((0_u32..).step_by(6)) {
+            let (low, high) = (f32::from(row) * 0.01, f32::from(row) * 0.01 + 0.01);
+            let [a, b, c, d] =
+                [(-0.01, low), (0.01, low), (0.01, high), (-0.01, high)].map(|(x, y)| Vec3::new(x, y, 0.0));
+            blade.points.extend([a, b, c, a, c, d]);
+            triangles.extend([[first, first + 1, first + 2], [first + 3, first + 4, first + 5]]);
+        }
+        blade.append_subset(0, triangles);
+        let simple = rhombus(&blade).expect("it has an extent");
+        assert!(simple.normals.iter().all(|n| n.z > 0.99), "{:?}", simple.normals);
+        assert!((simple.bounds().size().x - 0.02).abs() < 1e-6, "{}", simple.bounds().size());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{Terrain, splits_along_main_diagonal};
+use super::{DIAGONAL, Terrain};
 use osier_base::par::par_map;
 use osier_scene::Mesh;
 
@@ -43,8 +43,7 @@ impl Terrain {
                 let [first, width] = [(j - along[0]) * width + (i - across[0]), width].map(|k| k as u32);
                 let [a, b, c, d] = [first, first + 1, first + width, first + width + 1];
                 // Two triangles, along the diagonal of the smaller height difference.
-                let [ha, hb, hc, hd] = self.corners(i * s, j * s);
-                let halves = if splits_along_main_diagonal(ha, hb, hc, hd) {
+                let halves = if DIAGONAL.is_main(self.corners(i * s, j * s)) {
                     [[a, d, b], [a, c, d]]
                 } else {
                     [[a, c, b], [b, c, d]]

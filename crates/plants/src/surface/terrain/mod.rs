@@ -25,10 +25,14 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use osier_base::{Error, Result};
+use osier_scene::solid::CellDiagonal;
 
 pub use height_map::HeightMapParams;
 pub use material::{TerrainColors, terrain_material};
 pub use surface::{MeshTerrain, SurfaceHit, TerrainSurface};
+
+/// How the cells of the mesh are divided.
+const DIAGONAL: CellDiagonal = CellDiagonal::SmallerDifference;
 
 /// Parameters of [`Terrain::generate`]: midpoint displacement on a square.
 #[derive(Debug, Clone, PartialEq)]
@@ -192,7 +196,7 @@ impl Terrain {
         let ((i, f), (j, g)) = (across(self.counts[0], u), across(self.counts[1], v));
         let [a, b, c, d] = self.corners(i, j);
         // The plane of the triangle that holds the point: h + f dx + g dz, from the corner heights.
-        let (dx, dz, h) = if splits_along_main_diagonal(a, b, c, d) {
+        let (dx, dz, h) = if DIAGONAL.is_main([a, b, c, d]) {
             // Split from -x -z to +x +z.
             if f >= g { (b - a, d - b, a) } else { (d - c, c - a, a) }
         } else if f + g <= 1.0 {
@@ -228,10 +232,4 @@ impl Terrain {
         let dz = (self.height(i, s) - self.height(i, n)) * rate(along);
         Vec3::new(-dx, 1.0, -dz).normalize()
     }
-}
-
-/// True if a cell is split from (-x, -z) to (+x, +z): along the diagonal of the smaller height difference, which follows
-/// ridges and valleys better than a fixed one.
-fn splits_along_main_diagonal(a: f32, b: f32, c: f32, d: f32) -> bool {
-    (a - d).abs() < (b - c).abs()
 }
