@@ -87,7 +87,7 @@ fn wake_of_a_wall(spacing: f64, seed: u64) -> WallWakeStats {
 }
 
 #[test]
-#[ignore = "a quarter of an hour; tests/full.sh runs it"]
+#[ignore = "half an hour; tests/full.sh runs it"]
 fn wake_by_size_of_cells() {
     let spacings: Vec<f64> = std::env::var("OSIER_SPACINGS")
         .map_or_else(|_| vec![1.0, 0.5, 0.25], |list| list.split(',').map(|v| v.parse().expect("spacings")).collect());

@@ -67,8 +67,8 @@ pub(super) fn place_rings(scratch: &mut RingScratch, first: FirstRing, turn: f32
     // Keep as few of its points as the tolerances allow, then propagate the reference of the first ring.
     select_rings(&scratch.fine, &scratch.tangents, &scratch.edges, turn, fixed, out);
     transport_references(&mut out[start..], e0);
-    // Rings that intersect would turn quads inside out: tilt them apart, then remove those that still cross.
-    if out[start..].windows(2).any(|w| rings_cross(&w[0], &w[1])) {
+    // Rings that intersect or face back would turn quads inside out: tilt them, then remove those that still cross.
+    if out[start..].windows(2).any(|w| rings_cross(&w[0], &w[1]) || one_faces_back(&w[0], &w[1])) {
         tilt_crossing_rings(&mut out[start..], e0, fixed);
         remove_crossing_rings(start, out);
         transport_references(&mut out[start..], e0);
@@ -264,31 +264,38 @@ fn exceeds_swell(from: CurvePoint, curve: &[CurvePoint]) -> bool {
     between.iter().any(|k| (k.r - math::lerp(from.r, to.r, (k.s - from.s) / span)).abs() > SWELL_TOLERANCE * k.r)
 }
 
-/// Whether a point of ring `b` lies behind the corresponding point of ring `a`, seen along the mean of their tangents, or one of
-/// the rings faces back on the way between them, as at a hairpin of which points were left out.
+/// Whether a point of ring `b` lies behind the corresponding point of ring `a`, seen along the mean of their tangents.
 /// The distance of corresponding points along that mean is ahead + x cos a + y sin a, negative somewhere if ahead^2 < x^2 + y^2
 /// (here with a margin of 5 %).
 fn rings_cross(a: &Ring, b: &Ring) -> bool {
     // The polygons are compared along the sum of both tangents; its length cancels in the test below.
-    let (m, step) = (a.t + b.t, b.c - a.c);
-    if step.dot(a.t) < 0.0 || step.dot(b.t) < 0.0 {
-        return true;
-    }
-    let ahead = step.dot(m);
+    let m = a.t + b.t;
+    let ahead = (b.c - a.c).dot(m);
     let x = (b.e * b.r - a.e * a.r).dot(m);
     let y = (b.t.cross(b.e) * b.r - a.t.cross(a.e) * a.r).dot(m);
     ahead <= 0.0 || ahead * ahead <= 1.05 * (x * x + y * y)
 }
 
-/// Tilts the planes of crossing neighbours towards their chord until both together lean by at most [`MAX_LEAN_SHARE`] of their
-/// distance. `fixed`: the first ring stays as it is.
+/// Least cosine between the tangent of a ring and the way to its neighbour that counts as facing back. Rounding: the ring at a
+/// hairpin stands across the ways on both of its sides.
+const BACK: f32 = -1e-3;
+
+/// Whether one of two neighbouring rings faces back on the way between them, as at a hairpin of which points were left out. No
+/// reason to remove a ring: all that follow a hairpin lie behind the ring before it.
+fn one_faces_back(a: &Ring, b: &Ring) -> bool {
+    let step = b.c - a.c;
+    step.dot(a.t).min(step.dot(b.t)) < BACK * step.length()
+}
+
+/// Tilts the planes of neighbours that cross or face back towards their chord until both together lean by at most
+/// [`MAX_LEAN_SHARE`] of their distance. `fixed`: the first ring stays as it is.
 fn tilt_crossing_rings(rings: &mut [Ring], e0: Vec3, fixed: bool) {
     for pass in 0..TILT_PASSES {
         for k in 1..rings.len() {
             let i = if pass % 2 == 0 { k } else { rings.len() - k };
             let (a, b) = (rings[i - 1], rings[i]);
             let d = a.c.distance(b.c);
-            if d < 1e-9 || !rings_cross(&a, &b) {
+            if d < 1e-9 || !(rings_cross(&a, &b) || one_faces_back(&a, &b)) {
                 continue;
             }
             // Radius times the sine against the chord: how far a plane leans towards the other.
@@ -330,10 +337,15 @@ fn sine(a: Vec3, b: Vec3) -> f32 {
     (1.0 - a.dot(b) * a.dot(b)).max(0.0).sqrt()
 }
 
-/// The unit vector whose sine against `chord` is `share` of that of `t`, on the same side, leaning forward.
+/// The unit vector whose sine against `chord` is `share` of that of `t`, on the same side, leaning forward. A `t` that faces
+/// back is turned across the chord only: the chord on the other side of a hairpin runs the opposite way.
 fn tilt_towards(t: Vec3, chord: Vec3, share: f32) -> Vec3 {
     // Scale the component across the chord, |across| = sine, and restore unit length by the cosine.
-    let across = t - chord * t.dot(chord);
+    let ahead = t.dot(chord);
+    let across = t - chord * ahead;
+    if ahead < BACK && across.length_squared() > 1e-6 {
+        return across.normalize();
+    }
     let s = across.length() * share;
     let c = (1.0 - s * s).max(0.0).sqrt();
     math::normalize_or(chord * c + across * share, chord)
@@ -409,13 +421,25 @@ mod tests {
     }
 
     #[test]
-    fn a_ring_that_faces_back_crosses_its_neighbour() {
+    fn rings_of_a_hairpin_face_forward_and_stay() {
         let ring = |c: Vec3, t: Vec3| Ring { c, t, e: math::perpendicular(t), r: 0.0017, slope: 0.0, s: 0.0, v: 0.0 };
         let (low, high) = (ring(Vec3::ZERO, Vec3::Y), Vec3::new(0.002, 0.031, -0.0115));
         // Leaning by 47 degrees from the way between the rings, which are 20 radii apart, and the same reversed.
         let t = Vec3::new(0.61, 0.69, -0.27).normalize();
-        assert!(!rings_cross(&low, &ring(high, t)));
-        assert!(rings_cross(&low, &ring(high, -t)) && rings_cross(&ring(Vec3::ZERO, -Vec3::Y), &ring(high, t)));
+        assert!(!one_faces_back(&low, &ring(high, t)));
+        assert!(one_faces_back(&low, &ring(high, -t)) && one_faces_back(&ring(Vec3::ZERO, -Vec3::Y), &ring(high, t)));
+        // Five rings up, one that leans by 40 degrees at the bend, seven down beside them, 18 radii apart.
+        let up = (0_u8..5).map(|i| ring(Vec3::Y * (0.03 * f32::from(i)), Vec3::Y));
+        let bend = ring(Vec3::Y * 0.15, Vec3::new(0.643, 0.766, 0.0).normalize());
+        let down = (1_u8..8).map(|i| {
+            let i = f32::from(i);
+            ring(Vec3::new(0.0002 + 0.0006 * i, 0.15 - 0.03 * i, 0.0), Vec3::new(0.02, -1.0, 0.0).normalize())
+        });
+        let mut rings: Vec<Ring> = up.chain([bend]).chain(down).collect();
+        transport_references(&mut rings, Vec3::X);
+        tilt_crossing_rings(&mut rings, Vec3::X, false);
+        remove_crossing_rings(0, &mut rings);
+        assert!(rings.len() == 13 && !rings.windows(2).any(|w| one_faces_back(&w[0], &w[1])), "{rings:?}");
     }
 
     #[test]
