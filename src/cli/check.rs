@@ -10,7 +10,7 @@ use crate::check::{CheckResult, check};
 use crate::recipe::{GivenKey, Request, resolve};
 use crate::single_file::DerivedText;
 use crate::source::{entry_sources, find_scene};
-use osier_base::diagnostic::{Severity, render_json};
+use osier_base::diagnostic::{Severity, render_json, visible};
 use osier_base::{Error, Result};
 
 /// A key that a scene sets as JSON: path, value, file and byte range of the value.
@@ -51,11 +51,23 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
     // A file of several L-systems is checked entry by entry.
     let mut files = Vec::new();
     for file in &args.files {
-        files.extend(entry_sources(file, &context.limits).unwrap_or_else(|_| vec![file.clone()]));
+        let entries = entry_sources(file, &context.limits).unwrap_or_else(|_| vec![file.clone()]);
+        // Each entry is read from the whole file: the time grows as the square of their number.
+        let about = format!("number of L-systems in \"{}\"", visible(file));
+        match context.limits.check("entries", entries.len() as u64, &about) {
+            Ok(()) => files.extend(entries.into_iter().map(|e| (e, None))),
+            Err(Error::Limit { name, wanted, limit, flag }) => {
+                let flag = format!("{flag}, or check one of them: \"{}\"", entries.first().map_or("", |e| e.as_str()));
+                files.push((file.clone(), Some(Error::Limit { name, wanted, limit, flag })));
+            }
+            Err(other) => return Err(other),
+        }
     }
-    for file in &files {
+    for (file, refused) in files {
+        let file = &file;
         let mut string = None;
-        let found = match find_scene(file, &context.sources) {
+        let request = refused.map_or_else(|| find_scene(file, &context.sources), Err);
+        let found = match request {
             Ok(request) => {
                 let mut found = check(&request, context.common.verbose, &work);
                 if args.string {

@@ -449,7 +449,6 @@ fn python_that_is_more_than_rules_is_refused_by_name() {
         ("?F(f) --> F", "the query '?F'"),
         ("A(**rest) --> F", "'**rest' as the name of a parameter"),
         ("A(x) --> F(**x)", "'**', arguments by name"),
-        ("A(x) >> B --> F", "a context of the new string"),
         ("class P:\n  pass", "'class' outside of a production"),
     ] {
         let text = of(rules);
@@ -522,8 +521,95 @@ fn new_contexts_of_lpy_see_what_the_step_made() {
     // Branches are passed over, and see the axis that carries them. Parameters are those of the new module.
     assert_eq!(lpy_string("C(1)[A]XA", 1, "C(n) << A --> C(n+1)\nX --> *"), "C(1)[C(2)]C(2)");
     assert_eq!(lpy_string("DCA", 1, "D << C < A --> E\nC --> *"), "DE");
-    let right = refused("m.lpy", "Axiom: AB\nderivation length: 1\nproduction:\nA >> B --> B\nendlsystem\n");
-    assert!(right.contains("'>>'") && right.contains("'<<'") && right.contains("m.lpy:4:1"), "{right}");
+    // The order of L-Py: the context of the string before the step stands outside.
+    assert_eq!(lpy_string("ABC", 1, "A --> D\nA < D << B > C --> E"), "DEC");
+}
+
+#[test]
+fn groups_of_lpy_are_active_in_their_steps() {
+    let model = |each: &str| {
+        format!(
+            "def StartEach():\n{each}Axiom: AB\nderivation length: 3\nproduction:\nB --> BB\ngroup 1:\nA --> CA\ngroup 2:\n\
+             A --> DA\nendgroup\nendlsystem\n"
+        )
+    };
+    let string = |each: &str| {
+        let (g, _) = read_bytes("m.lpy", model(each).as_bytes(), ReadAs::default()).expect("read");
+        draw_steps(&g, None).string
+    };
+    // The productions outside of groups apply in every step.
+    let turns = "  if getIterationNb() < 2:\n    useGroup(1)\n  else:\n    useGroup(2)\n";
+    assert_eq!(string(turns), "CCDABBBBBBBB");
+    assert_eq!(string("  useGroup(2)\n"), "DDDABBBBBBBB");
+    assert_eq!(string("  useGroup(3)\n"), "ABBBBBBBB");
+    let wrong = model("  pass\n").replace("A --> CA", "A:\n  useGroup(2)\n  produce CA");
+    let told = refused("m.lpy", &wrong);
+    assert!(told.contains("useGroup") && told.contains("StartEach()"), "{told}");
+}
+
+#[test]
+fn choices_of_lpy_take_each_item_as_often() {
+    let text = "from random import *\nAxiom: A\nderivation length: 1\nproduction:\nA:\n  for i in range(900):\n    nproduce \
+                B(choice([10,20,30]))\n  produce\nendlsystem\n";
+    let (g, _) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read");
+    let string = draw_steps(&g, None).string;
+    // 300 of each, with a standard deviation of 14.
+    for value in ["B(10)", "B(20)", "B(30)"] {
+        let n = string.matches(value).count();
+        assert!((240..=360).contains(&n), "{value}: {n}");
+    }
+    assert_eq!(string.matches('B').count(), 900);
+}
+
+#[test]
+fn contexts_of_the_new_string_are_told_in_grammars_of_cpfg() {
+    for (rule, sign, column) in
+        [("A >> B --> C", "'>>'", 3), ("C << A --> C", "'<<'", 3), ("B(x) < A >> B(y) --> C", "'>>'", 10)]
+    {
+        let told = refused("m.l", &format!("Lsystem: 1\nderivation length: 1\nAxiom: AB\n{rule}\nendlsystem\n"));
+        let place = format!("m.l:4:{column}");
+        assert!(
+            told.contains("L010") && told.contains(sign) && told.contains(&place) && told.contains("L-Py"),
+            "{told}"
+        );
+    }
+}
+
+/// String of a model that L-Py rewrites from its end, after one step.
+fn backward_string(axiom: &str, rules: &str) -> String {
+    let head = "def Start(): backward()";
+    let text = format!("{head}\nAxiom: {axiom}\nderivation length: 1\nproduction:\n{rules}\nendlsystem\n");
+    let (g, _) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read");
+    draw_steps(&g, None).string
+}
+
+#[test]
+fn models_of_lpy_are_rewritten_from_their_end() {
+    // The signal passes to the left through the whole string in one step; forward it would move by one module.
+    assert_eq!(backward_string("AAAC", "A >> C --> C"), "CCCC");
+    assert_eq!(backward_string("AAAC", "A > C --> C"), "AACC");
+    assert_eq!(backward_string("ABC", "C --> D\nA < B >> D > C --> E"), "AED");
+    // What a module becomes stands in its order, and its parameters are seen.
+    assert_eq!(backward_string("AB", "B --> X(3)Y\nA >> X(n)Y --> Z(n)"), "Z(3)X(3)Y");
+    // Branches to the right are passed over; in a branch nothing follows its end.
+    assert_eq!(backward_string("A[F[G]A]A[F]C(1)", "A >> C(n) --> C(n+1)"), "C(3)[F[G]A]C(2)[F]C(1)");
+    assert_eq!(backward_string("A[C]B", "A >> [C]B --> D"), "D[C]B");
+    // The result does not depend on the number of threads or on where the direction is set.
+    let text = "def StartEach():\n  backward()\nAxiom: AAC\nderivation length: 2\nproduction:\nC --> BC\nA >> B --> B\nendlsystem\n";
+    let (g, _) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read");
+    assert_eq!(draw_steps(&g, None).string, "BBBBC");
+    // A production for the other direction is passed over, and told.
+    let (_, told) = read_bytes(
+        "m.lpy",
+        b"Axiom: AB\nderivation length: 1\nproduction:\nA >> B --> B\nendlsystem\n",
+        ReadAs::default(),
+    )
+    .expect("read");
+    assert!(told.contains("L008") && told.contains("'>>'") && told.contains("m.lpy:4:1"), "{told}");
+    assert_eq!(lpy_string("AB", 1, "A >> B --> B"), "AB");
+    let turns = "def StartEach():\n  if getIterationNb() % 2 == 0:\n    backward()\nAxiom: A\nderivation length: 1\nproduction:\nA --> B\nendlsystem\n";
+    let told = refused("m.lpy", turns);
+    assert!(told.contains("changes between the steps") && told.contains("m.lpy:3:5"), "{told}");
 }
 
 #[test]
@@ -545,14 +631,46 @@ fn queries_of_lpy_are_answered_in_its_axes() {
 
 #[test]
 fn interpretations_that_refer_to_themselves_are_converted_level_by_level() {
-    for (depth, segments) in [(1, 2), (2, 4), (3, 8)] {
+    let model = |depth: u32, axiom: &str, rules: &str| {
         let text = format!(
-            "Axiom: F(8)_(0.2)F(8)\nderivation length: 0\nproduction:\ninterpretation:\nmaximum depth: {depth}\n\
-             F(x) --> F(x/2)+(30)F(x/2)\nendlsystem\n"
+            "Axiom: {axiom}\nderivation length: 0\nproduction:\ninterpretation:\nmaximum depth: {depth}\n{rules}\nendlsystem\n"
         );
-        let (g, _) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read");
+        read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read").0
+    };
+    let halves = "F(x) --> F(x/2)+(30)F(x/2)";
+    for (depth, segments) in [(1, 2), (2, 4), (3, 8), (10, 1024)] {
+        let g = model(depth, "F(8)_(0.2)F(8)", halves);
         assert_eq!(positions(&g).0.len(), 2 * segments, "depth {depth}");
         assert!(converts(&g, ConvertTo::Cpfg, "self"), "depth {depth}");
+    }
+    // Deeper than any number of letters, and a branch that ends on a level of its own: 12 and 5 segments.
+    let g = model(12, "_(0.2)A(20)", "A(n) --> F(1)+(20)A(n+1)");
+    assert_eq!(positions(&g).0.len(), 12);
+    assert!(converts(&g, ConvertTo::Cpfg, "deep"));
+    let g = model(12, "_(0.2)F(5)", "F(x):\n  if x > 1: produce F(1)+(20)F(x-1)");
+    assert_eq!(positions(&g).0.len(), 5);
+    assert!(converts(&g, ConvertTo::Cpfg, "until it ends"));
+}
+
+#[test]
+fn parameters_without_words_in_cpfg_are_refused_by_name() {
+    for (name, text, told, place) in [
+        ("m.ls", "3\n30\n20\nF(ab)G\nG=FF\n@\n", "parameter 1 of 'F'", "m.ls:4:1"),
+        // The number belongs to what the rule makes of A.
+        ("m.ls", "2\n45\n10\nFA(90)F\nA=+\n@\n", "parameter 1 of 'A'", "m.ls:4:2"),
+        (
+            "m.lpy",
+            "Axiom: F(1)F(1e400)\nderivation length: 1\nproduction:\nF --> F\nendlsystem\n",
+            "parameter 1 of 'F'",
+            "m.lpy:1:12",
+        ),
+    ] {
+        let (g, _) = read_bytes(name, text.as_bytes(), ReadAs::default()).expect("read");
+        for to in [ConvertTo::Cpfg, ConvertTo::Osier] {
+            let Err(Error::Input(report)) = convert(&g, to) else { panic!("{text} is converted") };
+            let said = render(&report, Style::Plain);
+            assert!(said.contains("L061") && said.contains(told) && said.contains(place), "{said}");
+        }
     }
 }
 
@@ -651,7 +769,7 @@ fn converted_grammars_draw_the_same() {
             assert!(converts(&g, ConvertTo::Cpfg, name), "{name}");
         }
     }
-    for name in ["angles.ls", "gravity.ls"] {
+    for name in ["angles.ls", "gravity.ls", "numbers.ls"] {
         assert!(!converts(&read(&format!("lparser/{name}"), ""), ConvertTo::Cpfg, name), "{name}");
     }
     for (name, _) in LPY {

@@ -407,6 +407,12 @@ fn hostile_grammars_are_refused_with_their_line_in_little_memory() {
             "L051",
             "images.l:6:1",
         ),
+        (
+            "forks.l",
+            cpfg(1, "A(1)", "Homomorphism\nmaximum depth: 60\nA(x) : x>0 --> F[+A(x*0.9)]A(x*0.9)"),
+            "L051",
+            "forks.l:6:1",
+        ),
         ("parts.l", cpfg(1, "A", "A --> B\nDecomposition\nmaximum depth: 60\nB --> BB"), "L051", "parts.l:7:1"),
         ("loop.l", cpfg(1, "A", "A : {while (1) {x = x+1;}} 1 --> F"), "L044", "loop.l:4:"),
         ("draws.l", cpfg(60, "A", &format!("A : {{i=0; {deep}}} 1 --> F A")), "L051", "draws.l:4:"),
@@ -420,8 +426,10 @@ fn hostile_grammars_are_refused_with_their_line_in_little_memory() {
         ("macros.l", bombs + &cpfg(1, "A19", "X --> X"), "L005", "macros.l:1:"),
         ("chain.l", chain + &cpfg(1, "F(A59999)", "X --> X"), "L005", "chain.l:"),
         ("rules.l", cpfg(1, "A(1)", &many("A(x) : x > 3 --> F(x)\n", 60_000)), "L004", "rules.l:20004:1"),
-        ("names.l", cpfg(1, "A", &many("A --> F(foo(1))\n", 100_000)), "L021", "names.l:4:"),
-        ("corners.l", cpfg(1, "A", &format!("A --> {{ {} }}", many("f+(1)", 100_000))), "L051", "20000 corners"),
+        ("names.l", cpfg(1, "A", &many("A --> F(foo(1))\n", 200_000)), "L021", "names.l:4:"),
+        ("open.l", cpfg(1, "A", &many("A --> F(1\n", 200_000)), "L001", "open.l:4:"),
+        ("corners.l", cpfg(1, "A", &format!("A --> {{ {} }}", many("f+(1)", 200_000))), "L051", "20000 corners"),
+        ("sheet.l", many("K {\n Angle 4\n Axiom F\n F=F+F\n}\n", 20_000), "--max-entries", "sheet.l#K"),
         ("fractint.l", format!("Bomb {{\n Angle 4\n Axiom {open}\n F=FF\n}}\n"), "L004", "fractint.l:3:100008"),
         ("lparser.ls", format!("3\n30\n20\n{open}\nF=FF\n@\n"), "L004", "lparser.ls:4:100001"),
         ("doubling.ls", "60\n30\n20\nF\nF=FF\n@\n".to_owned(), "L050", "doubling.ls:1:1"),
@@ -440,6 +448,24 @@ fn hostile_grammars_are_refused_with_their_line_in_little_memory() {
         let (exit, _, said) = run(dir.path(), &["check", name]);
         let shown: String = said.chars().take(600).collect();
         assert!(exit == 1 && said.contains(code) && said.contains(place), "{name}: {exit} {shown}");
+        let most = peak(dir.path(), &["check", name]);
+        assert!(most < HOSTILE_MEMORY, "{name} takes {most:.3e} bytes");
+        if matches!(name, "conditional.l" | "images.l" | "forks.l") {
+            for command in ["grow", "bake"] {
+                let most = peak(dir.path(), &[command, name, "-o", "out.glb"]);
+                assert!(most < HOSTILE_MEMORY, "{command} {name} takes {most:.3e} bytes");
+            }
+        }
+    }
+    // Lines of 1.5 to 2 MB, of which nothing is drawn: of words, of turns, of expressions.
+    for (name, rule) in [
+        ("words.l", many("F", 1_500_000)),
+        ("turns.l", many("F+(12)", 333_333)),
+        ("values.l", many("F(x*0.9+1)", 200_000)),
+    ] {
+        write(dir.path(), name, cpfg(1, "F A", &format!("A(x) --> {rule}")));
+        let (exit, _, said) = run(dir.path(), &["check", name]);
+        assert_eq!(exit, 0, "{name}: {said}");
         let most = peak(dir.path(), &["check", name]);
         assert!(most < HOSTILE_MEMORY, "{name} takes {most:.3e} bytes");
     }

@@ -183,12 +183,13 @@ impl ArrayShape {
     }
 }
 
-/// A parameter of a successor. Constants and plain variables, the common cases, need no machine.
+/// A parameter of a successor. Constants and plain variables, the common cases, need no machine and no memory of their own: a
+/// long axiom has millions of them.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Expr {
     Const(f64),
     Local(u16),
-    Code(Bytecode),
+    Code(Box<Bytecode>),
 }
 
 impl Bytecode {
@@ -197,7 +198,7 @@ impl Bytecode {
         match self.ops.as_slice() {
             [Op::Const(c)] => Expr::Const(*c),
             [Op::Local(i)] => Expr::Local(*i),
-            _ => Expr::Code(self),
+            _ => Expr::Code(Box::new(self)),
         }
     }
 

@@ -1,5 +1,7 @@
 //! A compiled grammar, and how errors met while deriving it are reported.
 
+use std::sync::Arc;
+
 use osier_base::Error;
 use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, Report, Sources, Span};
@@ -20,7 +22,8 @@ const HUGE: f32 = 1e12;
 /// A grammar that was read without errors.
 #[derive(Debug, Clone)]
 pub struct Grammar {
-    pub(crate) program: Program,
+    /// Shared by the copies of a scene: the successors of a long file take a hundred megabytes.
+    pub(crate) program: Arc<Program>,
     pub(crate) label: String,
     pub(crate) description: String,
     pub(crate) defines: Vec<Define>,

@@ -138,7 +138,7 @@ fn parse_cpfg(
         return Err(input_error(&mut session, sources));
     }
     let grammar = Grammar {
-        program: parsed.program,
+        program: Arc::new(parsed.program),
         label: parsed.label,
         description: preprocessed.description,
         defines: preprocessed.defines,

@@ -31,7 +31,7 @@ pub(crate) enum ContextElement {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SuccessorModule {
     pub symbol: SymbolId,
-    pub args: Vec<Expr>,
+    pub args: Box<[Expr]>,
     /// Occurrence of its symbol in the successor, from 0: a part of the lineage.
     pub occurrence: u32,
     pub place: SourcePlace,
@@ -45,6 +45,8 @@ pub(crate) struct Production {
     pub right: Vec<ContextElement>,
     /// What the new string, as far as it is made, must end with: a left context that sees what this step made.
     pub new_left: Vec<ContextElement>,
+    /// What the new string must begin with, as far as it is made from its end: only in a program that is derived backward.
+    pub new_right: Vec<ContextElement>,
     pub before: Option<Bytecode>,
     pub condition: Option<Bytecode>,
     pub after: Option<Bytecode>,
@@ -64,14 +66,14 @@ impl Production {
 
     /// Looks at no neighbour.
     pub fn is_context_free(&self) -> bool {
-        self.left.is_empty() && self.right.is_empty() && self.new_left.is_empty()
+        self.left.is_empty() && self.right.is_empty() && self.new_left.is_empty() && self.new_right.is_empty()
     }
 
     /// Its statements, and those of its expressions that are code; constant and plain parameters are left out.
     pub fn codes(&self) -> impl Iterator<Item = &Bytecode> {
         let own = [&self.before, &self.condition, &self.after, &self.weight];
         let args = self.successor.iter().flat_map(|t| &t.args);
-        let args = args.filter_map(|e| if let Expr::Code(c) = e { Some(c) } else { None });
+        let args = args.filter_map(|e| if let Expr::Code(c) = e { Some(&**c) } else { None });
         own.into_iter().flatten().chain(args)
     }
 }
@@ -184,6 +186,8 @@ pub(crate) struct Program {
     pub ignored: IgnoredSymbols,
     /// The ends of the string are joined (`ring Lsystem`).
     pub is_ring: bool,
+    /// Each step rewrites from the end of the string to its beginning (`backward()` of L-Py).
+    pub is_backward: bool,
     pub blocks: ControlBlocks,
     pub rules: ProductionSet,
     pub decomposition: ProductionSet,
@@ -287,7 +291,8 @@ impl Program {
     /// modules.
     pub fn is_serial(&self) -> bool {
         let writes = |p: &Production| p.codes().any(|c| c.writes_globals() || c.prints());
-        !self.subsystems.is_empty()
+        self.is_backward
+            || !self.subsystems.is_empty()
             || self.rules.list.iter().any(|p| writes(p) || p.predecessor.len() > 1 || !p.new_left.is_empty())
             || self.decomposition.list.iter().any(writes)
     }

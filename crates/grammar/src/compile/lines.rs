@@ -257,7 +257,9 @@ impl LineSplitter<'_> {
     }
 
     fn finish_line(&mut self, lines: &mut Vec<LogicalLine>) {
-        let tokens = std::mem::take(&mut self.current);
+        let mut tokens = std::mem::take(&mut self.current);
+        // A file of many short lines would keep more room than tokens.
+        tokens.shrink_to_fit();
         let arrow = self.arrow.take();
         let unclosed = self.opened.take().filter(|_| self.braces > 0 && !self.lists_symbols(&tokens));
         (self.parens, self.braces) = (0, 0);

@@ -53,8 +53,20 @@ pub(super) fn production(
     let end = tail[..length].last().map_or(arrow_place, |t| t.place);
     check_balance(compiler.session, &successor, symbols, "successor", place, end);
     let locals = compiler.locals.len();
-    let new_left = Vec::new();
-    Some(Production { left, predecessor, right, new_left, before, condition, after, successor, weight, locals, place })
+    Some(Production {
+        left,
+        predecessor,
+        right,
+        new_left: Vec::new(),
+        new_right: Vec::new(),
+        before,
+        condition,
+        after,
+        successor,
+        weight,
+        locals,
+        place,
+    })
 }
 
 /// Tokens of `{ .. }` beginning at `i`, and the index after the closing brace; `None` if no brace closes it.
@@ -86,6 +98,21 @@ fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: Sourc
                 break;
             }
             _ => {}
+        }
+    }
+    // `<<` and `>>` of other programs see the string that the step makes.
+    for i in [less, greater].into_iter().flatten() {
+        if let (Some(t), Some(next)) = (tokens.get(i), tokens.get(i + 1))
+            && next.glued
+            && next.kind == t.kind
+        {
+            let (sign, once) = if t.is('<') { ("<<", '<') } else { (">>", '>') };
+            let message =
+                format!("ill-formed production: '{sign}' is a context of the new string, which cpfg does not have");
+            let help =
+                format!("write '{once}', which sees the string before the step; models of L-Py may have '{sign}'");
+            compiler.session.error_help("L010", message, t.place.to(next.place), help);
+            return None;
         }
     }
     // Cut the head at the positions found: left context, strict predecessor, right context.

@@ -1,6 +1,6 @@
 //! Successors and axioms: modules with expressions as parameters, and what is repeated.
 
-use super::symbol::{MAX_ARITY, intern, symbols_of};
+use super::symbol::{LocatedSymbol, MAX_ARITY, intern, symbols_in, text_of};
 use super::{Compiler, TokenCursor, expression};
 use crate::code::Expr;
 use crate::program::SuccessorModule;
@@ -78,7 +78,7 @@ impl SuccessorCompiler<'_, '_, '_> {
                 }
                 let args = arguments(self.compiler, cursor, t.place)?;
                 if let Some(last) = self.out.last_mut() {
-                    last.args = args;
+                    last.args = args.into();
                 }
                 return Some(());
             }
@@ -95,9 +95,12 @@ impl SuccessorCompiler<'_, '_, '_> {
                 if let (Some(r), TokenKind::Char(c)) = (self.repeats.last_mut(), t.kind) {
                     r.polygons = (r.polygons + usize::from(c == '{')).saturating_sub(usize::from(c == '}'));
                 }
-                for s in symbols_of(self.compiler, t) {
-                    let symbol = intern(self.compiler, self.symbols, s.c, s.place)?;
-                    self.out.push(SuccessorModule { symbol, args: Vec::new(), occurrence: 0, place: s.place });
+                // A word is as many modules as it has letters, and may be the whole of a long file.
+                let text = text_of(self.compiler, t);
+                self.out.reserve(text.len());
+                for LocatedSymbol { c, place } in symbols_in(&text, t) {
+                    let symbol = intern(self.compiler, self.symbols, c, place)?;
+                    self.out.push(SuccessorModule { symbol, args: Box::default(), occurrence: 0, place });
                 }
             }
         }

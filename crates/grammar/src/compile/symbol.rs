@@ -16,30 +16,35 @@ pub(super) struct LocatedSymbol {
 
 /// Symbols that a token stands for, each with its place: one per character, quotes included; none for an end of line.
 pub(super) fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<LocatedSymbol> {
+    symbols_in(&text_of(compiler, t), t).collect()
+}
+
+/// The characters of a token, quotes included; empty for an end of line.
+pub(super) fn text_of(compiler: &Compiler<'_>, t: &Token) -> String {
     match t.kind {
-        TokenKind::Ident(n) | TokenKind::Number(n) => {
-            let text = compiler.session.names.get(n);
-            let at = |i: usize, c: char| {
-                let mut place = t.place;
-                // A macro may have changed the text: a character that its token does not contain gets the whole token.
-                if let (Ok(offset), Ok(length)) = (u32::try_from(i), u32::try_from(c.len_utf8()))
-                    && place.span.start + offset + length <= place.span.end
-                {
-                    let start = place.span.start + offset;
-                    (place.span.start, place.span.end) = (start, start + length);
-                }
-                LocatedSymbol { c, place }
-            };
-            text.char_indices().map(|(i, c)| at(i, c)).collect()
-        }
-        TokenKind::Text(n) => {
-            let text = compiler.session.names.get(n);
-            // Quotes are symbols of the string like any other character.
-            ['"'].into_iter().chain(text.chars()).chain(['"']).map(|c| LocatedSymbol { c, place: t.place }).collect()
-        }
-        TokenKind::Char(c) => vec![LocatedSymbol { c, place: t.place }],
-        TokenKind::Newline { .. } => Vec::new(),
+        TokenKind::Ident(n) | TokenKind::Number(n) => compiler.session.names.get(n).to_owned(),
+        // Quotes are symbols of the string like any other character.
+        TokenKind::Text(n) => format!("\"{}\"", compiler.session.names.get(n)),
+        TokenKind::Char(c) => c.to_string(),
+        TokenKind::Newline { .. } => String::new(),
     }
+}
+
+/// One symbol for each character of a token's text, with its place.
+pub(super) fn symbols_in<'t>(text: &'t str, t: &'t Token) -> impl Iterator<Item = LocatedSymbol> + 't {
+    let is_word = matches!(t.kind, TokenKind::Ident(_) | TokenKind::Number(_));
+    text.char_indices().map(move |(i, c)| {
+        let mut place = t.place;
+        // A macro may have changed the text: a character that its token does not contain gets the whole token.
+        if let (Ok(offset), Ok(length)) = (u32::try_from(i), u32::try_from(c.len_utf8()))
+            && is_word
+            && place.span.start + offset + length <= place.span.end
+        {
+            let start = place.span.start + offset;
+            (place.span.start, place.span.end) = (start, start + length);
+        }
+        LocatedSymbol { c, place }
+    })
 }
 
 pub(super) fn intern(

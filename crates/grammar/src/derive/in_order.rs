@@ -20,6 +20,7 @@ impl Derivation<'_> {
             partner: &partner,
             ignored: &self.ignored,
             is_ring: self.program.is_ring,
+            is_reversed: false,
             borders: self.program.borders(),
         };
         let budget = StringBudget::new(self.limits, self.string.bytes() + 4 * partner.len());

@@ -17,6 +17,8 @@ pub(super) struct ContextView<'a> {
     pub ignored: &'a [bool],
     /// The string's ends are joined.
     pub is_ring: bool,
+    /// `modules` and `partner` hold the string from its end to its beginning; positions count from the beginning.
+    pub is_reversed: bool,
     /// Borders of sub-L-systems, which end a context.
     pub borders: Option<Borders>,
 }
@@ -73,6 +75,19 @@ impl MadeString {
         let made = ContextView { modules: &self.modules, partner: &self.partner, is_ring: false, ..*view };
         made.matches_left(brackets, context, self.modules.len(), locals)
     }
+
+    /// True if what is made, from the end of the string on, begins with this right context.
+    pub fn begins_with(
+        &self,
+        view: &ContextView<'_>,
+        brackets: Brackets,
+        context: &[ContextElement],
+        locals: &mut [f64],
+    ) -> bool {
+        let made =
+            ContextView { modules: &self.modules, partner: &self.partner, is_ring: false, is_reversed: true, ..*view };
+        made.matches_right(brackets, context, 0, locals)
+    }
 }
 
 /// Partner of every bracket; `NO_PARTNER` for all else and for brackets without one.
@@ -114,8 +129,14 @@ pub(super) fn match_module(formal: &FormalModule, module: Module<'_>, locals: &m
 
 impl ContextView<'_> {
     /// No string: for productions that look at no neighbour.
-    pub const NONE: ContextView<'static> =
-        ContextView { modules: &ModuleString::EMPTY, partner: &[], ignored: &[], is_ring: false, borders: None };
+    pub const NONE: ContextView<'static> = ContextView {
+        modules: &ModuleString::EMPTY,
+        partner: &[],
+        ignored: &[],
+        is_ring: false,
+        is_reversed: false,
+        borders: None,
+    };
 
     /// Number of modules up to which positions may count: with joined ends once around the ring, back to where the search
     /// began.
@@ -126,6 +147,9 @@ impl ContextView<'_> {
     /// Index of a position, which counts on behind the end of a ring.
     #[inline]
     fn index(&self, position: usize) -> usize {
+        if self.is_reversed {
+            return self.modules.len().wrapping_sub(1).wrapping_sub(position);
+        }
         if position < self.modules.len() { position } else { position - self.modules.len() }
     }
 
@@ -138,6 +162,9 @@ impl ContextView<'_> {
     fn partner(&self, position: usize) -> Option<usize> {
         let i = self.index(position);
         let partner = self.partner.get(i).filter(|p| **p != NO_PARTNER)?;
+        if self.is_reversed {
+            return Some(self.index(*partner as usize));
+        }
         Some(*partner as usize + (position - i))
     }
 

@@ -35,7 +35,7 @@ pub(super) struct Template<'p> {
 pub(super) struct TemplateText {
     text: String,
     /// Per module: end of its text.
-    ends: Vec<usize>,
+    ends: Vec<u32>,
 }
 
 impl TemplateText {
@@ -47,14 +47,14 @@ impl TemplateText {
                 Some(name) => out.text.push_str(name),
                 None => out.text.push(c),
             }
-            out.ends.push(out.text.len());
+            out.ends.push(saturating_index(out.text.len()));
         }
         out
     }
 
     #[inline]
     pub fn part(&self, modules: std::ops::Range<usize>) -> &str {
-        let end = |n: usize| n.checked_sub(1).map_or(0, |k| self.ends[k]);
+        let end = |n: usize| n.checked_sub(1).map_or(0, |k| to_usize(self.ends[k]));
         &self.text[end(modules.start)..end(modules.end)]
     }
 }
@@ -337,7 +337,7 @@ impl<'p> RewritePlan<'p> {
                 let target = saturating_index(out.constants.len());
                 let source = compiler.expression(arg);
                 let ValueSource::Constant(c) = source else {
-                    let code = if let Expr::Code(code) = arg { Some(code) } else { None };
+                    let code = if let Expr::Code(code) = arg { Some(&**code) } else { None };
                     out.computed.push(ComputedParameter { source, code, target });
                     // Holds the place of the value until it is computed.
                     out.constants.push(0.0);

@@ -211,6 +211,9 @@ impl<'p> Rewriter<'p> {
         if !p.new_left.is_empty() && !self.made.ends_with(view, brackets, &p.new_left, locals) {
             return Ok(false);
         }
+        if !p.new_right.is_empty() && !self.made.begins_with(view, brackets, &p.new_right, locals) {
+            return Ok(false);
+        }
         // The block before the condition may assign variables that the condition reads.
         if let Some(code) = &p.before {
             self.vm.run(code, locals)?;

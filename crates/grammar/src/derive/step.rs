@@ -1,6 +1,6 @@
 //! One step: all modules are rewritten at once, blocks of them in parallel.
 
-use super::matching::{self, ContextView};
+use super::matching::{self, Brackets, ContextView};
 use super::plan::{RewritePlan, SectionPlans};
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
 use super::{Derivation, MAX_PARAMS};
@@ -38,6 +38,7 @@ impl<'g> Derivation<'g> {
             partner: &partner,
             ignored: &self.ignored,
             is_ring: self.program.is_ring,
+            is_reversed: false,
             borders: self.program.borders(),
         };
         let held = self.string.bytes() + 4 * partner.len();
@@ -48,6 +49,13 @@ impl<'g> Derivation<'g> {
             let systems = SystemRuns { program: self.program, plans: &self.plans.rules };
             let (changed, vm) = systems.rewrite(rewriter, &view, &mut self.next_string, budget);
             self.vm = vm;
+            std::mem::swap(&mut self.string, &mut self.next_string);
+            return changed;
+        }
+        if self.program.is_backward {
+            let mut rewriter = Rewriter::new(settings, self.vm.take());
+            let changed = rewrite_backward(&mut rewriter, &view, &mut self.next_string, budget);
+            self.vm = rewriter.vm;
             std::mem::swap(&mut self.string, &mut self.next_string);
             return changed;
         }
@@ -249,5 +257,40 @@ pub(super) fn rewrite_range(
         out.extend(view.modules, copied_to..range.end);
     }
     budget.check(out)?;
+    Ok(changed)
+}
+
+/// Rewrites all modules from the last to the first into `out`; true if any production was applied. Productions may look at what
+/// is made to the right of their module.
+fn rewrite_backward(
+    rewriter: &mut Rewriter<'_>,
+    view: &ContextView<'_>,
+    out: &mut ModuleString,
+    budget: StringBudget,
+) -> Result<bool, Halt> {
+    // The new string is made from its end: brackets close before they open. It is there twice when it is turned around.
+    let Brackets { open, close } = rewriter.settings.brackets;
+    let turned = Brackets { open: close, close: open };
+    let budget = StringBudget { bytes: budget.bytes / 2, ..budget };
+    let (mut reversed, mut successor) = (view.modules.empty(), view.modules.empty());
+    let mut changed = false;
+    for i in (0..view.modules.len()).rev() {
+        let module = view.modules.get(i);
+        rewriter.made.lend(&mut reversed, turned);
+        let selected = rewriter.select(module, view, i);
+        rewriter.made.give_back(&mut reversed);
+        successor.clear();
+        match selected? {
+            Some(p) => {
+                rewriter.append_successor(p, module.lineage(), &mut successor)?;
+                changed = true;
+            }
+            None => successor.push(module),
+        }
+        (0..successor.len()).rev().for_each(|k| reversed.push(successor.get(k)));
+        budget.check(&reversed)?;
+    }
+    out.clear();
+    (0..reversed.len()).rev().for_each(|k| out.push(reversed.get(k)));
     Ok(changed)
 }

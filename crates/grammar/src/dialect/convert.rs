@@ -46,6 +46,7 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
     }
     let to = if dialect == Dialect::LPy { ConvertTo::Cpfg } else { to };
     let mut writer = Writer::new(grammar, dialect, to);
+    writer.check_arguments();
     // A roll at the end of a line would join it to the next one.
     let text = writer.grammar_text().replace("\\\n", "\\ \n");
     if !grammar.palette().is_empty() {
@@ -60,8 +61,14 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
     }
 }
 
-/// Levels of interpretations that refer to themselves for which letters are made.
-const MAX_LEVELS: u32 = 8;
+/// How the symbols that their own homomorphism makes are spelled below the first level of an interpretation.
+#[derive(Debug, Clone)]
+struct Level {
+    /// The letter of each such symbol.
+    letters: BTreeMap<SymbolId, String>,
+    /// The last parameter of a module with such a letter: its level.
+    number: &'static str,
+}
 
 struct Writer<'g> {
     grammar: &'g Grammar,
@@ -73,6 +80,8 @@ struct Writer<'g> {
     taken: BTreeSet<char>,
     /// Homomorphisms that draw a symbol of the other program by commands of cpfg.
     images: Vec<String>,
+    /// Set while the successor of a homomorphism is written whose modules are expanded again.
+    level: Option<Level>,
     faults: Vec<Diagnostic>,
     notes: BTreeSet<String>,
 }
@@ -90,7 +99,7 @@ impl<'g> Writer<'g> {
         // Letters of commands that images consist of.
         let taken = "FfGgDidvMRObcoTspl".chars().collect();
         let (names, images, faults, notes) = (BTreeMap::new(), Vec::new(), Vec::new(), BTreeSet::new());
-        Self { grammar, dialect, to, settings, names, taken, images, faults, notes }
+        Self { grammar, dialect, to, settings, names, taken, images, level: None, faults, notes }
     }
 
     fn c(&self, symbol: SymbolId) -> char {
@@ -112,6 +121,53 @@ impl<'g> Writer<'g> {
         };
         let d = Diagnostic::error("L061", message, at, "here").help(help);
         if !self.faults.iter().any(|f| f.message == d.message) {
+            self.faults.push(d);
+        }
+    }
+
+    /// L061 for each parameter of a module that has no text in the notation of cpfg, at the place of the module.
+    fn check_arguments(&mut self) {
+        let program = &self.grammar.program;
+        for modules in [&program.axiom].into_iter().chain(program.productions().map(|p| &p.successor)) {
+            for m in modules {
+                for (i, why) in m.args.iter().enumerate().filter_map(|(i, e)| Some((i, unwritable(e)?))) {
+                    self.argument_fault(m, i, why);
+                }
+            }
+            if self.dialect != Dialect::LParser {
+                continue;
+            }
+            // The characters between parentheses are those of a number. It belongs to what rules make of the symbol before it, but
+            // a parameter is a part of its module.
+            let (mut before, mut open): (_, Option<(&SuccessorModule, String)>) = (None, None);
+            for m in modules {
+                let c = self.c(m.symbol);
+                match &mut open {
+                    None if c == '(' => open = Some((before.unwrap_or(m), String::new())),
+                    None => before = Some(m),
+                    Some((module, text)) if c == ')' => {
+                        let is_replaced = program.rules.matching(module.symbol, 0).next().is_some();
+                        if text.trim().parse::<f64>().is_err() {
+                            self.argument_fault(module, 0, &format!("'{}' is no number", text.trim()));
+                        } else if is_replaced {
+                            self.argument_fault(module, 0, "it belongs to what a rule makes of the symbol");
+                        }
+                        open = None;
+                    }
+                    Some((_, text)) => text.push(c),
+                }
+            }
+        }
+    }
+
+    /// L061 at a module whose parameter `index` has no text in the notation of cpfg.
+    fn argument_fault(&mut self, module: &SuccessorModule, index: usize, why: &str) {
+        let shown = self.shown(module.symbol);
+        let number = index + 1;
+        let message = format!("parameter {number} of '{shown}' cannot be written in the notation of cpfg: {why}");
+        let help = "write another expression in its place; osier draws the model as it is";
+        let d = Diagnostic::error("L061", message, module.place.span, "here").help(help);
+        if !self.faults.contains(&d) {
             self.faults.push(d);
         }
     }
@@ -471,8 +527,11 @@ impl<'g> Writer<'g> {
             self.fault(m.symbol, "a polygon begins and ends in different rules");
         }
         let spelled = attached.iter().map(|m| {
-            let name = self.name(m.symbol);
-            if m.args.is_empty() { name.to_owned() } else { format!("{name}({})", m.args.join(",")) }
+            let letter = self.level.as_ref().and_then(|l| Some((l.letters.get(&m.symbol)?, l.number)));
+            let name = letter.map_or(self.name(m.symbol), |l| l.0);
+            let args = m.args.iter().map(String::as_str).chain(letter.map(|l| l.1));
+            let args = args.collect::<Vec<_>>().join(",");
+            if args.is_empty() { name.to_owned() } else { format!("{name}({args})") }
         });
         spelled.collect::<Vec<_>>().join(" ")
     }
@@ -500,21 +559,27 @@ impl<'g> Writer<'g> {
     }
 
     fn production(&mut self, p: &Production) -> String {
-        let head = self.production_head(p);
+        let head = self.production_head(p, None);
         let successor = self.successor(&p.successor);
         format!("{head} --> {successor}").trim_end().to_owned()
     }
 
-    /// A production up to its arrow.
-    fn production_head(&mut self, p: &Production) -> String {
+    /// A production up to its arrow. `at`: it is for the letter of its symbol, on levels below that number.
+    fn production_head(&mut self, p: &Production, at: Option<(&str, u32)>) -> String {
         let mut out = String::new();
-        if let Some(ContextElement::Module(f)) = p.new_left.first() {
+        if let Some(ContextElement::Module(f)) = p.new_left.first().or(p.new_right.first()) {
             self.fault(f.symbol, "it is a context of the new string");
         }
         if !p.left.is_empty() {
             let _ = write!(out, "{} < ", self.context(&p.left));
         }
-        let predecessor: Vec<String> = p.predecessor.iter().map(|f| self.formal(f)).collect();
+        let predecessor: Vec<String> = match (at, p.predecessor.first()) {
+            (Some((letter, _)), Some(f)) => {
+                let params = (0..u16::from(f.arity)).map(|i| local(f.slot + i)).chain([LEVEL.to_owned()]);
+                vec![format!("{letter}({})", params.collect::<Vec<_>>().join(","))]
+            }
+            _ => p.predecessor.iter().map(|f| self.formal(f)).collect(),
+        };
         out += &predecessor.join(" ");
         if !p.right.is_empty() {
             let _ = write!(out, " > {}", self.context(&p.right));
@@ -522,6 +587,11 @@ impl<'g> Writer<'g> {
         let symbol = p.predecessor.first().map_or(0, |f| f.symbol);
         let before = p.before.as_ref().map(block);
         let condition = p.condition.as_ref().map(|code| expression(&code.ops));
+        let condition = match (at, condition) {
+            (Some((_, levels)), None) => Some(Some(format!("{LEVEL}<{levels}"))),
+            (Some((_, levels)), Some(Some(condition))) => Some(Some(format!("{LEVEL}<{levels} && {condition}"))),
+            (_, condition) => condition,
+        };
         // A block or condition without text, `Some(None)`, cannot be written.
         match (before, condition) {
             (None, None) => {}
@@ -608,55 +678,47 @@ impl<'g> Writer<'g> {
     }
 
     /// The homomorphisms of the model, which expand a symbol `levels` times. The images need one level more, in which a symbol
-    /// that its own homomorphism makes would be expanded again: such symbols get a letter for each level, and the letter of the
-    /// last one is drawn as the symbol itself.
+    /// that its own homomorphism makes would be expanded again. Such symbols get a letter with the level as their last parameter:
+    /// what is not expanded on its level, or has the last one, is drawn as the symbol itself.
     fn homomorphisms(&mut self, levels: u32) -> Vec<String> {
         let list = &self.grammar.program.homomorphism.list;
         let heads: BTreeSet<SymbolId> = list.iter().filter_map(|p| p.predecessor.first()).map(|f| f.symbol).collect();
         let made: Vec<TextModule> = list.iter().flat_map(|p| self.attached(&p.successor)).collect();
         let again: BTreeSet<SymbolId> = made.iter().map(|m| m.symbol).filter(|s| heads.contains(s)).collect();
-        let is_expanded = !self.images.is_empty() && !again.is_empty();
-        if is_expanded && levels > MAX_LEVELS {
-            self.notes.insert(format!(
-                "interpretations that refer to themselves over more than {MAX_LEVELS} levels expand once more"
-            ));
-        }
-        if !is_expanded || levels > MAX_LEVELS {
+        if self.images.is_empty() || again.is_empty() {
             return list.iter().map(|p| self.production(p)).collect();
         }
+        let letters: BTreeMap<SymbolId, String> =
+            again.iter().map(|s| (*s, self.free_letter(*s).to_string())).collect();
         let mut out = Vec::new();
-        let plain = self.names.clone();
-        let mut names = plain.clone();
-        for level in 0..levels {
-            let next: BTreeMap<SymbolId, String> =
-                again.iter().map(|s| (*s, self.free_letter(*s).to_string())).collect();
-            for p in list {
-                let symbol = p.predecessor.first().map_or(0, |f| f.symbol);
-                // Only symbols with letters are met again after the first level.
-                if level > 0 && !again.contains(&symbol) {
-                    continue;
-                }
-                self.names.clone_from(&names);
-                let head = self.production_head(p);
-                self.names.clone_from(&plain);
-                self.names.extend(next.iter().map(|(s, n)| (*s, n.clone())));
-                let successor = self.successor(&p.successor);
-                out.push(format!("{head} --> {successor}").trim_end().to_owned());
-            }
-            names = plain.clone();
-            names.extend(next);
+        // The symbols of the string make letters of the first level.
+        for p in list {
+            let head = self.production_head(p, None);
+            self.level = Some(Level { letters: letters.clone(), number: "1" });
+            out.push(format!("{head} --> {}", self.successor(&p.successor)).trim_end().to_owned());
+            self.level = None;
         }
-        // What the letters of the last level draw: the image of the symbol, else its command.
-        for symbol in &again {
-            let (Some(own), Some(letter)) = (plain.get(symbol), names.get(symbol)) else { continue };
+        // Letters make letters of the next level.
+        for p in list.iter().filter(|_| levels > 1) {
+            let symbol = p.predecessor.first().map_or(0, |f| f.symbol);
+            let Some(letter) = letters.get(&symbol) else { continue };
+            let head = self.production_head(p, Some((letter, levels)));
+            self.level = Some(Level { letters: letters.clone(), number: NEXT_LEVEL });
+            out.push(format!("{head} --> {}", self.successor(&p.successor)).trim_end().to_owned());
+            self.level = None;
+        }
+        // What no production expands is the image of the symbol, else its command.
+        for (symbol, letter) in &letters {
+            let own = self.name(*symbol).to_owned();
             let arities: BTreeSet<usize> = made.iter().filter(|m| m.symbol == *symbol).map(|m| m.args.len()).collect();
             for n in arities {
-                let head = with_letters(own, n);
+                let head = with_letters(&own, n);
                 let image = self.images.iter().find_map(|i| i.strip_prefix(&format!("{head} --> ")));
-                out.push(format!("{} --> {}", with_letters(letter, n), image.unwrap_or(&head)));
+                let mut params: Vec<String> = ('a'..='z').take(n).map(String::from).collect();
+                params.push(LEVEL.to_owned());
+                out.push(format!("{letter}({}) --> {}", params.join(","), image.unwrap_or(&head)));
             }
         }
-        self.names = plain;
         out
     }
 
@@ -679,15 +741,36 @@ fn with_letters(name: &str, n: usize) -> String {
     if letters.is_empty() { name.to_owned() } else { format!("{name}({})", letters.join(",")) }
 }
 
+/// Name of the parameter that counts the levels of an interpretation, and its value for what a production makes.
+const LEVEL: &str = "level";
+const NEXT_LEVEL: &str = "level+1";
+
 fn local(slot: u16) -> String {
     format!("p{slot}")
 }
 
+/// A parameter as text; empty where it has none, of which [`Writer::check_arguments`] tells.
 fn argument(e: &Expr) -> String {
     match e {
         Expr::Const(c) => format!("{c}"),
         Expr::Local(i) => local(*i),
-        Expr::Code(code) => expression(&code.ops).unwrap_or_else(|| "0".into()),
+        Expr::Code(code) => expression(&code.ops).unwrap_or_default(),
+    }
+}
+
+/// Why a parameter has no text; `None` if it has one.
+fn unwritable(e: &Expr) -> Option<&'static str> {
+    match e {
+        Expr::Const(c) if !c.is_finite() => Some("it is infinite or not a number"),
+        Expr::Const(_) | Expr::Local(_) => None,
+        Expr::Code(code) if expression(&code.ops).is_some() => None,
+        Expr::Code(code) if code.ops.iter().any(|op| matches!(op, Op::LoadElement(_) | Op::StoreElement(_))) => {
+            Some("it reads an array")
+        }
+        Expr::Code(code) if code.ops.iter().any(|op| matches!(op, Op::Random(_) | Op::Choose(_))) => {
+            Some("cpfg has no such random number")
+        }
+        Expr::Code(_) => Some("cpfg has no such expression"),
     }
 }
 

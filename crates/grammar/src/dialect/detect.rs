@@ -57,16 +57,21 @@ fn has_line(text: &str, test: impl Fn(&str) -> bool) -> bool {
 
 /// `Lsystem: ..` or `ring Lsystem: ..`, in any case.
 fn is_cpfg_heading(line: &str) -> bool {
-    let line = line.to_ascii_lowercase();
-    let line = line.strip_prefix("ring").map_or(line.as_str(), str::trim_start);
-    line.strip_prefix("lsystem").is_some_and(|rest| rest.trim_start().starts_with(':'))
+    let line = strip_word(line, "ring").map_or(line, str::trim_start);
+    strip_word(line, "lsystem").is_some_and(|rest| rest.trim_start().starts_with(':'))
+}
+
+/// The rest of a line that begins with `word`, in any case.
+fn strip_word<'t>(line: &'t str, word: &str) -> Option<&'t str> {
+    let (begin, rest) = line.split_at_checked(word.len())?;
+    begin.eq_ignore_ascii_case(word).then_some(rest)
 }
 
 /// A line of L+C, such as `module A(float);`: its file counts as cpfg, whose reader names L+C in its error.
 fn is_l_plus_c(line: &str) -> bool {
     (line.starts_with("#include") && line.contains("lpfgall"))
         || (line.starts_with("module ") && line.ends_with(';'))
-        || (line.to_ascii_lowercase().starts_with("derivation length:") && line.ends_with(';'))
+        || (strip_word(line, "derivation length:").is_some() && line.ends_with(';'))
 }
 
 /// A production with the arrow `-->` of cpfg, but no comment of XML and no line that begins with `#`.
@@ -76,7 +81,7 @@ fn is_arrow_rule(line: &str) -> bool {
 
 /// An entry `Name { .. }` with an axiom.
 fn is_fractint(text: &str) -> bool {
-    text.contains('{') && !super::fractint::names(text).is_empty()
+    text.contains('{') && super::fractint::has_system(text)
 }
 
 /// Headings of L-Py, or Python around an axiom.

@@ -39,6 +39,24 @@ impl Entry<'_> {
 
 /// The L-systems of a file. Text between entries is left out; an entry without its brace ends where the next one begins.
 fn entries(text: &str) -> Vec<Entry<'_>> {
+    let mut out = blocks(text, false);
+    out.retain(Entry::is_system);
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for e in &mut out {
+        let count = counts.entry(e.name.text.to_lowercase()).or_insert(0);
+        *count += 1;
+        e.number = *count;
+    }
+    out
+}
+
+/// True if a file has an L-system; its text is read as far as the first one.
+pub(super) fn has_system(text: &str) -> bool {
+    blocks(text, true).iter().any(Entry::is_system)
+}
+
+/// What stands between braces, comments too. `to_first_system`: what follows the first L-system is left out.
+fn blocks(text: &str, to_first_system: bool) -> Vec<Entry<'_>> {
     let mut out: Vec<Entry<'_>> = Vec::new();
     let mut is_open = false;
     let mut title = Piece::new(0, "");
@@ -47,6 +65,9 @@ fn entries(text: &str) -> Vec<Entry<'_>> {
         if let Some(brace) = code.text.find('{') {
             // The name stands before the brace, or on the line before as its only text.
             let before = code.up_to(brace).trimmed();
+            if to_first_system && out.last().is_some_and(Entry::is_system) {
+                return out;
+            }
             let name = if before.text.is_empty() { title } else { before };
             let comment = line.text.split_once(';').map_or("", |(_, c)| c.trim());
             out.push(Entry { name, lines: Vec::new(), comment, number: 1 });
@@ -57,13 +78,6 @@ fn entries(text: &str) -> Vec<Entry<'_>> {
         } else if !code.trimmed().text.is_empty() {
             title = code.trimmed();
         }
-    }
-    out.retain(Entry::is_system);
-    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-    for e in &mut out {
-        let count = counts.entry(e.name.text.to_lowercase()).or_insert(0);
-        *count += 1;
-        e.number = *count;
     }
     out
 }

@@ -16,6 +16,8 @@ use super::preprocess::{Define, brackets};
 use super::program::{FormalModule, Production, Program, SuccessorModule};
 use super::token::{ParseSession, SourcePlace, Token, TokenKind};
 use super::{GrammarSource, input_error, lint};
+use std::sync::Arc;
+
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, SourceId, Sources, Span};
 use osier_base::limits::Limits;
@@ -101,7 +103,7 @@ pub(super) fn parse(
         return Err(input_error(&mut session, sources));
     }
     let grammar = Grammar {
-        program,
+        program: Arc::new(program),
         label,
         description,
         defines: Vec::<Define>::new(),
@@ -171,13 +173,13 @@ impl<'s> Reader<'s> {
             self.session.error("L004", "more than 65,535 different symbols", place, "this one is too many");
             return None;
         };
-        Some(SuccessorModule { symbol, args: Vec::new(), occurrence: 0, place })
+        Some(SuccessorModule { symbol, args: Box::default(), occurrence: 0, place })
     }
 
     /// A module with one constant as its parameter.
     fn module_with(&mut self, c: char, value: f64, place: SourcePlace) -> Option<SuccessorModule> {
         let module = self.module(c, place)?;
-        Some(SuccessorModule { args: vec![Expr::Const(value)], ..module })
+        Some(SuccessorModule { args: Box::new([Expr::Const(value)]), ..module })
     }
 
     /// Adds a production without context and condition, of one symbol without parameters.
@@ -189,6 +191,7 @@ impl<'s> Reader<'s> {
             predecessor: vec![FormalModule { symbol, arity: 0, slot: 0, place }],
             right: Vec::new(),
             new_left: Vec::new(),
+            new_right: Vec::new(),
             before: None,
             condition: None,
             after: None,

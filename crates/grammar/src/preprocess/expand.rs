@@ -1,7 +1,5 @@
 //! Macro expansion with the C rules, on a stack of token lists.
 
-use std::rc::Rc;
-
 use super::{FrameKind, MacroDefinition, Preprocessor, TokenFrame};
 use crate::token::{SourcePlace, Token, TokenKind};
 
@@ -178,7 +176,7 @@ impl Preprocessor<'_> {
         self.depth += 1;
         let base = self.frames.len();
         // The list is a separate frame: expansion stops at its end.
-        self.frames.push(TokenFrame { tokens: tokens.into(), pos: 0, kind: FrameKind::List });
+        self.frames.push(TokenFrame { tokens, pos: 0, kind: FrameKind::List });
         let glue = std::mem::take(&mut self.break_glue);
         let mut out = Vec::new();
         while let Some(t) = self.next_expanded(base.max(1)) {
@@ -260,7 +258,7 @@ impl Preprocessor<'_> {
             }
         }
         self.break_glue = true;
-        self.frames.push(TokenFrame { tokens: Rc::from(body), pos: 0, kind: FrameKind::Macro { name } });
+        self.frames.push(TokenFrame { tokens: body, pos: 0, kind: FrameKind::Macro { name } });
     }
 }
 

@@ -38,9 +38,9 @@ enum FrameKind {
     List,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 struct TokenFrame {
-    tokens: Rc<[Token]>,
+    tokens: Vec<Token>,
     pos: usize,
     kind: FrameKind,
 }
@@ -202,7 +202,7 @@ impl Preprocessor<'_> {
         }
         self.comments.extend(lexed.comments);
         let kind = FrameKind::File { conditions: self.conditions.len() };
-        self.frames.push(TokenFrame { tokens: lexed.tokens.into(), pos: 0, kind });
+        self.frames.push(TokenFrame { tokens: lexed.tokens, pos: 0, kind });
         self.files.push(name.to_owned());
     }
 

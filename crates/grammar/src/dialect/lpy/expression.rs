@@ -562,7 +562,15 @@ pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
         PyExpr::Call(name, args, _) => {
             let own = matches!(
                 name.as_str(),
-                "random" | "uniform" | "randint" | "randrange" | "gauss" | "normalvariate" | "normal" | "ran"
+                "random"
+                    | "choice"
+                    | "uniform"
+                    | "randint"
+                    | "randrange"
+                    | "gauss"
+                    | "normalvariate"
+                    | "normal"
+                    | "ran"
             );
             let body = scope.functions.get(name).is_some_and(|(_, body)| has_random(body, &Scope::default()));
             own || body || args.iter().any(|a| has_random(a, scope))
@@ -631,6 +639,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                     PyExpr::Call(name.clone(), items.clone(), range.clone())
                 }
                 ("list" | "tuple", [list @ PyExpr::List(..)]) => list.clone(),
+                ("choice", [PyExpr::List(items, _)]) if !items.is_empty() => one_of(items, range),
                 _ => PyExpr::Call(name.clone(), args, range.clone()),
             }
         }
@@ -655,6 +664,17 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             item(&items, &resolve(index, scope, depth)?, scope, range)?
         }
     })
+}
+
+/// One item of a list, each as likely as the others: the first of n items with a chance of 1/n, else one of the n - 1 others.
+fn one_of(items: &[PyExpr], range: &Range<usize>) -> PyExpr {
+    let mut out = items[items.len() - 1].clone();
+    for (left, item) in (2_u32..).zip(items.iter().rev().skip(1)) {
+        let draw = PyExpr::Call("random".to_owned(), Vec::new(), range.clone());
+        let test = PyExpr::Binary(PyOp::Lt, Box::new(draw), Box::new(PyExpr::Number(1.0 / f64::from(left))));
+        out = PyExpr::Choice(Box::new(test), Box::new(item.clone()), Box::new(out));
+    }
+    out
 }
 
 /// `range(n)`, `range(from, to)`, `range(from, to, step)` as a list.

@@ -13,11 +13,11 @@ use std::ops::Range;
 
 use self::expression::{PyExpr, Refusal, Scope, compile, has_random, parse, resolve};
 use self::rule::Step;
-use self::statement::{FunctionValue, Statement, assign_statement, at_semicolons};
+use self::statement::{FunctionValue, GROUP, Statement, assign_statement, at_semicolons};
 use self::strings::{modules, spell, split};
 use super::Reader;
 use super::text::{Piece, lines};
-use crate::code::Op;
+use crate::code::{BinaryOp, Op};
 use crate::program::IgnoredSymbols;
 use crate::symbols::SymbolId;
 use crate::token::SourcePlace;
@@ -48,6 +48,8 @@ struct Model<'r, 's> {
     declared: Vec<String>,
     section: Section,
     group: f64,
+    /// The model calls `useGroup()`.
+    uses_groups: bool,
     has_axiom: bool,
     /// Number of statements of Python that the model could not run without.
     refusals: usize,
@@ -71,6 +73,8 @@ struct Model<'r, 's> {
     /// Lines of the functions that L-Py runs, which are read when all values of the model are known: name, first and last line
     /// of the body, place.
     run_later: Vec<(String, Range<usize>, Range<usize>)>,
+    /// `backward()` was called, or `forward()`; `None`: neither.
+    direction: Option<bool>,
 }
 
 /// Code of the functions that L-Py runs between the steps.
@@ -93,6 +97,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         declared: Vec::new(),
         section: Section::Header,
         group: 0.0,
+        uses_groups: plain.contains("useGroup("),
         has_axiom: false,
         refusals: 0,
         start: Vec::new(),
@@ -105,7 +110,11 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         rule_lists: Vec::new(),
         arities: BTreeSet::new(),
         run_later: Vec::new(),
+        direction: None,
     };
+    if model.uses_groups {
+        model.scope.global(GROUP);
+    }
     model.shared_names(&list);
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
@@ -115,7 +124,12 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     model.reader.palette = color::palette(&pieces);
     model.lines(&list);
     for (name, body, place) in std::mem::take(&mut model.run_later) {
-        model.called_function(&name, list.get(body).unwrap_or(&[]), &place);
+        // The body may stand on the line of the head: `def Start(): backward()`.
+        let head = body.start.checked_sub(1).and_then(|i| list.get(i)).map(|l| l.piece);
+        let inline = head.and_then(|h| colon(h).map(|c| at_semicolons(h.from(c + 1).trimmed()))).unwrap_or_default();
+        let inline: Vec<Line<'_>> = inline.into_iter().map(|piece| Line { indent: 1, piece }).collect();
+        let block = if inline.is_empty() { list.get(body).unwrap_or(&[]) } else { &inline };
+        model.called_function(&name, block, &place);
     }
     model.finish(text);
 }
@@ -697,7 +711,16 @@ impl<'s> Model<'_, 's> {
     /// Reads a function that L-Py runs, which becomes a block.
     fn called_function(&mut self, name: &str, block: &[Line<'_>], range: &Range<usize>) {
         match self.run_function(block) {
-            Ok(code) => {
+            Ok(mut code) => {
+                // `Q` counts the steps that are completed: one less in the function before a step than in its productions.
+                if name == "StartEach" {
+                    let number = [Op::Step, Op::Const(1.0), Op::Binary(BinaryOp::Sub, usize::MAX)];
+                    for i in 0..code.len().saturating_sub(2) {
+                        if code[i..i + 3] == number {
+                            code[i + 1] = Op::Const(0.0);
+                        }
+                    }
+                }
                 let to = match name {
                     "Start" => &mut self.functions.start,
                     "StartEach" => &mut self.functions.start_each,
@@ -721,8 +744,13 @@ impl<'s> Model<'_, 's> {
         for line in block {
             let text = line.piece.text;
             // These do not change what rules read; `forward()` is how L-Py rewrites without it.
-            const IDLE: [&str; 5] = ["seed(", "random.seed(", "context(", "return None", "forward()"];
+            const IDLE: [&str; 4] = ["seed(", "random.seed(", "context(", "return None"];
             if IDLE.iter().any(|w| text.starts_with(w)) {
+                continue;
+            }
+            let is_backward = text.starts_with("backward()");
+            if is_backward || text.starts_with("forward()") {
+                self.direction(is_backward, line.piece.range(), block.iter().any(|l| l.indent < line.indent))?;
                 continue;
             }
             if unreadable_assignment(line).is_none() {
@@ -734,6 +762,46 @@ impl<'s> Model<'_, 's> {
         let mut declared = Vec::new();
         self.block_code(&statements, &mut declared, &mut ops)?;
         Ok(ops)
+    }
+
+    /// `backward()` or `forward()`, the direction in which all steps rewrite. `is_nested`: a condition decides on it.
+    fn direction(&mut self, is_backward: bool, range: Range<usize>, is_nested: bool) -> Result<(), Refusal> {
+        if is_nested || self.direction.is_some_and(|d| d != is_backward) {
+            let why = Refusal::new("a direction of rewriting that changes between the steps", range);
+            return Err(
+                why.remedy("call 'backward()' without a condition, in Start(): all steps then rewrite from the right")
+            );
+        }
+        self.direction = Some(is_backward);
+        Ok(())
+    }
+
+    /// Leaves out the productions that look at the new string on the side where the direction of rewriting has not made it yet:
+    /// L-Py does not apply them.
+    fn keep_productions_of_direction(&mut self) {
+        let is_backward = self.direction == Some(true);
+        self.reader.program.is_backward = is_backward;
+        let list = std::mem::take(&mut self.reader.program.rules.list);
+        for p in list {
+            let (unseen, sign) = if is_backward { (&p.new_left, "<<") } else { (&p.new_right, ">>") };
+            if is_backward && p.predecessor.len() > 1 {
+                let range = p.place.span.start as usize..p.place.span.end as usize;
+                let why = Refusal::new("several modules as a predecessor beside 'backward()'", range);
+                self.refuse(
+                    &why.remedy("write the others as a right context and rewrite each by a production of its own"),
+                );
+            } else if unseen.is_empty() {
+                self.reader.program.rules.list.push(p);
+            } else {
+                let message = format!("a production with '{sign}' never applies in this direction of rewriting");
+                let help = if is_backward {
+                    "'backward()' makes the string from its end: use '>>', or leave 'backward()' out"
+                } else {
+                    "the string is made from its beginning: use '<<', or call 'backward()' in Start()"
+                };
+                self.reader.session.warning("L008", message, p.place, help);
+            }
+        }
     }
 
     /// Appends the code of statements of a function. Its local variables are kept apart from those of the model.
@@ -816,6 +884,7 @@ impl<'s> Model<'_, 's> {
             let help = "write: Axiom: F";
             self.reader.session.error_help("L003", "the model has no axiom".into(), place, help);
         }
+        self.keep_productions_of_direction();
         // Values of the model first, wherever they are written, then the function that begins a run.
         let offset = self.start.len();
         self.start.extend(self.functions.start.iter().map(|op| shifted(*op, offset)));

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::bounds::Bounds;
 use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse, resolve, size_with, substitute};
-use super::statement::{Statement, assigned, in_turn, only_computes};
+use super::statement::{GROUP, Statement, assigned, in_turn, only_computes};
 use super::strings::{PyModule, Spelled, modules, spell};
 use super::{Line, Model, Section, block_after, colon, shifted, strings};
 use crate::code::{Bytecode, Expr, Op, UnaryOp, is_zero};
@@ -122,9 +122,57 @@ struct Head {
     formals: Vec<FormalModule>,
     right: Vec<ContextElement>,
     new_left: Vec<ContextElement>,
+    new_right: Vec<ContextElement>,
     /// What the parameters of its modules must be.
     conditions: Vec<PyExpr>,
     place: SourcePlace,
+}
+
+/// The parts of `left < new left << predecessor >> new right > right`, of which all but the predecessor may be missing. The sign
+/// next to a context says which one it is, so that their order is free.
+struct HeadParts<'t> {
+    left: Option<Piece<'t>>,
+    new_left: Option<Piece<'t>>,
+    predecessor: Piece<'t>,
+    new_right: Option<Piece<'t>>,
+    right: Option<Piece<'t>>,
+}
+
+impl<'t> HeadParts<'t> {
+    fn new(head: Piece<'t>) -> Self {
+        let mut parts = Self { left: None, new_left: None, predecessor: head, new_right: None, right: None };
+        let bytes = head.text.as_bytes();
+        let (mut depth, mut begin, mut i) = (0_usize, 0, 0);
+        // The sign before the part that begins at `begin`, if it is one of the right side.
+        let mut sign: Option<&str> = None;
+        while i <= bytes.len() {
+            let c = bytes.get(i).copied();
+            depth = (depth + usize::from(c == Some(b'('))).saturating_sub(usize::from(c == Some(b')')));
+            let ends = c.is_none() || (depth == 0 && matches!(c, Some(b'<' | b'>')));
+            if !ends {
+                i += 1;
+                continue;
+            }
+            let length = if c.is_some() && bytes.get(i + 1).copied() == c { 2 } else { 1 };
+            let piece = head.up_to(i).from(begin);
+            match (sign, c) {
+                (None, Some(b'<')) if length == 2 => parts.new_left = Some(piece),
+                (None, Some(b'<')) => parts.left = Some(piece),
+                (None, _) => parts.predecessor = piece,
+                (Some(">>"), _) => parts.new_right = Some(piece),
+                (Some(_), _) => parts.right = Some(piece),
+            }
+            if c == Some(b'>') {
+                sign = Some(if length == 2 { ">>" } else { ">" });
+            }
+            begin = i + length;
+            i = begin;
+            if c.is_none() {
+                break;
+            }
+        }
+        parts
+    }
 }
 
 impl Model<'_, '_> {
@@ -156,10 +204,15 @@ impl Model<'_, '_> {
             };
             (piece.up_to(c), None, statements)
         };
-        if self.group.abs() > 0.0 {
+        if self.group.abs() > 0.0 && !self.uses_groups {
             let place = self.reader.place(piece.range());
             let message = format!("production of group {}, which nothing activates", self.group);
-            self.reader.session.warning("L008", message, place, "move it before the groups, or after 'endgroup'");
+            self.reader.session.warning(
+                "L008",
+                message,
+                place,
+                "call useGroup() in StartEach(), or move it after 'endgroup'",
+            );
             return next;
         }
         let Some(statements) = self.settle(statements) else { return next };
@@ -204,6 +257,22 @@ impl Model<'_, '_> {
         if let Some(test) = head.conditions.iter().cloned().reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b))) {
             statements = vec![Statement::If(vec![(test, statements)], Vec::new())];
         }
+        let (mut names, mut globals) = (Vec::new(), Vec::new());
+        assigned(&statements, &mut names, &mut globals);
+        if names.iter().any(|n| n == GROUP) {
+            let why = Refusal::new(
+                "'useGroup()' in a production",
+                head.place.span.start as usize..head.place.span.end as usize,
+            );
+            self.refuse(&why.remedy("call it in StartEach(), which runs before each step"));
+            return None;
+        }
+        // Productions of a group wait for its number.
+        if self.group.abs() > 0.0 {
+            let active = PyExpr::Name(GROUP.to_owned(), 0..0);
+            let is = PyExpr::Binary(PyOp::Eq, Box::new(active), Box::new(PyExpr::Number(self.group)));
+            statements = vec![Statement::If(vec![(is, statements)], Vec::new())];
+        }
         let ways = self.ways(&statements);
         let ways = self.settle(ways)?;
         // A way without modules still assigns variables of the model; the next production is tried after it.
@@ -222,33 +291,12 @@ impl Model<'_, '_> {
 
     /// Left context, predecessor and right context, whose parameters become local variables.
     fn heads(&mut self, head: Piece<'_>) -> Result<Head, Refusal> {
-        let text = head.text;
-        if text.contains(">>") {
-            let why = Refusal::new("a context of the new string to the right ('>>')", head.range());
-            return Err(why.remedy(
-                "osier rewrites from left to right, where the new string is there only to the left ('<<'); write '>', which \
-                 reads the string before the step",
-            ));
+        let parts = HeadParts::new(head);
+        if (parts.new_left.is_some() || parts.new_right.is_some()) && self.section != Section::Rules {
+            let why = "a context of the new string ('<<', '>>') outside of productions";
+            return Err(Refusal::new(why, head.range()));
         }
-        // `new << left < predecessor > right`
-        let (made, head) = match text.find("<<") {
-            Some(i) => (Some(head.up_to(i)), head.from(i + 2)),
-            None => (None, head),
-        };
-        let text = head.text;
-        if made.is_some() && self.section != Section::Rules {
-            return Err(Refusal::new("a context of the new string ('<<') outside of productions", head.range()));
-        }
-        // Signs within parentheses are no contexts.
-        let outside = |c: char| {
-            let mut depth = 0_usize;
-            text.char_indices().find_map(|(i, d)| {
-                depth = (depth + usize::from(d == '(')).saturating_sub(usize::from(d == ')'));
-                (d == c && depth == 0).then_some(i)
-            })
-        };
-        let (less, greater) = (outside('<'), outside('>'));
-        let predecessor = head.up_to(greater.unwrap_or(text.len())).from(less.map_or(0, |i| i + 1));
+        let predecessor = parts.predecessor;
         let place = self.reader.place(predecessor.trimmed().range());
         let mut formals = Vec::new();
         let mut conditions = Vec::new();
@@ -266,10 +314,11 @@ impl Model<'_, '_> {
             Some(p) if p.text != "*" => model.elements(p, &mut conditions),
             _ => Ok(Vec::new()),
         };
-        let left = context(self, less.map(|i| head.up_to(i)))?;
-        let right = context(self, greater.map(|i| head.from(i + 1)))?;
-        let new_left = context(self, made)?;
-        Ok(Head { left, formals, right, new_left, conditions, place })
+        let left = context(self, parts.left)?;
+        let right = context(self, parts.right)?;
+        let new_left = context(self, parts.new_left)?;
+        let new_right = context(self, parts.new_right)?;
+        Ok(Head { left, formals, right, new_left, new_right, conditions, place })
     }
 
     fn elements(&mut self, piece: Piece<'_>, conditions: &mut Vec<PyExpr>) -> Result<Vec<ContextElement>, Refusal> {
@@ -720,6 +769,7 @@ impl Model<'_, '_> {
                     predecessor: head.formals.clone(),
                     right: head.right.clone(),
                     new_left: head.new_left.clone(),
+                    new_right: head.new_right.clone(),
                     before,
                     condition,
                     after: None,
@@ -924,7 +974,7 @@ impl Model<'_, '_> {
                 self.refuse(&Refusal::new("more than 65,535 symbols", m.range.clone()));
                 return None;
             };
-            out.push(SuccessorModule { symbol, args, occurrence: 0, place });
+            out.push(SuccessorModule { symbol, args: args.into(), occurrence: 0, place });
         }
         Some(out)
     }

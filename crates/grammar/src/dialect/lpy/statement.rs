@@ -8,6 +8,9 @@ use super::{Line, Model, assignment, block_after, colon};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
+/// Variable with the number of the group of productions that is active, which no model can name.
+pub(super) const GROUP: &str = "(group)";
+
 /// Deepest nesting of blocks in a production; deeper ones are refused, as the reader recurses.
 const MAX_NESTING: usize = 64;
 
@@ -154,6 +157,10 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
         let shown: String = piece.text.chars().take(40).collect();
         Refusal::new(format!("'{shown}' in a production"), piece.range())
     };
+    if let Some(number) = piece.text.strip_prefix("useGroup(").and_then(|n| n.strip_suffix(')')) {
+        let number = parse(Piece::new(piece.at + "useGroup(".len(), number))?;
+        return Ok(vec![Statement::Assign(GROUP.to_owned(), number)]);
+    }
     for sign in ["+=", "-=", "*=", "/="] {
         if let Some(i) = piece.text.find(sign) {
             let name = piece.up_to(i).trimmed();
