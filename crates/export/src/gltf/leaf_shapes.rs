@@ -2,22 +2,13 @@
 //!
 //! At evenly spaced frames the leaves of the smallest keys among those that are alive are recorded. As many of each frame are
 //! written as the budget of bytes allows, enlarged to cover the area of all. Each run of recorded frames of a leaf is a blade of
-//! a few triangles. While its leaf is not recorded, a blade is squeezed onto the base of the leaf where it appears or disappears:
-//! its area changes linearly between two shapes, as that of the other leaves does, so that the crown does not pulsate. Blades
+//! a few triangles. While its leaf is not recorded, a blade is a point at the place where the leaf appears or disappears. Blades
 //! that appear at one frame are a mesh, whose targets are only the shapes in which they are seen, and those beside them.
 //!
 //! ```text
 //! frame of the clip   0     5     10    15    20
-//! leaf 7              .     o     O     O     .      one run: shapes 1 to 3; no area before and after
+//! leaf 7              .     o     O     O     .      one run: shapes 1 to 3; a point before and after
 //! leaf 9              O     O     .     O     O      two runs, two blades
-//! ```
-//!
-//! A run that is too long for one mesh is divided. While the leaf goes from the last shape of one blade to the first shape of the
-//! next, the first blade is squeezed onto one end of the leaf and the next spreads from the other end: together they cover the leaf
-//! at every time.
-//!
-//! ```text
-//! between two shapes  AAAAAA   AAAABB   AABBBB   BBBBBB
 //! ```
 
 use glam::Vec3;
@@ -44,12 +35,10 @@ const BLADE_TRIANGLES: usize = 2;
 const BLADE_VERTICES: usize = 4;
 /// Bytes of a vertex beside its position: normal, texture coordinates, indices of its triangles.
 const VERTEX_BYTES: usize = 20;
-/// Most shapes of a blade. Own: a mesh has a target for each shape of its longest run, so longer runs are divided; leaves are
-/// divided at different shapes, so that the meshes have about as many blades each.
+/// Most shapes of a blade. Own: a mesh has a target for each shape of its longest run, so longer runs are divided. Between the two
+/// shapes at which a run is divided one blade shrinks while the next grows, with half of the area halfway; leaves are divided at
+/// different shapes, so that a crown does not pulsate.
 const LONGEST_RUN: usize = 6;
-/// Largest area of a squeezed blade, as a share of the blade's. Own: of one that keeps more, as of crossed quadrilaterals squeezed
-/// along the normal of one, a part would stay in sight; it shrinks to a point.
-const SQUEEZED_AREA: f64 = 0.02;
 /// Largest factor by which leaves are enlarged to replace those left out; a larger one is conspicuous.
 const MOST_GROWTH: f32 = 3.0;
 /// A leaf that moves farther between two shapes, as a share of the diagonal of the plant's box, is another leaf of the same
@@ -146,75 +135,15 @@ struct Run {
     first: usize,
     /// Its places in consecutive shapes; not empty.
     places: Vec<Trs>,
-    /// Place of the leaf in the shape before, if the blade of another run shows it there.
-    before: Option<Trs>,
-    /// Likewise in the shape after.
-    after: Option<Trs>,
-}
-
-/// A simplified leaf.
-struct Blade {
-    mesh: Mesh,
-    /// The points squeezed along an axis onto the end nearer to the leaf's base and onto the other end, where they span no area;
-    /// `None` if they do along every axis.
-    squeezed: Option<[Vec<Vec3>; 2]>,
-}
-
-impl Blade {
-    fn new(mesh: Mesh) -> Self {
-        let bounds = osier_base::geometry::Bounds::of(mesh.points.iter().copied());
-        let size = bounds.size();
-        // Along its longest axis a leaf is covered by two blades at every time, and blades of crossed quadrilaterals have it in common.
-        let mut axes = [0, 1, 2];
-        axes.sort_by(|a, b| size[*b].total_cmp(&size[*a]));
-        let onto = |axis: usize, value: f32| -> Vec<Vec3> {
-            let moved = |p: &Vec3| {
-                let mut p = *p;
-                p[axis] = value;
-                p
-            };
-            mesh.points.iter().map(moved).collect()
-        };
-        let squeezed = axes.into_iter().find_map(|axis| {
-            let [near, far] = match [bounds.min[axis], bounds.max[axis]] {
-                [min, max] if min.abs() > max.abs() => [max, min],
-                ends => ends,
-            };
-            let ends = [onto(axis, near), onto(axis, far)];
-            let left = area(&Mesh { points: ends[0].clone(), ..mesh.clone() });
-            (left <= SQUEEZED_AREA * area(&mesh)).then_some(ends)
-        });
-        Self { mesh, squeezed }
-    }
 }
 
 impl Run {
-    /// Its place in a shape; the nearest one outside of the run.
+    /// Its place in a shape: a point before its first and after its last one.
     fn place(&self, shape: usize) -> Trs {
         let last = self.places.len() - 1;
         let k = shape.saturating_sub(self.first).min(last);
-        let beside = if shape < self.first {
-            self.before
-        } else if shape - self.first > last {
-            self.after
-        } else {
-            None
-        };
-        beside.unwrap_or(self.places[k])
-    }
-
-    /// Points of its blade in a shape. Outside of the run they span no area: they are squeezed onto the base of the leaf, or onto its
-    /// tip before the run if another blade, squeezed onto the base meanwhile, shows the leaf there.
-    fn points(&self, shape: usize, blade: &Blade) -> Vec<Vec3> {
-        let place = self.place(shape);
-        let (is_before, is_after) = (shape < self.first, shape >= self.first + self.places.len());
-        let points = match &blade.squeezed {
-            _ if !is_before && !is_after => &blade.mesh.points,
-            Some([_, tip]) if is_before && self.before.is_some() => tip,
-            Some([base, _]) => base,
-            None => return vec![place.t; blade.mesh.points.len()],
-        };
-        points.iter().map(|p| place.apply(*p)).collect()
+        let inside = shape >= self.first && shape - self.first <= last;
+        Trs { s: if inside { self.places[k].s } else { Vec3::ZERO }, ..self.places[k] }
     }
 }
 
@@ -297,7 +226,7 @@ impl LeafShapes {
         let places = self.shapes.iter().flat_map(|shape| shape.leaves.iter().map(|leaf| leaf.place.t));
         let longest = LONGEST_MOVE * osier_base::geometry::Bounds::of(places).size().length();
         let blades = simple_blades(asset, label)?;
-        let vertices = |run: &Run| simple_blade(run, asset, &blades).map_or(0, |blade| blade.mesh.points.len());
+        let vertices = |run: &Run| simple_blade(run, asset, &blades).map_or(0, |blade| blade.points.len());
         let most = self.most_at_once(longest, &vertices);
         let runs = self.runs(most, longest);
         let full = (0..self.shapes.len()).max_by_key(|k| (self.shapes[*k].alive, *k)).unwrap_or(0);
@@ -314,27 +243,27 @@ impl LeafShapes {
     }
 
     /// The mesh of runs that begin in one shape. `full`: the shape in which it is at rest; `blades`: per instancer and prototype.
-    fn group_mesh(&self, group: &[Run], full: usize, asset: &Asset, blades: &[Vec<Blade>]) -> Option<LeafMesh> {
+    fn group_mesh(&self, group: &[Run], full: usize, asset: &Asset, blades: &[Vec<Mesh>]) -> Option<LeafMesh> {
         let blade_of = |run: &Run| simple_blade(run, asset, blades);
         let mut mesh = Mesh::default();
         for run in group {
             let Some(blade) = blade_of(run) else { continue };
             let [n, i] = run.id.map(|k| k as usize);
-            // A blade that spans no area in this shape has the normals of its nearest shape.
-            let upright = Trs { s: Vec3::ONE, ..run.place(full) };
+            let place = run.place(full);
+            // A blade that is a point in this shape has the normals of its nearest shape.
+            let upright = Trs { s: Vec3::ONE, ..place };
             let toward = asset.instancers[n].rest.canopy_normal(i);
-            let bent = |v: &Vec3| bent_normal(transform_normal(&upright, *v), toward);
             mesh.append(&Mesh {
-                points: run.points(full, blade),
-                normals: blade.mesh.normals.iter().map(bent).collect(),
-                ..blade.mesh.clone()
+                points: blade.points.iter().map(|p| place.apply(*p)).collect(),
+                normals: blade.normals.iter().map(|v| bent_normal(transform_normal(&upright, *v), toward)).collect(),
+                ..blade.clone()
             });
         }
         mesh.join_subsets();
         if mesh.triangles.is_empty() {
             return None;
         }
-        // Before the first and after the last of these shapes no blade spans an area: two keys hold them until the ends of the clip.
+        // Before the first and after the last of these shapes all blades are points: two keys hold them until the ends of the clip.
         let (first, last) = (group[0].first, self.shapes.len() - 1);
         let end = first + group.iter().map(|run| run.places.len()).max().unwrap_or(1);
         let near = first.saturating_sub(1)..=end.min(last);
@@ -342,11 +271,15 @@ impl LeafShapes {
         kept.sort_unstable();
         kept.dedup();
         let points_at = |k: &usize| -> Vec<Vec3> {
-            // Where no blade spans an area, at rest and here, it is not seen where they lie: the mesh at rest needs no target.
+            // Where all blades are points, at rest and here, it is not seen where these lie: the mesh at rest needs no target.
             if !(first..end).contains(&full) && !near.contains(k) {
                 return mesh.points.clone();
             }
-            group.iter().filter_map(|run| Some(run.points(*k, blade_of(run)?))).flatten().collect()
+            let of = |run: &Run| {
+                let place = run.place(*k);
+                blade_of(run).into_iter().flat_map(move |blade| blade.points.iter().map(move |p| place.apply(*p)))
+            };
+            group.iter().flat_map(of).collect()
         };
         let shapes = kept.iter().map(points_at).collect();
         Some(LeafMesh { mesh, shapes, frames: kept.iter().map(|k| self.frames[*k]).collect() })
@@ -372,7 +305,7 @@ impl LeafShapes {
     fn bytes(&self, runs: &[Run], vertices: &dyn Fn(&Run) -> usize) -> usize {
         let position = self.budget.position;
         let of_group = |group: &[Run]| {
-            // Besides the shapes in which they are seen, blades have one without area where they appear or disappear.
+            // Besides the shapes in which they are seen, blades have one as points where they appear or disappear.
             let targets = 1 + group.iter().map(|run| run.places.len()).max().unwrap_or(0);
             group.iter().map(vertices).sum::<usize>() * (VERTEX_BYTES + position * (1 + targets))
         };
@@ -391,20 +324,14 @@ impl LeafShapes {
         list.sort_unstable_by_key(|(id, k, _)| (*id, *k));
         let mut runs: Vec<Run> = Vec::new();
         for (id, k, place) in list {
-            let is_same_leaf = |run: &&mut Run| {
+            let goes_on = |run: &&mut Run| {
                 let near = run.places.last().is_some_and(|last| last.t.distance(place.t) <= longest);
-                run.id == id && run.first + run.places.len() == k && near
+                let is_divided = (k + id[1] as usize).is_multiple_of(LONGEST_RUN);
+                run.id == id && run.first + run.places.len() == k && near && !is_divided
             };
-            let is_divided = (k + id[1] as usize).is_multiple_of(LONGEST_RUN);
-            let run = Run { id, first: k, places: vec![place], before: None, after: None };
-            match runs.last_mut().filter(is_same_leaf) {
-                Some(last) if is_divided => {
-                    last.after = Some(place);
-                    let before = last.places.last().copied();
-                    runs.push(Run { before, ..run });
-                }
-                Some(last) => last.places.push(place),
-                None => runs.push(run),
+            match runs.last_mut().filter(goes_on) {
+                Some(run) => run.places.push(place),
+                None => runs.push(Run { id, first: k, places: vec![place] }),
             }
         }
         runs.sort_unstable_by_key(|run| (run.first, run.id));
@@ -427,19 +354,19 @@ fn grows(asset: &Asset, instancer: &Instancer, scene: &Scene) -> bool {
 }
 
 /// The simple blade of a run. `blades`: per instancer and prototype.
-fn simple_blade<'a>(run: &Run, asset: &Asset, blades: &'a [Vec<Blade>]) -> Option<&'a Blade> {
+fn simple_blade<'a>(run: &Run, asset: &Asset, blades: &'a [Vec<Mesh>]) -> Option<&'a Mesh> {
     let [n, i] = run.id.map(|k| k as usize);
     let proto = asset.instancers.get(n)?.protos.get(i)?;
     blades.get(n)?.get(*proto as usize)
 }
 
 /// A simple blade for each prototype of each instancer, scaled to the area of the full one.
-fn simple_blades(asset: &Asset, label: &str) -> Result<Vec<Vec<Blade>>> {
-    let blade = |mesh: &Mesh| -> Result<Blade> {
+fn simple_blades(asset: &Asset, label: &str) -> Result<Vec<Vec<Mesh>>> {
+    let blade = |mesh: &Mesh| -> Result<Mesh> {
         let mut simple = compact(&with_fewer_triangles(mesh, BLADE_TRIANGLES, BLADE_DEVIATION, label)?);
         let factor = math::narrow(math::sqrt(area(mesh) / area(&simple).max(1e-12)));
         simple.points.iter_mut().for_each(|p| *p *= factor.clamp(1.0, MOST_GROWTH));
-        Ok(Blade::new(simple))
+        Ok(simple)
     };
     let of_instancer = |i: &Instancer| i.prototypes.iter().map(|p| blade(&p.mesh)).collect();
     asset.instancers.iter().map(of_instancer).collect()
@@ -489,62 +416,11 @@ mod tests {
         let runs = shapes.runs(10, 1.0);
         let list: Vec<([u32; 2], usize, usize)> = runs.iter().map(|r| (r.id, r.first, r.places.len())).collect();
         assert_eq!(list, [([0, 3], 0, 2), ([0, 5], 1, 1), ([0, 5], 2, 2), ([0, 3], 3, 1)]);
-        // Outside of its shapes it has no area where it appeared or disappeared: it is the base of the leaf there.
-        let (late, blade) = (&runs[2], Blade::new(quadrilateral()));
-        let base = |x: f32| [-0.5, 0.5, 0.5, -0.5].map(|side| Vec3::new(x + side, 0.0, 0.0));
-        assert_eq!(late.points(0, &blade), base(2.0));
-        assert_eq!(late.points(2, &blade)[2], Vec3::new(2.5, 2.0, 0.0));
-        assert_eq!(late.points(3, &blade)[2], Vec3::new(2.6, 2.0, 0.0));
-        assert_eq!(runs[1].points(3, &blade), base(7.0));
-        // Of a leaf that lies towards -y the base is the upper end.
-        let hanging = quadrilateral().points.iter().map(|p| *p - Vec3::Y * 2.0).collect();
-        let hanging = Blade::new(Mesh { points: hanging, ..quadrilateral() });
-        assert_eq!(runs[1].points(3, &hanging), base(7.0));
-    }
-
-    /// 1 m wide and 2 m long.
-    fn quadrilateral() -> Mesh {
-        Mesh {
-            points: [[-0.5, 0.0], [0.5, 0.0], [0.5, 2.0], [-0.5, 2.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec(),
-            triangles: vec![[0, 1, 2], [0, 2, 3]],
-            ..Mesh::default()
-        }
-    }
-
-    #[test]
-    fn a_divided_leaf_is_covered_between_its_blades() {
-        let places: Vec<[(u32, f32); 1]> = (0_u8..12).map(|k| [(2, 0.01 * f32::from(k))]).collect();
-        let frames: Vec<&[(u32, f32)]> = places.iter().map(|p| &p[..]).collect();
-        let runs = recorded(&frames).runs(10, 1.0);
-        assert_eq!(runs.iter().map(|r| (r.first, r.places.len())).collect::<Vec<_>>(), [(0, 4), (4, 6), (10, 2)]);
-        // Two crossed quadrilaterals, which have no area along the axis that they share only.
-        let mut crossed = quadrilateral();
-        let turned = quadrilateral().points.iter().map(|p| Vec3::new(0.0, p.y, p.x)).collect();
-        crossed.append(&Mesh { points: turned, ..quadrilateral() });
-        for mesh in [quadrilateral(), crossed] {
-            let (full, blade) = (area(&mesh), Blade::new(mesh));
-            for tenth in 0_u8..=110 {
-                let (shape, share) = (usize::from(tenth / 10), f32::from(tenth % 10) / 10.0);
-                let shown = |run: &Run| -> Vec<Vec3> {
-                    let [from, to] = [shape, (shape + 1).min(11)].map(|k| run.points(k, &blade));
-                    from.iter().zip(to).map(|(a, b)| a.lerp(b, share)).collect()
-                };
-                let seen: Vec<Vec<Vec3>> = runs.iter().map(shown).collect();
-                let sum: f64 = seen.iter().map(|p| area(&Mesh { points: p.clone(), ..blade.mesh.clone() })).sum();
-                assert!((sum / full - 1.0).abs() < 1e-4, "{tenth}: {sum} of {full} m^2");
-                // Side by side, not upon each other: the lengths add up to that of the leaf.
-                let length = |points: &Vec<Vec3>| osier_base::geometry::Bounds::of(points.iter().copied()).size().y;
-                assert!((seen.iter().map(length).sum::<f32>() - 2.0).abs() < 1e-4, "{tenth}");
-            }
-        }
-        // Three faces of a box have area along every axis: they shrink to a point.
-        let face = |a: Vec3, b: Vec3| Mesh { points: vec![Vec3::ZERO, a, a + b, b], ..quadrilateral() };
-        let mut corner = face(Vec3::X, Vec3::Y);
-        corner.append(&face(Vec3::Y, Vec3::Z));
-        corner.append(&face(Vec3::Z, Vec3::X));
-        let corner = Blade::new(corner);
-        assert!(corner.squeezed.is_none());
-        assert_eq!(runs[0].points(9, &corner), [runs[1].places[0].t; 12]);
+        // Outside of its shapes it is a point where it appeared or disappeared.
+        let late = &runs[2];
+        assert_eq!((late.place(0).t, late.place(0).s), (Vec3::X * 2.0, Vec3::ZERO));
+        assert_eq!((late.place(3).t, late.place(3).s), (Vec3::X * 2.1, Vec3::ONE));
+        assert_eq!(runs[1].place(3).s, Vec3::ZERO);
     }
 
     #[test]
