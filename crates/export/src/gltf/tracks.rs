@@ -176,7 +176,8 @@ impl TargetBudget {
     fn new(points: usize, position: usize) -> Self {
         let [budget, most] = MORPH_BUDGET;
         let points = points.max(1);
-        let with_normals = (position + MORPH_NORMAL_BYTES).saturating_mul(points).saturating_mul(MORPH_TARGETS) <= budget;
+        let with_normals =
+            (position + MORPH_NORMAL_BYTES).saturating_mul(points).saturating_mul(MORPH_TARGETS) <= budget;
         let point = if with_normals { position + MORPH_NORMAL_BYTES } else { position };
         Self { with_normals, point, most: (budget / point.saturating_mul(points)).clamp(LEAST_TARGETS, most) }
     }
