@@ -51,33 +51,6 @@ fn no_catkin_penetrates_solids_or_is_lost() {
     }
 }
 
-/// Tufts swing by the same amount at any frame rate: at 4 frames per second a single step per frame would throw them about.
-#[test]
-fn tumbling_does_not_depend_on_the_frame_rate() {
-    let rms_of_swing = |rate: u32| {
-        let fps = f64::from(rate);
-        let options =
-            FlightParams { fps, stick_radius: 0.0, humidity: GroundHumidity::Even(0.0), ..FlightParams::default() };
-        let mut all = flights(3000, options, &Arc::new(Solids::new(Vec::new(), true)));
-        let wind = gusts(8.0);
-        for _ in 0..2 * rate {
-            all.advance_frame(&wind);
-        }
-        let airborne = all.by_id().filter(|c| c.state == CatkinState::Airborne);
-        let (sum, n) = airborne.fold((0.0, 0.0), |(sum, n), c| {
-            let across = c.omega - c.tuft() * c.omega.dot(c.tuft());
-            (sum + across.length_squared(), n + 1.0_f32)
-        });
-        assert!(n > 500.0, "{n} are in the air at {fps} frames per second");
-        (sum / n).sqrt()
-    };
-    let fine = rms_of_swing(96);
-    for (fps, within) in [(4, 0.3), (8, 0.2), (24, 0.1)] {
-        let ratio = rms_of_swing(fps) / fine;
-        assert!((ratio - 1.0).abs() < within, "{ratio} of {fine} rad/s at {fps} frames per second");
-    }
-}
-
 #[test]
 fn merging_conserves_momentum() {
     let mut all =

@@ -5,17 +5,14 @@ use glam::{Quat, Vec3};
 use super::particles::{Catkin, CatkinState, flutter_key, flutter_seed};
 use super::{CATKINS_PER_TASK, FlightSimulation};
 use crate::flight::tuning::{
-    AXIAL_SPIN, AXIAL_SPIN_TIME, DAMPING_RATIO, MAX_PACE, MAX_SPIN, MAX_SWING_PHASE, RANDOM_TORQUE, RANDOM_TORQUE_TIME,
-    REST_DAMPING_TIME, SWING_HZ,
+    AXIAL_SPIN, AXIAL_SPIN_TIME, DAMPING_RATIO, MAX_SPIN, RANDOM_TORQUE, RANDOM_TORQUE_TIME, REST_DAMPING_TIME,
+    SWING_HZ,
 };
 use osier_base::math::narrow;
 use osier_base::rng;
 
 /// Constants of one step of tumbling; pairs are the factor that is kept and the strength of the noise that is added.
 struct TumbleStep {
-    /// Number of equal steps in a step of the flight.
-    count: u64,
-    /// Length of each, s.
     dt: f32,
     random_torque: [f32; 2],
     spin: [f32; 2],
@@ -23,20 +20,14 @@ struct TumbleStep {
     flutter: f32,
     /// Random key of this flight's tumbling.
     key: u64,
-    /// Number of the first of them since the flight began.
-    first: u64,
-    /// Time at the end of the step of the flight, s.
+    step: u64,
+    /// Time at the end of the step, s.
     now: f64,
 }
 
 impl TumbleStep {
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seconds a frame times a frequency")]
     fn new(flights: &FlightSimulation) -> Self {
-        // The oscillation needs several steps in each of its periods, whatever the frame rate is.
-        let fastest = std::f64::consts::TAU * f64::from(SWING_HZ * MAX_PACE) * flights.options.flutter;
-        let count = (flights.options.time_step() * fastest / MAX_SWING_PHASE).ceil().max(1.0);
-        let dt = narrow(flights.options.time_step() / count);
-        let count = count as u64;
+        let dt = narrow(flights.options.time_step());
         let keeps = |time: f32| osier_base::math::exp_f32(-dt / time);
         // Ornstein-Uhlenbeck step: keep exp(-dt/T), add sqrt(1 - keep^2) times the strength.
         let pair = |time: f32, strength: f32| {
@@ -44,27 +35,25 @@ impl TumbleStep {
             [keep, strength * narrow(flights.options.flutter) * osier_base::math::sqrt_f32(1.0 - keep * keep)]
         };
         Self {
-            count,
             dt,
             random_torque: pair(RANDOM_TORQUE_TIME, RANDOM_TORQUE),
             spin: pair(AXIAL_SPIN_TIME, AXIAL_SPIN),
             rest: keeps(REST_DAMPING_TIME),
             flutter: narrow(flights.options.flutter),
             key: flutter_seed(flights.options.seed),
-            first: flights.step * count,
+            step: flights.step,
             now: flights.seconds() + flights.options.time_step(),
         }
     }
 
-    /// Advances the angular velocity of a catkin by one step, the one of number `k` of this step of the flight.
-    fn tumble(&self, c: &mut Catkin, k: u64) {
+    fn tumble(&self, c: &mut Catkin) {
         let tuft = c.tuft();
         let speed = c.flow.length();
         let along = if speed < 0.05 { Vec3::Y } else { c.flow / speed };
         // Torsional pendulum about the direction of the relative wind; its frequency grows with the wind speed.
-        let pace = (speed / narrow(c.fall).max(1e-6)).clamp(0.3, MAX_PACE);
+        let pace = (speed / narrow(c.fall).max(1e-6)).clamp(0.3, 3.0);
         let omega_n = std::f32::consts::TAU * SWING_HZ * pace * self.flutter;
-        let (a, b) = unit_noise(rng::child(flutter_key(self.key, c.id, c.generation), self.first + k));
+        let (a, b) = unit_noise(rng::child(flutter_key(self.key, c.id, c.generation), self.step));
         // Ornstein-Uhlenbeck noise: an exact step with correlation time and variance that do not depend on the step.
         c.random_torque = c.random_torque * self.random_torque[0] + a * self.random_torque[1];
         // Free, slow spin about the tuft's axis; oscillation across it.
@@ -74,24 +63,6 @@ impl TumbleStep {
         let damped = (across + (torque - tuft * torque.dot(tuft)) * self.dt)
             * osier_base::math::exp_f32(-2.0 * DAMPING_RATIO * omega_n * self.dt);
         c.omega = (damped + tuft * spin).clamp_length_max(MAX_SPIN);
-    }
-
-    /// Advances orientation and angular velocity of a catkin by one step, the one of number `k` of this step of the flight.
-    fn advance(&self, c: &mut Catkin, k: u64) {
-        match c.state {
-            // Set from its cluster.
-            CatkinState::Airborne if c.clustered => {}
-            CatkinState::Airborne => self.tumble(c, k),
-            _ => {
-                c.omega *= self.rest;
-                if c.state.is_deposited() && c.rested < 0.0 {
-                    c.rested = self.now;
-                }
-            }
-        }
-        if c.state.is_seen() {
-            c.q = rotate_by(c.q, c.omega * self.dt);
-        }
     }
 }
 
@@ -107,8 +78,19 @@ impl FlightSimulation {
         let mut chunks: Vec<&mut [Catkin]> = self.catkins.chunks_mut(CATKINS_PER_TASK).collect();
         osier_base::par::par_each(&mut chunks, |chunk| {
             for c in chunk.iter_mut() {
-                for k in 0..tumble.count {
-                    tumble.advance(c, k);
+                match c.state {
+                    // Set above, from its cluster.
+                    CatkinState::Airborne if c.clustered => {}
+                    CatkinState::Airborne => tumble.tumble(c),
+                    _ => {
+                        c.omega *= tumble.rest;
+                        if c.state.is_deposited() && c.rested < 0.0 {
+                            c.rested = tumble.now;
+                        }
+                    }
+                }
+                if c.state.is_seen() {
+                    c.q = rotate_by(c.q, c.omega * tumble.dt);
                 }
             }
         });

@@ -106,13 +106,6 @@ pub(crate) const UPDRAFT_TIME: f64 = 0.6;
 /// Frequency of the oscillation at settling speed, Hz. Higher: nervous flutter.
 pub(crate) const SWING_HZ: f32 = 0.8;
 
-/// Largest factor of strong wind on that frequency. Higher: catkins in gusts rattle.
-pub(crate) const MAX_PACE: f32 = 3.0;
-
-/// Largest phase of the fastest oscillation in a step, rad. Larger: with a semi-implicit step tufts are thrown from one side to the
-/// other; 1.3 leaves one step per frame at 12 frames per second and a flutter of 1.
-pub(crate) const MAX_SWING_PHASE: f64 = 1.3;
-
 /// Damping ratio of the oscillation. Higher: tufts align without swinging.
 pub(crate) const DAMPING_RATIO: f32 = 0.35;
 
