@@ -99,7 +99,7 @@ pub(crate) fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u
     (part && shifts && phased > 0).then(|| {
         format!(
             "{phased} copies are animated with a phase offset and need frames that are not selected; bake the whole \
-             clip, or animate all copies in phase with --set sway.phases=1"
+             clip, or animate all copies in phase: sway.phases=1"
         )
     })
 }

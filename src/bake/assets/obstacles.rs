@@ -8,7 +8,6 @@ use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::terrain::shown_terrain_solid;
 use crate::bake::scene::builder::SceneBuilder;
 use crate::recipe::scene::SolidShape;
-use crate::recipe::scene::WindModel;
 use crate::recipe::{Recipe, SolidRecipe};
 use osier_base::files::Names;
 use osier_base::geometry::Bounds;
@@ -119,7 +118,7 @@ const LEAST_HILL: f32 = 0.5;
 /// Whether a recipe reads a lattice wind, the only one that flows around solids: a clip does, and the flight of a still scene
 /// before its frame.
 pub fn reads_lattice_wind(recipe: &Recipe) -> bool {
-    recipe.wind.model == WindModel::Lattice && (recipe.clip.len() >= 2 || recipe.flight.is_some())
+    recipe.has_lattice_wind() && (recipe.clip.len() >= 2 || recipe.flight.is_some())
 }
 
 fn sample_ground(ground: &Ground, center: Vec3, side: f32) -> Option<LandForm> {

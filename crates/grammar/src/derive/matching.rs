@@ -72,7 +72,7 @@ impl MadeString {
         context: &[ContextElement],
         locals: &mut [f64],
     ) -> bool {
-        let made = ContextView { modules: &self.modules, partner: &self.partner, is_ring: false, ..*view };
+        let made = self.seen_from(view);
         made.matches_left(brackets, context, self.modules.len(), locals)
     }
 
@@ -84,9 +84,13 @@ impl MadeString {
         context: &[ContextElement],
         locals: &mut [f64],
     ) -> bool {
-        let made =
-            ContextView { modules: &self.modules, partner: &self.partner, is_ring: false, is_reversed: true, ..*view };
+        let made = ContextView { is_reversed: true, ..self.seen_from(view) };
         made.matches_right(brackets, context, 0, locals)
+    }
+
+    /// What is made, with the ignored symbols and borders of `view`. Its ends are not joined.
+    fn seen_from<'a>(&'a self, view: &ContextView<'a>) -> ContextView<'a> {
+        ContextView { modules: &self.modules, partner: &self.partner, is_ring: false, ..*view }
     }
 }
 

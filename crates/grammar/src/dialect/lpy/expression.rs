@@ -523,6 +523,8 @@ pub(super) struct Scope {
     pub unreadable: BTreeMap<String, Refusal>,
     /// Functions whose body is one expression, by name: their parameters and the expression.
     pub functions: BTreeMap<String, (Vec<String>, PyExpr)>,
+    /// The code is that of `StartEach`, which runs before the step: `Q` counts the steps that are completed.
+    pub is_before_step: bool,
 }
 
 impl Scope {
@@ -992,7 +994,8 @@ fn emit_call(
             });
             emit(&least, scope, ops)?;
         }
-        // L-Py counts from 0, `Q` from 1.
+        // L-Py counts from 0, `Q` from 1 in productions and from 0 in the function before a step.
+        ("getIterationNb", []) if scope.is_before_step => ops.push(Op::Step),
         ("getIterationNb", []) => {
             ops.extend([Op::Step, Op::Const(1.0), Op::Binary(BinaryOp::Sub, usize::MAX)]);
         }

@@ -17,7 +17,7 @@ use self::statement::{FunctionValue, GROUP, Statement, assign_statement, at_semi
 use self::strings::{modules, spell, split};
 use super::Reader;
 use super::text::{Piece, lines};
-use crate::code::{BinaryOp, Op};
+use crate::code::Op;
 use crate::program::IgnoredSymbols;
 use crate::symbols::SymbolId;
 use crate::token::SourcePlace;
@@ -710,17 +710,11 @@ impl<'s> Model<'_, 's> {
 
     /// Reads a function that L-Py runs, which becomes a block.
     fn called_function(&mut self, name: &str, block: &[Line<'_>], range: &Range<usize>) {
-        match self.run_function(block) {
-            Ok(mut code) => {
-                // `Q` counts the steps that are completed: one less in the function before a step than in its productions.
-                if name == "StartEach" {
-                    let number = [Op::Step, Op::Const(1.0), Op::Binary(BinaryOp::Sub, usize::MAX)];
-                    for i in 0..code.len().saturating_sub(2) {
-                        if code[i..i + 3] == number {
-                            code[i + 1] = Op::Const(0.0);
-                        }
-                    }
-                }
+        self.scope.is_before_step = name == "StartEach";
+        let code = self.run_function(block);
+        self.scope.is_before_step = false;
+        match code {
+            Ok(code) => {
                 let to = match name {
                     "Start" => &mut self.functions.start,
                     "StartEach" => &mut self.functions.start_each,

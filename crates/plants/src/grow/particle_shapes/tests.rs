@@ -624,10 +624,7 @@ fn forks_share_a_number_and_lost_apices_end_at_their_last_child() {
 
 #[test]
 fn filling_adds_twigs_and_leaves_and_keeps_what_was_there() {
-    let mut bare = params();
-    bare.limits.levels = 2;
-    bare.leaves.spacing = 0.0;
-    let before = grow(&bare, (7, 5), None, &materials()).expect("grows").0;
+    let before = bare_plant();
     let mut twigs = params();
     twigs.limits.levels = 2;
     twigs.spawning.spacing = [0.08].into();
@@ -660,6 +657,14 @@ fn filling_adds_twigs_and_leaves_and_keeps_what_was_there() {
     assert!(validate(&mut again).expect("valid").is_empty());
 }
 
+/// A plant of two levels without leaves, to be filled with twigs.
+fn bare_plant() -> Plant {
+    let mut bare = params();
+    bare.limits.levels = 2;
+    bare.leaves.spacing = 0.0;
+    grow(&bare, (7, 5), None, &materials()).expect("grows").0
+}
+
 /// Growth time of the place where an axis is attached.
 fn time_of_site(plant: &Plant, axis: &osier_scene::plant::Axis) -> f32 {
     let (i, t) = plant.segment(&plant.axes[axis.parent as usize], axis.parent_s);
@@ -668,10 +673,7 @@ fn time_of_site(plant: &Plant, axis: &osier_scene::plant::Axis) -> f32 {
 
 #[test]
 fn twigs_of_a_filled_plant_grow_no_earlier_than_the_wood_that_bears_them() {
-    let mut bare = params();
-    bare.limits.levels = 2;
-    bare.leaves.spacing = 0.0;
-    let before = grow(&bare, (7, 5), None, &materials()).expect("grows").0;
+    let before = bare_plant();
     let mut twigs = params();
     twigs.limits.levels = 2;
     twigs.limits.length = [1.0, 0.2].into();
