@@ -242,7 +242,9 @@ impl Shares {
     #[inline]
     pub fn pick(&self, rng: &mut Rng) -> usize {
         let target = rng.unit_f64() * self.sums.last().copied().unwrap_or(0.0);
-        self.sums.iter().position(|sum| *sum > target).unwrap_or(self.last)
+        // The number of sums up to the target is the index of the first one beyond it, without a branch on the random target.
+        let index = self.sums.iter().map(|sum| usize::from(*sum <= target)).sum::<usize>();
+        if index < self.sums.len() { index } else { self.last }
     }
 }
 

@@ -115,9 +115,33 @@ impl Grammar {
 
     /// A string of modules as text, parameters with six digits.
     pub fn print(&self, modules: &ModuleString) -> String {
+        if modules.param_count() == 0 {
+            return self.print_symbols(modules.symbols());
+        }
         let mut out = String::with_capacity(modules.len());
         let mut numbers = NumberTexts::default();
         modules.iter().for_each(|m| write_module(&mut out, self, m, &mut numbers));
+        out
+    }
+
+    /// A string of modules without parameters as text.
+    fn print_symbols(&self, symbols: &[SymbolId]) -> String {
+        let chars: Vec<char> =
+            (0_u16..).take(self.program.symbols.len()).map(|i| self.program.symbols.get(i)).collect();
+        // The usual string, whose symbols are single bytes, is a table look-up for each.
+        let is_byte = |c: &char| c.is_ascii() && self.program.symbols.long_name(*c).is_none();
+        let bytes: Option<Vec<u8>> = chars.iter().map(|c| u8::try_from(*c).ok().filter(|_| is_byte(c))).collect();
+        if let Some(bytes) = bytes {
+            let text: Vec<u8> = symbols.iter().map(|s| bytes[usize::from(*s)]).collect();
+            return utf8_text(text);
+        }
+        let mut out = String::with_capacity(symbols.len());
+        for c in symbols.iter().map(|s| chars[usize::from(*s)]) {
+            match self.program.symbols.long_name(c) {
+                Some(name) => out.push_str(name),
+                None => out.push(c),
+            }
+        }
         out
     }
 
@@ -206,6 +230,11 @@ impl Default for NumberTexts {
     fn default() -> Self {
         Self { slots: vec![None; 1 << Self::BITS] }
     }
+}
+
+/// The text of bytes that are known to be UTF-8.
+pub(crate) fn utf8_text(bytes: Vec<u8>) -> String {
+    String::from_utf8(bytes).unwrap_or_else(|e| String::from_utf8_lossy(e.as_bytes()).into_owned())
 }
 
 /// Appends a module as text, parameters with six digits.

@@ -87,10 +87,16 @@ impl RandomStreams {
         self.file_seed
     }
 
+    /// Key of everything drawn for a purpose, by any module.
+    #[inline]
+    pub fn purpose_key(&self, purpose: DrawPurpose) -> u64 {
+        self.keys[purpose as usize]
+    }
+
     /// Key of everything drawn for a purpose by module `h` (in `step`, if the purpose depends on it).
     #[inline]
     pub fn key(&self, purpose: DrawPurpose, h: u64, step: Option<u32>) -> u64 {
-        let key = rng::child(self.keys[purpose as usize], h);
+        let key = rng::child(self.purpose_key(purpose), h);
         step.map_or(key, |s| rng::child(key, u64::from(s)))
     }
 }

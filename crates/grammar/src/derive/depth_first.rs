@@ -162,7 +162,8 @@ pub(super) struct DerivationCounts {
     gains: Vec<i64>,
     /// Number of modules that each production has made, by its index in the plan.
     made: Vec<u64>,
-    work: u64,
+    /// Attempts to rewrite a module.
+    pub work: u64,
 }
 
 impl DerivationCounts {
@@ -252,9 +253,9 @@ impl DerivationCounts {
 
 /// Derives each module to the last step before it goes on to the next one, so that strings of single steps are never stored.
 pub(super) struct DepthFirst<'p> {
-    job: DepthFirstJob<'p>,
+    pub job: DepthFirstJob<'p>,
     pub axiom: Template<'p>,
-    axiom_lineages: Vec<u64>,
+    pub axiom_lineages: Vec<u64>,
     pub rewriter: Rewriter<'p>,
     pub counts: DerivationCounts,
     stack: Vec<Frame>,
@@ -359,20 +360,23 @@ impl<'p> DepthFirst<'p> {
                     ancestry: Ancestry::Known(lineage),
                 };
                 let (rewriter, counts) = (&mut self.rewriter, &mut self.counts);
-                let applied = match choice.and_then(|c| c.production) {
+                let group = &plan.groups[to_usize(active.group)];
+                let next = |production| Applied { production, step: frame.birth + 1, has_variables: false };
+                let applied = match (choice.and_then(|c| c.production), &group.tests) {
                     // The production is known; its step is the next one.
-                    Some(production) => {
+                    (Some(production), _) => {
                         counts.work += 1;
-                        // A successor without expressions needs no variables.
-                        if !rewriter.planned(production).template.computed.is_empty() {
-                            rewriter.begin_step(frame.birth + 1, &self.globals);
-                            rewriter.take(production, module);
-                        }
-                        Some(Applied { production, step: frame.birth + 1 })
+                        Some(next(production))
+                    }
+                    // What does not apply in the next step never will: parameters do not change.
+                    (None, Some(tests)) if group.is_stationary && frame.birth < self.job.length => {
+                        counts.add_work(self.job.max_work)?;
+                        let first = tests.iter().position(|t| t.is_none_or(|t| t.holds(module.params)));
+                        first.map(|k| next(group.productions[k]))
                     }
                     _ => apply_next(rewriter, counts, &self.job, &self.globals, module, active.group)?,
                 };
-                let Some(Applied { production, step }) = applied else { continue };
+                let Some(Applied { production, step, has_variables }) = applied else { continue };
                 // What stands before the module is emitted first, then comes what is made of the module.
                 if frame.emitted < active.index {
                     let params = &self.pool[frame.params..];
@@ -390,6 +394,11 @@ impl<'p> DepthFirst<'p> {
                 if is_final && !S::NEEDS_PARAMS && planned.is_pure {
                     counts.count_modules(made as u64, self.job.max_modules)?;
                     continue;
+                }
+                // A successor without expressions needs no variables.
+                if !has_variables && !planned.template.computed.is_empty() {
+                    rewriter.begin_step(step, &self.globals);
+                    rewriter.take(production, module);
                 }
                 let params = self.pool.len();
                 rewriter.append_params(production, &mut self.pool)?;
@@ -423,9 +432,16 @@ impl DerivationCounts {
         if self.modules > max_modules { Err(Halt::Modules) } else { Ok(()) }
     }
 
+    /// Counts an attempt to rewrite a module.
+    #[inline]
+    fn add_work(&mut self, max_work: u64) -> Result<(), Halt> {
+        self.work += 1;
+        if self.work > max_work { Err(Halt::Work) } else { Ok(()) }
+    }
+
     /// Counts a production that made `made` modules of one in `step`.
     #[inline]
-    fn count_production(&mut self, production: u32, step: u32, made: usize) {
+    pub fn count_production(&mut self, production: u32, step: u32, made: usize) {
         self.made[to_usize(production)] += made as u64;
         self.gains[to_usize(step - 1)] += made as i64 - 1;
         self.last_change = self.last_change.max(step);
@@ -435,6 +451,8 @@ impl DerivationCounts {
 struct Applied {
     production: u32,
     step: u32,
+    /// The rewriter holds its variables.
+    has_variables: bool,
 }
 
 /// Hands modules to the sink and counts them; [`Halt::Modules`] beyond the limit, or if the sink breaks.
@@ -466,13 +484,10 @@ fn apply_next(
     let first = module.birth + 1;
     let last = if is_stationary { job.length.min(first) } else { job.length };
     for step in first..=last {
-        counts.work += 1;
-        if counts.work > job.max_work {
-            return Err(Halt::Work);
-        }
+        counts.add_work(job.max_work)?;
         rewriter.begin_step(step, globals);
         if let Some(production) = rewriter.select_in_group(group, module, &NO_STRING, 0)? {
-            return Ok(Some(Applied { production, step }));
+            return Ok(Some(Applied { production, step, has_variables: true }));
         }
     }
     Ok(None)

@@ -7,6 +7,7 @@ use std::ops::{ControlFlow, Range};
 use super::depth_first::{Block, DepthFirst, DepthFirstJob, DerivationCounts, ModuleSink};
 use super::plan::RewritePlan;
 use super::text::{TextSink, repeated_text, repeats};
+use super::weighted_text::{is_drawn_by_weight, weighted_text};
 use super::{
     Derivation, DeriveOptions, DerivedString, FinalModules, MAX_PARAMS, Storage, brackets, halt_error, predict,
 };
@@ -181,7 +182,11 @@ impl Derivation<'_> {
         // Memory of the expected length avoids copies of a growing text; if it is too long, only address space is wasted.
         let expected = predict(self.grammar, bounds.last_step, plan.stochastic).expected.min(bounds.max_modules as f64);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the limit of modules")]
-        let mut sink = TextSink::new(self.grammar, (expected * TEXT_MARGIN).max(0.0) as u64);
+        let expected = (expected * TEXT_MARGIN).max(0.0) as u64;
+        if is_drawn_by_weight(plan, &run.axiom) {
+            return weighted_text(run, osier_base::convert::limit(expected));
+        }
+        let mut sink = TextSink::new(self.grammar, expected);
         run.run(&mut sink)?;
         Ok(sink.text)
     }
@@ -388,7 +393,11 @@ mod tests {
     }
 
     fn both(length: u32, rules: &str) -> (ModuleString, u32) {
-        let text = format!("Lsystem: 1\nSeed: 5\nderivation length: {length}\nAxiom: A(0) B\n{rules}\nendlsystem\n");
+        both_with("Seed: 5", length, rules)
+    }
+
+    fn both_with(seed: &str, length: u32, rules: &str) -> (ModuleString, u32) {
+        let text = format!("Lsystem: 1\n{seed}\nderivation length: {length}\nAxiom: A(0) B\n{rules}\nendlsystem\n");
         let (grammar, _) = read(&text);
         let (options, limits) = (DeriveOptions { seed: 3, ..Default::default() }, Limits::default());
         let derived = derive(&grammar, &options, &limits).expect("derives");
@@ -423,6 +432,57 @@ mod tests {
         both(8, "B --> B [ + C ] B - B\nC --> C + C\nA(x) --> B");
         let (_, steps) = both(40, "A(x) : x<12 --> A(x+1) A(x+1) F\nA(x) : x>=12 && x<20 --> A(x+1)");
         assert_eq!(steps, 21);
+        // Conditions on one parameter: from either side, in file order, with productions behind one that always applies.
+        both_with("", 13, "A(x) : 3<x --> A(0)\nA(x) : x==1 --> A(x+1) B A(4)\nA(x) --> A(x+1) A(1)\nA(x) : x<9 --> C");
+        both_with("", 13, "A(x) : x!=2 --> A(x+1) A(2) A(1/x)\nA(x) : 2>=x --> A(5) B\nB : Q<4 --> B A(1)");
+    }
+
+    /// Derives a grammar without parameters as text; checks it against the string that steps give, at every length.
+    fn text_is_that_of_steps(axiom: &str, rules: &str) {
+        let (options, limits) = (DeriveOptions { seed: 3, ..Default::default() }, Limits::default());
+        for length in 0..9 {
+            let text =
+                format!("Lsystem: 1\nSeed: 5\nderivation length: {length}\nAxiom: {axiom}\n{rules}\nendlsystem\n");
+            let (grammar, _) = read(&text);
+            let (string, _) = stepwise(&text);
+            let derived = derive_text(&grammar, &options, &limits).expect("derives");
+            assert_eq!(derived.module_count(), string.len() as u64, "{length}: {rules}");
+            let counted = derive_deferred(&grammar, &options, &limits).expect("derives");
+            assert_eq!((derived.steps, derived.module_count()), (counted.steps, counted.module_count()));
+            assert_eq!(
+                derived.into_text(&grammar, &limits).expect("derives"),
+                grammar.print(&string),
+                "{length}: {rules}"
+            );
+        }
+    }
+
+    #[test]
+    fn text_drawn_by_weight_is_that_of_steps() {
+        text_is_that_of_steps("A", "A --> A[+A]A : 1\nA --> -A A : 2.5\nA --> B : 0.25");
+        // Single productions beside competing ones, successors longer than sixteen bytes, empty ones, letters beyond ASCII.
+        text_is_that_of_steps(
+            "B A C B",
+            "A --> A C B : 1\nA --> : 1\nA --> A ++++++++ C -------- A C é : 2\nC --> C B\nB --> B C A B",
+        );
+    }
+
+    #[test]
+    fn limits_hold_for_text_drawn_by_weight() {
+        let text = "Lsystem: 1\nSeed: 5\nderivation length: 12\nAxiom: A\nA --> A B A : 1\nA --> A A : 2\nendlsystem\n";
+        let (grammar, _) = read(text);
+        let derived = |limit: &str, value: u64| {
+            let mut limits = Limits::default();
+            limits.set(limit, &value.to_string()).expect("a limit");
+            derive_text(&grammar, &DeriveOptions::default(), &limits).map_err(|e| e.to_string())
+        };
+        // Each step doubles the A: 4096 of them, and a B for about every third of 4095 attempts.
+        let count = derived("modules", 10_000).expect("fits").module_count();
+        assert!((5200..5800).contains(&count), "{count}");
+        assert_eq!(derived("modules", count).expect("fits").module_count(), count);
+        let why = derived("modules", count - 1).expect_err("one too many");
+        assert!(why.contains("step 12 passes the limit of"), "{why}");
+        assert!(derived("work", 4095).is_ok() && derived("work", 4094).is_err());
     }
 
     #[test]

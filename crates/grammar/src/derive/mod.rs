@@ -12,6 +12,7 @@ mod registers;
 mod rewriter;
 mod step;
 mod text;
+mod weighted_text;
 
 pub use expand::{interpret, interpret_modules};
 pub use predict::{Prediction, predict};

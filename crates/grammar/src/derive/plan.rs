@@ -1,7 +1,7 @@
 //! Productions prepared for rewriting: an index by symbol and number of parameters, and successors as blocks of symbols and
 //! parameters that are copied whole, so that only the parameters that change are computed.
 
-use super::registers::{RegisterCode, RegisterCompiler, ValueSource};
+use super::registers::{ParameterTest, RegisterCode, RegisterCompiler, ValueSource};
 use crate::code::{Bytecode, Expr, Op};
 use crate::modules::LineageIds;
 use crate::program::{Production, ProductionSet, Program, Section, SuccessorModule};
@@ -93,6 +93,8 @@ pub(super) struct PlannedProduction<'p> {
     /// Number of local variables, parameters included.
     pub locals: usize,
     pub condition: Condition<'p>,
+    /// The condition, if it compares one parameter with a constant.
+    pub test: Option<ParameterTest>,
     pub weight: Weight<'p>,
     pub registers: RegisterCode,
     pub template: Template<'p>,
@@ -120,6 +122,9 @@ pub(super) struct ProductionGroup {
     pub is_stationary: bool,
     /// The only production, if it applies to every module of the group.
     pub always: Option<u32>,
+    /// Of each production what it tests (`None`: it always applies), if no condition looks at more than one parameter and the
+    /// first production that applies is taken.
+    pub tests: Option<Vec<Option<ParameterTest>>>,
     /// Constant weights of the productions, if all of them apply to every module of the group.
     pub shares: Option<Shares>,
 }
@@ -222,6 +227,7 @@ impl<'p> RewritePlan<'p> {
                     is_simple: true,
                     is_stationary: true,
                     always: None,
+                    tests: None,
                     shares: None,
                 });
                 next
@@ -254,10 +260,26 @@ impl<'p> RewritePlan<'p> {
         }
         for i in 0..plan.groups.len() {
             plan.groups[i].shares = plan.constant_shares(&plan.groups[i]);
+            plan.groups[i].tests = plan.parameter_tests(&plan.groups[i]);
         }
         let competes = stochastic && plan.groups.iter().any(|g| g.productions.len() > 1);
         plan.draws = competes || set.list.iter().flat_map(Production::codes).any(draws);
         plan
+    }
+
+    /// What the productions of a group test, if that is at most one parameter each and none competes.
+    fn parameter_tests(&self, group: &ProductionGroup) -> Option<Vec<Option<ParameterTest>>> {
+        if (self.stochastic && group.always.is_none()) || !group.is_simple {
+            return None;
+        }
+        let test = |i: &u32| {
+            let p = &self.productions[to_usize(*i)];
+            match p.condition {
+                Condition::Always => Some(None),
+                Condition::Value(..) => p.test.map(Some),
+            }
+        };
+        group.productions.iter().map(test).collect()
     }
 
     /// Weights of productions that compete under no condition, if they are constant and positive.
@@ -304,11 +326,24 @@ impl<'p> RewritePlan<'p> {
         };
         // Registers of the condition are computed first; those of the successor only if it holds.
         let condition_end = compiler.operation_count();
+        let arity = p.predecessor.first().map_or(0, |f| usize::from(f.arity));
+        let is_register = matches!(condition, Condition::Value(ValueSource::Register(_), _));
+        let test = compiler.parameter_test(condition_end).filter(|t| is_register && t.parameter < arity);
         let template = self.template(program, &p.successor, &mut compiler);
         let registers = compiler.finish(condition_end);
         let runs_code = template.computed.iter().any(|c| matches!(c.source, ValueSource::Code(_)));
         let is_pure = registers.cannot_fail && !runs_code;
-        PlannedProduction { source: p, locals: p.locals, condition, weight, registers, template, is_simple, is_pure }
+        PlannedProduction {
+            source: p,
+            locals: p.locals,
+            condition,
+            test,
+            weight,
+            registers,
+            template,
+            is_simple,
+            is_pure,
+        }
     }
 
     /// The template of a successor or of the axiom, whose expressions are added to `compiler`.

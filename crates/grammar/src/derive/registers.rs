@@ -37,6 +37,33 @@ pub(super) struct Operation {
     result: Register,
 }
 
+/// A condition that compares one parameter with a constant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ParameterTest {
+    /// Index of the parameter.
+    pub parameter: usize,
+    comparison: BinaryOp,
+    constant: f64,
+}
+
+impl ParameterTest {
+    /// Whether the condition holds for a module with these parameters; false without the parameter.
+    #[inline]
+    #[allow(clippy::float_cmp, reason = "the grammar language compares exactly")]
+    pub fn holds(&self, params: &[f32]) -> bool {
+        let (Some(value), c) = (params.get(self.parameter), self.constant) else { return false };
+        let value = f64::from(*value);
+        match self.comparison {
+            BinaryOp::Lt => value < c,
+            BinaryOp::Le => value <= c,
+            BinaryOp::Gt => value > c,
+            BinaryOp::Ge => value >= c,
+            BinaryOp::Eq => value == c,
+            _ => value != c,
+        }
+    }
+}
+
 /// A value from outside that a register takes before a production is tested.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum OutsideValue {
@@ -137,6 +164,30 @@ impl RegisterCompiler {
                 self.operations.truncate(mark.operations);
                 ValueSource::Code(code)
             }
+        }
+    }
+
+    /// What the operations before `condition_end` test, if they compare one local variable with a constant.
+    pub fn parameter_test(&self, condition_end: usize) -> Option<ParameterTest> {
+        let [Operation { action: Action::Binary(op), a, b, .. }] = self.operations.get(..condition_end)? else {
+            return None;
+        };
+        let (a, b) = (usize::from(*a), usize::from(*b));
+        // `0 < x` is `x > 0`.
+        let turned = match op {
+            BinaryOp::Lt => BinaryOp::Gt,
+            BinaryOp::Le => BinaryOp::Ge,
+            BinaryOp::Gt => BinaryOp::Lt,
+            BinaryOp::Ge => BinaryOp::Le,
+            BinaryOp::Eq | BinaryOp::Ne => *op,
+            _ => return None,
+        };
+        if a < self.locals && self.is_constant[b] {
+            Some(ParameterTest { parameter: a, comparison: *op, constant: self.initial[b] })
+        } else if b < self.locals && self.is_constant[a] {
+            Some(ParameterTest { parameter: b, comparison: turned, constant: self.initial[a] })
+        } else {
+            None
         }
     }
 

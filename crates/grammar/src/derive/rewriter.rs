@@ -14,6 +14,22 @@ use osier_base::rng::{self, Rng};
 /// reach.
 const CHOICE: rng::ChildId = rng::ChildId::new(u64::MAX);
 
+/// The streams from which the productions of all modules are drawn in one step. What does not depend on the module is mixed once.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct StepChoices {
+    /// Key of the purpose.
+    key: u64,
+    step: rng::ChildId,
+}
+
+impl StepChoices {
+    /// The stream of the choice for the module of lineage `h`.
+    #[inline]
+    pub fn stream(&self, h: u64) -> Rng {
+        Rng::from_key(CHOICE.of(self.step.of(rng::child(self.key, h))))
+    }
+}
+
 /// Purposes of random draws, by the part of a production that makes them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DrawPurposes {
@@ -71,7 +87,7 @@ pub(super) struct Rewriter<'p> {
     candidates: Vec<u32>,
     weights: Vec<f64>,
     /// The part of a choice's address that is the same for all modules of a step.
-    choice_step: Option<(u32, rng::ChildId)>,
+    choice_step: Option<(u32, StepChoices)>,
     /// The new string while a production that reads it is selected.
     pub made: MadeString,
 }
@@ -114,16 +130,21 @@ impl<'p> Rewriter<'p> {
     pub fn draw_in_step(&mut self, group: GroupId, h: u64, step: u32) -> Option<u32> {
         let group = &self.settings.plan.groups[to_usize(group)];
         let shares = group.shares.as_ref()?;
-        let id = match self.choice_step {
-            Some((s, id)) if s == step => id,
+        let choices = match self.choice_step {
+            Some((s, choices)) if s == step => choices,
             _ => {
-                let id = rng::ChildId::new(u64::from(step));
-                self.choice_step = Some((step, id));
-                id
+                let choices = self.step_choices(step);
+                self.choice_step = Some((step, choices));
+                choices
             }
         };
-        let key = id.of(self.vm.streams.key(self.settings.purposes.choice, h, None));
-        group.productions.get(shares.pick(&mut Rng::from_key(CHOICE.of(key)))).copied()
+        group.productions.get(shares.pick(&mut choices.stream(h))).copied()
+    }
+
+    /// The streams that choices of productions in `step` are drawn from.
+    pub fn step_choices(&self, step: u32) -> StepChoices {
+        let key = self.vm.streams.purpose_key(self.settings.purposes.choice);
+        StepChoices { key, step: rng::ChildId::new(u64::from(step)) }
     }
 
     /// Makes `step` the current one. `globals`: global variables of each step, if blocks change them.

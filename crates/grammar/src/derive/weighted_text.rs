@@ -1,0 +1,175 @@
+//! The final string as text, for L-systems without parameters whose productions compete by constant weights alone: nothing is
+//! computed but lineages and the productions drawn for them, and the text of each successor is copied.
+
+use super::depth_first::DepthFirst;
+use super::plan::{ActiveModule, RewritePlan, Template};
+use super::rewriter::StepChoices;
+use crate::vm::Halt;
+use osier_base::convert::to_usize;
+
+/// True if no module has parameters and each is rewritten in the step after its birth, by its only production or by one drawn by
+/// constant weights, so that [`weighted_text`] writes the string.
+pub(super) fn is_drawn_by_weight(plan: &RewritePlan<'_>, axiom: &Template<'_>) -> bool {
+    axiom.text.is_some()
+        && plan.productions.iter().all(|p| p.template.text.is_some())
+        && plan.groups.iter().all(|g| g.always.is_some() || g.shares.is_some())
+}
+
+/// Bytes that short pieces of text are copied with, whatever their length: a copy of constant size needs no call.
+const SHORT: usize = 16;
+
+/// A piece of text, prepared to be appended many times.
+struct Piece<'p> {
+    text: &'p str,
+    /// Its bytes, followed by zeros, if it is not longer.
+    padded: [u8; SHORT],
+}
+
+impl<'p> Piece<'p> {
+    fn new(text: &'p str) -> Self {
+        let mut padded = [0; SHORT];
+        padded.iter_mut().zip(text.bytes()).for_each(|(to, byte)| *to = byte);
+        Self { text, padded }
+    }
+
+    #[inline]
+    fn append_to(&self, out: &mut Vec<u8>) {
+        let end = out.len() + self.text.len();
+        if self.text.len() <= SHORT {
+            out.extend_from_slice(&self.padded);
+            out.truncate(end);
+        } else {
+            out.extend_from_slice(self.text.as_bytes());
+        }
+    }
+}
+
+/// The text of a template, divided at its active modules.
+struct DividedText<'p> {
+    /// Text of all modules.
+    whole: Piece<'p>,
+    /// Of each active module: the text between it and the active module before it.
+    before: Vec<Piece<'p>>,
+    /// Text behind the last active module.
+    rest: Piece<'p>,
+}
+
+impl<'p> DividedText<'p> {
+    fn new<'a: 'p>(template: &'a Template<'_>) -> Option<Self> {
+        let text = template.text.as_ref()?;
+        let mut from = 0;
+        let before = template.active.iter().map(|active| {
+            let index = to_usize(active.index);
+            let piece = text.part(from..index);
+            from = index + 1;
+            Piece::new(piece)
+        });
+        let before = before.collect();
+        let count = template.symbols.len();
+        Some(Self { whole: Piece::new(text.part(0..count)), before, rest: Piece::new(text.part(from..count)) })
+    }
+}
+
+/// Lineage of an active module and the production that rewrites it.
+#[derive(Clone, Copy)]
+struct Choice {
+    lineage: u64,
+    production: u32,
+}
+
+/// A block of modules, made by one production, whose text is being written.
+struct OpenBlock {
+    /// Index of its text: that of its production, or the last one for the axiom.
+    text: usize,
+    /// Step in which it was made; 0 for the axiom.
+    birth: u32,
+    /// Number of its active modules dealt with.
+    next: usize,
+    /// Start of its choices; they end with those of all blocks.
+    choices: usize,
+}
+
+/// The choices for the modules of a block. All are drawn before the first is followed, so that their chains of hashes overlap.
+fn draw<'a>(
+    plan: &'a RewritePlan<'_>,
+    step: &'a StepChoices,
+    active: &'a [ActiveModule],
+    lineage: impl Fn(usize) -> u64 + 'a,
+) -> impl Iterator<Item = Choice> + 'a {
+    active.iter().map(move |active| {
+        let lineage = lineage(to_usize(active.index));
+        let group = &plan.groups[to_usize(active.group)];
+        let production = match (group.always, &group.shares) {
+            (None, Some(shares)) => group.productions[shares.pick(&mut step.stream(lineage))],
+            (always, _) => always.unwrap_or_default(),
+        };
+        Choice { lineage, production }
+    })
+}
+
+/// The text of the final string of a derivation that [is drawn by weight](is_drawn_by_weight), with capacity for `expected`
+/// modules from the beginning; the counts of `run` are those of the derivation afterwards.
+/// # Errors
+/// `Modules` and `Work` beyond the limits of the job.
+pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result<String, Halt> {
+    let (plan, job, length) = (run.plan(), run.job, run.job.length);
+    let templates = || plan.productions.iter().map(|p| &p.template).chain([&run.axiom]);
+    let Some(texts) = templates().map(DividedText::new).collect::<Option<Vec<_>>>() else { return Ok(String::new()) };
+    let templates: Vec<&Template<'_>> = templates().collect();
+    let steps: Vec<StepChoices> = (1..=length).map(|step| run.rewriter.step_choices(step)).collect();
+    let mut out: Vec<u8> = Vec::with_capacity(expected + SHORT);
+    // The axiom is the first open block; its lineages are known.
+    let axiom = plan.productions.len();
+    let mut choices: Vec<Choice> = Vec::new();
+    if let Some(step) = steps.first() {
+        choices.extend(draw(plan, step, &run.axiom.active, |i| run.axiom_lineages[i]));
+    }
+    run.counts.modules = (run.axiom.symbols.len() - if length > 0 { run.axiom.active.len() } else { 0 }) as u64;
+    let mut stack = vec![OpenBlock { text: axiom, birth: 0, next: 0, choices: 0 }];
+    while let Some(block) = stack.last_mut() {
+        let text = &texts[block.text];
+        if block.birth == length {
+            text.whole.append_to(&mut out);
+            stack.pop();
+            continue;
+        }
+        let step = block.birth + 1;
+        let mut opened = None;
+        while let Some(before) = text.before.get(block.next) {
+            let choice = choices[block.choices + block.next];
+            block.next += 1;
+            before.append_to(&mut out);
+            // What the production makes: text that stays as it is, or a block whose modules are rewritten in the next step.
+            let production = to_usize(choice.production);
+            let template = templates[production];
+            run.counts.count_production(choice.production, step, template.symbols.len());
+            run.counts.work += 1;
+            let is_final = step == length || template.active.is_empty();
+            run.counts.modules += (template.symbols.len() - if is_final { 0 } else { template.active.len() }) as u64;
+            if !is_final {
+                opened = Some((production, choice.lineage));
+                break;
+            }
+            texts[production].whole.append_to(&mut out);
+        }
+        if run.counts.modules > job.max_modules || run.counts.work > job.max_work {
+            run.rewriter.begin_step(step, &[]);
+            return Err(if run.counts.modules > job.max_modules { Halt::Modules } else { Halt::Work });
+        }
+        match opened {
+            Some((production, parent)) => {
+                let template = templates[production];
+                let first = choices.len();
+                choices
+                    .extend(draw(plan, &steps[to_usize(step)], &template.active, |i| template.ids[i].lineage(parent)));
+                stack.push(OpenBlock { text: production, birth: step, next: 0, choices: first });
+            }
+            None => {
+                text.rest.append_to(&mut out);
+                choices.truncate(block.choices);
+                stack.pop();
+            }
+        }
+    }
+    Ok(crate::grammar::utf8_text(out))
+}
