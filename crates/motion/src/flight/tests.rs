@@ -245,6 +245,34 @@ fn recycled_catkins_are_hidden_while_they_move() {
     assert!(all.stats().recycled > 30);
 }
 
+/// A pair leaves through a side where catkins are recycled, while one of the two is still inside; both come back, whatever the
+/// condition of the other sides.
+#[test]
+fn all_members_of_a_cluster_are_recycled() {
+    for other in [SideBoundary::Periodic, SideBoundary::Exit, SideBoundary::Recycle] {
+        let options = FlightParams {
+            // Steps of 8 mm, half as long as members are apart along the wind.
+            substeps: 16,
+            edges: [SideBoundary::Recycle, other],
+            scales: [1.0, 1.0],
+            fall_spread: 0.0,
+            glide: 0.0,
+            cluster_rotation: false,
+            stick_radius: 0.2,
+            ..FlightParams::default()
+        };
+        let starts = [16.9, 17.1].map(|x| DVec3::new(x, 20.0, 0.0));
+        let starts = starts.map(|at| CatkinStart { at, wait: ReleaseCondition::Until(0.0) });
+        let mut all = FlightSimulation::new(options, Arc::new(Solids::default()), &starts);
+        let wind = UniformWind(Vec3::X * 3.0);
+        (0..2).for_each(|_| all.advance_frame(&wind));
+        assert_eq!(all.stats().clusters, 1);
+        (0..22).for_each(|_| all.advance_frame(&wind));
+        let t = all.stats();
+        assert_eq!((t.left, t.recycled, t.airborne, t.exited), (2, 2, 2, 0), "{other:?}");
+    }
+}
+
 #[test]
 fn upper_member_at_a_wall_sinks_to_its_foot() {
     let solids = wall_and_house();
