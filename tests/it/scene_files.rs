@@ -341,6 +341,23 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     assert_eq!(without_effect(shapes), ["plants.a.steps has no effect", "plants.a.turtle has no effect"]);
 }
 
+/// Leaves that are merged into one mesh are no targets of drops, which is told; plants on rods keep their leaves apart.
+#[test]
+fn rain_that_falls_through_merged_leaves_is_told() {
+    let rain = "[frames]\nend = 48\n[rain]\n[plants.a]\ngrammar = \"rain-twig.l\"\n";
+    for motion in ["game", "static"] {
+        let told =
+            format!("rain falls through the leaves of plants.a: motion = \"{motion}\" merges them into one mesh");
+        assert_eq!(without_effect(&format!("{rain}motion = \"{motion}\"\n")), [told]);
+        let dry = "[frames]\nend = 48\n[plants.a]\ngrammar = \"rain-twig.l\"\n";
+        assert!(without_effect(&format!("{dry}motion = \"{motion}\"\n")).is_empty());
+        assert!(without_effect(&format!("{rain}motion = \"{motion}\"\n[plants.a.rods]\n")).is_empty());
+    }
+    for motion in ["skin", "cache", "still"] {
+        assert!(without_effect(&format!("{rain}motion = \"{motion}\"\n")).is_empty(), "{motion}");
+    }
+}
+
 #[test]
 fn weights_that_draw_nothing_and_a_camera_without_a_direction_are_refused() {
     let plant = "[plants.a]\ngrammar = \"rain-twig.l\"\n";
