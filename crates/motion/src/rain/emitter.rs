@@ -85,6 +85,8 @@ pub struct RainEmitter {
     classes: Vec<usize>,
     /// Number flux at factor 1 of the envelope, 1/(m^2 s).
     flux: f64,
+    /// Mean volume of a drop, m^3.
+    mean_volume: f64,
     /// Mean area of the source regions over diameters and the clip, m^2.
     area: f64,
     /// Solids and ground that keep rain from parts of the emission plane; `None` if there are none.
@@ -149,6 +151,7 @@ impl RainEmitter {
             diameters,
             classes,
             flux,
+            mean_volume,
             area,
             shelter: None,
             epoch: None,
@@ -166,6 +169,11 @@ impl RainEmitter {
     /// Number flux at factor 1 of the envelope, drops per m^2 and s.
     pub fn drop_flux(&self) -> f64 {
         self.flux
+    }
+
+    /// Rainfall rate at factor 1 of the envelope, m/s: that of the parameters, or the one that a total number of drops makes.
+    pub fn rate(&self) -> f64 {
+        self.flux * self.mean_volume
     }
 
     /// Mean area of the source regions over diameters and the clip, m^2.
@@ -468,5 +476,20 @@ mod tests {
         drop(emitter.emit_until(4.0));
         let count = emitter.emit_until(10.0).len();
         assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt(), "{count}");
+    }
+
+    /// The rate of a total number of drops is that of the water which falls: 40,000 drops of 2 mm on 1 m^2 in 10 s.
+    #[test]
+    fn a_total_number_of_drops_has_a_rate() {
+        let plain = RainEmitter::new(rainfall(), bounds(), None);
+        assert!((plain.rate() / rainfall().intensity - 1.0).abs() < 1e-12);
+        let size = DropSizes::Fixed(2e-3);
+        let mut emitter =
+            RainEmitter::new(RainfallParams { total: Some(40_000.0), size, ..rainfall() }, bounds(), None);
+        let expected = 40_000.0 * sphere_volume(2e-3) / (emitter.area() * 10.0);
+        assert!((emitter.rate() / expected - 1.0).abs() < 1e-9, "{} {expected}", emitter.rate());
+        assert!(emitter.rate() > 2.0 * rainfall().intensity);
+        let water: f64 = emitter.emit_until(10.0).iter().map(|drop| drop.volume).sum();
+        assert!((water / (emitter.area() * 10.0) / emitter.rate() - 1.0).abs() < 0.03);
     }
 }

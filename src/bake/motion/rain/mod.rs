@@ -303,7 +303,7 @@ fn simulate_rain(
         solids: solids.bounds(),
     });
     let emitter = rain.keys.falls.then(|| RainEmitter::new(rainfall, bounds, wind.clone()));
-    let area = emitter.as_ref().map(RainEmitter::area);
+    let (rate, area) = (emitter.as_ref().map(RainEmitter::rate), emitter.as_ref().map(RainEmitter::area));
     check_memory(&emitter, bounds, frames, scene_leaves.len(), context)?;
     let height = f64::from(bounds.size().y);
     let expected = full.zip(emitter.as_ref()).map(|(f, e)| ExpectedDrops::new(e, height, &scene_leaves, f, &picture));
@@ -362,7 +362,6 @@ fn simulate_rain(
             sequence.rest = Some(maps);
         }
     }
-    let rate = rain.keys.falls.then_some(rain.keys.rate);
     let table = stats::rain_table(&playback.params, rate, area);
     Ok(SimulatedRain {
         asset,
