@@ -293,7 +293,8 @@ fn simulate_rain(
     let params = params::drop_params(rain, recipe.general.seed);
     let clip = recipe.clip;
     let frames = clip.len() as u64;
-    let rainfall = params::rainfall_params(rain, recipe);
+    // An estimate simulates the first interval of the whole clip's rain: the total number of drops belongs to all of it.
+    let rainfall = params::rainfall_params(rain, full.unwrap_or(recipe));
     let lowest = f64::from(bounds.min.y);
     // In scenes without a ground, drops end below the lowest point of plants and solids.
     let ground = ground.into_height(solids.heights().map_or(lowest, |[low, _]| low.min(lowest)));
