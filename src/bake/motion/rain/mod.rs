@@ -482,6 +482,8 @@ fn record_frames(
             simulation.take_events();
         }
     }
+    // Those of the steps after the last whole frame, too; that drops are laid on leaves is part of the clip.
+    simulation.take_events();
     initial_drops::deposit_initial_drops(simulation, &rain.lying);
 
     // Clip: capture, then step to the next frame.
