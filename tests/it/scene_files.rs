@@ -241,6 +241,7 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         ("[sway]\npaper_recoil = 0.5\n", "sway.paper_recoil", "[sway]\nmodel = \"paper\"\npaper_recoil = 0.5\n"),
         ("[wind]\nmodel = \"uniform\"\ngust = 0.9\n", "wind.gust", "[wind]\nmodel = \"perlin\"\ngust = 0.9\n"),
         ("[sway]\nmodel = \"paper\"\nlean = 2\n", "sway.lean", "[sway]\nlean = 2\n"),
+        ("[rain]\n[sway]\nmodel = \"paper\"\nwhip = 2\n", "sway.whip", "[rain]\n[sway]\nwhip = 2\n"),
         ("[sway]\nstart = \"rest\"\n", "sway.start", "[sway]\nrepeat = false\nstart = \"rest\"\n"),
         (
             "[[wind.add]]\nmodel = \"perlin\"\neddy_size = 2\n",
