@@ -122,8 +122,8 @@ impl Resolver<'_> {
         let starts = sway.start == SwayStart::Moving || sway.loop_frames(&recipe.clip).is_none() || on_rods;
         let all = [
             needs(of_paper, is_paper, "model = \"paper\""),
-            // In the rain plants bend as beams.
-            needs(of_beams, !is_paper || recipe.rain.is_some(), "model = \"beam\""),
+            // In the rain, too, the wind bends plants by this model; only what drops add is that of beams.
+            needs(of_beams, !is_paper, "model = \"beam\""),
             needs(&["start"], starts, "repeat = false: a clip that loops has no start"),
         ];
         self.report_unmet(table_at(root, &["sway"]), "sway", &all);

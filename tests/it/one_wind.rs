@@ -209,3 +209,21 @@ fn a_stepped_lattice_is_the_recorded_one() {
     println!("stepped beside recorded: largest difference {worst:e} m/s");
     assert!(worst <= SAME, "{worst} m/s");
 }
+
+/// A lattice is recorded for plants that sway; those that grow, or whose leaves change, over the clip read none.
+#[test]
+fn no_lattice_is_recorded_for_plants_that_read_no_wind() {
+    let recorded = |keys: &str| {
+        let text = format!(
+            "[frames]\nend = 9\n[ground]\nshow = false\n[plants.tree]\nspecies = \"birch\"\nage = 4\n{keys}\n\
+             [plants.tree.bark]\nside = 16\n[output]\nformats = [\"obj\"]\n[wind]\nmodel = \"lattice\"\nspeed = 3\n\
+             [wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\nspin_up_s = 0.5"
+        );
+        let dir = tempfile::tempdir().expect("dir");
+        bake(&text, dir.path(), &Limits::default()).wind.recorded_bytes()
+    };
+    assert!(recorded("") > 0);
+    for keys in ["growth_clip = [0, 1]", "site.from = 2", "season = [0.5, 0.9]", "motion = \"still\""] {
+        assert_eq!(recorded(keys), 0, "{keys}");
+    }
+}

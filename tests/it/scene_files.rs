@@ -241,6 +241,7 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         ("[sway]\npaper_recoil = 0.5\n", "sway.paper_recoil", "[sway]\nmodel = \"paper\"\npaper_recoil = 0.5\n"),
         ("[wind]\nmodel = \"uniform\"\ngust = 0.9\n", "wind.gust", "[wind]\nmodel = \"perlin\"\ngust = 0.9\n"),
         ("[sway]\nmodel = \"paper\"\nlean = 2\n", "sway.lean", "[sway]\nlean = 2\n"),
+        ("[rain]\n[sway]\nmodel = \"paper\"\nwhip = 2\n", "sway.whip", "[rain]\n[sway]\nwhip = 2\n"),
         ("[sway]\nstart = \"rest\"\n", "sway.start", "[sway]\nrepeat = false\nstart = \"rest\"\n"),
         (
             "[[wind.add]]\nmodel = \"perlin\"\neddy_size = 2\n",
@@ -339,6 +340,23 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     assert!(without_effect(together).is_empty());
     let shapes = "[plants.a]\nshapes = \"bush.shapes\"\nsteps = 3\n[plants.a.turtle]\nunit_m = 2\n";
     assert_eq!(without_effect(shapes), ["plants.a.steps has no effect", "plants.a.turtle has no effect"]);
+}
+
+/// Leaves that are merged into one mesh are no targets of drops, which is told; plants on rods keep their leaves apart.
+#[test]
+fn rain_that_falls_through_merged_leaves_is_told() {
+    let rain = "[frames]\nend = 48\n[rain]\n[plants.a]\ngrammar = \"rain-twig.l\"\n";
+    for motion in ["game", "static"] {
+        let told =
+            format!("rain falls through the leaves of plants.a: motion = \"{motion}\" merges them into one mesh");
+        assert_eq!(without_effect(&format!("{rain}motion = \"{motion}\"\n")), [told]);
+        let dry = "[frames]\nend = 48\n[plants.a]\ngrammar = \"rain-twig.l\"\n";
+        assert!(without_effect(&format!("{dry}motion = \"{motion}\"\n")).is_empty());
+        assert!(without_effect(&format!("{rain}motion = \"{motion}\"\n[plants.a.rods]\n")).is_empty());
+    }
+    for motion in ["skin", "cache", "still"] {
+        assert!(without_effect(&format!("{rain}motion = \"{motion}\"\n")).is_empty(), "{motion}");
+    }
 }
 
 #[test]

@@ -70,7 +70,9 @@ fn moving_plant_bounds(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlan
     let plants = layout.individuals.iter().zip(grown).zip(&transforms);
     let corners = plants.filter_map(|((individual, grown), transform)| {
         let plant = recipe.plants.get(individual.plant)?;
-        if matches!(plant.keys.motion, BarkMotion::Still | BarkMotion::Static) {
+        // A plant that grows, or whose leaves change, over the clip follows no wind.
+        let changes = plant.keys.growth_clip.is_some() || grown.clip.is_some() || grown.season.is_some();
+        if changes || matches!(plant.keys.motion, BarkMotion::Still | BarkMotion::Static) {
             return None;
         }
         let own = Bounds::of(grown.plant.nodes.p.iter().copied());

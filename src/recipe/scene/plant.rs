@@ -7,7 +7,7 @@ use super::{
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
     BooleanType, FileReference, NamedNumbers, NumberArray, OneOf, OptionalKey, Reference, SeedType, TomlTable,
-    TomlValue, integer, join, number, wrong,
+    TomlValue, integer, join, number, word_of, wrong,
 };
 use crate::recipe::syntax::{Digest as _, KeyTable};
 use crate::recipe::syntax::{choices, keys};
@@ -517,7 +517,7 @@ impl Resolver<'_> {
     }
 
     /// Warns with S007 of keys that exclude each other, and drops one: growth over the clip in the rain or with shader
-    /// attributes, segments in the rain or on rods.
+    /// attributes, segments in the rain or on rods. Also warns of leaves that are merged, through which rain falls.
     fn settle_forms(&mut self, plant: &TomlTable, path: &str, keys: &mut PlantKeys, skin: &mut SkinKeys) {
         if let Some(why) = self.why_no_growth_clip(keys).filter(|_| keys.growth_clip.is_some()) {
             self.has_no_effect(plant, path, &["growth_clip"], why);
@@ -530,6 +530,16 @@ impl Resolver<'_> {
             let why = if self.raining { "rain needs a closed skin" } else { "rods need a closed skin" };
             self.has_no_effect(plant, path, &["skin", "form"], why);
             skin.form = SkinForm::Loft;
+        }
+        // Drops strike instances of leaves; plants on rods have these with any motion.
+        let merges_leaves = matches!(keys.motion, BarkMotion::Game | BarkMotion::Static) && plant.get("rods").is_none();
+        if self.raining && merges_leaves {
+            let word = word_of(keys.motion);
+            let text =
+                format!("rain falls through the leaves of {path}: motion = \"{word}\" merges them into one mesh");
+            let span = span_of(plant, &["motion"]).unwrap_or(self.whole);
+            let d = Diagnostic::warning("S007", text, span, "no single leaves");
+            self.report.push(d.help("take motion = \"skin\" or \"cache\" for leaves that drops meet"));
         }
     }
 

@@ -82,18 +82,21 @@ impl FlightSimulation {
 
     /// Takes a single, or all members of a cluster, out of the scene at a side that is not periodic; the cluster dissolves.
     fn exit_box(&mut self, root: u32, t: f64) {
-        let members = self.clusters.remove(&root).map_or_else(|| vec![root], |c| c.members);
+        let cluster = self.clusters.remove(&root);
+        let x = cluster.as_ref().map_or_else(|| self.catkin(root).x, |c| c.x);
+        let members = cluster.map_or_else(|| vec![root], |c| c.members);
         let dt = self.options.time_step();
         // Recycling starts at the first whole frame after the exit.
         let back = ((t + dt) * self.options.fps).ceil() / self.options.fps + (HIDDEN_FRAMES - 1.0) / self.options.fps;
-        let edges = self.options.edges;
+        // The boundary condition of the side that it crossed decides whether it is recycled. A cluster crosses with its centre,
+        // while some of its members are still inside.
         let inside = self.options.inside;
+        let x_side = x.x < f64::from(inside.min.x) || x.x > f64::from(inside.max.x);
+        let side = self.options.edges[usize::from(!x_side)];
         for id in members {
-            let deposited = self.catkin(id).state.is_deposited();
+            // Deposits never come back.
+            let recycles = side == SideBoundary::Recycle && !self.catkin(id).state.is_deposited();
             let c = self.catkin_mut(id);
-            // The boundary condition of the side that it crossed decides whether it is recycled; deposits never are.
-            let x_side = c.x.x < f64::from(inside.min.x) || c.x.x > f64::from(inside.max.x);
-            let recycles = edges[usize::from(!x_side)] == SideBoundary::Recycle && !deposited;
             (c.state, c.root, c.free, c.target, c.face) = (CatkinState::Exited, id, false, NO_TARGET, None);
             c.clustered = false;
             c.wait = ReleaseCondition::Until(if recycles { back } else { f64::INFINITY });

@@ -245,6 +245,34 @@ fn recycled_catkins_are_hidden_while_they_move() {
     assert!(all.stats().recycled > 30);
 }
 
+/// A pair leaves through a side where catkins are recycled, while one of the two is still inside; both come back, whatever the
+/// condition of the other sides.
+#[test]
+fn all_members_of_a_cluster_are_recycled() {
+    for other in [SideBoundary::Periodic, SideBoundary::Exit, SideBoundary::Recycle] {
+        let options = FlightParams {
+            // Steps of 8 mm, half as long as members are apart along the wind.
+            substeps: 16,
+            edges: [SideBoundary::Recycle, other],
+            scales: [1.0, 1.0],
+            fall_spread: 0.0,
+            glide: 0.0,
+            cluster_rotation: false,
+            stick_radius: 0.2,
+            ..FlightParams::default()
+        };
+        let starts = [16.9, 17.1].map(|x| DVec3::new(x, 20.0, 0.0));
+        let starts = starts.map(|at| CatkinStart { at, wait: ReleaseCondition::Until(0.0) });
+        let mut all = FlightSimulation::new(options, Arc::new(Solids::default()), &starts);
+        let wind = UniformWind(Vec3::X * 3.0);
+        (0..2).for_each(|_| all.advance_frame(&wind));
+        assert_eq!(all.stats().clusters, 1);
+        (0..22).for_each(|_| all.advance_frame(&wind));
+        let t = all.stats();
+        assert_eq!((t.left, t.recycled, t.airborne, t.exited), (2, 2, 2, 0), "{other:?}");
+    }
+}
+
 #[test]
 fn upper_member_at_a_wall_sinks_to_its_foot() {
     let solids = wall_and_house();
@@ -264,6 +292,34 @@ fn upper_member_at_a_wall_sinks_to_its_foot() {
     let (c, r) = (all.catkin(0), f64::from(all.catkin(0).radius));
     assert!((c.x.x - (3.8 - r)).abs() < 1e-4 && (c.x.y - r).abs() < 2e-3, "{} {r}", c.x);
     assert!(all.stats().flight_time > 0.5 && all.stats().flight_distance > 0.5);
+}
+
+/// A pair slides down a wall that ends a metre above the ground, and falls off: its flight lasts until it lies on the ground.
+#[test]
+fn a_cluster_that_falls_off_a_wall_has_not_ended_its_flight() {
+    let prism = Prism::block(Vec3::new(4.0, 1.0, 0.0), Vec3::new(0.4, 3.0, 30.0), 0.0);
+    let wall = Solid { name: "wall".into(), form: Form::Prism(prism), humidity: 0.0 };
+    let options = FlightParams {
+        humidity: GroundHumidity::Even(1.0),
+        scales: [1.0, 1.0],
+        fall_spread: 0.0,
+        glide: 0.0,
+        cluster_rotation: false,
+        stick_radius: 0.2,
+        ..FlightParams::default()
+    };
+    let starts = [2.0, 2.1].map(|y| DVec3::new(3.0, y, 0.0));
+    let starts = starts.map(|at| CatkinStart { at, wait: ReleaseCondition::Until(0.0) });
+    let mut all = FlightSimulation::new(options, Arc::new(Solids::new(vec![wall], true)), &starts);
+    let wind = UniformWind(Vec3::X);
+    let mut was_on_wall = false;
+    while all.stats().grounded < 2 && all.seconds() < 30.0 {
+        all.advance_frame(&wind);
+        was_on_wall |= all.stats().on_wall == 2;
+    }
+    let t = all.stats();
+    assert!(was_on_wall && t.falls == 2 && t.grounded == 2 && t.clusters == 1, "{t:?}");
+    assert!((t.flight_time - all.seconds()).abs() < 1e-9, "{} of {} s", t.flight_time, all.seconds());
 }
 
 /// A catkin bonded to one that comes to rest moves down to the ground, however far apart they were at contact.

@@ -85,6 +85,10 @@ pub struct RainEmitter {
     classes: Vec<usize>,
     /// Number flux at factor 1 of the envelope, 1/(m^2 s).
     flux: f64,
+    /// Mean of the envelope's factor over the clip.
+    mean_factor: f64,
+    /// Mean volume of a drop, m^3.
+    mean_volume: f64,
     /// Mean area of the source regions over diameters and the clip, m^2.
     area: f64,
     /// Solids and ground that keep rain from parts of the emission plane; `None` if there are none.
@@ -139,16 +143,22 @@ impl RainEmitter {
         let area_of = |class: &usize| areas.get(*class).copied().unwrap_or(0.0);
         let area = classes.iter().map(area_of).sum::<f64>() / classes.len().max(1) as f64;
         // Number flux from the rainfall rate: volume per area and time over the mean volume of a drop.
+        let integral = envelope_integral_of_clip(&params);
         let flux = match params.total {
-            Some(total) => total / (area * envelope_integral_of_clip(&params)).max(f64::MIN_POSITIVE),
+            // An envelope that is 0 throughout the clip has no drops.
+            Some(_) if integral <= 0.0 => 0.0,
+            Some(total) => total / (area * integral).max(f64::MIN_POSITIVE),
             None => params.intensity / mean_volume,
         };
+        let mean_factor = integral / (params.duration - params.spin_up);
         Self {
             params,
             tracer,
             diameters,
             classes,
             flux,
+            mean_factor,
+            mean_volume,
             area,
             shelter: None,
             epoch: None,
@@ -168,14 +178,24 @@ impl RainEmitter {
         self.flux
     }
 
+    /// Rainfall rate at factor 1 of the envelope, m/s: that of the parameters, or the one that a total number of drops makes.
+    pub fn rate(&self) -> f64 {
+        self.flux * self.mean_volume
+    }
+
     /// Mean area of the source regions over diameters and the clip, m^2.
     pub fn area(&self) -> f64 {
         self.area
     }
 
-    /// Mean number of drops per second at factor 1 of the envelope.
+    /// Mean of the envelope's factor over the clip.
+    pub fn mean_factor(&self) -> f64 {
+        self.mean_factor
+    }
+
+    /// Mean number of drops per second over the clip.
     pub fn mean_drop_rate(&self) -> f64 {
-        self.flux * self.area
+        self.flux * self.area * self.mean_factor
     }
 
     /// Emits the drops of all times before `end`, s, that were not emitted before, in the order of their times. They do not depend on
@@ -468,5 +488,39 @@ mod tests {
         drop(emitter.emit_until(4.0));
         let count = emitter.emit_until(10.0).len();
         assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt(), "{count}");
+    }
+
+    /// The rate of a total number of drops is that of the water which falls: 40,000 drops of 2 mm on 1 m^2 in 10 s.
+    #[test]
+    fn a_total_number_of_drops_has_a_rate() {
+        let plain = RainEmitter::new(rainfall(), bounds(), None);
+        assert!((plain.rate() / rainfall().intensity - 1.0).abs() < 1e-12);
+        let size = DropSizes::Fixed(2e-3);
+        let mut emitter =
+            RainEmitter::new(RainfallParams { total: Some(40_000.0), size, ..rainfall() }, bounds(), None);
+        let expected = 40_000.0 * sphere_volume(2e-3) / (emitter.area() * 10.0);
+        assert!((emitter.rate() / expected - 1.0).abs() < 1e-9, "{} {expected}", emitter.rate());
+        assert!(emitter.rate() > 2.0 * rainfall().intensity);
+        let water: f64 = emitter.emit_until(10.0).iter().map(|drop| drop.volume).sum();
+        assert!((water / (emitter.area() * 10.0) / emitter.rate() - 1.0).abs() < 0.03);
+    }
+
+    /// The mean over the clip is the same whatever the envelope, also where it begins late; without rain in the clip it is 0.
+    #[test]
+    fn a_total_number_of_drops_has_one_mean_rate() {
+        let emitter = |keys: Vec<[f64; 2]>| {
+            let envelope = IntensityEnvelope::Keys(keys);
+            RainEmitter::new(RainfallParams { total: Some(2000.0), envelope, ..rainfall() }, bounds(), None)
+        };
+        for keys in
+            [vec![[0.0, 1.0]], vec![[0.0, 0.0], [1.0, 0.0], [2.0, 1.0], [5.0, 0.0]], vec![[0.0, 3.0], [4.0, 0.0]]]
+        {
+            let mut emitter = emitter(keys);
+            assert!((emitter.mean_drop_rate() - 200.0).abs() < 1e-6, "{}", emitter.mean_drop_rate());
+            let count = emitter.emit_until(10.0).len();
+            assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt(), "{count}");
+        }
+        let mut dry = emitter(vec![[0.0, 0.0], [9.0, 0.0]]);
+        assert!(dry.mean_drop_rate() <= 0.0 && dry.emit_until(10.0).is_empty());
     }
 }

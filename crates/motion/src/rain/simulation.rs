@@ -564,11 +564,13 @@ impl RainSimulation {
         });
         let recoil = drop.v * (WATER_DENSITY * splashed.volume) - splashed.momentum;
         let impulse = outcome.impulse + recoil;
-        target.apply_impulse(leaf_on_plant, point, impulse * self.params.impulse_factor);
-        let max_impulse = impulse.length();
+        // What the leaf receives, exaggerated or not.
+        let applied = impulse * self.params.impulse_factor;
+        target.apply_impulse(leaf_on_plant, point, applied);
+        let max_impulse = applied.length();
         self.counters = self.counters.combine(DropCounters { impacts: 1, max_impulse, ..DropCounters::default() });
         let event = RainEvent::new(DropEventKind::Struck, drop.id, self.t, point, volume);
-        self.events.push(RainEvent { leaf: Some(i), impulse: max_impulse * self.params.impulse_factor, ..event });
+        self.events.push(RainEvent { leaf: Some(i), impulse: max_impulse, ..event });
         if outcome.bounces {
             let v = surface_velocity + outcome.relative;
             self.falling.push(FallingDrop { v, volume, ignore_leaf, ..*drop });

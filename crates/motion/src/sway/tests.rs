@@ -105,6 +105,37 @@ fn aerodynamic_damping_is_half_as_strong_across_the_wind() {
     assert!((found / expected(0) * 2.0 - 1.0).abs() < 0.10, "across {found}, half of {} expected", expected(0));
 }
 
+/// Of two similar plants in one steady wind, the one of a quarter of the size takes the same bends, four times as fast: static
+/// bends, damping by the air and the inertia of twigs keep their relations.
+#[test]
+fn similar_plants_move_alike() {
+    let plant = leafy(6);
+    let wind = UniformWind(Vec3::X * 2.0);
+    // Bends of all elements from rest on, after each hundredth step, of a size at whose pace steps are as long.
+    let bends = |scale: f64| {
+        let wood = WoodParams { hertz: 1.0 / scale, ..WoodParams::default() };
+        let all = elements(&plant, &wood);
+        let stand = Trs { s: Vec3::splat(math::narrow(scale)), ..Trs::IDENTITY };
+        let fps = 120.0 / scale;
+        let mut sim = SwaySimulation::new(&all, &wind, SwayParams { stand, fps, ..params(wood) });
+        assert_eq!(sim.steps(), 1);
+        let mut taken = Vec::new();
+        for k in 0..1000_u32 {
+            sim.advance(f64::from(k) / fps);
+            if k % 100 == 99 {
+                taken.push(sim.bends());
+            }
+        }
+        taken
+    };
+    let (whole, quarter) = (bends(1.0), bends(0.25));
+    let angles = |taken: &[Vec<[f64; 2]>]| -> Vec<f64> { taken.iter().flatten().flatten().copied().collect() };
+    let (whole, quarter) = (angles(&whole), angles(&quarter));
+    let most = whole.iter().fold(0.0_f64, |m, b| m.max(b.abs()));
+    let apart = whole.iter().zip(&quarter).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+    assert!(whole.len() == quarter.len() && most > 1e-3 && apart < 1e-6 * most, "{apart} of {most}");
+}
+
 #[test]
 fn steady_wind_reaches_equilibrium_with_a_downwind_lean() {
     let (plant, wood) = (rod(6.0, 0.03, 0.015), WoodParams::default());

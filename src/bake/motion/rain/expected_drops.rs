@@ -52,7 +52,7 @@ impl ExpectedDrops {
         let keys = recipe.rain.as_ref().map(|rain| &rain.keys);
         let spin_up = keys.map_or(0.0, |k| k.spin_up);
         let time = (spin_up + clip * 0.5).min(tuning::MAX_RESIDENCE_TIME);
-        let lying = emitter.drop_flux() * area * tuning::EXPOSED_SHARE * time;
+        let lying = emitter.drop_flux() * emitter.mean_factor() * area * tuning::EXPOSED_SHARE * time;
         let meshed = lying.min(keys.map_or(0.0, |k| f64::from(k.max_drop_meshes)));
         let n = leaves.len().max(1) as f64;
         let distance = leaves.iter().map(|f| picture.distance(f.position)).sum::<f64>() / n;

@@ -293,7 +293,8 @@ fn simulate_rain(
     let params = params::drop_params(rain, recipe.general.seed);
     let clip = recipe.clip;
     let frames = clip.len() as u64;
-    let rainfall = params::rainfall_params(rain, recipe);
+    // An estimate simulates the first interval of the whole clip's rain: the total number of drops belongs to all of it.
+    let rainfall = params::rainfall_params(rain, full.unwrap_or(recipe));
     let lowest = f64::from(bounds.min.y);
     // In scenes without a ground, drops end below the lowest point of plants and solids.
     let ground = ground.into_height(solids.heights().map_or(lowest, |[low, _]| low.min(lowest)));
@@ -303,7 +304,7 @@ fn simulate_rain(
         solids: solids.bounds(),
     });
     let emitter = rain.keys.falls.then(|| RainEmitter::new(rainfall, bounds, wind.clone()));
-    let area = emitter.as_ref().map(RainEmitter::area);
+    let (rate, area) = (emitter.as_ref().map(RainEmitter::rate), emitter.as_ref().map(RainEmitter::area));
     check_memory(&emitter, bounds, frames, scene_leaves.len(), context)?;
     let height = f64::from(bounds.size().y);
     let expected = full.zip(emitter.as_ref()).map(|(f, e)| ExpectedDrops::new(e, height, &scene_leaves, f, &picture));
@@ -362,7 +363,6 @@ fn simulate_rain(
             sequence.rest = Some(maps);
         }
     }
-    let rate = rain.keys.falls.then_some(rain.keys.rate);
     let table = stats::rain_table(&playback.params, rate, area);
     Ok(SimulatedRain {
         asset,
@@ -482,6 +482,8 @@ fn record_frames(
             simulation.take_events();
         }
     }
+    // Those of the steps after the last whole frame, too; that drops are laid on leaves is part of the clip.
+    simulation.take_events();
     initial_drops::deposit_initial_drops(simulation, &rain.lying);
 
     // Clip: capture, then step to the next frame.

@@ -256,9 +256,7 @@ struct RecordedWindPoses {
 
 impl WindPoses for RecordedWindPoses {
     fn at_frame(&self, frame: i64) -> WindPose {
-        // Before a clip that does not repeat, the spin-up plays it backwards, so that the plant is in motion when the clip
-        // begins.
-        let frame = if self.motion.repeats() { frame } else { frame.abs() };
+        let frame = if self.motion.repeats() { frame } else { played_back_before(frame, self.motion.frame_count()) };
         let time = FrameTime { seconds: frame as f64 * self.step, step: self.step };
         let places = self.motion.places(&self.leafage, time);
         let turn = self.transform.r.as_dquat().normalize();
@@ -272,5 +270,29 @@ impl WindPoses for RecordedWindPoses {
         };
         let node = |p: &Vec3| -> DVec3 { self.transform.apply(*p).as_dvec3() };
         WindPose { leaves: self.instances.iter().map(place).collect(), nodes: places.nodes.iter().map(node).collect() }
+    }
+}
+
+/// The frame that is shown of a clip of `count` frames that does not repeat, at a frame that may lie before it: the spin-up plays
+/// the clip backwards, and to and fro if it is longer, so that the plant is in motion until the clip begins.
+fn played_back_before(frame: i64, count: usize) -> i64 {
+    let last = i64::try_from(count).unwrap_or(i64::MAX).saturating_sub(1);
+    match frame {
+        0.. => frame,
+        _ if last < 1 => 0,
+        _ => last - (frame.rem_euclid(last.saturating_mul(2)) - last).abs(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spin_up_plays_a_clip_backwards_and_to_and_fro() {
+        let before = |count: usize| (-9..3).map(|frame| played_back_before(frame, count)).collect::<Vec<_>>();
+        assert_eq!(before(4), [3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1, 2]);
+        assert_eq!(before(20), [9, 8, 7, 6, 5, 4, 3, 2, 1, 0, 1, 2]);
+        assert_eq!(before(1), [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 2]);
     }
 }

@@ -1,7 +1,7 @@
 //! Statistics of rain: the columns of its table and their values at a frame.
 
 use super::drop_records::RUNNING_SPEED;
-use osier_base::units;
+use osier_base::{math, units};
 use osier_motion::rain::{DropParams, RainFrame};
 use osier_scene::Table;
 
@@ -50,10 +50,12 @@ pub fn rain_table(params: &DropParams, rate: Option<f64>, area: Option<f64>) -> 
     let wetting = &params.wetting;
     let rate = rate.map(|rate| rounded(rate * units::MILLIMETRES_PER_HOUR, 1e9));
     let area = area.map(|area| rounded(area, 1e4));
+    // Wetness decays as fraction^(t / time): it halves after time ln(1/2) / ln(fraction).
+    let half_life = rounded(params.decay_time * (math::ln(0.5) / math::ln(params.decay_fraction)), 1e9);
     let parameters = serde_json::json!({
         "rate_mm_per_h": rate, "rained_on_m2": area, "theta_deg": degrees(wetting.contact_angle), "receding_deg": degrees(wetting.receding),
         "advancing_deg": degrees(wetting.advancing), "tau_v_s": params.velocity_decay_time, "tangent_keep": params.tangent_keep,
-        "tip_radius_m": params.tip_radius, "half_life_s": params.decay_time,
+        "tip_radius_m": params.tip_radius, "half_life_s": half_life,
     });
     let (totals, outcome) = (find(&TOTAL_COLUMNS), find(&["water_leaves", "water_hanging", "fell"]));
     Table { name: TABLE.into(), columns, plots, totals, outcome, parameters, said: Vec::new(), watches: Vec::new() }
@@ -76,4 +78,22 @@ pub fn rain_row(frame: &RainFrame) -> Vec<f64> {
     row.push(frame.impact_momentum.brought * 1e6);
     row.push(frame.impact_momentum.error());
     row
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_are_told_in_the_units_of_their_names() {
+        let told = |decay_fraction: f64, decay_time: f64| {
+            let params = DropParams { decay_fraction, decay_time, ..DropParams::default() };
+            rain_table(&params, Some(2.5e-6), Some(3.0)).parameters
+        };
+        for (fraction, time, half_life) in [(0.5, 20.0, 20.0), (0.25, 20.0, 10.0), (0.125, 0.9, 0.3)] {
+            assert_eq!(told(fraction, time)["half_life_s"].as_f64(), Some(half_life), "{fraction} after {time} s");
+        }
+        assert_eq!(told(0.5, 20.0)["rate_mm_per_h"].as_f64(), Some(9.0));
+        assert_eq!(told(0.5, 20.0)["rained_on_m2"].as_f64(), Some(3.0));
+    }
 }

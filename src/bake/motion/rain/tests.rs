@@ -4,7 +4,7 @@ use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_scene}
 use crate::recipe::{Request, resolve};
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Silent};
-use osier_scene::{Frame, InstancerFrame, MeshFrame, MeshMotion, PointsFrame, check_frame, check_scene};
+use osier_scene::{ColumnValues, Frame, InstancerFrame, MeshFrame, MeshMotion, PointsFrame, check_frame, check_scene};
 
 const SCENE: &str = "
     [frames]\nend = 8
@@ -103,6 +103,22 @@ fn drops_leaves_and_splashes_have_the_momentum_of_before() {
         assert!(of("impact_momentum") > 1.0 && of("struck") > 5.0, "{more}");
         assert!(of("momentum_error") < 1e-9, "{more}: {}", of("momentum_error"));
     }
+}
+
+#[test]
+fn events_of_the_spin_up_are_not_those_of_the_clip() {
+    let built = built("[[rain.lying]]\nleaf = 0\nat = [0.5, 0.5]\nvolume_mm3 = 3\n");
+    let count = |number: u32| {
+        let records = at(&built, number).records;
+        let events = records.iter().find(|table| table.name == "events").expect("events");
+        let times = events.columns.iter().find(|column| column.name == "t").expect("times");
+        let ColumnValues::F64(t) = &times.values else { panic!("times in single precision") };
+        assert!(t.iter().all(|t| *t > -1e-9), "frame {number}: {t:?}");
+        t.len()
+    };
+    // The first frame has only the drop that is laid on a leaf.
+    assert_eq!(count(1), 1);
+    assert!((2..=8).map(count).sum::<usize>() > 10);
 }
 
 #[test]

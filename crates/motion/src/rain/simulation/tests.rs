@@ -280,6 +280,26 @@ fn leaf_drop_and_splash_have_the_momentum_of_before() {
     }
 }
 
+/// An exaggerated impulse is the same one in the events, in the counters and on the leaf.
+#[test]
+fn events_and_counters_tell_the_impulse_that_a_leaf_receives() {
+    let received = |impulse_factor: f64| {
+        let params = DropParams { g: 0.0, tangent_keep: 0.0, impulse_factor, ..uniform_params() };
+        let mut simulation = simulation_on(FreePlate::boxed(1e-3, 0.2), params);
+        let (middle, v) = (simulation.poses()[0].to_world(DVec3::Y * 0.03, 1.0), DVec3::new(1.0, -6.0, 0.0));
+        drop_in_air(&mut simulation, middle - v * 0.004, v, crate::rain::fall::sphere_volume(3e-3));
+        while simulation.counters().impacts == 0 {
+            simulation.step(1.0 / 192.0).expect("free");
+            assert!(simulation.time() < 0.1, "it missed the plate");
+        }
+        let told = simulation.take_events().iter().map(|event| event.impulse).fold(0.0, f64::max);
+        assert!(told > 0.0 && (told - simulation.counters().max_impulse).abs() <= 0.0, "{impulse_factor}: {told}");
+        told
+    };
+    let (physical, doubled) = (received(1.0), received(2.0));
+    assert!((doubled / physical - 2.0).abs() < 1e-9, "{physical} {doubled}");
+}
+
 /// Momentum of rods, with the bodies and the water on them.
 fn momentum_of_rods(rods: &crate::rods::RodSystem) -> DVec3 {
     let of_section = |i: usize| {

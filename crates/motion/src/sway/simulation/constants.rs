@@ -7,7 +7,7 @@ use crate::lanes::{Columns, padded_row_count};
 use crate::sway::beam::{OscillatorStep, SECOND_MODE_FREQUENCY_RATIO, second_mode_slope};
 use crate::sway::elements::{BeamElement, BeamElements, LoadStation};
 use crate::sway::tuning::{MAX_RESONANCE_GAIN, SECOND_MODE_DAMPING};
-use crate::sway::wood::{AIR_DENSITY, WoodParams};
+use crate::sway::wood::AIR_DENSITY;
 
 /// Gravitational acceleration, m/s^2.
 const GRAVITY: f64 = osier_base::physics::GRAVITY;
@@ -46,7 +46,7 @@ pub(crate) struct SimulationConstants {
     pub(crate) base_offset: Columns<3>,
     /// Tip slope per 1 m/s^2 acting on it and on everything that it carries.
     pub(crate) weight: Columns<1>,
-    /// Gravity in the plant's space, m/s^2; `None` if it does not act on deviations from the grown pose.
+    /// Gravity in the plant's space times the plant's scale, m/s^2; `None` if it does not act on deviations from the grown pose.
     pub(crate) gravity: Option<[f64; 3]>,
     /// Second modes of the elements that have one; these have the first rows.
     pub(crate) second_modes: Option<SecondModes>,
@@ -74,15 +74,17 @@ impl SimulationConstants {
         // n rows of elements, m rows of stations, padding included.
         let places = RowLayout::new(elements);
         let (n, m) = (places.station_slots.first().map_or(0, |s| s.1), places.station_slots.iter().map(|s| s.1).sum());
+        let scale = f64::from(params.stand.s.x);
         let mut constants = Self {
             order: Vec::with_capacity(elements.list.len()),
             bend_axes: Columns::new(n),
             oscillator: Columns::new(n),
             base_offset: Columns::new(n),
             weight: Columns::new(n),
+            // Masses grow with the cube of the size, the slope per force falls with its square: weight bends in proportion to it.
             gravity: params
                 .gravity
-                .then(|| (params.stand.r.conjugate().as_dquat() * (DVec3::NEG_Y * GRAVITY)).to_array()),
+                .then(|| (params.stand.r.conjugate().as_dquat() * (DVec3::NEG_Y * GRAVITY * scale)).to_array()),
             second_modes: None,
             shape: Columns::new(m),
             rest: Columns::new(m),
@@ -100,7 +102,7 @@ impl SimulationConstants {
             constants.oscillator.set(row, [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
             constants.link_to_carrier(elements, element, row);
             for i in element.stations.clone() {
-                constants.set_station(i, &elements.stations[i], element, &params.wood);
+                constants.set_station(i, &elements.stations[i], element, params);
             }
         }
         constants.set_gravity_levers(elements);
@@ -142,17 +144,21 @@ impl SimulationConstants {
         }
     }
 
-    fn set_station(&mut self, i: usize, s: &LoadStation, element: &BeamElement, wood: &WoodParams) {
+    fn set_station(&mut self, i: usize, s: &LoadStation, element: &BeamElement, params: &SwayParams) {
         let row = self.stations[i];
+        let (wood, scale) = (&params.wood, f64::from(params.stand.s.x));
         let (arm, rest) = (s.p - s.from, s.p - element.base);
         self.shape.set(row, [arm.x, arm.y, arm.z, s.chord.x, s.chord.y, s.chord.z, element.shape.at(s.middle)]);
         self.rest.set(row, [rest.x, rest.y, rest.z, s.along.x, s.along.y, s.along.z]);
         // rho C A of bark and leaves: twice the drag per squared wind speed, and over the mass the rate at which drag stops the
         // stretch, per unit of wind speed (the derivative of the drag).
         let (bark, leaf) = (AIR_DENSITY * wood.drag * s.load.wood, AIR_DENSITY * wood.leaf_drag * s.load.leaf);
-        let stops = (bark + leaf) / s.load.mass.max(1e-12);
+        // Of a plant that is placed larger the areas grow with the square of the scale, the masses with its cube, and the slope per
+        // force falls with its square: bends by drag stay, drag stops it more slowly, inertia bends it more.
+        let stops = (bark + leaf) / (s.load.mass.max(1e-12) * scale);
         // At its natural frequency an oscillator has 1 / (2 zeta) times the amplitude of the motion that shakes it.
-        let inertia = s.load.mass * s.tip_compliances[1] * (2.0 * element.damping_ratio * MAX_RESONANCE_GAIN).min(1.0);
+        let gain = (2.0 * element.damping_ratio * MAX_RESONANCE_GAIN).min(1.0);
+        let inertia = s.load.mass * s.tip_compliances[1] * gain * scale;
         self.load_terms.set(row, [0.5 * bark, 0.5 * leaf, s.tip_compliances[0], inertia, stops]);
     }
 }

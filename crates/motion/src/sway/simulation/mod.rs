@@ -158,6 +158,7 @@ impl<'a> SwaySimulation<'a> {
             constants: &self.constants,
             state: &mut self.state,
             step: self.step,
+            scale: f64::from(self.params.stand.s.x),
             fresh: settle || self.steps_since_reset == 0,
             between,
             // The second difference of positions needs two earlier steps; in equilibrium nothing accelerates.

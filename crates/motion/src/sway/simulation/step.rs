@@ -262,6 +262,8 @@ pub(crate) struct IntegrateStep<'a> {
     pub(crate) state: &'a mut SimulationState,
     /// Time step of the integrator, s.
     pub(crate) step: f64,
+    /// Size of the plant in the world over that in its own space, in which positions are kept.
+    pub(crate) scale: f64,
     /// Whether there is no previous step, so that stations have no velocity.
     pub(crate) fresh: bool,
     /// Position between the two wind samples, 0 to 1.
@@ -290,8 +292,9 @@ impl IntegrateStep<'_> {
         let (constants, state) = (self.constants, &mut *self.state);
         let zero = Vec3Lanes([F64Lanes::from_scalar(simd, 0.0); 3]);
         let between = F64Lanes::from_scalar(simd, self.between);
-        // 1/dt and 1/dt^2 for the differences below; inertia acts against the acceleration, hence the sign.
-        let (rate, square, whip) = (1.0 / self.step, 1.0 / (self.step * self.step), -self.whip);
+        // 1/dt and 1/dt^2 for the differences below, times the scale: velocities and accelerations are those in the world. Inertia
+        // acts against the acceleration, hence the sign.
+        let (rate, square, whip) = (self.scale / self.step, self.scale / (self.step * self.step), -self.whip);
         for g in 0..element_groups::<S>(constants) {
             let count = station_count::<S>(constants, g);
             let [x, y, z, w, px, py, pz] = state.carried.get(simd, g);
