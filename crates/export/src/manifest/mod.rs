@@ -18,6 +18,7 @@ pub use verify::{Verification, verify};
 
 use serde::{Deserialize, Serialize};
 
+use crate::gltf::{Profile, scene_stem};
 use osier_base::Result;
 use osier_base::files::{Folder, MANIFEST};
 
@@ -381,6 +382,15 @@ impl Manifest {
         let mut text = serde_json::to_string_pretty(self).map_err(failed)?;
         text.push('\n');
         Ok(text)
+    }
+
+    /// Path of the glTF file of the whole scene in a profile; `None` if the bake has none. Files of single assets have similar
+    /// names.
+    pub fn scene_glb(&self, profile: Profile) -> Option<String> {
+        let stem = scene_stem(&self.scene.name, self.assets.iter().map(|a| a.id.as_str()));
+        let wanted = format!("gltf/{stem}.{}.glb", profile.word());
+        let is_written = |f: &FileEntry| matches!(f, FileEntry::Single { path, .. } if *path == wanted);
+        self.files.iter().any(is_written).then_some(wanted)
     }
 
     /// Path, size and hash of every file, in the order of paths; sequences are expanded.
