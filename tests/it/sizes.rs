@@ -187,6 +187,33 @@ fn leaves_of_a_growing_tree_cover_in_gltf_what_they_cover() {
 }
 
 #[test]
+fn leaves_of_a_growing_tree_have_shapes_at_the_frames_that_are_written() {
+    let temp = tempfile::tempdir().expect("temp");
+    let scene = "[frames]\nend = 201\n[plants.a]\nspecies = \"oak\"\nage = 14\n[plants.a.site]\nto = 14\nclip_leaves = \"summer\"\n\
+         [plants.a.skin]\nsides = 3\n[[place]]\nplant = \"a\"\n[ground]\nshow = false\n[output]\nformats = [\"glb\"]\n\
+         [output.gltf]\nprofiles = [\"web\"]\nnodes = 20\n";
+    let file = temp.path().join("s.toml");
+    std::fs::write(&file, scene).expect("scene");
+    let out = temp.path().join("out");
+    ends(0, &["-q", "bake", arg(&file), "--frames", "1-201:10", "-o", arg(&out)]);
+    let player = Player::new(&std::fs::read(out.join("gltf/s.web.glb")).expect("file"));
+    let index = |v: &Value| v.as_u64().expect("index") as usize;
+    let animation = &player.json["animations"][0];
+    let mut times: Vec<f32> = Vec::new();
+    for channel in animation["channels"].as_array().expect("channels") {
+        let name = player.json["nodes"][index(&channel["target"]["node"])]["name"].as_str().unwrap_or_default();
+        if channel["target"]["path"] == "weights" && name.contains("leaves") {
+            let sampler = &animation["samplers"][index(&channel["sampler"])];
+            times.extend(player.rows(index(&sampler["input"])).concat());
+        }
+    }
+    times.sort_by(f32::total_cmp);
+    times.dedup();
+    // Every tenth frame of the clip has its own shape: there are fewer than a plant may have.
+    assert_eq!(times.len(), 21, "{times:?}");
+}
+
+#[test]
 fn a_swaying_oak_of_sixty_years_is_four_megabytes_for_engines() {
     let temp = tempfile::tempdir().expect("temp");
     let scene = "[frames]\nend = 24\n[plants.oak]\nspecies = \"oak\"\nage = 60\n[[place]]\nplant = \"oak\"\n[wind]\nspeed = 5\n\
