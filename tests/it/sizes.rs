@@ -214,6 +214,37 @@ fn leaves_of_a_growing_tree_have_shapes_at_the_frames_that_are_written() {
 }
 
 #[test]
+fn the_points_of_a_growing_plant_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    let file = temp.path().join("g.toml");
+    let scene = "[frames]\nend = 9\n[plants.a]\ngrammar = \"birch.l\"\nsteps = 9\ngrowth_clip = [0, 1]\n[[place]]\nplant = \"a\"\n\
+         [ground]\nshow = false\n[output]\nformats = [\"pc2\", \"pov\"]\n";
+    std::fs::write(&file, scene).expect("scene");
+    let predicted = |step: u32, format: &str| {
+        let set = format!("output.pov.step={step}");
+        let (out, _) = ends(0, &["bake", arg(&file), "-n", "--json", "--set", &set]);
+        let json: Value = serde_json::from_str(&out).expect("JSON");
+        json["would_make"]["sizes"][format].as_f64().expect("bytes")
+    };
+    let out = temp.path().join("out");
+    ends(0, &["-q", "bake", arg(&file), "-o", arg(&out)]);
+    let written = |folder: &str| {
+        let files = crate::common::program::tree(&out.join(folder));
+        files.values().map(|bytes| bytes.len() as f64).sum::<f64>()
+    };
+    for (format, folder) in [("pc2", "cache"), ("pov", "pov")] {
+        let share = predicted(1, format) / written(folder);
+        assert!((0.7..1.4).contains(&share), "{format}: {share}");
+    }
+    // Of nine frames every fourth are three, every ninth and every twentieth are the first alone.
+    let [one, four, nine, twenty] = [1, 4, 9, 20].map(|step| predicted(step, "pov"));
+    assert!(
+        (one - nine - 4.0 * (four - nine)).abs() < 0.5 && (nine - twenty).abs() < 0.5,
+        "{one} {four} {nine} {twenty}"
+    );
+}
+
+#[test]
 fn a_swaying_oak_of_sixty_years_is_four_megabytes_for_engines() {
     let temp = tempfile::tempdir().expect("temp");
     let scene = "[frames]\nend = 24\n[plants.oak]\nspecies = \"oak\"\nage = 60\n[[place]]\nplant = \"oak\"\n[wind]\nspeed = 5\n\

@@ -23,7 +23,8 @@ pub const FORMAT: FormatInfo = FormatInfo {
     endings: &[],
     pictures_beside: false,
     memory_percent: 0,
-    estimate: |input| input.per_asset(|a| a.posed_frames(input.frames) * a.deforming_vertices * 12),
+    // Plants that grow have no joints, but points in every frame, as those with motion = "cache".
+    estimate: |input| input.per_asset(|a| input.frames * a.deforming_vertices * 12),
     open: |job| vec![Box::new(Pc2Exporter::new(job.folder.clone()))],
 };
 
