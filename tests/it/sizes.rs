@@ -214,6 +214,23 @@ fn leaves_of_a_growing_tree_have_shapes_at_the_frames_that_are_written() {
 }
 
 #[test]
+fn the_height_maps_of_many_individuals_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    let file = temp.path().join("m.toml");
+    // All individuals of a plant share its materials.
+    let scene = "[plants.a]\ngrammar = \"grass.l\"\nsteps = 3\n[[place]]\nplant = \"a\"\ncount = 40\nradius = 9\nindividuals = 40\n\
+         [terrain]\nsubdivisions = 6\n[output]\nformats = [\"exr\"]\n";
+    std::fs::write(&file, scene).expect("scene");
+    let (said, _) = ends(0, &["bake", arg(&file), "-n", "--json"]);
+    let predicted: Value = serde_json::from_str(&said).expect("JSON");
+    let out = temp.path().join("out");
+    ends(0, &["-q", "bake", arg(&file), "-o", arg(&out)]);
+    let written: u64 = crate::common::program::tree(&out.join("maps")).values().map(|bytes| bytes.len() as u64).sum();
+    let share = predicted["would_make"]["sizes"]["exr"].as_f64().expect("bytes") / written as f64;
+    assert!((0.7..1.4).contains(&share), "{share} of {written} bytes");
+}
+
+#[test]
 fn the_points_of_a_growing_plant_are_predicted() {
     let temp = tempfile::tempdir().expect("temp");
     let file = temp.path().join("g.toml");
