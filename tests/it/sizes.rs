@@ -231,6 +231,25 @@ fn the_height_maps_of_many_individuals_are_predicted() {
 }
 
 #[test]
+fn the_joints_of_all_copies_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    let file = temp.path().join("j.toml");
+    let scene = "[frames]\nend = 4\n[plants.a]\ngrammar = \"birch.l\"\nsteps = 8\n[[place]]\nplant = \"a\"\ncount = 60\nradius = 50\n\
+         individuals = 1\n[wind]\nspeed = 3\n[ground]\nshow = false\n[output]\nformats = [\"tracks\", \"points\"]\n";
+    std::fs::write(&file, scene).expect("scene");
+    let (said, _) = ends(0, &["bake", arg(&file), "-n", "--json"]);
+    let predicted: Value = serde_json::from_str(&said).expect("JSON");
+    let out = temp.path().join("out");
+    ends(0, &["-q", "bake", arg(&file), "-o", arg(&out)]);
+    for format in ["tracks", "points"] {
+        let files = crate::common::program::tree(&out.join(format));
+        let written = files.values().map(|bytes| bytes.len() as f64).sum::<f64>();
+        let share = predicted["would_make"]["sizes"][format].as_f64().expect("bytes") / written;
+        assert!((0.7..1.4).contains(&share), "{format}: {share} of {written} bytes");
+    }
+}
+
+#[test]
 fn the_points_of_a_growing_plant_are_predicted() {
     let temp = tempfile::tempdir().expect("temp");
     let file = temp.path().join("g.toml");
