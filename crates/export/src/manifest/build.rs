@@ -11,7 +11,7 @@ use super::{
 };
 use crate::pc2::cache_path;
 use crate::registry::FORMATS;
-use crate::usd::ASSET_STAGE;
+use crate::usd::{ASSET_STAGE, HAIRS};
 use crate::{VERSION, Warning};
 use osier_base::files::{FileRecord, MANIFEST};
 use osier_scene::{
@@ -177,11 +177,15 @@ fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
     // An empty box has infinite corners, which JSON cannot hold: zeros are written.
     let corners = if bounds.is_empty() { [[0.0; 3]; 2] } else { [bounds.min, bounds.max].map(|v| v.to_array()) };
     let material = |id: u32| scene.materials.get(id as usize).map(|m| m.name.clone());
+    let prototypes = asset.instancers.iter().flat_map(|i| &i.prototypes);
+    let hairs = prototypes.filter_map(|p| p.fine.as_ref()).map(|fine| (HAIRS, fine.curves.material));
+    let curves = hairs.chain(asset.curves.iter().map(|c| (c.name.as_str(), c.material)));
     AssetEntry {
         id: asset.id.clone(),
         kind: asset.kind.word().into(),
         plant: (!asset.group.is_empty()).then(|| asset.group.clone()),
         points_material: asset.points.first().and_then(|points| material(points.material)),
+        curve_materials: curves.filter_map(|(name, id)| Some((name.to_owned(), material(id)?))).collect(),
         prim: format!("/{}", asset.id),
         files: paths.iter().filter(|p| **p != ASSET_STAGE && mine(p)).map(|p| (*p).to_owned()).collect(),
         vertices: asset.meshes.iter().map(|m| m.mesh.points.len()).sum(),

@@ -233,6 +233,9 @@ pub struct AssetEntry {
     /// Material of its points that have no mesh; null without points.
     #[serde(default)]
     pub points_material: Option<String>,
+    /// Materials of its curves, hairs of prototypes included, by the names of their prims; missing without curves.
+    #[serde(default, skip_serializing_if = "std::collections::BTreeMap::is_empty")]
+    pub curve_materials: std::collections::BTreeMap<String, String>,
     /// Prim path in its payload and in the stage of assets.
     pub prim: String,
     /// Files that hold this asset and no other, sequences with `####`.

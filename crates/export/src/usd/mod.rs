@@ -58,6 +58,8 @@ use plant_instancer::{PrototypePrim, SinglePlacement};
 
 /// Path of the stage that holds each asset of a bake once, without placements.
 pub const ASSET_STAGE: &str = "usd/assets.usda";
+/// Name of the prim of a prototype's hairs.
+pub(crate) const HAIRS: &str = "hairs";
 
 /// Registry entry of USD: a bake is a text layer with crate files as payloads.
 pub const FORMAT: FormatInfo = FormatInfo {
