@@ -286,7 +286,7 @@ fn frame_rate(recipe: &Recipe) -> String {
     const BLENDER_DEFAULT: f64 = 24.0;
     let fps = recipe.clip.fps();
     if recipe.moves && fps != BLENDER_DEFAULT {
-        format!(" (first set Output > Frame Rate to {fps})")
+        format!(" (first set Output > Frame Rate to {})", report::rate(fps))
     } else {
         String::new()
     }
