@@ -281,6 +281,22 @@ fn the_points_of_a_growing_plant_are_predicted() {
 }
 
 #[test]
+fn the_leaves_of_a_growing_tree_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    let file = temp.path().join("o.toml");
+    let scene = "[frames]\nend = 24\n[plants.a]\nspecies = \"oak\"\nage = 14\n[plants.a.site]\nto = 14\nclip_leaves = \"summer\"\n\
+         [plants.a.skin]\nsides = 3\n[[place]]\nplant = \"a\"\n[ground]\nshow = false\n[output]\nformats = [\"usd\"]\n";
+    std::fs::write(&file, scene).expect("scene");
+    let (said, _) = ends(0, &["bake", arg(&file), "-n", "--json"]);
+    let predicted: Value = serde_json::from_str(&said).expect("JSON");
+    let out = temp.path().join("out");
+    ends(0, &["-q", "bake", arg(&file), "-o", arg(&out)]);
+    let written = crate::common::program::tree(&out.join("usd")).values().map(|bytes| bytes.len() as f64).sum::<f64>();
+    let share = predicted["would_make"]["sizes"]["usd"].as_f64().expect("bytes") / written;
+    assert!((0.7..1.4).contains(&share), "{share} of {written} bytes");
+}
+
+#[test]
 fn a_swaying_oak_of_sixty_years_is_four_megabytes_for_engines() {
     let temp = tempfile::tempdir().expect("temp");
     let scene = "[frames]\nend = 24\n[plants.oak]\nspecies = \"oak\"\nage = 60\n[[place]]\nplant = \"oak\"\n[wind]\nspeed = 5\n\
