@@ -23,7 +23,7 @@ def groups(fields: list[schema.Field]) -> list[str]:
 
 def group_of(field: schema.Field) -> str:
     """The part of a scene that a field is shown in."""
-    parts = field.path.split(".")
+    parts = schema.parts(field.path)
     return ".".join(parts[:2]) if parts[0] in ("plants", "clouds") else (parts[0] if len(parts) > 1 else "scene")
 
 

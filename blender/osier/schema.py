@@ -6,6 +6,7 @@ import json
 import os
 import re
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -96,7 +97,17 @@ def _tables(pattern: str, given: dict[str, Any]) -> list[str]:
 def _below(place: str, given: dict[str, Any]) -> list[str]:
     """The names that follow a path in the keys of a scene."""
     start = place + "."
-    return list(dict.fromkeys(key[len(start) :].split(".")[0] for key in given if key.startswith(start)))
+    return list(dict.fromkeys(parts(key[len(start) :])[0] for key in given if key.startswith(start)))
+
+
+def parts(path: str) -> list[str]:
+    """The parts of a path between its dots. A name with dots stands in quotes and keeps these: `plants."v1.2".steps`."""
+    return re.findall(r'"[^"]*"|[^.]+', path)
+
+
+def plants(given: Iterable[str]) -> list[str]:
+    """The names of the plants of a scene, from its keys."""
+    return list(dict.fromkeys(parts(key)[1].strip('"') for key in given if key.startswith("plants.")))
 
 
 def _field(path: str, option: dict[str, Any], given: dict[str, Any]) -> Field:

@@ -192,8 +192,7 @@ class Session:
     def _bake_copy(self, scene: bpy.types.Scene, folder: str, text: str, flags: list[str]) -> None:
         items = [item for item in scene.osier.objects if objects.usable(item.object)]
         given = [key["key"] for key in self.check["keys"]]
-        plants = list(dict.fromkeys(key.split(".")[1] for key in given if key.startswith("plants.")))
-        path = objects.write_scene(folder, source_name(scene), text, given, plants, items)
+        path = objects.write_scene(folder, source_name(scene), text, given, schema.plants(given), items)
         self._bake(scene, path, flags)
 
     def _bake(self, scene: bpy.types.Scene, source: str, flags: list[str]) -> None:

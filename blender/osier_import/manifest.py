@@ -60,6 +60,7 @@ class Asset:
     points_material: str | None
     has_geometry: bool
     leaves: Leaves | None = None
+    curve_materials: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -236,7 +237,8 @@ def _asset(entry: dict[str, Any]) -> Asset:
     group = entry.get("plant") or (name if "plant" in entry else re.sub(r"_\d+$", "", name))
     geometry = bool(entry.get("vertices") or entry.get("instances"))
     prim = str(entry.get("prim") or name).rsplit("/", 1)[-1]
-    return Asset(name, prim, str(group), entry.get("points_material"), geometry, _leaves(entry.get("leaves")))
+    curves = {str(curve): str(material) for curve, material in entry.get("curve_materials", {}).items()}
+    return Asset(name, prim, str(group), entry.get("points_material"), geometry, _leaves(entry.get("leaves")), curves)
 
 
 def _leaves(entry: dict[str, Any] | None) -> Leaves | None:

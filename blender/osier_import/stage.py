@@ -365,8 +365,10 @@ def _name(item: bpy.types.Object, bake: Bake, asset: str, path: str) -> None:
 
 
 def _set_materials(bake: Bake, items: list[bpy.types.Object], built: dict[str, bpy.types.Material]) -> None:
-    """Gives all slots the materials of this import, and points without a slot the material of the manifest."""
-    points = {a.name: a.points_material for a in bake.assets}
+    """Gives all slots the materials of this import, and points and curves without a slot those of the manifest: Blender's importer gives
+    them none.
+    """
+    assets = {a.name: a for a in bake.assets}
     longest = max(built, key=len, default="")
     for item in items:
         if item.data is None or not hasattr(item.data, "materials"):
@@ -378,10 +380,12 @@ def _set_materials(bake: Bake, items: list[bpy.types.Object], built: dict[str, b
                 slots[i] = wanted
             if wanted is None and material and len(longest) > LONGEST_NAME:
                 raise _too_long(bake, longest)
-        if item.type == "POINTCLOUD" and not slots and "osier_id" in item:
-            asset = item["osier_id"].split(":", 1)[1].split("/", 1)[0]
-            if built.get(points.get(asset) or ""):
-                slots.append(built[points[asset]])
+        if item.type in ("POINTCLOUD", "CURVES", "CURVE") and not slots and "osier_id" in item:
+            path = item["osier_id"].split(":", 1)[1].split("/")
+            asset = assets.get(path[0])
+            name = asset and (asset.points_material if item.type == "POINTCLOUD" else asset.curve_materials.get(path[-1]))
+            if built.get(name or ""):
+                slots.append(built[name])
 
 
 def _place_all(

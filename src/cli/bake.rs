@@ -17,6 +17,7 @@ use crate::source::find_scene;
 use osier_base::Result;
 use osier_base::diagnostic::nearest;
 use osier_base::files::{BakeCache, Folder, WriteOptions, is_settled};
+use osier_export::gltf::Profile;
 use osier_export::manifest::{self, Manifest};
 use osier_export::{VERSION, registry};
 
@@ -233,11 +234,11 @@ fn summary(
         open("Blender 4+", format!("File > Import > USD: {path}{rate}"));
         open("usdview", format!("usdview {path}"));
     }
-    if let Some(path) = has(&format!("{name}.blender.glb")) {
-        open("Blender", format!("File > Import > glTF: {}{rate}", shown(path)));
+    if let Some(path) = m.scene_glb(Profile::Blender) {
+        open("Blender", format!("File > Import > glTF: {}{rate}", shown(&path)));
     }
-    if let Some(path) = has(&format!("{name}.web.glb")) {
-        open("browsers", format!("drop {} onto a glTF viewer", shown(path)));
+    if let Some(path) = m.scene_glb(Profile::Web) {
+        open("browsers", format!("drop {} onto a glTF viewer", shown(&path)));
     }
     if has("render.ini").is_some() {
         open("POV-Ray", format!("cd {} && povray render.ini", shown("pov")));
@@ -285,7 +286,7 @@ fn frame_rate(recipe: &Recipe) -> String {
     const BLENDER_DEFAULT: f64 = 24.0;
     let fps = recipe.clip.fps();
     if recipe.moves && fps != BLENDER_DEFAULT {
-        format!(" (first set Output > Frame Rate to {fps})")
+        format!(" (first set Output > Frame Rate to {})", report::rate(fps))
     } else {
         String::new()
     }

@@ -91,7 +91,7 @@ fn describe_bake(context: &Context, bake: &VerifiedBake, only: Option<&str>) -> 
 fn describe(root: &Path, m: &Manifest, only: Option<&str>) -> String {
     let files = m.expanded();
     let bytes = files.iter().map(|f| f.1).sum();
-    let fps = f64::from(m.time.fps[0]) / f64::from(m.time.fps[1].max(1));
+    let fps = report::rate(f64::from(m.time.fps[0]) / f64::from(m.time.fps[1].max(1)));
     let mut out = format!(
         "{}  scene {}, seed {}, by {} {}\nframes {} to {} at {fps} per second, {} files, {}\nscene {}\nbake  {}\n\n",
         visible(&root.display().to_string()),

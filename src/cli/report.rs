@@ -11,6 +11,11 @@ use osier_base::limits::grouped;
 /// to write.
 pub const CONFIRM_BYTES: u64 = 2_000_000_000;
 
+/// A frame rate with at most three decimals, as Blender's own rates of 23.976 and 59.94, which are fractions.
+pub fn rate(fps: f64) -> f64 {
+    (fps * 1000.0).round() / 1000.0
+}
+
 /// Prints the estimate of a run under the name of its target, as text or JSON.
 /// # Errors
 /// `Io` if standard output cannot be written.

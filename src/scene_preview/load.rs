@@ -11,6 +11,7 @@ use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::{self, SearchPaths};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result};
+use osier_export::gltf::Profile;
 use osier_export::manifest;
 use osier_import::{ImportOptions, UpAxis};
 use osier_preview::{Quality, Subject};
@@ -103,13 +104,8 @@ impl PreviewScene {
     /// S001 for a bake without such a file, those of the manifest, and as [`PreviewScene::of_mesh_file`].
     pub fn of_bake(folder: &Path, search: &[PathBuf], limits: &Limits) -> Result<Self> {
         let (manifest, _) = manifest::verify(folder, limits.get("json-bytes"))?;
-        let files = manifest.expanded();
-        let scene_file = |profile: &str| {
-            let ending = format!("{}.{profile}.glb", manifest.scene.name);
-            files.iter().map(|f| f.0.as_str()).find(|path| path.ends_with(&ending))
-        };
         // The Blender profile is preferred; the web profile is used if the other was not written.
-        match scene_file("blender").or_else(|| scene_file("web")) {
+        match manifest.scene_glb(Profile::Blender).or_else(|| manifest.scene_glb(Profile::Web)) {
             Some(path) => Self::of_mesh_file(&folder.join(path), search, limits),
             None => {
                 let message = format!("\"{}\" is a bake without a .glb of the whole scene", folder.display());

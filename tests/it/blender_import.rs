@@ -116,6 +116,19 @@ fn pictures_are_those_of_the_preview(python: &Path, manifest: &Path, folder: &Pa
 
 /// The extensions read and write only what they say: the rules of the platform's repository.
 #[test]
+fn hairs_have_their_material_in_blender() {
+    let Some(python) = clients::python() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let out = dir.path().join("catkin");
+    ends(0, &["-q", "bake", "catkin", "--formats", "usd", "-o", arg(&out)]);
+    let manifest = out.join("manifest.json");
+    let told: Value = serde_json::from_slice(&fs::read(&manifest).expect("manifest")).expect("JSON");
+    assert_eq!(told["assets"][0]["curve_materials"], json!({"hairs": "catkin_hair"}));
+    let shown = clients::run(Command::new(python).arg(sources().join("tests/curves.py")).arg(&manifest));
+    assert_eq!(last_line(&shown.stdout), json!([["hairs", "catkin_hair"]]));
+}
+
+#[test]
 fn the_extensions_neither_evaluate_text_nor_open_connections() {
     let folders = ["osier_import", "osier"].map(|name| fs::read_dir(sources().join(name)).expect("sources"));
     let paths: Vec<PathBuf> = folders.into_iter().flatten().map(|entry| entry.expect("entry").path()).collect();

@@ -182,3 +182,30 @@ fn the_panel_bakes_in_a_blender_without_usd() {
     let refusal = report["errors"].to_string().contains("without USD");
     assert!(report["shown"] == report["usd"] && report["usd"] != json!(refusal), "{report}");
 }
+
+#[test]
+fn the_panel_has_fields_for_plants_with_dots_in_their_names() {
+    let Some(python) = clients::python() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let scene = dir.path().join("s.toml");
+    fs::write(&scene, "[plants.\"v1.2\"]\ngrammar = \"birch.l\"\nsteps = 4\n[plants.b]\ngrammar = \"birch.l\"\n")
+        .expect("scene");
+    let [options, check] = [("options", ["list", "options", "--json"]), ("check", ["check", arg(&scene), "--json"])]
+        .map(|(name, call)| {
+            let path = dir.path().join(name);
+            fs::write(&path, ends(0, &call).0).expect("file");
+            path
+        });
+    let told =
+        clients::run(Command::new(python).arg(sources().join("blender/tests/fields.py")).args([&options, &check]));
+    let told: Value = serde_json::from_slice(&told.stdout).expect("JSON");
+    assert_eq!(told["plants"], json!(["v1.2", "b"]));
+    let paths: Vec<&str> = told["paths"].as_array().expect("paths").iter().filter_map(Value::as_str).collect();
+    let count = |start: &str| paths.iter().filter(|path| path.starts_with(start)).count();
+    assert!(count("plants.b.") > 100, "{paths:?}");
+    assert_eq!(count("plants.\"v1.2\"."), count("plants.b."));
+    assert_eq!(count("plants."), 2 * count("plants.b."));
+    // The program takes these paths.
+    assert!(paths.contains(&"plants.\"v1.2\".bark.side"));
+    ends(0, &["check", arg(&scene), "--set", "plants.\"v1.2\".bark.side=64"]);
+}

@@ -6,6 +6,7 @@
     reason = "tests fail by panicking, tamper with files and compare copied values"
 )]
 
+use crate::common::program::{arg, ends};
 use crate::common::synthetic;
 use std::fs;
 use std::path::Path;
@@ -212,4 +213,25 @@ fn manifests_of_earlier_versions_are_read() {
     fs::write(dir.path().join("manifest.json"), value.to_string()).expect("write");
     let (m, found) = manifest::verify(dir.path(), 1 << 20).expect("an old manifest");
     assert!(found.is_complete() && m.view.is_none() && m.time.written.is_none(), "{found:?}");
+}
+
+#[test]
+fn point_caches_belong_to_their_plant() {
+    let dir = tempfile::tempdir().expect("dir");
+    let scene = dir.path().join("s.toml");
+    let text = "[frames]\nend = 2\n[plants.twig]\ngrammar = \"poplar-twig.l\"\nmotion = \"cache\"\n[plants.twig.rods]\n\
+                [[place]]\nplant = \"twig\"\n[wind]\nspeed = 3\n[ground]\nshow = false\n[output]\nformats = [\"pc2\"]\n";
+    fs::write(&scene, text).expect("scene");
+    let out = dir.path().join("out");
+    ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out)]);
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("JSON");
+    let caches = serde_json::json!(["cache/twig_bark.pc2", "cache/twig_leaves_stalks.pc2"]);
+    assert_eq!(manifest["assets"][0]["files"], caches);
+    let written: Vec<&str> =
+        manifest["files"].as_array().expect("files").iter().filter_map(|f| f["path"].as_str()).collect();
+    assert!(
+        written.contains(&"cache/twig_bark.pc2") && written.contains(&"cache/twig_leaves_stalks.pc2"),
+        "{written:?}"
+    );
 }

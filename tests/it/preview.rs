@@ -194,6 +194,30 @@ fn what_was_baked_looks_like_what_was_grown() {
 }
 
 #[test]
+fn a_bake_whose_scene_is_named_like_a_part_of_it_is_shown_whole() {
+    let dir = tempfile::tempdir().expect("dir");
+    let scene = dir.path().join("house.toml");
+    let text = "[[solid]]\nshape = \"house\"\n[plants.a]\ngrammar = \"birch.l\"\nsteps = 4\n[[place]]\nplant = \"a\"\n\
+                at = [9, 0, 0]\n[ground]\nside = 64\n";
+    std::fs::write(&scene, text).expect("scene");
+    for assets in ["false", "true"] {
+        let bake = dir.path().join(assets);
+        let set = format!("output.gltf.assets={assets}");
+        let (out, _) = ends(0, &["bake", arg(&scene), "--formats", "glb", "--set", &set, "-o", arg(&bake)]);
+        // The name without a number belongs to the house alone.
+        assert_eq!(bake.join("gltf/house.web.glb").exists(), assets == "true");
+        let whole = bake.join("gltf/house_2.web.glb");
+        assert!(out.contains(arg(&whole)), "{out}");
+        let pictures = [(&bake, "bake"), (&whole, "file")].map(|(source, name)| {
+            let file = dir.path().join(format!("{name}_{assets}.png"));
+            ends(0, &["preview", arg(source), "--size", "64x48", "--quality", "draft", "-o", arg(&file)]);
+            picture(&file)
+        });
+        assert_eq!(pictures[0], pictures[1], "assets = {assets}");
+    }
+}
+
+#[test]
 fn every_mistake_is_named() {
     let dir = tempfile::tempdir().expect("dir");
     let file = |name: &str, text: &[u8]| {

@@ -257,6 +257,68 @@ fn gltf_has_the_colour_of_every_leaf() {
 }
 
 #[test]
+fn copies_in_gltf_have_the_colours_of_their_leaves() {
+    let dir = tempfile::tempdir().expect("dir");
+    let still = AUTUMN.replace("end = 3", "end = 1");
+    let with = |count: u32| {
+        let place = format!("{still}[[place]]\nplant = \"a\"\ncount = {count}\nradius = 4\nindividuals = 1\n");
+        let profiles = ["--set", "output.gltf.profiles=[\"web\",\"blender\"]"];
+        let name = format!("wood_{count}");
+        let out = bake(dir.path(), &name, &place, "glb", &profiles).join("gltf");
+        ["web", "blender"].map(|p| Player::new(&fs::read(out.join(format!("{name}.{p}.glb"))).expect("a file")))
+    };
+    let index = |v: &Value| usize::try_from(v.as_u64().expect("an index")).expect("small");
+    let ([one, _], [web, merged]) = (with(1), with(3));
+    // The instances of a node by its name.
+    let instances = |player: &Player, name: &str| -> Value {
+        let node = player.node(name).expect("a node");
+        player.json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"].clone()
+    };
+    let turns = web.rows(index(&instances(&web, "a_bark")["ROTATION"]));
+    assert_eq!(turns.len(), 3);
+    let mut seen = 0;
+    for node in one.json["nodes"].as_array().expect("nodes") {
+        let Some(name) = node["name"].as_str().filter(|name| name.starts_with("a_leaves")) else { continue };
+        let [own, all] = [instances(&one, name), instances(&web, name)];
+        let [own, all] = [(&one, own), (&web, all)].map(|(player, list)| {
+            ["_LEAF_COLOR", "_CANOPY_OCCLUSION", "_CANOPY_NORMAL"].map(|key| player.rows(index(&list[key])))
+        });
+        for (k, turn) in turns.iter().enumerate() {
+            let turn = glam::Quat::from_slice(turn).normalize();
+            for i in 0..own[0].len() {
+                let copy = k * own[0].len() + i;
+                assert_eq!((&all[0][copy], &all[1][copy]), (&own[0][i], &own[1][i]), "{name} {k} {i}");
+                let toward = turn * Vec3::from_slice(&own[2][i]);
+                assert!((Vec3::from_slice(&all[2][copy]) - toward).length() < 1e-3, "{name} {k} {i}");
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen > 30, "{seen}");
+    // Copies of profile `blender` are one mesh: its bark is white.
+    let (mut red, mut white) = (0, 0);
+    for primitive in
+        merged.json["meshes"].as_array().expect("meshes").iter().flat_map(|m| m["primitives"].as_array()).flatten()
+    {
+        let attributes = &primitive["attributes"];
+        let material = merged.json["materials"][index(&primitive["material"])]["name"].as_str().expect("a name");
+        let colors = merged.rows(index(&attributes["_LEAF_COLOR"]));
+        let occlusion = merged.rows(index(&attributes["_CANOPY_OCCLUSION"]));
+        let points = merged.vectors(index(&attributes["POSITION"])).len();
+        assert_eq!((colors.len(), occlusion.len()), (points, points));
+        if material == "a_leaf_turned_0" {
+            assert!(colors.iter().all(|c| c[0] > 3.0 * c[1]) && occlusion.iter().any(|o| o[0] > 0.05), "{colors:?}");
+            red += 1;
+        }
+        if material.ends_with("_bark") {
+            assert!(colors.iter().flatten().all(|c| *c > 0.999) && occlusion.iter().all(|o| o[0] <= 0.0), "{colors:?}");
+            white += 1;
+        }
+    }
+    assert!(red > 0 && white > 0, "{red} {white}");
+}
+
+#[test]
 fn the_blender_importer_gives_leaves_their_colour_and_occlusion() {
     let Some(python) = clients::python() else { return };
     let dir = tempfile::tempdir().expect("dir");

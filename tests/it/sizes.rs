@@ -187,6 +187,116 @@ fn leaves_of_a_growing_tree_cover_in_gltf_what_they_cover() {
 }
 
 #[test]
+fn leaves_of_a_growing_tree_have_shapes_at_the_frames_that_are_written() {
+    let temp = tempfile::tempdir().expect("temp");
+    let scene = "[frames]\nend = 201\n[plants.a]\nspecies = \"oak\"\nage = 14\n[plants.a.site]\nto = 14\nclip_leaves = \"summer\"\n\
+         [plants.a.skin]\nsides = 3\n[[place]]\nplant = \"a\"\n[ground]\nshow = false\n[output]\nformats = [\"glb\"]\n\
+         [output.gltf]\nprofiles = [\"web\"]\nnodes = 20\n";
+    let file = temp.path().join("s.toml");
+    std::fs::write(&file, scene).expect("scene");
+    let out = temp.path().join("out");
+    ends(0, &["-q", "bake", arg(&file), "--frames", "1-201:10", "-o", arg(&out)]);
+    let player = Player::new(&std::fs::read(out.join("gltf/s.web.glb")).expect("file"));
+    let index = |v: &Value| v.as_u64().expect("index") as usize;
+    let animation = &player.json["animations"][0];
+    let mut times: Vec<f32> = Vec::new();
+    for channel in animation["channels"].as_array().expect("channels") {
+        let name = player.json["nodes"][index(&channel["target"]["node"])]["name"].as_str().unwrap_or_default();
+        if channel["target"]["path"] == "weights" && name.contains("leaves") {
+            let sampler = &animation["samplers"][index(&channel["sampler"])];
+            times.extend(player.rows(index(&sampler["input"])).concat());
+        }
+    }
+    times.sort_by(f32::total_cmp);
+    times.dedup();
+    // Every tenth frame of the clip has its own shape: there are fewer than a plant may have.
+    assert_eq!(times.len(), 21, "{times:?}");
+}
+
+#[test]
+fn the_height_maps_of_many_individuals_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    let file = temp.path().join("m.toml");
+    // All individuals of a plant share its materials.
+    let scene = "[plants.a]\ngrammar = \"grass.l\"\nsteps = 3\n[[place]]\nplant = \"a\"\ncount = 40\nradius = 9\nindividuals = 40\n\
+         [terrain]\nsubdivisions = 6\n[output]\nformats = [\"exr\"]\n";
+    std::fs::write(&file, scene).expect("scene");
+    let (said, _) = ends(0, &["bake", arg(&file), "-n", "--json"]);
+    let predicted: Value = serde_json::from_str(&said).expect("JSON");
+    let out = temp.path().join("out");
+    ends(0, &["-q", "bake", arg(&file), "-o", arg(&out)]);
+    let written: u64 = crate::common::program::tree(&out.join("maps")).values().map(|bytes| bytes.len() as u64).sum();
+    let share = predicted["would_make"]["sizes"]["exr"].as_f64().expect("bytes") / written as f64;
+    assert!((0.7..1.4).contains(&share), "{share} of {written} bytes");
+}
+
+#[test]
+fn the_joints_of_all_copies_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    let file = temp.path().join("j.toml");
+    let scene = "[frames]\nend = 4\n[plants.a]\ngrammar = \"birch.l\"\nsteps = 8\n[[place]]\nplant = \"a\"\ncount = 60\nradius = 50\n\
+         individuals = 1\n[wind]\nspeed = 3\n[ground]\nshow = false\n[output]\nformats = [\"tracks\", \"points\"]\n";
+    std::fs::write(&file, scene).expect("scene");
+    let (said, _) = ends(0, &["bake", arg(&file), "-n", "--json"]);
+    let predicted: Value = serde_json::from_str(&said).expect("JSON");
+    let out = temp.path().join("out");
+    ends(0, &["-q", "bake", arg(&file), "-o", arg(&out)]);
+    for format in ["tracks", "points"] {
+        let files = crate::common::program::tree(&out.join(format));
+        let written = files.values().map(|bytes| bytes.len() as f64).sum::<f64>();
+        let share = predicted["would_make"]["sizes"][format].as_f64().expect("bytes") / written;
+        assert!((0.7..1.4).contains(&share), "{format}: {share} of {written} bytes");
+    }
+}
+
+#[test]
+fn the_points_of_a_growing_plant_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    let file = temp.path().join("g.toml");
+    let scene = "[frames]\nend = 9\n[plants.a]\ngrammar = \"birch.l\"\nsteps = 9\ngrowth_clip = [0, 1]\n[[place]]\nplant = \"a\"\n\
+         [ground]\nshow = false\n[output]\nformats = [\"pc2\", \"pov\"]\n";
+    std::fs::write(&file, scene).expect("scene");
+    let predicted = |step: u32, format: &str| {
+        let set = format!("output.pov.step={step}");
+        let (out, _) = ends(0, &["bake", arg(&file), "-n", "--json", "--set", &set]);
+        let json: Value = serde_json::from_str(&out).expect("JSON");
+        json["would_make"]["sizes"][format].as_f64().expect("bytes")
+    };
+    let out = temp.path().join("out");
+    ends(0, &["-q", "bake", arg(&file), "-o", arg(&out)]);
+    let written = |folder: &str| {
+        let files = crate::common::program::tree(&out.join(folder));
+        files.values().map(|bytes| bytes.len() as f64).sum::<f64>()
+    };
+    for (format, folder) in [("pc2", "cache"), ("pov", "pov")] {
+        let share = predicted(1, format) / written(folder);
+        assert!((0.7..1.4).contains(&share), "{format}: {share}");
+    }
+    // Of nine frames every fourth are three, every ninth and every twentieth are the first alone.
+    let [one, four, nine, twenty] = [1, 4, 9, 20].map(|step| predicted(step, "pov"));
+    assert!(
+        (one - nine - 4.0 * (four - nine)).abs() < 0.5 && (nine - twenty).abs() < 0.5,
+        "{one} {four} {nine} {twenty}"
+    );
+}
+
+#[test]
+fn the_leaves_of_a_growing_tree_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    let file = temp.path().join("o.toml");
+    let scene = "[frames]\nend = 24\n[plants.a]\nspecies = \"oak\"\nage = 14\n[plants.a.site]\nto = 14\nclip_leaves = \"summer\"\n\
+         [plants.a.skin]\nsides = 3\n[[place]]\nplant = \"a\"\n[ground]\nshow = false\n[output]\nformats = [\"usd\"]\n";
+    std::fs::write(&file, scene).expect("scene");
+    let (said, _) = ends(0, &["bake", arg(&file), "-n", "--json"]);
+    let predicted: Value = serde_json::from_str(&said).expect("JSON");
+    let out = temp.path().join("out");
+    ends(0, &["-q", "bake", arg(&file), "-o", arg(&out)]);
+    let written = crate::common::program::tree(&out.join("usd")).values().map(|bytes| bytes.len() as f64).sum::<f64>();
+    let share = predicted["would_make"]["sizes"]["usd"].as_f64().expect("bytes") / written;
+    assert!((0.7..1.4).contains(&share), "{share} of {written} bytes");
+}
+
+#[test]
 fn a_swaying_oak_of_sixty_years_is_four_megabytes_for_engines() {
     let temp = tempfile::tempdir().expect("temp");
     let scene = "[frames]\nend = 24\n[plants.oak]\nspecies = \"oak\"\nage = 60\n[[place]]\nplant = \"oak\"\n[wind]\nspeed = 5\n\

@@ -263,6 +263,8 @@ fn a_bake_says_what_blender_does_not_read() {
     };
     assert!(said("30").contains("first set Output > Frame Rate to 30"));
     assert!(!said("24").contains("Frame Rate"));
+    // 24000 frames in 1001 s.
+    assert!(said("23.976").contains("Frame Rate to 23.976)"));
 }
 
 fn points(stage: &osier::bake::scene::AnimatedScene, number: u32) -> Vec<glam::Vec3> {

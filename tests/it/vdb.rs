@@ -205,3 +205,24 @@ fn too_many_voxels_are_refused_and_still_scenes_are_told() {
     let (code, _, told) = said(&run(&["check", arg(&file), "--set", "output.formats=[\"vdb\", \"points\"]"]));
     assert!(code == 0 && told.contains("S007") && told.contains("needs a clip for vdb, points"), "{code} {told}");
 }
+
+#[test]
+fn a_selection_without_the_frames_of_the_volumes_is_told() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = dir.path().join("air.toml");
+    let scene = FLIGHT.to_owned() + "[output.wind]\nvti_every = 4\n";
+    fs::write(&file, scene).expect("scene");
+    let bake = |frames: &str| {
+        let out = dir.path().join(frames.replace(':', "_"));
+        let call = ["bake", arg(&file), "-o", arg(&out), "--formats", "vdb", "--set", "output.vdb.every=2", "--frames"];
+        let (code, _, told) = said(&run(&[&call[..], &[frames]].concat()));
+        assert_eq!(code, 0, "{told}");
+        let written = tree(&out);
+        (told, ["vdb/", "wind/"].map(|folder| written.keys().filter(|path| path.starts_with(folder)).count()))
+    };
+    let (told, [volumes, winds]) = bake("1-5:2");
+    assert!(!told.contains("X028") && volumes > 0 && winds == 2, "{volumes} {winds} {told}");
+    let (told, written) = bake("2-6:2");
+    assert_eq!(written, [0, 0], "{told}");
+    assert!(told.contains("X028") && told.contains("volume vel") && told.contains("wind box"), "{told}");
+}

@@ -26,6 +26,8 @@ pub struct EstimateInput<'a> {
     pub frames: u64,
     /// Estimated bytes of all images of the scene, each counted once as a PNG file.
     pub pictures: u64,
+    /// Texels of the height maps of all materials, in the sizes in which they are written.
+    pub height_texels: u64,
     /// Options of all formats; the estimate of a format reads only those of the format.
     pub options: &'a ExportOptions,
     /// Whether the output is a single file with the whole scene at rest, instead of a bake.
@@ -101,6 +103,8 @@ pub struct AssetSize {
     pub joints: u64,
     /// Number of different phases of its placements (frames by which their motion is ahead), at least 1.
     pub phases: u64,
+    /// Number of its placements; in a plan, the mean over the assets that it represents, rounded up.
+    pub placements: u64,
     /// Placements that stand still and share its meshes, at least 1.
     pub still_copies: u64,
 }
@@ -165,10 +169,11 @@ impl AssetSize {
         }
         let size = |(i, (asset, (phases, copies))): (usize, (&Asset, (BTreeSet<u32>, u64)))| {
             let weight = weights.get(i).copied().unwrap_or(1);
-            // Copies that stand still share meshes; in a plan `copies` counts those of all
-            // individuals that this asset represents.
-            let still_copies = if asset.moves() && frames > 0 { 1 } else { copies.div_ceil(weight.max(1)).max(1) };
-            Self { weight, phases: phases.len().max(1) as u64, still_copies, ..Self::of(asset) }
+            // In a plan `copies` counts those of all individuals that this asset represents.
+            let placements = copies.div_ceil(weight.max(1));
+            // Copies that stand still share meshes.
+            let still_copies = if asset.moves() && frames > 0 { 1 } else { placements.max(1) };
+            Self { weight, phases: phases.len().max(1) as u64, placements, still_copies, ..Self::of(asset) }
         };
         scene.assets.iter().zip(shown).enumerate().map(size).collect()
     }

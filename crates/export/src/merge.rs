@@ -8,7 +8,10 @@ use glam::{Vec2, Vec3};
 use osier_base::Result;
 use osier_base::convert::{index, narrow};
 use osier_base::par::par_map;
-use osier_scene::{Asset, Attribute, ClipChange, InstanceState, Instancer, Mesh, Subset, Trs, bent_normal};
+use osier_scene::{
+    Asset, Attribute, AttributeData, CANOPY_OCCLUSION, ClipChange, InstanceState, Instancer, LEAF_COLOR, Mesh, Subset,
+    Trs, bent_normal,
+};
 
 /// Points or triangles of a batch, and batches that are formatted before they are written.
 /// Own: 8 batches keep two to eight threads busy and take 50 MB as text; larger values take more memory.
@@ -206,14 +209,63 @@ pub(super) fn merge_asset(asset: &Asset) -> Result<Mesh> {
         let count = index(mesh.triangles.len(), "triangles of a mesh")? - first;
         mesh.subsets.push(Subset { material: *material, first, count });
     }
+    let of_leaves = leaf_attributes(&flattened);
+    mesh.attributes.retain(|a| of_leaves.iter().all(|leaf| leaf.name != a.name));
+    mesh.attributes.extend(of_leaves);
     Ok(mesh)
+}
+
+/// Colour and occlusion of leaves at every vertex of a flattened asset, as attributes of four numbers; none if no instancer has
+/// them. What is no leaf is white and not occluded. Normals are bent already.
+fn leaf_attributes(flattened: &FlattenedAsset<'_>) -> Vec<Attribute> {
+    let mut all = Vec::new();
+    for (name, other) in [(LEAF_COLOR, WHITE), (CANOPY_OCCLUSION, [0.0; 4])] {
+        let has = |b: &PartBlock<'_>| match &b.source {
+            PartSource::Mesh(_) => false,
+            PartSource::Instances(instancer) => instancer.rest.attribute(name).is_some(),
+        };
+        if !flattened.blocks.iter().any(has) {
+            continue;
+        }
+        let mut values: Vec<[f32; 4]> = Vec::new();
+        for block in &flattened.blocks {
+            match &block.source {
+                PartSource::Mesh(mesh) => match mesh.attributes.iter().find(|a| a.name == name).map(|a| &a.data) {
+                    Some(AttributeData::Unit4(own)) => values.extend_from_slice(own),
+                    _ => values.resize(values.len() + mesh.points.len(), other),
+                },
+                PartSource::Instances(instancer) => {
+                    let data = instancer.rest.attribute(name);
+                    for (i, mesh) in live_meshes(instancer, &instancer.rest) {
+                        let value = match data {
+                            Some(AttributeData::Unit4(list)) => list.get(i).copied(),
+                            Some(AttributeData::Unit1(list)) => list.get(i).map(|x| [*x, 0.0, 0.0, 0.0]),
+                            _ => None,
+                        };
+                        values.resize(values.len() + mesh.points.len(), value.unwrap_or(other));
+                    }
+                }
+            }
+        }
+        all.push(Attribute::vertex(name, AttributeData::Unit4(values)));
+    }
+    all
 }
 
 /// The live instances; an instance whose prototype does not exist is skipped.
 fn live_instances<'a>(instancer: &'a Instancer, state: &'a InstanceState) -> impl Iterator<Item = Part<'a>> {
+    live_meshes(instancer, state).map(|(i, mesh)| Part {
+        mesh,
+        trs: instancer.transform(state, i),
+        toward: state.canopy_normal(i),
+    })
+}
+
+/// Indices of the live instances with the meshes of their prototypes; an instance whose prototype does not exist is skipped.
+fn live_meshes<'a>(instancer: &'a Instancer, state: &'a InstanceState) -> impl Iterator<Item = (usize, &'a Mesh)> {
     (0..instancer.len()).filter(|i| state.is_alive(*i)).filter_map(|i| {
         let proto = instancer.protos.get(i).and_then(|p| instancer.prototypes.get(*p as usize))?;
-        Some(Part { mesh: &proto.mesh, trs: instancer.transform(state, i), toward: state.canopy_normal(i) })
+        Some((i, &proto.mesh))
     })
 }
 

@@ -1,4 +1,5 @@
-//! Point caches for deforming meshes: `cache/<asset>.pc2`, beside the glTF file of profile `blender`.
+//! Point caches for deforming meshes: `cache/<asset>.pc2`, or `cache/<asset>_<mesh>.pc2` where an asset has several, beside the
+//! glTF file of profile `blender`.
 //!
 //! Little endian: `POINTCACHE2\0`, i32 version 1, i32 vertices, f32 first frame, f32 frames per sample, i32 samples, then
 //! samples x vertices x 3 f32. Vertices are in the order of that glTF file (submeshes by material, each with the
@@ -13,7 +14,7 @@ use super::gltf::submeshes::split_by_material;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
-use osier_scene::{AssetFrame, Frame, MeshMotion, Scene, check_frame, mesh_points};
+use osier_scene::{Asset, AssetFrame, Frame, MeshMotion, MeshObject, Scene, check_frame, mesh_points};
 
 /// Registry entry of point caches, which hold points over time and no topology.
 pub const FORMAT: FormatInfo = FormatInfo {
@@ -23,7 +24,8 @@ pub const FORMAT: FormatInfo = FormatInfo {
     endings: &[],
     pictures_beside: false,
     memory_percent: 0,
-    estimate: |input| input.per_asset(|a| a.posed_frames(input.frames) * a.deforming_vertices * 12),
+    // Plants that grow have no joints, but points in every frame, as those with motion = "cache".
+    estimate: |input| input.per_asset(|a| input.frames * a.deforming_vertices * 12),
     open: |job| vec![Box::new(Pc2Exporter::new(job.folder.clone()))],
 };
 
@@ -69,14 +71,10 @@ impl Pc2Exporter {
         for (asset, source) in scene.assets.iter().enumerate() {
             let deforming: Vec<usize> =
                 (0..source.meshes.len()).filter(|&i| source.meshes[i].motion == MeshMotion::Deforming).collect();
-            for &mesh in &deforming {
+            for mesh in deforming {
                 let object = &source.meshes[mesh];
                 let order = written_order(&object.mesh);
-                let path = if deforming.len() == 1 {
-                    format!("cache/{}.pc2", source.id)
-                } else {
-                    format!("cache/{}_{}.pc2", source.id, object.name)
-                };
+                let path = cache_path(source, object);
                 let vertices = i32::try_from(order.len())
                     .map_err(|_| Error::export("X005", format!("{path}: {} vertices", order.len())))?;
                 let header = Pc2Header { vertices, first, step: 1, samples };
@@ -89,6 +87,12 @@ impl Pc2Exporter {
         }
         Ok(())
     }
+}
+
+/// Path of the cache of a deforming mesh of an asset, which is named after the asset alone if no other mesh of it deforms.
+pub(super) fn cache_path(asset: &Asset, object: &MeshObject) -> String {
+    let deforming = asset.meshes.iter().filter(|m| m.motion == MeshMotion::Deforming).count();
+    if deforming == 1 { format!("cache/{}.pc2", asset.id) } else { format!("cache/{}_{}.pc2", asset.id, object.name) }
 }
 
 impl Pc2Header {

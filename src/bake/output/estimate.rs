@@ -45,8 +45,14 @@ pub(crate) fn estimate_formats(
     let scene = &stage.scene;
     let assets = AssetSize::of_scene(scene, job.frames, job.weights);
     let halvings = if job.single { vec![0; scene.images.len()] } else { texture_halvings(recipe, scene) };
-    let pictures: u64 = scene.images.iter().zip(halvings).map(|(i, n)| estimate_png_size(i) >> (2 * n)).sum();
-    let input = EstimateInput { scene, assets: &assets, frames: job.frames, pictures, options, single: job.single };
+    let pictures: u64 = scene.images.iter().zip(&halvings).map(|(i, n)| estimate_png_size(i) >> (2 * n)).sum();
+    let texels = |image: u32| {
+        let (image, halvings) = scene.images.get(image as usize).zip(halvings.get(image as usize))?;
+        Some((u64::from(image.width) * u64::from(image.height)) >> (2 * halvings))
+    };
+    let height_texels = scene.materials.iter().filter_map(|m| m.maps.height).filter_map(texels).sum();
+    let (frames, single) = (job.frames, job.single);
+    let input = EstimateInput { scene, assets: &assets, frames, pictures, height_texels, options, single };
     let mut c = BakeEstimate {
         assets: assets.iter().map(|a| a.weight).sum(),
         placements: scene.placements.len() as u64,

@@ -24,6 +24,8 @@ pub fn bake_exporters(
     let mut options = export_options(recipe);
     // Formats with one file per frame refer to the first frame of this bake, which need not be the clip's.
     options.usd.first = frames.first().copied();
+    // Morph targets are spread over the frames that are written, which may be a selection.
+    options.gltf.frames = Some(frames.len()).filter(|n| *n > 0);
     let job = ExportJob { folder: folder.clone(), textures: Arc::clone(textures), options: &options, file: None };
     let mut writers: Vec<NamedExporter> =
         recipe.output.keys.formats.iter().flat_map(|f| open_format_writers(f.0, &job)).collect();

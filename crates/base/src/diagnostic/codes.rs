@@ -166,6 +166,7 @@ pub const CODES: &[Code] = &[
     row("X025", Warning, "the scene has no plants, and the format writes nothing else"),
     row("X026", Warning, "a height map of 8 bits has visible steps"),
     row("X027", Warning, "surfaces of a terrain's mesh lie above each other; the highest is the ground"),
+    row("X028", Warning, "none of the frames is one at which the wind or a volume is written"),
     row("X030", Error, "nothing to write: no triangles and no points"),
 ];
 

@@ -5,9 +5,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use glam::Quat;
+
 use super::Profile;
 use super::document::{GeometryKind, GltfDocument, check_finite, node_with_extras};
-use super::instances::live_by_prototype;
+use super::instances::{InstanceGroup, live_by_prototype};
+use super::json::Index;
 use super::meshes::{MeshSource, StoredMesh};
 use super::quantize::place_stored;
 use super::stream::Stream;
@@ -162,7 +165,8 @@ impl GltfDocument<'_> {
                 cube: None,
             };
             if let Some(mesh) = self.add_mesh(mesh_source)? {
-                self.add_instanced_node(&format!("{}_{}", asset.id, object.name), mesh, &transforms, asset)?;
+                let name = format!("{}_{}", asset.id, object.name);
+                self.add_instanced_node(&name, mesh, &transforms, BTreeMap::new(), asset)?;
             }
         }
         for curves in &asset.curves {
@@ -179,7 +183,8 @@ impl GltfDocument<'_> {
                 cube: None,
             };
             if let Some(mesh) = self.add_mesh(mesh_source)? {
-                self.add_instanced_node(&format!("{}_{}", asset.id, curves.name), mesh, &transforms, asset)?;
+                let name = format!("{}_{}", asset.id, curves.name);
+                self.add_instanced_node(&name, mesh, &transforms, BTreeMap::new(), asset)?;
             }
         }
         for instancer in &asset.instancers {
@@ -192,22 +197,35 @@ impl GltfDocument<'_> {
                 let name = format!("{}_{}_{}", asset.id, instancer.name, instancer.prototypes[proto].name);
                 // Instances of instances: the transform of each copy after that of each instance, copies x instances in all.
                 let own: Vec<Trs> = members.iter().map(|i| instancer.transform(&instancer.rest, *i)).collect();
+                let group = InstanceGroup { instancer, state: &instancer.rest, proto, members, label: &label };
                 // All copies in one node, or in as few as the limit allows.
                 // A plant with more leaves than the limit still gets at least one copy per node.
                 for transforms in transforms.chunks((MAX_NODE_TRANSFORMS / own.len()).max(1)) {
                     let all: Vec<Trs> = transforms.iter().flat_map(|s| own.iter().map(|o| s.then_inner(o))).collect();
-                    self.add_instanced_node(&name, mesh, &all, asset)?;
+                    let turns: Vec<Quat> = transforms.iter().map(|s| s.r).collect();
+                    let custom = self.leaf_attributes(&group, &turns)?;
+                    self.add_instanced_node(&name, mesh, &all, custom, asset)?;
                 }
             }
         }
         Ok(())
     }
 
-    /// A root node that shows a mesh once per transform, by EXT_mesh_gpu_instancing; `transforms` are in the space of the scene.
-    fn add_instanced_node(&mut self, name: &str, mesh: StoredMesh, transforms: &[Trs], asset: &Asset) -> Result<()> {
+    /// A root node that shows a mesh once per transform, by EXT_mesh_gpu_instancing; `transforms` are in the space of the scene,
+    /// `custom` has further attributes of these instances.
+    fn add_instanced_node(
+        &mut self,
+        name: &str,
+        mesh: StoredMesh,
+        transforms: &[Trs],
+        custom: BTreeMap<String, Index>,
+        asset: &Asset,
+    ) -> Result<()> {
         let places: Vec<Trs> = transforms.iter().map(|t| place_stored(t, mesh.cube)).collect();
-        let extensions =
-            Some(self.add_instancing(&places, Stream::KEY_ROTATIONS, &format!("asset {}, copies", asset.id))?);
+        let mut extensions =
+            self.add_instancing(&places, Stream::KEY_ROTATIONS, &format!("asset {}, copies", asset.id))?;
+        extensions.instancing.attributes.custom = custom;
+        let extensions = Some(extensions);
         let base = node_with_extras(name.to_owned(), &Trs::IDENTITY, asset.id.clone(), "instancer");
         let node = self.add_node(super::json::Node { mesh: Some(mesh.index), extensions, ..base })?;
         self.attach_node(None, node);

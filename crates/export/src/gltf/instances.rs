@@ -75,22 +75,27 @@ impl GltfDocument<'_> {
         let place = |i: &usize| place_stored(&group.transform(*i, joint), cube);
         let list: Vec<Trs> = group.members.iter().map(place).collect();
         let mut extensions = self.add_instancing(&list, Stream::INSTANCE_ROTATIONS, group.label)?;
-        extensions.instancing.attributes.custom = self.leaf_attributes(group, joint)?;
+        extensions.instancing.attributes.custom = self.leaf_attributes(group, &[joint.r.conjugate()])?;
         Ok(extensions)
     }
 
-    /// The attributes that leaves have at rest, for the members of a group; vectors in the space of the joint.
-    fn leaf_attributes(&mut self, group: &InstanceGroup<'_>, joint: &Trs) -> Result<BTreeMap<String, Index>> {
+    /// The attributes that leaves have at rest, for the members of a group, once for each of `turns`: the rotations from the
+    /// space of the asset to that of a joint, or to those of copies.
+    pub(super) fn leaf_attributes(
+        &mut self,
+        group: &InstanceGroup<'_>,
+        turns: &[Quat],
+    ) -> Result<BTreeMap<String, Index>> {
         let members: Vec<u32> =
             group.members.iter().map(|i| index(*i, "instances of a node")).collect::<Result<_>>()?;
         let mut custom = BTreeMap::new();
         for a in group.state.attributes.iter().filter(|a| a.is_of_leaves()) {
             let accessor = match a.data.gather(&members) {
-                AttributeData::Unit4(colors) => self.buffer.add_instance_quads(&colors)?,
-                AttributeData::Unit1(values) => self.buffer.add_scalars(&values, group.label)?,
+                AttributeData::Unit4(colors) => self.buffer.add_instance_quads(&colors.repeat(turns.len()))?,
+                AttributeData::Unit1(values) => self.buffer.add_scalars(&values.repeat(turns.len()), group.label)?,
                 AttributeData::Vector(list) => {
-                    let back = joint.r.conjugate();
-                    let list: Vec<Vec3> = list.iter().map(|v| back * Vec3::from_array(*v)).collect();
+                    let turned = |turn: &Quat| list.iter().map(|v| *turn * Vec3::from_array(*v)).collect::<Vec<_>>();
+                    let list: Vec<Vec3> = turns.iter().flat_map(turned).collect();
                     self.buffer.add_vectors(&list, None, group.label)?
                 }
                 _ => continue,

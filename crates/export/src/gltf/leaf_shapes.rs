@@ -1,6 +1,6 @@
 //! Leaves of a plant that grows over the clip and has too many for a node each: meshes that morph from shape to shape.
 //!
-//! At evenly spaced frames the leaves of the smallest keys among those that are alive are recorded. As many of each frame are
+//! At evenly spaced ones of the written frames the leaves of the smallest keys among those that are alive are recorded. As many of each frame are
 //! written as the budget of bytes allows, enlarged to cover the area of all. Each run of recorded frames of a leaf is a blade of
 //! a few triangles. While its leaf is not recorded, a blade is a point at the place where the leaf appears or disappears. Blades
 //! that appear at one frame are a mesh, whose targets are only the shapes in which they are seen, and those beside them.
@@ -156,13 +156,14 @@ impl LeafShapes {
         if leaves == 0 || all <= options.nodes {
             return None;
         }
-        let budget = leaf_budget(scene.clip.len(), options);
+        let written = options.written_frames(scene.clip);
+        let budget = leaf_budget(written, options);
         Some(Self {
             frames: Vec::new(),
             shapes: Vec::new(),
             waiting: None,
             seen: 0,
-            stride: scene.clip.len().saturating_sub(1).div_ceil(budget.shapes.max(1)).max(1),
+            stride: written.saturating_sub(1).div_ceil(budget.shapes.max(1)).max(1),
             budget,
             seed: scene.seed,
         })

@@ -157,6 +157,18 @@ fn estimate(input: &EstimateInput) -> u64 {
     input.options.gltf_profiles.iter().map(profile_bytes).sum()
 }
 
+/// Name of the file of a whole scene in a bake, without profile and ending. `assets`: ids of all its assets. A scene named like one
+/// of them gets a number, as other colliding names do.
+pub(super) fn scene_stem<'a>(scene: &str, assets: impl Iterator<Item = &'a str> + Clone) -> String {
+    let mut stem = scene.to_owned();
+    let mut n = 1_u32;
+    while assets.clone().any(|id| id == stem) {
+        n += 1;
+        stem = format!("{scene}_{n}");
+    }
+    stem
+}
+
 /// Storage of the images of a document: binary files embed them, text files refer to them.
 #[derive(Debug)]
 enum ImageStorage {
@@ -198,13 +210,7 @@ impl GltfExporter {
             self.folder.write(&path, "glb.engine.table", &engine::placement_table(input, &filled)?)?;
             return Ok(warnings);
         }
-        // A scene named like one of its assets gets a number, as other colliding names do.
-        let mut stem = scene.name.clone();
-        let mut n = 1_u32;
-        while scene.assets.iter().any(|a| a.id == stem) {
-            n += 1;
-            stem = format!("{}_{n}", scene.name);
-        }
+        let stem = scene_stem(&scene.name, scene.assets.iter().map(|a| a.id.as_str()));
         match self.write_bake_glb(input, &stem, GltfContents::Scene { camera: true }) {
             // The files of the assets have reported their joints (X002) already.
             Ok(more) => {

@@ -1,6 +1,7 @@
 //! Options of the glTF writer.
 
 use super::wind_channels::WindChannels;
+use osier_scene::Clip;
 
 /// Programs that a file is made for: determines extensions, storage of vertices and images, and how instances are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -54,6 +55,8 @@ pub struct GltfOptions {
     pub target: GltfTarget,
     /// Number of the only frame that is written, without animation; `None`: the whole clip.
     pub frame: Option<u32>,
+    /// Number of frames that will be written, from which shapes are spread over the clip; `None`: all frames of the clip.
+    pub frames: Option<usize>,
     /// Most moving instances in a file; each is a node with animation channels.
     pub nodes: usize,
     /// Most placements with a skin each; plants beyond it do not move and share meshes.
@@ -73,6 +76,11 @@ pub struct GltfOptions {
 }
 
 impl GltfOptions {
+    /// Number of frames that will be written of a clip.
+    pub(super) fn written_frames(&self, clip: Clip) -> usize {
+        self.frames.unwrap_or(clip.len())
+    }
+
     /// Storage of vertices without morph targets; only profile `web` quantizes them.
     pub(super) fn vertex_storage(&self) -> VertexStorage {
         match self.profile {
@@ -127,6 +135,7 @@ impl Default for GltfOptions {
             profile: Profile::default(),
             target: GltfTarget::default(),
             frame: None,
+            frames: None,
             nodes: 500,
             skins: SKINS,
             assets: true,

@@ -189,7 +189,7 @@ impl MorphKeys {
         MorphTrack { frames: &self.frames, shapes: &self.shapes }
     }
 
-    /// `rest`: points of the mesh at rest; `frames`: of the clip; `position`: bytes of a point in a target, without its normal.
+    /// `rest`: points of the mesh at rest; `frames`: those to be written; `position`: bytes of a point in a target, without its normal.
     fn new(rest: &[Vec3], frames: usize, position: usize) -> Self {
         let TargetBudget { with_normals, point, most } = TargetBudget::new(rest.len(), position);
         Self {
@@ -384,7 +384,7 @@ impl AssetTracks {
         // Instances beyond the limit get no track, which bounds the memory: frames times instances would be held until the end.
         moving.truncate(options.nodes);
         let shapes = |deforms, rest: &[Vec3]| {
-            let keys = || MorphKeys::new(rest, scene.clip.len(), options.target_position_bytes());
+            let keys = || MorphKeys::new(rest, options.written_frames(scene.clip), options.target_position_bytes());
             if deforms { MorphFrames::Frames(keys()) } else { MorphFrames::Still }
         };
         let skinned = asset.skeleton.is_some();

@@ -9,11 +9,14 @@ use super::{
     AssetEntry, FileEntry, ItemEntry, Manifest, MaterialEntry, ParamsEntry, SceneEntry, TimeEntry, UnitsEntry,
     WarningEntry, bake_hash,
 };
+use crate::pc2::cache_path;
 use crate::registry::FORMATS;
-use crate::usd::ASSET_STAGE;
+use crate::usd::{ASSET_STAGE, HAIRS};
 use crate::{VERSION, Warning};
 use osier_base::files::{FileRecord, MANIFEST};
-use osier_scene::{Asset, AssetFrame, Clip, Coat, Material, MaterialClass, MaterialId, Scene, asset_bounds};
+use osier_scene::{
+    Asset, AssetFrame, Clip, Coat, Material, MaterialClass, MaterialId, MeshMotion, Scene, asset_bounds,
+};
 
 /// Options of the exporters that the manifest records.
 #[derive(Debug, Clone, PartialEq)]
@@ -161,20 +164,28 @@ fn numbered(path: &str, tag: &str) -> Option<String> {
 }
 
 fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
+    // Point caches of an asset with several deforming meshes have the names of these as well.
+    let deforming = asset.meshes.iter().filter(|m| m.motion == MeshMotion::Deforming);
+    let caches: Vec<String> = deforming.map(|m| cache_path(asset, m)).collect();
     let mine = |path: &str| {
-        path.split_once('/').is_some_and(|(folder, name)| {
+        let named = path.split_once('/').is_some_and(|(folder, name)| {
             FORMATS.iter().any(|f| f.asset_folder == Some(folder)) && name.split('.').next() == Some(asset.id.as_str())
-        })
+        });
+        named || caches.iter().any(|cache| cache == path)
     };
     let bounds = asset_bounds(asset, &AssetFrame::default());
     // An empty box has infinite corners, which JSON cannot hold: zeros are written.
     let corners = if bounds.is_empty() { [[0.0; 3]; 2] } else { [bounds.min, bounds.max].map(|v| v.to_array()) };
     let material = |id: u32| scene.materials.get(id as usize).map(|m| m.name.clone());
+    let prototypes = asset.instancers.iter().flat_map(|i| &i.prototypes);
+    let hairs = prototypes.filter_map(|p| p.fine.as_ref()).map(|fine| (HAIRS, fine.curves.material));
+    let curves = hairs.chain(asset.curves.iter().map(|c| (c.name.as_str(), c.material)));
     AssetEntry {
         id: asset.id.clone(),
         kind: asset.kind.word().into(),
         plant: (!asset.group.is_empty()).then(|| asset.group.clone()),
         points_material: asset.points.first().and_then(|points| material(points.material)),
+        curve_materials: curves.filter_map(|(name, id)| Some((name.to_owned(), material(id)?))).collect(),
         prim: format!("/{}", asset.id),
         files: paths.iter().filter(|p| **p != ASSET_STAGE && mine(p)).map(|p| (*p).to_owned()).collect(),
         vertices: asset.meshes.iter().map(|m| m.mesh.points.len()).sum(),

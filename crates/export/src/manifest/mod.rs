@@ -18,6 +18,7 @@ pub use verify::{Verification, verify};
 
 use serde::{Deserialize, Serialize};
 
+use crate::gltf::{Profile, scene_stem};
 use osier_base::Result;
 use osier_base::files::{Folder, MANIFEST};
 
@@ -232,6 +233,9 @@ pub struct AssetEntry {
     /// Material of its points that have no mesh; null without points.
     #[serde(default)]
     pub points_material: Option<String>,
+    /// Materials of its curves, hairs of prototypes included, by the names of their prims; missing without curves.
+    #[serde(default, skip_serializing_if = "std::collections::BTreeMap::is_empty")]
+    pub curve_materials: std::collections::BTreeMap<String, String>,
     /// Prim path in its payload and in the stage of assets.
     pub prim: String,
     /// Files that hold this asset and no other, sequences with `####`.
@@ -381,6 +385,15 @@ impl Manifest {
         let mut text = serde_json::to_string_pretty(self).map_err(failed)?;
         text.push('\n');
         Ok(text)
+    }
+
+    /// Path of the glTF file of the whole scene in a profile; `None` if the bake has none. Files of single assets have similar
+    /// names.
+    pub fn scene_glb(&self, profile: Profile) -> Option<String> {
+        let stem = scene_stem(&self.scene.name, self.assets.iter().map(|a| a.id.as_str()));
+        let wanted = format!("gltf/{stem}.{}.glb", profile.word());
+        let is_written = |f: &FileEntry| matches!(f, FileEntry::Single { path, .. } if *path == wanted);
+        self.files.iter().any(is_written).then_some(wanted)
     }
 
     /// Path, size and hash of every file, in the order of paths; sequences are expanded.

@@ -41,7 +41,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
 /// Estimate from rows of joints and of instances that are tracked one by one. The number of raindrops is unknown before the rain.
 fn estimate(input: &EstimateInput) -> u64 {
     let options = &input.options.points;
-    let joints = if options.writes(JOINTS) { input.per_asset(|a| a.joints * a.phases) * JOINT_ROW } else { 0 };
+    let joints = if options.writes(JOINTS) { input.per_asset(|a| a.joints * a.placements) * JOINT_ROW } else { 0 };
     let tracked = input.scene.assets.iter().filter(|a| options.writes(&a.id)).flat_map(|a| &a.instancers);
     let instances: u64 =
         tracked.filter(|i| i.tracked && i.motion == InstancerMotion::Free).map(|i| i.len() as u64).sum();

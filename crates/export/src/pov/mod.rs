@@ -64,14 +64,19 @@ pub const FORMAT: FormatInfo = FormatInfo {
 /// Estimate from bytes per line of the include files, and bytes per texel of maps as measured on leaves in rain.
 fn estimate(input: &EstimateInput) -> u64 {
     let step = u64::from(input.options.pov.step.max(1));
-    let written = |frames: u64| frames / step;
+    // The first frame and every `step`-th one after it.
+    let written = |frames: u64| frames.div_ceil(step);
     // 110 bytes of a sphere with position, radius and colour; clouds are thinned to MAX_SPHERES.
     let spheres = |n: u64| n.min(100_000) * 110;
     let assets = input.per_asset(|a| {
         let still = (a.triangles + a.prototype_triangles) * 100 + a.instances * 170;
         let points = spheres(a.points - a.moving_points) + written(input.frames) * spheres(a.moving_points);
         // A frame has points and normals of moving meshes, and one line for the leaves of each joint.
-        let moving = written(input.frames) * (a.free_instances * 170 + a.moving_curve_points * 120);
+        // A plant that grows has no joints. About half of its leaves are alive at a time, and many points coincide: measured.
+        let grows = a.joints == 0 && a.deforming_vertices > 0;
+        let alive = if grows { a.free_instances / 2 } else { a.free_instances };
+        let bark = if grows { a.deforming_vertices * 58 } else { 0 };
+        let moving = written(input.frames) * (alive * 170 + bark + a.moving_curve_points * 120);
         let posed = written(a.posed_frames(input.frames)) * (a.moving_vertices * 70 + a.joints * 170);
         // A vertex of a mesh whose frames are whole, with its share of two triangles: measured on drops.
         let varying = written(input.frames) * a.varying_vertices * 65;

@@ -44,7 +44,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     endings: &[],
     pictures_beside: false,
     memory_percent: 0,
-    estimate: |input| input.per_asset(|_| input.frames * 200),
+    estimate: |input| input.scene.tables.len() as u64 * input.frames * 200,
     open: |job| vec![Box::new(StatsExporter::new(job.folder.clone()))],
 };
 

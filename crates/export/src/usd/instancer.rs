@@ -4,6 +4,7 @@ use glam::{Quat, Vec3};
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 
+use super::HAIRS;
 use super::arrays::{as_float3, as_ints, points_extent, sequential_ids};
 use super::context::UsdContext;
 use super::instancer_extent::InstancerBounds;
@@ -242,7 +243,7 @@ fn define_prototype_contents(
     }
     match &proto.fine {
         Some(fine) => {
-            super::points::define_curves(cx, layer, 0, root, &format!("{path}/hairs"), &fine.curves).map(|_| ())
+            super::points::define_curves(cx, layer, 0, root, &format!("{path}/{HAIRS}"), &fine.curves).map(|_| ())
         }
         None => Ok(()),
     }
