@@ -116,6 +116,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
         inputs: Vec::new(),
         frames: 1,
         raining: root.get("rain").is_some(),
+        drops_fall: drops_fall(&root),
         season: None,
         latitude: None,
         solid_names: solid_names(&root),
@@ -123,6 +124,13 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     let recipe = resolver.recipe(&root);
     suggest_define_keys(&recipe, &mut resolver.report);
     resolver.report.into_result(recipe)
+}
+
+/// Whether the scene has rain that falls: `[rain]` without `falls = false`. A value that is no flag is told where the keys of rain are
+/// read.
+fn drops_fall(root: &TomlTable) -> bool {
+    let Some(TomlValue::Table(rain)) = root.get("rain").map(|entry| &entry.node.value) else { return false };
+    !matches!(rain.get("falls").map(|entry| &entry.node.value), Some(TomlValue::Flag(false)))
 }
 
 /// If an unknown key of the scene is a #define of one of its grammars, names the key that sets it in the help.
@@ -203,6 +211,8 @@ pub(super) struct Resolver<'a> {
     pub(in crate::recipe) frames: u64,
     /// Whether the scene has `[rain]`, known before the plants are read.
     pub(in crate::recipe) raining: bool,
+    /// Whether drops fall in that rain, known before the plants are read.
+    pub(in crate::recipe) drops_fall: bool,
     /// Season of the scene, for plants without the key `season`.
     pub(in crate::recipe) season: Option<SeasonSpan>,
     /// Latitude of the scene, degrees, for plants without the key `latitude`.

@@ -353,6 +353,9 @@ fn rain_that_falls_through_merged_leaves_is_told() {
         let dry = "[frames]\nend = 48\n[plants.a]\ngrammar = \"rain-twig.l\"\n";
         assert!(without_effect(&format!("{dry}motion = \"{motion}\"\n")).is_empty());
         assert!(without_effect(&format!("{rain}motion = \"{motion}\"\n[plants.a.rods]\n")).is_empty());
+        // No drop falls in a scene that is only wet.
+        let wet = rain.replace("[rain]\n", "[rain]\nfalls = false\n[rain.wet]\nfilm = 0.5\n");
+        assert!(without_effect(&format!("{wet}motion = \"{motion}\"\n")).is_empty());
     }
     for motion in ["skin", "cache", "still"] {
         assert!(without_effect(&format!("{rain}motion = \"{motion}\"\n")).is_empty(), "{motion}");

@@ -533,7 +533,7 @@ impl Resolver<'_> {
         }
         // Drops strike instances of leaves; plants on rods have these with any motion.
         let merges_leaves = matches!(keys.motion, BarkMotion::Game | BarkMotion::Static) && plant.get("rods").is_none();
-        if self.raining && merges_leaves {
+        if self.drops_fall && merges_leaves {
             let word = word_of(keys.motion);
             let text =
                 format!("rain falls through the leaves of {path}: motion = \"{word}\" merges them into one mesh");
