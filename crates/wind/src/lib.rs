@@ -67,8 +67,9 @@ pub trait Wind: Debug + Send + Sync {
         false
     }
 
-    /// The mean velocity at 10 m, m/s, in the direction that the scene prescribes for the time `t`, s: that of [`Wind::mean`], unless
-    /// the direction is prescribed over time. Where the speed is, it has the largest one. Nothing is averaged around `t`.
+    /// The mean velocity at 10 m, m/s, that the scene prescribes for the time `t`, s: that of [`Wind::mean`], unless speed or
+    /// direction are prescribed over time. It is never 0 in a wind that blows at other times, so that it always has a direction.
+    /// Nothing is averaged around `t`.
     fn prescribed_mean_at_time(&self, _t: f64) -> Vec3 {
         self.mean()
     }

@@ -144,7 +144,7 @@ impl Catkin {
         self.from += by;
     }
 
-    /// Continues the flight at the present position, with the mean wind and settling.
+    /// Continues the flight at the present position, with the mean wind at this time and settling.
     fn restart_flight(&mut self, wind: Vec3, options: &super::FlightParams) {
         self.generation += 1;
         self.state = CatkinState::Airborne;

@@ -78,7 +78,7 @@ pub struct FlightSimulation {
     slot: Vec<u32>,
     clusters: CatkinClusters,
     step: u64,
-    /// Mean wind, m/s: decides through which sides recycled catkins enter.
+    /// Mean wind at the time of the step, m/s: decides through which sides recycled catkins enter, and how fast.
     mean_wind: Vec3,
     /// States that occur, as of the last advance of singles and clusters.
     present: PresentStates,

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use super::*;
 use osier_base::rng::Rng;
 use osier_scene::solid::{Form, LandForm, Prism, Solid};
-use osier_wind::{GustWind, GustWindOptions, UniformWind};
+use osier_wind::{GustWind, GustWindOptions, InletWind, LatticeOptions, UniformWind, Wind};
 
 fn wall_and_house() -> Arc<Solids> {
     let solid = |name: &str, prism| Solid { name: name.into(), form: Form::Prism(prism), humidity: 0.5 };
@@ -271,6 +271,40 @@ fn all_members_of_a_cluster_are_recycled() {
         let t = all.stats();
         assert_eq!((t.left, t.recycled, t.airborne, t.exited), (2, 2, 2, 0), "{other:?}");
     }
+}
+
+/// Recycled catkins reenter with the speed that a speed curve has at that time, in a lull through the side where the wind blew in.
+#[test]
+fn recycled_catkins_reenter_with_the_speed_of_the_moment() {
+    let lattice = LatticeOptions::default();
+    let mut inlet = lattice.inlet;
+    (inlet.direction, inlet.speed, inlet.gust_strength, inlet.turbulence) = (DVec3::NEG_Z, 8.0, 0.0, 0.0);
+    // The speed falls to 0 within a tenth of a second, while catkins that left the box wait for their reentry.
+    inlet.speed_curve = vec![[3.0, 8.0], [3.1, 0.0]];
+    let origin = DVec3::new(-17.5, 0.0, -17.5);
+    let wind = InletWind::new(inlet, origin, lattice.spacing, lattice.cells, [false; 3]);
+    assert!((wind.mean().length() - 8.0).abs() < 0.1 && wind.prescribed_mean_at_time(9.0).length() < 1e-6);
+    let mut all = flights(2000, FlightParams::default(), &Arc::new(Solids::new(Vec::new(), true)));
+    let (mut fast, mut slow) = (0, 0);
+    let mut before = all.frame();
+    while all.seconds() < 4.0 {
+        all.advance_frame(&wind);
+        let (now, t) = (all.frame(), all.seconds());
+        for i in (0..2000).filter(|i| now.generations[*i] > before.generations[*i]) {
+            let (place, velocity) = (now.positions[i], now.velocities[i]);
+            assert!((place.z - 17.5).abs() < 0.1, "{place} at {t}");
+            let speed = velocity.with_y(0.0).length();
+            if t <= 3.0 {
+                assert!((speed - wind.mean().length()).abs() < 1e-3, "{speed} at {t}");
+                fast += 1;
+            } else if t > 3.1 + 1.0 / 24.0 {
+                assert!(speed < 1e-3, "{speed} at {t}");
+                slow += 1;
+            }
+        }
+        before = now;
+    }
+    assert!(fast > 100 && slow > 0, "{fast} {slow}");
 }
 
 #[test]

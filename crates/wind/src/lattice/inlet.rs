@@ -9,8 +9,8 @@ use pulp::{Arch, Simd, WithSimd};
 use super::super::{CALM_SPEED, Wind};
 use super::ground::shear_coefficient;
 use super::tuning::{
-    GUST_MEMORY, GUST_TICKS, MAX_GUST, RAMP_STEPS, SHORTEST_WAVELENGTH_CELLS, TURBULENCE_FULL_HEIGHT,
-    TURBULENCE_LENGTH_PER_HEIGHT, TURBULENCE_RANGE, TURN_PER_INTERVAL,
+    GUST_MEMORY, GUST_TICKS, LULL_SPEED_FACTOR, MAX_GUST, RAMP_STEPS, SHORTEST_WAVELENGTH_CELLS,
+    TURBULENCE_FULL_HEIGHT, TURBULENCE_LENGTH_PER_HEIGHT, TURBULENCE_RANGE, TURN_PER_INTERVAL,
 };
 use osier_base::keyframes::interpolate;
 use osier_base::math::{self, cos, exp, ln, narrow, pow, sin, sqrt};
@@ -299,7 +299,7 @@ impl InletWind {
         self.options.speed * gust * self.profile(height)
     }
 
-    /// Mean velocity, m/s, at a height above the ground, m, in the direction of time `t`, s.
+    /// Largest mean velocity of the speed curve, m/s, at a height above the ground, m, in the direction of time `t`, s.
     fn mean_velocity_at(&self, height: f64, t: f64) -> Vec3 {
         (self.direction(t) * self.speed_at(height, 1.0)).as_vec3()
     }
@@ -333,7 +333,7 @@ impl Wind for InletWind {
     }
 
     fn mean(&self) -> Vec3 {
-        self.prescribed_mean_at_time(0.0)
+        self.mean_velocity_at(10.0, 0.0)
     }
 
     fn mean_at(&self, position: Vec3) -> Vec3 {
@@ -350,7 +350,7 @@ impl Wind for InletWind {
     }
 
     fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
-        self.mean_velocity_at(10.0, t)
+        (self.direction(t) * self.speed_at(10.0, self.speed_factor(t).max(LULL_SPEED_FACTOR))).as_vec3()
     }
 
     fn period(&self) -> Option<f64> {

@@ -11,6 +11,10 @@ pub(super) const MIXING_LENGTH_PER_REFERENCE_HEIGHT: f64 = 0.4;
 /// Largest depth of that layer over the height of the box, for boxes lower than some 24 m: more would leave nothing resolved.
 pub(super) const MIXING_LENGTH_PER_BOX_HEIGHT: f64 = 1.0 / 6.0;
 
+/// Share of the largest speed of a speed curve that the prescribed mean keeps where the curve is 0: far below any speed that
+/// moves something, large enough for a direction in f32.
+pub(super) const LULL_SPEED_FACTOR: f64 = 1e-9;
+
 /// Speed of the inflow, cells per step, that the number of steps per frame is chosen for. Errors of compressibility grow
 /// with its square; the cost falls in proportion.
 pub(super) const TARGET_SPEED: f64 = 0.1;
