@@ -186,6 +186,55 @@ fn leaves_of_a_growing_tree_cover_in_gltf_what_they_cover() {
     }
 }
 
+/// Growing trees of these species and ages, side by side, over so many frames.
+fn growing(species: &[(&str, u32)], frames: u32, formats: &str) -> String {
+    let plants: String = (0..)
+        .zip(species)
+        .map(|(k, (name, age))| {
+            format!(
+                "[plants.p{k}]\nspecies = \"{name}\"\nage = {age}\n[plants.p{k}.site]\nto = {age}\n\
+                 clip_leaves = \"summer\"\n[[place]]\nplant = \"p{k}\"\nat = [{}, 0, 0]\n",
+                5 * k
+            )
+        })
+        .collect();
+    format!("[frames]\nend = {frames}\n{plants}[ground]\nshow = false\n[output]\nformats = [{formats}]\n")
+}
+
+#[test]
+fn leaves_of_growing_trees_keep_their_area_between_shapes() {
+    let temp = tempfile::tempdir().expect("temp");
+    for (name, species) in [("oak", &[("oak", 12)][..]), ("stand", &[("oak", 8), ("birch", 7)])] {
+        let scene = growing(species, 41, "\"glb\"");
+        let out = bake(temp.path(), name, &scene, &["output.gltf.profiles=[\"blender\"]"]);
+        let clip = Player::new(&std::fs::read(out.join(format!("gltf/{name}.blender.glb"))).expect("file"));
+        let nodes = clip.json["nodes"].as_array().expect("nodes");
+        let is_leaves = |n: &Value| !n["mesh"].is_null() && n["name"].as_str().is_some_and(|n| n.contains("leaves"));
+        let mut times: Vec<f32> = (0..nodes.len())
+            .filter(|k| is_leaves(&nodes[*k]))
+            .flat_map(|k| clip.key_times(k, "weights"))
+            .filter(|time| (time * 24.0 - (time * 24.0).round()).abs() < 1e-3)
+            .collect();
+        times.sort_by(f32::total_cmp);
+        times.dedup();
+        // Every second frame is a shape.
+        assert_eq!(times.len(), 21, "{name}: {times:?}");
+        let area = |time: f32| area_of(&clip, "leaves", time).0;
+        for pair in times.windows(2).skip(5) {
+            let (before, after) = (area(pair[0]), area(pair[1]));
+            for share in [0.1, 0.3, 0.5, 0.7, 0.9] {
+                let between = area(pair[0] + share * (pair[1] - pair[0]));
+                let (least, most) = (before.min(after), before.max(after));
+                assert!(
+                    between > 0.93 * least && between < 1.07 * most,
+                    "{name}: {before} m^2 at {} s, {between} at {share} of the way, then {after}",
+                    pair[0]
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn leaves_of_a_growing_tree_have_shapes_at_the_frames_that_are_written() {
     let temp = tempfile::tempdir().expect("temp");

@@ -3,6 +3,7 @@
 
 use crate::common::clients;
 use crate::common::expect;
+use crate::common::program::{arg, ends};
 use crate::common::synthetic;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -163,6 +164,30 @@ fn blender_shows_everything_where_osier_says() {
         let arguments = [&*stage.to_string_lossy(), &*wanted, &look.to_string()];
         clients::python_script(&python, "usd_blender.py", &arguments);
     }
+}
+
+#[test]
+fn displaced_bark_leaves_a_young_trunk_as_thick_as_it_is() {
+    let Some(python) = clients::python() else { return };
+    let dir = place("relief");
+    let scene = dir.join("young.toml");
+    std::fs::create_dir_all(&dir).expect("folder");
+    let text = "[plants.oak]\nspecies = \"oak\"\nage = 4\n[[place]]\nplant = \"oak\"\n[ground]\nshow = false\n\
+                [output]\nformats = [\"usd\"]\n";
+    std::fs::write(&scene, text).expect("scene");
+    let out = dir.join("out");
+    ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out), "--force"]);
+    // The stem between 0.1 and 0.4 m, which is 3 cm thick.
+    let stage = out.join("young.usda");
+    let output = clients::python_script(&python, "bark_relief.py", &[arg(&stage), "0.1", "0.4", "0.02"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let line = text.lines().rev().find(|l| l.starts_with('{')).expect("a report");
+    let seen: serde_json::Value = serde_json::from_str(line).expect("JSON");
+    let number = |key: &str| seen[key].as_f64().expect("a number");
+    assert!(number("points") >= 20.0 && (0.012..0.02).contains(&number("before")), "{seen}");
+    assert!((number("after") / number("before") - 1.0).abs() < 0.1, "{seen}");
+    // There is a relief, about the surface.
+    assert!(number("scale") > 5e-4 && (number("midlevel") - 0.5).abs() < 1e-3, "{seen}");
 }
 
 #[test]

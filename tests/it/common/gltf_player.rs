@@ -98,6 +98,9 @@ impl Player {
             let mut points = self.vectors(number(primitive, "/attributes/POSITION", 0));
             for (k, target) in primitive["targets"].as_array().into_iter().flatten().enumerate() {
                 let weight = weights.as_ref().map_or(0.0, |w| w[k]);
+                if weight.abs() < 1e-9 {
+                    continue;
+                }
                 for (p, d) in points.iter_mut().zip(self.vectors(number(target, "/POSITION", 0))) {
                     *p += d * weight;
                 }
@@ -165,6 +168,15 @@ impl Player {
             Some(parent) => self.world(parent, time) * local,
             None => local,
         }
+    }
+
+    /// Times of the keys of an animated property of a node, s.
+    pub fn key_times(&self, node: usize, path: &str) -> Vec<f32> {
+        let animation = &self.json["animations"][0];
+        let drives = |c: &&Value| c["target"]["node"] == node && c["target"]["path"] == path;
+        let channel = animation["channels"].as_array().and_then(|channels| channels.iter().find(drives));
+        let input = |c: &Value| number(&animation["samplers"][number(c, "/sampler", 0)], "/input", 0);
+        channel.map_or_else(Vec::new, |c| self.rows(input(c)).concat())
     }
 
     /// Value of an animated property at a time; `None` if nothing drives it.

@@ -166,7 +166,12 @@ impl GltfDocument<'_> {
                 shapes: &[],
                 cube: None,
             };
-            self.add_morphing_mesh(&mut nodes, mesh_source, MorphTrack { frames, shapes: &shapes }, "curves")?;
+            self.add_morphing_mesh(
+                &mut nodes,
+                mesh_source,
+                MorphTrack { frames, shapes: &shapes, blends: &[] },
+                "curves",
+            )?;
         }
         // Joints are written if a skin or an instance needs them.
         if nodes.templates.iter().any(|p| p.parent != NodeParent::Placement)
@@ -199,7 +204,7 @@ impl GltfDocument<'_> {
             meshes.len()
         );
         self.warnings.push(Warning { code: "X003", message });
-        for (k, LeafMesh { mesh, frames, shapes }) in meshes.into_iter().enumerate() {
+        for (k, LeafMesh { mesh, frames, shapes, blends }) in meshes.into_iter().enumerate() {
             let shape = |points| MorphShape { points, normals: Vec::new(), unseen: Vec::new() };
             let shapes: Vec<MorphShape> = shapes.into_iter().map(shape).collect();
             let name = if k == 0 { "leaves".to_owned() } else { format!("leaves_{}", k + 1) };
@@ -212,7 +217,7 @@ impl GltfDocument<'_> {
                 shapes: &[],
                 cube: None,
             };
-            let track = MorphTrack { frames: &frames, shapes: &shapes };
+            let track = MorphTrack { frames: &frames, shapes: &shapes, blends: &blends };
             self.add_morphing_mesh(nodes, mesh_source, track, "mesh")?;
         }
         Ok(())
@@ -246,7 +251,7 @@ impl GltfDocument<'_> {
     }
 
     /// A mesh with a morph target for every kept frame whose shape differs from rest, and a track of weights in which each target
-    /// is 1 at its frame and 0 at the other kept ones.
+    /// is 1 at its frame and 0 at the other kept ones; blends have two weights between those frames.
     fn add_morphing_mesh(
         &mut self,
         nodes: &mut AssetNodes,
@@ -254,7 +259,7 @@ impl GltfDocument<'_> {
         morph: MorphTrack<'_>,
         kind: &'static str,
     ) -> Result<()> {
-        let MorphTrack { frames, shapes } = morph;
+        let MorphTrack { frames, shapes, blends } = morph;
         let is_rest = |mesh: &Mesh, s: &MorphShape| {
             s.points == mesh.points && (s.normals.is_empty() || s.normals == mesh.normals)
         };
@@ -281,15 +286,27 @@ impl GltfDocument<'_> {
         let Some(mesh) = self.add_mesh(MeshSource { shapes: &targets, ..mesh_source })? else { return Ok(()) };
         let mut part = NodeTemplate::new(mesh_source.name, kind, mesh, NodeParent::Placement);
         if !morphed.is_empty() {
-            // One key for each shape, with the weights of all targets: 1 for the target that is this shape, 0 for the others.
+            // Keys (time, weights of all targets): one for each shape, with 1 for the target that is this shape and 0 for the
+            // others, and those of the blends after it.
             let count = morphed.len();
-            let of_key = |target: &Option<usize>| {
-                let shown = *target;
-                (0..count).map(move |b| if shown == Some(b) { 1.0 } else { 0.0 })
+            let (mut times, mut weights) = (Vec::new(), Vec::new());
+            let mut add_key = |time: f32, shown: &[(Option<usize>, f32)]| {
+                times.push(time);
+                let weight = |b| shown.iter().filter(|(target, _)| *target == Some(b)).map(|(_, w)| *w).sum::<f32>();
+                weights.extend((0..count).map(weight));
             };
-            let weights: Vec<f32> = target_of.iter().flat_map(of_key).collect();
+            let time_of = |i: usize| frames.get(i).and_then(|f| self.input.tracks.times.get(*f)).copied();
+            for (i, target) in target_of.iter().enumerate() {
+                let Some(time) = time_of(i) else { continue };
+                add_key(time, &[(*target, 1.0)]);
+                let Some(next) = time_of(i + 1) else { continue };
+                for blend in blends.iter().filter(|blend| blend.after == i) {
+                    let shown = [(*target, 1.0 - blend.weight), (target_of[i + 1], blend.weight)];
+                    add_key(time + (next - time) * blend.time, &shown);
+                }
+            }
             let output = self.buffer.add_scalars(&weights, mesh_source.label)?;
-            let sampler = self.add_sampler(frames, output, false)?;
+            let sampler = self.add_timed_sampler(&times, output, false)?;
             part.motion.channels.push(NodeChannel { sampler, path: "weights" });
         }
         nodes.templates.push(part);

@@ -185,15 +185,20 @@ impl<'a> GltfDocument<'a> {
         Ok(())
     }
 
-    /// Adds a sampler whose keys are at these frames of the clip. Samplers with equal key times share an accessor.
+    /// Adds a sampler whose keys are at these frames of the clip.
     pub(super) fn add_sampler(&mut self, frames: &[usize], output: Index, step: bool) -> Result<Index> {
         let times: Vec<f32> = frames.iter().filter_map(|&i| self.input.tracks.times.get(i)).copied().collect();
+        self.add_timed_sampler(&times, output, step)
+    }
+
+    /// Adds a sampler with keys at these times, s, increasing. Samplers with equal key times share an accessor.
+    pub(super) fn add_timed_sampler(&mut self, times: &[f32], output: Index, step: bool) -> Result<Index> {
         // Keyed by the bits of the times, since floats have no total order; equal bits are equal times.
         let bits: Vec<u32> = times.iter().map(|t| t.to_bits()).collect();
         let input = match self.time_accessors.get(&bits) {
             Some(input) => *input,
             None => {
-                let input = self.buffer.add_key_times(&times)?;
+                let input = self.buffer.add_key_times(times)?;
                 self.time_accessors.insert(bits, input);
                 input
             }

@@ -3,7 +3,11 @@
 //! At evenly spaced ones of the written frames the leaves of the smallest keys among those that are alive are recorded. As many of each frame are
 //! written as the budget of bytes allows, enlarged to cover the area of all. Each run of recorded frames of a leaf is a blade of
 //! a few triangles. While its leaf is not recorded, a blade is a point at the place where the leaf appears or disappears. Blades
-//! that appear at one frame are a mesh, whose targets are only the shapes in which they are seen, and those beside them.
+//! that appear and disappear at the same frames are a mesh, whose targets are only the shapes in which they are seen, and those
+//! beside them.
+//!
+//! Between two shapes a blade that appears, or disappears, changes its area linearly: its size is the square root of the
+//! elapsed, or remaining, share of the time. Where leaves are replaced by as many others the area of all is constant.
 //!
 //! ```text
 //! frame of the clip   0     5     10    15    20
@@ -14,7 +18,9 @@
 use glam::Vec3;
 
 use super::options::GltfOptions;
+use super::rig::rotation_angle;
 use super::simplify::{BLADE_DEVIATION, area, compact, with_fewer_triangles};
+use super::tracks::MorphBlend;
 use crate::merge::transform_normal;
 use osier_base::Result;
 use osier_base::convert::{limit, saturating_index};
@@ -35,10 +41,17 @@ const BLADE_TRIANGLES: usize = 2;
 const BLADE_VERTICES: usize = 4;
 /// Bytes of a vertex beside its position: normal, texture coordinates, indices of its triangles.
 const VERTEX_BYTES: usize = 20;
-/// Most shapes of a blade. Own: a mesh has a target for each shape of its longest run, so longer runs are divided. Between the two
-/// shapes at which a run is divided one blade shrinks while the next grows, with half of the area halfway; leaves are divided at
-/// different shapes, so that a crown does not pulsate.
+/// Most shapes of a blade. Own: a mesh has a target for each shape of its run, so longer runs are divided. Between the two shapes
+/// at which a run is divided one blade shrinks while the next grows; leaves are divided at different shapes.
 const LONGEST_RUN: usize = 6;
+/// Parts of the time between a shape in which blades are points and one in which they are leaves at which their size is that part
+/// of the leaf's: the square of the part. Own: between these keys the area is at most 0.016 of the leaf's off a linear change.
+const APPEARING_SIZES: [f32; 3] = [0.25, 0.5, 0.75];
+/// Largest angle, rad, by which a leaf turns between two shapes, and largest ratio of its sizes, as the same blade. Own: corners
+/// that move linearly shrink a blade that turns by 0.42 rad to 0.96 of its area halfway, and leaves of which half grow and half
+/// shrink by 1.5 to 0.96 of theirs. Beyond, another blade replaces it.
+const LARGEST_TURN: f32 = 0.42;
+const LARGEST_RATIO: f32 = 1.5;
 /// Largest factor by which leaves are enlarged to replace those left out; a larger one is conspicuous.
 const MOST_GROWTH: f32 = 3.0;
 /// A leaf that moves farther between two shapes, as a share of the diagonal of the plant's box, is another leaf of the same
@@ -108,19 +121,21 @@ pub(super) struct LeafShapes {
     seed: u64,
 }
 
-/// Blades that appear in one shape.
+/// Blades that appear in one shape and disappear after another.
 pub(super) struct LeafMesh {
-    /// The blades in the shape that has most leaves; those without a leaf then are points.
+    /// The blades in the shape that has most leaves; points if they are not leaves then.
     pub mesh: Mesh,
     /// Indices of the frames at which it has a shape, increasing, including the first and the last recorded one.
     pub frames: Vec<usize>,
     /// Points of the mesh, one list for each of `frames`.
     pub shapes: Vec<Vec<Vec3>>,
+    /// Keys between those frames, where blades appear or disappear.
+    pub blends: Vec<MorphBlend>,
 }
 
 /// The leaves of a plant as meshes that morph.
 pub(super) struct LeafMeshes {
-    /// By the shape in which their blades appear.
+    /// By the shapes in which their blades appear and disappear.
     pub meshes: Vec<LeafMesh>,
     pub blades: usize,
     /// Largest number of leaves that are alive in a shape, and largest factor by which those written are enlarged.
@@ -138,6 +153,11 @@ struct Run {
 }
 
 impl Run {
+    /// Its first shape, and the number of its shapes.
+    fn span(&self) -> [usize; 2] {
+        [self.first, self.places.len()]
+    }
+
     /// Its place in a shape: a point before its first and after its last one.
     fn place(&self, shape: usize) -> Trs {
         let last = self.places.len() - 1;
@@ -232,7 +252,7 @@ impl LeafShapes {
         let runs = self.runs(most, longest);
         let full = (0..self.shapes.len()).max_by_key(|k| (self.shapes[*k].alive, *k)).unwrap_or(0);
         let mut meshes = Vec::new();
-        for group in runs.chunk_by(|a, b| a.first == b.first) {
+        for group in runs.chunk_by(|a, b| a.span() == b.span()) {
             meshes.extend(self.group_mesh(group, full, asset, &blades));
         }
         Ok(LeafMeshes {
@@ -243,7 +263,7 @@ impl LeafShapes {
         })
     }
 
-    /// The mesh of runs that begin in one shape. `full`: the shape in which it is at rest; `blades`: per instancer and prototype.
+    /// The mesh of runs of the same shapes. `full`: the shape in which it is at rest; `blades`: per instancer and prototype.
     fn group_mesh(&self, group: &[Run], full: usize, asset: &Asset, blades: &[Vec<Mesh>]) -> Option<LeafMesh> {
         let blade_of = |run: &Run| simple_blade(run, asset, blades);
         let mut mesh = Mesh::default();
@@ -265,8 +285,8 @@ impl LeafShapes {
             return None;
         }
         // Before the first and after the last of these shapes all blades are points: two keys hold them until the ends of the clip.
-        let (first, last) = (group[0].first, self.shapes.len() - 1);
-        let end = first + group.iter().map(|run| run.places.len()).max().unwrap_or(1);
+        let ([first, count], last) = (group[0].span(), self.shapes.len() - 1);
+        let end = first + count;
         let near = first.saturating_sub(1)..=end.min(last);
         let mut kept: Vec<usize> = [0, last].into_iter().chain(near.clone()).collect();
         kept.sort_unstable();
@@ -283,7 +303,17 @@ impl LeafShapes {
             group.iter().flat_map(of).collect()
         };
         let shapes = kept.iter().map(points_at).collect();
-        Some(LeafMesh { mesh, shapes, frames: kept.iter().map(|k| self.frames[*k]).collect() })
+        // Appearing, size^2 = t at the share t of the time; disappearing, size^2 = 1 - t.
+        let index_of = |shape: usize| kept.binary_search(&shape).ok();
+        let mut blends = Vec::new();
+        if let Some(after) = first.checked_sub(1).and_then(index_of) {
+            blends.extend(APPEARING_SIZES.map(|size| MorphBlend { after, time: size * size, weight: size }));
+        }
+        if let Some(after) = index_of(end - 1).filter(|_| end <= last) {
+            let shrinks = |size: f32| MorphBlend { after, time: 1.0 - size * size, weight: 1.0 - size };
+            blends.extend(APPEARING_SIZES.into_iter().rev().map(shrinks));
+        }
+        Some(LeafMesh { mesh, shapes, frames: kept.iter().map(|k| self.frames[*k]).collect(), blends })
     }
 
     /// The largest number of leaves in a shape with which all runs are within the budget: shapes with fewer have all of their
@@ -307,13 +337,13 @@ impl LeafShapes {
         let position = self.budget.position;
         let of_group = |group: &[Run]| {
             // Besides the shapes in which they are seen, blades have one as points where they appear or disappear.
-            let targets = 1 + group.iter().map(|run| run.places.len()).max().unwrap_or(0);
+            let targets = 1 + group[0].places.len();
             group.iter().map(vertices).sum::<usize>() * (VERTEX_BYTES + position * (1 + targets))
         };
-        runs.chunk_by(|a, b| a.first == b.first).map(of_group).sum()
+        runs.chunk_by(|a, b| a.span() == b.span()).map(of_group).sum()
     }
 
-    /// The runs of leaves by first shape and id, with at most `most` leaves in each shape, which are enlarged to cover the area of
+    /// The runs of leaves by first shape, number of shapes and id, with at most `most` leaves in each shape, which are enlarged to cover the area of
     /// all. `longest`: distance, m, beyond which a leaf is another one.
     fn runs(&self, most: usize, longest: f32) -> Vec<Run> {
         let mut list: Vec<([u32; 2], usize, Trs)> = Vec::new();
@@ -326,18 +356,27 @@ impl LeafShapes {
         let mut runs: Vec<Run> = Vec::new();
         for (id, k, place) in list {
             let goes_on = |run: &&mut Run| {
-                let near = run.places.last().is_some_and(|last| last.t.distance(place.t) <= longest);
+                let is_like = run.places.last().is_some_and(|last| keeps_its_area(last, &place, longest));
                 let is_divided = (k + id[1] as usize).is_multiple_of(LONGEST_RUN);
-                run.id == id && run.first + run.places.len() == k && near && !is_divided
+                run.id == id && run.first + run.places.len() == k && is_like && !is_divided
             };
             match runs.last_mut().filter(goes_on) {
                 Some(run) => run.places.push(place),
                 None => runs.push(Run { id, first: k, places: vec![place] }),
             }
         }
-        runs.sort_unstable_by_key(|run| (run.first, run.id));
+        runs.sort_unstable_by_key(|run| (run.span(), run.id));
         runs
     }
+}
+
+/// Whether corners that move linearly from one place of a leaf to another keep nearly the area of a blade between them, and the
+/// places are at most `longest` apart, m.
+fn keeps_its_area(from: &Trs, to: &Trs, longest: f32) -> bool {
+    let [a, b] = [from, to].map(|place| place.s.abs().max_element());
+    from.t.distance(to.t) <= longest
+        && a.max(b) <= LARGEST_RATIO * a.min(b)
+        && rotation_angle(from.r, to.r) <= LARGEST_TURN
 }
 
 /// Whether the instances of an instancer are leaves that growth moves, and whose colours do not change over the clip. A plant that
@@ -432,7 +471,7 @@ mod tests {
         let runs = shapes.runs(4, 1.0);
         assert!(runs.iter().all(|r| r.id[1] < 4 && r.places.iter().all(|p| p.s == Vec3::splat(2.0))));
         let lengths: Vec<usize> = runs.iter().map(|r| r.places.len()).collect();
-        assert_eq!(lengths, [LONGEST_RUN, 5, 4, 3, 5, 4, 3, 2], "each leaf is divided at other shapes");
+        assert_eq!(lengths, [3, 4, 5, LONGEST_RUN, 5, 4, 3, 2], "each leaf is divided at other shapes");
         assert_eq!(shapes.shapes[0].growth(16).to_bits(), 1.0_f32.to_bits());
     }
 }

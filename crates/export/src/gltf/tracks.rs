@@ -148,6 +148,19 @@ pub(super) struct MorphTrack<'a> {
     pub frames: &'a [usize],
     /// One shape for each of `frames`, in their order.
     pub shapes: &'a [MorphShape],
+    /// Further keys between the frames, by rising time.
+    pub blends: &'a [MorphBlend],
+}
+
+/// A key between two frames of a track that shows a blend of their shapes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct MorphBlend {
+    /// Index, in the track's list, of the frame before the key.
+    pub after: usize,
+    /// Its time as a share of the interval to the next frame of the track, within 0 and 1.
+    pub time: f32,
+    /// Weight of the next frame's shape; the rest is that of the shape before.
+    pub weight: f32,
 }
 
 /// Estimated bytes of the morph targets of `meshes` deforming meshes of `vertices` points in all, over so many frames.
@@ -186,7 +199,7 @@ impl TargetBudget {
 impl MorphKeys {
     /// The kept shapes with their frames, borrowed.
     pub fn track(&self) -> MorphTrack<'_> {
-        MorphTrack { frames: &self.frames, shapes: &self.shapes }
+        MorphTrack { frames: &self.frames, shapes: &self.shapes, blends: &[] }
     }
 
     /// `rest`: points of the mesh at rest; `frames`: those to be written; `position`: bytes of a point in a target, without its normal.

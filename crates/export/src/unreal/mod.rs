@@ -20,6 +20,7 @@ use super::textures::Textures;
 use super::up_axis::UpAxis;
 use super::usd::Tolerance;
 use super::usd::context::UsdContext;
+use super::usd::relief::relief_heights;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::{Folder, safe_name};
 use osier_base::geometry::Bounds;
@@ -151,6 +152,7 @@ impl Exporter for UnrealExporter {
             first: scene.clip.start,
             tolerance: Tolerance::default(),
             pixels: Arc::default(),
+            reliefs: Arc::new(relief_heights(scene)),
         };
         let mut plants = scene.assets.iter().filter_map(|a| a.rigged.as_ref().map(|rig| (a, rig))).peekable();
         if plants.peek().is_none() {

@@ -22,6 +22,8 @@ pub(crate) struct UsdContext {
     pub(crate) tolerance: Tolerance,
     /// For each asset the pixel footprint of the picture in the asset's space, m.
     pub(crate) pixels: Arc<Vec<f32>>,
+    /// For each material the height of its relief on its surface, m.
+    pub(crate) reliefs: Arc<Vec<f32>>,
 }
 
 impl UsdContext {

@@ -104,7 +104,8 @@ impl LayerBuilder {
         }
         if self.defined_materials.insert(path.clone()) {
             // Blender's preview surfaces do not read vertex colours, so the material has their mean.
-            let m = Material { base_color: cx.scene.flat_color(material), ..source.clone() };
+            let height_range = cx.reliefs.get(material as usize).copied().unwrap_or(source.height_range);
+            let m = Material { base_color: cx.scene.flat_color(material), height_range, ..source.clone() };
             self.map_textures.extend(super::material::define_material(cx, self.writer.as_mut(), &path, &m)?);
         }
         self.bindings.push(MaterialBinding { prim: prim.to_owned(), material });

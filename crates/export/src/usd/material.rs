@@ -159,6 +159,11 @@ fn define_texture(writer: &mut dyn LayerWriter, network: &str, picture: &Texture
     }
     let (scale, bias) = match picture.name {
         "normal" => (Some(2.0), Some(-1.0)),
+        // Bark lies about its surface, so that wood stays as thick as it is; other reliefs rise from theirs.
+        "height" if picture.material.class == MaterialClass::Bark => {
+            let height = picture.material.height_range;
+            (Some(height), Some(-0.5 * height))
+        }
         "height" => (Some(picture.material.height_range), None),
         _ => (None, None),
     };

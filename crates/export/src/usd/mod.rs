@@ -30,6 +30,7 @@ pub(crate) mod options;
 mod plant_instancer;
 mod points;
 mod primvar;
+pub(crate) mod relief;
 mod sample_reduction;
 pub(crate) mod skel;
 mod usda;
@@ -495,6 +496,7 @@ impl Exporter for UsdExporter {
             first: self.options.first.unwrap_or(scene.clip.start),
             tolerance: self.options.tolerance,
             pixels: Arc::new(PixelFootprint::of_assets(scene)),
+            reliefs: Arc::new(relief::relief_heights(scene)),
         };
         self.warn_joint_count(scene);
         match self.options.file.clone() {
