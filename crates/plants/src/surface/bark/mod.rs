@@ -115,15 +115,16 @@ impl BarkSpec {
     pub fn ridged() -> Self {
         Self {
             relief: BarkRelief::Ridges,
-            plates: [9, 2],
-            warp: [0.028, 0.05],
+            plates: [17, 3],
+            warp: [0.016, 0.05],
             weights: [0.78, 0.14, 0.08],
-            gap: 0.20,
+            gap: 0.12,
             crack: [0.026, 0.021, 0.017],
-            ridge: [0.235, 0.205, 0.172],
+            ridge: [0.225, 0.198, 0.166],
             patch: ([0.165, 0.175, 0.120], 0.25),
             mark: [0.045, 0.037, 0.029],
             depth: 0.022,
+            tile: 1.0,
             seed: 18,
             ..Self::furrowed()
         }
@@ -162,12 +163,13 @@ impl BarkSpec {
     pub fn scarred() -> Self {
         Self {
             warp: [0.012, 0.004],
+            weights: [0.0, 0.25, 0.75],
             crack: [0.470, 0.445, 0.410],
             ridge: [0.740, 0.725, 0.690],
             patch: ([0.590, 0.490, 0.410], 0.30),
             marks: BarkMarks::Scars,
             mark: [0.030, 0.027, 0.025],
-            depth: 0.006,
+            depth: 0.003,
             tile: 1.6,
             seed: 19,
             ..Self::birch()
