@@ -454,16 +454,18 @@ fn add_texture(set: &mut MaterialSet, picture: &Image, name: &str) -> Result<u32
 fn bark_spec(keys: &BarkKeys, seed: u64) -> BarkSpec {
     let own = match keys.kind {
         BarkKind::Furrowed => BarkSpec::furrowed(),
+        BarkKind::Ridged => BarkSpec::ridged(),
         BarkKind::Plated => BarkSpec::plated(),
         BarkKind::Smooth => BarkSpec::smooth(),
         BarkKind::Lenticel => BarkSpec::birch(),
+        BarkKind::Scarred => BarkSpec::scarred(),
         BarkKind::Diamond => BarkSpec::poplar(),
         BarkKind::Stringy => BarkSpec::stringy(),
         BarkKind::Shoot => BarkSpec::shoot(),
         BarkKind::Culm => BarkSpec::culm(),
     };
     // The second colour is that of the marks where a bark has some, else that of its cracks.
-    let marked = matches!(keys.kind, BarkKind::Lenticel | BarkKind::Diamond);
+    let marked = matches!(keys.kind, BarkKind::Lenticel | BarkKind::Scarred | BarkKind::Diamond);
     let scaled = |c: [f32; 3], k: f32| c.map(|v| v * k);
     let crack = match (keys.color, keys.color2) {
         (Some(ground), _) if marked => scaled(ground, 0.74),

@@ -12,14 +12,18 @@ const KIND: &str = "by kind";
 choices! {
     /// Pattern of the procedural bark.
     BarkKind {
-        /// Long ridges between deep cracks: oak, willow.
+        /// Long plates between deep cracks: willow, linden.
         Furrowed = "furrowed",
+        /// Ridges that part and join again between deep furrows: oak.
+        Ridged = "ridged",
         /// Thick scales: pine.
         Plated = "plated",
         /// Nearly even: beech.
         Smooth = "smooth",
-        /// Pale, with dark dashes round the girth: birch, cherry.
+        /// Pale, with dark dashes round the girth: cherry, hazel.
         Lenticel = "lenticel",
+        /// White, with fine lenticels and black, diamond-shaped scars: silver birch.
+        Scarred = "scarred",
         /// Grey-green, with rows of dark diamonds: poplar, aspen.
         Diamond = "diamond",
         /// Fibrous strips: vine, cedar.

@@ -1,4 +1,4 @@
-//! Marks on a bark: cross cracks, dashes and scars, diamonds, pores (lenticels). Their sizes are in cells of a cellular noise,
+//! Marks on a bark: cross cracks, dashes, scars, diamonds, pores (lenticels). Their sizes are in cells of a cellular noise,
 //! and the cell's hash decides which cells bear a mark.
 
 use crate::surface::periodic_noise::{CellularNoise, FractalNoise, NearestFeature};
@@ -13,6 +13,8 @@ pub enum BarkMarks {
     Cracks,
     /// Dark dashes round the girth and a few black scars of branches.
     Dashes,
+    /// Fine lenticels round the girth and many black scars: diamonds, drawn out into fissures, and chevrons.
+    Scars,
     /// Dark diamonds, large and small.
     Diamonds,
     /// Small pale dots (lenticels).
@@ -39,6 +41,7 @@ impl MarkPattern {
         let (small, large) = match kind {
             BarkMarks::Cracks => ([22, 12], [4, 4]),
             BarkMarks::Dashes => ([7, 44], [2, 3]),
+            BarkMarks::Scars => ([7, 64], [4, 5]),
             BarkMarks::Diamonds => ([16, 14], [4, 3]),
             BarkMarks::Pores | BarkMarks::None => ([10, 8], [4, 4]),
         };
@@ -62,6 +65,7 @@ impl MarkPattern {
                 Mark { color: 0.30 * line, height: -0.35 * line }
             }
             BarkMarks::Dashes => self.dashes(x, y),
+            BarkMarks::Scars => self.scars(x, y),
             BarkMarks::Diamonds => self.diamonds(x, y),
             BarkMarks::Pores => {
                 let nearest = self.small.at(x, y);
@@ -84,6 +88,38 @@ impl MarkPattern {
         let visible = if nearest.id % 5 < 4 { dash } else { 0.0 };
         let scar = self.scar(x, y, wobble, [0.24, 0.17]);
         Mark { color: (0.92 * visible).max(scar.color), height: (-0.35 * visible).min(scar.height) }
+    }
+
+    /// Lenticels and black scars of the bark of silver birches.
+    fn scars(&self, x: f32, y: f32) -> Mark {
+        let wobble = self.rough.at(x, y);
+        // Lenticels: flat ellipses of different lengths in three of four cells.
+        let small = self.small.at(x, y);
+        let wide = 0.06 + 0.34 * unit_hash(small.id, 8) * unit_hash(small.id, 24);
+        let ellipse = 1.0 - smoothstep(0.5, 1.0, length(small.from, [1.0 / wide, 1.0 / 0.09]));
+        let lenticel = if small.id.is_multiple_of(4) { 0.0 } else { ellipse };
+        // Scars: a diamond that is drawn out up and down into a fissure or, in a third of the cells, an inverted V, which the bark
+        // above a fallen branch shows. `inside`: 1 in the middle, 0 on the border.
+        let large = self.large.at(x, y);
+        let grow = 0.5 + 0.9 * unit_hash(large.id, 8);
+        // Borders are ragged at two scales, and fissures wind.
+        let ragged = 0.5 * wobble + 0.5 * self.rough.at(2.0 * x, 2.0 * y);
+        let inside = if large.id.is_multiple_of(3) {
+            let from = [large.from[0], large.from[1] + 0.6 * large.from[0].abs()];
+            1.0 - diamond(&NearestFeature { from, ..large }, [0.36 * grow, 0.09 * grow], 0.8 * ragged)
+        } else {
+            let from = [large.from[0] + 0.10 * ragged, large.from[1]];
+            let winding = NearestFeature { from, ..large };
+            let body = diamond(&winding, [0.20 * grow, 0.24 * grow], 0.9 * ragged);
+            let fissure = diamond(&winding, [0.05 * grow, 0.50 * grow], 1.2 * ragged);
+            1.0 - body.min(fissure)
+        };
+        let bears = !large.id.is_multiple_of(5);
+        let scar = if bears { smoothstep(0.0, 0.16, inside) } else { 0.0 };
+        Mark {
+            color: (0.7 * lenticel).max(scar * (0.93 + 0.3 * wobble).clamp(0.0, 1.0)),
+            height: (-0.2 * lenticel).min(scar * (0.5 * wobble - 0.5)),
+        }
     }
 
     /// Diamond-shaped lenticels and scars of poplar bark.

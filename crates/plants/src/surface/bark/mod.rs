@@ -19,11 +19,24 @@ pub use paint::bark;
 
 use osier_base::{Error, Result};
 
+/// What the cracks of a bark enclose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BarkRelief {
+    /// Closed plates, one for each cell of a cellular noise.
+    Plates,
+    /// Ridges that part and join again between furrows along the stem.
+    Ridges,
+}
+
 /// Parameters of a bark. Colours are linear.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BarkSpec {
-    /// Plates around and up a tile, 1..=64.
+    /// What the cracks enclose.
+    pub relief: BarkRelief,
+    /// Plates around and up a tile, 1..=64; of ridges the number is that of the waves of their furrows.
     pub plates: [u32; 2],
+    /// Largest displacement of plates, fibres and marks across and up, shares of the tile, 0..0.5.
+    pub warp: [f32; 2],
     /// Weights in the height: plates, fibres, coarse noise; 0..1.
     pub weights: [f32; 3],
     /// Width of the cracks' shoulders, shares of a plate, 0.01..1.
@@ -34,7 +47,7 @@ pub struct BarkSpec {
     pub ridge: [f32; 3],
     /// Colour of large patches (lichen, weathering) and how much of it, 0..1.
     pub patch: ([f32; 3], f32),
-    /// What lies over the plates: cracks, dashes, diamonds, pores or nothing.
+    /// What lies over the plates: cracks, dashes, scars, diamonds, pores or nothing.
     pub marks: BarkMarks,
     /// Colour of the marks.
     pub mark: [f32; 3],
@@ -77,10 +90,12 @@ impl BarkGrain {
 }
 
 impl BarkSpec {
-    /// Oak, willow: ridges between deep vertical furrows.
+    /// Willow, linden: long plates between deep vertical furrows.
     pub fn furrowed() -> Self {
         Self {
+            relief: BarkRelief::Plates,
             plates: [12, 2],
+            warp: [0.035, 0.07],
             weights: [0.75, 0.15, 0.10],
             gap: 0.24,
             crack: [0.030, 0.022, 0.015],
@@ -93,6 +108,25 @@ impl BarkSpec {
             roughness: [0.95, 0.80],
             side: 1024,
             seed: 11,
+        }
+    }
+
+    /// Oak: grey-brown ridges that part and join again between deep vertical furrows.
+    pub fn ridged() -> Self {
+        Self {
+            relief: BarkRelief::Ridges,
+            plates: [17, 3],
+            warp: [0.016, 0.05],
+            weights: [0.78, 0.14, 0.08],
+            gap: 0.12,
+            crack: [0.026, 0.021, 0.017],
+            ridge: [0.225, 0.198, 0.166],
+            patch: ([0.165, 0.175, 0.120], 0.25),
+            mark: [0.045, 0.037, 0.029],
+            depth: 0.022,
+            tile: 1.0,
+            seed: 18,
+            ..Self::furrowed()
         }
     }
 
@@ -125,7 +159,24 @@ impl BarkSpec {
         }
     }
 
-    /// Silver birch: white, with dark dashes round the girth and black scars.
+    /// Silver birch: white, with fine lenticels round the girth and black, diamond-shaped scars.
+    pub fn scarred() -> Self {
+        Self {
+            warp: [0.012, 0.004],
+            weights: [0.0, 0.25, 0.75],
+            crack: [0.470, 0.445, 0.410],
+            ridge: [0.740, 0.725, 0.690],
+            patch: ([0.590, 0.490, 0.410], 0.30),
+            marks: BarkMarks::Scars,
+            mark: [0.030, 0.027, 0.025],
+            depth: 0.003,
+            tile: 1.6,
+            seed: 19,
+            ..Self::birch()
+        }
+    }
+
+    /// Cherry, hazel: pale, with dark dashes round the girth and a few black scars.
     pub fn birch() -> Self {
         Self {
             plates: [3, 24],
@@ -222,6 +273,8 @@ impl BarkSpec {
             ("weight of the noise", self.weights[2], 0.0, 1.0, ""),
             ("gap", self.gap, 0.01, 1.0, ""),
             ("share of patches", self.patch.1, 0.0, 1.0, ""),
+            ("warp across", self.warp[0], 0.0, 0.5, "of the tile"),
+            ("warp up", self.warp[1], 0.0, 0.5, "of the tile"),
             ("depth", self.depth, 0.0, 0.1, "m"),
             ("tile", self.tile, 0.001, 100.0, "m"),
         ];

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::marks::MarkPattern;
-use super::{BarkGrain, BarkSpec};
+use super::{BarkGrain, BarkRelief, BarkSpec};
 use crate::surface::material::square_map;
 use crate::surface::periodic_noise::{CellularNoise, FractalNoise, pixel_centres};
 use crate::surface::{SurfaceMaterial, pixels};
@@ -13,10 +13,51 @@ use osier_base::par::par_map;
 use osier_base::units::byte;
 use osier_scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
 
+/// Weight of the second family of furrows: at more than 1 they are narrower than those of the first.
+const SECOND_FURROWS: f32 = 1.1;
+/// Octaves of the noise whose zero lines are furrows: with three, ridges have ragged edges.
+const FURROW_OCTAVES: u32 = 3;
+
+/// The pattern that divides a bark by cracks.
+enum ReliefPattern {
+    /// Cracks on the borders of cells.
+    Plates(CellularNoise),
+    /// Furrows along the zero lines of two noises.
+    Ridges([FractalNoise; 2]),
+}
+
+impl ReliefPattern {
+    fn new(spec: &BarkSpec, seeds: [u64; 2]) -> Self {
+        let [nx, ny] = spec.plates;
+        match spec.relief {
+            BarkRelief::Plates => Self::Plates(CellularNoise::new(seeds[0], spec.plates, 0.9)),
+            // Waves of different lengths: where the furrows of both families meet, ridges part and join.
+            BarkRelief::Ridges => Self::Ridges([
+                FractalNoise::new(seeds[0], [nx, ny], FURROW_OCTAVES),
+                FractalNoise::new(seeds[1], [nx.saturating_sub(2).max(1), ny.div_ceil(2)], FURROW_OCTAVES),
+            ]),
+        }
+    }
+
+    /// Height at (x, y): 0 in a crack, 1 beyond its shoulder, whose width is `gap`.
+    fn at(&self, x: f32, y: f32, gap: f32) -> f32 {
+        // Distance from the nearest crack, without unit.
+        let distance = match self {
+            // f2 - f1 of cellular noise is 0 on the cell borders.
+            Self::Plates(cells) => {
+                let near = cells.at(x, y);
+                near.f2 - near.f1
+            }
+            Self::Ridges([a, b]) => a.at(x, y).abs().min(SECOND_FURROWS * b.at(x, y).abs()),
+        };
+        smoothstep(0.02, 0.02 + gap, distance)
+    }
+}
+
 /// The noises of a bark, tabulated; their seeds are derived from that of the bark and differ.
 struct BarkNoise {
     warp: [FractalNoise; 2],
-    plates: CellularNoise,
+    relief: ReliefPattern,
     fibre: FractalNoise,
     coarse: FractalNoise,
     tint: FractalNoise,
@@ -30,7 +71,7 @@ impl BarkNoise {
         let [nx, ny] = spec.plates;
         Self {
             warp: [FractalNoise::new(s(0), [4, 2], 6), FractalNoise::new(s(1), [4, 2], 6)],
-            plates: CellularNoise::new(s(2), spec.plates, 0.9),
+            relief: ReliefPattern::new(spec, [s(2), s(7)]),
             fibre: FractalNoise::new(s(3), [8 * nx, ny], 4),
             coarse: FractalNoise::new(s(4), [6, 6], 5),
             tint: FractalNoise::new(s(5), [3, 3], 4),
@@ -136,10 +177,8 @@ struct BarkNoiseSample {
 /// Height, tint, patch and mark of the texel at (x, y) of the unit square.
 fn sample(spec: &BarkSpec, t: &BarkNoise, [x, y]: [f32; 2], unwarped: &BarkNoiseSample) -> BarkTexel {
     // Domain warping: plates, fibres and marks are looked up at displaced coordinates.
-    let (wx, wy) = (x + 0.035 * unwarped.warp[0], y + 0.07 * unwarped.warp[1]);
-    // Plates: f2 - f1 of cellular noise is 0 on the cell borders, which become the cracks.
-    let near = t.plates.at(wx, wy);
-    let plate = smoothstep(0.02, 0.02 + spec.gap, near.f2 - near.f1);
+    let (wx, wy) = (x + spec.warp[0] * unwarped.warp[0], y + spec.warp[1] * unwarped.warp[1]);
+    let plate = t.relief.at(wx, wy, spec.gap);
     let fibre = t.fibre.at(wx, wy);
     let coarse = unwarped.coarse;
     let [k1, k2, k3] = spec.weights;
@@ -195,6 +234,8 @@ mod tests {
     fn all() -> Vec<(&'static str, BarkSpec)> {
         vec![
             ("furrowed", BarkSpec::furrowed()),
+            ("ridged", BarkSpec::ridged()),
+            ("scarred", BarkSpec::scarred()),
             ("plated", BarkSpec::plated()),
             ("smooth", BarkSpec::smooth()),
             ("birch", BarkSpec::birch()),
