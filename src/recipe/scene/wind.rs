@@ -1,8 +1,8 @@
 //! `[wind]`, `[[wind.add]]`, `[sway]` and the files of the wind: resolution of keys that depend on each other.
 
 use super::{
-    LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SwayKeys, VdbKeys, WindOutputKeys,
-    WindSliceKeys,
+    LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SliceAxis, SwayKeys, VdbKeys,
+    WindOutputKeys, WindSliceKeys,
 };
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
