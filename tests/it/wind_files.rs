@@ -123,6 +123,31 @@ fn heights_of_the_wind_count_from_a_plain_at_any_height() {
     assert!((cells[0][0] - 6.614).abs() < 0.01 && cells[0][1].abs() + cells[0][2].abs() < 1e-5, "{:?}", cells[0]);
 }
 
+/// The wind of a flight is written in the box of the flight, which stands on the land: on a plain at 20 m the lowest cells hold
+/// the wind 0.5 m above it, 5 (0.5 / 10)^0.2 m/s. A plane across y is at its own height.
+#[test]
+fn files_of_the_wind_of_a_flight_stand_on_its_land() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = "[frames]\nend = 2\n[terrain]\nsubdivisions = 3\nsize = 60\namplitude = 0\n\
+        corners = [20, 20, 20, 20]\nside = 64\n\
+        [wind]\nspeed = 5\ngust = 0\nturbulence = 0\nwander_deg = 0\n\
+        [flight]\ncount = 9\nsize = [8, 4, 8]\n[output]\nformats = [\"vdb\"]\n[output.vdb]\ncell = 1\nzip = false\n\
+        [output.wind]\ntexel = 1\nvti_every = 1\n[[output.wind.slice]]\nacross = \"z\"\nat = 0.5\n\
+        [[output.wind.slice]]\nat = 20.5\n";
+    let out = baked(dir.path(), "high", text, &[]);
+    let wind = vti(&out.join("wind/box.0001.vti"));
+    assert_eq!((wind.cells, wind.corner), ([8, 4, 8], vec![-4.0, 20.0, -4.0]));
+    assert!((wind.values[0][0] - 2.746).abs() < 0.01, "{:?}", wind.values[0]);
+    // The lowest row of the plane across z is its last, and the plane across y lies in the middle of the lowest cells.
+    let ((_, _, side), (_, _, plan)) = (exr(&out.join("wind/z0_5.0001.exr")), exr(&out.join("wind/y20_5.0001.exr")));
+    for lowest in [side[8 * 3], plan[0]] {
+        assert!((lowest[0] - wind.values[0][0]).abs() < 1e-4, "{lowest:?}");
+    }
+    // Every cell of the voxels lies above the ground, where none was before: 6 bytes each, and the tree.
+    let bytes = std::fs::metadata(out.join("vdb/air_0001.vdb")).expect("a file").len();
+    assert!(bytes > 6 * 8 * 4 * 8, "{bytes}");
+}
+
 /// Waves of a ground that reach no centre of a cell leave the wind as level ground has it; those of a metre are hills.
 #[test]
 fn low_waves_of_the_ground_do_not_slow_a_lattice() {

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::terrain::shown_terrain_solid;
 use crate::bake::scene::builder::SceneBuilder;
-use crate::recipe::scene::SolidShape;
+use crate::recipe::scene::{SolidShape, WindModel};
 use crate::recipe::{Recipe, SolidRecipe};
 use osier_base::files::Names;
 use osier_base::geometry::Bounds;
@@ -108,6 +108,17 @@ impl<'a> Obstacles<'a> {
         // Where a solid and the land are equally near, a catkin rests on the one that comes first: the solid.
         Solids::new(self.solids.iter().cloned().chain(land).collect(), level)
     }
+}
+
+/// The box of the flight, world, m: the domain of a lattice wind, or one of `size` (width, height, depth) around the origin that
+/// stands on y = 0, on terrain on the lowest ground under it.
+pub(crate) fn flight_domain(recipe: &Recipe, size: [f64; 3], obstacles: &Obstacles<'_>) -> Bounds {
+    let lattice = recipe.wind.model == WindModel::Lattice;
+    let [w, h, d] = if lattice { recipe.lattice.size() } else { size }.map(narrow);
+    let base = if lattice { Vec3::from_array(recipe.lattice.at.map(narrow)) } else { Vec3::ZERO };
+    let domain = Bounds { min: base - Vec3::new(w / 2.0, 0.0, d / 2.0), max: base + Vec3::new(w / 2.0, h, d / 2.0) };
+    let lowest = if lattice { None } else { obstacles.lowest_terrain_under(domain) };
+    lowest.map_or(domain, |y| Bounds { min: domain.min.with_y(y), max: domain.max.with_y(y + h) })
 }
 
 /// Smallest difference, m, between the highest and the lowest point of a ground, or between these and y = 0, from which on

@@ -26,7 +26,7 @@ use crate::bake::scene::layout::{SceneLayout, lay_out_scene};
 use crate::bake::scene::scatter::sink_feet;
 use crate::bake::wind::lattice::{check_lattice, lattice_solids};
 use crate::bake::wind::needs::WindNeeds;
-use crate::bake::wind::output::{WindGridSampler, velocity_grid};
+use crate::bake::wind::output::{WindGridSampler, placed_grids, velocity_grid};
 use crate::bake::wind::plant_wind::PlantWind;
 use crate::bake::wind::scene_wind::{SceneWind, WindObserver, WindSurroundings, WindUser};
 use crate::recipe::Recipe;
@@ -234,7 +234,8 @@ fn assemble(
     let (flight_table, fields, flight_volumes) =
         flight.map_or((None, Vec::new(), Vec::new()), |f| (Some(f.table), f.fields, f.volumes));
     let wind_output = WindGridSampler::from_recipe(recipe, &scene_wind, &obstacles, context)?;
-    let wind_volume = velocity_grid(recipe).filter(|_| wind_output.is_some());
+    let wind_volume = velocity_grid(recipe, &obstacles).filter(|_| wind_output.is_some());
+    let air = if wind_output.is_some() { placed_grids(recipe, &obstacles) } else { Vec::new() };
 
     // A camera without keys frames the assets so far; the larger ground is framed only in scenes without other assets.
     let empty = builder.placements.is_empty();
@@ -270,7 +271,7 @@ fn assemble(
         tables: flight_table.into_iter().chain(rain.table).collect(),
         enum_labels: enum_labels(),
         fields,
-        air: if wind_output.is_some() { recipe.output.wind.grids.clone() } else { Vec::new() },
+        air,
         volumes: wind_volume.into_iter().chain(flight_volumes).collect(),
         map_sequences: rain.map_sequences,
     };

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use crate::bake::BakeContext;
-use crate::bake::assets::obstacles::Obstacles;
+use crate::bake::assets::obstacles::{Obstacles, flight_domain};
 use crate::bake::wind::scene_wind::{SceneWind, WindUser};
-use crate::recipe::scene::VdbGrid;
+use crate::recipe::scene::{VdbGrid, WindModel};
 use crate::recipe::{Recipe, word_of};
 use osier_base::Result;
 use osier_base::math::narrow;
@@ -58,8 +58,8 @@ impl WindGridSampler {
         obstacles: &Obstacles<'_>,
         context: &BakeContext<'_>,
     ) -> Result<Option<Arc<Self>>> {
-        let grids = &recipe.output.wind.grids;
-        let volume = velocity_domain(recipe);
+        let grids = placed_grids(recipe, obstacles);
+        let volume = velocity_domain(recipe, obstacles);
         if (grids.is_empty() && volume.is_none()) || recipe.clip.len() < 2 {
             return Ok(None);
         }
@@ -67,9 +67,9 @@ impl WindGridSampler {
             let longest = plane.cells.iter().copied().max().unwrap_or(0) as u64;
             context.limits.check("image-side", longest, "texels along a side of a plane of output.wind")?;
         }
-        velocity_grid(recipe).map_or(Ok(()), |grid| check_dense_grid(&grid, recipe.clip.start))?;
+        velocity_grid(recipe, obstacles).map_or(Ok(()), |grid| check_dense_grid(&grid, recipe.clip.start))?;
         // Two frames are in memory at once: the one being written, and the next.
-        let cells = grids.iter().chain(volume).map(AirGrid::count).fold(0, u64::saturating_add);
+        let cells = grids.iter().chain(&volume).map(AirGrid::count).fold(0, u64::saturating_add);
         let bytes = cells.saturating_mul(2 * BYTES_PER_VELOCITY);
         context.limits.check("wind-bytes", bytes, "the bytes of output.wind and output.vdb in two frames")?;
         let points = grids.iter().map(AirGrid::places).collect();
@@ -120,14 +120,32 @@ impl WindVolume {
     }
 }
 
+/// Height of the base of a flight's box, m, on which the files of its wind stand, too; 0 without a flight, and for a lattice, whose
+/// grids have its base.
+fn flight_base(recipe: &Recipe, obstacles: &Obstacles<'_>) -> f64 {
+    let flight = recipe.flight.as_ref().filter(|_| recipe.wind.model != WindModel::Lattice);
+    flight.map_or(0.0, |flight| f64::from(flight_domain(recipe, flight.keys.size, obstacles).min.y))
+}
+
+/// The grids of `[output.wind]` where the scene has them: in the box of a flight, which stands on the land under it.
+pub fn placed_grids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<AirGrid> {
+    let base = flight_base(recipe, obstacles);
+    let mut grids = recipe.output.wind.grids.clone();
+    // A plane across y stays at the height that its key names.
+    grids.iter_mut().filter(|grid| grid.across != Some(1)).for_each(|grid| grid.corner.y += base);
+    grids
+}
+
 /// Cells of the voxel grid of the wind; `None` if it is not written, or without wind.
-fn velocity_domain(recipe: &Recipe) -> Option<&AirGrid> {
-    recipe.output.velocity_volume().filter(|_| recipe.blows())
+fn velocity_domain(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Option<AirGrid> {
+    let mut domain = recipe.output.velocity_volume().filter(|_| recipe.blows())?.clone();
+    domain.corner.y += flight_base(recipe, obstacles);
+    Some(domain)
 }
 
 /// Declaration of the voxel grid of the wind's velocity; `None` if it is not written.
-pub fn velocity_grid(recipe: &Recipe) -> Option<VolumeGrid> {
-    let domain = velocity_domain(recipe)?;
+pub fn velocity_grid(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Option<VolumeGrid> {
+    let domain = velocity_domain(recipe, obstacles)?;
     Some(VolumeGrid {
         file: "air",
         name: word_of(VdbGrid::Velocity),

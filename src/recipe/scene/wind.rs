@@ -1,8 +1,8 @@
 //! `[wind]`, `[[wind.add]]`, `[sway]` and the files of the wind: resolution of keys that depend on each other.
 
 use super::{
-    LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SwayKeys, VdbKeys, WindOutputKeys,
-    WindSliceKeys,
+    LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SliceAxis, SwayKeys, VdbKeys,
+    WindOutputKeys, WindSliceKeys,
 };
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
@@ -288,7 +288,8 @@ impl Resolver<'_> {
             let text = format!("output.wind.size is given, but {owner} has a size");
             self.report.push(Diagnostic::warning("S007", text, entry.key_span, "has no effect").help("leave it out"));
         }
-        let domain = SampledDomain::new(on_lattice.then_some(lattice), flight_size, keys.size, keys.texel);
+        let mut domain = SampledDomain::new(on_lattice.then_some(lattice), flight_size, keys.size, keys.texel);
+        domain.on_land = !on_lattice && flight_size.is_some() && root.get("terrain").is_some();
         // Each plane becomes a grid one cell thick, named by its axis and position; the volume comes last.
         let mut names = Names::default();
         let mut grids = Vec::new();
@@ -353,8 +354,11 @@ impl Resolver<'_> {
             return None;
         };
         let keys = self.read_keys::<WindSliceKeys>(table, &path);
-        // The plane must lie inside the sampled domain along its normal.
+        // The plane must lie inside the sampled domain along its normal, where that is known.
         let axis = keys.across as usize;
+        if keys.across == SliceAxis::Y && domain.on_land {
+            return Some(keys);
+        }
         let (low, high) = (domain.low[axis], domain.low[axis] + domain.size[axis]);
         if !(low..=high).contains(&keys.at) {
             let at = table.get("at").map_or(node.span, |e| e.node.span);
@@ -438,6 +442,8 @@ struct SampledDomain {
     low: DVec3,
     size: DVec3,
     side: f64,
+    /// Whether the box stands on a terrain, whose height is known only when the scene is assembled.
+    on_land: bool,
 }
 
 impl SampledDomain {
@@ -447,7 +453,7 @@ impl SampledDomain {
         let size = lattice.map_or(flight_size.unwrap_or(size), LatticeKeys::size);
         let side = side.unwrap_or(lattice.map_or(0.5, |lattice| lattice.cell_size));
         let at = lattice.map_or(DVec3::ZERO, |lattice| DVec3::from_array(lattice.at));
-        Self { low: at - DVec3::new(size[0], 0.0, size[2]) / 2.0, size: DVec3::from_array(size), side }
+        Self { low: at - DVec3::new(size[0], 0.0, size[2]) / 2.0, size: DVec3::from_array(size), side, on_land: false }
     }
 
     /// Number of cells along each axis; the last one may extend beyond the domain.

@@ -2,22 +2,18 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
-
 use crate::bake::BakeContext;
 use crate::bake::assets::catkin;
-use crate::bake::assets::obstacles::Obstacles;
+use crate::bake::assets::obstacles::{Obstacles, flight_domain};
 use crate::bake::motion::AssetMotion;
 use crate::bake::motion::flight::canopy::Canopy;
 use crate::bake::motion::flight::{FlightPlayback, FlightSetup};
 use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::wind::scene_wind::SceneWind;
-use crate::recipe::scene::{CatkinKeys, FlightRelease, WindModel};
+use crate::recipe::scene::{CatkinKeys, FlightRelease};
 use crate::recipe::{FlightRecipe, KeyTable as _, Recipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
-use osier_base::geometry::Bounds;
-use osier_base::math::narrow;
 use osier_scene::{Asset, Field, Table, Trs, VolumeGrid};
 
 /// Playback of a flight whose asset is in the scene, and the declarations of what it records in each frame.
@@ -123,15 +119,4 @@ fn start_flight(
     let asset = playback.asset(prototypes, first_material, recipe.clip.len() < 2)?;
     let volumes = playback.volumes.grids.clone();
     Ok((asset, AddedFlight { playback: Arc::new(playback), table, fields, volumes }))
-}
-
-/// The box of the flight, world, m: the domain of a lattice wind, or one of `size` (width, height, depth) around the origin that
-/// stands on y = 0, on terrain on the lowest ground under it.
-fn flight_domain(recipe: &Recipe, size: [f64; 3], obstacles: &Obstacles<'_>) -> Bounds {
-    let lattice = recipe.wind.model == WindModel::Lattice;
-    let [w, h, d] = if lattice { recipe.lattice.size() } else { size }.map(narrow);
-    let base = if lattice { Vec3::from_array(recipe.lattice.at.map(narrow)) } else { Vec3::ZERO };
-    let domain = Bounds { min: base - Vec3::new(w / 2.0, 0.0, d / 2.0), max: base + Vec3::new(w / 2.0, h, d / 2.0) };
-    let lowest = if lattice { None } else { obstacles.lowest_terrain_under(domain) };
-    lowest.map_or(domain, |y| Bounds { min: domain.min.with_y(y), max: domain.max.with_y(y + h) })
 }

@@ -149,7 +149,7 @@ impl FlightPlayback {
             sites,
             spin_up,
             deposits,
-            volumes: FlightVolumes::from_recipe(scene.recipe, keys.count),
+            volumes: FlightVolumes::from_recipe(scene.recipe, keys.count, scene.domain),
             zones: scene.flight.zones.clone(),
             hairs: models.iter().map(hairs).collect(),
             settle: keys.settle,

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::recipe::scene::VdbGrid;
+use crate::recipe::scene::{VdbGrid, WindModel};
 use crate::recipe::{Recipe, word_of};
+use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_motion::flight::{CatkinState, FlightSimulation};
 use osier_scene::{VolumeFrame, VolumeGrid};
@@ -27,10 +28,14 @@ enum CatkinPhase {
 }
 
 impl FlightVolumes {
-    /// The grids that a recipe with a flight of `count` catkins asks for; empty without a domain for volumes.
-    pub(super) fn from_recipe(recipe: &Recipe, count: u32) -> Self {
+    /// The grids that a recipe with a flight of `count` catkins asks for; empty without a domain for volumes. `inside`: box of the
+    /// flight, m, whose base is that of the cells.
+    pub(super) fn from_recipe(recipe: &Recipe, count: u32, inside: Bounds) -> Self {
         let output = &recipe.output;
         let Some(domain) = output.vdb.domain.as_ref().filter(|_| output.writes_vdb()) else { return Self::default() };
+        // The cells of a lattice have its base in f64 already.
+        let lattice = recipe.wind.model == WindModel::Lattice;
+        let corner = if lattice { domain.corner } else { domain.corner.with_y(f64::from(inside.min.y)) };
         let all = [
             (VdbGrid::Density, CatkinPhase::Airborne, "1/m^3"),
             (VdbGrid::Deposition, CatkinPhase::Deposited, "1/m^2"),
@@ -42,7 +47,7 @@ impl FlightVolumes {
                 name: word_of(grid),
                 unit,
                 is_vector: false,
-                origin: domain.corner + domain.side / 2.0,
+                origin: corner + domain.side / 2.0,
                 cell: domain.side,
                 every: domain.every,
                 max_cells: u64::from(count),
