@@ -161,6 +161,21 @@ fn low_waves_of_the_ground_do_not_slow_a_lattice() {
     assert!(air("relief = 1") != level);
 }
 
+/// A hill beyond the box of a lattice changes nothing in it. The plain below rises by 12 cm at most within the box, less than to the
+/// first centre of a cell, and by 8 m half a kilometre away.
+#[test]
+fn hills_beyond_the_box_leave_a_lattice_alone() {
+    let dir = tempfile::tempdir().expect("dir");
+    let land = |corners: &str| {
+        let land = format!("[terrain]\nsize = 1000\nsubdivisions = 3\namplitude = 0\nside = 64\ncorners = {corners}\n");
+        let out = baked(dir.path(), "hill", &LATTICE.replace("[wind]\n", &format!("{land}[wind]\n")), &["--force"]);
+        vti(&out.join("wind/box.0005.vti")).values
+    };
+    let level = land("[0, 0, 0, 0]");
+    assert!(land("[-8, 8, -8, 8]") == level);
+    assert!(land("[0, 2, 0, 2]") != level);
+}
+
 #[test]
 fn planes_and_boxes_show_the_same_air() {
     let dir = tempfile::tempdir().expect("dir");

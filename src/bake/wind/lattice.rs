@@ -34,12 +34,26 @@ pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> 
     let side = 2.0 * (x.max(z) * recipe.lattice.cell_size + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
     // Lower land, such as the waves of a ground, is the bottom of the box with its wall stress: bounce-back at the links that it
     // cuts would slow the wind as smooth ground does.
-    let lowest_centers = recipe.lattice.at[1] + recipe.lattice.cell_size / 2.0;
+    let options = lattice_options(recipe);
     let is_met = |solid: &&Solid| match &solid.form {
-        Form::Land(land) => f64::from(land.height_range()[1]) > lowest_centers,
+        Form::Land(land) => reaches_a_center(land, &options),
         Form::Prism(_) | Form::Shell(_) => true,
     };
     obstacles.solids_within(narrow(side)).list().iter().filter(is_met).cloned().collect()
+}
+
+/// Whether a land reaches the centre of a cell of a lattice's box; how high it is elsewhere does not matter.
+fn reaches_a_center(land: &LandForm, options: &LatticeOptions) -> bool {
+    let (base, spacing) = (options.base_center, options.spacing);
+    let lowest_centers = base.y + spacing / 2.0;
+    // Coordinates of the centres along a horizontal axis, in whose middle the box has its base.
+    let centers =
+        |n: u32, middle: f64| (0..n).map(move |i| narrow(middle + (f64::from(i) + 0.5 - f64::from(n) / 2.0) * spacing));
+    // Most lands are told by their highest point, without a look at the columns of cells.
+    f64::from(land.height_range()[1]) > lowest_centers
+        && centers(options.cells[0], base.x).any(|x| {
+            centers(options.cells[2], base.z).any(|z| f64::from(land.height(Vec2::new(x, z))) > lowest_centers)
+        })
 }
 
 /// Options of the solver from the keys of `[wind]` and `[wind.lattice]`.
