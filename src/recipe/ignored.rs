@@ -199,7 +199,7 @@ impl Resolver<'_> {
         for (i, (table, solid)) in tables_of(root, "solid").into_iter().zip(&recipe.solids).enumerate() {
             let is_mesh = solid.keys.shape == SolidShape::Mesh;
             let all = [
-                needs(&["mesh_scale"], is_mesh, "shape = \"mesh\""),
+                needs(&["mesh_scale", "mesh_up"], is_mesh, "shape = \"mesh\""),
                 needs(&["size"], !is_mesh, "shape = \"block\" or \"house\"; mesh_scale sets the size of a mesh"),
                 needs(&["color"], !is_mesh, "shape = \"block\" or \"house\"; a mesh has the materials of its file"),
             ];

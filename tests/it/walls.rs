@@ -111,6 +111,39 @@ fn no_wind_blows_through_a_thin_wall() {
     }
 }
 
+/// A file with Z up stands as the same wall with Y up, by `mesh_up`, and lies on its side without; a block has no mesh to turn.
+#[test]
+fn meshes_of_solids_with_z_up_stand() {
+    let dir = tempfile::tempdir().expect("dir");
+    let upright = wall_obj(true);
+    // Y up (x, y, z) is Z up (x, -z, y).
+    let turned = upright.lines().map(|line| match line.split(' ').collect::<Vec<_>>()[..] {
+        ["v", x, y, z] => format!("v {x} {} {y}\n", -z.parse::<f64>().expect("a number")),
+        _ => format!("{line}\n"),
+    });
+    std::fs::write(dir.path().join("z.obj"), turned.collect::<String>()).expect("mesh");
+    std::fs::write(dir.path().join("y.obj"), upright).expect("mesh");
+    let baked = |name: &str, solid: &str| {
+        let text = format!(
+            "[frames]\nend = 2\n[ground]\nshow = false\n[output]\nformats = [\"obj\"]\n[output.wind]\nsize = [2, 2, 2]\n\
+             vti_every = 9\n[[solid]]\nname = \"w\"\n{solid}\n"
+        );
+        let run = bake(dir.path(), name, &text);
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(run.status.success(), "{said}");
+        let obj = std::fs::read_to_string(dir.path().join(name).join("obj/w.obj")).expect("obj");
+        // Adding 0 turns -0 into 0.
+        let numbers = |line: &str| -> Vec<f64> {
+            line.split(' ').skip(1).map(|v| v.parse::<f64>().expect("a number") + 0.0).collect()
+        };
+        (obj.lines().filter(|line| line.starts_with("v ")).map(numbers).collect::<Vec<_>>(), said)
+    };
+    let (wanted, _) = baked("upright", "shape = \"mesh\"\nmesh = \"y.obj\"");
+    assert_eq!(baked("up", "shape = \"mesh\"\nmesh = \"z.obj\"\nmesh_up = \"z\"").0, wanted);
+    assert_ne!(baked("lying", "shape = \"mesh\"\nmesh = \"z.obj\"").0, wanted);
+    assert!(baked("block", "mesh_up = \"z\"").1.contains("S007"));
+}
+
 /// Catkins are deposited at a fence of a mesh as at a block of its size: means over four seeds differ by less than three standard errors.
 #[test]
 fn a_mesh_catches_what_a_block_catches() {

@@ -1,6 +1,6 @@
 //! `[flight]`: catkins in flight.
 
-use super::{SolidKeys, SolidShape, UpAxis};
+use super::{SolidKeys, SolidShape};
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::word_of;
 use crate::recipe::syntax::{
@@ -328,7 +328,7 @@ impl Resolver<'_> {
             (SolidShape::Mesh, Some(reference)) => {
                 let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
                 let options =
-                    super::plant::MeshImport { up: UpAxis::Y, scale: keys.mesh_scale, class: MaterialClass::Ground };
+                    super::plant::MeshImport { up: keys.mesh_up, scale: keys.mesh_scale, class: MaterialClass::Ground };
                 Some(Arc::new(self.import(&file, options, reference.span)?))
             }
             (SolidShape::Mesh, None) => {

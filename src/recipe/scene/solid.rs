@@ -1,5 +1,6 @@
 //! `[[solid]]`: obstacles to wind, rain and catkins.
 
+use super::UpAxis;
 use crate::recipe::syntax::{
     BooleanType, ColorType, FileReference, NumberArray, OneOf, OptionalKey, Reference, StringType, degrees, number,
     point,
@@ -37,6 +38,8 @@ keys! {
         mesh: Option<Reference> = "mesh" FileReference(".obj, .glb, .gltf");
         /// With "mesh": metres per unit of the file.
         mesh_scale: f64 = "mesh_scale" number(1.0, 1e-6, 1e6, "m");
+        /// With "mesh": up axis of the file.
+        mesh_up: UpAxis = "mesh_up" OneOf(UpAxis::Y);
         /// Humidity of its walls: at 0 catkins slide down at once, at 1 they stay.
         humidity: f64 = "humidity" number(0.5, 0.0, 1.0, "");
         /// Colour of its walls.
