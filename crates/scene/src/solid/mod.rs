@@ -120,7 +120,7 @@ impl Solid {
         }
     }
 
-    /// Edges of a mesh that do not belong to two triangles: with any, the mesh is not closed. 0 for all other shapes.
+    /// Edges of a mesh that belong to an odd number of triangles: with any, the mesh is not closed. 0 for all other shapes.
     #[inline]
     pub fn open_edges(&self) -> usize {
         if let Form::Shell(s) = &self.form { s.open_edges() } else { 0 }

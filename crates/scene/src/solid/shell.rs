@@ -21,7 +21,7 @@ pub struct Shell {
     triangles: Vec<[Vec3; 3]>,
     tree: Bvh2,
     bounds: Bounds,
-    open: usize,
+    edges: EdgeCount,
 }
 
 impl std::fmt::Debug for Shell {
@@ -46,14 +46,14 @@ impl Shell {
             triangles.iter().map(|[a, b, c]| Aabb::new(a.min(*b).min(*c).into(), a.max(*b).max(*c).into())).collect();
         let tree = build_bvh2(&boxes, BvhBuildParams::fast_build(), &mut Duration::default());
         let bounds = Bounds::of(triangles.iter().flatten().copied());
-        let open = open_edges(&triangles);
-        Some(Self { triangles, tree, bounds, open })
+        let edges = count_edges(&triangles);
+        Some(Self { triangles, tree, bounds, edges })
     }
 
-    /// Number of edges that do not belong to exactly two triangles; 0 for a closed mesh.
+    /// Number of edges that belong to an odd number of triangles; 0 for a closed mesh, or several that touch.
     #[inline]
     pub fn open_edges(&self) -> usize {
-        self.open
+        self.edges.open
     }
 
     /// Corners of its triangles, m; triangles without area have been left out.
@@ -66,7 +66,9 @@ impl Shell {
         self.bounds
     }
 
-    /// True if more than three of the six rays along the axes cross the surface an odd number of times.
+    /// True if more than three of the six rays along the axes tell that the point is inside. Where all triangles have a common
+    /// outside, a ray tells so that leaves the surface more often than it enters it (or the other way about, if all are inside
+    /// out): what lies in two overlapping boxes is inside. Otherwise a ray tells so by an odd number of crossings.
     pub(super) fn contains(&self, at: Vec3) -> bool {
         let b = self.bounds;
         if at.cmplt(b.min).any() || at.cmpgt(b.max).any() {
@@ -75,13 +77,17 @@ impl Shell {
         let axes = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
         // A hole in an open mesh falsifies the count of the rays through it; the majority of the rays decides.
         let mut met = [Vec::new(), Vec::new()];
-        axes.iter().filter(|way| self.crossings(at, **way, &mut met) % 2 == 1).count() > 3
+        let tells_inside = |way: &&Vec3| {
+            let [enters, leaves] = self.crossings(at, **way, &mut met);
+            if self.edges.oriented { enters != leaves } else { (enters + leaves) % 2 == 1 }
+        };
+        axes.iter().filter(tells_inside).count() > 3
     }
 
-    /// Number of times that the ray from `from` along the unit vector `way` passes through the surface. At an edge or a corner
-    /// the triangles that face the same way are one crossing: rays along the axes meet the diagonals of faces on a grid exactly.
+    /// Number of times that the ray from `from` along the unit vector `way` passes through triangles that face it, and through
+    /// triangles that face away. At an edge or a corner the triangles that face the same way are one crossing: rays along the axes meet the diagonals of faces on a grid exactly.
     /// `met`: memory for the distances of the triangles that face the ray, and of those that face away.
-    fn crossings(&self, from: Vec3, way: Vec3, met: &mut [Vec<f32>; 2]) -> usize {
+    fn crossings(&self, from: Vec3, way: Vec3, met: &mut [Vec<f32>; 2]) -> [usize; 2] {
         // Long enough to leave the mesh from any point in its box.
         let far = self.bounds.size().max_element() * 2.0;
         let reach = from + way * far;
@@ -97,7 +103,7 @@ impl Shell {
             distances.dedup_by(|next, kept| *next - *kept <= far * SAME_CROSSING);
             distances.len()
         };
-        met.iter_mut().map(distinct).sum()
+        met.each_mut().map(distinct)
     }
 
     /// Calls `take` with the triangles of the tree's leaves that overlap a box, until it returns false.
@@ -172,20 +178,42 @@ fn square_distance(b: &Aabb, at: Vec3) -> f32 {
     (low - at).max(at - high).max(Vec3::ZERO).length_squared()
 }
 
-/// Number of edges that do not occur exactly twice; edges are equal if the bits of their end points are.
-fn open_edges(triangles: &[[Vec3; 3]]) -> usize {
+/// What the edges of a mesh tell about it.
+#[derive(Debug, Clone, Copy)]
+struct EdgeCount {
+    /// Number of edges that belong to an odd number of triangles.
+    open: usize,
+    /// Whether each edge is run through as often in one direction as in the other, so that the mesh is closed and its triangles
+    /// have a common outside.
+    oriented: bool,
+}
+
+/// An edge of a triangle; edges are equal if the bits of their end points are.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct DirectedEdge {
+    /// Bits of the end points, the lower first.
+    ends: [[u32; 3]; 2],
+    /// Whether the triangle runs from the first to the second.
+    rises: bool,
+}
+
+fn count_edges(triangles: &[[Vec3; 3]]) -> EdgeCount {
     // Adding 0 turns -0 into 0, whose bits differ although the points coincide.
     let bits = |p: Vec3| p.to_array().map(|v| (v + 0.0).to_bits());
-    let mut edges: Vec<[[u32; 3]; 2]> = Vec::with_capacity(triangles.len() * 3);
+    let mut edges: Vec<DirectedEdge> = Vec::with_capacity(triangles.len() * 3);
     for [a, b, c] in triangles {
         for (p, q) in [(a, b), (b, c), (c, a)] {
-            let mut edge = [bits(*p), bits(*q)];
-            edge.sort_unstable();
-            edges.push(edge);
+            let (p, q) = (bits(*p), bits(*q));
+            edges.push(DirectedEdge { ends: [p.min(q), p.max(q)], rises: p < q });
         }
     }
     edges.sort_unstable();
-    edges.chunk_by(|a, b| a == b).filter(|run| run.len() != 2).count()
+    let mut count = EdgeCount { open: 0, oriented: true };
+    for run in edges.chunk_by(|a, b| a.ends == b.ends) {
+        count.open += run.len() % 2;
+        count.oriented &= 2 * run.iter().filter(|edge| edge.rises).count() == run.len();
+    }
+    count
 }
 
 /// Where a ray meets a triangle.
@@ -347,6 +375,34 @@ mod tests {
         ] {
             assert_eq!(octahedron.contains(Vec3::new(x, y, z)), inside, "{x} {y} {z}");
         }
+    }
+
+    /// Of two cubes in one mesh that overlap, or that touch at an edge, all that lies in either is inside, also where they overlap; a
+    /// cube inside out within another is a cavity.
+    #[test]
+    fn overlapping_parts_of_a_mesh_are_one_solid() {
+        let corners: Vec<Vec3> = cube().triangles().iter().flatten().copied().collect();
+        let both = |move_by: Vec3, scale: f32, flipped: bool| {
+            let points: Vec<Vec3> =
+                corners.iter().copied().chain(corners.iter().map(|p| *p * scale + move_by)).collect();
+            let triangles: Vec<[u32; 3]> = (0..24)
+                .map(|i| if flipped && i >= 12 { [3 * i, 3 * i + 2, 3 * i + 1] } else { [3 * i, 3 * i + 1, 3 * i + 2] })
+                .collect();
+            Shell::new(&points, &triangles).expect("two cubes")
+        };
+        let overlapping = both(Vec3::new(1.0, 0.5, 0.75), 1.0, false);
+        let inside = |shell: &Shell, x: f32| shell.contains(Vec3::new(x, 0.1, 0.2));
+        assert_eq!([-1.5, -0.5, 0.5, 1.5, 2.5].map(|x| inside(&overlapping, x)), [false, true, true, true, false]);
+        assert_eq!(overlapping.open_edges(), 0);
+        // They share the edge at x = 1, z = 1.
+        let touching = both(Vec3::new(2.0, 0.0, 2.0), 1.0, false);
+        assert_eq!((touching.open_edges(), touching.contains(Vec3::new(2.0, 0.1, 2.2))), (0, true));
+        assert!(!touching.contains(Vec3::new(2.0, 0.1, 0.2)));
+        let hollow = both(Vec3::ZERO, 0.5, true);
+        assert_eq!([-0.75, 0.0, 0.75].map(|x| inside(&hollow, x)), [true, false, true]);
+        // A cube beside it that is inside out is as solid.
+        let apart = both(Vec3::new(3.0, 0.0, 0.0), 1.0, true);
+        assert_eq!([0.0, 1.5, 3.0].map(|x| inside(&apart, x)), [true, false, true]);
     }
 
     /// The cube without its last faces: with at most two of six open its inside still counts as inside.
