@@ -453,6 +453,19 @@ fn trees_round_solids_grow_at_any_height_of_the_terrain() {
     );
 }
 
+/// Trees round solids grow on the mesh of the terrain, not on the heights that it leaves out: the valley between two triangles is
+/// filled by the heights between their corners, 2.3 m deep where the tree stands.
+#[test]
+fn trees_round_solids_grow_on_the_terrain_that_is_shown() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = "[terrain]\nsize = 20\namplitude = 0\nsubdivisions = 3\nstride = 8\ncorners = [6, 0, 0, 6]\n\
+        [plants.a]\nspecies = \"oak\"\nage = 9\n[plants.a.site]\nsolids = true\n[[place]]\nat = [1.5, 0, 1]\n\
+        [[solid]]\nname = \"wall\"\nat = [4, 0, 2]\nsize = [0.3, 4, 8]\n";
+    let stage = grown::stage(&recipe(dir.path(), text), SceneOptions::default());
+    let points = &stage.animated.scene.assets[0].meshes[0].mesh.points;
+    assert!(points.len() > 500 && points.iter().any(|p| p.y > 1.5), "{}", points.len());
+}
+
 #[test]
 fn a_new_folder_holds_what_its_scene_names() {
     let dir = tempfile::tempdir().expect("dir");

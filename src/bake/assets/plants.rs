@@ -16,7 +16,7 @@ use crate::bake::assets::rigged_plant::build_rigged_plant;
 use crate::bake::assets::seasons::add_season_materials;
 use crate::bake::assets::shape_growth::grows_round_solids;
 use crate::bake::assets::species_growth::{grow_species, needs_solids, shared_individuals};
-use crate::bake::assets::terrain::terrain_solid;
+use crate::bake::assets::terrain::shown_terrain_solid;
 use crate::bake::motion::AssetMotion;
 use crate::bake::motion::growth::{GrowthClip, GrowthMotion};
 use crate::bake::motion::rain::PlantInRain;
@@ -173,7 +173,7 @@ fn growth_solids(recipe: &Recipe, layout: &PlantLayout, terrain: Option<&Terrain
         |s: &SolidRecipe| Ok(Solid { name: s.keys.name.clone(), form: solid_form(s)?, humidity: s.keys.humidity });
     let mut solids = recipe.solids.iter().map(solid).collect::<Result<Vec<Solid>>>()?;
     // The terrain is the ground in which such plants stand; no solid of a scene is without a name.
-    let land = terrain.and_then(terrain_solid).map(|land| Form::Land(Arc::new(land)));
+    let land = terrain.and_then(shown_terrain_solid).map(|land| Form::Land(Arc::new(land)));
     solids.extend(land.map(|form| Solid { name: String::new(), form, humidity: 0.0 }));
     report.into_result(solids).map(|r| r.0)
 }

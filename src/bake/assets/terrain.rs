@@ -106,18 +106,7 @@ fn generate_terrain(keys: &TerrainKeys, seed: u64) -> Result<Terrain> {
     })
 }
 
-/// All heights of a terrain as a solid, for growth; `None` if the grid cannot form a surface.
-pub(crate) fn terrain_solid(terrain: &Terrain) -> Option<LandForm> {
-    LandForm::over(LandGrid {
-        counts: terrain.counts,
-        width: terrain.size[0],
-        center: Vec2::from_array(terrain.center),
-        heights: terrain.heights.clone(),
-        diagonal: CellDiagonal::Main,
-    })
-}
-
-/// A terrain as its mesh shows it, as a solid on which seeds come to rest and over which wind blows: the heights at intervals of
+/// A terrain as its mesh shows it, as a solid on which seeds come to rest, trees grow and wind blows: the heights at intervals of
 /// its stride, cells divided as in the mesh. Of an artist's mesh the samples. `None` if the grid cannot form a surface.
 pub(crate) fn shown_terrain_solid(terrain: &Terrain) -> Option<LandForm> {
     let stride = terrain.stride.max(1);
