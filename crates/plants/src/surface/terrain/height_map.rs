@@ -23,8 +23,9 @@ pub struct HeightMapParams {
 
 impl Terrain {
     /// Terrain from a height map. `heights`: m, rows from -z to +z, in each from -x to +x.
-    /// With a `stride` n samples become round((n - 1) / stride) + 1 heights at equal distances, linear between samples; cells
-    /// stay square within one cell of the length along z.
+    /// With a `stride` the n samples along x become round((n - 1) / stride) + 1 heights at equal distances, linear between samples.
+    /// Cells stay square: as many rows at this distance as fit into the map, in its middle, so that the land ends less than a cell
+    /// short of it along z where the stride does not divide both sides.
     /// # Errors
     /// `Range` for fewer than two samples along a side, another number of heights than the counts give, or no positive width.
     pub fn from_height_map(heights: &[f32], params: &HeightMapParams) -> Result<Self> {
@@ -34,20 +35,27 @@ impl Terrain {
             let (name, value) = ("terrain: number of heights".to_owned(), heights.len() as f64);
             return Err(Error::Range { name, value, min: 4.0, max: 1e9, unit: "samples" });
         }
-        let depth = params.width * ((rows - 1) as f32 / (columns - 1) as f32);
-        // Fewer heights at equal distances: rows first, then the columns of each.
         let stride = params.stride.max(1) as usize;
-        let kept = params.counts.map(|n| ((n - 1 + stride / 2) / stride).max(1) + 1);
+        // Cells along x and along z, at least one. Their sides are (columns - 1) / across samples.
+        let across = ((columns - 1 + stride / 2) / stride).max((columns - 1).div_ceil(rows - 1));
+        let along = (rows - 1) * across / (columns - 1);
+        let kept = [across + 1, along + 1];
+        // What is left of the map along z, in samples times `across`: half of it lies before the first row.
+        let rest = (rows - 1) * across - along * (columns - 1);
+        // Depth over width: that of the map if nothing is left.
+        let [z, x] = if rest == 0 { [rows - 1, columns - 1] } else { [along, across] };
+        let depth = params.width * (z as f32 / x as f32);
+        // Fewer heights at equal distances: rows first, then the columns of each.
         let heights = if stride == 1 {
             heights.to_vec()
         } else {
             let row = |j: usize| &heights[j * columns..(j + 1) * columns];
             let mut out = Vec::with_capacity(kept[0] * kept[1]);
             for j in 0..kept[1] {
-                let (j, g) = place_between(j, kept[1], rows);
+                let (j, g) = place_between(rest + 2 * j * (columns - 1), 2 * across, rows);
                 let (low, high) = (row(j), row(j + 1));
                 out.extend((0..kept[0]).map(|i| {
-                    let (i, f) = place_between(i, kept[0], columns);
+                    let (i, f) = place_between(i * (columns - 1), across, columns);
                     lerp(lerp(low[i], low[i + 1], f), lerp(high[i], high[i + 1], f), g)
                 }));
             }
@@ -70,11 +78,11 @@ impl Terrain {
     }
 }
 
-/// The sample before entry `i` of `kept` equally spaced ones over `count` samples, and the position from it to the next, 0 to 1.
-fn place_between(i: usize, kept: usize, count: usize) -> (usize, f32) {
+/// The sample before the place `part / whole`, of `count` samples, and the position from it to the next, 0 to 1.
+fn place_between(part: usize, whole: usize, count: usize) -> (usize, f32) {
     // In whole numbers, so that the last entry falls exactly on the last sample.
-    let (whole, rest) = (i * (count - 1) / (kept - 1), i * (count - 1) % (kept - 1));
-    if whole + 1 < count { (whole, rest as f32 / (kept - 1) as f32) } else { (count - 2, 1.0) }
+    let (before, rest) = (part / whole, part % whole);
+    if before + 1 < count { (before, rest as f32 / whole as f32) } else { (count - 2, 1.0) }
 }
 
 #[cfg(test)]
@@ -106,17 +114,23 @@ mod tests {
         let flat = Terrain::from_height_map(&hill(121, 81), &HeightMapParams { floor: Some(2.0), ..params([121, 81]) });
         assert!((flat.expect("land").height_at(-20.0, -20.0) - 2.0).abs() < 1e-6);
         assert!(Terrain::from_height_map(&[0.0; 7], &params([4, 2])).is_err());
+        // A strip of two rows keeps its depth, whatever the stride.
+        let strip = Terrain::from_height_map(&hill(121, 2), &HeightMapParams { stride: 64, ..params([121, 2]) });
+        let strip = strip.expect("land");
+        assert_eq!(strip.counts, [121, 2]);
+        assert!((strip.size[1] - 0.5).abs() < 1e-6, "{:?}", strip.size);
     }
 
     #[test]
     fn half_the_resolution_agrees() {
         // Halving the map moves no height by more than c^2 / 8 of the greatest curvature in the cell, c its diagonal: here 0.18
-        // m at 2 m between heights. The last row and column stay at the border, whatever the count.
+        // m at 2 m between heights. The last column stays at the border, whatever the count.
         for counts in [[61, 41], [62, 40]] {
             let full = Terrain::from_height_map(&hill(counts[0], counts[1]), &params(counts)).expect("land");
             let half = HeightMapParams { stride: 2, ..params(counts) };
             let half = Terrain::from_height_map(&hill(counts[0], counts[1]), &half).expect("land");
             assert!(half.counts[0] < 33 && half.size[0].to_bits() == full.size[0].to_bits());
+            assert!((half.size[1] / (half.counts[1] - 1) as f32 - half.cell()).abs() < 1e-5, "{:?}", half.size);
             let mut worst = 0.0_f32;
             for k in 0..400_u16 {
                 let (x, z) = (f32::from(k % 20) * 3.0 - 22.0, f32::from(k / 20) * 1.9 - 22.0);
