@@ -96,11 +96,14 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         for (statistics, values) in all.maps.last_mut().into_iter().flatten().zip(&maps) {
             statistics.add(values);
         }
-        all.outcome = scene
-            .tables
-            .iter()
-            .flat_map(|t| t.outcome.iter().filter_map(|c| Some(t.columns.get(*c)?.0.clone())))
-            .collect();
+        // Values may add columns: a wavy ground is a solid of its own.
+        let outcome =
+            scene.tables.iter().flat_map(|t| t.outcome.iter().filter_map(|c| Some(t.columns.get(*c)?.0.clone())));
+        for name in outcome {
+            if !all.outcome.contains(&name) {
+                all.outcome.push(name);
+            }
+        }
         all.runs.push(Run { values: planned.values, seed: recipe.general.seed, hash: recipe.hash.clone(), whole });
     }
     display.done();
@@ -215,7 +218,7 @@ fn print_means(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
             // One run has no deviation.
             if m.count > 1 { format!("{:.0} ± {:.0}", s.mean, s.deviation) } else { format!("{:.0}", s.mean) }
         };
-        let numbers = m.outcome.iter().map(with_spread);
+        let numbers = m.outcome.iter().map(|s| s.as_ref().map_or_else(|| "-".to_owned(), with_spread));
         m.values.iter().cloned().chain([m.count.to_string()]).chain(numbers).collect()
     }));
     // Columns are right-aligned to their widest cell, headings included.

@@ -15,7 +15,7 @@
 //!     runs: vec![run(1, 10.0), run(2, 14.0)],
 //!     ..Sweep::default()
 //! };
-//! let exited = sweep.means()[0].outcome[0];
+//! let exited = sweep.means()[0].outcome[0].expect("a column of the run");
 //! assert_eq!([exited.mean, exited.least, exited.most], [12.0, 10.0, 14.0], "over the seeds");
 //! ```
 

@@ -146,7 +146,8 @@ fn draw_panel(out: &mut String, top: f64, panel: &PlotPanel, axis: &PlotAxis) {
         v += grid;
     }
     // Labels of the common axis below the panel.
-    for (at, text) in &axis.ticks {
+    let in_panel = |at: f64| (LEFT - 1.0..=right + 1.0).contains(&scale.x(at));
+    for (at, text) in axis.ticks.iter().filter(|tick| in_panel(tick.0)) {
         let (x, y, text) = (scale.x(*at), top + PANEL_HEIGHT + 16.0, escape_xml(text));
         let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{text}</text>");
     }
@@ -161,6 +162,10 @@ fn draw_panel(out: &mut String, top: f64, panel: &PlotPanel, axis: &PlotAxis) {
 }
 
 fn draw_line(out: &mut String, scale: &PanelScale, k: usize, line: &PlotLine) {
+    // A line without points keeps its colour for the other panels.
+    if line.points.is_empty() {
+        return;
+    }
     let color = COLORS[k % COLORS.len()];
     for ([x, _], [least, most]) in line.points.iter().zip(&line.spread) {
         let (x, low, high) = (scale.x(*x), scale.y(*least), scale.y(*most));

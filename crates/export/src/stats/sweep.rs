@@ -47,8 +47,8 @@ pub struct Mean {
     pub values: Vec<String>,
     /// Number of runs over which the mean is taken, at least 1.
     pub count: usize,
-    /// For each of [`Sweep::outcome`], in its order.
-    pub outcome: Vec<Spread>,
+    /// For each of [`Sweep::outcome`], in its order; `None` for a column that the runs do not have.
+    pub outcome: Vec<Option<Spread>>,
 }
 
 /// A quantity over runs that differ in their seeds only.
@@ -81,10 +81,10 @@ impl Spread {
 }
 
 impl Run {
-    /// The total of a column that counts events, or the value of another column at the last frame.
-    fn outcome(&self, name: &str) -> f64 {
-        let all = self.whole.totals.iter().chain(&self.whole.last);
-        all.filter(|c| c.0 == name).map(|c| c.1).next().unwrap_or(0.0)
+    /// The total of a column that counts events, or the value of another column at the last frame; `None` without the column.
+    fn outcome(&self, name: &str) -> Option<f64> {
+        let mut all = self.whole.totals.iter().chain(&self.whole.last);
+        all.find(|c| c.0 == name).map(|c| c.1)
     }
 
     fn numbers(&self) -> impl Iterator<Item = (String, f64)> + '_ {
@@ -109,7 +109,10 @@ impl Sweep {
     /// Means over the seeds, in the order of the first runs of each choice of values.
     pub fn means(&self) -> Vec<Mean> {
         let mean = |group: &Vec<&Run>| {
-            let of = |name: &String| Spread::of(&group.iter().map(|r| r.outcome(name)).collect::<Vec<_>>());
+            let of = |name: &String| {
+                let values: Vec<f64> = group.iter().filter_map(|r| r.outcome(name)).collect();
+                (!values.is_empty()).then(|| Spread::of(&values))
+            };
             Mean { values: group[0].values.clone(), count: group.len(), outcome: self.outcome.iter().map(of).collect() }
         };
         self.groups().iter().map(mean).collect()
@@ -207,8 +210,10 @@ impl Sweep {
         let mean = |m: &Mean| {
             let spread =
                 |s: &Spread| json!({ "mean": s.mean, "least": s.least, "most": s.most, "deviation": s.deviation });
+            // A column that the runs do not have is null.
             let names = self.outcome.iter().cloned();
-            let outcome: Map<String, Value> = names.zip(m.outcome.iter().map(spread)).collect();
+            let outcome: Map<String, Value> =
+                names.zip(m.outcome.iter().map(|s| s.as_ref().map_or(Value::Null, spread))).collect();
             json!({ "values": values(&m.values), "runs": m.count, "outcome": outcome })
         };
         json!({
@@ -242,14 +247,12 @@ impl Sweep {
                 those.sort_by(|a, b| position(a).total_cmp(&position(b)));
                 let keys = self.keys.iter().skip(1).map(|k| k.rsplit('.').next().unwrap_or(k));
                 let label: Vec<String> = keys.zip(*rest).map(|(k, v)| format!("{k} {v}")).collect();
+                // Choices without the column have no point.
+                let known: Vec<(&Mean, Spread)> = those.iter().filter_map(|m| Some((*m, m.outcome[i]?))).collect();
                 PlotLine {
                     label: label.join(", "),
-                    points: those.iter().map(|m| [position(m), m.outcome[i].mean]).collect(),
-                    spread: those
-                        .iter()
-                        .filter(|m| m.count > 1)
-                        .map(|m| [m.outcome[i].least, m.outcome[i].most])
-                        .collect(),
+                    points: known.iter().map(|(m, s)| [position(m), s.mean]).collect(),
+                    spread: known.iter().filter(|(m, _)| m.count > 1).map(|(_, s)| [s.least, s.most]).collect(),
                 }
             };
             PlotPanel { name: name.replace('_', " "), lines: others.iter().map(line).collect() }
@@ -306,7 +309,8 @@ mod tests {
         assert_eq!(means.iter().map(|m| m.count).collect::<Vec<_>>(), [2, 1, 1]);
         let spread = |mean, least, most, deviation| Spread { mean, least, most, deviation };
         // Two values 4 apart: each 2 from the mean, and the sum of squares 8 over n - 1 = 1.
-        assert_eq!(means[0].outcome, [spread(12.0, 10.0, 14.0, 8.0_f64.sqrt()), spread(2.0, 2.0, 2.0, 0.0)]);
+        let wanted = [spread(12.0, 10.0, 14.0, 8.0_f64.sqrt()), spread(2.0, 2.0, 2.0, 0.0)];
+        assert_eq!(means[0].outcome, wanted.map(Some));
     }
 
     #[test]
@@ -350,6 +354,21 @@ mod tests {
         let lines: Vec<&str> = text.lines().collect();
         assert!(lines[0].ends_with(",at_land,at_land_deviation") && lines[1].ends_with(",,"), "{text}");
         assert_eq!(lines[2], "0.5,0.5,1,2,0,20,0,10,0,7,0");
+    }
+
+    /// What a run does not have is null and has no point, not 0.
+    #[test]
+    fn columns_that_runs_lack_are_null() {
+        let mut sweep = sweep();
+        sweep.outcome.push("at_land".into());
+        sweep.runs[2].whole.last.insert(0, ("at_land".into(), 7.0));
+        let means = sweep.json()["means"].clone();
+        let of = |choice: usize| means[choice]["outcome"]["at_land"].clone();
+        assert_eq!((of(0), of(1)["mean"].as_f64(), of(2)), (Value::Null, Some(7.0), Value::Null));
+        assert_eq!(means[0]["outcome"]["exited"]["mean"], 12.0);
+        // The panel of the new column has one point, and no line for the humidity that lacks it.
+        let lines = |text: &str| text.matches("<polyline").count();
+        assert_eq!(lines(&sweep.svg()), 5);
     }
 
     /// Two panels; a line for each humidity, from the lowest wall to the highest, with the spread of the seeds.
