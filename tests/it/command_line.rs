@@ -91,6 +91,7 @@ fn strict_ends_with_3_after_writing_everything() {
     assert_eq!(fs::read(lax).expect("lax"), fs::read(strict).expect("strict"));
     ends(3, &[&["check", arg(&grammar), "--strict"], &SMALL[..]].concat());
     ends(0, &["check", SCENE, "--strict"]);
+    ends(0, &["check", "meadow", "--strict"]);
 }
 
 #[test]
