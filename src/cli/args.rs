@@ -270,7 +270,7 @@ pub struct List {
     #[arg(value_enum, default_value = "presets")]
     pub what: What,
     /// With `options`: only keys in whose name, table or help each of these begins a word. With `knobs`: the scene or grammar. With
-    /// `entries`: the files.
+    /// `entries`: the files. With `codes`: codes, or the letters with which they begin.
     #[arg(value_name = "WORD")]
     pub words: Vec<String>,
     /// With `presets`: also draw a small picture of each into this folder.

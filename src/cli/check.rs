@@ -56,9 +56,9 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
         let about = format!("number of L-systems in \"{}\"", visible(file));
         match context.limits.check("entries", entries.len() as u64, &about) {
             Ok(()) => files.extend(entries.into_iter().map(|e| (e, None))),
-            Err(Error::Limit { name, wanted, limit, flag }) => {
-                let flag = format!("{flag}, or check one of them: \"{}\"", entries.first().map_or("", |e| e.as_str()));
-                files.push((file.clone(), Some(Error::Limit { name, wanted, limit, flag })));
+            Err(Error::Limit { name, wanted, limit, flag, .. }) => {
+                let help = format!("check one of them: \"{}\"", entries.first().map_or("", |e| e.as_str()));
+                files.push((file.clone(), Some(Error::Limit { name, wanted, limit, flag, help })));
             }
             Err(other) => return Err(other),
         }

@@ -41,8 +41,20 @@ pub fn run(context: &Context, args: &Convert) -> Result<u8> {
         }
         return Ok(context.strict(warned));
     };
-    let files = if context.common.dry_run { Vec::new() } else { write(context, args, output, &converted.text)? };
     let path = output.display().to_string();
+    // A dry run tells the file that would be written.
+    let files = if context.common.dry_run {
+        let blake3 = blake3::hash(converted.text.as_bytes()).to_hex().to_string();
+        vec![FileRecord {
+            path: path.clone(),
+            kind: "grammar",
+            frame: None,
+            bytes: converted.text.len() as u64,
+            blake3,
+        }]
+    } else {
+        write(context, args, output, &converted.text)?
+    };
     if context.console.json {
         let row = |f: &FileRecord| json!({ "path": path, "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
         let files: Vec<Value> = files.iter().map(row).collect();

@@ -12,7 +12,7 @@ use crate::recipe::{KeyInfo, TableInfo, options};
 use crate::single_file::endings;
 use crate::source::entry_sources;
 use osier_base::Result;
-use osier_base::diagnostic::codes::CODES;
+use osier_base::diagnostic::codes::{CODES, Code};
 use osier_base::diagnostic::{Severity, visible};
 use osier_base::limits::{LIMITS, grouped};
 use osier_export::registry;
@@ -55,8 +55,9 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         (What::Options, true) => format!("{:#}\n", options_json(&tables)),
         (What::Species, false) => preset_list::species_text(),
         (What::Formats, false) => formats_text(),
-        (What::Codes, false) => codes_text(),
+        (What::Codes, false) => codes_text(&args.words),
         (What::Limits, false) => limits_text(context),
+        (What::Codes, true) => format!("{:#}\n", codes_json(&args.words)),
         (what, true) => format!("{:#}\n", as_json(context, what)),
     };
     context.console.result(&text)?;
@@ -92,11 +93,15 @@ fn misplaced(args: &List) -> Option<String> {
             Some("name a scene, grammar or preset: osier list knobs oak".to_owned())
         }
         What::Entries if args.words.is_empty() => Some("name a file of L-systems: osier list FILE.l".to_owned()),
+        What::Codes => {
+            let unknown = args.words.iter().find(|word| !CODES.iter().any(|c| begins_with(c, word)))?;
+            Some(format!("no code begins with \"{unknown}\"; `osier list codes` lists all codes"))
+        }
         What::Knobs | What::Entries => None,
         _ if args.words.is_empty() => None,
         _ => {
             let words = quoted(&args.words);
-            Some(format!("only `list options`, `list knobs` and `list entries` take words, here {words}"))
+            Some(format!("only `list options`, `list knobs`, `list entries` and `list codes` take words, here {words}"))
         }
     }
 }
@@ -158,9 +163,27 @@ fn formats_text() -> String {
     out
 }
 
-fn codes_text() -> String {
-    let word = |s| if s == Severity::Error { "error" } else { "warning" };
-    CODES.iter().map(|c| format!("{}  {:7}  {}\n", c.code, word(c.severity), c.summary)).collect()
+/// Codes that begin with one of the words, in either case; all without words.
+fn matching_codes(words: &[String]) -> impl Iterator<Item = &'static Code> {
+    CODES.iter().filter(move |c| words.is_empty() || words.iter().any(|word| begins_with(c, word)))
+}
+
+fn begins_with(code: &Code, word: &str) -> bool {
+    code.code.starts_with(&word.to_ascii_uppercase())
+}
+
+fn severity_word(severity: Severity) -> &'static str {
+    if severity == Severity::Error { "error" } else { "warning" }
+}
+
+fn codes_text(words: &[String]) -> String {
+    matching_codes(words).map(|c| format!("{}  {:7}  {}\n", c.code, severity_word(c.severity), c.summary)).collect()
+}
+
+fn codes_json(words: &[String]) -> serde_json::Value {
+    matching_codes(words)
+        .map(|c| json!({ "code": c.code, "severity": severity_word(c.severity), "summary": c.summary }))
+        .collect()
 }
 
 fn limits_text(context: &Context) -> String {
@@ -196,16 +219,9 @@ fn options_json(tables: &[TableInfo]) -> serde_json::Value {
 fn as_json(context: &Context, what: What) -> serde_json::Value {
     match what {
         // The caller makes the JSON of these kinds.
-        What::Presets | What::Options | What::Knobs | What::Entries => serde_json::Value::Null,
+        What::Presets | What::Options | What::Knobs | What::Entries | What::Codes => serde_json::Value::Null,
         What::Species => preset_list::species_json(),
         What::Formats => registry::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),
-        What::Codes => {
-            let word = |s| if s == Severity::Error { "error" } else { "warning" };
-            CODES
-                .iter()
-                .map(|c| json!({ "code": c.code, "severity": word(c.severity), "summary": c.summary }))
-                .collect()
-        }
         What::Limits => {
             let row = |l: &osier_base::limits::Limit| json!({ "name": l.name, "default": l.default, "value": context.limits.get(l.name), "counts": l.counts });
             LIMITS.iter().map(row).collect()

@@ -108,7 +108,13 @@ pub(super) fn watch(limits: &Limits) -> std::result::Result<MemoryWatch, Error> 
 
 fn limit_error(bytes: u64, most: u64) -> Error {
     let name = "memory in use, in bytes,".into();
-    Error::Limit { name, wanted: grouped(bytes), limit: grouped(most), flag: "--max-memory".into() }
+    Error::Limit {
+        name,
+        wanted: grouped(bytes),
+        limit: grouped(most),
+        flag: "--max-memory".into(),
+        help: String::new(),
+    }
 }
 
 /// Resident memory of the process in bytes; `None` where the system does not report it.

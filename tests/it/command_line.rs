@@ -91,6 +91,7 @@ fn strict_ends_with_3_after_writing_everything() {
     assert_eq!(fs::read(lax).expect("lax"), fs::read(strict).expect("strict"));
     ends(3, &[&["check", arg(&grammar), "--strict"], &SMALL[..]].concat());
     ends(0, &["check", SCENE, "--strict"]);
+    ends(0, &["check", "meadow", "--strict"]);
 }
 
 #[test]
@@ -125,7 +126,9 @@ fn standard_output_holds_results_and_nothing_else() {
     assert_eq!(json(&["new", arg(&new), "--from", "koch"])["files"].as_array().map(Vec::len), Some(2));
     assert_eq!(json(&["check", SCENE, SCENE]).as_array().map(Vec::len), Some(2));
     let grammar = dir.path().join("sprig.l");
-    assert_eq!(json(&["convert", GRAMMAR, "-o", arg(&grammar)])["files"][0]["path"], arg(&grammar));
+    let planned = json(&["convert", GRAMMAR, "-n", "-o", arg(&grammar)]);
+    assert!(!grammar.exists() && planned["files"][0]["path"] == arg(&grammar), "{planned}");
+    assert_eq!(json(&["convert", GRAMMAR, "-o", arg(&grammar)]), planned);
     let text = fs::read_to_string(&grammar).expect("grammar");
     assert_eq!(json(&["convert", GRAMMAR])["text"], text.as_str());
     for what in ["presets", "options", "formats", "codes", "limits"] {

@@ -214,6 +214,13 @@ fn presets_say_what_they_are_and_show() {
     assert_eq!((&meadow["frames"], &meadow["plants"]), (&120.into(), &serde_json::json!(["grass"])));
     assert!(["wind", "copies"].iter().all(|w| meadow["shows"].as_array().is_some_and(|s| s.contains(&(*w).into()))));
     ends(2, &["list", "codes", "--thumbnails", "x"]);
+    // Codes by name or by their letter, in either case.
+    let (one, _) = ends(0, &["list", "codes", "X003"]);
+    assert!(one.starts_with("X003  ") && one.lines().count() == 1, "{one}");
+    let (letter, _) = ends(0, &["list", "codes", "x"]);
+    assert!(letter.lines().count() > 10 && letter.lines().all(|line| line.starts_with('X')), "{letter}");
+    assert!(ends(2, &["list", "codes", "X999"]).1.contains("no code begins with \"X999\""));
+    assert!(ends(2, &["list", "limits", "x"]).1.contains("take words"));
 }
 
 #[test]

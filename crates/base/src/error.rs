@@ -35,7 +35,7 @@ pub enum Error {
         unit: &'static str,
     },
     /// Work that would exceed a limit; refused before it starts.
-    #[error("{name} would be {wanted}, the limit is {limit}; raise it with {flag}")]
+    #[error("{name} would be {wanted}, the limit is {limit}{}", remedies(flag, help))]
     Limit {
         /// Description of the counted quantity.
         name: String,
@@ -43,8 +43,10 @@ pub enum Error {
         wanted: String,
         /// Amount in force, with separators of thousands.
         limit: String,
-        /// Flag that raises the limit, or the key to change.
+        /// Flag that raises the limit; empty for a limit that no flag raises.
         flag: String,
+        /// What helps otherwise, as a request without a full stop: "use a larger dx"; empty for nothing else.
+        help: String,
     },
     /// More things than the integer that numbers them can count.
     #[error("{count} {what} are too many; at most {limit} can be indexed")]
@@ -135,6 +137,16 @@ impl From<Diagnostic> for Error {
     }
 }
 
+/// Clause of a message about a limit: the flag that raises it and what helps otherwise, of which each may be empty.
+fn remedies(flag: &str, help: &str) -> String {
+    match (flag.is_empty(), help.is_empty()) {
+        (false, false) => format!("; raise it with {flag}, or {help}"),
+        (false, true) => format!("; raise it with {flag}"),
+        (true, false) => format!("; {help}"),
+        (true, true) => String::new(),
+    }
+}
+
 /// 1 for an absent input, 75 (EX_TEMPFAIL) for errors that may pass, 74 (EX_IOERR) for the others; see sysexits.h.
 fn io_code(action: &str, source: &std::io::Error) -> u8 {
     match source.kind() {
@@ -167,6 +179,18 @@ pub(crate) fn is_transient(source: &std::io::Error) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn limits_tell_flag_and_help() {
+        let told = |flag: &str, help: &str| {
+            let (name, wanted, limit) = ("points".into(), "9".into(), "8".into());
+            Error::Limit { name, wanted, limit, flag: flag.into(), help: help.into() }.to_string()
+        };
+        let both = "points would be 9, the limit is 8; raise it with --max-points, or use fewer";
+        assert_eq!(told("--max-points", "use fewer"), both);
+        assert_eq!(told("--max-points", ""), "points would be 9, the limit is 8; raise it with --max-points");
+        assert_eq!(told("", "use fewer"), "points would be 9, the limit is 8; use fewer");
+    }
 
     #[test]
     fn exit_codes_follow_the_table() {

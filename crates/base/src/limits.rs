@@ -119,7 +119,8 @@ impl Limits {
             return Ok(());
         }
         let wanted = grouped(wanted);
-        Err(Error::Limit { name: what.to_owned(), wanted, limit: grouped(limit), flag: format!("--max-{name}") })
+        let (flag, help) = (format!("--max-{name}"), String::new());
+        Err(Error::Limit { name: what.to_owned(), wanted, limit: grouped(limit), flag, help })
     }
 }
 

@@ -186,12 +186,13 @@ impl LatticePlan {
         if bytes > limit {
             // A loop of the whole box is large; without it catkins read a lattice that is stepped along.
             let loops = self.recorded.is_some_and(|recorded| recorded.repeats);
-            let other = if loops { ", or sway.repeat = false, or a shorter sway.loop" } else { "" };
+            let help = if loops { "set sway.repeat = false or a shorter sway.loop" } else { "" };
             return Err(Error::Limit {
                 name: "the bytes of the recorded wind".into(),
                 wanted: grouped(bytes),
                 limit: grouped(limit),
-                flag: format!("--max-wind-bytes{other}"),
+                flag: "--max-wind-bytes".into(),
+                help: help.into(),
             });
         }
         // Without a recording the solver itself refuses what does not fit.

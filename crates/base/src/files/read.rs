@@ -41,5 +41,6 @@ pub(super) fn too_long(path: &Path, limit: u64) -> Error {
         wanted: "more".into(),
         limit: format!("{} bytes", crate::limits::grouped(limit)),
         flag: "--max-text-bytes or --max-mesh-bytes".into(),
+        help: String::new(),
     }
 }

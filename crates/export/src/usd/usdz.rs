@@ -177,7 +177,8 @@ fn too_large() -> Error {
         name: "a usdz package".into(),
         wanted: "over 4 GiB".into(),
         limit: "4 GiB".into(),
-        flag: "another ending: .usdc".into(),
+        flag: String::new(),
+        help: "choose another ending: .usdc".into(),
     }
 }
 

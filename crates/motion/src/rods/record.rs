@@ -147,7 +147,8 @@ impl RodSystem {
                 name: format!("the number of substeps per frame of rod \"{}\"", clip.name),
                 wanted: format!("{wanted:.0}"),
                 limit: MAX_SUBSTEPS.to_string(),
-                flag: "integrator = \"xpbd\"".into(),
+                flag: String::new(),
+                help: "set integrator = \"xpbd\"".into(),
             });
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded above")]

@@ -65,7 +65,8 @@ fn check_counts(plant: &Plant) -> Result<()> {
                 name: format!("{name} of the plant"),
                 wanted: wanted.to_string(),
                 limit: MAX_ITEMS.to_string(),
-                flag: "fewer derivation steps or levels".into(),
+                flag: String::new(),
+                help: "use fewer derivation steps or levels".into(),
             });
         }
     }

@@ -68,8 +68,9 @@ impl LatticeMemory {
         }
         let name =
             format!("memory of the wind's lattice of {x} x {y} x {z} cells with dx = {} m, in bytes,", options.spacing);
-        let flag = "--max-memory, fewer wind.lattice.cells or a larger wind.lattice.dx".into();
-        Err(Error::Limit { name, wanted: grouped(self.total()), limit: grouped(limit), flag })
+        let flag = "--max-memory".into();
+        let help = "use fewer wind.lattice.cells or a larger wind.lattice.dx".into();
+        Err(Error::Limit { name, wanted: grouped(self.total()), limit: grouped(limit), flag, help })
     }
 }
 

@@ -91,8 +91,8 @@ impl LatticeSolver {
         let n = setup.n;
         if LatticeGrid::population_bytes(n) / 60 > u64::from(u32::MAX) {
             let (wanted, limit) = ("more than 4,294,967,295 nodes".into(), "that".into());
-            let flag = "a larger dx".into();
-            return Err(Error::Limit { name: "an array of the wind's lattice".into(), wanted, limit, flag });
+            let (flag, help) = (String::new(), "use a larger dx".into());
+            return Err(Error::Limit { name: "an array of the wind's lattice".into(), wanted, limit, flag, help });
         }
         // Solid cells. Air is enclosed if it touches no face that is open at any time.
         let grid = LatticeGrid::new(n);

@@ -67,7 +67,8 @@ fn nothing_grew(grown: &growth::GrownShapes) -> Error {
             name: "nodes of particle-shapes".into(),
             wanted: refused.predicted.to_string(),
             limit: "max_nodes".into(),
-            flag: "fewer roots, a shorter length or a larger max_nodes".into(),
+            flag: String::new(),
+            help: "set fewer roots, a shorter length or a larger max_nodes".into(),
         },
         None => {
             Error::input("S004", "no axis had room to grow: its roots are enclosed by solids or outside of its limits")

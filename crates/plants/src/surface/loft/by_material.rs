@@ -39,7 +39,8 @@ pub(super) fn append_by_material(
                 name: "points of the skin".into(),
                 wanted: format!("more than {}", options.max_points),
                 limit: options.max_points.to_string(),
-                flag: surface.remedy.into(),
+                flag: String::new(),
+                help: format!("use {}", surface.remedy),
             });
         }
     }

@@ -183,8 +183,8 @@ fn assign_ranges(
     let wanted: u64 = order.iter().map(|&(_, axis)| size(axis).0).sum();
     if wanted > options.max_points.min(u64::from(u32::MAX / 4)) {
         let limit = options.max_points.to_string();
-        let flag = "fewer sides (edge, turn) or a smaller plant".into();
-        return Err(Error::Limit { name: "points of the skin".into(), wanted: wanted.to_string(), limit, flag });
+        let (flag, help) = (String::new(), "use fewer sides (edge, turn) or a smaller plant".into());
+        return Err(Error::Limit { name: "points of the skin".into(), wanted: wanted.to_string(), limit, flag, help });
     }
     let mut layout = SkinLayout::default();
     for &(material, axis) in order {
