@@ -1,9 +1,9 @@
 //! Leaves of a plant that grows over the clip and has too many for a node each: meshes that morph from shape to shape.
 //!
-//! At evenly spaced ones of the written frames the leaves of the smallest keys among those that are alive are recorded. As many of each frame are
-//! written as the budget of bytes allows, enlarged to cover the area of all. Each run of recorded frames of a leaf is a blade of
-//! a few triangles. While its leaf is not recorded, a blade is a point at the place where the leaf appears or disappears. Blades
-//! that appear at one frame are a mesh, whose targets are only the shapes in which they are seen, and those beside them.
+//! At evenly spaced ones of the written frames the leaves of the smallest keys among those that are alive are recorded. As many of
+//! each frame are written as the budget of bytes allows, enlarged to cover the area of all. Each run of recorded frames of a leaf is
+//! a blade of a few triangles. While its leaf is not recorded, a blade is a point at the place where the leaf appears or disappears.
+//! Blades that appear at one frame are a mesh, whose targets are only the shapes in which they are seen, and those beside them.
 //!
 //! ```text
 //! frame of the clip   0     5     10    15    20
