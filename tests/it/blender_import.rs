@@ -114,7 +114,7 @@ fn pictures_are_those_of_the_preview(python: &Path, manifest: &Path, folder: &Pa
     }
 }
 
-/// The extensions read and write only what they say: the rules of the platform's repository.
+/// Blender's USD importer gives curves no material; osier's takes it from the manifest.
 #[test]
 fn hairs_have_their_material_in_blender() {
     let Some(python) = clients::python() else { return };
@@ -128,6 +128,7 @@ fn hairs_have_their_material_in_blender() {
     assert_eq!(last_line(&shown.stdout), json!([["hairs", "catkin_hair"]]));
 }
 
+/// The extensions read and write only what they say: the rules of the platform's repository.
 #[test]
 fn the_extensions_neither_evaluate_text_nor_open_connections() {
     let folders = ["osier_import", "osier"].map(|name| fs::read_dir(sources().join(name)).expect("sources"));
