@@ -19,7 +19,7 @@ PICTURES = {
         4,
         52.0,
         11.5,
-        [("oak-grown", "oak", 60, 2), ("birch-grown", "birch", 45, 1), ("beech", "beech", 60, 2), ("linden", "linden", 60, 1)],
+        [("oak-grown", "oak", 60, 2), ("birch-grown", "birch", 45, 4), ("beech", "beech", 60, 1), ("linden", "linden", 60, 1)],
     ),
 }
 # Vertical angle of view, degrees, and height of the eye, m.
