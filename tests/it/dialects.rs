@@ -216,7 +216,7 @@ fn faults_of_fractint_are_told_with_their_places() {
 }
 
 /// Segments and the end of the first axis, by hand. Axes: a step goes along +Y, left is -Z, up is -X.
-const LPARSER: [(&str, usize, [f32; 3]); 20] = [
+const LPARSER: [(&str, usize, [f32; 3]); 21] = [
     ("axis.ls", 3, [0.0, 1.0, 0.0]),
     ("square.ls", 4, [0.0, 0.0, 0.0]),
     ("koch.ls", 64, [0.0, 27.0, 0.0]),
@@ -224,6 +224,7 @@ const LPARSER: [(&str, usize, [f32; 3]); 20] = [
     ("delay.ls", 3, [0.0, 3.0, 0.0]),
     ("numbers.ls", 1, [0.0, 0.0, -1.0]),
     ("halves.ls", 3, [0.0, 1.5, 0.0]),
+    ("lengths.ls", 3, [0.0, 3.5, 0.0]), // 2.5 and 1; a gap and 1 follow
     ("leaf.ls", 1, [0.0, 1.0, 0.0]),
     ("fraction.ls", 3, [0.0, 2.5, 0.0]),
     ("keywords.ls", 8, [0.0, 4.0, 0.0]),    // F and the first F of each of 3 steps
@@ -277,6 +278,15 @@ fn widths_of_lparser_are_shares_of_the_length() {
     // Half of the length, times .7, times 2.
     assert!((plant.nodes.r[0] - 0.25).abs() < 1e-6);
     assert!((plant.nodes.r[6] - 0.35).abs() < 1e-6, "{:?}", plant.nodes.r);
+    // A half step is half as thick, and no segment is thinner than the least.
+    let radii = |text: &str| {
+        let (g, _) = read_bytes("x.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        draw_steps(&g, None).plant.nodes.r
+    };
+    let halved = radii("1\n45\n40\nZ\n@\n");
+    assert!((halved[0] - 0.1).abs() < 1e-6, "{halved:?}");
+    let least = radii("recursion 1\nangle 45\nthickness 40\nmin_thickness 30\naxiom F(.5)\n");
+    assert!((least[0] - 0.15).abs() < 1e-6, "{least:?}");
     let thin = draw("lparser/keywords.ls", "").plant;
     assert!((thin.nodes.r[0] - 0.04).abs() < 1e-6);
     assert_eq!(read("lparser/keywords.ls", "").palette(), [(1, [90, 60, 30]), (2, [40, 160, 60])]);
@@ -292,6 +302,24 @@ fn widths_of_lparser_are_shares_of_the_length() {
     let (grown, length) = (draw("lparser/spiral.ls", ""), |p: &Plant| p.axes[0].length);
     // 1/.9 to the power 0, 1, .. 19, summed: (q^20 - 1) / (q - 1).
     assert!((length(&grown.plant) - 65.026).abs() < 0.01, "{}", length(&grown.plant));
+}
+
+#[test]
+fn lengths_of_lparser_are_percent_of_a_step_in_files_of_bare_lines() {
+    // The same drawing in both forms; also where commands spell the arrow of cpfg.
+    let old = "2\n30\n10\nA\nA=F[--->F(40)][z(150)F]A\n@\n";
+    let new = "recursion 2\nangle 30\nthickness 10\naxiom A\nrule A = F[--->F(.4)][z(1.5)F]A\n";
+    let nodes = |text: &str| {
+        let (g, _) = read_bytes("x.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        assert_eq!(g.notation(), Notation::LParser);
+        for to in [ConvertTo::Osier, ConvertTo::Cpfg] {
+            assert!(converts(&g, to, "lengths"));
+        }
+        draw_steps(&g, None).plant.nodes.p
+    };
+    let (a, b) = (nodes(old), nodes(new));
+    assert_eq!(a.len(), 11);
+    assert!(a.iter().zip(&b).all(|(p, q)| (*p - *q).length() < 1e-6), "{a:?} {b:?}");
 }
 
 #[test]

@@ -522,16 +522,17 @@ impl Turtle<'_> {
         }
     }
 
-    /// A step of LParser. The number is its length; without one it is `share` of the present length. If the file asks for a
-    /// fractional number of steps, segments made by the last step are shortened to that fraction.
+    /// A step of LParser. The number is its length, in units of the file; without one it is `share` of the present length. If the
+    /// file asks for a fractional number of steps, segments made by the last step are shortened to that fraction.
     fn lparser_step(&mut self, given: Option<f64>, share: f64, draws: bool, adds_vertex: bool, m: Module<'_>) {
         self.close_segment();
         let DialectState { length, thickness, .. } = self.s.dialect;
         let settings = self.dialect.settings;
         let fraction = settings.fraction.filter(|_| m.birth == self.dialect.last_step).unwrap_or(1.0);
-        let step = given.unwrap_or(share * length) * fraction;
+        let step = given.map_or(share * length, |x| x / settings.unit.unwrap_or(1.0)) * fraction;
         if draws {
-            self.set_width(thickness.max(settings.min_thickness) * length);
+            // Half steps are half as thick.
+            self.set_width((thickness * step.abs()).max(settings.min_thickness));
         }
         self.step(step, m, draws, adds_vertex);
     }
