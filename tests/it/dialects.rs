@@ -211,6 +211,10 @@ fn faults_of_fractint_are_told_with_their_places() {
     let (_, warnings) = read_bytes("a.l", limits.as_bytes(), ReadAs::default()).expect("read");
     assert_eq!(warnings.matches("warning[L060]").count(), 2, "{warnings}");
     assert!(refused("a.l", "A {\n Axiom F\n}\n").contains("no angle"));
+    // A brace behind an item is a fault of its line, and begins no entry.
+    let text = of(" Angle 6 {");
+    assert!(text.contains("unexpected '{'") && text.contains("a.l:"), "{text}");
+    assert_eq!(entries("a.l", b"A {\n Angle 6 { ; six\n Axiom F\n}\nF {\n Angle 4\n Axiom F\n}\n"), ["A", "F"]);
     let several = refused("a.l", "Aa { Angle 4\nAxiom F\n}\nBb { Angle 4\nAxiom G\n}\n");
     assert!(several.contains("2 L-systems: Aa, Bb") && several.contains("a.l#Aa"), "{several}");
 }
