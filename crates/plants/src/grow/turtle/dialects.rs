@@ -695,8 +695,9 @@ fn world(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, z, -y)
 }
 
-/// Gives all lines of a drawing in the plane one diameter that suits a picture of the whole.
+/// Gives all lines of a drawing in the plane one diameter that suits a picture of the whole, and marks them as lines of a drawing.
 pub(super) fn set_line_radius(plant: &mut Plant) {
+    plant.lines = true;
     let extent = largest_side(plant);
     let mut steps: Vec<f32> = plant.nodes.s.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 0.0).collect();
     steps.sort_unstable_by(f32::total_cmp);
