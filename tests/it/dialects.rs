@@ -343,6 +343,27 @@ fn random_turns_of_lparser_belong_to_their_modules() {
 }
 
 #[test]
+fn models_of_early_versions_of_l_py_are_read() {
+    // `#` set the width; behind anything else it begins a comment.
+    let model = |axiom: &str| format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");
+    let of = |axiom: &str| read_bytes("m.lpy", model(axiom).as_bytes(), ReadAs::default()).expect("read").0;
+    let plant = draw_steps(&of("#(0.05)F(1) #(0.2)F"), None).plant;
+    assert_eq!((plant.nodes.p.len(), plant.nodes.r[0]), (2, 0.05));
+    // The frame is three arrows: heading, left and up, which are +Y, +Z and +X of the world.
+    let plant = draw_steps(&of("F(1)Frame(2)"), None).plant;
+    let tips: Vec<glam::Vec3> = plant.axes.iter().map(|a| plant.nodes.p[plant.nodes_of(a).end - 1]).collect();
+    for want in [[0.0, 3.0, 0.0], [0.0, 1.0, 2.0], [2.0, 1.0, 0.0]] {
+        assert!(tips.iter().any(|t| (*t - glam::Vec3::from(want)).length() < 1e-5), "{tips:?}");
+    }
+    // A string without a drawing names its symbols as the file does.
+    let g = of("UpReflexion SetWidth(2) SetWidth(3)");
+    let derived = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let (_, warnings) = grow(&g, &derived, &TurtleOptions::default(), &Limits::default()).expect("grown");
+    let told = warnings.iter().find(|d| d.code == "L037").expect("L037");
+    assert!(told.message.contains("SetWidth (2 times), UpReflection (once)"), "{}", told.message);
+}
+
+#[test]
 fn the_program_finds_out_what_a_file_is() {
     let out = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &[u8]| {

@@ -490,6 +490,9 @@ impl<'g> Writer<'g> {
         if !is_command {
             return None;
         }
+        if name == "Frame" {
+            self.notes.insert("the arrows of Frame are left out".into());
+        }
         // What the command is in the notation of cpfg, with its parameters named a, b, .. Sizes are radii here, diameters there; the
         // axes (x, y, z) become (x, z, -y). Commands that draw nothing become nothing.
         let image = move |n: usize| -> Option<String> {
