@@ -211,12 +211,16 @@ fn faults_of_fractint_are_told_with_their_places() {
     let (_, warnings) = read_bytes("a.l", limits.as_bytes(), ReadAs::default()).expect("read");
     assert_eq!(warnings.matches("warning[L060]").count(), 2, "{warnings}");
     assert!(refused("a.l", "A {\n Axiom F\n}\n").contains("no angle"));
+    // A brace behind an item is a fault of its line, and begins no entry.
+    let text = of(" Angle 6 {");
+    assert!(text.contains("unexpected '{'") && text.contains("a.l:"), "{text}");
+    assert_eq!(entries("a.l", b"A {\n Angle 6 { ; six\n Axiom F\n}\nF {\n Angle 4\n Axiom F\n}\n"), ["A", "F"]);
     let several = refused("a.l", "Aa { Angle 4\nAxiom F\n}\nBb { Angle 4\nAxiom G\n}\n");
     assert!(several.contains("2 L-systems: Aa, Bb") && several.contains("a.l#Aa"), "{several}");
 }
 
 /// Segments and the end of the first axis, by hand. Axes: a step goes along +Y, left is -Z, up is -X.
-const LPARSER: [(&str, usize, [f32; 3]); 20] = [
+const LPARSER: [(&str, usize, [f32; 3]); 21] = [
     ("axis.ls", 3, [0.0, 1.0, 0.0]),
     ("square.ls", 4, [0.0, 0.0, 0.0]),
     ("koch.ls", 64, [0.0, 27.0, 0.0]),
@@ -224,6 +228,7 @@ const LPARSER: [(&str, usize, [f32; 3]); 20] = [
     ("delay.ls", 3, [0.0, 3.0, 0.0]),
     ("numbers.ls", 1, [0.0, 0.0, -1.0]),
     ("halves.ls", 3, [0.0, 1.5, 0.0]),
+    ("lengths.ls", 3, [0.0, 3.5, 0.0]), // 2.5 and 1; a gap and 1 follow
     ("leaf.ls", 1, [0.0, 1.0, 0.0]),
     ("fraction.ls", 3, [0.0, 2.5, 0.0]),
     ("keywords.ls", 8, [0.0, 4.0, 0.0]),    // F and the first F of each of 3 steps
@@ -277,6 +282,15 @@ fn widths_of_lparser_are_shares_of_the_length() {
     // Half of the length, times .7, times 2.
     assert!((plant.nodes.r[0] - 0.25).abs() < 1e-6);
     assert!((plant.nodes.r[6] - 0.35).abs() < 1e-6, "{:?}", plant.nodes.r);
+    // A half step is half as thick, and no segment is thinner than the least.
+    let radii = |text: &str| {
+        let (g, _) = read_bytes("x.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        draw_steps(&g, None).plant.nodes.r
+    };
+    let halved = radii("1\n45\n40\nZ\n@\n");
+    assert!((halved[0] - 0.1).abs() < 1e-6, "{halved:?}");
+    let least = radii("recursion 1\nangle 45\nthickness 40\nmin_thickness 30\naxiom F(.5)\n");
+    assert!((least[0] - 0.15).abs() < 1e-6, "{least:?}");
     let thin = draw("lparser/keywords.ls", "").plant;
     assert!((thin.nodes.r[0] - 0.04).abs() < 1e-6);
     assert_eq!(read("lparser/keywords.ls", "").palette(), [(1, [90, 60, 30]), (2, [40, 160, 60])]);
@@ -295,6 +309,24 @@ fn widths_of_lparser_are_shares_of_the_length() {
 }
 
 #[test]
+fn lengths_of_lparser_are_percent_of_a_step_in_files_of_bare_lines() {
+    // The same drawing in both forms; also where commands spell the arrow of cpfg.
+    let old = "2\n30\n10\nA\nA=F[--->F(40)][z(150)F]A\n@\n";
+    let new = "recursion 2\nangle 30\nthickness 10\naxiom A\nrule A = F[--->F(.4)][z(1.5)F]A\n";
+    let nodes = |text: &str| {
+        let (g, _) = read_bytes("x.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        assert_eq!(g.notation(), Notation::LParser);
+        for to in [ConvertTo::Osier, ConvertTo::Cpfg] {
+            assert!(converts(&g, to, "lengths"));
+        }
+        draw_steps(&g, None).plant.nodes.p
+    };
+    let (a, b) = (nodes(old), nodes(new));
+    assert_eq!(a.len(), 11);
+    assert!(a.iter().zip(&b).all(|(p, q)| (*p - *q).length() < 1e-6), "{a:?} {b:?}");
+}
+
+#[test]
 fn random_turns_of_lparser_belong_to_their_modules() {
     let g = read("lparser/random.ls", "");
     let at = |steps: u32| draw_steps(&g, Some(steps)).plant;
@@ -308,6 +340,27 @@ fn random_turns_of_lparser_belong_to_their_modules() {
         grow(&g, &d, &TurtleOptions::default(), &Limits::default()).expect("drawn").0.nodes.p
     };
     assert_ne!(seeds(1), seeds(2));
+}
+
+#[test]
+fn models_of_early_versions_of_l_py_are_read() {
+    // `#` set the width; behind anything else it begins a comment.
+    let model = |axiom: &str| format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");
+    let of = |axiom: &str| read_bytes("m.lpy", model(axiom).as_bytes(), ReadAs::default()).expect("read").0;
+    let plant = draw_steps(&of("#(0.05)F(1) #(0.2)F"), None).plant;
+    assert_eq!((plant.nodes.p.len(), plant.nodes.r[0]), (2, 0.05));
+    // The frame is three arrows: heading, left and up, which are +Y, +Z and +X of the world.
+    let plant = draw_steps(&of("F(1)Frame(2)"), None).plant;
+    let tips: Vec<glam::Vec3> = plant.axes.iter().map(|a| plant.nodes.p[plant.nodes_of(a).end - 1]).collect();
+    for want in [[0.0, 3.0, 0.0], [0.0, 1.0, 2.0], [2.0, 1.0, 0.0]] {
+        assert!(tips.iter().any(|t| (*t - glam::Vec3::from(want)).length() < 1e-5), "{tips:?}");
+    }
+    // A string without a drawing names its symbols as the file does.
+    let g = of("UpReflexion SetWidth(2) SetWidth(3)");
+    let derived = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let (_, warnings) = grow(&g, &derived, &TurtleOptions::default(), &Limits::default()).expect("grown");
+    let told = warnings.iter().find(|d| d.code == "L037").expect("L037");
+    assert!(told.message.contains("SetWidth (2 times), UpReflection (once)"), "{}", told.message);
 }
 
 #[test]

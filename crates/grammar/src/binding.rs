@@ -41,8 +41,10 @@ pub struct DialectSettings {
     pub angle_deg: Option<f64>,
     /// LParser: diameter of segments as a share of their length; 1 if `None`.
     pub thickness: Option<f64>,
-    /// LParser: least diameter as a share of the length.
+    /// LParser: least diameter, as a share of the length that steps begin with.
     pub min_thickness: f64,
+    /// LParser: the number that stands for the length that steps begin with; 1 if `None`.
+    pub unit: Option<f64>,
     /// LParser: share, above 0 and below 1, of their length with which segments of the last step are drawn.
     pub fraction: Option<f64>,
 }

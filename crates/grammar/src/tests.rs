@@ -211,6 +211,10 @@ fn contexts_see_past_branches_and_hidden_symbols() {
         ("A+B", "Ignore: + -\nA < B --> X", "A+X"),
         ("A+B", "A < B --> X", "A+B"),
         ("A+FB", "Consider: AB\nA < B --> X", "A+FX"),
+        // An ignored '[' is passed, so that the context enters the branch instead of skipping it.
+        ("A+[B]C", "Ignore: +[\nA > B --> X", "X+[B]C"),
+        ("A+[B]C", "Ignore: +[\nA > C --> X", "A+[B]C"),
+        ("A[BD][C]", "Ignore: [\nA > B=]C --> X", "X[BD][C]"),
         // The predecessor is literal.
         ("Y+Z", "Ignore: +\nY+Z --> X", "X"),
         ("Y+Z", "Ignore: +\nYZ --> X", "Y+Z"),

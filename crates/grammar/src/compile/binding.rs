@@ -100,10 +100,9 @@ impl ItemParser<'_> {
         let mut cursor = TokenCursor::new(tokens, at);
         while let Some(t) = cursor.peek() {
             let name = self.word(&mut cursor);
-            let known = ["angle", "thickness", "min_thickness", "fraction"].contains(&name.as_str());
+            let known = ["angle", "thickness", "min_thickness", "unit", "fraction"].contains(&name.as_str());
             if !known || !cursor.eat('=') {
-                let help =
-                    "write: turtle: lparser angle = 20 thickness = 30 (percent) min_thickness = 1 fraction = 0.5";
+                let help = "write: turtle: lparser angle = 20 thickness = 30 (percent) min_thickness = 1 unit = 100 fraction = 0.5";
                 let message = "unexpected token after the turtle, expected 'angle = ..' or another of its numbers";
                 return self.session.error_help("L001", message.into(), t.place, help);
             }
@@ -121,6 +120,7 @@ impl ItemParser<'_> {
                 // Percent in the file become shares.
                 "thickness" => settings.thickness = Some(0.01 * value),
                 "min_thickness" => settings.min_thickness = 0.01 * value,
+                "unit" => settings.unit = Some(value).filter(|u| *u > 0.0),
                 // A share outside of 0 to 1 counts as not given.
                 _ => settings.fraction = Some(value).filter(|f| *f > 0.0 && *f < 1.0),
             }

@@ -193,7 +193,8 @@ impl<'g> Writer<'g> {
                 match (&mut number, c) {
                     (Some(text), ')') => {
                         if let Some(last) = out.last_mut() {
-                            last.args.push(text.trim().to_owned());
+                            let number = self.number_text(last.symbol, text.trim());
+                            last.args.push(number);
                         }
                         number = None;
                         continue;
@@ -212,6 +213,15 @@ impl<'g> Writer<'g> {
             out.push(TextModule { symbol: m.symbol, args: m.args.iter().map(argument).collect() });
         }
         out
+    }
+
+    /// The number of a command of LParser. For cpfg, lengths in units of the file become lengths of which a step has 1.
+    fn number_text(&self, symbol: SymbolId, text: &str) -> String {
+        let is_length = self.to == ConvertTo::Cpfg && matches!(self.c(symbol), 'F' | 'f' | 'g' | 'Z' | 'z');
+        match (self.settings.unit.filter(|_| is_length), text.parse::<f64>()) {
+            (Some(unit), Ok(length)) => format!("{}", length / unit),
+            _ => text.to_owned(),
+        }
     }
 
     /// Spellings of all symbols, and what draws them.
@@ -480,6 +490,9 @@ impl<'g> Writer<'g> {
         if !is_command {
             return None;
         }
+        if name == "Frame" {
+            self.notes.insert("the arrows of Frame are left out".into());
+        }
         // What the command is in the notation of cpfg, with its parameters named a, b, .. Sizes are radii here, diameters there; the
         // axes (x, y, z) become (x, z, -y). Commands that draw nothing become nothing.
         let image = move |n: usize| -> Option<String> {
@@ -628,6 +641,7 @@ impl<'g> Writer<'g> {
                 ("angle", settings.angle_deg),
                 ("thickness", settings.thickness.map(|t| 100.0 * t)),
                 ("min_thickness", Some(100.0 * settings.min_thickness).filter(|t| *t > 0.0)),
+                ("unit", settings.unit),
                 ("fraction", settings.fraction),
             ] {
                 if let Some(value) = value {

@@ -34,12 +34,12 @@ pub fn detect(name: &str, bytes: &[u8]) -> FileKind {
     if is_lpy(text, ending == "lpy") {
         return FileKind::Grammar(Notation::LPy);
     }
-    // A comment or title of a scene may contain an arrow.
-    if ending != "toml" && has_line(text, is_arrow_rule) {
-        return FileKind::Grammar(Notation::Cpfg);
-    }
+    // LParser before the arrow, which its commands may spell: `[--->F]`. A comment or title of a scene may contain both.
     if ending != "toml" && is_lparser(text) {
         return FileKind::Grammar(Notation::LParser);
+    }
+    if ending != "toml" && has_line(text, is_arrow_rule) {
+        return FileKind::Grammar(Notation::Cpfg);
     }
     match ending.as_str() {
         "ls" => FileKind::Grammar(Notation::LParser),

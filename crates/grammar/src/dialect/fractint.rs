@@ -62,7 +62,8 @@ fn blocks(text: &str, to_first_system: bool) -> Vec<Entry<'_>> {
     let mut title = Piece::new(0, "");
     for line in lines(text) {
         let code = line.before(';');
-        if let Some(brace) = code.text.find('{') {
+        // A brace behind an item, such as `Angle 6 {`, belongs to its line.
+        if let Some(brace) = code.text.find('{').filter(|brace| !(is_open && is_item(code.up_to(*brace)))) {
             // The name stands before the brace, or on the line before as its only text.
             let before = code.up_to(brace).trimmed();
             if to_first_system && out.last().is_some_and(Entry::is_system) {
@@ -80,6 +81,15 @@ fn blocks(text: &str, to_first_system: bool) -> Vec<Entry<'_>> {
         }
     }
     out
+}
+
+/// Whether a line begins with the angle, the axiom or a rule of an L-system.
+fn is_item(line: Piece<'_>) -> bool {
+    let (word, value) = line.first_word(&['=']);
+    let is_named = ["angle", "axiom"].iter().any(|w| word.text.eq_ignore_ascii_case(w));
+    // `F=F+F {`; an entry may be called `F`.
+    let is_rule = word.text.chars().count() == 1 && value.text.starts_with('=');
+    (is_named || is_rule) && !value.text.is_empty()
 }
 
 /// Adds a line to the last entry; false if it closes the entry.

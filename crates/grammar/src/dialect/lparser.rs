@@ -12,6 +12,9 @@ const IGNORED: [&str; 9] =
     ["mutation", "shape", "poly_limit", "switch_yz", "closed_form", "user_form", "rand", "trope", "output"];
 /// Commands of the turtle, and the characters of numbers. Any other character without a rule becomes `_`.
 const COMMANDS: &str = "+-&^<>|%$~tFZfzg.[]{}\"';:?!c()0123456789";
+/// The number that stands for the length of a step in files of bare lines; in those of keywords it is 1. Source: LParser 4 begins
+/// with steps of 100, and the same trees have leaves of `f(20)` there and of `f(.2)` in LParser 5.
+const OLD_UNIT: f64 = 100.0;
 /// Largest `recursion` (derivation length) that is accepted.
 const MAX_RECURSION: f64 = 1e6;
 
@@ -27,6 +30,8 @@ struct File<'r, 's, 't> {
     angle: Option<f64>,
     thickness: Option<f64>,
     min_thickness: f64,
+    /// Whether recursion, angle or thickness stands on a line without a keyword.
+    is_old: bool,
     axiom: Option<Vec<Piece<'t>>>,
     rules: Vec<Rule<'t>>,
     length_place: SourcePlace,
@@ -42,6 +47,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         angle: None,
         thickness: None,
         min_thickness: 0.0,
+        is_old: false,
         axiom: None,
         rules: Vec::new(),
         length_place,
@@ -109,6 +115,7 @@ impl<'t> File<'_, '_, 't> {
         if word.text.parse::<f64>().is_err() {
             return self.set_axiom(line);
         }
+        self.is_old |= self.thickness.is_none();
         if self.recursion.is_none() {
             self.recursion(line);
         } else if self.angle.is_none() {
@@ -214,6 +221,7 @@ impl<'t> File<'_, '_, 't> {
             turtle.settings.angle_deg = Some(self.angle.unwrap_or(45.0));
             turtle.settings.thickness = Some(0.01 * self.thickness.unwrap_or(100.0));
             turtle.settings.min_thickness = 0.01 * self.min_thickness;
+            turtle.settings.unit = self.is_old.then_some(OLD_UNIT);
             turtle.settings.fraction = Some(fraction).filter(|f| *f > 0.0);
         }
         self.reader.axiom(axiom);

@@ -142,6 +142,12 @@ fn description(text: &str) -> String {
     line.trim().lines().next().unwrap_or("").trim_matches(['#', '-', '=', ' ']).to_owned()
 }
 
+/// Whether a text ends with the heading of an axiom, with nothing behind it.
+fn begins_axiom(text: &[u8]) -> bool {
+    let line = text.rsplit(|b| matches!(b, b'\n' | b'\r')).next().unwrap_or_default();
+    line.trim_ascii().strip_suffix(b":").is_some_and(|word| word.trim_ascii().eq_ignore_ascii_case(b"axiom"))
+}
+
 /// The text with comments, texts in triple quotes, line ends within parentheses and line ends behind a backslash replaced by
 /// blanks, so that all offsets stay.
 fn without_comments(text: &str) -> String {
@@ -164,6 +170,8 @@ fn without_comments(text: &str) -> String {
             continue;
         }
         match b {
+            // Early versions set the width with `#`, and their axioms begin with it; a comment there would leave no axiom.
+            b'#' if rest.starts_with(b"#(") && begins_axiom(&bytes[..i]) => out[i] = b'_',
             b'#' => {
                 let end = rest.iter().position(|c| matches!(c, b'\n' | b'\r')).unwrap_or(rest.len());
                 blank(&mut out, i..i + end);

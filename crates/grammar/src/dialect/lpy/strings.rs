@@ -6,7 +6,7 @@ use super::expression::{PyExpr, Refusal, parse};
 use crate::dialect::text::Piece;
 
 /// Names of L-Py that mean the same as a shorter one. Source: its help card.
-const ALIASES: [(&str, &str); 36] = [
+const ALIASES: [(&str, &str); 39] = [
     ("SB", "["),
     ("EB", "]"),
     ("Left", "+"),
@@ -43,6 +43,9 @@ const ALIASES: [(&str, &str); 36] = [
     ("TextureVCoeff", "TextureVScale"),
     ("StartScreenProjection", "@2D"),
     ("EndScreenProjection", "@3D"),
+    ("LeftReflexion", "LeftReflection"),
+    ("UpReflexion", "UpReflection"),
+    ("HeadingReflexion", "HeadingReflection"),
 ];
 /// Names of several characters that are known without a declaration. Source: the same.
 const NAMES: [&str; 43] = [

@@ -1,7 +1,8 @@
 //! Generalised cylinders: a contour swept along a spline of points that the turtle marks.
 //!
 //! `@Gs`, `@Gc(n)`, `@Ge(n)` mark a Hermite spline; `{(1)` to `{(4)` an open or closed Hermite spline or B-spline. One cylinder
-//! may be open at each bracket level, and while it is, segments at that level are not drawn: the cylinder is the stem.
+//! may be open at each bracket level, and while it is, segments at that level are not drawn: the cylinder is the stem. A branch
+//! may continue the cylinder of its parent, from its last point on.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +10,7 @@ use glam::{DMat3, DQuat, DVec3, Vec2, Vec3};
 
 use super::frame::{TurtleFrame, TurtlePose, narrow};
 use osier_base::math;
-use osier_grammar::Spline;
+use osier_grammar::{Spline, SymbolId};
 use osier_scene::{MaterialId, Mesh};
 
 /// Factors on the tangents at a point without `@Gt`. Source: cpfg.
@@ -65,11 +66,23 @@ pub(super) enum CurveKind {
     BSpline,
 }
 
+/// The module that began a cylinder, without its parameters.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct CylinderOrigin {
+    pub symbol: SymbolId,
+    pub lineage: u64,
+    /// Step in which the module was made.
+    pub birth: u32,
+}
+
 /// A cylinder whose end is not marked yet.
 #[derive(Debug, Clone)]
 pub(super) struct OpenCylinder {
     pub kind: CurveKind,
     pub closed: bool,
+    pub origin: CylinderOrigin,
+    /// True while all that this branch has of it is the last point of its parent's cylinder.
+    pub inherited: bool,
     /// Whether `F` and `f` add points, as they do between `{(1)` and `}`.
     pub marks_steps: bool,
     /// Number of polygons that were open when it began.
@@ -90,7 +103,14 @@ struct CrossSection {
 
 impl OpenCylinder {
     pub fn new(kind: CurveKind, closed: bool) -> Self {
-        Self { kind, closed, marks_steps: false, polygons: 0, points: Vec::new() }
+        let origin = CylinderOrigin::default();
+        Self { kind, closed, origin, inherited: false, marks_steps: false, polygons: 0, points: Vec::new() }
+    }
+
+    /// The beginning of a branch that may continue this cylinder: its last point. `None` for a cylinder whose points are steps.
+    pub fn inheritance(&self) -> Option<Self> {
+        let last = *self.points.last().filter(|_| !self.marks_steps)?;
+        Some(Self { origin: self.origin, inherited: true, points: vec![last], ..Self::new(self.kind, self.closed) })
     }
 
     /// The curve that the parameter of `{` selects: 1 and 2 Hermite, 3 and 4 B-spline, the even ones closed; `None` for a

@@ -37,6 +37,11 @@ const RANDOM_DEG: f64 = 6.0;
 const LPY_ANGLE_DEG: f64 = 60.0;
 const LPY_RADIUS: f64 = 0.1;
 const LPY_RADIUS_STEP: f64 = 1.0;
+/// Colour indices of the arrows of L-Py's `Frame`: heading red, left green, up blue. Source: its help card.
+const FRAME_COLORS: [u8; 3] = [3, 2, 5];
+/// Head of these arrows: its share of the length, and its width in widths of the line. Chosen by eye.
+const FRAME_HEAD: f64 = 0.2;
+const FRAME_HEAD_WIDTH: f64 = 2.0;
 /// Most characters of a number of LParser.
 const MAX_NUMBER: usize = 64;
 
@@ -115,6 +120,8 @@ pub(super) enum DialectCommand {
     SetHead,
     Sphere,
     Circle,
+    /// L-Py: arrows along the axes of the turtle.
+    Frame,
     /// L-Py: the surface of a letter.
     Surface(char),
     /// L-Py: elasticity and direction of the tropism.
@@ -336,7 +343,8 @@ fn lpy_name(name: &str) -> Option<DialectCommand> {
         "@o" => C::Circle,
         "@Ts" => C::Elasticity,
         "@Tp" => C::Tropism,
-        "@Gc" | "@Ge" | "Frame" | "InterpolateColors" | "SectionResolution" | "@2D" | "@3D" | "@L" => C::Ignored,
+        "Frame" => C::Frame,
+        "@Gc" | "@Ge" | "InterpolateColors" | "SectionResolution" | "@2D" | "@3D" | "@L" => C::Ignored,
         "?P" | "?H" | "?L" | "?U" => C::Query(name.chars().nth(1)?),
         _ if name.starts_with("Texture") || name.starts_with('?') => C::Ignored,
         _ if name.starts_with('~') => C::Surface(name.chars().nth(1)?),
@@ -522,16 +530,17 @@ impl Turtle<'_> {
         }
     }
 
-    /// A step of LParser. The number is its length; without one it is `share` of the present length. If the file asks for a
-    /// fractional number of steps, segments made by the last step are shortened to that fraction.
+    /// A step of LParser. The number is its length, in units of the file; without one it is `share` of the present length. If the
+    /// file asks for a fractional number of steps, segments made by the last step are shortened to that fraction.
     fn lparser_step(&mut self, given: Option<f64>, share: f64, draws: bool, adds_vertex: bool, m: Module<'_>) {
         self.close_segment();
         let DialectState { length, thickness, .. } = self.s.dialect;
         let settings = self.dialect.settings;
         let fraction = settings.fraction.filter(|_| m.birth == self.dialect.last_step).unwrap_or(1.0);
-        let step = given.unwrap_or(share * length) * fraction;
+        let step = given.map_or(share * length, |x| x / settings.unit.unwrap_or(1.0)) * fraction;
         if draws {
-            self.set_width(thickness.max(settings.min_thickness) * length);
+            // Half steps are half as thick.
+            self.set_width((thickness * step.abs()).max(settings.min_thickness));
         }
         self.step(step, m, draws, adds_vertex);
     }
@@ -616,6 +625,7 @@ impl Turtle<'_> {
                     self.organ(letter, size, m);
                 }
             }
+            C::Frame => self.draw_frame(given.unwrap_or(1.0), m),
             C::Elasticity => self.s.dialect.elasticity = given.unwrap_or(0.0),
             C::Tropism => {
                 let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, if i == 0 { 1.0 } else { 0.0 }));
@@ -627,6 +637,27 @@ impl Turtle<'_> {
                 self.warn("L008", (None, c), message, "nothing is drawn");
             }
             _ => {}
+        }
+    }
+
+    /// Draws heading, left and up as arrows of a length, in the colours in which L-Py shows them.
+    fn draw_frame(&mut self, length: f64, m: Module<'_>) {
+        self.close_segment();
+        let TurtleFrame { h, l, u } = self.s.frame;
+        for (direction, color) in [h, l, u].into_iter().zip(FRAME_COLORS) {
+            self.push_state(m);
+            self.s.frame = self.s.frame.with_heading(direction);
+            self.set_color(color);
+            self.step((1.0 - FRAME_HEAD) * length, m, true, false);
+            self.close_segment();
+            // The head is a cone of its own, which does not taper the shaft.
+            let width = self.s.width;
+            self.jump_to(self.s.p, m);
+            self.set_width(FRAME_HEAD_WIDTH * width);
+            self.step(FRAME_HEAD * length, m, true, false);
+            self.set_width(0.0);
+            self.close_segment();
+            self.pop_state(m);
         }
     }
 
@@ -694,8 +725,9 @@ fn world(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, z, -y)
 }
 
-/// Gives all lines of a drawing in the plane one diameter that suits a picture of the whole.
+/// Gives all lines of a drawing in the plane one diameter that suits a picture of the whole, and marks them as lines of a drawing.
 pub(super) fn set_line_radius(plant: &mut Plant) {
+    plant.lines = true;
     let extent = largest_side(plant);
     let mut steps: Vec<f32> = plant.nodes.s.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 0.0).collect();
     steps.sort_unstable_by(f32::total_cmp);

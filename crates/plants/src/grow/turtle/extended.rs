@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::{DQuat, DVec3};
 
 use super::builder::{OrganSize, ProtoRange};
-use super::cylinders::{CurveKind, CylinderPoint, OpenCylinder, STRIPS, TANGENT, frame_rotation};
+use super::cylinders::{CurveKind, CylinderOrigin, CylinderPoint, OpenCylinder, STRIPS, TANGENT, frame_rotation};
 use super::frame::TurtlePose;
 use super::interpreter::Turtle;
 use super::paint::Paint;
@@ -55,7 +55,7 @@ impl Turtle<'_> {
         match (first, c) {
             ('G', 's') => {
                 self.finish_cylinder(m);
-                self.open_cylinder(OpenCylinder::new(CurveKind::Hermite, false));
+                self.open_cylinder(OpenCylinder::new(CurveKind::Hermite, false), m);
                 self.cylinder_point(1);
             }
             ('G', 'c') => {
@@ -123,22 +123,40 @@ impl Turtle<'_> {
         number(self.param(m, 0, f64::from(default)))
     }
 
-    /// Opens a cylinder at this bracket level; an unfinished one there is dropped.
-    pub(super) fn open_cylinder(&mut self, cylinder: OpenCylinder) {
+    /// Opens a cylinder that the module begins at this bracket level; an unfinished one there is dropped.
+    fn open_cylinder(&mut self, cylinder: OpenCylinder, m: Module<'_>) {
+        let origin = CylinderOrigin { symbol: m.symbol, lineage: m.lineage(), birth: m.birth };
         if let Some(slot) = self.cylinders.last_mut() {
-            *slot = Some(cylinder);
+            *slot = Some(OpenCylinder { origin, ..cylinder });
         }
     }
 
-    /// The unfinished cylinder of this bracket level.
+    /// The unfinished cylinder that has begun, or been continued, at this bracket level.
     pub(super) fn cylinder(&self) -> Option<&OpenCylinder> {
-        self.cylinders.last().and_then(Option::as_ref)
+        self.cylinders.last().and_then(Option::as_ref).filter(|c| !c.inherited)
+    }
+
+    /// Begins a bracket level, which may continue the cylinder of the level around it.
+    pub(super) fn push_cylinder(&mut self) {
+        let around = self.cylinders.last().and_then(Option::as_ref);
+        let inherited = around.and_then(OpenCylinder::inheritance);
+        self.cylinders.push(inherited);
+    }
+
+    /// Draws the cylinders of all bracket levels whose end the string does not mark.
+    pub(super) fn finish_cylinders(&mut self) {
+        while let Some(open) = self.cylinders.last() {
+            if let Some(CylinderOrigin { symbol, lineage, birth }) = open.as_ref().map(|c| c.origin) {
+                self.finish_cylinder(Module::new(symbol, &[], lineage, birth));
+            }
+            self.cylinders.pop();
+        }
     }
 
     /// Adds the turtle's position to the unfinished cylinder of this bracket level, if there is one. Warns (L048) of an unknown
     /// contour.
     pub(super) fn cylinder_point(&mut self, strips: u32) {
-        if self.cylinder().is_none() {
+        if self.cylinders.last().is_none_or(Option::is_none) {
             return;
         }
         let state = self.s.cylinder;
@@ -154,6 +172,7 @@ impl Turtle<'_> {
         let point = CylinderPoint { p: self.s.p, frame: self.s.frame, radius, state, strips, material };
         if let Some(Some(cylinder)) = self.cylinders.last_mut() {
             cylinder.points.push(point);
+            cylinder.inherited = false;
         }
     }
 
@@ -178,7 +197,8 @@ impl Turtle<'_> {
         match OpenCylinder::of_parameter(kind) {
             Some(cylinder) => {
                 self.finish_cylinder(m);
-                self.open_cylinder(OpenCylinder { marks_steps: true, polygons: self.polygon_count(), ..cylinder });
+                let polygons = self.polygon_count();
+                self.open_cylinder(OpenCylinder { marks_steps: true, polygons, ..cylinder }, m);
             }
             None => self.open_polygon(),
         }

@@ -462,13 +462,14 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Completes what the string left unfinished: a waiting number, a command of two letters, the last segment.
+    /// Completes what the string left unfinished: a waiting number, a command of two letters, the last segment, cylinders.
     pub fn end(&mut self) {
         self.run_pending();
         if let Prefix::Letter(first) = std::mem::replace(&mut self.prefix, Prefix::None) {
             self.at_command_without_letter(first, &[]);
         }
         self.close_segment();
+        self.finish_cylinders();
     }
 
     fn turn(&mut self, m: Module<'_>, positive: bool, c: char, f: fn(&mut TurtleFrame, f64, f64)) {
@@ -496,17 +497,17 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    fn push_state(&mut self, m: Module<'_>) {
+    pub(super) fn push_state(&mut self, m: Module<'_>) {
         if self.stack.len() as u64 >= self.max_stack {
             let help = "raise it with --max-turtle-stack, or close branches";
             return self.halt("L051", '[', format!("more than {} open branches", self.max_stack), help);
         }
         self.stack.push(self.s);
-        self.cylinders.push(None);
+        self.push_cylinder();
         self.s.attachment = Attachment { axis: None, parent: self.current_site(), ordinal: m.lineage() };
     }
 
-    fn pop_state(&mut self, m: Module<'_>) {
+    pub(super) fn pop_state(&mut self, m: Module<'_>) {
         match self.stack.pop() {
             Some(s) => {
                 // A cylinder whose end is not marked ends with its branch.

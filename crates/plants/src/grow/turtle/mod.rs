@@ -114,7 +114,9 @@ fn nothing_drawn(grammar: &Grammar, derived: &DerivedString, limits: &Limits) ->
     let mut list: Vec<(char, u64)> = counts.into_iter().filter(|(c, _)| !matches!(c, '[' | ']')).collect();
     list.sort_by_key(|(c, n)| (std::cmp::Reverse(*n), *c));
     let times = |n: u64| if n == 1 { "once".to_owned() } else { format!("{n} times") };
-    let named: Vec<String> = list.iter().take(NAMED_SYMBOLS).map(|(c, n)| format!("{c} ({})", times(*n))).collect();
+    let shown = |c: char| grammar.symbols().long_name(c).map_or_else(|| c.to_string(), str::to_owned);
+    let named: Vec<String> =
+        list.iter().take(NAMED_SYMBOLS).map(|(c, n)| format!("{} ({})", shown(*c), times(*n))).collect();
     let more = if list.len() > NAMED_SYMBOLS { ", .." } else { "" };
     let first = list.first().map_or('F', |(c, _)| *c);
     let message = if list.is_empty() {

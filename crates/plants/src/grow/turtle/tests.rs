@@ -232,6 +232,31 @@ fn oddities_are_told() {
 }
 
 #[test]
+fn cylinders_go_on_in_branches_and_end_with_the_string() {
+    // Strips of each cylinder of 8 sides, in the order of the string, and its height.
+    let cylinders = |axiom: &str| -> Vec<(usize, f32)> {
+        let plant = draw(axiom);
+        let cylinder = |o: &osier_scene::plant::Organ| {
+            let mesh = &plant.protos[usize::from(o.proto)].mesh;
+            let tall = mesh.points.iter().fold(0.0_f32, |m, p| m.max(p.y)) * o.scale;
+            (mesh.triangles.len() / 16, (tall * 1e3).round() / 1e3)
+        };
+        plant.organs.iter().map(cylinder).collect()
+    };
+    // A branch continues the cylinder from its last point on; beside it, segments are drawn as ever.
+    assert_eq!(cylinders("#(0.2)@Gsf(1)@Gc(2)[f(2)@Ge(3)]f(4)@Ge(4)").len(), 2);
+    let mut found = cylinders("#(0.2)@Gsf(1)@Gc(2)[f(2)@Gc(3)]f(4)@Ge(4)");
+    found.sort_by_key(|c| c.0);
+    assert_eq!(found, [(3, 2.0), (6, 5.0)]);
+    // The end of the string is that of the cylinder, also within brackets that it leaves open.
+    assert_eq!(cylinders("#(0.2)@Gsf(1)@Gc(2)"), [(2, 1.0)]);
+    assert_eq!(cylinders("#(0.2)@Gsf(1)@Gc(2)[f(2)@Gc(3)").len(), 2);
+    // A branch without a point of its own draws its segments, and nothing of the cylinder.
+    let plant = draw("#(0.2)@Gsf(1)@Gc[+F(3)]f(1)@Ge");
+    assert_eq!((plant.organs.len(), plant.axes.len()), (1, 1));
+}
+
+#[test]
 fn deep_brackets_neither_recurse_nor_pass_the_limit() {
     let grow_on_small_stack = |text: String| {
         std::thread::Builder::new()

@@ -49,15 +49,25 @@ pub(super) struct FirstRing {
     pub reference: Vec3,
 }
 
-/// Appends the rings of the centreline in `scratch.curve` to `out`. `turn`: greatest angle between neighbouring tangents, rad.
-/// Points between which the tangent turns by more are joined by a centripetal Catmull-Rom curve, or, where that would bend
-/// more tightly than the tube allows, by arcs within the corners.
-pub(super) fn place_rings(scratch: &mut RingScratch, first: FirstRing, turn: f32, out: &mut Vec<Ring>) {
+/// How closely rings follow a centreline.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RingShape {
+    /// Greatest angle between neighbouring tangents, rad.
+    pub turn: f32,
+    /// The centreline stays straight between its points, as the lines of a drawing do: every corner is an arc within it.
+    pub straight: bool,
+}
+
+/// Appends the rings of the centreline in `scratch.curve` to `out`. Points between which the tangent turns by more than the shape
+/// allows are joined by a centripetal Catmull-Rom curve, or, where that would bend more tightly than the tube allows, by arcs
+/// within the corners.
+pub(super) fn place_rings(scratch: &mut RingScratch, first: FirstRing, shape: RingShape, out: &mut Vec<Ring>) {
     let FirstRing { tangent: first, reference: e0 } = first;
+    let RingShape { turn, straight } = shape;
     let start = out.len();
     // Resample the centreline where it bends too much. Where no point was added, the tangents stay valid.
     set_tangents(&scratch.curve, first, &mut scratch.tangents);
-    if corners::has_tight_corner(&scratch.curve, turn) {
+    if straight || corners::has_tight_corner(&scratch.curve, turn) {
         corners::fillet_corners(&scratch.curve, turn, &mut scratch.fine);
         set_tangents(&scratch.fine, first, &mut scratch.tangents);
     } else if subdivide_bends(&scratch.curve, &scratch.tangents, turn, &mut scratch.fine) {
@@ -387,6 +397,37 @@ fn set_slopes_and_v(rings: &mut [Ring]) {
 mod tests {
     use super::*;
 
+    fn bent(turn: f32) -> RingShape {
+        RingShape { turn, straight: false }
+    }
+
+    #[test]
+    fn lines_keep_their_corners_and_axes_become_curves() {
+        // Seven sides of an octagon of side 1, 0.01 thick.
+        let side = |i: u32| {
+            let a = i as f32 * std::f32::consts::FRAC_PI_4;
+            Vec3::new(math::cos_f32(a), math::sin_f32(a), 0.0)
+        };
+        let corners: Vec<Vec3> = (0..8).map(|k| (0..k).map(side).sum()).collect();
+        let curve: Vec<CurvePoint> =
+            corners.iter().zip(0_u8..).map(|(p, k)| CurvePoint { p: *p, r: 0.005, s: f32::from(k) }).collect();
+        // Greatest distance of a ring from the nearest side.
+        let drift = |shape: RingShape| {
+            let mut rings = Vec::new();
+            let first = FirstRing { tangent: None, reference: Vec3::Z };
+            place_rings(&mut RingScratch { curve: curve.clone(), ..RingScratch::default() }, first, shape, &mut rings);
+            let from_side = |c: Vec3, w: &[Vec3]| {
+                let along = w[1] - w[0];
+                c.distance(w[0] + along * ((c - w[0]).dot(along)).clamp(0.0, 1.0))
+            };
+            let nearest =
+                |r: &Ring| corners.windows(2).map(|w| from_side(r.c, w)).min_by(f32::total_cmp).unwrap_or(0.0);
+            rings.iter().map(nearest).max_by(f32::total_cmp).unwrap_or(0.0)
+        };
+        assert!(drift(RingShape { turn: 0.2, straight: true }) < 0.002);
+        assert!(drift(bent(0.2)) > 0.05);
+    }
+
     fn helix(turns: u32, per_turn: u32, radius: f32, pitch: f32) -> Vec<CurvePoint> {
         let knot = |i: u32| {
             let a = i as f32 / per_turn as f32 * std::f32::consts::TAU;
@@ -401,7 +442,7 @@ mod tests {
         let (radius, pitch, turns) = (1.0_f32, 0.3_f32, 3_u32);
         let mut scratch = RingScratch { curve: helix(turns, 64, radius, pitch), ..RingScratch::default() };
         let mut rings = Vec::new();
-        place_rings(&mut scratch, FirstRing { tangent: None, reference: Vec3::Y }, 0.01, &mut rings);
+        place_rings(&mut scratch, FirstRing { tangent: None, reference: Vec3::Y }, bent(0.01), &mut rings);
         // The Frenet normal points to the helix axis; the rotation-minimising reference turns against it by -torsion.
         let angle = |r: &Ring| {
             let axis = Vec3::new(-r.c.x, 0.0, -r.c.z);
@@ -453,7 +494,7 @@ mod tests {
         let curve = (0..34).map(|i| CurvePoint { p: point(i), r: 0.05, s: 0.25 * i as f32 }).collect();
         let mut rings = Vec::new();
         let first = FirstRing { tangent: None, reference: Vec3::X };
-        place_rings(&mut RingScratch { curve, ..RingScratch::default() }, first, 0.2, &mut rings);
+        place_rings(&mut RingScratch { curve, ..RingScratch::default() }, first, bent(0.2), &mut rings);
         assert!(rings.iter().any(|r| r.t.y < -0.9) && rings.iter().any(|r| r.t.y > 0.99));
         for r in &rings {
             assert!(r.e.x > 0.9, "{} at {}", r.e, r.c);

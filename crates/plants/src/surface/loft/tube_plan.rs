@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::SkinOptions;
 use super::centerline::CurvePoint;
-use super::rings::{FirstRing, Ring, RingScratch, place_rings};
+use super::rings::{FirstRing, Ring, RingScratch, RingShape, place_rings};
 use super::tuning::{
     AXES_PER_TASK, FLARE_SAMPLE_HEIGHT, FLARE_SAMPLE_SPACING, FLARE_SAMPLES, MAX_JUNCTION_DISTANCE,
     MIN_CONTINUATION_ADVANCE, MIN_CONTINUATION_COSINE, MIN_CONTINUATION_RADIUS, MIN_JUNCTION_SINE,
@@ -158,7 +158,8 @@ impl TubePlanner<'_> {
         scratch.curve.clear();
         self.color_edges(&mut scratch.edges);
         let (start_kind, first) = self.plan_start(&mut scratch.curve);
-        place_rings(scratch, FirstRing { tangent: first, reference: e0 }, self.options.turn, rings);
+        let shape = RingShape { turn: self.options.turn, straight: self.plant.lines };
+        place_rings(scratch, FirstRing { tangent: first, reference: e0 }, shape, rings);
         let r_base = self.plant.nodes.r[nodes.start];
         let cap = match self.axis.end {
             AxisEnd::Cut => TubeCap::Disc,
