@@ -235,6 +235,44 @@ fn leaves_of_growing_trees_keep_their_area_between_shapes() {
     }
 }
 
+/// Bytes of the files below a folder.
+fn bytes_in(folder: &Path) -> u64 {
+    let entries = std::fs::read_dir(folder).expect("folder").flatten();
+    entries.map(|e| if e.path().is_dir() { bytes_in(&e.path()) } else { length(&e.path()) }).sum()
+}
+
+#[test]
+fn the_predicted_size_of_growth_in_usd_is_near_that_of_its_files() {
+    let temp = tempfile::tempdir().expect("temp");
+    let oak = growing(&[("oak", 14)], 60, "\"usd\"");
+    let strict = "[output.usd]\ntolerance_mm = 0\nturn_tolerance_deg = 0\n";
+    for (name, scene) in [
+        ("oak", oak.clone()),
+        ("near", format!("{oak}[camera]\neye = [0, 1.5, 4]\ntarget = [0, 2, 0]\n")),
+        ("strict", format!("{oak}{strict}")),
+        ("seasons", oak.replace("summer", "seasons").replace("end = 60", "end = 150")),
+        ("stand", growing(&[("spruce", 12), ("birch", 9), ("hazel", 8)], 40, "\"usd\"")),
+        ("short", growing(&[("beech", 10)], 12, "\"usd\"")),
+    ] {
+        let file = temp.path().join(format!("{name}.toml"));
+        std::fs::write(&file, scene).expect("scene");
+        is_near_its_prediction(&temp.path().join(name), arg(&file), &[]);
+    }
+    // A plant of a grammar, whose nodes have times of birth.
+    is_near_its_prediction(&temp.path().join("vine"), "vine", &["--set", "frames.end=40"]);
+}
+
+/// Bakes a scene as USD, and fails unless the payloads are within a factor of 1.4 of what a dry run predicts.
+fn is_near_its_prediction(out: &Path, scene: &str, more: &[&str]) {
+    let arguments = [&["-q", "bake", scene, "--formats", "usd", "-o", arg(out)][..], more].concat();
+    let (told, _) = ends(0, &[&arguments[..], &["-n", "--json"]].concat());
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    let predicted = told["would_make"]["sizes"]["usd"].as_f64().expect("bytes");
+    ends(0, &arguments);
+    let written = bytes_in(&out.join("usd")) as f64;
+    assert!((1.0 / 1.4..1.4).contains(&(predicted / written)), "{}: {predicted} of {written} bytes", out.display());
+}
+
 #[test]
 fn leaves_of_a_growing_tree_have_shapes_at_the_frames_that_are_written() {
     let temp = tempfile::tempdir().expect("temp");

@@ -10,8 +10,9 @@
 //! ```
 
 use std::collections::BTreeSet;
+use std::fmt::Debug;
 
-use osier_scene::{Asset, InstancerMotion, MapSequence, Material, MeshMotion, Scene};
+use osier_scene::{Asset, AssetFrame, InstancerMotion, MapSequence, Material, MeshMotion, Scene};
 
 use super::options::ExportOptions;
 
@@ -32,6 +33,14 @@ pub struct EstimateInput<'a> {
     pub options: &'a ExportOptions,
     /// Whether the output is a single file with the whole scene at rest, instead of a bake.
     pub single: bool,
+    /// Frames of the assets that grow, if any does.
+    pub growth: Option<&'a dyn GrowthFrames>,
+}
+
+/// Source of the frames of assets that grow over the clip, for formats that leave out what interpolation restores.
+pub trait GrowthFrames: Debug + Sync {
+    /// State of an asset at one of the written frames, counted from 0; `None` for an asset that does not grow.
+    fn frame(&self, asset: usize, nth: u64) -> Option<AssetFrame>;
 }
 
 impl EstimateInput<'_> {

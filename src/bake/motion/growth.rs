@@ -141,6 +141,10 @@ impl AssetMotion for GrowthMotion {
         })
     }
 
+    fn is_growth(&self) -> bool {
+        true
+    }
+
     fn carry_points(self: Arc<Self>, _plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
         let sites = points.iter().map(|point| GrowthBinding { axis: point.axis, s: point.arc_length }).collect();
         Some(Arc::new(PointsOnGrowth { motion: self, sites }))

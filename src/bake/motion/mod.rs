@@ -93,6 +93,11 @@ pub trait AssetMotion: Debug + Send + Sync {
     /// `Simulation` where a solver diverges, `Cancelled`.
     fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame>;
 
+    /// Whether it is growth, each frame of which is evaluated by itself: estimates look at some of its frames.
+    fn is_growth(&self) -> bool {
+        false
+    }
+
     /// Row of the motion's table at a frame; `None` if it keeps no table.
     /// # Errors
     /// As [`AssetMotion::frame`].

@@ -1,15 +1,17 @@
 //! Estimates of a run: counts, sizes of files and memory, from an assembled scene without writing it.
 
+use crate::bake::motion::FrameTime;
 use crate::bake::output::bake_estimate::BakeEstimate;
 use crate::bake::output::exporters::export_options;
 use crate::bake::output::memory::{decoded_bytes, predict_memory};
 use crate::bake::output::texture_size::texture_halvings;
 use crate::bake::scene::animated::AnimatedScene;
 use crate::recipe::Recipe;
-use osier_export::estimate::{AssetSize, EstimateInput};
+use osier_base::convert::{limit, saturating_index};
+use osier_export::estimate::{AssetSize, EstimateInput, GrowthFrames};
 use osier_export::format::FormatInfo;
 use osier_export::options::ExportOptions;
-use osier_scene::Scene;
+use osier_scene::{AssetFrame, Scene};
 
 /// Estimates a bake that writes `frames` frames of the scene `stage` in all formats of the recipe.
 /// `weights`: number of assets that each of the first assets represents, itself included; 1 for assets beyond its end.
@@ -51,8 +53,17 @@ pub(crate) fn estimate_formats(
         Some((u64::from(image.width) * u64::from(image.height)) >> (2 * halvings))
     };
     let height_texels = scene.materials.iter().filter_map(|m| m.maps.height).filter_map(texels).sum();
-    let (frames, single) = (job.frames, job.single);
-    let input = EstimateInput { scene, assets: &assets, frames, pictures, height_texels, options, single };
+    let growth = ClipOfGrowth { stage, frames: job.frames };
+    let input = EstimateInput {
+        scene,
+        assets: &assets,
+        frames: job.frames,
+        pictures,
+        height_texels,
+        options,
+        single: job.single,
+        growth: Some(&growth),
+    };
     let mut c = BakeEstimate {
         assets: assets.iter().map(|a| a.weight).sum(),
         placements: scene.placements.len() as u64,
@@ -74,6 +85,24 @@ pub(crate) fn estimate_formats(
     c.bytes = c.sizes.iter().map(|s| s.1).sum();
     c.memory = predict_memory(scene, job.formats, recipe, &c);
     c
+}
+
+/// The written frames of a scene, as estimates evaluate those of growth.
+#[derive(Debug)]
+struct ClipOfGrowth<'a> {
+    stage: &'a AnimatedScene,
+    /// Number of written frames, evenly spaced over the clip.
+    frames: u64,
+}
+
+impl GrowthFrames for ClipOfGrowth<'_> {
+    fn frame(&self, asset: usize, nth: u64) -> Option<AssetFrame> {
+        let scene = &self.stage.scene;
+        let motion = self.stage.motions.get(asset)?.as_ref().filter(|motion| motion.is_growth())?;
+        let frame = nth.saturating_mul(scene.clip.len() as u64) / self.frames.max(1);
+        let number = scene.clip.start.saturating_add(saturating_index(limit(frame)));
+        motion.frame(scene.assets.get(asset)?, FrameTime::of_frame(scene, number)).ok()
+    }
 }
 
 /// Bytes of the exported planes and boxes of wind: three floats per sample.

@@ -464,6 +464,18 @@ mod tests {
     }
 
     #[test]
+    fn a_leaf_that_turns_or_grows_much_is_another_blade() {
+        let at =
+            |turn: f32, size: f32| Trs { t: Vec3::ZERO, r: glam::Quat::from_rotation_y(turn), s: Vec3::splat(size) };
+        let keeps = |turn: f32, size: f32| {
+            let both = [[at(0.0, 1.0), at(turn, size)], [at(turn, size), at(0.0, 1.0)]];
+            both.map(|[from, to]| keeps_its_area(&from, &to, 1.0))
+        };
+        assert_eq!(keeps(0.4, 1.4), [true; 2]);
+        assert_eq!([keeps(0.5, 1.0), keeps(-0.5, 1.0), keeps(0.0, 1.6), keeps(0.0, 0.6)], [[false; 2]; 4]);
+    }
+
+    #[test]
     fn long_runs_are_divided_and_few_leaves_cover_the_area_of_all() {
         let many: Vec<(u32, f32)> = (0..16).map(|i| (i, 0.0)).collect();
         let shapes = recorded(&[&many[..]; 8]);

@@ -9,10 +9,10 @@ use osier_scene::{Asset, MeshMotion};
 
 /// Factor on the tolerance in pixels of a plant that grows. Own: between two samples a shoot ends early or late by a part of its length,
 /// which has no rhythm that the eye follows.
-const GROWTH_PIXELS: f32 = 3.0;
+pub(super) const GROWTH_PIXELS: f32 = 3.0;
 
 /// Whether an asset grows: its points move without a skeleton. Time samples with velocities, as of plants on rods, are not left out.
-fn grows(asset: &Asset) -> bool {
+pub(super) fn grows(asset: &Asset) -> bool {
     asset.skeleton.is_none() && asset.meshes.iter().any(|m| m.motion == MeshMotion::Deforming)
 }
 

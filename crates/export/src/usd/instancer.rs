@@ -1,5 +1,7 @@
 //! Instancers of an asset as `PointInstancer`, and as `Points` with primvars (the point twin).
 
+use std::borrow::Cow;
+
 use glam::{Quat, Vec3};
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
@@ -76,7 +78,7 @@ pub(super) struct AnimatedInstancer {
 
 /// Reduces the time samples of each attribute separately: their times may differ, and often one
 /// attribute changes less than the others.
-struct InstanceReducers {
+pub(super) struct InstanceReducers {
     positions: SampleReducer<Vec3>,
     orientations: SampleReducer<Quat>,
     /// For instances whose size changes.
@@ -85,15 +87,43 @@ struct InstanceReducers {
 
 /// Samples that the reducers have returned for writing, at most one for each attribute.
 #[derive(Default)]
-struct DueSamples {
-    positions: Option<TimeSample<Vec3>>,
-    orientations: Option<TimeSample<Quat>>,
-    scales: Option<TimeSample<Vec3>>,
+pub(super) struct DueSamples {
+    pub(super) positions: Option<TimeSample<Vec3>>,
+    pub(super) orientations: Option<TimeSample<Quat>>,
+    pub(super) scales: Option<TimeSample<Vec3>>,
+}
+
+/// Transforms of the instances at a frame, in the axes of the stage.
+pub(super) struct InstanceSample<'a> {
+    time: f64,
+    positions: Cow<'a, [Vec3]>,
+    orientations: Vec<Quat>,
+    /// `None` if their size does not change.
+    scales: Option<Vec<Vec3>>,
+    alive: &'a [bool],
+}
+
+impl<'a> InstanceSample<'a> {
+    /// `before`: orientations of the frame before, in the axes of the stage.
+    pub(super) fn of(up: UpAxis, instancer: &Instancer, state: &'a InstanceState, before: &[Quat], time: f64) -> Self {
+        Self {
+            time,
+            positions: up.stage_vecs(&state.positions),
+            orientations: continuous_stage_orientations(up, state, before),
+            scales: (!state.sizes.is_empty()).then(|| stage_scales(up, instancer, state)),
+            alive: &state.alive,
+        }
+    }
+
+    /// The orientations, for the sample of the next frame.
+    pub(super) fn into_orientations(self) -> Vec<Quat> {
+        self.orientations
+    }
 }
 
 impl InstanceReducers {
     /// Derives tolerances from the sizes of the prototypes. `pixel`: see [`InstancerSource::pixel`].
-    fn new(tolerance: &Tolerance, instancer: &Instancer, pixel: f32) -> Self {
+    pub(super) fn new(tolerance: &Tolerance, instancer: &Instancer, pixel: f32) -> Self {
         let seen = tolerance.pixels * pixel;
         // A rotation moves the far end of an instance: the corner of its prototype's box that is farthest from its origin.
         let far =
@@ -109,6 +139,32 @@ impl InstanceReducers {
             orientations: SampleReducer::new(SampleTolerance { strict: tolerance.radians, seen, levers }),
             // A scale that is off by `metres` over the longest reach moves the far end by `metres`.
             scales: SampleReducer::new(SampleTolerance { strict: tolerance.metres / longest, seen, levers: reaches }),
+        }
+    }
+
+    /// Takes a frame; returns the samples that must be written now.
+    pub(super) fn push(&mut self, sample: &InstanceSample<'_>) -> DueSamples {
+        let time = sample.time;
+        // Instances that are hidden may be anywhere.
+        let unseen: Vec<bool> = sample.alive.iter().map(|alive| !alive).collect();
+        let scales = sample
+            .scales
+            .as_ref()
+            .and_then(|scales| self.scales.push(TimeSample { time, values: scales.clone(), unseen: unseen.clone() }));
+        let orientations = TimeSample { time, values: sample.orientations.clone(), unseen: unseen.clone() };
+        DueSamples {
+            positions: self.positions.push(TimeSample { time, values: sample.positions.to_vec(), unseen }),
+            orientations: self.orientations.push(orientations),
+            scales,
+        }
+    }
+
+    /// The samples of the last frame that have not been written.
+    pub(super) fn finish(&mut self) -> DueSamples {
+        DueSamples {
+            positions: self.positions.finish(),
+            orientations: self.orientations.finish(),
+            scales: self.scales.finish(),
         }
     }
 }
@@ -274,10 +330,9 @@ impl AnimatedPrim for AnimatedInstancer {
         let Some(instancer) = sample.asset.instancers.get(self.index) else { return Ok(()) };
         let (up, time) = (cx.up, sample.time);
         let state = instance_states(sample.asset, instancer, self.index, sample.state);
-        self.before = continuous_stage_orientations(up, &state, &self.before);
-        let orientations = to_quath(&self.before);
-        let positions = up.stage_vecs(&state.positions);
-        let b = self.boxes.extent(&orientations, &positions, &state);
+        let now = InstanceSample::of(up, instancer, &state, &self.before, time);
+        let orientations = to_quath(&now.orientations);
+        let b = self.boxes.extent(&orientations, &now.positions, &state);
         self.clip_bounds = self.clip_bounds.union(Bounds::of(b.map(Vec3::from_array)));
         let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
         sample(self.extent, UsdArray::Float3(&b))?;
@@ -288,27 +343,18 @@ impl AnimatedPrim for AnimatedInstancer {
             self.flush_samples(layer)?;
             self.reducers = None;
         }
-        let scales = (!state.sizes.is_empty()).then(|| stage_scales(up, instancer, &state));
         if let Some(reducers) = &mut self.reducers {
-            // Instances that are hidden may be anywhere.
-            let unseen: Vec<bool> = state.alive.iter().map(|alive| !alive).collect();
-            let scale_sample = |values| TimeSample { time, values, unseen: unseen.clone() };
-            let scales = scales.and_then(|scales| reducers.scales.push(scale_sample(scales)));
-            let orientations = TimeSample { time, values: self.before.clone(), unseen: unseen.clone() };
-            let due = DueSamples {
-                positions: reducers.positions.push(TimeSample { time, values: positions.into_owned(), unseen }),
-                orientations: reducers.orientations.push(orientations),
-                scales,
-            };
+            let due = reducers.push(&now);
             self.write_reduced_samples(layer, due)?;
         } else {
             let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
-            if let Some(scales) = &scales {
+            if let Some(scales) = &now.scales {
                 sample(self.scales, UsdArray::Float3(as_float3(scales)))?;
             }
             sample(self.orientations, UsdArray::Quath(&orientations))?;
-            sample(self.positions, UsdArray::Float3(as_float3(&positions)))?;
+            sample(self.positions, UsdArray::Float3(as_float3(&now.positions)))?;
         }
+        self.before = now.into_orientations();
         let count = instancer.len();
         let velocities = up.stage_vecs(&state.velocities);
         self.velocities.sample(layer, &format!("{}.velocities", self.path), as_float3(&velocities), count, time)?;
@@ -329,11 +375,7 @@ impl AnimatedPrim for AnimatedInstancer {
 
     fn flush_samples(&mut self, layer: &mut LayerBuilder) -> Result<()> {
         let Some(reducers) = &mut self.reducers else { return Ok(()) };
-        let due = DueSamples {
-            positions: reducers.positions.finish(),
-            orientations: reducers.orientations.finish(),
-            scales: reducers.scales.finish(),
-        };
+        let due = reducers.finish();
         self.write_reduced_samples(layer, due)
     }
 

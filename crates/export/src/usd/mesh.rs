@@ -8,6 +8,7 @@ use super::arrays::{as_float3, as_ints};
 use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
+use super::options::Tolerance;
 use super::primvar::{self, AnimatedPrimvar};
 use super::sample_reduction::{SampleReducer, SampleTolerance, TimeSample};
 use super::value::{UsdArray, UsdValue};
@@ -241,6 +242,11 @@ impl VelocitySamples {
     }
 }
 
+/// The reducer of the points of a mesh. `pixel`: see [`MeshSource::pixel`].
+pub(super) fn point_reducer(tolerance: &Tolerance, pixel: f32) -> SampleReducer<Vec3> {
+    SampleReducer::new(SampleTolerance { strict: tolerance.metres, seen: tolerance.pixels * pixel, levers: Vec::new() })
+}
+
 /// A mesh whose points move while its topology stays.
 pub(super) struct DeformingMesh {
     pub(super) index: usize,
@@ -448,11 +454,7 @@ pub(super) fn define_unskinned(
             path,
             attrs,
             velocities: VelocitySamples::default(),
-            reducer: Some(SampleReducer::new(SampleTolerance {
-                strict: cx.tolerance.metres,
-                seen: cx.tolerance.pixels * pixel,
-                levers: Vec::new(),
-            })),
+            reducer: Some(point_reducer(&cx.tolerance, pixel)),
             clip_bounds: Bounds::default(),
         })));
     }

@@ -11,7 +11,7 @@ use glam::{Quat, Vec3};
 
 /// Most frames that wait between two written samples. It bounds the memory of an instancer (8 frames of transforms) and the work
 /// per frame; a larger value saves samples only of objects that hardly move.
-const MAX_GAP: usize = 8;
+pub(super) const MAX_GAP: usize = 8;
 
 /// Share of the elements that must be restored within [`SampleTolerance::seen`]. Own: a few leaves that flap wildly would keep
 /// the samples of all others.
