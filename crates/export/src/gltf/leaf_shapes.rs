@@ -20,7 +20,6 @@ use glam::Vec3;
 use super::options::GltfOptions;
 use super::rig::rotation_angle;
 use super::simplify::{BLADE_DEVIATION, area, compact, with_fewer_triangles};
-use super::tracks::MorphBlend;
 use crate::merge::transform_normal;
 use osier_base::Result;
 use osier_base::convert::{limit, saturating_index};
@@ -119,6 +118,17 @@ pub(super) struct LeafShapes {
     budget: LeafBudget,
     /// Of the scene, which the keys depend on.
     seed: u64,
+}
+
+/// A key between two frames of a track that shows a blend of their shapes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct MorphBlend {
+    /// Index, in the track's list, of the frame before the key.
+    pub after: usize,
+    /// Its time as a share of the interval to the next frame of the track, within 0 and 1.
+    pub time: f32,
+    /// Weight of the next frame's shape; the rest is that of the shape before.
+    pub weight: f32,
 }
 
 /// Blades that appear in one shape and disappear after another.

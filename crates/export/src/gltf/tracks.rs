@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use super::leaf_shapes::LeafShapes;
+use super::leaf_shapes::{LeafShapes, MorphBlend};
 use super::options::GltfOptions;
 use osier_base::convert::limit;
 use osier_base::rng::mix64;
@@ -150,17 +150,6 @@ pub(super) struct MorphTrack<'a> {
     pub shapes: &'a [MorphShape],
     /// Further keys between the frames, by rising time.
     pub blends: &'a [MorphBlend],
-}
-
-/// A key between two frames of a track that shows a blend of their shapes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct MorphBlend {
-    /// Index, in the track's list, of the frame before the key.
-    pub after: usize,
-    /// Its time as a share of the interval to the next frame of the track, within 0 and 1.
-    pub time: f32,
-    /// Weight of the next frame's shape; the rest is that of the shape before.
-    pub weight: f32,
 }
 
 /// Estimated bytes of the morph targets of `meshes` deforming meshes of `vertices` points in all, over so many frames.

@@ -39,9 +39,9 @@ pub(super) fn sample_bytes(input: &EstimateInput) -> Vec<Option<u64>> {
         let first = whole(place * frames.saturating_sub(PART_FRAMES) as f64);
         let [first, end] = if is_whole { [0, frames] } else { [first, frames.min(first + PART_FRAMES)] };
         let asset = growing[plant];
-        Part { asset, first, end, is_whole, pixel: GROWTH_PIXELS * pixels[asset] }
+        FrameWindow { asset, first, end, is_whole, pixel: GROWTH_PIXELS * pixels[asset] }
     };
-    let jobs: Vec<Part> = (0..growing.len() * parts).map(part_of).collect();
+    let jobs: Vec<FrameWindow> = (0..growing.len() * parts).map(part_of).collect();
     let found = par_map(&jobs, |part| part.bytes_per_frame(&scene.assets[part.asset], &input.options.usd, source));
     for (asset, of_asset) in growing.iter().zip(found.chunks(parts)) {
         let sum: Option<f64> = of_asset.iter().copied().sum();
@@ -56,7 +56,7 @@ fn whole(value: f64) -> u64 {
 }
 
 /// Some successive frames of an asset.
-struct Part {
+struct FrameWindow {
     asset: usize,
     /// Indices, among the frames that are written, of the first one and of the one after the last.
     first: u64,
@@ -67,7 +67,7 @@ struct Part {
     pixel: f32,
 }
 
-impl Part {
+impl FrameWindow {
     /// Bytes of time samples for each frame; `None` if the asset has no frames.
     fn bytes_per_frame(&self, asset: &Asset, options: &UsdOptions, source: &dyn GrowthFrames) -> Option<f64> {
         let mut reduction = AssetReduction::new(asset, options, self.pixel);
@@ -148,7 +148,7 @@ struct InstancerReduction {
 }
 
 impl<'a> AssetReduction<'a> {
-    /// `pixel`: see [`Part::pixel`].
+    /// `pixel`: see [`FrameWindow::pixel`].
     fn new(asset: &'a Asset, options: &'a UsdOptions, pixel: f32) -> Self {
         let moving = asset.meshes.iter().enumerate().filter(|(_, object)| object.motion == MeshMotion::Deforming);
         let mesh = |index| MeshReduction {

@@ -19,13 +19,13 @@ pub(super) fn is_drawn_by_weight(plan: &RewritePlan<'_>, axiom: &Template<'_>) -
 const SHORT: usize = 16;
 
 /// A piece of text, prepared to be appended many times.
-struct Piece<'p> {
+struct TextPiece<'p> {
     text: &'p str,
     /// Its bytes, followed by zeros, if it is not longer.
     padded: [u8; SHORT],
 }
 
-impl<'p> Piece<'p> {
+impl<'p> TextPiece<'p> {
     fn new(text: &'p str) -> Self {
         let mut padded = [0; SHORT];
         padded.iter_mut().zip(text.bytes()).for_each(|(to, byte)| *to = byte);
@@ -47,11 +47,11 @@ impl<'p> Piece<'p> {
 /// The text of a template, divided at its active modules.
 struct DividedText<'p> {
     /// Text of all modules.
-    whole: Piece<'p>,
+    whole: TextPiece<'p>,
     /// Of each active module: the text between it and the active module before it.
-    before: Vec<Piece<'p>>,
+    before: Vec<TextPiece<'p>>,
     /// Text behind the last active module.
-    rest: Piece<'p>,
+    rest: TextPiece<'p>,
 }
 
 impl<'p> DividedText<'p> {
@@ -62,17 +62,17 @@ impl<'p> DividedText<'p> {
             let index = to_usize(active.index);
             let piece = text.part(from..index);
             from = index + 1;
-            Piece::new(piece)
+            TextPiece::new(piece)
         });
         let before = before.collect();
         let count = template.symbols.len();
-        Some(Self { whole: Piece::new(text.part(0..count)), before, rest: Piece::new(text.part(from..count)) })
+        Some(Self { whole: TextPiece::new(text.part(0..count)), before, rest: TextPiece::new(text.part(from..count)) })
     }
 }
 
 /// Lineage of an active module and the production that rewrites it.
 #[derive(Clone, Copy)]
-struct Choice {
+struct DrawnProduction {
     lineage: u64,
     production: u32,
 }
@@ -95,7 +95,7 @@ fn draw<'a>(
     step: &'a StepChoices,
     active: &'a [ActiveModule],
     lineage: impl Fn(usize) -> u64 + 'a,
-) -> impl Iterator<Item = Choice> + 'a {
+) -> impl Iterator<Item = DrawnProduction> + 'a {
     active.iter().map(move |active| {
         let lineage = lineage(to_usize(active.index));
         let group = &plan.groups[to_usize(active.group)];
@@ -103,7 +103,7 @@ fn draw<'a>(
             (None, Some(shares)) => group.productions[shares.pick(&mut step.stream(lineage))],
             (always, _) => always.unwrap_or_default(),
         };
-        Choice { lineage, production }
+        DrawnProduction { lineage, production }
     })
 }
 
@@ -120,7 +120,7 @@ pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result
     let mut out: Vec<u8> = Vec::with_capacity(expected + SHORT);
     // The axiom is the first open block; its lineages are known.
     let axiom = plan.productions.len();
-    let mut choices: Vec<Choice> = Vec::new();
+    let mut choices: Vec<DrawnProduction> = Vec::new();
     if let Some(step) = steps.first() {
         choices.extend(draw(plan, step, &run.axiom.active, |i| run.axiom_lineages[i]));
     }

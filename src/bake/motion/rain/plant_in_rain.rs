@@ -276,7 +276,7 @@ impl WindPoses for RecordedWindPoses {
 /// The frame that is shown of a clip of `count` frames that does not repeat, at a frame that may lie before it: the spin-up plays
 /// the clip backwards, and to and fro if it is longer, so that the plant is in motion until the clip begins.
 fn played_back_before(frame: i64, count: usize) -> i64 {
-    let last = i64::try_from(count).unwrap_or(i64::MAX).saturating_sub(1);
+    let last = count as i64 - 1;
     match frame {
         0.. => frame,
         _ if last < 1 => 0,
