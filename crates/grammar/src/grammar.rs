@@ -126,22 +126,18 @@ impl Grammar {
 
     /// A string of modules without parameters as text.
     fn print_symbols(&self, symbols: &[SymbolId]) -> String {
-        let chars: Vec<char> =
-            (0_u16..).take(self.program.symbols.len()).map(|i| self.program.symbols.get(i)).collect();
+        let table = &self.program.symbols;
         // The usual string, whose symbols are single bytes, is a table look-up for each.
-        let is_byte = |c: &char| c.is_ascii() && self.program.symbols.long_name(*c).is_none();
-        let bytes: Option<Vec<u8>> = chars.iter().map(|c| u8::try_from(*c).ok().filter(|_| is_byte(c))).collect();
+        let byte = |i: SymbolId| {
+            let c = table.get(i);
+            u8::try_from(c).ok().filter(|_| c.is_ascii() && table.long_name(c).is_none())
+        };
+        let bytes: Option<Vec<u8>> = (0..).take(table.len()).map(byte).collect();
         if let Some(bytes) = bytes {
-            let text: Vec<u8> = symbols.iter().map(|s| bytes[usize::from(*s)]).collect();
-            return utf8_text(text);
+            return utf8_text(symbols.iter().map(|s| bytes[usize::from(*s)]).collect());
         }
         let mut out = String::with_capacity(symbols.len());
-        for c in symbols.iter().map(|s| chars[usize::from(*s)]) {
-            match self.program.symbols.long_name(c) {
-                Some(name) => out.push_str(name),
-                None => out.push(c),
-            }
-        }
+        symbols.iter().for_each(|s| table.append_spelling(*s, &mut out));
         out
     }
 
@@ -239,11 +235,7 @@ pub(crate) fn utf8_text(bytes: Vec<u8>) -> String {
 
 /// Appends a module as text, parameters with six digits.
 pub(crate) fn write_module(out: &mut String, grammar: &Grammar, m: Module<'_>, numbers: &mut NumberTexts) {
-    let c = grammar.program.symbols.get(m.symbol);
-    match grammar.program.symbols.long_name(c) {
-        Some(name) => out.push_str(name),
-        None => out.push(c),
-    }
+    grammar.program.symbols.append_spelling(m.symbol, out);
     for (i, value) in m.params.iter().enumerate() {
         out.push(if i == 0 { '(' } else { ',' });
         out.push_str(numbers.text(*value));

@@ -69,6 +69,16 @@ impl Symbols {
         self.names.get(&c).map(String::as_str)
     }
 
+    /// Appends a symbol as grammars spell it: its character, or its long name.
+    #[inline]
+    pub(crate) fn append_spelling(&self, symbol: SymbolId, out: &mut String) {
+        let c = self.get(symbol);
+        match self.long_name(c) {
+            Some(name) => out.push_str(name),
+            None => out.push(c),
+        }
+    }
+
     /// The number of a symbol; `None` if it does not occur in the grammar.
     pub fn find(&self, c: char) -> Option<SymbolId> {
         self.index.get(&c).copied()

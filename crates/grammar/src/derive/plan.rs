@@ -42,11 +42,7 @@ impl TemplateText {
     fn new(program: &Program, symbols: &[SymbolId]) -> Self {
         let mut out = Self::default();
         for symbol in symbols {
-            let c = program.symbols.get(*symbol);
-            match program.symbols.long_name(c) {
-                Some(name) => out.text.push_str(name),
-                None => out.text.push(c),
-            }
+            program.symbols.append_spelling(*symbol, &mut out.text);
             out.ends.push(saturating_index(out.text.len()));
         }
         out

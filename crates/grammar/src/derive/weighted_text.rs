@@ -147,7 +147,7 @@ pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result
             let is_final = step == length || template.active.is_empty();
             run.counts.modules += (template.symbols.len() - if is_final { 0 } else { template.active.len() }) as u64;
             if !is_final {
-                opened = Some((production, choice.lineage));
+                opened = Some(choice);
                 break;
             }
             texts[production].whole.append_to(&mut out);
@@ -157,7 +157,8 @@ pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result
             return Err(if run.counts.modules > job.max_modules { Halt::Modules } else { Halt::Work });
         }
         match opened {
-            Some((production, parent)) => {
+            Some(DrawnProduction { lineage: parent, production }) => {
+                let production = to_usize(production);
                 let template = templates[production];
                 let first = choices.len();
                 choices

@@ -245,6 +245,18 @@ fn recycled_catkins_are_hidden_while_they_move() {
     assert!(all.stats().recycled > 30);
 }
 
+/// Catkins of one size that fall straight and stick to each other within 0.2 m, in clusters that do not turn.
+fn alike_and_sticky() -> FlightParams {
+    FlightParams {
+        scales: [1.0, 1.0],
+        fall_spread: 0.0,
+        glide: 0.0,
+        cluster_rotation: false,
+        stick_radius: 0.2,
+        ..FlightParams::default()
+    }
+}
+
 /// A pair leaves through a side where catkins are recycled, while one of the two is still inside; both come back, whatever the
 /// condition of the other sides.
 #[test]
@@ -254,12 +266,7 @@ fn all_members_of_a_cluster_are_recycled() {
             // Steps of 8 mm, half as long as members are apart along the wind.
             substeps: 16,
             edges: [SideBoundary::Recycle, other],
-            scales: [1.0, 1.0],
-            fall_spread: 0.0,
-            glide: 0.0,
-            cluster_rotation: false,
-            stick_radius: 0.2,
-            ..FlightParams::default()
+            ..alike_and_sticky()
         };
         let starts = [16.9, 17.1].map(|x| DVec3::new(x, 20.0, 0.0));
         let starts = starts.map(|at| CatkinStart { at, wait: ReleaseCondition::Until(0.0) });
@@ -333,15 +340,7 @@ fn upper_member_at_a_wall_sinks_to_its_foot() {
 fn a_cluster_that_falls_off_a_wall_has_not_ended_its_flight() {
     let prism = Prism::block(Vec3::new(4.0, 1.0, 0.0), Vec3::new(0.4, 3.0, 30.0), 0.0);
     let wall = Solid { name: "wall".into(), form: Form::Prism(prism), humidity: 0.0 };
-    let options = FlightParams {
-        humidity: GroundHumidity::Even(1.0),
-        scales: [1.0, 1.0],
-        fall_spread: 0.0,
-        glide: 0.0,
-        cluster_rotation: false,
-        stick_radius: 0.2,
-        ..FlightParams::default()
-    };
+    let options = FlightParams { humidity: GroundHumidity::Even(1.0), ..alike_and_sticky() };
     let starts = [2.0, 2.1].map(|y| DVec3::new(3.0, y, 0.0));
     let starts = starts.map(|at| CatkinStart { at, wait: ReleaseCondition::Until(0.0) });
     let mut all = FlightSimulation::new(options, Arc::new(Solids::new(vec![wall], true)), &starts);

@@ -85,7 +85,8 @@ impl Shell {
     }
 
     /// Number of times that the ray from `from` along the unit vector `way` passes through triangles that face it, and through
-    /// triangles that face away. At an edge or a corner the triangles that face the same way are one crossing: rays along the axes meet the diagonals of faces on a grid exactly.
+    /// triangles that face away. At an edge or a corner the triangles that face the same way are one crossing: rays along the axes
+    /// meet the diagonals of faces on a grid exactly.
     /// `met`: memory for the distances of the triangles that face the ray, and of those that face away.
     fn crossings(&self, from: Vec3, way: Vec3, met: &mut [Vec<f32>; 2]) -> [usize; 2] {
         // Long enough to leave the mesh from any point in its box.
