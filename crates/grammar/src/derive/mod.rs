@@ -22,7 +22,7 @@ use super::code::Bytecode;
 use super::cpfg_random::CpfgRandom;
 use super::grammar::{Grammar, runtime_error, runtime_report};
 use super::modules::ModuleString;
-use super::program::Program;
+use super::program::{Program, Section};
 use super::symbols::SymbolId;
 use super::vm::{DrawPurpose, Halt, RandomStreams, RuntimeWarning, RuntimeWarnings, Vm};
 use independent::Deferred;
@@ -285,10 +285,13 @@ impl<'g> Derivation<'g> {
             c.writes_globals()
                 || c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
         };
+        // The productions of all L-systems of the file.
+        let sections = [Section::Rules, Section::Decomposition];
+        let mut productions = sections.into_iter().flat_map(|s| self.program.sections(s)).flat_map(|set| &set.list);
         !self.has_queries
             && b.start_each.is_none()
             && b.end_each.is_none()
-            && !self.program.rules.list.iter().chain(&self.program.decomposition.list).any(|p| p.codes().any(uses_step))
+            && !productions.any(|p| p.codes().any(uses_step))
     }
 
     fn run_block(&mut self, code: Option<&Bytecode>, step: u32) -> std::result::Result<(), Halt> {

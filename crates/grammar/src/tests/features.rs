@@ -201,6 +201,17 @@ fn other_l_systems_of_the_file_rewrite_what_stands_between_their_borders() {
 }
 
 #[test]
+fn a_production_of_a_sub_l_system_may_wait_for_its_step() {
+    // Nothing is rewritten in steps 1 to 4; the derivation goes on, as another L-system of the file counts its steps.
+    let second = "Lsystem: 2\nderivation length: 1\nAxiom: A\n";
+    let sub = |rules: &str| {
+        string(&format!("Lsystem: 1\nderivation length: 8\nAxiom: ?(2)A$\nendlsystem\n{second}{rules}\nendlsystem\n"))
+    };
+    assert_eq!(sub("A : Q==5 --> B C"), "?(2)BC$");
+    assert_eq!(sub("Decomposition\nA : remaining==2 --> D"), "?(2)D$");
+}
+
+#[test]
 fn the_homomorphism_of_a_sub_l_system_is_its_own() {
     let (g, _) = read(
         "Lsystem: 1\nderivation length: 0\nAxiom: A?(2)A$A\nHomomorphism\nA --> F\nendlsystem\n\
