@@ -397,6 +397,26 @@ fn too_long_derivations_are_refused_before_they_start() {
 }
 
 #[test]
+fn refused_derivations_are_told_with_their_numbers() {
+    let refused = |length: u32, axiom: &str, rules: &str, modules: u64| {
+        let (g, _) = read(&format!("Lsystem: 1\nderivation length: {length}\nAxiom: {axiom}\n{rules}\nendlsystem"));
+        let mut limits = Limits::default();
+        limits.set("modules", &modules.to_string()).expect("a limit");
+        derive(&g, &DeriveOptions::default(), &limits).expect_err("too long").to_string()
+    };
+    // 1 + 3 n modules after n steps, the last of many.
+    let e = refused(50_000, "A", "A --> AFFF", 100_000);
+    assert!(e.contains("step 50000 would make 150,001 modules; --max-modules 100000 allows 33333"), "{e}");
+    // Six modules after step 1, none after step 2.
+    let e = refused(2, "A", "A --> BBBBBB\nB --> *", 5);
+    assert!(e.contains("step 1 would make 6 modules; --max-modules 5 allows 0"), "{e}");
+    // No derivation length is short enough for the axiom.
+    let e = refused(1, "AAAAAA", "A --> BB", 5);
+    assert!(e.contains("the axiom has 6 modules") && !e.contains("derivation length to"), "{e}");
+    assert!(!e.contains("this production"), "{e}");
+}
+
+#[test]
 fn weights_choose_in_proportion_and_every_draw_has_its_address() {
     let rules = "A --> B : 1\nA --> C : 3";
     let axiom = "A".repeat(20_000);
