@@ -417,6 +417,21 @@ fn refused_derivations_are_told_with_their_numbers() {
 }
 
 #[test]
+fn iterations_of_loops_are_limited_whatever_stands_in_them() {
+    let text = |turns: u32| {
+        format!(
+            "Lsystem: 1\nderivation length: 1\nAxiom: A\nStart: {{ i = 0; while (i < {turns}) {{ i = i+1; a = i; b = a; \
+             if (b > a) {{ c = 1; }} }} }}\nA --> F(b)\nendlsystem\n"
+        )
+    };
+    // A million iterations of five statements each.
+    assert_eq!(string(&text(1_000_000)), "F(1e+06)");
+    let (g, _) = read(&text(1_000_002));
+    let e = derive(&g, &DeriveOptions::default(), &Limits::default()).expect_err("too many").to_string();
+    assert!(e.contains("L044") && e.contains("test.l:4:17"), "{e}");
+}
+
+#[test]
 fn weights_choose_in_proportion_and_every_draw_has_its_address() {
     let rules = "A --> B : 1\nA --> C : 3";
     let axiom = "A".repeat(20_000);
