@@ -822,7 +822,7 @@ fn converted_grammars_draw_the_same() {
             assert!(converts(&g, ConvertTo::Cpfg, name), "{name}");
         }
     }
-    for name in ["angles.ls", "gravity.ls", "numbers.ls"] {
+    for name in ["angles.ls", "gravity.ls", "numbers.ls", "fraction.ls"] {
         assert!(!converts(&read(&format!("lparser/{name}"), ""), ConvertTo::Cpfg, name), "{name}");
     }
     for (name, _) in LPY {
@@ -841,6 +841,7 @@ fn converted_grammars_draw_the_same() {
     }
     let notes = convert(&read("lparser/keywords.ls", ""), ConvertTo::Cpfg).expect("converted").notes;
     assert!(notes.iter().any(|n| n.contains("colours that the file sets")), "{notes:?}");
+    assert!(notes.iter().any(|n| n.contains("least thickness")), "{notes:?}");
     // A roll at the end of a rule, which is a backslash in cpfg, joins no lines.
     let rolls = "Axiom: FA/\nderivation length: 2\nproduction:\nA --> B//\nB --> F^F/\nendlsystem\n";
     let (g, _) = read_bytes("m.lpy", rolls.as_bytes(), ReadAs::default()).expect("read");
