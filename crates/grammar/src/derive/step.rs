@@ -188,7 +188,7 @@ impl<'p> SystemRuns<'p> {
     ) -> (Result<bool, Halt>, crate::vm::Vm) {
         let program = self.program;
         let systems = program.systems_of(view.modules);
-        let hidden: Vec<Vec<bool>> = program.subsystems.iter().map(|s| s.ignored.flags(&program.symbols)).collect();
+        let hidden = program.hidden_symbols();
         out.clear();
         let mut changed = false;
         let mut start = 0;
@@ -196,9 +196,7 @@ impl<'p> SystemRuns<'p> {
             let system = run.first().copied().unwrap_or(0);
             // Each L-system has its productions and its list of symbols that contexts skip.
             rewriter.change_plan(self.plans.of(system));
-            let ignored =
-                usize::from(system).checked_sub(1).and_then(|i| hidden.get(i)).map_or(view.ignored, Vec::as_slice);
-            let view = ContextView { ignored, ..*view };
+            let view = view.of_system(&hidden, system);
             match rewrite_range(&mut rewriter, &view, start..start + run.len(), out, budget) {
                 Ok(c) => changed |= c,
                 Err(halt) => return (Err(halt), rewriter.vm),

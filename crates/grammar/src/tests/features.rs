@@ -212,6 +212,31 @@ fn a_production_of_a_sub_l_system_may_wait_for_its_step() {
 }
 
 #[test]
+fn contexts_of_a_sub_l_system_skip_its_own_symbols_in_every_section() {
+    let (main, second) = ("Ignore: +\n", "Lsystem: 2\nderivation length: 1\nAxiom: A\nIgnore: X\n");
+    let text = |rules: &str| {
+        format!(
+            "Lsystem: 1\nderivation length: 1\n{main}Axiom: A+B?(2)AXB A+B$A+B\n{rules}endlsystem\n{second}{rules}endlsystem\n"
+        )
+    };
+    // Outside `+` is passed over, inside X, in productions, decompositions and homomorphisms alike.
+    assert_eq!(string(&text("A < B --> C\n")), "A+C?(2)AXCA+B$A+C");
+    assert_eq!(string(&text("Decomposition\nA < B --> C\n")), "A+C?(2)AXCA+B$A+C");
+    let (g, _) = read(&text("Homomorphism\nA < B --> C\n"));
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let mut drawn = String::new();
+    interpret(&g, &d, &Limits::default(), |m| drawn.push(g.symbols().get(m.symbol))).expect("draws");
+    assert_eq!(drawn, "A+C?AXCA+B$A+C");
+    // The same in the order of cpfg.
+    let as_cpfg = DeriveOptions { draw_as_cpfg: true, ..DeriveOptions::default() };
+    for rules in ["A < B --> C\n", "Decomposition\nA < B --> C\n"] {
+        let (g, _) = read(&text(rules));
+        let d = derive(&g, &as_cpfg, &Limits::default()).expect("derives");
+        assert_eq!(g.print(&d.modules), "A+C?(2)AXCA+B$A+C", "{rules}");
+    }
+}
+
+#[test]
 fn the_homomorphism_of_a_sub_l_system_is_its_own() {
     let (g, _) = read(
         "Lsystem: 1\nderivation length: 0\nAxiom: A?(2)A$A\nHomomorphism\nA --> F\nendlsystem\n\
