@@ -497,6 +497,26 @@ fn any_number_of_threads_derives_the_same_string() {
 }
 
 #[test]
+fn any_number_of_threads_passes_the_same_budget_of_statements() {
+    // One statement for each of 140,000 modules, of which no block of 65,536 passes the budget.
+    let axiom = "F(1)".repeat(140_000);
+    let text =
+        format!("Lsystem: 1\nderivation length: 1\nAxiom: {axiom}\nF(x) > F(y) : {{a=x;}} a>0 --> F(a)\nendlsystem");
+    let (g, _) = read(&text);
+    let run = |threads: usize, statements: &str| {
+        let mut limits = Limits::default();
+        limits.set("statements", statements).expect("a limit");
+        let derived = osier_base::par::on_threads(threads, || derive(&g, &DeriveOptions::default(), &limits));
+        derived.map(|d| d.modules.len()).map_err(|e| e.to_string())
+    };
+    for threads in [1, 2, 5] {
+        let why = run(threads, "100000").expect_err("too many statements");
+        assert!(why.contains("L051") && why.contains("step 1 passes the budget of statements"), "{threads}: {why}");
+        assert_eq!(run(threads, "140000"), Ok(140_000), "{threads} threads");
+    }
+}
+
+#[test]
 fn a_production_may_have_more_variables_than_registers() {
     let formals: Vec<String> = (0..200).map(|i| format!("p{i}")).collect();
     let values: Vec<String> = (0..200).map(|i| i.to_string()).collect();

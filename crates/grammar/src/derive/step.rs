@@ -64,35 +64,41 @@ impl<'g> Derivation<'g> {
         // Nor may blocks be rewritten beside each other if the limit on bytes could end the step: one pass sees it in time. While
         // blocks are joined, they are there beside the string.
         let may_pass = self.largest_result().saturating_mul(2) > budget.bytes;
-        if self.program.is_serial() || may_pass || n <= BLOCK_MODULES || par::threads() == 1 {
-            self.block_buffers.clear();
-            let mut rewriter = Rewriter::new(settings, self.vm.take());
-            self.next_string.clear();
-            let changed = rewrite_range(&mut rewriter, &view, 0..n, &mut self.next_string, budget);
-            self.vm = rewriter.vm;
-            std::mem::swap(&mut self.string, &mut self.next_string);
-            return changed;
+        let in_one_pass = self.program.is_serial() || may_pass || n <= BLOCK_MODULES || par::threads() == 1;
+        if !in_one_pass {
+            // Every block begins with the state of the machine before the step. Random draws are addressed by lineage, not
+            // by order, so that the blocks give the string of a serial pass.
+            let mut start = self.vm.clone();
+            start.warnings.list.clear();
+            let block = |i: usize| {
+                // Buffers of the step before are reused: touching fresh memory pages costs more than the rewriting itself.
+                let mut modules = self.block_buffers.pop().unwrap_or_else(|| self.string.empty());
+                modules.clear();
+                let range = i * BLOCK_MODULES..((i + 1) * BLOCK_MODULES).min(n);
+                BlockTask { range, modules, changed: false, vm: start.clone(), halt: None }
+            };
+            let mut blocks: Vec<BlockTask> = (0..n.div_ceil(BLOCK_MODULES)).map(block).collect();
+            par::par_each(&mut blocks, |block| {
+                let mut rewriter = Rewriter::new(settings, block.vm.clone());
+                let result = rewrite_range(&mut rewriter, &view, block.range.clone(), &mut block.modules, budget);
+                block.changed = result.unwrap_or(false);
+                block.vm = rewriter.vm;
+                block.halt = result.err();
+            });
+            // All blocks together may pass the budget of statements where none does: one pass then ends at the same statement
+            // on any number of threads.
+            let used = blocks.iter().fold(self.vm.statements, |sum, b| sum + b.vm.statements - start.statements);
+            if used <= self.vm.statement_limit {
+                return self.join_blocks(blocks, budget);
+            }
         }
-        // Every block begins with the state of the machine before the step. Random draws are addressed by lineage, not
-        // by order, so that the blocks give the string of a serial pass.
-        let mut start = self.vm.clone();
-        start.warnings.list.clear();
-        let block = |i: usize| {
-            // Buffers of the step before are reused: touching fresh memory pages costs more than the rewriting itself.
-            let mut modules = self.block_buffers.pop().unwrap_or_else(|| self.string.empty());
-            modules.clear();
-            let range = i * BLOCK_MODULES..((i + 1) * BLOCK_MODULES).min(n);
-            BlockTask { range, modules, changed: false, vm: start.clone(), halt: None }
-        };
-        let mut blocks: Vec<BlockTask> = (0..n.div_ceil(BLOCK_MODULES)).map(block).collect();
-        par::par_each(&mut blocks, |block| {
-            let mut rewriter = Rewriter::new(settings, block.vm.clone());
-            let result = rewrite_range(&mut rewriter, &view, block.range.clone(), &mut block.modules, budget);
-            block.changed = result.unwrap_or(false);
-            block.vm = rewriter.vm;
-            block.halt = result.err();
-        });
-        self.join_blocks(blocks, budget)
+        self.block_buffers.clear();
+        let mut rewriter = Rewriter::new(settings, self.vm.take());
+        self.next_string.clear();
+        let changed = rewrite_range(&mut rewriter, &view, 0..n, &mut self.next_string, budget);
+        self.vm = rewriter.vm;
+        std::mem::swap(&mut self.string, &mut self.next_string);
+        changed
     }
 
     /// Settings of the main productions in one step: draws are addressed by the step, modules are born in it.
