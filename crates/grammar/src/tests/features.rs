@@ -396,3 +396,14 @@ fn items_of_a_section_may_follow_its_heading() {
     assert_eq!(read_with("no warnings of any kind"), [""; 0]);
     assert_eq!(read_with("rubbish"), ["L008"]);
 }
+
+#[test]
+fn letters_of_long_commands_are_no_idle_symbols() {
+    let idle = |axiom: &str| {
+        let (g, _) = read(&format!("Lsystem: 1\nderivation length: 0\nAxiom: {axiom}\nendlsystem\n"));
+        let notes = g.notes().iter().filter(|d| d.code == "L037");
+        notes.map(|d| d.message.split(' ').next().unwrap_or_default().to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(idle("@PS(1,1)@PC(1,0,0)f@PD(1,2,2)@Gs f @Ge(1)@bo(2)@Di(2)@Ts(1,0.5)@D(3)@Tp"), [""; 0]);
+    assert_eq!(idle("@D X @PS(1,1) S F"), ["X", "S"]);
+}
