@@ -245,9 +245,7 @@ impl<'g> Derivation<'g> {
             self.vm.step = step - 1;
             self.run_block(blocks.start_each.as_ref(), step)?;
             self.vm.step = step;
-            if let Some(cut) = self.cut_symbol {
-                self.remove_cut_branches(cut);
-            }
+            let has_cut = self.cut_symbol.is_some_and(|cut| self.remove_cut_branches(cut));
             // The sum of string lengths over the steps bounds the time of the derivation, as strings may shrink again.
             self.work = self.work.saturating_add(self.string.len() as u64);
             if self.work > self.limits.get("work") {
@@ -262,12 +260,13 @@ impl<'g> Derivation<'g> {
             self.ask(turtle.as_deref_mut())?;
             self.run_block(blocks.end_each.as_ref(), step)?;
             self.steps_done = step;
-            // Start of the run of steps without change that is still going on, for the warning L054.
-            if !changed && self.unchanged_since.is_none() {
-                self.unchanged_since = Some(step);
-            } else if changed {
-                self.unchanged_since = None;
-            }
+            // Start of the run of steps without change that is still going on, for the warning L054. Such a run begins behind a
+            // step that cuts branches.
+            self.unchanged_since = match (changed, has_cut) {
+                (true, _) => None,
+                (false, true) => Some(step + 1),
+                (false, false) => self.unchanged_since.or(Some(step)),
+            };
             // End early after `stop`, or once no later step can change the string.
             if self.vm.stopped || (!changed && self.nothing_can_change()) {
                 break;
@@ -319,10 +318,10 @@ impl<'g> Derivation<'g> {
         Ok(())
     }
 
-    /// Removes every `%` and what follows it on its branch.
-    fn remove_cut_branches(&mut self, cut: SymbolId) {
+    /// Removes every `%` and what follows it on its branch; true if there was any.
+    fn remove_cut_branches(&mut self, cut: SymbolId) -> bool {
         if !self.string.symbols().contains(&cut) {
-            return;
+            return false;
         }
         self.next_string.clear();
         // `cut_at`: bracket depth of the `%` that is in force. The closing bracket of that depth ends its effect and is
@@ -346,6 +345,7 @@ impl<'g> Derivation<'g> {
             }
         }
         std::mem::swap(&mut self.string, &mut self.next_string);
+        true
     }
 
     fn finish(mut self, options: &DeriveOptions) -> DerivedString {

@@ -407,3 +407,15 @@ fn letters_of_long_commands_are_no_idle_symbols() {
     assert_eq!(idle("@PS(1,1)@PC(1,0,0)f@PD(1,2,2)@Gs f @Ge(1)@bo(2)@Di(2)@Ts(1,0.5)@D(3)@Tp"), [""; 0]);
     assert_eq!(idle("@D X @PS(1,1) S F"), ["X", "S"]);
 }
+
+#[test]
+fn a_step_that_cuts_a_branch_changes_the_string() {
+    let told = |length: u32| {
+        let (g, _) = read(&format!("Lsystem: 1\nderivation length: {length}\nAxiom: A\nA --> F%F\nendlsystem\n"));
+        let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+        (g.print(&d.modules), d.warnings.iter().map(|w| w.message.clone()).collect::<Vec<_>>())
+    };
+    assert_eq!(told(1), ("F%F".to_owned(), Vec::new()));
+    assert_eq!(told(3), ("F".to_owned(), Vec::new()));
+    assert_eq!(told(4), ("F".to_owned(), vec!["nothing changes from step 3 on".to_owned()]));
+}
