@@ -276,12 +276,13 @@ impl<'g> Derivation<'g> {
     }
 
     /// True if a step that changes nothing is followed by equal ones only: no queries, no `StartEach` or `EndEach`, and no
-    /// production that reads the step, draws random numbers or writes global variables.
+    /// production that reads the step, draws random numbers, prints or writes global variables.
     fn nothing_can_change(&self) -> bool {
         let b = &self.program.blocks;
         let uses_step = |c: &Bytecode| {
             use crate::code::Op;
             c.writes_globals()
+                || c.prints()
                 || c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
         };
         // The productions of all L-systems of the file.

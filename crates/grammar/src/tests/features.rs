@@ -419,3 +419,11 @@ fn a_step_that_cuts_a_branch_changes_the_string() {
     assert_eq!(told(3), ("F".to_owned(), Vec::new()));
     assert_eq!(told(4), ("F".to_owned(), vec!["nothing changes from step 3 on".to_owned()]));
 }
+
+#[test]
+fn a_production_that_loses_prints_in_every_step() {
+    let (g, _) =
+        read("Lsystem: 1\nderivation length: 3\nAxiom: A(0)\nA(x) : {printf(\"x %g\\n\", x);} x>0 --> F\nendlsystem\n");
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!((g.print(&d.modules).as_str(), d.output.as_str()), ("A(0)", "x 0\nx 0\nx 0\n"));
+}
