@@ -81,6 +81,7 @@ impl<'g> Derivation<'g> {
             par::par_each(&mut blocks, |block| {
                 let mut rewriter = Rewriter::new(settings, block.vm.clone());
                 let result = rewrite_range(&mut rewriter, &view, block.range.clone(), &mut block.modules, budget);
+                let result = result.map(|r| r.changed);
                 block.changed = result.unwrap_or(false);
                 block.vm = rewriter.vm;
                 block.halt = result.err();
@@ -95,10 +96,10 @@ impl<'g> Derivation<'g> {
         self.block_buffers.clear();
         let mut rewriter = Rewriter::new(settings, self.vm.take());
         self.next_string.clear();
-        let changed = rewrite_range(&mut rewriter, &view, 0..n, &mut self.next_string, budget);
+        let rewritten = rewrite_range(&mut rewriter, &view, 0..n, &mut self.next_string, budget);
         self.vm = rewriter.vm;
         std::mem::swap(&mut self.string, &mut self.next_string);
-        changed
+        rewritten.map(|r| r.changed)
     }
 
     /// Settings of the main productions in one step: draws are addressed by the step, modules are born in it.
@@ -197,30 +198,43 @@ impl<'p> SystemRuns<'p> {
         let hidden = program.hidden_symbols();
         out.clear();
         let mut changed = false;
-        let mut start = 0;
+        let (mut start, mut rewritten_to) = (0, 0);
         for run in systems.chunk_by(|a, b| a == b) {
+            // A predecessor of several modules may have taken the first modules of this run.
+            let (from, end) = (rewritten_to.max(start), start + run.len());
+            start = end;
+            if from >= end {
+                continue;
+            }
             let system = run.first().copied().unwrap_or(0);
             // Each L-system has its productions and its list of symbols that contexts skip.
             rewriter.change_plan(self.plans.of(system));
             let view = view.of_system(&hidden, system);
-            match rewrite_range(&mut rewriter, &view, start..start + run.len(), out, budget) {
-                Ok(c) => changed |= c,
+            match rewrite_range(&mut rewriter, &view, from..end, out, budget) {
+                Ok(r) => (changed, rewritten_to) = (changed || r.changed, r.end),
                 Err(halt) => return (Err(halt), rewriter.vm),
             }
-            start += run.len();
         }
         (Ok(changed), rewriter.vm)
     }
 }
 
-/// Rewrites the modules of `range` into `out`; true if any production was applied.
-pub(super) fn rewrite_range(
+/// A part of the string that was rewritten.
+struct RewrittenRange {
+    /// Whether any production was applied.
+    changed: bool,
+    /// Index behind its last module: a predecessor of several modules may reach beyond the end that was asked for.
+    end: usize,
+}
+
+/// Rewrites the modules of `range` into `out`.
+fn rewrite_range(
     rewriter: &mut Rewriter<'_>,
     view: &ContextView<'_>,
     range: std::ops::Range<usize>,
     out: &mut ModuleString,
     budget: StringBudget,
-) -> Result<bool, Halt> {
+) -> Result<RewrittenRange, Halt> {
     let plan = rewriter.settings.plan;
     let mut changed = false;
     let mut i = range.start;
@@ -261,7 +275,7 @@ pub(super) fn rewrite_range(
         out.extend(view.modules, copied_to..range.end);
     }
     budget.check(out)?;
-    Ok(changed)
+    Ok(RewrittenRange { changed, end: i })
 }
 
 /// Rewrites all modules from the last to the first into `out`; true if any production was applied. Productions may look at what

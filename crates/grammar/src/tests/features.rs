@@ -212,6 +212,17 @@ fn a_production_of_a_sub_l_system_may_wait_for_its_step() {
 }
 
 #[test]
+fn a_predecessor_of_several_modules_takes_them_across_borders() {
+    let text = "Lsystem: 1\nderivation length: 1\nAxiom: FA?(2,1)BBC$F\nA ?(l,s) B --> X?(l,s)\nendlsystem\n\
+                Lsystem: 2\nderivation length: 1\nAxiom: A\nB --> D\nC $ --> E$\nendlsystem\n";
+    assert_eq!(string(text), "FX?(2,1)DE$F");
+    let (g, _) = read(text);
+    let as_cpfg = DeriveOptions { draw_as_cpfg: true, ..DeriveOptions::default() };
+    let d = derive(&g, &as_cpfg, &Limits::default()).expect("derives");
+    assert_eq!(g.print(&d.modules), "FX?(2,1)DE$F");
+}
+
+#[test]
 fn contexts_of_a_sub_l_system_skip_its_own_symbols_in_every_section() {
     let (main, second) = ("Ignore: +\n", "Lsystem: 2\nderivation length: 1\nAxiom: A\nIgnore: X\n");
     let text = |rules: &str| {
