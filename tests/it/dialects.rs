@@ -529,6 +529,34 @@ fn lpy_string(axiom: &str, steps: u32, rules: &str) -> String {
 }
 
 #[test]
+fn operands_of_and_and_or_are_values_as_in_python() {
+    // What Python 3 prints for each expression with n = 3 and z = 0.
+    for (expression, value) in [
+        ("n or 7", "3"),
+        ("z or 7", "7"),
+        ("n and 7", "7"),
+        ("z and 7", "0"),
+        ("z or n-3 or 5 or 9", "5"),
+        ("n > 2 and n", "3"),
+        ("n > 5 and n", "0"),
+        ("n > 2 or n", "1"),
+        ("n > 5 or n", "3"),
+        ("n and z or 4", "4"),
+        ("n > 2 and n < 4", "1"),
+        ("bool(n) + (n and n > 2)", "2"),
+        ("not (n or z)", "0"),
+    ] {
+        let rules = format!("A(n,z) --> F({expression})");
+        assert_eq!(lpy_string("A(3,0)", 1, &rules), format!("F({value})"), "{expression}");
+    }
+    // A test draws its random number once.
+    let drawn = lpy_string("A(3)", 1, "A(n) --> F(random() < 2 and n)");
+    assert_eq!(drawn, "F(3)");
+    let chain = (0..60).map(|i| format!("n-{i}")).collect::<Vec<_>>().join(" and ");
+    assert_eq!(lpy_string("A(100)", 1, &format!("A(n) --> F({chain})")), "F(41)");
+}
+
+#[test]
 fn loops_of_lpy_run_as_those_of_python() {
     let counts = "A(n):\n  i = 0\n  while i < n:\n    nproduce F(i)\n    i += 1\n  produce +A(n+1)";
     assert_eq!(lpy_string("A(0)", 4, counts), "+F(0)+F(0)F(1)+F(0)F(1)F(2)+A(4)");
@@ -822,7 +850,7 @@ fn converted_grammars_draw_the_same() {
             assert!(converts(&g, ConvertTo::Cpfg, name), "{name}");
         }
     }
-    for name in ["angles.ls", "gravity.ls", "numbers.ls"] {
+    for name in ["angles.ls", "gravity.ls", "numbers.ls", "fraction.ls"] {
         assert!(!converts(&read(&format!("lparser/{name}"), ""), ConvertTo::Cpfg, name), "{name}");
     }
     for (name, _) in LPY {
@@ -841,6 +869,7 @@ fn converted_grammars_draw_the_same() {
     }
     let notes = convert(&read("lparser/keywords.ls", ""), ConvertTo::Cpfg).expect("converted").notes;
     assert!(notes.iter().any(|n| n.contains("colours that the file sets")), "{notes:?}");
+    assert!(notes.iter().any(|n| n.contains("least thickness")), "{notes:?}");
     // A roll at the end of a rule, which is a backslash in cpfg, joins no lines.
     let rolls = "Axiom: FA/\nderivation length: 2\nproduction:\nA --> B//\nB --> F^F/\nendlsystem\n";
     let (g, _) = read_bytes("m.lpy", rolls.as_bytes(), ReadAs::default()).expect("read");

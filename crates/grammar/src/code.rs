@@ -131,7 +131,8 @@ pub(crate) enum Op {
     Or(usize),
     /// Pops; pushes 1 or 0.
     Bool,
-    /// Counts a statement or an iteration of a loop against the budgets; index into [`Bytecode::places`].
+    /// Counts a statement, or the test of a loop, against the budget, and ends a loop of too many iterations; index into
+    /// [`Bytecode::places`].
     Count(usize),
 }
 

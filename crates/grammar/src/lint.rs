@@ -61,8 +61,8 @@ fn check_losers(session: &mut ParseSession, rules: &ProductionSet, stochastic: b
 
 /// Symbols that cpfg's turtle acts on by themselves or as the first of a command.
 const DRAWN_SYMBOLS: &str = "FGfg+-&^\\/|$[]#!;,'{}._@~?%";
-/// Letters after `@` that a further letter may follow.
-const LONG_COMMANDS: &str = "DTbGP";
+/// Letters after `@` that a further letter follows, small or capital.
+const LONG_COMMANDS: &str = "bGP";
 
 /// L037, a note: symbols that are made, but neither rewritten nor drawn nor asked for by a context.
 fn note_idle_symbols(session: &mut ParseSession, program: &Program) {
@@ -79,11 +79,16 @@ fn note_idle_symbols(session: &mut ParseSession, program: &Program) {
             if is_command && matches!(c, '@' | '~' | '?') {
                 // What follows belongs to the command.
                 let second = rest.next().map(|t| symbol(t.symbol));
-                if c == '@' && second.is_some_and(|s| LONG_COMMANDS.contains(s)) {
-                    let mut ahead = rest.clone();
-                    if ahead.next().is_some_and(|t| symbol(t.symbol).is_ascii_lowercase()) {
-                        rest = ahead;
-                    }
+                let mut ahead = rest.clone();
+                let third = ahead.next().map(|t| symbol(t.symbol));
+                // `@D` and `@T` may stand alone, and their letters are small.
+                let is_long = match second {
+                    Some('D' | 'T') => third.is_some_and(|t| t.is_ascii_lowercase()),
+                    Some(s) => LONG_COMMANDS.contains(s),
+                    None => false,
+                };
+                if c == '@' && is_long {
+                    rest = ahead;
                 }
             } else if !is_command && !used.contains(&t.symbol) && !bound(t.symbol) && !matches!(c, '[' | ']') {
                 idle.entry(t.symbol).or_insert(t.place);

@@ -259,6 +259,16 @@ impl Program {
         out
     }
 
+    /// Of each L-system, as [`Self::section`] numbers them, per symbol: true if its contexts skip the symbol. Empty without
+    /// sub-L-systems.
+    pub fn hidden_symbols(&self) -> Vec<Vec<bool>> {
+        if self.subsystems.is_empty() {
+            return Vec::new();
+        }
+        let all = [&self.ignored].into_iter().chain(self.subsystems.iter().map(|s| &s.ignored));
+        all.map(|ignored| ignored.flags(&self.symbols)).collect()
+    }
+
     /// True if productions compete by weight: with a `Seed:` or a `turtle:`.
     pub fn is_stochastic(&self) -> bool {
         self.seed.is_some() || self.turtle.as_ref().is_some_and(|t| !t.first_applies)

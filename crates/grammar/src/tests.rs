@@ -397,6 +397,41 @@ fn too_long_derivations_are_refused_before_they_start() {
 }
 
 #[test]
+fn refused_derivations_are_told_with_their_numbers() {
+    let refused = |length: u32, axiom: &str, rules: &str, modules: u64| {
+        let (g, _) = read(&format!("Lsystem: 1\nderivation length: {length}\nAxiom: {axiom}\n{rules}\nendlsystem"));
+        let mut limits = Limits::default();
+        limits.set("modules", &modules.to_string()).expect("a limit");
+        derive(&g, &DeriveOptions::default(), &limits).expect_err("too long").to_string()
+    };
+    // 1 + 3 n modules after n steps, the last of many.
+    let e = refused(50_000, "A", "A --> AFFF", 100_000);
+    assert!(e.contains("step 50000 would make 150,001 modules; --max-modules 100000 allows 33333"), "{e}");
+    // Six modules after step 1, none after step 2.
+    let e = refused(2, "A", "A --> BBBBBB\nB --> *", 5);
+    assert!(e.contains("step 1 would make 6 modules; --max-modules 5 allows 0"), "{e}");
+    // No derivation length is short enough for the axiom.
+    let e = refused(1, "AAAAAA", "A --> BB", 5);
+    assert!(e.contains("the axiom has 6 modules") && !e.contains("derivation length to"), "{e}");
+    assert!(!e.contains("this production"), "{e}");
+}
+
+#[test]
+fn iterations_of_loops_are_limited_whatever_stands_in_them() {
+    let text = |turns: u32| {
+        format!(
+            "Lsystem: 1\nderivation length: 1\nAxiom: A\nStart: {{ i = 0; while (i < {turns}) {{ i = i+1; a = i; b = a; \
+             if (b > a) {{ c = 1; }} }} }}\nA --> F(b)\nendlsystem\n"
+        )
+    };
+    // A million iterations of five statements each.
+    assert_eq!(string(&text(1_000_000)), "F(1e+06)");
+    let (g, _) = read(&text(1_000_002));
+    let e = derive(&g, &DeriveOptions::default(), &Limits::default()).expect_err("too many").to_string();
+    assert!(e.contains("L044") && e.contains("test.l:4:17"), "{e}");
+}
+
+#[test]
 fn weights_choose_in_proportion_and_every_draw_has_its_address() {
     let rules = "A --> B : 1\nA --> C : 3";
     let axiom = "A".repeat(20_000);
@@ -458,6 +493,26 @@ fn any_number_of_threads_derives_the_same_string() {
     assert!(one.modules.len() > 150_000, "several blocks: {}", one.modules.len());
     for threads in [2, 5] {
         assert!(run(threads).modules == one.modules, "{threads} threads");
+    }
+}
+
+#[test]
+fn any_number_of_threads_passes_the_same_budget_of_statements() {
+    // One statement for each of 140,000 modules, of which no block of 65,536 passes the budget.
+    let axiom = "F(1)".repeat(140_000);
+    let text =
+        format!("Lsystem: 1\nderivation length: 1\nAxiom: {axiom}\nF(x) > F(y) : {{a=x;}} a>0 --> F(a)\nendlsystem");
+    let (g, _) = read(&text);
+    let run = |threads: usize, statements: &str| {
+        let mut limits = Limits::default();
+        limits.set("statements", statements).expect("a limit");
+        let derived = osier_base::par::on_threads(threads, || derive(&g, &DeriveOptions::default(), &limits));
+        derived.map(|d| d.modules.len()).map_err(|e| e.to_string())
+    };
+    for threads in [1, 2, 5] {
+        let why = run(threads, "100000").expect_err("too many statements");
+        assert!(why.contains("L051") && why.contains("step 1 passes the budget of statements"), "{threads}: {why}");
+        assert_eq!(run(threads, "140000"), Ok(140_000), "{threads} threads");
     }
 }
 

@@ -6,7 +6,7 @@ use super::token::SourcePlace;
 use osier_base::math;
 use osier_base::rng::{self, Key, Rng};
 
-/// Iterations of one run of a block before a loop counts as infinite (L044).
+/// Iterations of all loops in one run of a block before a loop counts as infinite (L044).
 const LOOP_LIMIT: u64 = 1_000_000;
 /// Bytes of output that a derivation keeps.
 const MAX_OUTPUT: usize = 1 << 20;
@@ -342,7 +342,11 @@ impl Vm {
                     self.stack.push(v);
                 }
                 // Control flow. `&&` and `||` leave their result and skip the right side once the left one decides.
-                Op::Jump(t) => pc = t,
+                Op::Jump(t) => {
+                    // A jump back begins the next iteration of a loop.
+                    iterations += u64::from(t < pc);
+                    pc = t;
+                }
                 Op::JumpIfZero(t) => {
                     if is_zero(self.pop()) {
                         pc = t;
@@ -363,10 +367,7 @@ impl Vm {
                     self.stack.push(truth(!is_zero(v)));
                 }
                 // Budgets: loops without end and runaway blocks stop here rather than hang.
-                Op::Count(place) => {
-                    iterations += 1;
-                    self.count_statement(code, place, iterations)?;
-                }
+                Op::Count(place) => self.count_statement(code, place, iterations)?,
                 Op::Pop => {
                     self.pop();
                 }

@@ -246,7 +246,8 @@ impl Derivation<'_> {
         let budget = StringBudget::new(self.limits, self.string.bytes());
         let mut expander = Expander::new(settings, plans, self.vm.take(), budget.modules);
         self.next_string.clear();
-        let view = ContextView {
+        let hidden = self.program.hidden_symbols();
+        let mut view = ContextView {
             modules: &self.string,
             partner: &partner,
             ignored: &self.ignored,
@@ -260,6 +261,7 @@ impl Derivation<'_> {
         while i < self.string.len() {
             if let Some(system) = systems.get(i) {
                 expander.rewriter.change_plan(plans.of(*system));
+                view = view.of_system(&hidden, *system);
             }
             // A predecessor of several modules takes all of them at once.
             let taken = expander.expand(&view, i, &mut |m| {
@@ -365,7 +367,8 @@ pub fn interpret_modules(
     // Neighbours are those of the derived string, which must be stored for them.
     let string = derived.string(grammar, limits)?;
     let partner = if plans.needs_partners() { matching::matching_brackets(&string, brackets) } else { Vec::new() };
-    let view = ContextView {
+    let hidden = program.hidden_symbols();
+    let mut view = ContextView {
         modules: &string,
         partner: &partner,
         ignored: &program.ignored.flags(&program.symbols),
@@ -378,6 +381,7 @@ pub fn interpret_modules(
     while i < string.len() {
         if let Some(system) = systems.get(i) {
             expander.rewriter.change_plan(plans.of(*system));
+            view = view.of_system(&hidden, *system);
         }
         i += expander.expand(&view, i, &mut |m| draw(m, i)).map_err(halted)?;
     }

@@ -15,7 +15,8 @@ impl Derivation<'_> {
         let decomposition = &self.plans.decomposition;
         let looks_around = self.plans.rules.needs_partners() || decomposition.needs_partners();
         let partner = if looks_around { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
-        let view = ContextView {
+        let hidden = self.program.hidden_symbols();
+        let mut view = ContextView {
             modules: &self.string,
             partner: &partner,
             ignored: &self.ignored,
@@ -43,6 +44,7 @@ impl Derivation<'_> {
             if let Some(system) = systems.get(i) {
                 rewriter.change_plan(self.plans.rules.of(*system));
                 expander.change_plan(decomposition.of(*system));
+                view = view.of_system(&hidden, *system);
             }
             let module = view.modules.get(i);
             // Contexts of the new string read what is made so far.

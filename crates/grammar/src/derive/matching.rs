@@ -131,6 +131,14 @@ pub(super) fn match_module(formal: &FormalModule, module: Module<'_>, locals: &m
     fits
 }
 
+impl<'a> ContextView<'a> {
+    /// The string as contexts of an L-system see it. `hidden`: the symbols that those of each L-system skip.
+    pub fn of_system(self, hidden: &'a [Vec<bool>], system: u16) -> Self {
+        let ignored = hidden.get(usize::from(system)).map_or(self.ignored, Vec::as_slice);
+        Self { ignored, ..self }
+    }
+}
+
 impl ContextView<'_> {
     /// No string: for productions that look at no neighbour.
     pub const NONE: ContextView<'static> = ContextView {

@@ -22,7 +22,7 @@ use super::code::Bytecode;
 use super::cpfg_random::CpfgRandom;
 use super::grammar::{Grammar, runtime_error, runtime_report};
 use super::modules::ModuleString;
-use super::program::Program;
+use super::program::{Program, Section};
 use super::symbols::SymbolId;
 use super::vm::{DrawPurpose, Halt, RandomStreams, RuntimeWarning, RuntimeWarnings, Vm};
 use independent::Deferred;
@@ -245,9 +245,7 @@ impl<'g> Derivation<'g> {
             self.vm.step = step - 1;
             self.run_block(blocks.start_each.as_ref(), step)?;
             self.vm.step = step;
-            if let Some(cut) = self.cut_symbol {
-                self.remove_cut_branches(cut);
-            }
+            let has_cut = self.cut_symbol.is_some_and(|cut| self.remove_cut_branches(cut));
             // The sum of string lengths over the steps bounds the time of the derivation, as strings may shrink again.
             self.work = self.work.saturating_add(self.string.len() as u64);
             if self.work > self.limits.get("work") {
@@ -262,12 +260,13 @@ impl<'g> Derivation<'g> {
             self.ask(turtle.as_deref_mut())?;
             self.run_block(blocks.end_each.as_ref(), step)?;
             self.steps_done = step;
-            // Start of the run of steps without change that is still going on, for the warning L054.
-            if !changed && self.unchanged_since.is_none() {
-                self.unchanged_since = Some(step);
-            } else if changed {
-                self.unchanged_since = None;
-            }
+            // Start of the run of steps without change that is still going on, for the warning L054. Such a run begins behind a
+            // step that cuts branches.
+            self.unchanged_since = match (changed, has_cut) {
+                (true, _) => None,
+                (false, true) => Some(step + 1),
+                (false, false) => self.unchanged_since.or(Some(step)),
+            };
             // End early after `stop`, or once no later step can change the string.
             if self.vm.stopped || (!changed && self.nothing_can_change()) {
                 break;
@@ -277,18 +276,22 @@ impl<'g> Derivation<'g> {
     }
 
     /// True if a step that changes nothing is followed by equal ones only: no queries, no `StartEach` or `EndEach`, and no
-    /// production that reads the step, draws random numbers or writes global variables.
+    /// production that reads the step, draws random numbers, prints or writes global variables.
     fn nothing_can_change(&self) -> bool {
         let b = &self.program.blocks;
         let uses_step = |c: &Bytecode| {
             use crate::code::Op;
             c.writes_globals()
+                || c.prints()
                 || c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
         };
+        // The productions of all L-systems of the file.
+        let sections = [Section::Rules, Section::Decomposition];
+        let mut productions = sections.into_iter().flat_map(|s| self.program.sections(s)).flat_map(|set| &set.list);
         !self.has_queries
             && b.start_each.is_none()
             && b.end_each.is_none()
-            && !self.program.rules.list.iter().chain(&self.program.decomposition.list).any(|p| p.codes().any(uses_step))
+            && !productions.any(|p| p.codes().any(uses_step))
     }
 
     fn run_block(&mut self, code: Option<&Bytecode>, step: u32) -> std::result::Result<(), Halt> {
@@ -316,10 +319,10 @@ impl<'g> Derivation<'g> {
         Ok(())
     }
 
-    /// Removes every `%` and what follows it on its branch.
-    fn remove_cut_branches(&mut self, cut: SymbolId) {
+    /// Removes every `%` and what follows it on its branch; true if there was any.
+    fn remove_cut_branches(&mut self, cut: SymbolId) -> bool {
         if !self.string.symbols().contains(&cut) {
-            return;
+            return false;
         }
         self.next_string.clear();
         // `cut_at`: bracket depth of the `%` that is in force. The closing bracket of that depth ends its effect and is
@@ -343,6 +346,7 @@ impl<'g> Derivation<'g> {
             }
         }
         std::mem::swap(&mut self.string, &mut self.next_string);
+        true
     }
 
     fn finish(mut self, options: &DeriveOptions) -> DerivedString {

@@ -140,6 +140,20 @@ impl GrowthMatrix {
         }
         out
     }
+
+    /// Least number of modules of each kind after `steps` steps.
+    fn counts_after(&self, steps: u32) -> Vec<u128> {
+        let mut v = self.start.clone();
+        for _ in 0..steps {
+            let next = Self::next_counts(&self.lower, &v);
+            // Counts at a fixed point stay the same.
+            if next == v {
+                break;
+            }
+            v = next;
+        }
+        v
+    }
 }
 
 fn saturating_sum(v: &[u128]) -> u128 {
@@ -229,17 +243,26 @@ fn grouped_wide(n: u128) -> String {
 
 /// L050 for a derivation that would exceed the modules allowed; `first_over`: the first step that does.
 fn limit_error(grammar: &Grammar, m: &GrowthMatrix, first_over: u32, steps: u32, limits: &Limits) -> osier_base::Error {
-    let mut v = m.start.clone();
-    for _ in 0..steps.min(4096) {
-        v = GrowthMatrix::next_counts(&m.lower, &v);
-    }
-    let wanted = grouped_wide(saturating_sum(&v));
     let limit = limits.get("modules");
-    let allowed = first_over.saturating_sub(1);
-    let message = format!("step {steps} would make {wanted} modules; --max-modules {limit} allows {allowed}");
-    let help = format!("set the derivation length to {allowed} or less, or raise --max-modules");
+    let count = |step: u32| saturating_sum(&m.counts_after(step));
+    // A string that shrinks again is told of with the first step in which it is too long.
+    let (step, wanted) = match count(steps) {
+        wanted if wanted > u128::from(limit) => (steps, wanted),
+        _ => (first_over, count(first_over)),
+    };
+    let wanted = grouped_wide(wanted);
+    let (message, help) = match first_over.checked_sub(1) {
+        Some(allowed) => {
+            let message = format!("step {step} would make {wanted} modules; --max-modules {limit} allows {allowed}");
+            (message, format!("set the derivation length to {allowed} or less, or raise --max-modules"))
+        }
+        None => {
+            let message = format!("the axiom has {} modules, more than --max-modules {limit}", grouped_wide(count(0)));
+            (message, "shorten the axiom, or raise --max-modules".to_owned())
+        }
+    };
     let error = runtime_error(grammar, "L050", message, grammar.length_place(), help);
-    match (main_production(grammar, m, first_over), error) {
+    match (main_production(grammar, m, first_over).filter(|_| first_over > 0), error) {
         (Some(p), osier_base::Error::Input(mut report)) => {
             if let Some(d) = report.diagnostics.pop() {
                 report.push(d.label(p.place.span, "this production makes most of them"));
@@ -252,10 +275,7 @@ fn limit_error(grammar: &Grammar, m: &GrowthMatrix, first_over: u32, steps: u32,
 
 /// The production that adds most modules in step `step`, of equal ones the first; `None` if none adds any.
 fn main_production<'g>(grammar: &'g Grammar, m: &GrowthMatrix, step: u32) -> Option<&'g Production> {
-    let mut v = m.start.clone();
-    for _ in 1..step.min(4096) {
-        v = GrowthMatrix::next_counts(&m.lower, &v);
-    }
+    let v = m.counts_after(step.saturating_sub(1));
     let gain = |p: &&Production| {
         let first = p.predecessor.first();
         let kind = first.and_then(|f| m.kinds.get(&(f.symbol, usize::from(f.arity))));

@@ -64,35 +64,42 @@ impl<'g> Derivation<'g> {
         // Nor may blocks be rewritten beside each other if the limit on bytes could end the step: one pass sees it in time. While
         // blocks are joined, they are there beside the string.
         let may_pass = self.largest_result().saturating_mul(2) > budget.bytes;
-        if self.program.is_serial() || may_pass || n <= BLOCK_MODULES || par::threads() == 1 {
-            self.block_buffers.clear();
-            let mut rewriter = Rewriter::new(settings, self.vm.take());
-            self.next_string.clear();
-            let changed = rewrite_range(&mut rewriter, &view, 0..n, &mut self.next_string, budget);
-            self.vm = rewriter.vm;
-            std::mem::swap(&mut self.string, &mut self.next_string);
-            return changed;
+        let in_one_pass = self.program.is_serial() || may_pass || n <= BLOCK_MODULES || par::threads() == 1;
+        if !in_one_pass {
+            // Every block begins with the state of the machine before the step. Random draws are addressed by lineage, not
+            // by order, so that the blocks give the string of a serial pass.
+            let mut start = self.vm.clone();
+            start.warnings.list.clear();
+            let block = |i: usize| {
+                // Buffers of the step before are reused: touching fresh memory pages costs more than the rewriting itself.
+                let mut modules = self.block_buffers.pop().unwrap_or_else(|| self.string.empty());
+                modules.clear();
+                let range = i * BLOCK_MODULES..((i + 1) * BLOCK_MODULES).min(n);
+                BlockTask { range, modules, changed: false, vm: start.clone(), halt: None }
+            };
+            let mut blocks: Vec<BlockTask> = (0..n.div_ceil(BLOCK_MODULES)).map(block).collect();
+            par::par_each(&mut blocks, |block| {
+                let mut rewriter = Rewriter::new(settings, block.vm.clone());
+                let result = rewrite_range(&mut rewriter, &view, block.range.clone(), &mut block.modules, budget);
+                let result = result.map(|r| r.changed);
+                block.changed = result.unwrap_or(false);
+                block.vm = rewriter.vm;
+                block.halt = result.err();
+            });
+            // All blocks together may pass the budget of statements where none does: one pass then ends at the same statement
+            // on any number of threads.
+            let used = blocks.iter().fold(self.vm.statements, |sum, b| sum + b.vm.statements - start.statements);
+            if used <= self.vm.statement_limit {
+                return self.join_blocks(blocks, budget);
+            }
         }
-        // Every block begins with the state of the machine before the step. Random draws are addressed by lineage, not
-        // by order, so that the blocks give the string of a serial pass.
-        let mut start = self.vm.clone();
-        start.warnings.list.clear();
-        let block = |i: usize| {
-            // Buffers of the step before are reused: touching fresh memory pages costs more than the rewriting itself.
-            let mut modules = self.block_buffers.pop().unwrap_or_else(|| self.string.empty());
-            modules.clear();
-            let range = i * BLOCK_MODULES..((i + 1) * BLOCK_MODULES).min(n);
-            BlockTask { range, modules, changed: false, vm: start.clone(), halt: None }
-        };
-        let mut blocks: Vec<BlockTask> = (0..n.div_ceil(BLOCK_MODULES)).map(block).collect();
-        par::par_each(&mut blocks, |block| {
-            let mut rewriter = Rewriter::new(settings, block.vm.clone());
-            let result = rewrite_range(&mut rewriter, &view, block.range.clone(), &mut block.modules, budget);
-            block.changed = result.unwrap_or(false);
-            block.vm = rewriter.vm;
-            block.halt = result.err();
-        });
-        self.join_blocks(blocks, budget)
+        self.block_buffers.clear();
+        let mut rewriter = Rewriter::new(settings, self.vm.take());
+        self.next_string.clear();
+        let rewritten = rewrite_range(&mut rewriter, &view, 0..n, &mut self.next_string, budget);
+        self.vm = rewriter.vm;
+        std::mem::swap(&mut self.string, &mut self.next_string);
+        rewritten.map(|r| r.changed)
     }
 
     /// Settings of the main productions in one step: draws are addressed by the step, modules are born in it.
@@ -188,35 +195,46 @@ impl<'p> SystemRuns<'p> {
     ) -> (Result<bool, Halt>, crate::vm::Vm) {
         let program = self.program;
         let systems = program.systems_of(view.modules);
-        let hidden: Vec<Vec<bool>> = program.subsystems.iter().map(|s| s.ignored.flags(&program.symbols)).collect();
+        let hidden = program.hidden_symbols();
         out.clear();
         let mut changed = false;
-        let mut start = 0;
+        let (mut start, mut rewritten_to) = (0, 0);
         for run in systems.chunk_by(|a, b| a == b) {
+            // A predecessor of several modules may have taken the first modules of this run.
+            let (from, end) = (rewritten_to.max(start), start + run.len());
+            start = end;
+            if from >= end {
+                continue;
+            }
             let system = run.first().copied().unwrap_or(0);
             // Each L-system has its productions and its list of symbols that contexts skip.
             rewriter.change_plan(self.plans.of(system));
-            let ignored =
-                usize::from(system).checked_sub(1).and_then(|i| hidden.get(i)).map_or(view.ignored, Vec::as_slice);
-            let view = ContextView { ignored, ..*view };
-            match rewrite_range(&mut rewriter, &view, start..start + run.len(), out, budget) {
-                Ok(c) => changed |= c,
+            let view = view.of_system(&hidden, system);
+            match rewrite_range(&mut rewriter, &view, from..end, out, budget) {
+                Ok(r) => (changed, rewritten_to) = (changed || r.changed, r.end),
                 Err(halt) => return (Err(halt), rewriter.vm),
             }
-            start += run.len();
         }
         (Ok(changed), rewriter.vm)
     }
 }
 
-/// Rewrites the modules of `range` into `out`; true if any production was applied.
-pub(super) fn rewrite_range(
+/// A part of the string that was rewritten.
+struct RewrittenRange {
+    /// Whether any production was applied.
+    changed: bool,
+    /// Index behind its last module: a predecessor of several modules may reach beyond the end that was asked for.
+    end: usize,
+}
+
+/// Rewrites the modules of `range` into `out`.
+fn rewrite_range(
     rewriter: &mut Rewriter<'_>,
     view: &ContextView<'_>,
     range: std::ops::Range<usize>,
     out: &mut ModuleString,
     budget: StringBudget,
-) -> Result<bool, Halt> {
+) -> Result<RewrittenRange, Halt> {
     let plan = rewriter.settings.plan;
     let mut changed = false;
     let mut i = range.start;
@@ -257,7 +275,7 @@ pub(super) fn rewrite_range(
         out.extend(view.modules, copied_to..range.end);
     }
     budget.check(out)?;
-    Ok(changed)
+    Ok(RewrittenRange { changed, end: i })
 }
 
 /// Rewrites all modules from the last to the first into `out`; true if any production was applied. Productions may look at what

@@ -47,6 +47,7 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
     let to = if dialect == Dialect::LPy { ConvertTo::Cpfg } else { to };
     let mut writer = Writer::new(grammar, dialect, to);
     writer.check_arguments();
+    writer.check_settings();
     // A roll at the end of a line would join it to the next one.
     let text = writer.grammar_text().replace("\\\n", "\\ \n");
     if !grammar.palette().is_empty() {
@@ -157,6 +158,22 @@ impl<'g> Writer<'g> {
                     Some((_, text)) => text.push(c),
                 }
             }
+        }
+    }
+
+    /// L061 for a recursion that is no whole number, since cpfg draws whole steps; a note on the least thickness.
+    fn check_settings(&mut self) {
+        if self.to != ConvertTo::Cpfg {
+            return;
+        }
+        if self.settings.min_thickness > 0.0 {
+            self.notes.insert("the least thickness is left out".into());
+        }
+        if self.settings.fraction.is_some() {
+            let message =
+                "the fraction of the recursion cannot be written in the notation of cpfg: its steps are whole";
+            let help = "write a whole recursion; `--to osier` keeps the fraction";
+            self.faults.push(Diagnostic::error("L061", message, self.grammar.length_place(), "here").help(help));
         }
     }
 

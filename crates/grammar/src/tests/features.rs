@@ -201,6 +201,53 @@ fn other_l_systems_of_the_file_rewrite_what_stands_between_their_borders() {
 }
 
 #[test]
+fn a_production_of_a_sub_l_system_may_wait_for_its_step() {
+    // Nothing is rewritten in steps 1 to 4; the derivation goes on, as another L-system of the file counts its steps.
+    let second = "Lsystem: 2\nderivation length: 1\nAxiom: A\n";
+    let sub = |rules: &str| {
+        string(&format!("Lsystem: 1\nderivation length: 8\nAxiom: ?(2)A$\nendlsystem\n{second}{rules}\nendlsystem\n"))
+    };
+    assert_eq!(sub("A : Q==5 --> B C"), "?(2)BC$");
+    assert_eq!(sub("Decomposition\nA : remaining==2 --> D"), "?(2)D$");
+}
+
+#[test]
+fn a_predecessor_of_several_modules_takes_them_across_borders() {
+    let text = "Lsystem: 1\nderivation length: 1\nAxiom: FA?(2,1)BBC$F\nA ?(l,s) B --> X?(l,s)\nendlsystem\n\
+                Lsystem: 2\nderivation length: 1\nAxiom: A\nB --> D\nC $ --> E$\nendlsystem\n";
+    assert_eq!(string(text), "FX?(2,1)DE$F");
+    let (g, _) = read(text);
+    let as_cpfg = DeriveOptions { draw_as_cpfg: true, ..DeriveOptions::default() };
+    let d = derive(&g, &as_cpfg, &Limits::default()).expect("derives");
+    assert_eq!(g.print(&d.modules), "FX?(2,1)DE$F");
+}
+
+#[test]
+fn contexts_of_a_sub_l_system_skip_its_own_symbols_in_every_section() {
+    let (main, second) = ("Ignore: +\n", "Lsystem: 2\nderivation length: 1\nAxiom: A\nIgnore: X\n");
+    let text = |rules: &str| {
+        format!(
+            "Lsystem: 1\nderivation length: 1\n{main}Axiom: A+B?(2)AXB A+B$A+B\n{rules}endlsystem\n{second}{rules}endlsystem\n"
+        )
+    };
+    // Outside `+` is passed over, inside X, in productions, decompositions and homomorphisms alike.
+    assert_eq!(string(&text("A < B --> C\n")), "A+C?(2)AXCA+B$A+C");
+    assert_eq!(string(&text("Decomposition\nA < B --> C\n")), "A+C?(2)AXCA+B$A+C");
+    let (g, _) = read(&text("Homomorphism\nA < B --> C\n"));
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let mut drawn = String::new();
+    interpret(&g, &d, &Limits::default(), |m| drawn.push(g.symbols().get(m.symbol))).expect("draws");
+    assert_eq!(drawn, "A+C?AXCA+B$A+C");
+    // The same in the order of cpfg.
+    let as_cpfg = DeriveOptions { draw_as_cpfg: true, ..DeriveOptions::default() };
+    for rules in ["A < B --> C\n", "Decomposition\nA < B --> C\n"] {
+        let (g, _) = read(&text(rules));
+        let d = derive(&g, &as_cpfg, &Limits::default()).expect("derives");
+        assert_eq!(g.print(&d.modules), "A+C?(2)AXCA+B$A+C", "{rules}");
+    }
+}
+
+#[test]
 fn the_homomorphism_of_a_sub_l_system_is_its_own() {
     let (g, _) = read(
         "Lsystem: 1\nderivation length: 0\nAxiom: A?(2)A$A\nHomomorphism\nA --> F\nendlsystem\n\
@@ -359,4 +406,35 @@ fn items_of_a_section_may_follow_its_heading() {
     assert_eq!(read_with("maximum depth: 3 no warnings"), [""; 0]);
     assert_eq!(read_with("no warnings of any kind"), [""; 0]);
     assert_eq!(read_with("rubbish"), ["L008"]);
+}
+
+#[test]
+fn letters_of_long_commands_are_no_idle_symbols() {
+    let idle = |axiom: &str| {
+        let (g, _) = read(&format!("Lsystem: 1\nderivation length: 0\nAxiom: {axiom}\nendlsystem\n"));
+        let notes = g.notes().iter().filter(|d| d.code == "L037");
+        notes.map(|d| d.message.split(' ').next().unwrap_or_default().to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(idle("@PS(1,1)@PC(1,0,0)f@PD(1,2,2)@Gs f @Ge(1)@bo(2)@Di(2)@Ts(1,0.5)@D(3)@Tp"), [""; 0]);
+    assert_eq!(idle("@D X @PS(1,1) S F"), ["X", "S"]);
+}
+
+#[test]
+fn a_step_that_cuts_a_branch_changes_the_string() {
+    let told = |length: u32| {
+        let (g, _) = read(&format!("Lsystem: 1\nderivation length: {length}\nAxiom: A\nA --> F%F\nendlsystem\n"));
+        let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+        (g.print(&d.modules), d.warnings.iter().map(|w| w.message.clone()).collect::<Vec<_>>())
+    };
+    assert_eq!(told(1), ("F%F".to_owned(), Vec::new()));
+    assert_eq!(told(3), ("F".to_owned(), Vec::new()));
+    assert_eq!(told(4), ("F".to_owned(), vec!["nothing changes from step 3 on".to_owned()]));
+}
+
+#[test]
+fn a_production_that_loses_prints_in_every_step() {
+    let (g, _) =
+        read("Lsystem: 1\nderivation length: 3\nAxiom: A(0)\nA(x) : {printf(\"x %g\\n\", x);} x>0 --> F\nendlsystem\n");
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!((g.print(&d.modules).as_str(), d.output.as_str()), ("A(0)", "x 0\nx 0\nx 0\n"));
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use osier_base::convert::{limit, saturating_index};
 
-use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp};
+use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp, is_zero};
 use crate::dialect::text::Piece;
 
 /// Nesting of one expression; deeper ones are refused.
@@ -822,6 +822,9 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
     if ops.len() > MAX_OPS {
         return Err(Refusal::new("an expression that grows too large", range_of(e)));
     }
+    if let Some(choice) = operand_choice(e, scope) {
+        return emit(&choice, scope, ops);
+    }
     // An index beyond all places: divisions by zero of these models are not reported.
     let binary = |op: BinaryOp| Op::Binary(op, usize::MAX);
     match e {
@@ -893,6 +896,58 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
         }
     }
     Ok(())
+}
+
+/// `a and b` or `a or b` as a choice between its operands, one of which Python gives. `None` for any other expression, for truth
+/// values, which the code of `&&` and `||` gives as well, and where an operand that is tested and given draws a random number: a
+/// choice would draw it twice.
+fn operand_choice(e: &PyExpr, scope: &Scope) -> Option<PyExpr> {
+    let is_and = match e {
+        PyExpr::And(..) => true,
+        PyExpr::Or(..) => false,
+        _ => return None,
+    };
+    let mut all = Vec::new();
+    append_operands(e, is_and, &mut all);
+    let (last, tested) = all.split_last()?;
+    let draws = |o: &PyExpr| !is_truth(o) && has_random(o, scope);
+    if all.iter().all(|o| is_truth(o)) || tested.iter().any(|o| draws(o)) {
+        return None;
+    }
+    // Each operand is tested, and given if it decides; a truth value that decides is 0 for `and`, 1 for `or`.
+    let choice = tested.iter().rev().fold(PyExpr::clone(last), |rest, o| {
+        let decided = if is_and { 0.0 } else { 1.0 };
+        let own = if is_truth(o) { PyExpr::Number(decided) } else { PyExpr::clone(o) };
+        let (then, other) = if is_and { (rest, own) } else { (own, rest) };
+        PyExpr::Choice(Box::new(PyExpr::clone(o)), Box::new(then), Box::new(other))
+    });
+    Some(choice)
+}
+
+/// Appends the operands of a chain of `and` (or of `or`) from left to right.
+fn append_operands<'e>(e: &'e PyExpr, is_and: bool, out: &mut Vec<&'e PyExpr>) {
+    match (e, is_and) {
+        (PyExpr::And(a, b), true) | (PyExpr::Or(a, b), false) => {
+            append_operands(a, is_and, out);
+            append_operands(b, is_and, out);
+        }
+        _ => out.push(e),
+    }
+}
+
+/// True if the value is 0 or 1 whatever the values of its names are.
+fn is_truth(e: &PyExpr) -> bool {
+    match e {
+        PyExpr::Number(n) => is_zero(*n) || is_zero(*n - 1.0),
+        PyExpr::Not(_) => true,
+        PyExpr::Binary(op, ..) => {
+            matches!(op, PyOp::Eq | PyOp::Ne | PyOp::Lt | PyOp::Le | PyOp::Gt | PyOp::Ge)
+        }
+        PyExpr::And(a, b) | PyExpr::Or(a, b) => is_truth(a) && is_truth(b),
+        PyExpr::Choice(_, a, b) => is_truth(a) && is_truth(b),
+        PyExpr::Call(name, ..) => name == "bool",
+        _ => false,
+    }
 }
 
 fn range_of(e: &PyExpr) -> Range<usize> {
@@ -968,7 +1023,11 @@ fn emit_call(
             emit(a, scope, ops)?;
             ops.push(Op::Unary(UnaryOp::Fabs));
         }
-        ("float" | "bool", [a]) => emit(a, scope, ops)?,
+        ("float", [a]) => emit(a, scope, ops)?,
+        ("bool", [a]) => {
+            emit(a, scope, ops)?;
+            ops.extend([Op::Unary(UnaryOp::Not), Op::Unary(UnaryOp::Not)]);
+        }
         // The remainder cuts both sides to integers.
         ("int" | "trunc", [a]) => {
             emit(a, scope, ops)?;

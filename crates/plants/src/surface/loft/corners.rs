@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::centerline::CurvePoint;
-use super::tuning::{FILLET_RADIUS, MIN_FILLET_RADIUS, SHARP_CORNER_TAN2, TIGHT_CORNER_RADII};
+use super::tuning::{FILLET_RADIUS, HAIRPIN_COSINE, MIN_FILLET_RADIUS, SHARP_CORNER_TAN2, TIGHT_CORNER_RADII};
 use osier_base::math;
 
 /// The two segments that meet in a point of a curve, with unit directions before and after it.
@@ -26,6 +26,11 @@ impl CurveCorner {
         let tan = before.cross(after).length() / (1.0 + before.dot(after)).max(1e-6);
         Some(Self { before, after, tan, lengths })
     }
+
+    /// Whether the second segment turns back along the first.
+    fn is_hairpin(&self) -> bool {
+        self.before.dot(self.after) < HAIRPIN_COSINE
+    }
 }
 
 /// True if the centreline has a tight or a sharp corner of more than `turn` (rad), which [`fillet_corners`] would round.
@@ -46,18 +51,18 @@ pub(super) fn has_tight_corner(curve: &[CurvePoint], turn: f32) -> bool {
 
 /// Copies the curve into `out` with an arc of about [`FILLET_RADIUS`] radii in place of every corner of more than `turn` (rad).
 /// Neighbours that need the same segment share it in proportion; where less than [`MIN_FILLET_RADIUS`] radii remain, the point
-/// stays.
+/// stays. So does one at which the curve turns back ([`HAIRPIN_COSINE`]).
 /// Own.
 pub(super) fn fillet_corners(curve: &[CurvePoint], turn: f32, out: &mut Vec<CurvePoint>) {
     out.clear();
     // Length of either segment that a fillet at point i takes: the tangent length r tan(a / 2).
     let wanted = |i: usize| {
         let corner = i.checked_sub(1).and_then(|h| curve.get(h..h + 3)).and_then(CurveCorner::new);
-        corner.map_or(0.0, |c| FILLET_RADIUS * curve[i].r * c.tan)
+        corner.filter(|c| !c.is_hairpin()).map_or(0.0, |c| FILLET_RADIUS * curve[i].r * c.tan)
     };
     for (i, knot) in curve.iter().enumerate() {
         let corner = i.checked_sub(1).and_then(|h| curve.get(h..h + 3)).and_then(CurveCorner::new);
-        let Some(c) = corner.filter(|c| c.tan > 0.5 * turn) else {
+        let Some(c) = corner.filter(|c| c.tan > 0.5 * turn && !c.is_hairpin()) else {
             out.push(*knot);
             continue;
         };
@@ -127,6 +132,20 @@ mod tests {
             [knot(0.0, 0.0, 0.0), knot(5.0, 0.0, 5.0), knot(5.0 + 5.0 * math::cos_f32(a), 5.0 * math::sin_f32(a), 10.0)]
         };
         assert!(has_tight_corner(&corner(60.0), 0.2) && !has_tight_corner(&corner(55.0), 0.2));
+    }
+
+    #[test]
+    fn an_arc_cuts_at_most_three_radii_off_a_corner() {
+        let knot = |x: f32, y: f32, s: f32| CurvePoint { p: Vec3::new(x, y, 0.0), r: 0.01, s };
+        for degrees in [90.0_f32, 120.0, 149.0, 151.0, 170.0, 179.5, 180.0] {
+            let a = degrees.to_radians();
+            let end = knot(1.0 + math::cos_f32(a), math::sin_f32(a), 2.0);
+            let mut out = Vec::new();
+            fillet_corners(&[knot(0.0, 0.0, 0.0), knot(1.0, 0.0, 1.0), end], 0.2, &mut out);
+            let nearest = out.iter().map(|k| k.p.distance(Vec3::X)).min_by(f32::total_cmp).expect("points");
+            // 1.1 (1 / cos(a / 2) - 1) radii to the middle of the arc, at which one of its nine points lies.
+            assert!(nearest < 0.035, "{degrees} degrees: {nearest}");
+        }
     }
 
     #[test]

@@ -92,6 +92,9 @@ fn first_direction(curve: &[CurvePoint]) -> Vec3 {
     directions.find(|d| *d != Vec3::ZERO).unwrap_or(Vec3::Y)
 }
 
+/// Length of the sum of two unit vectors below which they count as opposite: 179.94 degrees.
+const TURN_BACK: f32 = 1e-3;
+
 /// Unit tangents at the points: the mean direction of both segments, at the ends that of the one segment. A segment
 /// without length has the direction of the segment before it.
 fn set_tangents(curve: &[CurvePoint], first: Option<Vec3>, out: &mut Vec<Vec3>) {
@@ -104,7 +107,10 @@ fn set_tangents(curve: &[CurvePoint], first: Option<Vec3>, out: &mut Vec<Vec3>) 
     out.push(first.unwrap_or(before));
     for w in curve.windows(2).skip(1) {
         let after = math::normalize_or(w[1].p - w[0].p, before);
-        out.push(math::normalize_or(before + after, after));
+        let sum = before + after;
+        // Where the curve turns back along itself the sum is rounding only: the tangent stands across both segments.
+        let turns_back = sum.length_squared() < TURN_BACK * TURN_BACK;
+        out.push(if turns_back { math::perpendicular(before) } else { math::normalize_or(sum, after) });
         before = after;
     }
     out.push(before);
@@ -481,6 +487,35 @@ mod tests {
         tilt_crossing_rings(&mut rings, Vec3::X, false);
         remove_crossing_rings(0, &mut rings);
         assert!(rings.len() == 13 && !rings.windows(2).any(|w| one_faces_back(&w[0], &w[1])), "{rings:?}");
+    }
+
+    #[test]
+    fn an_axis_that_turns_back_keeps_its_end() {
+        // Up, to the right, back and up again: the end of the spike is at (1, 1).
+        let knot = |p: Vec3, s: f32| CurvePoint { p, r: 0.005, s };
+        let spike = Vec3::new(1.0, 1.0, 0.0);
+        for degrees in [155.0_f32, 170.0, 179.5, 180.0] {
+            let a = degrees.to_radians();
+            let back = spike + Vec3::new(math::cos_f32(a), math::sin_f32(a), 0.0);
+            let points = [Vec3::ZERO, Vec3::Y, spike, back, back + Vec3::Y];
+            let curve: Vec<CurvePoint> = points.iter().zip(0_u8..).map(|(p, k)| knot(*p, f32::from(k))).collect();
+            for straight in [false, true] {
+                let mut rings = Vec::new();
+                let first = FirstRing { tangent: None, reference: Vec3::Z };
+                let shape = RingShape { turn: 0.2, straight };
+                place_rings(
+                    &mut RingScratch { curve: curve.clone(), ..RingScratch::default() },
+                    first,
+                    shape,
+                    &mut rings,
+                );
+                let nearest = rings.iter().map(|r| r.c.distance(spike)).min_by(f32::total_cmp).expect("rings");
+                assert!(nearest < 1e-4, "{degrees} degrees: {nearest}");
+                let top = rings.last().expect("rings").c;
+                assert!(top.distance(back + Vec3::Y) < 1e-4, "{degrees} degrees: {top}");
+                assert!(rings.iter().all(|r| r.t.is_finite() && r.e.is_finite()), "{degrees} degrees");
+            }
+        }
     }
 
     #[test]

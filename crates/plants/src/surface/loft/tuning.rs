@@ -34,6 +34,9 @@ pub(super) const TIGHT_CORNER_RADII: f32 = 1.7;
 pub(super) const SHARP_CORNER_TAN2: f32 = 0.3073;
 /// Radius of a fillet arc, in radii of the tube, where the segments are long enough.
 pub(super) const FILLET_RADIUS: f32 = 1.1;
+/// Cosine of the angle, 150 degrees, beyond which a corner turns back and has no fillet: the arc would cut more than three radii
+/// off its end, and all of both segments at 180 degrees.
+pub(super) const HAIRPIN_COSINE: f32 = -0.866;
 /// Least radius of a fillet arc: below about 1 the rings meet on its inner side.
 pub(super) const MIN_FILLET_RADIUS: f32 = 1.04;
 
