@@ -402,3 +402,18 @@ fn contradictory_clips_of_years_are_refused() {
         assert!(found.contains("has no effect") && found.contains("set frames.end"), "{keys}: {found}");
     }
 }
+
+#[test]
+fn trees_on_a_slope_live_beside_the_solids_of_a_scene() {
+    let at = |together: bool| {
+        assembled(&format!(
+            "seed = 3\n[terrain]\nsize = 60\nsubdivisions = 5\namplitude = 14\nsmooth = 3\nfloor = -20\ncover = 0\n\
+             [plants.a]\nspecies = \"birch\"\nage = 4\n[plants.a.site]\nsolids = true\n\
+             [[place]]\nplant = \"a\"\ncount = 24\nradius = 22\ntogether = {together}\n"
+        ))
+    };
+    for together in [true, false] {
+        let report = at(together).report;
+        assert!(report.diagnostics.iter().all(|d| d.code != "S036"), "together = {together}: {report}");
+    }
+}
