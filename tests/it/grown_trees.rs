@@ -417,3 +417,19 @@ fn trees_on_a_slope_live_beside_the_solids_of_a_scene() {
         assert!(report.diagnostics.iter().all(|d| d.code != "S036"), "together = {together}: {report}");
     }
 }
+
+#[test]
+fn a_growing_tree_stands_as_deep_in_a_slope_as_a_grown_one() {
+    let foot = |clip: &str| {
+        let scene = assembled(&format!(
+            "seed = 3\n[terrain]\nsize = 60\nsubdivisions = 5\namplitude = 14\nsmooth = 3\nfloor = -20\ncover = 0\n\
+             [plants.a]\nspecies = \"birch\"\nage = 16\n{clip}[[place]]\nplant = \"a\"\nat = [4, 0, 3]\n"
+        ));
+        let scene = &scene.animated.scene;
+        let tree = scene.placements.iter().find(|p| scene.assets[p.asset].group == "a").expect("a tree");
+        tree.transform.t.y
+    };
+    // Branches that fall during the clip have no parent, but are no feet.
+    let (grown, growing) = (foot(""), foot("[plants.a.site]\nto = 16\n[frames]\nend = 4\n"));
+    assert!((grown - growing).abs() < 0.1, "{grown} {growing}");
+}
