@@ -433,3 +433,21 @@ fn a_growing_tree_stands_as_deep_in_a_slope_as_a_grown_one() {
     let (grown, growing) = (foot(""), foot("[plants.a.site]\nto = 16\n[frames]\nend = 4\n"));
     assert!((grown - growing).abs() < 0.1, "{grown} {growing}");
 }
+
+#[test]
+fn a_tree_that_dies_of_a_cut_says_so() {
+    let said = |keys: &str| {
+        let scene =
+            assembled(&format!("[plants.a]\nspecies = \"beech\"\nage = 8\n[plants.a.habit]\nclear_stem = 0\n{keys}"));
+        let dead = scene.report.diagnostics.into_iter().find(|d| d.code == "S036");
+        dead.map(|d| d.message).unwrap_or_default()
+    };
+    // The box begins above the foot, so that nothing of the tree is left.
+    let cut = said("[[plants.a.prune]]\nyear = 4\nevery = 1\nkeep = [[-1, 0.5, -1], [1, 1.8, 1]]\n");
+    assert!(cut.contains("the cut of year 4"), "{cut}");
+    let dark = said(
+        "shade_point = 0.9\n[plants.a.stand]\nradius = 0.5\ndensity = 10\n[[plants.a.prune]]\nyear = 8\nkeep = [[-1, 0, -1], [1, 9, 1]]\n",
+    );
+    assert!(dark.contains("no light since"), "{dark}");
+    assert_eq!(said("[[plants.a.prune]]\nyear = 4\nevery = 1\nkeep = [[-1, 0, -1], [1, 1.8, 1]]\n"), "");
+}
