@@ -177,6 +177,8 @@ struct GrowingAxis {
     start_time: f64,
     /// Unit pull of the crown guide, or zero.
     pull: DVec3,
+    /// Whether the ground stops it: not an axis that begins below the ground, as a twig of a plant that hangs.
+    stops_at_ground: bool,
     /// Whether the tip has been inside of the envelope, which cuts the axis only when it leaves.
     was_inside: bool,
     short_steps: u32,
@@ -220,6 +222,7 @@ impl GrowingAxis {
             rates,
             start_time: start.time,
             pull: DVec3::ZERO,
+            stops_at_ground: params.limits.ground && start.p.y >= -CONTACT_MARGIN,
             was_inside: false,
             short_steps: 0,
             steps_left,
@@ -276,7 +279,7 @@ impl GrowingAxis {
         }
         let from = self.particle.p;
         let mut to = from + self.particle.v * dt;
-        if (!params.limits.obstacles.is_empty() || params.limits.ground) && !self.slide(params, &mut to) {
+        if (!params.limits.obstacles.is_empty() || self.stops_at_ground) && !self.slide(params, &mut to) {
             return self.end(AxisEnd::Obstacle);
         }
         let cut = params.limits.envelope.as_ref().and_then(|envelope| self.cut_at(envelope, &mut to));
@@ -319,7 +322,8 @@ impl GrowingAxis {
     fn slide(&mut self, params: &ShapeParams, to: &mut DVec3) -> bool {
         let radius = params.assumed_radius(self.axis.level) + CONTACT_MARGIN;
         let ground = Region::HalfSpace { point: DVec3::ZERO, normal: DVec3::Y };
-        let solids = || params.limits.obstacles.iter().chain(params.limits.ground.then_some(&ground));
+        let stops_at_ground = self.stops_at_ground;
+        let solids = || params.limits.obstacles.iter().chain(stops_at_ground.then_some(&ground));
         for _ in 0..CONTACT_TRIES {
             let mut clear = true;
             for solid in solids() {

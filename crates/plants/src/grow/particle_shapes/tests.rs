@@ -657,6 +657,24 @@ fn filling_adds_twigs_and_leaves_and_keeps_what_was_there() {
     assert!(validate(&mut again).expect("valid").is_empty());
 }
 
+#[test]
+fn twigs_of_a_plant_that_hangs_begin_on_its_wood() {
+    let mut stem = params();
+    stem.limits = Limits { levels: 1, length: [2.0].into(), ground: false, ..stem.limits };
+    stem.roots.tilt = [3.0, 3.05];
+    stem.leaves.spacing = 0.0;
+    let mut plant = grown(&stem, 5);
+    let stems = plant.axes.len();
+    let mut twigs = params();
+    twigs.limits = Limits { levels: 2, length: [1.0, 0.3].into(), ground: true, ..twigs.limits };
+    fill(&mut plant, &twigs, Some(&leaf()), &materials()).expect("fills");
+    assert!(plant.axes.len() > stems + 3);
+    for axis in plant.axes.iter().filter(|a| a.parent != osier_scene::plant::NONE) {
+        let p = &plant.nodes.p[plant.nodes_of(axis)];
+        assert!(p[0].y < 0.0 && p[0].distance(p[1]) < 0.1, "a twig jumps from {} to {}", p[0], p[1]);
+    }
+}
+
 /// A plant of two levels without leaves, to be filled with twigs.
 fn bare_plant() -> Plant {
     let mut bare = params();
