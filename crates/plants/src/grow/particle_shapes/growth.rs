@@ -9,6 +9,7 @@ use super::particle::{Influence, PAPER_STEP, Particle, StepRates};
 use super::region::Region;
 use super::shade::ShadeGrid;
 use super::spawn::{self, AxisStart};
+use osier_base::math::exp;
 use osier_base::par::{par_each, par_map};
 use osier_base::rng::Rng;
 use osier_scene::plant::AxisEnd;
@@ -62,7 +63,14 @@ pub(super) fn grow_axes(params: &ShapeParams, starts: Vec<AxisStart>, plant: (u3
         0 => params.roots.radius,
         _ => starts.iter().map(|s| s.p.length()).fold(0.0, f64::max),
     };
-    let reach: f64 = (0..params.limits.levels).map(|level| params.limits.length.at(level)).sum();
+    // Longest way from the start to a tip: the lengths of the first level are known, those of further ones are drawn later; one in fifty
+    // is longer than by two standard deviations.
+    let longest = starts.iter().map(|s| s.length).fold(0.0, f64::max);
+    let most = exp(2.0 * params.limits.length_deviation);
+    let further = (first_level + 1..params.limits.levels).map(|l| (l, params.limits.length.at(l) * most));
+    let lengths = std::iter::once((first_level, longest)).chain(further);
+    let drawn: f64 = lengths.map(|(l, length)| length * spawn::fork_reach(params, l)).sum();
+    let reach = drawn.max((0..params.limits.levels).map(|level| params.limits.length.at(level)).sum());
     let mut around = Surroundings {
         params,
         seed: plant.1,

@@ -658,6 +658,26 @@ fn filling_adds_twigs_and_leaves_and_keeps_what_was_there() {
 }
 
 #[test]
+fn twigs_above_forks_shade_each_other_too() {
+    let mut p = params();
+    p.limits.levels = 2;
+    p.limits.length = [3.0, 0.6].into();
+    p.motion.up = [0.5, 0.0].into();
+    p.spawning.split = [1.0, 0.0].into();
+    p.spawning.split_angle = 20.0_f64.to_radians();
+    p.spawning.spacing = [0.06].into();
+    // Nodes above the length of a stem and of a twig, where only forks lead.
+    let high = |p: &ShapeParams| {
+        let all = axes(p, 8).axes;
+        all.iter().flat_map(|axis| &axis.nodes).filter(|node| node.p.y > 4.5).count()
+    };
+    let free = high(&p);
+    p.limits.max_shade = Some(0.5);
+    let shaded = high(&p);
+    assert!(free > 1000 && shaded * 10 < free * 9, "{shaded} of {free} nodes");
+}
+
+#[test]
 fn twigs_of_a_plant_that_hangs_begin_on_its_wood() {
     let mut stem = params();
     stem.limits = Limits { levels: 1, length: [2.0].into(), ground: false, ..stem.limits };
