@@ -451,3 +451,13 @@ fn a_tree_that_dies_of_a_cut_says_so() {
     assert!(dark.contains("no light since"), "{dark}");
     assert_eq!(said("[[plants.a.prune]]\nyear = 4\nevery = 1\nkeep = [[-1, 0, -1], [1, 1.8, 1]]\n"), "");
 }
+
+#[test]
+fn a_stem_that_is_too_high_is_shown_where_it_is_written() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = dir.path().join("my.species");
+    std::fs::write(&file, "# mine\nage = 3\npath_max = 9\nclear_stem = 12\n").expect("written");
+    let (_, said) = ends(0, &["check", arg(&file)]);
+    assert!(said.contains("my.species:4:") && said.contains("clear_stem = 12"), "{said}");
+    assert!(said.contains("raise path_max") && !said.contains("hedge"), "{said}");
+}
