@@ -461,3 +461,16 @@ fn a_stem_that_is_too_high_is_shown_where_it_is_written() {
     assert!(said.contains("my.species:4:") && said.contains("clear_stem = 12"), "{said}");
     assert!(said.contains("raise path_max") && !said.contains("hedge"), "{said}");
 }
+
+#[test]
+fn a_tree_close_to_a_wall_lives_on_any_side_of_it() {
+    for (x, z) in [(0.35_f32, 0.0_f32), (-0.35, 0.0), (0.0, 0.35), (0.0, -0.35)] {
+        let size = if z.abs() > 0.0 { "[6, 2, 0.3]" } else { "[0.3, 2, 6]" };
+        let scene = assembled(&format!(
+            "seed = 2\n[plants.a]\nspecies = \"birch\"\nage = 6\n[plants.a.site]\nsolids = true\n\
+             [[solid]]\nname = \"w\"\nshape = \"block\"\nat = [{x}, 0, {z}]\nsize = {size}\n"
+        ));
+        let tree = scene.animated.scene.assets.iter().find(|a| a.group == "a").expect("a tree");
+        assert!(height(tree) > 0.5, "a wall at {x} {z}: {} m", height(tree));
+    }
+}

@@ -19,7 +19,7 @@ const SHADE_REACH: f32 = 12.0;
 const RING_THICKNESS: f32 = 3.0;
 /// Heights of the ring's lower and upper edges as shares of the tree's height.
 const RING_HEIGHTS: [f32; 2] = [0.3, 0.92];
-/// Share of a cell's side that a solid's surface may lie beyond its center and still make it opaque; thin walls need it.
+/// Share of a cell's side that the surface of a thin solid may lie beyond its center and still make it opaque.
 const OPAQUE_REACH: f32 = 0.25;
 
 /// Sky, sunlight and solids around the trees that grow in one field of light.
@@ -187,8 +187,8 @@ pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>, ancho
     })
 }
 
-/// Indices of the cells that let no light pass, in rising order: those whose centers lie in a solid, and those that lie wholly below
-/// a land. Trees stand on the land, so that a cell which it only crosses holds seedlings. Level ground needs none, since light
+/// Indices of the cells that let no light pass, in rising order: those whose centers lie in a solid or in front of a thin one, and those
+/// that lie wholly below a land. Trees stand on the land, so that a cell which it only crosses holds seedlings. Level ground needs none, since light
 /// comes from above.
 pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -> Vec<u32> {
     let mut cells = Vec::new();
@@ -204,7 +204,7 @@ pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -
                     let near = at.cmpge(b.min).all() && at.cmple(b.max).all();
                     near && match &solid.form {
                         Form::Land(land) => lies_below(land, at, grid.cell),
-                        _ => solid.nearest(at).distance < OPAQUE_REACH * grid.cell,
+                        _ => shades_cell(solid, at, grid.cell),
                     }
                 });
                 if inside {
@@ -214,6 +214,26 @@ pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -
         }
     }
     cells
+}
+
+/// Whether a solid makes a cell opaque: with the cell's center in it, or with its surface near the center where the next cell behind
+/// that surface is not opaque, because the solid is thinner than a cell. Tips in front of a thick wall stand in cells that let light
+/// pass. `center`: of the cell, in the scene, m; `side`: of the cell, m.
+fn shades_cell(solid: &Solid, center: Vec3, side: f32) -> bool {
+    let near = solid.nearest(center);
+    if near.distance < 0.0 || near.distance >= OPAQUE_REACH * side {
+        return near.distance < 0.0;
+    }
+    // The neighbour that lies most nearly behind the surface.
+    let [x, y, z] = near.normal.abs().to_array();
+    let axis = if x >= y && x >= z {
+        Vec3::X
+    } else if y >= z {
+        Vec3::Y
+    } else {
+        Vec3::Z
+    };
+    !solid.contains(center - axis * (side * near.normal.dot(axis).signum()))
 }
 
 /// Whether a cell of the given side lies below a land with its whole upper face, tested at the middle, the corners and the middles
@@ -278,6 +298,25 @@ mod tests {
             let at = |y: f32| grid.cell_of(Vec3::new(x, y, z) - anchor);
             assert!(!opaque.contains(&at(ground + 0.05)), "a seedling at {x} {z}");
             assert!(opaque.contains(&at(ground - 0.7)), "the inside of the land at {x} {z}");
+        }
+    }
+    /// A thick wall darkens no cell in front of it, and a thin one stands in at least one cell wherever it lies in the grid.
+    #[test]
+    fn walls_are_opaque_at_any_place_of_the_grid() {
+        let grid = Grid::over(Bounds { min: Vec3::new(-3.0, 0.0, -3.0), max: Vec3::new(3.0, 3.0, 3.0) });
+        let row = |from: f32, thickness: f32| -> Vec<f32> {
+            let foot = Vec3::new(from + 0.5 * thickness, 0.0, 0.0);
+            let block = Prism::block(foot, Vec3::new(thickness, 2.0, 4.0), 0.0);
+            let wall = Solid { name: "wall".into(), form: Form::Prism(block), humidity: 0.0 };
+            let opaque = opaque_cells(&grid, Some(&Solids::new(vec![wall], true)), Vec3::ZERO);
+            let centers = (0..grid.size[0]).map(|x| grid.center(x, 3, grid.size[2] / 2));
+            centers.filter(|c| opaque.contains(&grid.cell_of(*c))).map(|c| c.x).collect()
+        };
+        for k in 0..20_u16 {
+            let from = 0.2 + 0.015 * f32::from(k);
+            let thick = row(from, 0.6);
+            assert!(!thick.is_empty() && thick.iter().all(|x| (from..=from + 0.6).contains(x)), "{from}: {thick:?}");
+            assert!(!row(from, 0.16).is_empty(), "a thin wall at {from}");
         }
     }
 }
