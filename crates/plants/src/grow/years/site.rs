@@ -188,8 +188,8 @@ pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>, ancho
 }
 
 /// Indices of the cells that let no light pass, in rising order: those whose centers lie in a solid or in front of a thin one, and those
-/// that lie wholly below a land. Trees stand on the land, so that a cell which it only crosses holds seedlings. Level ground needs none, since light
-/// comes from above.
+/// that lie wholly below a land. Trees stand on the land, so that a cell which it only crosses holds seedlings. Level ground needs none,
+/// since light comes from above.
 pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -> Vec<u32> {
     let mut cells = Vec::new();
     let Some(solids) = solids else { return cells };
@@ -280,6 +280,7 @@ mod tests {
         let once = Prune { every: 0, ..prune };
         assert_eq!((0..30).filter(|y| once.happens(*y)).count(), 1);
     }
+
     /// Seedlings end 5 cm above a land of 35 degrees, at any place of the grid's cells: their cells let light pass, those deep in
     /// the land don't.
     #[test]
@@ -300,6 +301,7 @@ mod tests {
             assert!(opaque.contains(&at(ground - 0.7)), "the inside of the land at {x} {z}");
         }
     }
+
     /// A thick wall darkens no cell in front of it, and a thin one stands in at least one cell wherever it lies in the grid.
     #[test]
     fn walls_are_opaque_at_any_place_of_the_grid() {
