@@ -402,3 +402,75 @@ fn contradictory_clips_of_years_are_refused() {
         assert!(found.contains("has no effect") && found.contains("set frames.end"), "{keys}: {found}");
     }
 }
+
+#[test]
+fn trees_on_a_slope_live_beside_the_solids_of_a_scene() {
+    let at = |together: bool| {
+        assembled(&format!(
+            "seed = 3\n[terrain]\nsize = 60\nsubdivisions = 5\namplitude = 14\nsmooth = 3\nfloor = -20\ncover = 0\n\
+             [plants.a]\nspecies = \"birch\"\nage = 4\n[plants.a.site]\nsolids = true\n\
+             [[place]]\nplant = \"a\"\ncount = 24\nradius = 22\ntogether = {together}\n"
+        ))
+    };
+    for together in [true, false] {
+        let report = at(together).report;
+        assert!(report.diagnostics.iter().all(|d| d.code != "S036"), "together = {together}: {report}");
+    }
+}
+
+#[test]
+fn a_growing_tree_stands_as_deep_in_a_slope_as_a_grown_one() {
+    let foot = |clip: &str| {
+        let scene = assembled(&format!(
+            "seed = 3\n[terrain]\nsize = 60\nsubdivisions = 5\namplitude = 14\nsmooth = 3\nfloor = -20\ncover = 0\n\
+             [plants.a]\nspecies = \"birch\"\nage = 16\n{clip}[[place]]\nplant = \"a\"\nat = [4, 0, 3]\n"
+        ));
+        let scene = &scene.animated.scene;
+        let tree = scene.placements.iter().find(|p| scene.assets[p.asset].group == "a").expect("a tree");
+        tree.transform.t.y
+    };
+    // Branches that fall during the clip have no parent, but are no feet.
+    let (grown, growing) = (foot(""), foot("[plants.a.site]\nto = 16\n[frames]\nend = 4\n"));
+    assert!((grown - growing).abs() < 0.1, "{grown} {growing}");
+}
+
+#[test]
+fn a_tree_that_dies_of_a_cut_says_so() {
+    let said = |keys: &str| {
+        let scene =
+            assembled(&format!("[plants.a]\nspecies = \"beech\"\nage = 8\n[plants.a.habit]\nclear_stem = 0\n{keys}"));
+        let dead = scene.report.diagnostics.into_iter().find(|d| d.code == "S036");
+        dead.map(|d| d.message).unwrap_or_default()
+    };
+    // The box begins above the foot, so that nothing of the tree is left.
+    let cut = said("[[plants.a.prune]]\nyear = 4\nevery = 1\nkeep = [[-1, 0.5, -1], [1, 1.8, 1]]\n");
+    assert!(cut.contains("the cut of year 4"), "{cut}");
+    let dark = said(
+        "shade_point = 0.9\n[plants.a.stand]\nradius = 0.5\ndensity = 10\n[[plants.a.prune]]\nyear = 8\nkeep = [[-1, 0, -1], [1, 9, 1]]\n",
+    );
+    assert!(dark.contains("no light since"), "{dark}");
+    assert_eq!(said("[[plants.a.prune]]\nyear = 4\nevery = 1\nkeep = [[-1, 0, -1], [1, 1.8, 1]]\n"), "");
+}
+
+#[test]
+fn a_stem_that_is_too_high_is_shown_where_it_is_written() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = dir.path().join("my.species");
+    std::fs::write(&file, "# mine\nage = 3\npath_max = 9\nclear_stem = 12\n").expect("written");
+    let (_, said) = ends(0, &["check", arg(&file)]);
+    assert!(said.contains("my.species:4:") && said.contains("clear_stem = 12"), "{said}");
+    assert!(said.contains("raise path_max") && !said.contains("hedge"), "{said}");
+}
+
+#[test]
+fn a_tree_close_to_a_wall_lives_on_any_side_of_it() {
+    for (x, z) in [(0.35_f32, 0.0_f32), (-0.35, 0.0), (0.0, 0.35), (0.0, -0.35)] {
+        let size = if z.abs() > 0.0 { "[6, 2, 0.3]" } else { "[0.3, 2, 6]" };
+        let scene = assembled(&format!(
+            "seed = 2\n[plants.a]\nspecies = \"birch\"\nage = 6\n[plants.a.site]\nsolids = true\n\
+             [[solid]]\nname = \"w\"\nshape = \"block\"\nat = [{x}, 0, {z}]\nsize = {size}\n"
+        ));
+        let tree = scene.animated.scene.assets.iter().find(|a| a.group == "a").expect("a tree");
+        assert!(height(tree) > 0.5, "a wall at {x} {z}: {} m", height(tree));
+    }
+}

@@ -241,3 +241,15 @@ fn particle_shapes_stand_in_wind_and_rain_and_shed_seeds() {
         serde_json::from_slice(&fs::read(Path::new(&out).join("manifest.json")).expect("manifest")).expect("JSON");
     assert!(manifest.to_string().contains("bush"));
 }
+
+#[test]
+fn tips_are_not_thicker_than_the_base() {
+    let with =
+        |keys: &str| complaint(&format!("[plants.a]\nshapes = \"bush.shapes\"\n[plants.a.growth]\nlevels = 2\n{keys}"));
+    let said = with("radius = 0.001\ntip_radius = 0.01\n");
+    assert!(said.contains("S003") && said.contains("0.001 m") && said.contains("tip_radius"), "{said}");
+    assert!(with("radius = 0.015\nradii = \"taper\"\ntip_radius = 0.03\n").contains("S003"));
+    // Equal radii make rods, and blades have none.
+    assert_eq!(with("radius = 0.01\ntip_radius = 0.01\n"), "");
+    assert_eq!(with("radius = 0.001\ntip_radius = 0.01\nblade_width = 0.02\n"), "");
+}

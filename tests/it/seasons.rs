@@ -121,6 +121,32 @@ fn needles_stay_and_larches_lose_theirs() {
 }
 
 #[test]
+fn all_shoots_of_the_year_are_fresh_on_evergreens_of_any_age() {
+    let at = |age: u32, season: &str| {
+        let leaf = "[plants.a.leaf]\nblade = \"needles\"\nsize = 0.2\n";
+        let asset = plant(&format!("[plants.a]\nspecies = \"spruce\"\nage = {age}\nseason = {season}\n{leaf}"));
+        instancer(&asset, "leaves").expect("leaves").clone()
+    };
+    let colors = |leaves: &Instancer| -> Vec<[f32; 4]> {
+        let Some(AttributeData::Unit4(colors)) = leaves.rest.attribute(LEAF_COLOR) else { panic!("colours") };
+        colors.clone()
+    };
+    for age in [5, 12] {
+        let (before, spring, summer) = (at(age - 1, "0.5"), at(age, "0.1"), at(age, "0.5"));
+        assert_eq!(spring.ids, summer.ids);
+        let fresh: BTreeSet<u64> = (spring.ids.iter().zip(colors(&spring).iter().zip(&colors(&summer))))
+            .filter(|(_, (now, green))| (now[1] - green[1]).abs() > 1e-3)
+            .map(|(id, _)| *id)
+            .collect();
+        // Pieces that the tree did not have a year before are on shoots of this year.
+        let known: BTreeSet<u64> = before.ids.iter().copied().collect();
+        let new: Vec<u64> = spring.ids.iter().copied().filter(|id| !known.contains(id)).collect();
+        assert!(new.len() > 10 && new.iter().all(|id| fresh.contains(id)), "{} new of {age} years", new.len());
+        assert!(fresh.len() * 10 < spring.ids.len() * 8, "{} of {}", fresh.len(), spring.ids.len());
+    }
+}
+
+#[test]
 fn the_sunlit_leaves_of_a_crown_turn_first() {
     let asset = plant("[plants.a]\ngrammar = \"oak.l\"\nseason = 0.68\ncanopy_occlusion = true\n");
     let leaves = instancer(&asset, "leaves").expect("leaves");

@@ -7,7 +7,7 @@ use crate::bake::assets::plant_materials::{leaf_blade_spec, leaf_colors, organ_n
 use crate::bake::assets::season_materials::{OrganSeason, SeasonMaterials};
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::scene::{BladeOutline, OrganKeys, SeasonCourse};
-use crate::recipe::{CARD, OrganRecipe, PlantRecipe};
+use crate::recipe::{CARD, Growth, OrganRecipe, PlantRecipe};
 use osier_base::Result;
 use osier_base::convert::to_usize;
 use osier_base::math::narrow;
@@ -36,6 +36,8 @@ const SPRING_COLOR: [f32; 3] = [0.30, 0.40, 0.055];
 const SPRING_LIGHT: f32 = 1.7;
 /// Share of the summer's colours that veins keep in turning and in turned leaves: they are green longest.
 const VEIN_SUMMER_SHARES: [f32; 2] = [0.85, 0.3];
+/// Share of a plant's growth that counts as its last year where growth has no years. Own: by eye.
+const LAST_YEAR: f32 = 0.02;
 /// Translucency of dry leaves as a share of that of fresh ones.
 const DRY_TRANSLUCENCY: f32 = 0.5;
 
@@ -129,7 +131,7 @@ pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u6
             Some(colors) => mixed(colors.blade[0], colors.blade[1], 0.5),
             None => image.and_then(mean_color).unwrap_or(first.base_color),
         };
-        let habit = leaf_habit(&recipe.keys, green);
+        let habit = LeafHabit { last_year: last_year(plant), ..leaf_habit(&recipe.keys, green) };
         let mut materials = BTreeMap::new();
         let colors = colors_between(&habit, between);
         for base in leaves {
@@ -180,6 +182,7 @@ fn leaf_habit(keys: &OrganKeys, green: [f32; 3]) -> LeafHabit {
     let lighter = green.map(|c| (c * SPRING_LIGHT).min(1.0));
     LeafHabit {
         evergreen: keys.evergreen.unwrap_or(keys.blade == BladeOutline::Needles),
+        last_year: LAST_YEAR,
         green,
         spring: keys.spring.unwrap_or(mixed(lighter, SPRING_COLOR, 0.45)),
         dry: DRY_LEAF_COLOR,
@@ -188,6 +191,15 @@ fn leaf_habit(keys: &OrganKeys, green: [f32; 3]) -> LeafHabit {
         keeps: narrow(keys.keeps),
         bends: keys.blade != BladeOutline::Needles || keys.ifs.is_some() || keys.mesh.is_some(),
     }
+}
+
+/// Share of a plant's growth in which the shoots of its last year grew. It is a little less, so that the ends of those of the year
+/// before are not among them.
+fn last_year(plant: &PlantRecipe) -> f32 {
+    let Growth::Species(species) = &plant.growth else { return LAST_YEAR };
+    // With a fraction the last year has only begun.
+    let years = species.age - (species.age.ceil() - 1.0);
+    narrow(0.999 * years / species.age)
 }
 
 /// Suffix of the name of a material in a leaf colour.

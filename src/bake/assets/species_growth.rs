@@ -197,11 +197,17 @@ pub(crate) fn species_plant(
     Ok((plant, death_warning(tree, recipe)))
 }
 
-/// Diagnostic S036 for a tree that died for lack of light; empty for one alive.
+/// Diagnostic S036 for a tree that died for lack of light, or of a cut; empty for one alive.
 pub(crate) fn death_warning(tree: &GrownTree, recipe: &PlantRecipe) -> Vec<Diagnostic> {
     let died = tree.died().map(|year| {
-        let text = format!("plant \"{}\" is dead: no light since year {year}", recipe.name);
-        let help = "give it more room, fewer neighbours or a lower `shade_point`";
+        let (why, help) = if tree.died_of_cut() {
+            let help =
+                "let `keep` hold its foot and some of its twigs; a higher `epicormic` keeps buds that a cut wakes";
+            (format!("the cut of year {year} left it neither tips nor buds"), help)
+        } else {
+            (format!("no light since year {year}"), "give it more room, fewer neighbours or a lower `shade_point`")
+        };
+        let text = format!("plant \"{}\" is dead: {why}", recipe.name);
         Diagnostic { help: Some(help.into()), ..Diagnostic::about("S036", text) }
     });
     died.into_iter().collect()

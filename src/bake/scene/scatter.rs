@@ -24,6 +24,8 @@ use osier_scene::plant::{NONE, Plant};
 const FOOT_DEPTH: f32 = 0.02;
 /// Widening of a trunk where a root leaves it over the mean of its root flare: at most twice, for ridges of usual strength.
 const RIDGE_REACH: f32 = 2.0;
+/// Share of a plant's height above which an axis without parent is no foot: a piece of an imported mesh that joins no other (X019).
+const FOOT_HEIGHT: f32 = 0.1;
 
 /// Scatters the plants of every `[[scatter]]` over the terrain. The key `individuals` is the number grown of each plant; every
 /// copy displays one of them.
@@ -132,11 +134,12 @@ pub(crate) fn footprint_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
     // Ridges of the flare reach farther out than its mean.
     let ridged = if skin.buttresses > 1 { RIDGE_REACH } else { 1.0 };
     let flare = 1.0 + ridged * narrow(skin.flare);
-    let roots = plant.axes.iter().filter(|a| a.parent == NONE).map(|a| a.first as usize);
-    roots.fold(0.0, |most, i| {
-        let (p, r) = (plant.nodes.p.get(i), plant.nodes.r.get(i));
-        let out = p.map_or(0.0, |p| Vec3::new(p.x, 0.0, p.z).length());
-        most.max(out + r.copied().unwrap_or(0.0) * flare)
+    let height = plant.nodes.p.iter().fold(0.0_f32, |most, p| most.max(p.y));
+    // What falls during a clip of growth has no parent either, but an order above 0.
+    let roots = plant.axes.iter().filter(|a| a.parent == NONE && a.order == 0).map(|a| a.first as usize);
+    roots.fold(0.0_f32, |most, i| {
+        let (Some(p), Some(r)) = (plant.nodes.p.get(i), plant.nodes.r.get(i)) else { return most };
+        if p.y > FOOT_HEIGHT * height { most } else { most.max(Vec3::new(p.x, 0.0, p.z).length() + r * flare) }
     })
 }
 
@@ -159,10 +162,11 @@ pub(crate) fn sink_feet(layout: &mut PlantLayout, stem_foot_radii: &[f32], land:
 mod tests {
     use super::*;
     use crate::bake::scene::assembly::{SceneOptions, assemble_scene};
-    use crate::recipe::{Request, resolve};
+    use crate::recipe::{KeyTable as _, Request, resolve};
     use osier_base::limits::Limits;
     use osier_base::progress::{Cancel, Silent};
     use osier_scene::AssetKind;
+    use osier_scene::plant::{Axis, AxisEnd, AxisKind, Nodes};
 
     const SCENE: &str = "seed = 4
 [terrain]
@@ -232,6 +236,41 @@ individuals = 2
         }
         assert!(highest < 0.01, "a foot stands {highest} m above the land");
         assert!((0.02..0.35).contains(&deepest), "a foot is {deepest} m deep");
+    }
+
+    #[test]
+    fn only_what_begins_at_the_ground_is_a_foot() {
+        let axis = |first: u32, order: u8| Axis {
+            id: first.into(),
+            parent: NONE,
+            parent_s: 0.0,
+            order,
+            kind: AxisKind::Stem,
+            first,
+            count: 2,
+            length: 1.0,
+            s_exposed: 0.0,
+            material: 0,
+            fork: NONE,
+            end: AxisEnd::Tip,
+            birth: 0.0,
+        };
+        // Two stems, a branch that falls near the ground, and a piece that floats, each 1 m long.
+        let bases = [[0.0_f32, 0.0], [0.5, 0.1], [3.0, 0.1], [2.0, 4.0]];
+        let plant = Plant {
+            axes: vec![axis(0, 0), axis(2, 0), axis(4, 1), axis(6, 0)],
+            nodes: Nodes {
+                p: bases.iter().flat_map(|[x, y]| [Vec3::new(*x, *y, 0.0), Vec3::new(*x, y + 1.0, 0.0)]).collect(),
+                q: vec![glam::Quat::IDENTITY; 8],
+                r: vec![0.1; 8],
+                s: [0.0, 1.0].repeat(4),
+                birth: vec![0.0; 8],
+                color: vec![0; 8],
+            },
+            ..Plant::default()
+        };
+        let skin = SkinKeys { flare: 0.0, ..SkinKeys::defaults() };
+        assert!((footprint_radius(&plant, &skin) - 0.6).abs() < 1e-6, "{}", footprint_radius(&plant, &skin));
     }
 
     #[test]

@@ -9,6 +9,7 @@ use crate::recipe::syntax::{
 };
 use crate::recipe::syntax::{InlineTables, KeyTable as _, choices, keys};
 use osier_base::diagnostic::{Diagnostic, Report, Severity, nearest};
+use osier_plants::grow::radii::Taper;
 use std::marker::PhantomData;
 
 choices! {
@@ -236,6 +237,18 @@ impl Resolver<'_> {
             );
             self.report
                 .push(d.help("write [ratio, weight] with ratios up to 1: [[0.78, 0.25], [0.84, 0.5], [0.9, 0.25]]"));
+        }
+        // Blades have no radii, cones never widen, and the pipe model without `radius` makes root axes as thick as their tips add up to.
+        // Twigs that fill a plant limit `tip_radius` to the thickness of what bears them.
+        let tapered = keys.radii == ShapeRadii::Taper;
+        let base = keys.radius.or_else(|| tapered.then(|| Taper::default().base));
+        let widens = path.ends_with(".growth") && keys.blade_width.is_none() && keys.radii != ShapeRadii::Cone;
+        if let Some(base) = base.filter(|base| widens && *base < keys.tip_radius) {
+            let at = span("tip_radius").or_else(|| span("radius")).unwrap_or(self.whole);
+            let text =
+                format!("{path}: axes of {base} m at their base would widen to tip_radius = {} m", keys.tip_radius);
+            let d = Diagnostic::error("S003", text, at, "thicker than the base");
+            self.report.push(d.help("give radius a larger value than tip_radius"));
         }
         // Attraction of 0 at every level is the same as none.
         let guided = keys.attract.iter().any(|a| *a != 0.0);

@@ -9,7 +9,7 @@ use crate::recipe::syntax::{
 };
 use crate::recipe::syntax::{Fault, choices, keys};
 use crate::recipe::{Growth, PlaceRecipe, PlantRecipe, ReferencedFile, SpeciesRecipe};
-use osier_base::diagnostic::{Diagnostic, nearest};
+use osier_base::diagnostic::{Diagnostic, Span, nearest};
 use osier_plants::grow::years::{Arity, HABIT_KEYS, Habit, HabitKey, ORDERS};
 use serde_json::json;
 
@@ -258,7 +258,8 @@ impl Resolver<'_> {
             self.report.push(d.help(format!("give it a length of at most {MAX_SIDE}")));
         }
         let prunes = self.prunes(plant, path);
-        self.check_clear_stem(plant, path, &habit.habit, &prunes);
+        let of_file = merged.get("clear_stem").map(|e| e.key_span);
+        self.check_clear_stem(plant, path, &habit.habit, &prunes, of_file);
         let age = age.unwrap_or_else(|| shortest(habit.habit.age));
         Some(SpeciesRecipe { habit, site, stand, prunes, age, clip: None })
     }
@@ -299,8 +300,16 @@ impl Resolver<'_> {
         Some(ages)
     }
 
-    /// Warns with S038 if `clear_stem` removes most of what a cut leaves, or all branches of the tree.
-    fn check_clear_stem(&mut self, plant: &TomlTable, path: &str, habit: &Habit, prunes: &[PruneKeys]) {
+    /// Warns with S038 if `clear_stem` removes most of what a cut leaves, or all branches of the tree. `of_file`: the key in the
+    /// species' file, where the plant has neither the key nor a cut.
+    fn check_clear_stem(
+        &mut self,
+        plant: &TomlTable,
+        path: &str,
+        habit: &Habit,
+        prunes: &[PruneKeys],
+        of_file: Option<Span>,
+    ) {
         // Shrubs of several stems keep their lower branches.
         if !habit.clears_stem() {
             return;
@@ -313,18 +322,20 @@ impl Resolver<'_> {
         let highest = habit.path_max.min(habit.height_max);
         // The message prints single-precision values: conversion to f64 would show further digits.
         let below = habit.clear_stem;
-        let text = if clear > MAX_CLEAR_SHARE * hedge {
-            format!("clear_stem takes away the branches below {below} m of a plant that is cut at {hedge} m")
+        let (what, help) = if clear > MAX_CLEAR_SHARE * hedge {
+            (format!("a plant that is cut at {hedge} m"), "write [plants.NAME.habit] clear_stem = 0.1 for a hedge")
         } else if below >= highest {
-            format!("clear_stem takes away the branches below {below} m of a tree that grows {highest} m high at most")
+            let help = "lower clear_stem, or raise path_max and height_max, which limit the tree";
+            (format!("a tree that grows {highest} m high at most"), help)
         } else {
             return;
         };
         let span = span_of(plant, &["habit", "clear_stem"])
             .or_else(|| plant.get("prune").map(|e| e.key_span))
+            .or(of_file)
             .unwrap_or(self.whole);
-        let d = Diagnostic::warning("S038", format!("{path}: {text}"), span, "too high a stem");
-        self.report.push(d.help("write [plants.NAME.habit] clear_stem = 0.1 for a hedge"));
+        let text = format!("{path}: clear_stem takes away the branches below {below} m of {what}");
+        self.report.push(Diagnostic::warning("S038", text, span, "too high a stem").help(help));
     }
 
     /// Reports S003 for plants that grow together in one field of light but have different skies.

@@ -132,7 +132,7 @@ pub const CODES: &[Code] = &[
     row("S033", Warning, "the cells of the lattice are too coarse for the turbulence of its inflow"),
     row("S034", Warning, "the ground lies below the base of the lattice wind"),
     row("S035", Warning, "growth by particle-shapes was cut short"),
-    row("S036", Warning, "a tree died for lack of light"),
+    row("S036", Warning, "a tree died for lack of light, or of a cut"),
     row("S037", Warning, "plants stand beyond the edge of the terrain"),
     row("S038", Warning, "a clear stem leaves a tree or a hedge no branches"),
     row("S040", Warning, "the torsional stiffness of a rod is below that of its material"),

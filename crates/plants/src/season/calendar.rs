@@ -17,8 +17,6 @@ mod tuning {
     pub(super) const GREENING: [f32; 2] = [0.12, 0.36];
     /// Size of the needles of a young shoot at bud burst: the shoots of the year are there already.
     pub(super) const FIRST_NEEDLES: f32 = 0.6;
-    /// Organs of an evergreen that are at most so much younger than the youngest, as a share of its growth, are on young shoots.
-    pub(super) const YOUNGEST: f32 = 0.02;
     /// Size of a leaf that has just left its bud.
     pub(super) const FIRST_SIZE: f32 = 0.16;
     /// Seasons at which the first and the last leaf begin to turn, and how long that takes.
@@ -216,7 +214,7 @@ pub fn leaf_calendars(
     let births = || leaves.iter().map(|i| plant.organs[*i].birth);
     let (first, last) = births().fold((1.0_f32, 0.0_f32), |b, birth| (b.0.min(birth), b.1.max(birth)));
     let leaf = |k: usize| {
-        let youngest = last > first && plant.organs[leaves[k]].birth >= last - tuning::YOUNGEST;
+        let youngest = last > first && plant.organs[leaves[k]].birth >= last - habit.last_year;
         let calendar = calendar(spring[k], turning[k], falling[k], by_share(&weights, hues[k]));
         let fall = if kept[k] < habit.keeps { 2.0 } else { calendar.fall };
         LeafCalendar { fall, youngest, ..calendar }
@@ -277,6 +275,7 @@ mod tests {
     fn habit() -> LeafHabit {
         LeafHabit {
             evergreen: false,
+            last_year: 0.02,
             green: [0.05, 0.1, 0.02],
             spring: [0.2, 0.3, 0.05],
             dry: [0.2, 0.1, 0.05],

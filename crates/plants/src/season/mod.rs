@@ -83,6 +83,9 @@ pub struct AutumnColor {
 pub struct LeafHabit {
     /// Whether the leaves stay on the plant and green; only those of the youngest shoots then change, in spring.
     pub evergreen: bool,
+    /// Share of the plant's growth that was its last year: organs that are younger than the youngest by at most that are on shoots of
+    /// the year.
+    pub last_year: f32,
     /// Linear colour in summer.
     pub green: [f32; 3],
     /// Linear colour of the first leaves of spring.

@@ -9,6 +9,7 @@ use super::particle::{Influence, PAPER_STEP, Particle, StepRates};
 use super::region::Region;
 use super::shade::ShadeGrid;
 use super::spawn::{self, AxisStart};
+use osier_base::math::exp;
 use osier_base::par::{par_each, par_map};
 use osier_base::rng::Rng;
 use osier_scene::plant::AxisEnd;
@@ -62,7 +63,14 @@ pub(super) fn grow_axes(params: &ShapeParams, starts: Vec<AxisStart>, plant: (u3
         0 => params.roots.radius,
         _ => starts.iter().map(|s| s.p.length()).fold(0.0, f64::max),
     };
-    let reach: f64 = (0..params.limits.levels).map(|level| params.limits.length.at(level)).sum();
+    // Longest way from the start to a tip: the lengths of the first level are known, those of further ones are drawn later; one in fifty
+    // is longer than by two standard deviations.
+    let longest = starts.iter().map(|s| s.length).fold(0.0, f64::max);
+    let most = exp(2.0 * params.limits.length_deviation);
+    let further = (first_level + 1..params.limits.levels).map(|l| (l, params.limits.length.at(l) * most));
+    let lengths = std::iter::once((first_level, longest)).chain(further);
+    let drawn: f64 = lengths.map(|(l, length)| length * spawn::fork_reach(params, l)).sum();
+    let reach = drawn.max((0..params.limits.levels).map(|level| params.limits.length.at(level)).sum());
     let mut around = Surroundings {
         params,
         seed: plant.1,
@@ -177,6 +185,8 @@ struct GrowingAxis {
     start_time: f64,
     /// Unit pull of the crown guide, or zero.
     pull: DVec3,
+    /// Whether the ground stops it: not an axis that begins below the ground, as a twig of a plant that hangs.
+    stops_at_ground: bool,
     /// Whether the tip has been inside of the envelope, which cuts the axis only when it leaves.
     was_inside: bool,
     short_steps: u32,
@@ -220,6 +230,7 @@ impl GrowingAxis {
             rates,
             start_time: start.time,
             pull: DVec3::ZERO,
+            stops_at_ground: params.limits.ground && start.p.y >= -CONTACT_MARGIN,
             was_inside: false,
             short_steps: 0,
             steps_left,
@@ -276,7 +287,7 @@ impl GrowingAxis {
         }
         let from = self.particle.p;
         let mut to = from + self.particle.v * dt;
-        if (!params.limits.obstacles.is_empty() || params.limits.ground) && !self.slide(params, &mut to) {
+        if (!params.limits.obstacles.is_empty() || self.stops_at_ground) && !self.slide(params, &mut to) {
             return self.end(AxisEnd::Obstacle);
         }
         let cut = params.limits.envelope.as_ref().and_then(|envelope| self.cut_at(envelope, &mut to));
@@ -319,7 +330,8 @@ impl GrowingAxis {
     fn slide(&mut self, params: &ShapeParams, to: &mut DVec3) -> bool {
         let radius = params.assumed_radius(self.axis.level) + CONTACT_MARGIN;
         let ground = Region::HalfSpace { point: DVec3::ZERO, normal: DVec3::Y };
-        let solids = || params.limits.obstacles.iter().chain(params.limits.ground.then_some(&ground));
+        let stops_at_ground = self.stops_at_ground;
+        let solids = || params.limits.obstacles.iter().chain(stops_at_ground.then_some(&ground));
         for _ in 0..CONTACT_TRIES {
             let mut clear = true;
             for solid in solids() {

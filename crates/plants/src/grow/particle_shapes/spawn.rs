@@ -175,6 +175,20 @@ pub(super) fn children(params: &ShapeParams, axis: &ShapeAxis, index: usize, see
     out
 }
 
+/// How far an axis of a level and the forks that follow it lead, over the length of the axis.
+pub(super) fn fork_reach(params: &ShapeParams, level: u8) -> f64 {
+    if params.spawning.split.at(level) <= 0.0 {
+        return 1.0;
+    }
+    // 1 + f + f^2 + .. of `MAX_FORKS` forks, each of which has f times the length of the one before.
+    let (mut sum, mut part) = (1.0, 1.0);
+    for _ in 0..MAX_FORKS {
+        part *= FORK_LENGTH;
+        sum += part;
+    }
+    sum
+}
+
 /// The two axes into which an axis forks at its tip; `None` if it does not fork. `index`: of the axis among the grown ones;
 /// `fork`: the number that the two share.
 pub(super) fn fork(

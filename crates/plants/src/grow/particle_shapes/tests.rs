@@ -657,6 +657,44 @@ fn filling_adds_twigs_and_leaves_and_keeps_what_was_there() {
     assert!(validate(&mut again).expect("valid").is_empty());
 }
 
+#[test]
+fn twigs_above_forks_shade_each_other_too() {
+    let mut p = params();
+    p.limits.levels = 2;
+    p.limits.length = [3.0, 0.6].into();
+    p.motion.up = [0.5, 0.0].into();
+    p.spawning.split = [1.0, 0.0].into();
+    p.spawning.split_angle = 20.0_f64.to_radians();
+    p.spawning.spacing = [0.06].into();
+    // Nodes above the length of a stem and of a twig, where only forks lead.
+    let high = |p: &ShapeParams| {
+        let all = axes(p, 8).axes;
+        all.iter().flat_map(|axis| &axis.nodes).filter(|node| node.p.y > 4.5).count()
+    };
+    let free = high(&p);
+    p.limits.max_shade = Some(0.5);
+    let shaded = high(&p);
+    assert!(free > 1000 && shaded * 10 < free * 9, "{shaded} of {free} nodes");
+}
+
+#[test]
+fn twigs_of_a_plant_that_hangs_begin_on_its_wood() {
+    let mut stem = params();
+    stem.limits = Limits { levels: 1, length: [2.0].into(), ground: false, ..stem.limits };
+    stem.roots.tilt = [3.0, 3.05];
+    stem.leaves.spacing = 0.0;
+    let mut plant = grown(&stem, 5);
+    let stems = plant.axes.len();
+    let mut twigs = params();
+    twigs.limits = Limits { levels: 2, length: [1.0, 0.3].into(), ground: true, ..twigs.limits };
+    fill(&mut plant, &twigs, Some(&leaf()), &materials()).expect("fills");
+    assert!(plant.axes.len() > stems + 3);
+    for axis in plant.axes.iter().filter(|a| a.parent != osier_scene::plant::NONE) {
+        let p = &plant.nodes.p[plant.nodes_of(axis)];
+        assert!(p[0].y < 0.0 && p[0].distance(p[1]) < 0.1, "a twig jumps from {} to {}", p[0], p[1]);
+    }
+}
+
 /// A plant of two levels without leaves, to be filled with twigs.
 fn bare_plant() -> Plant {
     let mut bare = params();

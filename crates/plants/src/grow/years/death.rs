@@ -49,6 +49,13 @@ impl Tree {
         for prune in &prunes {
             self.prune(prune);
         }
+        let bears = !self.buds.is_empty() || (0..self.nodes.len()).any(|i| self.nodes.grows(i));
+        // Of several years of cuts in the dark the first one counts.
+        if bears {
+            self.bared = None;
+        } else if !prunes.is_empty() && self.dark == 0 {
+            self.bared = Some(season.year);
+        }
         if season.clear_stem > 0.0 {
             self.lift_crown(season);
         }

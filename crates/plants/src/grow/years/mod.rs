@@ -104,6 +104,11 @@ impl GrownTree {
         self.tree.died
     }
 
+    /// Whether it died because cuts had left it neither tips nor buds, in the year of [`Self::died`].
+    pub fn died_of_cut(&self) -> bool {
+        self.tree.died.is_some() && self.tree.died == self.tree.bared
+    }
+
     /// Positions of its open living tips, from the tree's base, m.
     pub fn tips(&self) -> impl Iterator<Item = Vec3> {
         let nodes = &self.tree.nodes;

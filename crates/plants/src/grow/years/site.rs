@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::light::{Grid, LeafAreas};
 use osier_base::geometry::Bounds;
-use osier_scene::solid::{Form, Solid, Solids};
+use osier_scene::solid::{Form, LandForm, Solid, Solids};
 
 /// Least distance of a shoot's bark from a solid, m.
 const CLEARANCE: f32 = 0.02;
@@ -19,7 +19,7 @@ const SHADE_REACH: f32 = 12.0;
 const RING_THICKNESS: f32 = 3.0;
 /// Heights of the ring's lower and upper edges as shares of the tree's height.
 const RING_HEIGHTS: [f32; 2] = [0.3, 0.92];
-/// Share of a cell's side that a solid's surface may lie beyond its center and still make it opaque; thin walls need it.
+/// Share of a cell's side that the surface of a thin solid may lie beyond its center and still make it opaque.
 const OPAQUE_REACH: f32 = 0.25;
 
 /// Sky, sunlight and solids around the trees that grow in one field of light.
@@ -187,7 +187,9 @@ pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>, ancho
     })
 }
 
-/// Indices of the cells whose centers lie in a solid, in rising order. Level ground needs none, since light comes from above.
+/// Indices of the cells that let no light pass, in rising order: those whose centers lie in a solid or in front of a thin one, and those
+/// that lie wholly below a land. Trees stand on the land, so that a cell which it only crosses holds seedlings. Level ground needs none,
+/// since light comes from above.
 pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -> Vec<u32> {
     let mut cells = Vec::new();
     let Some(solids) = solids else { return cells };
@@ -200,7 +202,10 @@ pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -
                 let at = anchor + center;
                 let inside = solids.list().iter().zip(&boxes).any(|(solid, b)| {
                     let near = at.cmpge(b.min).all() && at.cmple(b.max).all();
-                    near && solid.nearest(at).distance < OPAQUE_REACH * grid.cell
+                    near && match &solid.form {
+                        Form::Land(land) => lies_below(land, at, grid.cell),
+                        _ => shades_cell(solid, at, grid.cell),
+                    }
                 });
                 if inside {
                     cells.push(grid.cell_of(center));
@@ -209,6 +214,36 @@ pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -
         }
     }
     cells
+}
+
+/// Whether a solid makes a cell opaque: with the cell's center in it, or with its surface near the center where the next cell behind
+/// that surface is not opaque, because the solid is thinner than a cell. Tips in front of a thick wall stand in cells that let light
+/// pass. `center`: of the cell, in the scene, m; `side`: of the cell, m.
+fn shades_cell(solid: &Solid, center: Vec3, side: f32) -> bool {
+    let near = solid.nearest(center);
+    if near.distance < 0.0 || near.distance >= OPAQUE_REACH * side {
+        return near.distance < 0.0;
+    }
+    // The neighbour that lies most nearly behind the surface.
+    let [x, y, z] = near.normal.abs().to_array();
+    let axis = if x >= y && x >= z {
+        Vec3::X
+    } else if y >= z {
+        Vec3::Y
+    } else {
+        Vec3::Z
+    };
+    !solid.contains(center - axis * (side * near.normal.dot(axis).signum()))
+}
+
+/// Whether a cell of the given side lies below a land with its whole upper face, tested at the middle, the corners and the middles
+/// of the edges of that face. `center`: of the cell, in the scene, m.
+fn lies_below(land: &LandForm, center: Vec3, side: f32) -> bool {
+    let half = 0.5 * side;
+    let top = center.y + half;
+    let steps = [0.0, -half, half];
+    // The middle comes first: most cells above the land end there.
+    steps.iter().all(|z| steps.iter().all(|x| land.height(Vec2::new(center.x + x, center.z + z)) >= top))
 }
 
 #[cfg(test)]
@@ -244,5 +279,46 @@ mod tests {
         assert_eq!(years, [12, 15, 18]);
         let once = Prune { every: 0, ..prune };
         assert_eq!((0..30).filter(|y| once.happens(*y)).count(), 1);
+    }
+
+    /// Seedlings end 5 cm above a land of 35 degrees, at any place of the grid's cells: their cells let light pass, those deep in
+    /// the land don't.
+    #[test]
+    fn seedlings_on_a_slope_stand_in_cells_that_let_light_pass() {
+        let rise = 0.7_f32;
+        let heights: Vec<f32> = (0..33_u16).flat_map(|_| (0..33_u16).map(|x| rise * (f32::from(x) - 16.0))).collect();
+        let land = LandForm::new(33, 32.0, heights).expect("a land");
+        let solid = Solid { name: "land".into(), form: Form::Land(Arc::new(land.clone())), humidity: 0.0 };
+        let solids = Solids::new(vec![solid], false);
+        let anchor = Vec3::new(0.0, land.height(Vec2::ZERO), 0.0);
+        let grid = Grid::over(Bounds { min: Vec3::new(-3.0, -3.0, -1.0), max: Vec3::new(3.0, 3.0, 1.0) });
+        let opaque = opaque_cells(&grid, Some(&solids), anchor);
+        for k in 0..40_u16 {
+            let (x, z) = (f32::from(k) * 0.137 - 2.7, f32::from(k) * 0.043 - 0.8);
+            let ground = land.height(Vec2::new(x, z));
+            let at = |y: f32| grid.cell_of(Vec3::new(x, y, z) - anchor);
+            assert!(!opaque.contains(&at(ground + 0.05)), "a seedling at {x} {z}");
+            assert!(opaque.contains(&at(ground - 0.7)), "the inside of the land at {x} {z}");
+        }
+    }
+
+    /// A thick wall darkens no cell in front of it, and a thin one stands in at least one cell wherever it lies in the grid.
+    #[test]
+    fn walls_are_opaque_at_any_place_of_the_grid() {
+        let grid = Grid::over(Bounds { min: Vec3::new(-3.0, 0.0, -3.0), max: Vec3::new(3.0, 3.0, 3.0) });
+        let row = |from: f32, thickness: f32| -> Vec<f32> {
+            let foot = Vec3::new(from + 0.5 * thickness, 0.0, 0.0);
+            let block = Prism::block(foot, Vec3::new(thickness, 2.0, 4.0), 0.0);
+            let wall = Solid { name: "wall".into(), form: Form::Prism(block), humidity: 0.0 };
+            let opaque = opaque_cells(&grid, Some(&Solids::new(vec![wall], true)), Vec3::ZERO);
+            let centers = (0..grid.size[0]).map(|x| grid.center(x, 3, grid.size[2] / 2));
+            centers.filter(|c| opaque.contains(&grid.cell_of(*c))).map(|c| c.x).collect()
+        };
+        for k in 0..20_u16 {
+            let from = 0.2 + 0.015 * f32::from(k);
+            let thick = row(from, 0.6);
+            assert!(!thick.is_empty() && thick.iter().all(|x| (from..=from + 0.6).contains(x)), "{from}: {thick:?}");
+            assert!(!row(from, 0.16).is_empty(), "a thin wall at {from}");
+        }
     }
 }

@@ -264,6 +264,8 @@ pub(super) struct Tree {
     pub dark: u8,
     /// Year of its life that was the first of two without light, after which it died.
     pub died: Option<u32>,
+    /// Year of its life whose cuts left it neither tips nor buds; `None` if it has grown since, or if there were none.
+    pub bared: Option<u32>,
     /// Subtrees lost this year, at whose nodes dormant buds may wake.
     pub losses: Vec<Loss>,
     /// Cuts through internodes, in the order of years; kept while the tree is recorded.
@@ -298,6 +300,7 @@ impl Tree {
             fallen: 0,
             dark: 0,
             died: None,
+            bared: None,
             losses: Vec::new(),
             cuts: Vec::new(),
             recorded: false,
