@@ -504,3 +504,27 @@ fn a_new_folder_holds_what_its_scene_names() {
     let (status, said) = osier(&["check", scene.to_str().expect("path")]);
     assert_eq!(status, Some(0), "{said}");
 }
+
+/// A plant, a cloud and a solid with the names of the drops, the catkins and the ground, and a cloud with that of an individual.
+#[test]
+fn assets_that_the_scene_adds_share_no_name_with_others() {
+    let dir = tempfile::tempdir().expect("dir");
+    let rain = TREE.replace("plants.tree", "plants.rain");
+    let text = format!(
+        "seed = 3\n[frames]\nend = 2\n[wind]\nspeed = 2\n{rain}{TREE}[[place]]\nplant = \"rain\"\n\
+         [[place]]\nplant = \"tree\"\ncount = 2\nradius = 4\n[clouds.tree_1]\nifs = \"fern_leaf.ifs\"\npoints = 50\n\
+         [clouds.catkins]\nifs = \"fern_leaf.ifs\"\npoints = 60\n[[solid]]\nname = \"ground\"\nat = [6, 0, 0]\nsize = [1, 1, 1]\n\
+         [rain]\nrate_mm_per_h = 2\n[catkin]\nhairs = 4\n[flight]\ncount = 5\nspin_up_s = 1\nsize = [16, 8, 16]\n\
+         [output]\nformats = [\"usd\"]\n"
+    );
+    let out = baked(dir.path(), "named", &text);
+    let manifest: Value =
+        serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("JSON");
+    let ids: Vec<&str> =
+        manifest["assets"].as_array().expect("list").iter().map(|a| a["id"].as_str().expect("id")).collect();
+    // Without the numbers and suffixes, four of the nine were written over the files of others.
+    let wanted =
+        ["rain_2", "tree_1_2", "tree_2", "rain", "tree_1", "catkins_cloud", "catkins", "ground_solid", "ground"];
+    assert_eq!(ids, wanted);
+    assert!(ids.iter().all(|id| out.join(format!("usd/{id}.usdc")).is_file()), "{ids:?}");
+}
