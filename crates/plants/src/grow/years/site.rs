@@ -21,6 +21,9 @@ const RING_THICKNESS: f32 = 3.0;
 const RING_HEIGHTS: [f32; 2] = [0.3, 0.92];
 /// Share of a cell's side that a solid's surface may lie beyond its center and still make it opaque; thin walls need it.
 const OPAQUE_REACH: f32 = 0.25;
+/// Points of the top of a cell at which it is tested for air, x and z from its middle in halves of its side.
+const TOP_POINTS: [[f32; 2]; 9] =
+    [[0.0, 0.0], [-1.0, -1.0], [0.0, -1.0], [1.0, -1.0], [-1.0, 0.0], [1.0, 0.0], [-1.0, 1.0], [0.0, 1.0], [1.0, 1.0]];
 
 /// Sky, sunlight and solids around the trees that grow in one field of light.
 #[derive(Debug, Clone, Default)]
@@ -187,7 +190,18 @@ pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>, ancho
     })
 }
 
-/// Indices of the cells whose centers lie in a solid, in rising order. Level ground needs none, since light comes from above.
+/// Whether no light passes a cell because of a solid. `at`: center of the cell in the scene; `cell`: its side, m.
+fn is_opaque(solid: &Solid, at: Vec3, cell: f32) -> bool {
+    if !matches!(solid.form, Form::Land(_)) {
+        return solid.nearest(at).distance < OPAQUE_REACH * cell;
+    }
+    // Land is thick, so that only cells without air need to be opaque: on a slope the tip of a seedling lies in a cell whose center is
+    // close to the land or below it.
+    let half = 0.5 * cell;
+    TOP_POINTS.iter().all(|[x, z]| solid.contains(at + half * Vec3::new(*x, 1.0, *z)))
+}
+
+/// Indices of the cells that lie in a solid, in rising order. Level ground needs none, since light comes from above.
 pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -> Vec<u32> {
     let mut cells = Vec::new();
     let Some(solids) = solids else { return cells };
@@ -200,7 +214,7 @@ pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -
                 let at = anchor + center;
                 let inside = solids.list().iter().zip(&boxes).any(|(solid, b)| {
                     let near = at.cmpge(b.min).all() && at.cmple(b.max).all();
-                    near && solid.nearest(at).distance < OPAQUE_REACH * grid.cell
+                    near && is_opaque(solid, at, grid.cell)
                 });
                 if inside {
                     cells.push(grid.cell_of(center));
@@ -214,7 +228,7 @@ pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use osier_scene::solid::Prism;
+    use osier_scene::solid::{LandForm, Prism};
 
     #[test]
     fn steps_slide_along_a_wall_and_end_at_it() {
@@ -234,6 +248,25 @@ mod tests {
         let down = Vec3::new(0.8, -0.6, 0.0);
         let slid = level.slide(Vec3::new(0.0, 0.1, 0.0), Step { d: down, length: 0.3 }, 0.0).expect("slides");
         assert!((0.1 + slid.d.y * slid.length - 0.02).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_foot_of_a_seedling_on_a_slope_is_in_the_light() {
+        // Slopes of 40 degrees towards each side; the foot lies at a corner of four cells.
+        for rise in [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z].map(|d| 0.84 * d) {
+            let step = |i: usize| i as f32 * 2.0 - 4.0;
+            let heights = (0..25).map(|i| rise.dot(Vec3::new(step(i % 5), 0.0, step(i / 5)))).collect();
+            let land = LandForm::new(5, 8.0, heights).expect("fits");
+            let land = Solid { name: "land".into(), form: Form::Land(Arc::new(land)), humidity: 0.0 };
+            let solids = Solids::new(vec![land], false);
+            let grid = Grid::over(Bounds { min: Vec3::ZERO, max: 0.2 * Vec3::Y });
+            let opaque = opaque_cells(&grid, Some(&solids), Vec3::ZERO);
+            for (x, z) in [(0.05, 0.05), (-0.05, 0.05), (0.05, -0.05), (-0.05, -0.05)] {
+                let tip = Vec3::new(x, rise.dot(Vec3::new(x, 0.0, z)) + 0.05, z);
+                assert!(!opaque.contains(&grid.cell_of(tip)), "{rise} {tip}");
+                assert!(opaque.contains(&grid.cell_of(Vec3::new(x, -0.5, z))), "{rise} {tip}");
+            }
+        }
     }
 
     #[test]
