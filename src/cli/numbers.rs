@@ -39,7 +39,7 @@ pub struct KeyValues {
 
 /// Reads all `--sweep` flags of a command.
 /// # Errors
-/// A message for a text of another form than [`key_values`] reads, and for a key or a value that is given twice: runs of equal
+/// A message for a text of another form than `key_values` reads, and for a key or a value that is given twice: runs of equal
 /// values would count as seeds of one choice.
 pub fn swept_keys(flags: &[String]) -> Result<Vec<KeyValues>, String> {
     let sweeps = flags.iter().map(|text| key_values(text)).collect::<Result<Vec<_>, _>>()?;
