@@ -12,6 +12,8 @@ from collections.abc import Iterator
 import bpy
 from mathutils import Matrix
 
+from .scene_text import without_table
+
 ROLES = [
     ("SOLID", "Solid", "Stops wind, rain and seeds"),
     ("TERRAIN", "Terrain", "The land on which plants, rain and seeds come down, in place of that of the scene; several objects make one land"),
@@ -44,7 +46,7 @@ def write_scene(folder: str, name: str, text: str, given: list[str], plants: lis
     if land:
         export(land, os.path.join(folder, "terrain_objects.obj"), (0.0, 0.0, 0.0), instances=False)
         # The table of the scene describes another land; keys that the user has changed in the panel are still checked.
-        text = re.sub(r"(?ms)^[ \t]*\[terrain\].*?(?=^[ \t]*\[|\Z)", "", text)
+        text = without_table(text, "terrain")
         tables.append('[terrain]\nfile = "terrain_objects.obj"\n')
     for number, item in enumerate(items):
         if item.role == "TERRAIN":

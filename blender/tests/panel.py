@@ -431,7 +431,7 @@ def objects_become_the_terrain() -> None:
     # The preset has a terrain of its own, which the object replaces.
     scene = choose("grass")
     path = FOLDER / "hills.toml"
-    path.write_text('[plants.grass]\ngrammar = "grass.l"\n[terrain]\nsize = 300\namplitude = 90\n[sun]\nelevation_deg = 40\n')
+    path.write_text('[plants.grass]\ngrammar = "grass.l"\n[ terrain ]\nsize = 300\namplitude = 90\n[sun]\nelevation_deg = 40\n')
     scene.osier.file = str(path)
     work()
     while scene.osier.objects:

@@ -44,6 +44,7 @@ use output::exporters;
 use output::frame_loop::write_frames;
 use output::single_file::refuse_without_visible_plants;
 use output::texture_size::limit_texture_sizes;
+use output::unselected::warn_of_unselected_grids;
 use scene::animated::AnimatedScene;
 use scene::assembly::SceneOptions;
 
@@ -52,7 +53,7 @@ use scene::assembly::SceneOptions;
 pub struct Baked {
     /// The manifest as written: scene, materials, all files with their hashes.
     pub manifest: Manifest,
-    /// Warnings from building the scene: layout, grammars, growth, wind, rain, flight and rods.
+    /// Warnings of the selection of frames, and from building the scene: layout, grammars, growth, wind, rain, flight and rods.
     pub report: Report,
     /// Warnings of the exporters, by code.
     pub warnings: Vec<Warning>,
@@ -71,6 +72,7 @@ pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeCont
         let [value, min, max] = [*number, clip.start, clip.end].map(f64::from);
         return Err(Error::Range { name: "frame".into(), value, min, max, unit: "" });
     }
+    let mut report = warn_of_unselected_grids(recipe, frames);
     cache::ifs_leaves::load(recipe, folder.root(), context.limits);
     let mut built = scene::assembly::assemble_scene(recipe, SceneOptions::default(), context)?;
     if let Some(why) = missing_frames(recipe, &built.animated, frames) {
@@ -79,7 +81,8 @@ pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeCont
     refuse_without_visible_plants(&built.animated.scene)?;
     built.counts(recipe, frames).check_limits(context.limits)?;
     let (manifest, warnings) = write_files(recipe, &mut built.animated, frames, folder, context)?;
-    Ok(Baked { manifest, report: built.report, warnings })
+    report.extend(built.report);
+    Ok(Baked { manifest, report, warnings })
 }
 
 /// Why the selected frames cannot be written: placements with a phase offset, or the still glTF file, need frames

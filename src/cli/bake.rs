@@ -10,6 +10,7 @@ use super::progress::{ProgressDisplay, StageTimer};
 use super::{numbers, report, sweep};
 use crate::bake::cache::ifs_leaves;
 use crate::bake::output::single_file::refuse_without_visible_plants;
+use crate::bake::output::unselected::warn_of_unselected_grids;
 use crate::bake::scene;
 use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
@@ -49,9 +50,12 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             return Ok(2);
         }
     };
+    // Told before anything is simulated: the selection and the recipe tell which grids have no frame.
+    let unselected = warn_of_unselected_grids(&recipe, &frames);
+    context.console.report(&unselected);
     // The default folder is named after the scene.
     let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(&recipe.name));
-    let mut warned = !warnings.diagnostics.is_empty();
+    let mut warned = !warnings.diagnostics.is_empty() || !unselected.diagnostics.is_empty();
     if !context.common.dry_run
         && let Some(manifest) = current(context, &root, &recipe)
     {

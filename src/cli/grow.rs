@@ -81,6 +81,15 @@ impl<'a> OutputFile<'a> {
         Folder::plain(self.parent(), options)
     }
 
+    /// Prints what a dry run would write: as text, or with the counts of `would_make` as JSON.
+    fn print_plan(&self, context: &Context, text: &str, would_make: &serde_json::Value) -> Result<()> {
+        let target = self.args.output.display().to_string();
+        if context.console.json {
+            return context.console.result(&format!("{:#}\n", json!({ "target": target, "would_make": would_make })));
+        }
+        context.console.result(&format!("{target}\n  {text}\n"))
+    }
+
     /// Closes the folder, then sends the file to standard output or prints the paths of what was written.
     fn finish(&self, context: &Context, folder: &Folder) -> Result<()> {
         folder.finish()?;
@@ -174,8 +183,8 @@ fn write_attractor(
     // The size of a picture is known without drawing it.
     if context.common.dry_run {
         let keys = &recipe.picture;
-        let text = format!("{}\n  {} x {} pixels\n", output.args.output.display(), keys.width, keys.height);
-        context.console.result(&text)?;
+        let text = format!("{} x {} pixels", keys.width, keys.height);
+        output.print_plan(context, &text, &json!({ "width": keys.width, "height": keys.height }))?;
         return Ok(context.strict(warned));
     }
     let display = ProgressDisplay::new(&context.console);
@@ -206,8 +215,8 @@ fn write_coefficients(
     let warned = !warnings.diagnostics.is_empty() || !tables.report.diagnostics.is_empty();
     context.console.report(&tables.report);
     if context.common.dry_run {
-        let text = format!("{}\n  {} systems\n", output.args.output.display(), tables.systems);
-        context.console.result(&text)?;
+        let text = format!("{} systems", tables.systems);
+        output.print_plan(context, &text, &json!({ "systems": tables.systems }))?;
         return Ok(context.strict(warned));
     }
     let folder = output.folder(context)?;
@@ -230,8 +239,9 @@ fn write_string(context: &Context, output: &OutputFile<'_>, recipe: &Recipe, war
     let warned = !warnings.diagnostics.is_empty() || !derived.report.diagnostics.is_empty();
     context.console.report(&derived.report);
     if context.common.dry_run {
-        let (bytes, modules) = (report::byte_size(derived.text.len() as u64), derived.modules);
-        context.console.result(&format!("{}\n  {modules} modules, {bytes}\n", output.args.output.display()))?;
+        let (bytes, modules) = (derived.text.len() as u64, derived.modules);
+        let text = format!("{modules} modules, {}", report::byte_size(bytes));
+        output.print_plan(context, &text, &json!({ "modules": modules, "bytes": bytes }))?;
         return Ok(context.strict(warned));
     }
     let folder = output.folder(context)?;

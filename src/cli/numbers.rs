@@ -37,10 +37,37 @@ pub struct KeyValues {
     pub values: Vec<String>,
 }
 
+/// Reads all `--sweep` flags of a command.
+/// # Errors
+/// A message for a text of another form than `key_values` reads, and for a key or a value that is given twice: runs of equal
+/// values would count as seeds of one choice.
+pub fn swept_keys(flags: &[String]) -> Result<Vec<KeyValues>, String> {
+    let sweeps = flags.iter().map(|text| key_values(text)).collect::<Result<Vec<_>, _>>()?;
+    for (i, sweep) in sweeps.iter().enumerate() {
+        if sweeps[..i].iter().any(|earlier| earlier.key == sweep.key) {
+            return Err(format!("--sweep: \"{}\" is given twice; list all of its values in one flag", sweep.key));
+        }
+        let is_repeated = |k: &usize| sweep.values[..*k].iter().any(|v| is_same_value(v, &sweep.values[*k]));
+        if let Some(k) = (0..sweep.values.len()).find(is_repeated) {
+            let (key, value) = (&sweep.key, &sweep.values[k]);
+            return Err(format!(
+                "--sweep: \"{key}\" has the value {value} twice; --seeds repeats runs with other seeds"
+            ));
+        }
+    }
+    Ok(sweeps)
+}
+
+/// Whether two texts are one value: `1` and `1.0` are.
+fn is_same_value(a: &str, b: &str) -> bool {
+    let numbers = a.parse::<f64>().ok().zip(b.parse::<f64>().ok());
+    a == b || numbers.is_some_and(|(a, b)| a.total_cmp(&b).is_eq())
+}
+
 /// Reads `KEY=A:B:N`, N values evenly from A to B, or `KEY=V1,V2,...`. Values are written without a point if all are whole.
 /// # Errors
 /// A message for a text of another form; N is 1 to 64.
-pub fn key_values(text: &str) -> Result<KeyValues, String> {
+fn key_values(text: &str) -> Result<KeyValues, String> {
     let bad = || format!("--sweep: \"{text}\" is not KEY=FROM:TO:COUNT nor KEY=VALUE,VALUE,...");
     let (key, range) = text.split_once('=').filter(|(k, r)| !k.is_empty() && !r.is_empty()).ok_or_else(bad)?;
     let values = match range.split(':').collect::<Vec<_>>()[..] {
@@ -90,7 +117,7 @@ fn trimmed(v: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{key_values, number_list};
+    use super::{key_values, number_list, swept_keys};
 
     #[test]
     fn values_of_a_key_are_read() {
@@ -107,6 +134,23 @@ mod tests {
         let lists = ["[0, 1, 2]", "[3,4,5]", "\"a,b\""].map(str::to_owned).to_vec();
         assert_eq!(values("a=[0, 1, 2], [3,4,5],\"a,b\""), Ok(lists));
         assert!(["", "a", "a=", "=1", "a=1:2", "a=1:2:0", "a=1:x:3", "a=1:2:99"].iter().all(|t| values(t).is_err()));
+    }
+
+    #[test]
+    fn keys_and_values_are_given_once() {
+        let read = |flags: &[&str]| swept_keys(&flags.iter().map(ToString::to_string).collect::<Vec<_>>());
+        assert_eq!(read(&["a=1,2", "b=1:1:1", "c=\"1\",1,-1"]).map(|sweeps| sweeps.len()), Ok(3));
+        let refused: [(&[&str], &str); 5] = [
+            (&["a=1,2,1"], "\"a\" has the value 1 twice"),
+            (&["a=x,y", "b=1,2,1.0"], "\"b\" has the value 1.0 twice"),
+            (&["a=0.5:0.5:2"], "0.5 twice"),
+            (&["a=1,2", "b=1,2", "a=3"], "\"a\" is given twice"),
+            (&["a=1:2"], "KEY=FROM:TO:COUNT"),
+        ];
+        for (flags, words) in refused {
+            let said = read(flags).map(|sweeps| sweeps.len());
+            assert!(matches!(&said, Err(why) if why.contains(words)), "{flags:?}: {said:?}");
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::Context;
 use super::args::Bake;
-use super::numbers::{self, KeyValues, key_values};
+use super::numbers::{self, swept_keys};
 use super::progress::ProgressDisplay;
 use crate::bake::motion::{FrameTime, table_rows};
 use crate::bake::{BakeContext, scene};
@@ -122,7 +122,7 @@ fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
     if args.formats.is_some() || args.frames.is_some() {
         return Err("--sweep and --seeds write one table and its plot: leave out --formats and --frames".into());
     }
-    let sweeps: Vec<KeyValues> = args.sweep.iter().map(|s| key_values(s)).collect::<std::result::Result<_, _>>()?;
+    let sweeps = swept_keys(&args.sweep)?;
     let seeds = match &args.seeds {
         Some(list) => {
             let seeds = numbers::number_list(list, MAX_RUNS).map_err(|e| format!("--seeds: {e}"))?;

@@ -184,6 +184,12 @@ fn the_panel_bakes_in_a_blender_without_usd() {
 }
 
 #[test]
+fn the_panel_takes_a_table_of_any_spelling_out_of_a_scene() {
+    let Some(python) = clients::python() else { return };
+    clients::run(Command::new(python).arg(sources().join("blender/tests/scene_text.py")));
+}
+
+#[test]
 fn the_panel_has_fields_for_plants_with_dots_in_their_names() {
     let Some(python) = clients::python() else { return };
     let dir = tempfile::tempdir().expect("dir");

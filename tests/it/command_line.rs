@@ -122,6 +122,18 @@ fn standard_output_holds_results_and_nothing_else() {
     assert!(first["up_to_date"] == false && again["up_to_date"] == true && first["bake_hash"] == again["bake_hash"]);
     assert_eq!(json(&["info", arg(&out)])["complete"], true);
     assert_eq!(json(&["grow", SCENE, "-o", arg(&glb)])["files"][0]["path"], arg(&glb));
+    // Each kind of file that grow writes has a dry run in JSON.
+    let plan = |source: &str, name: &str| {
+        let path = dir.path().join(name);
+        let planned = json(&["grow", source, "-n", "-o", arg(&path)]);
+        assert!(planned["target"] == arg(&path) && !path.exists(), "{planned}");
+        planned["would_make"].clone()
+    };
+    assert!(plan(SCENE, "n.glb")["triangles"].as_u64().is_some_and(|n| n > 0));
+    let string = plan(SCENE, "n.txt");
+    assert!(["modules", "bytes"].iter().all(|key| string[*key].as_u64().is_some_and(|n| n > 0)), "{string}");
+    assert_eq!(plan("fern_leaf.ifs", "n.png"), serde_json::json!({ "width": 1024, "height": 1024 }));
+    assert_eq!(plan("fern_leaf.ifs", "n.ifs"), serde_json::json!({ "systems": 1 }));
     assert!(json(&["info", arg(&glb)])["triangles"].as_u64().is_some_and(|n| n > 0));
     assert_eq!(json(&["new", arg(&new), "--from", "koch"])["files"].as_array().map(Vec::len), Some(2));
     assert_eq!(json(&["check", SCENE, SCENE]).as_array().map(Vec::len), Some(2));

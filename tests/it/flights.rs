@@ -425,7 +425,9 @@ fn a_sweep_is_a_row_for_each_run() {
     assert!(expected > 5.0 && (sum - expected).abs() < 1e-3 * expected, "{sum} against {expected}");
     // Catkins of two seeds rest in different texels.
     assert!(deviations > 0.5 * expected, "{deviations}");
-    let refused: [(&[&str], i32, &str); 4] = [
+    let refused: [(&[&str], i32, &str); 6] = [
+        (&["bake", path, "--sweep", "flight.humidity=0,1,0"], 2, "has the value 0 twice"),
+        (&["bake", path, "--sweep", "flight.humidity=0", "--sweep", "flight.humidity=1"], 2, "given twice"),
         (&["bake", path, "--sweep", "flight.humidity=0:1:3", "--formats", "usd"], 2, "leave out --formats"),
         (&["bake", path, "--sweep", "flight.humidity=0:1"], 2, "KEY=FROM:TO:COUNT"),
         (&["bake", path, "--sweep", "flight.humiditi=0,1"], 1, "did you mean \"humidity\"?"),

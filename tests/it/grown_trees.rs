@@ -309,6 +309,42 @@ fn points_on_a_tree_grow_with_it() {
     }
 }
 
+/// No catkin is left in the air where a branch has fallen during the clip.
+#[test]
+fn catkins_hang_on_twigs_that_stand_at_the_end() {
+    let dir = tempfile::tempdir().expect("dir");
+    let (scene, out) = (dir.path().join("s.toml"), dir.path().join("out"));
+    let text = "seed = 2\n[frames]\nend = 3\n[ground]\nshow = false\n[wind]\nspeed = 0.3\n[plants.a]\nspecies = \"birch\"\nage = 9\n\
+         [plants.a.site]\nfrom = 2\nclip_leaves = \"summer\"\n[plants.a.skin]\nsides = 3\n[[place]]\nplant = \"a\"\n\
+         [catkin]\nhairs = 4\n[flight]\nrelease = \"canopy\"\ncount = 400\nrelease_speed = 50\n\
+         [output]\nformats = [\"obj\", \"points\"]\n[output.points]\nup = \"y\"\n";
+    std::fs::write(&scene, text).expect("written");
+    ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out)]);
+    let read = |path: &str| std::fs::read_to_string(out.join(path)).expect("a file");
+    let place = |numbers: &[&str]| {
+        let numbers: Vec<f32> = numbers.iter().map(|n| n.parse().expect("a number")).collect();
+        Vec3::from_slice(&numbers)
+    };
+    // The mesh of an OBJ is the tree at the end of the clip, with its leaves.
+    let mesh = read("obj/a.obj");
+    let tree: Vec<Vec3> = mesh
+        .lines()
+        .filter_map(|line| line.strip_prefix("v "))
+        .map(|v| place(&v.split_whitespace().take(3).collect::<Vec<_>>()))
+        .collect();
+    let table = read("points/catkins_0003.csv");
+    assert!(table.starts_with("id,state,proto,x,y,z,"), "{table}");
+    let off = |row: &str| {
+        let at = place(&row.split(',').skip(3).take(3).collect::<Vec<_>>());
+        tree.iter().map(|p| p.distance(at)).fold(f32::INFINITY, f32::min)
+    };
+    let distances: Vec<f32> = table.lines().skip(1).map(off).collect();
+    assert_eq!(distances.len(), 400);
+    // Catkins lie within 0.2 m of their twig's end.
+    let most = distances.iter().copied().fold(0.0, f32::max);
+    assert!(most < 0.35, "a catkin hangs {most} m from the tree");
+}
+
 /// Neither the branches that fell before nor the leaves of other years.
 #[test]
 fn a_mesh_at_rest_of_a_clip_of_years_is_the_tree_at_its_end() {

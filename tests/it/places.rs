@@ -454,11 +454,12 @@ fn trees_round_solids_grow_at_any_height_of_the_terrain() {
 }
 
 /// Trees round solids grow on the mesh of the terrain, not on the heights that it leaves out: the valley between two triangles is
-/// filled by the heights between their corners, 1.5 m deep where the tree stands.
+/// filled by the heights between their corners, 2.3 m deep where the tree stands. Its slopes of 23
+/// degrees take no light from a seedling, whose lowest directions of light are at 25 degrees.
 #[test]
 fn trees_round_solids_grow_on_the_terrain_that_is_shown() {
     let dir = tempfile::tempdir().expect("dir");
-    let text = "[terrain]\nsize = 20\namplitude = 0\nsubdivisions = 3\nstride = 8\ncorners = [4, 0, 0, 4]\n\
+    let text = "[terrain]\nsize = 20\namplitude = 0\nsubdivisions = 3\nstride = 8\ncorners = [6, 0, 0, 6]\n\
         [plants.a]\nspecies = \"oak\"\nage = 9\n[plants.a.site]\nsolids = true\n[[place]]\nat = [1.5, 0, 1]\n\
         [[solid]]\nname = \"wall\"\nat = [4, 0, 2]\nsize = [0.3, 4, 8]\n";
     let stage = grown::stage(&recipe(dir.path(), text), SceneOptions::default());
@@ -503,4 +504,28 @@ fn a_new_folder_holds_what_its_scene_names() {
     let scene = dir.path().join("hazel.species/new/new.toml");
     let (status, said) = osier(&["check", scene.to_str().expect("path")]);
     assert_eq!(status, Some(0), "{said}");
+}
+
+/// A plant, a cloud and a solid with the names of the drops, the catkins and the ground, and a cloud with that of an individual.
+#[test]
+fn assets_that_the_scene_adds_share_no_name_with_others() {
+    let dir = tempfile::tempdir().expect("dir");
+    let rain = TREE.replace("plants.tree", "plants.rain");
+    let text = format!(
+        "seed = 3\n[frames]\nend = 2\n[wind]\nspeed = 2\n{rain}{TREE}[[place]]\nplant = \"rain\"\n\
+         [[place]]\nplant = \"tree\"\ncount = 2\nradius = 4\n[clouds.tree_1]\nifs = \"fern_leaf.ifs\"\npoints = 50\n\
+         [clouds.catkins]\nifs = \"fern_leaf.ifs\"\npoints = 60\n[[solid]]\nname = \"ground\"\nat = [6, 0, 0]\nsize = [1, 1, 1]\n\
+         [rain]\nrate_mm_per_h = 2\n[catkin]\nhairs = 4\n[flight]\ncount = 5\nspin_up_s = 1\nsize = [16, 8, 16]\n\
+         [output]\nformats = [\"usd\"]\n"
+    );
+    let out = baked(dir.path(), "named", &text);
+    let manifest: Value =
+        serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("JSON");
+    let ids: Vec<&str> =
+        manifest["assets"].as_array().expect("list").iter().map(|a| a["id"].as_str().expect("id")).collect();
+    // Without the numbers and suffixes, four of the nine were written over the files of others.
+    let wanted =
+        ["rain_2", "tree_1_2", "tree_2", "rain", "tree_1", "catkins_cloud", "catkins", "ground_solid", "ground"];
+    assert_eq!(ids, wanted);
+    assert!(ids.iter().all(|id| out.join(format!("usd/{id}.usdc")).is_file()), "{ids:?}");
 }

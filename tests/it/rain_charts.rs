@@ -167,3 +167,12 @@ fn redrawn(textures: &Path) -> String {
     let mut names = names.map(|e| e.file_name().to_string_lossy().into_owned());
     names.find(|n| n.contains("_chart0")).expect("a texture over the chart")
 }
+
+/// The leaves of the program's own scenes have texture coordinates that drops can use.
+#[test]
+fn leaves_of_the_paper_have_their_own_charts() {
+    for (scene, triangles) in [(1, "4,476"), (2, "3,050"), (3, "3,524")] {
+        let (out, said) = ends(0, &["check", "--strict", &format!("rain-table-{scene}")]);
+        assert!(!said.contains("X022") && out.contains(&format!("triangles    {triangles}")), "{scene}: {out}{said}");
+    }
+}

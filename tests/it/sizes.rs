@@ -384,6 +384,27 @@ fn the_leaves_of_a_growing_tree_are_predicted() {
     assert!((0.7..1.4).contains(&share), "{share} of {written} bytes");
 }
 
+/// Leaves that come during the clip, and the geometry that is written once.
+#[test]
+fn the_lines_of_a_growing_tree_for_pov_ray_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    for (species, age, from, frames) in [("oak", 12, 6, 8), ("birch", 14, 2, 20)] {
+        let (file, out) = (temp.path().join(format!("{species}.toml")), temp.path().join(species));
+        let scene = format!(
+            "[frames]\nend = {frames}\n[plants.a]\nspecies = \"{species}\"\nage = {age}\n[plants.a.site]\nfrom = {from}\n\
+             [[place]]\nplant = \"a\"\n[ground]\nshow = false\n[output]\nformats = [\"pov\"]\n"
+        );
+        std::fs::write(&file, scene).expect("scene");
+        let (said, _) = ends(0, &["bake", arg(&file), "-n", "--json"]);
+        let predicted: Value = serde_json::from_str(&said).expect("JSON");
+        ends(0, &["-q", "bake", arg(&file), "-o", arg(&out)]);
+        let files = crate::common::program::tree(&out.join("pov"));
+        let written = files.values().map(|bytes| bytes.len() as f64).sum::<f64>();
+        let share = predicted["would_make"]["sizes"]["pov"].as_f64().expect("bytes") / written;
+        assert!((0.75..1.33).contains(&share), "{species}: {share} of {written} bytes");
+    }
+}
+
 #[test]
 fn a_swaying_oak_of_sixty_years_is_four_megabytes_for_engines() {
     let temp = tempfile::tempdir().expect("temp");

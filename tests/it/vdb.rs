@@ -225,4 +225,12 @@ fn a_selection_without_the_frames_of_the_volumes_is_told() {
     let (told, written) = bake("2-6:2");
     assert_eq!(written, [0, 0], "{told}");
     assert!(told.contains("X028") && told.contains("volume vel") && told.contains("wind box"), "{told}");
+    assert_eq!(told.matches("X028").count(), 4, "three volumes and the box, each once: {told}");
+    // The selection is known before the simulation: the warning precedes it, and a dry run has it.
+    let at = |part: &str| told.find(part).unwrap_or_else(|| panic!("{part}: {told}"));
+    assert!(at("X028") < at("growing"), "{told}");
+    let mut dry = vec!["bake", arg(&file), "-n", "--formats", "vdb", "--set", "output.vdb.every=2"];
+    dry.extend(["--frames", "2-6:2", "--strict"]);
+    let (code, _, told) = said(&run(&dry));
+    assert!(code == 3 && told.contains("X028"), "{code} {told}");
 }

@@ -8,35 +8,23 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use super::{Exporter, GENERATOR, Summary, Warning, exr::floats};
+use super::{Exporter, GENERATOR, Summary, exr::floats};
 use osier_base::Result;
 use osier_base::files::Folder;
-use osier_scene::{AirGrid, Clip, Frame, Scene};
+use osier_scene::{AirGrid, Frame, Scene};
 
 /// Writes the wind field at each frame into `wind/`: a plane as an EXR image, a box as a `.vti` volume.
 #[derive(Debug)]
 pub struct Air {
     folder: Folder,
     scene: Option<Arc<Scene>>,
-    /// Numbers of the frames so far.
-    numbers: Vec<u32>,
 }
 
 impl Air {
     /// An exporter of the grids [`Scene::air`] that writes below `folder`; frames without values of a grid get no file.
     pub fn new(folder: Folder) -> Self {
-        Self { folder, scene: None, numbers: Vec::new() }
+        Self { folder, scene: None }
     }
-}
-
-/// X028 for something that is written at every `every`-th frame of the clip, if it is due at none of the frames `numbers`.
-pub(super) fn warn_if_missed(label: &str, every: u32, clip: Clip, numbers: &[u32]) -> Option<Warning> {
-    let is_due = |number: &u32| number.saturating_sub(clip.start).is_multiple_of(every.max(1));
-    if numbers.is_empty() || numbers.iter().any(is_due) {
-        return None;
-    }
-    let message = format!("{label}: written every {every} frames from frame {} on, which are not selected", clip.start);
-    Some(Warning { code: "X028", message })
 }
 
 impl Exporter for Air {
@@ -47,7 +35,6 @@ impl Exporter for Air {
 
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         let Some(scene) = &self.scene else { return Ok(()) };
-        self.numbers.push(frame.number);
         for (grid, values) in scene.air.iter().zip(&frame.air).filter(|(_, v)| !v.is_empty()) {
             // A plane has a normal axis and is an image; a box has none and is a volume.
             let (kind, ending) = if grid.across.is_some() { ("exr.wind", "exr") } else { ("vti.wind", "vti") };
@@ -64,9 +51,8 @@ impl Exporter for Air {
     }
 
     fn finish(&mut self) -> Result<Summary> {
-        let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
-        let missed = |g: &AirGrid| warn_if_missed(&format!("wind {}", g.name), g.every, scene.clip, &self.numbers);
-        Ok(Summary { warnings: scene.air.iter().filter_map(missed).collect() })
+        self.scene = None;
+        Ok(Summary::default())
     }
 }
 

@@ -55,7 +55,8 @@ pub(crate) fn add_ifs_attractors(recipe: &Recipe, builder: &mut SceneBuilder, co
     for attractor in &recipe.clouds {
         let material = index(builder.materials.len(), "materials of a scene")?;
         let moving = recipe.clip.len() > 1;
-        let new = build_attractor(attractor, recipe.general.seed, moving, material, context)?;
+        let mut new = build_attractor(attractor, recipe.general.seed, moving, material, context)?;
+        builder.make_id_unique(&mut new.asset.id, "_cloud");
         builder.materials.push(new.material);
         let motion = new.motion.map(|morph| Arc::new(morph) as Arc<dyn AssetMotion>);
         builder.add_placed(new.asset, new.transform, motion);

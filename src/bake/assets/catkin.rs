@@ -2,6 +2,7 @@
 
 use crate::bake::BakeContext;
 use crate::bake::assets::material_set::MaterialSet;
+use crate::bake::scene::builder::CATKINS_ID;
 use crate::recipe::scene::{CatkinKeys, HairAngles, HairDistribution};
 use glam::{Quat, Vec3};
 use osier_base::Result;
@@ -231,7 +232,7 @@ pub fn side_by_side_asset(models: &[CatkinModel], levels: &CatkinLods, first: u3
         tracked: false,
     };
     Ok(Asset {
-        id: "catkins".into(),
+        id: CATKINS_ID.into(),
         kind: AssetKind::Tracks,
         group: String::new(),
         skeleton: None,

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::bake::assets::material_set::MaterialSet;
-use crate::bake::scene::builder::SceneBuilder;
+use crate::bake::scene::builder::{GROUND_ID, SceneBuilder};
 use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
 use crate::recipe::scene::GroundKeys;
@@ -79,7 +79,7 @@ pub(crate) fn add_ground(
     let materials = builder.add_materials(materials)?;
     mesh.subsets.iter_mut().for_each(|s| s.material += materials.first_material);
     let asset = Asset {
-        id: "ground".into(),
+        id: GROUND_ID.into(),
         kind: AssetKind::Terrain,
         group: String::new(),
         skeleton: None,

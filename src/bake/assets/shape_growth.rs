@@ -19,8 +19,9 @@ use osier_plants::grow::particle_shapes::params::{
 use osier_plants::grow::particle_shapes::region::Region;
 use osier_plants::grow::particle_shapes::{self, ShapeMaterials};
 use osier_plants::grow::turtle::OrganSpec;
+use osier_plants::surface::masonry::roof_slabs;
 use osier_scene::plant::Plant;
-use osier_scene::solid::{Form, Solid};
+use osier_scene::solid::{Form, Prism, Solid};
 
 /// Ratios of the radii at both ends of an internode, and their weights, without the key `ratios`: \[wang-hao\] draws them at
 /// random, but prints no values.
@@ -82,10 +83,16 @@ pub(crate) fn shape_params(keys: &ShapeKeys, site: GrowthSite<'_>) -> ShapeParam
     let by_level = |values: &Vec<f64>| ByLevel::new(values.clone());
     let regions = |list: &[RegionKeys]| -> Vec<Region> { list.iter().filter_map(|r| region(r, site)).collect() };
     let mut obstacles = regions(&keys.obstacles);
+    let named = keys.obstacles.iter().filter(|region| region.shape == RegionShape::Solid);
+    let named = named.filter_map(|region| site.solids.iter().find(|s| s.name == region.name));
+    obstacles.extend(named.flat_map(|solid| roof_regions(solid, site)));
     if keys.solids {
         // Plants start from the land, which is therefore no obstacle.
         let standing = site.solids.iter().filter(|s| !matches!(s.form, Form::Land(_)));
-        obstacles.extend(standing.map(|solid| solid_region(solid, site)));
+        for solid in standing {
+            obstacles.push(solid_region(solid, site));
+            obstacles.extend(roof_regions(solid, site));
+        }
     }
     let envelope = regions(&keys.envelope);
     // Keys are in SI units already; a list by level repeats its last number.
@@ -192,6 +199,13 @@ fn region(keys: &RegionKeys, site: GrowthSite<'_>) -> Option<Region> {
         }
         RegionShape::Solid => solid_region(site.solids.iter().find(|s| s.name == keys.name)?, site),
     })
+}
+
+/// The slabs of the roof of a house, which project from its walls.
+fn roof_regions(solid: &Solid, site: GrowthSite<'_>) -> Vec<Region> {
+    let Form::Prism(prism) = &solid.form else { return Vec::new() };
+    let slab = |form: Prism| Solid { form: Form::Prism(form), ..solid.clone() };
+    roof_slabs(prism).into_iter().map(|form| solid_region(&slab(form), site)).collect()
 }
 
 fn solid_region(solid: &Solid, site: GrowthSite<'_>) -> Region {

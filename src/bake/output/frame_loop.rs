@@ -1,5 +1,7 @@
 //! The frame loop: evaluates frames and hands each to all exporters.
 
+use std::collections::BTreeSet;
+
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
 use crate::bake::scene::animated::AnimatedScene;
@@ -68,7 +70,10 @@ pub fn write_frames(
     let summaries = for_each_exporter(exporters, Exporter::finish)?;
     let measured = animated.scene.tables.iter().zip(&largest_rows).flat_map(|(table, row)| table.warnings(row));
     let measured = measured.map(|(code, message)| Warning { code, message });
-    Ok(measured.chain(summaries.into_iter().flat_map(|s| s.warnings)).collect())
+    // The exporters of several profiles of a format find the same of a scene: each message is kept once, at its first place.
+    let mut known = BTreeSet::new();
+    let all = measured.chain(summaries.into_iter().flat_map(|s| s.warnings));
+    Ok(all.filter(|w| known.insert((w.code, w.message.clone()))).collect())
 }
 
 /// Calls all exporters in parallel; returns their results in order, or the error of the first exporter that failed.

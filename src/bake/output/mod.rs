@@ -8,3 +8,4 @@ pub mod ifs_tables;
 pub(crate) mod memory;
 pub mod single_file;
 pub mod texture_size;
+pub(crate) mod unselected;

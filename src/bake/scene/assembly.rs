@@ -22,7 +22,7 @@ use crate::bake::scene::animated::AnimatedScene;
 use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::camera_light::{scene_camera, scene_sky, scene_sun};
 use crate::bake::scene::dry_run;
-use crate::bake::scene::layout::{SceneLayout, lay_out_scene};
+use crate::bake::scene::layout::{SceneLayout, added_asset_ids, lay_out_scene};
 use crate::bake::scene::scatter::sink_feet;
 use crate::bake::wind::lattice::{check_lattice, lattice_solids};
 use crate::bake::wind::needs::WindNeeds;
@@ -164,7 +164,7 @@ fn assemble(
         let stem_foot_radii = stem_foot_radii(recipe, &layout, &grown);
         sink_feet(&mut layout, &stem_foot_radii, terrain);
     }
-    let mut builder = SceneBuilder::default();
+    let mut builder = SceneBuilder { reserved: added_asset_ids(recipe), ..SceneBuilder::default() };
     let mut materials: Vec<PlantMaterials> =
         material_sets.into_iter().map(|set| builder.add_materials(set)).collect::<Result<_>>()?;
     choose_shader_wind(recipe, &layout, &mut materials);

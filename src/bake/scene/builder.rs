@@ -9,6 +9,11 @@ use osier_base::Result;
 use osier_base::convert::index;
 use osier_scene::{Asset, Image, Material, Placement, Trs};
 
+/// Ids of the assets that a scene adds to those that its tables name.
+pub(crate) const GROUND_ID: &str = "ground";
+pub(crate) const RAIN_ID: &str = "rain";
+pub(crate) const CATKINS_ID: &str = "catkins";
+
 /// Materials, images, assets with their motions, and placements, in the order in which they are added.
 #[derive(Default)]
 pub(crate) struct SceneBuilder {
@@ -18,6 +23,8 @@ pub(crate) struct SceneBuilder {
     /// Parallel to `assets`; `None` for an asset that stands still.
     pub(crate) motions: Vec<Option<Arc<dyn AssetMotion>>>,
     pub(crate) placements: Vec<Placement>,
+    /// Ids that no cloud, rod or solid gets: those of assets that the scene adds before or after them.
+    pub(crate) reserved: Vec<&'static str>,
 }
 
 impl SceneBuilder {
@@ -35,9 +42,9 @@ impl SceneBuilder {
         self.placements.push(Placement { name, asset, transform, phase: 0 });
     }
 
-    /// Appends `suffix` to an id until no asset of the scene has it.
+    /// Appends `suffix` to an id until no asset of the scene has it and it is not reserved.
     pub(crate) fn make_id_unique(&self, id: &mut String, suffix: &str) {
-        while self.assets.iter().any(|a| a.id == *id) {
+        while self.assets.iter().any(|a| a.id == *id) || self.reserved.contains(&id.as_str()) {
             id.push_str(suffix);
         }
     }

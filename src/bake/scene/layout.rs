@@ -1,12 +1,13 @@
 //! Placement: the individuals of a scene, the transforms of their copies, and the terrain.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{Vec2, Vec3};
 
 use crate::bake::BakeContext;
 use crate::bake::assets::species_growth::grows_in_place;
 use crate::bake::assets::terrain;
+use crate::bake::scene::builder::{CATKINS_ID, GROUND_ID, RAIN_ID};
 use crate::bake::scene::plant_layout::{
     Individual, PlantInstance, PlantLayout, next_individual, rotation_about_axis, tan_of_slope,
 };
@@ -104,6 +105,14 @@ pub fn lay_out(recipe: &Recipe) -> PlantLayout {
     layout
 }
 
+/// Ids of the assets that the scene adds to those that its tables name: the ground or the terrain, drops, catkins.
+pub(crate) fn added_asset_ids(recipe: &Recipe) -> Vec<&'static str> {
+    let land = if recipe.terrain.is_some() { Some(terrain::NAME) } else { recipe.ground.show.then_some(GROUND_ID) };
+    let drops = recipe.rain.as_ref().map(|_| RAIN_ID);
+    let catkins = (recipe.catkin.is_some() || recipe.flight.is_some()).then_some(CATKINS_ID);
+    [land, drops, catkins].into_iter().flatten().collect()
+}
+
 /// Names the assets: `oak` for the only individual of plant `oak`, else `oak_1`, `oak_2`, ...; `oak_1` too where the scene is called
 /// `oak`, so that scene and plant have files of different names.
 fn name_assets(recipe: &Recipe, layout: &mut PlantLayout) {
@@ -114,9 +123,10 @@ fn name_assets(recipe: &Recipe, layout: &mut PlantLayout) {
         }
     }
     let mut names = Names::default();
-    // Reserve the names of assets that the scene adds.
-    names.unique("ground");
-    names.unique(terrain::NAME);
+    // Reserve the names of assets that the scene adds, and of its clouds: `oak_1` may be the name of a cloud.
+    let added: BTreeSet<&str> = [GROUND_ID, terrain::NAME].into_iter().chain(added_asset_ids(recipe)).collect();
+    let clouds = recipe.clouds.iter().map(|cloud| cloud.id.as_str()).filter(|id| !added.contains(id));
+    added.iter().copied().chain(clouds).for_each(|id| drop(names.unique(id)));
     let mut seen = vec![0_u32; recipe.plants.len()];
     for i in &mut layout.individuals {
         let (Some(total), Some(n)) = (totals.get(i.plant), seen.get_mut(i.plant)) else { continue };

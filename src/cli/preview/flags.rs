@@ -1,7 +1,7 @@
 //! Parsing of the flags of `osier preview`.
 
 use super::super::args::{Preview, QualityArg};
-use super::super::numbers::{self, KeyValues, key_values};
+use super::super::numbers::{self, KeyValues, swept_keys};
 use super::super::{Context, unreadable_name};
 use super::source::ending;
 use crate::scene_preview::{PreviewBackground, PreviewOptions, PreviewView};
@@ -34,7 +34,7 @@ impl PreviewFlags {
             }
             None => Vec::new(),
         };
-        let sweeps = args.sweep.iter().map(|s| key_values(s)).collect::<Result<Vec<_>, _>>()?;
+        let sweeps = swept_keys(&args.sweep)?;
         if sweeps.len() > 2 || (sweeps.len() == 2 && !seeds.is_empty()) {
             return Err("a contact sheet has two axes: give two --sweep, or --seeds and one --sweep".into());
         }

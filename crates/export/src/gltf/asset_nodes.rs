@@ -62,6 +62,34 @@ pub(super) struct NodeTemplate {
     pub moving: Option<(usize, usize)>,
 }
 
+/// Keys of the weights of a mesh's morph targets.
+#[derive(Debug, Default)]
+struct WeightKeys {
+    /// Number of the mesh's targets.
+    targets: usize,
+    /// Time of each key, s, rising.
+    times: Vec<f32>,
+    /// Weights of all targets at the first key, at the second, and so on.
+    weights: Vec<f32>,
+}
+
+/// A target that a key shows.
+#[derive(Debug, Clone, Copy)]
+struct ShownTarget {
+    /// Its index; `None`: the mesh at rest, which has none.
+    target: Option<usize>,
+    weight: f32,
+}
+
+impl WeightKeys {
+    /// Adds a key at which all targets but those that are `shown` have weight 0.
+    fn add(&mut self, time: f32, shown: &[ShownTarget]) {
+        self.times.push(time);
+        let weight_of = |index| shown.iter().filter(|s| s.target == Some(index)).map(|s| s.weight).sum::<f32>();
+        self.weights.extend((0..self.targets).map(weight_of));
+    }
+}
+
 impl NodeTemplate {
     /// A node without animation. Its transform is the dequantization of the mesh, if any.
     pub(super) fn new(name: &str, kind: &'static str, mesh: StoredMesh, parent: NodeParent) -> Self {
@@ -286,27 +314,21 @@ impl GltfDocument<'_> {
         let Some(mesh) = self.add_mesh(MeshSource { shapes: &targets, ..mesh_source })? else { return Ok(()) };
         let mut part = NodeTemplate::new(mesh_source.name, kind, mesh, NodeParent::Placement);
         if !morphed.is_empty() {
-            // Keys (time, weights of all targets): one for each shape, with 1 for the target that is this shape and 0 for the
-            // others, and those of the blends after it.
-            let count = morphed.len();
-            let (mut times, mut weights) = (Vec::new(), Vec::new());
-            let mut add_key = |time: f32, shown: &[(Option<usize>, f32)]| {
-                times.push(time);
-                let weight = |b| shown.iter().filter(|(target, _)| *target == Some(b)).map(|(_, w)| *w).sum::<f32>();
-                weights.extend((0..count).map(weight));
-            };
+            // One key for each shape, with 1 for the target that is this shape and 0 for the others, and those of the blends after it.
+            let mut weight_keys = WeightKeys { targets: morphed.len(), ..WeightKeys::default() };
             let time_of = |i: usize| frames.get(i).and_then(|f| self.input.tracks.times.get(*f)).copied();
             for (i, target) in target_of.iter().enumerate() {
                 let Some(time) = time_of(i) else { continue };
-                add_key(time, &[(*target, 1.0)]);
+                weight_keys.add(time, &[ShownTarget { target: *target, weight: 1.0 }]);
                 let Some(next) = time_of(i + 1) else { continue };
                 for blend in blends.iter().filter(|blend| blend.after == i) {
-                    let shown = [(*target, 1.0 - blend.weight), (target_of[i + 1], blend.weight)];
-                    add_key(time + (next - time) * blend.time, &shown);
+                    let before = ShownTarget { target: *target, weight: 1.0 - blend.weight };
+                    let after = ShownTarget { target: target_of[i + 1], weight: blend.weight };
+                    weight_keys.add(time + (next - time) * blend.time, &[before, after]);
                 }
             }
-            let output = self.buffer.add_scalars(&weights, mesh_source.label)?;
-            let sampler = self.add_timed_sampler(&times, output, false)?;
+            let output = self.buffer.add_scalars(&weight_keys.weights, mesh_source.label)?;
+            let sampler = self.add_timed_sampler(&weight_keys.times, output, false)?;
             part.motion.channels.push(NodeChannel { sampler, path: "weights" });
         }
         nodes.templates.push(part);

@@ -123,8 +123,8 @@ pub(super) struct MorphKeys {
     pub shapes: Vec<MorphShape>,
     /// Largest distance of a point at an omitted frame from the interpolated shape, m; 0 if all frames are kept.
     pub error: f32,
-    /// Number of frames taken so far, kept or not: the index of the next one.
-    seen: usize,
+    /// Numbers in the clip of the frames taken so far, kept or not. Those of a selection may lie at uneven distances.
+    numbers: Vec<u32>,
     /// Interval of the kept frames of meshes so large that they have few targets; 1: the motion determines which are kept.
     stride: usize,
     /// Shapes of the frames after the last kept one.
@@ -198,7 +198,7 @@ impl MorphKeys {
             frames: Vec::new(),
             shapes: Vec::new(),
             error: 0.0,
-            seen: 0,
+            numbers: Vec::new(),
             stride: if most < MORPH_TARGETS { frames.saturating_sub(1).div_ceil(most - 1).max(1) } else { 1 },
             waiting: Vec::new(),
             tolerance: 0.0,
@@ -214,13 +214,20 @@ impl MorphKeys {
         self.error > MORPH_TOLERANCE * self.diagonal
     }
 
-    /// Takes the shape of the next frame: keeps it, or lets it wait until a later frame decides whether it is needed.
-    fn push(&mut self, mut shape: MorphShape) {
+    /// Share of the time from frame `from` to frame `to` that has passed at frame `at`; all three are indices.
+    fn share(&self, from: usize, at: usize, to: usize) -> f32 {
+        let [from, at, to] = [from, at, to].map(|i| self.numbers[i]);
+        (at - from) as f32 / (to - from) as f32
+    }
+
+    /// Takes the shape of the next frame, of this number in the clip: keeps it, or lets it wait until a later frame decides whether
+    /// it is needed.
+    fn push(&mut self, number: u32, mut shape: MorphShape) {
         if !self.with_normals {
             shape.normals = Vec::new();
         }
-        let frame = self.seen;
-        self.seen += 1;
+        let frame = self.numbers.len();
+        self.numbers.push(number);
         if self.stride > 1 {
             if frame.is_multiple_of(self.stride) {
                 self.keep_after_waiting(frame, shape);
@@ -235,9 +242,8 @@ impl MorphKeys {
         }
         // All waiting shapes must lie near the interpolation from the last kept shape to the new one.
         let restored = self.frames.last().zip(self.shapes.last()).is_some_and(|(first, from)| {
-            let share = |i: usize| (i + 1) as f32 / (frame - first) as f32;
-            let mut waiting = self.waiting.iter().enumerate();
-            waiting.all(|(i, s)| s.lies_between(from, &shape, share(i), self.tolerance))
+            let mut waiting = self.waiting.iter().zip(*first + 1..);
+            waiting.all(|(s, at)| s.lies_between(from, &shape, self.share(*first, at, frame), self.tolerance))
         });
         if (self.waiting.len() >= MOST_WAITING || !restored)
             && let Some(last) = self.waiting.pop()
@@ -252,19 +258,19 @@ impl MorphKeys {
     fn close(&mut self) {
         let Some(last) = self.waiting.pop() else { return };
         if self.stride > 1 {
-            self.keep_after_waiting(self.seen - 1, last);
+            self.keep_after_waiting(self.numbers.len() - 1, last);
         } else {
             self.waiting.clear();
-            self.keep(self.seen - 1, last);
+            self.keep(self.numbers.len() - 1, last);
         }
     }
 
     /// Keeps a shape, and records in `error` how far the waiting shapes deviate from the interpolation towards it.
     fn keep_after_waiting(&mut self, frame: usize, shape: MorphShape) {
         if let Some((first, from)) = self.frames.last().zip(self.shapes.last()) {
-            let share = |i: usize| (i + 1) as f32 / (frame - first) as f32;
-            let waiting = self.waiting.iter().enumerate();
-            let most = waiting.map(|(i, s)| s.distance_between(from, &shape, share(i))).fold(0.0, f32::max);
+            let waiting = self.waiting.iter().zip(*first + 1..);
+            let distances = waiting.map(|(s, at)| s.distance_between(from, &shape, self.share(*first, at, frame)));
+            let most = distances.fold(0.0, f32::max);
             self.error = self.error.max(most);
         }
         self.waiting.clear();
@@ -305,8 +311,7 @@ impl MorphKeys {
         let mut from = 0;
         for to in 2..=end {
             let restored = (from + 1..to).all(|i| {
-                let [a, b, c] = [from, i, to].map(|k| self.frames[k]);
-                let share = (b - a) as f32 / (c - a) as f32;
+                let share = self.share(self.frames[from], self.frames[i], self.frames[to]);
                 self.shapes[i].lies_between(&self.shapes[from], &self.shapes[to], share, tolerance)
             });
             if !restored {
@@ -358,7 +363,7 @@ impl ClipTracks {
         self.numbers.push(frame.number);
         let rest = AssetFrame::default();
         for (i, (tracks, asset)) in self.assets.iter_mut().zip(&scene.assets).enumerate() {
-            tracks.push(asset, frame.assets.get(i).unwrap_or(&rest), scene);
+            tracks.push(asset, frame.number, frame.assets.get(i).unwrap_or(&rest), scene);
         }
     }
 }
@@ -404,7 +409,8 @@ impl AssetTracks {
         }
     }
 
-    fn push(&mut self, asset: &Asset, frame: &AssetFrame, scene: &Scene) {
+    /// `number`: of the frame in the clip.
+    fn push(&mut self, asset: &Asset, number: u32, frame: &AssetFrame, scene: &Scene) {
         if let Some(leaves) = &mut self.leaves {
             leaves.push(asset, frame, scene);
         }
@@ -424,7 +430,7 @@ impl AssetTracks {
             }
         }
         for (i, (shapes, object)) in self.meshes.iter_mut().zip(&asset.meshes).enumerate() {
-            shapes.push(|| match frame.mesh(i) {
+            shapes.push(number, || match frame.mesh(i) {
                 MeshFrame::Points { points, normals, .. } => MorphShape {
                     points: points.clone(),
                     normals: normals.clone(),
@@ -438,7 +444,7 @@ impl AssetTracks {
             });
         }
         for (i, (shapes, curves)) in self.curves.iter_mut().zip(&asset.curves).enumerate() {
-            shapes.push(|| {
+            shapes.push(number, || {
                 let points = match frame.curves(i) {
                     CurvesFrame::Points(points) => points.clone(),
                     CurvesFrame::Same => curves.points.clone(),
@@ -450,9 +456,9 @@ impl AssetTracks {
 }
 
 impl MorphFrames {
-    fn push(&mut self, shape: impl FnOnce() -> MorphShape) {
+    fn push(&mut self, number: u32, shape: impl FnOnce() -> MorphShape) {
         if let Self::Frames(keys) = self {
-            keys.push(shape());
+            keys.push(number, shape());
         }
     }
 
@@ -516,9 +522,9 @@ mod tests {
         let keys = |rest: &[Vec3], frames: usize, place: fn(f32) -> f32| {
             let at = |i: usize| place(i as f32 / (frames - 1) as f32);
             let mut morph = MorphKeys::new(rest, frames, 12);
-            for i in 0..frames {
+            for (number, i) in (1..).zip(0..frames) {
                 let points = vec![Vec3::ZERO, Vec3::Y * at(i)];
-                morph.push(MorphShape { normals: vec![Vec3::Y; 2], points, unseen: Vec::new() });
+                morph.push(number, MorphShape { normals: vec![Vec3::Y; 2], points, unseen: Vec::new() });
             }
             morph.close();
             // The stated error holds at every frame.
@@ -567,15 +573,50 @@ mod tests {
     }
 
     #[test]
+    fn shapes_are_interpolated_by_time_where_frames_are_selected_unevenly() {
+        // Frames 1, 2, 11, 12, 21, 22 ... of a clip, and so many points that few frames are kept.
+        let numbers: Vec<u32> = (0..60).flat_map(|pair| [1 + 10 * pair, 2 + 10 * pair]).collect();
+        let morph = |points: usize, height: &dyn Fn(usize) -> f32| {
+            let rest = vec![Vec3::Y * 4.0; points].into_iter().chain([Vec3::ZERO]).collect::<Vec<_>>();
+            let mut morph = MorphKeys::new(&rest, numbers.len(), 12);
+            for (i, number) in numbers.iter().enumerate() {
+                let points = vec![Vec3::ZERO, Vec3::Y * height(i)];
+                morph.push(*number, MorphShape { normals: Vec::new(), points, unseen: Vec::new() });
+            }
+            morph.close();
+            morph
+        };
+        // A mesh whose frames are kept where they are needed, and one whose frames are kept at equal distances.
+        for points in [80_000, 600_000] {
+            // What moves evenly in time is restored.
+            let even = morph(points, &|i: usize| 4.0 * numbers[i] as f32 / 600.0);
+            assert!(even.frames.len() < numbers.len() && even.error < 0.0022, "{:?} {}", even.frames, even.error);
+            // What moves by the same way from each frame to the next does not: the stated error is that of a reader, who
+            // interpolates in time.
+            let by_frame = |i: usize| 4.0 * i as f32 / numbers.len() as f32;
+            let kept = morph(points, &by_frame);
+            assert!(kept.frames.len() < numbers.len(), "{:?}", kept.frames);
+            for i in 0..numbers.len() {
+                let b = kept.frames.iter().position(|f| *f >= i).expect("the last frame is kept").max(1);
+                let [from, to] = [kept.frames[b - 1], kept.frames[b]];
+                let share = (numbers[i] - numbers[from]) as f32 / (numbers[to] - numbers[from]) as f32;
+                let shown = kept.shapes[b - 1].points[1].lerp(kept.shapes[b].points[1], share).y;
+                let off = (shown - by_frame(i)).abs();
+                assert!(off <= kept.error + 1e-5, "{points} points, frame {i}: {off} m, not {} m", kept.error);
+            }
+        }
+    }
+
+    #[test]
     fn the_estimate_counts_normals_where_targets_have_them() {
         let options = GltfOptions::default();
         for (points, frames) in [(1000, 120), (100_000, 40)] {
             let rest: Vec<Vec3> = (0..points).map(|i| Vec3::Y * (i as f32 / points as f32)).collect();
             let mut morph = MorphKeys::new(&rest, frames, options.target_position_bytes());
-            for frame in 0..frames {
+            for (number, frame) in (1..).zip(0..frames) {
                 let sway = Vec3::X * osier_base::math::sin_f32(frame as f32);
                 let points = rest.iter().map(|p| *p + sway).collect();
-                morph.push(MorphShape { points, normals: vec![Vec3::Y; rest.len()], unseen: Vec::new() });
+                morph.push(number, MorphShape { points, normals: vec![Vec3::Y; rest.len()], unseen: Vec::new() });
             }
             morph.close();
             let written: usize = morph.shapes.iter().map(|s| (s.points.len() + s.normals.len()) * 12).sum();

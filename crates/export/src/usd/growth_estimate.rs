@@ -1,4 +1,4 @@
-//! Bytes of the time samples of plants that grow: how many samples are left out is found on a few parts of the clip.
+//! Bytes of the time samples of plants that grow: how many samples are left out is found in a few windows of the clip.
 
 use super::asset::{GROWTH_PIXELS, grows};
 use super::instancer::{DueSamples, InstanceReducers, InstanceSample};
@@ -10,15 +10,15 @@ use glam::{Quat, Vec3};
 use osier_base::par::par_map;
 use osier_scene::{Asset, AssetFrame, MeshFrame, MeshMotion, PixelFootprint, instance_states};
 
-/// Parts of the clip that are evaluated of a plant, and of all plants while there is one for each. Own: samples lie closer where
+/// Windows of the clip that are evaluated of a plant, and of all plants while there is one for each. Own: samples lie closer where
 /// a plant is young and grows fast than later.
-const PARTS: usize = 3;
-const PARTS_OF_ALL: usize = 24;
-/// Frames of a part: an attribute without a second sample in these is at rest.
-const PART_FRAMES: u64 = MAX_GAP as u64 + 2;
-/// Longest clip that is evaluated as a whole, frames. Own: as many as of several parts.
+const WINDOWS: usize = 3;
+const WINDOWS_OF_ALL: usize = 24;
+/// Frames of a window: an attribute without a second sample in these is at rest.
+const WINDOW_FRAMES: u64 = MAX_GAP as u64 + 2;
+/// Longest clip that is evaluated as a whole, frames. Own: as many as of several windows.
 const WHOLE_FRAMES: u64 = 32;
-/// Part of the clip by which the parts of the next plant lie later. Own: the golden section spreads them evenly.
+/// Share of the clip by which the windows of the next plant lie later. Own: the golden section spreads them evenly.
 const SHIFT: f64 = 0.618;
 /// Bytes of a rotation in half precision.
 const QUATH_BYTES: usize = 8;
@@ -30,22 +30,23 @@ pub(super) fn sample_bytes(input: &EstimateInput) -> Vec<Option<u64>> {
     let growing: Vec<usize> = (0..scene.assets.len()).filter(|i| grows(&scene.assets[*i])).collect();
     let Some(source) = input.growth.filter(|_| frames > 1 && !growing.is_empty()) else { return bytes };
     let is_whole = frames <= WHOLE_FRAMES;
-    let parts = if is_whole { 1 } else { (PARTS_OF_ALL / growing.len()).clamp(1, PARTS) };
+    let windows = if is_whole { 1 } else { (WINDOWS_OF_ALL / growing.len()).clamp(1, WINDOWS) };
     let pixels = PixelFootprint::of_assets(scene);
-    let part_of = |job: usize| {
-        let (plant, part) = (job / parts, job % parts);
-        // Evenly spaced, for each plant at other places, so that parts of many plants cover the clip.
-        let place = ((part as f64 + 0.5) / parts as f64 + plant as f64 * SHIFT).fract();
-        let first = whole(place * frames.saturating_sub(PART_FRAMES) as f64);
-        let [first, end] = if is_whole { [0, frames] } else { [first, frames.min(first + PART_FRAMES)] };
+    let window_of = |job: usize| {
+        let (plant, window) = (job / windows, job % windows);
+        // Evenly spaced, for each plant at other places, so that windows of many plants cover the clip.
+        let place = ((window as f64 + 0.5) / windows as f64 + plant as f64 * SHIFT).fract();
+        let first = whole(place * frames.saturating_sub(WINDOW_FRAMES) as f64);
+        let [first, end] = if is_whole { [0, frames] } else { [first, frames.min(first + WINDOW_FRAMES)] };
         let asset = growing[plant];
         FrameWindow { asset, first, end, is_whole, pixel: GROWTH_PIXELS * pixels[asset] }
     };
-    let jobs: Vec<FrameWindow> = (0..growing.len() * parts).map(part_of).collect();
-    let found = par_map(&jobs, |part| part.bytes_per_frame(&scene.assets[part.asset], &input.options.usd, source));
-    for (asset, of_asset) in growing.iter().zip(found.chunks(parts)) {
+    let jobs: Vec<FrameWindow> = (0..growing.len() * windows).map(window_of).collect();
+    let found =
+        par_map(&jobs, |window| window.bytes_per_frame(&scene.assets[window.asset], &input.options.usd, source));
+    for (asset, of_asset) in growing.iter().zip(found.chunks(windows)) {
         let sum: Option<f64> = of_asset.iter().copied().sum();
-        bytes[*asset] = sum.map(|sum| whole(sum / parts as f64 * frames as f64));
+        bytes[*asset] = sum.map(|sum| whole(sum / windows as f64 * frames as f64));
     }
     bytes
 }
@@ -184,12 +185,12 @@ impl<'a> AssetReduction<'a> {
             let unseen = mesh.unseen_points(&values);
             samples.add(reducer.push(TimeSample { time, values, unseen }), size_of::<Vec3>());
         }
-        for (i, (part, instancer)) in self.instancers.iter_mut().zip(&asset.instancers).enumerate() {
+        for (i, (reduction, instancer)) in self.instancers.iter_mut().zip(&asset.instancers).enumerate() {
             let state = instance_states(asset, instancer, i, frame);
-            let sample = InstanceSample::of(up, instancer, &state, &part.before, time);
-            let due = part.reducers.push(&sample);
-            part.before = sample.into_orientations();
-            part.add(due);
+            let sample = InstanceSample::of(up, instancer, &state, &reduction.before, time);
+            let due = reduction.reducers.push(&sample);
+            reduction.before = sample.into_orientations();
+            reduction.add(due);
         }
     }
 
@@ -198,9 +199,9 @@ impl<'a> AssetReduction<'a> {
         for mesh in &mut self.meshes {
             mesh.samples.add(mesh.reducer.finish(), size_of::<Vec3>());
         }
-        for part in &mut self.instancers {
-            let due = part.reducers.finish();
-            part.add(due);
+        for instancer in &mut self.instancers {
+            let due = instancer.reducers.finish();
+            instancer.add(due);
         }
     }
 

@@ -9,7 +9,6 @@ mod tree;
 
 pub use options::VdbOptions;
 
-use super::air::warn_if_missed;
 use super::estimate::EstimateInput;
 use super::format::FormatInfo;
 use super::{Exporter, Summary};
@@ -76,14 +75,12 @@ pub struct VdbExporter {
     folder: Folder,
     options: VdbOptions,
     scene: Option<Arc<Scene>>,
-    /// Numbers of the frames so far.
-    numbers: Vec<u32>,
 }
 
 impl VdbExporter {
     /// An exporter that writes into `vdb/` below `folder`.
     pub fn new(folder: Folder, options: VdbOptions) -> Self {
-        Self { folder, options, scene: None, numbers: Vec::new() }
+        Self { folder, options, scene: None }
     }
 }
 
@@ -97,7 +94,6 @@ impl Exporter for VdbExporter {
 
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         let Some(scene) = &self.scene else { return Ok(()) };
-        self.numbers.push(frame.number);
         let since = frame.number.saturating_sub(scene.clip.start);
         for file in volume_files(scene) {
             let filled = scene.volumes.iter().zip(&frame.volumes);
@@ -118,8 +114,7 @@ impl Exporter for VdbExporter {
     }
 
     fn finish(&mut self) -> Result<Summary> {
-        let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
-        let missed = |g: &VolumeGrid| warn_if_missed(&format!("volume {}", g.name), g.every, scene.clip, &self.numbers);
-        Ok(Summary { warnings: scene.volumes.iter().filter_map(missed).collect() })
+        self.scene = None;
+        Ok(Summary::default())
     }
 }

@@ -93,6 +93,11 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
     mesh
 }
 
+/// The slabs of the roof of a house as obstacles, as [`masonry`] shows them; empty for a box.
+pub fn roof_slabs(prism: &Prism) -> Vec<Prism> {
+    prism.roof_slabs(EAVES, ROOF_THICKNESS)
+}
+
 /// Number of triangles so far, the end of a subset.
 #[allow(clippy::cast_possible_truncation, reason = "a house has some thousand triangles")]
 fn triangle_count(mesh: &Mesh) -> u32 {

@@ -52,6 +52,25 @@ impl Prism {
         Self::new(foot, turn, size.x, &outline)
     }
 
+    /// The slabs of the roof of a house, which project from its walls; empty for a box. They run from the ridge past eaves and gables by
+    /// `overhang`, m, and from the surface of the roof down by `thickness`, m.
+    pub fn roof_slabs(&self, overhang: f32, thickness: f32) -> Vec<Self> {
+        let [_, _, front, ridge, back] = self.outline[..] else { return Vec::new() };
+        let slab = |eave: Vec2| {
+            let down = (eave - ridge).normalize();
+            let low = eave + down * overhang;
+            // Across the slab, into the house; the corners are counter-clockwise on either side of the ridge.
+            let across = Vec2::new(down.y, -down.x) * thickness;
+            let outline = if across.y < 0.0 {
+                vec![ridge, ridge + across, low + across, low]
+            } else {
+                vec![ridge, low, low - across, ridge - across]
+            };
+            Self { outline, half: self.half + overhang, ..self.clone() }
+        };
+        [front, back].map(slab).into()
+    }
+
     fn new(foot: Vec3, turn: f32, width: f32, outline: &[(f32, f32)]) -> Self {
         // Quarter turns are exact, so that walls along an axis stay on their cells.
         let [sin, cos] = [sin_f32(turn), cos_f32(turn)].map(|v| if v.abs() < 1e-6 { 0.0 } else { v });
@@ -193,6 +212,32 @@ mod tests {
 
     fn house() -> Prism {
         Prism::house(Vec3::new(3.0, 0.0, -2.0), Vec3::new(10.0, 5.0, 8.0), 3.0, 0.4)
+    }
+
+    #[test]
+    fn slabs_of_a_roof_lie_under_its_surface_and_project_from_the_walls() {
+        let (house, across) = (house(), Vec2::new(3.0, 4.0).normalize());
+        let slabs = house.roof_slabs(0.35, 0.16);
+        assert!(slabs.len() == 2 && Prism::block(Vec3::ZERO, Vec3::ONE, 0.0).roof_slabs(0.35, 0.16).is_empty());
+        // From the ridge down a slope of 3 in 4, on both sides.
+        for (slab, side) in slabs.iter().zip([1.0, -1.0]) {
+            let at = |down: f32, deep: f32, along: f32| {
+                let p = Vec2::new(0.8 * down * side, 8.0 - 0.6 * down) - Vec2::new(across.x * side, across.y) * deep;
+                slab.nearest(house.world(p, along)).distance
+            };
+            for (down, deep, along, distance) in [
+                (2.0, 0.08, 0.0, -0.08),
+                (2.0, 0.26, 0.0, 0.1),
+                (2.0, -0.1, 0.0, 0.1),
+                (5.3, 0.08, 0.0, -0.05),
+                (5.45, 0.08, 0.0, 0.1),
+                (2.0, 0.08, 5.3, -0.05),
+                (2.0, 0.08, -5.45, 0.1),
+            ] {
+                let found = at(down, deep, along);
+                assert!((found - distance).abs() < 1e-4, "{side}: {down} {deep} {along}: {found}, not {distance}");
+            }
+        }
     }
 
     /// Distance by trying every triangle's points is what the closed form says.

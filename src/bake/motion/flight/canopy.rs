@@ -10,11 +10,11 @@ use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
 use osier_base::Result;
-use osier_base::math::ln;
+use osier_base::math::{ln, narrow};
 use osier_base::rng::Rng;
 use osier_motion::flight::{CarriedPoint, CatkinStart, ReleaseCondition};
 use osier_scene::Trs;
-use osier_scene::plant::{AxisKind, Plant};
+use osier_scene::plant::{Axis, AxisKind};
 
 /// Standard deviation, m, of a catkin's start about its twig's end along each axis, so that the catkins of one twig do not
 /// start in one point and stick together.
@@ -69,7 +69,7 @@ impl Canopy {
             let individual = instance.individual;
             let Some((kind, grown)) = layout.individuals.get(individual).zip(grown.get(individual)) else { continue };
             let Some((_, weight)) = flight.canopy.iter().find(|(plant, _)| *plant == kind.plant) else { continue };
-            let ends = twig_ends(&grown.plant);
+            let ends = twig_ends(grown);
             // Copies of an individual share its motion.
             let motion = builder.motions.get(individual).and_then(Option::as_ref);
             if let (Some(slot @ None), Some(motion)) = (bound.get_mut(individual), motion) {
@@ -156,12 +156,23 @@ impl CatkinSite {
     }
 }
 
-/// Last nodes of all stems of order 1 or higher, plant space: trunks release no catkins.
-fn twig_ends(plant: &Plant) -> Vec<PointOnAxis> {
+/// Last nodes of all stems of order 1 or higher, plant space: trunks release no catkins. In a clip of its growth a plant also holds
+/// the wood that falls before the end of the clip, which bears none.
+fn twig_ends(grown: &GrownPlant) -> Vec<PointOnAxis> {
+    let plant = &grown.plant;
+    // Radii at the greatest age that the clip shows: those of fallen wood are 0.
+    let radii = grown.clip.as_ref().map(|clip| {
+        let span = clip.span();
+        clip.pose(narrow(span.from.max(span.to))).r
+    });
+    let stands = |node: &usize| radii.as_ref().and_then(|radii| radii.get(*node)).is_none_or(|radius| *radius > 0.0);
     let stems = (0..).zip(&plant.axes).filter(|(_, axis)| axis.kind == AxisKind::Stem && axis.order > 0);
-    let end = |(axis, a): (u32, &osier_scene::plant::Axis)| {
-        let position = *plant.nodes.p.get(plant.nodes_of(a)).and_then(<[Vec3]>::last)?;
-        Some(PointOnAxis { position, axis, arc_length: a.length })
+    let end = |(axis, a): (u32, &Axis)| {
+        let nodes = plant.nodes_of(a);
+        let first = nodes.start;
+        // A stem of which only the foot is left has no end.
+        let node = nodes.rev().find(stands).filter(|node| *node > first)?;
+        Some(PointOnAxis { position: *plant.nodes.p.get(node)?, axis, arc_length: *plant.nodes.s.get(node)? })
     };
     stems.filter_map(end).collect()
 }

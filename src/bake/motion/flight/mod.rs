@@ -18,6 +18,7 @@ use crate::bake::motion::flight::deposition_maps::{DepositionMaps, TexelSums};
 use crate::bake::motion::flight::trajectories::Trajectories;
 use crate::bake::motion::flight::volumes::FlightVolumes;
 use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
+use crate::bake::scene::builder::CATKINS_ID;
 use crate::bake::wind::lattice::lattice_options;
 use crate::bake::wind::scene_wind::{SceneWind, WindUser};
 use crate::recipe::scene::{FlightBoundary, FlightKeys, FlightRelease, FlightZoneKeys, WindModel};
@@ -217,7 +218,7 @@ impl FlightPlayback {
             curves(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))?
         };
         Ok(Asset {
-            id: "catkins".into(),
+            id: CATKINS_ID.into(),
             kind: AssetKind::Tracks,
             group: String::new(),
             skeleton: None,

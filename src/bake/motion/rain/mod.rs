@@ -29,7 +29,7 @@ use crate::bake::assets::obstacles::rain_faces;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::motion::rod_plant::BoundPoints;
 use crate::bake::motion::{AssetMotion, CarriedPoints, FrameTime, PointOnAxis, TableRow};
-use crate::bake::scene::builder::SceneBuilder;
+use crate::bake::scene::builder::{RAIN_ID, SceneBuilder};
 use crate::bake::scene::camera_light::ScreenScale;
 use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
@@ -623,7 +623,7 @@ impl RainPlayback {
             reach: plants.grown(0.6),
         };
         Asset {
-            id: "rain".into(),
+            id: RAIN_ID.into(),
             kind: AssetKind::Tracks,
             group: String::new(),
             skeleton: None,

@@ -249,7 +249,7 @@ fn lies_below(land: &LandForm, center: Vec3, side: f32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use osier_scene::solid::Prism;
+    use osier_scene::solid::{LandForm, Prism};
 
     #[test]
     fn steps_slide_along_a_wall_and_end_at_it() {
@@ -269,6 +269,25 @@ mod tests {
         let down = Vec3::new(0.8, -0.6, 0.0);
         let slid = level.slide(Vec3::new(0.0, 0.1, 0.0), Step { d: down, length: 0.3 }, 0.0).expect("slides");
         assert!((0.1 + slid.d.y * slid.length - 0.02).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_foot_of_a_seedling_on_a_slope_is_in_the_light() {
+        // Slopes of 40 degrees towards each side; the foot lies at a corner of four cells.
+        for rise in [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z].map(|d| 0.84 * d) {
+            let step = |i: usize| i as f32 * 2.0 - 4.0;
+            let heights = (0..25).map(|i| rise.dot(Vec3::new(step(i % 5), 0.0, step(i / 5)))).collect();
+            let land = LandForm::new(5, 8.0, heights).expect("fits");
+            let land = Solid { name: "land".into(), form: Form::Land(Arc::new(land)), humidity: 0.0 };
+            let solids = Solids::new(vec![land], false);
+            let grid = Grid::over(Bounds { min: Vec3::ZERO, max: 0.2 * Vec3::Y });
+            let opaque = opaque_cells(&grid, Some(&solids), Vec3::ZERO);
+            for (x, z) in [(0.05, 0.05), (-0.05, 0.05), (0.05, -0.05), (-0.05, -0.05)] {
+                let tip = Vec3::new(x, rise.dot(Vec3::new(x, 0.0, z)) + 0.05, z);
+                assert!(!opaque.contains(&grid.cell_of(tip)), "{rise} {tip}");
+                assert!(opaque.contains(&grid.cell_of(Vec3::new(x, -0.5, z))), "{rise} {tip}");
+            }
+        }
     }
 
     #[test]
