@@ -510,3 +510,27 @@ fn a_tree_close_to_a_wall_lives_on_any_side_of_it() {
         assert!(height(tree) > 0.5, "a wall at {x} {z}: {} m", height(tree));
     }
 }
+
+#[test]
+fn a_clip_of_a_hedge_has_the_leaves_of_every_year() {
+    let hedge = |age: u32, more: &str| {
+        assembled(&format!(
+            "{more}[plants.a]\nspecies = \"beech\"\nage = {age}\n[plants.a.habit]\nstems = 6\nstem_spread = 0.3\ntilt = 35\n\
+             shade_point = 0.02\nshed = 0\npatience = 8\nbud_break = [0.9]\nacrotony = 0.2\nshoot_max = [0.2]\nlevels = 5\n\
+             leaf_area_tip = 0.014\n[[plants.a.prune]]\nyear = 4\nevery = 2\nkeep = [[-0.4, 0, -0.4], [0.4, 1.4, 0.4]]\n"
+        ))
+    };
+    // Frames are a year apart; cuts are made at the start of the years 4, 6 and 8.
+    let clip = hedge(8, "[frames]\nend = 9\n[plants.a.site]\nto = 8\nclip_leaves = \"summer\"\n");
+    for (age, frame) in [4, 5, 7, 8].into_iter().zip(evaluated(&clip, &[5, 6, 8, 9])) {
+        let shown = |instancer: &InstancerFrame| {
+            let InstancerFrame::State(state) = instancer else { panic!("leaves that come and go") };
+            state.sizes.iter().filter(|size| **size > 1e-3).count()
+        };
+        let shown: usize = frame.assets[0].instancers.iter().map(shown).sum();
+        let still = hedge(age, "");
+        let tree = still.animated.scene.assets.iter().find(|a| a.group == "a").expect("a tree");
+        let share = shown as f64 / leaves(tree) as f64;
+        assert!((share - 1.0).abs() < 0.005, "{shown} of {} leaves at {age} years", leaves(tree));
+    }
+}

@@ -7,7 +7,7 @@ use glam::{Quat, Vec3};
 
 use super::plant::{BladeTurn, Foliage, MeanLeaf, NodeSite, PlacedLeaf, TreeFoliage};
 use super::record::{GrowthRecord, Wood};
-use super::tree::{NONE as NO_NODE, Tree, index_of, y_axis};
+use super::tree::{NONE as NO_NODE, Tree, flag, index_of, y_axis};
 use osier_base::Result;
 use osier_base::limits::Limits;
 use osier_base::math;
@@ -104,6 +104,8 @@ pub(super) struct LeafSlots {
     tips: Vec<TipStop>,
     /// Index of the first tip of each axis, then the number of all tips.
     first_tip: Vec<u32>,
+    /// Length of the internode of each node before any cut, m.
+    whole_lengths: Vec<f32>,
     /// Lives sorted by place, then by time.
     lives: Vec<LeafLife>,
     /// Index of the first life of each place, then the number of all lives.
@@ -133,12 +135,16 @@ impl LeafSlots {
         for i in 1..first_tip.len() {
             first_tip[i] += first_tip[i - 1];
         }
+        // The cuts are in the order of years: the first one through a node is the last to be assigned.
+        let mut whole_lengths = tree.nodes.length.clone();
+        tree.cuts.iter().rev().for_each(|cut| whole_lengths[cut.node as usize] = cut.length);
         // Counts became sums: `first_tip[a]..first_tip[a + 1]` are the tips of axis a.
         let mut slots = Self {
             foliage: leaves.foliage.clone(),
             mean: leaves.mean,
             tips,
             first_tip,
+            whole_lengths,
             lives: Vec::new(),
             first_life: Vec::new(),
             scales: Vec::new(),
@@ -170,11 +176,17 @@ impl LeafSlots {
             self.add_tip_lives(record, axis, sheds, &mut lives);
         }
         for i in (0..tree.nodes.len()).filter(|i| tree.habit.leaf_area_shoot > 0.0 && record.is_shown(*i)) {
-            let node = index_of(i);
+            let site = LeafSite::Along { node: index_of(i) };
             let [unfolds, falls] = self.shoot_life(record, i, sheds);
-            let count = narrow_count(leaves.count_along(tree, i, tree.nodes.length[i]));
-            let site = LeafSite::Along { node };
-            lives.extend((0..count).map(|k| LeafLife { site, k, count, unfolds, falls }));
+            let whole = self.whole_lengths[i];
+            let count = narrow_count(leaves.count_along(tree, i, whole));
+            let cuts = cuts_through(tree, i);
+            lives.extend((0..count).filter_map(|k| {
+                // Leaves beyond a cut fall with it.
+                let at = whole * (f32::from(k) + 0.5) / f32::from(count);
+                let cut = cuts.iter().find(|[_, left]| *left < at).map_or(STAYS, |[time, _]| *time);
+                (cut > unfolds).then_some(LeafLife { site, k, count, unfolds, falls: falls.min(cut) })
+            }));
         }
         lives
     }
@@ -362,15 +374,20 @@ impl LeafSlots {
                 }
             }
             LeafSite::Along { node } => {
-                let (i, length) = (node as usize, wood.length[node as usize]);
+                let i = node as usize;
                 let (q, id) = (wood.q[i], TreeFoliage::shoot_leaf_id(tree, i, k));
+                // What a cut leaves of an internode keeps its leaves in their places: `beyond` is what it took away.
+                let (whole, length) = (self.whole_lengths[i], wood.length[i]);
+                let was_cut = whole > tree.nodes.length[i] && age >= tree.nodes.birth[i];
+                let reach = if was_cut { whole } else { length };
+                let beyond = reach - length;
                 if has_needles {
                     let turn = TreeFoliage::needle_turn(tree, i, k, count);
-                    LeafStand { node, q, id, turn, behind: leaves.needles_behind(k, count, length) }
+                    LeafStand { node, q, id, turn, behind: leaves.needles_behind(k, count, reach) - beyond }
                 } else {
                     let part = (k as f32 + 0.5) / count as f32;
                     let turn = TreeFoliage::shoot_leaf_turn(tree, i, k);
-                    LeafStand { node, q, id, turn, behind: (1.0 - part) * length }
+                    LeafStand { node, q, id, turn, behind: (1.0 - part) * reach - beyond }
                 }
             }
         };
@@ -417,6 +434,17 @@ struct LeafOnWood {
     /// Point of the centreline at which it begins, from the tree's base, m.
     position: Vec3,
     leaf: PlacedLeaf,
+}
+
+/// Cuts through the internode of a node, in the order of years: the age of the tree at each, years, and the length that it leaves, m.
+fn cuts_through(tree: &Tree, i: usize) -> Vec<[f32; 2]> {
+    if tree.nodes.flags[i] & flag::CUT == 0 {
+        return Vec::new();
+    }
+    let cuts: Vec<_> = tree.cuts.iter().filter(|cut| cut.node as usize == i).collect();
+    // Each later cut began with what the one before it had left.
+    let left = |k: usize| cuts.get(k + 1).map_or(tree.nodes.length[i], |next| next.length);
+    cuts.iter().enumerate().map(|(k, cut)| [f32::from(cut.year) - 1.0, left(k)]).collect()
 }
 
 /// Age at which a leaf begins to fall if `last_year` is the last year at whose end it is there: with its branch, or in the spring
