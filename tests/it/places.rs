@@ -514,7 +514,8 @@ fn assets_that_the_scene_adds_share_no_name_with_others() {
     let text = format!(
         "seed = 3\n[frames]\nend = 2\n[wind]\nspeed = 2\n{rain}{TREE}[[place]]\nplant = \"rain\"\n\
          [[place]]\nplant = \"tree\"\ncount = 2\nradius = 4\n[clouds.tree_1]\nifs = \"fern_leaf.ifs\"\npoints = 50\n\
-         [clouds.catkins]\nifs = \"fern_leaf.ifs\"\npoints = 60\n[[solid]]\nname = \"ground\"\nat = [6, 0, 0]\nsize = [1, 1, 1]\n\
+         [clouds.catkins]\nifs = \"fern_leaf.ifs\"\npoints = 60\n\
+         [clouds.water]\nifs = \"fern_leaf.ifs\"\npoints = 40\n[[solid]]\nname = \"ground\"\nat = [6, 0, 0]\nsize = [1, 1, 1]\n\
          [rain]\nrate_mm_per_h = 2\n[catkin]\nhairs = 4\n[flight]\ncount = 5\nspin_up_s = 1\nsize = [16, 8, 16]\n\
          [output]\nformats = [\"usd\"]\n"
     );
@@ -523,9 +524,13 @@ fn assets_that_the_scene_adds_share_no_name_with_others() {
         serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("JSON");
     let ids: Vec<&str> =
         manifest["assets"].as_array().expect("list").iter().map(|a| a["id"].as_str().expect("id")).collect();
-    // Without the numbers and suffixes, four of the nine were written over the files of others.
-    let wanted =
-        ["rain_2", "tree_1_2", "tree_2", "rain", "tree_1", "catkins_cloud", "catkins", "ground_solid", "ground"];
-    assert_eq!(ids, wanted);
+    // Without the numbers and suffixes, four of the ten were written over the files of others.
+    let plants_and_rain = ["rain_2", "tree_1_2", "tree_2", "rain"];
+    let others = ["tree_1", "catkins_cloud", "water", "catkins", "ground_solid", "ground"];
+    assert_eq!(ids, [&plants_and_rain[..], &others].concat());
     assert!(ids.iter().all(|id| out.join(format!("usd/{id}.usdc")).is_file()), "{ids:?}");
+    // The cloud called water had the material of the drops.
+    let names = manifest["materials"].as_array().expect("list").iter().map(|m| m["name"].as_str().expect("name"));
+    let water: Vec<&str> = names.filter(|name| name.starts_with("water")).collect();
+    assert_eq!(water, ["water", "water_2"]);
 }

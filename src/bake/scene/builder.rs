@@ -7,6 +7,7 @@ use crate::bake::assets::skin_options::bark_tiles;
 use crate::bake::motion::AssetMotion;
 use osier_base::Result;
 use osier_base::convert::index;
+use osier_base::files::{Names, safe_name};
 use osier_scene::{Asset, Image, Material, Placement, Trs};
 
 /// Ids of the assets that a scene adds to those that its tables name.
@@ -46,6 +47,18 @@ impl SceneBuilder {
     pub(crate) fn make_id_unique(&self, id: &mut String, suffix: &str) {
         while self.assets.iter().any(|a| a.id == *id) || self.reserved.contains(&id.as_str()) {
             id.push_str(suffix);
+        }
+    }
+
+    /// Numbers materials whose names are equal as files spell them: a cloud may have the name of the drops' water, and a layer of USD
+    /// defines one material for each name.
+    pub(crate) fn make_material_names_unique(&mut self) {
+        let mut names = Names::default();
+        for material in &mut self.materials {
+            let unique = names.unique(&material.name);
+            if unique != safe_name(&material.name) {
+                material.name = unique;
+            }
         }
     }
 
