@@ -481,8 +481,10 @@ fn a_tree_that_dies_of_a_cut_says_so() {
     // The box begins above the foot, so that nothing of the tree is left.
     let cut = said("[[plants.a.prune]]\nyear = 4\nevery = 1\nkeep = [[-1, 0.5, -1], [1, 1.8, 1]]\n");
     assert!(cut.contains("the cut of year 4"), "{cut}");
+    // A cut in the year of its death does not hide that a roof took the light.
     let dark = said(
-        "shade_point = 0.9\n[plants.a.stand]\nradius = 0.5\ndensity = 10\n[[plants.a.prune]]\nyear = 8\nkeep = [[-1, 0, -1], [1, 9, 1]]\n",
+        "[plants.a.site]\nsolids = true\n[[plants.a.prune]]\nyear = 8\nkeep = [[-1, 0, -1], [1, 9, 1]]\n\
+         [[solid]]\nname = \"roof\"\nat = [0, 0.6, 0]\nsize = [20, 0.2, 20]\n",
     );
     assert!(dark.contains("no light since"), "{dark}");
     assert_eq!(said("[[plants.a.prune]]\nyear = 4\nevery = 1\nkeep = [[-1, 0, -1], [1, 1.8, 1]]\n"), "");
