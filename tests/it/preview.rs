@@ -255,6 +255,9 @@ fn every_mistake_is_named() {
         assert!(err.contains(told), "{flags:?} should say {told}: {err}");
         assert!(!out.exists(), "{flags:?} leaves no file");
     }
+    // Seeds have 64 bits, as everywhere else.
+    let last = ["preview", "koch", "--seeds", "18446744073709551615", "--size", "16", "--quality", "draft"];
+    ends(0, &[&last[..], &["-o", arg(&dir.path().join("last.png"))]].concat());
     let foreign = file("mine.png", b"my own picture");
     let flags = ["preview", "koch", "--size", "20", "--quality", "draft", "-o", arg(&foreign)];
     let (_, err) = ends(1, &flags);
