@@ -153,7 +153,7 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
     let Some(list) = &args.frames else {
         return Ok(if is_still { Vec::new() } else { (start..=end).collect() });
     };
-    let frames = numbers::number_list(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?;
+    let frames = numbers::frame_list(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?;
     if let Some(outside) = frames.iter().find(|f| !(start..=end).contains(f)) {
         return Err(match is_still {
             true => format!(

@@ -40,8 +40,22 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         }
     };
     let Some((scene, named)) = scene_and_presets(from, &name) else {
-        let hint = preset_hint(from, presets::PRESETS.iter());
-        context.console.complain(&format!("there is no preset \"{from}\"; {hint}"));
+        // A coefficient table is a file that scenes and `osier grow` name; `new` has no scene of it to copy.
+        let bare = stem(from);
+        let table = [".ifs", ".ifs.toml"].iter().find_map(|ending| presets::find(&format!("{bare}{ending}")));
+        let why = match table.map(|p| p.name) {
+            Some(file) if file.ends_with(".toml") => format!("there is no preset \"{from}\"; did you mean \"{file}\"?"),
+            Some(file) => {
+                let way = format!("`osier grow {file} -o {file}` writes its text");
+                format!("the preset \"{file}\" is a coefficient table and no scene; {way}")
+            }
+            None => {
+                let is_copied = |p: &&Preset| scene_and_presets(p.name, "").is_some();
+                let hint = preset_hint(from, presets::PRESETS.iter().filter(is_copied));
+                format!("there is no preset \"{from}\"; {hint}")
+            }
+        };
+        context.console.complain(&why);
         return Ok(1);
     };
     let scene_name = format!("{}.toml", safe_name(&name));

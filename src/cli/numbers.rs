@@ -3,11 +3,11 @@
 /// The numbers of a list in rising order without duplicates.
 /// # Errors
 /// A message for a part that cannot be read or that has more than `limit` numbers.
-pub fn number_list(text: &str, limit: u64) -> Result<Vec<u32>, String> {
+pub fn number_list(text: &str, limit: u64) -> Result<Vec<u64>, String> {
     let mut out = Vec::new();
     for part in text.split(',') {
         let bad = || format!("\"{part}\" is not A, A-B or A-B:STEP");
-        let number = |t: &str| t.trim().parse::<u32>().map_err(|_| bad());
+        let number = |t: &str| t.trim().parse::<u64>().map_err(|_| bad());
         // An unreadable step becomes 0 and is refused below, with the whole part in the message.
         let (range, step) = part.split_once(':').map_or((part, 1), |(r, s)| (r, number(s).unwrap_or(0)));
         let (a, b) = match range.split_once('-') {
@@ -18,14 +18,23 @@ pub fn number_list(text: &str, limit: u64) -> Result<Vec<u32>, String> {
             return Err(bad());
         }
         // The count is checked before the list is built: `0-4294967295` would need 16 GB.
-        if u64::from((b - a) / step) >= limit {
+        if (b - a) / step >= limit {
             return Err(format!("\"{part}\" holds more than {limit} numbers"));
         }
-        out.extend((a..=b).step_by(step as usize));
+        // A step beyond the address space leaves only the first number.
+        out.extend((a..=b).step_by(usize::try_from(step).unwrap_or(usize::MAX)));
     }
     out.sort_unstable();
     out.dedup();
     Ok(out)
+}
+
+/// The numbers of a list of frames, which have 32 bits.
+/// # Errors
+/// As [`number_list`], and a message for a number that no frame can have.
+pub fn frame_list(text: &str, limit: u64) -> Result<Vec<u32>, String> {
+    let frame = |n: u64| u32::try_from(n).map_err(|_| format!("there is no frame {n}"));
+    number_list(text, limit)?.into_iter().map(frame).collect()
 }
 
 /// A key with the values that it takes in the runs of a sweep.
@@ -117,7 +126,7 @@ fn trimmed(v: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{key_values, number_list, swept_keys};
+    use super::{frame_list, key_values, number_list, swept_keys};
 
     #[test]
     fn values_of_a_key_are_read() {
@@ -157,6 +166,13 @@ mod tests {
     fn lists_are_read() {
         assert_eq!(number_list("1-10:4,3,3", 100), Ok(vec![1, 3, 5, 9]));
         assert_eq!(number_list("7", 100), Ok(vec![7]));
+        // Seeds have 64 bits, frames 32.
+        assert_eq!(number_list("18446744073709551614-18446744073709551615", 100), Ok(vec![u64::MAX - 1, u64::MAX]));
+        assert!(
+            number_list("18446744073709551616", 100).is_err() && number_list("0-18446744073709551615", 100).is_err()
+        );
+        assert_eq!(frame_list("4294967295", 100), Ok(vec![u32::MAX]));
+        assert_eq!(frame_list("4294967296", 100), Err("there is no frame 4294967296".to_owned()));
         for bad in ["", "x", "3-1", "1-9:0", "1-", "-3", "1-4000000000"] {
             assert!(number_list(bad, 1_000_000).is_err(), "{bad}");
         }

@@ -126,7 +126,7 @@ fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
     let seeds = match &args.seeds {
         Some(list) => {
             let seeds = numbers::number_list(list, MAX_RUNS).map_err(|e| format!("--seeds: {e}"))?;
-            seeds.into_iter().map(|s| Some(u64::from(s))).collect()
+            seeds.into_iter().map(Some).collect()
         }
         None => vec![None],
     };

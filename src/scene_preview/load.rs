@@ -10,13 +10,16 @@ use crate::recipe::Recipe;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::{self, SearchPaths};
 use osier_base::limits::Limits;
+use osier_base::math;
+use osier_base::units::radians_f32;
 use osier_base::{Error, Result};
 use osier_export::gltf::Profile;
-use osier_export::manifest;
-use osier_import::{ImportOptions, UpAxis};
+use osier_export::manifest::{self, CameraEntry, Manifest, SunEntry};
+use osier_import::{ImportOptions, Imported, UpAxis};
 use osier_preview::{Quality, Subject};
 use osier_scene::{
-    Asset, AssetKind, Camera, Clip, Frame, MaterialClass, MeshMotion, MeshObject, Placement, Scene, Sky, Sun, Trs,
+    Asset, AssetKind, Camera, Clip, Frame, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Placement, Scene,
+    Sky, Sun, Trs,
 };
 
 /// A scene with its motions, ready to be rendered.
@@ -24,6 +27,7 @@ use osier_scene::{
 pub struct PreviewScene {
     animated: AnimatedScene,
     has_camera: bool,
+    has_own_view: bool,
     name: String,
     report: Report,
 }
@@ -45,30 +49,41 @@ impl PreviewScene {
         cap_map_sides(&mut recipe, quality);
         let assembled = assemble_scene(&recipe, SceneOptions::default(), context)?;
         let has_camera = recipe.camera.eye.is_some() || recipe.camera.target.is_some();
-        Ok(Self { animated: assembled.animated, has_camera, name: recipe.name, report: assembled.report })
+        Ok(Self {
+            animated: assembled.animated,
+            has_camera,
+            has_own_view: true,
+            name: recipe.name,
+            report: assembled.report,
+        })
     }
 
     /// Reads a mesh file (`.glb`, `.gltf`, `.obj`) as a scene. `search`: further folders for the files that it names.
     /// # Errors
     /// `Input` for a damaged file, `Io` if it cannot be read, `Limit`.
     pub fn of_mesh_file(path: &Path, search: &[PathBuf], limits: &Limits) -> Result<Self> {
-        let bytes = files::read_input(path, limits.get("mesh-bytes"))?;
-        let roots = SearchPaths::new(path, search)?;
-        let options = ImportOptions { roots: &roots, limits, up: UpAxis::Y, scale: 1.0, class: MaterialClass::Leaf };
-        let imported = osier_import::read(path, &bytes, &options)?;
+        Ok(Self::of_imported(path, read_mesh(path, search, limits)?, |_| false))
+    }
+
+    /// A mesh as a scene. `is_land`: whether the part of a name is land, on which all others stand.
+    fn of_imported(path: &Path, imported: Imported, is_land: impl Fn(&str) -> bool) -> Self {
         let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let object = MeshObject { name: "mesh".into(), mesh: imported.mesh, motion: MeshMotion::Still, skin: None };
-        let asset = Asset {
-            id: "mesh".into(),
-            kind: AssetKind::Import,
-            group: String::new(),
-            skeleton: None,
-            meshes: vec![object],
-            instancers: Vec::new(),
-            points: Vec::new(),
-            curves: Vec::new(),
-            rigged: None,
+        // Land is an asset of its own: cameras are fitted to what stands on it.
+        let mut land = vec![false; imported.mesh.triangles.len()];
+        for part in imported.parts.iter().filter(|part| is_land(&part.name)) {
+            land.get_mut(part.triangles.clone()).into_iter().flatten().for_each(|covered| *covered = true);
+        }
+        let assets = if land.contains(&true) {
+            let standing = triangles_where(&imported.mesh, |i| land.get(i) == Some(&false));
+            let below = triangles_where(&imported.mesh, |i| land.get(i) == Some(&true));
+            vec![asset_of("mesh", AssetKind::Import, standing), asset_of("land", AssetKind::Terrain, below)]
+        } else {
+            vec![asset_of("mesh", AssetKind::Import, imported.mesh)]
         };
+        let place =
+            |(asset, a): (usize, &Asset)| Placement { name: a.id.clone(), asset, transform: Trs::IDENTITY, phase: 0 };
+        let placements = assets.iter().enumerate().map(place).collect();
+        let motions = vec![None; assets.len()];
         // The hash covers the file and all files that it names; PNG previews store it as their origin.
         let hash = imported.files.iter().fold(blake3::Hasher::new(), |mut h, f| {
             h.update(&f.blake3);
@@ -85,8 +100,8 @@ impl PreviewScene {
             sky: Sky::default(),
             images: imported.images,
             materials: imported.materials,
-            assets: vec![asset],
-            placements: vec![Placement { name: "mesh".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
+            assets,
+            placements,
             land: None,
             tables: Vec::new(),
             enum_labels: Vec::new(),
@@ -95,24 +110,31 @@ impl PreviewScene {
             volumes: Vec::new(),
             map_sequences: Vec::new(),
         };
-        let animated = AnimatedScene { scene: Arc::new(scene), motions: vec![None], wind: None };
-        Ok(Self { animated, has_camera: false, name, report: imported.warnings })
+        let animated = AnimatedScene { scene: Arc::new(scene), motions, wind: None };
+        Self { animated, has_camera: false, has_own_view: false, name, report: imported.warnings }
     }
 
-    /// Reads the `.glb` of the whole scene in the folder of a bake.
+    /// Reads the `.glb` of the whole scene in the folder of a bake, with land, materials, camera and sun of its manifest.
     /// # Errors
     /// S001 for a bake without such a file, those of the manifest, and as [`PreviewScene::of_mesh_file`].
     pub fn of_bake(folder: &Path, search: &[PathBuf], limits: &Limits) -> Result<Self> {
         let (manifest, _) = manifest::verify(folder, limits.get("json-bytes"))?;
         // The Blender profile is preferred; the web profile is used if the other was not written.
-        match manifest.scene_glb(Profile::Blender).or_else(|| manifest.scene_glb(Profile::Web)) {
-            Some(path) => Self::of_mesh_file(&folder.join(path), search, limits),
-            None => {
-                let message = format!("\"{}\" is a bake without a .glb of the whole scene", folder.display());
-                let help = "preview its scene file, or bake it again with --formats glb";
-                Err(Diagnostic::about("S001", message).help(help).into())
-            }
+        let Some(path) = manifest.scene_glb(Profile::Blender).or_else(|| manifest.scene_glb(Profile::Web)) else {
+            let message = format!("\"{}\" is a bake without a .glb of the whole scene", folder.display());
+            let help = "preview its scene file, or bake it again with --formats glb";
+            return Err(Diagnostic::about("S001", message).help(help).into());
+        };
+        let path = folder.join(path);
+        let mut imported = read_mesh(&path, search, limits)?;
+        set_materials(&mut imported.materials, &manifest);
+        let mut read = Self::of_imported(&path, imported, |name| is_land(name, &manifest));
+        if let Some(view) = &manifest.view {
+            let scene = Arc::make_mut(&mut read.animated.scene);
+            (scene.camera, scene.sun) = (camera_of(&view.camera), sun_of(&view.sun));
+            read.has_own_view = true;
         }
+        Ok(read)
     }
 
     /// Inserts warnings from before the assembly, such as those of the scene's text, before the others.
@@ -131,6 +153,11 @@ impl PreviewScene {
     /// Whether the keys `camera.eye` or `camera.target` place a camera; false for mesh files.
     pub fn has_camera(&self) -> bool {
         self.has_camera
+    }
+
+    /// Whether the camera of [`PreviewScene::scene`] belongs to the scene; false for mesh files, of which no camera is read.
+    pub fn has_own_view(&self) -> bool {
+        self.has_own_view
     }
 
     /// Name of the scene, or stem of the mesh file, from which output files are named.
@@ -189,6 +216,100 @@ impl PreviewScene {
             return Err(Error::input("P001", reason));
         }
         Ok(subject)
+    }
+}
+
+/// Reads a mesh file in metres, +Y up.
+fn read_mesh(path: &Path, search: &[PathBuf], limits: &Limits) -> Result<Imported> {
+    let bytes = files::read_input(path, limits.get("mesh-bytes"))?;
+    let roots = SearchPaths::new(path, search)?;
+    let options = ImportOptions { roots: &roots, limits, up: UpAxis::Y, scale: 1.0, class: MaterialClass::Leaf };
+    osier_import::read(path, &bytes, &options)
+}
+
+/// An asset of one mesh that stands still.
+fn asset_of(id: &str, kind: AssetKind, mesh: Mesh) -> Asset {
+    Asset {
+        id: id.into(),
+        kind,
+        group: String::new(),
+        skeleton: None,
+        meshes: vec![MeshObject { name: id.into(), mesh, motion: MeshMotion::Still, skin: None }],
+        instancers: Vec::new(),
+        points: Vec::new(),
+        curves: Vec::new(),
+        rigged: None,
+    }
+}
+
+/// The triangles of an imported mesh that `is_kept` accepts by their index, with the points that they use.
+fn triangles_where(mesh: &Mesh, is_kept: impl Fn(usize) -> bool) -> Mesh {
+    let mut kept = Mesh::default();
+    let mut new_index: Vec<Option<u32>> = vec![None; mesh.points.len()];
+    for subset in &mesh.subsets {
+        let numbered = mesh.subset_triangles(subset).iter().zip(subset.first as usize..);
+        let mut triangles = Vec::new();
+        for (triangle, _) in numbered.filter(|(_, i)| is_kept(*i)) {
+            triangles.push(triangle.map(|point| {
+                let old = point as usize;
+                *new_index[old].get_or_insert_with(|| {
+                    let new = kept.next_point();
+                    kept.points.push(mesh.points[old]);
+                    kept.normals.extend(mesh.normals.get(old));
+                    kept.uvs.extend(mesh.uvs.get(old));
+                    kept.colors.extend(mesh.colors.get(old));
+                    new
+                })
+            }));
+        }
+        if !triangles.is_empty() {
+            kept.append_subset(subset.material, triangles);
+        }
+    }
+    kept
+}
+
+/// Whether a part of a baked mesh is terrain. Names of its nodes begin with the name of the asset.
+fn is_land(name: &str, manifest: &Manifest) -> bool {
+    let node = name.split(' ').next().unwrap_or_default();
+    let is_part = |id: &str| node.strip_prefix(id).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
+    // Of `ground` and `ground_elder` the longer name that fits is meant.
+    let asset = manifest.assets.iter().filter(|a| is_part(&a.id)).max_by_key(|a| a.id.len());
+    asset.is_some_and(|a| a.kind == AssetKind::Terrain.word())
+}
+
+/// Gives materials what glTF does not tell: bark does not transmit light, water refracts.
+fn set_materials(materials: &mut [Material], manifest: &Manifest) {
+    const CLASSES: [MaterialClass; 5] =
+        [MaterialClass::Bark, MaterialClass::Leaf, MaterialClass::Catkin, MaterialClass::Water, MaterialClass::Ground];
+    for material in materials {
+        let Some(entry) = manifest.materials.iter().find(|entry| entry.name == material.name) else { continue };
+        material.class = CLASSES.into_iter().find(|c| c.word() == entry.class).unwrap_or(material.class);
+        material.translucency = entry.params.translucency;
+        material.ior = entry.params.ior;
+    }
+}
+
+/// The camera of a manifest.
+fn camera_of(entry: &CameraEntry) -> Camera {
+    let axis = |i: usize| glam::Vec3::from_slice(&entry.matrix[i..i + 3]);
+    let (right, back, eye) = (axis(0), axis(8), axis(12));
+    let level = math::normalize_or(glam::Vec3::Y.cross(back), glam::Vec3::X);
+    // The inverse of `Camera::axes`, which turns the level axis by -roll about the viewing axis.
+    let turn = math::atan2(f64::from(back.cross(level).dot(right)), f64::from(level.dot(right)));
+    Camera { eye, target: eye - back, vfov: radians_f32(entry.vfov_deg), roll: -math::narrow(turn) }
+}
+
+/// The sun of a manifest.
+fn sun_of(entry: &SunEntry) -> Sun {
+    let [x, y, z] = entry.toward.map(f64::from);
+    let strength = entry.irradiance.into_iter().fold(0.0, f32::max);
+    Sun {
+        elevation: math::narrow(math::atan2(y, (x * x + z * z).sqrt())),
+        azimuth: math::narrow(math::atan2(x, z)),
+        color: if strength > 0.0 { entry.irradiance.map(|c| c / strength) } else { [1.0; 3] },
+        strength,
+        angle: radians_f32(entry.angle_deg),
     }
 }
 

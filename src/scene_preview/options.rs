@@ -69,11 +69,11 @@ impl PreviewOptions {
         let own = scene.scene().camera;
         let vfov = own.vfov.min(radians_f32(MAX_FITTED_FOV));
         match self.view {
-            Some(PreviewView::Scene) => own,
+            Some(PreviewView::Scene) if scene.has_own_view() => own,
             Some(PreviewView::Fitted(view)) => subject.camera(view, self.aspect(), vfov),
             // Without `--view` the scene's camera has precedence over a fitted one.
             None if scene.has_camera() => own,
-            None => subject.camera(CameraView::Portrait, self.aspect(), vfov),
+            Some(PreviewView::Scene) | None => subject.camera(CameraView::Portrait, self.aspect(), vfov),
         }
     }
 

@@ -445,6 +445,14 @@ fn a_misspelt_preset_is_told_the_nearest() {
         let (_, err) = ends(1, args);
         assert!(err.contains("did you mean \"oak\"?"), "{err}");
     }
+    // A table is a preset, but no scene to copy: naming it as the nearest preset of itself helps nobody.
+    for name in ["fern_leaf", "fern_leaf.ifs"] {
+        let (_, err) = ends(1, &["new", "x", "--from", name]);
+        assert!(err.contains("osier grow fern_leaf.ifs -o fern_leaf.ifs") && !err.contains("did you mean"), "{err}");
+    }
+    ends(0, &["grow", "fern_leaf.ifs", "-o", arg(&dir.path().join("fern_leaf.ifs"))]);
+    let (_, err) = ends(1, &["new", "x", "--from", "fern_bud"]);
+    assert!(err.contains("did you mean \"fern_bud.ifs.toml\"?"), "{err}");
     let (_, err) = ends(1, &["new", "x", "--grammar", "daisi"]);
     assert!(err.contains("no grammar of the library fits \"daisi\"; did you mean \"daisy\"?"), "{err}");
     let (_, err) = ends(1, &["bake", "nowhere/to/be/found.toml"]);

@@ -781,6 +781,13 @@ fn namesakes_and_faulty_entries_of_fractint_are_told() {
     let picture = dir.path().join("s.png");
     let (_, told) = ends(0, &["preview", arg(&file), "-o", arg(&picture), "--quality", "draft"]);
     assert!(told.contains("L061") && told.contains("s.l:9:2") && picture.exists(), "{told}");
+    // It is one picture: a clip or a comparison takes one L-system.
+    let clip = dir.path().join("s.gif");
+    for flag in [["--turntable", "4"], ["--frames", "1-3"], ["--compare", "oak"]] {
+        let output = if flag[0] == "--compare" { dir.path().join("t.png") } else { clip.clone() };
+        let (_, told) = ends(2, &["preview", arg(&file), flag[0], flag[1], "-o", arg(&output), "--quality", "draft"]);
+        assert!(told.contains(flag[0]) && told.contains("s.l#Koch") && !output.exists(), "{told}");
+    }
 }
 
 /// Midpoints of all segments and number of organs of a grammar.

@@ -218,6 +218,40 @@ fn a_bake_whose_scene_is_named_like_a_part_of_it_is_shown_whole() {
 }
 
 #[test]
+fn a_bake_has_land_camera_sun_and_materials_of_its_scene() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = |name: &str| dir.path().join(name);
+    let text = "[plants.grass]\ngrammar = \"grass.l\"\n[plants.grass.bark]\nside = 16\n[plants.grass.shoot]\nside = 16\n\
+                [[place]]\nplant = \"grass\"\n[ground]\nside = 16\n[camera]\neye = [0.6, 0.4, 0.8]\ntarget = [0, 0.1, 0]\n\
+                roll_deg = 5\n[sun]\nelevation_deg = 20\ndirection_deg = 10\n";
+    std::fs::write(file("tuft.toml"), text).expect("file");
+    ends(0, &["bake", arg(&file("tuft.toml")), "--formats", "glb", "-o", arg(&file("baked"))]);
+    let limits = osier::limits::Limits::default();
+    let baked = osier::scene_preview::PreviewScene::of_bake(&file("baked"), &[], &limits).expect("a bake");
+    // The tuft is framed, and not the 160 m of ground around it.
+    let subject = baked.subject(None).expect("a subject");
+    assert!(subject.ground && subject.bounds.size().max_element() < 1.0, "{:?}", subject.bounds);
+    let scene = baked.scene();
+    assert!(scene.camera.eye.abs_diff_eq(glam::Vec3::new(0.6, 0.4, 0.8), 1e-5), "{:?}", scene.camera);
+    assert!((scene.camera.roll - 5_f32.to_radians()).abs() < 1e-4, "{:?}", scene.camera);
+    let toward = (glam::Vec3::new(0.0, 0.1, 0.0) - scene.camera.eye).normalize();
+    assert!(scene.camera.axes()[2].abs_diff_eq(-toward, 1e-5), "{:?}", scene.camera);
+    assert!((scene.sun.elevation - 20_f32.to_radians()).abs() < 1e-5, "{:?}", scene.sun);
+    let [x, z] = [10_f32.to_radians().cos(), -10_f32.to_radians().sin()].map(|v| v * 20_f32.to_radians().cos());
+    let sun = scene.sun.direction();
+    assert!((sun.x - x).abs() < 1e-5 && (sun.z - z).abs() < 1e-5, "{sun:?}");
+    let bark = scene.materials.iter().find(|m| m.name == "grass_bark").expect("bark");
+    assert!(bark.class.word() == "bark" && bark.translucency.abs() < 1e-9, "{bark:?}");
+    // A mesh file has no camera: the scene's view of it is the fitted one, and not one from inside of it.
+    let (glb, pictures) = (file("tuft.glb"), [file("fitted.png"), file("scene.png")]);
+    ends(0, &["grow", arg(&file("tuft.toml")), "-o", arg(&glb)]);
+    for (view, out) in ["portrait", "scene"].iter().zip(&pictures) {
+        ends(0, &["preview", arg(&glb), "--view", view, "--size", "32", "--quality", "draft", "-o", arg(out)]);
+    }
+    assert_eq!(picture(&pictures[0]), picture(&pictures[1]));
+}
+
+#[test]
 fn every_mistake_is_named() {
     let dir = tempfile::tempdir().expect("dir");
     let file = |name: &str, text: &[u8]| {
@@ -255,6 +289,9 @@ fn every_mistake_is_named() {
         assert!(err.contains(told), "{flags:?} should say {told}: {err}");
         assert!(!out.exists(), "{flags:?} leaves no file");
     }
+    // Seeds have 64 bits, as everywhere else.
+    let last = ["preview", "koch", "--seeds", "18446744073709551615", "--size", "16", "--quality", "draft"];
+    ends(0, &[&last[..], &["-o", arg(&dir.path().join("last.png"))]].concat());
     let foreign = file("mine.png", b"my own picture");
     let flags = ["preview", "koch", "--size", "20", "--quality", "draft", "-o", arg(&foreign)];
     let (_, err) = ends(1, &flags);

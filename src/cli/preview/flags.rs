@@ -12,7 +12,7 @@ use osier_preview::{CameraView, Quality};
 pub struct PreviewFlags {
     pub options: PreviewOptions,
     /// Seeds of a contact sheet in rising order; empty without `--seeds`.
-    pub seeds: Vec<u32>,
+    pub seeds: Vec<u64>,
     /// Axes of a contact sheet, in the order of the flags; at most two together with the seeds.
     pub sweeps: Vec<KeyValues>,
     /// Frames of a clip in rising order; empty without `--frames`.
@@ -30,7 +30,7 @@ impl PreviewFlags {
         };
         let frames = match &args.frames {
             Some(list) => {
-                numbers::number_list(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?
+                numbers::frame_list(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?
             }
             None => Vec::new(),
         };

@@ -56,6 +56,14 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     let display = ProgressDisplay::new(&context.console);
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &display, cache: None };
     let entries = entry_sources(&args.source, &context.limits)?;
+    // The sheet of a file's L-systems is one picture: a clip in its place would be that picture in a file named as a clip.
+    if let [first, _, ..] = &entries[..]
+        && let Some(flag) = flag_unfit_for_entries(args)
+    {
+        let why = format!("{flag}: \"{}\" has {} L-systems; name one, such as \"{first}\"", args.source, entries.len());
+        context.console.complain(&why);
+        return Ok(2);
+    }
     if args.view.is_none() && is_plane_drawing(&args.source, &context.limits)? {
         flags.options.view = Some(flags::front());
     }
@@ -109,6 +117,16 @@ fn flag_unfit_for_layers(args: &Preview) -> Option<&'static str> {
         ("--turntable", args.turntable.is_some()),
         ("--seeds", args.seeds.is_some()),
         ("--sweep", !args.sweep.is_empty()),
+        ("--compare", args.compare.is_some()),
+    ];
+    given.iter().find(|flag| flag.1).map(|flag| flag.0)
+}
+
+/// The first flag given for a clip or a comparison, of which the sheet of a file's L-systems is neither.
+fn flag_unfit_for_entries(args: &Preview) -> Option<&'static str> {
+    let given = [
+        ("--frames", args.frames.is_some()),
+        ("--turntable", args.turntable.is_some()),
         ("--compare", args.compare.is_some()),
     ];
     given.iter().find(|flag| flag.1).map(|flag| flag.0)

@@ -261,7 +261,7 @@ fn captions(set: &[String]) -> Vec<String> {
 /// axis.
 fn plan(flags: &PreviewFlags) -> (Vec<PlannedCell>, usize) {
     let seeds: Vec<Variation> =
-        flags.seeds.iter().map(|s| Variation { seed: Some(u64::from(*s)), ..Variation::default() }).collect();
+        flags.seeds.iter().map(|s| Variation { seed: Some(*s), ..Variation::default() }).collect();
     let axes: Vec<Vec<Variation>> = flags
         .sweeps
         .iter()
