@@ -94,6 +94,22 @@ fn only_the_production_applied_runs_its_last_block() {
 }
 
 #[test]
+fn modules_behind_two_slashes_are_told_from_words() {
+    for (rule, is_told) in [
+        ("F(x) --> F(x) //A(x)", true),
+        ("F(x) --> F(x)//A(x)", true),
+        ("F(x) --> F(x) //A(x)B(x)", true),
+        ("F(x) --> F(x) // A(x)", false),
+        ("F(x) --> F(x) //A", false),
+        ("F(x) --> F(x) //grow F(x)", false),
+        ("F(x) --> F(x) //(1)", false),
+    ] {
+        let (_, warnings) = read(&format!("Lsystem: 1\nderivation length: 1\nAxiom: F(1)\n{rule}\nendlsystem\n"));
+        assert_eq!(warnings.iter().any(|w| w.code == "L014"), is_told, "{rule}: {warnings:?}");
+    }
+}
+
+#[test]
 fn printf_writes_to_the_output() {
     let text = "Lsystem: 1\nStart: { n = 0; }\nEndEach: { n = n+1; printf(\"Step %3.0f: %g\\n\", n, n/4); }\n\
                 End: { printf(\"done\\n\"); }\nderivation length: 2\nAxiom: AA\nA(x) : {printf(\"never\");} x --> B\n\
