@@ -966,6 +966,14 @@ fn the_program_draws_the_numbers_of_cpfg_and_prints_what_a_grammar_prints() {
     // The choices of cpfg 6.6 for weights 1 and 3, and drand48 after srand48(0).
     assert_eq!(std::fs::read_to_string(&out).expect("a string").trim(), "BBBBCV(0.170828)");
     assert!(err.lines().any(|l| l == "one step"), "{err}");
+    // A homomorphism prints while the plant is drawn.
+    std::fs::write(
+        &file,
+        "Lsystem: 1\nderivation length: 0\nAxiom: A\nhomomorphism\nA : {printf(\"drawn\\n\");} 1 --> F(1)\nendlsystem\n",
+    )
+    .expect("written");
+    let (_, err) = ends(0, &["grow", arg(&file), "-o", arg(&dir.path().join("draw.obj"))]);
+    assert!(err.lines().any(|l| l == "drawn"), "{err}");
     // Another name is refused with the names that there are.
     let (_, err) = ends(1, &["check", arg(&file), "--rng", "lcg"]);
     assert!(err.contains("cpfg"), "{err}");

@@ -129,6 +129,17 @@ fn printf_writes_to_the_output() {
 }
 
 #[test]
+fn printf_of_a_homomorphism_writes_while_the_string_is_drawn() {
+    let text = "Lsystem: 1\nderivation length: 1\nAxiom: AA\nA : {printf(\"step\\n\");} 1 --> B\nhomomorphism\n\
+                B : {printf(\"drawn\\n\");} 1 --> F(1)\nendlsystem\n";
+    let (g, _) = read(text);
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(d.output, "step\nstep\n");
+    let drawn = interpret(&g, &d, &Limits::default(), |_| ()).expect("draws");
+    assert_eq!(drawn.output, "drawn\ndrawn\n");
+}
+
+#[test]
 fn functions_on_files_are_refused_by_name() {
     for call in
         ["fp = fopen(\"plant.p\", \"r\");", "fscanf(fp, \"%lf\", &a[0]);", "fprintf(fp, \"x\\n\");", "fclose(fp);"]
