@@ -83,6 +83,20 @@ fn brackets_of_a_predecessor_are_taken_literally() {
 }
 
 #[test]
+fn choose_draws_from_the_functions_of_cpfg() {
+    // Their first numbers are 0.170828, 0.749902 and 0.0963717.
+    let rule = "A --> B(choose(1,0.18, 2,0.82),choose(1,0.74, 2,0.26),ran(1))";
+    assert_eq!(one_step("", "A", rule), "B(1,2,0.0963717)");
+    let text = format!("Lsystem: 1\nderivation length: 1\nAxiom: AAAAAAAA\n{rule}\nendlsystem\n");
+    let (g, _) = read(&text);
+    let strings = [1, 2].map(|seed| {
+        let options = DeriveOptions { draw_as_cpfg: true, seed, ..Default::default() };
+        g.print(&derive(&g, &options, &Limits::default()).expect("derives").modules)
+    });
+    assert_eq!(strings[0], strings[1], "the seed has no effect");
+}
+
+#[test]
 fn only_the_production_applied_runs_its_last_block() {
     let text = "Lsystem: 1\nStart: { n = 0; }\nSeed: 1\nderivation length: 1\nAxiom: AAAA\nA : * {n = n+1;} --> B\n\
                 A : * {n = n+10;} --> C\nendlsystem\n";
