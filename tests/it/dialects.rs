@@ -589,6 +589,28 @@ fn loops_of_lpy_run_as_those_of_python() {
 }
 
 #[test]
+fn round_of_lpy_takes_the_even_neighbour_of_a_half() {
+    let rule = "A(x): produce F(round(x))";
+    let string = lpy_string("A(0.5)A(1.5)A(2.5)A(2.6)A(3.4)A(-0.5)A(-1.5)A(-2.5)", 1, rule);
+    assert_eq!(string.replace("F(-0)", "F(0)"), "F(0)F(2)F(2)F(3)F(3)F(0)F(-2)F(-2)");
+    assert_eq!(lpy_string("A", 1, "A: produce F(round(2.5))F(round(3.5))"), "F(2)F(4)");
+}
+
+#[test]
+fn texts_of_lpy_are_no_numbers() {
+    for value in ["int('3')", "'3'+1", "2*\"3\"", "max(1,'3')", "float('3')", "-'3'", "1 if x < '3' else 2"] {
+        let text = format!("Axiom: A(1)\nderivation length: 1\nproduction:\nA(x): produce F({value})\nendlsystem\n");
+        let said = refused("m.lpy", &text);
+        assert!(
+            said.contains("a text where a number is expected") && said.contains("without quotes"),
+            "{value}: {said}"
+        );
+        assert!(said.contains("m.lpy:4:"), "{said}");
+    }
+    assert_eq!(lpy_string("A('x')", 1, "A(k): produce F(1 if k == 'x' else 2)"), "F(1)");
+}
+
+#[test]
 fn rows_of_parameters_of_lpy_stand_for_any_number() {
     let rules = "B(x, *rest): produce B(x+1, *rest)F(len(rest))\nA(*all):\n  produce A(*all)F(all[0])";
     assert_eq!(lpy_string("A(7)B(1,2)B(1,2,3)", 1, rules), "A(7)F(7)B(2,2)F(1)B(2,2,3)F(2)");
