@@ -597,6 +597,14 @@ fn round_of_lpy_takes_the_even_neighbour_of_a_half() {
 }
 
 #[test]
+fn a_fraction_as_the_length_of_lpy_is_told() {
+    let text = "Axiom: A\nderivation length: 2.7\nproduction:\nA: produce F(1)A\nendlsystem\n";
+    let (g, report) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read");
+    assert!(report.contains("warning[L008]: 2.7 is no whole number, 2 is taken"), "{report}");
+    assert_eq!(draw_steps(&g, None).string, "F(1)F(1)A");
+}
+
+#[test]
 fn texts_of_lpy_are_no_numbers() {
     for value in ["int('3')", "'3'+1", "2*\"3\"", "max(1,'3')", "float('3')", "-'3'", "1 if x < '3' else 2"] {
         let text = format!("Axiom: A(1)\nderivation length: 1\nproduction:\nA(x): produce F({value})\nendlsystem\n");
