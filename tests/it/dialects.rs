@@ -900,6 +900,14 @@ fn converted_grammars_draw_the_same() {
     let notes = convert(&read("lparser/keywords.ls", ""), ConvertTo::Cpfg).expect("converted").notes;
     assert!(notes.iter().any(|n| n.contains("colours that the file sets")), "{notes:?}");
     assert!(notes.iter().any(|n| n.contains("least thickness")), "{notes:?}");
+    // A drawing that branches becomes a tree, which stands in the ground.
+    for (rule, count) in [("F=F[+F]F", 1), ("F=F+F", 0)] {
+        let text = format!("Twig {{\nAngle 12\nAxiom F\n{rule}\n}}\n");
+        let (g, _) = read_bytes("b.l", text.as_bytes(), ReadAs::default()).expect("read");
+        let notes = convert(&g, ConvertTo::Cpfg).expect("converted").notes;
+        assert_eq!(notes.iter().filter(|n| n.contains("skin.bury")).count(), count, "{rule}: {notes:?}");
+        assert!(convert(&g, ConvertTo::Osier).expect("converted").notes.is_empty());
+    }
     // A roll at the end of a rule, which is a backslash in cpfg, joins no lines.
     let rolls = "Axiom: FA/\nderivation length: 2\nproduction:\nA --> B//\nB --> F^F/\nendlsystem\n";
     let (g, _) = read_bytes("m.lpy", rolls.as_bytes(), ReadAs::default()).expect("read");
