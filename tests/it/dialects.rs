@@ -589,6 +589,36 @@ fn loops_of_lpy_run_as_those_of_python() {
 }
 
 #[test]
+fn round_of_lpy_takes_the_even_neighbour_of_a_half() {
+    let rule = "A(x): produce F(round(x))";
+    let string = lpy_string("A(0.5)A(1.5)A(2.5)A(2.6)A(3.4)A(-0.5)A(-1.5)A(-2.5)", 1, rule);
+    assert_eq!(string.replace("F(-0)", "F(0)"), "F(0)F(2)F(2)F(3)F(3)F(0)F(-2)F(-2)");
+    assert_eq!(lpy_string("A", 1, "A: produce F(round(2.5))F(round(3.5))"), "F(2)F(4)");
+}
+
+#[test]
+fn a_fraction_as_the_length_of_lpy_is_told() {
+    let text = "Axiom: A\nderivation length: 2.7\nproduction:\nA: produce F(1)A\nendlsystem\n";
+    let (g, report) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read");
+    assert!(report.contains("warning[L008]: 2.7 is no whole number, 2 is taken"), "{report}");
+    assert_eq!(draw_steps(&g, None).string, "F(1)F(1)A");
+}
+
+#[test]
+fn texts_of_lpy_are_no_numbers() {
+    for value in ["int('3')", "'3'+1", "2*\"3\"", "max(1,'3')", "float('3')", "-'3'", "1 if x < '3' else 2"] {
+        let text = format!("Axiom: A(1)\nderivation length: 1\nproduction:\nA(x): produce F({value})\nendlsystem\n");
+        let said = refused("m.lpy", &text);
+        assert!(
+            said.contains("a text where a number is expected") && said.contains("without quotes"),
+            "{value}: {said}"
+        );
+        assert!(said.contains("m.lpy:4:"), "{said}");
+    }
+    assert_eq!(lpy_string("A('x')", 1, "A(k): produce F(1 if k == 'x' else 2)"), "F(1)");
+}
+
+#[test]
 fn rows_of_parameters_of_lpy_stand_for_any_number() {
     let rules = "B(x, *rest): produce B(x+1, *rest)F(len(rest))\nA(*all):\n  produce A(*all)F(all[0])";
     assert_eq!(lpy_string("A(7)B(1,2)B(1,2,3)", 1, rules), "A(7)F(7)B(2,2)F(1)B(2,2,3)F(2)");
@@ -877,6 +907,14 @@ fn converted_grammars_draw_the_same() {
     let notes = convert(&read("lparser/keywords.ls", ""), ConvertTo::Cpfg).expect("converted").notes;
     assert!(notes.iter().any(|n| n.contains("colours that the file sets")), "{notes:?}");
     assert!(notes.iter().any(|n| n.contains("least thickness")), "{notes:?}");
+    // A drawing that branches becomes a tree, which stands in the ground.
+    for (rule, count) in [("F=F[+F]F", 1), ("F=F+F", 0)] {
+        let text = format!("Twig {{\nAngle 12\nAxiom F\n{rule}\n}}\n");
+        let (g, _) = read_bytes("b.l", text.as_bytes(), ReadAs::default()).expect("read");
+        let notes = convert(&g, ConvertTo::Cpfg).expect("converted").notes;
+        assert_eq!(notes.iter().filter(|n| n.contains("skin.bury")).count(), count, "{rule}: {notes:?}");
+        assert!(convert(&g, ConvertTo::Osier).expect("converted").notes.is_empty());
+    }
     // A roll at the end of a rule, which is a backslash in cpfg, joins no lines.
     let rolls = "Axiom: FA/\nderivation length: 2\nproduction:\nA --> B//\nB --> F^F/\nendlsystem\n";
     let (g, _) = read_bytes("m.lpy", rolls.as_bytes(), ReadAs::default()).expect("read");
@@ -973,6 +1011,14 @@ fn the_program_draws_the_numbers_of_cpfg_and_prints_what_a_grammar_prints() {
     // The choices of cpfg 6.6 for weights 1 and 3, and drand48 after srand48(0).
     assert_eq!(std::fs::read_to_string(&out).expect("a string").trim(), "BBBBCV(0.170828)");
     assert!(err.lines().any(|l| l == "one step"), "{err}");
+    // A homomorphism prints while the plant is drawn.
+    std::fs::write(
+        &file,
+        "Lsystem: 1\nderivation length: 0\nAxiom: A\nhomomorphism\nA : {printf(\"drawn\\n\");} 1 --> F(1)\nendlsystem\n",
+    )
+    .expect("written");
+    let (_, err) = ends(0, &["grow", arg(&file), "-o", arg(&dir.path().join("draw.obj"))]);
+    assert!(err.lines().any(|l| l == "drawn"), "{err}");
     // Another name is refused with the names that there are.
     let (_, err) = ends(1, &["check", arg(&file), "--rng", "lcg"]);
     assert!(err.contains("cpfg"), "{err}");

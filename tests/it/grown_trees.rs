@@ -13,6 +13,7 @@ use osier::progress::{Cancel, Silent};
 use osier::recipe::{Growth, Recipe, Request, resolve};
 use osier::scene::plant::Plant;
 use osier::scene::{Asset, AssetFrame, Frame, InstancerFrame, MeshFrame, asset_bounds};
+use osier::solid::{Form, Prism, Solid};
 use serde_json::Value;
 
 use crate::common::program::{arg, ends};
@@ -511,6 +512,30 @@ fn a_tree_close_to_a_wall_lives_on_any_side_of_it() {
         let tree = scene.animated.scene.assets.iter().find(|a| a.group == "a").expect("a tree");
         assert!(height(tree) > 0.5, "a wall at {x} {z}: {} m", height(tree));
     }
+}
+
+#[test]
+fn a_tree_under_the_eaves_does_not_grow_through_the_roof() {
+    // A roof of 1.5 m over walls of 2.6 m and a depth of 4 m: its slabs, 0.16 m thick, project by 0.35 m.
+    let house = Prism::house(Vec3::ZERO, Vec3::new(8.0, 2.6, 4.0), 1.5, 0.0);
+    let slab = |form: Prism| Solid { name: "slab".into(), form: Form::Prism(form), humidity: 0.0 };
+    let slabs: Vec<Solid> = house.roof_slabs(0.35, 0.16).into_iter().map(slab).collect();
+    let scene = assembled(
+        "seed = 3\n[plants.a]\nspecies = \"oak\"\nage = 16\n[plants.a.site]\nsolids = true\n\
+         [[place]]\nplant = \"a\"\nat = [0, 0, 2.4]\n\
+         [[solid]]\nname = \"house\"\nshape = \"house\"\nsize = [8, 2.6, 4]\nroof = 1.5\n",
+    );
+    let scene = &scene.animated.scene;
+    let tree = scene.placements.iter().find(|p| scene.assets[p.asset].group == "a").expect("a tree");
+    let points: Vec<Vec3> = wood(&scene.assets[tree.asset]).map(|p| tree.transform.apply(p)).collect();
+    let in_roof = |p: &&Vec3| slabs.iter().any(|slab| slab.nearest(**p).distance < -0.03);
+    let inside = points.iter().filter(in_roof).count();
+    // Wood that thickens may sink into the edge of the eaves.
+    assert!(
+        points.len() > 10_000 && inside * 1000 <= points.len(),
+        "{inside} of {} points are in the roof",
+        points.len()
+    );
 }
 
 #[test]

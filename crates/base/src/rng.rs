@@ -193,19 +193,7 @@ impl Rng {
     /// positive. One draw.
     #[inline]
     pub fn pick(&mut self, weights: &[f64]) -> usize {
-        // Inverse of the cumulative distribution; negative weights and NaN count as 0.
-        let total = weights.iter().fold(0.0, |t, w| t + w.max(0.0));
-        let target = self.unit_f64() * total;
-        let mut running = 0.0;
-        let mut last = 0;
-        for (i, w) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
-            running += w;
-            last = i;
-            if running > target {
-                return i;
-            }
-        }
-        last
+        pick_at(self.unit_f64(), weights)
     }
 
     /// Fisher-Yates shuffle from the end. `len - 1` draws.
@@ -246,6 +234,24 @@ impl Shares {
         let index = self.sums.iter().map(|sum| usize::from(*sum <= target)).sum::<usize>();
         if index < self.sums.len() { index } else { self.last }
     }
+}
+
+/// Index that [`Rng::pick`] picks where its draw is `unit`, 0 to below 1.
+#[inline]
+pub fn pick_at(unit: f64, weights: &[f64]) -> usize {
+    // Inverse of the cumulative distribution; negative weights and NaN count as 0.
+    let total = weights.iter().fold(0.0, |t, w| t + w.max(0.0));
+    let target = unit * total;
+    let mut running = 0.0;
+    let mut last = 0;
+    for (i, w) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+        running += w;
+        last = i;
+        if running > target {
+            return i;
+        }
+    }
+    last
 }
 
 /// Quantile of the standard normal distribution at the probability 1/2 + `q`, -1/2 < q < 1/2, to 1e-15 of its value.

@@ -410,6 +410,12 @@ fn refused_derivations_are_told_with_their_numbers() {
     // Six modules after step 1, none after step 2.
     let e = refused(2, "A", "A --> BBBBBB\nB --> *", 5);
     assert!(e.contains("step 1 would make 6 modules; --max-modules 5 allows 0"), "{e}");
+    // A length of the options is not that of the file, which is not underlined; the production is.
+    let (g, _) = read("Lsystem: 1\nderivation length: 1\nAxiom: F\nF --> FF\nendlsystem");
+    let asked = DeriveOptions { steps: Some(60), ..Default::default() };
+    let e = derive(&g, &asked, &Limits::default()).expect_err("too long").to_string();
+    assert!(e.contains("set --steps (or the key 'steps') to 24 or less") && !e.contains(":2:1"), "{e}");
+    assert!(e.contains(":4:1") && e.contains("makes most of them"), "{e}");
     // No derivation length is short enough for the axiom.
     let e = refused(1, "AAAAAA", "A --> BB", 5);
     assert!(e.contains("the axiom has 6 modules") && !e.contains("derivation length to"), "{e}");

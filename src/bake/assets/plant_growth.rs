@@ -31,7 +31,7 @@ use osier_plants::crown::crown_attributes;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
-use osier_plants::grow::turtle::{self, Contour, OrganSpec, RadiusModel, Tropism, TurtleOptions};
+use osier_plants::grow::turtle::{self, Contour, Drawing, OrganSpec, RadiusModel, Tropism, TurtleOptions};
 use osier_plants::grow::years::GrowthClip;
 use osier_scene::plant::Plant;
 
@@ -203,9 +203,11 @@ fn grow_from_source(
     // Neither derivation nor interpretation checks for cancellation within.
     context.cancel.check()?;
     let mut report = Report { sources: grammar.sources().clone(), output: derived.output.clone(), ..Report::default() };
-    let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
+    let Drawing { plant, warnings, output } =
+        turtle::draw(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
+    report.output.push_str(&output);
     let modules = derived.module_count();
-    derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
+    derived.warnings.into_iter().chain(warnings).for_each(|d| report.push(d));
     Ok(GrownPlant { plant, report, modules, imported: None, segment: None, clip: None, season: None })
 }
 

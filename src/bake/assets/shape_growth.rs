@@ -202,10 +202,15 @@ fn region(keys: &RegionKeys, site: GrowthSite<'_>) -> Option<Region> {
 }
 
 /// The slabs of the roof of a house, which project from its walls.
-fn roof_regions(solid: &Solid, site: GrowthSite<'_>) -> Vec<Region> {
+pub(crate) fn roof_solids(solid: &Solid) -> Vec<Solid> {
     let Form::Prism(prism) = &solid.form else { return Vec::new() };
     let slab = |form: Prism| Solid { form: Form::Prism(form), ..solid.clone() };
-    roof_slabs(prism).into_iter().map(|form| solid_region(&slab(form), site)).collect()
+    roof_slabs(prism).into_iter().map(slab).collect()
+}
+
+/// The slabs of a roof as obstacles of particle-shapes.
+fn roof_regions(solid: &Solid, site: GrowthSite<'_>) -> Vec<Region> {
+    roof_solids(solid).iter().map(|slab| solid_region(slab, site)).collect()
 }
 
 fn solid_region(solid: &Solid, site: GrowthSite<'_>) -> Region {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::bake::assets::material_set::MaterialSet;
+use crate::bake::assets::shape_growth::roof_solids;
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
 use crate::bake::scene::plant_layout::{Individual, PlantLayout};
 use crate::recipe::scene::{BladeOutline, LeafSeasons, PruneKeys, SiteKeys};
@@ -137,10 +138,11 @@ fn site(keys: &SiteKeys, solids: &[Solid]) -> Site {
     }
 }
 
-/// Solids with the ground under them: the land if it is among them, else the plane y = 0.
+/// Solids, with the roofs of houses, and the ground under them: the land if it is among them, else the plane y = 0.
 pub(crate) fn ground_and_solids(solids: &[Solid]) -> Solids {
     let level = !solids.iter().any(|s| matches!(s.form, Form::Land(_)));
-    Solids::new(solids.to_vec(), level)
+    let roofs = solids.iter().flat_map(roof_solids);
+    Solids::new(solids.iter().cloned().chain(roofs).collect(), level)
 }
 
 /// A cut from the keys; `None` for one that keeps nothing, which resolving has reported.

@@ -527,7 +527,7 @@ impl ItemParser<'_> {
         tokens.iter().map(word).collect::<Vec<_>>().join(" ")
     }
 
-    /// A constant item value, cut to an integer; L001 for a missing or variable one.
+    /// A constant item value, cut to an integer with L008 if it is a fraction; L001 for a missing or variable one.
     fn integer(&mut self, tokens: &[Token], place: SourcePlace) -> Option<i64> {
         if tokens.is_empty() {
             self.session.error("L001", "unexpected end of line, expected a number", place, "after this");
@@ -537,7 +537,13 @@ impl ItemParser<'_> {
         let code: Bytecode = whole_expression(&mut compiler, tokens, place)?;
         match vm::constant_value(&code) {
             #[allow(clippy::cast_possible_truncation, reason = "saturates; ranges are checked by the caller")]
-            Some(v) if v.is_finite() => Some(v.trunc() as i64),
+            Some(v) if v.is_finite() => {
+                if v.fract().abs() > 0.0 {
+                    let message = format!("{v} is no whole number, {} is taken", v.trunc());
+                    self.session.warning("L008", message, place, "write a whole number");
+                }
+                Some(v.trunc() as i64)
+            }
             _ => {
                 self.session.error("L001", "value is not a constant number", place, "here");
                 None

@@ -279,8 +279,16 @@ impl Derivation<'_> {
     }
 }
 
+/// What an interpretation leaves beside the modules that it hands over.
+#[derive(Debug, Clone, Default)]
+pub struct Interpretation {
+    /// Warnings of the homomorphism.
+    pub warnings: Vec<Diagnostic>,
+    /// What `printf` in productions of the homomorphism wrote.
+    pub output: String,
+}
+
 /// Hands every module of the final string to `sink`, expanded by the homomorphism.
-/// Returns warnings.
 /// # Errors
 /// `Input` with L044 or L051 like [`super::derive`].
 pub fn interpret(
@@ -288,7 +296,7 @@ pub fn interpret(
     derived: &DerivedString,
     limits: &Limits,
     mut sink: impl FnMut(Module<'_>),
-) -> Result<Vec<Diagnostic>> {
+) -> Result<Interpretation> {
     interpret_modules(grammar, derived, limits, |m, _| sink(m))
 }
 
@@ -300,7 +308,7 @@ pub fn interpret_modules(
     derived: &DerivedString,
     limits: &Limits,
     mut sink: impl FnMut(Module<'_>, usize),
-) -> Result<Vec<Diagnostic>> {
+) -> Result<Interpretation> {
     let program = &grammar.program;
     let rules = &program.homomorphism;
     // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
@@ -314,7 +322,7 @@ pub fn interpret_modules(
             index += 1;
             ControlFlow::Continue(())
         })?;
-        return Ok(Vec::new());
+        return Ok(Interpretation::default());
     }
     // The machine continues where the derivation ended: same seeds, last step, final values of the global variables.
     let brackets = brackets(program);
@@ -362,7 +370,7 @@ pub fn interpret_modules(
             }
         })?;
         halt.map_or(Ok(()), |h| Err(halted(h)))?;
-        return Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings));
+        return Ok(interpretation(grammar, expander));
     }
     // Neighbours are those of the derived string, which must be stored for them.
     let string = derived.string(grammar, limits)?;
@@ -385,5 +393,11 @@ pub fn interpret_modules(
         }
         i += expander.expand(&view, i, &mut |m| draw(m, i)).map_err(halted)?;
     }
-    Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings))
+    Ok(interpretation(grammar, expander))
+}
+
+/// What the machine of the homomorphism gathered.
+fn interpretation(grammar: &Grammar, expander: Expander<'_>) -> Interpretation {
+    let vm = expander.rewriter.vm;
+    Interpretation { warnings: runtime_diagnostics(grammar, &vm.warnings), output: vm.output }
 }

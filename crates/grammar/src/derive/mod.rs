@@ -14,7 +14,7 @@ mod step;
 mod text;
 mod weighted_text;
 
-pub use expand::{interpret, interpret_modules};
+pub use expand::{Interpretation, interpret, interpret_modules};
 pub use predict::{Prediction, predict};
 pub use queries::{AskTurtle, QueryAnswer, QueryValue, TurtleAnswers, derive_with_queries};
 

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 
 use super::DeriveOptions;
 use crate::code::{Bytecode, Op};
-use crate::grammar::{Grammar, runtime_error};
+use crate::grammar::{Grammar, runtime_error, runtime_report};
 use crate::program::Production;
 use crate::symbols::SymbolId;
 use osier_base::Result;
+use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::{Limits, grouped};
 
 /// Bounds and expected value of the number of modules after some steps, computed without deriving.
@@ -197,8 +198,7 @@ pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOption
     if u64::from(steps) > max_steps {
         let (wanted, limit) = (grouped(u64::from(steps)), grouped(max_steps));
         let message = format!("derivation length {wanted} is above the limit of {limit} steps");
-        let help = "raise it with --max-steps";
-        return Err(runtime_error(grammar, "L050", message, grammar.length_place(), help));
+        return Err(length_error(grammar, options, message, "raise it with --max-steps"));
     }
     let stochastic = options.stochastic.unwrap_or(grammar.program.is_stochastic());
     let m = GrowthMatrix::new(grammar, stochastic);
@@ -213,7 +213,7 @@ pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOption
     let rewritten = m.always_rewritten(grammar);
     for step in 0..=steps {
         if saturating_sum(&v) > limit {
-            return Err(limit_error(grammar, &m, step, steps, limits));
+            return Err(limit_error(grammar, &m, step, options, limits));
         }
         let busy = rewritten.iter().zip(&v).any(|(rewritten, n)| *rewritten && *n > 0);
         let each = if busy { saturating_sum(&v) } else { 0 };
@@ -231,9 +231,22 @@ pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOption
         let message =
             format!("{} steps would rewrite {wanted} modules, the limit is {limit}", grouped(u64::from(steps)));
         let help = "raise it with --max-work, or shorten the derivation";
-        return Err(runtime_error(grammar, "L050", message, grammar.length_place(), help));
+        return Err(length_error(grammar, options, message, help));
     }
     Ok(())
+}
+
+/// L050 at the derivation length of the grammar, or without a place if the options set another one.
+fn length_error(
+    grammar: &Grammar,
+    options: &DeriveOptions,
+    message: String,
+    help: impl Into<String>,
+) -> osier_base::Error {
+    match options.steps {
+        Some(_) => runtime_report(grammar, Diagnostic::about("L050", message).help(help)),
+        None => runtime_error(grammar, "L050", message, grammar.length_place(), help),
+    }
 }
 
 /// A count with grouped digits, as messages print it.
@@ -242,7 +255,14 @@ fn grouped_wide(n: u128) -> String {
 }
 
 /// L050 for a derivation that would exceed the modules allowed; `first_over`: the first step that does.
-fn limit_error(grammar: &Grammar, m: &GrowthMatrix, first_over: u32, steps: u32, limits: &Limits) -> osier_base::Error {
+fn limit_error(
+    grammar: &Grammar,
+    m: &GrowthMatrix,
+    first_over: u32,
+    options: &DeriveOptions,
+    limits: &Limits,
+) -> osier_base::Error {
+    let steps = options.steps.unwrap_or(grammar.program.length);
     let limit = limits.get("modules");
     let count = |step: u32| saturating_sum(&m.counts_after(step));
     // A string that shrinks again is told of with the first step in which it is too long.
@@ -254,14 +274,16 @@ fn limit_error(grammar: &Grammar, m: &GrowthMatrix, first_over: u32, steps: u32,
     let (message, help) = match first_over.checked_sub(1) {
         Some(allowed) => {
             let message = format!("step {step} would make {wanted} modules; --max-modules {limit} allows {allowed}");
-            (message, format!("set the derivation length to {allowed} or less, or raise --max-modules"))
+            // Where the length comes from: the flag or the key of a scene, or the grammar.
+            let length = if options.steps.is_some() { "--steps (or the key 'steps')" } else { "the derivation length" };
+            (message, format!("set {length} to {allowed} or less, or raise --max-modules"))
         }
         None => {
             let message = format!("the axiom has {} modules, more than --max-modules {limit}", grouped_wide(count(0)));
             (message, "shorten the axiom, or raise --max-modules".to_owned())
         }
     };
-    let error = runtime_error(grammar, "L050", message, grammar.length_place(), help);
+    let error = length_error(grammar, options, message, help);
     match (main_production(grammar, m, first_over).filter(|_| first_over > 0), error) {
         (Some(p), osier_base::Error::Input(mut report)) => {
             if let Some(d) = report.diagnostics.pop() {

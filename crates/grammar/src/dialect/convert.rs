@@ -55,6 +55,12 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
             .notes
             .insert("the colours that the file sets are left out; a .map file beside the grammar can give them".into());
     }
+    // In cpfg's notation a string that branches is a tree and no drawing; the only brackets of Fractint are those of branches.
+    if to == ConvertTo::Cpfg && dialect == Dialect::Fractint && writer.has_branches() {
+        let note = "lines that branch become wood: branches thin outwards, and the first one goes on into the ground; skin.bury = 0 \
+                    in a scene ends it where it begins";
+        writer.notes.insert(note.into());
+    }
     if writer.faults.is_empty() {
         Ok(Converted { text, notes: writer.notes.into_iter().collect() })
     } else {
@@ -101,6 +107,13 @@ impl<'g> Writer<'g> {
         let taken = "FfGgDidvMRObcoTspl".chars().collect();
         let (names, images, faults, notes) = (BTreeMap::new(), Vec::new(), Vec::new(), BTreeSet::new());
         Self { grammar, dialect, to, settings, names, taken, images, level: None, faults, notes }
+    }
+
+    /// Whether the axiom or a successor holds a branch.
+    fn has_branches(&self) -> bool {
+        let program = &self.grammar.program;
+        let successors = program.rules.list.iter().map(|p| &p.successor);
+        std::iter::once(&program.axiom).chain(successors).any(|list| list.iter().any(|m| self.c(m.symbol) == '['))
     }
 
     fn c(&self, symbol: SymbolId) -> char {

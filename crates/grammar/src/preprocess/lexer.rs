@@ -115,7 +115,8 @@ fn warn_of_joined_lines(session: &mut ParseSession, source: SourceId, text: &str
 }
 
 /// Is the text a list of modules rather than words? Words have several small letters in a row, outside the parentheses of
-/// parameters. `touches`: it is written without blanks around the `//`, where few write comments.
+/// parameters. `touches`: it follows the `//` without a blank, and no blank stands before the `//` or a module in it has
+/// parameters; few write comments so.
 fn looks_like_modules(text: &str, touches: bool) -> bool {
     let (mut depth, mut small, mut has_turns, mut has_symbols) = (0_u32, 0_u32, false, false);
     let mut before = ' ';
@@ -311,7 +312,8 @@ impl Lexer<'_> {
     /// L014: `//` in a successor before what looks like modules. `glued`: no blank stands before it.
     fn check_hidden_modules(&mut self, start: usize, glued: bool) {
         let rest: String = self.chars[self.i + 2..].iter().map(|c| c.1).take_while(|c| *c != '\n').collect();
-        let touches = glued && rest.starts_with(|c: char| !c.is_whitespace());
+        let has_parameters = rest.as_bytes().windows(2).any(|w| w[0].is_ascii_alphabetic() && w[1] == b'(');
+        let touches = (glued || has_parameters) && rest.starts_with(|c: char| !c.is_whitespace());
         if self.rule != RuleState::Successor || !looks_like_modules(&rest, touches) {
             return;
         }

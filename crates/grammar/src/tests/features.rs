@@ -260,6 +260,17 @@ fn the_homomorphism_of_a_sub_l_system_is_its_own() {
 }
 
 #[test]
+fn fractions_where_whole_numbers_stand_are_told() {
+    let said = |length: &str| {
+        let (_, warnings) = read(&format!("Lsystem: 1\nderivation length: {length}\nAxiom: A\nA --> AF\nendlsystem\n"));
+        warnings.into_iter().filter(|w| w.code == "L008").map(|w| w.message).collect::<Vec<_>>()
+    };
+    assert_eq!(said("2.7"), ["2.7 is no whole number, 2 is taken"]);
+    assert_eq!(said("5/2"), ["2.5 is no whole number, 2 is taken"]);
+    assert!(said("2").is_empty() && said("2.0").is_empty());
+}
+
+#[test]
 fn values_of_every_function_and_operator() {
     for (e, v) in [
         // Precedence from low to high, associativity to the left.

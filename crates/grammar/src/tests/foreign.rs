@@ -83,6 +83,20 @@ fn brackets_of_a_predecessor_are_taken_literally() {
 }
 
 #[test]
+fn choose_draws_from_the_functions_of_cpfg() {
+    // Their first numbers are 0.170828, 0.749902 and 0.0963717.
+    let rule = "A --> B(choose(1,0.18, 2,0.82),choose(1,0.74, 2,0.26),ran(1))";
+    assert_eq!(one_step("", "A", rule), "B(1,2,0.0963717)");
+    let text = format!("Lsystem: 1\nderivation length: 1\nAxiom: AAAAAAAA\n{rule}\nendlsystem\n");
+    let (g, _) = read(&text);
+    let strings = [1, 2].map(|seed| {
+        let options = DeriveOptions { draw_as_cpfg: true, seed, ..Default::default() };
+        g.print(&derive(&g, &options, &Limits::default()).expect("derives").modules)
+    });
+    assert_eq!(strings[0], strings[1], "the seed has no effect");
+}
+
+#[test]
 fn only_the_production_applied_runs_its_last_block() {
     let text = "Lsystem: 1\nStart: { n = 0; }\nSeed: 1\nderivation length: 1\nAxiom: AAAA\nA : * {n = n+1;} --> B\n\
                 A : * {n = n+10;} --> C\nendlsystem\n";
@@ -91,6 +105,22 @@ fn only_the_production_applied_runs_its_last_block() {
     let made = g.print(&d.modules);
     let count = |c: char| made.chars().filter(|x| *x == c).count() as f64;
     assert!((d.globals[0] - (count('B') + 10.0 * count('C'))).abs() < 1e-12, "{made}: {:?}", d.globals);
+}
+
+#[test]
+fn modules_behind_two_slashes_are_told_from_words() {
+    for (rule, is_told) in [
+        ("F(x) --> F(x) //A(x)", true),
+        ("F(x) --> F(x)//A(x)", true),
+        ("F(x) --> F(x) //A(x)B(x)", true),
+        ("F(x) --> F(x) // A(x)", false),
+        ("F(x) --> F(x) //A", false),
+        ("F(x) --> F(x) //grow F(x)", false),
+        ("F(x) --> F(x) //(1)", false),
+    ] {
+        let (_, warnings) = read(&format!("Lsystem: 1\nderivation length: 1\nAxiom: F(1)\n{rule}\nendlsystem\n"));
+        assert_eq!(warnings.iter().any(|w| w.code == "L014"), is_told, "{rule}: {warnings:?}");
+    }
 }
 
 #[test]
@@ -110,6 +140,17 @@ fn printf_writes_to_the_output() {
                  derivation length: 1\nAxiom: A\nendlsystem\n";
     let d = derive(&read(flood).0, &DeriveOptions::default(), &Limits::default()).expect("derives");
     assert!(d.output.len() <= 1 << 20 && d.output.len() > 1_000_000 && d.warnings.iter().any(|w| w.code == "L008"));
+}
+
+#[test]
+fn printf_of_a_homomorphism_writes_while_the_string_is_drawn() {
+    let text = "Lsystem: 1\nderivation length: 1\nAxiom: AA\nA : {printf(\"step\\n\");} 1 --> B\nhomomorphism\n\
+                B : {printf(\"drawn\\n\");} 1 --> F(1)\nendlsystem\n";
+    let (g, _) = read(text);
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(d.output, "step\nstep\n");
+    let drawn = interpret(&g, &d, &Limits::default(), |_| ()).expect("draws");
+    assert_eq!(drawn.output, "drawn\ndrawn\n");
 }
 
 #[test]

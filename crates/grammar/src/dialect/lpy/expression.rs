@@ -86,6 +86,8 @@ struct PyToken {
 #[derive(Debug, Clone, PartialEq)]
 enum PyTokenKind {
     Number(f64),
+    /// A text in quotes, with the number that stands for it.
+    Text(f64),
     Name(String),
     Sign(&'static str),
 }
@@ -124,7 +126,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
                 return Err(Refusal::new("a text in quotes that does not end", at..at + rest.len()));
             };
             // Texts are compared and handed on, no more: a number that no other text has stands for each.
-            out.push(PyToken { kind: PyTokenKind::Number(text_number(&inner[..n])), range: at..at + n + 2 });
+            out.push(PyToken { kind: PyTokenKind::Text(text_number(&inner[..n])), range: at..at + n + 2 });
             i += n + 2;
         } else if let Some(sign) = SIGNS.iter().find(|s| rest.starts_with(**s)) {
             out.push(PyToken { kind: PyTokenKind::Sign(sign), range: at..at + sign.len() });
@@ -135,6 +137,13 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
     }
     Ok(out)
 }
+
+/// Functions whose arguments are numbers, which no text is.
+const OF_NUMBERS: [&str; 28] = [
+    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "radians", "degrees", "sqrt", "exp", "log", "floor", "ceil",
+    "fabs", "abs", "float", "int", "trunc", "round", "pow", "min", "max", "range", "ran", "uniform", "randint",
+    "gauss",
+];
 
 /// The number that stands for a text: whole, above a million, and exact in single precision, so that parameters keep it.
 fn text_number(text: &str) -> f64 {
@@ -188,6 +197,7 @@ impl PyParser {
     fn describe(&self, t: &PyToken) -> String {
         match &t.kind {
             PyTokenKind::Number(n) => format!("'{n}' where an operator is expected"),
+            PyTokenKind::Text(_) => "a text where an operator is expected".into(),
             PyTokenKind::Name(n) if matches!(n.as_str(), "for" | "lambda" | "in" | "is" | "yield" | "await") => {
                 format!("'{n}'")
             }
@@ -212,6 +222,17 @@ impl PyParser {
         match self.tokens.get(self.i).map(|t| &t.kind) {
             Some(PyTokenKind::Name(n)) => Some(n),
             _ => None,
+        }
+    }
+
+    /// Refuses an operand that must be a number and is a text: the tokens from `from` on are that text alone.
+    fn check_number(&self, from: usize) -> Result<(), Refusal> {
+        match self.tokens.get(from) {
+            Some(PyToken { kind: PyTokenKind::Text(_), range }) if self.i == from + 1 => {
+                Err(Refusal::new("a text where a number is expected", range.clone())
+                    .remedy("write the number without quotes; texts can be compared with == and !=, and handed on"))
+            }
+            _ => Ok(()),
         }
     }
 
@@ -286,6 +307,7 @@ impl PyParser {
 
     /// `a < b < c` holds if both comparisons do.
     fn comparison(&mut self) -> Result<PyExpr, Refusal> {
+        let mut from = self.i;
         let mut left = self.sum()?;
         let mut all: Option<PyExpr> = None;
         loop {
@@ -298,8 +320,17 @@ impl PyParser {
                 Some(">=") => PyOp::Ge,
                 _ => return Ok(all.unwrap_or(left)),
             };
+            // Texts are equal or not; their order is not known.
+            let is_order = !matches!(op, PyOp::Eq | PyOp::Ne);
+            if is_order {
+                self.check_number(from)?;
+            }
             self.i += 1;
+            from = self.i;
             let right = self.sum()?;
+            if is_order {
+                self.check_number(from)?;
+            }
             let one = PyExpr::Binary(op, Box::new(left), Box::new(right.clone()));
             all = Some(match all {
                 None => one,
@@ -310,6 +341,7 @@ impl PyParser {
     }
 
     fn sum(&mut self) -> Result<PyExpr, Refusal> {
+        let from = self.i;
         let mut left = self.product()?;
         loop {
             let op = match self.sign() {
@@ -317,12 +349,17 @@ impl PyParser {
                 Some("-") => PyOp::Sub,
                 _ => return Ok(left),
             };
+            self.check_number(from)?;
             self.i += 1;
-            left = PyExpr::Binary(op, Box::new(left), Box::new(self.product()?));
+            let right_from = self.i;
+            let right = self.product()?;
+            self.check_number(right_from)?;
+            left = PyExpr::Binary(op, Box::new(left), Box::new(right));
         }
     }
 
     fn product(&mut self) -> Result<PyExpr, Refusal> {
+        let from = self.i;
         let mut left = self.factor()?;
         loop {
             let op = match self.sign() {
@@ -332,13 +369,18 @@ impl PyParser {
                 Some("%") => PyOp::Mod,
                 _ => return Ok(left),
             };
+            self.check_number(from)?;
             self.i += 1;
-            left = PyExpr::Binary(op, Box::new(left), Box::new(self.factor()?));
+            let right_from = self.i;
+            let right = self.factor()?;
+            self.check_number(right_from)?;
+            left = PyExpr::Binary(op, Box::new(left), Box::new(right));
         }
     }
 
     fn factor(&mut self) -> Result<PyExpr, Refusal> {
         let mut negative = false;
+        let first = self.i;
         loop {
             if self.eat("-") {
                 negative = !negative;
@@ -346,7 +388,11 @@ impl PyParser {
                 break;
             }
         }
+        let from = self.i;
         let e = self.power()?;
+        if from > first {
+            self.check_number(from)?;
+        }
         Ok(if negative { PyExpr::Neg(Box::new(e)) } else { e })
     }
 
@@ -371,7 +417,7 @@ impl PyParser {
         };
         self.i += 1;
         match t.kind {
-            PyTokenKind::Number(n) => Ok(PyExpr::Number(n)),
+            PyTokenKind::Number(n) | PyTokenKind::Text(n) => Ok(PyExpr::Number(n)),
             PyTokenKind::Sign("(") => {
                 let e = self.choice()?;
                 // One value in parentheses is that value; with a comma they hold a list.
@@ -492,7 +538,11 @@ impl PyParser {
     fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
         let mut args = Vec::new();
         while !self.eat(")") {
+            let from = self.i;
             args.push(self.choice()?);
+            if OF_NUMBERS.contains(&name.as_str()) {
+                self.check_number(from)?;
+            }
             if self.word() == Some("for")
                 && args.len() == 1
                 && let Some(value) = args.pop()
@@ -977,6 +1027,16 @@ fn floored(e: &PyExpr, op: PyOp, a: &PyExpr, b: &PyExpr, scope: &Scope) -> Resul
     Ok(PyExpr::Binary(PyOp::Sub, Box::new(a.clone()), Box::new(whole)))
 }
 
+/// `round(a)`: a half above an even number is rounded down, any other half up.
+fn rounded(a: &PyExpr, range: &Range<usize>) -> PyExpr {
+    let half = || Box::new(PyExpr::Number(0.5));
+    let floor = |e: PyExpr| Box::new(PyExpr::Call("floor".into(), vec![e], range.clone()));
+    let part = PyExpr::Binary(PyOp::Mod, Box::new(a.clone()), Box::new(PyExpr::Number(2.0)));
+    let is_above_even = PyExpr::Binary(PyOp::Eq, Box::new(part), half());
+    let up = PyExpr::Binary(PyOp::Add, Box::new(a.clone()), half());
+    PyExpr::Choice(Box::new(is_above_even), floor(a.clone()), floor(up))
+}
+
 /// Angles of Python are in radians, those of the language in degrees.
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
@@ -1033,10 +1093,12 @@ fn emit_call(
             emit(a, scope, ops)?;
             ops.extend([Op::Const(CUT), Op::Binary(BinaryOp::Rem, usize::MAX)]);
         }
-        ("round", [a]) => {
+        // `Trunc` rounds halves up. Python 3 rounds them to the even neighbour; a random number, which must be drawn once, is no half.
+        ("round", [a]) if has_random(a, scope) => {
             emit(a, scope, ops)?;
             ops.push(Op::Unary(UnaryOp::Trunc));
         }
+        ("round", [a]) => emit(&rounded(a, range), scope, ops)?,
         ("pow", [a, b]) => {
             emit(a, scope, ops)?;
             emit(b, scope, ops)?;

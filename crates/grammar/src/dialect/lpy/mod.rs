@@ -431,10 +431,21 @@ impl<'s> Model<'_, 's> {
         number
     }
 
+    /// As [`Self::constant`], cut to an integer with L008 if it is a fraction.
+    fn whole_number(&mut self, value: Piece<'_>) -> Option<f64> {
+        let n = self.constant(value)?;
+        if n.fract().abs() > 0.0 {
+            let message = format!("{n} is no whole number, {} is taken", n.trunc());
+            let place = self.reader.place(value.range());
+            self.reader.session.warning("L008", message, place, "write a whole number");
+        }
+        Some(n.trunc())
+    }
+
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
     fn set_length(&mut self, value: Piece<'_>) {
         let place = self.reader.place(value.range());
-        if let Some(n) = self.constant(value) {
+        if let Some(n) = self.whole_number(value) {
             self.reader.program.length = n.clamp(0.0, 1e6) as u32;
             self.reader.program.length_place = Some(place);
         }
@@ -442,7 +453,7 @@ impl<'s> Model<'_, 's> {
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
     fn set_depth(&mut self, value: Piece<'_>) {
-        let Some(n) = self.constant(value) else { return };
+        let Some(n) = self.whole_number(value) else { return };
         let depth = n.clamp(0.0, 1e6) as u32;
         match self.section {
             Section::Decomposition => self.reader.program.decomposition.depth = depth,

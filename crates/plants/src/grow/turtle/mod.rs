@@ -32,24 +32,42 @@ use interpreter::Turtle;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
-use osier_grammar::{BindingEvaluator, DerivedString, Dialect, Grammar, interpret};
+use osier_grammar::{BindingEvaluator, DerivedString, Dialect, Grammar, Interpretation, interpret};
 use osier_scene::plant::{NONE, Plant};
 
-/// Interprets a derived string.
-/// Returns the plant, validated, and the warnings of the interpretation and of the homomorphism.
+/// A plant that a turtle drew, with what its grammar says meanwhile.
+#[derive(Debug)]
+pub struct Drawing {
+    /// The plant, validated.
+    pub plant: Plant,
+    /// Warnings of the interpretation and of the homomorphism.
+    pub warnings: Vec<Diagnostic>,
+    /// What `printf` in the homomorphism wrote.
+    pub output: String,
+}
+
+/// Interprets a derived string, as [`draw`] does.
+/// Returns the plant and the warnings.
 /// # Errors
-/// `Input` with L043 for a command that is not available, L051 beyond a limit; what `plant::validate` refuses.
-/// Source: cpfg's turtle; frame, turns, taper and tropisms as in the lines of each command.
+/// Those of [`draw`].
 pub fn grow(
     grammar: &Grammar,
     derived: &DerivedString,
     options: &TurtleOptions,
     limits: &Limits,
 ) -> Result<(Plant, Vec<Diagnostic>)> {
+    draw(grammar, derived, options, limits).map(|drawing| (drawing.plant, drawing.warnings))
+}
+
+/// Interprets a derived string.
+/// # Errors
+/// `Input` with L043 for a command that is not available, L051 beyond a limit; what `plant::validate` refuses.
+/// Source: cpfg's turtle; frame, turns, taper and tropisms as in the lines of each command.
+pub fn draw(grammar: &Grammar, derived: &DerivedString, options: &TurtleOptions, limits: &Limits) -> Result<Drawing> {
     // Interpret every module in order; limits and forbidden commands are reported after the last one.
     let bindings = BindingEvaluator::new(grammar, derived, limits);
     let mut turtle = Turtle::new(grammar, bindings, options, limits);
-    let mut warnings = interpret(grammar, derived, limits, |m| turtle.module(m))?;
+    let Interpretation { mut warnings, output } = interpret(grammar, derived, limits, |m| turtle.module(m))?;
     turtle.end();
     warnings.extend(turtle.diagnostics()?);
     warnings.extend(turtle.bindings.warnings(grammar));
@@ -99,7 +117,7 @@ pub fn grow(
         let thin = f64::from(base) < options.shoot_radius;
         axis.material = options.shoot_material.filter(|_| thin).unwrap_or(options.axis_material);
     }
-    Ok((plant, warnings))
+    Ok(Drawing { plant, warnings, output })
 }
 
 /// Symbols that L037 names, those that occur most often first.
