@@ -175,7 +175,7 @@ class Session:
             self._bake_copy(scene, folder, text, ["--search", os.path.dirname(source)])
         else:
             copied = os.path.join(folder, source)
-            self._start("Baking: copying the scene", ["new", copied, "--from", source], lambda job: self._take_copy(job, copied))
+            self._start("Baking: copying the scene", ["new", copied, "--from", source, "--json"], lambda job: self._take_copy(job, copied))
 
     def _take_copy(self, job: Job, copied: str) -> None:
         if job.code != 0 or job.is_cancelled:
@@ -185,8 +185,8 @@ class Session:
         if scene is None:
             self.notes = ["The scene to bake was closed"]
             return
-        name = os.path.basename(copied)
-        text = pathlib.Path(copied, f"{name}.toml").read_text(encoding="utf-8")
+        # The scene is the first file; in its name `poplar-twig` is `poplar_twig`.
+        text = pathlib.Path(json.loads(job.output)["files"][0]).read_text(encoding="utf-8")
         self._bake_copy(scene, copied, text, [])
 
     def _bake_copy(self, scene: bpy.types.Scene, folder: str, text: str, flags: list[str]) -> None:

@@ -346,6 +346,19 @@ def objects_become_solids_and_trees() -> None:
     assert len(scene.osier.objects) == 1
 
 
+def objects_join_presets_with_a_hyphen() -> None:
+    # The scene of the preset `poplar-twig` is copied into a file `poplar_twig.toml`.
+    scene = choose("poplar-twig")
+    bpy.ops.mesh.primitive_cube_add(size=0.2, location=(1, -1, 0.1))
+    bpy.ops.osier.add_objects(role="SOLID")
+    bake()
+    session = part("session").session
+    assert not session.errors, session.errors
+    manifest = json.loads((pathlib.Path(part("session").bake_folder(scene)) / "manifest.json").read_text())
+    names = {a["id"] for a in manifest["assets"]}
+    assert any("cube" in n for n in names) and any("poplar_twig" in n for n in names), names
+
+
 def faces_without_a_material_take_none() -> None:
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     heads = []
@@ -522,6 +535,7 @@ def main() -> None:
         quitting_stops_what_runs,
         errors_are_shown_as_they_are,
         objects_become_solids_and_trees,
+        objects_join_presets_with_a_hyphen,
         faces_without_a_material_take_none,
         hidden_objects_are_exported_as_they_are_shown,
         a_folder_beside_an_unsaved_file_is_not_used,
