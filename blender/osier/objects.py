@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import bpy
 from mathutils import Matrix
 
-from .scene_text import without_table
+from .scene_text import with_headed_tables, without_table
 
 ROLES = [
     ("SOLID", "Solid", "Stops wind, rain and seeds"),
@@ -62,6 +62,9 @@ def write_scene(folder: str, name: str, text: str, given: list[str], plants: lis
             tables.append(f'[plants.{plant}]\nmesh = "{file}"\n\n[[place]]\nplant = "{plant}"\nat = {json.dumps(at)}\nheight_from = "zero"\n')
         else:
             tables.append(f'[[solid]]\nname = "object{number}_{word}"\nshape = "mesh"\nmesh = "{file}"\n')
+    # Tables with headers cannot be added to those that a scene writes inline.
+    for word in ("plants", "place", "solid"):
+        text = with_headed_tables(text, word)
     path = os.path.join(folder, f"{name}.toml")
     pathlib.Path(path).write_text(text.rstrip() + "\n\n" + "\n".join(tables), encoding="utf-8")
     return path

@@ -36,3 +36,16 @@ for terrain in ("terrain = { size = 60, corners = [\n1, 2, 3, 4] }\n", "terrain.
 
 for text in ("", "\n", AFTER, BEFORE, "# only\n# comments"):
     assert scene_text.without_table(text, "terrain") == text, text
+
+INLINE = (
+    'seed = 3\nplace = [ # all\n  { plant = "a", at = [0, 0, 1] }, # one, two\n  { plant = "b # c, d", at = [\n2, 0, 1] },\n] # end\n'
+    'solid = [{ name = "w", size = [1, 2, 3] }]\nplants = { a = { species = "oak", leaf = { blade = "x" } } }\n\n[wind]\nplace = 3\n'
+)
+text = INLINE
+for name in ("plants", "place", "solid"):
+    text = scene_text.with_headed_tables(text, name)
+assert tomllib.loads(text) == tomllib.loads(INLINE), text
+more = tomllib.loads(text + '[[place]]\nplant = "c"\n[[solid]]\nname = "v"\n[plants.c]\nmesh = "c.obj"\n')
+assert [len(more[name]) for name in ("plants", "place", "solid")] == [2, 3, 2], more
+for text in ("", BEFORE, AFTER, "# place = [1]\n"):
+    assert scene_text.with_headed_tables(text, "place") == text, text

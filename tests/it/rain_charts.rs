@@ -168,6 +168,24 @@ fn redrawn(textures: &Path) -> String {
     names.find(|n| n.contains("_chart0")).expect("a texture over the chart")
 }
 
+/// Teeth without a depth of their own do not fold, however many there are.
+#[test]
+fn many_teeth_are_as_shallow_as_they_need_to_be() {
+    let dir = tempfile::tempdir().expect("dir");
+    for keys in ["lobes = 40\nminor_teeth = 0", "lobes = 40\nminor_teeth = 2", "lobes = 60\nminor_teeth = 1"] {
+        let scene = format!(
+            "seed = 5\n[frames]\nend = 2\nfps = 48\n[plants.leaf]\ngrammar = \"rain-twig.l\"\nsteps = 2\n\
+             set = {{ LEAVES = 4, LENGTH = 0.06, GIRTH = 0.003, DROOP = 26, RISE = 88 }}\n[plants.leaf.leaf]\n\
+             blade = \"toothed\"\nsize = 0.09\nwidth = 0.56\ndetail = \"close\"\n{keys}\n[rain]\nfalls = false\n\
+             [output]\nformats = [\"usd\"]\n"
+        );
+        let file = dir.path().join("teeth.toml");
+        fs::write(&file, scene).expect("written");
+        let (_, said) = ends(0, &["check", arg(&file)]);
+        assert!(!said.contains("X022"), "{keys}: {said}");
+    }
+}
+
 /// The leaves of the program's own scenes have texture coordinates that drops can use.
 #[test]
 fn leaves_of_the_paper_have_their_own_charts() {

@@ -355,7 +355,7 @@ pub(crate) fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
         LeafForm::Petal { notch } => LeafForm::Petal { notch: or(keys.depth, notch) },
         other => other,
     };
-    BladeSpec {
+    let mut spec = BladeSpec {
         form,
         teeth,
         length,
@@ -369,7 +369,12 @@ pub(crate) fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
         petiole_radius: or(keys.petiole_radius, base.petiole_radius),
         petiole_flatness: or(keys.petiole_flatness, base.petiole_flatness),
         seed,
+    };
+    // More teeth than the species has are as deep as its own, unless they would fold.
+    if keys.depth.is_none() && (keys.lobes.is_some() || keys.minor_teeth.is_some()) && !has_lobes {
+        spec.teeth.depth = spec.teeth.depth.min(leaf::steepest_teeth(&spec));
     }
+    spec
 }
 
 /// Colours of a leaf blade: those of the species that the key `blade` names, overridden by the keys that are set.

@@ -22,6 +22,7 @@ pub use blade::{BladeDetail, blade};
 pub use compound::{CompoundSpec, compound_leaf};
 pub use maps::{LeafColors, leaf_color_maps, leaf_material};
 pub use needles::{NeedleSpec, needle_shoot};
+pub use outline::steepest_teeth;
 
 use osier_base::{Error, Result};
 

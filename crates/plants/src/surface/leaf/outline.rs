@@ -290,6 +290,24 @@ fn toothed_range(spec: &BladeSpec) -> (f32, f32) {
     }
 }
 
+/// Depth of teeth, share of the width of the blade, up to which their flanks do not fold over each other. Own, from blades of 12 to
+/// 40 teeth: single teeth fold where they are as high as they are long along the margin, or higher, those with two minor ones, which
+/// are half as high, from 1.6 times on.
+#[allow(clippy::cast_precision_loss, reason = "at most 300 teeth")]
+pub fn steepest_teeth(spec: &BladeSpec) -> f32 {
+    const SINGLE: f32 = 0.7;
+    const EACH_MINOR: f32 = 0.35;
+    const MOST: f32 = 1.4;
+    let scale = Vec2::new(spec.width * 0.5, spec.length);
+    let mut draw = Rng::at(spec.seed, &["blade".into(), "right".into()]);
+    let points: Vec<Vec2> = control_points(spec, &mut draw).iter().map(|p| *p * scale).collect();
+    let total = arc_lengths(&spline(&points, 12)).last().copied().unwrap_or(0.0);
+    let (from, to) = toothed_range(spec);
+    let count = spec.teeth.count.max(1) * (spec.teeth.minor + 1);
+    let step = (to - from) * total / count as f32;
+    (SINGLE + EACH_MINOR * spec.teeth.minor as f32).min(MOST) * step / spec.width
+}
+
 /// A margin of teeth that point to the tip, and the indices of the vein tips: with minor teeth every large tooth bears
 /// one, else they are spread over the teeth.
 #[allow(clippy::cast_precision_loss, reason = "at most 60 teeth of 5 points")]
