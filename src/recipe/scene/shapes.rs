@@ -264,6 +264,35 @@ impl Resolver<'_> {
                 self.report.push(d.help(format!("it needs {needs}")));
             }
         }
+        if keys.equations == ShapeEquations::Paper {
+            self.check_paper_keys(keys, table, path);
+        }
+    }
+
+    /// Reports S007 for keys of the motion that the printed equations do not have, where they stand in the same text as the choice of
+    /// these equations: a scene may choose them for a file that was written for the others.
+    fn check_paper_keys(&mut self, keys: &ShapeKeys, table: &TomlTable, path: &str) {
+        let Some(chosen) = span_of(table, &["equations"]) else { return };
+        let rates = [
+            ("spread", &keys.spread),
+            ("coil", &keys.coil),
+            ("gravity", &keys.gravity),
+            ("up", &keys.up),
+            ("light", &keys.light),
+            ("attract", &keys.attract),
+            ("avoid", &keys.avoid),
+            ("climb", &keys.climb),
+        ];
+        for (key, _) in rates.iter().filter(|(_, values)| values.iter().any(|v| *v != 0.0)) {
+            let written = span_of(table, &[*key]).filter(|at| at.source == chosen.source);
+            // A guide without an envelope has been reported.
+            if let Some(at) =
+                written.filter(|at| !self.report.diagnostics.iter().any(|d| d.labels.iter().any(|l| l.0 == *at)))
+            {
+                let d = Diagnostic::warning("S007", format!("{path}.{key} has no effect"), at, "has no effect");
+                self.report.push(d.help("it needs the equations of osier: leave `equations` out"));
+            }
+        }
     }
 
     /// Reports S007 for keys of regions that their shape does not read, as `size` of a sphere.
