@@ -250,6 +250,13 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S003", text, at, "thicker than the base");
             self.report.push(d.help("give radius a larger value than tip_radius"));
         }
+        // Areas below an exponent of 1 would grow faster than the number of tips; a taper may have any.
+        if let Some(exponent) = keys.exponent.filter(|n| *n < 1.0 && keys.radii == ShapeRadii::Pipe) {
+            let text = format!("{path}.exponent is {exponent}; that of the pipe model is at least 1");
+            let at = span("exponent").unwrap_or(self.whole);
+            let d = Diagnostic::error("S003", text, at, "out of range");
+            self.report.push(d.help("write 1 to 6, or take radii = \"taper\""));
+        }
         // Attraction of 0 at every level is the same as none.
         let guided = keys.attract.iter().any(|a| *a != 0.0);
         // The half space of a plane has no bounds in which points could be spread.
