@@ -153,6 +153,24 @@ pub(super) struct LeafMeshes {
     pub most_growth: f32,
 }
 
+impl LeafMeshes {
+    /// How many leaves are written, and how large where that is a part of them.
+    pub(super) fn words(&self, label: &str) -> String {
+        let Self { meshes, blades, most_alive, most_growth } = self;
+        // Up to this factor two decimals show 1.
+        let enlarged = if *most_growth < 1.005 {
+            String::new()
+        } else {
+            format!(", enlarged up to {most_growth:.2} times where not all are written")
+        };
+        let count = meshes.len();
+        format!(
+            "{label}: up to {most_alive} at once are {blades} simpler ones in {count} meshes that morph{enlarged}; USD has all of \
+             every frame"
+        )
+    }
+}
+
 /// A run of shapes in which an instance is the same leaf.
 struct Run {
     id: [u32; 2],
@@ -457,6 +475,17 @@ mod tests {
             budget: leaf_budget(frames.len(), &GltfOptions::default()),
             seed: 0,
         }
+    }
+
+    #[test]
+    fn enlarged_leaves_are_told_where_not_all_are_written() {
+        let said =
+            |most_growth: f32| LeafMeshes { meshes: Vec::new(), blades: 3, most_alive: 8, most_growth }.words("leaves");
+        assert_eq!(
+            said(1.0),
+            "leaves: up to 8 at once are 3 simpler ones in 0 meshes that morph; USD has all of every frame"
+        );
+        assert!(said(1.63).contains("that morph, enlarged up to 1.63 times where not all are written; USD"));
     }
 
     #[test]
