@@ -515,6 +515,25 @@ fn a_tree_close_to_a_wall_lives_on_any_side_of_it() {
 }
 
 #[test]
+fn neighbours_are_felled_in_a_year_of_their_own_tree() {
+    let points = |stand: &str, old: &str| {
+        let scene = assembled(&format!(
+            "[plants.a]\nspecies = \"birch\"\nage = 8\n{stand}[plants.old]\nspecies = \"birch\"\nage = 14\n\
+             [[place]]\nplant = \"a\"\ntogether = true\n{old}"
+        ));
+        let tree = scene.animated.scene.assets.iter().find(|a| a.group == "a").expect("a tree").clone();
+        wood(&tree).count()
+    };
+    // A ring that stands for all of its eight years keeps the tree thin, also where an older tree began six years before it.
+    let ring = "[plants.a.stand]\nradius = 0.5\ndensity = 3\nuntil = 8\n";
+    let old = "[[place]]\nplant = \"old\"\nat = [14, 0, 0]\ntogether = true\n";
+    let free = points("", "");
+    for count in [points(ring, ""), points(ring, old)] {
+        assert!(count * 2 < free, "{count} points of bark, {free} without the ring");
+    }
+}
+
+#[test]
 fn a_tree_under_the_eaves_does_not_grow_through_the_roof() {
     // A roof of 1.5 m over walls of 2.6 m and a depth of 4 m: its slabs, 0.16 m thick, project by 0.35 m.
     let house = Prism::house(Vec3::ZERO, Vec3::new(8.0, 2.6, 4.0), 1.5, 0.0);

@@ -106,6 +106,15 @@ fn faults_that_single_keys_cannot_show_are_told() {
     assert!(sphere.contains("S007") && sphere.contains("envelope.0.size") && sphere.contains("reads at, radius"));
     assert!(with("radii = \"cone\"\nratios = [[0.8, 1], [1.2, 1]]\n").contains("would widen upwards"));
     assert!(with("length = [1, 2, 3, 4, 5, 6, 7, 8, 9]\n").contains("1 to 8"));
+    assert!(with("exponent = 0.5\n").contains("that of the pipe model is at least 1"));
+    assert_eq!(with("radii = \"taper\"\nexponent = 0.5\n"), "");
+    // The printed equations have no tropisms; keys of a file that was written for the others are not reported.
+    for key in ["gravity", "up", "light", "coil", "climb", "spread"] {
+        let said = with(&format!("equations = \"paper\"\n{key} = 1\n"));
+        assert!(said.contains("S007") && said.contains(&format!("growth.{key} has no effect")), "{key}: {said}");
+    }
+    let said = with("equations = \"paper\"\ngravity = 0\n");
+    assert!(!said.contains("S007"), "{said}");
     let twice = "solids = true\n[[solid]]\nsize = [1, 2, 1]\nat = [3, 0, 0]\n[[place]]\ncount = 3\nindividuals = 1\n";
     assert!(with(twice).contains("individuals = 3"), "{}", with(twice));
     let rain = "[rain]\n[frames]\nend = 4\n";

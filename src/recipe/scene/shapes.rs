@@ -250,6 +250,13 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S003", text, at, "thicker than the base");
             self.report.push(d.help("give radius a larger value than tip_radius"));
         }
+        // Areas below an exponent of 1 would grow faster than the number of tips; a taper may have any.
+        if let Some(exponent) = keys.exponent.filter(|n| *n < 1.0 && keys.radii == ShapeRadii::Pipe) {
+            let text = format!("{path}.exponent is {exponent}; that of the pipe model is at least 1");
+            let at = span("exponent").unwrap_or(self.whole);
+            let d = Diagnostic::error("S003", text, at, "out of range");
+            self.report.push(d.help("write 1 to 6, or take radii = \"taper\""));
+        }
         // Attraction of 0 at every level is the same as none.
         let guided = keys.attract.iter().any(|a| *a != 0.0);
         // The half space of a plane has no bounds in which points could be spread.
@@ -262,6 +269,35 @@ impl Resolver<'_> {
             if let Some(at) = span(key).filter(|_| useless) {
                 let d = Diagnostic::warning("S007", format!("{path}.{key} has no effect"), at, "has no effect");
                 self.report.push(d.help(format!("it needs {needs}")));
+            }
+        }
+        if keys.equations == ShapeEquations::Paper {
+            self.check_paper_keys(keys, table, path);
+        }
+    }
+
+    /// Reports S007 for keys of the motion that the printed equations do not have, where they stand in the same text as the choice of
+    /// these equations: a scene may choose them for a file that was written for the others.
+    fn check_paper_keys(&mut self, keys: &ShapeKeys, table: &TomlTable, path: &str) {
+        let Some(chosen) = span_of(table, &["equations"]) else { return };
+        let rates = [
+            ("spread", &keys.spread),
+            ("coil", &keys.coil),
+            ("gravity", &keys.gravity),
+            ("up", &keys.up),
+            ("light", &keys.light),
+            ("attract", &keys.attract),
+            ("avoid", &keys.avoid),
+            ("climb", &keys.climb),
+        ];
+        for (key, _) in rates.iter().filter(|(_, values)| values.iter().any(|v| *v != 0.0)) {
+            let written = span_of(table, &[*key]).filter(|at| at.source == chosen.source);
+            // A guide without an envelope has been reported.
+            if let Some(at) =
+                written.filter(|at| !self.report.diagnostics.iter().any(|d| d.labels.iter().any(|l| l.0 == *at)))
+            {
+                let d = Diagnostic::warning("S007", format!("{path}.{key} has no effect"), at, "has no effect");
+                self.report.push(d.help("it needs the equations of osier: leave `equations` out"));
             }
         }
     }

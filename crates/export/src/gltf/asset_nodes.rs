@@ -222,16 +222,12 @@ impl GltfDocument<'_> {
     /// The leaves of a growing plant as meshes that morph, with X003, which tells how many are written and how large.
     fn add_growing_leaves(&mut self, nodes: &mut AssetNodes, asset: &Asset, leaves: &LeafShapes) -> Result<()> {
         let label = format!("asset {}, leaves", asset.id);
-        let LeafMeshes { meshes, blades, most_alive, most_growth } = leaves.meshes(asset, &label)?;
-        if meshes.is_empty() {
+        let leaves = leaves.meshes(asset, &label)?;
+        if leaves.meshes.is_empty() {
             return Ok(());
         }
-        let message = format!(
-            "{label}: up to {most_alive} at once are {blades} simpler ones in {} meshes that morph, enlarged up to {most_growth:.2} \
-             times where not all are written; USD has all of every frame",
-            meshes.len()
-        );
-        self.warnings.push(Warning { code: "X003", message });
+        self.warnings.push(Warning { code: "X003", message: leaves.words(&label) });
+        let LeafMeshes { meshes, .. } = leaves;
         for (k, LeafMesh { mesh, frames, shapes, blends }) in meshes.into_iter().enumerate() {
             let shape = |points| MorphShape { points, normals: Vec::new(), unseen: Vec::new() };
             let shapes: Vec<MorphShape> = shapes.into_iter().map(shape).collect();

@@ -43,6 +43,10 @@ const VERTEX_BYTES: usize = 20;
 /// Most shapes of a blade. Own: a mesh has a target for each shape of its run, so longer runs are divided. Between the two shapes
 /// at which a run is divided one blade shrinks while the next grows; leaves are divided at different shapes.
 const LONGEST_RUN: usize = 6;
+/// Targets of a blade, and shapes of the clip for each blade of an instance, for estimates. Own: leaves of birches and oaks of 8 to 20
+/// years over 8 to 48 frames take 0.93 to 1.12 times what follows from these numbers.
+const TARGETS_OF_A_BLADE: usize = 2;
+const SHAPES_PER_BLADE: u64 = 11;
 /// Parts of the time between a shape in which blades are points and one in which they are leaves at which their size is that part
 /// of the leaf's: the square of the part. Own: between these keys the area is at most 0.016 of the leaf's off a linear change.
 const APPEARING_SIZES: [f32; 3] = [0.25, 0.5, 0.75];
@@ -151,6 +155,24 @@ pub(super) struct LeafMeshes {
     /// Largest number of leaves that are alive in a shape, and largest factor by which those written are enlarged.
     pub most_alive: usize,
     pub most_growth: f32,
+}
+
+impl LeafMeshes {
+    /// How many leaves are written, and how large where that is a part of them.
+    pub(super) fn words(&self, label: &str) -> String {
+        let Self { meshes, blades, most_alive, most_growth } = self;
+        // Up to this factor two decimals show 1.
+        let enlarged = if *most_growth < 1.005 {
+            String::new()
+        } else {
+            format!(", enlarged up to {most_growth:.2} times where not all are written")
+        };
+        let count = meshes.len();
+        format!(
+            "{label}: up to {most_alive} at once are {blades} simpler ones in {count} meshes that morph{enlarged}; USD has all of \
+             every frame"
+        )
+    }
 }
 
 /// A run of shapes in which an instance is the same leaf.
@@ -432,13 +454,15 @@ fn leaf_budget(frames: usize, options: &GltfOptions) -> LeafBudget {
 /// Estimated bytes of the shapes of so many growing leaves over so many frames.
 pub(super) fn estimate(leaves: u64, frames: u64, options: &GltfOptions) -> u64 {
     let LeafBudget { shapes, position, .. } = leaf_budget(limit(frames), options);
-    // If every leaf had a blade in every shape.
-    let all = leaves.saturating_mul((BLADE_VERTICES * (VERTEX_BYTES + position * (shapes + 1))) as u64);
+    // An instance is one blade after the other, each at rest and in its targets.
+    let blade = BLADE_VERTICES * (VERTEX_BYTES + position * (1 + TARGETS_OF_A_BLADE));
+    let all = leaves.saturating_mul((blade * (shapes + 1)) as u64) / SHAPES_PER_BLADE;
     all.min(LEAF_BUDGET as u64)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::options::Profile;
     use super::*;
 
     fn recorded(frames: &[&[(u32, f32)]]) -> LeafShapes {
@@ -457,6 +481,30 @@ mod tests {
             budget: leaf_budget(frames.len(), &GltfOptions::default()),
             seed: 0,
         }
+    }
+
+    #[test]
+    fn estimates_are_near_the_bytes_of_grown_trees() {
+        let options = GltfOptions { quantize: true, profile: Profile::Web, ..GltfOptions::default() };
+        // Instances, frames and bytes of leaves of birches of 20, 12 and 10 years and of an oak of 8, without compression.
+        for (leaves, frames, bytes) in
+            [(46_608, 24, 17_515_808.0), (3_845, 48, 1_721_808.0), (2_641, 8, 377_824.0), (4_099, 24, 1_533_876.0)]
+        {
+            let ratio = estimate(leaves, frames, &options) as f64 / bytes;
+            assert!((0.85..1.15).contains(&ratio), "{leaves} leaves over {frames} frames: {ratio}");
+        }
+        assert_eq!(estimate(10_000_000, 24, &options), LEAF_BUDGET as u64);
+    }
+
+    #[test]
+    fn enlarged_leaves_are_told_where_not_all_are_written() {
+        let said =
+            |most_growth: f32| LeafMeshes { meshes: Vec::new(), blades: 3, most_alive: 8, most_growth }.words("leaves");
+        assert_eq!(
+            said(1.0),
+            "leaves: up to 8 at once are 3 simpler ones in 0 meshes that morph; USD has all of every frame"
+        );
+        assert!(said(1.63).contains("that morph, enlarged up to 1.63 times where not all are written; USD"));
     }
 
     #[test]

@@ -50,6 +50,7 @@ pub fn fill(
             axis.parent = ROOT;
         }
     }
+    take_pace(plant, &mut grown.axes);
     insert(plant, &parents, &grown.axes, &hosts, params)?;
     // As on a plant of its own, twigs of the last level bear leaves whatever their radius.
     let twigs = grown.axes.iter().filter(|a| a.level + 1 == params.limits.levels);
@@ -59,6 +60,39 @@ pub fn fill(
     });
     finish(plant, materials)?;
     Ok(report)
+}
+
+/// Turns the growth times of twigs since their start, t, into shares of the time of the plant, in which their start is given: on
+/// average a twig lengthens as fast as the plant, whose longest path takes its whole time. A plant without times is left as it is.
+fn take_pace(plant: &Plant, twigs: &mut [ShapeAxis]) {
+    // The longest way from the ground along the axes, m; parents come before what they bear.
+    let mut starts = vec![0.0_f64; plant.axes.len()];
+    let mut longest = 0.0_f64;
+    for (i, axis) in plant.axes.iter().enumerate() {
+        if axis.parent != NONE {
+            starts[i] = starts[axis.parent as usize] + f64::from(axis.parent_s);
+        }
+        longest = longest.max(starts[i] + f64::from(axis.length));
+    }
+    // Length and time of all twigs: their mean speed, m/t.
+    let (mut length, mut time) = (0.0, 0.0);
+    for (first, last) in twigs.iter().filter_map(|a| a.nodes.first().zip(a.nodes.last())) {
+        length += last.s - first.s;
+        time += last.time - first.time;
+    }
+    if !plant.nodes.birth.iter().any(|b| *b > 0.0) || longest <= 0.0 || time <= 0.0 {
+        return;
+    }
+    let share = length / time / longest;
+    let mut begins = vec![0.0; twigs.len()];
+    for i in depth_first(twigs) {
+        let twig = &mut twigs[i];
+        let own = twig.nodes.first().map_or(0.0, |n| n.time);
+        begins[i] = if twig.parent == ROOT { own } else { begins[twig.parent] };
+        for node in &mut twig.nodes {
+            node.time = begins[i] + (node.time - begins[i]) * share;
+        }
+    }
 }
 
 /// An axis of the plant as a grown one; it has sites only if it is a stem that bears no axes.
@@ -101,7 +135,7 @@ fn insert(
     params: &ShapeParams,
 ) -> Result<()> {
     let mut old = std::mem::take(plant);
-    // Twigs begin at the times of the nodes that bear them, 0..1, and end later: the times of the whole plant become shares of the
+    // Twigs begin at the times of the nodes that bear them, 0..1, and may end later: the times of the whole plant become shares of the
     // last of all. A plant without times gets none, so that a clip still grows it by its path lengths.
     let last = if old.nodes.birth.iter().any(|b| *b > 0.0) { last_time(twigs).max(1.0) } else { 0.0 };
     if last > 0.0 {

@@ -737,6 +737,39 @@ fn twigs_of_a_filled_plant_grow_no_earlier_than_the_wood_that_bears_them() {
 }
 
 #[test]
+fn twigs_of_a_filled_plant_grow_at_its_pace() {
+    let before = bare_plant();
+    let mut twigs = params();
+    twigs.limits.levels = 2;
+    twigs.limits.length = [1.0, 0.2].into();
+    let path = before.axes.iter().fold(vec![(0.0, 0.0)], |mut list, axis| {
+        let parent = if axis.parent == osier_scene::plant::NONE { 0.0 } else { list[axis.parent as usize + 1].0 };
+        let start = parent + axis.parent_s;
+        list.push((start, start + axis.length));
+        list
+    });
+    let longest = path.iter().fold(0.0_f32, |m, p| m.max(p.1));
+    // Whatever the unit of time of the twigs is.
+    for speed in [0.05, 1.0] {
+        twigs.motion.speed = [speed].into();
+        let mut plant = before.clone();
+        fill(&mut plant, &twigs, None, &materials()).expect("fills");
+        let (mut length, mut time) = (0.0, 0.0);
+        for axis in plant.axes.iter().filter(|a| before.axes.iter().all(|b| b.id != a.id)) {
+            let nodes = plant.nodes_of(axis);
+            length += axis.length;
+            time += plant.nodes.birth[nodes.end - 1] - plant.nodes.birth[nodes.start];
+        }
+        // The times of the whole plant are shares of that of the last twig.
+        let pace = time * longest / length;
+        assert!(
+            length > 1.0 && (0.6..1.05).contains(&pace),
+            "{length} m of twigs grow at {pace} of the pace of the plant"
+        );
+    }
+}
+
+#[test]
 fn filling_a_leafy_plant_keeps_its_leaves_and_doubles_none() {
     let mut leafy = params();
     leafy.limits.levels = 2;

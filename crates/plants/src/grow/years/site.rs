@@ -42,7 +42,7 @@ pub struct Neighbours {
     pub radius: f32,
     /// Leaf area per volume, m2/m3.
     pub density: f32,
-    /// Year of the field of light in which they are felled: the age of its oldest tree.
+    /// Year of the tree's life in which they are felled.
     pub until: f32,
 }
 

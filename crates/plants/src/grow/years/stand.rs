@@ -65,7 +65,6 @@ impl<'a> Stand<'a> {
 
     /// The field of light from the leaves of last year.
     fn light(&mut self) -> LightField {
-        let year = self.year;
         let solids = self.site.solids.as_deref();
         // Box of all living wood, of neighbours and of solids that shade it.
         let mut bounds = Bounds::default();
@@ -74,7 +73,7 @@ impl<'a> Stand<'a> {
             let living = tree.living_bounds();
             heights.push(living.max.y.max(0.0));
             bounds = bounds.union(Bounds { min: living.min + tree.offset, max: living.max + tree.offset });
-            if let Some(ring) = tree.neighbours.filter(|ring| (year as f32) < ring.until) {
+            if let Some(ring) = tree.neighbours.filter(|ring| (tree.year as f32) < ring.until) {
                 let b = ring.bounds(living.max.y);
                 bounds = bounds.union(Bounds { min: b.min + tree.offset, max: b.max + tree.offset });
             }
@@ -83,11 +82,11 @@ impl<'a> Stand<'a> {
             bounds = Bounds { min: Vec3::ZERO, max: Vec3::ZERO };
         }
         let grid = Grid::over(with_shading_solids(bounds, solids, self.anchor));
-        // Neighbours shade until the year in which they are felled.
+        // Neighbours shade until the year of the tree in which they are felled.
         let mut areas = LeafAreas::new(grid);
         for (tree, height) in self.trees.iter().zip(&heights) {
             tree.deposit_leaves(&mut areas);
-            if let Some(ring) = tree.neighbours.filter(|ring| (year as f32) < ring.until) {
+            if let Some(ring) = tree.neighbours.filter(|ring| (tree.year as f32) < ring.until) {
                 ring.deposit(&mut areas, tree.offset, *height, tree.habit.extinction);
             }
         }
