@@ -377,7 +377,7 @@ pub fn check_lattice(recipe: &Recipe, solids: &[Solid], context: &BakeContext<'_
     }
     let options = lattice_options(recipe);
     if LatticeMemory::estimate(&options).total() > MAX_CHECKED_BYTES {
-        push_warnings(&LatticeSolver::check_options(&options, context.limits)?, report);
+        push_warnings(&LatticeSolver::check_options(&options, solids, context.limits)?, report);
     } else {
         report_warnings(&LatticeSolver::new(&options, solids, context.limits)?, report);
     }

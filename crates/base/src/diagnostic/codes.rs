@@ -135,6 +135,7 @@ pub const CODES: &[Code] = &[
     row("S036", Warning, "a tree died for lack of light, or of a cut"),
     row("S037", Warning, "plants stand beyond the edge of the terrain"),
     row("S038", Warning, "a clear stem leaves a tree or a hedge no branches"),
+    row("S039", Error, "a solid crosses one of two sides of the lattice wind that are joined"),
     row("S040", Warning, "the torsional stiffness of a rod is below that of its material"),
     row("S041", Warning, "the integrator is not stable or not accurate for a rod of this stiffness"),
     row("S042", Warning, "no rest shape found for the weight of a rod; its own weight is ignored"),

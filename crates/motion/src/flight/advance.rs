@@ -9,6 +9,7 @@ use super::present_states::PresentStates;
 use super::release::WindRelease;
 use super::{CATKINS_PER_TASK, FlightSimulation, ReleaseCondition};
 use crate::flight::tuning::{CLUSTER_SPIN_TIME, CLUSTERS_PER_TASK, MAX_CLUSTER_SPIN, MAX_WIND_SAMPLES};
+use osier_base::math::narrow;
 use osier_wind::Wind;
 
 /// Carrying velocity at a point, m/s: wind, updraft less settling, and glide along the tilted tuft.
@@ -16,6 +17,12 @@ fn carrying_velocity(air: Vec3, tuft: Vec3, fall: f64, glide: f64, lift: f64) ->
     // Only the horizontal part of the tuft's axis makes it glide.
     let level = Vec3::new(tuft.x, 0.0, tuft.z).as_dvec3();
     air.as_dvec3() + DVec3::Y * (lift - fall) + level * (glide * fall)
+}
+
+/// Velocity of the air relative to a body that has settled in a wind of constant `acceleration`, m/s^2, without glide, in m/s:
+/// it lags behind the air by its time constant `tau`, s.
+fn lasting_flow(acceleration: Vec3, tau: f64, fall: f64, lift: f64) -> Vec3 {
+    (acceleration.as_dvec3() * tau + DVec3::Y * (fall - lift)).as_vec3()
 }
 
 /// Exact relaxation of one body towards a carrying velocity over half a step and over a whole one. `tau`: time constant, s.
@@ -103,16 +110,20 @@ impl FlightSimulation {
             // Midpoint rule with exact relaxation: half a step with the wind here, then a whole step with the wind there.
             // The difference v - u to the carrying velocity u decays as exp(-dt / tau), tau = settling speed / g.
             wind.sample(&places, t, &mut air);
+            let mut middle_air = air.clone();
             for ((c, place), air) in those.iter().zip(&mut places).zip(&air) {
                 *place = step(c).half_step(c.x, c.v, pull(c, *air, t)).as_vec3();
             }
-            wind.sample(&places, t + dt / 2.0, &mut air);
+            wind.sample(&places, t + dt / 2.0, &mut middle_air);
             let (mut landed, mut escaped) = (Vec::new(), Vec::new());
-            for (c, air) in those.iter_mut().zip(&air) {
+            for (c, (before, air)) in those.iter_mut().zip(air.iter().zip(&middle_air)) {
                 let (way, v) = step(c).full_step(c.v, pull(c, *air, t + dt / 2.0));
                 // Sweep the ball along its displacement: the first contact ends the flight.
                 let path = SweptBall { from: c.x, way, radius: c.radius };
-                c.flow = *air - v.as_vec3();
+                // The wind on its way, taken to change evenly over the step, for tumbling.
+                let acceleration = (*air - *before) * (2.0 / narrow(dt));
+                c.lasting_flow =
+                    lasting_flow(acceleration, options.relaxation_time(c.fall), c.fall, c.lift_at(t + dt / 2.0));
                 let landing = path.sweep(solids);
                 c.travel += landing.at - c.x;
                 (c.x, c.v) = (landing.at, v);
@@ -204,7 +215,7 @@ impl FlightSimulation {
         let mean = air.iter().copied().sum::<Vec3>() / air.len().max(1) as f32;
         let (mut momentum, mut inertia) = (Vec3::ZERO, glam::Mat3::ZERO);
         for (i, u) in probe.iter().zip(air) {
-            let m = osier_base::math::narrow(self.catkin(cluster.members[*i]).mass / cluster.mass);
+            let m = narrow(self.catkin(cluster.members[*i]).mass / cluster.mass);
             let r = cluster.offsets[*i].as_vec3();
             momentum += r.cross(*u - mean) * m;
             let outer = glam::Mat3::from_cols(r * r.x, r * r.y, r * r.z);
@@ -219,8 +230,7 @@ impl FlightSimulation {
         let whole = inertia + glam::Mat3::IDENTITY * (trace * 1e-3);
         let wanted = (whole.inverse() * momentum).clamp_length_max(MAX_CLUSTER_SPIN);
         // Relax towards the target rate exactly, for any step.
-        let share =
-            1.0 - osier_base::math::exp_f32(-osier_base::math::narrow(self.options.time_step()) / CLUSTER_SPIN_TIME);
+        let share = 1.0 - osier_base::math::exp_f32(-narrow(self.options.time_step()) / CLUSTER_SPIN_TIME);
         cluster.omega + (wanted - cluster.omega) * share
     }
 }

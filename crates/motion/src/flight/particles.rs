@@ -57,7 +57,7 @@ pub(super) const NO_TARGET: u32 = u32::MAX;
 /// One catkin. Its index is its position among the starts.
 ///
 /// Fields are grouped by cache lines of 64 bytes, since a step over many catkins is bound by memory: the contact
-/// search reads the first line only, tumbling the first and third, flight all three.
+/// search reads the first line only, tumbling the first, third and fourth, flight the first four.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct Catkin {
@@ -86,12 +86,14 @@ pub struct Catkin {
     pub(super) omega: Vec3,
     /// Random angular acceleration, rad/s^2.
     pub(super) random_torque: Vec3,
-    /// Velocity of the air relative to it, m/s.
+    /// Velocity of the air relative to it at the end of the last step, m/s.
     pub(super) flow: Vec3,
     /// Number of times that it was recycled; part of the address of its random draws.
     pub(super) generation: u32,
     pub(super) fall: f64,
 
+    /// Velocity of the air relative to it that it would keep in this step without glide, m/s: `flow` relaxes towards it.
+    pub(super) lasting_flow: Vec3,
     pub(super) scale: f32,
     pub(super) kind: u16,
     /// Whether it is hidden at the position where it will reenter.
@@ -183,6 +185,7 @@ impl Catkin {
             moved: false,
             wait: start.wait,
             flow: Vec3::ZERO,
+            lasting_flow: Vec3::ZERO,
         }
     }
 

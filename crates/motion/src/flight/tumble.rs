@@ -5,19 +5,25 @@ use glam::{Quat, Vec3};
 use super::particles::{Catkin, CatkinState, flutter_key, flutter_seed};
 use super::{CATKINS_PER_TASK, FlightSimulation};
 use crate::flight::tuning::{
-    AXIAL_SPIN, AXIAL_SPIN_TIME, DAMPING_RATIO, MAX_SPIN, RANDOM_TORQUE, RANDOM_TORQUE_TIME, REST_DAMPING_TIME,
-    SWING_HZ,
+    AXIAL_SPIN, AXIAL_SPIN_TIME, DAMPING_RATIO, MAX_SPIN, MAX_TUMBLE_STEP, RANDOM_TORQUE, RANDOM_TORQUE_TIME,
+    REST_DAMPING_TIME, SWING_HZ,
 };
 use osier_base::math::narrow;
 use osier_base::rng;
 
 /// Constants of one step of tumbling; pairs are the factor that is kept and the strength of the noise that is added.
 struct TumbleStep {
+    /// Length of the step of the flight, s, and the number and length, s, of the parts in which tufts rotate.
     dt: f32,
+    parts: u16,
+    part: f32,
     random_torque: [f32; 2],
     spin: [f32; 2],
     rest: f32,
     flutter: f32,
+    glide: f32,
+    /// Relaxation time over settling speed, s^2/m.
+    time_per_speed: f32,
     /// Random key of this flight's tumbling.
     key: u64,
     step: u64,
@@ -25,44 +31,87 @@ struct TumbleStep {
     now: f64,
 }
 
+/// How the relative wind at a body relaxes within a part of a step.
+#[derive(Debug, Clone, Copy)]
+struct FlowDecay {
+    /// exp(-h/tau) over a part of h seconds.
+    end: f32,
+    /// Mean of exp(-t/tau) over the part.
+    mean: f32,
+}
+
+impl FlowDecay {
+    fn new(h: f32, tau: f32) -> Self {
+        // Without inertia the relative wind is the lasting one at once.
+        if tau <= 0.0 {
+            return Self { end: 0.0, mean: 0.0 };
+        }
+        let end = osier_base::math::exp_f32(-h / tau);
+        Self { end, mean: (1.0 - end) * tau / h }
+    }
+}
+
 impl TumbleStep {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     fn new(flights: &FlightSimulation) -> Self {
-        let dt = narrow(flights.options.time_step());
+        let options = &flights.options;
+        let (dt, flutter) = (narrow(options.time_step()), narrow(options.flutter));
         let keeps = |time: f32| osier_base::math::exp_f32(-dt / time);
         // Ornstein-Uhlenbeck step: keep exp(-dt/T), add sqrt(1 - keep^2) times the strength.
         let pair = |time: f32, strength: f32| {
             let keep = keeps(time);
-            [keep, strength * narrow(flights.options.flutter) * osier_base::math::sqrt_f32(1.0 - keep * keep)]
+            [keep, strength * flutter * osier_base::math::sqrt_f32(1.0 - keep * keep)]
         };
+        // 1e-6: a step as long as the longest is not divided for rounding.
+        let parts = (options.time_step() / MAX_TUMBLE_STEP - 1e-6).ceil().clamp(1.0, 1000.0) as u16;
         Self {
             dt,
+            parts,
+            part: dt / f32::from(parts),
             random_torque: pair(RANDOM_TORQUE_TIME, RANDOM_TORQUE),
             spin: pair(AXIAL_SPIN_TIME, AXIAL_SPIN),
             rest: keeps(REST_DAMPING_TIME),
-            flutter: narrow(flights.options.flutter),
-            key: flutter_seed(flights.options.seed),
+            flutter,
+            glide: narrow(options.glide),
+            time_per_speed: narrow(options.relaxation_time(1.0)),
+            key: flutter_seed(options.seed),
             step: flights.step,
-            now: flights.seconds() + flights.options.time_step(),
+            now: flights.seconds() + options.time_step(),
         }
     }
 
+    /// Rotates an airborne single by one step of the flight, in parts.
     fn tumble(&self, c: &mut Catkin) {
-        let tuft = c.tuft();
-        let speed = c.flow.length();
-        let along = if speed < 0.05 { Vec3::Y } else { c.flow / speed };
-        // Torsional pendulum about the direction of the relative wind; its frequency grows with the wind speed.
-        let pace = (speed / narrow(c.fall).max(1e-6)).clamp(0.3, 3.0);
-        let omega_n = std::f32::consts::TAU * SWING_HZ * pace * self.flutter;
+        let fall = narrow(c.fall);
+        let decay = FlowDecay::new(self.part, self.time_per_speed * fall);
         let (a, b) = unit_noise(rng::child(flutter_key(self.key, c.id, c.generation), self.step));
-        // Ornstein-Uhlenbeck noise: an exact step with correlation time and variance that do not depend on the step.
-        c.random_torque = c.random_torque * self.random_torque[0] + a * self.random_torque[1];
-        // Free, slow spin about the tuft's axis; oscillation across it.
-        let spin = c.omega.dot(tuft) * self.spin[0] + b * self.spin[1];
-        let across = c.omega - tuft * c.omega.dot(tuft);
-        let torque = tuft.cross(along) * (omega_n * omega_n) + c.random_torque;
-        let damped = (across + (torque - tuft * torque.dot(tuft)) * self.dt)
-            * osier_base::math::exp_f32(-2.0 * DAMPING_RATIO * omega_n * self.dt);
-        c.omega = (damped + tuft * spin).clamp_length_max(MAX_SPIN);
+        // Ornstein-Uhlenbeck noise: an exact step with correlation time and variance that do not depend on the step. Within the
+        // step the torque changes evenly.
+        let torque_before = c.random_torque;
+        c.random_torque = torque_before * self.random_torque[0] + a * self.random_torque[1];
+        let spin = c.omega.dot(c.tuft()) * self.spin[0] + b * self.spin[1];
+        for part in 0..self.parts {
+            let tuft = c.tuft();
+            // The relative wind v - u relaxes towards the lasting one, less the glide of the tuft as it is now; it acts with its
+            // mean over the part.
+            let lasting = c.lasting_flow - Vec3::new(tuft.x, 0.0, tuft.z) * (self.glide * fall);
+            let lag = c.flow - lasting;
+            let flow = lasting + lag * decay.mean;
+            c.flow = lasting + lag * decay.end;
+            let speed = flow.length();
+            let along = if speed < 0.05 { Vec3::Y } else { flow / speed };
+            // Torsional pendulum about the direction of the relative wind; its frequency grows with the wind speed.
+            let pace = (speed / fall.max(1e-6)).clamp(0.3, 3.0);
+            let omega_n = std::f32::consts::TAU * SWING_HZ * pace * self.flutter;
+            let random = torque_before.lerp(c.random_torque, (f32::from(part) + 0.5) / f32::from(self.parts));
+            // Oscillation across the tuft's axis; free, slow spin about it.
+            let across = c.omega - tuft * c.omega.dot(tuft);
+            let torque = tuft.cross(along) * (omega_n * omega_n) + random;
+            let damped = (across + (torque - tuft * torque.dot(tuft)) * self.part)
+                * osier_base::math::exp_f32(-2.0 * DAMPING_RATIO * omega_n * self.part);
+            c.omega = (damped + tuft * spin).clamp_length_max(MAX_SPIN);
+            c.q = rotate_by(c.q, c.omega * self.part);
+        }
     }
 }
 
@@ -79,18 +128,18 @@ impl FlightSimulation {
         osier_base::par::par_each(&mut chunks, |chunk| {
             for c in chunk.iter_mut() {
                 match c.state {
-                    // Set above, from its cluster.
-                    CatkinState::Airborne if c.clustered => {}
+                    // The angular velocity is set above, from its cluster.
+                    CatkinState::Airborne if c.clustered => c.q = rotate_by(c.q, c.omega * tumble.dt),
                     CatkinState::Airborne => tumble.tumble(c),
                     _ => {
                         c.omega *= tumble.rest;
-                        if c.state.is_deposited() && c.rested < 0.0 {
-                            c.rested = tumble.now;
+                        if c.state.is_deposited() {
+                            c.q = rotate_by(c.q, c.omega * tumble.dt);
+                            if c.rested < 0.0 {
+                                c.rested = tumble.now;
+                            }
                         }
                     }
-                }
-                if c.state.is_seen() {
-                    c.q = rotate_by(c.q, c.omega * tumble.dt);
                 }
             }
         });

@@ -121,5 +121,9 @@ pub(crate) const AXIAL_SPIN_TIME: f32 = 1.5;
 /// Largest angular velocity, rad/s: above, frames at 24 Hz alias.
 pub(crate) const MAX_SPIN: f32 = 12.0;
 
+/// Longest step of the rotation of tumbling, s; longer steps of the flight are divided. Longer: the swing of catkins depends on
+/// the frame rate. Shorter: tumbling costs more, without a visible change.
+pub(crate) const MAX_TUMBLE_STEP: f64 = 1.0 / 24.0;
+
 /// Decay time of rotation after deposition, s. Longer: deposits spin on the ground.
 pub(crate) const REST_DAMPING_TIME: f32 = 0.1;

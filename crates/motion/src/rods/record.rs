@@ -182,14 +182,13 @@ impl RodSystem {
         released: &mut [Option<DetachedBody>],
     ) -> std::result::Result<(), StepFailure> {
         // State to return to if a substep fails.
-        let saved = (self.x.clone(), self.v.clone(), released.to_vec());
+        let saved = (self.state(), released.to_vec());
         let mut last = StepFailure;
         for halving in 0..=MAX_STEP_HALVINGS {
             let n = n << halving;
             if halving > 0 {
-                (self.x, self.v) = (saved.0.clone(), saved.1.clone());
-                released.copy_from_slice(&saved.2);
-                self.reset_history();
+                self.restore(&saved.0);
+                released.copy_from_slice(&saved.1);
             }
             match self.run_substeps(clip, frame, n, released) {
                 Ok(()) => {

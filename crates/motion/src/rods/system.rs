@@ -163,7 +163,29 @@ pub(crate) struct SolverBuffers {
     mass_index: Vec<u32>,
 }
 
+/// What a step of the implicit integrator changes and the next one reads, besides the history.
+#[derive(Debug, Clone)]
+pub(crate) struct RodSystemState {
+    x: Vec<Vector9>,
+    v: Vec<Vector9>,
+    /// Rest positions of the last step, by which restoring springs act on their anchors, m.
+    places: Vec<Vector9>,
+}
+
 impl RodSystem {
+    /// The present state, to return to if a step fails.
+    pub(crate) fn state(&self) -> RodSystemState {
+        RodSystemState { x: self.x.clone(), v: self.v.clone(), places: self.step.places.clone() }
+    }
+
+    /// Returns to an earlier state; the next step has no history.
+    pub(crate) fn restore(&mut self, state: &RodSystemState) {
+        self.x.clone_from(&state.x);
+        self.v.clone_from(&state.v);
+        self.step.places.clone_from(&state.places);
+        self.reset_history();
+    }
+
     /// Discretizes rods; every section is in its reference shape, at rest. A parent must precede its children. `holds`:
     /// rod, arc length on it, m, and boundary condition of each clamp.
     pub fn new(rods: &[RodDescription], holds: &[(usize, f64, SupportKind)]) -> Self {

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::blockage::narrowest_open_share;
 use super::cells::cell_center;
@@ -69,11 +69,13 @@ pub struct LatticeSolver {
 }
 
 impl LatticeSolver {
-    /// The warnings and errors of [`LatticeSolver::new`] that follow from the options without the solids; no cells are made.
+    /// The warnings and errors of [`LatticeSolver::new`] that follow from the options and the bounds of the solids; no cells are
+    /// made.
     /// # Errors
     /// As [`LatticeSolver::new`].
-    pub fn check_options(options: &LatticeOptions, limits: &Limits) -> Result<Vec<LatticeWarning>> {
+    pub fn check_options(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Vec<LatticeWarning>> {
         let (setup, warnings) = LatticeSetup::new(options)?;
+        check_joined_sides(options, solids)?;
         limits.check("cells", setup.cell_count(), "the cells of the wind's lattice")?;
         LatticeMemory::estimate(options).check_limit(options, limits)?;
         Ok(warnings)
@@ -82,10 +84,12 @@ impl LatticeSolver {
     /// Voxelizes the solids and allocates the flow; no step is done. `solids`: obstacles in the wind.
     /// # Errors
     /// `Range` for options that contradict each other; `Limit` for too many cells; `Io` if the system cannot provide the
-    /// memory; `Input` with S024 if all cells are solid, with S030 if the solids let hardly any air through.
+    /// memory; `Input` with S024 if all cells are solid, with S030 if the solids let hardly any air through, with S039 if a solid
+    /// crosses one of two periodic sides.
     pub fn new(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Self> {
         // Refuse what is too large before any memory is allocated.
         let (mut setup, mut warnings) = LatticeSetup::new(options)?;
+        check_joined_sides(options, solids)?;
         limits.check("cells", setup.cell_count(), "the cells of the wind's lattice")?;
         LatticeMemory::estimate(options).check_limit(options, limits)?;
         let n = setup.n;
@@ -482,6 +486,38 @@ fn check_blockage(domain: &Domain, blocked: f64) -> Result<()> {
     let help =
         "enlarge the box with wind.lattice.cells until half of the section stays open, or leave a gap in the solids";
     Err(input_error("S030", message, help))
+}
+
+/// Refuses solids that cross one of two joined sides of the box: at the other nothing of them would stand. Land extends without
+/// bound, and a solid that crosses both sides fills the period.
+fn check_joined_sides(options: &LatticeOptions, solids: &[Solid]) -> Result<()> {
+    let low = options.origin();
+    let high = low + DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
+    // What ends within half a cell of a side reaches no cell centre beyond it.
+    let slack = options.spacing / 2.0;
+    let joined = [0, 2].into_iter().zip(options.periodic_sides()).filter(|(_, joined)| *joined);
+    for (axis, _) in joined {
+        for solid in solids.iter().filter(|s| !matches!(s.form, Form::Land(_))) {
+            let bounds = solid.bounds();
+            let (from, to) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+            let crosses = [low, high].map(|side| from[axis] < side[axis] - slack && to[axis] > side[axis] + slack);
+            let meets_box = (0..3).all(|a| from[a] < high[a] && to[a] > low[a]);
+            if crosses[0] == crosses[1] || !meets_box {
+                continue;
+            }
+            let side = if crosses[0] { low[axis] } else { high[axis] };
+            let message = format!(
+                "solid \"{}\" crosses the side {} = {side} m of the lattice wind, which is joined to the opposite side: \
+                 the part beyond would be missing there",
+                solid.name,
+                ["x", "y", "z"][axis]
+            );
+            let help = "move the solid into the box, enlarge the box with wind.lattice.cells, let the solid cross both \
+                        sides, or set wind.lattice.sides = \"open\"";
+            return Err(input_error("S039", message, help));
+        }
+    }
+    Ok(())
 }
 
 fn all_solid_error() -> Error {

@@ -662,3 +662,31 @@ fn recording_matches_snapshots_and_loops() {
     few.set("wind-bytes", "1k").expect("limit");
     assert!(matches!(record(false, &few), Err(Error::Limit { .. })));
 }
+
+/// A wall across one of two joined sides is refused, as is one that no cells are made for; one across both, one that ends at a
+/// side and one beside the box are not, nor is one at an open side.
+#[test]
+fn solids_across_one_joined_side_are_refused() {
+    // The channel takes up 8 m along z, from -4 to 4.
+    let code = |center: f32, width: f32, sides: SideCondition| {
+        let prism = Prism::block(Vec3::new(0.0, 0.0, center), Vec3::new(0.5, 5.0, width), 0.0);
+        let solids = [Solid { name: "fence".into(), form: Form::Prism(prism), humidity: 0.5 }];
+        let options = LatticeOptions { sides, ..channel_options() };
+        let limits = Limits::default();
+        let results = [
+            LatticeSolver::new(&options, &solids, &limits).map(|_| ()),
+            LatticeSolver::check_options(&options, &solids, &limits).map(|_| ()),
+        ];
+        results.map(|result| match result {
+            Err(Error::Input(report)) => report.diagnostics[0].code,
+            _ => "",
+        })
+    };
+    for center in [3.0, -3.0] {
+        assert_eq!(code(center, 4.0, SideCondition::Auto), ["S039"; 2]);
+        assert_eq!(code(center, 4.0, SideCondition::Open), [""; 2]);
+        assert_eq!(code(center, 2.0, SideCondition::Auto), [""; 2]);
+        assert_eq!(code(2.0 * center, 2.0, SideCondition::Auto), [""; 2]);
+    }
+    assert_eq!(code(1.0, 12.0, SideCondition::Auto), [""; 2]);
+}

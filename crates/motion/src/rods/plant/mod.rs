@@ -469,11 +469,12 @@ impl RainPlant for RodPlant {
             self.last_step = h;
         }
         // Newton's method may fail after a hard impact: the step is then repeated from its start in twice as many parts.
-        let saved = (self.rods.x.clone(), self.rods.v.clone());
+        let saved = self.rods.state();
+        let eddies: Vec<VortexShedding> = self.leaves.iter().map(|leaf| leaf.eddies).collect();
         for halving in 0..=MAX_STEP_HALVINGS {
             if halving > 0 {
-                (self.rods.x, self.rods.v) = saved.clone();
-                self.rods.reset_history();
+                self.rods.restore(&saved);
+                self.leaves.iter_mut().zip(&eddies).for_each(|(leaf, eddies)| leaf.eddies = *eddies);
             }
             if self.split_step(t, h, 1 << halving).is_ok() {
                 // The next step is whole again and cannot use the history of its parts.

@@ -1,6 +1,7 @@
 //! Twigs with leaves on rods.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::{DVec3, Quat, Vec3};
 
@@ -10,7 +11,7 @@ use crate::rods::plant::layout::RodPlantParams;
 use crate::sway::WoodParams;
 use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Nodes, Organ, Plant, Proto};
 use osier_scene::{Mesh, Trs};
-use osier_wind::UniformWind;
+use osier_wind::{GustWind, GustWindOptions, UniformWind, Wind};
 
 /// A twig of 0.4 m along X, rising a little, with six leaves on stalks of 3 cm.
 pub(crate) fn twig() -> Plant {
@@ -228,4 +229,65 @@ fn stems_and_leaves_beyond_the_budget_are_rigid_and_counted() {
     let still = RodPlant::new(&twig(), &Trs::IDENTITY, &small, "twig");
     assert!((0..6).filter(|i| still.leaf_section(*i).is_none()).count() == 4 && still.has_rest_shape());
     assert!(still.inverse_effective_mass(1, DVec3::ZERO, DVec3::Y) >= 0.0);
+}
+
+/// A wind that is beyond all bounds in its first samples, so that the step that takes them fails.
+#[derive(Debug)]
+struct FailsFirst {
+    wind: GustWind,
+    /// Samples that are left until it blows as `wind`.
+    left: AtomicU32,
+}
+
+impl Wind for FailsFirst {
+    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
+        self.wind.sample(places, t, out);
+        if self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1)).is_ok() {
+            out.iter_mut().for_each(|v| *v *= 1e6);
+        }
+    }
+    fn mean(&self) -> Vec3 {
+        self.wind.mean()
+    }
+    fn mean_at(&self, position: Vec3) -> Vec3 {
+        self.wind.mean_at(position)
+    }
+    fn period(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// A failed step leaves no trace: the plant moves as if it had taken the two halves at once.
+#[test]
+fn a_repeated_step_starts_from_the_state_before_it() {
+    let h = 1.0 / 384.0;
+    let wind = || GustWind::new(GustWindOptions { direction: Vec3::X, speed: 4.0, ..GustWindOptions::default() });
+    let moving = || {
+        let mut plant = rod_plant(&Trs::IDENTITY).with_wind(Some(Arc::new(wind())));
+        (0..40).for_each(|k| plant.step(f64::from(k) * h, h).expect("steps"));
+        plant
+    };
+    let t = 40.0 * h;
+    // A whole step takes two samples, one for wood and one for leaves.
+    let mut failing = moving();
+    failing.wind = Some(Arc::new(FailsFirst { wind: wind(), left: AtomicU32::new(2) }));
+    failing.step(t, h).expect("its halves succeed");
+    let mut halved = moving();
+    halved.rods.reset_history();
+    halved.split_step(t, h, 2).expect("steps");
+    halved.rods.reset_history();
+    halved.update_leaf_motion(Some(h));
+    // That the whole step fails shows in the difference from a plant that takes it.
+    let mut whole = moving();
+    whole.step(t, h).expect("steps");
+    let poses = |plant: &RodPlant| (0..6).map(|leaf| plant.leaf_pose(leaf)).collect::<Vec<_>>();
+    assert_ne!(poses(&failing), poses(&whole));
+    assert_eq!(poses(&failing), poses(&halved));
+    // Vortices and restoring springs, too, go on from the same state.
+    for k in 1..40 {
+        let t = t + f64::from(k) * h;
+        failing.step(t, h).expect("steps");
+        halved.step(t, h).expect("steps");
+    }
+    assert_eq!(poses(&failing), poses(&halved));
 }
