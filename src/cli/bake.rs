@@ -227,7 +227,7 @@ fn summary(
     }
     // As text: a line of totals, then one line per program that opens a file of the bake.
     let parts = by_folder(&files.iter().map(|f| (f.0.as_str(), f.1)).collect::<Vec<_>>());
-    let mut text = format!("{}  {} files, {}\n", root.display(), files.len() + 1, sizes(bytes, &parts));
+    let mut text = format!("{}  {} files, {}\n", root.display(), files.len(), sizes(bytes, &parts));
     let has = |ending: &str| files.iter().map(|f| f.0.as_str()).find(|p| p.ends_with(ending));
     let shown = |path: &str| root.join(path).display().to_string();
     let name = &recipe.name;

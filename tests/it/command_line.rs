@@ -511,6 +511,19 @@ fn a_new_folder_starts_from_the_grammar_that_words_describe() {
 }
 
 #[test]
+fn bake_and_info_count_the_same_files() {
+    let dir = folder();
+    let out = dir.path().join("out");
+    let (text, _) = ends(0, &["bake", SCENE, "-o", arg(&out)]);
+    let (result, _) = ends(0, &["bake", SCENE, "-o", arg(&out), "--json"]);
+    let result: Value = serde_json::from_str(&result).expect("json");
+    // Those of the manifest, whose sizes are added up.
+    let count = format!("{} files, ", result["files"]);
+    let (info, _) = ends(0, &["info", arg(&out)]);
+    assert!(text.contains(&format!("  {count}")) && info.contains(&format!(" {count}")), "{count}: {text}{info}");
+}
+
+#[test]
 fn info_names_what_was_deleted_or_changed_and_a_bake_mends_it() {
     let dir = folder();
     let out = dir.path().join("out");
