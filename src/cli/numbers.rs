@@ -18,11 +18,11 @@ pub fn number_list(text: &str, limit: u64) -> Result<Vec<u64>, String> {
             return Err(bad());
         }
         // The count is checked before the list is built: `0-4294967295` would need 16 GB.
-        if (b - a) / step >= limit {
+        let steps = (b - a) / step;
+        if steps >= limit {
             return Err(format!("\"{part}\" holds more than {limit} numbers"));
         }
-        // A step beyond the address space leaves only the first number.
-        out.extend((a..=b).step_by(usize::try_from(step).unwrap_or(usize::MAX)));
+        out.extend((0..=steps).map(|k| a + k * step));
     }
     out.sort_unstable();
     out.dedup();
