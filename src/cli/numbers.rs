@@ -17,7 +17,7 @@ pub fn number_list(text: &str, limit: u64) -> Result<Vec<u64>, String> {
         if step == 0 || b < a {
             return Err(bad());
         }
-        // The count is checked before the list is built: `0-4294967295` would need 16 GB.
+        // The count is checked before the list is built: `0-4294967295` would need 34 GB.
         let steps = (b - a) / step;
         if steps >= limit {
             return Err(format!("\"{part}\" holds more than {limit} numbers"));

@@ -43,6 +43,15 @@ pub trait GrowthFrames: Debug + Sync {
     fn frame(&self, asset: usize, nth: u64) -> Option<AssetFrame>;
 }
 
+/// Share of the clip by which the places of the next plant lie later. Own: the golden section spreads them evenly.
+const NEXT_PLANT_SHIFT: f64 = 0.618;
+
+/// Place, as a share of the clip below 1, of sample `k` of `count` of a plant that grows: in the middle of the k-th of equal intervals,
+/// shifted for each plant, so that the samples of many plants cover the clip.
+pub(crate) fn sample_place(plant: usize, k: usize, count: usize) -> f64 {
+    ((k as f64 + 0.5) / count as f64 + plant as f64 * NEXT_PLANT_SHIFT).fract()
+}
+
 impl EstimateInput<'_> {
     /// Sum of `bytes` over the assets, each multiplied by [`AssetSize::weight`].
     pub fn per_asset(&self, bytes: impl Fn(&AssetSize) -> u64) -> u64 {

@@ -201,7 +201,7 @@ fn region(keys: &RegionKeys, site: GrowthSite<'_>) -> Option<Region> {
     })
 }
 
-/// The slabs of the roof of a house, which project from its walls.
+/// The slabs of the roof of a house, which project from its walls, as obstacles for plants; empty for other solids.
 pub(crate) fn roof_solids(solid: &Solid) -> Vec<Solid> {
     let Form::Prism(prism) = &solid.form else { return Vec::new() };
     let slab = |form: Prism| Solid { form: Form::Prism(form), ..solid.clone() };

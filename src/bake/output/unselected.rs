@@ -4,7 +4,7 @@ use crate::recipe::scene::VdbGrid;
 use crate::recipe::{Recipe, word_of};
 use osier_base::diagnostic::{Diagnostic, Report};
 
-/// X028 for each plane or volume of the wind and of a flight that is due at none of the selected frames. It follows from the recipe
+/// X028 for each plane or volume of the wind and of a flight that is due at none of the selected frames. It depends on the recipe
 /// alone, so that a bake warns before it simulates. `frames`: numbers of the frames to write; empty for a still scene.
 pub(crate) fn warn_of_unselected_grids(recipe: &Recipe, frames: &[u32]) -> Report {
     let mut report = Report::default();

@@ -29,7 +29,7 @@ use std::sync::Arc;
 use self::assets::PovAsset;
 use self::objects::StreakView;
 use self::space::PovSpace;
-use super::estimate::{AssetSize, EstimateInput};
+use super::estimate::{AssetSize, EstimateInput, sample_place};
 use super::file_target::FileTarget;
 use super::format::FormatInfo;
 use super::text::TextBuffer;
@@ -69,8 +69,6 @@ pub const FORMAT: FormatInfo = FormatInfo {
 /// the mean of five is within a tenth of that of all frames.
 const GROWTH_FRAMES: usize = 5;
 const GROWTH_FRAMES_OF_ALL: usize = 24;
-/// Share of the clip by which the frames of the next plant lie later. Own: the golden section spreads them evenly.
-const GROWTH_SHIFT: f64 = 0.618;
 
 /// Estimate from bytes per line of the include files, and bytes per texel of maps as measured on leaves in rain.
 fn estimate(input: &EstimateInput) -> u64 {
@@ -119,10 +117,8 @@ fn instances_of_growth(input: &EstimateInput) -> Vec<Option<u64>> {
     let jobs: Vec<usize> = (0..growing.len() * count).collect();
     let found = par_map(&jobs, |job| {
         let (plant, k) = (job / count, job % count);
-        // In the middle of equal intervals of the clip, for each plant at other places.
-        let place = ((k as f64 + 0.5) / count as f64 + plant as f64 * GROWTH_SHIFT).fract();
         let asset = growing[plant];
-        let frame = source.frame(asset, frame_at(place, frames))?;
+        let frame = source.frame(asset, frame_at(sample_place(plant, k, count), frames))?;
         Some(shown_instances(&scene.assets[asset], &frame))
     });
     for (asset, of_asset) in growing.iter().zip(found.chunks(count)) {

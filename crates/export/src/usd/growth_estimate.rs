@@ -5,7 +5,7 @@ use super::instancer::{DueSamples, InstanceReducers, InstanceSample};
 use super::mesh::point_reducer;
 use super::options::UsdOptions;
 use super::sample_reduction::{MAX_GAP, SampleReducer, TimeSample};
-use crate::estimate::{EstimateInput, GrowthFrames};
+use crate::estimate::{EstimateInput, GrowthFrames, sample_place};
 use glam::{Quat, Vec3};
 use osier_base::par::par_map;
 use osier_scene::{Asset, AssetFrame, MeshFrame, MeshMotion, PixelFootprint, instance_states};
@@ -18,8 +18,6 @@ const WINDOWS_OF_ALL: usize = 24;
 const WINDOW_FRAMES: u64 = MAX_GAP as u64 + 2;
 /// Longest clip that is evaluated as a whole, frames. Own: as many as of several windows.
 const WHOLE_FRAMES: u64 = 32;
-/// Share of the clip by which the windows of the next plant lie later. Own: the golden section spreads them evenly.
-const SHIFT: f64 = 0.618;
 /// Bytes of a rotation in half precision.
 const QUATH_BYTES: usize = 8;
 
@@ -34,9 +32,7 @@ pub(super) fn sample_bytes(input: &EstimateInput) -> Vec<Option<u64>> {
     let pixels = PixelFootprint::of_assets(scene);
     let window_of = |job: usize| {
         let (plant, window) = (job / windows, job % windows);
-        // Evenly spaced, for each plant at other places, so that windows of many plants cover the clip.
-        let place = ((window as f64 + 0.5) / windows as f64 + plant as f64 * SHIFT).fract();
-        let first = whole(place * frames.saturating_sub(WINDOW_FRAMES) as f64);
+        let first = whole(sample_place(plant, window, windows) * frames.saturating_sub(WINDOW_FRAMES) as f64);
         let [first, end] = if is_whole { [0, frames] } else { [first, frames.min(first + WINDOW_FRAMES)] };
         let asset = growing[plant];
         FrameWindow { asset, first, end, is_whole, pixel: GROWTH_PIXELS * pixels[asset] }

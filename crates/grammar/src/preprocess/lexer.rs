@@ -115,8 +115,8 @@ fn warn_of_joined_lines(session: &mut ParseSession, source: SourceId, text: &str
 }
 
 /// Is the text a list of modules rather than words? Words have several small letters in a row, outside the parentheses of
-/// parameters. `touches`: it follows the `//` without a blank, and no blank stands before the `//` or a module in it has
-/// parameters; few write comments so.
+/// parameters. `touches`: no blank stands behind the `//`, and either none stands before it or a module in the text has
+/// parameters. Few write comments in this way.
 fn looks_like_modules(text: &str, touches: bool) -> bool {
     let (mut depth, mut small, mut has_turns, mut has_symbols) = (0_u32, 0_u32, false, false);
     let mut before = ' ';

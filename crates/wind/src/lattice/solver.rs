@@ -488,8 +488,8 @@ fn check_blockage(domain: &Domain, blocked: f64) -> Result<()> {
     Err(input_error("S030", message, help))
 }
 
-/// Refuses solids that cross one of two joined sides of the box: at the other nothing of them would stand. Land extends without
-/// bound, and a solid that crosses both sides fills the period.
+/// Refuses solids that cross one of two joined sides of the box, by their bounds: the part beyond would be missing at the other side.
+/// Land has no bounds, and a solid that crosses both sides, as a wall along the box, continues from one to the other.
 fn check_joined_sides(options: &LatticeOptions, solids: &[Solid]) -> Result<()> {
     let low = options.origin();
     let high = low + DVec3::from_array(options.cells.map(f64::from)) * options.spacing;

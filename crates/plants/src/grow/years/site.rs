@@ -187,9 +187,9 @@ pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>, ancho
     })
 }
 
-/// Indices of the cells that let no light pass, in rising order: those whose centers lie in a solid or in front of a thin one, and those
-/// that lie wholly below a land. Trees stand on the land, so that a cell which it only crosses holds seedlings. Level ground needs none,
-/// since light comes from above.
+/// Indices of the cells that let no light pass, in rising order: those whose centers lie in a solid or close in front of a thin one, and
+/// those that lie wholly below a land. Seedlings stand in cells that the land only crosses: these let light pass. Level ground needs no
+/// cells, since light comes from above.
 pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -> Vec<u32> {
     let mut cells = Vec::new();
     let Some(solids) = solids else { return cells };
@@ -249,7 +249,7 @@ fn lies_below(land: &LandForm, center: Vec3, side: f32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use osier_scene::solid::{LandForm, Prism};
+    use osier_scene::solid::Prism;
 
     #[test]
     fn steps_slide_along_a_wall_and_end_at_it() {

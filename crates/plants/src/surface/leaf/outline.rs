@@ -291,8 +291,8 @@ fn toothed_range(spec: &BladeSpec) -> (f32, f32) {
 }
 
 /// Depth of teeth, share of the width of the blade, up to which their flanks do not fold over each other. Own, from blades of 12 to
-/// 40 teeth: single teeth fold where they are as high as they are long along the margin, or higher, those with two minor ones, which
-/// are half as high, from 1.6 times on.
+/// 40 teeth: single teeth fold from a height of once their length along the margin, those with two minor ones, which are half as high,
+/// from 1.6 times on. The limits keep a distance from both: 0.7 and 1.4. More minor teeth count as two.
 #[allow(clippy::cast_precision_loss, reason = "at most 300 teeth")]
 pub fn steepest_teeth(spec: &BladeSpec) -> f32 {
     const SINGLE: f32 = 0.7;
