@@ -204,7 +204,7 @@ pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -
                     let near = at.cmpge(b.min).all() && at.cmple(b.max).all();
                     near && match &solid.form {
                         Form::Land(land) => lies_below(land, at, grid.cell),
-                        _ => shades_cell(solid, at, grid.cell),
+                        _ => shades_cell(solid, solids, at, grid.cell),
                     }
                 });
                 if inside {
@@ -217,9 +217,10 @@ pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -
 }
 
 /// Whether a solid makes a cell opaque: with the cell's center in it, or with its surface near the center where the next cell behind
-/// that surface is not opaque, because the solid is thinner than a cell. Tips in front of a thick wall stand in cells that let light
-/// pass. `center`: of the cell, in the scene, m; `side`: of the cell, m.
-fn shades_cell(solid: &Solid, center: Vec3, side: f32) -> bool {
+/// that surface is in no solid: it is thinner than a cell and covers no other one, as the slabs of a roof cover a house. Tips in front
+/// of a thick wall stand in cells that let light pass. `all`: the solids with this one; `center`: of the cell, in the scene, m;
+/// `side`: of the cell, m.
+fn shades_cell(solid: &Solid, all: &Solids, center: Vec3, side: f32) -> bool {
     let near = solid.nearest(center);
     if near.distance < 0.0 || near.distance >= OPAQUE_REACH * side {
         return near.distance < 0.0;
@@ -233,7 +234,9 @@ fn shades_cell(solid: &Solid, center: Vec3, side: f32) -> bool {
     } else {
         Vec3::Z
     };
-    !solid.contains(center - axis * (side * near.normal.dot(axis).signum()))
+    let behind = center - axis * (side * near.normal.dot(axis).signum());
+    // A cell that land only crosses lets light pass.
+    !all.list().iter().any(|s| !matches!(s.form, Form::Land(_)) && s.contains(behind))
 }
 
 /// Whether a cell of the given side lies below a land with its whole upper face, tested at the middle, the corners and the middles
@@ -338,6 +341,31 @@ mod tests {
             let thick = row(from, 0.6);
             assert!(!thick.is_empty() && thick.iter().all(|x| (from..=from + 0.6).contains(x)), "{from}: {thick:?}");
             assert!(!row(from, 0.16).is_empty(), "a thin wall at {from}");
+        }
+    }
+
+    /// Slabs of a roof are thinner than a cell, but lie on a house: they darken no cell above it.
+    #[test]
+    fn cells_above_a_roof_let_light_pass() {
+        let grid = Grid::over(Bounds { min: Vec3::new(-3.0, 0.0, -3.0), max: Vec3::new(3.0, 3.0, 3.0) });
+        for k in 0..20_u16 {
+            let foot = Vec3::Y * (0.02 * f32::from(k));
+            let house = Prism::house(foot, Vec3::new(4.0, 1.0, 4.0), 1.5, 0.0);
+            let forms = house.roof_slabs(0.35, 0.16).into_iter().chain([house]);
+            let solid = |form| Solid { name: "house".into(), form: Form::Prism(form), humidity: 0.0 };
+            let solids = Solids::new(forms.map(solid).collect(), true);
+            let opaque = opaque_cells(&grid, Some(&solids), Vec3::ZERO);
+            let mut above = 0;
+            for (x, z) in (0..grid.size[0]).flat_map(|x| (0..grid.size[2]).map(move |z| (x, z))) {
+                for center in (0..grid.size[1]).map(|y| grid.center(x, y, z)) {
+                    let is_over_house = center.x.abs() < 1.5 && center.z.abs() < 1.5 && center.y > foot.y;
+                    if is_over_house && !solids.contains(center) {
+                        above += 1;
+                        assert!(!opaque.contains(&grid.cell_of(center)), "{foot} {center}");
+                    }
+                }
+            }
+            assert!(above > 10, "{above} cells");
         }
     }
 }
