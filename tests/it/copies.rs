@@ -116,13 +116,13 @@ fn blender_opens_a_wood_of_a_hundred_trees() {
     assert!(number(&r, "seconds") < 20.0 && number(&r, "off") < 1e-3, "{r}");
 }
 
-/// Most seconds for a scene on a machine that does other things too: three times what a quiet one takes. Blender's time grows with
-/// the armatures: 26 s for 64 in the showcase, 12 s for 24.
+/// Blender's time grows with the armatures: 26 s for 64 in the showcase, 12 s for 24 on a quiet machine. The seconds allowed are ten
+/// times as many, so that only a file that overwhelms Blender fails, and not a machine that does other things too.
 #[test]
 fn blender_opens_the_meadow_and_the_showcase_from_gltf() {
     let Some(python) = clients::python() else { return };
     for (preset, seconds, armatures, weighed) in
-        [("meadow", 90.0, 64.0, 200_000.0), ("showcase", 40.0, 24.0, 600_000.0)]
+        [("meadow", 180.0, 64.0, 200_000.0), ("showcase", 120.0, 24.0, 600_000.0)]
     {
         let set = ["--formats", "glb", "--set", "output.gltf.profiles=[\"blender\"]"];
         let folder = baked(&format!("{preset}-gltf"), preset, &set);
