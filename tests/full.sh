@@ -30,6 +30,9 @@ OSIER_BPY="$lts/bin/python" cargo test --release --workspace --test it -- attrac
 say "every preset at seeds 0 to 63"
 OSIER_SEEDS=64 cargo test --release --test it presets -- --nocapture
 
+say "walls and wet ground at eight seeds"
+OSIER_SEEDS=8 cargo test --release --test it flights::
+
 say "flows that take minutes"
 cargo test --release --lib lattice:: -- --ignored
 cargo test --release --test it control -- --ignored

@@ -318,7 +318,7 @@ fn a_late_frame_alone_is_the_same() {
     assert_eq!(pov("whole", "1-48"), pov("alone", "48"));
 }
 
-/// Seeds that walls and wet ground are tried at: two, or as many as `OSIER_SEEDS` says, at most eight.
+/// Seeds that walls and wet ground are tried at: one, or as many as `OSIER_SEEDS` says, at most eight.
 fn seeds() -> u64 {
     std::env::var("OSIER_SEEDS").map_or(1, |v| v.parse::<u64>().expect("OSIER_SEEDS is a number").min(8))
 }
