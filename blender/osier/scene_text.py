@@ -32,12 +32,17 @@ def statements(text: str) -> Iterator[str]:
     yield text[start:]
 
 
+def first_word(statement: str) -> str:
+    """The first word of the name of a table or key; empty for a blank line or a comment."""
+    head = HEAD.match(statement)
+    return "" if head is None else next(part for part in head.groups()[1:] if part is not None)
+
+
 def without_table(text: str, name: str) -> str:
     """The text without the table `name`, those below it, and keys that give it: `name.key = 1`, `name = { key = 1 }`."""
     kept, table = [], ""
     for statement in statements(text):
-        head = HEAD.match(statement)
-        word = "" if head is None else next(part for part in head.groups()[1:] if part is not None)
+        head, word = HEAD.match(statement), first_word(statement)
         if head is not None and head[1]:
             table = word
         # Keys before the first table name theirs; blank lines and comments belong to the table above them.
@@ -69,8 +74,7 @@ def with_headed_tables(text: str, name: str) -> str:
     """The text with `name = [{ key = 1 }]` and `name = { key = 1 }` as tables with a header at its end, to which more can be added."""
     kept, tables, is_root = [], [], True
     for statement in statements(text):
-        head = HEAD.match(statement)
-        word = "" if head is None else next(part for part in head.groups()[1:] if part is not None)
+        head, word = HEAD.match(statement), first_word(statement)
         is_root = is_root and not (head is not None and head[1])
         equals = None if head is None else re.match(r"\s*=", statement[head.end() :])
         if not is_root or word != name or equals is None:

@@ -67,6 +67,14 @@ def bake() -> None:
     work()
 
 
+def baked_manifest(scene: bpy.types.Scene) -> dict:
+    """Bakes without errors; returns the manifest."""
+    bake()
+    session = part("session").session
+    assert not session.errors, session.errors
+    return json.loads((pathlib.Path(part("session").bake_folder(scene)) / "manifest.json").read_text())
+
+
 def tree(folder: str | pathlib.Path) -> dict[str, bytes]:
     """All files below a folder by relative path."""
     root = pathlib.Path(folder)
@@ -328,10 +336,7 @@ def objects_become_solids_and_trees() -> None:
     # The leaf comes with its trunk.
     bpy.ops.osier.add_objects(role="TREE")
     assert [(i.object.name, i.role) for i in scene.osier.objects] == [("Cube", "SOLID"), ("Cylinder", "TREE")]
-    bake()
-    session = part("session").session
-    assert not session.errors, session.errors
-    manifest = json.loads((pathlib.Path(part("session").bake_folder(scene)) / "manifest.json").read_text())
+    manifest = baked_manifest(scene)
     names = {a["id"] for a in manifest["assets"]}
     assert any("cylinder" in n for n in names) and any("grass" in n for n in names), names
     bark = next(m for m in manifest["materials"] if m["name"].endswith("smooth_bark"))
@@ -351,10 +356,7 @@ def objects_join_presets_with_a_hyphen() -> None:
     scene = choose("poplar-twig")
     bpy.ops.mesh.primitive_cube_add(size=0.2, location=(1, -1, 0.1))
     bpy.ops.osier.add_objects(role="SOLID")
-    bake()
-    session = part("session").session
-    assert not session.errors, session.errors
-    manifest = json.loads((pathlib.Path(part("session").bake_folder(scene)) / "manifest.json").read_text())
+    manifest = baked_manifest(scene)
     names = {a["id"] for a in manifest["assets"]}
     assert any("cube" in n for n in names) and any("poplar_twig" in n for n in names), names
 

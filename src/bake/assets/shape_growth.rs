@@ -19,9 +19,9 @@ use osier_plants::grow::particle_shapes::params::{
 use osier_plants::grow::particle_shapes::region::Region;
 use osier_plants::grow::particle_shapes::{self, ShapeMaterials};
 use osier_plants::grow::turtle::OrganSpec;
-use osier_plants::surface::masonry::roof_slabs;
+use osier_plants::surface::masonry::roof_solids;
 use osier_scene::plant::Plant;
-use osier_scene::solid::{Form, Prism, Solid};
+use osier_scene::solid::{Form, Solid};
 
 /// Ratios of the radii at both ends of an internode, and their weights, without the key `ratios`: \[wang-hao\] draws them at
 /// random, but prints no values.
@@ -199,13 +199,6 @@ fn region(keys: &RegionKeys, site: GrowthSite<'_>) -> Option<Region> {
         }
         RegionShape::Solid => solid_region(site.solids.iter().find(|s| s.name == keys.name)?, site),
     })
-}
-
-/// The slabs of the roof of a house, which project from its walls, as obstacles for plants; empty for other solids.
-pub(crate) fn roof_solids(solid: &Solid) -> Vec<Solid> {
-    let Form::Prism(prism) = &solid.form else { return Vec::new() };
-    let slab = |form: Prism| Solid { form: Form::Prism(form), ..solid.clone() };
-    roof_slabs(prism).into_iter().map(slab).collect()
 }
 
 /// The slabs of a roof as obstacles of particle-shapes.

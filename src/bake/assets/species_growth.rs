@@ -5,7 +5,6 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::bake::assets::material_set::MaterialSet;
-use crate::bake::assets::shape_growth::roof_solids;
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
 use crate::bake::scene::plant_layout::{Individual, PlantLayout};
 use crate::recipe::scene::{BladeOutline, LeafSeasons, PruneKeys, SiteKeys};
@@ -19,6 +18,7 @@ use osier_plants::grow::years::{
     ClipLeaves, ClipOptions, ClipSpan, Foliage, GrownTree, GrowthClip, Keep, Neighbours, PlantOptions, Prune,
     RecordedTree, Site, TreeSpec, grow_recorded,
 };
+use osier_plants::surface::masonry::roof_solids;
 use osier_scene::Trs;
 use osier_scene::plant::Plant;
 use osier_scene::solid::{Form, Solid, Solids};

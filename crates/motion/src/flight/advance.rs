@@ -110,7 +110,7 @@ impl FlightSimulation {
             // Midpoint rule with exact relaxation: half a step with the wind here, then a whole step with the wind there.
             // The difference v - u to the carrying velocity u decays as exp(-dt / tau), tau = settling speed / g.
             wind.sample(&places, t, &mut air);
-            let mut middle_air = air.clone();
+            let mut middle_air = vec![Vec3::ZERO; air.len()];
             for ((c, place), air) in those.iter().zip(&mut places).zip(&air) {
                 *place = step(c).half_step(c.x, c.v, pull(c, *air, t)).as_vec3();
             }

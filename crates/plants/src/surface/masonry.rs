@@ -14,7 +14,7 @@
 use glam::{Vec2, Vec3};
 
 use super::pixels::next_index;
-use osier_scene::solid::Prism;
+use osier_scene::solid::{Form, Prism, Solid};
 use osier_scene::{Material, MaterialClass, MaterialId, Mesh, Subset};
 
 /// Overhang of a roof beyond its walls, and its thickness, m.
@@ -93,9 +93,11 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
     mesh
 }
 
-/// The slabs of the roof of a house as obstacles, as [`masonry`] shows them; empty for a box.
-pub fn roof_slabs(prism: &Prism) -> Vec<Prism> {
-    prism.roof_slabs(EAVES, ROOF_THICKNESS)
+/// The slabs of the roof of a house as obstacles, as [`masonry`] shows them: they project from its walls. Empty for other solids.
+pub fn roof_solids(solid: &Solid) -> Vec<Solid> {
+    let Form::Prism(prism) = &solid.form else { return Vec::new() };
+    let slab = |form: Prism| Solid { form: Form::Prism(form), ..solid.clone() };
+    prism.roof_slabs(EAVES, ROOF_THICKNESS).into_iter().map(slab).collect()
 }
 
 /// Number of triangles so far, the end of a subset.

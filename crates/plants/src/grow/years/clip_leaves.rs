@@ -7,7 +7,7 @@ use glam::{Quat, Vec3};
 
 use super::plant::{BladeTurn, Foliage, MeanLeaf, NodeSite, PlacedLeaf, TreeFoliage};
 use super::record::{GrowthRecord, Wood};
-use super::tree::{NONE as NO_NODE, Tree, flag, index_of, y_axis};
+use super::tree::{NONE as NO_NODE, Tree, index_of, y_axis};
 use osier_base::Result;
 use osier_base::limits::Limits;
 use osier_base::math;
@@ -180,11 +180,11 @@ impl LeafSlots {
             let [unfolds, falls] = self.shoot_life(record, i, sheds);
             let whole = self.whole_lengths[i];
             let count = narrow_count(leaves.count_along(tree, i, whole));
-            let cuts = cuts_through(tree, i);
+            let cuts = cuts_of_leaves(tree, i);
             lives.extend((0..count).filter_map(|k| {
                 // Leaves beyond a cut fall with it.
                 let at = whole * (f32::from(k) + 0.5) / f32::from(count);
-                let cut = cuts.iter().find(|[_, left]| *left < at).map_or(STAYS, |[time, _]| *time);
+                let cut = cuts.iter().find(|cut| cut.left < at).map_or(STAYS, |cut| cut.time);
                 (cut > unfolds).then_some(LeafLife { site, k, count, unfolds, falls: falls.min(cut) })
             }));
         }
@@ -436,15 +436,19 @@ struct LeafOnWood {
     leaf: PlacedLeaf,
 }
 
-/// Cuts through the internode of a node, in the order of years: the age of the tree at each, years, and the length that it leaves, m.
-fn cuts_through(tree: &Tree, i: usize) -> Vec<[f32; 2]> {
-    if tree.nodes.flags[i] & flag::CUT == 0 {
-        return Vec::new();
-    }
-    let cuts: Vec<_> = tree.cuts.iter().filter(|cut| cut.node as usize == i).collect();
+/// A cut through an internode, as its leaves meet it.
+struct CutOfLeaves {
+    /// Age of the tree at the cut, years.
+    time: f32,
+    /// Length of the internode that it leaves, m.
+    left: f32,
+}
+
+/// Cuts through the internode of a node, in the order of years.
+fn cuts_of_leaves(tree: &Tree, i: usize) -> Vec<CutOfLeaves> {
     // Each later cut began with what the one before it had left.
-    let left = |k: usize| cuts.get(k + 1).map_or(tree.nodes.length[i], |next| next.length);
-    cuts.iter().enumerate().map(|(k, cut)| [f32::from(cut.year) - 1.0, left(k)]).collect()
+    let left = tree.cuts_through(i).skip(1).map(|next| next.length).chain([tree.nodes.length[i]]);
+    tree.cuts_through(i).zip(left).map(|(cut, left)| CutOfLeaves { time: cut.time(), left }).collect()
 }
 
 /// Age at which a leaf begins to fall if `last_year` is the last year at whose end it is there: with its branch, or in the spring

@@ -285,15 +285,12 @@ impl GrowthRecord {
     /// Length of a node's internode at a time, m: cuts shorten it while what they cut off thins out.
     fn length(&self, i: usize, time: f32) -> f32 {
         let length = self.tree.nodes.length[i];
-        if self.tree.nodes.flags[i] & flag::CUT == 0 {
-            return length;
-        }
         // The first cut that is still to come or under way; later ones begin from what it leaves.
-        let mut cuts = self.tree.cuts.iter().filter(|cut| cut.node as usize == i);
-        let pending = cuts.find(|cut| f32::from(cut.year) - 1.0 + FALL_YEARS > time);
+        let mut cuts = self.tree.cuts_through(i);
+        let pending = cuts.find(|cut| cut.time() + FALL_YEARS > time);
         let Some(cut) = pending else { return length };
         let left = cuts.next().map_or(length, |next| next.length);
-        let part = ((time - (f32::from(cut.year) - 1.0)) / FALL_YEARS).clamp(0.0, 1.0);
+        let part = ((time - cut.time()) / FALL_YEARS).clamp(0.0, 1.0);
         math::lerp(cut.length, left, part)
     }
 }

@@ -343,4 +343,31 @@ mod tests {
             assert!(!row(from, 0.16).is_empty(), "a thin wall at {from}");
         }
     }
+
+    /// Slabs of a roof are thinner than a cell, but lie on a house: they darken no cell above it. Close to the ridge the cell behind the
+    /// slab may lie beyond the other one.
+    #[test]
+    fn cells_above_a_roof_let_light_pass() {
+        let grid = Grid::over(Bounds { min: Vec3::new(-3.0, 0.0, -3.0), max: Vec3::new(3.0, 3.0, 3.0) });
+        for k in 0..20_u16 {
+            let foot = Vec3::Y * (0.02 * f32::from(k));
+            let house = Prism::house(foot, Vec3::new(4.0, 1.0, 4.0), 1.5, 0.0);
+            let forms = house.roof_slabs(0.35, 0.16).into_iter().chain([house]);
+            let solid = |form| Solid { name: "house".into(), form: Form::Prism(form), humidity: 0.0 };
+            let solids = Solids::new(forms.map(solid).collect(), true);
+            let opaque = opaque_cells(&grid, Some(&solids), Vec3::ZERO);
+            let mut above = 0;
+            for (x, z) in (0..grid.size[0]).flat_map(|x| (0..grid.size[2]).map(move |z| (x, z))) {
+                for center in (0..grid.size[1]).map(|y| grid.center(x, y, z)) {
+                    let is_over_house =
+                        center.x.abs() < 1.5 && (0.5..1.5).contains(&center.z.abs()) && center.y > foot.y;
+                    if is_over_house && !solids.contains(center) {
+                        above += 1;
+                        assert!(!opaque.contains(&grid.cell_of(center)), "{foot} {center}");
+                    }
+                }
+            }
+            assert!(above > 10, "{above} cells");
+        }
+    }
 }

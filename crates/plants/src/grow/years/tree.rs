@@ -237,6 +237,13 @@ pub(super) struct CutThrough {
     pub length: f32,
 }
 
+impl CutThrough {
+    /// Age of the tree at the cut, years: it is made at the beginning of its year.
+    pub fn time(&self) -> f32 {
+        f32::from(self.year) - 1.0
+    }
+}
+
 /// State of a tree that grows year by year, and its habit.
 #[derive(Debug, Clone)]
 pub(super) struct Tree {
@@ -276,6 +283,13 @@ pub(super) struct Tree {
 }
 
 impl Tree {
+    /// Cuts through the internode of a node, in the order of years; none unless the growth is recorded.
+    pub(super) fn cuts_through(&self, i: usize) -> impl Iterator<Item = &CutThrough> {
+        // The flag spares nodes without cuts the search of all cuts.
+        let cuts = if self.nodes.flags[i] & flag::CUT == 0 { &[] } else { self.cuts.as_slice() };
+        cuts.iter().filter(move |cut| cut.node as usize == i)
+    }
+
     /// `year` in the type in which nodes store the year of their death.
     pub(super) fn stored_year(&self) -> u16 {
         // Ages end at 500 years (key `age`), far below the year 65,535, which marks a node that has not fallen.

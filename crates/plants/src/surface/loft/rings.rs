@@ -6,7 +6,7 @@ use super::centerline::CurvePoint;
 use super::corners;
 use super::tuning::{
     EDGE_TOLERANCE, MAX_LEAN_SHARE, MAX_RING_SPACING, MIN_EDGE_SPACING, MIN_RING_SPACING, RADIUS_TOLERANCE,
-    SAG_TOLERANCE, SWELL_TOLERANCE, TILT_PASSES,
+    SAG_TOLERANCE, SWELL_TOLERANCE, TILT_PASSES, TURN_BACK_SUM_SQUARED,
 };
 use osier_base::math;
 
@@ -92,9 +92,6 @@ fn first_direction(curve: &[CurvePoint]) -> Vec3 {
     directions.find(|d| *d != Vec3::ZERO).unwrap_or(Vec3::Y)
 }
 
-/// Length of the sum of two unit vectors below which they count as opposite: 179.94 degrees.
-const TURN_BACK: f32 = 1e-3;
-
 /// Unit tangents at the points: the mean direction of both segments, at the ends that of the one segment. A segment
 /// without length has the direction of the segment before it.
 fn set_tangents(curve: &[CurvePoint], first: Option<Vec3>, out: &mut Vec<Vec3>) {
@@ -109,7 +106,7 @@ fn set_tangents(curve: &[CurvePoint], first: Option<Vec3>, out: &mut Vec<Vec3>) 
         let after = math::normalize_or(w[1].p - w[0].p, before);
         let sum = before + after;
         // Where the curve turns back along itself the sum is rounding only: the tangent stands across both segments.
-        let turns_back = sum.length_squared() < TURN_BACK * TURN_BACK;
+        let turns_back = sum.length_squared() < TURN_BACK_SUM_SQUARED;
         out.push(if turns_back { math::perpendicular(before) } else { math::normalize_or(sum, after) });
         before = after;
     }

@@ -37,6 +37,9 @@ pub(super) const FILLET_RADIUS: f32 = 1.1;
 /// Cosine of the angle, 150 degrees, beyond which a corner turns back and has no fillet: the arc would cut more than three radii
 /// off its end, and all of both segments at 180 degrees.
 pub(super) const HAIRPIN_COSINE: f32 = -0.866;
+/// Squared length of the sum of two unit vectors below which they count as opposite: 179.94 degrees. Larger: the tangents of sharp
+/// corners jump; smaller: rounding chooses them.
+pub(super) const TURN_BACK_SUM_SQUARED: f32 = 1e-6;
 /// Least radius of a fillet arc: below about 1 the rings meet on its inner side.
 pub(super) const MIN_FILLET_RADIUS: f32 = 1.04;
 
