@@ -210,8 +210,8 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(
 #[inline(always)]
 fn force_term<L: Lane>(i: usize, u: [L; 3], force: [L; 3]) -> L {
     let mut cu = u[0].splat(0.0);
-    for a in 0..3 {
-        cu = cu + u[a].splat(f64::from(VELOCITIES[i][a])) * u[a];
+    for (u, c) in u.into_iter().zip(VELOCITIES[i]) {
+        cu = cu + u.splat(f64::from(c)) * u;
     }
     let mut sum = u[0].splat(0.0);
     for a in 0..3 {
