@@ -578,6 +578,8 @@ impl Turtle<'_> {
                 self.step(given.unwrap_or(1.0), m, true, true);
             }
             C::Radius(sign) => {
+                // The segment before it keeps its radius: L-Py draws it as a cylinder.
+                self.close_segment();
                 let step = sign * 2.0 * LPY_RADIUS_STEP;
                 let width = given.map_or(self.s.width + step * scale, |r| 2.0 * r * scale);
                 self.set_width(width);
