@@ -481,6 +481,7 @@ fn models_of_lpy_are_drawn_by_its_turtle() {
         ("SetWidth(0.4)F(1)SetWidth(0.2)F(1)_(0.1)", &[0.4, 0.3, 0.2][..]),
         ("_(0.3)F(1)_(0.1)[F(1)]", &[0.3, 0.3, 0.1, 0.1]),
         ("F(1,0.4)F(1,0.2)", &[0.1, 0.4, 0.2]),
+        ("F(1)LineTo(0,0,3,0.4)", &[0.1, 0.1, 0.4]),
     ] {
         let (g, _) = read_bytes("m.lpy", model(axiom).as_bytes(), ReadAs::default()).expect("read");
         let r = draw_steps(&g, None).plant.nodes.r;

@@ -596,9 +596,10 @@ impl Turtle<'_> {
                 self.close_segment();
                 let to = self.target(m, relative);
                 self.line(to, turns, m);
+                // As with `F`, the radius at the end of the line.
                 if m.params.len() > 3 {
-                    let diameter = self.param(m, 3, 0.0);
-                    self.set_width(diameter * scale);
+                    let radius = self.param(m, 3, 0.0);
+                    self.set_width(2.0 * radius * scale);
                 }
             }
             C::PointAt(relative) => {
