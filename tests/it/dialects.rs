@@ -630,6 +630,19 @@ fn texts_of_lpy_are_no_numbers() {
         assert!(said.contains("m.lpy:4:"), "{said}");
     }
     assert_eq!(lpy_string("A('x')", 1, "A(k): produce F(1 if k == 'x' else 2)"), "F(1)");
+    // Under a name of the model, too.
+    let model = |value: &str| {
+        format!(
+            "side = 'left'\nAxiom: A(side)\nderivation length: 1\nproduction:\nA(k): produce F({value})\nendlsystem\n"
+        )
+    };
+    for value in ["side+1", "2*side", "-side", "max(1,side)", "int(side)", "1 if k < side else 2"] {
+        let said = refused("m.lpy", &model(value));
+        assert!(said.contains("a text where a number is expected") && said.contains("m.lpy:5:"), "{value}: {said}");
+    }
+    let (g, _) = read_bytes("m.lpy", model("1 if k == side and side != 'right' else 2").as_bytes(), ReadAs::default())
+        .expect("read");
+    assert_eq!(draw_steps(&g, None).string, "F(1)");
 }
 
 #[test]
