@@ -202,7 +202,7 @@ pub struct Preview {
     #[arg(long, value_name = "KEY=A:B:N")]
     pub sweep: Vec<String>,
     /// Columns of a contact sheet.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub columns: Option<u32>,
     /// Render another source beside the first, at the same scale.
     #[arg(long, value_name = "SOURCE")]

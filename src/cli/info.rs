@@ -10,7 +10,8 @@ use osier_base::diagnostic::visible;
 use osier_base::files::{MANIFEST, SearchPaths, read_input};
 use osier_base::limits::grouped;
 use osier_base::{Error, Result};
-use osier_export::manifest::{Manifest, Verification, verify};
+use osier_export::gltf::Profile;
+use osier_export::manifest::{AssetEntry, Manifest, Verification, verify};
 use osier_grammar::FileKind;
 use osier_import as import;
 use osier_scene::MaterialClass;
@@ -106,12 +107,17 @@ fn describe(root: &Path, m: &Manifest, only: Option<&str>) -> String {
         visible(&m.scene.hash),
         visible(&m.bake_hash),
     );
-    // One line per asset; for a single file, only for the assets in it.
-    out += &format!(
-        "{:16} {:8} {:>11} {:>11} {:>10} {:>7}  size, m\n",
-        "asset", "kind", "vertices", "triangles", "instances", "joints"
-    );
-    for a in m.assets.iter().filter(|a| only.is_none_or(|o| a.files.iter().any(|f| f == o))) {
+    // One line per asset; for a single file, only for the assets in it, of which pictures and tables have none.
+    let is_whole = only.is_none_or(|file| shows_scene(m, file));
+    let is_in = |a: &&AssetEntry| is_whole || only.is_some_and(|file| a.files.iter().any(|f| f == file));
+    let mut rows = m.assets.iter().filter(is_in).peekable();
+    if rows.peek().is_some() {
+        out += &format!(
+            "{:16} {:8} {:>11} {:>11} {:>10} {:>7}  size, m\n",
+            "asset", "kind", "vertices", "triangles", "instances", "joints"
+        );
+    }
+    for a in rows {
         let [lo, hi] = a.bounds;
         let size: Vec<String> = lo.iter().zip(hi).map(|(l, h)| format!("{:.2}", h - l)).collect();
         out += &format!(
@@ -126,9 +132,21 @@ fn describe(root: &Path, m: &Manifest, only: Option<&str>) -> String {
         );
     }
     if let Some((path, bytes, hash)) = only.and_then(|o| files.iter().find(|f| f.0 == o)) {
-        out += &format!("\n{}  {}\nblake3 {}\n", visible(path), report::byte_size(*bytes), visible(hash));
+        // The lines above end with an empty one where no asset follows.
+        let gap = if out.ends_with("\n\n") { "" } else { "\n" };
+        out += &format!("{gap}{}  {}\nblake3 {}\n", visible(path), report::byte_size(*bytes), visible(hash));
     }
     out
+}
+
+/// Whether a file of a bake shows all of its assets: the glTF file of the scene in one of the profiles, the USD stages, the scene of
+/// POV-Ray.
+fn shows_scene(m: &Manifest, file: &str) -> bool {
+    let profiles = [Profile::Web, Profile::Blender, Profile::Engine];
+    profiles.into_iter().any(|profile| m.scene_glb(profile).as_deref() == Some(file))
+        || m.stage.as_deref() == Some(file)
+        || file == format!("{}.usda", m.scene.name)
+        || file == "pov/main.pov"
 }
 
 fn report_verification(context: &Context, found: &Verification) {

@@ -75,7 +75,8 @@ impl Library {
                 let beside = from.parent().unwrap_or(Path::new("")).join(reference);
                 Ok(ReferencedFile { shown: beside.display().to_string(), bytes: file.bytes.into(), path: file.path })
             }
-            Err(refusal @ (ReadError::Missing { .. } | ReadError::Outside { .. })) => preset(reference).ok_or(refusal),
+            // A link that leads out is refused: a preset of its name in its place would not be the file that is beside the scene.
+            Err(refusal @ ReadError::Missing { .. }) => preset(reference).ok_or(refusal),
             Err(refusal) => Err(refusal),
         }
     }

@@ -8,7 +8,7 @@ use super::syntax::{
 };
 use super::{Growth, Library, OutputRecipe, PlantRecipe, Recipe, ReferencedFile, VdbRecipe, WindOutputRecipe};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
-use osier_base::files::{Encoding, Names, decode, safe_name};
+use osier_base::files::{Encoding, Names, ReadError, decode, safe_name};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use osier_scene::Clip;
@@ -432,7 +432,8 @@ impl Resolver<'_> {
             Err(why) => {
                 // Most references without a file are misspelt presets.
                 let names = crate::presets::PRESETS.iter().map(|p| p.name);
-                let help = match nearest(reference, names) {
+                let near = if matches!(why, ReadError::Missing { .. }) { nearest(reference, names) } else { None };
+                let help = match near {
                     Some(near) => format!("did you mean the preset \"{near}\"?"),
                     None => why.help().into(),
                 };

@@ -545,6 +545,22 @@ fn info_names_what_was_deleted_or_changed_and_a_bake_mends_it() {
     ends(1, &["info", arg(dir.path())]);
     let (text, _) = ends(0, &["info", arg(&out.join("gltf/sprig.web.glb"))]);
     assert!(text.contains("gltf/sprig.web.glb") && text.contains("\nbake "), "{text}");
+    // A file of the whole scene has the rows of all assets, that of one asset its own, a picture none and no head of a table.
+    let assets = ["sprig_1 ", "cached "];
+    for (name, rows) in [
+        ("gltf/sprig.web.glb", [true, true]),
+        ("gltf/sprig.blender.glb", [true, true]),
+        ("sprig.usda", [true, true]),
+        ("usd/assets.usda", [true, true]),
+        ("pov/main.pov", [true, true]),
+        ("usd/cached.usdc", [false, true]),
+        ("maps/sky.exr", [false, false]),
+    ] {
+        let (text, _) = ends(0, &["info", arg(&out.join(name))]);
+        assert_eq!(assets.map(|asset| text.lines().any(|line| line.starts_with(asset))), rows, "{name}: {text}");
+        assert_eq!(text.contains("triangles"), rows[0] || rows[1], "{name}: {text}");
+        assert!(text.contains(&format!("\n\n{name}  ")) && !text.contains("\n\n\n"), "{name}: {text}");
+    }
     // A file beside a bake, or beside the manifest of another program, is described by itself.
     fs::copy(out.join("gltf/sprig.web.glb"), out.join("copy.glb")).expect("copy");
     let site = dir.path().join("site/models");

@@ -471,8 +471,22 @@ fn models_of_lpy_are_drawn_by_its_turtle() {
     for want in [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]] {
         assert!(tips.iter().any(|t| (*t - glam::Vec3::from(want)).length() < 1e-5), "{tips:?}");
     }
+    // A node between segments of two radii has their mean; what sets a radius behind a segment does not change its end.
     let widths = draw("lpy/widths.lpy", "").plant;
-    assert!((widths.nodes.r[0] - 0.3).abs() < 1e-6 && (widths.nodes.r[2] - 0.5).abs() < 1e-6, "{:?}", widths.nodes.r);
+    let near_all =
+        |r: &[f32], want: &[f32]| r.len() == want.len() && r.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-6);
+    assert!(near_all(&widths.nodes.r, &[0.3, 0.35, 0.5]), "{:?}", widths.nodes.r);
+    let model = |axiom: &str| format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");
+    for (axiom, want) in [
+        ("SetWidth(0.4)F(1)SetWidth(0.2)F(1)_(0.1)", &[0.4, 0.3, 0.2][..]),
+        ("_(0.3)F(1)_(0.1)[F(1)]", &[0.3, 0.3, 0.1, 0.1]),
+        ("F(1,0.4)F(1,0.2)", &[0.1, 0.4, 0.2]),
+        ("F(1)LineTo(0,0,3,0.4)", &[0.1, 0.1, 0.4]),
+    ] {
+        let (g, _) = read_bytes("m.lpy", model(axiom).as_bytes(), ReadAs::default()).expect("read");
+        let r = draw_steps(&g, None).plant.nodes.r;
+        assert!(near_all(&r, want), "{axiom}: {r:?}");
+    }
     let shapes = draw("lpy/shapes.lpy", "").plant;
     assert_eq!(shapes.organs.len(), 4);
     // 1, then half of 1; a line from (0, 1.5, 0) to x = 3, z = 1.5 of L-Py.
@@ -616,6 +630,19 @@ fn texts_of_lpy_are_no_numbers() {
         assert!(said.contains("m.lpy:4:"), "{said}");
     }
     assert_eq!(lpy_string("A('x')", 1, "A(k): produce F(1 if k == 'x' else 2)"), "F(1)");
+    // Under a name of the model, too.
+    let model = |value: &str| {
+        format!(
+            "side = 'left'\nAxiom: A(side)\nderivation length: 1\nproduction:\nA(k): produce F({value})\nendlsystem\n"
+        )
+    };
+    for value in ["side+1", "2*side", "-side", "max(1,side)", "int(side)", "1 if k < side else 2"] {
+        let said = refused("m.lpy", &model(value));
+        assert!(said.contains("a text where a number is expected") && said.contains("m.lpy:5:"), "{value}: {said}");
+    }
+    let (g, _) = read_bytes("m.lpy", model("1 if k == side and side != 'right' else 2").as_bytes(), ReadAs::default())
+        .expect("read");
+    assert_eq!(draw_steps(&g, None).string, "F(1)");
 }
 
 #[test]

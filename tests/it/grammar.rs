@@ -206,6 +206,7 @@ fn the_replacements_of_broken_grammars_mend_them() {
         ("L011", s("F(1)", "F(x) --> F(x)[+F(x)")),
         ("L014", s("F(1)", "F(x) --> F(x)//[+F(x)]F(x)")),
         ("L014", s("F(1)", "F(x) --> F(x) //A(x)")),
+        ("L014", s("F(1)", "F(x) --> F(x) //(30)A")),
         ("L020", s("F(1)", "F(len) --> F(lne)")),
         ("L021", s("F(1)", "F(x) --> F(sinn(x)+1)")),
         ("L032", s("F(1)", "F(x) --> F(x) : 2")),

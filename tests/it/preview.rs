@@ -70,6 +70,7 @@ fn outputs_and_flags_that_would_mislead_are_refused() {
         ["--background", "none"],
         ["--sun", "30,0"],
         ["--seeds", "0-3"],
+        ["--columns", "2"],
         ["--compare", "oak"],
         ["--frame", "2"],
     ] {
@@ -79,6 +80,17 @@ fn outputs_and_flags_that_would_mislead_are_refused() {
     let (_, err) = ends(2, &["preview", "fig9", "--turntable", "4", "-o", arg(&file("b.gif"))]);
     assert!(err.contains("--turntable") && !file("b.gif").exists(), "{err}");
     ends(0, &["preview", "fig9", "--size", "32x18", "--seed", "3", "-o", arg(&file("b.png"))]);
+    // Only a contact sheet has columns, and at least one.
+    for (more, why) in [
+        (&["--columns", "2"][..], "contact sheet"),
+        (&["--columns", "2", "--turntable", "4"], "contact sheet"),
+        (&["--columns", "0", "--seeds", "0-1"], "'--columns <N>'"),
+    ] {
+        let out = file("d.png");
+        let flags = ["preview", SPRIG, "--size", "16", "--quality", "draft", "-o", arg(&out)];
+        let (_, err) = ends(2, &[&flags[..], more].concat());
+        assert!(err.contains("--columns") && err.contains(why) && !out.exists(), "{err}");
+    }
     // Four equal pictures with the names of seeds would be no sheet of seeds.
     std::fs::write(file("t.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("file");
     let mesh = file("t.obj");

@@ -6,6 +6,7 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
+use crate::common::program::{arg, ends};
 use osier::files::{ReadError, SearchPaths};
 
 struct Place {
@@ -35,6 +36,27 @@ fn place() -> Place {
 fn roots(place: &Place, search: &[&str]) -> SearchPaths {
     let search: Vec<PathBuf> = search.iter().map(|s| place.top.join(s)).collect();
     SearchPaths::new(&place.top.join("scene/main.toml"), &search).expect("roots")
+}
+
+/// A species that is a link out of the folder of its scene is refused with its name, although a preset has that name; one that
+/// stays in the folder is read.
+#[test]
+fn a_link_that_leads_out_does_not_become_the_preset_of_its_name() {
+    let p = place();
+    let oak = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/species/oak.species")).expect("oak");
+    fs::write(p.top.join("oak.species"), &oak).expect("file");
+    fs::write(p.top.join("scene/sub/oak.species"), &oak).expect("file");
+    let scene = p.top.join("scene/tree.toml");
+    fs::write(&scene, "[plants.tree]\nspecies = \"oak\"\nage = 2\n").expect("scene");
+    let link = p.top.join("scene/oak.species");
+    symlink(p.top.join("oak.species"), &link).expect("link");
+    let (_, err) = ends(1, &["check", arg(&scene)]);
+    assert!(err.contains("S005") && err.contains("\"oak.species\" leads out"), "{err}");
+    assert!(err.contains("--search") && !err.contains("preset"), "{err}");
+    ends(0, &["check", arg(&scene), "--search", arg(&p.top)]);
+    fs::remove_file(&link).expect("remove");
+    symlink("sub/oak.species", &link).expect("link");
+    ends(0, &["check", arg(&scene)]);
 }
 
 #[test]

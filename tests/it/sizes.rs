@@ -273,6 +273,39 @@ fn is_near_its_prediction(out: &Path, scene: &str, more: &[&str]) {
     assert!((1.0 / 1.4..1.4).contains(&(predicted / written)), "{}: {predicted} of {written} bytes", out.display());
 }
 
+/// Bytes of a format that a dry run predicts, divided by those of the files in its folder.
+fn predicted_share(out: &Path, scene: &Path, [format, folder]: [&str; 2]) -> f64 {
+    let arguments = ["-q", "bake", arg(scene), "-o", arg(out)];
+    let (told, _) = ends(0, &[&arguments[..], &["-n", "--json"]].concat());
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    ends(0, &arguments);
+    told["would_make"]["sizes"][format].as_f64().expect("bytes") / bytes_in(&out.join(folder)) as f64
+}
+
+/// Trees at rest, leaves in a light, a fresh and a strong wind, and the leaves of many copies in glTF.
+#[test]
+fn the_predicted_size_of_trees_at_rest_and_in_the_wind_is_near_that_of_their_files() {
+    let temp = tempfile::tempdir().expect("temp");
+    let tree = "[plants.a]\nspecies = \"birch\"\nage = 10\n[[place]]\nplant = \"a\"\n[ground]\nshow = false\n";
+    let usd = "[output]\nformats = [\"usd\"]\n";
+    let sway = |speed: u32| format!("[frames]\nend = 24\n[wind]\nspeed = {speed}\n{tree}{usd}");
+    let copies = tree.replace("plant = \"a\"\n", "plant = \"a\"\ncount = 30\nradius = 30\nindividuals = 2\n");
+    let web = format!("{copies}[output]\nformats = [\"glb\"]\n[output.gltf]\nprofiles = [\"web\"]\n");
+    for (name, scene, format) in [
+        ("still", format!("{tree}{usd}"), ["usd", "usd"]),
+        ("light", sway(2), ["usd", "usd"]),
+        ("fresh", sway(5), ["usd", "usd"]),
+        ("strong", sway(12), ["usd", "usd"]),
+        ("floats", format!("{web}quantize = false\n"), ["glb", "gltf"]),
+        ("web", web, ["glb", "gltf"]),
+    ] {
+        let file = temp.path().join(format!("{name}.toml"));
+        std::fs::write(&file, scene).expect("scene");
+        let share = predicted_share(&temp.path().join(name), &file, format);
+        assert!((0.87..1.15).contains(&share), "{name}: {share}");
+    }
+}
+
 #[test]
 fn leaves_of_a_growing_tree_have_shapes_at_the_frames_that_are_written() {
     let temp = tempfile::tempdir().expect("temp");

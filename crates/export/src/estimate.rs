@@ -25,6 +25,8 @@ pub struct EstimateInput<'a> {
     pub assets: &'a [AssetSize],
     /// Number of frames that are written, which may be fewer than the clip has; 0 for a still scene.
     pub frames: u64,
+    /// Mean speed of the wind that leaves flutter in, m/s; drops that shake leaves count as a wind.
+    pub wind_speed: f64,
     /// Estimated bytes of all images of the scene, each counted once as a PNG file.
     pub pictures: u64,
     /// Texels of the height maps of all materials, in the sizes in which they are written.

@@ -64,6 +64,11 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
+    if args.columns.is_some() && entries.len() < 2 && !flags.is_sheet() {
+        let why = "--columns: it arranges the pictures of a contact sheet; add --seeds 0-8 or a --sweep";
+        context.console.complain(why);
+        return Ok(2);
+    }
     if args.view.is_none() && is_plane_drawing(&args.source, &context.limits)? {
         flags.options.view = Some(flags::front());
     }
@@ -117,6 +122,7 @@ fn flag_unfit_for_layers(args: &Preview) -> Option<&'static str> {
         ("--turntable", args.turntable.is_some()),
         ("--seeds", args.seeds.is_some()),
         ("--sweep", !args.sweep.is_empty()),
+        ("--columns", args.columns.is_some()),
         ("--compare", args.compare.is_some()),
     ];
     given.iter().find(|flag| flag.1).map(|flag| flag.0)

@@ -62,7 +62,7 @@ pub fn entries(
     flags: &PreviewFlags,
     work: &BakeContext<'_>,
 ) -> Result<Outcome> {
-    let columns = args.columns.map_or(contact_sheet_columns(sources.len()), |c| c.max(1) as usize);
+    let columns = args.columns.map_or(contact_sheet_columns(sources.len()), |c| c as usize);
     if let Some(refused) = refused(sources.len(), columns, flags, context) {
         return Ok(refused);
     }
@@ -168,7 +168,7 @@ fn sheet_of(
     flags: &PreviewFlags,
     work: &BakeContext<'_>,
 ) -> Result<Outcome> {
-    let columns = args.columns.map_or(columns, |c| c.max(1) as usize);
+    let columns = args.columns.map_or(columns, |c| c as usize);
     if let Some(refused) = refused(cells.len(), columns, flags, context) {
         return Ok(refused);
     }

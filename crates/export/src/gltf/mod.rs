@@ -90,15 +90,9 @@ fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
 /// Bytes of a PNG image per byte of its JPEG. Own: measured on barks, grounds and leaves; only estimates use it.
 const JPEG_RATIO: u64 = 4;
 
-/// Uncompressed size of vertices, triangles and instances divided by their stored size, percent.
+/// Size of floating-point vertices, triangles and instances divided by their compressed size, percent.
 /// Own: measured on leaves and bark.
-fn size_ratio_percent(options: &GltfOptions, profile: Profile) -> u64 {
-    match profile {
-        Profile::Web if options.meshopt => 350,
-        Profile::Web if options.quantize => 170,
-        _ => 100,
-    }
-}
+const MESHOPT_RATIO_PERCENT: u64 = 350;
 
 /// Estimate from bytes per vertex, triangle, instance and key in binary files, summed over the profiles.
 fn estimate(input: &EstimateInput) -> u64 {
@@ -128,12 +122,21 @@ fn estimate(input: &EstimateInput) -> u64 {
                     let skinned = if a.joints > 0 { a.vertices * 24 } else { 0 };
                     (a.vertices + instance_vertices) * 48 + skinned + triangles * 12
                 }
+                // An instance is 32 bytes: 12 of position, 8 of the quantized rotation, 12 of scale. A triangle is three u32.
+                Profile::Web if options.meshopt => {
+                    let floats = a.vertices * 48 + a.triangles * 12 + a.prototype_vertices * 28;
+                    (floats + instances * a.still_copies * 32) * 100 / MESHOPT_RATIO_PERCENT
+                }
                 Profile::Web => {
-                    // An instance is 32 bytes: 12 of position, 8 of the quantized rotation, 12 of scale. A triangle is three u32.
-                    a.vertices * 48 + a.triangles * 12 + a.prototype_vertices * 28 + instances * a.still_copies * 32
+                    // A position is 8 bytes if quantized, else 12; normals and tangents are 4 each, coordinates 8. Bark with joints
+                    // has these and their weights, 8 bytes, and some of it 16 of the shader's wind. Triangles are three u32 in
+                    // large meshes, else three u16. Both are measured on the presets.
+                    let vertex = if options.quantize { 24 } else { 28 };
+                    let skinned = if a.joints > 0 { a.vertices * 12 } else { 0 };
+                    let meshes = (a.vertices + a.prototype_vertices) * vertex + skinned;
+                    meshes + (a.triangles + a.prototype_triangles) * 10 + instances * a.still_copies * 32
                 }
             };
-            let still = still * 100 / size_ratio_percent(options, *profile);
             // The file of the scene has tracks for each phase that has a skin, the file of the asset for one.
             let nodes = if grows { 0 } else { a.free_instances.min(most_nodes) };
             let of_profile = GltfOptions { profile: *profile, ..options.clone() };

@@ -48,7 +48,7 @@ pub(super) fn sample_bytes(input: &EstimateInput) -> Vec<Option<u64>> {
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bytes and frames, not negative")]
-fn whole(value: f64) -> u64 {
+pub(super) fn whole(value: f64) -> u64 {
     value.round() as u64
 }
 

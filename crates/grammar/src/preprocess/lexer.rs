@@ -138,6 +138,22 @@ fn looks_like_modules(text: &str, touches: bool) -> bool {
     (has_symbols || has_turns) && (touches || (has_turns && has_symbols))
 }
 
+/// What follows the angle of a second roll, `(30)A`, if that is a module without a blank before it; comments continue with a blank.
+fn behind_angle(text: &str) -> Option<&str> {
+    let inner = text.strip_prefix('(')?;
+    let mut depth = 1_u32;
+    let close = inner.find(|c: char| {
+        match c {
+            '(' => depth += 1,
+            ')' => depth -= 1,
+            _ => {}
+        }
+        depth == 0
+    })?;
+    let behind = &inner[close + 1..];
+    behind.starts_with(|c: char| c.is_alphabetic() || "[+-&^/\\|!".contains(c)).then_some(behind)
+}
+
 struct Lexer<'a> {
     session: &'a mut ParseSession,
     source: SourceId,
@@ -314,7 +330,11 @@ impl Lexer<'_> {
         let rest: String = self.chars[self.i + 2..].iter().map(|c| c.1).take_while(|c| *c != '\n').collect();
         let has_parameters = rest.as_bytes().windows(2).any(|w| w[0].is_ascii_alphabetic() && w[1] == b'(');
         let touches = (glued || has_parameters) && rest.starts_with(|c: char| !c.is_whitespace());
-        if self.rule != RuleState::Successor || !looks_like_modules(&rest, touches) {
+        let has_modules = match behind_angle(&rest) {
+            Some(behind) => looks_like_modules(behind, true),
+            None => looks_like_modules(&rest, touches),
+        };
+        if self.rule != RuleState::Successor || !has_modules {
             return;
         }
         let place = SourcePlace::bare(Span::new(self.source, start, start + 2));

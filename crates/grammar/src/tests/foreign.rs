@@ -117,6 +117,10 @@ fn modules_behind_two_slashes_are_told_from_words() {
         ("F(x) --> F(x) //A", false),
         ("F(x) --> F(x) //grow F(x)", false),
         ("F(x) --> F(x) //(1)", false),
+        ("F(x) --> F(x) //(1) A", false),
+        ("F(x) --> F(x) //(1)st step", false),
+        ("F(x) --> F(x) //(30)A", true),
+        ("F(x) --> F(x) //(x*(2+1))[+A]", true),
     ] {
         let (_, warnings) = read(&format!("Lsystem: 1\nderivation length: 1\nAxiom: F(1)\n{rule}\nendlsystem\n"));
         assert_eq!(warnings.iter().any(|w| w.code == "L014"), is_told, "{rule}: {warnings:?}");

@@ -120,6 +120,10 @@ impl FlightSimulation {
                 let (way, v) = step(c).full_step(c.v, pull(c, *air, t + dt / 2.0));
                 // Sweep the ball along its displacement: the first contact ends the flight.
                 let path = SweptBall { from: c.x, way, radius: c.radius };
+                // A flight begins with the wind at its place, not with what an earlier flight left.
+                if std::mem::take(&mut c.begins_flight) {
+                    c.flow = *before - c.v.as_vec3();
+                }
                 // The wind on its way, taken to change evenly over the step, for tumbling.
                 let acceleration = (*air - *before) * (2.0 / narrow(dt));
                 c.lasting_flow =

@@ -150,7 +150,7 @@ impl Catkin {
         self.state = CatkinState::Airborne;
         self.v = wind.as_dvec3() - DVec3::Y * self.fall;
         self.travel = DVec3::ZERO;
-        (self.moved, self.free) = (false, true);
+        (self.moved, self.free, self.begins_flight) = (false, true, true);
         self.rested = -1.0;
         self.lag = VelocityDecay::for_settling_speed(self.fall, options);
         self.lift = 0.0;

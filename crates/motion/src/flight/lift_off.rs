@@ -149,7 +149,7 @@ impl FlightSimulation {
             let c = self.catkin_mut(id);
             (c.state, c.v, c.target) = (CatkinState::Airborne, DVec3::ZERO, super::particles::NO_TARGET);
             (c.lift, c.lifted, c.lift_exposure, c.rested) = (rise, t, 0.0, -1.0);
-            c.hops += 1;
+            (c.hops, c.begins_flight) = (c.hops + 1, true);
             // Contacts of this step were searched before: its path begins here.
             (c.free, c.travel) = (true, DVec3::ZERO);
         }
@@ -167,7 +167,30 @@ fn updraft_to_height(height: f64, fall: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::flight::{CatkinStart, FlightParams, ReleaseCondition};
+    use osier_scene::solid::Solids;
+    use osier_wind::UniformWind;
+
+    /// What is released or lifts off tumbles in the wind at its place, not in calm air or in that of its last flight.
+    #[test]
+    fn flights_begin_in_the_wind_at_their_place() {
+        let start = CatkinStart { at: DVec3::new(0.0, 5.0, 0.0), wait: ReleaseCondition::Until(0.0) };
+        let mut all = FlightSimulation::new(FlightParams::default(), Arc::new(Solids::default()), &[start]);
+        let wind = Vec3::new(3.0, 0.0, 1.0);
+        let follows = |all: &FlightSimulation| all.catkin(0).flow.distance(wind) < 1e-6;
+        all.advance_singles(&UniformWind(wind), 0.0);
+        assert!(follows(&all), "{:?}", all.catkin(0).flow);
+        let c = all.catkin_mut(0);
+        (c.state, c.flow, c.q) = (CatkinState::Grounded, Vec3::splat(-9.0), glam::Quat::from_rotation_x(1.5));
+        all.take_off(0, 0.5, 0.04);
+        all.tumble_all();
+        assert!(all.catkin(0).q.dot(glam::Quat::from_rotation_x(1.5)) > 1.0 - 1e-6, "it lifts off after the step");
+        all.advance_singles(&UniformWind(wind), 0.04);
+        assert!(follows(&all), "{:?}", all.catkin(0).flow);
+    }
 
     #[test]
     fn updraft_carries_to_its_height() {

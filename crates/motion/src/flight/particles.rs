@@ -98,6 +98,8 @@ pub struct Catkin {
     pub(super) kind: u16,
     /// Whether it is hidden at the position where it will reenter.
     pub(super) moved: bool,
+    /// Whether its flight begins with its next step in the air, in which `flow` starts from the wind at its place.
+    pub(super) begins_flight: bool,
     /// Normal of the supporting surface.
     pub(super) normal: Vec3,
     pub(super) face: Option<u32>,
@@ -183,6 +185,7 @@ impl Catkin {
             since: 0.0,
             rested: -1.0,
             moved: false,
+            begins_flight: true,
             wait: start.wait,
             flow: Vec3::ZERO,
             lasting_flow: Vec3::ZERO,

@@ -21,6 +21,7 @@ mod flow;
 mod grid;
 mod ground;
 mod inlet;
+mod joined_sides;
 mod memory_estimate;
 mod open_boundary;
 mod outlet_targets;

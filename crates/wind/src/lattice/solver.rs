@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::blockage::narrowest_open_share;
 use super::cells::cell_center;
@@ -14,6 +14,7 @@ use super::domain::Domain;
 use super::flow::{FlowState, LayerVelocityIncrement};
 use super::grid::{LatticeGrid, StepParity};
 use super::inlet::{InletNodes, InletStep, InletWind, spin_up_ramp};
+use super::joined_sides::check_joined_sides;
 use super::memory_estimate::LatticeMemory;
 use super::outlet_targets::{OutletTargets, inlet_nodes, profile_deviation};
 use super::report::{LatticeStats, LatticeWarning};
@@ -69,7 +70,7 @@ pub struct LatticeSolver {
 }
 
 impl LatticeSolver {
-    /// The warnings and errors of [`LatticeSolver::new`] that follow from the options and the bounds of the solids; no cells are
+    /// The warnings and errors of [`LatticeSolver::new`] that follow from the options and the surfaces of the solids; no cells are
     /// made.
     /// # Errors
     /// As [`LatticeSolver::new`].
@@ -465,7 +466,7 @@ impl LatticeSolver {
 }
 
 /// Error of one diagnostic without a position in a file.
-fn input_error(code: &'static str, message: impl Into<String>, help: impl Into<String>) -> Error {
+pub(super) fn input_error(code: &'static str, message: impl Into<String>, help: impl Into<String>) -> Error {
     let diagnostics = vec![Diagnostic::about(code, message).help(help)];
     Error::Input(Box::new(Report { diagnostics, ..Report::default() }))
 }
@@ -486,38 +487,6 @@ fn check_blockage(domain: &Domain, blocked: f64) -> Result<()> {
     let help =
         "enlarge the box with wind.lattice.cells until half of the section stays open, or leave a gap in the solids";
     Err(input_error("S030", message, help))
-}
-
-/// Refuses solids that cross one of two joined sides of the box, by their bounds: the part beyond would be missing at the other side.
-/// Land has no bounds, and a solid that crosses both sides, as a wall along the box, continues from one to the other.
-fn check_joined_sides(options: &LatticeOptions, solids: &[Solid]) -> Result<()> {
-    let low = options.origin();
-    let high = low + DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
-    // What ends within half a cell of a side reaches no cell centre beyond it.
-    let slack = options.spacing / 2.0;
-    let joined = [0, 2].into_iter().zip(options.periodic_sides()).filter(|(_, joined)| *joined);
-    for (axis, _) in joined {
-        for solid in solids.iter().filter(|s| !matches!(s.form, Form::Land(_))) {
-            let bounds = solid.bounds();
-            let (from, to) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-            let crosses = [low, high].map(|side| from[axis] < side[axis] - slack && to[axis] > side[axis] + slack);
-            let meets_box = (0..3).all(|a| from[a] < high[a] && to[a] > low[a]);
-            if crosses[0] == crosses[1] || !meets_box {
-                continue;
-            }
-            let side = if crosses[0] { low[axis] } else { high[axis] };
-            let message = format!(
-                "solid \"{}\" crosses the side {} = {side} m of the lattice wind, which is joined to the opposite side: \
-                 the part beyond would be missing there",
-                solid.name,
-                ["x", "y", "z"][axis]
-            );
-            let help = "move the solid into the box, enlarge the box with wind.lattice.cells, let the solid cross both \
-                        sides, or set wind.lattice.sides = \"open\"";
-            return Err(input_error("S039", message, help));
-        }
-    }
-    Ok(())
 }
 
 fn all_solid_error() -> Error {

@@ -690,3 +690,17 @@ fn solids_across_one_joined_side_are_refused() {
     }
     assert_eq!(code(1.0, 12.0, SideCondition::Auto), [""; 2]);
 }
+
+/// A wall that stands askew beside a corner of the box has bounds that cross a joined side, which it does not reach itself. Moved
+/// towards the box it does.
+#[test]
+fn solids_are_refused_by_their_faces_and_not_by_their_bounds() {
+    // The corner is at x = 20, z = 4; turned by 45 degrees, the width of the wall runs along +X and -Z.
+    let is_refused = |x: f32| {
+        let foot = Vec3::new(x, 0.0, 5.0);
+        let prism = Prism::block(foot, Vec3::new(8.0, 5.0, 0.5), std::f32::consts::FRAC_PI_4);
+        let solids = [Solid { name: "fence".into(), form: Form::Prism(prism), humidity: 0.5 }];
+        LatticeSolver::check_options(&channel_options(), &solids, &Limits::default()).is_err()
+    };
+    assert!(!is_refused(21.0) && is_refused(17.0));
+}

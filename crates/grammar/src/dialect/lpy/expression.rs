@@ -1,6 +1,6 @@
 //! Expressions of Python: what they are, how they are read, and the code that they become.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use osier_base::convert::{limit, saturating_index};
@@ -42,6 +42,8 @@ impl Refusal {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum PyExpr {
     Number(f64),
+    /// A text in quotes, by the number that stands for it.
+    Text(f64, Range<usize>),
     Name(String, Range<usize>),
     Neg(Box<Self>),
     Not(Box<Self>),
@@ -145,6 +147,17 @@ const OF_NUMBERS: [&str; 28] = [
     "gauss",
 ];
 
+/// The refusal of a text where a number is expected.
+fn text_refusal(range: Range<usize>) -> Refusal {
+    Refusal::new("a text where a number is expected", range)
+        .remedy("write the number without quotes; texts can be compared with == and !=, and handed on")
+}
+
+/// A resolved operand that must be a number: a text is refused.
+fn as_number(e: PyExpr) -> Result<PyExpr, Refusal> {
+    if let PyExpr::Text(_, range) = e { Err(text_refusal(range)) } else { Ok(e) }
+}
+
 /// The number that stands for a text: whole, above a million, and exact in single precision, so that parameters keep it.
 fn text_number(text: &str) -> f64 {
     let hash = osier_base::rng::word(text) % 15_000_000;
@@ -229,8 +242,7 @@ impl PyParser {
     fn check_number(&self, from: usize) -> Result<(), Refusal> {
         match self.tokens.get(from) {
             Some(PyToken { kind: PyTokenKind::Text(_), range }) if self.i == from + 1 => {
-                Err(Refusal::new("a text where a number is expected", range.clone())
-                    .remedy("write the number without quotes; texts can be compared with == and !=, and handed on"))
+                Err(text_refusal(range.clone()))
             }
             _ => Ok(()),
         }
@@ -417,7 +429,8 @@ impl PyParser {
         };
         self.i += 1;
         match t.kind {
-            PyTokenKind::Number(n) | PyTokenKind::Text(n) => Ok(PyExpr::Number(n)),
+            PyTokenKind::Number(n) => Ok(PyExpr::Number(n)),
+            PyTokenKind::Text(n) => Ok(PyExpr::Text(n, t.range)),
             PyTokenKind::Sign("(") => {
                 let e = self.choice()?;
                 // One value in parentheses is that value; with a comma they hold a list.
@@ -567,6 +580,8 @@ pub(super) struct Scope {
     /// Values of the model that are drawn once, before the first step; the position is the slot.
     pub globals: Vec<String>,
     pub constants: BTreeMap<String, f64>,
+    /// Names among the constants whose values are texts.
+    pub texts: BTreeSet<String>,
     /// Lists that no statement changes, by name; an expression may index them or loop over them.
     pub lists: BTreeMap<String, PyExpr>,
     /// Names whose values are more than expressions.
@@ -607,7 +622,7 @@ impl Scope {
 /// True if the expression draws a random number, itself or in a function of the model that it calls.
 pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
     match e {
-        PyExpr::Number(_) | PyExpr::Name(..) => false,
+        PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => false,
         PyExpr::Neg(a) | PyExpr::Not(a) => has_random(a, scope),
         PyExpr::Binary(_, a, b) | PyExpr::And(a, b) | PyExpr::Or(a, b) => has_random(a, scope) || has_random(b, scope),
         PyExpr::Choice(a, b, c) => [a, b, c].iter().any(|e| has_random(e, scope)),
@@ -635,8 +650,9 @@ pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
 /// The expression with functions of the model replaced by their expressions, and the functions of Python by those of the language.
 pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr, Refusal> {
     let sub = |a: &PyExpr| resolve(a, scope, depth).map(Box::new);
+    let number = |a: &PyExpr| resolve(a, scope, depth).and_then(as_number).map(Box::new);
     Ok(match e {
-        PyExpr::Number(n) => PyExpr::Number(*n),
+        PyExpr::Number(_) | PyExpr::Text(..) => e.clone(),
         PyExpr::Name(name, range) => {
             let is_local = scope.locals.contains(name);
             if let Some(why) = scope.unreadable.get(name).filter(|_| !is_local) {
@@ -655,11 +671,17 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             if let Some(list) = scope.lists.get(name) {
                 return Ok(list.clone());
             }
-            scope.constants.get(name).map_or_else(|| e.clone(), |v| PyExpr::Number(*v))
+            match scope.constants.get(name) {
+                Some(v) if scope.texts.contains(name) => PyExpr::Text(*v, range.clone()),
+                Some(v) => PyExpr::Number(*v),
+                None => e.clone(),
+            }
         }
-        PyExpr::Neg(a) => PyExpr::Neg(sub(a)?),
+        PyExpr::Neg(a) => PyExpr::Neg(number(a)?),
         PyExpr::Not(a) => PyExpr::Not(sub(a)?),
-        PyExpr::Binary(op, a, b) => PyExpr::Binary(*op, sub(a)?, sub(b)?),
+        // Texts are equal or not; their order is not known.
+        PyExpr::Binary(op @ (PyOp::Eq | PyOp::Ne), a, b) => PyExpr::Binary(*op, sub(a)?, sub(b)?),
+        PyExpr::Binary(op, a, b) => PyExpr::Binary(*op, number(a)?, number(b)?),
         PyExpr::And(a, b) => PyExpr::And(sub(a)?, sub(b)?),
         PyExpr::Or(a, b) => PyExpr::Or(sub(a)?, sub(b)?),
         PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a)?, sub(b)?, sub(c)?),
@@ -679,6 +701,11 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 }
                 let body = substitute(body, params, &args);
                 return resolve(&body, scope, depth + 1);
+            }
+            if OF_NUMBERS.contains(&name.as_str())
+                && let Some(PyExpr::Text(_, range)) = args.iter().find(|a| matches!(a, PyExpr::Text(..)))
+            {
+                return Err(text_refusal(range.clone()));
             }
             match (name.as_str(), args.as_slice()) {
                 ("range" | "xrange" | "arange", _) => numbers_of_range(&args, scope, range)?,
@@ -802,7 +829,7 @@ fn size_of(e: &PyExpr, names: &[String], sizes: &[usize]) -> usize {
     let size = |a: &PyExpr| size_of(a, names, sizes);
     let total = |list: &[PyExpr]| list.iter().map(size).fold(1, usize::saturating_add);
     match e {
-        PyExpr::Number(_) => 1,
+        PyExpr::Number(_) | PyExpr::Text(..) => 1,
         PyExpr::Name(name, _) => names.iter().position(|n| n == name).and_then(|i| sizes.get(i)).copied().unwrap_or(1),
         PyExpr::Neg(a) | PyExpr::Not(a) => size(a).saturating_add(1),
         PyExpr::Binary(_, a, b)
@@ -827,7 +854,7 @@ fn constant_name(name: &str) -> Option<f64> {
 pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyExpr {
     let sub = |a: &PyExpr| Box::new(substitute(a, names, values));
     match e {
-        PyExpr::Number(n) => PyExpr::Number(*n),
+        PyExpr::Number(_) | PyExpr::Text(..) => e.clone(),
         PyExpr::Name(name, range) => {
             let value = names.iter().position(|n| n == name).and_then(|i| values.get(i)).cloned();
             value.unwrap_or_else(|| PyExpr::Name(name.clone(), range.clone()))
@@ -878,7 +905,7 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
     // An index beyond all places: divisions by zero of these models are not reported.
     let binary = |op: BinaryOp| Op::Binary(op, usize::MAX);
     match e {
-        PyExpr::Number(n) => ops.push(Op::Const(*n)),
+        PyExpr::Number(n) | PyExpr::Text(n, _) => ops.push(Op::Const(*n)),
         PyExpr::Name(name, range) => {
             // Variables of the rule hide values of the model.
             if let Some(slot) = Scope::slot(&scope.locals, name) {
@@ -1003,7 +1030,8 @@ fn is_truth(e: &PyExpr) -> bool {
 fn range_of(e: &PyExpr) -> Range<usize> {
     match e {
         PyExpr::Number(_) => 0..0,
-        PyExpr::Name(_, r)
+        PyExpr::Text(_, r)
+        | PyExpr::Name(_, r)
         | PyExpr::Call(_, _, r)
         | PyExpr::List(_, r)
         | PyExpr::Index(_, _, r)

@@ -519,6 +519,12 @@ impl<'s> Model<'_, 's> {
             return;
         }
         self.scope.lists.remove(name);
+        // A text is compared and handed on under its name, too, and no number.
+        if matches!(resolved, Ok(PyExpr::Text(..))) {
+            self.scope.texts.insert(name.to_owned());
+        } else {
+            self.scope.texts.remove(name);
+        }
         let code = match resolved.and_then(|e| compile(&e, &self.scope)) {
             Ok(code) => code,
             Err(why) => {

@@ -746,7 +746,7 @@ impl Model<'_, '_> {
             if let Ok(args) = self.spread(&m.args) {
                 module.args = args;
             }
-            for arg in module.args.iter_mut().filter(|a| !ends && !matches!(a, PyExpr::Number(_))) {
+            for arg in module.args.iter_mut().filter(|a| !ends && !matches!(a, PyExpr::Number(_) | PyExpr::Text(..))) {
                 let name = format!("(value {})", self.temporaries);
                 self.temporaries += 1;
                 let value = std::mem::replace(arg, PyExpr::Name(name.clone(), m.range.clone()));

@@ -578,6 +578,8 @@ impl Turtle<'_> {
                 self.step(given.unwrap_or(1.0), m, true, true);
             }
             C::Radius(sign) => {
+                // The segment before it keeps its radius: L-Py draws it as a cylinder.
+                self.close_segment();
                 let step = sign * 2.0 * LPY_RADIUS_STEP;
                 let width = given.map_or(self.s.width + step * scale, |r| 2.0 * r * scale);
                 self.set_width(width);
@@ -594,9 +596,10 @@ impl Turtle<'_> {
                 self.close_segment();
                 let to = self.target(m, relative);
                 self.line(to, turns, m);
+                // As with `F`, the radius at the end of the line.
                 if m.params.len() > 3 {
-                    let diameter = self.param(m, 3, 0.0);
-                    self.set_width(diameter * scale);
+                    let radius = self.param(m, 3, 0.0);
+                    self.set_width(2.0 * radius * scale);
                 }
             }
             C::PointAt(relative) => {

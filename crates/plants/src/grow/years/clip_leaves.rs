@@ -135,7 +135,7 @@ impl LeafSlots {
         for i in 1..first_tip.len() {
             first_tip[i] += first_tip[i - 1];
         }
-        // The cuts are in the order of years: the first one through a node is the last to be assigned.
+        // The cuts of a node are in the order of years: the first one is the last to be assigned.
         let mut whole_lengths = tree.nodes.length.clone();
         tree.cuts.iter().rev().for_each(|cut| whole_lengths[cut.node as usize] = cut.length);
         // Counts became sums: `first_tip[a]..first_tip[a + 1]` are the tips of axis a.

@@ -108,6 +108,29 @@ fn nothing_jumps_at_a_year_a_second() {
     }
 }
 
+/// A hedge has thousands of cuts, of which each frame looks up those of every node. The second box is smaller, so that its cuts go
+/// through older wood than those of the first.
+#[test]
+fn cuts_of_a_recorded_tree_are_sorted_by_node_and_year() {
+    let prune = |year: u32, half: f32, height: f32| Prune {
+        year,
+        every: 0,
+        until: year,
+        keep: Keep::Box { min: Vec3::splat(-half), max: Vec3::new(half, height, half) },
+    };
+    let mut hedge = spec(13.0);
+    hedge.prunes = vec![prune(8, 1.5, 2.0), prune(11, 0.7, 1.0)];
+    let grown = grow_recorded(&[hedge], &[Some(whole(13.0))], &Site::default(), &Limits::default());
+    let record = grown.expect("grows").pop().and_then(|g| g.record).expect("a record");
+    let mut tree = record.tree.clone();
+    assert!([8, 11].iter().all(|year| tree.cuts.iter().any(|cut| cut.year == *year)), "{:?}", tree.cuts);
+    assert!(tree.cuts.is_sorted_by_key(|cut| (cut.node, cut.year)), "{:?}", tree.cuts);
+    // The lookup finds all cuts of a node, and no others.
+    tree.cuts = [(3, 5), (3, 7), (9, 6)].map(|(node, year)| super::tree::CutThrough { node, year, length: 0.1 }).into();
+    let years = [2, 3, 4, 9].map(|i| tree.cuts_through(i).map(|cut| cut.year).collect::<Vec<_>>());
+    assert_eq!(years, [vec![], vec![5, 7], vec![], vec![6]]);
+}
+
 #[test]
 fn crowns_are_bare_in_winter_and_full_in_summer() {
     let clip = clip_of(&spec(10.0), whole(10.0), ClipLeaves::Seasons);

@@ -137,6 +137,8 @@ impl GrowthRecord {
         // The tree at the end of the clip holds what does not change: parents, births, cuts.
         if last {
             self.tree = Tree { scratch: Scratch::default(), ..tree.clone() };
+            // Each frame looks up the cuts of every node. The sort is stable: those of a node stay in the order of years.
+            self.tree.cuts.sort_by_key(|cut| cut.node);
         }
     }
 

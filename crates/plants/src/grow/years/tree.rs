@@ -275,7 +275,8 @@ pub(super) struct Tree {
     pub bared: Option<u32>,
     /// Subtrees lost this year, at whose nodes dormant buds may wake.
     pub losses: Vec<Loss>,
-    /// Cuts through internodes, in the order of years; kept while the tree is recorded.
+    /// Cuts through internodes, in the order of years; kept while the tree is recorded. Those of the tree in a finished record are
+    /// sorted by node.
     pub cuts: Vec<CutThrough>,
     /// Whether a record follows it: its fallen nodes then stay in the arrays.
     pub recorded: bool,
@@ -283,11 +284,11 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// Cuts through the internode of a node, in the order of years; none unless the growth is recorded.
+    /// Cuts through the internode of a node, in the order of years; only of the tree in a finished record, where they are sorted by
+    /// node.
     pub(super) fn cuts_through(&self, i: usize) -> impl Iterator<Item = &CutThrough> {
-        // The flag spares nodes without cuts the search of all cuts.
-        let cuts = if self.nodes.flags[i] & flag::CUT == 0 { &[] } else { self.cuts.as_slice() };
-        cuts.iter().filter(move |cut| cut.node as usize == i)
+        let first = self.cuts.partition_point(|cut| (cut.node as usize) < i);
+        self.cuts[first..].iter().take_while(move |cut| cut.node as usize == i)
     }
 
     /// `year` in the type in which nodes store the year of their death.

@@ -290,14 +290,18 @@ fn toothed_range(spec: &BladeSpec) -> (f32, f32) {
     }
 }
 
-/// Depth of teeth, share of the width of the blade, up to which their flanks do not fold over each other. Own, from blades of 12 to
-/// 40 teeth: single teeth fold from a height of once their length along the margin, those with two minor ones, which are half as high,
-/// from 1.6 times on. The limits keep a distance from both: 0.7 and 1.4. More minor teeth count as two.
+/// Height up to which single teeth do not fold over each other, as a multiple of their length along the margin. Own, from blades of
+/// 12 to 40 teeth: they fold from 1 on; 0.7 keeps a distance from that.
+const STEEPEST_SINGLE_TOOTH: f32 = 0.7;
+/// The same for teeth with two or more minor ones between them. Own, from the same blades: with two minor teeth, which are half as
+/// high, large ones fold from 1.6 on; more minor teeth count as two.
+const STEEPEST_DOUBLE_TOOTH: f32 = 1.4;
+/// Rise of that height for each minor tooth, so that two of them lead from the one limit to the other.
+const STEEPER_PER_MINOR_TOOTH: f32 = 0.35;
+
+/// Depth of teeth, share of the width of the blade, up to which their flanks do not fold over each other.
 #[allow(clippy::cast_precision_loss, reason = "at most 300 teeth")]
 pub fn steepest_teeth(spec: &BladeSpec) -> f32 {
-    const SINGLE: f32 = 0.7;
-    const EACH_MINOR: f32 = 0.35;
-    const MOST: f32 = 1.4;
     let scale = Vec2::new(spec.width * 0.5, spec.length);
     let mut draw = Rng::at(spec.seed, &["blade".into(), "right".into()]);
     let points: Vec<Vec2> = control_points(spec, &mut draw).iter().map(|p| *p * scale).collect();
@@ -305,7 +309,8 @@ pub fn steepest_teeth(spec: &BladeSpec) -> f32 {
     let (from, to) = toothed_range(spec);
     let count = spec.teeth.count.max(1) * (spec.teeth.minor + 1);
     let step = (to - from) * total / count as f32;
-    (SINGLE + EACH_MINOR * spec.teeth.minor as f32).min(MOST) * step / spec.width
+    let height = STEEPEST_SINGLE_TOOTH + STEEPER_PER_MINOR_TOOTH * spec.teeth.minor as f32;
+    height.min(STEEPEST_DOUBLE_TOOTH) * step / spec.width
 }
 
 /// A margin of teeth that point to the tip, and the indices of the vein tips: with minor teeth every large tooth bears
