@@ -263,7 +263,7 @@ impl Resolver<'_> {
             clouds,
             catkin: root.get("catkin").map(|_| self.section(root, "catkin")),
             layers,
-            picture: self.section(root, "picture"),
+            picture: self.picture(root),
             places,
             ground: self.section(root, "ground"),
             terrain: self.terrain(root),
@@ -465,7 +465,7 @@ impl Resolver<'_> {
             let d = Diagnostic::warning("S007", text, span, "no format");
             self.report.push(d.help("name formats, such as [\"usd\", \"glb\"], or leave the key out"));
         }
-        OutputRecipe {
+        let output = OutputRecipe {
             keys,
             pov: self.section_at(table, "output", "pov"),
             photons: self.photons(table),
@@ -479,6 +479,25 @@ impl Resolver<'_> {
             unreal: self.section_at(table, "output", "unreal"),
             vdb,
             wind,
+        };
+        self.report_empty_lists(root, &output);
+        output
+    }
+
+    /// Warns with S007 of formats without a file, since the list of what they write is empty.
+    fn report_empty_lists(&mut self, root: &TomlTable, output: &OutputRecipe) {
+        let lists = [
+            (&osier_export::gltf::FORMAT, "gltf", "profiles", output.gltf.profiles.is_empty()),
+            (&osier_export::vdb::FORMAT, "vdb", "grids", output.vdb.keys.grids.is_empty()),
+            (&osier_export::points::FORMAT, "points", "tables", output.points.tables.is_empty()),
+        ];
+        for (format, table, key, is_empty) in lists {
+            if is_empty && output.writes(format) {
+                let span = span_of(root, &["output", table, key]).unwrap_or(self.whole);
+                let text = format!("output.{table}.{key} is empty: no file of \"{}\" is written", format.word);
+                let d = Diagnostic::warning("S007", text, span, "nothing to write");
+                self.report.push(d.help("leave the key out, or the format"));
+            }
         }
     }
 

@@ -119,6 +119,33 @@ fn a_stretched_layer_stretches_its_condensation_sets() {
 }
 
 #[test]
+fn a_rectangle_larger_than_the_canvas_shows_its_part_of_the_gradient() {
+    let dir = tempfile::tempdir().expect("dir");
+    let scene = dir.path().join("sky.toml");
+    let text = "[picture]\nwidth = 16\nheight = 200\n[[layer]]\ncolor = \"#000\"\ncolor2 = \"#fff\"\nwidth = 10\nheight = 10\n\
+        at = [-4.5, -5]\n";
+    std::fs::write(&scene, text).expect("file");
+    let made = grown(dir.path(), scene.to_str().expect("path"), "sky.png", &[]);
+    let picture = image::open(made).expect("a picture").to_rgba8();
+    // The canvas is the sixth tenth from below: from half way up to 0.6.
+    let at = |x, y| picture.get_pixel(x, y).0;
+    assert!((126..=128).contains(&at(0, 199)[0]) && (152..=154).contains(&at(0, 0)[0]), "{:?}", at(0, 0));
+    // Its right edge, 0.5 of the width of the canvas, is the middle of the picture.
+    assert_eq!((at(7, 0)[3], at(8, 0)[3]), (255, 0));
+    // One that would take 27 GB, of which the canvas shows a hundredth.
+    let all = ["--set", "picture.width=4096", "--set", "picture.height=4096", "--max-memory", "2G"];
+    grown(dir.path(), scene.to_str().expect("path"), "sky.png", &all);
+    for (source, set) in [("sky.toml", "--max-memory=400M"), ("fern_leaf", "--max-memory=1G")] {
+        let source = if source == "sky.toml" { scene.to_str().expect("path") } else { source };
+        let out = dir.path().join("refused.png");
+        let run = osier(&[&["grow", source, "-o", out.to_str().expect("path"), set][..], &all[..4]].concat());
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(run.status.code() == Some(1) && said.contains("the memory of the picture"), "{source}: {said}");
+        assert!(said.contains("--max-memory") && !out.exists(), "{source}: {said}");
+    }
+}
+
+#[test]
 fn points_of_a_ply_carry_map_and_depth() {
     let dir = tempfile::tempdir().expect("dir");
     let path = grown(dir.path(), "fern_leaf", "fern.ply", &["--set", "points=5000", "--set", "height=1"]);

@@ -86,6 +86,28 @@ fn a_bare_grammar_takes_overrides_for_its_defines_and_its_plant() {
 }
 
 #[test]
+fn a_picture_has_the_bits_of_a_png() {
+    let text = "[[layer]]\ncolor = \"#fff\"\n";
+    assert_eq!(read(text, &["picture.bits=16"]).expect("16 bits").picture.bits, 16);
+    let said = read(text, &["picture.bits=12"]).expect_err("12 bits");
+    assert!(said.contains("S004") && said.contains("must be 8 or 16"), "{said}");
+}
+
+#[test]
+fn formats_that_write_nothing_are_named() {
+    for (key, format) in [("gltf.profiles", "glb"), ("vdb.grids", "vdb"), ("points.tables", "points")] {
+        let set = vec![format!("output.{key}=[]")];
+        let request = Request { name: "t".into(), text: GOOD.into(), set, ..Request::default() };
+        let others = request.set.iter().cloned().chain([format!("output.formats=[\"usd\", \"{format}\"]")]);
+        let with_format = Request { set: others.collect(), ..request.clone() };
+        let said = |request: &Request| resolve(request).expect("scene").1.to_string();
+        let text = format!("output.{key} is empty: no file of \"{format}\" is written");
+        assert!(said(&with_format).contains(&text), "{}", said(&with_format));
+        assert_eq!(said(&request).contains(&text), format == "glb", "GOOD writes usd and glb");
+    }
+}
+
+#[test]
 fn each_code_names_its_place_and_the_mend() {
     let cases = [
         ("S001", "[plants.oak\ngrammar = \"oak.l\"\n"),

@@ -225,6 +225,10 @@ fn what_has_no_effect_or_cannot_be_is_said() {
     assert!(said(TREE, &["wind.speed=61"]).starts_with("S004"));
     assert!(said(TREE, &["sway.loop=2.03"]).starts_with("S008 sway.loop is 2.03 s, which is 48.72 frames"));
     assert!(said(TREE, &["sway.loop=1.5"]).starts_with("S004"), "two seconds at least");
+    assert!(
+        said(TREE, &["frames.fps=0.5", "sway.loop=2"])
+            .starts_with("S004 sway.loop is 2 s, less than two frames at 0.5 frames per second")
+    );
     assert!(said(TREE, &["sway.loop=4", "sway.repeat=false"]).starts_with("S007 sway.loop"));
     assert!(said(TREE, &["wind.gust_length=40"]).starts_with("S008 wind.gust_length is 40 m"));
     assert_eq!(said(TREE, &["wind.gust_length=3.75"]), "", "four of them pass in 2.5 s");

@@ -451,3 +451,42 @@ fn heights_and_half_widths_are_the_known_ones() {
         assert!((w - width).abs() < 2e-3, "{name}: {w}");
     }
 }
+
+/// A tree in space whose maps are branches with these scales, tilted by 20 degrees to different sides.
+fn tree_of_scales(scales: &[f64]) -> (Ifs, Letters) {
+    let branch = |(i, scale): (usize, &f64)| {
+        format!("{{ branch = {{ roll = {}, pitch = 20, scale = {scale} }}, axis = {} }}", 90 * (i % 4), i == 0)
+    };
+    let maps: Vec<String> = scales.iter().enumerate().map(branch).collect();
+    let text = format!("[ifs]\nname = \"tree\"\ndim = 3\nmap = [{}]\n", maps.join(", "));
+    let ifs = read::read("tree.ifs.toml", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
+    let letters = Letters::new(&ifs).expect("branches");
+    (ifs, letters)
+}
+
+#[test]
+fn words_that_are_cut_are_limited_too() {
+    let (ifs, letters) = tree_of_scales(&[&[0.9999][..], &[0.01; 900]].concat());
+    let few = ExpansionLimits { max_words: 1000, ..cut(0.98) };
+    assert_eq!(letters.count(&ifs, &few), None);
+    assert_eq!(expand(&ifs, &letters, &few, None).expect_err("too many").code, "I040");
+    let e = expand(&ifs, &letters, &cut(0.98), None).expect("expands");
+    assert_eq!((e.words.len(), e.cuts.len()), (203, 203 * 900 + 1));
+}
+
+#[test]
+fn orders_beyond_16_bits_stay_at_the_largest() {
+    let (mut ifs, letters) = tree_of_scales(&[0.999_99]);
+    ifs.maps[0].axis = false;
+    let e = expand(&ifs, &letters, &ExpansionLimits { max_order: u16::MAX, ..cut(0.5) }, None).expect("expands");
+    assert_eq!((e.words.len(), e.words[69_000].order), (69_315, u16::MAX));
+}
+
+#[test]
+fn a_tree_of_too_many_words_is_measured_on_its_larger_ones() {
+    // At eps 0.03 it has more than five million words.
+    let (ifs, letters) = tree_of_scales(&[0.8; 3]);
+    let extent = super::words::tree_extent(&ifs, &letters, (DVec3::ZERO, DVec3::Y));
+    assert!((4.2..5.0).contains(&extent.height), "{extent:?}");
+    assert!((0.5..4.0).contains(&extent.half_width), "{extent:?}");
+}

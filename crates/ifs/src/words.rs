@@ -28,12 +28,20 @@ use glam::DVec3;
 
 use super::affine::Affine;
 use super::{Ifs, Map};
+use osier_base::convert::limit;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math;
 use osier_base::rng::{Key, Rng, child};
 
 /// Index of no word: the parent of the root.
 pub const NONE: u32 = u32::MAX;
+/// Most words that an expansion cuts, for each word that it may keep. Own: a tree of m maps cuts m - 1 words for each that it keeps;
+/// one of a thousand maps would cut billions before it had too many words.
+pub const CUTS_PER_WORD: u64 = 4;
+/// Words below this share of the trunk do not count for the size of a tree: they reach hardly beyond their parents.
+const SIZE_EPS: f64 = 0.03;
+/// Most words that the size of a tree is measured on; where there are more, the smallest do not count either.
+const SIZE_WORDS: u64 = 5_000_000;
 
 /// A word of maps, the outermost letter first.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,7 +84,8 @@ pub struct ExpansionLimits {
     pub max_depth: u16,
     /// Highest branching order; words of a higher one are cut.
     pub max_order: u16,
-    /// Most words of an expansion, without those cut; more are the error I040.
+    /// Most words of an expansion, without those cut; more are the error I040, and so are more than [`CUTS_PER_WORD`] times as
+    /// many that are cut.
     pub max_words: u64,
 }
 
@@ -133,7 +142,7 @@ impl Letters {
         Ok(out)
     }
 
-    /// Words and cuts that an expansion will make, or `None` beyond `max_words`.
+    /// Words and cuts that an expansion will make, or `None` beyond those allowed.
     pub fn count(&self, ifs: &Ifs, limits: &ExpansionLimits) -> Option<(u64, u64)> {
         let (mut words, mut cuts) = (0_u64, 0_u64);
         let mut stack = vec![WordMeasure { size: 1.0, depth: 0, order: 0 }];
@@ -147,9 +156,12 @@ impl Letters {
                 let next = WordMeasure {
                     size: word.size * scale,
                     depth: word.depth.saturating_add(1),
-                    order: word.order + u16::from(!map.axis),
+                    order: word.order.saturating_add(u16::from(!map.axis)),
                 };
                 if limits.admit(next) { stack.push(next) } else { cuts += 1 }
+            }
+            if cuts > limits.max_cuts() {
+                return None;
             }
         }
         Some((words, cuts))
@@ -160,6 +172,11 @@ impl ExpansionLimits {
     /// True if a word is kept and expanded, false if growth is cut at it.
     fn admit(&self, word: WordMeasure) -> bool {
         word.size >= self.eps && word.depth <= self.max_depth && word.order <= self.max_order
+    }
+
+    /// Most words that an expansion may cut.
+    fn max_cuts(&self) -> u64 {
+        self.max_words.saturating_mul(CUTS_PER_WORD)
     }
 }
 
@@ -176,44 +193,72 @@ pub fn expand(
     limits: &ExpansionLimits,
     vary: Option<Variation>,
 ) -> Result<Expansion, Box<Diagnostic>> {
-    if letters.count(ifs, limits).is_none() {
+    let Some((words, cuts)) = letters.count(ifs, limits) else {
         return Err(Box::new(too_many(ifs, letters, limits)));
-    }
+    };
+    // Their number is known: lists that grew would take up to twice the memory.
+    let mut out = Expansion { words: Vec::with_capacity(limit(words)), cuts: Vec::with_capacity(limit(cuts)) };
     let root =
         Word { parent: NONE, letter: 0, depth: 0, order: 0, size: 1.0, radius: 1.0, map: Affine::IDENTITY, id: 0 };
-    let mut out = Expansion::default();
-    let mut next_index = 0_u32;
-    let mut stack = vec![(root, vary.map_or(0, |v| v.key))];
-    while let Some((word, key)) = stack.pop() {
-        if !limits.admit(WordMeasure { size: word.size, depth: word.depth, order: word.order }) {
-            out.cuts.push(word);
+    if !limits.admit(root.measure()) {
+        out.cuts.push(root);
+        return Ok(out);
+    }
+    out.words.push(root);
+    // The words from the trunk to the one that is expanded, each with the number of its maps that are done: words come depth first in
+    // the order of the file, and only those of one branch wait.
+    let mut branch = vec![OpenWord { word: root, index: 0, key: vary.map_or(0, |v| v.key), done: 0 }];
+    let mut next_index = 1_u32;
+    while let Some(open) = branch.last_mut() {
+        let i = open.done;
+        let Some(map) = ifs.maps.get(i) else {
+            branch.pop();
             continue;
-        }
-        let index = next_index;
-        next_index += 1;
-        out.words.push(word);
-        for (i, map) in ifs.maps.iter().enumerate().rev() {
-            let Some(scale) = letters.scale.get(i).copied().flatten() else { continue };
-            // The readers refuse tables with more maps than the limit `maps`, 1000 unless a user raises it.
-            let letter = u16::try_from(i).unwrap_or(u16::MAX);
-            let key = child(key, Key::from(i).0);
-            // The key of a word is the path of its letters: the same word varies in the same way at every eps.
-            let varied_map = vary.map_or(map.affine, |v| varied(map, key, v.amount));
-            let next = Word {
-                parent: index,
-                letter,
-                depth: word.depth.saturating_add(1),
-                order: word.order + u16::from(!map.axis),
-                size: word.size * scale,
-                radius: word.radius * letters.radius.get(i).copied().unwrap_or(scale),
-                map: word.map.after(&varied_map),
-                id: child(word.id, Key::from(i).0),
-            };
-            // Pushed in reverse order of the file, so that the stack yields words depth first in its order.
-            stack.push((next, key));
+        };
+        open.done += 1;
+        let Some(scale) = letters.scale.get(i).copied().flatten() else { continue };
+        let word = open.word;
+        // The readers refuse tables with more maps than the limit `maps`, 1000 unless a user raises it.
+        let letter = u16::try_from(i).unwrap_or(u16::MAX);
+        let key = child(open.key, Key::from(i).0);
+        // The key of a word is the path of its letters: the same word varies in the same way at every eps.
+        let varied_map = vary.map_or(map.affine, |v| varied(map, key, v.amount));
+        let next = Word {
+            parent: open.index,
+            letter,
+            depth: word.depth.saturating_add(1),
+            order: word.order.saturating_add(u16::from(!map.axis)),
+            size: word.size * scale,
+            radius: word.radius * letters.radius.get(i).copied().unwrap_or(scale),
+            map: word.map.after(&varied_map),
+            id: child(word.id, Key::from(i).0),
+        };
+        if limits.admit(next.measure()) {
+            out.words.push(next);
+            branch.push(OpenWord { word: next, index: next_index, key, done: 0 });
+            next_index += 1;
+        } else {
+            out.cuts.push(next);
         }
     }
     Ok(out)
+}
+
+/// A word on the way to the one that is expanded.
+struct OpenWord {
+    word: Word,
+    /// Its index among the words.
+    index: u32,
+    /// Key of its random variation.
+    key: u64,
+    /// Number of maps that have been appended to it.
+    done: usize,
+}
+
+impl Word {
+    fn measure(&self) -> WordMeasure {
+        WordMeasure { size: self.size, depth: self.depth, order: self.order }
+    }
 }
 
 /// I040 with the smallest eps, in steps of a quarter, that keeps within the limit.
@@ -222,9 +267,17 @@ fn too_many(ifs: &Ifs, letters: &Letters, limits: &ExpansionLimits) -> Diagnosti
     while fits < 1.0 && letters.count(ifs, &ExpansionLimits { eps: fits, ..*limits }).is_none() {
         fits *= 1.25;
     }
-    let text = format!("\"{}\" expanded down to {} makes more than {} words", ifs.name, limits.eps, limits.max_words);
+    let (words, cuts) = (limits.max_words, limits.max_cuts());
+    let text = format!(
+        "\"{}\" expanded down to {} makes more than {words} words, or cuts more than {cuts}",
+        ifs.name, limits.eps
+    );
     let d = Diagnostic::error("I040", text, ifs.span, "in this system");
-    d.help(format!("eps = {fits:.4} fits"))
+    d.help(if fits < 1.0 {
+        format!("eps = {fits:.4} fits")
+    } else {
+        "the system has too many maps for a tree".to_owned()
+    })
 }
 
 /// A map with the random variation of one word: standard deviations of 8 degrees in roll, 5 degrees in pitch and 6 % in
@@ -247,11 +300,42 @@ fn varied(map: &Map, key: u64, amount: f64) -> Affine {
     }
 }
 
-/// Height of the unit segment's tree: the highest end of the words at eps 0.03 without variation.
+/// Extent of a tree without variation, table units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TreeExtent {
+    /// From the foot of the trunk to the highest end of a word, at least the trunk's length.
+    pub height: f64,
+    /// Largest distance of an end of a word from the foot of the trunk along x or z.
+    pub half_width: f64,
+}
+
+/// Extent of the unit segment's tree: of the ends of its words at eps 0.03, or at the smallest larger eps at which there are few
+/// enough of them to be measured.
+pub fn tree_extent(ifs: &Ifs, letters: &Letters, (foot, tip): (DVec3, DVec3)) -> TreeExtent {
+    let mut limits = ExpansionLimits { eps: SIZE_EPS, max_depth: u16::MAX, max_order: u16::MAX, max_words: SIZE_WORDS };
+    while limits.eps < 1.0 && letters.count(ifs, &limits).is_none() {
+        limits.eps *= 1.25;
+    }
+    let mut extent = TreeExtent { height: 0.0, half_width: 0.0 };
+    let mut stack = vec![(Affine::IDENTITY, WordMeasure { size: 1.0, depth: 0, order: 0 })];
+    while let Some((map, word)) = stack.pop() {
+        // The trunk's tip under every word gives the ends of all segments.
+        let end = map.apply(tip);
+        let off = end - foot;
+        extent.height = extent.height.max(end.y);
+        extent.half_width = extent.half_width.max(off.x.abs()).max(off.z.abs());
+        let next = ifs.maps.iter().zip(&letters.scale).filter_map(|(letter, scale)| {
+            let size = word.size * (*scale)?;
+            let next = WordMeasure { size, depth: word.depth.saturating_add(1), order: 0 };
+            limits.admit(next).then(|| (map.after(&letter.affine), next))
+        });
+        stack.extend(next);
+    }
+    let trunk = math::sqrt((tip - foot).length_squared());
+    TreeExtent { height: (extent.height - foot.y).max(trunk).max(1e-9), ..extent }
+}
+
+/// Height of the unit segment's tree, as [`tree_extent`] measures it.
 pub fn height(ifs: &Ifs, letters: &Letters, trunk: (DVec3, DVec3)) -> f64 {
-    let limits = ExpansionLimits { eps: 0.03, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000 };
-    let words = expand(ifs, letters, &limits, None).map(|e| e.words).unwrap_or_default();
-    // The trunk's tip under every word gives the ends of all segments.
-    let top = words.iter().fold(0.0_f64, |h, w| h.max(w.map.apply(trunk.1).y));
-    (top - trunk.0.y).max(math::sqrt((trunk.1 - trunk.0).length_squared())).max(1e-9)
+    tree_extent(ifs, letters, trunk).height
 }

@@ -14,6 +14,7 @@ use crate::recipe::scene::{AttractorOrigin, ColorBy, PictureFit, PictureKeys};
 use crate::recipe::{AttractorRecipe, Recipe};
 use osier_base::convert::index;
 use osier_base::geometry::Bounds;
+use osier_base::limits::grouped;
 use osier_base::math::narrow;
 use osier_base::{Error, Result};
 use osier_ifs::affine::{Affine, turn_z};
@@ -27,10 +28,9 @@ use osier_scene::{Asset, AssetKind, Attribute, AttributeData, Material, Material
 
 /// Points drawn per pixel of a picture whose `points` key is not set. Own: by eye; noise falls with its square root.
 pub(crate) const DEFAULT_POINTS_PER_PIXEL: u64 = 20;
-/// Memory that the histogram of a picture may take, bytes.
-pub(crate) const MAX_HISTOGRAM_BYTES: u64 = 4 << 30;
-/// Bytes per pixel of a histogram with colours.
-const BYTES_PER_PIXEL: u64 = 48;
+/// Bytes for each pixel of a picture of an attractor: counts, sums of colours, densities, samples. Pictures of 17 million pixels take 70
+/// (density alone, two threads) to 97 (colours, one thread).
+const BYTES_PER_PIXEL: u64 = 97;
 /// Size of an attractor over the default width of its points. Own: by eye; a smaller number draws coarser points.
 const SIZE_PER_POINT_WIDTH: f64 = 800.0;
 /// Largest share of escape tests that may fail: above it the system does not contract to an attractor.
@@ -206,13 +206,7 @@ pub fn ifs_density(
     let side = u64::from(keys.width.max(keys.height)) * u64::from(keys.oversample);
     context.limits.check("image-side", side, "a side of the picture in pixels")?;
     let pixels = u64::from(keys.width) * u64::from(keys.height) * u64::from(keys.oversample * keys.oversample);
-    if pixels * BYTES_PER_PIXEL > MAX_HISTOGRAM_BYTES {
-        let reason = format!(
-            "a picture of {pixels} pixels would take {} MB; make it smaller",
-            pixels * BYTES_PER_PIXEL / 1_000_000
-        );
-        return Err(Error::input("I050", reason));
-    }
+    check_picture_memory("the picture", pixels, context)?;
     let small = u64::from(keys.width) * u64::from(keys.height);
     let count = keys.points.map_or(DEFAULT_POINTS_PER_PIXEL * small, u64::from).max(1);
     context.limits.check("points", count, "the number of points")?;
@@ -236,6 +230,15 @@ pub fn ifs_density(
     let tone = ToneMapping { exposure: keys.exposure, gamma: keys.gamma, background: keys.background };
     let flat = cloud_keys.colors.first().copied().unwrap_or([0.05, 0.15, 0.03]);
     Ok((drawn, tone, flat))
+}
+
+/// Refuses a picture of an attractor that takes more memory than the limit allows. `what`: the picture, for the message.
+/// # Errors
+/// I050.
+pub(crate) fn check_picture_memory(what: &str, pixels: u64, context: &BakeContext<'_>) -> Result<()> {
+    let subject = format!("the memory of {what} of {} pixels, in bytes,", grouped(pixels));
+    let checked = context.limits.check("memory", pixels.saturating_mul(BYTES_PER_PIXEL), &subject);
+    checked.map_err(|refused| Error::input("I050", refused.to_string()))
 }
 
 fn is_colored_by_density(recipe: &AttractorRecipe) -> bool {

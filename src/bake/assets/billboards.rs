@@ -9,10 +9,9 @@ use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::skin_options::bark_tiles;
 use crate::recipe::PlantRecipe;
 use crate::recipe::scene::IfsTreeKeys;
-use osier_base::diagnostic::Report;
+use osier_base::Result;
 use osier_base::par::par_map;
 use osier_base::rng::{mix64, word};
-use osier_base::{Error, Result};
 use osier_ifs::stems::TreeSystem;
 use osier_ifs::words;
 use osier_plants::grow::ifs::{self, SubtreeBillboards, SubtreeClass, TreeOptions};
@@ -41,12 +40,9 @@ pub fn build_billboards(
     let base = ifs_tree_options(plant, stems, keys, set);
     let eps = (keys.eps * f64::from(1_u32 << keys.lod.min(16))).min(1.0);
     let limits = ifs::word_limits(&base, context.limits);
-    let input_error = |d: Box<osier_base::diagnostic::Diagnostic>| {
-        Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() }))
-    };
     // Classes of subtrees below the size at which the tree ends, each with variants; eps, the smallest stem over the tree's height, is
     // doubled with every level of detail.
-    let classes = ifs::subtree_classes(stems, &limits, eps, keys.lod + 1).map_err(input_error)?;
+    let classes = ifs::subtree_classes(stems, &limits, eps, keys.lod + 1).map_err(|d| ifs::expansion_error(*d))?;
     let variants = if keys.variation > 0.0 { VARIANTS } else { 1 };
     let scale = keys.height / words::height(&stems.system, &stems.letters, stems.trunk);
     let radius = keys.radius.unwrap_or(stems.radius * scale);

@@ -4,21 +4,21 @@ use glam::DVec3;
 
 use crate::bake::BakeContext;
 use crate::bake::assets::attractor::{
-    DEFAULT_POINTS_PER_PIXEL, MAX_HISTOGRAM_BYTES, check_escapes, picture_density, picture_labels, trimmed_bounds,
+    DEFAULT_POINTS_PER_PIXEL, check_escapes, check_picture_memory, picture_density, picture_labels, trimmed_bounds,
 };
 use crate::recipe::{AttractorRecipe, LayerRecipe, Recipe};
+use osier_base::Result;
 use osier_base::math::{lerp, narrow};
 use osier_base::rng::{mix64, word};
 use osier_base::units::srgb_from_linear;
-use osier_base::{Error, Result};
 use osier_ifs::affine::Affine;
 use osier_ifs::cloud::DrawRequest;
 use osier_ifs::game::InstructionSet;
 use osier_ifs::histogram::{PictureWindow, histogram};
 use osier_ifs::picture::{ToneMapping, opacity};
 
-/// Bytes per pixel of a layer at most: counts, colours, densities.
-const BYTES_PER_PIXEL: u64 = 96;
+/// Bytes for each pixel of the canvas: its own, a rectangle on it, and the samples of the file.
+const CANVAS_BYTES_PER_PIXEL: u64 = 32;
 
 /// A picture in sRGB with straight alpha, 0..1.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,6 +40,20 @@ struct PixelRect {
     height: usize,
 }
 
+impl PixelRect {
+    /// The part of it that lies on a canvas; without pixels if none does.
+    fn on_canvas(self, canvas: &LayerCanvas) -> Self {
+        let part = |start: i64, length: usize, end: usize| {
+            let first = start.max(0);
+            let last = (start + length as i64).min(end as i64);
+            (first, usize::try_from(last - first).unwrap_or(0))
+        };
+        let ((left, width), (top, height)) =
+            (part(self.left, self.width, canvas.width), part(self.top, self.height, canvas.height));
+        Self { left, top, width, height }
+    }
+}
+
 /// Colour, sRGB, and opacity of each pixel of a layer's rectangle.
 struct LayerBitmap {
     rect: PixelRect,
@@ -56,6 +70,8 @@ pub fn compose(scene: &Recipe, context: &BakeContext<'_>) -> Result<LayerCanvas>
     let side = u64::from(keys.width.max(keys.height));
     context.limits.check("image-side", side, "a side of the picture in pixels")?;
     let (width, height) = (keys.width as usize, keys.height as usize);
+    let bytes = u64::from(keys.width) * u64::from(keys.height) * CANVAS_BYTES_PER_PIXEL;
+    context.limits.check("memory", bytes, "the memory of the picture, in bytes,")?;
     let ground = keys.background.map_or([0.0; 4], |c| {
         let [r, g, b] = c.map(srgb_from_linear);
         [r, g, b, 1.0]
@@ -126,11 +142,14 @@ fn rect_on_canvas(layer: &LayerRecipe, canvas: (usize, usize), [wide, high]: [f6
 fn gradient_layer(layer: &LayerRecipe, canvas: &LayerCanvas) -> LayerBitmap {
     let keys = &layer.keys;
     let size = [keys.width.unwrap_or(1.0) * canvas.width as f64, keys.height.unwrap_or(1.0) * canvas.height as f64];
-    let rect = rect_on_canvas(layer, (canvas.width, canvas.height), size);
+    let whole = rect_on_canvas(layer, (canvas.width, canvas.height), size);
+    // A rectangle may be ten times as wide and high as the canvas: only what lies on it is made.
+    let rect = whole.on_canvas(canvas);
+    let above = usize::try_from(rect.top - whole.top).unwrap_or(0);
     let foot = keys.color.unwrap_or_default().map(srgb_from_linear);
     let top = keys.color2.map_or(foot, |c| c.map(srgb_from_linear));
     let row = |v: usize| {
-        let t = (v as f32 + 0.5) / rect.height as f32;
+        let t = ((above + v) as f32 + 0.5) / whole.height as f32;
         [0, 1, 2].map(|k| lerp(top[k], foot[k], t))
     };
     let color = (0..rect.height).flat_map(|v| std::iter::repeat_n(row(v), rect.width)).collect();
@@ -159,13 +178,7 @@ fn attractor_layer(
     // Larger layers would add nothing to the canvas but would need memory for all their pixels.
     let rect = rect_on_canvas(layer, canvas, size.map(|v| v.min(max_side)));
     let pixels = rect.width as u64 * rect.height as u64;
-    if pixels.saturating_mul(BYTES_PER_PIXEL) > MAX_HISTOGRAM_BYTES {
-        let reason = format!(
-            "layer {index} of {pixels} pixels would take {} MB; make it smaller",
-            pixels * BYTES_PER_PIXEL / 1_000_000
-        );
-        return Err(Error::input("I050", reason));
-    }
+    check_picture_memory(&format!("layer {index}"), pixels, context)?;
     let count = keys.points.map_or(DEFAULT_POINTS_PER_PIXEL * pixels, u64::from);
     context.limits.check("points", count, "the number of points of a layer")?;
     // Scale the system along x until a table unit is as many pixels wide as high, so that one pixel size serves both axes.

@@ -1,6 +1,8 @@
 //! Estimates of a run: counts, sizes of files and memory, from an assembled scene without writing it.
 
-use crate::bake::motion::FrameTime;
+use std::sync::Arc;
+
+use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::output::bake_estimate::BakeEstimate;
 use crate::bake::output::exporters::export_options;
 use crate::bake::output::memory::{decoded_bytes, predict_memory};
@@ -84,7 +86,11 @@ pub(crate) fn estimate_formats(
     let wind = estimate_wind_bytes(scene, job.frames);
     c.sizes.extend((wind > 0).then_some(("wind", wind)));
     c.bytes = c.sizes.iter().map(|s| s.1).sum();
-    c.memory = predict_memory(scene, job.formats, recipe, &c);
+    // Frames of growing plants are made one by one from their skeletons.
+    let is_posed = |motion: &Option<Arc<dyn AssetMotion>>| motion.as_ref().is_some_and(|motion| !motion.is_growth());
+    let posed = assets.iter().zip(&stage.motions).filter(|(_, motion)| is_posed(motion));
+    let posed_vertices = posed.map(|(asset, _)| asset.weight * asset.deforming_vertices).sum();
+    c.memory = predict_memory(scene, job.formats, recipe, &c, posed_vertices);
     c
 }
 

@@ -4,7 +4,7 @@ use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::plant_materials::organ_names;
 use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::scene::WindSolver;
-use crate::recipe::{Growth, PlantRecipe, Recipe};
+use crate::recipe::{CARD, Growth, OrganRecipe, PlantRecipe, Recipe};
 use osier_scene::{Clip, Image, Pixels};
 
 /// Pixels along a side of maps that are only counted. Own: small, and within the range of the key `side`.
@@ -77,7 +77,9 @@ pub fn sample_individuals_of_each_plant(layout: &mut PlantLayout, plants: usize)
 
 /// Sets the sizes of the images of a reduced plant to those of the full recipe, and removes their pixels.
 pub fn restore_image_sizes(set: &mut MaterialSet, full: &PlantRecipe) {
-    let painted = full.organs.iter().zip(organ_names(full)).filter(|(o, _)| o.mesh.is_none() && o.ifs.is_none());
+    // The pictures of billboards have one size, which no key sets.
+    let has_side = |o: &OrganRecipe| o.mesh.is_none() && o.ifs.is_none() && o.letter != CARD;
+    let painted = full.organs.iter().zip(organ_names(full)).filter(|(o, _)| has_side(o));
     let organs = painted.map(|(o, name)| (format!("{}_{name}", full.id), o.keys.side));
     let barks = [("bark", full.bark.side), ("shoot", full.shoot.side)];
     let sides: Vec<(String, u32)> =

@@ -30,7 +30,7 @@ pub struct SceneLayout {
     pub plants: PlantLayout,
     /// Terrain that plants are scattered over; `None` without a terrain in the scene.
     pub terrain: Option<Terrain>,
-    /// Warnings about the mesh of a terrain, and about plants beyond its edge.
+    /// Warnings about the mesh of a terrain, plants beyond its edge, and scatters without a plant.
     pub report: Report,
 }
 
@@ -57,7 +57,7 @@ pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<Scene
         let help = "move them, or make the terrain larger; they stand at the height of its nearest edge";
         report.push(Diagnostic::about("S037", text).help(help));
     }
-    scatter::scatter_plants(recipe, &land, &mut layout, context)?;
+    scatter::scatter_plants(recipe, &land, &mut layout, context, &mut report)?;
     name_assets(recipe, &mut layout);
     Ok(SceneLayout { plants: layout, terrain: Some(land), report })
 }

@@ -10,6 +10,7 @@ use crate::recipe::scene::SkinKeys;
 use crate::recipe::{Recipe, ScatterRecipe};
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
+use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::math::{cos_f32, narrow, rotation_between, sin_f32};
 use osier_base::rng::Rng;
 use osier_plants::surface::terrain::Terrain;
@@ -28,7 +29,7 @@ const RIDGE_REACH: f32 = 2.0;
 const FOOT_HEIGHT: f32 = 0.1;
 
 /// Scatters the plants of every `[[scatter]]` over the terrain. The key `individuals` is the number grown of each plant; every
-/// copy displays one of them.
+/// copy displays one of them. Warns with S007 of a scatter that finds no place for a plant.
 /// # Errors
 /// `Limit` beyond the candidates or instances allowed, `Cancelled`.
 pub(crate) fn scatter_plants(
@@ -36,6 +37,7 @@ pub(crate) fn scatter_plants(
     land: &Terrain,
     layout: &mut PlantLayout,
     context: &BakeContext<'_>,
+    report: &mut Report,
 ) -> Result<()> {
     // The numbering of individuals continues that of the places.
     let mut ordinals = vec![0_u32; recipe.plants.len()];
@@ -52,6 +54,11 @@ pub(crate) fn scatter_plants(
         context.cancel.check()?;
         let params = scatter_params(recipe_entry);
         let spots = scatter(land, &params, &obstacles, scatter_key(recipe.general.seed, entry), context.limits)?;
+        // A density or a largest number of 0 asks for none.
+        if spots.is_empty() && recipe_entry.keys.max_count > 0 && recipe_entry.keys.density > 0.0 {
+            let help = "its altitude, slope, disc and mask allow none, or earlier plants are too near everywhere";
+            report.push(Diagnostic::about("S007", format!("scatter.{entry} places no plant")).help(help));
+        }
         let count = layout.instances.len().saturating_add(spots.len());
         context.limits.check("instances", count as u64, "the number of placements")?;
         // Individuals of each plant, as indices into the layout's.

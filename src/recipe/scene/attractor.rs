@@ -145,7 +145,7 @@ impl Resolver<'_> {
             return None;
         };
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
-        let SystemFile { system, report, .. } = self.system(&file, &keys.system)?;
+        let SystemFile { system, report, .. } = self.system(&file, &keys.system, reference.span)?;
         if self.request.thorough && self.request.bare.is_some() && keys.system.is_empty() {
             self.study_other_systems(&file, &system);
         }
@@ -172,7 +172,7 @@ impl Resolver<'_> {
     /// Reads a 2D table for a leaf or a bark; `None` after a diagnostic. `what`: phrase for its purpose in messages.
     pub(in crate::recipe) fn plane_table(&mut self, reference: &Reference, name: &str, what: &str) -> Option<Ifs> {
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
-        let SystemFile { system, report: sources, .. } = self.system(&file, name)?;
+        let SystemFile { system, report: sources, .. } = self.system(&file, name, reference.span)?;
         if system.dim != 2 {
             let text = format!("\"{}\" is a 3D table; {what} from a 2D one", system.name);
             self.report
@@ -209,7 +209,7 @@ impl Resolver<'_> {
         keys: &IfsTreeKeys,
     ) -> Option<(TreeSystem, String, Vec<OrganRecipe>)> {
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
-        let read = self.system(&file, &keys.system)?;
+        let read = self.system(&file, &keys.system, reference.span)?;
         let system = &read.system;
         if !is_tree(system) {
             let text = format!("\"{}\" is not a tree: it has no trunk in 3D", system.name);
@@ -231,15 +231,26 @@ impl Resolver<'_> {
         }
     }
 
-    /// Reads a table file with the meshes that it names, and selects a system by name (the first for an empty one).
-    pub(in crate::recipe) fn system(&mut self, file: &ReferencedFile, name: &str) -> Option<SystemFile> {
+    /// Reads a table file with the meshes that it names, and selects a system by name (the first for an empty one). `span`: the reference
+    /// to the file, at which a system that it lacks is reported.
+    pub(in crate::recipe) fn system(&mut self, file: &ReferencedFile, name: &str, span: Span) -> Option<SystemFile> {
         let wanted = Some(name).filter(|n| !n.is_empty());
-        let found = read::read(&file.shown, &file.bytes, &self.request.limits);
-        let picked = found.and_then(|(systems, report)| {
-            let system = read::pick(&systems, wanted, &file.shown)?.clone();
-            Ok((system, report))
-        });
-        let (mut system, report) = self.load_or_report(picked, file)?;
+        let read = read::read(&file.shown, &file.bytes, &self.request.limits);
+        let (systems, report) = self.load_or_report(read, file)?;
+        let mut system = match read::pick(&systems, wanted, &file.shown) {
+            Ok(system) => system.clone(),
+            Err(Error::Input(faults)) => {
+                // The text of a bare file's scene is not the user's.
+                let place = Some(span).filter(|_| self.request.bare.is_none());
+                for mut fault in faults.diagnostics {
+                    fault.labels.extend(place.map(|span| (span, "this table".to_owned())));
+                    self.report.push(fault);
+                }
+                return None;
+            }
+            // The choice reads no files: other errors cannot occur.
+            Err(_) => return None,
+        };
         self.report.extend(report.clone());
         let meshes = self.import_set_meshes(&mut system, file, &report)?;
         Some(SystemFile { system, report, meshes })

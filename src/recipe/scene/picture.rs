@@ -1,7 +1,9 @@
 //! `[picture]`: how an attractor becomes a picture.
 
-use crate::recipe::syntax::{ColorType, NumberArray, OneOf, OptionalKey, integer, number};
+use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::syntax::{ColorType, NumberArray, OneOf, OptionalKey, TomlTable, integer, number};
 use crate::recipe::syntax::{choices, keys};
+use osier_base::diagnostic::Diagnostic;
 
 choices! {
     /// Part of an attractor that fills the picture.
@@ -46,5 +48,19 @@ keys! {
         spread_curve: f64 = "spread_curve" number(0.4, 0.0, 4.0, "");
         /// Bits per channel of a PNG: 8 or 16.
         bits: u32 = "bits" integer(8, 8, 16);
+    }
+}
+
+impl Resolver<'_> {
+    /// Reads `[picture]`; S004 for a number of bits that no PNG has.
+    pub(in crate::recipe) fn picture(&mut self, root: &TomlTable) -> PictureKeys {
+        let keys: PictureKeys = self.section(root, "picture");
+        if ![8, 16].contains(&keys.bits) {
+            let span = span_of(root, &["picture", "bits"]).unwrap_or(self.whole);
+            let text = format!("picture.bits is {}, but must be 8 or 16", keys.bits);
+            let d = Diagnostic::error("S004", text, span, "8 or 16");
+            self.report.push(d.help("PNG stores 8 or 16 bits per channel"));
+        }
+        keys
     }
 }

@@ -388,6 +388,13 @@ impl Resolver<'_> {
             let d = Diagnostic::warning("S007", "sway.loop is given, but sway.repeat is false", at, "has no effect");
             self.report.push(d.help("leave one of them out"));
         } else if let Some(frames) = keys.loop_frames(&clip) {
+            // A loop of one frame would not move.
+            if frames < 2 {
+                let text = format!("sway.loop is {wanted} s, less than two frames at {} frames per second", clip.fps());
+                let d = Diagnostic::error("S004", text, at, "too short");
+                self.report.push(d.help(format!("at least {} s", 2.0 / clip.fps())));
+                return keys;
+            }
             let found = frames as f64 / clip.fps();
             if (found - wanted).abs() > 1e-6 {
                 let text = format!("sway.loop is {wanted} s, which is {:.2} frames", wanted * clip.fps());

@@ -727,6 +727,26 @@ impl<K: ValueType> ValueType for OptionalKey<K> {
 #[derive(Debug, Clone, Copy)]
 pub struct FrameRate;
 
+impl FrameRate {
+    const RATE: NumberType = number(24.0, 0.1, 1000.0, "frames/s");
+
+    /// A rate written as `[numerator, denominator]`.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers of 1..=1e6")]
+    fn fraction(name: &str, node: &TomlNode) -> Result<(u32, u32), Fault> {
+        let [numerator, denominator] = NumberArray([24.0, 1.0], number(1.0, 1.0, 1e6, "")).read(name, node)?;
+        let written = format!("[{numerator}, {denominator}]");
+        if numerator.fract() != 0.0 || denominator.fract() != 0.0 {
+            let fault = outside(name, node, &written, "two whole numbers");
+            return Err(Box::new(fault.help("write the rate alone, such as 29.97, or [30000, 1001]")));
+        }
+        let rate = numerator / denominator;
+        if rate < Self::RATE.min || rate > Self::RATE.max {
+            return Err(outside(name, node, &format!("{written}, {rate} frames/s"), &Self::RATE.range()));
+        }
+        Ok((numerator as u32, denominator as u32))
+    }
+}
+
 impl ValueType for FrameRate {
     type Value = (u32, u32);
     fn fallback(&self) -> (u32, u32) {
@@ -735,14 +755,14 @@ impl ValueType for FrameRate {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to lie in 0..=1e6 before")]
     fn read(&self, name: &str, node: &TomlNode) -> Result<(u32, u32), Fault> {
         if let TomlValue::List(_) = node.value {
-            let pair = NumberArray([24.0, 1.0], number(1.0, 1.0, 1e6, "")).read(name, node)?;
-            return Ok((pair[0] as u32, pair[1] as u32));
+            return Self::fraction(name, node);
         }
-        let v = number(24.0, 0.1, 1000.0, "frames/s").read(name, node)?;
+        let v = Self::RATE.read(name, node)?;
         // Rates such as 23.976 and 29.97 are N x 1000/1001 for the integer N nearest to v x 1.001.
         let ntsc = (v * 1.001).round();
         Ok(if (v - v.round()).abs() < 1e-9 {
-            (v as u32, 1)
+            // Of a computed rate such as 23.9999999999 the whole part alone would be another one.
+            (v.round() as u32, 1)
         } else if (ntsc / 1.001 - v).abs() < 5e-3 {
             (ntsc as u32 * 1000, 1001)
         } else {
@@ -998,6 +1018,20 @@ mod tests {
         assert_eq!(fps(23.976), (24_000, 1001));
         assert_eq!(fps(29.97), (30_000, 1001));
         assert_eq!(fps(12.5), (12_500, 1000));
+        assert_eq!((fps(23.999_999_999_9), fps(0.999_999_999_99)), ((24, 1), (1, 1)));
+    }
+
+    #[test]
+    fn fractions_of_fps_are_whole_numbers_of_a_rate_in_range() {
+        let fps = |list: [f64; 2]| {
+            let list = list.map(|v| node(TomlValue::Number(v))).to_vec();
+            FrameRate.read("fps", &node(TomlValue::List(list)))
+        };
+        assert_eq!(fps([30_000.0, 1001.0]).expect("fps"), (30_000, 1001));
+        let said = |list| fps(list).expect_err("no rate").message;
+        assert_eq!(said([29.97, 1.0]), "fps is [29.97, 1], but must be two whole numbers");
+        assert_eq!(said([1.0, 1e6]), "fps is [1, 1000000], 0.000001 frames/s, but must be 0.1 to 1000 frames/s");
+        assert!(said([1e6, 1.0]).contains("0.1 to 1000"));
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::TableItem;
 use crate::Map;
 use crate::affine::Affine;
 use crate::stems::TreeSystem;
-use crate::words::{ExpansionLimits, expand, height};
+use crate::words::tree_extent;
 use osier_base::math;
 
 /// Share of the trunk's diameter that the squashed crown takes, so that outliers of the crown stay within the trunk.
@@ -31,11 +31,8 @@ pub fn squashed(stems: &TreeSystem) -> TableItem {
 
 fn squash(stems: &TreeSystem) -> Affine {
     let (foot, tip) = stems.trunk;
-    let high = height(&stems.system, &stems.letters, stems.trunk);
-    let limits = ExpansionLimits { eps: 0.03, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000 };
-    let words = expand(&stems.system, &stems.letters, &limits, None).map(|e| e.words).unwrap_or_default();
-    let ends = words.iter().map(|w| w.map.apply(tip) - foot);
-    let wide = ends.fold(0.0_f64, |m, p| m.max(p.x.abs()).max(p.z.abs())).max(1e-9);
+    let extent = tree_extent(&stems.system, &stems.letters, stems.trunk);
+    let (high, wide) = (extent.height, extent.half_width.max(1e-9));
     let along = tip - foot;
     // The squash map takes the crown's height to the trunk's length, and its half width to DENSE times the trunk's radius.
     let thin = DENSE * stems.radius / wide;

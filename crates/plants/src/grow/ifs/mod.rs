@@ -13,7 +13,7 @@ use super::turtle::{OrganSpec, set_exposed_lengths};
 use super::{pick_prototype, radii};
 use axes::WordSkeleton;
 pub use billboards::{SubtreeBillboards, SubtreeClass, subtree_classes};
-use osier_base::diagnostic::Report;
+use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::rng::{Rng, mix64, word};
@@ -25,6 +25,8 @@ use osier_scene::plant::{Organ, Plant, Proto};
 
 /// Greatest number of words of a tree, whatever the limits: with their nodes about a gigabyte.
 const MAX_SEGMENTS: u64 = 5_000_000;
+/// Bytes of a word with those that are cut for it.
+const WORD_BYTES: u64 = (size_of::<Word>() as u64) * (1 + words::CUTS_PER_WORD);
 /// Spread of the further leaves of a site: standard deviation of each component added to the unit direction of the first.
 const LEAF_SPREAD: f32 = 0.55;
 /// Standard deviation of the sizes of leaves, as a share of the mean.
@@ -106,8 +108,12 @@ fn expand_words(
 ) -> Result<Expansion> {
     let variation = Variation::new(plant.1, plant.0.into(), options.variation);
     let variation = (options.variation > 0.0).then_some(variation);
-    words::expand(&stems.system, &stems.letters, cut, variation)
-        .map_err(|d| Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() })))
+    words::expand(&stems.system, &stems.letters, cut, variation).map_err(|d| expansion_error(*d))
+}
+
+/// The error of an expansion without places: the text of the table, to which they point, is not at hand; the message names the table.
+pub fn expansion_error(d: Diagnostic) -> Error {
+    Diagnostic { labels: Vec::new(), ..d }.into()
 }
 
 /// Builds a plant from words: axes, organs and what `more` adds to them, then radii and materials. `plant`: its id and seed.
@@ -147,9 +153,9 @@ fn build_plant(
     Ok(out)
 }
 
-/// Limits of the expansion at full detail: as many words as nodes are allowed, at most 5 million.
+/// Limits of the expansion at full detail: as many words as nodes are allowed and as the memory holds, at most 5 million.
 pub fn word_limits(options: &TreeOptions, limits: &Limits) -> words::ExpansionLimits {
-    let max_words = limits.get("nodes").min(MAX_SEGMENTS);
+    let max_words = limits.get("nodes").min(limits.get("memory") / WORD_BYTES).min(MAX_SEGMENTS);
     words::ExpansionLimits { eps: options.eps, max_depth: options.max_depth, max_order: options.max_order, max_words }
 }
 
