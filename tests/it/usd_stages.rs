@@ -202,3 +202,15 @@ fn packages_are_plain_aligned_archives() {
     let arguments: Vec<&str> = [&*file].into_iter().chain(members).collect();
     clients::python_script(&python, "usd_package.py", &arguments);
 }
+
+#[test]
+fn endings_in_capitals_name_the_same_formats() {
+    let dir = place("capitals");
+    let (scene, _) = synthetic::scene();
+    for (file, start) in [("all.USDA", "#usda"), ("all.USDC", "PXR-USDC"), ("all.USDZ", "PK\u{3}\u{4}")] {
+        write(&dir, &scene, &[], single(file));
+        let bytes = std::fs::read(dir.join(file)).expect("file");
+        // The text and the package were crate files under a wrong name.
+        assert!(bytes.starts_with(start.as_bytes()), "{file}");
+    }
+}
