@@ -205,6 +205,18 @@ fn displaced_bark_leaves_a_young_trunk_as_thick_as_it_is() {
 }
 
 #[test]
+fn layers_are_edited_and_saved_in_place() {
+    let dir = place("save");
+    let (scene, frames) = synthetic::scene();
+    write(&dir, &scene, &frames, UsdOptions::default());
+    write(&dir, &scene, &frames, single("all.usda"));
+    let files = files(&dir);
+    assert!(files.len() >= 6, "{files:?}");
+    let Some(python) = clients::python() else { return };
+    clients::python_script(&python, "usd_save.py", &files.iter().map(String::as_str).collect::<Vec<_>>());
+}
+
+#[test]
 fn packages_are_plain_aligned_archives() {
     let dir = place("package");
     let (scene, frames) = synthetic::scene();
