@@ -44,6 +44,7 @@ pub use super::up_axis::UpAxis;
 pub use options::{CopyStyle, Tolerance, UsdOptions};
 
 use super::estimate::{AssetSize, EstimateInput};
+use super::file_target::file_stem;
 use super::format::{ExportJob, FormatInfo};
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning, exr};
@@ -487,7 +488,7 @@ fn texture_folder(options: &UsdOptions) -> String {
     match &options.file {
         None => "../textures/".to_owned(),
         Some(file) if single_file_kind(file) == "usdz" => "./textures/".to_owned(),
-        Some(file) => format!("./{}_files/", file.rsplit_once('.').map_or(file.as_str(), |(stem, _)| stem)),
+        Some(file) => format!("./{}_files/", file_stem(file)),
     }
 }
 
