@@ -58,7 +58,8 @@ impl<'r> StillScene<'r> {
 
     /// Writes the scene into a folder; the ending of `name` chooses the format.
     /// # Errors
-    /// X030 for an ending that no exporter writes, `Export` and `Io` of what cannot be written, `Cancelled`.
+    /// X030 for an ending that no exporter writes, `Foreign` for a file of another origin, `Export` and `Io` of what cannot
+    /// be written, `Cancelled`.
     pub fn write(
         &self,
         name: &str,
@@ -66,6 +67,7 @@ impl<'r> StillScene<'r> {
         profile: Profile,
         context: &BakeContext<'_>,
     ) -> Result<Vec<Warning>> {
+        folder.check_name(name)?;
         let textures = Arc::new(Textures::encode(&self.assembled.animated.scene)?);
         let is_web = profile == Profile::Web;
         let exporter = exporters::file_exporter(folder.clone(), name, &textures, self.recipe, is_web)

@@ -363,6 +363,32 @@ fn foreign_files_are_left_alone_without_force() {
 }
 
 #[test]
+fn a_foreign_file_is_found_before_anything_is_written() {
+    for ending in ["gltf", "usda", "obj", "ply", "pov", "POV"] {
+        let dir = folder();
+        let path = file(&dir, &format!("x.{ending}"), "mine");
+        let (_, err) = ends(1, &["grow", SCENE, "-o", arg(&path)]);
+        assert!(err.contains("--force") && tree(dir.path()).len() == 1, "{ending}: {:?}", tree(dir.path()).keys());
+    }
+}
+
+#[test]
+fn a_single_file_has_the_name_that_it_was_given() {
+    let cases: [(&str, &[&str]); 4] = [
+        ("x.OBJ", &["x.OBJ", "x.mtl"]),
+        ("x.PLY", &["x.PLY"]),
+        ("x.POV", &["x.POV"]),
+        ("x.GLTF", &["x.GLTF", "x.bin"]),
+    ];
+    for (name, wanted) in cases {
+        let dir = folder();
+        ends(0, &["grow", SCENE, "-o", arg(&dir.path().join(name))]);
+        let files: Vec<String> = tree(dir.path()).into_keys().filter(|f| !f.starts_with("x_files")).collect();
+        assert_eq!(files, wanted);
+    }
+}
+
+#[test]
 fn a_plant_is_grown_again_over_its_own_files() {
     let dir = folder();
     for ending in ["glb", "gltf", "usda", "usdc", "usdz", "obj", "ply", "pov"] {

@@ -326,7 +326,7 @@ fn several_deforming_meshes_get_a_cache_each() {
     exporter.begin(&Arc::new(scene)).expect("begin");
     exporter.frame(&frames[0]).expect("frame");
     exporter.finish().expect("finish");
-    for name in ["flake_flake.pc2", "flake_other.pc2"] {
+    for name in ["flake.flake.pc2", "flake.other.pc2"] {
         assert!(temp.path().join("cache").join(name).is_file());
     }
 }

@@ -219,19 +219,22 @@ fn manifests_of_earlier_versions_are_read() {
 fn point_caches_belong_to_their_plant() {
     let dir = tempfile::tempdir().expect("dir");
     let scene = dir.path().join("s.toml");
+    // The second plant has the name of the first and of one of its meshes.
     let text = "[frames]\nend = 2\n[plants.twig]\ngrammar = \"poplar-twig.l\"\nmotion = \"cache\"\n[plants.twig.rods]\n\
-                [[place]]\nplant = \"twig\"\n[wind]\nspeed = 3\n[ground]\nshow = false\n[output]\nformats = [\"pc2\"]\n";
+                [plants.twig_bark]\ngrammar = \"poplar-twig.l\"\nmotion = \"cache\"\n\
+                [[place]]\nplant = \"twig\"\n[[place]]\nplant = \"twig_bark\"\n\
+                [wind]\nspeed = 3\n[ground]\nshow = false\n[output]\nformats = [\"pc2\"]\n";
     fs::write(&scene, text).expect("scene");
     let out = dir.path().join("out");
     ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out)]);
     let manifest: serde_json::Value =
         serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("JSON");
-    let caches = serde_json::json!(["cache/twig_bark.pc2", "cache/twig_leaves_stalks.pc2"]);
+    let caches = serde_json::json!(["cache/twig.bark.pc2", "cache/twig.leaves_stalks.pc2"]);
     assert_eq!(manifest["assets"][0]["files"], caches);
+    assert_eq!(manifest["assets"][1]["files"], serde_json::json!(["cache/twig_bark.pc2"]));
     let written: Vec<&str> =
         manifest["files"].as_array().expect("files").iter().filter_map(|f| f["path"].as_str()).collect();
-    assert!(
-        written.contains(&"cache/twig_bark.pc2") && written.contains(&"cache/twig_leaves_stalks.pc2"),
-        "{written:?}"
-    );
+    for file in ["cache/twig.bark.pc2", "cache/twig.leaves_stalks.pc2", "cache/twig_bark.pc2"] {
+        assert!(written.contains(&file), "{written:?}");
+    }
 }

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use glam::Vec3;
-use image::{ImageBuffer, Luma};
+use image::{ImageBuffer, Luma, Rgb};
 use osier::scene::AssetKind;
 use serde_json::Value;
 
@@ -540,4 +540,30 @@ fn assets_that_the_scene_adds_share_no_name_with_others() {
     let names = manifest["materials"].as_array().expect("list").iter().map(|m| m["name"].as_str().expect("name"));
     let water: Vec<&str> = names.filter(|name| name.starts_with("water")).collect();
     assert_eq!(water, ["water", "water_2"]);
+}
+
+/// Two solids of files with a material `wall` and a picture `wall.png` each, and a third of the first file.
+#[test]
+fn pictures_of_files_that_name_a_material_alike_stay_apart() {
+    let dir = tempfile::tempdir().expect("dir");
+    for (name, color) in [("a", [200, 20, 20]), ("b", [20, 20, 200])] {
+        let folder = dir.path().join(name);
+        fs::create_dir(&folder).expect("folder");
+        let mesh = "mtllib wall.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl wall\nf 1/1 2/2 3/3\n";
+        fs::write(folder.join("wall.obj"), mesh).expect("obj");
+        fs::write(folder.join("wall.mtl"), "newmtl wall\nmap_Kd wall.png\n").expect("mtl");
+        let picture = ImageBuffer::<Rgb<u8>, Vec<u8>>::from_pixel(4, 4, Rgb(color));
+        picture.save(folder.join("wall.png")).expect("png");
+    }
+    let solids = ["a", "b", "a"].map(|name| format!("[[solid]]\nshape = \"mesh\"\nmesh = \"{name}/wall.obj\"\n"));
+    let text = format!("{}[ground]\nshow = false\n[output]\nformats = [\"usd\"]\n", solids.concat());
+    let out = baked(dir.path(), "walls", &text);
+    let manifest: Value =
+        serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("JSON");
+    let materials = manifest["materials"].as_array().expect("list").iter();
+    let files: Vec<&str> = materials.map(|m| m["slots"]["color"].as_str().expect("a picture")).collect();
+    // The second solid had the picture of the first.
+    assert_eq!(files, ["textures/wall_color.png", "textures/wall_color_2.png", "textures/wall_color.png"]);
+    let color = |file: &str| image::open(out.join(file)).expect("png").to_rgb8().get_pixel(0, 0).0;
+    assert_eq!([color(files[0]), color(files[1])], [[200, 20, 20], [20, 20, 200]]);
 }

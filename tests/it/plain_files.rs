@@ -48,9 +48,8 @@ fn triangle() -> Scene {
 fn write(dir: &Path, scene: &Scene, frames: &[Frame], single: bool) {
     let folder = Folder::open(dir).expect("folder");
     let textures = Arc::new(Textures::encode(scene).expect("textures"));
-    let stem = || "tri".to_owned();
     let (obj_layout, ply_layout) = if single {
-        (FileTarget::Single(stem()), FileTarget::Single(stem()))
+        (FileTarget::Single("tri.obj".into()), FileTarget::Single("tri.ply".into()))
     } else {
         (FileTarget::Bake, FileTarget::Bake)
     };

@@ -41,7 +41,7 @@ fn a_still_scene_and_a_moving_one_without_frames_parse() {
         asset.meshes.iter_mut().for_each(|m| m.motion = MeshMotion::Still);
         (asset.points, asset.curves, asset.instancers) = (Vec::new(), Vec::new(), Vec::new());
     }
-    let target = FileTarget::Single("my-tree".into());
+    let target = FileTarget::Single("my-tree.pov".into());
     bake(&dir.path().join("still"), &scene, &[], PovOptions { target, ..PovOptions::default() });
     assert!(!dir.path().join("still/my-tree_files/frames").exists());
     let Some(povray) = clients::povray() else { return };

@@ -6,6 +6,11 @@ pub enum FileTarget {
     /// Files per asset in the folders of a bake.
     #[default]
     Bake,
-    /// One file with this stem for the whole scene; further files that it refers to are in `<stem>_files/`.
+    /// One file of this name for the whole scene; further files that it refers to are in `<stem>_files/`.
     Single(String),
+}
+
+/// A file name without its ending.
+pub(crate) fn file_stem(name: &str) -> &str {
+    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
 }

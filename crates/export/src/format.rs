@@ -47,10 +47,10 @@ pub struct ExportJob<'a> {
 }
 
 impl ExportJob<'_> {
-    /// The target of formats that name a single file by its stem: the stem of `file`, or a bake if there is none.
+    /// The target of formats whose further files stand beside a single file: `file`, or a bake if there is none.
     pub fn target(&self) -> FileTarget {
         match self.file {
-            Some(name) => FileTarget::Single(name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_owned()),
+            Some(name) => FileTarget::Single(name.to_owned()),
             None => FileTarget::Bake,
         }
     }

@@ -11,7 +11,7 @@
 use std::sync::Arc;
 
 use super::estimate::{EstimateInput, MergedSize};
-use super::file_target::FileTarget;
+use super::file_target::{FileTarget, file_stem};
 use super::format::FormatInfo;
 use super::merge::{FlattenedAsset, PartRange, format_in_parallel};
 use super::text::TextBuffer;
@@ -78,8 +78,8 @@ impl ObjExporter {
         Self { folder, textures, target }
     }
 
-    /// Writes an .obj and its .mtl. `path`: without ending; `pictures`: folder of the textures relative to it; `finish`: writes
-    /// what else belongs to them, before the mesh appears under its final name.
+    /// Writes an .obj and its .mtl. `path`: of the .obj; `pictures`: folder of the textures relative to it; `finish`: writes what
+    /// else belongs to them, before the mesh appears under its final name.
     fn write_pair(
         &self,
         scene: &Scene,
@@ -88,15 +88,16 @@ impl ObjExporter {
         objects: &[Object<'_>],
         finish: impl FnOnce() -> Result<()>,
     ) -> Result<()> {
-        let stem = path.rsplit('/').next().unwrap_or(path);
+        let library_path = format!("{}.mtl", file_stem(path));
+        let library_name = library_path.rsplit('/').next().unwrap_or(&library_path);
         let count = objects.iter().map(|o| o.flat.vertices).sum::<u64>();
         if u32::try_from(count).is_err() {
             return Err(Error::export("X010", "more vertices than OBJ files can number; write .usdc or .glb"));
         }
-        let name = format!("{path}.obj");
-        let out = self.folder.create(&name, "obj", None)?;
-        let mut lines = LineSink { out, name: &name };
-        lines.put(TextBuffer::default().put(&format!("# {GENERATOR}\n# seed {}\nmtllib {stem}.mtl\n", scene.seed)))?;
+        let out = self.folder.create(path, "obj", None)?;
+        let mut lines = LineSink { out, name: path };
+        let header = format!("# {GENERATOR}\n# seed {}\nmtllib {library_name}\n", scene.seed);
+        lines.put(TextBuffer::default().put(&header))?;
         // Objects follow each other with consecutive vertex numbers; the library lists the materials that any of them uses.
         let (mut base, mut plain) = (1, 0);
         let mut used = std::collections::BTreeSet::new();
@@ -118,9 +119,8 @@ impl ObjExporter {
                 write_material(&mut library, scene, &m, pictures);
             }
         }
-        let path = format!("{path}.mtl");
-        check_finite(&library, &path)?;
-        self.folder.write(&path, "mtl", library.bytes())
+        check_finite(&library, &library_path)?;
+        self.folder.write(&library_path, "mtl", library.bytes())
     }
 }
 
@@ -155,14 +155,14 @@ impl Exporter for ObjExporter {
                 for asset in &scene.assets {
                     let object = Object { name: &asset.id, flat: &FlattenedAsset::of(asset), world: Trs::IDENTITY };
                     if object.flat.triangles > 0 {
-                        let path = format!("obj/{}", asset.id);
+                        let path = format!("obj/{}.obj", asset.id);
                         self.write_pair(scene, &path, "../textures/", &[object], || Ok(()))?;
                     }
                 }
                 Ok(())
             }
-            FileTarget::Single(stem) => {
-                let pictures = format!("{stem}_files/");
+            FileTarget::Single(file) => {
+                let pictures = format!("{}_files/", file_stem(file));
                 let flats: Vec<FlattenedAsset<'_>> = scene.assets.iter().map(FlattenedAsset::of).collect();
                 let placed = scene.placements.iter().filter_map(|p| Some((p, flats.get(p.asset)?)));
                 let objects: Vec<Object<'_>> = placed
@@ -171,7 +171,7 @@ impl Exporter for ObjExporter {
                     .collect();
                 // Textures are written last, so that a mesh that cannot be written leaves no folder of textures.
                 let finish = || self.textures.write(scene, &self.folder, &pictures);
-                self.write_pair(scene, stem, &pictures, &objects, finish)
+                self.write_pair(scene, file, &pictures, &objects, finish)
             }
         }
     }

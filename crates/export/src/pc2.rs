@@ -1,4 +1,4 @@
-//! Point caches for deforming meshes: `cache/<asset>.pc2`, or `cache/<asset>_<mesh>.pc2` where an asset has several, beside the
+//! Point caches for deforming meshes: `cache/<asset>.pc2`, or `cache/<asset>.<mesh>.pc2` where an asset has several, beside the
 //! glTF file of profile `blender`.
 //!
 //! Little endian: `POINTCACHE2\0`, i32 version 1, i32 vertices, f32 first frame, f32 frames per sample, i32 samples, then
@@ -89,10 +89,11 @@ impl Pc2Exporter {
     }
 }
 
-/// Path of the cache of a deforming mesh of an asset, which is named after the asset alone if no other mesh of it deforms.
+/// Path of the cache of a deforming mesh of an asset, which is named after the asset alone if no other mesh of it deforms. Names of
+/// assets have no dot, so that the mesh `bark` of `twig` is not taken for the asset `twig_bark`.
 pub(super) fn cache_path(asset: &Asset, object: &MeshObject) -> String {
     let deforming = asset.meshes.iter().filter(|m| m.motion == MeshMotion::Deforming).count();
-    if deforming == 1 { format!("cache/{}.pc2", asset.id) } else { format!("cache/{}_{}.pc2", asset.id, object.name) }
+    if deforming == 1 { format!("cache/{}.pc2", asset.id) } else { format!("cache/{}.{}.pc2", asset.id, object.name) }
 }
 
 impl Pc2Header {

@@ -103,8 +103,7 @@ impl PlyExporter {
     }
 
     /// Writes all placements as one mesh, or the points of clouds if there is no mesh.
-    fn write_single(&self, scene: &Scene, stem: &str) -> Result<()> {
-        let path = format!("{stem}.ply");
+    fn write_single(&self, scene: &Scene, path: &str) -> Result<()> {
         let assets: Vec<FlattenedAsset<'_>> = scene.assets.iter().map(FlattenedAsset::of).collect();
         let placed: Vec<(&FlattenedAsset<'_>, Trs)> =
             scene.placements.iter().filter_map(|p| Some((assets.get(p.asset)?, p.transform))).collect();
@@ -114,9 +113,9 @@ impl PlyExporter {
             scene.placements.iter().filter_map(of).flat_map(|(c, t)| c.iter().map(move |c| (c, t))).peekable();
         if placed.iter().all(|(flat, _)| flat.triangles == 0) && clouds.peek().is_some() {
             let cloud = clouds.map(|(points, trs)| PlacedCloud::at_rest(points, trs));
-            return self.write_file(&path, None, |out| write_points(out, scene, cloud, at));
+            return self.write_file(path, None, |out| write_points(out, scene, cloud, at));
         }
-        self.write_file(&path, None, |out| write_mesh(out, scene, &placed, at))
+        self.write_file(path, None, |out| write_mesh(out, scene, &placed, at))
     }
 }
 
@@ -126,7 +125,7 @@ impl Exporter for PlyExporter {
         self.scene = Some(Arc::clone(scene));
         match &self.target {
             FileTarget::Bake => self.write_clouds(scene, None, false, None),
-            FileTarget::Single(stem) => self.write_single(scene, stem),
+            FileTarget::Single(file) => self.write_single(scene, file),
         }
     }
 

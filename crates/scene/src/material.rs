@@ -127,7 +127,7 @@ pub enum ImageKind {
 }
 
 /// Samples, rows from the top, channels interleaved.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Pixels {
     /// 8 bits a channel, 0 to 255.
     U8(Vec<u8>),
@@ -153,6 +153,12 @@ pub struct Image {
 }
 
 impl Image {
+    /// Whether both images are equal but for their names.
+    pub fn has_same_pixels(&self, other: &Self) -> bool {
+        let layout = |image: &Self| (image.kind, image.width, image.height, image.channels);
+        layout(self) == layout(other) && self.pixels == other.pixels
+    }
+
     /// The picture at half the width and height, odd sides rounded down: each pixel is the mean of four. Colours are averaged in
     /// linear light and by their alpha. `unit_vectors`: the channels are those of unit vectors, (n + 1) / 2.
     #[must_use]

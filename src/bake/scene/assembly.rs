@@ -249,6 +249,7 @@ fn assemble(
     }
     rain.add_wet_film(&mut builder, context)?;
     builder.make_material_names_unique();
+    builder.make_image_names_unique()?;
     let mut camera = camera.unwrap_or_else(|| scene_camera(recipe, &builder.assets, &builder.placements));
     if let Some(terrain) = &terrain {
         lift_camera(&mut camera, terrain);

@@ -1,12 +1,13 @@
 //! Collects the parts of a scene while it is assembled.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::bake::assets::material_set::{MaterialSet, PlantMaterials, image_indices_mut};
 use crate::bake::assets::skin_options::bark_tiles;
 use crate::bake::motion::AssetMotion;
 use osier_base::Result;
-use osier_base::convert::index;
+use osier_base::convert::{index, to_usize};
 use osier_base::files::{Names, safe_name};
 use osier_scene::{Asset, Image, Material, Placement, Trs};
 
@@ -60,6 +61,38 @@ impl SceneBuilder {
                 material.name = unique;
             }
         }
+    }
+
+    /// Numbers images whose names are equal and whose pixels differ, as of two files with a material of the same name: textures are
+    /// files of these names. Of equal images under one name the first is kept, which the materials of the others then share.
+    /// # Errors
+    /// `TooMany` beyond 2^32 images.
+    pub(crate) fn make_image_names_unique(&mut self) -> Result<()> {
+        let mut names = Names::default();
+        let mut kept: Vec<Image> = Vec::new();
+        // By the names that images had before, the indices in `kept`, and for each image its index there.
+        let mut kept_by_name: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+        let mut new_indices = Vec::with_capacity(self.images.len());
+        for mut image in std::mem::take(&mut self.images) {
+            let alike = kept_by_name.entry(image.name.clone()).or_default();
+            let known = alike.iter().copied().find(|i| kept[*i].has_same_pixels(&image));
+            new_indices.push(index(known.unwrap_or(kept.len()), "images of a scene")?);
+            if known.is_none() {
+                alike.push(kept.len());
+                let unique = names.unique(&image.name);
+                if unique != safe_name(&image.name) {
+                    image.name = unique;
+                }
+                kept.push(image);
+            }
+        }
+        self.images = kept;
+        for material in &mut self.materials {
+            for slot in image_indices_mut(&mut material.maps) {
+                *slot = slot.map(|i| new_indices.get(to_usize(i)).copied().unwrap_or(i));
+            }
+        }
+        Ok(())
     }
 
     /// Appends materials and images, and adapts the materials' image indices; returns where the materials lie.

@@ -198,6 +198,17 @@ impl Folder {
         Ok(Some(record))
     }
 
+    /// Checks that a file of this run may have a name, which [`Folder::create`] does too: for a file that is written after
+    /// those that it refers to, so that none of them is written in vain.
+    /// # Errors
+    /// `Foreign` if a file that osier did not write has the name; `Io`.
+    pub fn check_name(&self, path: &str) -> Result<()> {
+        if self.is_in_memory() {
+            return Ok(());
+        }
+        self.check_replaceable(&mut self.state(), path)
+    }
+
     /// True for a folder of [`Folder::memory`].
     pub(super) fn is_in_memory(&self) -> bool {
         self.shared.kind_of_folder == FolderKind::Memory

@@ -49,6 +49,7 @@ use self::assemble::GltfContents;
 use self::document::{GltfDocument, GltfInput};
 use self::tracks::ClipTracks;
 use super::estimate::EstimateInput;
+use super::file_target::file_stem;
 use super::format::{ExportJob, FormatInfo};
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
@@ -255,7 +256,7 @@ impl GltfExporter {
 
     fn write_gltf(&self, input: GltfInput<'_>, path: &str) -> Result<Vec<Warning>> {
         let name = path.rsplit('/').next().unwrap_or(path);
-        let stem = name.strip_suffix(".gltf").unwrap_or(name);
+        let stem = file_stem(name);
         let beside = |file: &str| match path.rsplit_once('/') {
             Some((parent, _)) => format!("{parent}/{file}"),
             None => file.to_owned(),

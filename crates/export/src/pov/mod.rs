@@ -30,7 +30,7 @@ use self::assets::PovAsset;
 use self::objects::StreakView;
 use self::space::PovSpace;
 use super::estimate::{AssetSize, EstimateInput, sample_place};
-use super::file_target::FileTarget;
+use super::file_target::{FileTarget, file_stem};
 use super::format::FormatInfo;
 use super::text::TextBuffer;
 use super::textures::Textures;
@@ -170,7 +170,7 @@ impl PovExporter {
     fn file_path(&self, name: &str) -> String {
         match &self.options.target {
             FileTarget::Bake => format!("pov/{name}"),
-            FileTarget::Single(stem) => format!("{stem}_files/{name}"),
+            FileTarget::Single(file) => format!("{}_files/{name}", file_stem(file)),
         }
     }
 
@@ -178,7 +178,7 @@ impl PovExporter {
     fn include_folder(&self) -> String {
         match &self.options.target {
             FileTarget::Bake => String::new(),
-            FileTarget::Single(stem) => format!("{stem}_files/"),
+            FileTarget::Single(file) => format!("{}_files/", file_stem(file)),
         }
     }
 
@@ -186,7 +186,7 @@ impl PovExporter {
     fn texture_folder(&self) -> String {
         match &self.options.target {
             FileTarget::Bake => "textures/".into(),
-            FileTarget::Single(stem) => format!("{stem}_files/"),
+            FileTarget::Single(file) => format!("{}_files/", file_stem(file)),
         }
     }
 
@@ -194,7 +194,7 @@ impl PovExporter {
     fn map_folder(&self) -> String {
         match &self.options.target {
             FileTarget::Bake => "maps/".into(),
-            FileTarget::Single(stem) => format!("{stem}_files/maps/"),
+            FileTarget::Single(file) => format!("{}_files/maps/", file_stem(file)),
         }
     }
 
@@ -346,7 +346,7 @@ impl Exporter for PovExporter {
         let main = main_file::main_file(&scene, self.space(), &self.include_folder(), &self.written);
         let (path, name) = match &self.options.target {
             FileTarget::Bake => ("pov/main.pov".to_owned(), "main.pov".to_owned()),
-            FileTarget::Single(stem) => (format!("{stem}.pov"), format!("{stem}.pov")),
+            FileTarget::Single(file) => (file.clone(), file.clone()),
         };
         self.write_text(&path, "pov", &main)?;
         let ini = main_file::render_ini(&scene, &self.options, &name, &self.written);

@@ -147,6 +147,11 @@ pub trait LayerWriter: Send {
     /// X001 for a number that is not finite, X004 if a text layer grows too large, `Io`.
     fn create_attr(&mut self, path: &str, spec: &AttrSpec, default: Option<UsdValue>) -> Result<AttrHandle>;
 
+    /// Replaces the default value of an attribute that was created with one.
+    /// # Errors
+    /// As [`LayerWriter::create_attr`].
+    fn set_default(&mut self, attr: AttrHandle, value: UsdValue) -> Result<()>;
+
     /// Adds a time sample. `time`: time code.
     /// # Errors
     /// As [`LayerWriter::create_attr`].

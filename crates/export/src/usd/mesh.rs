@@ -353,8 +353,16 @@ impl VaryingMesh {
         Ok(Self { index, root, path, attrs, velocities, subsets, primvars: Vec::new(), times: Vec::new() })
     }
 
-    /// Samples the subset of every material seen so far, so that the subsets of each frame partition its faces.
-    fn sample_subsets(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, mesh: &Mesh, time: f64) -> Result<()> {
+    /// Samples the subset of every material seen so far, so that the subsets of each frame partition its faces. `sets_default`: whether
+    /// the faces are also those without a time.
+    fn sample_subsets(
+        &mut self,
+        cx: &UsdContext,
+        layer: &mut LayerBuilder,
+        mesh: &Mesh,
+        time: f64,
+        sets_default: bool,
+    ) -> Result<()> {
         let families = material_faces(mesh)?;
         if self.subsets.is_empty() && !families.is_empty() {
             set_partition_family(layer, &self.path)?;
@@ -372,6 +380,9 @@ impl VaryingMesh {
         self.sample_primvars(cx, layer, mesh, time)?;
         for (material, attr) in &self.subsets {
             let faces = families.iter().find(|(m, _)| m == material).map_or(&[][..], |(_, f)| f);
+            if sets_default {
+                layer.writer.set_default(*attr, UsdArray::Int(faces).into())?;
+            }
             layer.writer.set_time_sample(*attr, time, UsdArray::Int(faces).into())?;
         }
         self.times.push(time);
@@ -410,18 +421,28 @@ impl AnimatedPrim for VaryingMesh {
             vec![[0.0; 3]; mesh.points.len()]
         };
         let st = st_or_zeros(mesh);
-        let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
-        sample(self.attrs.extent, UsdArray::Float3(&a.extent))?;
-        sample(self.attrs.counts, UsdArray::Int(&a.counts))?;
-        sample(self.attrs.indices, UsdArray::Int(a.indices))?;
-        sample(self.attrs.normals, UsdArray::Float3(&a.normals))?;
-        sample(self.attrs.points, UsdArray::Float3(&a.points))?;
-        sample(self.velocities, UsdArray::Float3(&v))?;
+        let mut arrays = vec![
+            (self.attrs.extent, UsdArray::Float3(&a.extent)),
+            (self.attrs.counts, UsdArray::Int(&a.counts)),
+            (self.attrs.indices, UsdArray::Int(a.indices)),
+            (self.attrs.normals, UsdArray::Float3(&a.normals)),
+            (self.attrs.points, UsdArray::Float3(&a.points)),
+            (self.velocities, UsdArray::Float3(&v)),
+        ];
         if let Some([values, corners]) = self.attrs.uvs {
-            sample(values, UsdArray::Float2(&st))?;
-            sample(corners, UsdArray::Int(a.indices))?;
+            arrays.extend([(values, UsdArray::Float2(&st)), (corners, UsdArray::Int(a.indices))]);
         }
-        self.sample_subsets(cx, layer, mesh, time)
+        // The value without a time is that of the first frame that is written, as that of textures whose files change is. Usually it is
+        // the mesh at rest, which is there already.
+        let rest = &object.mesh;
+        let sets_default = self.times.is_empty() && (mesh.points != rest.points || mesh.triangles != rest.triangles);
+        for (attr, array) in arrays {
+            if sets_default {
+                layer.writer.set_default(attr, array.into())?;
+            }
+            layer.writer.set_time_sample(attr, time, array.into())?;
+        }
+        self.sample_subsets(cx, layer, mesh, time, sets_default)
     }
 }
 

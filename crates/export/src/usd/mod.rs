@@ -44,6 +44,7 @@ pub use super::up_axis::UpAxis;
 pub use options::{CopyStyle, Tolerance, UsdOptions};
 
 use super::estimate::{AssetSize, EstimateInput};
+use super::file_target::file_stem;
 use super::format::{ExportJob, FormatInfo};
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning, exr};
@@ -200,11 +201,7 @@ impl UsdExporter {
     /// Begins the single file that has the whole scene in one layer: the first prim of an asset has its contents, the others
     /// refer to that prim.
     fn begin_single(&mut self, cx: &UsdContext, file: &str) -> Result<()> {
-        let kind = match file.rsplit_once('.') {
-            Some((_, "usda")) => "usda",
-            Some((_, "usdz")) => "usdz",
-            _ => "usdc",
-        };
+        let kind = single_file_kind(file);
         let Some(out) = self.folder.create(file, kind, None)? else { return Ok(()) };
         let scene = safe_name(&cx.scene.name);
         let writer: Box<dyn LayerWriter> = match kind {
@@ -489,15 +486,22 @@ fn rebind_materials(
     Ok(())
 }
 
+/// Form of a single file by its ending, in capitals or not: `usda`, `usdz`, else `usdc`.
+fn single_file_kind(file: &str) -> &'static str {
+    let ending = file.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
+    match ending.as_deref() {
+        Some("usda") => "usda",
+        Some("usdz") => "usdz",
+        _ => "usdc",
+    }
+}
+
 /// Folder of the textures, relative to the layers that refer to them.
 fn texture_folder(options: &UsdOptions) -> String {
     match &options.file {
         None => "../textures/".to_owned(),
-        Some(file) => match file.rsplit_once('.') {
-            Some((_, "usdz")) => "./textures/".to_owned(),
-            Some((stem, _)) => format!("./{stem}_files/"),
-            None => format!("./{file}_files/"),
-        },
+        Some(file) if single_file_kind(file) == "usdz" => "./textures/".to_owned(),
+        Some(file) => format!("./{}_files/", file_stem(file)),
     }
 }
 

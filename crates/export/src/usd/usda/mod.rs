@@ -209,6 +209,15 @@ impl LayerWriter for UsdaWriter {
         Ok(AttrHandle(self.attrs.len() - 1))
     }
 
+    fn set_default(&mut self, attr: AttrHandle, value: UsdValue) -> Result<()> {
+        let Some(PropertyIndex { prim, property }) = self.attrs.get(attr.0).copied() else { return Ok(()) };
+        let Some(p) = self.prims.get_mut(prim).and_then(|p| p.properties.get_mut(property)) else { return Ok(()) };
+        let text = text::value(&value, &p.path)?;
+        let bytes = text.len();
+        p.default = Some(text);
+        self.add_bytes_within_limit(bytes)
+    }
+
     fn set_time_sample(&mut self, attr: AttrHandle, time: f64, value: UsdValue) -> Result<()> {
         let Some(PropertyIndex { prim, property }) = self.attrs.get(attr.0).copied() else { return Ok(()) };
         let Some(p) = self.prims.get_mut(prim).and_then(|p| p.properties.get_mut(property)) else { return Ok(()) };

@@ -177,6 +177,11 @@ fn array(a: &UsdArray) -> TextOrNonFiniteIndex {
     }
 }
 
+/// The literal of an asset path: one that contains `@`, as a file of the user's may be called, stands between three of them.
+fn asset_path(path: &str) -> String {
+    if path.contains('@') { format!("@@@{}@@@", path.replace("@@@", "\\@@@")) } else { format!("@{path}@") }
+}
+
 /// The literal of a value. `place`: names the attribute in errors.
 pub(super) fn value(v: &UsdValue, place: &str) -> Result<String> {
     let text = match v {
@@ -184,7 +189,7 @@ pub(super) fn value(v: &UsdValue, place: &str) -> Result<String> {
         UsdValue::Float(x) => x.decimal().ok_or(0),
         UsdValue::Double(x) => x.decimal().ok_or(0),
         UsdValue::String(s) | UsdValue::Token(s) => Ok(quoted(s)),
-        UsdValue::Asset(s) => Ok(format!("@{s}@")),
+        UsdValue::Asset(s) => Ok(asset_path(s)),
         UsdValue::Float2(x) => tuple(x).ok_or(0),
         UsdValue::Float3(x) => tuple(x).ok_or(0),
         UsdValue::Float4(x) => tuple(x).ok_or(0),
@@ -208,6 +213,9 @@ mod tests {
         assert_eq!(p(UsdValue::Float(-0.0)), "0");
         assert_eq!(p(UsdArray::Float3(&[[1.0, 0.5, -2.0]]).into()), "[(1, 0.5, -2)]");
         assert_eq!(p(UsdValue::String("a \"b\"\\\n")), "\"a \\\"b\\\"\\\\\\n\"");
+        assert_eq!(p(UsdValue::Asset("./a_files/b.png")), "@./a_files/b.png@");
+        assert_eq!(p(UsdValue::Asset("./a@2x_files/b.png")), "@@@./a@2x_files/b.png@@@");
+        assert_eq!(p(UsdValue::Asset("./a@@@_files/b.png")), "@@@./a\\@@@_files/b.png@@@");
         let e = value(&UsdArray::Float(&[0.0, f32::NAN]).into(), "/a.b").expect_err("not finite");
         assert_eq!(e.to_string(), "X001: /a.b: element 1 is not finite");
     }

@@ -410,6 +410,17 @@ impl LayerWriter for UsdcWriter {
         Ok(AttrHandle(self.attrs.len() - 1))
     }
 
+    fn set_default(&mut self, attr: AttrHandle, value: UsdValue) -> Result<()> {
+        let Some((spec, path)) = self.attrs.get(attr.0).map(|a| (a.spec, a.path.clone())) else { return Ok(()) };
+        let value = self.value_rep(&value, &|| path.clone())?;
+        let name = self.tokens.intern("default");
+        let field = self.specs.get_mut(spec).and_then(|s| s.fields.iter_mut().find(|field| field.0 == name));
+        if let Some(field) = field {
+            field.1 = value;
+        }
+        Ok(())
+    }
+
     fn set_time_sample(&mut self, attr: AttrHandle, time: f64, value: UsdValue) -> Result<()> {
         let time_index = self.intern_time(time);
         let path = self.attrs.get(attr.0).map(|a| a.path.clone()).unwrap_or_default();

@@ -196,7 +196,9 @@ impl PathTable {
             // Siblings are sorted by name, whatever the order in which they were defined.
             tree.children.entry(parent).or_default().insert((name, is_property), path);
         }
-        tree.append_subtree("/", 0, false, intern_token)?;
+        // The pseudo-root has the empty name. Readers skip it, but OpenUSD looks its token up when a user saves the file.
+        let root = intern_token("").cast_signed();
+        tree.append_subtree("/", root, false, intern_token)?;
         // The number of paths stands twice: size of the table, and number of rows that follow.
         let mut out = u64_bytes_le(tree.rows.len()).to_vec();
         out.extend(u64_bytes_le(tree.rows.len()));
