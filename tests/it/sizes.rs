@@ -473,3 +473,32 @@ fn a_swaying_oak_of_sixty_years_is_four_megabytes_for_engines() {
     let report: Value = serde_json::from_slice(&out.stdout).expect("JSON");
     assert_eq!((&report["errors"], &report["warnings"]), (&0.into(), &0.into()), "{report}");
 }
+
+/// The leaves of a tree in one file for Blender, which merges them: area, m^2, triangles, bytes of the file, and what was said.
+fn merged_leaves(folder: &Path, leaves_mb: u32) -> (f32, usize, u64, String) {
+    let file = folder.join(format!("oak_{leaves_mb}.glb"));
+    let key = format!("output.gltf.leaves_mb={leaves_mb}");
+    let arguments = ["grow", "oak-grown", "--set", "plants.oak.age=14", "--set", &key, "-o", arg(&file)];
+    let run = Command::new(env!("CARGO_BIN_EXE_osier")).args(arguments).output().expect("osier runs");
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.success(), "{said}");
+    let player = Player::new(&std::fs::read(&file).expect("file"));
+    let (area, triangles) = area_of(&player, "leaves", 0.0);
+    (area, triangles, length(&file), said)
+}
+
+#[test]
+fn merged_leaves_keep_to_the_size_that_a_scene_allows() {
+    let temp = tempfile::tempdir().expect("temp");
+    let (area, triangles, bytes, said) = merged_leaves(temp.path(), 160);
+    assert!(!said.contains("X029"), "{said}");
+    let (light_area, light_triangles, light_bytes, said) = merged_leaves(temp.path(), 4);
+    assert!(said.contains("X029") && said.contains("instead of"), "{said}");
+    let saved = (bytes - light_bytes) as f64 / 1e6;
+    let all = saved + 4.0;
+    // What is left of the leaves takes 4 MB, and covers the area of all of them.
+    assert!(all > 20.0 && light_triangles * 5 < triangles, "{saved} MB, {light_triangles} of {triangles}");
+    let told = said.split(" MB instead of ").next().and_then(|s| s.rsplit(' ').next()).and_then(|s| s.parse::<f64>().ok());
+    assert!(told.is_some_and(|mb| (2.0..=4.0).contains(&mb)), "{said}");
+    assert!((light_area / area - 1.0).abs() < 0.15, "{light_area} of {area} m2");
+}

@@ -77,6 +77,7 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
             assets: output.gltf.assets,
             quantize: output.gltf.quantize,
             meshopt: output.gltf.meshopt,
+            leaf_bytes: u64::from(output.gltf.leaves_mb) * 1_000_000,
             level_triangles: output.gltf.triangles as usize,
             joints: output.gltf.joints as usize,
             channels: wind_channels(&output.gltf.channels),

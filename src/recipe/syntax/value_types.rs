@@ -740,7 +740,7 @@ impl FrameRate {
             return Err(Box::new(fault.help("write the rate alone, such as 29.97, or [30000, 1001]")));
         }
         let rate = numerator / denominator;
-        if rate < Self::RATE.min || rate > Self::RATE.max {
+        if !(Self::RATE.min..=Self::RATE.max).contains(&rate) {
             return Err(outside(name, node, &format!("{written}, {rate} frames/s"), &Self::RATE.range()));
         }
         Ok((numerator as u32, denominator as u32))

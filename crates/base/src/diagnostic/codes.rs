@@ -168,6 +168,7 @@ pub const CODES: &[Code] = &[
     row("X026", Warning, "a height map of 8 bits has visible steps"),
     row("X027", Warning, "surfaces of a terrain's mesh lie above each other; the highest is the ground"),
     row("X028", Warning, "none of the frames is one at which the wind or a volume is written"),
+    row("X029", Warning, "leaves of a plant have fewer triangles in a glTF file"),
     row("X030", Error, "nothing to write: no triangles and no points"),
 ];
 

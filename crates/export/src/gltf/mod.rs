@@ -16,6 +16,7 @@
 
 mod assemble;
 mod asset_nodes;
+mod blades;
 mod buffer;
 mod container;
 mod copies;
@@ -25,6 +26,7 @@ mod instances;
 mod json;
 mod keys;
 mod leaf_shapes;
+mod light_leaves;
 mod materials;
 mod meshes;
 mod meshopt;
@@ -47,6 +49,7 @@ use std::sync::Arc;
 
 use self::assemble::GltfContents;
 use self::document::{GltfDocument, GltfInput};
+use self::light_leaves::LightLeaves;
 use self::tracks::ClipTracks;
 use super::estimate::EstimateInput;
 use super::file_target::file_stem;
@@ -121,7 +124,13 @@ fn estimate(input: &EstimateInput) -> u64 {
                 Profile::Blender | Profile::Engine => {
                     // Points, normals, coordinates, tangents; bark has joints and weights as well.
                     let skinned = if a.joints > 0 { a.vertices * 24 } else { 0 };
-                    (a.vertices + instance_vertices) * 48 + skinned + triangles * 12
+                    let leaves = instance_vertices * 48 + instance_triangles * 12;
+                    let leaves = if *profile == Profile::Blender {
+                        light_leaves::estimate(leaves, instances, options)
+                    } else {
+                        leaves
+                    };
+                    a.vertices * 48 + a.triangles * 12 + skinned + leaves
                 }
                 // An instance is 32 bytes: 12 of position, 8 of the quantized rotation, 12 of scale. A triangle is three u32.
                 Profile::Web if options.meshopt => {
@@ -314,6 +323,7 @@ impl Exporter for GltfExporter {
         let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
         let mut tracks = std::mem::take(&mut self.tracks);
         tracks.close();
+        let LightLeaves { scene, warnings: mut told } = LightLeaves::of(&scene, &self.options)?;
         let input = GltfInput { scene: &scene, tracks: &tracks, textures: &self.textures, options: &self.options };
         let warnings = match &self.options.target {
             GltfTarget::Bake => self.write_bake(input)?,
@@ -327,7 +337,8 @@ impl Exporter for GltfExporter {
             GltfTarget::Gltf(path) => self.write_gltf(input, path)?,
         };
         let still = warn_unanimated(&scene, &tracks).filter(|_| !tracks.is_still());
-        Ok(Summary { warnings: warnings.into_iter().chain(still).collect() })
+        told.extend(warnings.into_iter().chain(still));
+        Ok(Summary { warnings: told })
     }
 }
 
@@ -368,10 +379,11 @@ pub fn write(scene: &Scene, textures: &Textures, profile: Profile, out: &mut imp
     check_scene(scene)?;
     let options = GltfOptions { profile, ..GltfOptions::default() };
     let tracks = ClipTracks::new(scene, &options);
-    let mut document =
-        GltfDocument::new(GltfInput { scene, tracks: &tracks, textures, options: &options }, ImageStorage::Embedded);
+    let LightLeaves { scene, mut warnings } = LightLeaves::of(scene, &options)?;
+    let input = GltfInput { scene: &scene, tracks: &tracks, textures, options: &options };
+    let mut document = GltfDocument::new(input, ImageStorage::Embedded);
     document.assemble(GltfContents::Scene { camera: false })?;
-    let warnings = std::mem::take(&mut document.warnings);
+    warnings.append(&mut document.warnings);
     container::write_glb(document, |bytes| out.write_all(bytes).map_err(|e| Error::io("write", "-", e)))?;
     Ok(warnings)
 }

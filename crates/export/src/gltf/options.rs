@@ -67,6 +67,8 @@ pub struct GltfOptions {
     pub quantize: bool,
     /// Profile `web`: compress vertices, triangles and keys with EXT_meshopt_compression. Implies `quantize`.
     pub meshopt: bool,
+    /// Profile `blender`: about the most bytes of the merged leaves of an asset, which have fewer triangles where all would take more.
+    pub leaf_bytes: u64,
     /// Profile `engine`: most triangles of a plant at its finest level of detail.
     pub level_triangles: usize,
     /// Profile `engine`: most joints of a plant; values outside of 1 to 256 are clamped.
@@ -123,6 +125,9 @@ pub(super) enum VertexStorage {
 /// Default of [`GltfOptions::skins`]. Own: beyond it importers and viewers become slow; a higher limit animates more plants.
 pub const SKINS: usize = 64;
 
+/// Default of [`GltfOptions::leaf_bytes`]. Own: Blender opens a tree of this size in seconds; without a limit
+/// the leaves of a grown oak take 0.9 GB.
+pub const LEAF_BYTES: u64 = 160_000_000;
 /// Default of [`GltfOptions::level_triangles`]. Own: all levels of a swaying tree, at about 80 bytes per triangle, and its
 /// textures then take less than 4 MB.
 pub const LEVEL_TRIANGLES: usize = 32_000;
@@ -141,6 +146,7 @@ impl Default for GltfOptions {
             assets: true,
             quantize: false,
             meshopt: false,
+            leaf_bytes: LEAF_BYTES,
             level_triangles: LEVEL_TRIANGLES,
             joints: ENGINE_JOINTS,
             channels: None,
