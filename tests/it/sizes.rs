@@ -498,7 +498,8 @@ fn merged_leaves_keep_to_the_size_that_a_scene_allows() {
     let all = saved + 4.0;
     // What is left of the leaves takes 4 MB, and covers the area of all of them.
     assert!(all > 20.0 && light_triangles * 5 < triangles, "{saved} MB, {light_triangles} of {triangles}");
-    let told = said.split(" MB instead of ").next().and_then(|s| s.rsplit(' ').next()).and_then(|s| s.parse::<f64>().ok());
+    let told =
+        said.split(" MB instead of ").next().and_then(|s| s.rsplit(' ').next()).and_then(|s| s.parse::<f64>().ok());
     assert!(told.is_some_and(|mb| (2.0..=4.0).contains(&mb)), "{said}");
     assert!((light_area / area - 1.0).abs() < 0.15, "{light_area} of {area} m2");
 }
