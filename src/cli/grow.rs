@@ -19,6 +19,7 @@ use osier_base::diagnostic::Report;
 use osier_base::files::{FileRecord, Folder, WriteOptions};
 use osier_export::format::FormatInfo;
 use osier_export::gltf::Profile;
+use osier_export::usd;
 
 /// Runs `osier grow`: the ending of the output chooses the format. The result is the exit code.
 pub fn run(context: &Context, args: &Grow) -> Result<u8> {
@@ -141,7 +142,14 @@ fn write_scene(
     }
     if estimate.bytes > report::CONFIRM_BYTES && !output.args.force {
         let (size, most) = (report::byte_size(estimate.bytes), report::byte_size(report::CONFIRM_BYTES));
-        let why = format!("the file would take about {size}, more than {most}; --force writes it");
+        // OBJ and PLY hold each leaf, USD its shape once.
+        let shared = scene.estimate(&usd::FORMAT, profile)?.bytes;
+        let smaller = if shared < estimate.bytes / 2 {
+            format!("a .usdc holds copies once and takes about {}, ", report::byte_size(shared))
+        } else {
+            String::new()
+        };
+        let why = format!("the file would take about {size}, more than {most}; {smaller}--force writes it");
         context.console.complain(&why);
         return Ok(2);
     }

@@ -556,12 +556,14 @@ fn pictures_of_files_that_name_a_material_alike_stay_apart() {
         picture.save(folder.join("wall.png")).expect("png");
     }
     let solids = ["a", "b", "a"].map(|name| format!("[[solid]]\nshape = \"mesh\"\nmesh = \"{name}/wall.obj\"\n"));
-    let text = format!("{}[ground]\nshow = false\n[output]\nformats = [\"usd\"]\n", solids.concat());
+    let plant = "[plants.line]\ngrammar = \"koch.l\"\n[[place]]\nplant = \"line\"\n";
+    let text = format!("{plant}{}[ground]\nshow = false\n[output]\nformats = [\"usd\"]\n", solids.concat());
     let out = baked(dir.path(), "walls", &text);
     let manifest: Value =
         serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("JSON");
-    let materials = manifest["materials"].as_array().expect("list").iter();
-    let files: Vec<&str> = materials.map(|m| m["slots"]["color"].as_str().expect("a picture")).collect();
+    let is_wall = |m: &&Value| m["name"].as_str().is_some_and(|name| name.ends_with("_wall"));
+    let walls = manifest["materials"].as_array().expect("list").iter().filter(is_wall);
+    let files: Vec<&str> = walls.map(|m| m["slots"]["color"].as_str().expect("a picture")).collect();
     // The second solid had the picture of the first.
     assert_eq!(files, ["textures/wall_color.png", "textures/wall_color_2.png", "textures/wall_color.png"]);
     let color = |file: &str| image::open(out.join(file)).expect("png").to_rgb8().get_pixel(0, 0).0;

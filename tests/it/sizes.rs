@@ -503,3 +503,12 @@ fn merged_leaves_keep_to_the_size_that_a_scene_allows() {
     assert!(told.is_some_and(|mb| (2.0..=4.0).contains(&mb)), "{said}");
     assert!((light_area / area - 1.0).abs() < 0.15, "{light_area} of {area} m2");
 }
+
+#[test]
+fn a_file_of_single_leaves_is_refused_with_a_smaller_format() {
+    let temp = tempfile::tempdir().expect("temp");
+    let file = temp.path().join("oak.obj");
+    let (_, said) = ends(2, &["grow", "oak-grown", "-o", arg(&file)]);
+    assert!(said.contains("more than 2.0 GB") && said.contains(".usdc") && said.contains("--force"), "{said}");
+    assert!(!file.exists());
+}
