@@ -40,6 +40,7 @@ cargo test --release --test it rain_wind -- --ignored
 cargo test --release --test it flights -- --ignored
 cargo test --release --test it storm -- --ignored
 cargo test --release -p osier-motion --lib fluttering -- --ignored
+cargo test --release -p osier-motion --lib counts_of_many_seeds -- --ignored
 
 say "the same bytes from debug, release and without the newer instruction sets"
 cargo build --quiet
