@@ -245,6 +245,15 @@ fn a_key_of_an_earlier_version_is_named_by_its_present_name() {
     }
 }
 
+#[test]
+fn a_value_without_a_define_of_its_name_is_an_error_where_the_scene_has_it() {
+    let plant = "[plants.a]\ngrammar = \"rain-twig.l\"\n";
+    let Err(said) = read(&format!("{plant}set = {{ NOPE = 3 }}\n"), &[]) else { panic!("NOPE is accepted") };
+    assert!(said.contains("no #define \"NOPE\"") && said.contains("scenes/test.toml:3:9"), "{said}");
+    let Err(said) = read(plant, &["plants.a.set.NOPE=3"]) else { panic!("--set NOPE is accepted") };
+    assert!(said.contains("error[L002]") && said.contains("plants.a.set.NOPE=3"), "{said}");
+}
+
 /// Messages of the warnings S007 about a scene.
 fn without_effect(text: &str) -> Vec<String> {
     let request = Request { name: "s".into(), shown: "s.toml".into(), text: text.into(), ..Request::default() };
