@@ -350,6 +350,27 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "solid.0.color",
             "[[solid]]\ncolor = \"#406030\"\n",
         ),
+        (
+            "[[layer]]\ncolor = \"#ffffff\"\npoints = 900\n",
+            "layer.0.points",
+            "[[layer]]\nifs = \"fern_leaf.ifs\"\npoints = 900\n",
+        ),
+        (
+            "[[layer]]\ncolor = \"#ffffff\"\ncolor_by = \"word\"\n",
+            "layer.0.color_by",
+            "[[layer]]\nifs = \"fern_leaf.ifs\"\ncolor_by = \"word\"\nprefix = 3\n",
+        ),
+        (
+            "[[layer]]\nifs = \"fern_leaf.ifs\"\ncolor2 = \"#ffffff\"\n",
+            "layer.0.color2",
+            "[[layer]]\ncolor = \"#406030\"\ncolor2 = \"#ffffff\"\n",
+        ),
+        (
+            "[[layer]]\nifs = \"fern_leaf.ifs\"\ncolor = \"#406030\"\nprefix = 3\n",
+            "layer.0.prefix",
+            "[[layer]]\nifs = \"fern_leaf.ifs\"\ncolor = \"#406030\"\n",
+        ),
+        ("[picture]\nspread_min_px = 2\n", "picture.spread_min_px", "[picture]\nspread_px = 4\nspread_min_px = 2\n"),
         ("[maps]\nresolution = 64\n", "maps", "[rain]\n[maps]\nresolution = 64\n"),
         ("[camera]\neye = [1, 2, 3]\ndistance = 2\n", "camera.distance", "[camera]\ndistance = 2\n"),
     ];
