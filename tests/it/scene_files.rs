@@ -94,6 +94,13 @@ fn a_picture_has_the_bits_of_a_png() {
 }
 
 #[test]
+fn an_empty_table_of_plants_is_no_plant() {
+    let said = read("[plants]\n", &[]).expect_err("no plants");
+    assert!(said.contains("S006") && said.contains("the scene has no plants"), "{said}");
+    assert!(read("[plants]\n[terrain]\nsubdivisions = 3\n", &[]).is_ok());
+}
+
+#[test]
 fn formats_that_write_nothing_are_named() {
     for (key, format) in [("gltf.profiles", "glb"), ("vdb.grids", "vdb"), ("points.tables", "points")] {
         let set = vec![format!("output.{key}=[]")];
@@ -386,6 +393,10 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());
     let empty = "[plants.a]\ngrammar = \"rain-twig.l\"\n[output]\nformats = []\n";
     assert_eq!(without_effect(empty), ["output.formats is empty: a bake writes textures and no scene"]);
+    let nowhere = "place = []\n[plants.a]\ngrammar = \"rain-twig.l\"\n";
+    assert_eq!(without_effect(nowhere), ["`place` is empty: the scene shows none of its plants"]);
+    let scattered = "[terrain]\n[[scatter]]\nplants = { a = 1 }\n";
+    assert!(without_effect(&format!("{nowhere}{scattered}")).is_empty());
     // A tree that grows for its place is neither turned nor inclined, which is told once.
     let together = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[[place]]\ntogether = true\n";
     assert_eq!(without_effect(&format!("{together}lean_to_deg = 30\n")), ["place.0.lean_to_deg has no effect"]);

@@ -266,7 +266,7 @@ impl OrganRecipe {
 
 impl Resolver<'_> {
     pub(in crate::recipe) fn plants(&mut self, root: &TomlTable, names: &mut Names) -> Vec<PlantRecipe> {
-        let Some(table) = self.table(root, "", "plants") else {
+        let Some(table) = self.table(root, "", "plants").filter(|table| !table.entries.is_empty()) else {
             if !self.report.has_errors()
                 && ["clouds", "terrain", "layer", "catkin", "flight", "rod"].iter().all(|t| root.get(t).is_none())
                 // A scene without visible objects may still export the wind.
