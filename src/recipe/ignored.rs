@@ -38,6 +38,8 @@ const OF_GRAMMARS: &[&str] = &["steps", "set", "stochastic", "dialect", "rng"];
 const OF_NOTATIONS: &[&str] = &["dialect", "rng"];
 const OF_TREES: &[&str] = &["tree"];
 const NONE: &[&str] = &[];
+/// Keys of layers that rectangles do not have.
+const OF_LAYER_TABLES: &[&str] = &["system", "weights", "points", "color_by", "prefix", "colors", "exposure", "gamma"];
 /// What keys of the sway model need.
 const SWAYING: &str = "a plant that sways: leave [plants.NAME.rods] out";
 
@@ -194,7 +196,7 @@ impl Resolver<'_> {
         self.report_unmet(table_at(root, &["flight"]), "flight", &all);
     }
 
-    /// Solids, loads of rods, scatters, attractors and layers.
+    /// Solids, loads of rods, scatters, the picture, attractors and layers.
     fn ignored_in_objects(&mut self, root: &TomlTable, recipe: &Recipe) {
         for (i, (table, solid)) in tables_of(root, "solid").into_iter().zip(&recipe.solids).enumerate() {
             let is_mesh = solid.keys.shape == SolidShape::Mesh;
@@ -215,13 +217,28 @@ impl Resolver<'_> {
             let disc = needs(&["at", "inner", "fade"], scatter.keys.radius.is_some(), "a disc: add radius = 50");
             self.report_unmet(Some(table), &format!("scatter.{i}"), &[disc]);
         }
+        let is_spread = recipe.picture.spread > 0.0;
+        let spread = needs(&["spread_min_px", "spread_curve"], is_spread, "a density estimation: spread_px = 4");
+        self.report_unmet(table_at(root, &["picture"]), "picture", &[spread]);
         let word = |color_by: ColorBy| [needs(&["prefix"], color_by == ColorBy::Word, "color_by = \"word\"")];
         for cloud in &recipe.clouds {
             let table = table_at(root, &["clouds", cloud.name.as_str()]);
             self.report_unmet(table, &format!("clouds.{}", cloud.name), &word(cloud.keys.color_by));
         }
         for (i, (table, layer)) in tables_of(root, "layer").into_iter().zip(&recipe.layers).enumerate() {
-            self.report_unmet(Some(table), &format!("layer.{i}"), &word(layer.keys.color_by));
+            let (has_table, keys) = (layer.cloud.is_some(), &layer.keys);
+            let is_by_word = keys.color.is_some() || keys.color_by == ColorBy::Word;
+            let all = [
+                needs(OF_LAYER_TABLES, has_table, "a coefficient table: ifs = \"FILE.ifs\""),
+                needs(&["color2"], !has_table, "a rectangle: leave `ifs` out"),
+                needs(
+                    &["color_by", "prefix", "colors"],
+                    !has_table || keys.color.is_none(),
+                    "a layer without `color`, which replaces it",
+                ),
+                needs(&["prefix"], !has_table || is_by_word, "color_by = \"word\""),
+            ];
+            self.report_unmet(Some(table), &format!("layer.{i}"), &all);
         }
     }
 

@@ -13,7 +13,7 @@ use osier::export::file_target::FileTarget;
 use osier::export::obj::ObjExporter;
 use osier::export::ply::PlyExporter;
 use osier::export::textures::Textures;
-use osier::files::Folder;
+use osier::files::{Folder, WriteOptions};
 use osier::scene::*;
 
 /// A lone triangle with a picture, turned a quarter about Y by its placement.
@@ -79,6 +79,20 @@ fn obj_of_three_vertices_byte_for_byte() {
                   map_d ../textures/leaf_color.png\n";
     assert_eq!(library, wanted);
     assert!(dir.path().join("textures/leaf_color.png").is_file());
+}
+
+#[test]
+fn no_obj_is_written_beside_a_foreign_library() {
+    let dir = tempfile::tempdir().expect("dir");
+    fs::write(dir.path().join("tri.mtl"), "newmtl mine\n").expect("library");
+    let scene = triangle();
+    let textures = Arc::new(Textures::encode(&scene).expect("textures"));
+    let folder = Folder::plain(dir.path(), WriteOptions::default()).expect("folder");
+    let mut exporter = ObjExporter::new(folder, textures, FileTarget::Single("tri.obj".into()));
+    let end = exporter.begin(&Arc::new(scene)).expect_err("a foreign library");
+    assert!(matches!(&end, osier::Error::Foreign { path } if path.ends_with("tri.mtl")), "{end}");
+    // Neither the mesh nor the folder of its pictures.
+    assert_eq!(fs::read_dir(dir.path()).expect("folder").count(), 1);
 }
 
 #[test]

@@ -94,6 +94,13 @@ fn a_picture_has_the_bits_of_a_png() {
 }
 
 #[test]
+fn an_empty_table_of_plants_is_no_plant() {
+    let said = read("[plants]\n", &[]).expect_err("no plants");
+    assert!(said.contains("S006") && said.contains("the scene has no plants"), "{said}");
+    assert!(read("[plants]\n[terrain]\nsubdivisions = 3\n", &[]).is_ok());
+}
+
+#[test]
 fn formats_that_write_nothing_are_named() {
     for (key, format) in [("gltf.profiles", "glb"), ("vdb.grids", "vdb"), ("points.tables", "points")] {
         let set = vec![format!("output.{key}=[]")];
@@ -245,6 +252,15 @@ fn a_key_of_an_earlier_version_is_named_by_its_present_name() {
     }
 }
 
+#[test]
+fn a_value_without_a_define_of_its_name_is_an_error_where_the_scene_has_it() {
+    let plant = "[plants.a]\ngrammar = \"rain-twig.l\"\n";
+    let Err(said) = read(&format!("{plant}set = {{ NOPE = 3 }}\n"), &[]) else { panic!("NOPE is accepted") };
+    assert!(said.contains("no #define \"NOPE\"") && said.contains("scenes/test.toml:3:9"), "{said}");
+    let Err(said) = read(plant, &["plants.a.set.NOPE=3"]) else { panic!("--set NOPE is accepted") };
+    assert!(said.contains("error[L002]") && said.contains("plants.a.set.NOPE=3"), "{said}");
+}
+
 /// Messages of the warnings S007 about a scene.
 fn without_effect(text: &str) -> Vec<String> {
     let request = Request { name: "s".into(), shown: "s.toml".into(), text: text.into(), ..Request::default() };
@@ -341,6 +357,27 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "solid.0.color",
             "[[solid]]\ncolor = \"#406030\"\n",
         ),
+        (
+            "[[layer]]\ncolor = \"#ffffff\"\npoints = 900\n",
+            "layer.0.points",
+            "[[layer]]\nifs = \"fern_leaf.ifs\"\npoints = 900\n",
+        ),
+        (
+            "[[layer]]\ncolor = \"#ffffff\"\ncolor_by = \"word\"\n",
+            "layer.0.color_by",
+            "[[layer]]\nifs = \"fern_leaf.ifs\"\ncolor_by = \"word\"\nprefix = 3\n",
+        ),
+        (
+            "[[layer]]\nifs = \"fern_leaf.ifs\"\ncolor2 = \"#ffffff\"\n",
+            "layer.0.color2",
+            "[[layer]]\ncolor = \"#406030\"\ncolor2 = \"#ffffff\"\n",
+        ),
+        (
+            "[[layer]]\nifs = \"fern_leaf.ifs\"\ncolor = \"#406030\"\nprefix = 3\n",
+            "layer.0.prefix",
+            "[[layer]]\nifs = \"fern_leaf.ifs\"\ncolor = \"#406030\"\n",
+        ),
+        ("[picture]\nspread_min_px = 2\n", "picture.spread_min_px", "[picture]\nspread_px = 4\nspread_min_px = 2\n"),
         ("[maps]\nresolution = 64\n", "maps", "[rain]\n[maps]\nresolution = 64\n"),
         ("[camera]\neye = [1, 2, 3]\ndistance = 2\n", "camera.distance", "[camera]\ndistance = 2\n"),
     ];
@@ -356,6 +393,10 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());
     let empty = "[plants.a]\ngrammar = \"rain-twig.l\"\n[output]\nformats = []\n";
     assert_eq!(without_effect(empty), ["output.formats is empty: a bake writes textures and no scene"]);
+    let nowhere = "place = []\n[plants.a]\ngrammar = \"rain-twig.l\"\n";
+    assert_eq!(without_effect(nowhere), ["`place` is empty: the scene shows none of its plants"]);
+    let scattered = "[terrain]\n[[scatter]]\nplants = { a = 1 }\n";
+    assert!(without_effect(&format!("{nowhere}{scattered}")).is_empty());
     // A tree that grows for its place is neither turned nor inclined, which is told once.
     let together = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[[place]]\ntogether = true\n";
     assert_eq!(without_effect(&format!("{together}lean_to_deg = 30\n")), ["place.0.lean_to_deg has no effect"]);

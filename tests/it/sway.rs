@@ -204,6 +204,32 @@ show = false
     assert!(far("rest") < 1e-6 && far("moving") > 2e-3, "{} {}", far("rest"), far("moving"));
 }
 
+#[test]
+fn a_still_plant_on_rods_is_told_of_leaves_without_petioles() {
+    let text = r#"
+[plants.t]
+grammar = "rain-twig.l"
+motion = "still"
+[plants.t.bark]
+side = 16
+[plants.t.shoot]
+side = 16
+[plants.t.rods]
+max_leaves = 1
+[ground]
+show = false
+"#;
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    let codes = |set: &str| {
+        let request = Request { name: "t".into(), text: text.into(), set: vec![set.into()], ..Request::default() };
+        let recipe = resolve(&request).expect("scene").0;
+        let report = assemble_scene(&recipe, SceneOptions::default(), &work).expect("stage").report;
+        report.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>()
+    };
+    assert_eq!(codes("plants.t.rods.max_leaves=1"), ["S043"]);
+    assert!(codes("plants.t.rods.max_leaves=50").is_empty());
+}
+
 fn said(text: &str, set: &[&str]) -> String {
     let set = set.iter().map(|s| (*s).to_owned()).collect();
     let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };

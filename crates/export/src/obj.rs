@@ -94,6 +94,8 @@ impl ObjExporter {
         if u32::try_from(count).is_err() {
             return Err(Error::export("X010", "more vertices than OBJ files can number; write .usdc or .glb"));
         }
+        // A foreign library is refused before the pictures are written.
+        self.folder.check_name(&library_path)?;
         let out = self.folder.create(path, "obj", None)?;
         let mut lines = LineSink { out, name: path };
         let header = format!("# {GENERATOR}\n# seed {}\nmtllib {library_name}\n", scene.seed);
@@ -108,9 +110,6 @@ impl ObjExporter {
             used.extend(object.flat.materials.iter().copied());
         }
         finish()?;
-        if let Some(out) = lines.out {
-            out.commit()?;
-        }
         let mut library = TextBuffer::default();
         library.put(&format!("# {GENERATOR}\n"));
         for id in used {
@@ -120,7 +119,12 @@ impl ObjExporter {
             }
         }
         check_finite(&library, &library_path)?;
-        self.folder.write(&library_path, "mtl", library.bytes())
+        self.folder.write(&library_path, "mtl", library.bytes())?;
+        // The mesh comes last, since it names the others.
+        if let Some(out) = lines.out {
+            out.commit()?;
+        }
+        Ok(())
     }
 }
 

@@ -76,7 +76,8 @@ pub struct GrammarSource<'a> {
     pub bytes: &'a [u8],
     /// Finds the files it includes.
     pub includes: &'a mut Includes<'a>,
-    /// Values that replace those of its `#define`s.
+    /// Values that replace those of its `#define`s. Those of other names have no effect: [`Grammar::defines`] lists what the
+    /// grammar has.
     pub defines: &'a BTreeMap<String, String>,
     /// Functions and curves that its expressions read; empty without companion files.
     pub functions: Arc<FunctionTables>,

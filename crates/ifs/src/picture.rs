@@ -3,6 +3,7 @@
 //! # Examples
 //! ```
 //! use osier_base::limits::Limits;
+//! use osier_base::progress::Cancel;
 //! use osier_ifs::cloud::DrawRequest;
 //! use osier_ifs::game::{InstructionSet, extent};
 //! use osier_ifs::histogram::{PictureWindow, histogram};
@@ -17,15 +18,17 @@
 //! let window = PictureWindow::fitted(low, high, 64, 64);
 //! let request = DrawRequest { system, study: &study, seed: 1, points: 100_000, tier: InstructionSet::Best };
 //! let counts = histogram(&request, None, &window);
-//! let density = density(&counts, 2, None);
+//! let density = density(&counts, 2, None, &Cancel::default())?;
 //! // RGBA of 32 x 32 pixels, each of 2 x 2 cells.
 //! assert_eq!(tone_mapped(&density, &ToneMapping::default(), [0.1, 0.4, 0.1]).len(), 32 * 32 * 4);
 //! # Ok::<(), osier_base::Error>(())
 //! ```
 
 use super::histogram::Histogram;
+use osier_base::Result;
 use osier_base::math::{self, narrow};
 use osier_base::par::par_map;
+use osier_base::progress::Cancel;
 use osier_base::units::srgb_from_linear;
 
 /// Quantile of the density over the non-empty pixels that is drawn fully opaque.
@@ -78,8 +81,15 @@ type PixelSums = [f64; 4];
 /// Density of counts made at `oversample` times the size, thin places spread by the estimator.
 /// Source: S. Draves, E. Reckase, "The fractal flame algorithm", 2003: adaptive density estimation.
 /// Differs: hits are spread evenly over a disc.
+/// # Errors
+/// `Cancelled` at a request during the spreading.
 #[allow(clippy::cast_precision_loss, reason = "counts below 2^53")]
-pub fn density(h: &Histogram, oversample: usize, estimator: Option<DensityEstimator>) -> Density {
+pub fn density(
+    h: &Histogram,
+    oversample: usize,
+    estimator: Option<DensityEstimator>,
+    cancel: &Cancel,
+) -> Result<Density> {
     let k = oversample.max(1);
     let (width, height) = (h.width / k, h.height / k);
     let rows: Vec<usize> = (0..height).collect();
@@ -87,19 +97,19 @@ pub fn density(h: &Histogram, oversample: usize, estimator: Option<DensityEstima
     let boxed = par_map(&rows, |y| (0..width).map(|x| box_sums(h, k, x, *y)).collect::<Vec<PixelSums>>());
     let mut samples: Vec<PixelSums> = boxed.into_iter().flatten().collect();
     if let Some(e) = estimator.filter(|e| e.radius > 0.0) {
-        samples = spread_hits(&samples, width, height, &e);
+        samples = spread_hits(&samples, width, height, &e, cancel)?;
     }
     let all = h.points as f64 * h.unit as f64;
     // Density relative to an even spread over the picture: D = hits W H / N.
     let scale = (width * height) as f64 / all.max(1.0);
     let colored = !h.sums.is_empty();
     let color = |s: &PixelSums| std::array::from_fn(|c| narrow(s[c + 1] / (s[0].max(1e-300) * 4095.0)));
-    Density {
+    Ok(Density {
         width,
         height,
         value: samples.iter().map(|s| narrow(s[0] * scale)).collect(),
         color: if colored { samples.iter().map(color).collect() } else { Vec::new() },
-    }
+    })
 }
 
 #[allow(clippy::cast_precision_loss, reason = "counts below 2^53")]
@@ -120,13 +130,21 @@ fn box_sums(h: &Histogram, k: usize, x: usize, y: usize) -> PixelSums {
 }
 
 /// Each pixel's sample spread evenly over a disc around it.
+/// # Errors
+/// `Cancelled`.
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
     clippy::cast_sign_loss,
     reason = "offsets of a few pixels inside the picture"
 )]
-fn spread_hits(samples: &[PixelSums], width: usize, height: usize, e: &DensityEstimator) -> Vec<PixelSums> {
+fn spread_hits(
+    samples: &[PixelSums],
+    width: usize,
+    height: usize,
+    e: &DensityEstimator,
+    cancel: &Cancel,
+) -> Result<Vec<PixelSums>> {
     let radius = |hits: f64| (e.radius / math::pow(hits.max(1.0), e.curve)).max(e.minimum);
     let reach = e.radius.ceil() as isize;
     // Discs of all radii in steps of a quarter pixel, as lists of offsets.
@@ -138,25 +156,30 @@ fn spread_hits(samples: &[PixelSums], width: usize, height: usize, e: &DensityEs
         })
         .collect();
     let mut out = vec![[0.0; 4]; samples.len()];
-    for (i, s) in samples.iter().enumerate().filter(|(_, s)| s[0] > 0.0) {
-        // Dense pixels keep their hits; thin ones spread over max(minimum, radius / hits^curve) pixels.
-        let quarter = (radius(s[0]) * 4.0 + 0.5) as usize;
-        let Some(disc) = discs.get(quarter.min(discs.len() - 1)) else { continue };
-        let (x, y) = ((i % width) as isize, (i / width) as isize);
-        let near = |(dx, dy): &(isize, isize)| {
-            let (u, v) = (x + dx, y + dy);
-            (u >= 0 && v >= 0 && u < width as isize && v < height as isize).then_some(v as usize * width + u as usize)
-        };
-        // Hits near the border stay inside: their share is taken by the part of the disc that is there.
-        let inside: Vec<usize> = disc.iter().filter_map(near).collect();
-        let share = 1.0 / inside.len().max(1) as f64;
-        for j in inside {
-            for (a, b) in out[j].iter_mut().zip(s) {
-                *a += b * share;
+    // A row of a large picture takes tenths of a second.
+    for (y, row) in samples.chunks(width.max(1)).enumerate() {
+        cancel.check()?;
+        for (x, s) in row.iter().enumerate().filter(|(_, s)| s[0] > 0.0) {
+            // Dense pixels keep their hits; thin ones spread over max(minimum, radius / hits^curve) pixels.
+            let quarter = (radius(s[0]) * 4.0 + 0.5) as usize;
+            let Some(disc) = discs.get(quarter.min(discs.len() - 1)) else { continue };
+            let (x, y) = (x as isize, y as isize);
+            let near = |(dx, dy): &(isize, isize)| {
+                let (u, v) = (x + dx, y + dy);
+                (u >= 0 && v >= 0 && u < width as isize && v < height as isize)
+                    .then_some(v as usize * width + u as usize)
+            };
+            // Hits near the border stay inside: their share is taken by the part of the disc that is there.
+            let inside: Vec<usize> = disc.iter().filter_map(near).collect();
+            let share = 1.0 / inside.len().max(1) as f64;
+            for j in inside {
+                for (a, b) in out[j].iter_mut().zip(s) {
+                    *a += b * share;
+                }
             }
         }
     }
-    out
+    Ok(out)
 }
 
 /// Opacity per pixel: clamp(ln(1 + g D) / ln(1 + g D99.5), 0, 1)^gamma with the 99.5 % quantile over non-empty pixels.

@@ -14,6 +14,7 @@ use super::weights::{WeightRule, probabilities};
 use super::words::{Expansion, ExpansionLimits, Letters, Variation, expand};
 use super::*;
 use osier_base::limits::Limits;
+use osier_base::progress::Cancel;
 
 /// The text of a shipped table.
 pub(crate) fn table(name: &str) -> String {
@@ -270,10 +271,16 @@ fn density_has_mean_one_when_nothing_is_clipped() {
     let wide = (low - DVec3::splat(1.0), high + DVec3::splat(1.0));
     let h = histogram(&request(&ifs, &s, InstructionSet::Best), None, &PictureWindow::fitted(wide.0, wide.1, 90, 60));
     assert_eq!(h.outside, 0);
-    let d = picture::density(&h, 3, Some(picture::DensityEstimator { radius: 4.0, minimum: 0.0, curve: 0.4 }));
+    let estimator = Some(picture::DensityEstimator { radius: 4.0, minimum: 0.0, curve: 0.4 });
+    let cancel = Cancel::default();
+    let d = picture::density(&h, 3, estimator, &cancel).expect("not cancelled");
     assert_eq!((d.width, d.height), (30, 20));
     let mean = d.value.iter().map(|v| f64::from(*v)).sum::<f64>() / 600.0;
     assert!((mean - 1.0).abs() < 1e-6, "{mean}");
+    // The discs of a large picture take minutes, in which a user may interrupt it.
+    cancel.request(2);
+    let end = picture::density(&h, 3, estimator, &cancel).expect_err("cancelled");
+    assert!(matches!(end, osier_base::Error::Cancelled { signal: 2 }), "{end}");
 }
 
 #[test]

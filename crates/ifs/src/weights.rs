@@ -163,7 +163,7 @@ fn fractint_shares(column: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Warnings about the column of weights as written (I012 to I015), or about a part of one. Only the rule of the file reads
+/// Warnings about the weights and their factors in the chaos matrix as written (I012 to I015), or about a part of them. Only the rule of the file reads
 /// running sums and expects a sum of 1: flames, whose weights are relative, and tables with another rule get neither I012 nor
 /// I014 for a sum.
 pub(super) fn column_warnings(ifs: &Ifs) -> Vec<Diagnostic> {
@@ -176,6 +176,13 @@ pub(super) fn column_warnings(ifs: &Ifs) -> Vec<Diagnostic> {
         let text = format!("{} of {} maps have no weight", missing.len(), ifs.maps.len());
         let d = Diagnostic::warning("I014", text, row(*first), "the first of them");
         warnings.push(d.help("the weights of the others are not used either; give every map a p, or none"));
+    }
+    for (i, factors) in ifs.chaos.iter().flatten().enumerate() {
+        if let Some(j) = factors.iter().position(|c| *c < 0.0) {
+            let text = format!("the chaos matrix has a negative factor of map {} after map {}", j + 1, i + 1);
+            let d = Diagnostic::warning("I013", text, row(i), "taken as 0");
+            warnings.push(d.help("it multiplies the weight of the next map: 0 excludes that map, 1 leaves its weight"));
+        }
     }
     let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight).collect();
     let Some(column) = column.filter(|c| c.iter().any(|p| *p != 0.0)) else { return warnings };
@@ -258,6 +265,20 @@ mod tests {
         assert_eq!(codes(&column_warnings(&partly)), [] as [&str; 0]);
         let flame = Ifs { weights: Some(WeightRule::Raw), ..with_weights(&[2.0, -1.0, 0.0]) };
         assert_eq!(codes(&column_warnings(&flame)), ["I013", "I015"]);
+    }
+
+    #[test]
+    fn negative_factors_of_the_chaos_matrix_are_told_once_a_row() {
+        let rows = vec![vec![1.0, 1.0, 1.0], vec![-2.0, 1.0, -1.0], vec![0.0, 1.0, -0.5]];
+        // With weights, and without.
+        let mut chained = Ifs { chaos: Some(rows), ..with_weights(&[0.5, 0.25, 0.25]) };
+        for _ in 0..2 {
+            let warnings = column_warnings(&chained);
+            assert_eq!(codes(&warnings), ["I013", "I013"]);
+            assert!(warnings[0].message.contains("map 1 after map 2"), "{}", warnings[0].message);
+            assert!(warnings[1].message.contains("map 3 after map 3"), "{}", warnings[1].message);
+            chained.maps.iter_mut().for_each(|m| m.weight = None);
+        }
     }
 
     #[test]

@@ -226,7 +226,8 @@ pub fn ifs_density(
     check_escapes(recipe, counts.escapes)?;
     context.cancel.check()?;
     let estimator = DensityEstimator { radius: keys.spread, minimum: keys.spread_min, curve: keys.spread_curve };
-    let drawn = picture_density(recipe, &counts, keys.oversample as usize, (keys.spread > 0.0).then_some(estimator));
+    let estimator = (keys.spread > 0.0).then_some(estimator);
+    let drawn = picture_density(recipe, &counts, keys.oversample as usize, estimator, context)?;
     let tone = ToneMapping { exposure: keys.exposure, gamma: keys.gamma, background: keys.background };
     let flat = cloud_keys.colors.first().copied().unwrap_or([0.05, 0.15, 0.03]);
     Ok((drawn, tone, flat))
@@ -252,17 +253,20 @@ pub(crate) fn picture_labels(recipe: &AttractorRecipe) -> Option<ColorLabels> {
 }
 
 /// The density of counts, with colours unless the recipe colours by density.
+/// # Errors
+/// `Cancelled`.
 pub(crate) fn picture_density(
     recipe: &AttractorRecipe,
     counts: &Histogram,
     oversample: usize,
     estimator: Option<DensityEstimator>,
-) -> Density {
-    let mut drawn = density(counts, oversample, estimator);
+    context: &BakeContext<'_>,
+) -> Result<Density> {
+    let mut drawn = density(counts, oversample, estimator, context.cancel)?;
     if is_colored_by_density(recipe) {
         drawn.color.clear();
     }
-    drawn
+    Ok(drawn)
 }
 
 fn color_labels(recipe: &AttractorRecipe) -> ColorLabels {

@@ -201,7 +201,7 @@ fn attractor_layer(
     let request = DrawRequest { system: &system, study: &cloud.study, seed, points: count, tier: InstructionSet::Best };
     let counts = histogram(&request, picture_labels(cloud).as_ref(), &window);
     check_escapes(cloud, counts.escapes)?;
-    let drawn = picture_density(cloud, &counts, 1, None);
+    let drawn = picture_density(cloud, &counts, 1, None, context)?;
     let tone = ToneMapping {
         exposure: keys.exposure.unwrap_or(scene.picture.exposure),
         gamma: keys.gamma.unwrap_or(scene.picture.gamma),

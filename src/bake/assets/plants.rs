@@ -298,7 +298,11 @@ fn build_plant(
     }
     // A still plant with rods keeps the petiole meshes that are built from them, but no joints.
     if plant.rods.is_some() {
-        return Ok(BuiltPlant::without_motion(build_rods()?.into_still_asset(), Vec::new()));
+        let mut built = build_rods()?;
+        let mut diagnostics = std::mem::take(&mut built.diagnostics);
+        // Leaves beyond the budget (S043) have no petioles at rest either. The weight (S042) only counts in motion.
+        diagnostics.retain(|d| d.code == "S043");
+        return Ok(BuiltPlant::without_motion(built.into_still_asset(), diagnostics));
     }
     let (asset, sway) = build_plant_asset(grown, plant, materials, individual, wind.map(|w| (w, transform)), context)?;
     let clamped_angles = sway.as_ref().map_or(0, SwayMotion::clamp_count);

@@ -39,7 +39,8 @@ use osier_scene::Scene;
 /// Optional parts of an assembled scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SceneOptions {
-    /// Whether the ground or the terrain becomes an asset; plants stand on it either way.
+    /// Whether the ground or the terrain becomes an asset. Plants stand on a terrain either way; without the ground they keep the
+    /// heights of their places, as with `[ground] show = false`.
     pub ground: bool,
 }
 

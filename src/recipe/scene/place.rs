@@ -87,6 +87,12 @@ impl Resolver<'_> {
             self.report.push(*wrong("place", &entry.node, "a list: write [[place]]"));
             return Vec::new();
         };
+        // A scatter may place all plants; an empty list of places then changes nothing.
+        if list.is_empty() && !plants.is_empty() && root.get("scatter").is_none() {
+            let text = "`place` is empty: the scene shows none of its plants";
+            let d = Diagnostic::warning("S007", text, entry.node.span, "no place");
+            self.report.push(d.help("leave `place` out for one copy of each plant, or add [[place]]"));
+        }
         // Plants with errors count as declared: a place may name them.
         let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
             Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),

@@ -176,6 +176,8 @@ struct GrammarChoice<'a> {
     functions: Arc<FunctionTables>,
     /// Position at which the scene names the file.
     span: Span,
+    /// The plant's table.
+    plant: &'a TomlTable,
 }
 
 /// Sets root flare and burial to 0, unless the scene gives them: hairs have no roots.
@@ -264,7 +266,7 @@ impl OrganRecipe {
 
 impl Resolver<'_> {
     pub(in crate::recipe) fn plants(&mut self, root: &TomlTable, names: &mut Names) -> Vec<PlantRecipe> {
-        let Some(table) = self.table(root, "", "plants") else {
+        let Some(table) = self.table(root, "", "plants").filter(|table| !table.entries.is_empty()) else {
             if !self.report.has_errors()
                 && ["clouds", "terrain", "layer", "catkin", "flight", "rod"].iter().all(|t| root.get(t).is_none())
                 // A scene without visible objects may still export the wind.
@@ -373,7 +375,8 @@ impl Resolver<'_> {
                 let (name, entry) = self.grammar_reference(&reference.text);
                 let file = self.read(name, reference.span, "text-bytes", &[""])?;
                 companions = self.companions(&file, &turtle);
-                let source = GrammarChoice { entry, functions: companions.function_tables(), span: reference.span };
+                let functions = companions.function_tables();
+                let source = GrammarChoice { entry, functions, span: reference.span, plant: table };
                 let grammar = self.grammar(&file, source, &keys)?;
                 let mut letters = grammar.organ_symbols();
                 let is_drawn = companions.view.is_some();
@@ -767,7 +770,7 @@ impl Resolver<'_> {
 
     /// Parses a grammar with its defines; the bytes of files that it includes enter the scene hash. `None` after an error.
     fn grammar(&mut self, file: &ReferencedFile, choice: GrammarChoice<'_>, keys: &PlantKeys) -> Option<Grammar> {
-        let GrammarChoice { entry, functions, span } = choice;
+        let GrammarChoice { entry, functions, span, plant } = choice;
         let notation = keys.dialect.map(GrammarDialect::notation);
         let kind = osier_grammar::detect(&file.shown, &file.bytes);
         if notation.is_none() && !matches!(kind, FileKind::Grammar(_)) {
@@ -804,22 +807,29 @@ impl Resolver<'_> {
         let parsed = osier_grammar::parse_as(&mut sources, source, read_as, &self.request.limits);
         let (grammar, diagnostics) = self.load_or_report(parsed, file)?;
         self.report.extend(Report { sources, diagnostics, ..Report::default() });
-        self.report_unused_defines(&grammar, keys);
+        self.check_set(&grammar, plant);
         Some(grammar)
     }
 
-    /// Warns with S007 of values in `set` without a #define of that name.
-    fn report_unused_defines(&mut self, grammar: &Grammar, keys: &PlantKeys) {
-        // Values override #defines by name: a misspelt one would otherwise be ignored.
+    /// L002 for each value in `set` without a `#define` of its name. Notations without `#define`s get S007.
+    fn check_set(&mut self, grammar: &Grammar, plant: &TomlTable) {
+        let Some(TomlValue::Table(set)) = plant.get("set").map(|entry| &entry.node.value) else { return };
+        let has_defines = !matches!(grammar.notation(), Notation::Fractint | Notation::LParser | Notation::LPy);
         let known: Vec<&str> = grammar.defines().iter().map(|d| d.name.as_str()).collect();
-        for (name, _) in keys.set.iter().filter(|(name, _)| !known.contains(&name.as_str())) {
-            let near = nearest(name, known.iter().copied());
-            let help = match near {
+        for entry in set.entries.iter().filter(|entry| !known.contains(&entry.key.as_str())) {
+            let help = match nearest(&entry.key, known.iter().copied()) {
                 Some(near) => format!("did you mean \"{near}\"?"),
+                None if known.is_empty() => "the grammar has no #define to set".to_owned(),
                 None => format!("its #defines: {}", known.join(", ")),
             };
-            let message = format!("the grammar has no #define \"{name}\"");
-            self.report.push(Diagnostic { help: Some(help), ..Diagnostic::about("S007", message) });
+            let text = format!("the grammar has no #define \"{}\"", entry.key);
+            let label = "no macro takes this value";
+            // An error where the notation has #defines: a misspelt name would otherwise be ignored.
+            let d = match has_defines {
+                true => Diagnostic::error("L002", text, entry.key_span, label),
+                false => Diagnostic::warning("S007", text, entry.key_span, label),
+            };
+            self.report.push(d.help(help));
         }
     }
 

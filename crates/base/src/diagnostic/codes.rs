@@ -31,7 +31,7 @@ pub const CODES: &[Code] = &[
     row("I010", Error, "name used twice"),
     row("I011", Warning, "the format cannot store part of the table"),
     row("I012", Warning, "the weights look cumulative; their differences are used"),
-    row("I013", Warning, "a negative weight counts as 0"),
+    row("I013", Warning, "a negative weight, or a negative factor of one, counts as 0"),
     row("I014", Warning, "the weights do not sum to 1 and are normalised, or some are missing and none is used"),
     row("I015", Warning, "a map with weight 0 is not drawn"),
     row("I016", Error, "the chaos matrix has the wrong size, an empty row, or a map that is never reached"),

@@ -184,7 +184,6 @@ impl Preprocessor<'_> {
         if params.is_none() {
             if let Some(value) = self.overrides.get(&name) {
                 body = Rc::clone(value);
-                self.used_overrides.push(name);
             }
             self.record_define(name, head.place, &body, rest);
         }

@@ -14,7 +14,7 @@ pub use define::{Define, DefineRange};
 
 use super::token::{ParseSession, SourcePlace, Token};
 use osier_base::Result;
-use osier_base::diagnostic::{Diagnostic, Sources, Span, nearest};
+use osier_base::diagnostic::{Sources, Span};
 use osier_base::limits::Limits;
 
 /// Finds an included file: (reference as written, shown name of the including file) to (shown name, bytes).
@@ -58,7 +58,6 @@ struct Preprocessor<'a> {
     sources: &'a mut Sources,
     includes: &'a mut Includes<'a>,
     overrides: BTreeMap<u32, Rc<[Token]>>,
-    used_overrides: Vec<u32>,
     macros: BTreeMap<u32, MacroDefinition>,
     frames: Vec<TokenFrame>,
     /// Names of the files that are being read, the main file first.
@@ -114,7 +113,6 @@ pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: Prep
         sources,
         includes: &mut |a, b| includes(a, b),
         overrides,
-        used_overrides: Vec::new(),
         macros: BTreeMap::new(),
         frames: Vec::new(),
         files: Vec::new(),
@@ -136,9 +134,6 @@ pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: Prep
     let mut tokens = Vec::new();
     while let Some(t) = p.next_expanded(0) {
         tokens.push(t);
-    }
-    if !p.is_foreign {
-        p.check_overrides();
     }
     let (defines, is_unreadable) = (p.defines, p.is_foreign || p.exhausted);
     Preprocessed { tokens, defines, description, is_unreadable }
@@ -219,30 +214,5 @@ impl Preprocessor<'_> {
         let text = self.sources.text(span.source).get(span.start as usize..span.end as usize).unwrap_or("");
         let text = text.trim_start_matches(['/', '*']).trim_end_matches(['/', '*']);
         text.split_whitespace().filter(|w| *w != "*").collect::<Vec<_>>().join(" ")
-    }
-
-    /// L002 for each `--set` without a `#define` of its name.
-    fn check_overrides(&mut self) {
-        let names: Vec<String> = self.defines.iter().map(|d| d.name.clone()).collect();
-        for (name, tokens) in &self.overrides {
-            if self.used_overrides.contains(name) {
-                continue;
-            }
-            let word = self.session.names.get(*name);
-            // An override without a #define is an error: a typing mistake would otherwise go unnoticed.
-            let near = nearest(word, names.iter().map(String::as_str));
-            let help = match near {
-                Some(n) => format!("did you mean '{n}'?"),
-                None if names.is_empty() => "the grammar has no #define to set".to_owned(),
-                None => format!("known: {}", names.join(", ")),
-            };
-            let place = tokens.first().map(|t| t.place);
-            let place = place.or_else(|| self.sources.ids().next().map(SourcePlace::start_of));
-            if let Some(place) = place {
-                let message = format!("no #define is named '{word}'");
-                let d = Diagnostic::error("L002", message, place.span, "no macro takes this value").help(help);
-                self.session.push(d, place);
-            }
-        }
     }
 }
