@@ -198,6 +198,7 @@ impl Resolver<'_> {
 
     /// Solids, loads of rods, scatters, the picture, attractors and layers.
     fn ignored_in_objects(&mut self, root: &TomlTable, recipe: &Recipe) {
+        // A mesh brings its own size and materials; a block or house is described by keys.
         for (i, (table, solid)) in tables_of(root, "solid").into_iter().zip(&recipe.solids).enumerate() {
             let is_mesh = solid.keys.shape == SolidShape::Mesh;
             let all = [
@@ -217,6 +218,7 @@ impl Resolver<'_> {
             let disc = needs(&["at", "inner", "fade"], scatter.keys.radius.is_some(), "a disc: add radius = 50");
             self.report_unmet(Some(table), &format!("scatter.{i}"), &[disc]);
         }
+        // A density estimation has limits only where there is one.
         let is_spread = recipe.picture.spread > 0.0;
         let spread = needs(&["spread_min_px", "spread_curve"], is_spread, "a density estimation: spread_px = 4");
         self.report_unmet(table_at(root, &["picture"]), "picture", &[spread]);
@@ -227,6 +229,7 @@ impl Resolver<'_> {
         }
         for (i, (table, layer)) in tables_of(root, "layer").into_iter().zip(&recipe.layers).enumerate() {
             let (has_table, keys) = (layer.cloud.is_some(), &layer.keys);
+            // A layer is a rectangle with a gradient, or an attractor, whose one colour replaces those by position or word.
             let is_by_word = keys.color.is_some() || keys.color_by == ColorBy::Word;
             let all = [
                 needs(OF_LAYER_TABLES, has_table, "a coefficient table: ifs = \"FILE.ifs\""),

@@ -311,7 +311,8 @@ pub struct TreeExtent {
 
 /// Extent of the unit segment's tree: of the ends of its words at eps 0.03, or at the smallest larger eps at which there are few
 /// enough of them to be measured.
-pub fn tree_extent(ifs: &Ifs, letters: &Letters, (foot, tip): (DVec3, DVec3)) -> TreeExtent {
+pub fn tree_extent(ifs: &Ifs, letters: &Letters, trunk: (DVec3, DVec3)) -> TreeExtent {
+    let (foot, tip) = trunk;
     let mut limits = ExpansionLimits { eps: SIZE_EPS, max_depth: u16::MAX, max_order: u16::MAX, max_words: SIZE_WORDS };
     while limits.eps < 1.0 && letters.count(ifs, &limits).is_none() {
         limits.eps *= 1.25;

@@ -8,6 +8,7 @@ use crate::bake::assets::attractor::{
 };
 use crate::recipe::{AttractorRecipe, LayerRecipe, Recipe};
 use osier_base::Result;
+use osier_base::convert::limit;
 use osier_base::math::{lerp, narrow};
 use osier_base::rng::{mix64, word};
 use osier_base::units::srgb_from_linear;
@@ -46,7 +47,7 @@ impl PixelRect {
         let part = |start: i64, length: usize, end: usize| {
             let first = start.max(0);
             let last = (start + length as i64).min(end as i64);
-            (first, usize::try_from(last - first).unwrap_or(0))
+            (first, limit((last - first).max(0).unsigned_abs()))
         };
         let ((left, width), (top, height)) =
             (part(self.left, self.width, canvas.width), part(self.top, self.height, canvas.height));
@@ -145,7 +146,7 @@ fn gradient_layer(layer: &LayerRecipe, canvas: &LayerCanvas) -> LayerBitmap {
     let whole = rect_on_canvas(layer, (canvas.width, canvas.height), size);
     // A rectangle may be ten times as wide and high as the canvas: only what lies on it is made.
     let rect = whole.on_canvas(canvas);
-    let above = usize::try_from(rect.top - whole.top).unwrap_or(0);
+    let above = limit((rect.top - whole.top).max(0).unsigned_abs());
     let foot = keys.color.unwrap_or_default().map(srgb_from_linear);
     let top = keys.color2.map_or(foot, |c| c.map(srgb_from_linear));
     let row = |v: usize| {

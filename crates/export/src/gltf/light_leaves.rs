@@ -50,9 +50,9 @@ impl<'a> LightLeaves<'a> {
             for instancer in simple.instancers.iter_mut().filter(|i| is_merged(i)) {
                 for prototype in &mut instancer.prototypes {
                     let label = format!("asset {}, prototype {}", asset.id, prototype.name);
-                    let share =
-                        u128::from(mesh_bytes(&prototype.mesh)) * u128::from(options.leaf_bytes) / u128::from(full);
-                    let most = triangles_within(u64::try_from(share).unwrap_or(u64::MAX));
+                    // Each leaf gives up the same share of its bytes.
+                    let share = mesh_bytes(&prototype.mesh).saturating_mul(options.leaf_bytes) / full;
+                    let most = triangles_within(share);
                     prototype.mesh = light_leaf(&prototype.mesh, limit(most), &label)?;
                 }
             }
