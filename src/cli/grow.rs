@@ -142,7 +142,7 @@ fn write_scene(
     }
     if estimate.bytes > report::CONFIRM_BYTES && !output.args.force {
         let (size, most) = (report::byte_size(estimate.bytes), report::byte_size(report::CONFIRM_BYTES));
-        // OBJ and PLY hold each leaf, USD its shape once.
+        // Formats without instances hold every leaf, USD the shape of each prototype.
         let shared = scene.estimate(&usd::FORMAT, profile)?.bytes;
         let smaller = if shared < estimate.bytes / 2 {
             format!("a .usdc holds copies once and takes about {}, ", report::byte_size(shared))

@@ -8,12 +8,9 @@ use std::time::Instant;
 
 use osier_base::{Error, diagnostic::Sources, limits::Limits};
 use osier_grammar::{DeriveOptions, Grammar, GrammarSource, derive_deferred, derive_text, interpret, parse};
-use osier_plants::grow::turtle::{TurtleOptions, grow};
 
 const ROUNDS: usize = 5;
 const STEPS: usize = 10;
-/// Steps of the strings that are drawn: 390,625 segments.
-const DRAWN_STEPS: u32 = 8;
 const RULE: &str = "F[+F]F[-F]F";
 
 fn grammar(rules: &str, axiom: &str, items: &str) -> Grammar {
@@ -115,24 +112,6 @@ fn main() {
             ],
         );
         compare("contexts", vec![Runner { name: "osier, text", run: Box::new(|| text(&contexts)) }]);
-        let shorter = DeriveOptions { steps: Some(DRAWN_STEPS), ..options.clone() };
-        let turtle = TurtleOptions::default();
-        let draw = |g: &Grammar| {
-            let derived = derive_deferred(g, &shorter, limits).expect("derives");
-            black_box(grow(g, &derived, &turtle, limits).expect("draws").0.nodes.len());
-            derived.module_count() as usize
-        };
-        let lengths = grammar("F(x) --> F(x/3)[+(30)F(x/3)]F(x/3)[-(30)F(x/3)]F(x/3)", "F(1)", "");
-        let rule = "F(x) --> F(x/3)[+(20+ran(20))F(x/3)]\\(ran(9))F(x/3)[-(20+ran(20))F(x/3)]F(x/3)";
-        let random = grammar(rule, "F(1)", "");
-        compare(
-            "derived and drawn: modules to a plant with frames and radii",
-            vec![
-                Runner { name: "osier, without parameters", run: Box::new(|| draw(&plain)) },
-                Runner { name: "osier, lengths and angles", run: Box::new(|| draw(&lengths)) },
-                Runner { name: "osier, random angles", run: Box::new(|| draw(&random)) },
-            ],
-        );
     });
 }
 

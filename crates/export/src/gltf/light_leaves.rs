@@ -46,7 +46,7 @@ impl<'a> LightLeaves<'a> {
                 continue;
             }
             let before: u64 = merged_instancers(asset).map(merged_triangles).sum();
-            let mut simple = asset.clone();
+            let simple = &mut light.scene.to_mut().assets[i];
             for instancer in simple.instancers.iter_mut().filter(|i| is_merged(i)) {
                 for prototype in &mut instancer.prototypes {
                     let label = format!("asset {}, prototype {}", asset.id, prototype.name);
@@ -57,7 +57,7 @@ impl<'a> LightLeaves<'a> {
                 }
             }
             let [bytes, after] =
-                [merged_bytes, merged_triangles].map(|sum| merged_instancers(&simple).map(sum).sum::<u64>());
+                [merged_bytes, merged_triangles].map(|sum| merged_instancers(simple).map(sum).sum::<u64>());
             light.warnings.push(Warning {
                 code: "X029",
                 message: format!(
@@ -71,14 +71,17 @@ impl<'a> LightLeaves<'a> {
                     full.div_ceil(1_000_000),
                 ),
             });
-            light.scene.to_mut().assets[i] = simple;
         }
         Ok(light)
     }
 }
 
-/// Estimated bytes of the merged leaves of an asset that take `full` bytes at full detail. `instances`: their number.
-pub(super) fn estimate(full: u64, instances: u64, options: &GltfOptions) -> u64 {
+/// Estimated bytes of the merged leaves of an asset, from their vertices and triangles at full detail. `instances`: their number.
+pub(super) fn estimate(vertices: u64, triangles: u64, instances: u64, options: &GltfOptions) -> u64 {
+    let full = vertices * VERTEX_BYTES + triangles * TRIANGLE_BYTES;
+    if options.profile != Profile::Blender {
+        return full;
+    }
     let least = instances.saturating_mul(blade_bytes(FEWEST));
     full.min(options.leaf_bytes.max(least))
 }

@@ -115,6 +115,7 @@ fn estimate(input: &EstimateInput) -> u64 {
             let grows = morphs && a.free_instances > most_nodes;
             let (instances, instance_vertices, instance_triangles) =
                 if grows { (0, 0, 0) } else { (a.instances, a.instance_vertices, a.instance_triangles) };
+            let of_profile = GltfOptions { profile: *profile, ..options.clone() };
             let triangles = a.triangles + instance_triangles;
             // A plant that grows has no levels of detail.
             let is_plant = !grows && (a.joints > 0 || a.instance_triangles > 0);
@@ -124,12 +125,7 @@ fn estimate(input: &EstimateInput) -> u64 {
                 Profile::Blender | Profile::Engine => {
                     // Points, normals, coordinates, tangents; bark has joints and weights as well.
                     let skinned = if a.joints > 0 { a.vertices * 24 } else { 0 };
-                    let leaves = instance_vertices * 48 + instance_triangles * 12;
-                    let leaves = if *profile == Profile::Blender {
-                        light_leaves::estimate(leaves, instances, options)
-                    } else {
-                        leaves
-                    };
+                    let leaves = light_leaves::estimate(instance_vertices, instance_triangles, instances, &of_profile);
                     a.vertices * 48 + a.triangles * 12 + skinned + leaves
                 }
                 // An instance is 32 bytes: 12 of position, 8 of the quantized rotation, 12 of scale. A triangle is three u32.
@@ -149,7 +145,6 @@ fn estimate(input: &EstimateInput) -> u64 {
             };
             // The file of the scene has tracks for each phase that has a skin, the file of the asset for one.
             let nodes = if grows { 0 } else { a.free_instances.min(most_nodes) };
-            let of_profile = GltfOptions { profile: *profile, ..options.clone() };
             let bark = if morphs {
                 tracks::estimate(a.deforming_vertices, a.deforming_meshes, input.frames, &of_profile)
             } else {

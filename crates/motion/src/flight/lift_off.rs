@@ -149,7 +149,8 @@ impl FlightSimulation {
             let c = self.catkin_mut(id);
             (c.state, c.v, c.target) = (CatkinState::Airborne, DVec3::ZERO, super::particles::NO_TARGET);
             (c.lift, c.lifted, c.lift_exposure, c.rested) = (rise, t, 0.0, -1.0);
-            (c.hops, c.begins_flight) = (c.hops + 1, true);
+            c.hops += 1;
+            c.begins_flight = true;
             // Contacts of this step were searched before: its path begins here.
             (c.free, c.travel) = (true, DVec3::ZERO);
         }
