@@ -400,7 +400,13 @@ fn sierpinski_has_its_box_dimension() {
 }
 
 fn cut(eps: f64) -> ExpansionLimits {
-    ExpansionLimits { eps, max_depth: u16::MAX, max_order: u16::MAX, max_words: 1_000_000 }
+    ExpansionLimits {
+        eps,
+        max_depth: u16::MAX,
+        max_order: u16::MAX,
+        max_words: 1_000_000,
+        raised_by: Some("--max-nodes"),
+    }
 }
 
 fn tree(name: &str) -> (Ifs, Letters) {
@@ -425,6 +431,11 @@ fn expansions_have_the_known_counts() {
         let refused =
             expand(&ifs, &letters, &ExpansionLimits { max_words: 100, ..cut(0.01) }, None).expect_err("too many");
         assert_eq!(refused.code, "I040");
+        assert!(
+            refused.help.as_deref().is_some_and(|h| h.ends_with("or raise it with --max-nodes")),
+            "{:?}",
+            refused.help
+        );
     }
 }
 

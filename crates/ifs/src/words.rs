@@ -17,7 +17,7 @@
 //! "#;
 //! let (systems, _) = read("fork.ifs.toml", table.as_bytes(), &Limits::default())?;
 //! let letters = Letters::new(&systems[0]).expect("every branch shrinks");
-//! let limits = ExpansionLimits { eps: 0.3, max_depth: 64, max_order: 64, max_words: 1000 };
+//! let limits = ExpansionLimits { eps: 0.3, max_depth: 64, max_order: 64, max_words: 1000, raised_by: None };
 //! let expansion = expand(&systems[0], &letters, &limits, None).expect("few words");
 //! // The trunk, 2 branches of size 0.7, 4 of 0.49, 8 of 0.343; the next 16 would be smaller than 0.3.
 //! assert_eq!((expansion.words.len(), expansion.cuts.len()), (15, 16));
@@ -87,6 +87,8 @@ pub struct ExpansionLimits {
     /// Most words of an expansion, without those cut; more are the error I040, and so are more than [`CUTS_PER_WORD`] times as
     /// many that are cut.
     pub max_words: u64,
+    /// Flag of the command line that raises `max_words`, which I040 names; `None` where nothing raises it.
+    pub raised_by: Option<&'static str>,
 }
 
 /// Random variation of the maps from word to word.
@@ -272,12 +274,10 @@ fn too_many(ifs: &Ifs, letters: &Letters, limits: &ExpansionLimits) -> Diagnosti
         "\"{}\" expanded down to {} makes more than {words} words, or cuts more than {cuts}",
         ifs.name, limits.eps
     );
-    let d = Diagnostic::error("I040", text, ifs.span, "in this system");
-    d.help(if fits < 1.0 {
-        format!("eps = {fits:.4} fits")
-    } else {
-        "the system has too many maps for a tree".to_owned()
-    })
+    let help =
+        if fits < 1.0 { format!("eps = {fits:.4} fits") } else { "the system has too many maps for a tree".to_owned() };
+    let raise = limits.raised_by.map(|flag| format!("; or raise it with {flag}")).unwrap_or_default();
+    Diagnostic::error("I040", text, ifs.span, "in this system").help(help + &raise)
 }
 
 /// A map with the random variation of one word: standard deviations of 8 degrees in roll, 5 degrees in pitch and 6 % in
@@ -313,7 +313,13 @@ pub struct TreeExtent {
 /// enough of them to be measured.
 pub fn tree_extent(ifs: &Ifs, letters: &Letters, trunk: (DVec3, DVec3)) -> TreeExtent {
     let (foot, tip) = trunk;
-    let mut limits = ExpansionLimits { eps: SIZE_EPS, max_depth: u16::MAX, max_order: u16::MAX, max_words: SIZE_WORDS };
+    let mut limits = ExpansionLimits {
+        eps: SIZE_EPS,
+        max_depth: u16::MAX,
+        max_order: u16::MAX,
+        max_words: SIZE_WORDS,
+        raised_by: None,
+    };
     while limits.eps < 1.0 && letters.count(ifs, &limits).is_none() {
         limits.eps *= 1.25;
     }

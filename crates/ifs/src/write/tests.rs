@@ -148,7 +148,8 @@ fn a_squashed_tree_fills_its_own_box() {
     use crate::words::{ExpansionLimits, expand};
     let tree = systems("monopodial.ifs.toml", &table("monopodial.ifs.toml"));
     let grown = stems(&tree[0]).expect("a tree");
-    let limits = ExpansionLimits { eps: 0.004, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000 };
+    let limits =
+        ExpansionLimits { eps: 0.004, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000, raised_by: None };
     let words = expand(&grown.system, &grown.letters, &limits, None).expect("expands").words;
     let ends = || words.iter().flat_map(|w| [w.map.apply(glam::DVec3::ZERO), w.map.apply(glam::DVec3::Y)]);
     let (low, high) =

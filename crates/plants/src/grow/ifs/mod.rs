@@ -155,8 +155,16 @@ fn build_plant(
 
 /// Limits of the expansion at full detail: as many words as nodes are allowed and as the memory holds, at most 5 million.
 pub fn word_limits(options: &TreeOptions, limits: &Limits) -> words::ExpansionLimits {
-    let max_words = limits.get("nodes").min(limits.get("memory") / WORD_BYTES).min(MAX_SEGMENTS);
-    words::ExpansionLimits { eps: options.eps, max_depth: options.max_depth, max_order: options.max_order, max_words }
+    let nodes = (limits.get("nodes"), Some("--max-nodes"));
+    let memory = (limits.get("memory") / WORD_BYTES, Some("--max-memory"));
+    let (max_words, raised_by) = nodes.min(memory).min((MAX_SEGMENTS, None));
+    words::ExpansionLimits {
+        eps: options.eps,
+        max_depth: options.max_depth,
+        max_order: options.max_order,
+        max_words,
+        raised_by,
+    }
 }
 
 /// A plant's organs in canonical order: by axis, arc length (as bits) and id.

@@ -145,7 +145,8 @@ fn meshes_stand_on_every_word_as_its_map_has_them() {
     let corner = Vec3::new(0.3, 0.7, -0.2);
     let mesh = osier_scene::Mesh { points: vec![corner, Vec3::X, Vec3::Z], ..osier_scene::Mesh::default() };
     let set = OrganSpec { name: "set".into(), meshes: vec![std::sync::Arc::new(mesh)], size: 1.0, petiole: 0.0 };
-    let cut = words::ExpansionLimits { eps: 0.2, max_depth: u16::MAX, max_order: u16::MAX, max_words: 1000 };
+    let cut =
+        words::ExpansionLimits { eps: 0.2, max_depth: u16::MAX, max_order: u16::MAX, max_words: 1000, raised_by: None };
     for variation in [0.0, 1.0] {
         let options = TreeOptions { sets: vec![set.clone()], ..options(0.2, variation) };
         let plant = grow(&stems, (7, 5), &options, &Limits::default()).expect("grows");
