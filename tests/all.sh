@@ -1,79 +1,14 @@
 #!/usr/bin/env bash
-# The gate: installs the real programs that judge our files, then runs every test.
-# On Debian 12 as root it installs all of them. Elsewhere it says which checks are skipped and goes on.
+# Installs the real programs that judge our files, then runs every test.
+# Where one of them cannot be installed it says which checks are skipped and goes on.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-clients=target/clients
-mkdir -p "$clients"
-missing=()
 
 say() { printf '\n== %s\n' "$*"; }
-have() { command -v "$1" >/dev/null 2>&1; }
 
-install_debian() {
-    local wanted=()
-    have blender || wanted+=(blender)
-    have povray || wanted+=(povray)
-    python3 -c 'import venv, ensurepip' >/dev/null 2>&1 || wanted+=(python3-venv)
-    have python3 || wanted+=(python3 python3-venv)
-    have node || wanted+=(nodejs)
-    have npm || wanted+=(npm)
-    # Blender's glTF importer needs numpy from the distribution's Python; bpy needs the X and GL libraries at load time.
-    dpkg -s python3-numpy >/dev/null 2>&1 || wanted+=(python3-numpy)
-    for lib in libxkbcommon0 libxi6 libxfixes3 libxxf86vm1 libsm6 libgl1 libegl1 libxrender1; do
-        dpkg -s "$lib" >/dev/null 2>&1 || wanted+=("$lib")
-    done
-    if [ ${#wanted[@]} -gt 0 ]; then
-        say "installing ${wanted[*]}"
-        apt-get update -qq
-        DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${wanted[@]}" >/dev/null
-    fi
-}
-
-if [ -e /etc/debian_version ] && [ "$(id -u)" = 0 ] && have apt-get; then
-    install_debian || missing+=("Debian packages")
-fi
-have blender || missing+=("blender (Debian's)")
-have povray || missing+=("povray")
-
-# bpy 5.0 is built for exactly one Python version.
-python=$(command -v python3.11 || command -v python3 || true)
-if [ -n "$python" ] && [ ! -e "$clients/venv/ready" ]; then
-    say "installing bpy, usd-core and OpenEXR"
-    if "$python" -m venv "$clients/venv" &&
-        "$clients/venv/bin/pip" install -q --disable-pip-version-check -r tests/clients/requirements.txt; then
-        touch "$clients/venv/ready"
-    else
-        rm -rf "$clients/venv"
-    fi
-fi
-[ -e "$clients/venv/ready" ] || missing+=("bpy, usd-core, OpenEXR (PyPI)")
-
-if [ -n "$python" ] && [ ! -x "$clients/tools/bin/maturin" ]; then
-    say "installing maturin"
-    "$python" -m venv "$clients/tools" && "$clients/tools/bin/pip" install -q --disable-pip-version-check maturin==1.16.0 || true
-fi
-[ -x "$clients/tools/bin/maturin" ] || have maturin || missing+=("maturin (PyPI)")
-
-if have npm && [ ! -d "$clients/node_modules/gltf-validator" ]; then
-    say "installing the Khronos glTF validator"
-    npm install --silent --no-fund --no-audit --prefix "$clients" gltf-validator@2.0.0-dev.3.10 || true
-fi
-[ -d "$clients/node_modules/gltf-validator" ] || missing+=("gltf-validator (npm)")
-if have npm && [ ! -d "$clients/node_modules/three" ]; then
-    say "installing three.js"
-    npm install --silent --no-fund --no-audit --prefix "$clients" three@0.170.0 || true
-fi
-[ -d "$clients/node_modules/three" ] || missing+=("three (npm)")
-
-if have npm && [ ! -d "$clients/node_modules/@babylonjs/loaders" ]; then
-    say "installing Babylon.js"
-    npm install --silent --no-fund --no-audit --prefix "$clients" @babylonjs/core@7.54.3 @babylonjs/loaders@7.54.3 || true
-fi
-[ -d "$clients/node_modules/@babylonjs/loaders" ] || missing+=("Babylon.js (npm)")
-
-if [ ${#missing[@]} -gt 0 ]; then
-    say "SKIPPED for want of a client: $(printf '%s; ' "${missing[@]}")"
+bash tests/clients.sh
+if grep -q . target/clients/missing; then
+    say "SKIPPED for want of a client: $(grep . target/clients/missing | paste -sd ';')"
 else
     export OSIER_JUDGES=require
 fi

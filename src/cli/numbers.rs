@@ -2,8 +2,8 @@
 
 /// The numbers of a list in rising order without duplicates.
 /// # Errors
-/// A message for a part that cannot be read or that has more than `limit` numbers.
-pub fn number_list(text: &str, limit: u64) -> Result<Vec<u64>, String> {
+/// A message for a part that cannot be read or that has more than `limit` numbers, which ends with `remedy`.
+pub fn number_list(text: &str, limit: u64, remedy: &str) -> Result<Vec<u64>, String> {
     let mut out = Vec::new();
     for part in text.split(',') {
         let bad = || format!("\"{part}\" is not A, A-B or A-B:STEP");
@@ -20,7 +20,7 @@ pub fn number_list(text: &str, limit: u64) -> Result<Vec<u64>, String> {
         // The count is checked before the list is built: `0-4294967295` would need 34 GB.
         let steps = (b - a) / step;
         if steps >= limit {
-            return Err(format!("\"{part}\" holds more than {limit} numbers"));
+            return Err(format!("\"{part}\" holds more than {limit} numbers; {remedy}"));
         }
         out.extend((0..=steps).map(|k| a + k * step));
     }
@@ -34,7 +34,7 @@ pub fn number_list(text: &str, limit: u64) -> Result<Vec<u64>, String> {
 /// As [`number_list`], and a message for a number that no frame can have.
 pub fn frame_list(text: &str, limit: u64) -> Result<Vec<u32>, String> {
     let frame = |n: u64| u32::try_from(n).map_err(|_| format!("there is no frame {n}"));
-    number_list(text, limit)?.into_iter().map(frame).collect()
+    number_list(text, limit, "raise it with --max-frames")?.into_iter().map(frame).collect()
 }
 
 /// A key with the values that it takes in the runs of a sweep.
@@ -164,17 +164,21 @@ mod tests {
 
     #[test]
     fn lists_are_read() {
-        assert_eq!(number_list("1-10:4,3,3", 100), Ok(vec![1, 3, 5, 9]));
-        assert_eq!(number_list("7", 100), Ok(vec![7]));
+        assert_eq!(number_list("1-10:4,3,3", 100, "fewer"), Ok(vec![1, 3, 5, 9]));
+        assert_eq!(number_list("7", 100, "fewer"), Ok(vec![7]));
         // Seeds have 64 bits, frames 32.
-        assert_eq!(number_list("18446744073709551614-18446744073709551615", 100), Ok(vec![u64::MAX - 1, u64::MAX]));
+        assert_eq!(
+            number_list("18446744073709551614-18446744073709551615", 100, "fewer"),
+            Ok(vec![u64::MAX - 1, u64::MAX])
+        );
         assert!(
-            number_list("18446744073709551616", 100).is_err() && number_list("0-18446744073709551615", 100).is_err()
+            number_list("18446744073709551616", 100, "fewer").is_err()
+                && number_list("0-18446744073709551615", 100, "fewer").is_err()
         );
         assert_eq!(frame_list("4294967295", 100), Ok(vec![u32::MAX]));
         assert_eq!(frame_list("4294967296", 100), Err("there is no frame 4294967296".to_owned()));
         for bad in ["", "x", "3-1", "1-9:0", "1-", "-3", "1-4000000000"] {
-            assert!(number_list(bad, 1_000_000).is_err(), "{bad}");
+            assert!(number_list(bad, 1_000_000, "fewer").is_err(), "{bad}");
         }
     }
 }

@@ -125,7 +125,8 @@ fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
     let sweeps = swept_keys(&args.sweep)?;
     let seeds = match &args.seeds {
         Some(list) => {
-            let seeds = numbers::number_list(list, MAX_RUNS).map_err(|e| format!("--seeds: {e}"))?;
+            let seeds =
+                numbers::number_list(list, MAX_RUNS, "start several sweeps").map_err(|e| format!("--seeds: {e}"))?;
             seeds.into_iter().map(Some).collect()
         }
         None => vec![None],

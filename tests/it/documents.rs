@@ -7,8 +7,8 @@ use std::process::Command;
 
 use osier::par::par_map;
 
-/// Bytes of memory that no plant fits into: a run reads its flags and its scene, begins, and stops with code 1.
-const TOO_LITTLE: &str = "10M";
+/// No frame is allowed: a run reads its flags, its files and its scene, and stops with the error of that limit alone.
+const NO_FRAMES: [&str; 2] = ["--max-frames", "0"];
 
 /// The commands of a document: lines of its blocks and words in backticks that begin with `osier`.
 fn commands(text: &str) -> Vec<String> {
@@ -96,9 +96,11 @@ fn the_commands_of_the_documents_are_taken() {
     let taken = par_map(&others, |command| {
         let words = complete(command, dir.path()).filter(|_| !is_beginning(command))?;
         let makes = matches!(words[0].as_str(), "bake" | "grow" | "preview");
-        let out = run(&words, if makes { &["--max-memory", TOO_LITTLE] } else { &[] });
+        let out = run(&words, if makes { &NO_FRAMES } else { &[] });
         let said = String::from_utf8_lossy(&out.stderr);
-        let stopped = makes && out.status.code() == Some(1) && said.contains("raise it with --max-memory");
+        let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error")).collect();
+        let limited = !errors.is_empty() && errors.iter().all(|line| line.ends_with("raise it with --max-frames"));
+        let stopped = makes && matches!(out.status.code(), Some(1 | 2)) && limited;
         assert!(out.status.success() || stopped, "{command}: {:?}\n{said}", out.status.code());
         Some(())
     });

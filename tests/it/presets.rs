@@ -313,10 +313,12 @@ fn every_preset_is_sound_at_every_seed() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// What is judged above is what `osier grow` writes.
+/// What is judged above is what `osier grow` writes: every kind of plant, of the species one broadleaf and one conifer, as all of them
+/// take the same way.
 #[test]
 fn individuals_are_those_of_the_stage() {
-    for preset in growing() {
+    let other_species = |p: &Preset| p.text.contains("\nspecies = ") && !["cherry.toml", "pine.toml"].contains(&p.name);
+    for preset in growing().filter(|p| !other_species(p)) {
         let mut recipe = grown::recipe(preset, Some(3), false);
         recipe.clip.end = recipe.clip.start;
         let scene = grown::stage(&recipe, SceneOptions { ground: false }).animated.scene;

@@ -490,7 +490,7 @@ fn the_memory_that_is_told_is_the_memory_that_is_taken() {
         &["bake", "landscape", "-o", "landscape"],
         &["bake", "birch-wood", "--set", "frames.end=12", "-o", "wood"],
         &["bake", "wet-leaf", "--set", "frames.end=24", "-o", "wet"],
-        &["bake", "storm-oak", "--set", "frames.end=24", "--formats", "usd", "-o", "storm"],
+        &["bake", "storm-oak", "--set", "frames.end=8", "--formats", "usd", "-o", "storm"],
         &["bake", "catkin.toml", "--formats", "csv", "-o", "catkins"],
         &["bake", "hill.ifs", "-o", "hill"],
         &["grow", "oak", "-o", "oak.ply"],
@@ -524,7 +524,7 @@ fn the_size_of_rain_that_is_told_is_about_what_is_written() {
     let dir = folder();
     for (name, args) in [
         ("storm", &["bake", "storm-oak", "--set", "frames.end=16", "--formats", "usd,pov", "--force"][..]),
-        ("leaves", &["bake", "rain-leaves", "--set", "frames.end=30", "--formats", "usd,exr,pov", "--force"]),
+        ("leaves", &["bake", "rain-leaves", "--set", "frames.end=15", "--formats", "usd,exr,pov", "--force"]),
     ] {
         let (code, out, said) = run(dir.path(), &[args, &["-n", "--json"]].concat());
         assert_eq!(code, 0, "{args:?}: {said}");

@@ -25,7 +25,9 @@ impl PreviewFlags {
     /// A message for the first flag that cannot be read or that excludes another.
     pub fn new(context: &Context, args: &Preview) -> Result<Self, String> {
         let seeds = match &args.seeds {
-            Some(list) => numbers::number_list(list, MAX_CELLS).map_err(|e| format!("--seeds: {e}"))?,
+            Some(list) => {
+                numbers::number_list(list, MAX_CELLS, "draw several sheets").map_err(|e| format!("--seeds: {e}"))?
+            }
             None => Vec::new(),
         };
         let frames = match &args.frames {

@@ -1,6 +1,9 @@
 //! Trees that grow year by year against what foresters measure. Many of these trees are large: without optimisation they would
 //! take minutes, so that they run in release builds alone.
 
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
 use glam::Vec3;
 
 use super::tree::flag;
@@ -21,6 +24,39 @@ fn grow_all(specs: &[TreeSpec], site: &Site) -> Vec<GrownTree> {
     let alone: Vec<_> = specs.iter().collect();
     let grown = par_map(&alone, |spec| grow(std::slice::from_ref(*spec), site, &Limits::default()).expect("grows"));
     grown.into_iter().flatten().collect()
+}
+
+/// What the tests measure on a tree of a table at the table's age.
+struct MatureTree {
+    measures: Measures,
+    bare_wood: BareWood,
+    /// Numbers of axes of each order after Strahler, from the twigs on.
+    strahler_counts: Vec<usize>,
+    shell_share: f32,
+}
+
+/// Seeds 1 and 2 of every table at its age, grown once for all tests that measure them.
+static MATURE: LazyLock<BTreeMap<String, Vec<MatureTree>>> = LazyLock::new(|| {
+    let measured = |name: &String| {
+        let trees = grow_all(&seeds(name, species(name, 1).age, 1..=2), &Site::default());
+        let measure = |tree: &GrownTree| MatureTree {
+            measures: tree.measures(),
+            bare_wood: bare_wood(tree),
+            strahler_counts: tree.strahler_counts(),
+            shell_share: shell_share(tree),
+        };
+        (name.clone(), trees.iter().map(measure).collect())
+    };
+    par_map(&names(), measured).into_iter().collect()
+});
+
+fn mature(name: &str) -> &'static [MatureTree] {
+    MATURE.get(name).unwrap_or_else(|| panic!("no table {name}"))
+}
+
+/// The mean of a measure over the mature trees of a table.
+fn mature_mean(name: &str, measure: impl Fn(&Measures) -> f32) -> f32 {
+    mean(mature(name).iter().map(|tree| measure(&tree.measures)))
 }
 
 fn measures(specs: &[TreeSpec]) -> Vec<Measures> {
@@ -128,10 +164,9 @@ fn the_species_have_their_marks() {
     ];
     let mut faults = Vec::new();
     for (name, height, width, dbh) in marks {
-        let m = measures(&seeds(name, f64::from(species(name, 1).habit.age), 1..=2));
         let close = |value: f32, mark: f32, part: f32| mark <= 0.0 || (value / mark - 1.0).abs() < part;
         let found =
-            [mean(m.iter().map(|m| m.height)), mean(m.iter().map(|m| m.crown_width)), mean(m.iter().map(|m| m.dbh))];
+            [mature_mean(name, |m| m.height), mature_mean(name, |m| m.crown_width), mature_mean(name, |m| m.dbh)];
         let good = close(found[0], height, 0.12) && close(found[1], width, 0.15) && close(found[2], dbh, 0.15);
         if !good {
             faults.push(format!("{name}: {found:?}, wanted {:?}", [height, width, dbh]));
@@ -145,9 +180,8 @@ fn the_species_have_their_marks() {
 fn twigs_in_leaf_are_not_bare() {
     only_in_release!();
     let mut faults = Vec::new();
-    for name in names() {
-        let trees = grow_all(&seeds(&name, species(&name, 1).age, 1..=2), &Site::default());
-        let found: Vec<_> = trees.iter().map(bare_wood).collect();
+    for (name, trees) in MATURE.iter() {
+        let found: Vec<_> = trees.iter().map(|tree| tree.bare_wood).collect();
         // Inside the crowns of spruces and poplars limbs are bare, and the twigs of weeping willows hang down by metres.
         let whips = if matches!(name.as_str(), "poplar" | "spruce" | "willow") { 1.0 } else { 0.03 };
         if found.iter().any(|f| f.ends > 0.03 || f.whips > whips) {
@@ -168,9 +202,8 @@ fn crowns_are_as_wide_as_their_stems_allow() {
     only_in_release!();
     let bounds = |name: &str| if matches!(name, "oak" | "beech") { 24.0..=29.0 } else { 20.0..=32.0 };
     for name in ["oak", "beech", "linden", "ash", "cherry", "maple", "willow"] {
-        let m = measures(&seeds(name, species(name, 1).age, 1..=2));
-        let ratio = mean(m.iter().map(|m| m.crown_width / m.dbh));
-        assert!(mean(m.iter().map(|m| m.dbh)) > 0.3, "{name}");
+        let ratio = mature_mean(name, |m| m.crown_width / m.dbh);
+        assert!(mature_mean(name, |m| m.dbh) > 0.3, "{name}");
         assert!(bounds(name).contains(&ratio), "{name}: {ratio}");
     }
     let row = grow_through(&species("oak", 1), &[30, 60, 90], &Site::default(), &Limits::default()).expect("grows");
@@ -190,8 +223,7 @@ fn stems_are_as_slender_as_those_of_their_species() {
         ("spruce", 50.0..=80.0),
     ];
     for (name, range) in wanted {
-        let m = measures(&seeds(name, species(name, 1).age, 1..=2));
-        let ratio = mean(m.iter().map(|m| m.height / m.dbh));
+        let ratio = mature_mean(name, |m| m.height / m.dbh);
         assert!(range.contains(&ratio), "{name}: {ratio}");
     }
 }
@@ -201,8 +233,7 @@ fn stems_are_as_slender_as_those_of_their_species() {
 fn branches_ramify_as_those_of_broadleaves() {
     only_in_release!();
     for name in ["oak", "beech", "birch", "apple", "ash", "hazel"] {
-        let grown = grow_all(&seeds(name, species(name, 1).age, 1..=1), &Site::default());
-        let counts = grown[0].strahler_counts();
+        let counts = &mature(name)[0].strahler_counts;
         for pair in counts.windows(2).take(2) {
             let ratio = pair[0] as f64 / pair[1] as f64;
             assert!((2.7..=6.3).contains(&ratio), "{name}: {counts:?}");
@@ -214,14 +245,13 @@ fn branches_ramify_as_those_of_broadleaves() {
 fn crowns_have_the_leaf_area_of_trees_and_bear_it_outside() {
     only_in_release!();
     for name in ["oak", "beech", "birch", "pine", "spruce", "apple", "ash", "linden", "willow"] {
-        let m = measures(&seeds(name, species(name, 1).age, 1..=2));
-        let index = mean(m.iter().map(|m| m.leaf_area_index));
+        let index = mature_mean(name, |m| m.leaf_area_index);
         // Stands of spruce bear more than broadleaves: their needles live for years and shade each other in clumps.
         let most = if name == "spruce" { 7.5 } else { 6.5 };
         assert!((1.5..=most).contains(&index), "{name}: {index}");
     }
     // Shares of an oak's tips beyond 0.6 of the radius of its crown, about the middle of its tips: without shade they fill it.
-    let shell = mean(grow_all(&seeds("oak", 60.0, 1..=2), &Site::default()).iter().map(shell_share));
+    let shell = mean(mature("oak").iter().map(|tree| tree.shell_share));
     assert!((0.38..=0.53).contains(&shell), "{shell}");
 }
 
