@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::rain::fall::{sample_wind, sphere_volume, terminal_speed};
+use crate::rain::fall::{sample_wind, sphere_volume, terminal_speed, terminal_speed_on_earth};
 use crate::rain::shelter::Shelter;
 use crate::rain::source_region::{DriftTracer, SourceRegion};
 use crate::rain::tuning::{
@@ -231,7 +231,7 @@ impl RainEmitter {
             // Rejection sampling: a drop from outside of the region of its size would miss the bounds.
             let Some(p) = epoch.regions.get(class).and_then(|region| region.point(fractions)) else { continue };
             let p = DVec3::new(p.x, self.tracer.emission_plane_y(), p.y);
-            let v = -DVec3::Y * terminal_speed(d);
+            let v = -DVec3::Y * terminal_speed(d, self.params.g);
             drops.push(EmittedDrop { t: start + offset, p, v, volume: sphere_volume(d) });
         }
         self.epoch = Some(epoch);
@@ -321,9 +321,9 @@ pub(crate) fn diameters_of_equal_probability(params: &RainfallParams) -> Vec<f64
         }),
         DropSizes::MarshallPalmer => {
             // Drops in a volume of air follow exp(-slope d), slope = 4.1 R^-0.21 per mm with R in mm/h; the flux through an area
-            // weights them by their speed.
+            // weights them by their speed, of which a factor cancels.
             let slope = 4.1 * math::pow((params.intensity * 3.6e6).max(0.01), -0.21);
-            Box::new(move |mm: f64| math::exp(-slope * mm) * terminal_speed(mm * 1e-3))
+            Box::new(move |mm: f64| math::exp(-slope * mm) * terminal_speed_on_earth(mm * 1e-3))
         }
     };
     // Integrate the density by the midpoint rule.
@@ -436,7 +436,7 @@ mod tests {
         }
         found.sort_by(f64::total_cmp);
         let slope = 4.1 * math::pow(10.0, -0.21);
-        let density = |mm: f64| math::exp(-slope * mm) * terminal_speed(mm * 1e-3);
+        let density = |mm: f64| math::exp(-slope * mm) * terminal_speed_on_earth(mm * 1e-3);
         let (n, step) = (20_000, 5.5 / 20_000.0);
         let at = |k: usize| 0.5 + (k as f64 + 0.5) * step;
         let whole: f64 = (0..n).map(|k| density(at(k))).sum();

@@ -240,7 +240,7 @@ impl RainSimulation {
     pub fn new(config: RainConfig) -> Self {
         let (leaves, attachments): (Vec<RainLeaf>, Vec<LeafOnPlant>) = config.leaves.into_iter().unzip();
         let ground = config.ground;
-        let shelter = Shelter::new(config.solids.clone(), Arc::clone(&ground));
+        let shelter = Shelter::new(config.solids.clone(), Arc::clone(&ground), config.params.g);
         let mut simulation = Self {
             params: config.params,
             emitter: config.emitter.map(|emitter| emitter.with_shelter(shelter)),
