@@ -103,7 +103,7 @@ keys! {
         /// Duration of rain before the first frame (spin-up).
         spin_up: f64 = "spin_up_s" number(0.0, 0.0, 600.0, "s");
         /// Time steps per frame.
-        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 256), "8, or as many as the rods need");
+        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 256), "8, more below 24 frames per second, or as many as the rods need");
         /// Largest number of drops on leaves and at margins that a frame shows as meshes: those that the camera sees largest. All
         /// others wet their leaves and are in the tables.
         max_drop_meshes: u32 = "max_drop_meshes" integer(4000, 0, 1_000_000);

@@ -1,3 +1,4 @@
+use super::{default_substeps, steps_per_frame};
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
 use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_scene};
@@ -49,6 +50,19 @@ fn what_a_clip_of_drops_keeps_is_held_to_the_limit() {
         let said = refused(keys, more).expect("too much");
         assert!(said.contains("leaves and raindrops times frames") && said.contains("--max-motion-keys"), "{said}");
     }
+}
+
+#[test]
+fn low_frame_rates_have_no_longer_time_steps() {
+    for (fps, steps) in [(1000.0, 8), (60.0, 8), (24.0, 8), (24_000.0 / 1001.0, 8), (12.0, 16), (4.0, 48), (1.0, 192)] {
+        assert_eq!(default_substeps(fps), steps, "{fps}");
+    }
+    let steps = |more: &str| {
+        let text = format!("{SCENE}{more}").replace("end = 8", "end = 8\nfps = 12");
+        let recipe = resolve(&Request { name: "test".into(), text, ..Request::default() }).expect("a scene").0;
+        steps_per_frame(recipe.rain.as_ref().expect("rain"), &recipe, &[])
+    };
+    assert_eq!((steps(""), steps("substeps = 5\n")), (16, 5));
 }
 
 #[test]
