@@ -138,8 +138,9 @@ impl RainEmitter {
         let end = |d: Option<&f64>| d.copied().unwrap_or(1e-3);
         let mut tracer = DriftTracer::new(bounds, wind, [end(diameters.first()), end(diameters.last())], params.g);
         let classes: Vec<usize> = diameters.iter().map(|d| tracer.size_class(*d)).collect();
-        // The area that an average drop is emitted from: needed for `total`, for estimates and statistics.
-        let areas = tracer.mean_areas(params.duration, |t| intensity_factor(&params, t));
+        // The area that an average drop of the clip is emitted from: needed for `total`, for estimates and statistics. That of the
+        // spin-up may differ, in wind that rises or abates.
+        let areas = tracer.mean_areas([params.spin_up, params.duration], |t| intensity_factor(&params, t));
         let area_of = |class: &usize| areas.get(*class).copied().unwrap_or(0.0);
         let area = classes.iter().map(area_of).sum::<f64>() / classes.len().max(1) as f64;
         // Number flux from the rainfall rate: volume per area and time over the mean volume of a drop.
@@ -486,6 +487,34 @@ mod tests {
         let fall = RainfallParams { total: Some(2000.0), spin_up: 4.0, ..rainfall() };
         let mut emitter = RainEmitter::new(fall, bounds(), None);
         drop(emitter.emit_until(4.0));
+        let count = emitter.emit_until(10.0).len();
+        assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt(), "{count}");
+    }
+
+    /// A storm of 12 m/s that ends after 8 s.
+    #[derive(Debug)]
+    struct ShortStorm;
+
+    impl Wind for ShortStorm {
+        fn sample(&self, _: &[Vec3], t: f64, out: &mut [Vec3]) {
+            out.fill(if t < 8.0 { Vec3::X * 12.0 } else { Vec3::ZERO });
+        }
+        fn mean(&self) -> Vec3 {
+            Vec3::ZERO
+        }
+        fn mean_at(&self, _: Vec3) -> Vec3 {
+            Vec3::ZERO
+        }
+        fn period(&self) -> Option<f64> {
+            None
+        }
+    }
+
+    #[test]
+    fn the_wind_of_the_spin_up_does_not_change_the_total_number_of_the_clip() {
+        let fall = RainfallParams { total: Some(2000.0), spin_up: 8.0, ..rainfall() };
+        let mut emitter = RainEmitter::new(fall, bounds(), Some(Arc::new(ShortStorm)));
+        drop(emitter.emit_until(8.0));
         let count = emitter.emit_until(10.0).len();
         assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt(), "{count}");
     }

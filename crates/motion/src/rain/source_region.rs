@@ -175,12 +175,12 @@ impl DriftTracer {
         classes.map(|d| SourceRegion::new(&footprint, &std::array::from_fn(|k| d[0][k].union(d[1][k])))).collect()
     }
 
-    /// Mean areas of the source regions by size class over `duration`, s, in m^2. `weight`: of a time.
-    pub(crate) fn mean_areas(&mut self, duration: f64, weight: impl Fn(f64) -> f64) -> Vec<f64> {
-        // Midpoints of equal intervals of the clip.
+    /// Mean areas of the source regions by size class between two times, s, in m^2. `weight`: of a time.
+    pub(crate) fn mean_areas(&mut self, [from, to]: [f64; 2], weight: impl Fn(f64) -> f64) -> Vec<f64> {
+        // Midpoints of equal intervals.
         let (mut sum, mut areas) = (0.0, vec![0.0; self.diameters.len() - 1]);
         for k in 0..AREA_TIMES {
-            let t = duration * (f64::from(k) + 0.5) / f64::from(AREA_TIMES);
+            let t = from + (to - from) * (f64::from(k) + 0.5) / f64::from(AREA_TIMES);
             // A small constant keeps the mean defined where the weight is 0 throughout.
             let w = weight(t) + 1e-9;
             let epoch = self.epoch_index(t);
