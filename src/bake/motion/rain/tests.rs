@@ -145,6 +145,19 @@ fn frames_do_not_depend_on_the_order_in_which_they_are_asked_for() {
 }
 
 #[test]
+fn plants_on_rods_in_the_rain_do_not_depend_on_threads() {
+    let poses = |threads: usize| {
+        osier_base::par::on_threads(threads, || {
+            let built = built("[plants.twig.rods]\n");
+            at(&built, 8).assets.into_iter().map(|asset| asset.pose).collect::<Vec<_>>()
+        })
+    };
+    let one = poses(1);
+    assert!(one.iter().filter(|pose| !pose.is_empty()).count() > 1, "two plants move");
+    assert!(one == poses(3));
+}
+
+#[test]
 fn leaves_on_rods_give_way() {
     let built = built("[plants.twig.rods]\n");
     let scene = &built.animated.scene;
