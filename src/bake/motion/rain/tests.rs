@@ -1,4 +1,4 @@
-use super::{default_substeps, steps_per_frame};
+use super::{default_substeps, longest_fall, steps_per_frame};
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
 use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_scene};
@@ -63,6 +63,11 @@ fn low_frame_rates_have_no_longer_time_steps() {
         steps_per_frame(recipe.rain.as_ref().expect("rain"), &recipe, &[])
     };
     assert_eq!((steps(""), steps("substeps = 5\n")), (16, 5));
+}
+
+#[test]
+fn drops_fall_longer_under_less_gravity() {
+    assert!((longest_fall(9.0, 9.81) - 5.0).abs() < 1e-12 && (longest_fall(9.0, 9.81 / 4.0) - 10.0).abs() < 1e-12);
 }
 
 #[test]
