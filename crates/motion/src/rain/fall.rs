@@ -70,7 +70,7 @@ mod tests {
 
     #[test]
     fn drag_does_not_depend_on_gravity() {
-        // In air at rest a fast drop is slowed down alike everywhere, and falls at the square root of a quarter of gravity half as fast.
+        // Air at rest slows a fast drop down alike under any gravity; under a quarter of gravity it falls half as fast.
         let (volume, sideways) = (sphere_volume(2e-3), DVec3::X * 20.0);
         let [earth, moon] =
             [9.81, 1.62].map(|g| step_velocity(sideways, volume, g, DVec3::ZERO, 1e-4) + DVec3::Y * (g * 1e-4));
