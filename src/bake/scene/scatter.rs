@@ -15,7 +15,7 @@ use osier_base::math::{cos_f32, narrow, rotation_between, sin_f32};
 use osier_base::rng::Rng;
 use osier_plants::surface::terrain::Terrain;
 use osier_plants::surface::terrain::scatter::{
-    DensityMask, ScatterDisc, ScatterObstacle, ScatterParams, scatter, scatter_key,
+    DensityMask, ScatterDisc, ScatterObstacle, ScatterParams, clump_key, scatter, scatter_key,
 };
 use osier_scene::Trs;
 use osier_scene::plant::{NONE, Plant};
@@ -52,7 +52,7 @@ pub(crate) fn scatter_plants(
         layout.instances.iter().map(|s| ScatterObstacle { at: position(s), spacing: 0.0 }).collect();
     for (entry, recipe_entry) in recipe.scatters.iter().enumerate() {
         context.cancel.check()?;
-        let params = scatter_params(recipe_entry);
+        let params = scatter_params(recipe_entry, recipe.general.seed);
         let spots = scatter(land, &params, &obstacles, scatter_key(recipe.general.seed, entry), context.limits)?;
         // A density or a largest number of 0 asks for none.
         if spots.is_empty() && recipe_entry.keys.max_count > 0 && recipe_entry.keys.density > 0.0 {
@@ -95,7 +95,8 @@ pub(crate) fn scatter_plants(
     Ok(())
 }
 
-fn scatter_params(recipe: &ScatterRecipe) -> ScatterParams {
+/// Parameters of a scatter. `seed`: the scene's.
+fn scatter_params(recipe: &ScatterRecipe, seed: u64) -> ScatterParams {
     let keys = &recipe.keys;
     ScatterParams {
         spacing: narrow(keys.spacing),
@@ -105,6 +106,7 @@ fn scatter_params(recipe: &ScatterRecipe) -> ScatterParams {
         density: narrow(keys.density),
         mask: recipe.mask.clone().map(|m| DensityMask { width: m.width, height: m.height, values: m.values }),
         clump: narrow(keys.clump),
+        clump_key: clump_key(seed),
         disc: keys.radius.map(|radius| ScatterDisc {
             at: keys.at.map(narrow),
             radius: narrow(radius),
@@ -243,6 +245,16 @@ individuals = 2
         }
         assert!(highest < 0.01, "a foot stands {highest} m above the land");
         assert!((0.02..0.35).contains(&deepest), "a foot is {deepest} m deep");
+    }
+
+    #[test]
+    fn patches_are_those_of_the_scenes_seed() {
+        let key = |seed: &str| {
+            let text = format!("{SCENE}clump = 20\n").replace("seed = 4", seed);
+            let recipe = resolve(&Request { text, ..Request::default() }).expect("scene").0;
+            scatter_params(&recipe.scatters[0], recipe.general.seed).clump_key
+        };
+        assert_ne!(key("seed = 4"), key("seed = 5"));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use osier_base::limits::Limits;
 use osier_base::math::{self, smoothstep};
 use osier_base::neighbours::NeighbourGrid;
 use osier_base::noise;
-use osier_base::rng::{Key, Rng, child, mix64};
+use osier_base::rng::{Key, Rng, child};
 
 /// Candidates of a cell, one per round. More rounds fill gaps that the first ones leave; each costs at most as much as the first.
 const CANDIDATES_PER_CELL: u32 = 4;
@@ -66,6 +66,8 @@ pub struct ScatterParams {
     pub mask: Option<DensityMask>,
     /// Wavelength of the noise that gathers points into patches, m; 0: evenly distributed.
     pub clump: f32,
+    /// Key of that noise, from [`clump_key`]; scatters of one key and wavelength have their patches in the same places.
+    pub clump_key: u64,
     /// Region; `None`: the whole land.
     pub disc: Option<ScatterDisc>,
     /// Number of points at which the scatter ends; which ones are accepted is then random.
@@ -83,6 +85,7 @@ impl Default for ScatterParams {
             density: 1.0,
             mask: None,
             clump: 0.0,
+            clump_key: clump_key(0),
             disc: None,
             max_count: usize::MAX,
         }
@@ -241,7 +244,7 @@ fn chance(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
     if params.clump > 0.0 {
         // Patches: the noise is thresholded softly, so that their borders thin out.
         let p = at.map(|v| v / params.clump);
-        chance *= smoothstep(-0.12, 0.16, noise::fractal2(mix64(&[0xC1_0D]), p, [1 << 20, 1 << 20], 3));
+        chance *= smoothstep(-0.12, 0.16, noise::fractal2(params.clump_key, p, [1 << 20, 1 << 20], 3));
     }
     if let Some(mask) = &params.mask {
         let [x, y] = land.shares(at);
@@ -319,6 +322,11 @@ pub fn scatter_key(seed: u64, entry: usize) -> u64 {
     Rng::key(seed, &[Key::from("scatter"), entry.into()])
 }
 
+/// The key of the patches in a scene of this seed, for [`ScatterParams::clump_key`].
+pub fn clump_key(seed: u64) -> u64 {
+    Rng::key(seed, &[Key::from("scatter"), Key::from("clump")])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -378,6 +386,20 @@ mod tests {
         assert!(scattered(&land, &ScatterParams { density: 0.0, ..params(2.0) }, &[], 0).is_empty());
         let clumps = scattered(&land, &ScatterParams { clump: 25.0, ..params(2.0) }, &[], 0).len();
         assert!(clumps < all * 8 / 10 && clumps > all / 10, "{clumps} of {all}");
+    }
+
+    #[test]
+    fn patches_follow_the_seed() {
+        let land = land();
+        let densities = |seed| {
+            let patchy =
+                ScatterParams { clump: 25.0, clump_key: clump_key(seed), slope_max: 1.5, ..ScatterParams::default() };
+            let places = (0..400_u16).map(|k| [f32::from(k % 20) * 5.0 - 50.0, f32::from(k / 20) * 5.0 - 50.0]);
+            places.map(|at| chance(&land, &patchy, at)).collect::<Vec<f32>>()
+        };
+        let (one, other) = (densities(1), densities(2));
+        let apart = one.iter().zip(&other).filter(|(a, b)| (**a - **b).abs() > 0.5).count();
+        assert!(apart > 30, "{apart} of 400 places are within a patch of one seed and outside those of the other");
     }
 
     #[test]
