@@ -256,6 +256,7 @@ impl Resolver<'_> {
         let all = [
             needs(&["radius"], is_group, "a group of copies: count = 10"),
             needs(&["spacing", "clear"], is_random, "a group of copies: count = 10"),
+            needs(&["clear"], place.line.is_empty() || keys.jitter > 0.0, "copies that leave their line: jitter = 0.5"),
             needs(&["individuals"], is_group, "copies that share them: count = 10"),
             needs(&["lean_to_deg"], keys.lean.abs() > 0.0 || !is_turned, "an inclination: lean_deg = 5"),
             needs(&["together"], of_species || !keys.together, "a plant with `species`, which grows in light"),
@@ -294,6 +295,19 @@ impl Resolver<'_> {
                 needs(&["clip_leaves"], species.clip.is_some(), "a tree that grows over the clip: from = 5"),
             ];
             self.report_unmet(table_at(table, &["site"]), &join(path, "site"), &site);
+            for (i, (table, cut)) in tables_of(table, "prune").into_iter().zip(&species.prunes).enumerate() {
+                // An age with a fraction shows a part of the year that follows the full ones.
+                let lives_to_see =
+                    format!("a tree that reaches year {}: a greater `age`, or an earlier `year`", cut.year);
+                let is_made = f64::from(cut.year) <= species.age.ceil();
+                let repeats = cut.every == 0 || cut.until >= cut.year.saturating_add(cut.every);
+                let of_cut = [
+                    needs(&["keep", "solid"], is_made, &lives_to_see),
+                    needs(&["until"], cut.every > 0 || !is_made, "a cut that repeats: every = 1"),
+                    needs(&["every"], repeats || !is_made, "a later `until`: the second cut comes after it"),
+                ];
+                self.report_unmet(Some(table), &format!("{path}.prune.{i}"), &of_cut);
+            }
         }
         // Rods in the rain move in its time steps.
         let steps = needs(&["substeps"], !self.raining, "a scene without [rain], where rain.substeps counts");

@@ -346,6 +346,11 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         ),
         ("[[place]]\nradius = 3\n", "place.0.radius", "[[place]]\nradius = 3\ncount = 2\n"),
         ("[[place]]\ntogether = true\n", "place.0.together", "[[place]]\ntogether = false\n"),
+        (
+            "[[place]]\nring = 9\ncount = 3\nclear = 2\n",
+            "place.0.clear",
+            "[[place]]\nring = 9\ncount = 3\nclear = 2\njitter = 1\n",
+        ),
         ("[terrain]\nsubdivisions = 3\n[ground]\nrelief = 2\n", "ground", "[ground]\nrelief = 2\n"),
         (
             "[terrain]\n[[scatter]]\nplants = { a = 1 }\ninner = 9\n",
@@ -391,6 +396,17 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     let site = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.site]\nlatitude = 20\n";
     assert_eq!(without_effect(site), ["plants.a.site.latitude has no effect"]);
     assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());
+    // Cuts that are never made, and repetitions that never come.
+    let hedge = |age: f64, cut: &str| {
+        let box_of = "keep = [[-1, 0, -1], [1, 1, 1]]";
+        without_effect(&format!("[plants.a]\nspecies = \"hazel\"\nage = {age}\n[[plants.a.prune]]\n{box_of}\n{cut}\n"))
+    };
+    assert_eq!(hedge(3.0, "year = 4"), ["plants.a.prune.0.keep has no effect"]);
+    assert_eq!(hedge(3.5, "year = 4"), [""; 0]);
+    assert_eq!(hedge(9.0, ""), ["plants.a.prune.0.keep has no effect"], "the first cut is made in year 10");
+    assert_eq!(hedge(9.0, "year = 4\nuntil = 8"), ["plants.a.prune.0.until has no effect"]);
+    assert_eq!(hedge(9.0, "year = 4\nevery = 3\nuntil = 6"), ["plants.a.prune.0.every has no effect"]);
+    assert_eq!(hedge(9.0, "year = 4\nevery = 3\nuntil = 7"), [""; 0]);
     let empty = "[plants.a]\ngrammar = \"rain-twig.l\"\n[output]\nformats = []\n";
     assert_eq!(without_effect(empty), ["output.formats is empty: a bake writes textures and no scene"]);
     let nowhere = "place = []\n[plants.a]\ngrammar = \"rain-twig.l\"\n";
