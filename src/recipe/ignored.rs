@@ -42,6 +42,8 @@ const NONE: &[&str] = &[];
 const OF_LAYER_TABLES: &[&str] = &["system", "weights", "points", "color_by", "prefix", "colors", "exposure", "gamma"];
 /// What keys of the sway model need.
 const SWAYING: &str = "a plant that sways: leave [plants.NAME.rods] out";
+/// What latitudes of plants need.
+const DATED: &str = "a season that is a date: season = \"10-20\"";
 
 impl Resolver<'_> {
     /// Warns with S007 of keys that have no effect beside the values that the scene gives. A scene with errors gets no such
@@ -63,6 +65,8 @@ impl Resolver<'_> {
             let d = Diagnostic::about("S007", "the number of steps has no effect");
             self.report.push(d.help("it needs a grammar, whose derivation it ends"));
         }
+        let latitude = needs(&["latitude"], recipe.plants.iter().any(is_dated), DATED);
+        self.report_unmet(Some(root), "", &[latitude]);
         for plant in &recipe.plants {
             if let Some(table) = table_at(root, &["plants", plant.name.as_str()]) {
                 self.ignored_in_plant(table, &format!("plants.{}", plant.name), plant);
@@ -275,9 +279,13 @@ impl Resolver<'_> {
         // Surfaces have the unit of the turtle on every plant.
         let is_drawn = !matches!(plant.growth, Growth::Ifs(..) | Growth::Shapes(_));
         let reads_turtle = is_drawn || plant.organs.iter().any(|organ| organ.surface.is_some());
+        // A season that the plant cannot have has been reported, and so has all that a mesh does not read.
+        let has_told =
+            matches!(plant.growth, Growth::Mesh(..)) || plant.keys.season.is_none() && table.get("season").is_some();
         let sources = [
             needs(of_grammars, false, "a grammar: grammar = \"FILE.l\""),
             needs(of_trees, false, "a coefficient table: ifs = \"FILE.ifs\""),
+            needs(&["latitude"], is_dated(plant) || has_told, DATED),
             needs(&["turtle"], reads_turtle, "a grammar: grammar = \"FILE.l\""),
         ];
         self.report_unmet(Some(table), path, &sources);
@@ -288,8 +296,8 @@ impl Resolver<'_> {
         ];
         self.report_unmet(table_at(table, &["wood"]), &join(path, "wood"), &wood);
         if let Growth::Species(species) = &plant.growth {
-            // Dates of seasons follow the latitude of the site, too.
-            let has_sun = species.site.direct > 0.0 || plant.keys.season.is_some();
+            // Dates of seasons follow the latitude of the site, too, where plant and scene give none.
+            let has_sun = species.site.direct > 0.0 || is_dated(plant) && plant.keys.latitude.is_none();
             let site = [
                 needs(&["latitude"], has_sun, "direct sunlight: direct = 0.4"),
                 needs(&["clip_leaves"], species.clip.is_some(), "a tree that grows over the clip: from = 5"),
@@ -362,6 +370,11 @@ impl Resolver<'_> {
         ];
         self.report_unmet(Some(table), path, &all);
     }
+}
+
+/// Whether the season of a plant is a date, or begins or ends at one.
+fn is_dated(plant: &PlantRecipe) -> bool {
+    plant.keys.season.is_some_and(|season| season.has_date())
 }
 
 /// The table at `path` below another one; `None` where there is none.

@@ -396,6 +396,14 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     let site = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.site]\nlatitude = 20\n";
     assert_eq!(without_effect(site), ["plants.a.site.latitude has no effect"]);
     assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());
+    // Latitudes without a date, in the scene, in a plant and beside another one.
+    let hazel = "[plants.a]\nspecies = \"hazel\"\nage = 2\n";
+    assert_eq!(without_effect(&format!("season = 0.8\nlatitude = 20\n{hazel}")), ["latitude has no effect"]);
+    assert_eq!(without_effect(&format!("{hazel}season = 0.8\nlatitude = 20\n")), ["plants.a.latitude has no effect"]);
+    let at = |season: &str| site.replace("[plants.a.site]", &format!("season = {season}\n[plants.a.site]"));
+    assert_eq!(without_effect(&at("0.8")), ["plants.a.site.latitude has no effect"]);
+    assert!(without_effect(&format!("latitude = 20\n{hazel}season = \"10-20\"\n")).is_empty());
+    assert!(without_effect(&at("\"10-20\"")).is_empty());
     // Cuts that are never made, and repetitions that never come.
     let hedge = |age: f64, cut: &str| {
         let box_of = "keep = [[-1, 0, -1], [1, 1, 1]]";
