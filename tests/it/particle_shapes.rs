@@ -115,6 +115,27 @@ fn faults_that_single_keys_cannot_show_are_told() {
     }
     let said = with("equations = \"paper\"\ngravity = 0\n");
     assert!(!said.contains("S007"), "{said}");
+    // Keys of what the plant does not have, and the same with it.
+    let twig = "[plants.a]\nshapes = \"twigs.shapes\"\n[plants.a.growth]\nlevels = 1\n";
+    for (name, lines, mended) in [
+        ("root_radius", "root_radius = 0.3\n", "root_radius = 0.3\nroots = 4\n"),
+        ("coil_angle_deg", "coil_angle_deg = 40\n", "coil_angle_deg = 40\ncoil = 3\n"),
+        ("split_deg", "split_deg = 40\n", "split_deg = 40\nsplit = 0.5\n"),
+        (
+            "climb",
+            "climb = 2\n",
+            "climb = 2\nobstacles = [{ shape = \"plane\", at = [3, 0, 0], normal = [-1, 0, 0] }]\n",
+        ),
+        ("face_up", "leaf_spacing = 0\nface_up = 1\n", "face_up = 1\n"),
+        ("exponent", "blade_width = 0.01\nexponent = 2\n", "exponent = 2\n"),
+    ] {
+        let said = complaint(&format!("{twig}{lines}"));
+        assert!(said.contains("S007") && said.contains(&format!("growth.{name} has no effect")), "{lines}: {said}");
+        assert_eq!(complaint(&format!("{twig}{mended}")), "", "{mended}");
+    }
+    // The helix of the vine's file is switched off by its scene.
+    let straight = "[plants.a]\nshapes = \"vine.shapes\"\n[plants.a.growth]\nlevels = 1\nlength = 1\ncoil = 0\n";
+    assert_eq!(complaint(straight), "");
     let twice = "solids = true\n[[solid]]\nsize = [1, 2, 1]\nat = [3, 0, 0]\n[[place]]\ncount = 3\nindividuals = 1\n";
     assert!(with(twice).contains("individuals = 3"), "{}", with(twice));
     let rain = "[rain]\n[frames]\nend = 4\n";

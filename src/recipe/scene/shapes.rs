@@ -271,8 +271,44 @@ impl Resolver<'_> {
                 self.report.push(d.help(format!("it needs {needs}")));
             }
         }
+        self.check_idle_keys(keys, table, path);
         if keys.equations == ShapeEquations::Paper {
             self.check_paper_keys(keys, table, path);
+        }
+    }
+
+    /// Reports S007 for keys that describe what the plant does not have, unless another text takes it away: a scene may switch off what
+    /// its file describes.
+    fn check_idle_keys(&mut self, keys: &ShapeKeys, table: &TomlTable, path: &str) {
+        let any = |values: &[f64]| values.iter().any(|v| *v != 0.0);
+        let has_solids = keys.solids || !keys.obstacles.is_empty();
+        let has_leaves = keys.leaf_spacing > 0.0;
+        // Twigs that fill a plant begin on its axes and not in a disc.
+        let has_disc = keys.roots > 1 || path.ends_with(".fill");
+        let is_round = keys.blade_width.is_none();
+        let (leaves, solids) = ("leaves: leaf_spacing = 0.02", "`obstacles`, or solids = true");
+        let tube = "a round tube: leave `blade_width` out";
+        let all = [
+            ("root_radius", has_disc, "roots", "several root axes: roots = 5"),
+            ("coil_angle_deg", any(&keys.coil), "coil", "a helix: coil = 4"),
+            ("split_deg", any(&keys.split), "split", "forks at tips: split = 0.3"),
+            ("avoid", has_solids || !any(&keys.avoid), "obstacles", solids),
+            ("climb", has_solids || !any(&keys.climb), "obstacles", solids),
+            ("leaf_radius", has_leaves, "leaf_spacing", leaves),
+            ("leaf_angle_deg", has_leaves, "leaf_spacing", leaves),
+            ("leaf_angle_var_deg", has_leaves, "leaf_spacing", leaves),
+            ("leaf_var", has_leaves, "leaf_spacing", leaves),
+            ("face_up", has_leaves, "leaf_spacing", leaves),
+            ("radii", is_round, "blade_width", tube),
+            ("exponent", is_round, "blade_width", tube),
+        ];
+        for (key, _, other, what) in all.into_iter().filter(|(_, met, ..)| !met) {
+            let switch = span_of(table, &[other]);
+            let idle = span_of(table, &[key]).filter(|at| switch.is_none_or(|switch| switch.source == at.source));
+            if let Some(at) = idle {
+                let d = Diagnostic::warning("S007", format!("{path}.{key} has no effect"), at, "has no effect");
+                self.report.push(d.help(format!("it needs {what}")));
+            }
         }
     }
 
