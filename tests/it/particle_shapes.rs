@@ -144,7 +144,10 @@ fn faults_that_single_keys_cannot_show_are_told() {
     let segments = format!("[plants.a]\nshapes = \"bush.shapes\"\n[plants.a.skin]\nform = \"segments\"\n{rain}");
     assert!(complaint(&segments).contains("rain needs a closed skin"));
     // The whole first level beyond the limit: nothing grows.
-    assert!(with("max_nodes = 3\n").contains("max_nodes"));
+    let refused = with("max_nodes = 3\n");
+    assert!(refused.contains("nodes of bush.shapes would be") && refused.contains("the limit is 3;"), "{refused}");
+    let ended = with("max_age = 0\n");
+    assert!(ended.contains("bush.shapes: no axis had room") && ended.contains("`max_age`"), "{ended}");
 }
 
 #[test]
