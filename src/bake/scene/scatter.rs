@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::bake::BakeContext;
+use crate::bake::assets::species_growth::grows_in_place;
 use crate::bake::scene::plant_layout::{
     PlantInstance, PlantLayout, next_individual, rotation_about_axis, tan_of_slope,
 };
@@ -83,6 +84,10 @@ pub(crate) fn scatter_plants(
                 Rng::at(recipe.general.seed, &["facing".into(), seed.into()]).range(0.0, std::f64::consts::TAU)
             });
             let (transform, slope) = scattered_transform(land, recipe_entry, spot.at, shared_turn, &mut rng);
+            // As in [[place]], a plant that grows for its place is neither turned nor scaled.
+            let plant = layout.individuals.get(individual).and_then(|i| recipe.plants.get(i.plant));
+            let in_place = plant.is_some_and(|plant| grows_in_place(plant, false));
+            let transform = if in_place { Trs { t: transform.t, ..Trs::IDENTITY } } else { transform };
             layout.instances.push(PlantInstance { individual, transform, absolute_height: false, slope: Some(slope) });
         }
         // Plants of later entries keep their distance to those of this one.
@@ -292,6 +297,23 @@ individuals = 2
         let upright = format!("{SCENE}align = 0\n");
         assert!(!facing(&upright), "still copies are turned at random");
         assert!(facing(&format!("{upright}[frames]\nend = 2\n[wind]\nspeed = 4\n")));
+    }
+
+    #[test]
+    fn a_tree_that_is_cut_where_it_stands_is_not_turned() {
+        let cut = "[[plants.tree.prune]]\nyear = 2\nkeep = [[-1, 0, -1], [1, 0.3, 1]]\n";
+        let scattered = |cut: &str| {
+            let stage = built(&format!(
+                "[terrain]\nsubdivisions = 3\nsize = 50\nside = 64\n[plants.tree]\nspecies = \"hazel\"\nage = 3\n{cut}\
+                 [[scatter]]\nplants = {{ tree = 1 }}\nindividuals = 1\nmax_count = 1\nscale = [2, 3]\nalign = 1\n"
+            ));
+            let mut plants =
+                stage.scene.placements.iter().filter(|p| stage.scene.assets[p.asset].kind == AssetKind::Plant);
+            plants.next().expect("a tree").transform
+        };
+        assert!(scattered("").s.x >= 2.0, "a tree that grows alike everywhere is scaled");
+        let stands = scattered(cut);
+        assert!((stands.s.x - 1.0).abs() < 1e-6 && stands.r.angle_between(glam::Quat::IDENTITY) < 1e-3, "{stands:?}");
     }
 
     #[test]
