@@ -104,6 +104,8 @@ fn faults_that_single_keys_cannot_show_are_told() {
     assert!(with(plane).contains("without planes"));
     let sphere = with("envelope = [{ shape = \"sphere\", at = [0, 1, 0], size = [4, 4, 4] }]\n");
     assert!(sphere.contains("S007") && sphere.contains("envelope.0.size") && sphere.contains("reads at, radius"));
+    let flat = with("obstacles = [{ shape = \"sphere\" }, { shape = \"plane\", normal = [0, 0, 0] }]\n");
+    assert!(flat.contains("error[S003]") && flat.contains("obstacles.1.normal has no direction"), "{flat}");
     assert!(with("radii = \"cone\"\nratios = [[0.8, 1], [1.2, 1]]\n").contains("would widen upwards"));
     assert!(with("length = [1, 2, 3, 4, 5, 6, 7, 8, 9]\n").contains("1 to 8"));
     assert!(with("exponent = 0.5\n").contains("that of the pipe model is at least 1"));

@@ -338,12 +338,19 @@ impl Resolver<'_> {
         }
     }
 
-    /// Reports S007 for keys of regions that their shape does not read, as `size` of a sphere.
+    /// Reports S003 for planes without a direction, and S007 for keys of regions that their shape does not read, as `size` of a sphere.
     fn check_region_keys(&mut self, keys: &ShapeKeys, table: &TomlTable, path: &str) {
         for (key, regions) in [("envelope", &keys.envelope), ("obstacles", &keys.obstacles)] {
             let Some(TomlValue::List(nodes)) = table.get(key).map(|e| &e.node.value) else { continue };
             for (i, (node, region)) in nodes.iter().zip(regions).enumerate() {
                 let TomlValue::Table(written) = &node.value else { continue };
+                // Without a direction the plane would have no side.
+                if region.shape == RegionShape::Plane && region.normal.iter().all(|v| v.abs() < 1e-9) {
+                    let at = written.get("normal").map_or(node.span, |e| e.node.span);
+                    let text = format!("{path}.{key}.{i}.normal has no direction");
+                    let d = Diagnostic::error("S003", text, at, "of length 0");
+                    self.report.push(d.help("write a vector out of the region: normal = [0, 1, 0]"));
+                }
                 let read = keys_of_shape(region.shape);
                 for name in ["at", "to", "size", "radius", "height", "normal", "name"] {
                     let Some(entry) = written.get(name).filter(|_| !read.contains(&name)) else { continue };
