@@ -280,6 +280,22 @@ fn sites_and_buds_have_the_distributions_asked_for() {
 }
 
 #[test]
+fn branches_leave_at_the_angle_asked_for() {
+    for degrees in [10.0_f64, 90.0, 170.0] {
+        let mut p = params();
+        p.spawning.angle = [degrees.to_radians()].into();
+        p.spawning.angle_deviation = 0.0;
+        let trunk = axes(&p, 4).axes.swap_remove(0);
+        let children = spawn::children(&p, &trunk, 0, 4);
+        assert!(children.len() > 5);
+        for child in children {
+            let cosine = child.direction.dot(trunk.at(child.parent_s).tangent);
+            assert!((cosine - osier_base::math::cos(degrees.to_radians())).abs() < 1e-9, "{degrees} {cosine}");
+        }
+    }
+}
+
+#[test]
 fn halving_the_step_changes_height_spread_and_counts_by_less_than_three_percent() {
     let measure = |step: f64| {
         let mut sums = [0.0; 4];
