@@ -539,6 +539,19 @@ fn axes_slide_along_solids_and_end_at_the_envelope() {
 }
 
 #[test]
+fn roots_that_are_too_short_to_leave_a_solid_do_not_grow() {
+    let inside = |half: f64| {
+        let mut p = params();
+        p.limits.obstacles = vec![Region::Box { center: DVec3::ZERO, half: DVec3::splat(half) }];
+        grow(&p, (7, 3), None, &materials())
+    };
+    // The trunk is 4 m long: it leaves a solid of 0.5 m around its root, not one of 8 m.
+    assert!(inside(0.5).is_ok());
+    let refused = inside(8.0).expect_err("nothing grows").to_string();
+    assert!(refused.contains("no axis had room to grow"), "{refused}");
+}
+
+#[test]
 fn shade_does_not_depend_on_the_order_of_nodes_and_leads_out() {
     let nodes: Vec<DVec3> = (0..500_u64)
         .map(|i| {
