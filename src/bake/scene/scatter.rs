@@ -30,7 +30,7 @@ const RIDGE_REACH: f32 = 2.0;
 const FOOT_HEIGHT: f32 = 0.1;
 
 /// Scatters the plants of every `[[scatter]]` over the terrain. The key `individuals` is the number grown of each plant; every
-/// copy displays one of them. Warns with S007 of a scatter that finds no place for a plant.
+/// copy displays one of them, and those that none displays are removed. Warns with S007 of a scatter that finds no place for a plant.
 /// # Errors
 /// `Limit` beyond the candidates or instances allowed, `Cancelled`.
 pub(crate) fn scatter_plants(
@@ -97,7 +97,33 @@ pub(crate) fn scatter_plants(
                 .map(|s| ScatterObstacle { at: position(s), spacing: params.spacing }),
         );
     }
+    drop_unseen(layout);
     Ok(())
+}
+
+/// Removes the individuals that no copy shows, as those of a scatter of fewer copies than individuals: they are neither grown nor
+/// written.
+fn drop_unseen(layout: &mut PlantLayout) {
+    let mut seen = vec![false; layout.individuals.len()];
+    for s in &layout.instances {
+        if let Some(seen) = seen.get_mut(s.individual) {
+            *seen = true;
+        }
+    }
+    // New index of each individual: the number of those before it that stay.
+    let mut kept = 0;
+    let new_index: Vec<usize> = seen
+        .iter()
+        .map(|seen| {
+            kept += usize::from(*seen);
+            kept - usize::from(*seen)
+        })
+        .collect();
+    for s in &mut layout.instances {
+        s.individual = new_index.get(s.individual).copied().unwrap_or(s.individual);
+    }
+    let mut of_old = seen.into_iter();
+    layout.individuals.retain(|_| of_old.next().unwrap_or(true));
 }
 
 fn scatter_params(recipe: &ScatterRecipe) -> ScatterParams {
@@ -314,6 +340,19 @@ individuals = 2
         assert!(scattered("").s.x >= 2.0, "a tree that grows alike everywhere is scaled");
         let stands = scattered(cut);
         assert!((stands.s.x - 1.0).abs() < 1e-6 && stands.r.angle_between(glam::Quat::IDENTITY) < 1e-3, "{stands:?}");
+    }
+
+    #[test]
+    fn individuals_without_a_copy_are_not_grown() {
+        let few = SCENE.replace("individuals = 2", "individuals = 5\nmax_count = 1");
+        let stage = built(&few);
+        let plants: Vec<usize> =
+            (0..stage.scene.assets.len()).filter(|i| stage.scene.assets[*i].kind == AssetKind::Plant).collect();
+        // That of the place, and one of five.
+        assert_eq!(plants.len(), 2);
+        for plant in plants {
+            assert_eq!(stage.scene.placements.iter().filter(|p| p.asset == plant).count(), 1, "{plant}");
+        }
     }
 
     #[test]
