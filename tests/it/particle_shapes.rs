@@ -135,6 +135,16 @@ fn faults_that_single_keys_cannot_show_are_told() {
         assert!(said.contains("S007") && said.contains(&format!("growth.{name} has no effect")), "{lines}: {said}");
         assert_eq!(complaint(&format!("{twig}{mended}")), "", "{mended}");
     }
+    // Twigs have neither roots nor blades; a file that describes a whole plant may be one of twigs.
+    let filled = "[plants.a]\nshapes = \"twigs.shapes\"\ntwigs = \"bush.shapes\"\n[plants.a.growth]\nlevels = 1\n[plants.a.fill]\nlevels = 2\n";
+    assert_eq!(complaint(filled), "");
+    for (name, line) in
+        [("roots", "roots = 3\n"), ("exponent", "exponent = 2\n"), ("blade_width", "blade_width = 0.01\n")]
+    {
+        let said = complaint(&format!("{filled}{line}"));
+        assert_eq!(said.matches("S007").count(), 1, "{said}");
+        assert!(said.contains(&format!("plants.a.fill.{name} has no effect")), "{said}");
+    }
     // The helix of the vine's file is switched off by its scene.
     let straight = "[plants.a]\nshapes = \"vine.shapes\"\n[plants.a.growth]\nlevels = 1\nlength = 1\ncoil = 0\n";
     assert_eq!(complaint(straight), "");

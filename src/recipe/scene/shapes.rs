@@ -203,6 +203,10 @@ keys! {
     }
 }
 
+/// Keys that twigs which fill a plant do not have: they have no roots of their own, no rule of radii and are no blades.
+const OF_WHOLE_PLANTS: [&str; 8] =
+    ["roots", "root_radius", "root_tilt_deg", "root_outward", "radii", "exponent", "ratios", "blade_width"];
+
 impl Resolver<'_> {
     /// Reads the keys of a `.shapes` file, overridden by those of the table `name` of a plant; `None` if some have errors.
     pub(in crate::recipe) fn shape_keys(
@@ -220,6 +224,18 @@ impl Resolver<'_> {
         self.check_shape_keys(&keys, &merged, &format!("{path}.{name}"));
         self.check_region_keys(&keys, &merged, &format!("{path}.{name}"));
         self.check_region_solids(&keys, &merged, &format!("{path}.{name}"));
+        // Of the plant's own keys alone: a file of twigs may describe a whole plant, too.
+        for key in OF_WHOLE_PLANTS.into_iter().filter(|_| name == "fill") {
+            let is_told = key == "ratios" && keys.radii != ShapeRadii::Cone;
+            if span_of(plant, &[name, key]).is_some() && !is_told {
+                self.has_no_effect(
+                    plant,
+                    path,
+                    &[name, key],
+                    "twigs begin on axes of the plant and taper to their tips",
+                );
+            }
+        }
         let faulty = self.report.diagnostics.iter().skip(before).any(|d| d.severity == Severity::Error);
         (!faulty).then_some(keys)
     }
@@ -285,7 +301,7 @@ impl Resolver<'_> {
         let has_leaves = keys.leaf_spacing > 0.0;
         // Twigs that fill a plant begin on its axes and not in a disc.
         let has_disc = keys.roots > 1 || path.ends_with(".fill");
-        let is_round = keys.blade_width.is_none();
+        let is_round = keys.blade_width.is_none() || path.ends_with(".fill");
         let (leaves, solids) = ("leaves: leaf_spacing = 0.02", "`obstacles`, or solids = true");
         let tube = "a round tube: leave `blade_width` out";
         let all = [
