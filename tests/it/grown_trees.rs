@@ -472,6 +472,24 @@ fn a_growing_tree_stands_as_deep_in_a_slope_as_a_grown_one() {
     assert!((grown - growing).abs() < 0.1, "{grown} {growing}");
 }
 
+/// An estimate grows a sample of plants of more than 64 individuals, whose copies share them; trees that grow together it grows all.
+#[test]
+fn hedges_of_many_plants_can_be_estimated() {
+    for (keys, grown) in [("", 64), ("together = true\n", 70)] {
+        let text = format!(
+            "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.habit]\nstems = 1\n[[plants.a.prune]]\nyear = 2\n\
+             keep = [[-1, 0, -1], [1, 0.5, 1]]\n[[place]]\nalong = [[0, 0, 0], [69, 0, 0]]\nspacing = 1\n{keys}"
+        );
+        let work =
+            BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+        let told = scene::assemble_for_estimate(&recipe(&text), SceneOptions::default(), &work).expect("an estimate");
+        let scene = &told.animated.scene;
+        assert_eq!(scene.assets.iter().filter(|a| a.group == "a").count(), grown, "{keys}");
+        let placed = scene.placements.iter().filter(|p| scene.assets[p.asset].group == "a");
+        assert_eq!(placed.count(), 70, "{keys}");
+    }
+}
+
 #[test]
 fn a_tree_that_dies_of_a_cut_says_so() {
     let said = |keys: &str| {
