@@ -262,6 +262,11 @@ impl Resolver<'_> {
             needs(&["spacing", "clear"], is_random, "a group of copies: count = 10"),
             needs(&["clear"], place.line.is_empty() || keys.jitter > 0.0, "copies that leave their line: jitter = 0.5"),
             needs(&["individuals"], is_group, "copies that share them: count = 10"),
+            needs(
+                &["individuals"],
+                !is_group || !self.raining || keys.individuals.is_none_or(|n| n >= keys.count),
+                "a scene without [rain]: each copy has drops of its own",
+            ),
             needs(&["lean_to_deg"], keys.lean.abs() > 0.0 || !is_turned, "an inclination: lean_deg = 5"),
             needs(&["together"], of_species || !keys.together, "a plant with `species`, which grows in light"),
         ];

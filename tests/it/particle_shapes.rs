@@ -149,7 +149,11 @@ fn faults_that_single_keys_cannot_show_are_told() {
     let straight = "[plants.a]\nshapes = \"vine.shapes\"\n[plants.a.growth]\nlevels = 1\nlength = 1\ncoil = 0\n";
     assert_eq!(complaint(straight), "");
     let twice = "solids = true\n[[solid]]\nsize = [1, 2, 1]\nat = [3, 0, 0]\n[[place]]\ncount = 3\nindividuals = 1\n";
-    assert!(with(twice).contains("individuals = 3"), "{}", with(twice));
+    let said = with(twice);
+    assert!(
+        said.contains("individuals = 3") && said.contains("s.toml:") && said.contains("as 1 individual\n"),
+        "{said}"
+    );
     let rain = "[rain]\n[frames]\nend = 4\n";
     let growing = format!("[plants.a]\nshapes = \"bush.shapes\"\ngrowth_clip = [0, 1]\n{rain}");
     assert!(complaint(&growing).contains("rain meets grown plants"));

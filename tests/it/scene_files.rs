@@ -347,6 +347,11 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         ("[[place]]\nradius = 3\n", "place.0.radius", "[[place]]\nradius = 3\ncount = 2\n"),
         ("[[place]]\ntogether = true\n", "place.0.together", "[[place]]\ntogether = false\n"),
         (
+            "[rain]\n[[place]]\ncount = 3\nindividuals = 2\n",
+            "place.0.individuals",
+            "[[place]]\ncount = 3\nindividuals = 2\n",
+        ),
+        (
             "[[place]]\nring = 9\ncount = 3\nclear = 2\n",
             "place.0.clear",
             "[[place]]\nring = 9\ncount = 3\nclear = 2\njitter = 1\n",

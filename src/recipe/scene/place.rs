@@ -264,7 +264,11 @@ impl Resolver<'_> {
     fn check_individuals(&mut self, table: &TomlTable, path: &str, keys: &PlaceKeys, plant: &PlantRecipe) {
         let Some(entry) = table.get("individuals") else { return };
         let Some(count) = keys.individuals.filter(|n| *n < keys.count) else { return };
-        let Some(why) = why_in_place(keys, plant) else { return };
+        // Particle-shapes round solids are turned and scaled, but each copy has solids of its own around it.
+        let of_shapes = matches!(&plant.growth, Growth::Shapes(shapes) if shapes.reads_solids());
+        let round_solids = of_shapes || plant.fill.as_ref().is_some_and(|twigs| twigs.reads_solids());
+        let why = why_in_place(keys, plant).or(round_solids.then_some("grows round solids"));
+        let Some(why) = why else { return };
         // Copies of one individual have the same mesh, which cannot fit two places.
         let places = keys.count;
         let text = format!(

@@ -203,6 +203,13 @@ keys! {
     }
 }
 
+impl ShapeKeys {
+    /// Whether solids of the scene are its obstacles or its envelope.
+    pub fn reads_solids(&self) -> bool {
+        self.solids || self.envelope.iter().chain(&self.obstacles).any(|r| r.shape == RegionShape::Solid)
+    }
+}
+
 /// Keys that twigs which fill a plant do not have: they have no roots of their own, no rule of radii and are no blades.
 const OF_WHOLE_PLANTS: [&str; 8] =
     ["roots", "root_radius", "root_tilt_deg", "root_outward", "radii", "exponent", "ratios", "blade_width"];
