@@ -209,6 +209,9 @@ fn faults_name_the_key_and_the_remedy() {
         (format!("{species}[plants.a.habit]\nmaturity = [9, 3]\n"), "maturity must be two increasing years"),
         (format!("{species}[plants.a.habit]\nshads = 1\n"), "has no key \"shads\""),
         (format!("{species}[plants.a.habit]\nstems = 2.4\n"), "stems is 2.4, but must be a whole number"),
+        // The thickest trunks have 32 sides, and a ridge takes four.
+        (format!("{species}[plants.a.habit]\nbuttresses = 9\n"), "habit.buttresses is 9, but must be 0 to 8"),
+        (format!("{species}[plants.a.skin]\nbuttresses = 9\n"), "skin.buttresses is 9, but must be 0 to 8"),
         (format!("{species}[plants.a.site]\nside = [0.8, 0.8, 0]\n"), "side is too long"),
         (format!("{species}[[plants.a.prune]]\nyear = 3\n"), "names nothing to keep"),
         (format!("{species}[[plants.a.prune]]\nsolid = \"wall\"\n"), "names the solid \"wall\""),

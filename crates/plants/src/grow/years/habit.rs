@@ -213,7 +213,7 @@ habit! {
     reiterate: f32 = [0.0], "", -0.5 to 0.5, "Additional share of the tip where light per metre of wood is poor.";
     flare: f32 = [0.6], "", 0.0 to 2.0, "Root flare: widening of the stem at the ground, as a share of its radius.";
     flare_height: f32 = [1.5], "", 0.2 to 10.0, "Height over which the root flare falls to 1/e, in radii of the stem's base.";
-    buttresses: f32 = [5.0], "", 0.0 to 12.0, "Roots that show as ridges of the root flare; below 2 it is round.";
+    buttresses: f32 = [5.0], "", 0.0 to 8.0, "Roots that show as ridges of the root flare; below 2 it is round.";
     age: f32 = [60.0], "yr", 0.1 to 500.0, "Age of a tree whose scene names none.";
 }
 
