@@ -58,7 +58,7 @@ pub fn grow(
         return Err(nothing_grew(&grown, params, &materials.source));
     }
     let plant = plant::build_plant(&grown.axes, params, identity, organ, materials)?;
-    Ok((plant, warnings(&grown, &materials.source)))
+    Ok((plant, warnings(&grown, params, &materials.source)))
 }
 
 /// The error of a plant without axes: its first level was refused, or every axis ended before its first step. `source`: the file of
@@ -80,9 +80,17 @@ fn nothing_grew(grown: &growth::GrownShapes, params: &ShapeParams, source: &str)
     }
 }
 
-/// Warnings (S035) of a level that was left out and of velocities that were cut.
-fn warnings(grown: &growth::GrownShapes, source: &str) -> Vec<Diagnostic> {
+/// Warnings (S035) of a level that was left out and of velocities that were cut, and (S007) of an envelope beside the plant.
+fn warnings(grown: &growth::GrownShapes, params: &ShapeParams, source: &str) -> Vec<Diagnostic> {
     let mut out = Vec::new();
+    // Axes are cut off where they leave the envelope, so that one which none of them enters cuts nothing.
+    let mut nodes = grown.axes.iter().flat_map(|axis| &axis.nodes);
+    let envelope = params.limits.envelope.as_ref().filter(|_| !grown.axes.is_empty());
+    if envelope.is_some_and(|envelope| nodes.all(|node| envelope.distance(node.p) > 0.0)) {
+        let help = "move it to the plant, whose foot is the origin, or make it larger";
+        let text = format!("{source}: envelope has no effect, because nothing grows into it");
+        out.push(Diagnostic { help: Some(help.into()), ..Diagnostic::about("S007", text) });
+    }
     if let Some(refused) = grown.refused {
         let text = format!(
             "{source}: level {} was not grown, because the plant would have at least {} nodes",
