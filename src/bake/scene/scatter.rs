@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::bake::BakeContext;
+use crate::bake::assets::species_growth::grows_in_place;
 use crate::bake::scene::plant_layout::{
     PlantInstance, PlantLayout, next_individual, rotation_about_axis, tan_of_slope,
 };
@@ -29,7 +30,7 @@ const RIDGE_REACH: f32 = 2.0;
 const FOOT_HEIGHT: f32 = 0.1;
 
 /// Scatters the plants of every `[[scatter]]` over the terrain. The key `individuals` is the number grown of each plant; every
-/// copy displays one of them. Warns with S007 of a scatter that finds no place for a plant.
+/// copy displays one of them, and those that none displays are removed. Warns with S007 of a scatter that finds no place for a plant.
 /// # Errors
 /// `Limit` beyond the candidates or instances allowed, `Cancelled`.
 pub(crate) fn scatter_plants(
@@ -83,6 +84,10 @@ pub(crate) fn scatter_plants(
                 Rng::at(recipe.general.seed, &["facing".into(), seed.into()]).range(0.0, std::f64::consts::TAU)
             });
             let (transform, slope) = scattered_transform(land, recipe_entry, spot.at, shared_turn, &mut rng);
+            // As in [[place]], a plant that grows for its place is neither turned nor scaled.
+            let plant = layout.individuals.get(individual).and_then(|i| recipe.plants.get(i.plant));
+            let in_place = plant.is_some_and(|plant| grows_in_place(plant, false));
+            let transform = if in_place { Trs { t: transform.t, ..Trs::IDENTITY } } else { transform };
             layout.instances.push(PlantInstance { individual, transform, absolute_height: false, slope: Some(slope) });
         }
         // Plants of later entries keep their distance to those of this one.
@@ -92,7 +97,33 @@ pub(crate) fn scatter_plants(
                 .map(|s| ScatterObstacle { at: position(s), spacing: params.spacing }),
         );
     }
+    drop_unseen(layout);
     Ok(())
+}
+
+/// Removes the individuals that no copy shows, as those of a scatter of fewer copies than individuals: they are neither grown nor
+/// written.
+fn drop_unseen(layout: &mut PlantLayout) {
+    let mut seen = vec![false; layout.individuals.len()];
+    for s in &layout.instances {
+        if let Some(seen) = seen.get_mut(s.individual) {
+            *seen = true;
+        }
+    }
+    // New index of each individual: the number of those before it that stay.
+    let mut kept = 0;
+    let new_index: Vec<usize> = seen
+        .iter()
+        .map(|seen| {
+            kept += usize::from(*seen);
+            kept - usize::from(*seen)
+        })
+        .collect();
+    for s in &mut layout.instances {
+        s.individual = new_index.get(s.individual).copied().unwrap_or(s.individual);
+    }
+    let mut of_old = seen.into_iter();
+    layout.individuals.retain(|_| of_old.next().unwrap_or(true));
 }
 
 /// Parameters of a scatter. `seed`: the scene's.
@@ -304,6 +335,36 @@ individuals = 2
         let upright = format!("{SCENE}align = 0\n");
         assert!(!facing(&upright), "still copies are turned at random");
         assert!(facing(&format!("{upright}[frames]\nend = 2\n[wind]\nspeed = 4\n")));
+    }
+
+    #[test]
+    fn a_tree_that_is_cut_where_it_stands_is_not_turned() {
+        let cut = "[[plants.tree.prune]]\nyear = 2\nkeep = [[-1, 0, -1], [1, 0.3, 1]]\n";
+        let scattered = |cut: &str| {
+            let stage = built(&format!(
+                "[terrain]\nsubdivisions = 3\nsize = 50\nside = 64\n[plants.tree]\nspecies = \"hazel\"\nage = 3\n{cut}\
+                 [[scatter]]\nplants = {{ tree = 1 }}\nindividuals = 1\nmax_count = 1\nscale = [2, 3]\nalign = 1\n"
+            ));
+            let mut plants =
+                stage.scene.placements.iter().filter(|p| stage.scene.assets[p.asset].kind == AssetKind::Plant);
+            plants.next().expect("a tree").transform
+        };
+        assert!(scattered("").s.x >= 2.0, "a tree that grows alike everywhere is scaled");
+        let stands = scattered(cut);
+        assert!((stands.s.x - 1.0).abs() < 1e-6 && stands.r.angle_between(glam::Quat::IDENTITY) < 1e-3, "{stands:?}");
+    }
+
+    #[test]
+    fn individuals_without_a_copy_are_not_grown() {
+        let few = SCENE.replace("individuals = 2", "individuals = 5\nmax_count = 1");
+        let stage = built(&few);
+        let plants: Vec<usize> =
+            (0..stage.scene.assets.len()).filter(|i| stage.scene.assets[*i].kind == AssetKind::Plant).collect();
+        // That of the place, and one of five.
+        assert_eq!(plants.len(), 2);
+        for plant in plants {
+            assert_eq!(stage.scene.placements.iter().filter(|p| p.asset == plant).count(), 1, "{plant}");
+        }
     }
 
     #[test]
