@@ -502,6 +502,29 @@ fn models_of_lpy_are_drawn_by_its_turtle() {
 }
 
 #[test]
+fn interpretations_of_lpy_leave_out_what_is_cut() {
+    let model = |rules: &str| {
+        let text = format!(
+            "Axiom: S(1)[+(90)S(2)%S(4)[S(8)]S(16)]S(32)%S(64)\nderivation length: 0\nproduction:\n{rules}\nendlsystem\n"
+        );
+        read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{rules}: {e}")).0
+    };
+    let length = |g: &Grammar| draw_steps(g, None).plant.axes.iter().map(|a| a.length).sum::<f32>();
+    // 1 + 2 + 32 are left, also where a production looks at what stands before a module.
+    for rules in ["interpretation:\nS(x) --> F(x)", "interpretation:\nS(y) < S(x) --> F(x)\nS(x) --> F(x)"] {
+        let g = model(rules);
+        assert!((length(&g) - 35.0).abs() < 1e-4, "{rules}: {}", length(&g));
+        assert!(draw_steps(&g, None).string.contains("%S(4)[S(8)]"), "{rules}");
+        let notes = convert(&g, ConvertTo::Cpfg).expect("converted").notes;
+        assert!(notes.iter().any(|n| n.contains("interpretation past %: off")), "{notes:?}");
+    }
+    // Without an interpretation L-Py draws all of it: 1 + 2 + 4 + 8.
+    let plain = "Axiom: F(1)[+(90)F(2)%F(4)]F(8)\nderivation length: 0\nproduction:\nendlsystem\n";
+    let (g, _) = read_bytes("m.lpy", plain.as_bytes(), ReadAs::default()).expect("read");
+    assert!((length(&g) - 15.0).abs() < 1e-4, "{}", length(&g));
+}
+
+#[test]
 fn python_that_is_more_than_rules_is_refused_by_name() {
     let of = |rules: &str| {
         refused("m.lpy", &format!("Axiom: A(1)\nderivation length: 1\nproduction:\n{rules}\nendlsystem\n"))

@@ -55,6 +55,11 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
             .notes
             .insert("the colours that the file sets are left out; a .map file beside the grammar can give them".into());
     }
+    if dialect == Dialect::LPy && writer.interprets_cuts() {
+        let note = "what stands behind '%' in the last string is drawn; `interpretation past %: off` in a view beside the grammar \
+                    leaves it out";
+        writer.notes.insert(note.into());
+    }
     // In cpfg's notation a string that branches is a tree and no drawing; the only brackets of Fractint are those of branches.
     if to == ConvertTo::Cpfg && dialect == Dialect::Fractint && writer.has_branches() {
         let note = "lines that branch become wood: branches thin outwards, and the first one goes on into the ground; skin.bury = 0 \
@@ -114,6 +119,14 @@ impl<'g> Writer<'g> {
         let program = &self.grammar.program;
         let successors = program.rules.list.iter().map(|p| &p.successor);
         std::iter::once(&program.axiom).chain(successors).any(|list| list.iter().any(|m| self.c(m.symbol) == '['))
+    }
+
+    /// Whether the strings of a model of L-Py with an interpretation may hold a `%`, behind which it draws nothing.
+    fn interprets_cuts(&self) -> bool {
+        let program = &self.grammar.program;
+        let made = program.rules.list.iter().chain(&program.decomposition.list).map(|p| &p.successor);
+        !program.homomorphism.list.is_empty()
+            && std::iter::once(&program.axiom).chain(made).any(|list| list.iter().any(|m| self.c(m.symbol) == '%'))
     }
 
     fn c(&self, symbol: SymbolId) -> char {
