@@ -343,6 +343,20 @@ fn random_turns_of_lparser_belong_to_their_modules() {
 }
 
 #[test]
+fn random_turns_of_lparser_without_a_number_take_any_direction() {
+    let heights = |command: &str| {
+        let text = format!("1\n30\n20\n{}\n@\n", format!("[{command}F]").repeat(40));
+        let (g, _) = read_bytes("r.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        let p = draw_steps(&g, None).plant.nodes.p;
+        assert!(p.len() > 40);
+        p.iter().map(|p| p.y).collect::<Vec<f32>>()
+    };
+    assert!(heights("~").iter().any(|y| *y < -0.3) && heights("~").iter().any(|y| *y > 0.3), "{:?}", heights("~"));
+    // Two turns of 6 degrees leave a height of 0.97 and more.
+    assert!(heights("~(6)").iter().all(|y| *y > 0.97 || y.abs() < 1e-6), "{:?}", heights("~(6)"));
+}
+
+#[test]
 fn models_of_early_versions_of_l_py_are_read() {
     // `#` set the width; behind anything else it begins a comment.
     let model = |axiom: &str| format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");

@@ -31,8 +31,8 @@ const ANGLE_FACTOR: f64 = 0.9;
 const THICKNESS_FACTOR: f64 = 0.7;
 /// Gravity of LParser's `t` without a number.
 const GRAVITY: f64 = 0.2;
-/// Largest angle of LParser's `~` without a number, degrees.
-const RANDOM_DEG: f64 = 6.0;
+/// Largest angle of LParser's `~` without a number, degrees: six radians, so that the heading takes any direction. Source: LParser.
+const RANDOM_DEG: f64 = 6.0 * 180.0 / std::f64::consts::PI;
 /// Angle of turns, radius of segments and its increment with which L-Py begins. Source: the manual of L-Py.
 const LPY_ANGLE_DEG: f64 = 60.0;
 const LPY_RADIUS: f64 = 0.1;
