@@ -357,6 +357,23 @@ fn random_turns_of_lparser_without_a_number_take_any_direction() {
 }
 
 #[test]
+fn bare_lines_of_lparser_end_at_their_first_blank() {
+    let drawn = |text: &str| {
+        let (g, told) = read_bytes("b.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        (draw_steps(&g, None).string, told.matches("L008").count())
+    };
+    let old = |axiom: &str, rule: &str| drawn(&format!("1\n45 # degrees\n10 percent\n{axiom}\n{rule}\nB=F\n@\n"));
+    assert_eq!(old("A", "A=FF"), ("FF".to_owned(), 0));
+    assert_eq!(old("A the form", "A=FF # a line"), ("FF".to_owned(), 1));
+    assert_eq!(old("A", "A=FB F=FFF"), ("FB".to_owned(), 1));
+    assert_eq!(old("A all", "A=FF\ttwo of them"), ("FF".to_owned(), 2));
+    // A rule that LParser could not read is taken as a whole; keywords take all of the line.
+    assert_eq!(old("A", "A = F F"), ("FF".to_owned(), 0));
+    assert_eq!(old("A", "A= F F"), ("FF".to_owned(), 0));
+    assert_eq!(drawn("recursion 1\naxiom A A\nrule A=F F\n"), ("FFFF".to_owned(), 0));
+}
+
+#[test]
 fn models_of_early_versions_of_l_py_are_read() {
     // `#` set the width; behind anything else it begins a comment.
     let model = |axiom: &str| format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");
