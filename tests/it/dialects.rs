@@ -178,8 +178,21 @@ fn strings_of_fractint_are_lower_case_and_commands_take_their_numbers() {
     let mut found: Vec<u16> = colours.nodes.color.iter().map(|c| c & 0xff).collect();
     found.sort_unstable();
     found.dedup();
-    assert_eq!(found, [1, 2, 3, 9]);
+    // 5, 5 - 2, 3 + 1, 9.
+    assert_eq!(found, [3, 4, 5, 9]);
     assert!(colours.nodes.color.iter().all(|c| c & osier::plant::PAINTED != 0));
+    // A command without a number leaves the index, which begins with 15; 0 is passed over; ';' and ',' stand for '<' and '>'.
+    let last = |text: &str| {
+        let (g, _) = read_bytes("c.l", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{text}: {e}"));
+        draw_steps(&g, Some(0)).plant.nodes.color.last().map(|c| c & 0xff)
+    };
+    for (commands, index) in [("<F", 15), (">F", 15), ("<3F", 18), (">3F", 12), (">15F", 255), ("C255F<1F", 1)] {
+        assert_eq!(last(&format!("C {{\nAngle 4\nAxiom F{commands}\n}}\n")), Some(index), "{commands}");
+    }
+    let own = |axiom: &str| {
+        format!("Lsystem: 1\nturtle: fractint angle = 90\nderivation length: 0\nAxiom: {axiom}\nendlsystem\n")
+    };
+    assert_eq!((last(&own("f;(3)f")), last(&own("f,(3)f"))), (Some(18), Some(12)));
 }
 
 #[test]

@@ -331,8 +331,8 @@ impl<'g> Writer<'g> {
         let c = self.c(symbol);
         // Signs that the notation reserves are replaced by those that the turtle of the program reads in their place.
         let name = match (self.dialect, c) {
-            (Dialect::Fractint, '<') => ',',
-            (Dialect::Fractint, '>') => ';',
+            (Dialect::Fractint, '<') => ';',
+            (Dialect::Fractint, '>') => ',',
             (Dialect::LParser, '<') => '\\',
             (Dialect::LParser, '>') => '/',
             (Dialect::LParser, '"') => '`',
@@ -425,10 +425,10 @@ impl<'g> Writer<'g> {
             '@' => self.image(symbol, arities, |_| Some("@Di(a)".into())),
             'c' => self.image(symbol, arities, |n| Some(if n > 0 { ";(a)".into() } else { ";(0)".into() })),
             '<' | '>' => {
-                let sign = if c == '>' { ";" } else { "," };
+                let sign = if c == '<' { ";" } else { "," };
                 let letter = self.free_letter(symbol).to_string();
                 if arities.contains(&0) {
-                    self.images.push(format!("{letter} --> {sign}"));
+                    self.images.push(format!("{letter} --> *"));
                 }
                 // One rule for each step that the file makes.
                 let steps: BTreeSet<u32> = self

@@ -247,9 +247,9 @@ fn fractint(c: char) -> Option<DialectCommand> {
         '!' => C::Reverse,
         '@' => C::Size,
         'C' => C::Color(None),
-        // In grammars with `turtle: fractint`, ';' and ',' stand for '>' and '<', which belong to the notation.
-        '>' | ';' => C::Color(Some(1)),
-        '<' | ',' => C::Color(Some(-1)),
+        // In grammars with `turtle: fractint`, ';' and ',' stand for '<' and '>', which belong to the notation.
+        '<' | ';' => C::Color(Some(1)),
+        '>' | ',' => C::Color(Some(-1)),
         _ => return None,
     })
 }
@@ -438,9 +438,14 @@ impl Turtle<'_> {
             C::Reverse => self.s.dialect.reversed = !self.s.dialect.reversed,
             C::Size => self.s.dialect.length *= given.unwrap_or(1.0),
             C::Color(None) => self.set_color(color_index(given.unwrap_or(0.0))),
+            // Without a number the index stays. Index 0, the background of Fractint, is passed over.
             C::Color(Some(sign)) => {
-                let step = f64::from(sign) * given.unwrap_or(1.0);
-                self.set_color(color_index(f64::from(self.s.color) + step));
+                let step = f64::from(sign) * given.unwrap_or(0.0);
+                self.set_color(match color_index(f64::from(self.s.color) + step) {
+                    0 if sign > 0 => 1,
+                    0 => u8::MAX,
+                    next => next,
+                });
             }
             C::Yaw(sign) => self.dialect_turn(sign, given, TurtleFrame::yaw),
             C::Pitch(sign) => self.dialect_turn(sign, given, TurtleFrame::pitch),
