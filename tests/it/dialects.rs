@@ -546,6 +546,30 @@ fn models_of_lpy_are_drawn_by_its_turtle() {
 }
 
 #[test]
+fn tropisms_of_lpy_bend_before_each_step() {
+    let drawn = |axiom: &str| {
+        let text = format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");
+        draw_steps(&read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read").0, None)
+    };
+    // Left is +Z. Upwards unless the model says otherwise: half of 90 degrees; all of 120.
+    near(drawn("Elasticity(0.5)+(90)F(1)").last(), [0.0, 0.707_107, 0.707_107], "half");
+    near(drawn("Elasticity(1)+(120)F(1)").last(), [0.0, 1.0, 0.0], "all");
+    near(drawn("@Ts(0.5)+(90)f(1)F(1)").last(), [0.0, 1.630_986, 1.089_79], "a move bends, too");
+    near(drawn("Tropism(1,0,0)Elasticity(0.5)F(2)").last(), [1.414_214, 1.414_214, 0.0], "along x");
+    // Against the tropism, about up (+X): -Y becomes -Z.
+    near(drawn("Elasticity(0.5)|F(1)").last(), [0.0, 0.0, -1.0], "against it");
+    near(drawn("Elasticity(2)+(90)F(1)").last(), [0.0, 0.0, 1.0], "not within 0 and 1");
+    // The steps of a path bend one after the other: 45 and 22.5 degrees; the radius follows the length.
+    let path = drawn("Elasticity(0.5)+(90)nF(2,1,0.3)");
+    near(path.last(), [0.0, 1.630_986, 1.089_79], "path");
+    let near_all =
+        |r: &[f32], want: &[f32]| r.len() == want.len() && r.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-6);
+    assert!(near_all(&path.plant.nodes.r, &[0.1, 0.2, 0.3]), "{:?}", path.plant.nodes.r);
+    let straight = drawn("nF(2,0.5,0.3)F(1)").plant.nodes.r;
+    assert!(near_all(&straight, &[0.1, 0.3, 0.3]), "{straight:?}");
+}
+
+#[test]
 fn interpretations_of_lpy_leave_out_what_is_cut() {
     let model = |rules: &str| {
         let text = format!(

@@ -37,6 +37,8 @@ const RANDOM_DEG: f64 = 6.0 * 180.0 / std::f64::consts::PI;
 const LPY_ANGLE_DEG: f64 = 60.0;
 const LPY_RADIUS: f64 = 0.1;
 const LPY_RADIUS_STEP: f64 = 1.0;
+/// Most steps of a path of L-Py (`nF`) that bends; the rest of it is one step.
+const MAX_PATH_STEPS: f64 = 1e5;
 /// Colour indices of the arrows of L-Py's `Frame`: heading red, left green, up blue. Source: its help card.
 const FRAME_COLORS: [u8; 3] = [3, 2, 5];
 /// Head of these arrows: its share of the length, and its width in widths of the line. Chosen by eye.
@@ -184,7 +186,7 @@ impl DialectTurtle {
             angle: 1.0,
             thickness: self.settings.thickness.unwrap_or(1.0),
             elasticity: 0.0,
-            tropism: DVec3::X,
+            tropism: DVec3::Y,
         }
     }
 
@@ -569,19 +571,19 @@ impl Turtle<'_> {
         match command {
             C::Forward(draws) => {
                 self.close_segment();
+                let length = given.unwrap_or(1.0);
+                if length > 0.0 || !draws {
+                    self.bend();
+                }
                 // A second number is the radius at the end of the segment, with which drawing continues.
-                self.step(given.unwrap_or(1.0), m, draws, draws);
+                self.step(length, m, draws, draws);
                 if draws && m.params.len() > 1 {
                     let radius = self.param(m, 1, LPY_RADIUS);
                     self.set_width(2.0 * radius * scale);
                 }
-                self.bend();
             }
             C::Query(letter) => self.lpy_query(letter),
-            C::Path => {
-                self.close_segment();
-                self.step(given.unwrap_or(1.0), m, true, true);
-            }
+            C::Path => self.draw_path(m),
             C::Radius(sign) => {
                 // The segment before it keeps its radius: L-Py draws it as a cylinder.
                 self.close_segment();
@@ -634,10 +636,19 @@ impl Turtle<'_> {
                 }
             }
             C::Frame => self.draw_frame(given.unwrap_or(1.0), m),
-            C::Elasticity => self.s.dialect.elasticity = given.unwrap_or(0.0),
+            C::Elasticity => {
+                let value = given.unwrap_or(0.0);
+                if (0.0..=1.0).contains(&value) {
+                    self.s.dialect.elasticity = value;
+                } else {
+                    let message = format!("an elasticity of {value} is not within 0 and 1, and is not set");
+                    let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
+                    self.warn("L041", (None, c), message, "give a number from 0 (stiff) to 1");
+                }
+            }
             C::Tropism => {
-                let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, if i == 0 { 1.0 } else { 0.0 }));
-                self.s.dialect.tropism = world(x, y, z).normalize_or(DVec3::X);
+                let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, if i == 2 { 1.0 } else { 0.0 }));
+                self.s.dialect.tropism = world(x, y, z).normalize_or(DVec3::Y);
             }
             C::Unsupported => {
                 let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
@@ -692,16 +703,57 @@ impl Turtle<'_> {
         }
     }
 
-    /// Turns the heading towards the tropism of L-Py, by an angle of the elasticity times the sine of the angle between both,
-    /// rad.
+    /// Turns the frame towards the tropism of L-Py before a step, by the elasticity times the angle between heading and tropism; a heading
+    /// against the tropism turns about up.
     fn bend(&mut self) {
         let DialectState { elasticity, tropism, .. } = self.s.dialect;
-        let axis = self.s.frame.h.cross(tropism);
+        if elasticity <= 0.0 {
+            return;
+        }
+        let TurtleFrame { h, u, .. } = self.s.frame;
+        let (axis, cosine) = (h.cross(tropism), h.dot(tropism));
         let sine = axis.length();
-        if elasticity.abs() > 0.0 && sine > 1e-12 {
-            let a = elasticity * sine;
-            self.s.frame = self.s.frame.rotated(axis / sine, math::cos(a), math::sin(a));
-            self.s.frame.orthonormalize();
+        let (axis, angle) = if sine > 1e-12 {
+            (axis / sine, math::atan2(sine, cosine))
+        } else if cosine < 0.0 {
+            (u, std::f64::consts::PI)
+        } else {
+            return;
+        };
+        let a = elasticity * angle;
+        self.s.frame = self.s.frame.rotated(axis, math::cos(a), math::sin(a));
+        self.s.frame.orthonormalize();
+    }
+
+    /// Draws a path of L-Py: length, length of a step, radius at its end. Without a tropism it is straight, and its steps make one segment.
+    fn draw_path(&mut self, m: Module<'_>) {
+        let length = self.param(m, 0, 1.0);
+        let step = self.param(m, 1, length);
+        let radius = (m.params.len() > 2).then(|| 2.0 * self.param(m, 2, LPY_RADIUS) * self.s.scale);
+        let first = self.s.width;
+        let bends = self.s.dialect.elasticity > 0.0 && step > 0.0 && length > 0.0;
+        let whole = if bends { (length / step).floor().min(MAX_PATH_STEPS) } else { 0.0 };
+        let mut done = 0.0;
+        while done < whole && !self.halted {
+            self.close_segment();
+            self.bend();
+            self.step(step, m, true, true);
+            done += 1.0;
+            if let Some(last) = radius {
+                self.set_width(first + (last - first) * (done * step / length).min(1.0));
+            }
+        }
+        // What is left of the length, all of it without a tropism.
+        let rest = length - whole * step;
+        if rest > 1e-5 * length.abs() || whole < 1.0 {
+            self.close_segment();
+            if bends {
+                self.bend();
+            }
+            self.step(rest, m, true, true);
+        }
+        if let Some(last) = radius {
+            self.set_width(last);
         }
     }
 
