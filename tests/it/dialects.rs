@@ -570,6 +570,34 @@ fn tropisms_of_lpy_bend_before_each_step() {
 }
 
 #[test]
+fn scales_of_lpy_multiply_what_is_drawn_behind_them() {
+    let model = |axiom: &str| {
+        let text = format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");
+        read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{axiom}: {e}")).0
+    };
+    for (axiom, radii) in [
+        ("_(0.2)@D(2)F(1)", &[0.4, 0.4][..]),
+        ("@D(2)_(0.2)F(1)@D(1)F(1)", &[0.4, 0.3, 0.2]),
+        ("_(0.2)@Di(3)F(1)[@D(1)F(1)]", &[0.6, 0.6, 0.2, 0.2]),
+        ("_F(1)", &[1.1, 1.1]),
+        // 0.1 less 1 is no radius: the turtle keeps its own.
+        ("!F(1)", &[0.1, 0.1]),
+        ("F(1,-1)F(1)", &[0.1, 0.1, 0.1]),
+    ] {
+        let r = draw_steps(&model(axiom), None).plant.nodes.r;
+        assert!(r.len() == radii.len() && r.iter().zip(radii).all(|(a, b)| (a - b).abs() < 1e-6), "{axiom}: {r:?}");
+    }
+    // Without a number half and double; 1 + 0.5 + 1. A move by a vector is not scaled: 1 + 2.
+    near(draw_steps(&model("F@DiF@DdF"), None).last(), [0.0, 2.5, 0.0], "half");
+    near(draw_steps(&model("@D(2)MoveRel(0,0,1)F(1)"), None).last(), [0.0, 3.0, 0.0], "moved");
+    let g = model("!F(1)");
+    let derived = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let (_, told) = grow(&g, &derived, &TurtleOptions::default(), &Limits::default()).expect("drawn");
+    assert!(told.iter().any(|d| d.code == "L041" && d.message.contains("-0.9")), "{told:?}");
+    assert!(converts(&model("F@DiF@DdF@D(3)F@DF"), ConvertTo::Cpfg, "scales"));
+}
+
+#[test]
 fn interpretations_of_lpy_leave_out_what_is_cut() {
     let model = |rules: &str| {
         let text = format!(

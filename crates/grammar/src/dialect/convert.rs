@@ -536,6 +536,9 @@ impl<'g> Writer<'g> {
         if name == "Frame" {
             self.notes.insert("the arrows of Frame are left out".into());
         }
+        if name.starts_with("@D") {
+            self.notes.insert("widths do not follow scales that are set behind them".into());
+        }
         // What the command is in the notation of cpfg, with its parameters named a, b, .. Sizes are radii here, diameters there; the
         // axes (x, y, z) become (x, z, -y). Commands that draw nothing become nothing.
         let image = move |n: usize| -> Option<String> {
@@ -548,6 +551,8 @@ impl<'g> Writer<'g> {
                 ("@M", 3) => "@M(a,c,0-(b))".into(),
                 ("@R", 6) => "@R(a,c,0-(b),0-(d),0-(f),e)".into(),
                 ("@D" | "@Di" | "@Dd", 1..) => format!("{name}(a)"),
+                ("@D", 0) => "@D(1)".into(),
+                ("@Di" | "@Dd", 0) => format!("{name}(0.5)"),
                 ("SetWidth", 1..) => "!(2*(a))".into(),
                 ("SetColor", 1) => ";(a)".into(),
                 ("SetColor", _) => String::new(),

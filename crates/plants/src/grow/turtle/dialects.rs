@@ -37,6 +37,9 @@ const RANDOM_DEG: f64 = 6.0 * 180.0 / std::f64::consts::PI;
 const LPY_ANGLE_DEG: f64 = 60.0;
 const LPY_RADIUS: f64 = 0.1;
 const LPY_RADIUS_STEP: f64 = 1.0;
+/// Factor of the scale without a number, and the length up to which numbers count as 0. Source: its turtle (PlantGL).
+const LPY_SCALE: f64 = 0.5;
+const LPY_EPSILON: f64 = 1e-5;
 /// Most steps of a path of L-Py (`nF`) that bends; the rest of it is one step.
 const MAX_PATH_STEPS: f64 = 1e5;
 /// Colour indices of the arrows of L-Py's `Frame`: heading red, left green, up blue. Source: its help card.
@@ -152,6 +155,8 @@ pub(super) struct DialectState {
     /// L-Py: elasticity and direction of the tropism.
     elasticity: f64,
     tropism: DVec3,
+    /// L-Py: radius before the scale, which multiplies it where something is drawn.
+    radius: f64,
 }
 
 /// The program whose turtle draws, and the numbers that its file holds.
@@ -187,6 +192,7 @@ impl DialectTurtle {
             thickness: self.settings.thickness.unwrap_or(1.0),
             elasticity: 0.0,
             tropism: DVec3::Y,
+            radius: LPY_RADIUS,
         }
     }
 
@@ -578,8 +584,7 @@ impl Turtle<'_> {
                 // A second number is the radius at the end of the segment, with which drawing continues.
                 self.step(length, m, draws, draws);
                 if draws && m.params.len() > 1 {
-                    let radius = self.param(m, 1, LPY_RADIUS);
-                    self.set_width(2.0 * radius * scale);
+                    self.set_end_radius(1, m);
                 }
             }
             C::Query(letter) => self.lpy_query(letter),
@@ -587,17 +592,19 @@ impl Turtle<'_> {
             C::Radius(sign) => {
                 // The segment before it keeps its radius: L-Py draws it as a cylinder.
                 self.close_segment();
-                let step = sign * 2.0 * LPY_RADIUS_STEP;
-                let width = given.map_or(self.s.width + step * scale, |r| 2.0 * r * scale);
-                self.set_width(width);
+                self.set_radius(given.unwrap_or(self.s.dialect.radius + sign * LPY_RADIUS_STEP), m);
             }
-            C::Scale => self.s.scale = given.unwrap_or(1.0),
-            C::ScaleUp => self.s.scale *= given.unwrap_or(1.0),
-            C::ScaleDown => self.s.scale /= given.filter(|s| s.abs() > 0.0).unwrap_or(1.0),
+            C::Scale => self.set_scale(given.unwrap_or(1.0)),
+            C::ScaleUp => self.set_scale(scale * given.unwrap_or(LPY_SCALE)),
+            C::ScaleDown => {
+                let by = given.unwrap_or(LPY_SCALE);
+                self.set_scale(if by.abs() > 0.0 { scale / by } else { scale });
+            }
             C::MoveTo(relative) => {
                 self.close_segment();
-                let to = self.target(m, relative);
-                self.jump_to(to, m);
+                // Unlike those of steps, the lengths of a move by a vector are not scaled.
+                let by = self.target(m, false);
+                self.jump_to(if relative { self.s.p + by } else { by }, m);
             }
             C::LineTo { relative, turns } => {
                 self.close_segment();
@@ -605,8 +612,7 @@ impl Turtle<'_> {
                 self.line(to, turns, m);
                 // As with `F`, the radius at the end of the line.
                 if m.params.len() > 3 {
-                    let radius = self.param(m, 3, 0.0);
-                    self.set_width(2.0 * radius * scale);
+                    self.set_end_radius(3, m);
                 }
             }
             C::PointAt(relative) => {
@@ -729,7 +735,7 @@ impl Turtle<'_> {
     fn draw_path(&mut self, m: Module<'_>) {
         let length = self.param(m, 0, 1.0);
         let step = self.param(m, 1, length);
-        let radius = (m.params.len() > 2).then(|| 2.0 * self.param(m, 2, LPY_RADIUS) * self.s.scale);
+        let end = (m.params.len() > 2).then(|| 2.0 * self.param(m, 2, LPY_RADIUS) * self.s.scale.abs());
         let first = self.s.width;
         let bends = self.s.dialect.elasticity > 0.0 && step > 0.0 && length > 0.0;
         let whole = if bends { (length / step).floor().min(MAX_PATH_STEPS) } else { 0.0 };
@@ -739,22 +745,49 @@ impl Turtle<'_> {
             self.bend();
             self.step(step, m, true, true);
             done += 1.0;
-            if let Some(last) = radius {
+            if let Some(last) = end.filter(|last| *last >= 0.0) {
                 self.set_width(first + (last - first) * (done * step / length).min(1.0));
             }
         }
         // What is left of the length, all of it without a tropism.
         let rest = length - whole * step;
-        if rest > 1e-5 * length.abs() || whole < 1.0 {
+        if rest > LPY_EPSILON || whole < 1.0 {
             self.close_segment();
             if bends {
                 self.bend();
             }
             self.step(rest, m, true, true);
         }
-        if let Some(last) = radius {
-            self.set_width(last);
+        if end.is_some() {
+            self.set_end_radius(2, m);
         }
+    }
+
+    /// Sets the radius of L-Py. A negative one is told and leaves the present one.
+    fn set_radius(&mut self, radius: f64, m: Module<'_>) {
+        if radius < -LPY_EPSILON {
+            let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
+            let message = format!("a radius of {radius:.6} is negative, and is not set");
+            let help = "give the radius as a parameter: without one '!' takes 1 away, and the turtle begins with 0.1";
+            return self.warn("L041", (None, c), message, help);
+        }
+        self.s.dialect.radius = radius.max(0.0);
+        self.set_width(2.0 * self.s.dialect.radius * self.s.scale.abs());
+    }
+
+    /// Sets the radius that parameter `i` gives the end of a line; a negative one means none.
+    fn set_end_radius(&mut self, i: usize, m: Module<'_>) {
+        let radius = self.param(m, i, 0.0);
+        if radius > -LPY_EPSILON {
+            self.set_radius(radius, m);
+        }
+    }
+
+    /// Sets the scale of L-Py, which also multiplies the radius that was set before it.
+    fn set_scale(&mut self, scale: f64) {
+        self.close_segment();
+        self.s.scale = scale;
+        self.set_width(2.0 * self.s.dialect.radius * scale.abs());
     }
 
     /// Draws the leaf `l`, which L-Py defines unless the scene gives an organ for this letter: a blade of length `size` along the
