@@ -168,6 +168,30 @@ fn functions_on_files_are_refused_by_name() {
     }
 }
 
+#[test]
+fn functions_on_the_window_of_cpfg_are_told() {
+    let text = "Lsystem: 1\nEndEach: { Display(1); }\nderivation length: 3\nAxiom: A\nA --> B(2*GetDerivationLength(1)+1)\nendlsystem\n";
+    let (g, warnings) = read(text);
+    assert_eq!(
+        warnings.iter().filter(|w| w.code == "L008" && w.message.contains("Display")).count(),
+        1,
+        "{warnings:?}"
+    );
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(g.print(&d.modules), "B(7)");
+    for (call, why) in [
+        ("SetDerivationLength(3);", "the derivation length is fixed"),
+        ("x = vvScale(1);", "no window"),
+        ("x = inblob(1,0,0,0);", "no field of blobs"),
+    ] {
+        let text = format!("Lsystem: 1\nStart: {{ {call} }}\nderivation length: 1\nAxiom: A\nendlsystem\n");
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("error[L043]") && said.contains(why), "{call}: {said}");
+    }
+    let said = try_read(&text.replace("Length(1)", "Length()")).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("error[L022]"), "{said}");
+}
+
 /// Final string of a model of L-Py.
 fn lpy(text: &str) -> String {
     string(&format!("{text}\nendlsystem\n"))
