@@ -221,6 +221,40 @@ fn models_of_lpy_may_count_in_variables_of_their_own() {
 }
 
 #[test]
+fn functions_that_lpy_runs_end_at_return() {
+    let model = |head: &str| format!("n = 0\n{head}Axiom: A\nderivation length: 4\nproduction:\nA --> B(n)A\n");
+    let count = "def StartEach(lstring):\n  global n\n  if n > 1:\n    return lstring\n  n = n + 1\n";
+    assert_eq!(lpy(&model(count)), "B(1)B(2)B(2)B(2)A");
+    let both =
+        "def EndEach(lstring, scene):\n  global n\n  n += 1\n  if n > 2: return\n  n += 2\n  return lstring, scene\n";
+    assert_eq!(lpy(&model(both)), "B(0)B(3)B(4)B(5)A");
+    assert_eq!(lpy(&model("def Start():\n  return\n")), "B(0)B(0)B(0)B(0)A");
+    // Another string would take the place of the one that is rewritten.
+    for value in ["AxialTree(\"F(1)\")", "lstring + 1", "other"] {
+        let text = format!("{}endlsystem\n", model(&format!("def Start(lstring):\n  return {value}\n")));
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains("returns another string") && said.contains("line 3"), "{said}");
+    }
+}
+
+#[test]
+fn the_turtle_of_lpy_is_set_wherever_a_model_does() {
+    let angle = |head: &str| {
+        let (g, warnings) = read(&format!("{head}Axiom: F+F\nproduction:\nendlsystem\n"));
+        let told = warnings.iter().filter(|w| w.code == "L008").count();
+        (g.program.turtle.as_ref().and_then(|t| t.settings.angle_deg).map_or_else(String::new, |a| a.to_string()), told)
+    };
+    assert_eq!(angle("context().turtle.setAngleIncrement(90)\n"), ("90".to_owned(), 0));
+    assert_eq!(angle("b = 25\ncontext().turtle.setAngleIncrement( 2*b )\n"), ("50".to_owned(), 0));
+    assert_eq!(angle("def Start():\n  context().turtle.setAngleIncrement(30)\n"), ("30".to_owned(), 0));
+    assert_eq!(angle("context().turtle.angle_increment = 40;\n"), ("40".to_owned(), 0));
+    assert_eq!(angle("context().turtle.setAngleIncrement(unknown)\n"), (String::new(), 1));
+    assert_eq!(angle("context().turtle.setDefaultStep(3)\n"), (String::new(), 1));
+    // A value of the model may have the name of a member.
+    assert_eq!(lpy("angle_increment = 30\nAxiom: +(angle_increment)F\nproduction:\n"), "+(30)F");
+}
+
+#[test]
 fn models_of_lpy_write_a_star_for_no_context_and_lambdas_for_functions() {
     let model = "grow = lambda x : 2*x\nhalf = lambda x, y : (x+y)/2.\nAxiom: A(1)B\nderivation length: 1\nproduction:\n\
                  * < A(x) > B --> A(grow(x))\nA(x) < B > * --> B(half(x,4))\n";
