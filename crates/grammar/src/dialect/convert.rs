@@ -472,8 +472,9 @@ impl<'g> Writer<'g> {
                 self.image(symbol, arities, |n| Some(if n > 0 { format!("{sign}(a)") } else { format!("{sign}(0.5)") }))
             }
             '+' | '-' | '&' | '^' => self.turn(&c.to_string(), angle, arities),
-            '<' => self.turn("\\", angle, arities),
-            '>' => self.turn("/", angle, arities),
+            // The rolls of the two programs have opposite senses.
+            '<' => self.turn("/", angle, arities),
+            '>' => self.turn("\\", angle, arities),
             '%' => self.image(symbol, arities, |_| Some("\\(180)".into())),
             '$' => self.image(symbol, arities, |_| Some("@v".into())),
             '\'' | '"' => {

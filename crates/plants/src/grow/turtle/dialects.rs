@@ -273,8 +273,9 @@ fn lparser(c: char) -> Option<DialectCommand> {
         '^' => C::Pitch(-1.0),
         // In grammars with `turtle: lparser`, '\\', '/', '=' and '`' stand for '<', '>', ':' and '"', which belong to the
         // notation of grammars.
-        '<' | '\\' => C::Roll(1.0),
-        '>' | '/' => C::Roll(-1.0),
+        // The left side sinks: up turns to the left. In cpfg the roll to the left is the other one.
+        '<' | '\\' => C::Roll(-1.0),
+        '>' | '/' => C::Roll(1.0),
         '|' => C::TurnAround,
         '%' => C::RollOver,
         '$' => C::Level,
