@@ -332,6 +332,38 @@ fn models_of_lpy_may_hold_lists() {
 }
 
 #[test]
+fn models_of_lpy_may_look_a_value_up_in_a_list() {
+    let model = |head: &str, axiom: &str, test: &str| {
+        format!("{head}Axiom: {axiom}\nproduction:\nA(x):\n  if {test}: produce B\n  produce C\n")
+    };
+    for (head, test, wanted) in [
+        ("", "x in (1, 3)", "BCB"),
+        ("", "x not in [1, 3]", "CBC"),
+        ("q = [2, 3]\n", "x in q and not x in [3]", "CBC"),
+        ("", "x in range(2)", "BCC"),
+        ("", "x+1 in [k*k for k in range(3)]", "CCB"),
+        ("", "x in []", "CCC"),
+        ("", "1 < x in (1, 2)", "CBC"),
+    ] {
+        assert_eq!(lpy(&model(head, "A(1)A(2)A(3)", test)), wanted, "{test}");
+    }
+    assert_eq!(lpy(&model("kinds = ('leaf', 'bud')\n", "A('leaf')A('root')", "x in kinds")), "BC");
+    assert_eq!(lpy("Axiom: A(1)A(2)\nproduction:\nA(x if x in [2]) --> B\n"), "A(1)B");
+    for (test, why) in [("x in 3", "other than a list"), ("random() in [1]", "a random number before 'in'")] {
+        let text = format!("{}endlsystem\n", model("", "A(1)", test));
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{test}: {said}");
+    }
+}
+
+#[test]
+fn assignments_of_lpy_may_change_by_any_operator() {
+    // 3, 9, 9 // 4 = 2, 2 % 5 = 2, 2 / 4, 0.5 - 1, -0.5 + 3.
+    let changes = "  x *= 3\n  x **= 2\n  x //= 4\n  x %= 5\n  x /= 4\n  x -= 1\n  x += 3\n";
+    assert_eq!(lpy(&format!("Axiom: A(1)\nproduction:\nA(x):\n{changes}  produce B(x)\n")), "B(2.5)");
+}
+
+#[test]
 fn functions_of_lpy_may_have_several_statements() {
     let head = "def size(age, top):\n  d = age + 1\n  if d > top:\n    return top\n  elif d > 2:\n    d = d * 10\n  return d\n\
                 def total(n):\n  s = 0\n  for i in range(4):\n    s += i * n\n  return s\n";

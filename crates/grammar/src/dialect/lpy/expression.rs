@@ -94,6 +94,11 @@ enum PyTokenKind {
     Sign(&'static str),
 }
 
+/// Name of the call that stands for `value in list`; a word of Python, so that no function has it.
+const IN: &str = "in";
+/// Most items of a list that `in` compares with, one after the other.
+const MAX_MEMBERS: usize = 64;
+
 /// Operators and punctuation, longer ones first.
 const SIGNS: [&str; 26] = [
     "**", "//", "<=", ">=", "==", "!=", "<>", "->", "+", "-", "*", "/", "%", "<", ">", "(", ")", ",", "=", ".", "[",
@@ -317,12 +322,36 @@ impl PyParser {
         })
     }
 
+    /// Takes `in`, or the two words `not in`; true for the latter, `None` if neither follows.
+    fn membership(&mut self) -> Option<bool> {
+        if self.eat_word("in") {
+            return Some(false);
+        }
+        let next = self.tokens.get(self.i + 1).map(|t| &t.kind);
+        let is_negated = self.word() == Some("not") && matches!(next, Some(PyTokenKind::Name(n)) if n == "in");
+        self.i += 2 * usize::from(is_negated);
+        is_negated.then_some(true)
+    }
+
     /// `a < b < c` holds if both comparisons do.
     fn comparison(&mut self) -> Result<PyExpr, Refusal> {
         let mut from = self.i;
         let mut left = self.sum()?;
         let mut all: Option<PyExpr> = None;
         loop {
+            let place = self.here();
+            if let Some(is_negated) = self.membership() {
+                from = self.i;
+                let right = self.sum()?;
+                let found = PyExpr::Call(IN.to_owned(), vec![left, right.clone()], place);
+                let one = if is_negated { PyExpr::Not(Box::new(found)) } else { found };
+                all = Some(match all {
+                    None => one,
+                    Some(before) => PyExpr::And(Box::new(before), Box::new(one)),
+                });
+                left = right;
+                continue;
+            }
             let op = match self.sign() {
                 Some("==") => PyOp::Eq,
                 Some("!=" | "<>") => PyOp::Ne,
@@ -719,6 +748,8 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 }
                 ("list" | "tuple", [list @ PyExpr::List(..)]) => list.clone(),
                 ("choice", [PyExpr::List(items, _)]) if !items.is_empty() => one_of(items, range),
+                (IN, [value, PyExpr::List(items, _)]) => is_one_of(value, items, scope, range)?,
+                (IN, _) => return Err(Refusal::new("'in' before something other than a list", range.clone())),
                 _ => PyExpr::Call(name.clone(), args, range.clone()),
             }
         }
@@ -743,6 +774,21 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             item(&items, &resolve(index, scope, depth)?, scope, range)?
         }
     })
+}
+
+/// `value in list`: whether the value equals one of the items.
+fn is_one_of(value: &PyExpr, items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    if has_random(value, scope) {
+        let why = Refusal::new("a random number before 'in'", range.clone());
+        return Err(why.remedy("assign it to a variable first"));
+    }
+    if items.len() > MAX_MEMBERS {
+        let why = Refusal::new(format!("'in' before a list of more than {MAX_MEMBERS} items"), range.clone());
+        return Err(why.remedy("compare with < and <="));
+    }
+    let equals = |item: &PyExpr| PyExpr::Binary(PyOp::Eq, Box::new(value.clone()), Box::new(item.clone()));
+    let either = |a, b| PyExpr::Or(Box::new(a), Box::new(b));
+    Ok(items.iter().map(equals).reduce(either).unwrap_or(PyExpr::Number(0.0)))
 }
 
 /// One item of a list, each as likely as the others: the first of n items with a chance of 1/n, else one of the n - 1 others.

@@ -161,16 +161,20 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
         let number = parse(Piece::new(piece.at + "useGroup(".len(), number))?;
         return Ok(vec![Statement::Assign(GROUP.to_owned(), number)]);
     }
-    for sign in ["+=", "-=", "*=", "/="] {
+    // Signs of two characters before the signs that they end with.
+    let changes = [
+        ("**=", PyOp::Pow),
+        ("//=", PyOp::FloorDiv),
+        ("%=", PyOp::Mod),
+        ("+=", PyOp::Add),
+        ("-=", PyOp::Sub),
+        ("*=", PyOp::Mul),
+        ("/=", PyOp::Div),
+    ];
+    for (sign, op) in changes {
         if let Some(i) = piece.text.find(sign) {
             let name = piece.up_to(i).trimmed();
-            let value = parse(piece.from(i + 2).trimmed())?;
-            let op = match sign {
-                "+=" => PyOp::Add,
-                "-=" => PyOp::Sub,
-                "*=" => PyOp::Mul,
-                _ => PyOp::Div,
-            };
+            let value = parse(piece.from(i + sign.len()).trimmed())?;
             // `x += e` becomes `x = x + e`.
             let old = PyExpr::Name(name.text.to_owned(), name.range());
             let sum = PyExpr::Binary(op, Box::new(old), Box::new(value));
