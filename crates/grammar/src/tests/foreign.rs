@@ -357,6 +357,31 @@ fn models_of_lpy_may_look_a_value_up_in_a_list() {
 }
 
 #[test]
+fn loops_of_lpy_may_go_over_enumerate_and_zip() {
+    let model = |turns: &str, made: &str| {
+        format!("q = [5, 6]\nAxiom: A\nproduction:\nA:\n  for {turns}:\n    nproduce {made}\n")
+    };
+    for (turns, made, wanted) in [
+        ("i, v in enumerate(q)", "B(i,v)", "B(0,5)B(1,6)"),
+        ("(i, v) in enumerate([4, 8, 9])", "B(i,v)", "B(0,4)B(1,8)B(2,9)"),
+        ("a, b in zip([1, 2], [3, 4, 5])", "B(a,b)", "B(1,3)B(2,4)"),
+        ("a, b, c in zip(q, range(3), [7, 8, 9])", "B(a,b+c)", "B(5,7)B(6,9)"),
+    ] {
+        assert_eq!(lpy(&model(turns, made)), wanted, "{turns}");
+    }
+    // In a function, and within one another.
+    let head = "def total(n):\n  s = 0\n  for i, v in enumerate([2, 3, 4]):\n    for a, b in zip([1, 2], [5, 6]):\n      \
+                s += i*v*a + b\n  return s*n\n";
+    // 3 * (3 * 1 + 4 * 2) + 3 * 11.
+    assert_eq!(lpy(&format!("{head}Axiom: A(1)\nproduction:\nA(x) --> B(total(x))\n")), "B(66)");
+    for turns in ["a, b in q", "a, b in enumerate(q, 1)", "a, b, c in zip(q, q)", "a, b in items(q)"] {
+        let said =
+            try_read(&format!("{}endlsystem\n", model(turns, "B"))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains("'for' over something other"), "{turns}: {said}");
+    }
+}
+
+#[test]
 fn assignments_of_lpy_may_change_by_any_operator() {
     // 3, 9, 9 // 4 = 2, 2 % 5 = 2, 2 / 4, 0.5 - 1, -0.5 + 3.
     let changes = "  x *= 3\n  x **= 2\n  x //= 4\n  x %= 5\n  x /= 4\n  x -= 1\n  x += 3\n";

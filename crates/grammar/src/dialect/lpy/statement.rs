@@ -98,9 +98,9 @@ impl Model<'_, '_> {
                 }
                 "for" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'for' without ':'", piece.range()))?;
-                    let (name, list) = for_list(rest.up_to(c))?;
-                    let inner = body(self, rest.from(c + 1))?;
-                    out.push(Statement::For(name, list, inner, piece.range()));
+                    let (name, list, mut turn) = for_list(rest.up_to(c))?;
+                    turn.extend(body(self, rest.from(c + 1))?);
+                    out.push(Statement::For(name, list, turn, piece.range()));
                 }
                 "while" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'while' without ':'", piece.range()))?;
@@ -239,13 +239,38 @@ pub(super) fn assigned(statements: &[Statement], names: &mut Vec<String>, global
     }
 }
 
-/// `i in range(a, b, step)`, or in another list.
-fn for_list(piece: Piece<'_>) -> Result<(String, PyExpr), Refusal> {
+/// `i in range(a, b, step)`, or in another list: the variable, its values and what each turn assigns first.
+fn for_list(piece: Piece<'_>) -> Result<(String, PyExpr, Vec<Statement>), Refusal> {
+    let refused = || Refusal::new("'for' over something other than range(..)", piece.range());
     let (name, rest) = piece.first_word(&[]);
     let (word, rest) = rest.first_word(&[]);
-    let list = Some(rest).filter(|_| word.text == "in").and_then(|r| parse(r).ok());
-    let list = list.ok_or_else(|| Refusal::new("'for' over something other than range(..)", piece.range()))?;
-    Ok((name.text.to_owned(), list))
+    if word.text == "in" {
+        let list = parse(rest).map_err(|_| refused())?;
+        return Ok((name.text.to_owned(), list, Vec::new()));
+    }
+    // `i, v in enumerate(list)` counts through the list, `a, b in zip(list, other)` through both.
+    let at = piece.text.find(" in ").ok_or_else(refused)?;
+    let targets = piece.up_to(at).trimmed();
+    let inner = targets.text.strip_prefix('(').and_then(|t| t.strip_suffix(')'));
+    let names = split(inner.map_or(targets, |t| Piece::new(targets.at + 1, t)));
+    let Ok(PyExpr::Call(function, lists, range)) = parse(piece.from(at + " in ".len()).trimmed()) else {
+        return Err(refused());
+    };
+    let (count_name, values) = match (function.as_str(), names.as_slice()) {
+        ("enumerate", [number, value]) if lists.len() == 1 => (number.text.to_owned(), std::slice::from_ref(value)),
+        // A name that no model can have.
+        ("zip", values) if values.len() == lists.len() => (format!("(zip {})", piece.at), values),
+        _ => return Err(refused()),
+    };
+    let call = |name: &str, args: Vec<PyExpr>| PyExpr::Call(name.to_owned(), args, range.clone());
+    let lengths = lists.iter().map(|l| call("len", vec![l.clone()]));
+    let count = lengths.reduce(|a, b| call("min", vec![a, b])).ok_or_else(refused)?;
+    let item = |list: &PyExpr| {
+        let index = PyExpr::Name(count_name.clone(), range.clone());
+        PyExpr::Index(Box::new(list.clone()), Box::new(index), range.clone())
+    };
+    let first = values.iter().zip(&lists).map(|(v, l)| Statement::Assign(v.text.to_owned(), item(l))).collect();
+    Ok((count_name.clone(), call("range", vec![count]), first))
 }
 
 /// Upper limit on the statements that are followed through one function.
