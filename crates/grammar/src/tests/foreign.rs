@@ -389,6 +389,28 @@ fn assignments_of_lpy_may_change_by_any_operator() {
 }
 
 #[test]
+fn several_names_of_lpy_are_assigned_at_once() {
+    let model = |lines: &str| format!("Axiom: A(1,2)\nproduction:\nA(a,b):\n{lines}  produce B(a,b)\n");
+    for (lines, wanted) in [
+        ("  a, b = b, a+b\n", "B(2,3)"),
+        ("  a, b = b, a\n", "B(2,1)"),
+        ("  a, b = 7, a\n", "B(7,1)"),
+        ("  for i in range(3): a, b = b, a+b\n", "B(5,8)"),
+        ("  i = 0\n  while i < 4:\n    i, a, b = i+1, b, a+b\n", "B(8,13)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    assert_eq!(lpy("a, b = 1, 2\na, b = b, a\nAxiom: A(a,b)\nproduction:\nX --> Y\n"), "A(2,1)");
+    let fibonacci = "def f(n):\n  a, b = 0, n\n  for i in range(5): a, b = b, a+b\n  return a\n";
+    assert_eq!(lpy(&format!("{fibonacci}Axiom: A(f(2))\nproduction:\nX --> Y\n")), "A(10)");
+    let each = "x = 0\ny = 5\ndef EndEach():\n  global x, y\n  x, y = y, x+1\n";
+    assert_eq!(
+        lpy(&format!("{each}Axiom: A\nderivation length: 3\nproduction:\nA --> A B(x,y)\n")),
+        "AB(1,6)B(5,1)B(0,5)"
+    );
+}
+
+#[test]
 fn functions_of_lpy_may_have_several_statements() {
     let head = "def size(age, top):\n  d = age + 1\n  if d > top:\n    return top\n  elif d > 2:\n    d = d * 10\n  return d\n\
                 def total(n):\n  s = 0\n  for i in range(4):\n    s += i * n\n  return s\n";

@@ -666,9 +666,15 @@ impl<'s> Model<'_, 's> {
                 }
                 return next;
             }
-            for (k, name) in names.iter().enumerate() {
+            // Python takes all values before it sets the first name.
+            let read = |k: usize| {
                 let one = if names.len() == values.len() { values.get(k).copied() } else { Some(value) };
-                match one.map_or_else(|| Err(Refusal::new("this assignment", range.clone())), parse) {
+                let e = one.map_or_else(|| Err(Refusal::new("this assignment", range.clone())), parse)?;
+                if names.len() > 1 { resolve(&e, &self.scope, 0) } else { Ok(e) }
+            };
+            let taken: Vec<_> = (0..names.len()).map(read).collect();
+            for (name, e) in names.iter().zip(taken) {
+                match e {
                     Ok(e) => self.global(name.text, &e, value.range()),
                     Err(why) => {
                         self.scope.constants.remove(name.text);

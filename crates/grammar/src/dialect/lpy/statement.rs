@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::bounds::mentions;
 use super::expression::{PyExpr, PyOp, Refusal, Scope, compile, has_random, parse, resolve, size_with, substitute};
 use super::strings::{PyModule, modules, split};
 use super::{Line, Model, assignment, block_after, colon};
@@ -187,8 +188,22 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
     if names.len() != values.len() {
         return Err(refused());
     }
-    let one = |(name, value): (&Piece<'_>, &Piece<'_>)| Ok(Statement::Assign(name.text.to_owned(), parse(*value)?));
-    names.iter().zip(&values).map(one).collect()
+    let values = values.into_iter().map(parse).collect::<Result<Vec<_>, _>>()?;
+    let mut out = Vec::with_capacity(values.len());
+    // Python takes all values first: those that read a name which an earlier one sets wait under names that no model has.
+    let reads_earlier =
+        |(k, value): (usize, &PyExpr)| names.iter().take(k).any(|name: &Piece<'_>| mentions(value, name.text));
+    if values.iter().enumerate().any(reads_earlier) {
+        let waiting = |k: usize| format!("(value {k} of {})", piece.at);
+        out.extend(values.into_iter().enumerate().map(|(k, value)| Statement::Assign(waiting(k), value)));
+        out.extend(names.iter().enumerate().map(|(k, name)| {
+            let value = PyExpr::Name(waiting(k), name.range());
+            Statement::Assign(name.text.to_owned(), value)
+        }));
+    } else {
+        out.extend(names.iter().zip(values).map(|(name, value)| Statement::Assign(name.text.to_owned(), value)));
+    }
+    Ok(out)
 }
 
 /// A statement in one turn of a loop: ranges of loops within it may name the variable.
