@@ -332,6 +332,39 @@ fn models_of_lpy_may_hold_lists() {
 }
 
 #[test]
+fn models_of_lpy_may_look_values_up_in_lists_of_lists() {
+    let model = |head: &str, rule: &str| format!("{head}\nAxiom: A(0)A(1)A(2)\nproduction:\nA(x) --> {rule}\n");
+    let q = "q = [(10, 60), (20, 45), (30, 20)]";
+    for (rule, wanted) in [
+        ("B(q[x][1])", "B(60)B(45)B(20)"),
+        ("B(q[x][0]+q[2-x][-1])", "B(30)B(65)B(90)"),
+        ("B(q[x][x-1])", "B(60)B(20)B(20)"),
+        ("B(q[x if x < 2 else 0][0])", "B(10)B(20)B(10)"),
+    ] {
+        assert_eq!(lpy(&model(q, rule)), wanted, "{rule}");
+    }
+    // A function that gives one of two lists.
+    let f = "def f(a):\n  if a > 1: return (a, 7)\n  return [a+1, 5]";
+    assert_eq!(lpy(&model(f, "B(f(x)[0],f(x)[1])")), "B(1,5)B(2,5)B(2,7)");
+    for (rule, why) in [
+        ("B(q[x])", "a list or an index"),
+        ("B(q[x][2])", "an index outside of its list"),
+        ("B(q[x][0][0])", "a list or an index"),
+        ("B(q[int(random()*3)][0])", "a random number as an index"),
+    ] {
+        let said =
+            try_read(&format!("{}endlsystem\n", model(q, rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{rule}: {said}");
+    }
+    // Each lookup names its index twice for each item: this one would be as large as all memory.
+    let long: Vec<String> = (0..200).map(|k| k.to_string()).collect();
+    let long = format!("q = [{}]", long.join(","));
+    let said = try_read(&format!("{}endlsystem\n", model(&long, "B(q[q[q[q[q[x]]]]])")));
+    let said = said.err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("grows too large"), "{said}");
+}
+
+#[test]
 fn models_of_lpy_may_look_a_value_up_in_a_list() {
     let model = |head: &str, axiom: &str, test: &str| {
         format!("{head}Axiom: {axiom}\nproduction:\nA(x):\n  if {test}: produce B\n  produce C\n")

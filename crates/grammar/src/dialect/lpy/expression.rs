@@ -768,10 +768,8 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             PyExpr::List(items.into_iter().map(one).collect::<Result<_, _>>()?, range.clone())
         }
         PyExpr::Index(list, index, range) => {
-            let PyExpr::List(items, _) = resolve(list, scope, depth)? else {
-                return Err(Refusal::new("a list or an index '[..]'", range.clone()));
-            };
-            item(&items, &resolve(index, scope, depth)?, scope, range)?
+            let list = resolve(list, scope, depth)?;
+            indexed(&list, &resolve(index, scope, depth)?, scope, range)?
         }
     })
 }
@@ -837,6 +835,21 @@ fn slot_number(i: usize) -> u16 {
     u16::try_from(i).unwrap_or(u16::MAX)
 }
 
+/// An item of a list, or of the list that a choice gives: `list[i][1]` with a list of lists.
+fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    match list {
+        PyExpr::List(items, _) => item(items, index, scope, range),
+        PyExpr::Choice(test, a, b) if !has_random(test, scope) => {
+            if size_with(list, &[], &[]).saturating_mul(size_with(index, &[], &[])) > MAX_OPS {
+                return Err(Refusal::new("an expression that grows too large", range.clone()));
+            }
+            let (a, b) = (indexed(a, index, scope, range)?, indexed(b, index, scope, range)?);
+            Ok(PyExpr::Choice(test.clone(), Box::new(a), Box::new(b)))
+        }
+        _ => Err(Refusal::new("a list or an index '[..]'", range.clone())),
+    }
+}
+
 /// An item of a list; an index below 0 counts from the end. An index that is not constant becomes a choice.
 fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     let n = f64::from(saturating_index(items.len()));
@@ -846,14 +859,16 @@ fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -
         let found = (i >= 0.0 && i < n).then(|| items.get(i as usize)).flatten();
         return found.cloned().ok_or_else(|| Refusal::new("an index outside of its list", range.clone()));
     }
-    // An index that is not constant is compared with each position, so that the items must be numbers that need no draw.
-    let is_number = |e: &PyExpr| !matches!(e, PyExpr::List(..)) && !has_random(e, scope);
-    let Some((last, others)) = items.split_last().filter(|_| items.len() <= MAX_LOOKUP && items.iter().all(is_number))
-    else {
+    // An index that is not constant is compared with each position, so that the items must need no draw.
+    let draws = items.iter().any(|e| has_random(e, scope));
+    let Some((last, others)) = items.split_last().filter(|_| items.len() <= MAX_LOOKUP && !draws) else {
         return Err(Refusal::new("an index of this list that is not constant", range.clone()));
     };
     if has_random(index, scope) {
         return Err(Refusal::new("a random number as an index", range.clone()));
+    }
+    if items.len().saturating_mul(size_with(index, &[], &[])) > MAX_OPS {
+        return Err(Refusal::new("an expression that grows too large", range.clone()));
     }
     let is = |k: f64| Box::new(PyExpr::Binary(PyOp::Eq, Box::new(index.clone()), Box::new(PyExpr::Number(k))));
     // The last item is taken where the index equals no other position.
