@@ -422,6 +422,34 @@ fn assignments_of_lpy_may_change_by_any_operator() {
 }
 
 #[test]
+fn lists_of_lpy_may_be_taken_apart() {
+    let head = "q = [(10, 60), (20, 45)]\np = [7, 8]\ndef size(a):\n  if a > 1: return a, a*a\n  return [0, 1]\n";
+    let model = |lines: &str| format!("{head}Axiom: A(1)A(2)\nproduction:\nA(x):\n{lines}  produce B(a,b)\n");
+    for (lines, wanted) in [
+        ("  a, b = p\n", "B(7,8)B(7,8)"),
+        ("  (a, b) = (x, 3)\n", "B(1,3)B(2,3)"),
+        ("  a, b = q[x-1]\n", "B(10,60)B(20,45)"),
+        ("  a, b = size(x)\n", "B(0,1)B(2,4)"),
+        ("  a = b = x+1\n", "B(2,2)B(3,3)"),
+        ("  a, b = 1, 2\n  a, b = [b, a]\n", "B(2,1)B(2,1)"),
+        // The index is set by what it takes.
+        ("  a = x-1\n  a, b = q[a]\n", "B(10,60)B(20,45)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    // Both names of a chain have the one number that was drawn.
+    let drawn = lpy(&model("  a = b = randint(1,1000000)\n"));
+    for module in drawn.split(['B', '(', ')']).filter(|m| !m.is_empty()) {
+        let (a, b) = module.split_once(',').unwrap_or_default();
+        assert_eq!(a, b, "{drawn}");
+    }
+    for lines in ["  a, b = 1, 2, 3\n", "  a, b = 3\n", "  a, b = [1]\n", "  a = b, c = 1, 2\n"] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains("in a production"), "{lines}: {said}");
+    }
+}
+
+#[test]
 fn several_names_of_lpy_are_assigned_at_once() {
     let model = |lines: &str| format!("Axiom: A(1,2)\nproduction:\nA(a,b):\n{lines}  produce B(a,b)\n");
     for (lines, wanted) in [

@@ -1048,6 +1048,9 @@ fn is_rule(piece: Piece<'_>) -> bool {
 fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let i = piece.text.find('=')?;
     let names = piece.up_to(i).trimmed();
+    // `(x, y) = e` is `x, y = e`.
+    let inner = names.text.strip_prefix('(').and_then(|t| t.strip_suffix(')'));
+    let names = inner.map_or(names, |t| Piece::new(names.at + 1, t).trimmed());
     let value = piece.from(i + 1).trimmed();
     let is_name = |p: &Piece<'_>| {
         let mut chars = p.text.chars();

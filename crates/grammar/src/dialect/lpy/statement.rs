@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use osier_base::convert::saturating_index;
+
 use super::bounds::mentions;
 use super::expression::{PyExpr, PyOp, Refusal, Scope, compile, has_random, parse, resolve, size_with, substitute};
 use super::strings::{PyModule, modules, split};
@@ -74,7 +76,12 @@ impl Model<'_, '_> {
                 "return" if rest.text.is_empty() || rest.text == "None" => {
                     out.push(Statement::Return(None, piece.range()));
                 }
-                "return" => out.push(Statement::Return(Some(parse(rest)?), piece.range())),
+                // `return x, y` gives a list.
+                "return" => {
+                    let mut values = split(rest).into_iter().map(parse).collect::<Result<Vec<_>, _>>()?;
+                    let value = if values.len() == 1 { values.remove(0) } else { PyExpr::List(values, rest.range()) };
+                    out.push(Statement::Return(Some(value), piece.range()));
+                }
                 "if" | "elif" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'if' without ':'", piece.range()))?;
                     let test = parse(rest.up_to(c))?;
@@ -152,7 +159,12 @@ fn assign_statements(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
     Ok(lists.into_iter().flatten().collect())
 }
 
-/// Assignments of a production: `x = e`, `x, y = e, f`, `x += e`.
+/// `list[k]`.
+fn item_of(list: &PyExpr, k: u32, place: Range<usize>) -> PyExpr {
+    PyExpr::Index(Box::new(list.clone()), Box::new(PyExpr::Number(f64::from(k))), place)
+}
+
+/// Assignments of a production: `x = e`, `x = y = e`, `x, y = e, f`, `x, y = list`, `x += e`.
 pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
     let refused = || {
         let shown: String = piece.text.chars().take(40).collect();
@@ -182,13 +194,35 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
             return Ok(vec![Statement::Assign(name.text.to_owned(), sum)]);
         }
     }
-    let (names, value) = assignment(piece).ok_or_else(refused)?;
-    let (names, values) = (split(names), split(value));
-    // `x, y = f()` would need a value with parts, which expressions here do not have.
-    if names.len() != values.len() {
-        return Err(refused());
+    let (names, mut value) = assignment(piece).ok_or_else(refused)?;
+    let names = split(names);
+    // `x = y = e` takes the value once.
+    let mut others = Vec::new();
+    while let Some((other, last)) = assignment(value) {
+        if split(other).len() != 1 {
+            return Err(refused());
+        }
+        others.push(other);
+        value = last;
     }
-    let values = values.into_iter().map(parse).collect::<Result<Vec<_>, _>>()?;
+    if !others.is_empty() {
+        let [first] = names.as_slice() else { return Err(refused()) };
+        let same = || PyExpr::Name(first.text.to_owned(), first.range());
+        let mut out = vec![Statement::Assign(first.text.to_owned(), parse(value)?)];
+        out.extend(others.iter().map(|name| Statement::Assign(name.text.to_owned(), same())));
+        return Ok(out);
+    }
+    let values = split(value);
+    let values = match values.as_slice() {
+        several if several.len() == names.len() => several.iter().map(|v| parse(*v)).collect::<Result<Vec<_>, _>>()?,
+        // `x, y = list`: one name for each item.
+        [list] => match parse(*list)? {
+            PyExpr::List(items, _) if items.len() == names.len() => items,
+            PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::List(..) => return Err(refused()),
+            list => (0..names.len()).map(|k| item_of(&list, saturating_index(k), piece.range())).collect(),
+        },
+        _ => return Err(refused()),
+    };
     let mut out = Vec::with_capacity(values.len());
     // Python takes all values first: those that read a name which an earlier one sets wait under names that no model has.
     let reads_earlier =
