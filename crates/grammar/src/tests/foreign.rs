@@ -407,10 +407,42 @@ fn loops_of_lpy_may_go_over_enumerate_and_zip() {
                 s += i*v*a + b\n  return s*n\n";
     // 3 * (3 * 1 + 4 * 2) + 3 * 11.
     assert_eq!(lpy(&format!("{head}Axiom: A(1)\nproduction:\nA(x) --> B(total(x))\n")), "B(66)");
-    for turns in ["a, b in q", "a, b in enumerate(q, 1)", "a, b, c in zip(q, q)", "a, b in items(q)"] {
+    for turns in
+        ["a, b in q", "a, b in enumerate(q, 1)", "a, b, c in zip(q, q)", "a, b in items(q)", "a+b, c in [(1, 2)]"]
+    {
         let said =
             try_read(&format!("{}endlsystem\n", model(turns, "B"))).err().map_or_else(String::new, |e| e.to_string());
-        assert!(said.contains("L007") && said.contains("'for' over something other"), "{turns}: {said}");
+        assert!(said.contains("L007"), "{turns}: {said}");
+    }
+}
+
+#[test]
+fn loops_of_lpy_may_go_over_lists_of_lists() {
+    let model = |turns: &str, made: &str| {
+        format!("q = [(1, 2), (3, 4)]\nAxiom: A\nproduction:\nA:\n  for {turns}:\n    {made}\n")
+    };
+    for (turns, made, wanted) in [
+        ("x, y in q", "nproduce B(x,y)", "B(1,2)B(3,4)"),
+        ("(x, y) in [[5, -6], [7, 8]]", "nproduce B(x,y)", "B(5,-6)B(7,8)"),
+        ("p in q", "nproduce B(p[1],p[0],len(p))", "B(2,1,2)B(4,3,2)"),
+        ("p in q", "if p[0] > 1: nproduce B(p[1])", "B(4)"),
+        ("p in q", "for v in p: nproduce B(v)", "B(1)B(2)B(3)B(4)"),
+        ("i, (x, y) in enumerate(q)", "nproduce B(i,x,y)", "B(0,1,2)B(1,3,4)"),
+        ("i, p in enumerate(q)", "nproduce B(i,p[1])", "B(0,2)B(1,4)"),
+        ("i, (p, s) in enumerate(zip(q, [8, 9]))", "nproduce B(i,p[0],s)", "B(0,1,8)B(1,3,9)"),
+        ("p in zip(q, [8, 9])", "nproduce B(p[0][1],p[1])", "B(2,8)B(4,9)"),
+        ("(a, b), (c, d) in zip(q, [[5, 6], [7, 8]])", "nproduce B(a,b,c,d)", "B(1,2,5,6)B(3,4,7,8)"),
+        // The item that a turn takes apart itself.
+        ("p, r in zip([[1, 2], [4, 5]], [7, 8])", "x, y = p\n    nproduce B(x,y,r)", "B(1,2,7)B(4,5,8)"),
+    ] {
+        assert_eq!(lpy(&model(turns, made)), wanted, "{turns}");
+    }
+    let head = "def area(n):\n  s = 0\n  for w, h in [(1, 2), (3, 4)]: s += w*h\n  return s*n\n";
+    assert_eq!(lpy(&format!("{head}Axiom: A(area(1))A(area(2))\nproduction:\nX --> Y\n")), "A(14)A(28)");
+    for (turns, made) in [("p in q", "nproduce B(p)"), ("p in q", "p = 3"), ("x, y, z in q", "nproduce B(z)")] {
+        let said =
+            try_read(&format!("{}endlsystem\n", model(turns, made))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007"), "{turns} {made}: {said}");
     }
 }
 

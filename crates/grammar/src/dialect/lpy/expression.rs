@@ -768,8 +768,12 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             PyExpr::List(items.into_iter().map(one).collect::<Result<_, _>>()?, range.clone())
         }
         PyExpr::Index(list, index, range) => {
-            let list = resolve(list, scope, depth)?;
-            indexed(&list, &resolve(index, scope, depth)?, scope, range)?
+            let index = resolve(index, scope, depth)?;
+            // A list of the model is not copied for one of its items.
+            match list_of_model(list, scope) {
+                Some(items) => item(items, &index, scope, range)?,
+                None => indexed(&resolve(list, scope, depth)?, &index, scope, range)?,
+            }
         }
     })
 }
@@ -833,6 +837,16 @@ fn constant_of(e: &PyExpr, scope: &Scope) -> Option<f64> {
 /// The slot of the variable of an index; the last one beyond 65,535, where `Scope::slot` finds no variable, so that each use is refused.
 fn slot_number(i: usize) -> u16 {
     u16::try_from(i).unwrap_or(u16::MAX)
+}
+
+/// The items of a list that a name stands for.
+fn list_of_model<'s>(e: &PyExpr, scope: &'s Scope) -> Option<&'s [PyExpr]> {
+    let PyExpr::Name(name, _) = e else { return None };
+    let is_hidden = scope.locals.contains(name) || scope.unreadable.contains_key(name);
+    match scope.lists.get(name).filter(|_| !is_hidden) {
+        Some(PyExpr::List(items, _)) => Some(items),
+        _ => None,
+    }
 }
 
 /// An item of a list, or of the list that a choice gives: `list[i][1]` with a list of lists.

@@ -1044,6 +1044,12 @@ fn is_rule(piece: Piece<'_>) -> bool {
     piece.text.contains("-->") || piece.text.contains("-static->") || (!is_python && colon(piece).is_some())
 }
 
+/// True for a name of Python.
+fn is_name(text: &str) -> bool {
+    let mut chars = text.chars();
+    chars.next().is_some_and(|c| c.is_alphabetic() || c == '_') && chars.all(|c| c.is_alphanumeric() || c == '_')
+}
+
 /// `name = expression`; `None` for anything else.
 fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let i = piece.text.find('=')?;
@@ -1052,10 +1058,6 @@ fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let inner = names.text.strip_prefix('(').and_then(|t| t.strip_suffix(')'));
     let names = inner.map_or(names, |t| Piece::new(names.at + 1, t).trimmed());
     let value = piece.from(i + 1).trimmed();
-    let is_name = |p: &Piece<'_>| {
-        let mut chars = p.text.chars();
-        chars.next().is_some_and(|c| c.is_alphabetic() || c == '_') && chars.all(|c| c.is_alphanumeric() || c == '_')
-    };
-    (split(names).iter().all(is_name) && !names.text.is_empty() && !value.text.starts_with('='))
+    (split(names).iter().all(|p| is_name(p.text)) && !names.text.is_empty() && !value.text.starts_with('='))
         .then_some((names, value))
 }

@@ -6,8 +6,8 @@ use osier_base::convert::saturating_index;
 
 use super::bounds::mentions;
 use super::expression::{PyExpr, PyOp, Refusal, Scope, compile, has_random, parse, resolve, size_with, substitute};
-use super::strings::{PyModule, modules, split};
-use super::{Line, Model, assignment, block_after, colon};
+use super::strings::{PyModule, closing, modules, split};
+use super::{Line, Model, assignment, block_after, colon, is_name};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
@@ -106,9 +106,8 @@ impl Model<'_, '_> {
                 }
                 "for" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'for' without ':'", piece.range()))?;
-                    let (name, list, mut turn) = for_list(rest.up_to(c))?;
-                    turn.extend(body(self, rest.from(c + 1))?);
-                    out.push(Statement::For(name, list, turn, piece.range()));
+                    let inner = body(self, rest.from(c + 1))?;
+                    out.push(self.loop_over(rest.up_to(c), inner, piece.range())?);
                 }
                 "while" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'while' without ':'", piece.range()))?;
@@ -126,6 +125,160 @@ impl Model<'_, '_> {
             }
         }
         Ok(out)
+    }
+
+    /// A `for` loop: `i in range(a, b, step)`, `x, y in list`, `i, x in enumerate(list)`, `x, y in zip(list, other)`.
+    fn loop_over(
+        &mut self,
+        head: Piece<'_>,
+        mut body: Vec<Statement>,
+        place: Range<usize>,
+    ) -> Result<Statement, Refusal> {
+        let refused = || Refusal::new("'for' over something other than range(..)", head.range());
+        let (name, rest) = head.first_word(&[]);
+        let (word, list) = rest.first_word(&[]);
+        let (targets, list) = if word.text == "in" {
+            (name, list)
+        } else {
+            let at = head.text.find(" in ").ok_or_else(refused)?;
+            (head.up_to(at).trimmed(), head.from(at + " in ".len()))
+        };
+        let list = parse(list.trimmed()).map_err(|_| refused())?;
+        let parts = parts_of(targets);
+        let (number, target, list) = match (list, parts.as_slice()) {
+            (PyExpr::Call(function, lists, _), [number, value]) if function == "enumerate" => {
+                let [list] = lists.as_slice() else { return Err(refused()) };
+                (Some(*number), *value, list.clone())
+            }
+            (list, _) => (None, targets, list),
+        };
+        // The number of the turn, under a name that no model has.
+        let count = format!("(each {})", head.at);
+        let index = PyExpr::Name(count.clone(), head.range());
+        let is_list = |e: &PyExpr, scope: &Scope| {
+            let first = substitute(e, std::slice::from_ref(&count), &[PyExpr::Number(0.0)]);
+            matches!(resolve(&first, scope, 0), Ok(PyExpr::List(..)))
+        };
+        if number.is_none()
+            && parts_of(target).len() == 1
+            && !is_list(&item_at(&list, &index, &head.range()), &self.scope)
+        {
+            return Ok(Statement::For(target.text.to_owned(), list, body, place));
+        }
+        let list = self.named_list(list, &mut format!("(list {})", head.at));
+        let turns = PyExpr::Call("range".to_owned(), vec![length_of(&list, head.range())], head.range());
+        let mut turn = Vec::new();
+        if let Some(number) = number {
+            turn.push(Statement::Assign(number.text.to_owned(), index.clone()));
+        }
+        // Names within names, with what they stand for; the next one last.
+        let mut open = vec![(target, item_at(&list, &index, &head.range()))];
+        while let Some((target, value)) = open.pop() {
+            let parts = parts_of(target);
+            if parts.len() > 1 {
+                let item = |k: usize| match &value {
+                    PyExpr::List(items, _) => items.get(k).cloned(),
+                    list => Some(item_of(list, saturating_index(k), head.range())),
+                };
+                let items = (0..parts.len()).map(item).collect::<Option<Vec<_>>>().ok_or_else(refused)?;
+                open.extend(parts.into_iter().zip(items).rev());
+                continue;
+            }
+            let name = parts.first().filter(|p| is_name(p.text)).ok_or_else(refused)?.text.to_owned();
+            if is_list(&value, &self.scope) {
+                // A list is no value of a variable: it stands where the name is read.
+                let (mut names, mut globals) = (Vec::new(), Vec::new());
+                assigned(&body, &mut names, &mut globals);
+                if names.contains(&name) {
+                    return Err(refused());
+                }
+                body = body.iter().map(|s| replaced(s, &name, &value)).collect();
+            } else {
+                turn.push(Statement::Assign(name, value));
+            }
+        }
+        turn.append(&mut body);
+        Ok(Statement::For(count, turns, turn, place))
+    }
+
+    /// Lists that are written out get a name, so that the turns of a loop do not repeat them.
+    fn named_list(&mut self, list: PyExpr, name: &mut String) -> PyExpr {
+        match list {
+            PyExpr::Call(function, lists, place) if function == "zip" => {
+                let lists = lists.into_iter().map(|l| self.named_list(l, name)).collect();
+                PyExpr::Call(function, lists, place)
+            }
+            PyExpr::List(items, place) if items.iter().all(is_written_out) => {
+                // Each name is longer than the one before.
+                name.push('+');
+                self.scope.lists.insert(name.clone(), PyExpr::List(items, place.clone()));
+                PyExpr::Name(name.clone(), place)
+            }
+            other => other,
+        }
+    }
+}
+
+/// True for a list of nothing but numbers, texts and such lists.
+fn is_written_out(e: &PyExpr) -> bool {
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) => true,
+        PyExpr::Neg(a) => matches!(**a, PyExpr::Number(_)),
+        PyExpr::List(items, _) => items.iter().all(is_written_out),
+        _ => false,
+    }
+}
+
+/// The names of `x, y` or `(x, y)`.
+fn parts_of(targets: Piece<'_>) -> Vec<Piece<'_>> {
+    let inner = targets.text.strip_prefix('(').filter(|t| closing(t).is_some_and(|end| end + 1 == t.len()));
+    split(inner.map_or(targets, |t| Piece::new(targets.at + 1, &t[..t.len() - 1])))
+}
+
+/// `list[index]`; of `zip(list, other)` the list of both items.
+fn item_at(list: &PyExpr, index: &PyExpr, place: &Range<usize>) -> PyExpr {
+    match list {
+        PyExpr::Call(function, lists, _) if function == "zip" => {
+            PyExpr::List(lists.iter().map(|l| item_at(l, index, place)).collect(), place.clone())
+        }
+        _ => PyExpr::Index(Box::new(list.clone()), Box::new(index.clone()), place.clone()),
+    }
+}
+
+/// `len(list)`; of `zip(list, other)` the lesser length.
+fn length_of(list: &PyExpr, place: Range<usize>) -> PyExpr {
+    match list {
+        PyExpr::Call(function, lists, _) if function == "zip" => {
+            let least = |a, b| PyExpr::Call("min".to_owned(), vec![a, b], place.clone());
+            let lengths = lists.iter().map(|l| length_of(l, place.clone()));
+            lengths.reduce(least).unwrap_or(PyExpr::Number(0.0))
+        }
+        _ => PyExpr::Call("len".to_owned(), vec![list.clone()], place),
+    }
+}
+
+/// A statement with an expression in place of a name that it does not set.
+fn replaced(s: &Statement, name: &String, by: &PyExpr) -> Statement {
+    let read = |e: &PyExpr| substitute(e, std::slice::from_ref(name), std::slice::from_ref(by));
+    let all = |list: &[Statement]| list.iter().map(|s| replaced(s, name, by)).collect::<Vec<_>>();
+    match s {
+        Statement::Assign(own, e) => Statement::Assign(own.clone(), read(e)),
+        Statement::If(tests, other) => {
+            Statement::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
+        }
+        Statement::For(own, list, body, place) => Statement::For(own.clone(), read(list), all(body), place.clone()),
+        Statement::While(test, body, place, turn) => Statement::While(read(test), all(body), place.clone(), *turn),
+        Statement::Produce(modules, ends) => {
+            let with = |m: &PyModule| PyModule { args: m.args.iter().map(read).collect(), ..m.clone() };
+            Statement::Produce(modules.iter().map(with).collect(), *ends)
+        }
+        Statement::Return(value, place) => Statement::Return(value.as_ref().map(read), place.clone()),
+        Statement::Global(_)
+        | Statement::Break(_)
+        | Statement::Continue(_)
+        | Statement::TurnEnd
+        | Statement::LoopEnd
+        | Statement::Pass => s.clone(),
     }
 }
 
@@ -242,6 +395,10 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
 
 /// A statement in one turn of a loop: ranges of loops within it may name the variable.
 pub(super) fn in_turn(s: &Statement, name: &String, value: f64) -> Statement {
+    // Nothing sets the number of a turn, so that its value can stand wherever it is read.
+    if name.starts_with('(') {
+        return replaced(s, name, &PyExpr::Number(value));
+    }
     let all = |list: &[Statement]| list.iter().map(|s| in_turn(s, name, value)).collect::<Vec<_>>();
     match s {
         Statement::If(tests, other) => {
@@ -286,40 +443,6 @@ pub(super) fn assigned(statements: &[Statement], names: &mut Vec<String>, global
             _ => {}
         }
     }
-}
-
-/// `i in range(a, b, step)`, or in another list: the variable, its values and what each turn assigns first.
-fn for_list(piece: Piece<'_>) -> Result<(String, PyExpr, Vec<Statement>), Refusal> {
-    let refused = || Refusal::new("'for' over something other than range(..)", piece.range());
-    let (name, rest) = piece.first_word(&[]);
-    let (word, rest) = rest.first_word(&[]);
-    if word.text == "in" {
-        let list = parse(rest).map_err(|_| refused())?;
-        return Ok((name.text.to_owned(), list, Vec::new()));
-    }
-    // `i, v in enumerate(list)` counts through the list, `a, b in zip(list, other)` through both.
-    let at = piece.text.find(" in ").ok_or_else(refused)?;
-    let targets = piece.up_to(at).trimmed();
-    let inner = targets.text.strip_prefix('(').and_then(|t| t.strip_suffix(')'));
-    let names = split(inner.map_or(targets, |t| Piece::new(targets.at + 1, t)));
-    let Ok(PyExpr::Call(function, lists, range)) = parse(piece.from(at + " in ".len()).trimmed()) else {
-        return Err(refused());
-    };
-    let (count_name, values) = match (function.as_str(), names.as_slice()) {
-        ("enumerate", [number, value]) if lists.len() == 1 => (number.text.to_owned(), std::slice::from_ref(value)),
-        // A name that no model can have.
-        ("zip", values) if values.len() == lists.len() => (format!("(zip {})", piece.at), values),
-        _ => return Err(refused()),
-    };
-    let call = |name: &str, args: Vec<PyExpr>| PyExpr::Call(name.to_owned(), args, range.clone());
-    let lengths = lists.iter().map(|l| call("len", vec![l.clone()]));
-    let count = lengths.reduce(|a, b| call("min", vec![a, b])).ok_or_else(refused)?;
-    let item = |list: &PyExpr| {
-        let index = PyExpr::Name(count_name.clone(), range.clone());
-        PyExpr::Index(Box::new(list.clone()), Box::new(index), range.clone())
-    };
-    let first = values.iter().zip(&lists).map(|(v, l)| Statement::Assign(v.text.to_owned(), item(l))).collect();
-    Ok((count_name.clone(), call("range", vec![count]), first))
 }
 
 /// Upper limit on the statements that are followed through one function.
