@@ -454,6 +454,22 @@ fn assignments_of_lpy_may_change_by_any_operator() {
 }
 
 #[test]
+fn variables_of_productions_hide_values_of_the_model() {
+    let model = |lines: &str| format!("n = 3\nd = 5\nAxiom: A(4)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  n = 2\n  for i in range(n): nproduce B(i)\n", "B(0)B(1)"),
+        ("  n = 2\n  for v in [n, 7]: nproduce B(v)\n", "B(2)B(7)"),
+        ("  n = x\n  for i in range(min(n,9)): nproduce B(i)\n", "B(0)B(1)B(2)B(3)"),
+        // At most 8 turns, not 8 / 5.
+        ("  d = 1\n  for i in range(int(min(x,8)/d)): nproduce B(i)\n", "B(0)B(1)B(2)B(3)"),
+        ("  for n in range(2):\n    for j in range(n+1): nproduce B(n,j)\n", "B(0,0)B(1,0)B(1,1)"),
+        ("  for i in range(n): nproduce B(i)\n", "B(0)B(1)B(2)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+}
+
+#[test]
 fn lists_of_lpy_may_be_taken_apart() {
     let head = "q = [(10, 60), (20, 45)]\np = [7, 8]\ndef size(a):\n  if a > 1: return a, a*a\n  return [0, 1]\n";
     let model = |lines: &str| format!("{head}Axiom: A(1)A(2)\nproduction:\nA(x):\n{lines}  produce B(a,b)\n");

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::bounds::Bounds;
+use super::bounds::{Bounds, mentions};
 use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse, resolve, size_with, substitute};
 use super::statement::{GROUP, Statement, assigned, in_turn, only_computes};
 use super::strings::{PyModule, Spelled, modules, spell};
@@ -73,6 +73,24 @@ impl Step {
             Self::Loop(_, body, _) => names_of(body).0.iter().any(|n| n == name),
         }
     }
+
+    /// True if an expression reads a variable that the step assigns.
+    fn changes(&self, e: &PyExpr) -> bool {
+        match self {
+            Self::Assign(name, _) => mentions(e, name),
+            Self::Condition(..) => false,
+            Self::Loop(_, body, _) => names_of(body).0.iter().any(|name| mentions(e, name)),
+        }
+    }
+}
+
+/// An expression with the values of the variables of a way, which hide those of the model; one whose value is not known has a
+/// name that no scope has, so that what reads it is not constant.
+fn in_way(e: &PyExpr, way: &Way) -> PyExpr {
+    let names: Vec<String> = way.known.keys().cloned().collect();
+    let unknown = || PyExpr::Name("(changes)".to_owned(), 0..0);
+    let values: Vec<PyExpr> = way.known.values().map(|v| v.map_or_else(unknown, PyExpr::Number)).collect();
+    substitute(e, &names, &values)
 }
 
 /// Names that statements assign, and names that they declare `global`.
@@ -501,7 +519,7 @@ impl Model<'_, '_> {
                     open.extend(alternatives.into_iter().rev());
                 }
                 Statement::For(name, list, body, place) => {
-                    match self.turns(&list, &place) {
+                    match self.turns(&in_way(&list, &way), &place) {
                         Ok(turns) => {
                             left.push(Statement::LoopEnd);
                             if turns.len().saturating_mul(body.len() + 1) > MAX_STEPS {
@@ -625,11 +643,7 @@ impl Model<'_, '_> {
 
     /// Value of an expression after the steps of a way, if it is a number whatever the parameters are.
     fn known_value(&self, e: &PyExpr, way: &Way) -> Option<f64> {
-        let names: Vec<String> = way.known.keys().cloned().collect();
-        // What reads a variable without a known value is not constant: the scope has no such name.
-        let unknown = || PyExpr::Name("(changes)".to_owned(), 0..0);
-        let values: Vec<PyExpr> = way.known.values().map(|v| v.map_or_else(unknown, PyExpr::Number)).collect();
-        let code = compile(&substitute(e, &names, &values), &self.scope).ok()?;
+        let code = compile(&in_way(e, way), &self.scope).ok()?;
         vm::constant_value(&code).filter(|v| !v.is_nan())
     }
 
@@ -657,7 +671,7 @@ impl Model<'_, '_> {
     fn last_turn(&mut self, list: &PyExpr, way: &Way, place: &Range<usize>) -> Option<(PyExpr, u32)> {
         let PyExpr::Call(name, args, _) = list else { return None };
         let [end] = args.as_slice() else { return None };
-        let constant = compile(end, &self.scope).ok().and_then(|code| vm::constant_value(&code));
+        let constant = compile(&in_way(end, way), &self.scope).ok().and_then(|code| vm::constant_value(&code));
         if !name.ends_with("range") || constant.is_some() || !self.is_readable(end, way) {
             return None;
         }
@@ -696,7 +710,11 @@ impl Model<'_, '_> {
             return None;
         }
         let of = |e: &PyExpr| self.at_most(e, steps, depth + 1);
-        let fixed = |e: &PyExpr| compile(e, &self.scope).ok().and_then(|code| vm::constant_value(&code));
+        // Variables of the way hide values of the model.
+        let fixed = |e: &PyExpr| {
+            let code = compile(e, &self.scope).ok()?;
+            vm::constant_value(&code).filter(|_| !steps.iter().any(|s| s.changes(e)))
+        };
         match e {
             PyExpr::Name(name, _) => {
                 // The last assignment before this place counts; what it reads was assigned before it.
