@@ -454,6 +454,41 @@ fn assignments_of_lpy_may_change_by_any_operator() {
 }
 
 #[test]
+fn productions_of_lpy_may_hold_lists() {
+    let model = |lines: &str| format!("q = [[1, 2], [3, 4]]\nAxiom: A(5)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  for v in [x, -x, 30]: nproduce B(v)\n", "B(5)B(-5)B(30)"),
+        ("  p = [10, -20]\n  for v in p: nproduce B(v)\n", "B(10)B(-20)"),
+        // The items are taken where the list is made.
+        ("  p = [x, x+1]\n  x = 0\n  nproduce B(p[0],p[1],len(p))\n", "B(5,6,2)"),
+        ("  p = (1, 2)\n  p = (p[1], p[0])\n  nproduce B(p[0],p[1])\n", "B(2,1)"),
+        ("  y = 7\n  for v in [y, y]:\n    y = v+1\n    nproduce B(v)\n", "B(7)B(7)"),
+        ("  for i in range(2):\n    p = [i, i+x]\n    nproduce B(p[0],p[1])\n", "B(0,5)B(1,6)"),
+        ("  p = [1]\n  if x > 3: p = [2, 3]\n  for v in p: nproduce B(v)\n", "B(2)B(3)"),
+        ("  p = q[1]\n  a, b = p\n  nproduce B(a,b,sum(p))\n", "B(3,4,7)"),
+        ("  p = [30*k for k in range(3)]\n  nproduce B(p[x-3],max(p))\n", "B(60,60)"),
+        ("  p = [[x, 1], [2, x]]\n  for a, b in p: nproduce B(a,b)\n", "B(5,1)B(2,5)"),
+        ("  for p in [[x, 1], [2, x]]: nproduce B(p[0],p[1])\n", "B(5,1)B(2,5)"),
+        ("  p = [5, 6, 7]\n  i, s = 0, 0\n  while i < x-2:\n    s += p[i]\n    i += 1\n  nproduce B(s)\n", "B(18)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    // An item that is drawn is drawn once.
+    let drawn = lpy(&model("  p = [randint(1,1000000), 0]\n  nproduce B(p[0],p[0])\n"));
+    let (a, b) = drawn.split_once(',').unwrap_or_default();
+    assert_eq!(a.trim_start_matches("B("), b.trim_end_matches(')'), "{drawn}");
+    for lines in [
+        "  p = [1, x]\n  nproduce B(p)\n",
+        "  p = [1, x]\n  p += [2]\n  nproduce B(p[2])\n",
+        "  p = [1, x]\n  p[0] = 2\n  nproduce B(p[0])\n",
+        "  p = [1, x]\n  p.append(2)\n  nproduce B(p[2])\n",
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007"), "{lines}: {said}");
+    }
+}
+
+#[test]
 fn variables_of_productions_hide_values_of_the_model() {
     let model = |lines: &str| format!("n = 3\nd = 5\nAxiom: A(4)\nproduction:\nA(x):\n{lines}");
     for (lines, wanted) in [

@@ -1102,7 +1102,8 @@ fn is_truth(e: &PyExpr) -> bool {
     }
 }
 
-fn range_of(e: &PyExpr) -> Range<usize> {
+/// The place of an expression; that of a number is not kept.
+pub(super) fn range_of(e: &PyExpr) -> Range<usize> {
     match e {
         PyExpr::Number(_) => 0..0,
         PyExpr::Text(_, r)

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::bounds::{Bounds, mentions};
-use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse, resolve, size_with, substitute};
-use super::statement::{GROUP, Statement, assigned, in_turn, only_computes};
+use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse, range_of, resolve, size_with, substitute};
+use super::statement::{GROUP, Statement, assigned, in_turn, is_written_out, only_computes, with_lists};
 use super::strings::{PyModule, Spelled, modules, spell};
 use super::{Line, Model, Section, block_after, colon, shifted, strings};
 use crate::code::{Bytecode, Expr, Op, UnaryOp, is_zero};
@@ -117,6 +117,8 @@ pub(super) struct Way {
     globals: Vec<String>,
     /// Variables that the way has assigned, with their values where these are numbers whatever the parameters are.
     known: BTreeMap<String, Option<f64>>,
+    /// Variables that the way has set to lists, which stand where the names are read.
+    lists: BTreeMap<String, PyExpr>,
     /// What its conditions leave of the values of its variables.
     bounds: Bounds,
 }
@@ -439,7 +441,7 @@ impl Model<'_, '_> {
                 out.push(way);
                 continue;
             };
-            match statement {
+            match with_lists(statement, &way.lists) {
                 Statement::Pass => open.push((way, left)),
                 Statement::Global(names) => {
                     way.globals.extend(names);
@@ -453,6 +455,18 @@ impl Model<'_, '_> {
                     return Err(Refusal::new("'return' in a production", place));
                 }
                 Statement::Assign(name, e) => {
+                    let list = self.list_of(&e, &way).filter(|_| !way.globals.contains(&name));
+                    if let Some(list) = list {
+                        let mut taken = Vec::new();
+                        let list = self.kept(&list, &way, &mut taken);
+                        let list = self.named_list(list, &mut format!("(list of {})", self.temporaries));
+                        self.temporaries += 1;
+                        way.lists.insert(name, list);
+                        left.extend(taken.into_iter().rev());
+                        open.push((way, left));
+                        continue;
+                    }
+                    way.lists.remove(&name);
                     let value = self.known_value(&e, &way);
                     way.known.insert(name.clone(), value);
                     way.bounds.assign(&name, &e, &self.scope);
@@ -519,7 +533,29 @@ impl Model<'_, '_> {
                     open.extend(alternatives.into_iter().rev());
                 }
                 Statement::For(name, list, body, place) => {
-                    match self.turns(&in_way(&list, &way), &place) {
+                    let turns = self.turns(&in_way(&list, &way), &place);
+                    // The items of a list that are not constant are taken before the first turn.
+                    if turns.is_err()
+                        && let Some(list) = self.list_of(&list, &way)
+                    {
+                        let mut taken = Vec::new();
+                        let PyExpr::List(items, _) = self.kept(&list, &way, &mut taken) else {
+                            return Err(Refusal::new("'for' over something other than a list", place));
+                        };
+                        if items.len().saturating_mul(body.len() + 1) > MAX_STEPS {
+                            return Err(Refusal::new("'for' with too many turns", place));
+                        }
+                        left.push(Statement::LoopEnd);
+                        for item in items.into_iter().rev() {
+                            left.push(Statement::TurnEnd);
+                            left.extend(body.iter().rev().cloned());
+                            left.push(Statement::Assign(name.clone(), item));
+                        }
+                        left.extend(taken.into_iter().rev());
+                        open.push((way, left));
+                        continue;
+                    }
+                    match turns {
                         Ok(turns) => {
                             left.push(Statement::LoopEnd);
                             if turns.len().saturating_mul(body.len() + 1) > MAX_STEPS {
@@ -594,7 +630,10 @@ impl Model<'_, '_> {
                         }
                         _ if only_computes(&body) => {
                             let (names, globals) = names_of(&body);
-                            names.iter().for_each(|n| way.bounds.forget(n));
+                            names.iter().for_each(|n| {
+                                way.bounds.forget(n);
+                                way.lists.remove(n);
+                            });
                             way.known.extend(names.into_iter().map(|n| (n, None)));
                             way.globals.extend(globals);
                             way.steps.push(Step::Loop(test, body, place));
@@ -639,6 +678,37 @@ impl Model<'_, '_> {
             }
         }
         Ok(out)
+    }
+
+    /// The list that an expression is; `None` for any other.
+    fn list_of(&self, e: &PyExpr, way: &Way) -> Option<PyExpr> {
+        let may_be = match e {
+            PyExpr::List(..) => return Some(e.clone()),
+            PyExpr::Name(name, _) => self.scope.lists.contains_key(name),
+            PyExpr::Index(..) | PyExpr::Each(..) => true,
+            PyExpr::Call(name, ..) => {
+                matches!(name.as_str(), "range" | "xrange" | "list" | "tuple")
+                    || self.scope.functions.contains_key(name)
+            }
+            _ => false,
+        };
+        let list = may_be.then(|| resolve(&in_way(e, way), &self.scope, 0).ok()).flatten();
+        list.filter(|e| matches!(e, PyExpr::List(..)))
+    }
+
+    /// A list of numbers, and of variables that the statements `taken` set, so that it may be read at any time.
+    fn kept(&mut self, e: &PyExpr, way: &Way, taken: &mut Vec<Statement>) -> PyExpr {
+        if is_written_out(e) {
+            return e.clone();
+        }
+        if let Some(PyExpr::List(items, place)) = self.list_of(e, way) {
+            let items = items.iter().map(|e| self.kept(e, way, taken)).collect();
+            return PyExpr::List(items, place);
+        }
+        let name = format!("(item {})", self.temporaries);
+        self.temporaries += 1;
+        taken.push(Statement::Assign(name.clone(), e.clone()));
+        PyExpr::Name(name, range_of(e))
     }
 
     /// Value of an expression after the steps of a way, if it is a number whatever the parameters are.

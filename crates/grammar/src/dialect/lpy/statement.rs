@@ -1,5 +1,6 @@
 //! Statements of productions: what they are, and how they are read.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use osier_base::convert::saturating_index;
@@ -202,7 +203,7 @@ impl Model<'_, '_> {
     }
 
     /// Lists that are written out get a name, so that the turns of a loop do not repeat them.
-    fn named_list(&mut self, list: PyExpr, name: &mut String) -> PyExpr {
+    pub(super) fn named_list(&mut self, list: PyExpr, name: &mut String) -> PyExpr {
         match list {
             PyExpr::Call(function, lists, place) if function == "zip" => {
                 let lists = lists.into_iter().map(|l| self.named_list(l, name)).collect();
@@ -219,8 +220,8 @@ impl Model<'_, '_> {
     }
 }
 
-/// True for a list of nothing but numbers, texts and such lists.
-fn is_written_out(e: &PyExpr) -> bool {
+/// True for numbers, texts, and lists of them.
+pub(super) fn is_written_out(e: &PyExpr) -> bool {
     match e {
         PyExpr::Number(_) | PyExpr::Text(..) => true,
         PyExpr::Neg(a) => matches!(**a, PyExpr::Number(_)),
@@ -279,6 +280,29 @@ fn replaced(s: &Statement, name: &String, by: &PyExpr) -> Statement {
         | Statement::TurnEnd
         | Statement::LoopEnd
         | Statement::Pass => s.clone(),
+    }
+}
+
+/// A statement with lists in place of their names. Blocks within it that may set a name read it when they are reached.
+pub(super) fn with_lists(s: Statement, lists: &BTreeMap<String, PyExpr>) -> Statement {
+    if lists.is_empty() {
+        return s;
+    }
+    let one = |s: &Statement, (name, list): (&String, &PyExpr)| replaced(s, name, list);
+    match s {
+        Statement::If(tests, other) => {
+            let read = |test: PyExpr| {
+                let (names, values): (Vec<_>, Vec<_>) = lists.iter().map(|(n, l)| (n.clone(), l.clone())).unzip();
+                substitute(&test, &names, &values)
+            };
+            Statement::If(tests.into_iter().map(|(test, then)| (read(test), then)).collect(), other)
+        }
+        Statement::For(..) | Statement::While(..) => {
+            let (mut names, mut globals) = (Vec::new(), Vec::new());
+            assigned(std::slice::from_ref(&s), &mut names, &mut globals);
+            lists.iter().filter(|(name, _)| !names.contains(name)).fold(s, |s, list| one(&s, list))
+        }
+        s => lists.iter().fold(s, |s, list| one(&s, list)),
     }
 }
 
