@@ -489,6 +489,29 @@ fn productions_of_lpy_may_hold_lists() {
 }
 
 #[test]
+fn functions_of_lpy_may_have_defaults_and_named_arguments() {
+    let head = "w = 5\ndef f(x, k=2, n = w+1):\n  return x*k + n\ndef g(x: float, k: float = 3) -> float: return x-k\nw = 100\n";
+    let model = |rule: &str| format!("{head}Axiom: A(10)\nproduction:\nA(x) --> {rule}\n");
+    for (rule, wanted) in [
+        ("B(f(x),f(x,3),f(x,3,4))", "B(26,36,34)"),
+        ("B(f(x,n=1),f(k=x,x=4),f(x, k = x, n=0))", "B(21,46,100)"),
+        ("B(g(x),g(x,k=4))", "B(7,6)"),
+    ] {
+        assert_eq!(lpy(&model(rule)), wanted, "{rule}");
+    }
+    for (rule, why) in [
+        ("B(f())", "this call of 'f'"),
+        ("B(f(1,2,3,4))", "this call of 'f'"),
+        ("B(f(1,z=4))", "this call of 'f'"),
+        ("B(sin(x=1))", "an argument with a name"),
+        ("B(f(1,k=2 3))", "where an operator is expected"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{rule}: {said}");
+    }
+}
+
+#[test]
 fn variables_of_productions_hide_values_of_the_model() {
     let model = |lines: &str| format!("n = 3\nd = 5\nAxiom: A(4)\nproduction:\nA(x):\n{lines}");
     for (lines, wanted) in [

@@ -580,16 +580,25 @@ impl PyParser {
     fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
         let mut args = Vec::new();
         while !self.eat(")") {
-            let from = self.i;
-            args.push(self.choice()?);
-            if OF_NUMBERS.contains(&name.as_str()) {
-                self.check_number(from)?;
-            }
-            if self.word() == Some("for")
-                && args.len() == 1
-                && let Some(value) = args.pop()
+            // `f(x, k=3)`: the name is kept with its sign, which no function has.
+            if let [PyToken { kind: PyTokenKind::Name(own), range }, PyToken { kind: PyTokenKind::Sign("="), .. }, ..] =
+                self.tokens.get(self.i..).unwrap_or(&[])
             {
-                args.push(self.each(value, range.clone())?);
+                let (own, range) = (format!("{own}="), range.clone());
+                self.i += 2;
+                args.push(PyExpr::Call(own, vec![self.choice()?], range));
+            } else {
+                let from = self.i;
+                args.push(self.choice()?);
+                if OF_NUMBERS.contains(&name.as_str()) {
+                    self.check_number(from)?;
+                }
+                if self.word() == Some("for")
+                    && args.len() == 1
+                    && let Some(value) = args.pop()
+                {
+                    args.push(self.each(value, range.clone())?);
+                }
             }
             if self.eat(",") || self.sign() == Some(")") {
                 continue;
@@ -617,6 +626,8 @@ pub(super) struct Scope {
     pub unreadable: BTreeMap<String, Refusal>,
     /// Functions whose body is one expression, by name: their parameters and the expression.
     pub functions: BTreeMap<String, (Vec<String>, PyExpr)>,
+    /// Values that parameters of functions have where a call gives none, by the name of the function.
+    pub defaults: BTreeMap<String, Vec<Option<PyExpr>>>,
     /// The code is that of `StartEach`, which runs before the step: `Q` counts the steps that are completed.
     pub is_before_step: bool,
 }
@@ -722,9 +733,11 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 if depth >= 16 {
                     return Err(Refusal::new(format!("the recursive function '{name}'"), range.clone()));
                 }
-                if params.len() != args.len() || args.iter().any(|a| has_random(a, scope)) {
-                    return Err(Refusal::new(format!("this call of '{name}'"), range.clone()));
-                }
+                let args = arguments(params, scope.defaults.get(name), args).filter(|args| {
+                    // Each is written in as often as the body names it.
+                    !args.iter().any(|a| has_random(a, scope))
+                });
+                let args = args.ok_or_else(|| Refusal::new(format!("this call of '{name}'"), range.clone()))?;
                 if size_with(body, params, &args) > MAX_OPS {
                     return Err(Refusal::new("an expression that grows too large", range.clone()));
                 }
@@ -776,6 +789,22 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             }
         }
     })
+}
+
+/// The arguments of a call in the order of the parameters; `None` where one is missing or has none.
+fn arguments(params: &[String], defaults: Option<&Vec<Option<PyExpr>>>, args: Vec<PyExpr>) -> Option<Vec<PyExpr>> {
+    let mut values = defaults.cloned().unwrap_or_default();
+    values.resize(params.len(), None);
+    for (k, arg) in args.into_iter().enumerate() {
+        let (k, value) = match arg {
+            PyExpr::Call(name, mut value, _) if name.ends_with('=') => {
+                (params.iter().position(|p| name.strip_suffix('=') == Some(p.as_str()))?, value.pop()?)
+            }
+            value => (k, value),
+        };
+        *values.get_mut(k)? = Some(value);
+    }
+    values.into_iter().collect()
 }
 
 /// `value in list`: whether the value equals one of the items.
@@ -1246,6 +1275,7 @@ fn emit_call(
             emit(b, scope, ops)?;
             ops.push(Op::Random(RandomFunction::Nran));
         }
+        _ if name.ends_with('=') => return Err(Refusal::new("an argument with a name", range.clone())),
         _ => return Err(Refusal::new(format!("the function '{name}'"), range.clone())),
     }
     Ok(())

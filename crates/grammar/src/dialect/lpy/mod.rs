@@ -135,7 +135,8 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         let inline = head.and_then(|h| colon(h).map(|c| at_semicolons(h.from(c + 1).trimmed()))).unwrap_or_default();
         let inline: Vec<Line<'_>> = inline.into_iter().map(|piece| Line { indent: 1, piece }).collect();
         let block = if inline.is_empty() { list.get(body).unwrap_or(&[]) } else { &inline };
-        model.run_parameters = head.and_then(parameters_of).unwrap_or_default();
+        let parameters = head.and_then(parameters_of).unwrap_or_default();
+        model.run_parameters = parameters.into_iter().map(|(name, _)| name).collect();
         model.called_function(&name, block, &place);
     }
     model.finish(text);
@@ -652,6 +653,7 @@ impl<'s> Model<'_, 's> {
             }
             let (names, values) = (split(names), split(value));
             if let ([name], Some((params, body))) = (names.as_slice(), lambda(value)) {
+                self.scope.defaults.remove(name.text);
                 self.scope.functions.insert(name.text.to_owned(), (params, body));
                 return next;
             }
@@ -719,13 +721,23 @@ impl<'s> Model<'_, 's> {
         let parsed = || {
             let params = parameters_of(rest)?;
             let inner = rest.from(rest.text.find('(')? + 1);
+            // `def f(x) -> float:` names what it gives.
             let after = inner.from(strings::closing(inner.text)? + 1).trimmed();
+            let given = after.text.strip_prefix("->").and_then(|t| t.find(':')).map_or(0, |c| c + "->".len());
+            let after = after.from(given);
             let body = after.text.strip_prefix(':').map(|_| after.from(1).trimmed())?;
             Some((params, body))
         };
         let head = parsed();
         // A function that rules call: its body stands behind the colon or in the block.
         let Some((params, body)) = head else { return };
+        // Python evaluates them once, where the function is defined.
+        let default = |value: Piece<'_>| {
+            let value = parse(value).and_then(|e| resolve(&e, &self.scope, 0)).ok();
+            value.filter(|e| !has_random(e, &self.scope))
+        };
+        let defaults: Vec<Option<PyExpr>> = params.iter().map(|(_, value)| value.and_then(default)).collect();
+        let params: Vec<String> = params.into_iter().map(|(name, _)| name).collect();
         let inline = [Line { indent: 0, piece: body }];
         let lines = if body.text.is_empty() { block } else { &inline };
         let value = self.statements(lines, 0).and_then(|mut list| {
@@ -736,6 +748,7 @@ impl<'s> Model<'_, 's> {
         });
         match value {
             Ok(value) => {
+                self.scope.defaults.insert(name.clone(), defaults);
                 self.scope.functions.insert(name, (params, value));
             }
             // A call of a function that could not be read is refused there.
@@ -1001,11 +1014,17 @@ impl<'s> Model<'_, 's> {
     }
 }
 
-/// Names of the parameters of a function from its head, `Start(lstring):`.
-fn parameters_of(head: Piece<'_>) -> Option<Vec<String>> {
+/// Names of the parameters of a function from its head, `Start(lstring):`, with the values that they have otherwise, `f(x, k=3):`.
+fn parameters_of(head: Piece<'_>) -> Option<Vec<(String, Option<Piece<'_>>)>> {
     let inner = head.from(head.text.find('(')? + 1);
     let list = split(inner.up_to(strings::closing(inner.text)?));
-    Some(list.iter().map(|p| p.text.to_owned()).collect())
+    let parameters = list.into_iter().map(|p| {
+        let value = p.text.find('=').map(|i| p.from(i + 1).trimmed());
+        // `x: float` names what it takes.
+        let name = p.text.split(['=', ':']).next().unwrap_or_default().trim();
+        (name.to_owned(), value)
+    });
+    Some(parameters.collect())
 }
 
 /// `lambda x, y: e`: parameters and expression.
