@@ -458,6 +458,7 @@ fn productions_of_lpy_may_hold_lists() {
     let model = |lines: &str| format!("q = [[1, 2], [3, 4]]\nAxiom: A(5)\nproduction:\nA(x):\n{lines}");
     for (lines, wanted) in [
         ("  for v in [x, -x, 30]: nproduce B(v)\n", "B(5)B(-5)B(30)"),
+        ("  p = [1, x]\n  p += [2]\n  nproduce B(p[2],len(p))\n", "B(2,3)"),
         ("  p = [10, -20]\n  for v in p: nproduce B(v)\n", "B(10)B(-20)"),
         // The items are taken where the list is made.
         ("  p = [x, x+1]\n  x = 0\n  nproduce B(p[0],p[1],len(p))\n", "B(5,6,2)"),
@@ -479,7 +480,6 @@ fn productions_of_lpy_may_hold_lists() {
     assert_eq!(a.trim_start_matches("B("), b.trim_end_matches(')'), "{drawn}");
     for lines in [
         "  p = [1, x]\n  nproduce B(p)\n",
-        "  p = [1, x]\n  p += [2]\n  nproduce B(p[2])\n",
         "  p = [1, x]\n  p[0] = 2\n  nproduce B(p[0])\n",
         "  p = [1, x]\n  p.append(2)\n  nproduce B(p[2])\n",
     ] {
@@ -505,6 +505,33 @@ fn functions_of_lpy_may_have_defaults_and_named_arguments() {
         ("B(f(1,z=4))", "this call of 'f'"),
         ("B(sin(x=1))", "an argument with a name"),
         ("B(f(1,k=2 3))", "where an operator is expected"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{rule}: {said}");
+    }
+}
+
+#[test]
+fn more_functions_of_python_are_known_to_lpy() {
+    let model = |rule: &str| format!("q = [3, 1, 2]\nr = [0]*4 + q\nAxiom: A(7)\nproduction:\nA(x):\n  {rule}\n");
+    for (rule, wanted) in [
+        ("produce B(len(r),r[4],sum(2*[1,5]))", "B(7,3,12)"),
+        ("for v in reversed(q): nproduce B(v)", "B(2)B(1)B(3)"),
+        ("for v in sorted(q): nproduce B(v)", "B(1)B(2)B(3)"),
+        ("for i in reversed(range(3)): nproduce B(i)", "B(2)B(1)B(0)"),
+        ("produce B(divmod(x,3)[0],divmod(-x,3)[1])", "B(2,2)"),
+        ("if any([v > x for v in q]) or all(v < x for v in q): produce B(any([]),all([]))", "B(0,1)"),
+        ("if any(v > 2*x-12 for v in q): produce B", "B"),
+        ("produce B(hypot(3,x-3),fmod(-x,4),log(8,2),log10(1000))", "B(5,-3,3,3)"),
+        ("produce B(round(x/3,2),round(1234.5,-2),round(cosh(0)+sinh(0)+tanh(0),3))", "B(2.33,1200,1)"),
+    ] {
+        assert_eq!(lpy(&model(rule)), wanted, "{rule}");
+    }
+    for (rule, why) in [
+        ("produce B(len(q*x))", "that is not constant"),
+        ("produce B(sorted([x, 1])[0])", "'sorted'"),
+        ("produce B(round(x,x))", "digits of 'round'"),
+        ("produce B(len([0]*10000*10000))", "too many items"),
     ] {
         let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
         assert!(said.contains("L007") && said.contains(why), "{rule}: {said}");

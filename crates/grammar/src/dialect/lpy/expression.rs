@@ -721,7 +721,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::Not(a) => PyExpr::Not(sub(a)?),
         // Texts are equal or not; their order is not known.
         PyExpr::Binary(op @ (PyOp::Eq | PyOp::Ne), a, b) => PyExpr::Binary(*op, sub(a)?, sub(b)?),
-        PyExpr::Binary(op, a, b) => PyExpr::Binary(*op, number(a)?, number(b)?),
+        PyExpr::Binary(op, a, b) => combined(*op, number(a)?, number(b)?, scope)?,
         PyExpr::And(a, b) => PyExpr::And(sub(a)?, sub(b)?),
         PyExpr::Or(a, b) => PyExpr::Or(sub(a)?, sub(b)?),
         PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a)?, sub(b)?, sub(c)?),
@@ -760,6 +760,24 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                     PyExpr::Call(name.clone(), items.clone(), range.clone())
                 }
                 ("list" | "tuple", [list @ PyExpr::List(..)]) => list.clone(),
+                ("reversed", [PyExpr::List(items, range)]) => {
+                    PyExpr::List(items.iter().rev().cloned().collect(), range.clone())
+                }
+                ("sorted", [PyExpr::List(items, range)]) => sorted(items, scope, range)?,
+                ("any" | "all", [PyExpr::List(items, _)]) if !items.iter().any(|e| has_random(e, scope)) => {
+                    let is_any = name == "any";
+                    let one = |e: &PyExpr| PyExpr::Call("bool".to_owned(), vec![e.clone()], range.clone());
+                    let both = |a, b| {
+                        let (a, b) = (Box::new(a), Box::new(b));
+                        if is_any { PyExpr::Or(a, b) } else { PyExpr::And(a, b) }
+                    };
+                    let of_none = PyExpr::Number(if is_any { 0.0 } else { 1.0 });
+                    items.iter().map(one).reduce(both).unwrap_or(of_none)
+                }
+                ("divmod", [a, b]) if !args.iter().any(|a| has_random(a, scope)) => {
+                    let one = |op| PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()));
+                    PyExpr::List(vec![one(PyOp::FloorDiv), one(PyOp::Mod)], range.clone())
+                }
                 ("choice", [PyExpr::List(items, _)]) if !items.is_empty() => one_of(items, range),
                 (IN, [value, PyExpr::List(items, _)]) => is_one_of(value, items, scope, range)?,
                 (IN, _) => return Err(Refusal::new("'in' before something other than a list", range.clone())),
@@ -805,6 +823,40 @@ fn arguments(params: &[String], defaults: Option<&Vec<Option<PyExpr>>>, args: Ve
         *values.get_mut(k)? = Some(value);
     }
     values.into_iter().collect()
+}
+
+/// An operation on numbers, `list + list` or `list * number`.
+fn combined(op: PyOp, a: Box<PyExpr>, b: Box<PyExpr>, scope: &Scope) -> Result<PyExpr, Refusal> {
+    let (items, range) = match (op, &*a, &*b) {
+        (PyOp::Add, PyExpr::List(first, range), PyExpr::List(rest, _)) => {
+            (first.iter().chain(rest).cloned().collect::<Vec<_>>(), range)
+        }
+        (PyOp::Mul, PyExpr::List(items, range), count) | (PyOp::Mul, count, PyExpr::List(items, range)) => {
+            let count = constant_of(count, scope).filter(|n| n.fract().abs() <= 0.0 && *n <= MAX_ITEMS);
+            let Some(count) = count.filter(|_| !items.iter().any(|e| has_random(e, scope))) else {
+                return Err(Refusal::new("a list times a number that is not constant", range.clone()));
+            };
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to MAX_ITEMS")]
+            let count = count.max(0.0) as usize;
+            let all = items.len().saturating_mul(count);
+            (items.iter().cycle().take(all.min(MAX_OPS + 1)).cloned().collect(), range)
+        }
+        _ => return Ok(PyExpr::Binary(op, a, b)),
+    };
+    if items.len() > MAX_OPS {
+        return Err(Refusal::new("a list of too many items", range.clone()));
+    }
+    Ok(PyExpr::List(items, range.clone()))
+}
+
+/// A list of constant numbers in ascending order.
+fn sorted(items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let number = |e: &PyExpr| constant_of(e, scope).filter(|_| !matches!(e, PyExpr::Text(..)));
+    let numbers = items.iter().map(number).collect::<Option<Vec<f64>>>();
+    let mut numbers =
+        numbers.ok_or_else(|| Refusal::new("'sorted' of something other than constant numbers", range.clone()))?;
+    numbers.sort_by(f64::total_cmp);
+    Ok(PyExpr::List(numbers.into_iter().map(PyExpr::Number).collect(), range.clone()))
 }
 
 /// `value in list`: whether the value equals one of the items.
@@ -1247,6 +1299,49 @@ fn emit_call(
                 PyExpr::Choice(Box::new(test), Box::new(a), Box::new(b.clone()))
             });
             emit(&least, scope, ops)?;
+        }
+        ("log", [a, base]) => {
+            let log = |e: &PyExpr| Box::new(PyExpr::Call("log".to_owned(), vec![e.clone()], range.clone()));
+            emit(&PyExpr::Binary(PyOp::Div, log(a), log(base)), scope, ops)?;
+        }
+        ("log10", [a]) => {
+            emit(a, scope, ops)?;
+            ops.push(Op::Unary(UnaryOp::Log));
+            scaled(ops, std::f64::consts::LOG10_E);
+        }
+        // To so many digits behind the point.
+        ("round", [a, digits]) => {
+            let digits = constant_of(digits, scope).filter(|d| d.fract().abs() <= 0.0 && d.abs() <= 15.0);
+            let digits =
+                digits.ok_or_else(|| Refusal::new("digits of 'round' that are not constant", range.clone()))?;
+            let unit = format!("1e{digits}").parse().unwrap_or(1.0);
+            let unit = || Box::new(PyExpr::Number(unit));
+            let larger = PyExpr::Binary(PyOp::Mul, Box::new(a.clone()), unit());
+            let whole = PyExpr::Call("round".to_owned(), vec![larger], range.clone());
+            emit(&PyExpr::Binary(PyOp::Div, Box::new(whole), unit()), scope, ops)?;
+        }
+        ("hypot" | "fmod" | "sinh" | "cosh" | "tanh", _) if !args.iter().any(|a| has_random(a, scope)) => {
+            let call = |name: &str, a: PyExpr| Box::new(PyExpr::Call(name.to_owned(), vec![a], range.clone()));
+            let two = |op: PyOp, a: &PyExpr, b: &PyExpr| PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()));
+            let e = match (name, args) {
+                ("hypot", [a, b]) => {
+                    let sum = two(PyOp::Add, &two(PyOp::Mul, a, a), &two(PyOp::Mul, b, b));
+                    *call("sqrt", sum)
+                }
+                // The remainder with the sign of the first number.
+                ("fmod", [a, b]) => two(PyOp::Sub, a, &two(PyOp::Mul, b, &call("trunc", two(PyOp::Div, a, b)))),
+                (_, [a]) if name != "hypot" && name != "fmod" => {
+                    let (up, down) = (call("exp", a.clone()), call("exp", PyExpr::Neg(Box::new(a.clone()))));
+                    let (sum, difference) = (two(PyOp::Add, &up, &down), two(PyOp::Sub, &up, &down));
+                    match name {
+                        "sinh" => two(PyOp::Div, &difference, &PyExpr::Number(2.0)),
+                        "cosh" => two(PyOp::Div, &sum, &PyExpr::Number(2.0)),
+                        _ => two(PyOp::Div, &difference, &sum),
+                    }
+                }
+                _ => return Err(Refusal::new(format!("this call of '{name}'"), range.clone())),
+            };
+            emit(&e, scope, ops)?;
         }
         // L-Py counts from 0, `Q` from 1 in productions and from 0 in the function before a step.
         ("getIterationNb", []) if scope.is_before_step => ops.push(Op::Step),

@@ -686,8 +686,9 @@ impl Model<'_, '_> {
             PyExpr::List(..) => return Some(e.clone()),
             PyExpr::Name(name, _) => self.scope.lists.contains_key(name),
             PyExpr::Index(..) | PyExpr::Each(..) => true,
+            PyExpr::Binary(PyOp::Add | PyOp::Mul, a, b) => [a, b].iter().any(|e| matches!(***e, PyExpr::List(..))),
             PyExpr::Call(name, ..) => {
-                matches!(name.as_str(), "range" | "xrange" | "list" | "tuple")
+                matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
                     || self.scope.functions.contains_key(name)
             }
             _ => false,
