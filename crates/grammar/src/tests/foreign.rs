@@ -512,6 +512,19 @@ fn functions_of_lpy_may_have_defaults_and_named_arguments() {
 }
 
 #[test]
+fn arguments_of_lpy_may_draw_where_they_are_read_once() {
+    let head = "def f(x): return 2*x + 1\ndef g(x): return x*x\ndef h(x): return x if x > 1 else 0\n\
+                def k(x, c): return x if c else -x\ndef s(x): return sum([x*i for i in range(3)])\ndef t(x): return f(f(x))\n";
+    let model = |rule: &str| format!("{head}Axiom: A(0)\nproduction:\nA(x) --> {rule}\n");
+    assert_eq!(lpy(&model("B(f(randint(3,3)),k(randint(3,3),x),t(randint(1,1)))")), "B(7,-3,7)");
+    for function in ["g", "h", "s"] {
+        let text = format!("{}endlsystem\n", model(&format!("B({function}(randint(3,3)))")));
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains("this call of"), "{function}: {said}");
+    }
+}
+
+#[test]
 fn more_functions_of_python_are_known_to_lpy() {
     let model = |rule: &str| format!("q = [3, 1, 2]\nr = [0]*4 + q\nAxiom: A(7)\nproduction:\nA(x):\n  {rule}\n");
     for (rule, wanted) in [

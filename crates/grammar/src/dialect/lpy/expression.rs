@@ -725,8 +725,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::And(a, b) => PyExpr::And(sub(a)?, sub(b)?),
         PyExpr::Or(a, b) => PyExpr::Or(sub(a)?, sub(b)?),
         PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a)?, sub(b)?, sub(c)?),
-        // A function of the file is replaced by its body; arguments are written in as often as it names them, so that they
-        // must not draw.
+        // A function of the file is replaced by its body.
         PyExpr::Call(name, args, range) => {
             let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
             if let Some((params, body)) = scope.functions.get(name) {
@@ -734,8 +733,9 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                     return Err(Refusal::new(format!("the recursive function '{name}'"), range.clone()));
                 }
                 let args = arguments(params, scope.defaults.get(name), args).filter(|args| {
-                    // Each is written in as often as the body names it.
-                    !args.iter().any(|a| has_random(a, scope))
+                    // An argument is written in as often as the body reads it, so that one which draws may be read once.
+                    let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(body, p) <= 1;
+                    params.iter().zip(args).all(is_drawn_once)
                 });
                 let args = args.ok_or_else(|| Refusal::new(format!("this call of '{name}'"), range.clone()))?;
                 if size_with(body, params, &args) > MAX_OPS {
@@ -807,6 +807,20 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             }
         }
     })
+}
+
+/// How often an expression reads a name, at the most; a list that is made from another counts as two values.
+fn times_read(e: &PyExpr, name: &str) -> usize {
+    let times = |e: &PyExpr| times_read(e, name);
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) => 0,
+        PyExpr::Name(own, _) => usize::from(own == name),
+        PyExpr::Neg(a) | PyExpr::Not(a) => times(a),
+        PyExpr::Binary(_, a, b) | PyExpr::And(a, b) | PyExpr::Or(a, b) | PyExpr::Index(a, b, _) => times(a) + times(b),
+        PyExpr::Choice(a, b, c) => times(a) + times(b).max(times(c)),
+        PyExpr::Call(_, items, _) | PyExpr::List(items, _) => items.iter().map(times).sum(),
+        PyExpr::Each(value, own, list, _) => times(list) * 2 + if own == name { 0 } else { times(value) * 2 },
+    }
 }
 
 /// The arguments of a call in the order of the parameters; `None` where one is missing or has none.
