@@ -138,6 +138,19 @@ fn a_transparent_picture_shows_the_plant_its_shadow_and_nothing_else() {
 }
 
 #[test]
+fn a_camera_below_the_floor_sees_the_plant_on_it() {
+    let dir = tempfile::tempdir().expect("dir");
+    for quality in ["draft", "normal"] {
+        let out = dir.path().join(format!("{quality}.png"));
+        let flags = ["preview", "poplar-twig.l", "--size", "120x160", "--view", "30,-40", "--background", "none"];
+        ends(0, &[&flags[..], &["--quality", quality, "-o", arg(&out)]].concat());
+        let p = picture(&out);
+        let green = p.pixels().filter(|c| c.0[3] > 200 && c.0[1] > c.0[0] && c.0[1] > c.0[2]).count();
+        assert!(green > 80, "{quality}: {green} pixels of leaves");
+    }
+}
+
+#[test]
 fn sheets_have_a_cell_for_every_seed_and_value() {
     let dir = tempfile::tempdir().expect("dir");
     let out = dir.path().join("sheet.png");
