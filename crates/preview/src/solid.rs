@@ -11,7 +11,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::Ray;
 
-use super::detail::{MeshDetail, cluster_vertices};
+use super::detail::{MIN_CLUSTERED_AREA, MeshDetail, cluster_vertices, keep_thin_parts};
 use super::materials::PreviewMaterials;
 use super::round_cone::RoundCone;
 use osier_base::math;
@@ -29,9 +29,6 @@ const STREAK_END_RADIUS: f32 = 0.1;
 /// Most primitives for a BVH of high, of medium and of low build effort: small trees take little time to build and are traversed
 /// often, the largest would delay the picture by seconds.
 const BUILD_EFFORT: [usize; 3] = [4_000, 100_000, 1_500_000];
-
-/// Least share of its area that a mesh must keep when its vertices are clustered. Own: leaves keep more than nine tenths.
-const MIN_CLUSTERED_AREA: f32 = 0.6;
 
 /// A triangle in the form that the intersection test needs: a corner and two edges.
 #[derive(Debug, Clone, Copy)]
@@ -105,6 +102,7 @@ impl<'a> Solid<'a> {
         detail: MeshDetail,
     ) -> Self {
         let mut replacements = cluster_vertices(points, detail.cluster_size);
+        keep_thin_parts(&mesh.triangles, points, detail.cluster_size, &mut replacements);
         let mut triangles = prepare_triangles(mesh, points, &replacements);
         // Needles are thinner than a cluster and would vanish: a mesh that would lose most of its area is not clustered.
         if !replacements.is_empty() {
