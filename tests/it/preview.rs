@@ -85,6 +85,8 @@ fn outputs_and_flags_that_would_mislead_are_refused() {
         (&["--columns", "2"][..], "contact sheet"),
         (&["--columns", "2", "--turntable", "4"], "contact sheet"),
         (&["--columns", "0", "--seeds", "0-1"], "'--columns <N>'"),
+        (&["--columns", "2", "--seeds", "0-1", "--sweep", "sky.glow=0,1,2"], "two axes"),
+        (&["--columns", "2", "--sweep", "sun.strength=1,2", "--sweep", "sky.glow=0,1,2"], "two axes"),
     ] {
         let out = file("d.png");
         let flags = ["preview", SPRIG, "--size", "16", "--quality", "draft", "-o", arg(&out)];
