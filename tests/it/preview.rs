@@ -272,6 +272,10 @@ fn a_bake_has_land_camera_sun_and_materials_of_its_scene() {
     // A mesh file has no camera: the scene's view of it is the fitted one, and not one from inside of it.
     let (glb, pictures) = (file("tuft.glb"), [file("fitted.png"), file("scene.png")]);
     ends(0, &["grow", arg(&file("tuft.toml")), "-o", arg(&glb)]);
+    // Of a glTF file without a manifest only the materials transmit light that say so.
+    let read = osier::scene_preview::PreviewScene::of_mesh_file(&glb, &[], &limits).expect("a mesh");
+    let bark = read.scene().materials.iter().find(|m| m.name == "grass_shoot").expect("bark");
+    assert!(bark.translucency.abs() < 1e-9, "{bark:?}");
     for (view, out) in ["portrait", "scene"].iter().zip(&pictures) {
         ends(0, &["preview", arg(&glb), "--view", view, "--size", "32", "--quality", "draft", "-o", arg(out)]);
     }
