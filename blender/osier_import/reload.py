@@ -264,6 +264,8 @@ def _replace(
     for name, group in new_groups.items():
         if name in old_groups:
             earlier, wanted = old_groups[name], group.name
+            # Added objects, such as another copy of a tree, show the leaves of their kind from the earlier collection.
+            group.user_remap(earlier)
             bpy.data.collections.remove(group)
             if earlier.name[:4].isdigit():
                 earlier.name = materials.base_name(wanted)
