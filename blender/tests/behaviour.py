@@ -11,6 +11,7 @@ import pathlib
 import shutil
 import sys
 import traceback
+import types
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
@@ -356,6 +357,27 @@ def names_of_materials_that_are_too_long_are_told(manifest: str, _other: str, fo
     assert counts() == before
 
 
+def dropped_manifests_show_their_options(manifest: str, _other: str, _folder: pathlib.Path) -> None:
+    fresh()
+    shown = []
+    manager = types.SimpleNamespace(invoke_props_dialog=lambda _: shown.append("options"), fileselect_add=lambda _: shown.append("files"))
+
+    class Invoked(osier_import.ops.OSIER_OT_import):
+        """The import as a drop and the menu start it, with a window manager that has no window."""
+
+        bl_idname = "import_scene.osier_invoked"
+
+        def execute(self, _context: bpy.types.Context) -> set[str]:
+            self.invoke(types.SimpleNamespace(window_manager=manager), None)
+            return {"FINISHED"}
+
+    bpy.utils.register_class(Invoked)
+    bpy.ops.import_scene.osier_invoked(filepath=manifest)
+    bpy.ops.import_scene.osier_invoked()
+    bpy.utils.unregister_class(Invoked)
+    assert shown == ["options", "files"], shown
+
+
 def main() -> None:
     manifest, other, folder = sys.argv[1:]
     failed = []
@@ -380,6 +402,7 @@ def main() -> None:
         names_of_materials_that_are_too_long_are_told,
         files_open_again,
         undo_removes_and_redo_restores,
+        dropped_manifests_show_their_options,
     ):
         try:
             check(manifest, other, pathlib.Path(folder))
