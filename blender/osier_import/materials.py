@@ -116,10 +116,22 @@ def new_node(tree: bpy.types.NodeTree, kind: str, name: str, x: float, y: float)
 def picture(path: str, color: bool, sequence: Sequence | None = None) -> bpy.types.Image:
     """The picture of a file; a sequence is a separate picture, because its settings differ."""
     image = bpy.data.images.load(path, check_existing=sequence is None)
-    image.colorspace_settings.name = "sRGB" if color else "Non-Color"
+    _set_space(image, color)
     if sequence:
         image.source = "SEQUENCE"
     return image
+
+
+def _set_space(image: bpy.types.Image, color: bool) -> None:
+    """Sets the colour space of a picture: sRGB, or none for data. Their names differ between configurations of OpenColorIO."""
+    if not color:
+        image.colorspace_settings.is_data = True
+        return
+    try:
+        image.colorspace_settings.name = "sRGB"
+    except TypeError:
+        # The configuration of a studio has another name: Blender has given the picture the space of 8-bit pictures.
+        pass
 
 
 def _picture_node(tree: bpy.types.NodeTree, bake: Bake, file: str, name: str, color: bool, y: float) -> bpy.types.Node:

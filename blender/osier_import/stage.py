@@ -100,7 +100,7 @@ def import_bake(context: bpy.types.Context, bake: Bake, into: str, look: str) ->
         raise BakeError(bake.path, cause, "Check the folder with osier info; nothing was changed") from error
     if into != "APPEND":
         set_render(scene, bake)
-        world.set_look(scene, look)
+        notes += world.set_look(scene, look)
         scene.frame_set(bake.first)
     else:
         notes += rates(scene, bake)

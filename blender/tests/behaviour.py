@@ -9,6 +9,7 @@ import json
 import os
 import pathlib
 import shutil
+import subprocess
 import sys
 import traceback
 import types
@@ -378,6 +379,38 @@ def dropped_manifests_show_their_options(manifest: str, _other: str, _folder: pa
     assert shown == ["options", "files"], shown
 
 
+STUDIO = """ocio_profile_version: 2
+roles: {default: linear, scene_linear: linear, data: raw, default_byte: srgb_texture, color_picking: srgb_texture}
+displays: {monitor: [!<View> {name: plain, colorspace: srgb_texture}]}
+colorspaces:
+  - !<ColorSpace> {name: linear}
+  - !<ColorSpace> {name: raw, isdata: true}
+  - !<ColorSpace> {name: srgb_texture, to_scene_reference: !<ExponentWithLinearTransform> {gamma: 2.4, offset: 0.055}}
+"""
+"""A configuration of OpenColorIO with other names than Blender's."""
+
+IN_A_STUDIO = """
+import os, sys
+sys.path.insert(0, sys.argv[1])
+import bpy, osier_import
+osier_import.register()
+bpy.ops.import_scene.osier(filepath=sys.argv[2])
+spaces = {i.colorspace_settings.name for i in bpy.data.images if i.filepath}
+assert spaces == {"raw", "srgb_texture"}, spaces
+assert bpy.data.scenes["wet_leaf"].view_settings.view_transform == "plain"
+sys.stdout.flush()
+os._exit(0)
+"""
+
+
+def other_configurations_of_colors_import(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    config = folder / "studio.ocio"
+    config.write_text(STUDIO)
+    command = [sys.executable, "-c", IN_A_STUDIO, str(pathlib.Path(osier_import.__file__).parents[1]), manifest]
+    done = subprocess.run(command, env={**os.environ, "OCIO": str(config)}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def main() -> None:
     manifest, other, folder = sys.argv[1:]
     failed = []
@@ -403,6 +436,7 @@ def main() -> None:
         files_open_again,
         undo_removes_and_redo_restores,
         dropped_manifests_show_their_options,
+        other_configurations_of_colors_import,
     ):
         try:
             check(manifest, other, pathlib.Path(folder))
