@@ -57,6 +57,7 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
     notes += _set_view(bake, token, collection, scenes)
     for same in [c for c in marked(bpy.data.collections, token, "osier_hash") if c == collection or c["osier_manifest"] == bake.path]:
         stage.mark(same, bake, token)
+    stage.set_relative_paths(bake)
     return notes
 
 
@@ -66,22 +67,23 @@ def marked(items: Iterable[bpy.types.ID], token: str, name: str = "osier_id") ->
 
 
 def manifest_path(collection: bpy.types.Collection) -> str:
-    """The manifest of an import. Where the project was moved, it lies above the pictures and stages, whose paths Blender keeps."""
+    """The manifest of an import. Where the project was moved or copied, it lies above the pictures and stages, whose paths Blender keeps."""
     path, token = collection["osier_manifest"], collection["osier_bake"]
-    if os.path.isfile(path):
-        return path
     trees = [m.node_tree for m in marked(bpy.data.materials, token) if m.node_tree]
     files = [node.image for tree in trees for node in tree.nodes if getattr(node, "image", None)]
     files += [u.cache_file for o in marked(bpy.data.objects, token) for u in copies.cache_users(o) if u.cache_file]
-    for file in files:
-        folder = os.path.dirname(os.path.abspath(bpy.path.abspath(file.filepath)))
+    found = []
+    for folder in dict.fromkeys(os.path.dirname(os.path.abspath(bpy.path.abspath(file.filepath))) for file in files):
         # Maps of leaves are two folders below the manifest.
         for _ in range(3):
             folder = os.path.dirname(folder)
-            moved = os.path.join(folder, os.path.basename(path))
-            if os.path.isfile(moved):
-                return moved
-    return path
+            above = os.path.join(folder, os.path.basename(path))
+            if os.path.isfile(above):
+                found.append(above)
+                break
+    # A material may show a picture of another bake, too.
+    is_shown = os.path.realpath(path) in {os.path.realpath(p) for p in found}
+    return path if is_shown or not found else found[0]
 
 
 def is_own(item: bpy.types.ID) -> bool:
@@ -139,14 +141,8 @@ def _take_twins(
 def _reload_pictures(bake: Bake) -> None:
     """Reads pictures of the bake again that changed materials or the user's own still show, except painted and packed ones."""
     for image in bpy.data.images:
-        if is_own(image) and image.filepath and not image.is_dirty and not image.packed_file and _is_below(bake, image.filepath):
+        if is_own(image) and image.filepath and not image.is_dirty and not image.packed_file and stage.is_below(bake, image.filepath):
             image.reload()
-
-
-def _is_below(bake: Bake, path: str) -> bool:
-    """Whether a file is in the folder of a bake."""
-    folder, path = (os.path.realpath(p) for p in (bake.folder, bpy.path.abspath(path)))
-    return path.startswith(folder + os.sep)
 
 
 def _set_view(bake: Bake, token: str, collection: bpy.types.Collection, scenes: list[bpy.types.Scene]) -> list[str]:
@@ -180,7 +176,7 @@ def _release_caches(bake: Bake, token: str) -> tuple[list[tuple[Any, ...]], list
     for item in bpy.data.objects:
         for user in copies.cache_users(item):
             file = user.cache_file
-            if file is None or not (item in mine or _is_below(bake, file.filepath)):
+            if file is None or not (item in mine or stage.is_below(bake, file.filepath)):
                 continue
             if file not in files:
                 files[file] = (file.filepath, file.frame_offset, file.name)
@@ -209,7 +205,7 @@ def _restore_caches(released: list[tuple[Any, ...]]) -> None:
             known = {f.as_pointer() for f in bpy.data.cache_files}
             bpy.ops.cachefile.open(filepath=bpy.path.abspath(file))
             made[name] = next(f for f in bpy.data.cache_files if f.as_pointer() not in known)
-            made[name].name, made[name].frame_offset = name, offset
+            made[name].name, made[name].frame_offset, made[name].filepath = name, offset, file
         for user in copies.cache_users(item):
             if user.name == user_name:
                 user.cache_file = made[name]

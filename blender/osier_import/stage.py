@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Imports the stage of a bake and sets up the scene that shows it."""
 
+import contextlib
+import os
 from array import array
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -105,11 +107,32 @@ def import_bake(context: bpy.types.Context, bake: Bake, into: str, look: str) ->
     else:
         notes += rates(scene, bake)
     mark(collection, bake, token)
+    set_relative_paths(bake)
     if into != "APPEND":
         collection["osier_rate"] = rate(scene)
     if into == "NEW" and context.window:
         context.window.scene = scene
     return Report(collection, scene, notes)
+
+
+def is_below(bake: Bake, path: str) -> bool:
+    """Whether a file is in the folder of a bake."""
+    folder, path = (os.path.realpath(p) for p in (bake.folder, bpy.path.abspath(path)))
+    return path.startswith(folder + os.sep)
+
+
+def set_relative_paths(bake: Bake) -> None:
+    """Names the files of a bake relative to the saved file, if the preferences of Blender say so: the project can then be moved or copied."""
+    if not bpy.data.filepath or not bpy.context.preferences.filepaths.use_relative_paths:
+        return
+    for item in (*bpy.data.images, *bpy.data.cache_files):
+        if item.library or not item.filepath or item.filepath.startswith("//") or not is_below(bake, item.filepath):
+            continue
+        # Another path of a picture would read it again, and lose what was painted.
+        name = "filepath_raw" if isinstance(item, bpy.types.Image) else "filepath"
+        # On Windows there is no relative path to another drive.
+        with contextlib.suppress(ValueError):
+            setattr(item, name, bpy.path.relpath(item.filepath))
 
 
 def mark(collection: bpy.types.Collection, bake: Bake, token: str) -> None:

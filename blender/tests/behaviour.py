@@ -5,6 +5,7 @@ Runs under bpy 4.2 or newer. MANIFEST is a bake with points or leaves, OTHER ano
 `{"failed": [...]}` with the checks that do not hold.
 """
 
+import functools
 import json
 import os
 import pathlib
@@ -292,18 +293,28 @@ def pictures_of_changed_materials_are_read_again(_manifest: str, other: str, fol
     assert nodes["osier color"].image == image and tuple(image.size) == (2, 2), tuple(image.size)
 
 
-def moved_projects_reload(manifest: str, _other: str, folder: pathlib.Path) -> None:
-    fresh()
-    path, data = changed_copy(manifest, folder / "project" / "bake")
-    load(str(path))
-    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "project" / "saved.blend"))
-    moved = folder / "moved"
-    os.rename(folder / "project", moved)
-    bpy.ops.wm.open_mainfile(filepath=str(moved / "saved.blend"))
-    (moved / "bake" / "manifest.json").write_text(json.dumps({**data, "bake_hash": "1" * 64}))
-    assert bpy.ops.osier.reload() == {"FINISHED"}
-    marks = [(c["osier_hash"], c["osier_folder"]) for c in bpy.data.collections if "osier_hash" in c]
-    assert marks == [("1" * 64, str(moved / "bake"))], marks
+def projects_reload_where_they_are(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    # A file that is saved after the import, or before it and reloaded; a moved project, and a copy beside its original.
+    for number, (saved_first, move) in enumerate([(False, os.rename), (True, os.rename), (False, shutil.copytree)]):
+        fresh()
+        project, moved = folder / f"project_{number}", folder / f"moved_{number}"
+        path, data = changed_copy(manifest, project / "bake")
+        save = functools.partial(bpy.ops.wm.save_as_mainfile, filepath=str(project / "saved.blend"))
+        if saved_first:
+            save()
+        load(str(path))
+        if saved_first:
+            path.write_text(json.dumps({**data, "bake_hash": "2" * 64}))
+            assert bpy.ops.osier.reload() == {"FINISHED"}
+        save()
+        move(project, moved)
+        bpy.ops.wm.open_mainfile(filepath=str(moved / "saved.blend"))
+        files = [bpy.path.abspath(f.filepath) for f in (*bpy.data.images, *bpy.data.cache_files) if f.filepath]
+        assert len(files) > 3 and all(f.startswith(str(moved)) and os.path.isfile(f) for f in files), files
+        (moved / "bake" / "manifest.json").write_text(json.dumps({**data, "bake_hash": "1" * 64}))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        marks = [(c["osier_hash"], c["osier_folder"]) for c in bpy.data.collections if "osier_hash" in c]
+        assert marks == [("1" * 64, str(moved / "bake"))], (number, marks)
 
 
 def another_name_of_the_scene_keeps_the_objects(manifest: str, _other: str, folder: pathlib.Path) -> None:
@@ -428,7 +439,7 @@ def main() -> None:
         a_failing_reload_changes_nothing,
         all_that_shows_a_bake_reloads,
         pictures_of_changed_materials_are_read_again,
-        moved_projects_reload,
+        projects_reload_where_they_are,
         another_name_of_the_scene_keeps_the_objects,
         new_materials_reload,
         linked_bakes_stay,
