@@ -243,10 +243,12 @@ class Session:
             return
         try:
             bake = manifest.read(path)
-            earlier = [c for c in scene.collection.children_recursive if reload.is_own(c) and c.get("osier_manifest") == bake.path]
+            # The name of the folder is that of this scene alone; the folder itself may have moved with the project.
+            name = os.path.basename(bake.folder)
+            earlier = [c for c in scene.collection.children_recursive if reload.is_own(c) and os.path.basename(c.get("osier_folder", "")) == name]
             if not earlier:
                 self.notes += stage.import_bake(bpy.context, bake, scene.osier.into, scene.osier.look).notes
-            elif earlier[0]["osier_hash"] != bake.bake_hash:
+            elif (earlier[0]["osier_hash"], earlier[0]["osier_manifest"]) != (bake.bake_hash, bake.path):
                 self.notes += reload.reload_bake(bpy.context, earlier[0], bake)
             else:
                 self.notes.append("The scene shows this bake already")
