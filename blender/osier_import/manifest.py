@@ -61,6 +61,7 @@ class Asset:
     has_geometry: bool
     leaves: Leaves | None = None
     curve_materials: dict[str, str] = field(default_factory=dict)
+    is_plant: bool = False
 
 
 @dataclass(frozen=True)
@@ -238,7 +239,7 @@ def _asset(entry: dict[str, Any]) -> Asset:
     geometry = bool(entry.get("vertices") or entry.get("instances"))
     prim = str(entry.get("prim") or name).rsplit("/", 1)[-1]
     curves = {str(curve): str(material) for curve, material in entry.get("curve_materials", {}).items()}
-    return Asset(name, prim, str(group), entry.get("points_material"), geometry, _leaves(entry.get("leaves")), curves)
+    return Asset(name, prim, str(group), entry.get("points_material"), geometry, _leaves(entry.get("leaves")), curves, bool(entry.get("plant")))
 
 
 def _leaves(entry: dict[str, Any] | None) -> Leaves | None:

@@ -2,6 +2,7 @@
 """Reads a changed bake again: objects stay and show new data; what the user has changed stays, too."""
 
 import os
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -53,10 +54,14 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
     _reload_pictures(bake)
     notes = [f"kept the changed material {name}" for name in kept]
     notes += _take_twins(twins, old, objects)
-    _replace(collection, temporary, old, old_groups, objects, before.added(["collections"]))
+    names = [o["osier_id"] for o in objects if "osier_id" in o]
+    unwanted = _deleted(collection, bake, old, objects)
+    if unwanted:
+        notes.append(f"{len(unwanted)} objects that were deleted stay deleted: import the bake again to see them")
+    _replace(collection, temporary, old, old_groups, objects, before.added(["collections"]), unwanted)
     notes += _set_view(bake, token, collection, scenes)
     for same in [c for c in marked(bpy.data.collections, token, "osier_hash") if c == collection or c["osier_manifest"] == bake.path]:
-        stage.mark(same, bake, token)
+        stage.mark(same, bake, token, names)
     stage.set_relative_paths(bake)
     return notes
 
@@ -109,6 +114,28 @@ def _originals(
         if old.setdefault(item["osier_id"], item) is not item:
             twins.setdefault(item["osier_id"], []).append(item)
     return old, twins
+
+
+def _deleted(
+    collection: bpy.types.Collection, bake: Bake, old: dict[str, bpy.types.Object], objects: list[bpy.types.Object]
+) -> set[str]:
+    """Identifiers of new objects that the user has deleted, or below such ones. A plant of which nothing is left comes back."""
+    known = {f"{bake.scene}:{part}" for part in collection.get("osier_parts", "").split("\n")}
+    groups = {a.name: a.group for a in bake.assets if a.is_plant}
+
+    def plant(name: str) -> str | None:
+        return groups.get(re.split("[#@/]", name.split(":", 1)[1])[0])
+
+    left = {plant(name) for name in old} | {None}
+    gone = {name for name in known - old.keys() if plant(name) in left}
+    found = set()
+    for item in objects:
+        above: bpy.types.Object | None = item
+        while above is not None and above.get("osier_id") not in gone:
+            above = above.parent
+        if above is not None and "osier_id" in item and item["osier_id"] not in old:
+            found.add(item["osier_id"])
+    return found
 
 
 def _take_twins(
@@ -219,12 +246,13 @@ def _replace(
     old_groups: dict[str, bpy.types.Collection],
     objects: list[bpy.types.Object],
     added: list[bpy.types.Collection],
+    unwanted: set[str],
 ) -> None:
-    """Moves what the new objects show to the earlier ones, and removes the rest."""
+    """Moves what the new objects show to the earlier ones, and removes the rest and the `unwanted` ones."""
     new = {o["osier_id"]: o for o in objects if "osier_id" in o}
     new_groups = {c["osier_id"]: c for c in added if "osier_id" in c}
     before_data = {o.data for o in old.values() if o.data}
-    before_actions = {a for o in old.values() for a in _actions(o)}
+    before_actions = {a for n, o in [*old.items(), *new.items()] if n in old or n in unwanted for a in _actions(o)}
     for name, group in new_groups.items():
         if name in old_groups:
             continue
@@ -237,6 +265,8 @@ def _replace(
         mine = old.get(name)
         if mine is not None and mine.type == item.type:
             _take(mine, item, item.data)
+            continue
+        if name in unwanted:
             continue
         for home in list(item.users_collection):
             target = collection if home is temporary else old_groups.get(home.get("osier_id", ""))
@@ -252,7 +282,7 @@ def _replace(
             if modifier.type == "ARMATURE" and modifier.object:
                 modifier.object = old.get(modifier.object.get("osier_id", ""), modifier.object)
     gone = [o for n, o in old.items() if n not in new or new[n].type != o.type]
-    spare = [o for n, o in new.items() if n in old and old[n].type == o.type]
+    spare = [o for n, o in new.items() if n in unwanted or (n in old and old[n].type == o.type)]
     groups = [g for m in (o.modifiers for o in spare) for g in (x.node_group for x in m if x.type == "NODES") if g]
     # Data of cameras and lights is not handed over: only its values are.
     before_data |= {o.data for o in spare if o.data}
@@ -265,8 +295,10 @@ def _replace(
             bpy.data.collections.remove(group)
             if earlier.name[:4].isdigit():
                 earlier.name = materials.base_name(wanted)
-    unwanted = [g for n, g in old_groups.items() if n not in new_groups and not g.all_objects]
-    bpy.data.batch_remove([*unwanted, temporary])
+    # A new collection is empty if the user has deleted its objects with the earlier one.
+    empty = [g for n, g in old_groups.items() if n not in new_groups and not g.all_objects]
+    empty += [g for n, g in new_groups.items() if n not in old_groups and not g.all_objects]
+    bpy.data.batch_remove([*empty, temporary])
     bpy.data.batch_remove([g for g in groups if g.users == 0])
     _remove_unused(before_data, before_actions)
 

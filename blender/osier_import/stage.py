@@ -106,7 +106,7 @@ def import_bake(context: bpy.types.Context, bake: Bake, into: str, look: str) ->
         scene.frame_set(bake.first)
     else:
         notes += rates(scene, bake)
-    mark(collection, bake, token)
+    mark(collection, bake, token, [o["osier_id"] for o in objects if "osier_id" in o])
     set_relative_paths(bake)
     if into != "APPEND":
         collection["osier_rate"] = rate(scene)
@@ -135,13 +135,14 @@ def set_relative_paths(bake: Bake) -> None:
             setattr(item, name, bpy.path.relpath(item.filepath))
 
 
-def mark(collection: bpy.types.Collection, bake: Bake, token: str) -> None:
-    """Notes on a collection which bake it shows."""
+def mark(collection: bpy.types.Collection, bake: Bake, token: str, names: Iterable[str]) -> None:
+    """Notes on a collection which bake it shows. `names`: identifiers of all objects of the bake."""
     collection["osier_folder"] = bake.folder
     collection["osier_manifest"] = bake.path
     collection["osier_hash"] = bake.bake_hash
     collection["osier_bake"] = token
     collection["osier_range"] = [bake.first, bake.last, bake.step]
+    collection["osier_parts"] = "\n".join(name.split(":", 1)[1] for name in names)
 
 
 def set_time(scene: bpy.types.Scene, bake: Bake) -> None:

@@ -369,6 +369,25 @@ def names_of_materials_that_are_too_long_are_told(manifest: str, _other: str, fo
     assert counts() == before
 
 
+def deleted_objects_stay_deleted(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "deleted")
+    load(str(path))
+
+    def parts() -> set[str]:
+        return {o["osier_id"].split(":", 1)[1] for o in bpy.data.objects if "osier_id" in o}
+
+    before = parts()
+    away = {part for part in before if part in ("sun", "rain/drops") or part.startswith("level")}
+    assert len(away) > 4, before
+    bpy.data.batch_remove([o for o in bpy.data.objects if o.get("osier_id", ":").split(":", 1)[1] in away])
+    for number in "12":
+        path.write_text(json.dumps({**data, "bake_hash": number * 64}))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        # A plant of which nothing is left comes back.
+        assert parts() == before - {"sun", "rain/drops"}, before - parts()
+
+
 def dropped_manifests_show_their_options(manifest: str, _other: str, _folder: pathlib.Path) -> None:
     fresh()
     shown = []
@@ -446,6 +465,7 @@ def main() -> None:
         names_of_materials_that_are_too_long_are_told,
         files_open_again,
         undo_removes_and_redo_restores,
+        deleted_objects_stay_deleted,
         dropped_manifests_show_their_options,
         other_configurations_of_colors_import,
     ):
