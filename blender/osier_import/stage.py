@@ -101,7 +101,7 @@ def import_bake(context: bpy.types.Context, bake: Bake, into: str, look: str) ->
         cause = f"the import failed ({type(error).__name__}: {error})"
         raise BakeError(bake.path, cause, "Check the folder with osier info; nothing was changed") from error
     if into != "APPEND":
-        set_render(scene, bake)
+        notes += set_render(scene, bake)
         notes += world.set_look(scene, look)
         scene.frame_set(bake.first)
     else:
@@ -163,14 +163,19 @@ def rate(scene: bpy.types.Scene) -> list[float]:
     return [float(scene.render.fps), scene.render.fps_base]
 
 
-def set_render(scene: bpy.types.Scene, bake: Bake) -> None:
-    """Settings of Cycles that suit leaves and drops, and the size of the picture."""
-    scene.render.engine = "CYCLES"
-    cycles = scene.cycles
-    cycles.samples, cycles.use_denoising = 64, True
-    cycles.caustics_reflective = cycles.caustics_refractive = False
-    cycles.max_bounces = cycles.transmission_bounces = 12
-    cycles.transparent_max_bounces = 16
+def set_render(scene: bpy.types.Scene, bake: Bake) -> list[str]:
+    """Settings of Cycles that suit leaves and drops, and the size of the picture. Returns notes for the user."""
+    notes = []
+    try:
+        scene.render.engine = "CYCLES"
+    except TypeError:
+        notes.append(f"the add-on Cycles is disabled: the scene keeps the render engine {scene.render.engine}, whose pictures differ")
+    else:
+        cycles = scene.cycles
+        cycles.samples, cycles.use_denoising = 64, True
+        cycles.caustics_reflective = cycles.caustics_refractive = False
+        cycles.max_bounces = cycles.transmission_bounces = 12
+        cycles.transparent_max_bounces = 16
     scene.render.use_motion_blur = False
     look = bake.view.get("look") or {}
     if look.get("shutter"):
@@ -178,6 +183,7 @@ def set_render(scene: bpy.types.Scene, bake: Bake) -> None:
     if bake.view:
         scene.render.resolution_x, scene.render.resolution_y = (int(v) for v in bake.view["camera"]["size"])
         scene.render.resolution_percentage = 100
+    return notes
 
 
 def rates(scene: bpy.types.Scene, bake: Bake) -> list[str]:

@@ -369,6 +369,18 @@ def names_of_materials_that_are_too_long_are_told(manifest: str, _other: str, fo
     assert counts() == before
 
 
+def bakes_import_without_cycles(_manifest: str, other: str, _folder: pathlib.Path) -> None:
+    fresh()
+    engine = bpy.context.scene.render.engine
+    bpy.ops.preferences.addon_disable(module="cycles")
+    try:
+        load(other, into="THIS")
+    finally:
+        bpy.ops.preferences.addon_enable(module="cycles")
+    assert bpy.context.scene.render.engine == engine != "CYCLES"
+    assert [c for c in bpy.data.collections if "osier_hash" in c]
+
+
 def deleted_objects_stay_deleted(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     path, data = changed_copy(manifest, folder / "deleted")
@@ -465,6 +477,7 @@ def main() -> None:
         names_of_materials_that_are_too_long_are_told,
         files_open_again,
         undo_removes_and_redo_restores,
+        bakes_import_without_cycles,
         deleted_objects_stay_deleted,
         dropped_manifests_show_their_options,
         other_configurations_of_colors_import,
