@@ -97,12 +97,20 @@ def refusals_change_nothing(manifest: str, _other: str, folder: pathlib.Path) ->
     before = counts(), scene_settings()
     copied = folder / "broken"
     shutil.copytree(os.path.dirname(manifest), copied)
-    assert "not complete" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "none.json"))
+    assert "not complete" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "nowhere.json"))
     (copied / "text.json").write_text("{")
     assert "JSON" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "text.json"))
     data = json.loads(pathlib.Path(manifest).read_text())
     (copied / "newer.json").write_text(json.dumps({**data, "schema": 99}))
     assert "Update the extension" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "newer.json"))
+    (copied / "none.json").write_text(json.dumps({**data, "schema": None}))
+    assert "damaged" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "none.json"))
+    (copied / "deep.json").write_text("[" * 100000)
+    assert "JSON" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "deep.json"))
+    for file, said in (("../normal.exr", "outside its folder"), ("maps/none.exr", "are missing")):
+        wet = [{**m, "maps": {"normal": file}} for m in data["materials"]]
+        (copied / "map.json").write_text(json.dumps({**data, "materials": wet}))
+        assert said in refused(bpy.ops.import_scene.osier, filepath=str(copied / "map.json"))
     next(iter((copied / "usd").glob("*.usdc"))).write_bytes(b"damaged")
     for into in ("NEW", "THIS"):
         refused(bpy.ops.import_scene.osier, filepath=str(copied / "manifest.json"), into=into)
