@@ -3,6 +3,7 @@
 
 import hashlib
 import os
+import re
 from typing import Any
 
 import bpy
@@ -33,6 +34,7 @@ def build_all(bake: Bake, token: str, existing: dict[str, bpy.types.Material], k
             material = bpy.data.materials.new(entry["name"])
         elif material.get("osier_sig") != signature(material.node_tree):
             kept.append(material.name)
+            _follow_frames(material, bake, entry)
             built[entry["name"]] = material
             continue
         build(material, bake, entry)
@@ -41,6 +43,22 @@ def build_all(bake: Bake, token: str, existing: dict[str, bpy.types.Material], k
         material["osier_sig"] = signature(material.node_tree)
         built[entry["name"]] = material
     return built
+
+
+def _follow_frames(material: bpy.types.Material, bake: Bake, entry: dict[str, Any]) -> None:
+    """Gives the image sequences of a changed material the frames that the bake has now, unless the user has set other ones."""
+    tree = material.node_tree
+    for name, node_name in (("wetness", "osier wetness"), ("normal", "osier normal picture")):
+        sequence, node = bake.sequences.get(entry["maps"].get(name, "")), tree and tree.nodes.get(node_name)
+        image, user = getattr(node, "image", None), getattr(node, "image_user", None)
+        if sequence is None or image is None or image.source != "SEQUENCE":
+            continue
+        path, wanted = bpy.path.abspath(image.filepath), bake.file(sequence.path(sequence.first))
+        shown = re.search(r"([0-9]+)\.[a-z]+$", path)
+        is_of_bake = os.path.realpath(os.path.dirname(path)) == os.path.realpath(os.path.dirname(wanted))
+        if shown and is_of_bake and (user.frame_start, user.frame_offset) == (int(shown[1]), int(shown[1]) - 1):
+            image.filepath = wanted
+            _set_frames(user, sequence)
 
 
 def build(material: bpy.types.Material, bake: Bake, entry: dict[str, Any]) -> None:
@@ -142,13 +160,18 @@ def _picture_node(tree: bpy.types.NodeTree, bake: Bake, file: str, name: str, co
         return node
     node.image = picture(bake.file(sequence.path(sequence.first)), color, sequence)
     user = node.image_user
-    user.frame_start = sequence.first
-    user.frame_duration = sequence.last - sequence.first + 1
-    user.frame_offset = sequence.first - 1
+    _set_frames(user, sequence)
     user.use_auto_refresh = True
     user.use_cyclic = False
     node.extension = "EXTEND"
     return node
+
+
+def _set_frames(user: bpy.types.ImageUser, sequence: Sequence) -> None:
+    """Shows each picture of a sequence at its frame."""
+    user.frame_start = sequence.first
+    user.frame_duration = sequence.last - sequence.first + 1
+    user.frame_offset = sequence.first - 1
 
 
 def _mix(tree: bpy.types.NodeTree, kind: str, name: str, x: float, y: float) -> tuple[Any, Any, Any, Any]:

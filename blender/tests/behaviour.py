@@ -301,6 +301,36 @@ def pictures_of_changed_materials_are_read_again(_manifest: str, other: str, fol
     assert nodes["osier color"].image == image and tuple(image.size) == (2, 2), tuple(image.size)
 
 
+def changed_materials_show_the_frames_of_the_bake(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "frames")
+    load(str(path))
+    nodes = next(m.node_tree.nodes for m in bpy.data.materials if "osier_id" in m and "osier wetness" in m.node_tree.nodes)
+    nodes["osier surface"].inputs["IOR"].default_value = 1.75
+    wetness = nodes["osier wetness"]
+
+    def shown() -> tuple:
+        user = wetness.image_user
+        return (user.frame_start, user.frame_duration, user.frame_offset, pathlib.Path(bpy.path.abspath(wetness.image.filepath)).name)
+
+    first, last = data["time"]["written"]
+    assert shown()[:3] == (first, last - first + 1, first - 1)
+    # The clip begins three frames later, then one frame earlier; the last time the user has set a frame.
+    for number, begins in enumerate((first + 3, first + 2)):
+        if number == 1:
+            wetness.image_user.frame_start, own = 7, shown()[3]
+        for entry in (e for e in data["files"] if "items" in e):
+            entry["frames"] = [begins, last]
+            entry["items"] = [{**entry["items"][0], "frame": frame} for frame in range(begins, last + 1)]
+        data["time"]["written"] = [begins, last]
+        path.write_text(json.dumps({**data, "bake_hash": str(number) * 64}))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        if number == 0:
+            assert shown() == (begins, last - begins + 1, begins - 1, f"wetness.{begins:04}.exr"), shown()
+    assert shown() == (7, last - first - 2, first + 2, own), shown()
+    assert nodes["osier surface"].inputs["IOR"].default_value == 1.75
+
+
 def projects_reload_where_they_are(manifest: str, _other: str, folder: pathlib.Path) -> None:
     # A file that is saved after the import, or before it and reloaded; a moved project, and a copy beside its original.
     for number, (saved_first, move) in enumerate([(False, os.rename), (True, os.rename), (False, shutil.copytree)]):
@@ -478,6 +508,7 @@ def main() -> None:
         a_failing_reload_changes_nothing,
         all_that_shows_a_bake_reloads,
         pictures_of_changed_materials_are_read_again,
+        changed_materials_show_the_frames_of_the_bake,
         projects_reload_where_they_are,
         another_name_of_the_scene_keeps_the_objects,
         new_materials_reload,
