@@ -109,10 +109,13 @@ class Session:
 
     def draw_thumbnails(self) -> None:
         """Draws pictures of all presets into the folder of bakes, which takes a few minutes."""
+        self._guarded(self._draw_thumbnails)
+        self.wake()
+
+    def _draw_thumbnails(self) -> None:
         folder = thumbnails_folder()
         os.makedirs(folder, exist_ok=True)
-        self._guarded(lambda: self._start("Drawing presets", ["list", "presets", "--json", "--thumbnails", folder], self._take_presets))
-        self.wake()
+        self._start("Drawing presets", ["list", "presets", "--json", "--thumbnails", folder], self._take_presets)
 
     def _guarded(self, action: Callable[[], None]) -> None:
         """Runs a part of the work; a failure becomes lines of the panel."""
@@ -335,12 +338,16 @@ def preference(name: str, default: Any) -> Any:
 
 
 def bakes_folder() -> str:
-    """The folder of bakes, which is made if it is missing."""
+    """The folder of bakes, which is made if it is missing. Raises `OSError` where it cannot be made."""
     folder = bpy.path.abspath(preference("folder", ""))
     if not os.path.isabs(folder):
         # Empty, or relative to a file that is not saved yet.
         folder = default_folder()
-    os.makedirs(folder, exist_ok=True)
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError as error:
+        step = "Choose another folder of bakes in the preferences of the extension osier"
+        raise OSError(f"{folder}: the folder of bakes cannot be made ({error.strerror}). {step}") from error
     return folder
 
 

@@ -442,6 +442,16 @@ def a_folder_beside_an_unsaved_file_is_not_used() -> None:
     preferences.folder = ""
 
 
+def a_folder_that_cannot_be_made_is_told() -> None:
+    choose("grass")
+    preferences = bpy.context.preferences.addons[MODULE].preferences
+    (FOLDER / "file").write_text("no folder")
+    preferences.folder = str(FOLDER / "file" / "bakes")
+    for action in (bpy.ops.osier.draw_presets, bpy.ops.osier.bake):
+        assert "Choose another folder" in refused(action) and preferences.folder in part("session").session.errors[0]
+    preferences.folder = ""
+
+
 def moved_projects_keep_their_objects() -> None:
     scene, session = choose("grass"), part("session")
     preferences = bpy.context.preferences.addons[MODULE].preferences
@@ -567,6 +577,7 @@ def main() -> None:
         faces_without_a_material_take_none,
         hidden_objects_are_exported_as_they_are_shown,
         a_folder_beside_an_unsaved_file_is_not_used,
+        a_folder_that_cannot_be_made_is_told,
         moved_projects_keep_their_objects,
         objects_become_the_terrain,
         trees_keep_their_height_on_the_land_of_the_scene,
