@@ -4,6 +4,7 @@
 import hashlib
 import os
 import re
+from collections.abc import Iterable
 from typing import Any
 
 import bpy
@@ -41,8 +42,23 @@ def build_all(bake: Bake, token: str, existing: dict[str, bpy.types.Material], k
         material["osier_id"] = f"{bake.scene}:{entry['name']}"
         material["osier_bake"] = token
         material["osier_sig"] = signature(material.node_tree)
+        material["osier_name"] = material.name
         built[entry["name"]] = material
     return built
+
+
+def originals(items: Iterable[bpy.types.Material]) -> dict[str, bpy.types.Material]:
+    """The materials of an import by their names in the bake. Copies that the user has made have the identifier of their original, but
+    neither its name nor, once they are changed, its nodes.
+    """
+    found: dict[str, list[bpy.types.Material]] = {}
+    for material in items:
+        found.setdefault(material["osier_id"].split(":", 1)[1], []).append(material)
+
+    def distance(material: bpy.types.Material) -> tuple[bool, bool]:
+        return (material.name != material.get("osier_name"), material.get("osier_sig") != signature(material.node_tree))
+
+    return {name: min(same, key=distance) for name, same in found.items()}
 
 
 def _follow_frames(material: bpy.types.Material, bake: Bake, entry: dict[str, Any]) -> None:

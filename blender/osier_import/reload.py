@@ -30,7 +30,7 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
     scene.collection.children.link(temporary)
     try:
         # Names of the materials are those of this import; existing ones are rebuilt only after the stage was read.
-        mine = {m["osier_id"].split(":", 1)[1]: m for m in reversed(marked(bpy.data.materials, token))}
+        mine = materials.originals(marked(bpy.data.materials, token))
         placeholders = {e["name"]: mine.get(e["name"]) or bpy.data.materials.new(e["name"]) for e in bake.materials}
         objects = stage.build(context, scene, bake, temporary, placeholders, token)
     except Exception as error:
@@ -42,6 +42,11 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
         raise BakeError(bake.path, cause, "Bake again; the objects show the earlier bake") from error
     _restore_caches(others)
     kept: list[str] = []
+    # Copies of materials belong to the user, who has put them into slots.
+    for material in marked(bpy.data.materials, token):
+        if material not in mine.values():
+            for name in ("osier_bake", "osier_id", "osier_sig", "osier_name"):
+                material.pop(name, None)
     for entry in bake.materials:
         material = placeholders[entry["name"]]
         if material.get("osier_bake") != token:

@@ -331,6 +331,29 @@ def changed_materials_show_the_frames_of_the_bake(manifest: str, _other: str, fo
     assert nodes["osier surface"].inputs["IOR"].default_value == 1.75
 
 
+def copies_of_materials_are_the_users(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    # Blender lists materials by name: the copy comes before its original, or after it.
+    for number, name in enumerate(("A copy", "zz copy")):
+        fresh()
+        path, data = changed_copy(manifest, folder / f"copied_{number}")
+        load(str(path))
+        meshes = [o.data for o in bpy.data.objects if o.get("osier_id", "").endswith("/bark")]
+        original, rest = meshes[0].materials[0], {m.name: [s.name for s in m.materials] for m in meshes[1:]}
+        copy = original.copy()
+        copy.name, shown = name, original.name
+        copy.node_tree.nodes["osier surface"].inputs["IOR"].default_value = 1.75
+        meshes[0].materials[0] = copy
+        owner = next(o for o in bpy.data.objects if o.data == meshes[0])
+        for turn in "12":
+            path.write_text(json.dumps({**data, "bake_hash": turn * 64}))
+            assert bpy.ops.osier.reload() == {"FINISHED"}
+            assert owner.data.materials[0] == copy and copy.node_tree.nodes["osier surface"].inputs["IOR"].default_value == 1.75
+            others = [o.data for o in bpy.data.objects if o.get("osier_id", "").endswith("/bark") and o != owner]
+            assert [[s.name for s in m.materials] for m in others] == list(rest.values()), others
+            made = bpy.data.materials.get(shown)
+            assert made is None or made.node_tree.nodes["osier surface"].inputs["IOR"].default_value < 1.75
+
+
 def projects_reload_where_they_are(manifest: str, _other: str, folder: pathlib.Path) -> None:
     # A file that is saved after the import, or before it and reloaded; a moved project, and a copy beside its original.
     for number, (saved_first, move) in enumerate([(False, os.rename), (True, os.rename), (False, shutil.copytree)]):
@@ -509,6 +532,7 @@ def main() -> None:
         all_that_shows_a_bake_reloads,
         pictures_of_changed_materials_are_read_again,
         changed_materials_show_the_frames_of_the_bake,
+        copies_of_materials_are_the_users,
         projects_reload_where_they_are,
         another_name_of_the_scene_keeps_the_objects,
         new_materials_reload,
