@@ -266,10 +266,19 @@ def _replace(
             if group.name in parent.children and (parent is temporary or parent_name in old_groups):
                 parent.children.unlink(group)
                 (collection if parent is temporary else old_groups[parent_name]).children.link(group)
+    shown: dict[tuple[bpy.types.ID, bpy.types.ID], bpy.types.ID] = {}
+    taken = set()
     for name, item in new.items():
         mine = old.get(name)
         if mine is not None and mine.type == item.type:
-            _take(mine, item, item.data)
+            data, earlier = item.data, mine.data
+            if data is not None and mine.type not in ("CAMERA", "LIGHT"):
+                # Copies that the user has given data of their own keep some: its slots may have other materials.
+                if (earlier, data) not in shown:
+                    shown[earlier, data] = data.copy() if data in taken else data
+                    taken.add(data)
+                data = shown[earlier, item.data]
+            _take(mine, item, data)
             continue
         if name in unwanted:
             continue
