@@ -485,8 +485,13 @@ fn a_misspelt_preset_is_told_the_nearest() {
     assert!(err.contains("did you mean \"fern_bud.ifs.toml\"?"), "{err}");
     let (_, err) = ends(1, &["new", "x", "--grammar", "daisi"]);
     assert!(err.contains("no grammar of the library fits \"daisi\"; did you mean \"daisy\"?"), "{err}");
-    let (_, err) = ends(1, &["bake", "nowhere/to/be/found.toml"]);
-    assert!(err.contains("cannot open \"nowhere/to/be/found.toml\""), "{err}");
+    for command in [&["bake"][..], &["list", "entries"]] {
+        let (out, err) = ends(1, &[command, &["nowhere/to/be/found.toml"]].concat());
+        assert!(out.is_empty() && err.contains("cannot open \"nowhere/to/be/found.toml\""), "{err}");
+    }
+    let (_, err) = ends(1, &["list", "entries", "okk"]);
+    assert!(err.contains("did you mean \"oak\"?"), "{err}");
+    assert_eq!(ends(0, &["list", "entries", "oak"]).0, "oak\n");
 }
 
 #[test]
