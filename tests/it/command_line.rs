@@ -617,7 +617,7 @@ fn limits_refuse_before_anything_is_written() {
     assert!(err.contains("L050") && err.contains("sprig.l:5:1") && err.contains("--max-steps"), "{err}");
     ends(0, &[&grow[..], &["-n", "--max-steps", "6"]].concat());
     let (_, err) = ends(1, &[&grow[..], &["--max-vertices", "10"]].concat());
-    assert!(err.contains("the limit is 10"), "{err}");
+    assert!(err.contains("the limit is 10; raise it with --max-vertices, or use a larger edge"), "{err}");
     let (_, err) = ends(1, &["bake", SCENE, "-o", arg(&dir.path().join("out")), "--max-frames", "5"]);
     assert!(err.contains("--max-frames"), "{err}");
     let (_, err) = ends(1, &["bake", SCENE, "-o", arg(&dir.path().join("out")), "--max-output-bytes", "1k"]);
