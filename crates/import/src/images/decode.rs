@@ -116,7 +116,9 @@ pub(crate) fn decode_deep(
     // The library also knows formats by name that it cannot decode here; such a file is not damaged.
     if !matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg)) {
         return Err(Box::new(
-            context.error_in_file("X010", format_args!("{place}: image is neither PNG nor JPEG")).help("convert it"),
+            context
+                .error_in_file("X010", format_args!("{place}: image is neither PNG nor JPEG"))
+                .help("convert it to PNG"),
         ));
     }
     // The decoders replace missing rows by grey without an error, so truncated files are found here.
