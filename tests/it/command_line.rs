@@ -294,8 +294,10 @@ fn a_scene_is_read_from_standard_input_as_often_as_a_command_needs_it() {
 fn flags_that_a_source_cannot_heed_are_told() {
     let dir = folder();
     for flag in [["--rng", "cpfg"], ["--dialect", "cpfg"]] {
-        let (_, err) = ends(1, &[&["check", "oak"][..], &flag].concat());
-        assert!(err.contains(flag[0]) && err.contains("[plants.NAME]"), "{err}");
+        for scene in ["oak", SCENE] {
+            let (_, err) = ends(1, &[&["check", scene][..], &flag].concat());
+            assert!(err.contains(flag[0]) && err.contains("[plants.NAME]"), "{scene}: {err}");
+        }
     }
     let (_, err) = ends(1, &["check", "koch.l", "--rng", "lcg"]);
     assert!(err.contains("S003") && err.contains("lcg"), "{err}");
