@@ -327,7 +327,7 @@ pub struct Info {
 #[command(next_help_heading = "Common flags")]
 pub struct Common {
     /// Seed of all random draws; each whole number gives another individual.
-    #[arg(long, value_name = "N", global = true)]
+    #[arg(long, value_name = "N", global = true, allow_negative_numbers = true, value_parser = read_seed)]
     pub seed: Option<u64>,
     /// Override a key of the scene, or a #define of a bare grammar: wind.speed=6, angle=30.
     #[arg(long, value_name = "PATH=VALUE", global = true)]
@@ -364,6 +364,11 @@ pub struct Common {
     pub strict: bool,
     #[command(flatten)]
     pub max: MaxFlags,
+}
+
+/// The seed that a text means; the error completes clap's "invalid value 'x' for '--seed <N>': ".
+fn read_seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("a seed is a whole number from 0 to {}", u64::MAX))
 }
 
 /// Values of `--color`.

@@ -55,6 +55,10 @@ fn usage_ends_with_2_and_help_with_0() {
         let (out, err) = ends(2, &[&grow[..], more].concat());
         assert!(out.is_empty() && err.starts_with("error:"), "{err}");
     }
+    for seed in ["x", "-1", "1.5", "18446744073709551616"] {
+        let (_, err) = ends(2, &[&grow[..], &["--seed", seed]].concat());
+        assert!(err.contains(&format!("'{seed}'")) && err.contains("from 0 to 18446744073709551615"), "{err}");
+    }
     for list in ["x", "9-7", "1-9", "1-6:0"] {
         let (_, err) = ends(2, &["bake", SCENE, "-o", arg(dir.path()), "--frames", list]);
         assert!(err.starts_with("error: --frames"), "{err}");
