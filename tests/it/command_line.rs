@@ -632,6 +632,20 @@ fn limits_refuse_before_anything_is_written() {
 }
 
 #[test]
+fn a_format_without_files_is_told() {
+    let dir = folder();
+    let out = dir.path().join("out");
+    let bake = ["bake", "koch", "--formats", "obj,ply,csv,points", "-o", arg(&out)];
+    let (_, err) = ends(0, &[&bake[..], &SMALL].concat());
+    let told: Vec<&str> = err.lines().filter(|line| line.contains("has no file")).collect();
+    assert!(
+        told.len() == 3 && ["ply", "csv", "points"].iter().all(|word| err.contains(&format!("format {word} has"))),
+        "{err}"
+    );
+    assert!(tree(&out).contains_key("obj/koch_1.obj"), "{err}");
+}
+
+#[test]
 fn a_selection_of_frames_is_written_and_told() {
     let dir = folder();
     let out = dir.path().join("out");
