@@ -230,7 +230,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     {
         let message = format!("\"{source}\" is a mesh (.{}), neither scene nor grammar", ending.display());
         return Err(Diagnostic::about("S001", message)
-            .help("name it in a scene: mesh = \"FILE\" below an organ")
+            .help("`osier preview` shows it; a scene takes it as mesh = \"FILE\" of [plants.NAME] (a tree), of [plants.NAME.leaf] or of a [[solid]]")
             .into());
     }
     let text = files::decode(&bytes, files::Encoding::Utf8).map_err(|bad| {

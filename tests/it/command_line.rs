@@ -435,7 +435,10 @@ fn every_broken_input_is_named_with_its_place_and_a_way_out() {
         ("i.toml", "[plants.a]\ngrammar = \"bad.l\"\n[[place]]\nplant = \"a\"\n".into(), &["L021", "bad.l:4:9"]),
     ];
     let (_, err) = ends(1, &["check", arg(&dir.path().join("bad.obj"))]);
-    assert!(err.contains("is a mesh (.obj), neither scene nor grammar") && err.contains("help:"), "{err}");
+    assert!(
+        err.contains("is a mesh (.obj), neither scene nor grammar") && err.contains("of [plants.NAME] (a tree)"),
+        "{err}"
+    );
     for (name, text, wanted) in cases {
         let path = file(&dir, name, text);
         let glb = dir.path().join("x.glb");
