@@ -48,6 +48,8 @@ fn usage_ends_with_2_and_help_with_0() {
         &["-j0"],
         &["--max-modules", "many"],
         &["--max-wishes", "1"],
+        // No code read this limit.
+        &["--max-depth", "5"],
         &["--seed", "x"],
         &["--set", "wind.speed"],
     ];
