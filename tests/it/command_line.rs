@@ -310,6 +310,10 @@ fn flags_that_a_source_cannot_heed_are_told() {
     let (_, err) =
         ends(3, &["grow", "hazel.species", "--set", "age=1", "--steps", "3", "--strict", "-n", "-o", "x.glb"]);
     assert!(err.contains("warning[S007]") && err.contains("steps"), "{err}");
+    for (name, told) in [("x.txt", true), ("x.glb", false)] {
+        let (_, err) = ends(0, &["grow", "koch", "--profile", "web", "-n", "-o", name]);
+        assert_eq!(err.contains("--profile has no effect"), told, "{name}: {err}");
+    }
     // Pictures are PNG files; another ending would promise another format.
     for name in ["x.jpg", "x.gif"] {
         let picture = dir.path().join(name);
