@@ -436,6 +436,9 @@ impl Resolver<'_> {
                 let help = match near {
                     // A file of the user may be near the name of a preset by chance.
                     Some(near) => format!("did you mean the preset \"{near}\"? If not, {}", why.help()),
+                    None if matches!(why, ReadError::TooLong { .. }) => {
+                        format!("make the file smaller, or raise the limit with --max-{limit}")
+                    }
                     None => why.help().into(),
                 };
                 fail(why.to_string(), help);

@@ -641,6 +641,19 @@ fn limits_refuse_before_anything_is_written() {
 }
 
 #[test]
+fn a_file_that_is_too_long_names_the_limit_of_its_kind() {
+    let dir = folder();
+    file(&dir, "long.l", fs::read(GRAMMAR).expect("grammar"));
+    file(&dir, "long.obj", "v 0 0 0\n".repeat(20));
+    for (key, flag) in [("grammar = \"long.l\"", "--max-text-bytes"), ("mesh = \"long.obj\"", "--max-mesh-bytes")] {
+        let path = file(&dir, "a.toml", format!("[plants.a]\n{key}\n"));
+        let (_, err) = ends(1, &["check", arg(&path), flag, "60"]);
+        assert!(err.contains("S005") && err.contains("longer than 60 bytes") && err.contains(flag), "{err}");
+        assert_eq!(err.matches("--max-").count(), 1, "{err}");
+    }
+}
+
+#[test]
 fn a_format_without_files_is_told() {
     let dir = folder();
     let out = dir.path().join("out");
