@@ -70,7 +70,7 @@ fn main() {
         flicker: 0.15,
         whip: 1.0,
         stand: Trs::IDENTITY,
-        gravity: false,
+        gravity: None,
         fps: 24.0,
     };
 

@@ -108,6 +108,9 @@ class OSIER_OT_draw_presets(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         session.draw_thumbnails()
+        if session.job is None:
+            self.report({"ERROR"}, session.errors[0] if session.errors else "osier did not start")
+            return {"CANCELLED"}
         return {"FINISHED"}
 
 

@@ -109,10 +109,13 @@ class Session:
 
     def draw_thumbnails(self) -> None:
         """Draws pictures of all presets into the folder of bakes, which takes a few minutes."""
+        self._guarded(self._draw_thumbnails)
+        self.wake()
+
+    def _draw_thumbnails(self) -> None:
         folder = thumbnails_folder()
         os.makedirs(folder, exist_ok=True)
-        self._guarded(lambda: self._start("Drawing presets", ["list", "presets", "--json", "--thumbnails", folder], self._take_presets))
-        self.wake()
+        self._start("Drawing presets", ["list", "presets", "--json", "--thumbnails", folder], self._take_presets)
 
     def _guarded(self, action: Callable[[], None]) -> None:
         """Runs a part of the work; a failure becomes lines of the panel."""
@@ -243,10 +246,12 @@ class Session:
             return
         try:
             bake = manifest.read(path)
-            earlier = [c for c in scene.collection.children_recursive if reload.is_own(c) and c.get("osier_manifest") == bake.path]
+            # The name of the folder is that of this scene alone; the folder itself may have moved with the project.
+            name = os.path.basename(bake.folder)
+            earlier = [c for c in scene.collection.children_recursive if reload.is_own(c) and os.path.basename(c.get("osier_folder", "")) == name]
             if not earlier:
                 self.notes += stage.import_bake(bpy.context, bake, scene.osier.into, scene.osier.look).notes
-            elif earlier[0]["osier_hash"] != bake.bake_hash:
+            elif (earlier[0]["osier_hash"], earlier[0]["osier_manifest"]) != (bake.bake_hash, bake.path):
                 self.notes += reload.reload_bake(bpy.context, earlier[0], bake)
             else:
                 self.notes.append("The scene shows this bake already")
@@ -333,12 +338,16 @@ def preference(name: str, default: Any) -> Any:
 
 
 def bakes_folder() -> str:
-    """The folder of bakes, which is made if it is missing."""
+    """The folder of bakes, which is made if it is missing. Raises `OSError` where it cannot be made."""
     folder = bpy.path.abspath(preference("folder", ""))
     if not os.path.isabs(folder):
         # Empty, or relative to a file that is not saved yet.
         folder = default_folder()
-    os.makedirs(folder, exist_ok=True)
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError as error:
+        step = "Choose another folder of bakes in the preferences of the extension osier"
+        raise OSError(f"{folder}: the folder of bakes cannot be made ({error.strerror}). {step}") from error
     return folder
 
 

@@ -61,6 +61,7 @@ class Asset:
     has_geometry: bool
     leaves: Leaves | None = None
     curve_materials: dict[str, str] = field(default_factory=dict)
+    is_plant: bool = False
 
 
 @dataclass(frozen=True)
@@ -155,12 +156,14 @@ def read(path: str) -> Bake:
     try:
         with open(path, encoding="utf-8") as file:
             data = json.load(file)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise BakeError(path, f"this is not a JSON file that can be read ({error})", "Choose the manifest.json of a bake") from error
     if not isinstance(data, dict) or data.get("generator") != "osier":
         raise BakeError(path, "this file is not a manifest of osier", "Choose the manifest.json of a bake")
     schema = data.get("schema")
-    if not isinstance(schema, int) or schema > SCHEMA:
+    if not isinstance(schema, int) or isinstance(schema, bool) or schema < 1:
+        raise BakeError(path, "the manifest is damaged: it has no number as its schema", "Bake again into a new folder")
+    if schema > SCHEMA:
         raise BakeError(path, f"schema {schema} is newer than {SCHEMA}", "Update the extension")
     try:
         return _bake(path, data)
@@ -189,9 +192,9 @@ def _bake(path: str, data: dict[str, Any]) -> Bake:
     for material in data["materials"]:
         needed += [slot for slot in material["slots"].values() if slot]
         for name in ("wetness", "normal"):
-            sequence = sequences.get(material["maps"].get(name) or "")
-            if sequence:
-                needed += [sequence.path(frame) for frame in sequence.frames]
+            file = material["maps"].get(name)
+            if file:
+                needed += [sequences[file].path(frame) for frame in sequences[file].frames] if file in sequences else [str(file)]
     _check_files(path, folder, needed)
     if not view:
         notes.append("the manifest has no camera and light: bake again with a newer osier")
@@ -238,7 +241,7 @@ def _asset(entry: dict[str, Any]) -> Asset:
     geometry = bool(entry.get("vertices") or entry.get("instances"))
     prim = str(entry.get("prim") or name).rsplit("/", 1)[-1]
     curves = {str(curve): str(material) for curve, material in entry.get("curve_materials", {}).items()}
-    return Asset(name, prim, str(group), entry.get("points_material"), geometry, _leaves(entry.get("leaves")), curves)
+    return Asset(name, prim, str(group), entry.get("points_material"), geometry, _leaves(entry.get("leaves")), curves, bool(entry.get("plant")))
 
 
 def _leaves(entry: dict[str, Any] | None) -> Leaves | None:

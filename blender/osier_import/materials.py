@@ -3,6 +3,8 @@
 
 import hashlib
 import os
+import re
+from collections.abc import Iterable
 from typing import Any
 
 import bpy
@@ -33,14 +35,46 @@ def build_all(bake: Bake, token: str, existing: dict[str, bpy.types.Material], k
             material = bpy.data.materials.new(entry["name"])
         elif material.get("osier_sig") != signature(material.node_tree):
             kept.append(material.name)
+            _follow_frames(material, bake, entry)
             built[entry["name"]] = material
             continue
         build(material, bake, entry)
         material["osier_id"] = f"{bake.scene}:{entry['name']}"
         material["osier_bake"] = token
         material["osier_sig"] = signature(material.node_tree)
+        material["osier_name"] = material.name
         built[entry["name"]] = material
     return built
+
+
+def originals(items: Iterable[bpy.types.Material]) -> dict[str, bpy.types.Material]:
+    """The materials of an import by their names in the bake. Copies that the user has made have the identifier of their original, but
+    neither its name nor, once they are changed, its nodes.
+    """
+    found: dict[str, list[bpy.types.Material]] = {}
+    for material in items:
+        found.setdefault(material["osier_id"].split(":", 1)[1], []).append(material)
+
+    def distance(material: bpy.types.Material) -> tuple[bool, bool]:
+        return (material.name != material.get("osier_name"), material.get("osier_sig") != signature(material.node_tree))
+
+    return {name: min(same, key=distance) for name, same in found.items()}
+
+
+def _follow_frames(material: bpy.types.Material, bake: Bake, entry: dict[str, Any]) -> None:
+    """Gives the image sequences of a changed material the frames that the bake has now, unless the user has set other ones."""
+    tree = material.node_tree
+    for name, node_name in (("wetness", "osier wetness"), ("normal", "osier normal picture")):
+        sequence, node = bake.sequences.get(entry["maps"].get(name, "")), tree and tree.nodes.get(node_name)
+        image, user = getattr(node, "image", None), getattr(node, "image_user", None)
+        if sequence is None or image is None or image.source != "SEQUENCE":
+            continue
+        path, wanted = bpy.path.abspath(image.filepath), bake.file(sequence.path(sequence.first))
+        shown = re.search(r"([0-9]+)\.[a-z]+$", path)
+        is_of_bake = os.path.realpath(os.path.dirname(path)) == os.path.realpath(os.path.dirname(wanted))
+        if shown and is_of_bake and (user.frame_start, user.frame_offset) == (int(shown[1]), int(shown[1]) - 1):
+            image.filepath = wanted
+            _set_frames(user, sequence)
 
 
 def build(material: bpy.types.Material, bake: Bake, entry: dict[str, Any]) -> None:
@@ -116,10 +150,22 @@ def new_node(tree: bpy.types.NodeTree, kind: str, name: str, x: float, y: float)
 def picture(path: str, color: bool, sequence: Sequence | None = None) -> bpy.types.Image:
     """The picture of a file; a sequence is a separate picture, because its settings differ."""
     image = bpy.data.images.load(path, check_existing=sequence is None)
-    image.colorspace_settings.name = "sRGB" if color else "Non-Color"
+    _set_space(image, color)
     if sequence:
         image.source = "SEQUENCE"
     return image
+
+
+def _set_space(image: bpy.types.Image, color: bool) -> None:
+    """Sets the colour space of a picture: sRGB, or none for data. Their names differ between configurations of OpenColorIO."""
+    if not color:
+        image.colorspace_settings.is_data = True
+        return
+    try:
+        image.colorspace_settings.name = "sRGB"
+    except TypeError:
+        # The configuration of a studio has another name: Blender has given the picture the space of 8-bit pictures.
+        pass
 
 
 def _picture_node(tree: bpy.types.NodeTree, bake: Bake, file: str, name: str, color: bool, y: float) -> bpy.types.Node:
@@ -130,13 +176,18 @@ def _picture_node(tree: bpy.types.NodeTree, bake: Bake, file: str, name: str, co
         return node
     node.image = picture(bake.file(sequence.path(sequence.first)), color, sequence)
     user = node.image_user
-    user.frame_start = sequence.first
-    user.frame_duration = sequence.last - sequence.first + 1
-    user.frame_offset = sequence.first - 1
+    _set_frames(user, sequence)
     user.use_auto_refresh = True
     user.use_cyclic = False
     node.extension = "EXTEND"
     return node
+
+
+def _set_frames(user: bpy.types.ImageUser, sequence: Sequence) -> None:
+    """Shows each picture of a sequence at its frame."""
+    user.frame_start = sequence.first
+    user.frame_duration = sequence.last - sequence.first + 1
+    user.frame_offset = sequence.first - 1
 
 
 def _mix(tree: bpy.types.NodeTree, kind: str, name: str, x: float, y: float) -> tuple[Any, Any, Any, Any]:

@@ -60,9 +60,9 @@ class OSIER_OT_import(bpy.types.Operator, ImportHelper):
         return can_import(cls, context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        # A dropped file needs its options, not a list of files; before 4.1 there is neither.
-        if hasattr(self, "invoke_popup"):
-            return self.invoke_popup(context)
+        # A dropped file needs its options, not a list of files.
+        if self.properties.is_property_set("filepath"):
+            return context.window_manager.invoke_props_dialog(self)
         return ImportHelper.invoke(self, context, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

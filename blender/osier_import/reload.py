@@ -2,6 +2,7 @@
 """Reads a changed bake again: objects stay and show new data; what the user has changed stays, too."""
 
 import os
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -29,7 +30,7 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
     scene.collection.children.link(temporary)
     try:
         # Names of the materials are those of this import; existing ones are rebuilt only after the stage was read.
-        mine = {m["osier_id"].split(":", 1)[1]: m for m in reversed(marked(bpy.data.materials, token))}
+        mine = materials.originals(marked(bpy.data.materials, token))
         placeholders = {e["name"]: mine.get(e["name"]) or bpy.data.materials.new(e["name"]) for e in bake.materials}
         objects = stage.build(context, scene, bake, temporary, placeholders, token)
     except Exception as error:
@@ -41,6 +42,11 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
         raise BakeError(bake.path, cause, "Bake again; the objects show the earlier bake") from error
     _restore_caches(others)
     kept: list[str] = []
+    # Copies of materials belong to the user, who has put them into slots.
+    for material in marked(bpy.data.materials, token):
+        if material not in mine.values():
+            for name in ("osier_bake", "osier_id", "osier_sig", "osier_name"):
+                material.pop(name, None)
     for entry in bake.materials:
         material = placeholders[entry["name"]]
         if material.get("osier_bake") != token:
@@ -53,10 +59,15 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
     _reload_pictures(bake)
     notes = [f"kept the changed material {name}" for name in kept]
     notes += _take_twins(twins, old, objects)
-    _replace(collection, temporary, old, old_groups, objects, before.added(["collections"]))
+    names = [o["osier_id"] for o in objects if "osier_id" in o]
+    unwanted = _deleted(collection, bake, old, objects)
+    if unwanted:
+        notes.append(f"{len(unwanted)} objects that were deleted stay deleted: import the bake again to see them")
+    _replace(collection, temporary, old, old_groups, objects, before.added(["collections"]), unwanted)
     notes += _set_view(bake, token, collection, scenes)
     for same in [c for c in marked(bpy.data.collections, token, "osier_hash") if c == collection or c["osier_manifest"] == bake.path]:
-        stage.mark(same, bake, token)
+        stage.mark(same, bake, token, names)
+    stage.set_relative_paths(bake)
     return notes
 
 
@@ -66,22 +77,23 @@ def marked(items: Iterable[bpy.types.ID], token: str, name: str = "osier_id") ->
 
 
 def manifest_path(collection: bpy.types.Collection) -> str:
-    """The manifest of an import. Where the project was moved, it lies above the pictures and stages, whose paths Blender keeps."""
+    """The manifest of an import. Where the project was moved or copied, it lies above the pictures and stages, whose paths Blender keeps."""
     path, token = collection["osier_manifest"], collection["osier_bake"]
-    if os.path.isfile(path):
-        return path
     trees = [m.node_tree for m in marked(bpy.data.materials, token) if m.node_tree]
     files = [node.image for tree in trees for node in tree.nodes if getattr(node, "image", None)]
     files += [u.cache_file for o in marked(bpy.data.objects, token) for u in copies.cache_users(o) if u.cache_file]
-    for file in files:
-        folder = os.path.dirname(os.path.abspath(bpy.path.abspath(file.filepath)))
+    found = []
+    for folder in dict.fromkeys(os.path.dirname(os.path.abspath(bpy.path.abspath(file.filepath))) for file in files):
         # Maps of leaves are two folders below the manifest.
         for _ in range(3):
             folder = os.path.dirname(folder)
-            moved = os.path.join(folder, os.path.basename(path))
-            if os.path.isfile(moved):
-                return moved
-    return path
+            above = os.path.join(folder, os.path.basename(path))
+            if os.path.isfile(above):
+                found.append(above)
+                break
+    # A material may show a picture of another bake, too.
+    is_shown = os.path.realpath(path) in {os.path.realpath(p) for p in found}
+    return path if is_shown or not found else found[0]
 
 
 def is_own(item: bpy.types.ID) -> bool:
@@ -107,6 +119,28 @@ def _originals(
         if old.setdefault(item["osier_id"], item) is not item:
             twins.setdefault(item["osier_id"], []).append(item)
     return old, twins
+
+
+def _deleted(
+    collection: bpy.types.Collection, bake: Bake, old: dict[str, bpy.types.Object], objects: list[bpy.types.Object]
+) -> set[str]:
+    """Identifiers of new objects that the user has deleted, or below such ones. A plant of which nothing is left comes back."""
+    known = {f"{bake.scene}:{part}" for part in collection.get("osier_parts", "").split("\n")}
+    groups = {a.name: a.group for a in bake.assets if a.is_plant}
+
+    def plant(name: str) -> str | None:
+        return groups.get(re.split("[#@/]", name.split(":", 1)[1])[0])
+
+    left = {plant(name) for name in old} | {None}
+    gone = {name for name in known - old.keys() if plant(name) in left}
+    found = set()
+    for item in objects:
+        above: bpy.types.Object | None = item
+        while above is not None and above.get("osier_id") not in gone:
+            above = above.parent
+        if above is not None and "osier_id" in item and item["osier_id"] not in old:
+            found.add(item["osier_id"])
+    return found
 
 
 def _take_twins(
@@ -139,14 +173,8 @@ def _take_twins(
 def _reload_pictures(bake: Bake) -> None:
     """Reads pictures of the bake again that changed materials or the user's own still show, except painted and packed ones."""
     for image in bpy.data.images:
-        if is_own(image) and image.filepath and not image.is_dirty and not image.packed_file and _is_below(bake, image.filepath):
+        if is_own(image) and image.filepath and not image.is_dirty and not image.packed_file and stage.is_below(bake, image.filepath):
             image.reload()
-
-
-def _is_below(bake: Bake, path: str) -> bool:
-    """Whether a file is in the folder of a bake."""
-    folder, path = (os.path.realpath(p) for p in (bake.folder, bpy.path.abspath(path)))
-    return path.startswith(folder + os.sep)
 
 
 def _set_view(bake: Bake, token: str, collection: bpy.types.Collection, scenes: list[bpy.types.Scene]) -> list[str]:
@@ -180,7 +208,7 @@ def _release_caches(bake: Bake, token: str) -> tuple[list[tuple[Any, ...]], list
     for item in bpy.data.objects:
         for user in copies.cache_users(item):
             file = user.cache_file
-            if file is None or not (item in mine or _is_below(bake, file.filepath)):
+            if file is None or not (item in mine or stage.is_below(bake, file.filepath)):
                 continue
             if file not in files:
                 files[file] = (file.filepath, file.frame_offset, file.name)
@@ -209,7 +237,7 @@ def _restore_caches(released: list[tuple[Any, ...]]) -> None:
             known = {f.as_pointer() for f in bpy.data.cache_files}
             bpy.ops.cachefile.open(filepath=bpy.path.abspath(file))
             made[name] = next(f for f in bpy.data.cache_files if f.as_pointer() not in known)
-            made[name].name, made[name].frame_offset = name, offset
+            made[name].name, made[name].frame_offset, made[name].filepath = name, offset, file
         for user in copies.cache_users(item):
             if user.name == user_name:
                 user.cache_file = made[name]
@@ -223,12 +251,13 @@ def _replace(
     old_groups: dict[str, bpy.types.Collection],
     objects: list[bpy.types.Object],
     added: list[bpy.types.Collection],
+    unwanted: set[str],
 ) -> None:
-    """Moves what the new objects show to the earlier ones, and removes the rest."""
+    """Moves what the new objects show to the earlier ones, and removes the rest and the `unwanted` ones."""
     new = {o["osier_id"]: o for o in objects if "osier_id" in o}
     new_groups = {c["osier_id"]: c for c in added if "osier_id" in c}
     before_data = {o.data for o in old.values() if o.data}
-    before_actions = {a for o in old.values() for a in _actions(o)}
+    before_actions = {a for n, o in [*old.items(), *new.items()] if n in old or n in unwanted for a in _actions(o)}
     for name, group in new_groups.items():
         if name in old_groups:
             continue
@@ -237,10 +266,21 @@ def _replace(
             if group.name in parent.children and (parent is temporary or parent_name in old_groups):
                 parent.children.unlink(group)
                 (collection if parent is temporary else old_groups[parent_name]).children.link(group)
+    shown: dict[tuple[bpy.types.ID, bpy.types.ID], bpy.types.ID] = {}
+    taken = set()
     for name, item in new.items():
         mine = old.get(name)
         if mine is not None and mine.type == item.type:
-            _take(mine, item, item.data)
+            data, earlier = item.data, mine.data
+            if data is not None and mine.type not in ("CAMERA", "LIGHT"):
+                # Copies that the user has given data of their own keep some: its slots may have other materials.
+                if (earlier, data) not in shown:
+                    shown[earlier, data] = data.copy() if data in taken else data
+                    taken.add(data)
+                data = shown[earlier, item.data]
+            _take(mine, item, data)
+            continue
+        if name in unwanted:
             continue
         for home in list(item.users_collection):
             target = collection if home is temporary else old_groups.get(home.get("osier_id", ""))
@@ -256,7 +296,7 @@ def _replace(
             if modifier.type == "ARMATURE" and modifier.object:
                 modifier.object = old.get(modifier.object.get("osier_id", ""), modifier.object)
     gone = [o for n, o in old.items() if n not in new or new[n].type != o.type]
-    spare = [o for n, o in new.items() if n in old and old[n].type == o.type]
+    spare = [o for n, o in new.items() if n in unwanted or (n in old and old[n].type == o.type)]
     groups = [g for m in (o.modifiers for o in spare) for g in (x.node_group for x in m if x.type == "NODES") if g]
     # Data of cameras and lights is not handed over: only its values are.
     before_data |= {o.data for o in spare if o.data}
@@ -264,11 +304,15 @@ def _replace(
     for name, group in new_groups.items():
         if name in old_groups:
             earlier, wanted = old_groups[name], group.name
+            # Added objects, such as another copy of a tree, show the leaves of their kind from the earlier collection.
+            group.user_remap(earlier)
             bpy.data.collections.remove(group)
             if earlier.name[:4].isdigit():
                 earlier.name = materials.base_name(wanted)
-    unwanted = [g for n, g in old_groups.items() if n not in new_groups and not g.all_objects]
-    bpy.data.batch_remove([*unwanted, temporary])
+    # A new collection is empty if the user has deleted its objects with the earlier one.
+    empty = [g for n, g in old_groups.items() if n not in new_groups and not g.all_objects]
+    empty += [g for n, g in new_groups.items() if n not in old_groups and not g.all_objects]
+    bpy.data.batch_remove([*empty, temporary])
     bpy.data.batch_remove([g for g in groups if g.users == 0])
     _remove_unused(before_data, before_actions)
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Imports the stage of a bake and sets up the scene that shows it."""
 
+import contextlib
+import os
 from array import array
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -99,12 +101,13 @@ def import_bake(context: bpy.types.Context, bake: Bake, into: str, look: str) ->
         cause = f"the import failed ({type(error).__name__}: {error})"
         raise BakeError(bake.path, cause, "Check the folder with osier info; nothing was changed") from error
     if into != "APPEND":
-        set_render(scene, bake)
-        world.set_look(scene, look)
+        notes += set_render(scene, bake)
+        notes += world.set_look(scene, look)
         scene.frame_set(bake.first)
     else:
         notes += rates(scene, bake)
-    mark(collection, bake, token)
+    mark(collection, bake, token, [o["osier_id"] for o in objects if "osier_id" in o])
+    set_relative_paths(bake)
     if into != "APPEND":
         collection["osier_rate"] = rate(scene)
     if into == "NEW" and context.window:
@@ -112,13 +115,34 @@ def import_bake(context: bpy.types.Context, bake: Bake, into: str, look: str) ->
     return Report(collection, scene, notes)
 
 
-def mark(collection: bpy.types.Collection, bake: Bake, token: str) -> None:
-    """Notes on a collection which bake it shows."""
+def is_below(bake: Bake, path: str) -> bool:
+    """Whether a file is in the folder of a bake."""
+    folder, path = (os.path.realpath(p) for p in (bake.folder, bpy.path.abspath(path)))
+    return path.startswith(folder + os.sep)
+
+
+def set_relative_paths(bake: Bake) -> None:
+    """Names the files of a bake relative to the saved file, if the preferences of Blender say so: the project can then be moved or copied."""
+    if not bpy.data.filepath or not bpy.context.preferences.filepaths.use_relative_paths:
+        return
+    for item in (*bpy.data.images, *bpy.data.cache_files):
+        if item.library or not item.filepath or item.filepath.startswith("//") or not is_below(bake, item.filepath):
+            continue
+        # Another path of a picture would read it again, and lose what was painted.
+        name = "filepath_raw" if isinstance(item, bpy.types.Image) else "filepath"
+        # On Windows there is no relative path to another drive.
+        with contextlib.suppress(ValueError):
+            setattr(item, name, bpy.path.relpath(item.filepath))
+
+
+def mark(collection: bpy.types.Collection, bake: Bake, token: str, names: Iterable[str]) -> None:
+    """Notes on a collection which bake it shows. `names`: identifiers of all objects of the bake."""
     collection["osier_folder"] = bake.folder
     collection["osier_manifest"] = bake.path
     collection["osier_hash"] = bake.bake_hash
     collection["osier_bake"] = token
     collection["osier_range"] = [bake.first, bake.last, bake.step]
+    collection["osier_parts"] = "\n".join(name.split(":", 1)[1] for name in names)
 
 
 def set_time(scene: bpy.types.Scene, bake: Bake) -> None:
@@ -139,14 +163,19 @@ def rate(scene: bpy.types.Scene) -> list[float]:
     return [float(scene.render.fps), scene.render.fps_base]
 
 
-def set_render(scene: bpy.types.Scene, bake: Bake) -> None:
-    """Settings of Cycles that suit leaves and drops, and the size of the picture."""
-    scene.render.engine = "CYCLES"
-    cycles = scene.cycles
-    cycles.samples, cycles.use_denoising = 64, True
-    cycles.caustics_reflective = cycles.caustics_refractive = False
-    cycles.max_bounces = cycles.transmission_bounces = 12
-    cycles.transparent_max_bounces = 16
+def set_render(scene: bpy.types.Scene, bake: Bake) -> list[str]:
+    """Settings of Cycles that suit leaves and drops, and the size of the picture. Returns notes for the user."""
+    notes = []
+    try:
+        scene.render.engine = "CYCLES"
+    except TypeError:
+        notes.append(f"the add-on Cycles is disabled: the scene keeps the render engine {scene.render.engine}, whose pictures differ")
+    else:
+        cycles = scene.cycles
+        cycles.samples, cycles.use_denoising = 64, True
+        cycles.caustics_reflective = cycles.caustics_refractive = False
+        cycles.max_bounces = cycles.transmission_bounces = 12
+        cycles.transparent_max_bounces = 16
     scene.render.use_motion_blur = False
     look = bake.view.get("look") or {}
     if look.get("shutter"):
@@ -154,6 +183,7 @@ def set_render(scene: bpy.types.Scene, bake: Bake) -> None:
     if bake.view:
         scene.render.resolution_x, scene.render.resolution_y = (int(v) for v in bake.view["camera"]["size"])
         scene.render.resolution_percentage = 100
+    return notes
 
 
 def rates(scene: bpy.types.Scene, bake: Bake) -> list[str]:

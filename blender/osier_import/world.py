@@ -18,21 +18,25 @@ def matrix(numbers: list[float] | tuple[float, ...]) -> Matrix:
     return Matrix([numbers[i : i + 4] for i in range(0, 16, 4)]).transposed()
 
 
-def set_look(scene: bpy.types.Scene, look: str) -> None:
-    """PREVIEW is closest to the curve of `osier preview`; AGX is Blender's own; KEEP changes nothing."""
+def set_look(scene: bpy.types.Scene, look: str) -> list[str]:
+    """PREVIEW is closest to the curve of `osier preview`; AGX is Blender's own; KEEP changes nothing. Returns notes for the user."""
     wanted = {
         "PREVIEW": ("Filmic", ("High Contrast", "Filmic - High Contrast"), 0.0),
         "AGX": ("AgX", ("AgX - Medium High Contrast", "Medium High Contrast"), 0.3),
     }.get(look)
     if wanted is None:
-        return
+        return []
     view, names, exposure = wanted
     settings = scene.view_settings
-    try:
-        settings.view_transform = view
-    except TypeError:
-        # Blender 3.4 has no AgX.
-        settings.view_transform = "Filmic"
+    # Blender 3.4 has no AgX.
+    for transform in (view, "Filmic"):
+        try:
+            settings.view_transform = transform
+            break
+        except TypeError:
+            continue
+    else:
+        return [f"the OpenColorIO configuration has no view transform {view}: the scene keeps {settings.view_transform}"]
     for name in names:
         try:
             settings.look = name
@@ -40,6 +44,7 @@ def set_look(scene: bpy.types.Scene, look: str) -> None:
         except TypeError:
             continue
     settings.exposure, settings.gamma = exposure, 1.0
+    return []
 
 
 def camera_object(bake: Bake) -> bpy.types.Object:

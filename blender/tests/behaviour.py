@@ -5,12 +5,15 @@ Runs under bpy 4.2 or newer. MANIFEST is a bake with points or leaves, OTHER ano
 `{"failed": [...]}` with the checks that do not hold.
 """
 
+import functools
 import json
 import os
 import pathlib
 import shutil
+import subprocess
 import sys
 import traceback
+import types
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
@@ -94,12 +97,20 @@ def refusals_change_nothing(manifest: str, _other: str, folder: pathlib.Path) ->
     before = counts(), scene_settings()
     copied = folder / "broken"
     shutil.copytree(os.path.dirname(manifest), copied)
-    assert "not complete" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "none.json"))
+    assert "not complete" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "nowhere.json"))
     (copied / "text.json").write_text("{")
     assert "JSON" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "text.json"))
     data = json.loads(pathlib.Path(manifest).read_text())
     (copied / "newer.json").write_text(json.dumps({**data, "schema": 99}))
     assert "Update the extension" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "newer.json"))
+    (copied / "none.json").write_text(json.dumps({**data, "schema": None}))
+    assert "damaged" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "none.json"))
+    (copied / "deep.json").write_text("[" * 100000)
+    assert "JSON" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "deep.json"))
+    for file, said in (("../normal.exr", "outside its folder"), ("maps/none.exr", "are missing")):
+        wet = [{**m, "maps": {"normal": file}} for m in data["materials"]]
+        (copied / "map.json").write_text(json.dumps({**data, "materials": wet}))
+        assert said in refused(bpy.ops.import_scene.osier, filepath=str(copied / "map.json"))
     next(iter((copied / "usd").glob("*.usdc"))).write_bytes(b"damaged")
     for into in ("NEW", "THIS"):
         refused(bpy.ops.import_scene.osier, filepath=str(copied / "manifest.json"), into=into)
@@ -290,18 +301,81 @@ def pictures_of_changed_materials_are_read_again(_manifest: str, other: str, fol
     assert nodes["osier color"].image == image and tuple(image.size) == (2, 2), tuple(image.size)
 
 
-def moved_projects_reload(manifest: str, _other: str, folder: pathlib.Path) -> None:
+def changed_materials_show_the_frames_of_the_bake(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
-    path, data = changed_copy(manifest, folder / "project" / "bake")
+    path, data = changed_copy(manifest, folder / "frames")
     load(str(path))
-    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "project" / "saved.blend"))
-    moved = folder / "moved"
-    os.rename(folder / "project", moved)
-    bpy.ops.wm.open_mainfile(filepath=str(moved / "saved.blend"))
-    (moved / "bake" / "manifest.json").write_text(json.dumps({**data, "bake_hash": "1" * 64}))
-    assert bpy.ops.osier.reload() == {"FINISHED"}
-    marks = [(c["osier_hash"], c["osier_folder"]) for c in bpy.data.collections if "osier_hash" in c]
-    assert marks == [("1" * 64, str(moved / "bake"))], marks
+    nodes = next(m.node_tree.nodes for m in bpy.data.materials if "osier_id" in m and "osier wetness" in m.node_tree.nodes)
+    nodes["osier surface"].inputs["IOR"].default_value = 1.75
+    wetness = nodes["osier wetness"]
+
+    def shown() -> tuple:
+        user = wetness.image_user
+        return (user.frame_start, user.frame_duration, user.frame_offset, pathlib.Path(bpy.path.abspath(wetness.image.filepath)).name)
+
+    first, last = data["time"]["written"]
+    assert shown()[:3] == (first, last - first + 1, first - 1)
+    # The clip begins three frames later, then one frame earlier; the last time the user has set a frame.
+    for number, begins in enumerate((first + 3, first + 2)):
+        if number == 1:
+            wetness.image_user.frame_start, own = 7, shown()[3]
+        for entry in (e for e in data["files"] if "items" in e):
+            entry["frames"] = [begins, last]
+            entry["items"] = [{**entry["items"][0], "frame": frame} for frame in range(begins, last + 1)]
+        data["time"]["written"] = [begins, last]
+        path.write_text(json.dumps({**data, "bake_hash": str(number) * 64}))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        if number == 0:
+            assert shown() == (begins, last - begins + 1, begins - 1, f"wetness.{begins:04}.exr"), shown()
+    assert shown() == (7, last - first - 2, first + 2, own), shown()
+    assert nodes["osier surface"].inputs["IOR"].default_value == 1.75
+
+
+def copies_of_materials_are_the_users(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    # Blender lists materials by name: the copy comes before its original, or after it.
+    for number, name in enumerate(("A copy", "zz copy")):
+        fresh()
+        path, data = changed_copy(manifest, folder / f"copied_{number}")
+        load(str(path))
+        meshes = [o.data for o in bpy.data.objects if o.get("osier_id", "").endswith("/bark")]
+        original, rest = meshes[0].materials[0], {m.name: [s.name for s in m.materials] for m in meshes[1:]}
+        copy = original.copy()
+        copy.name, shown = name, original.name
+        copy.node_tree.nodes["osier surface"].inputs["IOR"].default_value = 1.75
+        meshes[0].materials[0] = copy
+        owner = next(o for o in bpy.data.objects if o.data == meshes[0])
+        for turn in "12":
+            path.write_text(json.dumps({**data, "bake_hash": turn * 64}))
+            assert bpy.ops.osier.reload() == {"FINISHED"}
+            assert owner.data.materials[0] == copy and copy.node_tree.nodes["osier surface"].inputs["IOR"].default_value == 1.75
+            others = [o.data for o in bpy.data.objects if o.get("osier_id", "").endswith("/bark") and o != owner]
+            assert [[s.name for s in m.materials] for m in others] == list(rest.values()), others
+            made = bpy.data.materials.get(shown)
+            assert made is None or made.node_tree.nodes["osier surface"].inputs["IOR"].default_value < 1.75
+
+
+def projects_reload_where_they_are(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    # A file that is saved after the import, or before it and reloaded; a moved project, and a copy beside its original.
+    for number, (saved_first, move) in enumerate([(False, os.rename), (True, os.rename), (False, shutil.copytree)]):
+        fresh()
+        project, moved = folder / f"project_{number}", folder / f"moved_{number}"
+        path, data = changed_copy(manifest, project / "bake")
+        save = functools.partial(bpy.ops.wm.save_as_mainfile, filepath=str(project / "saved.blend"))
+        if saved_first:
+            save()
+        load(str(path))
+        if saved_first:
+            path.write_text(json.dumps({**data, "bake_hash": "2" * 64}))
+            assert bpy.ops.osier.reload() == {"FINISHED"}
+        save()
+        move(project, moved)
+        bpy.ops.wm.open_mainfile(filepath=str(moved / "saved.blend"))
+        files = [bpy.path.abspath(f.filepath) for f in (*bpy.data.images, *bpy.data.cache_files) if f.filepath]
+        assert len(files) > 3 and all(f.startswith(str(moved)) and os.path.isfile(f) for f in files), files
+        (moved / "bake" / "manifest.json").write_text(json.dumps({**data, "bake_hash": "1" * 64}))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        marks = [(c["osier_hash"], c["osier_folder"]) for c in bpy.data.collections if "osier_hash" in c]
+        assert marks == [("1" * 64, str(moved / "bake"))], (number, marks)
 
 
 def another_name_of_the_scene_keeps_the_objects(manifest: str, _other: str, folder: pathlib.Path) -> None:
@@ -356,6 +430,90 @@ def names_of_materials_that_are_too_long_are_told(manifest: str, _other: str, fo
     assert counts() == before
 
 
+def bakes_import_without_cycles(_manifest: str, other: str, _folder: pathlib.Path) -> None:
+    fresh()
+    engine = bpy.context.scene.render.engine
+    bpy.ops.preferences.addon_disable(module="cycles")
+    try:
+        load(other, into="THIS")
+    finally:
+        bpy.ops.preferences.addon_enable(module="cycles")
+    assert bpy.context.scene.render.engine == engine != "CYCLES"
+    assert [c for c in bpy.data.collections if "osier_hash" in c]
+
+
+def deleted_objects_stay_deleted(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "deleted")
+    load(str(path))
+
+    def parts() -> set[str]:
+        return {o["osier_id"].split(":", 1)[1] for o in bpy.data.objects if "osier_id" in o}
+
+    before = parts()
+    away = {part for part in before if part in ("sun", "rain/drops") or part.startswith("level")}
+    assert len(away) > 4, before
+    bpy.data.batch_remove([o for o in bpy.data.objects if o.get("osier_id", ":").split(":", 1)[1] in away])
+    for number in "12":
+        path.write_text(json.dumps({**data, "bake_hash": number * 64}))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        # A plant of which nothing is left comes back.
+        assert parts() == before - {"sun", "rain/drops"}, before - parts()
+
+
+def dropped_manifests_show_their_options(manifest: str, _other: str, _folder: pathlib.Path) -> None:
+    fresh()
+    shown = []
+    manager = types.SimpleNamespace(invoke_props_dialog=lambda _: shown.append("options"), fileselect_add=lambda _: shown.append("files"))
+
+    class Invoked(osier_import.ops.OSIER_OT_import):
+        """The import as a drop and the menu start it, with a window manager that has no window."""
+
+        bl_idname = "import_scene.osier_invoked"
+
+        def execute(self, _context: bpy.types.Context) -> set[str]:
+            self.invoke(types.SimpleNamespace(window_manager=manager), None)
+            return {"FINISHED"}
+
+    bpy.utils.register_class(Invoked)
+    bpy.ops.import_scene.osier_invoked(filepath=manifest)
+    bpy.ops.import_scene.osier_invoked()
+    bpy.utils.unregister_class(Invoked)
+    assert shown == ["options", "files"], shown
+
+
+STUDIO = """ocio_profile_version: 2
+roles: {default: linear, scene_linear: linear, data: raw, default_byte: srgb_texture, color_picking: srgb_texture}
+displays: {monitor: [!<View> {name: plain, colorspace: srgb_texture}]}
+colorspaces:
+  - !<ColorSpace> {name: linear}
+  - !<ColorSpace> {name: raw, isdata: true}
+  - !<ColorSpace> {name: srgb_texture, to_scene_reference: !<ExponentWithLinearTransform> {gamma: 2.4, offset: 0.055}}
+"""
+"""A configuration of OpenColorIO with other names than Blender's."""
+
+IN_A_STUDIO = """
+import os, sys
+sys.path.insert(0, sys.argv[1])
+import bpy, osier_import
+osier_import.register()
+bpy.ops.import_scene.osier(filepath=sys.argv[2])
+spaces = {i.colorspace_settings.name for i in bpy.data.images if i.filepath}
+assert spaces == {"raw", "srgb_texture"}, spaces
+assert bpy.data.scenes["wet_leaf"].view_settings.view_transform == "plain"
+sys.stdout.flush()
+os._exit(0)
+"""
+
+
+def other_configurations_of_colors_import(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    config = folder / "studio.ocio"
+    config.write_text(STUDIO)
+    command = [sys.executable, "-c", IN_A_STUDIO, str(pathlib.Path(osier_import.__file__).parents[1]), manifest]
+    done = subprocess.run(command, env={**os.environ, "OCIO": str(config)}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def main() -> None:
     manifest, other, folder = sys.argv[1:]
     failed = []
@@ -373,13 +531,19 @@ def main() -> None:
         a_failing_reload_changes_nothing,
         all_that_shows_a_bake_reloads,
         pictures_of_changed_materials_are_read_again,
-        moved_projects_reload,
+        changed_materials_show_the_frames_of_the_bake,
+        copies_of_materials_are_the_users,
+        projects_reload_where_they_are,
         another_name_of_the_scene_keeps_the_objects,
         new_materials_reload,
         linked_bakes_stay,
         names_of_materials_that_are_too_long_are_told,
         files_open_again,
         undo_removes_and_redo_restores,
+        bakes_import_without_cycles,
+        deleted_objects_stay_deleted,
+        dropped_manifests_show_their_options,
+        other_configurations_of_colors_import,
     ):
         try:
             check(manifest, other, pathlib.Path(folder))

@@ -8,6 +8,7 @@ of a picture in which leaves emit their occlusion and all else is black, as JSON
 import json
 import os
 import pathlib
+import shutil
 import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
@@ -60,10 +61,55 @@ def check_files(path: str) -> None:
     assert instances() == shown, (instances(), shown)
 
 
+def check_copies(manifest: str, folder: str) -> None:
+    """Copies that a bake has more than before have leaves: a second one, which is an object, and many, which are points."""
+    copied = os.path.join(folder, "copies")
+    shutil.copytree(os.path.dirname(manifest), copied)
+    path = pathlib.Path(copied, "manifest.json")
+    data = json.loads(path.read_text())
+    name, places = next((name, places) for name, places in data["places"].items() if places)
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    assert bpy.ops.import_scene.osier(filepath=str(path)) == {"FINISHED"}
+    shown = instances()
+    for number, count in enumerate((2, 12, 1)):
+        data["places"][name], data["bake_hash"] = places[:1] * count, str(number) * 64
+        path.write_text(json.dumps(data))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        # Those of a mesh of points are instances themselves, with their bark.
+        assert instances() >= count * shown > 0, (count, instances(), shown)
+
+
+def check_own_data(manifest: str, folder: str) -> None:
+    """A copy that the user has given data and a material of its own keeps them; the other copies keep theirs."""
+    copied = os.path.join(folder, "own")
+    shutil.copytree(os.path.dirname(manifest), copied)
+    path = pathlib.Path(copied, "manifest.json")
+    data = json.loads(path.read_text())
+    name, places = next((name, places) for name, places in data["places"].items() if places)
+    data["places"][name] = places[:1] * 3
+    path.write_text(json.dumps(data))
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    assert bpy.ops.import_scene.osier(filepath=str(path)) == {"FINISHED"}
+    barks = sorted((o for o in bpy.data.objects if o.get("osier_id", "").endswith("/bark")), key=lambda o: o["osier_id"])
+    assert len(barks) == 3
+    before = barks[0].data.materials[0]
+    barks[1].data = barks[1].data.copy()
+    barks[1].data.materials[0] = bpy.data.materials.new("own")
+    for turn in "12":
+        path.write_text(json.dumps({**data, "bake_hash": turn * 64}))
+        assert bpy.ops.osier.reload() == {"FINISHED"}
+        worn = [o.data.materials[0] for o in barks]
+        assert worn == [before, bpy.data.materials["own"], before], worn
+        assert barks[0].data == barks[2].data != barks[1].data
+
+
 def main() -> None:
     manifest, folder = sys.argv[1:]
     bpy.ops.wm.read_factory_settings()
     osier_import.register()
+    check_copies(manifest, folder)
+    check_own_data(manifest, folder)
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
     assert bpy.ops.import_scene.osier(filepath=manifest) == {"FINISHED"}
     check_files(os.path.join(folder, "leaves.blend"))
     scene = bpy.context.scene

@@ -442,6 +442,42 @@ def a_folder_beside_an_unsaved_file_is_not_used() -> None:
     preferences.folder = ""
 
 
+def a_folder_that_cannot_be_made_is_told() -> None:
+    choose("grass")
+    preferences = bpy.context.preferences.addons[MODULE].preferences
+    (FOLDER / "file").write_text("no folder")
+    preferences.folder = str(FOLDER / "file" / "bakes")
+    for action in (bpy.ops.osier.draw_presets, bpy.ops.osier.bake):
+        assert "Choose another folder" in refused(action) and preferences.folder in part("session").session.errors[0]
+    preferences.folder = ""
+
+
+def moved_projects_keep_their_objects() -> None:
+    scene, session = choose("grass"), part("session")
+    preferences = bpy.context.preferences.addons[MODULE].preferences
+    preferences.folder = "//bakes"
+    project, moved = FOLDER / "project", FOLDER / "moved"
+    project.mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(project / "shot.blend"))
+    values(scene).frames__end = 2
+    bake()
+    names = sorted(o.name for o in scene.objects)
+    bpy.ops.wm.save_mainfile()
+    project.rename(moved)
+    bpy.ops.wm.open_mainfile(filepath=str(moved / "shot.blend"))
+    scene = bpy.context.scene
+    session.session.retry()
+    work()
+    # The same bake at another place, then another one.
+    for last in (2, 3):
+        values(scene).frames__end = last
+        bake()
+        assert not session.session.errors and len(imported()) == 1, (session.session.errors, imported())
+        assert sorted(o.name for o in scene.objects) == names, [o.name for o in scene.objects]
+        assert imported()[0]["osier_folder"] == session.bake_folder(scene) and scene.frame_end == last
+    preferences.folder = ""
+
+
 def objects_become_the_terrain() -> None:
     # The preset has a terrain of its own, which the object replaces.
     scene = choose("grass")
@@ -541,6 +577,8 @@ def main() -> None:
         faces_without_a_material_take_none,
         hidden_objects_are_exported_as_they_are_shown,
         a_folder_beside_an_unsaved_file_is_not_used,
+        a_folder_that_cannot_be_made_is_told,
+        moved_projects_keep_their_objects,
         objects_become_the_terrain,
         trees_keep_their_height_on_the_land_of_the_scene,
         both_extensions_may_be_installed,

@@ -42,6 +42,8 @@ const NONE: &[&str] = &[];
 const OF_LAYER_TABLES: &[&str] = &["system", "weights", "points", "color_by", "prefix", "colors", "exposure", "gamma"];
 /// What keys of the sway model need.
 const SWAYING: &str = "a plant that sways: leave [plants.NAME.rods] out";
+/// What latitudes of plants need.
+const DATED: &str = "a season that is a date: season = \"10-20\"";
 
 impl Resolver<'_> {
     /// Warns with S007 of keys that have no effect beside the values that the scene gives. A scene with errors gets no such
@@ -63,6 +65,8 @@ impl Resolver<'_> {
             let d = Diagnostic::about("S007", "the number of steps has no effect");
             self.report.push(d.help("it needs a grammar, whose derivation it ends"));
         }
+        let latitude = needs(&["latitude"], recipe.plants.iter().any(is_dated), DATED);
+        self.report_unmet(Some(root), "", &[latitude]);
         for plant in &recipe.plants {
             if let Some(table) = table_at(root, &["plants", plant.name.as_str()]) {
                 self.ignored_in_plant(table, &format!("plants.{}", plant.name), plant);
@@ -256,7 +260,13 @@ impl Resolver<'_> {
         let all = [
             needs(&["radius"], is_group, "a group of copies: count = 10"),
             needs(&["spacing", "clear"], is_random, "a group of copies: count = 10"),
+            needs(&["clear"], place.line.is_empty() || keys.jitter > 0.0, "copies that leave their line: jitter = 0.5"),
             needs(&["individuals"], is_group, "copies that share them: count = 10"),
+            needs(
+                &["individuals"],
+                !is_group || !self.raining || keys.individuals.is_none_or(|n| n >= keys.count),
+                "a scene without [rain]: each copy has drops of its own",
+            ),
             needs(&["lean_to_deg"], keys.lean.abs() > 0.0 || !is_turned, "an inclination: lean_deg = 5"),
             needs(&["together"], of_species || !keys.together, "a plant with `species`, which grows in light"),
         ];
@@ -274,9 +284,13 @@ impl Resolver<'_> {
         // Surfaces have the unit of the turtle on every plant.
         let is_drawn = !matches!(plant.growth, Growth::Ifs(..) | Growth::Shapes(_));
         let reads_turtle = is_drawn || plant.organs.iter().any(|organ| organ.surface.is_some());
+        // A season that the plant cannot have has been reported, and so has all that a mesh does not read.
+        let has_told =
+            matches!(plant.growth, Growth::Mesh(..)) || plant.keys.season.is_none() && table.get("season").is_some();
         let sources = [
             needs(of_grammars, false, "a grammar: grammar = \"FILE.l\""),
             needs(of_trees, false, "a coefficient table: ifs = \"FILE.ifs\""),
+            needs(&["latitude"], is_dated(plant) || has_told, DATED),
             needs(&["turtle"], reads_turtle, "a grammar: grammar = \"FILE.l\""),
         ];
         self.report_unmet(Some(table), path, &sources);
@@ -287,13 +301,26 @@ impl Resolver<'_> {
         ];
         self.report_unmet(table_at(table, &["wood"]), &join(path, "wood"), &wood);
         if let Growth::Species(species) = &plant.growth {
-            // Dates of seasons follow the latitude of the site, too.
-            let has_sun = species.site.direct > 0.0 || plant.keys.season.is_some();
+            // Dates of seasons follow the latitude of the site, too, where plant and scene give none.
+            let has_sun = species.site.direct > 0.0 || is_dated(plant) && plant.keys.latitude.is_none();
             let site = [
                 needs(&["latitude"], has_sun, "direct sunlight: direct = 0.4"),
                 needs(&["clip_leaves"], species.clip.is_some(), "a tree that grows over the clip: from = 5"),
             ];
             self.report_unmet(table_at(table, &["site"]), &join(path, "site"), &site);
+            for (i, (table, cut)) in tables_of(table, "prune").into_iter().zip(&species.prunes).enumerate() {
+                // An age with a fraction shows a part of the year that follows the full ones.
+                let lives_to_see =
+                    format!("a tree that reaches year {}: a greater `age`, or an earlier `year`", cut.year);
+                let is_made = f64::from(cut.year) <= species.age.ceil();
+                let repeats = cut.every == 0 || cut.until >= cut.year.saturating_add(cut.every);
+                let of_cut = [
+                    needs(&["keep", "solid"], is_made, &lives_to_see),
+                    needs(&["until"], cut.every > 0 || !is_made, "a cut that repeats: every = 1"),
+                    needs(&["every"], repeats || !is_made, "a later `until`: the second cut comes after it"),
+                ];
+                self.report_unmet(Some(table), &format!("{path}.prune.{i}"), &of_cut);
+            }
         }
         // Rods in the rain move in its time steps.
         let steps = needs(&["substeps"], !self.raining, "a scene without [rain], where rain.substeps counts");
@@ -348,6 +375,11 @@ impl Resolver<'_> {
         ];
         self.report_unmet(Some(table), path, &all);
     }
+}
+
+/// Whether the season of a plant is a date, or begins or ends at one.
+fn is_dated(plant: &PlantRecipe) -> bool {
+    plant.keys.season.is_some_and(|season| season.has_date())
 }
 
 /// The table at `path` below another one; `None` where there is none.

@@ -119,7 +119,7 @@ impl Recipe {
         self.wind.model == scene::WindModel::Lattice
     }
 
-    /// Gravity on rods, m/s^2: that of the scene's rain if it has one.
+    /// Gravity on all that moves, m/s^2: that of the scene's rain if it has one.
     pub fn gravity(&self) -> f64 {
         self.rain.as_ref().map_or(EARTH, |rain| rain.keys.gravity)
     }

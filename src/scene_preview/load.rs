@@ -223,7 +223,10 @@ impl PreviewScene {
 fn read_mesh(path: &Path, search: &[PathBuf], limits: &Limits) -> Result<Imported> {
     let bytes = files::read_input(path, limits.get("mesh-bytes"))?;
     let roots = SearchPaths::new(path, search)?;
-    let options = ImportOptions { roots: &roots, limits, up: UpAxis::Y, scale: 1.0, class: MaterialClass::Leaf };
+    // glTF tells which materials transmit light; through those of OBJ, which does not, passes some as through leaves.
+    let is_gltf = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"));
+    let class = if is_gltf { MaterialClass::Bark } else { MaterialClass::Leaf };
+    let options = ImportOptions { roots: &roots, limits, up: UpAxis::Y, scale: 1.0, class };
     osier_import::read(path, &bytes, &options)
 }
 

@@ -178,8 +178,21 @@ fn strings_of_fractint_are_lower_case_and_commands_take_their_numbers() {
     let mut found: Vec<u16> = colours.nodes.color.iter().map(|c| c & 0xff).collect();
     found.sort_unstable();
     found.dedup();
-    assert_eq!(found, [1, 2, 3, 9]);
+    // 5, 5 - 2, 3 + 1, 9.
+    assert_eq!(found, [3, 4, 5, 9]);
     assert!(colours.nodes.color.iter().all(|c| c & osier::plant::PAINTED != 0));
+    // A command without a number leaves the index, which begins with 15; 0 is passed over; ';' and ',' stand for '<' and '>'.
+    let last = |text: &str| {
+        let (g, _) = read_bytes("c.l", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{text}: {e}"));
+        draw_steps(&g, Some(0)).plant.nodes.color.last().map(|c| c & 0xff)
+    };
+    for (commands, index) in [("<F", 15), (">F", 15), ("<3F", 18), (">3F", 12), (">15F", 255), ("C255F<1F", 1)] {
+        assert_eq!(last(&format!("C {{\nAngle 4\nAxiom F{commands}\n}}\n")), Some(index), "{commands}");
+    }
+    let own = |axiom: &str| {
+        format!("Lsystem: 1\nturtle: fractint angle = 90\nderivation length: 0\nAxiom: {axiom}\nendlsystem\n")
+    };
+    assert_eq!((last(&own("f;(3)f")), last(&own("f,(3)f"))), (Some(18), Some(12)));
 }
 
 #[test]
@@ -234,7 +247,7 @@ const LPARSER: [(&str, usize, [f32; 3]); 21] = [
     ("keywords.ls", 8, [0.0, 4.0, 0.0]),    // F and the first F of each of 3 steps
     ("mixed.ls", 9, [-5.671_28, 1.0, 0.0]), // 9 sides of a polygon of 36, to its far point
     ("random.ls", 31, [0.0, 1.0, 0.0]),
-    ("rolls.ls", 2, [-1.285_575, 1.285_575, 1.0]),
+    ("rolls.ls", 2, [0.984_808, 1.285_575, 1.173_648]),
     ("turnback.ls", 2, [0.0, 0.0, 0.0]),
     ("factors.ls", 6, [0.0, 5.35, 0.0]),
     ("first.ls", 1, [0.0, 1.0, 0.0]),
@@ -253,7 +266,7 @@ fn files_of_lparser_are_drawn_as_their_commands_say() {
         assert_eq!(detect("x.txt", &bytes(&file)), FileKind::Grammar(Notation::LParser), "{name}");
         let drawn = draw(&file, "");
         assert_eq!(drawn.segments(), segments, "{name}: {}", drawn.string);
-        if !["random.ls", "rolls.ls", "mixed.ls", "keywords.ls"].contains(&name) {
+        if !["random.ls", "mixed.ls", "keywords.ls"].contains(&name) {
             near(drawn.end(), end, name);
         }
     }
@@ -264,7 +277,15 @@ fn files_of_lparser_are_drawn_as_their_commands_say() {
         assert!(tips.iter().any(|t| (*t - glam::Vec3::from(want)).length() < 1e-5), "{tips:?}");
     }
     near(draw("lparser/halves.ls", "").last(), [0.0, 5.0, 0.0], "halves");
-    assert!((draw("lparser/rolls.ls", "").end().length() - 2.0).abs() < 1e-5);
+    // To the left: left, -Z, sinks to where up, -X, was not, and up turns to -Z, where the pitch leads.
+    let rolled = |axiom: &str| {
+        let text = format!("1\n50\n1\n{axiom}\n@\n");
+        draw_steps(&read_bytes("r.ls", text.as_bytes(), ReadAs::default()).expect("read").0, None).last()
+    };
+    near(rolled("<(90)^(90)F"), [0.0, 0.0, -1.0], "left");
+    near(rolled(">(90)^(90)F"), [0.0, 0.0, 1.0], "right");
+    // By the rotation matrices of LParser.
+    near(rolled("<(90)^(90)F>(30)&(20)F+(10)F"), [0.4898, 0.5011, -2.8651], "turns");
     // Angles 50, 45 and 90: 50 degrees, factors .9 and 2.
     let (s50, c50, h) = (0.766_044_4, 0.642_787_6, std::f32::consts::FRAC_1_SQRT_2);
     near(draw("lparser/angles.ls", "").end(), [0.0, c50 + h, -s50 - h - 1.0], "angles");
@@ -340,6 +361,37 @@ fn random_turns_of_lparser_belong_to_their_modules() {
         grow(&g, &d, &TurtleOptions::default(), &Limits::default()).expect("drawn").0.nodes.p
     };
     assert_ne!(seeds(1), seeds(2));
+}
+
+#[test]
+fn random_turns_of_lparser_without_a_number_take_any_direction() {
+    let heights = |command: &str| {
+        let text = format!("1\n30\n20\n{}\n@\n", format!("[{command}F]").repeat(40));
+        let (g, _) = read_bytes("r.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        let p = draw_steps(&g, None).plant.nodes.p;
+        assert!(p.len() > 40);
+        p.iter().map(|p| p.y).collect::<Vec<f32>>()
+    };
+    assert!(heights("~").iter().any(|y| *y < -0.3) && heights("~").iter().any(|y| *y > 0.3), "{:?}", heights("~"));
+    // Two turns of 6 degrees leave a height of 0.97 and more.
+    assert!(heights("~(6)").iter().all(|y| *y > 0.97 || y.abs() < 1e-6), "{:?}", heights("~(6)"));
+}
+
+#[test]
+fn bare_lines_of_lparser_end_at_their_first_blank() {
+    let drawn = |text: &str| {
+        let (g, told) = read_bytes("b.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        (draw_steps(&g, None).string, told.matches("L008").count())
+    };
+    let old = |axiom: &str, rule: &str| drawn(&format!("1\n45 # degrees\n10 percent\n{axiom}\n{rule}\nB=F\n@\n"));
+    assert_eq!(old("A", "A=FF"), ("FF".to_owned(), 0));
+    assert_eq!(old("A the form", "A=FF # a line"), ("FF".to_owned(), 1));
+    assert_eq!(old("A", "A=FB F=FFF"), ("FB".to_owned(), 1));
+    assert_eq!(old("A all", "A=FF\ttwo of them"), ("FF".to_owned(), 2));
+    // A rule that LParser could not read is taken as a whole; keywords take all of the line.
+    assert_eq!(old("A", "A = F F"), ("FF".to_owned(), 0));
+    assert_eq!(old("A", "A= F F"), ("FF".to_owned(), 0));
+    assert_eq!(drawn("recursion 1\naxiom A A\nrule A=F F\n"), ("FFFF".to_owned(), 0));
 }
 
 #[test]
@@ -499,6 +551,81 @@ fn models_of_lpy_are_drawn_by_its_turtle() {
     let tree = draw("lpy/tree.lpy", "");
     // 1 and 2^6 - 1 segments, 2^6 leaves.
     assert_eq!((tree.segments(), tree.plant.organs.len()), (64, 64));
+}
+
+#[test]
+fn tropisms_of_lpy_bend_before_each_step() {
+    let drawn = |axiom: &str| {
+        let text = format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");
+        draw_steps(&read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read").0, None)
+    };
+    // Left is +Z. Upwards unless the model says otherwise: half of 90 degrees; all of 120.
+    near(drawn("Elasticity(0.5)+(90)F(1)").last(), [0.0, 0.707_107, 0.707_107], "half");
+    near(drawn("Elasticity(1)+(120)F(1)").last(), [0.0, 1.0, 0.0], "all");
+    near(drawn("@Ts(0.5)+(90)f(1)F(1)").last(), [0.0, 1.630_986, 1.089_79], "a move bends, too");
+    near(drawn("Tropism(1,0,0)Elasticity(0.5)F(2)").last(), [1.414_214, 1.414_214, 0.0], "along x");
+    // Against the tropism, about up (+X): -Y becomes -Z.
+    near(drawn("Elasticity(0.5)|F(1)").last(), [0.0, 0.0, -1.0], "against it");
+    near(drawn("Elasticity(2)+(90)F(1)").last(), [0.0, 0.0, 1.0], "not within 0 and 1");
+    // The steps of a path bend one after the other: 45 and 22.5 degrees; the radius follows the length.
+    let path = drawn("Elasticity(0.5)+(90)nF(2,1,0.3)");
+    near(path.last(), [0.0, 1.630_986, 1.089_79], "path");
+    let near_all =
+        |r: &[f32], want: &[f32]| r.len() == want.len() && r.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-6);
+    assert!(near_all(&path.plant.nodes.r, &[0.1, 0.2, 0.3]), "{:?}", path.plant.nodes.r);
+    let straight = drawn("nF(2,0.5,0.3)F(1)").plant.nodes.r;
+    assert!(near_all(&straight, &[0.1, 0.3, 0.3]), "{straight:?}");
+}
+
+#[test]
+fn scales_of_lpy_multiply_what_is_drawn_behind_them() {
+    let model = |axiom: &str| {
+        let text = format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");
+        read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{axiom}: {e}")).0
+    };
+    for (axiom, radii) in [
+        ("_(0.2)@D(2)F(1)", &[0.4, 0.4][..]),
+        ("@D(2)_(0.2)F(1)@D(1)F(1)", &[0.4, 0.3, 0.2]),
+        ("_(0.2)@Di(3)F(1)[@D(1)F(1)]", &[0.6, 0.6, 0.2, 0.2]),
+        ("_F(1)", &[1.1, 1.1]),
+        // 0.1 less 1 is no radius: the turtle keeps its own.
+        ("!F(1)", &[0.1, 0.1]),
+        ("F(1,-1)F(1)", &[0.1, 0.1, 0.1]),
+    ] {
+        let r = draw_steps(&model(axiom), None).plant.nodes.r;
+        assert!(r.len() == radii.len() && r.iter().zip(radii).all(|(a, b)| (a - b).abs() < 1e-6), "{axiom}: {r:?}");
+    }
+    // Without a number half and double; 1 + 0.5 + 1. A move by a vector is not scaled: 1 + 2.
+    near(draw_steps(&model("F@DiF@DdF"), None).last(), [0.0, 2.5, 0.0], "half");
+    near(draw_steps(&model("@D(2)MoveRel(0,0,1)F(1)"), None).last(), [0.0, 3.0, 0.0], "moved");
+    let g = model("!F(1)");
+    let derived = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let (_, told) = grow(&g, &derived, &TurtleOptions::default(), &Limits::default()).expect("drawn");
+    assert!(told.iter().any(|d| d.code == "L041" && d.message.contains("-0.9")), "{told:?}");
+    assert!(converts(&model("F@DiF@DdF@D(3)F@DF"), ConvertTo::Cpfg, "scales"));
+}
+
+#[test]
+fn interpretations_of_lpy_leave_out_what_is_cut() {
+    let model = |rules: &str| {
+        let text = format!(
+            "Axiom: S(1)[+(90)S(2)%S(4)[S(8)]S(16)]S(32)%S(64)\nderivation length: 0\nproduction:\n{rules}\nendlsystem\n"
+        );
+        read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{rules}: {e}")).0
+    };
+    let length = |g: &Grammar| draw_steps(g, None).plant.axes.iter().map(|a| a.length).sum::<f32>();
+    // 1 + 2 + 32 are left, also where a production looks at what stands before a module.
+    for rules in ["interpretation:\nS(x) --> F(x)", "interpretation:\nS(y) < S(x) --> F(x)\nS(x) --> F(x)"] {
+        let g = model(rules);
+        assert!((length(&g) - 35.0).abs() < 1e-4, "{rules}: {}", length(&g));
+        assert!(draw_steps(&g, None).string.contains("%S(4)[S(8)]"), "{rules}");
+        let notes = convert(&g, ConvertTo::Cpfg).expect("converted").notes;
+        assert!(notes.iter().any(|n| n.contains("interpretation past %: off")), "{notes:?}");
+    }
+    // Without an interpretation L-Py draws all of it: 1 + 2 + 4 + 8.
+    let plain = "Axiom: F(1)[+(90)F(2)%F(4)]F(8)\nderivation length: 0\nproduction:\nendlsystem\n";
+    let (g, _) = read_bytes("m.lpy", plain.as_bytes(), ReadAs::default()).expect("read");
+    assert!((length(&g) - 15.0).abs() < 1e-4, "{}", length(&g));
 }
 
 #[test]

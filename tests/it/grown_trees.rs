@@ -208,6 +208,10 @@ fn faults_name_the_key_and_the_remedy() {
         (format!("{species}[plants.a.habit]\nshed = 11\n"), "plants.a.habit.shed is 11"),
         (format!("{species}[plants.a.habit]\nmaturity = [9, 3]\n"), "maturity must be two increasing years"),
         (format!("{species}[plants.a.habit]\nshads = 1\n"), "has no key \"shads\""),
+        (format!("{species}[plants.a.habit]\nstems = 2.4\n"), "stems is 2.4, but must be a whole number"),
+        // The thickest trunks have 32 sides, and a ridge takes four.
+        (format!("{species}[plants.a.habit]\nbuttresses = 9\n"), "habit.buttresses is 9, but must be 0 to 8"),
+        (format!("{species}[plants.a.skin]\nbuttresses = 9\n"), "skin.buttresses is 9, but must be 0 to 8"),
         (format!("{species}[plants.a.site]\nside = [0.8, 0.8, 0]\n"), "side is too long"),
         (format!("{species}[[plants.a.prune]]\nyear = 3\n"), "names nothing to keep"),
         (format!("{species}[[plants.a.prune]]\nsolid = \"wall\"\n"), "names the solid \"wall\""),
@@ -469,6 +473,24 @@ fn a_growing_tree_stands_as_deep_in_a_slope_as_a_grown_one() {
     // Branches that fall during the clip have no parent, but are no feet.
     let (grown, growing) = (foot(""), foot("[plants.a.site]\nto = 16\n[frames]\nend = 4\n"));
     assert!((grown - growing).abs() < 0.1, "{grown} {growing}");
+}
+
+/// An estimate grows a sample of plants of more than 64 individuals, whose copies share them; trees that grow together it grows all.
+#[test]
+fn hedges_of_many_plants_can_be_estimated() {
+    for (keys, grown) in [("", 64), ("together = true\n", 70)] {
+        let text = format!(
+            "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.habit]\nstems = 1\n[[plants.a.prune]]\nyear = 2\n\
+             keep = [[-1, 0, -1], [1, 0.5, 1]]\n[[place]]\nalong = [[0, 0, 0], [69, 0, 0]]\nspacing = 1\n{keys}"
+        );
+        let work =
+            BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+        let told = scene::assemble_for_estimate(&recipe(&text), SceneOptions::default(), &work).expect("an estimate");
+        let scene = &told.animated.scene;
+        assert_eq!(scene.assets.iter().filter(|a| a.group == "a").count(), grown, "{keys}");
+        let placed = scene.placements.iter().filter(|p| scene.assets[p.asset].group == "a");
+        assert_eq!(placed.count(), 70, "{keys}");
+    }
 }
 
 #[test]

@@ -104,6 +104,8 @@ fn faults_that_single_keys_cannot_show_are_told() {
     assert!(with(plane).contains("without planes"));
     let sphere = with("envelope = [{ shape = \"sphere\", at = [0, 1, 0], size = [4, 4, 4] }]\n");
     assert!(sphere.contains("S007") && sphere.contains("envelope.0.size") && sphere.contains("reads at, radius"));
+    let flat = with("obstacles = [{ shape = \"sphere\" }, { shape = \"plane\", normal = [0, 0, 0] }]\n");
+    assert!(flat.contains("error[S003]") && flat.contains("obstacles.1.normal has no direction"), "{flat}");
     assert!(with("radii = \"cone\"\nratios = [[0.8, 1], [1.2, 1]]\n").contains("would widen upwards"));
     assert!(with("length = [1, 2, 3, 4, 5, 6, 7, 8, 9]\n").contains("1 to 8"));
     assert!(with("exponent = 0.5\n").contains("that of the pipe model is at least 1"));
@@ -115,15 +117,53 @@ fn faults_that_single_keys_cannot_show_are_told() {
     }
     let said = with("equations = \"paper\"\ngravity = 0\n");
     assert!(!said.contains("S007"), "{said}");
+    // Keys of what the plant does not have, and the same with it.
+    let twig = "[plants.a]\nshapes = \"twigs.shapes\"\n[plants.a.growth]\nlevels = 1\n";
+    for (name, lines, mended) in [
+        ("root_radius", "root_radius = 0.3\n", "root_radius = 0.3\nroots = 4\n"),
+        ("coil_angle_deg", "coil_angle_deg = 40\n", "coil_angle_deg = 40\ncoil = 3\n"),
+        ("split_deg", "split_deg = 40\n", "split_deg = 40\nsplit = 0.5\n"),
+        (
+            "climb",
+            "climb = 2\n",
+            "climb = 2\nobstacles = [{ shape = \"plane\", at = [3, 0, 0], normal = [-1, 0, 0] }]\n",
+        ),
+        ("face_up", "leaf_spacing = 0\nface_up = 1\n", "face_up = 1\n"),
+        ("exponent", "blade_width = 0.01\nexponent = 2\n", "exponent = 2\n"),
+    ] {
+        let said = complaint(&format!("{twig}{lines}"));
+        assert!(said.contains("S007") && said.contains(&format!("growth.{name} has no effect")), "{lines}: {said}");
+        assert_eq!(complaint(&format!("{twig}{mended}")), "", "{mended}");
+    }
+    // Twigs have neither roots nor blades; a file that describes a whole plant may be one of twigs.
+    let filled = "[plants.a]\nshapes = \"twigs.shapes\"\ntwigs = \"bush.shapes\"\n[plants.a.growth]\nlevels = 1\n[plants.a.fill]\nlevels = 2\n";
+    assert_eq!(complaint(filled), "");
+    for (name, line) in
+        [("roots", "roots = 3\n"), ("exponent", "exponent = 2\n"), ("blade_width", "blade_width = 0.01\n")]
+    {
+        let said = complaint(&format!("{filled}{line}"));
+        assert_eq!(said.matches("S007").count(), 1, "{said}");
+        assert!(said.contains(&format!("plants.a.fill.{name} has no effect")), "{said}");
+    }
+    // The helix of the vine's file is switched off by its scene.
+    let straight = "[plants.a]\nshapes = \"vine.shapes\"\n[plants.a.growth]\nlevels = 1\nlength = 1\ncoil = 0\n";
+    assert_eq!(complaint(straight), "");
     let twice = "solids = true\n[[solid]]\nsize = [1, 2, 1]\nat = [3, 0, 0]\n[[place]]\ncount = 3\nindividuals = 1\n";
-    assert!(with(twice).contains("individuals = 3"), "{}", with(twice));
+    let said = with(twice);
+    assert!(
+        said.contains("individuals = 3") && said.contains("s.toml:") && said.contains("as 1 individual\n"),
+        "{said}"
+    );
     let rain = "[rain]\n[frames]\nend = 4\n";
     let growing = format!("[plants.a]\nshapes = \"bush.shapes\"\ngrowth_clip = [0, 1]\n{rain}");
     assert!(complaint(&growing).contains("rain meets grown plants"));
     let segments = format!("[plants.a]\nshapes = \"bush.shapes\"\n[plants.a.skin]\nform = \"segments\"\n{rain}");
     assert!(complaint(&segments).contains("rain needs a closed skin"));
     // The whole first level beyond the limit: nothing grows.
-    assert!(with("max_nodes = 3\n").contains("max_nodes"));
+    let refused = with("max_nodes = 3\n");
+    assert!(refused.contains("nodes of bush.shapes would be") && refused.contains("the limit is 3;"), "{refused}");
+    let ended = with("max_age = 0\n");
+    assert!(ended.contains("bush.shapes: no axis had room") && ended.contains("`max_age`"), "{ended}");
 }
 
 #[test]

@@ -171,6 +171,14 @@ fn a_terrain_read_from_its_own_heights_is_the_same() {
     let out =
         baked(dir.path(), "made", &format!("seed = 3\n[terrain]\n{land}[output]\nformats = [\"exr\", \"obj\"]\n"));
     fs::copy(out.join("maps/terrain/height.exr"), dir.path().join("own.exr")).expect("copy");
+    // The manifest lists them as a file, not as the relief of the material that has the terrain's name.
+    let manifest = fs::read_to_string(out.join("manifest.json")).expect("manifest");
+    let manifest: Value = serde_json::from_str(&manifest).expect("JSON");
+    let lists = |list: &str, key: &str| {
+        let entries = manifest[list].as_array().expect("list").iter();
+        entries.filter(|e| e[key].to_string().contains("maps/terrain/height.exr")).count()
+    };
+    assert_eq!((lists("files", "path"), lists("materials", "maps")), (1, 0));
     let again = baked(
         dir.path(),
         "read",

@@ -85,6 +85,8 @@ fn outputs_and_flags_that_would_mislead_are_refused() {
         (&["--columns", "2"][..], "contact sheet"),
         (&["--columns", "2", "--turntable", "4"], "contact sheet"),
         (&["--columns", "0", "--seeds", "0-1"], "'--columns <N>'"),
+        (&["--columns", "2", "--seeds", "0-1", "--sweep", "sky.glow=0,1,2"], "two axes"),
+        (&["--columns", "2", "--sweep", "sun.strength=1,2", "--sweep", "sky.glow=0,1,2"], "two axes"),
     ] {
         let out = file("d.png");
         let flags = ["preview", SPRIG, "--size", "16", "--quality", "draft", "-o", arg(&out)];
@@ -135,6 +137,19 @@ fn a_transparent_picture_shows_the_plant_its_shadow_and_nothing_else() {
     assert_eq!(p.get_pixel(0, 0).0[3], 0);
     let green = p.pixels().filter(|c| c.0[3] > 200 && c.0[1] > c.0[0] && c.0[1] > c.0[2]).count();
     assert!(green > covered / 3, "{green} of {covered} are green");
+}
+
+#[test]
+fn a_camera_below_the_floor_sees_the_plant_on_it() {
+    let dir = tempfile::tempdir().expect("dir");
+    for quality in ["draft", "normal"] {
+        let out = dir.path().join(format!("{quality}.png"));
+        let flags = ["preview", "poplar-twig.l", "--size", "120x160", "--view", "30,-40", "--background", "none"];
+        ends(0, &[&flags[..], &["--quality", quality, "-o", arg(&out)]].concat());
+        let p = picture(&out);
+        let green = p.pixels().filter(|c| c.0[3] > 200 && c.0[1] > c.0[0] && c.0[1] > c.0[2]).count();
+        assert!(green > 80, "{quality}: {green} pixels of leaves");
+    }
 }
 
 #[test]
@@ -257,6 +272,10 @@ fn a_bake_has_land_camera_sun_and_materials_of_its_scene() {
     // A mesh file has no camera: the scene's view of it is the fitted one, and not one from inside of it.
     let (glb, pictures) = (file("tuft.glb"), [file("fitted.png"), file("scene.png")]);
     ends(0, &["grow", arg(&file("tuft.toml")), "-o", arg(&glb)]);
+    // Of a glTF file without a manifest only the materials transmit light that say so.
+    let read = osier::scene_preview::PreviewScene::of_mesh_file(&glb, &[], &limits).expect("a mesh");
+    let bark = read.scene().materials.iter().find(|m| m.name == "grass_shoot").expect("bark");
+    assert!(bark.translucency.abs() < 1e-9, "{bark:?}");
     for (view, out) in ["portrait", "scene"].iter().zip(&pictures) {
         ends(0, &["preview", arg(&glb), "--view", view, "--size", "32", "--quality", "draft", "-o", arg(out)]);
     }

@@ -357,6 +357,16 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         ),
         ("[[place]]\nradius = 3\n", "place.0.radius", "[[place]]\nradius = 3\ncount = 2\n"),
         ("[[place]]\ntogether = true\n", "place.0.together", "[[place]]\ntogether = false\n"),
+        (
+            "[rain]\n[[place]]\ncount = 3\nindividuals = 2\n",
+            "place.0.individuals",
+            "[[place]]\ncount = 3\nindividuals = 2\n",
+        ),
+        (
+            "[[place]]\nring = 9\ncount = 3\nclear = 2\n",
+            "place.0.clear",
+            "[[place]]\nring = 9\ncount = 3\nclear = 2\njitter = 1\n",
+        ),
         ("[terrain]\nsubdivisions = 3\n[ground]\nrelief = 2\n", "ground", "[ground]\nrelief = 2\n"),
         (
             "[terrain]\n[[scatter]]\nplants = { a = 1 }\ninner = 9\n",
@@ -402,6 +412,25 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     let site = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.site]\nlatitude = 20\n";
     assert_eq!(without_effect(site), ["plants.a.site.latitude has no effect"]);
     assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());
+    // Latitudes without a date, in the scene, in a plant and beside another one.
+    let hazel = "[plants.a]\nspecies = \"hazel\"\nage = 2\n";
+    assert_eq!(without_effect(&format!("season = 0.8\nlatitude = 20\n{hazel}")), ["latitude has no effect"]);
+    assert_eq!(without_effect(&format!("{hazel}season = 0.8\nlatitude = 20\n")), ["plants.a.latitude has no effect"]);
+    let at = |season: &str| site.replace("[plants.a.site]", &format!("season = {season}\n[plants.a.site]"));
+    assert_eq!(without_effect(&at("0.8")), ["plants.a.site.latitude has no effect"]);
+    assert!(without_effect(&format!("latitude = 20\n{hazel}season = \"10-20\"\n")).is_empty());
+    assert!(without_effect(&at("\"10-20\"")).is_empty());
+    // Cuts that are never made, and repetitions that never come.
+    let hedge = |age: f64, cut: &str| {
+        let box_of = "keep = [[-1, 0, -1], [1, 1, 1]]";
+        without_effect(&format!("[plants.a]\nspecies = \"hazel\"\nage = {age}\n[[plants.a.prune]]\n{box_of}\n{cut}\n"))
+    };
+    assert_eq!(hedge(3.0, "year = 4"), ["plants.a.prune.0.keep has no effect"]);
+    assert_eq!(hedge(3.5, "year = 4"), [""; 0]);
+    assert_eq!(hedge(9.0, ""), ["plants.a.prune.0.keep has no effect"], "the first cut is made in year 10");
+    assert_eq!(hedge(9.0, "year = 4\nuntil = 8"), ["plants.a.prune.0.until has no effect"]);
+    assert_eq!(hedge(9.0, "year = 4\nevery = 3\nuntil = 6"), ["plants.a.prune.0.every has no effect"]);
+    assert_eq!(hedge(9.0, "year = 4\nevery = 3\nuntil = 7"), [""; 0]);
     let empty = "[plants.a]\ngrammar = \"rain-twig.l\"\n[output]\nformats = []\n";
     assert_eq!(without_effect(empty), ["output.formats is empty: a bake writes textures and no scene"]);
     let nowhere = "place = []\n[plants.a]\ngrammar = \"rain-twig.l\"\n";

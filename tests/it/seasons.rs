@@ -507,6 +507,8 @@ fn faults_of_a_season_are_told_at_their_place() {
     assert!(with(&format!("{clip}motion = \"game\"\n")).contains("left to shaders"));
     assert!(with(&format!("{clip}growth_clip = [0, 1]\n[frames]\nend = 3\n")).contains("grows over the clip"));
     assert!(with(&format!("{clip}[plants.a.rods]\n")).contains("leaves on rods stay"));
+    assert!(with(clip).contains("the scene has one frame"), "{}", with(clip));
+    assert!(!with(&format!("{clip}[frames]\nend = 3\n")).contains("has one frame"));
     let growing =
         "[frames]\nend = 9\n[plants.a]\nspecies = \"hazel\"\nseason = 0.8\n[plants.a.site]\nfrom = 1\nto = 4\n";
     assert!(complaint(growing).contains("`clip_leaves`"), "{}", complaint(growing));

@@ -558,11 +558,13 @@ fn the_memory_that_is_told_is_about_what_is_taken() {
         key = [{ ifs = \"fern_bud.ifs.toml\", at = 0 }, { ifs = \"fern_frond.ifs.toml\", at = 0.2 }]\n";
     let cached = "[plants.p]\ngrammar = \"oak.l\"\nmotion = \"cache\"\nturtle.tropisms = [{ dir = [0, 1, 0] }]\n";
     let billboards = "[plants.p]\nifs = \"monopodial.ifs.toml\"\n[plants.p.tree]\neps = 0.05\nlod = 1\n";
+    let years = "[plants.p]\nspecies = \"hazel\"\nage = 12\nsite.to = 12\n";
     // Of a small run the memory of its assembly, which is freed before it writes, is a large part and is not told.
     for (name, least, scene) in [
         ("morph", 0.7, format!("{morph}{clip}")),
         ("cached", 0.7, format!("{cached}{small}[[place]]\nplant = \"p\"\ncount = 4\n{clip}")),
         ("billboards", 0.3, format!("{billboards}{small}{clip}")),
+        ("years", 0.7, format!("{years}{small}{clip}")),
     ] {
         let file = format!("{name}.toml");
         write(dir.path(), &file, scene);

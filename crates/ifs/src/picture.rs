@@ -27,12 +27,15 @@
 use super::histogram::Histogram;
 use osier_base::Result;
 use osier_base::math::{self, narrow};
-use osier_base::par::par_map;
+use osier_base::par::{par_map, par_map_mut};
 use osier_base::progress::Cancel;
 use osier_base::units::srgb_from_linear;
 
 /// Quantile of the density over the non-empty pixels that is drawn fully opaque.
 const WHITE_QUANTILE: f64 = 0.995;
+
+/// Least number of rows of a picture whose hits one task spreads.
+const MIN_BAND: usize = 32;
 
 /// Spreads thin hits over discs of max(minimum, radius / hits^curve) pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -129,15 +132,22 @@ fn box_sums(h: &Histogram, k: usize, x: usize, y: usize) -> PixelSums {
     sums.map(|v| v as f64)
 }
 
-/// Each pixel's sample spread evenly over a disc around it.
+/// One row of a disc: its offset from the centre and its half width, pixels.
+type DiscRow = (isize, usize);
+
+/// Rows of the disc of a radius, pixels, of at most `reach` pixels.
+fn disc_rows(radius: f64, reach: usize) -> Vec<DiscRow> {
+    let is_inside = |dx: usize, dy: usize| ((dx * dx + dy * dy) as f64) <= radius * radius;
+    let half_width = |dy: isize| (0..=reach).rev().find(|dx| is_inside(*dx, dy.unsigned_abs()));
+    let offsets = -reach.cast_signed()..=reach.cast_signed();
+    offsets.filter_map(|dy| Some((dy, half_width(dy)?))).collect()
+}
+
+/// Each pixel's sample spread evenly over a disc around it, bands of rows in parallel: each pixel adds up the samples around it
+/// in the order of rows, so that its sum does not depend on the bands.
 /// # Errors
 /// `Cancelled`.
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    clippy::cast_sign_loss,
-    reason = "offsets of a few pixels inside the picture"
-)]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a radius of a few pixels")]
 fn spread_hits(
     samples: &[PixelSums],
     width: usize,
@@ -146,39 +156,42 @@ fn spread_hits(
     cancel: &Cancel,
 ) -> Result<Vec<PixelSums>> {
     let radius = |hits: f64| (e.radius / math::pow(hits.max(1.0), e.curve)).max(e.minimum);
-    let reach = e.radius.ceil() as isize;
-    // Discs of all radii in steps of a quarter pixel, as lists of offsets.
-    let discs: Vec<Vec<(isize, isize)>> = (0..=reach * 4)
-        .map(|quarter| {
-            let r = quarter as f64 * 0.25;
-            let inside = |(dx, dy): &(isize, isize)| ((dx * dx + dy * dy) as f64) <= r * r;
-            (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy))).filter(inside).collect()
-        })
-        .collect();
+    let reach = e.radius.ceil() as usize;
+    // Discs of all radii in steps of a quarter pixel.
+    let discs: Vec<Vec<DiscRow>> = (0..=reach * 4).map(|quarter| disc_rows(quarter as f64 * 0.25, reach)).collect();
     let mut out = vec![[0.0; 4]; samples.len()];
-    // A row of a large picture takes tenths of a second.
-    for (y, row) in samples.chunks(width.max(1)).enumerate() {
-        cancel.check()?;
-        for (x, s) in row.iter().enumerate().filter(|(_, s)| s[0] > 0.0) {
-            // Dense pixels keep their hits; thin ones spread over max(minimum, radius / hits^curve) pixels.
-            let quarter = (radius(s[0]) * 4.0 + 0.5) as usize;
-            let Some(disc) = discs.get(quarter.min(discs.len() - 1)) else { continue };
-            let (x, y) = (x as isize, y as isize);
-            let near = |(dx, dy): &(isize, isize)| {
-                let (u, v) = (x + dx, y + dy);
-                (u >= 0 && v >= 0 && u < width as isize && v < height as isize)
-                    .then_some(v as usize * width + u as usize)
-            };
-            // Hits near the border stay inside: their share is taken by the part of the disc that is there.
-            let inside: Vec<usize> = disc.iter().filter_map(near).collect();
-            let share = 1.0 / inside.len().max(1) as f64;
-            for j in inside {
-                for (a, b) in out[j].iter_mut().zip(s) {
-                    *a += b * share;
+    // A band also visits the rows within reach of it; it is as high as these, so that they do not cost more than its own.
+    let band = MIN_BAND.max(2 * reach);
+    let mut bands: Vec<(usize, &mut [PixelSums])> =
+        (0..height).step_by(band).zip(out.chunks_mut(band * width.max(1))).collect();
+    let spread_band = |first: usize, out: &mut [PixelSums]| -> Result<()> {
+        let last = (first + band).min(height);
+        for y in first.saturating_sub(reach)..(last + reach).min(height) {
+            // A row of a large picture takes tenths of a second.
+            cancel.check()?;
+            let row = samples.get(y * width..(y + 1) * width).unwrap_or_default();
+            for (x, s) in row.iter().enumerate().filter(|(_, s)| s[0] > 0.0) {
+                // Dense pixels keep their hits; thin ones spread over max(minimum, radius / hits^curve) pixels.
+                let quarter = (radius(s[0]) * 4.0 + 0.5) as usize;
+                let Some(disc) = discs.get(quarter.min(discs.len() - 1)) else { continue };
+                // Hits near the border stay inside: their share is taken by the part of the disc that is there.
+                let rows = disc.iter().filter_map(|(dy, half)| {
+                    let v = y.checked_add_signed(*dy).filter(|v| *v < height)?;
+                    Some((v, x.saturating_sub(*half), (x + half).min(width - 1)))
+                });
+                let inside: usize = rows.clone().map(|(_, low, high)| high - low + 1).sum();
+                let share = 1.0 / inside.max(1) as f64;
+                for (v, low, high) in rows.filter(|(v, ..)| (first..last).contains(v)) {
+                    let start = (v - first) * width;
+                    for sums in &mut out[start + low..=start + high] {
+                        sums.iter_mut().zip(s).for_each(|(a, b)| *a += b * share);
+                    }
                 }
             }
         }
-    }
+        Ok(())
+    };
+    par_map_mut(&mut bands, |(first, out)| spread_band(*first, out)).into_iter().collect::<Result<()>>()?;
     Ok(out)
 }
 
@@ -220,4 +233,48 @@ pub fn tone_mapped(d: &Density, tone: &ToneMapping, flat: [f32; 3]) -> Vec<f32> 
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every sample added to all pixels of its disc, one sample after the other.
+    fn spread_one_by_one(samples: &[PixelSums], width: usize, e: &DensityEstimator) -> Vec<PixelSums> {
+        let mut out = vec![[0.0; 4]; samples.len()];
+        for (i, s) in samples.iter().enumerate().filter(|(_, s)| s[0] > 0.0) {
+            let radius = (e.radius / math::pow(s[0].max(1.0), e.curve)).max(e.minimum);
+            let rounded = ((radius * 4.0 + 0.5).floor() * 0.25).min(e.radius.ceil());
+            let is_near = |j: &usize| {
+                let (dx, dy) = ((i % width).abs_diff(j % width), (i / width).abs_diff(j / width));
+                (dx * dx + dy * dy) as f64 <= rounded * rounded
+            };
+            let disc: Vec<usize> = (0..samples.len()).filter(is_near).collect();
+            let share = 1.0 / disc.len() as f64;
+            for j in disc {
+                out[j].iter_mut().zip(s).for_each(|(a, b)| *a += b * share);
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn bands_spread_hits_to_the_bit_as_one_sample_after_the_other() {
+        let (width, height) = (23, 150);
+        let mut draw = osier_base::rng::Rng::at(5, &["hits".into()]);
+        let samples: Vec<PixelSums> = (0..width * height)
+            .map(|_| match draw.chance(0.2) {
+                true => [draw.range(1.0, 31.0), 0.3, 0.1, draw.unit_f64()],
+                false => [0.0; 4],
+            })
+            .collect();
+        for (radius, minimum, curve) in [(0.4, 0.0, 0.4), (4.0, 0.0, 0.4), (7.3, 1.2, 0.8), (20.0, 30.0, 0.0)] {
+            let e = DensityEstimator { radius, minimum, curve };
+            let wanted = spread_one_by_one(&samples, width, &e);
+            for threads in [1, 3] {
+                let spread = || spread_hits(&samples, width, height, &e, &Cancel::default()).expect("not cancelled");
+                assert!(osier_base::par::on_threads(threads, spread) == wanted, "radius {radius}, {threads} threads");
+            }
+        }
+    }
 }

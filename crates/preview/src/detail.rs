@@ -7,6 +7,7 @@ use glam::{Affine3A, Vec3};
 use super::perspective::PerspectiveCamera;
 use super::quality::Quality;
 use super::request::RenderRequest;
+use osier_base::geometry::Bounds;
 use osier_base::math;
 use osier_scene::Mesh;
 
@@ -15,6 +16,13 @@ const MIN_TRIANGLES: usize = 12;
 /// Triangles of the largest mesh that is clustered: larger ones are branches rather than leaves, whose thin twigs
 /// would break.
 const MAX_TRIANGLES: usize = 2_000;
+
+/// Least share of its area that a mesh, or a long part of it, must keep when its vertices are clustered. Own: leaves keep more than
+/// nine tenths.
+pub(super) const MIN_CLUSTERED_AREA: f32 = 0.6;
+/// Extent of a thin part, in cells, from which it is kept: over the gap that a shorter one leaves one sees a leaf on its twig. Own:
+/// chosen by eye.
+const MIN_THIN_CELLS: f32 = 6.0;
 
 /// Widths of the smallest details that the cameras of some pictures resolve, depending on distance.
 #[derive(Debug, Clone, Default)]
@@ -107,6 +115,68 @@ pub(super) fn cluster_vertices(points: &[Vec3], cell: f32) -> Vec<u32> {
     points.iter().map(|p| best.get(&key(p)).map_or(0, |b| b.0)).collect()
 }
 
+/// A connected part of a mesh: its box, m, and its area before and after clustering, m2.
+#[derive(Debug, Clone, Copy, Default)]
+struct Part {
+    bounds: Bounds,
+    whole: f32,
+    clustered: f32,
+}
+
+impl Part {
+    /// Whether the part is longer than some cells and would vanish.
+    fn is_thin(&self, cell: f32) -> bool {
+        self.clustered < MIN_CLUSTERED_AREA * self.whole && self.bounds.size().length() > MIN_THIN_CELLS * cell
+    }
+}
+
+/// Undoes the clustering of long, thin parts: without their stalks leaves would float beside their twigs. A part is what triangles
+/// connect. `cell`: side of the cells of `replacements`, which are those of [`cluster_vertices`].
+pub(super) fn keep_thin_parts(triangles: &[[u32; 3]], points: &[Vec3], cell: f32, replacements: &mut [u32]) {
+    if replacements.is_empty() {
+        return;
+    }
+    // Union-find: the root of a part is its first point.
+    let mut parent: Vec<usize> = (0..points.len()).collect();
+    let is_valid = |t: &&[u32; 3]| t.iter().all(|i| (*i as usize) < points.len());
+    for t in triangles.iter().filter(is_valid) {
+        let [a, b, c] = t.map(|i| find_root(&mut parent, i as usize));
+        let first = a.min(b).min(c);
+        [a, b, c].into_iter().for_each(|i| parent[i] = first);
+    }
+    // The box of each part, then its areas before and after.
+    let mut parts: BTreeMap<usize, Part> = BTreeMap::new();
+    for (i, p) in points.iter().enumerate() {
+        let part = parts.entry(find_root(&mut parent, i)).or_default();
+        part.bounds = part.bounds.union(Bounds::of([*p]));
+    }
+    let area = |t: [u32; 3]| {
+        let [a, b, c] = t.map(|i| points.get(i as usize).copied().unwrap_or_default());
+        0.5 * (b - a).cross(c - a).length()
+    };
+    for t in triangles.iter().filter(is_valid) {
+        let part = parts.entry(find_root(&mut parent, t[0] as usize)).or_default();
+        part.whole += area(*t);
+        part.clustered += area(t.map(|i| replacements.get(i as usize).copied().unwrap_or(i)));
+    }
+    // Each point of a thin part stands for itself.
+    for (i, replacement) in (0_u32..).zip(replacements.iter_mut()) {
+        let part = parts.get(&find_root(&mut parent, i as usize));
+        if part.is_some_and(|part| part.is_thin(cell)) {
+            *replacement = i;
+        }
+    }
+}
+
+/// The root of a point's part, with path halving.
+fn find_root(parent: &mut [usize], mut i: usize) -> usize {
+    while parent[i] != i {
+        parent[i] = parent[parent[i]];
+        i = parent[i];
+    }
+    i
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -159,6 +229,26 @@ mod tests {
         assert!(few * 2 < many, "{few} of {many}");
         assert!((kept / whole - 1.0).abs() < 0.1, "{kept} of {whole}");
         assert!(cluster_vertices(&mesh.points, 0.0).is_empty());
+    }
+
+    #[test]
+    fn a_long_stalk_is_kept_and_a_short_one_is_not() {
+        let clustered = |length: f32| {
+            let mut mesh = disc(4, 24);
+            let first = mesh.next_point();
+            for x in [-0.01, 0.01] {
+                mesh.points.extend([Vec3::new(x, -1.0, 0.1), Vec3::new(x, -1.0 - length, 0.1)]);
+            }
+            let stalk = [[first, first + 1, first + 2], [first + 1, first + 3, first + 2]];
+            mesh.triangles.extend(stalk);
+            let mut replacements = cluster_vertices(&mesh.points, 0.4);
+            keep_thin_parts(&mesh.triangles, &mesh.points, 0.4, &mut replacements);
+            let stalk = Mesh { triangles: stalk.to_vec(), ..mesh.clone() };
+            (area(&stalk, &replacements).1, area(&mesh, &replacements).0)
+        };
+        let ((long, triangles), (short, _)) = (clustered(3.0), clustered(1.0));
+        assert!((long - 0.02 * 3.0).abs() < 1e-4 && short < 1e-6, "{long}, {short}");
+        assert!(triangles * 2 < disc(4, 24).triangles.len(), "the blade is simplified: {triangles}");
     }
 
     #[test]

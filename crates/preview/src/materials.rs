@@ -17,6 +17,15 @@ pub struct PreviewMaterials {
     pub(super) quality: Quality,
 }
 
+/// A place in a texture at which alpha is tested.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AlphaSample {
+    /// Texture coordinates.
+    pub(super) uv: Vec2,
+    /// Width of the smallest visible detail in texture coordinates.
+    pub(super) footprint: f32,
+}
+
 /// Parameters of the scattering model at one point of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ShadingParams {
@@ -61,11 +70,10 @@ impl PreviewMaterials {
         self.material(id).is_some_and(|m| m.alpha_cutoff.is_some() && m.maps.color.is_some())
     }
 
-    /// False where the alpha of a texture cuts the material out; `uv` is evaluated only if it has one. `footprint`:
-    /// width of the smallest visible detail in texture coordinates.
+    /// False where the alpha of a texture cuts the material out; `sample` is evaluated only if it has one.
     #[inline]
-    pub(super) fn is_opaque_at(&self, id: MaterialId, footprint: f32, uv: impl FnOnce() -> Vec2) -> bool {
-        !self.has_alpha_cutout(id) || self.passes_alpha_test(id, footprint, uv())
+    pub(super) fn is_opaque_at(&self, id: MaterialId, sample: impl FnOnce() -> AlphaSample) -> bool {
+        !self.has_alpha_cutout(id) || self.passes_alpha_test(id, sample())
     }
 
     /// True if pictures are ray traced: refraction by water needs rays even in a draft.
@@ -73,10 +81,10 @@ impl PreviewMaterials {
         self.quality != Quality::Draft || self.materials.iter().any(|m| m.class == MaterialClass::Water)
     }
 
-    fn passes_alpha_test(&self, id: MaterialId, footprint: f32, uv: Vec2) -> bool {
+    fn passes_alpha_test(&self, id: MaterialId, sample: AlphaSample) -> bool {
         let Some(m) = self.material(id) else { return true };
         match (m.alpha_cutoff, self.texture(m.maps.color)) {
-            (Some(cutoff), Some(texture)) => texture.at(uv, footprint, &self.decoder).w >= cutoff,
+            (Some(cutoff), Some(texture)) => texture.at(sample.uv, sample.footprint, &self.decoder).w >= cutoff,
             _ => true,
         }
     }

@@ -25,7 +25,7 @@ pub(super) struct PerspectiveCamera {
 pub(super) struct PrimaryRay {
     /// Unit vector from the camera into the scene.
     pub(super) direction: Vec3,
-    /// Distance to the floor, m; `None` if the ray does not meet it.
+    /// Distance to the floor, m; `None` if the ray does not meet its upper side.
     pub(super) floor_distance: Option<f32>,
 }
 
@@ -69,7 +69,9 @@ impl PerspectiveCamera {
     /// The ray through a pixel. `floor`: height of the floor, m; `inside`: position in the pixel.
     pub(super) fn primary_ray(&self, floor: Option<f32>, pixel: [u32; 2], inside: [f32; 2]) -> PrimaryRay {
         let direction = self.direction(pixel, inside);
-        let floor_distance = floor.map(|y| (y - self.eye.y) / direction.y).filter(|t| *t > 0.0 && t.is_finite());
+        // Only a camera above the floor sees it: one below looks through it at the subject.
+        let floor_below = floor.filter(|y| self.eye.y > *y);
+        let floor_distance = floor_below.map(|y| (y - self.eye.y) / direction.y).filter(|t| *t > 0.0 && t.is_finite());
         PrimaryRay { direction, floor_distance }
     }
 }

@@ -11,8 +11,8 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::Ray;
 
-use super::detail::{MeshDetail, cluster_vertices};
-use super::materials::PreviewMaterials;
+use super::detail::{MIN_CLUSTERED_AREA, MeshDetail, cluster_vertices, keep_thin_parts};
+use super::materials::{AlphaSample, PreviewMaterials};
 use super::round_cone::RoundCone;
 use osier_base::math;
 use osier_base::par::par_chunks;
@@ -29,9 +29,6 @@ const STREAK_END_RADIUS: f32 = 0.1;
 /// Most primitives for a BVH of high, of medium and of low build effort: small trees take little time to build and are traversed
 /// often, the largest would delay the picture by seconds.
 const BUILD_EFFORT: [usize; 3] = [4_000, 100_000, 1_500_000];
-
-/// Least share of its area that a mesh must keep when its vertices are clustered. Own: leaves keep more than nine tenths.
-const MIN_CLUSTERED_AREA: f32 = 0.6;
 
 /// A triangle in the form that the intersection test needs: a corner and two edges.
 #[derive(Debug, Clone, Copy)]
@@ -105,6 +102,7 @@ impl<'a> Solid<'a> {
         detail: MeshDetail,
     ) -> Self {
         let mut replacements = cluster_vertices(points, detail.cluster_size);
+        keep_thin_parts(&mesh.triangles, points, detail.cluster_size, &mut replacements);
         let mut triangles = prepare_triangles(mesh, points, &replacements);
         // Needles are thinner than a cluster and would vanish: a mesh that would lose most of its area is not clustered.
         if !replacements.is_empty() {
@@ -273,7 +271,7 @@ impl<'a> Solid<'a> {
                 let triangle = triangles.get(i)?;
                 let TriangleHit { t, barycentric } = triangle.intersect(ray)?;
                 let is_opaque = self.cutout_footprint.is_none_or(|width| {
-                    materials.is_opaque_at(triangle.material, width, || vertices.uv(triangle, barycentric))
+                    materials.is_opaque_at(triangle.material, || vertices.alpha_sample(triangle, barycentric, width))
                 });
                 is_opaque.then_some(PrimitiveHit { t, primitive, barycentric })
             }
@@ -377,8 +375,22 @@ impl VertexData<'_> {
 
     /// Interpolated texture coordinates; zero for a mesh without.
     pub(super) fn uv(&self, triangle: &RayTriangle, barycentric: Vec2) -> Vec2 {
-        let [a, b, c] = self.corners(triangle).map(|i| self.uvs.get(i).copied().unwrap_or_default());
+        let [a, b, c] = self.corner_uvs(triangle);
         a + (b - a) * barycentric.x + (c - a) * barycentric.y
+    }
+
+    /// Where the alpha of a triangle is tested. `width`: of the smallest visible detail of the mesh in texture coordinates. A triangle
+    /// whose corners share one place of the texture, as those of stalks do, has the alpha of that place from any distance: the mean
+    /// around it would cut out a stalk that is coloured from the narrow foot of a blade.
+    pub(super) fn alpha_sample(&self, triangle: &RayTriangle, barycentric: Vec2, width: f32) -> AlphaSample {
+        let [a, b, c] = self.corner_uvs(triangle);
+        let footprint = if a == b && b == c { 0.0 } else { width };
+        AlphaSample { uv: a + (b - a) * barycentric.x + (c - a) * barycentric.y, footprint }
+    }
+
+    /// Texture coordinates of the corners of a triangle; zero for a mesh without.
+    fn corner_uvs(&self, triangle: &RayTriangle) -> [Vec2; 3] {
+        self.corners(triangle).map(|i| self.uvs.get(i).copied().unwrap_or_default())
     }
 }
 
@@ -473,7 +485,42 @@ fn random_unit(ray: &Ray, primitive: usize) -> f32 {
 mod tests {
     use super::*;
     use crate::Quality;
-    use crate::testing::scene_of;
+    use crate::testing::{material, scene_of};
+    use osier_scene::{Image, ImageKind, Maps, Material, Pixels};
+
+    #[test]
+    fn a_part_of_one_texel_is_not_cut_out_from_afar() {
+        // One opaque texel in the upper left corner of a transparent picture.
+        let mut pixels = vec![0; 8 * 8 * 4];
+        pixels[3] = 255;
+        let name = "foot".into();
+        let image =
+            Image { name, kind: ImageKind::Color, width: 8, height: 8, channels: 4, pixels: Pixels::U8(pixels) };
+        let maps = Maps { color: Some(0), ..Maps::default() };
+        let mut scene = scene_of(vec![Material { alpha_cutoff: Some(0.5), maps, ..material(0.5, 0.0, 1.5) }]);
+        scene.images = vec![image];
+        let materials = PreviewMaterials::new(&scene, Quality::Normal);
+        // A stalk coloured from that texel, and a blade that shows the whole picture.
+        let stalk = [Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, -1.0, 0.0), Vec3::Y];
+        let blade = [Vec3::X * 2.0, Vec3::X * 3.0, Vec3::new(2.0, 1.0, 0.0)];
+        let mesh = Mesh {
+            points: [stalk, blade].concat(),
+            normals: vec![Vec3::Z; 6],
+            uvs: [[Vec2::new(0.5 / 8.0, 7.5 / 8.0); 3], [Vec2::ZERO, Vec2::X, Vec2::Y]].concat(),
+            triangles: vec![[0, 1, 2], [3, 4, 5]],
+            ..Mesh::default()
+        }
+        .with_material(0);
+        for smallest in [0.0, 2.0] {
+            let detail = MeshDetail { smallest, cluster_size: 0.0 };
+            let solid = Solid::of_mesh(&mesh, &mesh.points, Cow::Borrowed(&mesh.normals), &materials, true, detail);
+            let is_hit = |x: f32, y: f32| {
+                let ray = Ray::new(Vec3A::new(x, y, 1.0), Vec3A::NEG_Z, 0.0, f32::INFINITY);
+                solid.closest_hit(ray, &materials).is_some()
+            };
+            assert!(is_hit(0.0, 0.0) && !is_hit(2.3, 0.3), "details of {smallest}");
+        }
+    }
 
     #[test]
     fn falling_water_is_met_by_few_rays_and_a_drop_at_rest_by_all() {

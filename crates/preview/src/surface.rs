@@ -45,7 +45,7 @@ struct SurfaceAttributes {
 
 /// Mean colour and normal of an occluder, without texture look-ups.
 pub(super) struct MeanSurface {
-    /// Linear mean colour of its material, or its vertex colour.
+    /// Linear mean colour of its material times the vertex colour of a mesh, or the colour of a point.
     pub(super) color: Vec3,
     /// Geometric unit normal on the side of the ray's origin.
     pub(super) normal: Vec3,
@@ -98,10 +98,14 @@ impl RenderScene<'_> {
             shading_normal =
                 normalize_or(shading_normal + to_viewer * (MIN_VIEW_COSINE - cosine), attributes.normal * side);
         }
-        // Vertex colours replace the texture; the coat acts on either.
+        // The colours at the vertices of a mesh multiply the colour or texture of the material; those of points replace it. The coat
+        // acts on either.
         let mut shading = self.materials.shading(attributes.material, attributes.uv, width);
         if let Some(color) = attributes.color {
-            shading.albedo = color;
+            shading.albedo = match solid.kind {
+                Primitives::Triangles { .. } => shading.albedo * color,
+                Primitives::Cones { .. } => color,
+            };
         }
         if let Some(coat) = self.coat(attributes.material) {
             coat.apply(&mut shading, attributes.uv, width);
@@ -164,7 +168,7 @@ impl RenderScene<'_> {
             Primitives::Triangles { triangles, vertices } => match triangles.get(hit.primitive.primitive as usize) {
                 Some(triangle) => {
                     let color = vertex_color(vertices, vertices.corners(triangle), hit.primitive.barycentric);
-                    (triangle.normal(), color.unwrap_or_else(|| self.materials.mean_color(triangle.material)))
+                    (triangle.normal(), self.materials.mean_color(triangle.material) * color.unwrap_or(Vec3::ONE))
                 }
                 None => (Vec3::Y, Vec3::ZERO),
             },

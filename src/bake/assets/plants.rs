@@ -120,7 +120,7 @@ pub(crate) fn grow_plants(
     sets: &[MaterialSet],
     context: &BakeContext<'_>,
 ) -> Result<(Vec<GrownPlant>, Report)> {
-    let solids = growth_solids(recipe, layout, terrain)?;
+    let solids = growth_solids(recipe, terrain)?;
     let transforms = layout.first_transforms();
     let trees = grow_species(recipe, layout, &solids, context.limits)?;
     let frames = f64::from(recipe.clip.end.saturating_sub(recipe.clip.start));
@@ -148,17 +148,13 @@ pub(crate) fn grow_plants(
     report.into_result(plants)
 }
 
-/// The solids of the scene, in world space, and its terrain; empty if no plant grows round solids.
+/// Refuses plants that grow for their place and stand in more places than they have individuals. `layout`: the whole layout, not the
+/// sample that an estimate grows, whose individuals stand for several.
 /// # Errors
-/// S003 for such a plant with more copies than individuals, X010 for a mesh without triangles.
-fn growth_solids(recipe: &Recipe, layout: &PlantLayout, terrain: Option<&Terrain>) -> Result<Vec<Solid>> {
-    let bound: Vec<usize> = (0..recipe.plants.len()).filter(|i| grows_round_solids(&recipe.plants[*i])).collect();
+/// S003, one for each such plant.
+pub(crate) fn check_individuals(recipe: &Recipe, layout: &PlantLayout) -> Result<()> {
     let mut report = Report { diagnostics: shared_individuals(recipe, layout), ..Report::default() };
-    let species = recipe.plants.iter().any(|p| matches!(&p.growth, Growth::Species(s) if needs_solids(s)));
-    if bound.is_empty() && !species {
-        return report.into_result(Vec::new()).map(|r| r.0);
-    }
-    for i in bound {
+    for i in (0..recipe.plants.len()).filter(|i| grows_round_solids(&recipe.plants[*i])) {
         let individuals = layout.individuals.iter().filter(|n| n.plant == i).count();
         let copies = layout.instances.iter().filter(|s| layout.individuals[s.individual].plant == i).count();
         if copies > individuals {
@@ -169,13 +165,25 @@ fn growth_solids(recipe: &Recipe, layout: &PlantLayout, terrain: Option<&Terrain
             report.push(Diagnostic::about("S003", text).help(format!("give its [[place]] individuals = {copies}")));
         }
     }
+    report.into_result(()).map(drop)
+}
+
+/// The solids of the scene, in world space, and its terrain; empty if no plant grows round solids.
+/// # Errors
+/// X010 for a mesh without triangles.
+fn growth_solids(recipe: &Recipe, terrain: Option<&Terrain>) -> Result<Vec<Solid>> {
+    let reads_solids =
+        |p: &PlantRecipe| grows_round_solids(p) || matches!(&p.growth, Growth::Species(s) if needs_solids(s));
+    if !recipe.plants.iter().any(reads_solids) {
+        return Ok(Vec::new());
+    }
     let solid =
         |s: &SolidRecipe| Ok(Solid { name: s.keys.name.clone(), form: solid_form(s)?, humidity: s.keys.humidity });
     let mut solids = recipe.solids.iter().map(solid).collect::<Result<Vec<Solid>>>()?;
     // The terrain is the ground in which such plants stand; no solid of a scene is without a name.
     let land = terrain.and_then(shown_terrain_solid).map(|land| Form::Land(Arc::new(land)));
     solids.extend(land.map(|form| Solid { name: String::new(), form, humidity: 0.0 }));
-    report.into_result(solids).map(|r| r.0)
+    Ok(solids)
 }
 
 /// The recipe of an individual's plant, and the element that belongs to it in a list parallel to the recipe's plants.

@@ -30,10 +30,7 @@ const DEFAULT_RATIOS: [[f64; 2]; 3] = [[0.78, 0.25], [0.84, 0.5], [0.9, 0.25]];
 /// Whether the particle-shapes that grow a plant or fill it have solids of the scene as obstacles or as envelope.
 pub(crate) fn grows_round_solids(plant: &PlantRecipe) -> bool {
     let growth = if let Growth::Shapes(keys) = &plant.growth { Some(&**keys) } else { None };
-    let reads = |keys: &ShapeKeys| {
-        keys.solids || keys.envelope.iter().chain(&keys.obstacles).any(|r| r.shape == RegionShape::Solid)
-    };
-    growth.into_iter().chain(&plant.fill).any(reads)
+    growth.into_iter().chain(&plant.fill).any(ShapeKeys::reads_solids)
 }
 
 /// Grows a plant of particle-shapes in plant space; returns it with the warnings of its growth.

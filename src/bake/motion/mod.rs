@@ -98,6 +98,11 @@ pub trait AssetMotion: Debug + Send + Sync {
         false
     }
 
+    /// Whether it holds the record of all years of a tree, whose memory estimates count.
+    fn holds_years(&self) -> bool {
+        false
+    }
+
     /// Row of the motion's table at a frame; `None` if it keeps no table.
     /// # Errors
     /// As [`AssetMotion::frame`].

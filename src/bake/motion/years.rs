@@ -155,6 +155,10 @@ impl AssetMotion for YearsMotion {
         true
     }
 
+    fn holds_years(&self) -> bool {
+        true
+    }
+
     fn carry_points(self: Arc<Self>, _plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
         let sites = points.iter().map(|point| GrowthBinding { axis: point.axis, s: point.arc_length }).collect();
         Some(Arc::new(PointsOnYears { motion: self, sites }))

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::output::bake_estimate::BakeEstimate;
 use crate::bake::output::exporters::export_options;
-use crate::bake::output::memory::{decoded_bytes, predict_memory};
+use crate::bake::output::memory::{CarriedParts, decoded_bytes, predict_memory};
 use crate::bake::output::texture_size::texture_halvings;
 use crate::bake::scene::animated::AnimatedScene;
 use crate::recipe::Recipe;
@@ -89,8 +89,15 @@ pub(crate) fn estimate_formats(
     // Frames of growing plants are made one by one from their skeletons.
     let is_posed = |motion: &Option<Arc<dyn AssetMotion>>| motion.as_ref().is_some_and(|motion| !motion.is_growth());
     let posed = assets.iter().zip(&stage.motions).filter(|(_, motion)| is_posed(motion));
-    let posed_vertices = posed.map(|(asset, _)| asset.weight * asset.deforming_vertices).sum();
-    c.memory = predict_memory(scene, job.formats, recipe, &c, posed_vertices);
+    let holds_years =
+        |motion: &Option<Arc<dyn AssetMotion>>| motion.as_ref().is_some_and(|motion| motion.holds_years());
+    let years = || assets.iter().zip(&stage.motions).filter(|(_, motion)| holds_years(motion)).map(|(asset, _)| asset);
+    let carried = CarriedParts {
+        posed_vertices: posed.map(|(asset, _)| asset.weight * asset.deforming_vertices).sum(),
+        growing_elements: years().map(|asset| asset.weight * (asset.vertices + asset.triangles)).sum(),
+        growing_leaves: years().map(|asset| asset.weight * asset.instances).sum(),
+    };
+    c.memory = predict_memory(scene, job.formats, recipe, &c, carried);
     c
 }
 

@@ -8,7 +8,9 @@ use crate::bake::assets::ground::{add_ground, ground_materials, place_on_ground}
 use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::obstacles::{GroundSurface, Obstacles, add_obstacles};
 use crate::bake::assets::plant_mesh::choose_shader_wind;
-use crate::bake::assets::plants::{add_plant_assets, grow_plants, place_plants, plant_material_sets, stem_foot_radii};
+use crate::bake::assets::plants::{
+    add_plant_assets, check_individuals, grow_plants, place_plants, plant_material_sets, stem_foot_radii,
+};
 use crate::bake::assets::terrain::{add_terrain, lift_camera, terrain_height_field};
 use crate::bake::assets::turtle_colors::add_worn_colors;
 use crate::bake::motion::flight::assembly::add_catkins;
@@ -124,6 +126,7 @@ fn assemble(
     // Placement: where each plant stands, and which individual of its kind it shows. An estimate grows a sample of the
     // individuals, each with a weight.
     let SceneLayout { plants: mut layout, terrain, report: layout_report } = lay_out_scene(recipe, context)?;
+    check_individuals(recipe, &layout)?;
     let weights = if estimating {
         dry_run::sample_individuals_of_each_plant(&mut layout, recipe.plants.len())
     } else {

@@ -47,7 +47,8 @@ pub fn recipe_cut_to_first_interval(recipe: &Recipe) -> Recipe {
 }
 
 /// Keeps the first [`SAMPLED_INDIVIDUALS`] of each plant and assigns the copies of the others to them in turn; returns the
-/// number of individuals that each represents, itself included.
+/// number of individuals that each represents, itself included. Trees that grow together are all kept: without some of them the others
+/// would grow in more light.
 pub fn sample_individuals_of_each_plant(layout: &mut PlantLayout, plants: usize) -> Vec<u64> {
     let mut kept: Vec<Vec<usize>> = vec![Vec::new(); plants];
     let mut seen = vec![0_usize; plants];
@@ -58,13 +59,17 @@ pub fn sample_individuals_of_each_plant(layout: &mut PlantLayout, plants: usize)
         let (Some(kept), Some(seen)) = (kept.get_mut(individual.plant), seen.get_mut(individual.plant)) else {
             continue;
         };
-        if kept.len() < SAMPLED_INDIVIDUALS {
-            kept.push(individuals.len());
+        let stays = individual.together || kept.len() < SAMPLED_INDIVIDUALS;
+        let place = if stays { individuals.len() } else { kept[*seen % kept.len()] };
+        if stays {
+            if !individual.together {
+                kept.push(place);
+            }
             individuals.push(individual);
             weights.push(0);
+        } else {
+            *seen += 1;
         }
-        let place = kept[*seen % kept.len()];
-        *seen += 1;
         weights[place] += 1;
         places.push(place);
     }

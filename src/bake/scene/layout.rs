@@ -374,6 +374,17 @@ mod tests {
     }
 
     #[test]
+    fn a_line_that_ends_where_it_begins_has_no_copy_twice() {
+        for (keys, count) in [("spacing = 1", 16), ("count = 8", 8)] {
+            let corners = "[[0, 0, 0], [4, 0, 0], [4, 0, 4], [0, 0, 4], [0, 0, 0]]";
+            let l = laid(&format!("[[place]]\nplant = \"a\"\nalong = {corners}\n{keys}\nindividuals = 1"));
+            let p: Vec<Vec3> = l.instances.iter().map(|s| s.transform.t).collect();
+            assert_eq!(p.len(), count);
+            assert!((0..count).all(|i| (0..i).all(|j| p[i].distance(p[j]) > 0.9)), "{p:?}");
+        }
+    }
+
+    #[test]
     fn a_mask_gives_the_density() {
         // Three columns, black, grey and white, over 30 x 10 m.
         let mask = GreyImage { width: 3, height: 1, values: vec![0.0, 0.25, 0.75] };

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::bake::BakeContext;
+use crate::bake::assets::species_growth::grows_in_place;
 use crate::bake::scene::plant_layout::{
     PlantInstance, PlantLayout, next_individual, rotation_about_axis, tan_of_slope,
 };
@@ -15,7 +16,7 @@ use osier_base::math::{cos_f32, narrow, rotation_between, sin_f32};
 use osier_base::rng::Rng;
 use osier_plants::surface::terrain::Terrain;
 use osier_plants::surface::terrain::scatter::{
-    DensityMask, ScatterDisc, ScatterObstacle, ScatterParams, scatter, scatter_key,
+    DensityMask, ScatterDisc, ScatterObstacle, ScatterParams, clump_key, scatter, scatter_key,
 };
 use osier_scene::Trs;
 use osier_scene::plant::{NONE, Plant};
@@ -29,7 +30,7 @@ const RIDGE_REACH: f32 = 2.0;
 const FOOT_HEIGHT: f32 = 0.1;
 
 /// Scatters the plants of every `[[scatter]]` over the terrain. The key `individuals` is the number grown of each plant; every
-/// copy displays one of them. Warns with S007 of a scatter that finds no place for a plant.
+/// copy displays one of them, and those that none displays are removed. Warns with S007 of a scatter that finds no place for a plant.
 /// # Errors
 /// `Limit` beyond the candidates or instances allowed, `Cancelled`.
 pub(crate) fn scatter_plants(
@@ -52,7 +53,7 @@ pub(crate) fn scatter_plants(
         layout.instances.iter().map(|s| ScatterObstacle { at: position(s), spacing: 0.0 }).collect();
     for (entry, recipe_entry) in recipe.scatters.iter().enumerate() {
         context.cancel.check()?;
-        let params = scatter_params(recipe_entry);
+        let params = scatter_params(recipe_entry, recipe.general.seed);
         let spots = scatter(land, &params, &obstacles, scatter_key(recipe.general.seed, entry), context.limits)?;
         // A density or a largest number of 0 asks for none.
         if spots.is_empty() && recipe_entry.keys.max_count > 0 && recipe_entry.keys.density > 0.0 {
@@ -83,6 +84,10 @@ pub(crate) fn scatter_plants(
                 Rng::at(recipe.general.seed, &["facing".into(), seed.into()]).range(0.0, std::f64::consts::TAU)
             });
             let (transform, slope) = scattered_transform(land, recipe_entry, spot.at, shared_turn, &mut rng);
+            // As in [[place]], a plant that grows for its place is neither turned nor scaled.
+            let plant = layout.individuals.get(individual).and_then(|i| recipe.plants.get(i.plant));
+            let in_place = plant.is_some_and(|plant| grows_in_place(plant, false));
+            let transform = if in_place { Trs { t: transform.t, ..Trs::IDENTITY } } else { transform };
             layout.instances.push(PlantInstance { individual, transform, absolute_height: false, slope: Some(slope) });
         }
         // Plants of later entries keep their distance to those of this one.
@@ -92,10 +97,37 @@ pub(crate) fn scatter_plants(
                 .map(|s| ScatterObstacle { at: position(s), spacing: params.spacing }),
         );
     }
+    drop_unseen(layout);
     Ok(())
 }
 
-fn scatter_params(recipe: &ScatterRecipe) -> ScatterParams {
+/// Removes the individuals that no copy shows, as those of a scatter of fewer copies than individuals: they are neither grown nor
+/// written.
+fn drop_unseen(layout: &mut PlantLayout) {
+    let mut seen = vec![false; layout.individuals.len()];
+    for s in &layout.instances {
+        if let Some(seen) = seen.get_mut(s.individual) {
+            *seen = true;
+        }
+    }
+    // New index of each individual: the number of those before it that stay.
+    let mut kept = 0;
+    let new_index: Vec<usize> = seen
+        .iter()
+        .map(|seen| {
+            kept += usize::from(*seen);
+            kept - usize::from(*seen)
+        })
+        .collect();
+    for s in &mut layout.instances {
+        s.individual = new_index.get(s.individual).copied().unwrap_or(s.individual);
+    }
+    let mut of_old = seen.into_iter();
+    layout.individuals.retain(|_| of_old.next().unwrap_or(true));
+}
+
+/// Parameters of a scatter. `seed`: the scene's.
+fn scatter_params(recipe: &ScatterRecipe, seed: u64) -> ScatterParams {
     let keys = &recipe.keys;
     ScatterParams {
         spacing: narrow(keys.spacing),
@@ -105,6 +137,7 @@ fn scatter_params(recipe: &ScatterRecipe) -> ScatterParams {
         density: narrow(keys.density),
         mask: recipe.mask.clone().map(|m| DensityMask { width: m.width, height: m.height, values: m.values }),
         clump: narrow(keys.clump),
+        clump_key: clump_key(seed),
         disc: keys.radius.map(|radius| ScatterDisc {
             at: keys.at.map(narrow),
             radius: narrow(radius),
@@ -246,6 +279,16 @@ individuals = 2
     }
 
     #[test]
+    fn patches_are_those_of_the_scenes_seed() {
+        let key = |seed: &str| {
+            let text = format!("{SCENE}clump = 20\n").replace("seed = 4", seed);
+            let recipe = resolve(&Request { text, ..Request::default() }).expect("scene").0;
+            scatter_params(&recipe.scatters[0], recipe.general.seed).clump_key
+        };
+        assert_ne!(key("seed = 4"), key("seed = 5"));
+    }
+
+    #[test]
     fn only_what_begins_at_the_ground_is_a_foot() {
         let axis = |first: u32, order: u8| Axis {
             id: first.into(),
@@ -292,6 +335,36 @@ individuals = 2
         let upright = format!("{SCENE}align = 0\n");
         assert!(!facing(&upright), "still copies are turned at random");
         assert!(facing(&format!("{upright}[frames]\nend = 2\n[wind]\nspeed = 4\n")));
+    }
+
+    #[test]
+    fn a_tree_that_is_cut_where_it_stands_is_not_turned() {
+        let cut = "[[plants.tree.prune]]\nyear = 2\nkeep = [[-1, 0, -1], [1, 0.3, 1]]\n";
+        let scattered = |cut: &str| {
+            let stage = built(&format!(
+                "[terrain]\nsubdivisions = 3\nsize = 50\nside = 64\n[plants.tree]\nspecies = \"hazel\"\nage = 3\n{cut}\
+                 [[scatter]]\nplants = {{ tree = 1 }}\nindividuals = 1\nmax_count = 1\nscale = [2, 3]\nalign = 1\n"
+            ));
+            let mut plants =
+                stage.scene.placements.iter().filter(|p| stage.scene.assets[p.asset].kind == AssetKind::Plant);
+            plants.next().expect("a tree").transform
+        };
+        assert!(scattered("").s.x >= 2.0, "a tree that grows alike everywhere is scaled");
+        let stands = scattered(cut);
+        assert!((stands.s.x - 1.0).abs() < 1e-6 && stands.r.angle_between(glam::Quat::IDENTITY) < 1e-3, "{stands:?}");
+    }
+
+    #[test]
+    fn individuals_without_a_copy_are_not_grown() {
+        let few = SCENE.replace("individuals = 2", "individuals = 5\nmax_count = 1");
+        let stage = built(&few);
+        let plants: Vec<usize> =
+            (0..stage.scene.assets.len()).filter(|i| stage.scene.assets[*i].kind == AssetKind::Plant).collect();
+        // That of the place, and one of five.
+        assert_eq!(plants.len(), 2);
+        for plant in plants {
+            assert_eq!(stage.scene.placements.iter().filter(|p| p.asset == plant).count(), 1, "{plant}");
+        }
     }
 
     #[test]

@@ -34,8 +34,8 @@ pub struct PlantWind {
     measured: bool,
     /// Whether branches have a second bending mode.
     second_modes: bool,
-    /// Whether gravity bends deflected branches further.
-    gravity: bool,
+    /// Gravitational acceleration, m/s^2, that bends deflected branches further; `None` without `gravity_change`.
+    gravity: Option<f64>,
     /// Parameters of the paper's sway model; `None` for the beam model.
     pub paper: Option<PaperParams>,
     /// Whether motions are only counted, in an estimate, instead of simulated.
@@ -79,7 +79,7 @@ impl PlantWind {
             phases: if frames == recipe.clip.len() { sway.phases } else { 1 },
             measured: sway.profile == BendProfile::Measured,
             second_modes: sway.modes > 1,
-            gravity: sway.gravity,
+            gravity: sway.gravity.then(|| recipe.gravity()),
             paper: paper_params(sway),
             estimate_only: false,
         })

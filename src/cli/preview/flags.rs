@@ -40,6 +40,11 @@ impl PreviewFlags {
         if sweeps.len() > 2 || (sweeps.len() == 2 && !seeds.is_empty()) {
             return Err("a contact sheet has two axes: give two --sweep, or --seeds and one --sweep".into());
         }
+        // Other columns would break the rows of a grid, of which the title names both axes.
+        let has_two_axes = sweeps.len() + usize::from(!seeds.is_empty()) == 2;
+        if has_two_axes && args.columns.is_some() {
+            return Err("--columns: a sheet of two axes has a column for each value of the first --sweep".into());
+        }
         let sheet = !seeds.is_empty() || !sweeps.is_empty();
         // Each of these modes decides the number and arrangement of pictures, so that only one may be set.
         let modes = [sheet, !frames.is_empty(), args.turntable.is_some(), args.compare.is_some()];

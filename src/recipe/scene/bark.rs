@@ -92,7 +92,7 @@ keys! {
         /// Height over which the root flare falls to 1/e; a species has its own.
         flare_height: f64 = "flare_height" number(3.0, 0.2, 10.0, "radii of the base");
         /// Roots that show as ridges of the flare; below 2 it is round. A species has its own.
-        buttresses: u32 = "buttresses" integer(0, 0, 12);
+        buttresses: u32 = "buttresses" integer(0, 0, 8);
         /// Depth to which the trunk continues below the ground.
         bury: f64 = "bury" number(0.15, 0.0, 10.0, "m");
     }

@@ -187,6 +187,9 @@ impl Resolver<'_> {
             self.report.push(d.help("write two corners or more: along = [[-5, 0, 0], [5, 0, 0]]"));
             return None;
         }
+        // A line that ends where it begins is closed too: its last corner needs no second copy.
+        let ends = corners.first().zip(corners.last());
+        let closed = region != "along" || ends.is_some_and(|(a, b)| (0..3).all(|i| (a[i] - b[i]).abs() < 1e-9));
         // The number of copies, or the distance between them.
         let positions = match (table.get("count"), table.get("spacing")) {
             (Some(count), Some(spacing)) => {
@@ -197,7 +200,7 @@ impl Resolver<'_> {
                     .push(d.help("leave one of them out: each follows from the other and the length of the line"));
                 return None;
             }
-            (Some(_), None) => by_count(&corners, keys.count, region != "along"),
+            (Some(_), None) => by_count(&corners, keys.count, closed),
             (None, _) if keys.spacing > 0.0 => {
                 let wanted = length(&corners) / keys.spacing;
                 if wanted > f64::from(MAX_COUNT) {
@@ -209,7 +212,7 @@ impl Resolver<'_> {
                 if region == "ring" {
                     by_count(&corners, whole(wanted).max(1), true)
                 } else {
-                    by_spacing(&corners, keys.spacing, region != "along")
+                    by_spacing(&corners, keys.spacing, closed)
                 }
             }
             _ => {
@@ -261,7 +264,11 @@ impl Resolver<'_> {
     fn check_individuals(&mut self, table: &TomlTable, path: &str, keys: &PlaceKeys, plant: &PlantRecipe) {
         let Some(entry) = table.get("individuals") else { return };
         let Some(count) = keys.individuals.filter(|n| *n < keys.count) else { return };
-        let Some(why) = why_in_place(keys, plant) else { return };
+        // Particle-shapes round solids are turned and scaled, but each copy has solids of its own around it.
+        let of_shapes = matches!(&plant.growth, Growth::Shapes(shapes) if shapes.reads_solids());
+        let round_solids = of_shapes || plant.fill.as_ref().is_some_and(|twigs| twigs.reads_solids());
+        let why = why_in_place(keys, plant).or(round_solids.then_some("grows round solids"));
+        let Some(why) = why else { return };
         // Copies of one individual have the same mesh, which cannot fit two places.
         let places = keys.count;
         let text = format!(

@@ -547,8 +547,8 @@ impl Resolver<'_> {
     }
 
     /// Warns with S007 of a season without effect: on billboards, on imported meshes, and on a tree that grows over the clip. A
-    /// season that changes over the clip stays that of the first frame in the rain, for shaders, on rods, and on growing
-    /// plants.
+    /// season that changes over the clip stays that of the first frame in the rain, for shaders, on rods, on growing
+    /// plants, and without a clip.
     fn settle_season(&mut self, plant: &TomlTable, path: &str, growth: &Growth, keys: &mut PlantKeys) {
         let Some(span) = keys.season else { return };
         match growth {
@@ -574,6 +574,7 @@ impl Resolver<'_> {
             _ if self.raining => "rain meets leaves that stay",
             _ if keys.growth_clip.is_some() => "the plant grows over the clip",
             _ if plant.get("rods").is_some() => "leaves on rods stay",
+            _ if self.frames <= 1 => "the scene has one frame: set frames.end",
             _ => return,
         };
         if span.changes() && keys.season.is_some() {

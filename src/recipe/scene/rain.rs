@@ -103,11 +103,11 @@ keys! {
         /// Duration of rain before the first frame (spin-up).
         spin_up: f64 = "spin_up_s" number(0.0, 0.0, 600.0, "s");
         /// Time steps per frame.
-        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 256), "8, or as many as the rods need");
+        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 256), "8, more below 24 frames per second, or as many as the rods need");
         /// Largest number of drops on leaves and at margins that a frame shows as meshes: those that the camera sees largest. All
         /// others wet their leaves and are in the tables.
         max_drop_meshes: u32 = "max_drop_meshes" integer(4000, 0, 1_000_000);
-        /// Gravitational acceleration, of drops and of all rods of the scene.
+        /// Gravitational acceleration on all that moves: drops, rods, swaying branches, catkins.
         gravity: f64 = "gravity" number(9.81, 0.01, 30.0, "m/s^2");
     }
     /// Impacts of raindrops on leaves.

@@ -47,6 +47,11 @@ impl SeasonSpan {
     pub fn changes(&self) -> bool {
         self.first != self.last
     }
+
+    /// Whether one of both is a date, whose season depends on the latitude.
+    pub fn has_date(&self) -> bool {
+        [self.first, self.last].iter().any(|time| matches!(time, SeasonTime::Day(_)))
+    }
 }
 
 /// Season of a plant over the clip.

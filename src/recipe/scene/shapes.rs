@@ -203,6 +203,17 @@ keys! {
     }
 }
 
+impl ShapeKeys {
+    /// Whether solids of the scene are its obstacles or its envelope.
+    pub fn reads_solids(&self) -> bool {
+        self.solids || self.envelope.iter().chain(&self.obstacles).any(|r| r.shape == RegionShape::Solid)
+    }
+}
+
+/// Keys that twigs which fill a plant do not have: they have no roots of their own, no rule of radii and are no blades.
+const OF_WHOLE_PLANTS: [&str; 8] =
+    ["roots", "root_radius", "root_tilt_deg", "root_outward", "radii", "exponent", "ratios", "blade_width"];
+
 impl Resolver<'_> {
     /// Reads the keys of a `.shapes` file, overridden by those of the table `name` of a plant; `None` if some have errors.
     pub(in crate::recipe) fn shape_keys(
@@ -220,6 +231,18 @@ impl Resolver<'_> {
         self.check_shape_keys(&keys, &merged, &format!("{path}.{name}"));
         self.check_region_keys(&keys, &merged, &format!("{path}.{name}"));
         self.check_region_solids(&keys, &merged, &format!("{path}.{name}"));
+        // Of the plant's own keys alone: a file of twigs may describe a whole plant, too.
+        for key in OF_WHOLE_PLANTS.into_iter().filter(|_| name == "fill") {
+            let is_told = key == "ratios" && keys.radii != ShapeRadii::Cone;
+            if span_of(plant, &[name, key]).is_some() && !is_told {
+                self.has_no_effect(
+                    plant,
+                    path,
+                    &[name, key],
+                    "twigs begin on axes of the plant and taper to their tips",
+                );
+            }
+        }
         let faulty = self.report.diagnostics.iter().skip(before).any(|d| d.severity == Severity::Error);
         (!faulty).then_some(keys)
     }
@@ -271,8 +294,44 @@ impl Resolver<'_> {
                 self.report.push(d.help(format!("it needs {needs}")));
             }
         }
+        self.check_idle_keys(keys, table, path);
         if keys.equations == ShapeEquations::Paper {
             self.check_paper_keys(keys, table, path);
+        }
+    }
+
+    /// Reports S007 for keys that describe what the plant does not have, unless another text takes it away: a scene may switch off what
+    /// its file describes.
+    fn check_idle_keys(&mut self, keys: &ShapeKeys, table: &TomlTable, path: &str) {
+        let any = |values: &[f64]| values.iter().any(|v| *v != 0.0);
+        let has_solids = keys.solids || !keys.obstacles.is_empty();
+        let has_leaves = keys.leaf_spacing > 0.0;
+        // Twigs that fill a plant begin on its axes and not in a disc.
+        let has_disc = keys.roots > 1 || path.ends_with(".fill");
+        let is_round = keys.blade_width.is_none() || path.ends_with(".fill");
+        let (leaves, solids) = ("leaves: leaf_spacing = 0.02", "`obstacles`, or solids = true");
+        let tube = "a round tube: leave `blade_width` out";
+        let all = [
+            ("root_radius", has_disc, "roots", "several root axes: roots = 5"),
+            ("coil_angle_deg", any(&keys.coil), "coil", "a helix: coil = 4"),
+            ("split_deg", any(&keys.split), "split", "forks at tips: split = 0.3"),
+            ("avoid", has_solids || !any(&keys.avoid), "obstacles", solids),
+            ("climb", has_solids || !any(&keys.climb), "obstacles", solids),
+            ("leaf_radius", has_leaves, "leaf_spacing", leaves),
+            ("leaf_angle_deg", has_leaves, "leaf_spacing", leaves),
+            ("leaf_angle_var_deg", has_leaves, "leaf_spacing", leaves),
+            ("leaf_var", has_leaves, "leaf_spacing", leaves),
+            ("face_up", has_leaves, "leaf_spacing", leaves),
+            ("radii", is_round, "blade_width", tube),
+            ("exponent", is_round, "blade_width", tube),
+        ];
+        for (key, _, other, what) in all.into_iter().filter(|(_, met, ..)| !met) {
+            let switch = span_of(table, &[other]);
+            let idle = span_of(table, &[key]).filter(|at| switch.is_none_or(|switch| switch.source == at.source));
+            if let Some(at) = idle {
+                let d = Diagnostic::warning("S007", format!("{path}.{key} has no effect"), at, "has no effect");
+                self.report.push(d.help(format!("it needs {what}")));
+            }
         }
     }
 
@@ -302,12 +361,19 @@ impl Resolver<'_> {
         }
     }
 
-    /// Reports S007 for keys of regions that their shape does not read, as `size` of a sphere.
+    /// Reports S003 for planes without a direction, and S007 for keys of regions that their shape does not read, as `size` of a sphere.
     fn check_region_keys(&mut self, keys: &ShapeKeys, table: &TomlTable, path: &str) {
         for (key, regions) in [("envelope", &keys.envelope), ("obstacles", &keys.obstacles)] {
             let Some(TomlValue::List(nodes)) = table.get(key).map(|e| &e.node.value) else { continue };
             for (i, (node, region)) in nodes.iter().zip(regions).enumerate() {
                 let TomlValue::Table(written) = &node.value else { continue };
+                // Without a direction the plane would have no side.
+                if region.shape == RegionShape::Plane && region.normal.iter().all(|v| v.abs() < 1e-9) {
+                    let at = written.get("normal").map_or(node.span, |e| e.node.span);
+                    let text = format!("{path}.{key}.{i}.normal has no direction");
+                    let d = Diagnostic::error("S003", text, at, "of length 0");
+                    self.report.push(d.help("write a vector out of the region: normal = [0, 1, 0]"));
+                }
                 let read = keys_of_shape(region.shape);
                 for name in ["at", "to", "size", "radius", "height", "normal", "name"] {
                     let Some(entry) = written.get(name).filter(|_| !read.contains(&name)) else { continue };

@@ -129,7 +129,15 @@ impl ValueType for HabitValue<'_> {
         // Habits are stored in single precision, but ranges are checked as written.
         let one = |n: &TomlNode| {
             let v = finite_number(name, n)?;
-            if (key.min..=key.max).contains(&v) { Ok(v) } else { Err(outside(name, n, &v.to_string(), &self.range())) }
+            if !(key.min..=key.max).contains(&v) {
+                return Err(outside(name, n, &v.to_string(), &self.range()));
+            }
+            if key.is_count() && v.fract().abs() > 0.0 {
+                let d =
+                    Diagnostic::error("S003", format!("{name} is {v}, but must be a whole number"), n.span, "a count");
+                return Err(Box::new(d.help(format!("write {} or {}", v.floor(), v.ceil()))));
+            }
+            Ok(v)
         };
         let most = match key.arity {
             Arity::One => 1,

@@ -38,6 +38,11 @@ pub use atlas::{ATLAS, BORDER};
 pub use options::ExrOptions;
 pub use sky::{FILE as SKY_FILE, write as write_sky};
 
+/// Kind of the file of a terrain's heights in the manifest.
+pub(crate) const TERRAIN_KIND: &str = "exr.terrain";
+/// Kind of the files of fields of frames in the manifest.
+pub(crate) const FIELD_KIND: &str = "exr.field";
+
 /// Registry entry of the maps as OpenEXR: images only, no geometry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "exr",
@@ -100,7 +105,7 @@ impl ExrExporter {
     /// Writes the heights of the terrain, m; row 0 is the edge at -z.
     fn write_terrain(&self, scene: &Scene, land: &HeightField) -> osier_base::Result<()> {
         let path = format!("maps/{}/height.exr", land.name);
-        let Some(mut out) = self.folder.create(&path, "exr.terrain", None)? else { return Ok(()) };
+        let Some(mut out) = self.folder.create(&path, TERRAIN_KIND, None)? else { return Ok(()) };
         let [min, max] = land.heights.iter().fold([f32::MAX, f32::MIN], |[lo, hi], h| [lo.min(*h), hi.max(*h)]);
         let comment = serde_json::json!({
             "map": "terrain", "seed": scene.seed.to_string(), "scene": scene.hash, "unit": "m",
@@ -159,7 +164,7 @@ fn write_field(
 ) -> osier_base::Result<()> {
     let tag = frame.map_or_else(String::new, |n| format!(".{}", scene.clip.tag(n)));
     let path = format!("maps/{}/{}{tag}.exr", field.what, field.name);
-    let Some(mut out) = folder.create(&path, "exr.field", frame)? else { return Ok(()) };
+    let Some(mut out) = folder.create(&path, FIELD_KIND, frame)? else { return Ok(()) };
     let comment = serde_json::json!({
         "map": field.what, "name": field.name, "seed": scene.seed.to_string(), "scene": scene.hash, "unit": field.unit,
         "texel_area_m2": field.texel_area(), "corner_m": field.corner.to_array(), "along_m": field.along.to_array(),

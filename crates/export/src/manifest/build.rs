@@ -9,6 +9,7 @@ use super::{
     AssetEntry, FileEntry, ItemEntry, Manifest, MaterialEntry, ParamsEntry, SceneEntry, TimeEntry, UnitsEntry,
     WarningEntry, bake_hash,
 };
+use crate::exr;
 use crate::pc2::cache_path;
 use crate::registry::FORMATS;
 use crate::usd::{ASSET_STAGE, HAIRS};
@@ -73,6 +74,7 @@ const HEIGHT_RANGE: f32 = 0.004;
 pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings: &Settings) -> Manifest {
     let files = grouped(files, scene.clip);
     let paths: Vec<&str> = files.iter().map(path).collect();
+    let maps = material_map_paths(&files);
     let is_leaf = |m: &&Material| m.class == MaterialClass::Leaf && m.maps.height.is_some();
     // Without map sequences the range is that of the height maps of the leaf materials.
     let dry = || scene.materials.iter().find(is_leaf).map(|m| m.height_range);
@@ -104,7 +106,7 @@ pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings
         view: Some(view_entry(scene, &paths, settings)),
         assets: scene.assets.iter().map(|a| asset_entry(scene, a, &paths)).collect(),
         places: places_entry(scene, &paths),
-        materials: (0..).zip(&scene.materials).map(|(id, m)| material_entry(scene, id, m, &paths)).collect(),
+        materials: (0..).zip(&scene.materials).map(|(id, m)| material_entry(scene, id, m, [&paths, &maps])).collect(),
         files: Vec::new(),
         bake_hash: String::new(),
         warnings: warnings.iter().map(|w| WarningEntry { code: w.code.into(), message: w.message.clone() }).collect(),
@@ -118,6 +120,17 @@ fn path(file: &FileEntry) -> &str {
     match file {
         FileEntry::Single { path, .. } | FileEntry::Sequence { path, .. } => path,
     }
+}
+
+/// Paths of the files that can be maps of a material. Heights of the terrain and fields of frames are none, although a material
+/// may have the name of their folder.
+fn material_map_paths(files: &[FileEntry]) -> Vec<&str> {
+    let is_map = |file: &&FileEntry| match file {
+        FileEntry::Single { kind, .. } | FileEntry::Sequence { kind, .. } => {
+            ![exr::TERRAIN_KIND, exr::FIELD_KIND].contains(&kind.as_str())
+        }
+    };
+    files.iter().filter(is_map).map(path).collect()
 }
 
 /// The files in the order of paths, numbered ones grouped into sequences.
@@ -220,7 +233,8 @@ fn has_vertex_colors(scene: &Scene, id: MaterialId) -> bool {
     plain.peek().is_some() && !plain.any(|is_plain| is_plain)
 }
 
-fn material_entry(scene: &Scene, id: MaterialId, m: &Material, paths: &[&str]) -> MaterialEntry {
+/// `paths`: of all files, and `maps`: of those that can be maps of a material.
+fn material_entry(scene: &Scene, id: MaterialId, m: &Material, [paths, maps]: [&[&str]; 2]) -> MaterialEntry {
     let picture = |slot: &str, image: Option<u32>| {
         let name = &scene.images.get(image? as usize)?.name;
         let path = format!("textures/{name}.png");
@@ -239,7 +253,7 @@ fn material_entry(scene: &Scene, id: MaterialId, m: &Material, paths: &[&str]) -
         name: m.name.clone(),
         class: m.class.word().into(),
         slots: slots.into_iter().flatten().collect(),
-        maps: map_paths(&folders, paths),
+        maps: map_paths(&folders, maps),
         leaf_ids: sequence.into_iter().collect(),
         params: ParamsEntry {
             base_color: m.base_color,
@@ -265,6 +279,22 @@ mod tests {
         assert_eq!(numbered("points/drops_0007.csv", "0007").as_deref(), Some("points/drops_####.csv"));
         assert_eq!(numbered("cloud/a_0007.leaves.0007.ply", "0007").as_deref(), Some("cloud/a_0007.leaves.####.ply"));
         assert_eq!(numbered("cloud/a0007.ply", "0007"), None);
+    }
+
+    #[test]
+    fn heights_of_the_terrain_and_fields_are_no_maps_of_a_material() {
+        let file = |path: &str, kind: &str| FileEntry::Single {
+            path: path.into(),
+            kind: kind.into(),
+            bytes: 1,
+            blake3: String::new(),
+        };
+        let files = [
+            file("maps/deposition/ground.exr", exr::FIELD_KIND),
+            file("maps/leaf/height.exr", "exr.height"),
+            file("maps/terrain/height.exr", exr::TERRAIN_KIND),
+        ];
+        assert_eq!(material_map_paths(&files), ["maps/leaf/height.exr"]);
     }
 
     #[test]

@@ -205,6 +205,44 @@ pub(super) fn write_sky(text: &mut TextBuffer, space: PovSpace, sky: &Sky, sun: 
     }
 }
 
+/// Share of the light of sun and sky that ground reflects. Own: between moist soil (0.1) and grass (0.2).
+const GROUND_ALBEDO: f32 = 0.15;
+
+/// Writes the light from below as one parallel light, without which lower sides that transmit no light would be black: what the ground
+/// reflects, or the sky below the horizon of a scene without ground. The ground would block the light, which therefore casts no shadows
+/// above it.
+/// Source: as in [`write_sky`], of a radiance L from below a level lower side of albedo a reflects a L. The mean radiance of the sky on
+/// level ground has a third of its weight at the horizon and two thirds at the zenith.
+pub(super) fn write_light_from_below(
+    text: &mut TextBuffer,
+    space: PovSpace,
+    sky: &Sky,
+    sun: &Sun,
+    bounds: Bounds,
+    has_ground: bool,
+) {
+    let of_sky = |height: f32| [0, 1, 2].map(|c| sky.strength * math::lerp(sky.horizon[c], sky.zenith[c], height));
+    let radiance = if has_ground {
+        let (of_sun, mean) = (sun.strength * sun.direction().y.max(0.0) / std::f32::consts::PI, of_sky(2.0 / 3.0));
+        [0, 1, 2].map(|c| GROUND_ALBEDO * (sun.color[c] * of_sun + mean[c]))
+    } else {
+        sky.below.map_or_else(|| of_sky(0.0), |below| below.map(|c| c * sky.strength))
+    };
+    // A light without light would only take time.
+    if radiance.iter().all(|c| *c <= 0.0) {
+        return;
+    }
+    let distance = (bounds.size().length() * 10.0).max(10.0);
+    text.put("light_source { ");
+    space.write_point(text, bounds.center() - Vec3::Y * distance);
+    text.put(" ");
+    write_rgb(text, radiance.map(|c| EXPOSURE * c));
+    text.put(" parallel point_at ");
+    space.write_point(text, bounds.center());
+    text.put(if has_ground { " shadowless" } else { "" });
+    text.put(" photons { reflection off refraction off } }\n");
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -213,6 +251,32 @@ mod tests {
         let mut text = TextBuffer::default();
         self::write_sky(&mut text, PovSpace { scale: 1.0 }, sky, &Sun::default(), Bounds::of([Vec3::ZERO, Vec3::ONE]));
         String::from_utf8(text.bytes().to_vec()).expect("ascii")
+    }
+
+    #[test]
+    fn lower_sides_are_lit_by_ground_or_by_what_is_below_the_horizon() {
+        let sun = Sun { elevation: 0.5, azimuth: 0.0, strength: 2.0, color: [1.0, 0.5, 0.0], ..Sun::default() };
+        let from_below = |sky: &Sky, has_ground: bool| {
+            let mut text = TextBuffer::default();
+            let bounds = Bounds::of([Vec3::ZERO, Vec3::splat(2.0)]);
+            write_light_from_below(&mut text, PovSpace { scale: 1.0 }, sky, &sun, bounds, has_ground);
+            String::from_utf8(text.bytes().to_vec()).expect("ascii")
+        };
+        let color = |light: &str| -> Vec<f32> {
+            let inner = light.split(['<', '>']).nth(3).expect("the second list is the colour");
+            inner.split(',').map(|v| v.parse().expect("a number")).collect()
+        };
+        let sky = Sky { horizon: [0.3, 0.6, 0.9], zenith: [0.3, 0.6, 0.9], strength: 0.5, ..Sky::default() };
+        let ground = from_below(&sky, true);
+        let sunlight = 2.0 * sun.direction().y / std::f32::consts::PI;
+        let wanted = [0.15 + sunlight, 0.3 + 0.5 * sunlight, 0.45].map(|c| EXPOSURE * GROUND_ALBEDO * c);
+        assert!(color(&ground).iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-5), "{ground}, not {wanted:?}");
+        assert!(ground.contains("shadowless") && ground.starts_with("light_source { <1,-"), "{ground}");
+        let open = from_below(&sky, false);
+        assert!((color(&open)[2] - EXPOSURE * 0.45).abs() < 1e-5 && !open.contains("shadowless"), "{open}");
+        let dark = from_below(&Sky { below: Some([0.2, 0.1, 0.1]), ..sky }, false);
+        assert!((color(&dark)[0] - EXPOSURE * 0.1).abs() < 1e-5, "{dark}");
+        assert_eq!(from_below(&Sky { below: Some([0.0; 3]), ..sky }, false), "");
     }
 
     #[test]

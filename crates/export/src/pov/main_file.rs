@@ -8,7 +8,7 @@ use super::space::PovSpace;
 use super::{PovOptions, camera_light, scene_bounds};
 use crate::text::{Decimal, TextBuffer};
 use crate::{GENERATOR, file_target::FileTarget};
-use osier_scene::{Placement, Scene};
+use osier_scene::{AssetKind, Placement, Scene};
 
 /// The text of the scene file. `includes`: folder of the include files, with its `/`; `written`:
 /// frames that have a file, ascending.
@@ -47,6 +47,8 @@ pub(super) fn main_file(scene: &Scene, space: PovSpace, includes: &str, written:
     camera_light::write_camera(&mut text, space, &scene.camera);
     camera_light::write_sun(&mut text, space, &scene.sun, bounds);
     camera_light::write_sky(&mut text, space, &scene.sky, &scene.sun, bounds);
+    let has_ground = scene.assets.iter().any(|a| a.kind == AssetKind::Terrain);
+    camera_light::write_light_from_below(&mut text, space, &scene.sky, &scene.sun, bounds, has_ground);
     text
 }
 

@@ -56,8 +56,10 @@ const HAIR_BRIGHTNESS: f32 = 1.5;
 
 /// Writes the contents of a finish. Leaves transmit the share `translucency`, which is POV-Ray's second diffuse value; the
 /// highlight is that of a rough dielectric.
-/// Source: Fresnel at normal incidence F0 = ((n - 1) / (n + 1))^2; normalised Blinn-Phong peak F0 (e + 8) / 8 with the
-/// exponent e = 2 / r^4 - 2 of a GGX lobe of roughness r; POV-Ray's `roughness` is 1 / e.
+/// Source: Fresnel at normal incidence F0 = ((n - 1) / (n + 1))^2; exponent e = 2 / r^4 - 2 of a GGX lobe of roughness r; POV-Ray's
+/// `roughness` is 1 / e. POV-Ray multiplies the colour of a light by p cos^e of the angle between normal and half vector, and not by the
+/// cosine of incidence: a uniform sky of radiance L, seen at a right angle, adds p L 8 (1 - 2^(-(e + 2) / 2)) / (e + 2). The peak p makes
+/// this F0 L, so that rough ground has no grey veil.
 fn write_finish(text: &mut TextBuffer, m: &Material) {
     if m.class == MaterialClass::Water {
         // A low specular value: the lights of the sky would each show as a highlight in every drop; the sun is ten times
@@ -79,8 +81,10 @@ fn write_finish(text: &mut TextBuffer, m: &Material) {
     let r = m.roughness.clamp(0.1, 1.0);
     let exponent = (2.0 / (r * r * r * r) - 2.0).max(1.0);
     let f0 = (m.ior - 1.0) / (m.ior + 1.0);
+    // Part of the lobe within the half sphere of lights: 1 - 2^(-(e + 2) / 2).
+    let part = 1.0 - osier_base::math::exp_f32(-0.5 * std::f32::consts::LN_2 * (exponent + 2.0));
     // f0 holds the root of the Fresnel reflectance, so it is squared here.
-    let peak = (f0 * f0 * (exponent + 8.0) / 8.0).min(0.6);
+    let peak = (f0 * f0 * (exponent + 2.0) / (8.0 * part)).min(0.6);
     text.put(" specular ").num((peak * 1000.0).round() / 1000.0);
     // Rounded to four decimals, at least 1e-4, so that a mirror-like material does not get a roughness of 0.
     text.put(" roughness ").num((1e4 / exponent).round().max(1.0) / 1e4);
@@ -228,4 +232,32 @@ pub(super) fn string_literal(s: &str) -> String {
     }
     out.push('"');
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use osier_base::math;
+
+    #[test]
+    fn the_gloss_of_a_uniform_sky_is_the_fresnel_reflectance_at_any_roughness() {
+        for roughness in [0.45, 0.6, 0.8, 1.0] {
+            let mut text = TextBuffer::default();
+            write_finish(&mut text, &Material::plain("m".into(), MaterialClass::Ground, [0.2; 3], roughness));
+            let finish = String::from_utf8(text.bytes().to_vec()).expect("ascii");
+            let number = |word: &str| -> f32 {
+                let rest = finish.split_once(word).expect("the word").1;
+                rest.split_whitespace().next().and_then(|n| n.parse().ok()).expect("a number")
+            };
+            let (peak, exponent) = (number(" specular "), 1.0 / number(" roughness "));
+            // Rings of the half sphere, each with the share of its solid angle that a light of POV-Ray has: L dw / pi.
+            let step = std::f32::consts::FRAC_PI_2 / 2000.0;
+            let ring = |i: u16| {
+                let angle = (f32::from(i) + 0.5) * step;
+                2.0 * peak * math::pow_f32(math::cos_f32(0.5 * angle), exponent) * math::sin_f32(angle) * step
+            };
+            let gloss: f32 = (0..2000).map(ring).sum();
+            assert!((gloss - 0.04).abs() < 0.002, "roughness {roughness}: {gloss} of {finish}");
+        }
+    }
 }

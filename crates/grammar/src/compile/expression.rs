@@ -49,6 +49,12 @@ const FUNCTIONS: [&str; 26] = [
 /// Bounds of what the last interpretation drew, in the order of [`Op::Bounds`].
 const BOUNDS: [&str; 6] = ["vvXmin", "vvYmin", "vvZmin", "vvXmax", "vvYmax", "vvZmax"];
 const FILE_FUNCTIONS: [&str; 7] = ["fopen", "fclose", "fscan", "fscanf", "fprintf", "fflush", "play"];
+/// Functions of cpfg that act on its window or its run, and why grammars have none of them.
+const RUN_FUNCTIONS: [(&str, &str, &str); 3] = [
+    ("SetDerivationLength", "the derivation length is fixed", "set 'derivation length', and end early with stop(0)"),
+    ("vvScale", "a grammar has no window", "write the scale as a number"),
+    ("inblob", "a grammar has no field of blobs", "remove this call"),
+];
 
 struct ExpressionCompiler<'c, 'r> {
     compiler: &'c mut Compiler<'r>,
@@ -139,7 +145,7 @@ impl ExpressionCompiler<'_, '_> {
             TokenKind::Char('+') => None,
             TokenKind::Char('(') => Some(PendingOperator::Paren(t.place)),
             TokenKind::Ident(name) if cursor.peek_at(1).is_some_and(|n| n.is('(')) => {
-                self.refuse_files(name, t.place)?;
+                self.refuse_call(name, t.place)?;
                 cursor.bump();
                 Some(PendingOperator::Call { name, place: t.place, args: 0 })
             }
@@ -163,9 +169,14 @@ impl ExpressionCompiler<'_, '_> {
         Some(true)
     }
 
-    /// L043 for a function that works on files, before its arguments are read: strings among them are no values.
-    fn refuse_files(&mut self, name: u32, place: SourcePlace) -> Option<()> {
+    /// L043 for a function that works on files or on the window of cpfg, before its arguments are read: strings among them are no
+    /// values.
+    fn refuse_call(&mut self, name: u32, place: SourcePlace) -> Option<()> {
         let word = self.compiler.session.names.get(name).to_owned();
+        if let Some((_, why, help)) = RUN_FUNCTIONS.iter().find(|f| f.0 == word) {
+            self.compiler.session.error_help("L043", format!("{word} is not available: {why}"), place, *help);
+            return None;
+        }
         let help = match word.as_str() {
             w if !FILE_FUNCTIONS.contains(&w) => return Some(()),
             "fscan" | "fscanf" | "fopen" => {
@@ -503,8 +514,14 @@ impl ExpressionCompiler<'_, '_> {
             return Some(());
         }
         if let Some((bound, _)) = (0_u8..).zip(BOUNDS).find(|(_, b)| *b == word) {
-            if args != 0 {
-                return self.error("L022", format!("{word} takes no arguments, got {args}"), place, "this call");
+            // cpfg wants the number of the view, and uses the only one.
+            match args {
+                0 => {}
+                1 => self.code.ops.push(Op::Pop),
+                _ => {
+                    let message = format!("{word} takes at most 1 argument, got {args}");
+                    return self.error("L022", message, place, "this call");
+                }
             }
             self.code.ops.push(Op::Bounds(bound));
             self.barrier = self.code.ops.len();
@@ -521,8 +538,19 @@ impl ExpressionCompiler<'_, '_> {
                 self.code.ops.push(Op::Choose(args / 2));
                 Some(())
             }
-            "srand" | "stop" if args != 1 => {
+            "srand" | "stop" | "GetDerivationLength" | "Display" if args != 1 => {
                 self.error("L022", format!("{word} takes 1 argument, got {args}"), place, "this call")
+            }
+            // Its argument says nothing; the length is that of `Z`.
+            "GetDerivationLength" => {
+                self.code.ops.extend([Op::Pop, Op::Length]);
+                self.barrier = self.code.ops.len();
+                Some(())
+            }
+            "Display" => {
+                let message = "Display has no effect: only the last string is drawn".to_owned();
+                self.compiler.session.warning("L008", message, place, "remove this call");
+                Some(())
             }
             "srand" | "stop" => {
                 self.code.ops.push(if word == "srand" { Op::Srand } else { Op::Stop });

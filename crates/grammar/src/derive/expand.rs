@@ -2,14 +2,16 @@
 
 use std::ops::ControlFlow;
 
-use super::matching::{self, ContextView};
+use super::matching::{self, Brackets, ContextView};
 use super::plan::{RewritePlan, SectionPlans};
 use super::rewriter::{DrawPurposes, Followers, RewriteSettings, Rewriter};
 use super::step::StringBudget;
 use super::{Derivation, DerivedString, brackets, halt_error, runtime_diagnostics};
+use crate::binding::Dialect;
 use crate::grammar::Grammar;
 use crate::modules::{Module, ModuleString};
-use crate::program::Section;
+use crate::program::{Program, Section};
+use crate::symbols::SymbolId;
 use crate::vm::{DrawPurpose, Halt, RandomStreams, Vm};
 use osier_base::Result;
 use osier_base::convert;
@@ -279,6 +281,39 @@ impl Derivation<'_> {
     }
 }
 
+/// The branches of the final string that an interpretation leaves out. In a model of L-Py with productions of interpretation these are
+/// the parts behind a `%`; cpfg removes them only when the next step begins, and draws them until then.
+struct CutBranches {
+    /// `%` of L-Py; `None` where nothing is left out.
+    cut: Option<SymbolId>,
+    brackets: Brackets,
+    /// Number of branches that are open behind the `%` in force.
+    open: Option<u32>,
+}
+
+impl CutBranches {
+    fn new(program: &Program, brackets: Brackets) -> Self {
+        let is_lpy = program.turtle.as_ref().is_some_and(|t| t.dialect == Dialect::LPy);
+        Self { cut: program.symbols.find('%').filter(|_| is_lpy), brackets, open: None }
+    }
+
+    /// Whether the next symbol of the string is left out. The bracket that closes the branch is not.
+    fn hides(&mut self, symbol: SymbolId) -> bool {
+        match self.open {
+            None if self.cut == Some(symbol) => self.open = Some(0),
+            None => return false,
+            Some(0) if symbol == self.brackets.close => {
+                self.open = None;
+                return false;
+            }
+            Some(n) if symbol == self.brackets.close => self.open = Some(n - 1),
+            Some(n) if symbol == self.brackets.open => self.open = Some(n.saturating_add(1)),
+            Some(_) => {}
+        }
+        true
+    }
+}
+
 /// What an interpretation leaves beside the modules that it hands over.
 #[derive(Debug, Clone, Default)]
 pub struct Interpretation {
@@ -355,10 +390,15 @@ pub fn interpret_modules(
         drawn <= limit
     };
     let halted = |h: Halt| halt_error(grammar, h, derived.steps, limits);
+    let mut cuts = CutBranches::new(program, brackets);
     let looks_around = plans.needs_partners() || plans.longest_predecessor() > 1;
     if !looks_around && program.subsystems.is_empty() {
         let mut halt = None;
         derived.for_each(grammar, limits, |m| {
+            if cuts.hides(m.symbol) {
+                index += 1;
+                return ControlFlow::Continue(());
+            }
             let expanded = expander.expand_module(m, &ContextView::NONE, 0, &mut |m| draw(m, index));
             index += 1;
             match expanded {
@@ -390,6 +430,10 @@ pub fn interpret_modules(
         if let Some(system) = systems.get(i) {
             expander.rewriter.change_plan(plans.of(*system));
             view = view.of_system(&hidden, *system);
+        }
+        if cuts.hides(string.get(i).symbol) {
+            i += 1;
+            continue;
         }
         i += expander.expand(&view, i, &mut |m| draw(m, i)).map_err(halted)?;
     }

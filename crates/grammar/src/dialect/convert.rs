@@ -55,6 +55,11 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
             .notes
             .insert("the colours that the file sets are left out; a .map file beside the grammar can give them".into());
     }
+    if dialect == Dialect::LPy && writer.interprets_cuts() {
+        let note = "what stands behind '%' in the last string is drawn; `interpretation past %: off` in a view beside the grammar \
+                    leaves it out";
+        writer.notes.insert(note.into());
+    }
     // In cpfg's notation a string that branches is a tree and no drawing; the only brackets of Fractint are those of branches.
     if to == ConvertTo::Cpfg && dialect == Dialect::Fractint && writer.has_branches() {
         let note = "lines that branch become wood: branches thin outwards, and the first one goes on into the ground; skin.bury = 0 \
@@ -114,6 +119,14 @@ impl<'g> Writer<'g> {
         let program = &self.grammar.program;
         let successors = program.rules.list.iter().map(|p| &p.successor);
         std::iter::once(&program.axiom).chain(successors).any(|list| list.iter().any(|m| self.c(m.symbol) == '['))
+    }
+
+    /// Whether the strings of a model of L-Py with an interpretation may hold a `%`, behind which it draws nothing.
+    fn interprets_cuts(&self) -> bool {
+        let program = &self.grammar.program;
+        let made = program.rules.list.iter().chain(&program.decomposition.list).map(|p| &p.successor);
+        !program.homomorphism.list.is_empty()
+            && std::iter::once(&program.axiom).chain(made).any(|list| list.iter().any(|m| self.c(m.symbol) == '%'))
     }
 
     fn c(&self, symbol: SymbolId) -> char {
@@ -318,8 +331,8 @@ impl<'g> Writer<'g> {
         let c = self.c(symbol);
         // Signs that the notation reserves are replaced by those that the turtle of the program reads in their place.
         let name = match (self.dialect, c) {
-            (Dialect::Fractint, '<') => ',',
-            (Dialect::Fractint, '>') => ';',
+            (Dialect::Fractint, '<') => ';',
+            (Dialect::Fractint, '>') => ',',
             (Dialect::LParser, '<') => '\\',
             (Dialect::LParser, '>') => '/',
             (Dialect::LParser, '"') => '`',
@@ -412,10 +425,10 @@ impl<'g> Writer<'g> {
             '@' => self.image(symbol, arities, |_| Some("@Di(a)".into())),
             'c' => self.image(symbol, arities, |n| Some(if n > 0 { ";(a)".into() } else { ";(0)".into() })),
             '<' | '>' => {
-                let sign = if c == '>' { ";" } else { "," };
+                let sign = if c == '<' { ";" } else { "," };
                 let letter = self.free_letter(symbol).to_string();
                 if arities.contains(&0) {
-                    self.images.push(format!("{letter} --> {sign}"));
+                    self.images.push(format!("{letter} --> *"));
                 }
                 // One rule for each step that the file makes.
                 let steps: BTreeSet<u32> = self
@@ -459,8 +472,9 @@ impl<'g> Writer<'g> {
                 self.image(symbol, arities, |n| Some(if n > 0 { format!("{sign}(a)") } else { format!("{sign}(0.5)") }))
             }
             '+' | '-' | '&' | '^' => self.turn(&c.to_string(), angle, arities),
-            '<' => self.turn("\\", angle, arities),
-            '>' => self.turn("/", angle, arities),
+            // The rolls of the two programs have opposite senses.
+            '<' => self.turn("/", angle, arities),
+            '>' => self.turn("\\", angle, arities),
             '%' => self.image(symbol, arities, |_| Some("\\(180)".into())),
             '$' => self.image(symbol, arities, |_| Some("@v".into())),
             '\'' | '"' => {
@@ -523,6 +537,9 @@ impl<'g> Writer<'g> {
         if name == "Frame" {
             self.notes.insert("the arrows of Frame are left out".into());
         }
+        if name.starts_with("@D") {
+            self.notes.insert("widths do not follow scales that are set behind them".into());
+        }
         // What the command is in the notation of cpfg, with its parameters named a, b, .. Sizes are radii here, diameters there; the
         // axes (x, y, z) become (x, z, -y). Commands that draw nothing become nothing.
         let image = move |n: usize| -> Option<String> {
@@ -535,6 +552,8 @@ impl<'g> Writer<'g> {
                 ("@M", 3) => "@M(a,c,0-(b))".into(),
                 ("@R", 6) => "@R(a,c,0-(b),0-(d),0-(f),e)".into(),
                 ("@D" | "@Di" | "@Dd", 1..) => format!("{name}(a)"),
+                ("@D", 0) => "@D(1)".into(),
+                ("@Di" | "@Dd", 0) => format!("{name}(0.5)"),
                 ("SetWidth", 1..) => "!(2*(a))".into(),
                 ("SetColor", 1) => ";(a)".into(),
                 ("SetColor", _) => String::new(),

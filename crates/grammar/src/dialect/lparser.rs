@@ -101,7 +101,11 @@ impl<'t> File<'_, '_, 't> {
     /// A line without a keyword: recursion, angle, thickness and axiom in this order, then rules.
     fn bare_line(&mut self, line: Piece<'t>) {
         if is_rule(line) {
-            return self.rule(line);
+            // With a blank beside the '=' all of the line is the rule, which LParser cannot read.
+            let (word, _) = line.first_word(&[]);
+            let is_whole = is_rule(word) && word.text.chars().count() > 2;
+            let rule = if is_whole { self.bare_word(line) } else { line };
+            return self.rule(rule);
         }
         if self.axiom.is_some() {
             // A long rule may go on in the next line.
@@ -113,7 +117,8 @@ impl<'t> File<'_, '_, 't> {
         // Words may follow the number.
         let (word, _) = line.first_word(&[]);
         if word.text.parse::<f64>().is_err() {
-            return self.set_axiom(line);
+            let axiom = self.bare_word(line);
+            return self.set_axiom(axiom);
         }
         self.is_old |= self.thickness.is_none();
         if self.recursion.is_none() {
@@ -123,8 +128,22 @@ impl<'t> File<'_, '_, 't> {
         } else if self.thickness.is_none() {
             self.thickness = self.number(line);
         } else {
-            self.set_axiom(line);
+            let axiom = self.bare_word(line);
+            self.set_axiom(axiom);
         }
+    }
+
+    /// The first word of a line without a keyword: LParser reads no more of it. L008 for what follows.
+    fn bare_word(&mut self, line: Piece<'t>) -> Piece<'t> {
+        let (word, rest) = line.first_word(&[]);
+        if !rest.text.is_empty() {
+            let place = self.reader.place(rest.range());
+            let message =
+                "LParser reads a line without a keyword up to its first blank: the rest is left out".to_owned();
+            let help = "remove the blank, begin a line with what belongs to the grammar, or a comment with '#'";
+            self.reader.session.warning("L008", message, place, help);
+        }
+        word
     }
 
     fn number(&mut self, value: Piece<'_>) -> Option<f64> {

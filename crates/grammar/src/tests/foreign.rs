@@ -168,6 +168,30 @@ fn functions_on_files_are_refused_by_name() {
     }
 }
 
+#[test]
+fn functions_on_the_window_of_cpfg_are_told() {
+    let text = "Lsystem: 1\nEndEach: { Display(1); }\nderivation length: 3\nAxiom: A\nA --> B(2*GetDerivationLength(1)+1)\nendlsystem\n";
+    let (g, warnings) = read(text);
+    assert_eq!(
+        warnings.iter().filter(|w| w.code == "L008" && w.message.contains("Display")).count(),
+        1,
+        "{warnings:?}"
+    );
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(g.print(&d.modules), "B(7)");
+    for (call, why) in [
+        ("SetDerivationLength(3);", "the derivation length is fixed"),
+        ("x = vvScale(1);", "no window"),
+        ("x = inblob(1,0,0,0);", "no field of blobs"),
+    ] {
+        let text = format!("Lsystem: 1\nStart: {{ {call} }}\nderivation length: 1\nAxiom: A\nendlsystem\n");
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("error[L043]") && said.contains(why), "{call}: {said}");
+    }
+    let said = try_read(&text.replace("Length(1)", "Length()")).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("error[L022]"), "{said}");
+}
+
 /// Final string of a model of L-Py.
 fn lpy(text: &str) -> String {
     string(&format!("{text}\nendlsystem\n"))
@@ -194,6 +218,40 @@ fn models_of_lpy_may_count_in_variables_of_their_own() {
     assert_eq!(lpy(timed), "ABB");
     let said = try_read(&timed.replace("A B", "A B(stamp)")).err().map_or_else(String::new, |e| e.to_string());
     assert!(said.contains("L007") && said.contains("line 6"), "{said}");
+}
+
+#[test]
+fn functions_that_lpy_runs_end_at_return() {
+    let model = |head: &str| format!("n = 0\n{head}Axiom: A\nderivation length: 4\nproduction:\nA --> B(n)A\n");
+    let count = "def StartEach(lstring):\n  global n\n  if n > 1:\n    return lstring\n  n = n + 1\n";
+    assert_eq!(lpy(&model(count)), "B(1)B(2)B(2)B(2)A");
+    let both =
+        "def EndEach(lstring, scene):\n  global n\n  n += 1\n  if n > 2: return\n  n += 2\n  return lstring, scene\n";
+    assert_eq!(lpy(&model(both)), "B(0)B(3)B(4)B(5)A");
+    assert_eq!(lpy(&model("def Start():\n  return\n")), "B(0)B(0)B(0)B(0)A");
+    // Another string would take the place of the one that is rewritten.
+    for value in ["AxialTree(\"F(1)\")", "lstring + 1", "other"] {
+        let text = format!("{}endlsystem\n", model(&format!("def Start(lstring):\n  return {value}\n")));
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains("returns another string") && said.contains("line 3"), "{said}");
+    }
+}
+
+#[test]
+fn the_turtle_of_lpy_is_set_wherever_a_model_does() {
+    let angle = |head: &str| {
+        let (g, warnings) = read(&format!("{head}Axiom: F+F\nproduction:\nendlsystem\n"));
+        let told = warnings.iter().filter(|w| w.code == "L008").count();
+        (g.program.turtle.as_ref().and_then(|t| t.settings.angle_deg).map_or_else(String::new, |a| a.to_string()), told)
+    };
+    assert_eq!(angle("context().turtle.setAngleIncrement(90)\n"), ("90".to_owned(), 0));
+    assert_eq!(angle("b = 25\ncontext().turtle.setAngleIncrement( 2*b )\n"), ("50".to_owned(), 0));
+    assert_eq!(angle("def Start():\n  context().turtle.setAngleIncrement(30)\n"), ("30".to_owned(), 0));
+    assert_eq!(angle("context().turtle.angle_increment = 40;\n"), ("40".to_owned(), 0));
+    assert_eq!(angle("context().turtle.setAngleIncrement(unknown)\n"), (String::new(), 1));
+    assert_eq!(angle("context().turtle.setDefaultStep(3)\n"), (String::new(), 1));
+    // A value of the model may have the name of a member.
+    assert_eq!(lpy("angle_increment = 30\nAxiom: +(angle_increment)F\nproduction:\n"), "+(30)F");
 }
 
 #[test]
@@ -271,6 +329,292 @@ fn models_of_lpy_may_hold_lists() {
     assert!(said("B(q[1])").contains("an index outside of its list"), "{}", said("B(q[1])"));
     assert!(said("B(r[0])").contains("L007"), "{}", said("B(r[0])"));
     assert!(said("B(sum(range(x)))").contains("a range that is not constant"), "{}", said("B(sum(range(x)))"));
+}
+
+#[test]
+fn models_of_lpy_may_look_values_up_in_lists_of_lists() {
+    let model = |head: &str, rule: &str| format!("{head}\nAxiom: A(0)A(1)A(2)\nproduction:\nA(x) --> {rule}\n");
+    let q = "q = [(10, 60), (20, 45), (30, 20)]";
+    for (rule, wanted) in [
+        ("B(q[x][1])", "B(60)B(45)B(20)"),
+        ("B(q[x][0]+q[2-x][-1])", "B(30)B(65)B(90)"),
+        ("B(q[x][x-1])", "B(60)B(20)B(20)"),
+        ("B(q[x if x < 2 else 0][0])", "B(10)B(20)B(10)"),
+    ] {
+        assert_eq!(lpy(&model(q, rule)), wanted, "{rule}");
+    }
+    // A function that gives one of two lists.
+    let f = "def f(a):\n  if a > 1: return (a, 7)\n  return [a+1, 5]";
+    assert_eq!(lpy(&model(f, "B(f(x)[0],f(x)[1])")), "B(1,5)B(2,5)B(2,7)");
+    for (rule, why) in [
+        ("B(q[x])", "a list or an index"),
+        ("B(q[x][2])", "an index outside of its list"),
+        ("B(q[x][0][0])", "a list or an index"),
+        ("B(q[int(random()*3)][0])", "a random number as an index"),
+    ] {
+        let said =
+            try_read(&format!("{}endlsystem\n", model(q, rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{rule}: {said}");
+    }
+    // Each lookup names its index twice for each item: this one would be as large as all memory.
+    let long: Vec<String> = (0..200).map(|k| k.to_string()).collect();
+    let long = format!("q = [{}]", long.join(","));
+    let said = try_read(&format!("{}endlsystem\n", model(&long, "B(q[q[q[q[q[x]]]]])")));
+    let said = said.err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("grows too large"), "{said}");
+}
+
+#[test]
+fn models_of_lpy_may_look_a_value_up_in_a_list() {
+    let model = |head: &str, axiom: &str, test: &str| {
+        format!("{head}Axiom: {axiom}\nproduction:\nA(x):\n  if {test}: produce B\n  produce C\n")
+    };
+    for (head, test, wanted) in [
+        ("", "x in (1, 3)", "BCB"),
+        ("", "x not in [1, 3]", "CBC"),
+        ("q = [2, 3]\n", "x in q and not x in [3]", "CBC"),
+        ("", "x in range(2)", "BCC"),
+        ("", "x+1 in [k*k for k in range(3)]", "CCB"),
+        ("", "x in []", "CCC"),
+        ("", "1 < x in (1, 2)", "CBC"),
+    ] {
+        assert_eq!(lpy(&model(head, "A(1)A(2)A(3)", test)), wanted, "{test}");
+    }
+    assert_eq!(lpy(&model("kinds = ('leaf', 'bud')\n", "A('leaf')A('root')", "x in kinds")), "BC");
+    assert_eq!(lpy("Axiom: A(1)A(2)\nproduction:\nA(x if x in [2]) --> B\n"), "A(1)B");
+    for (test, why) in [("x in 3", "other than a list"), ("random() in [1]", "a random number before 'in'")] {
+        let text = format!("{}endlsystem\n", model("", "A(1)", test));
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{test}: {said}");
+    }
+}
+
+#[test]
+fn loops_of_lpy_may_go_over_enumerate_and_zip() {
+    let model = |turns: &str, made: &str| {
+        format!("q = [5, 6]\nAxiom: A\nproduction:\nA:\n  for {turns}:\n    nproduce {made}\n")
+    };
+    for (turns, made, wanted) in [
+        ("i, v in enumerate(q)", "B(i,v)", "B(0,5)B(1,6)"),
+        ("(i, v) in enumerate([4, 8, 9])", "B(i,v)", "B(0,4)B(1,8)B(2,9)"),
+        ("a, b in zip([1, 2], [3, 4, 5])", "B(a,b)", "B(1,3)B(2,4)"),
+        ("a, b, c in zip(q, range(3), [7, 8, 9])", "B(a,b+c)", "B(5,7)B(6,9)"),
+    ] {
+        assert_eq!(lpy(&model(turns, made)), wanted, "{turns}");
+    }
+    // In a function, and within one another.
+    let head = "def total(n):\n  s = 0\n  for i, v in enumerate([2, 3, 4]):\n    for a, b in zip([1, 2], [5, 6]):\n      \
+                s += i*v*a + b\n  return s*n\n";
+    // 3 * (3 * 1 + 4 * 2) + 3 * 11.
+    assert_eq!(lpy(&format!("{head}Axiom: A(1)\nproduction:\nA(x) --> B(total(x))\n")), "B(66)");
+    for turns in
+        ["a, b in q", "a, b in enumerate(q, 1)", "a, b, c in zip(q, q)", "a, b in items(q)", "a+b, c in [(1, 2)]"]
+    {
+        let said =
+            try_read(&format!("{}endlsystem\n", model(turns, "B"))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007"), "{turns}: {said}");
+    }
+}
+
+#[test]
+fn loops_of_lpy_may_go_over_lists_of_lists() {
+    let model = |turns: &str, made: &str| {
+        format!("q = [(1, 2), (3, 4)]\nAxiom: A\nproduction:\nA:\n  for {turns}:\n    {made}\n")
+    };
+    for (turns, made, wanted) in [
+        ("x, y in q", "nproduce B(x,y)", "B(1,2)B(3,4)"),
+        ("(x, y) in [[5, -6], [7, 8]]", "nproduce B(x,y)", "B(5,-6)B(7,8)"),
+        ("p in q", "nproduce B(p[1],p[0],len(p))", "B(2,1,2)B(4,3,2)"),
+        ("p in q", "if p[0] > 1: nproduce B(p[1])", "B(4)"),
+        ("p in q", "for v in p: nproduce B(v)", "B(1)B(2)B(3)B(4)"),
+        ("i, (x, y) in enumerate(q)", "nproduce B(i,x,y)", "B(0,1,2)B(1,3,4)"),
+        ("i, p in enumerate(q)", "nproduce B(i,p[1])", "B(0,2)B(1,4)"),
+        ("i, (p, s) in enumerate(zip(q, [8, 9]))", "nproduce B(i,p[0],s)", "B(0,1,8)B(1,3,9)"),
+        ("p in zip(q, [8, 9])", "nproduce B(p[0][1],p[1])", "B(2,8)B(4,9)"),
+        ("(a, b), (c, d) in zip(q, [[5, 6], [7, 8]])", "nproduce B(a,b,c,d)", "B(1,2,5,6)B(3,4,7,8)"),
+        // The item that a turn takes apart itself.
+        ("p, r in zip([[1, 2], [4, 5]], [7, 8])", "x, y = p\n    nproduce B(x,y,r)", "B(1,2,7)B(4,5,8)"),
+    ] {
+        assert_eq!(lpy(&model(turns, made)), wanted, "{turns}");
+    }
+    let head = "def area(n):\n  s = 0\n  for w, h in [(1, 2), (3, 4)]: s += w*h\n  return s*n\n";
+    assert_eq!(lpy(&format!("{head}Axiom: A(area(1))A(area(2))\nproduction:\nX --> Y\n")), "A(14)A(28)");
+    for (turns, made) in [("p in q", "nproduce B(p)"), ("p in q", "p = 3"), ("x, y, z in q", "nproduce B(z)")] {
+        let said =
+            try_read(&format!("{}endlsystem\n", model(turns, made))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007"), "{turns} {made}: {said}");
+    }
+}
+
+#[test]
+fn assignments_of_lpy_may_change_by_any_operator() {
+    // 3, 9, 9 // 4 = 2, 2 % 5 = 2, 2 / 4, 0.5 - 1, -0.5 + 3.
+    let changes = "  x *= 3\n  x **= 2\n  x //= 4\n  x %= 5\n  x /= 4\n  x -= 1\n  x += 3\n";
+    assert_eq!(lpy(&format!("Axiom: A(1)\nproduction:\nA(x):\n{changes}  produce B(x)\n")), "B(2.5)");
+}
+
+#[test]
+fn productions_of_lpy_may_hold_lists() {
+    let model = |lines: &str| format!("q = [[1, 2], [3, 4]]\nAxiom: A(5)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  for v in [x, -x, 30]: nproduce B(v)\n", "B(5)B(-5)B(30)"),
+        ("  p = [1, x]\n  p += [2]\n  nproduce B(p[2],len(p))\n", "B(2,3)"),
+        ("  p = [10, -20]\n  for v in p: nproduce B(v)\n", "B(10)B(-20)"),
+        // The items are taken where the list is made.
+        ("  p = [x, x+1]\n  x = 0\n  nproduce B(p[0],p[1],len(p))\n", "B(5,6,2)"),
+        ("  p = (1, 2)\n  p = (p[1], p[0])\n  nproduce B(p[0],p[1])\n", "B(2,1)"),
+        ("  y = 7\n  for v in [y, y]:\n    y = v+1\n    nproduce B(v)\n", "B(7)B(7)"),
+        ("  for i in range(2):\n    p = [i, i+x]\n    nproduce B(p[0],p[1])\n", "B(0,5)B(1,6)"),
+        ("  p = [1]\n  if x > 3: p = [2, 3]\n  for v in p: nproduce B(v)\n", "B(2)B(3)"),
+        ("  p = q[1]\n  a, b = p\n  nproduce B(a,b,sum(p))\n", "B(3,4,7)"),
+        ("  p = [30*k for k in range(3)]\n  nproduce B(p[x-3],max(p))\n", "B(60,60)"),
+        ("  p = [[x, 1], [2, x]]\n  for a, b in p: nproduce B(a,b)\n", "B(5,1)B(2,5)"),
+        ("  for p in [[x, 1], [2, x]]: nproduce B(p[0],p[1])\n", "B(5,1)B(2,5)"),
+        ("  p = [5, 6, 7]\n  i, s = 0, 0\n  while i < x-2:\n    s += p[i]\n    i += 1\n  nproduce B(s)\n", "B(18)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    // An item that is drawn is drawn once.
+    let drawn = lpy(&model("  p = [randint(1,1000000), 0]\n  nproduce B(p[0],p[0])\n"));
+    let (a, b) = drawn.split_once(',').unwrap_or_default();
+    assert_eq!(a.trim_start_matches("B("), b.trim_end_matches(')'), "{drawn}");
+    for lines in [
+        "  p = [1, x]\n  nproduce B(p)\n",
+        "  p = [1, x]\n  p[0] = 2\n  nproduce B(p[0])\n",
+        "  p = [1, x]\n  p.append(2)\n  nproduce B(p[2])\n",
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007"), "{lines}: {said}");
+    }
+}
+
+#[test]
+fn functions_of_lpy_may_have_defaults_and_named_arguments() {
+    let head = "w = 5\ndef f(x, k=2, n = w+1):\n  return x*k + n\ndef g(x: float, k: float = 3) -> float: return x-k\nw = 100\n";
+    let model = |rule: &str| format!("{head}Axiom: A(10)\nproduction:\nA(x) --> {rule}\n");
+    for (rule, wanted) in [
+        ("B(f(x),f(x,3),f(x,3,4))", "B(26,36,34)"),
+        ("B(f(x,n=1),f(k=x,x=4),f(x, k = x, n=0))", "B(21,46,100)"),
+        ("B(g(x),g(x,k=4))", "B(7,6)"),
+    ] {
+        assert_eq!(lpy(&model(rule)), wanted, "{rule}");
+    }
+    for (rule, why) in [
+        ("B(f())", "this call of 'f'"),
+        ("B(f(1,2,3,4))", "this call of 'f'"),
+        ("B(f(1,z=4))", "this call of 'f'"),
+        ("B(sin(x=1))", "an argument with a name"),
+        ("B(f(1,k=2 3))", "where an operator is expected"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{rule}: {said}");
+    }
+}
+
+#[test]
+fn arguments_of_lpy_may_draw_where_they_are_read_once() {
+    let head = "def f(x): return 2*x + 1\ndef g(x): return x*x\ndef h(x): return x if x > 1 else 0\n\
+                def k(x, c): return x if c else -x\ndef s(x): return sum([x*i for i in range(3)])\ndef t(x): return f(f(x))\n";
+    let model = |rule: &str| format!("{head}Axiom: A(0)\nproduction:\nA(x) --> {rule}\n");
+    assert_eq!(lpy(&model("B(f(randint(3,3)),k(randint(3,3),x),t(randint(1,1)))")), "B(7,-3,7)");
+    for function in ["g", "h", "s"] {
+        let text = format!("{}endlsystem\n", model(&format!("B({function}(randint(3,3)))")));
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains("this call of"), "{function}: {said}");
+    }
+}
+
+#[test]
+fn more_functions_of_python_are_known_to_lpy() {
+    let model = |rule: &str| format!("q = [3, 1, 2]\nr = [0]*4 + q\nAxiom: A(7)\nproduction:\nA(x):\n  {rule}\n");
+    for (rule, wanted) in [
+        ("produce B(len(r),r[4],sum(2*[1,5]))", "B(7,3,12)"),
+        ("for v in reversed(q): nproduce B(v)", "B(2)B(1)B(3)"),
+        ("for v in sorted(q): nproduce B(v)", "B(1)B(2)B(3)"),
+        ("for i in reversed(range(3)): nproduce B(i)", "B(2)B(1)B(0)"),
+        ("produce B(divmod(x,3)[0],divmod(-x,3)[1])", "B(2,2)"),
+        ("if any([v > x for v in q]) or all(v < x for v in q): produce B(any([]),all([]))", "B(0,1)"),
+        ("if any(v > 2*x-12 for v in q): produce B", "B"),
+        ("produce B(hypot(3,x-3),fmod(-x,4),log(8,2),log10(1000))", "B(5,-3,3,3)"),
+        ("produce B(round(x/3,2),round(1234.5,-2),round(cosh(0)+sinh(0)+tanh(0),3))", "B(2.33,1200,1)"),
+    ] {
+        assert_eq!(lpy(&model(rule)), wanted, "{rule}");
+    }
+    for (rule, why) in [
+        ("produce B(len(q*x))", "that is not constant"),
+        ("produce B(sorted([x, 1])[0])", "'sorted'"),
+        ("produce B(round(x,x))", "digits of 'round'"),
+        ("produce B(len([0]*10000*10000))", "too many items"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{rule}: {said}");
+    }
+}
+
+#[test]
+fn variables_of_productions_hide_values_of_the_model() {
+    let model = |lines: &str| format!("n = 3\nd = 5\nAxiom: A(4)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  n = 2\n  for i in range(n): nproduce B(i)\n", "B(0)B(1)"),
+        ("  n = 2\n  for v in [n, 7]: nproduce B(v)\n", "B(2)B(7)"),
+        ("  n = x\n  for i in range(min(n,9)): nproduce B(i)\n", "B(0)B(1)B(2)B(3)"),
+        // At most 8 turns, not 8 / 5.
+        ("  d = 1\n  for i in range(int(min(x,8)/d)): nproduce B(i)\n", "B(0)B(1)B(2)B(3)"),
+        ("  for n in range(2):\n    for j in range(n+1): nproduce B(n,j)\n", "B(0,0)B(1,0)B(1,1)"),
+        ("  for i in range(n): nproduce B(i)\n", "B(0)B(1)B(2)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+}
+
+#[test]
+fn lists_of_lpy_may_be_taken_apart() {
+    let head = "q = [(10, 60), (20, 45)]\np = [7, 8]\ndef size(a):\n  if a > 1: return a, a*a\n  return [0, 1]\n";
+    let model = |lines: &str| format!("{head}Axiom: A(1)A(2)\nproduction:\nA(x):\n{lines}  produce B(a,b)\n");
+    for (lines, wanted) in [
+        ("  a, b = p\n", "B(7,8)B(7,8)"),
+        ("  (a, b) = (x, 3)\n", "B(1,3)B(2,3)"),
+        ("  a, b = q[x-1]\n", "B(10,60)B(20,45)"),
+        ("  a, b = size(x)\n", "B(0,1)B(2,4)"),
+        ("  a = b = x+1\n", "B(2,2)B(3,3)"),
+        ("  a, b = 1, 2\n  a, b = [b, a]\n", "B(2,1)B(2,1)"),
+        // The index is set by what it takes.
+        ("  a = x-1\n  a, b = q[a]\n", "B(10,60)B(20,45)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    // Both names of a chain have the one number that was drawn.
+    let drawn = lpy(&model("  a = b = randint(1,1000000)\n"));
+    for module in drawn.split(['B', '(', ')']).filter(|m| !m.is_empty()) {
+        let (a, b) = module.split_once(',').unwrap_or_default();
+        assert_eq!(a, b, "{drawn}");
+    }
+    for lines in ["  a, b = 1, 2, 3\n", "  a, b = 3\n", "  a, b = [1]\n", "  a = b, c = 1, 2\n"] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains("in a production"), "{lines}: {said}");
+    }
+}
+
+#[test]
+fn several_names_of_lpy_are_assigned_at_once() {
+    let model = |lines: &str| format!("Axiom: A(1,2)\nproduction:\nA(a,b):\n{lines}  produce B(a,b)\n");
+    for (lines, wanted) in [
+        ("  a, b = b, a+b\n", "B(2,3)"),
+        ("  a, b = b, a\n", "B(2,1)"),
+        ("  a, b = 7, a\n", "B(7,1)"),
+        ("  for i in range(3): a, b = b, a+b\n", "B(5,8)"),
+        ("  i = 0\n  while i < 4:\n    i, a, b = i+1, b, a+b\n", "B(8,13)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    assert_eq!(lpy("a, b = 1, 2\na, b = b, a\nAxiom: A(a,b)\nproduction:\nX --> Y\n"), "A(2,1)");
+    let fibonacci = "def f(n):\n  a, b = 0, n\n  for i in range(5): a, b = b, a+b\n  return a\n";
+    assert_eq!(lpy(&format!("{fibonacci}Axiom: A(f(2))\nproduction:\nX --> Y\n")), "A(10)");
+    let each = "x = 0\ny = 5\ndef EndEach():\n  global x, y\n  x, y = y, x+1\n";
+    assert_eq!(
+        lpy(&format!("{each}Axiom: A\nderivation length: 3\nproduction:\nA --> A B(x,y)\n")),
+        "AB(1,6)B(5,1)B(0,5)"
+    );
 }
 
 #[test]

@@ -6,7 +6,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::collision::{SweptBall, push_out_of_solids, surface_contact};
+use super::collision::{SweptBall, follow_surface, push_out_of_solids, surface_contact};
 use super::particles::{Catkin, CatkinState, NO_TARGET};
 use super::{CATKINS_PER_TASK, FlightSimulation};
 use crate::flight::tuning::{ATTRACTION_TICK, MAX_JOIN_PUSH_OUT_ROUNDS, SAME_TIME};
@@ -27,8 +27,9 @@ fn attracts(single: &Catkin, member: &Catkin) -> bool {
 /// Displacement projected onto the surface that the single rests on; unchanged in the air.
 fn project_onto_surface(single: &Catkin, way: DVec3) -> DVec3 {
     let normal = match single.state {
-        CatkinState::Grounded | CatkinState::Corner => Vec3::Y,
-        CatkinState::OnWall => single.normal,
+        CatkinState::Grounded | CatkinState::OnWall => single.normal,
+        // In a corner `normal` is that of the wall.
+        CatkinState::Corner => Vec3::Y,
         _ => return way,
     }
     .as_dvec3();
@@ -122,7 +123,10 @@ impl FlightSimulation {
             let way = project_onto_surface(c, (target.x - c.x) * share);
             // Solids stop the motion; a single that still overlaps one is pushed out.
             let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace_free_share(&self.solids);
-            Some(push_out_of_solids(&self.solids, c.x + way * gone, c.radius))
+            let at = push_out_of_solids(&self.solids, c.x + way * gone, c.radius);
+            // A deposit follows a surface that curves away below it.
+            let loses_contact = c.state.is_deposited() && surface_contact(&self.solids, at, c.radius).is_none();
+            Some(if loses_contact { follow_surface(&self.solids, at, c.radius, way) } else { at })
         });
         for (id, at) in drawn.into_iter().zip(moved) {
             let step = self.options.time_step();
@@ -180,8 +184,48 @@ mod tests {
 
     use super::super::{CatkinStart, FlightParams, ReleaseCondition};
     use super::*;
-    use osier_scene::solid::Solids;
+    use osier_scene::solid::{Form, LandForm, Solid, Solids};
     use osier_wind::UniformWind;
+
+    /// Deposits at these positions, of which the first two are a cluster and the others singles, on surfaces that are wet.
+    fn deposited(solids: Solids, places: &[DVec3]) -> FlightSimulation {
+        let options = FlightParams {
+            humidity: super::super::GroundHumidity::Even(1.0),
+            scales: [1.0, 1.0],
+            fall_spread: 0.0,
+            ..FlightParams::default()
+        };
+        let starts: Vec<CatkinStart> =
+            places.iter().map(|at| CatkinStart { at: *at, wait: ReleaseCondition::Until(0.0) }).collect();
+        let mut flights = FlightSimulation::new(options, Arc::new(solids), &starts);
+        let solids = Arc::clone(&flights.solids);
+        for c in &mut flights.catkins {
+            c.rest_on(surface_contact(&solids, c.x, c.radius).expect("a surface"));
+        }
+        flights.join_catkins(0, 1, 0.0);
+        flights
+    }
+
+    #[test]
+    fn an_attracted_deposit_stays_on_a_slope() {
+        // The ground falls by three in ten along +X; the single lies above the pair.
+        let heights = (0..3).flat_map(|_| [1.2, 0.0, -1.2]).collect();
+        let land = LandForm::new(3, 8.0, heights).expect("a land");
+        let slope = Solid { name: "slope".into(), form: Form::Land(Arc::new(land)), humidity: 1.0 };
+        let radius = f64::from(FlightParams::default().kinds[0].radius);
+        let up = DVec3::new(0.3, 1.0, 0.0).normalize();
+        let on_slope = |x: f64| DVec3::new(x, -0.3 * x, 0.0) + up * radius;
+        let mut flights = deposited(Solids::new(vec![slope], false), &[1.0, 1.03, 0.4].map(on_slope));
+        let apart = |flights: &FlightSimulation| flights.catkin(2).x.distance(flights.catkin(0).x);
+        let before = apart(&flights);
+        for _ in 0..24 {
+            flights.advance(&UniformWind(Vec3::ZERO));
+            let c = flights.catkin(2);
+            let near = flights.solids.near(c.x.as_vec3(), 1.0).expect("the slope");
+            assert!((near.nearest.distance - c.radius).abs() < 0.06 * c.radius, "{} at {}", near.nearest.distance, c.x);
+        }
+        assert!(apart(&flights) < 0.6 * before, "{} of {before}", apart(&flights));
+    }
 
     /// A pair on the ground and a single 0.8 m away; after five ticks it is where the paper's steps have it.
     fn after_five_ticks(fps: f64) -> f64 {

@@ -4,8 +4,6 @@ use glam::{DVec3, Vec3};
 
 use osier_base::geometry::Bounds;
 
-const GRAVITY: f64 = osier_base::physics::GRAVITY;
-
 /// Radius and relative frequency of one kind of catkin, such as the fruits of one species.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CatkinKind {
@@ -109,6 +107,8 @@ pub struct FlightParams {
     pub glide: f64,
     /// Whether velocities relax towards the wind with the time constant v_s / g; else they follow at once.
     pub inertia: bool,
+    /// Gravitational acceleration g, m/s^2, > 0.
+    pub gravity: f64,
     /// Whether clusters rotate with the vorticity of the wind.
     pub cluster_rotation: bool,
     /// Exponent beta: clusters of n settle n^beta times as fast as a single.
@@ -164,6 +164,7 @@ impl Default for FlightParams {
             fall_spread: 0.125,
             glide: 0.5,
             inertia: true,
+            gravity: osier_base::physics::GRAVITY,
             cluster_rotation: true,
             beta: 0.0,
             release_rate: 0.2,
@@ -194,7 +195,7 @@ impl FlightParams {
 
     /// Velocity relaxation time v_s / g of a body with settling speed `fall`, m/s, in s; 0 without inertia.
     pub(super) fn relaxation_time(&self, fall: f64) -> f64 {
-        if self.inertia { fall / GRAVITY } else { 0.0 }
+        if self.inertia { fall / self.gravity } else { 0.0 }
     }
 
     /// Whether a position is past a side of the box or above its top; below the ground does not count.

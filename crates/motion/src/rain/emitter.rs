@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::rain::fall::{sample_wind, sphere_volume, terminal_speed};
+use crate::rain::fall::{sample_wind, sphere_volume, terminal_speed, terminal_speed_on_earth};
 use crate::rain::shelter::Shelter;
 use crate::rain::source_region::{DriftTracer, SourceRegion};
 use crate::rain::tuning::{
@@ -138,8 +138,9 @@ impl RainEmitter {
         let end = |d: Option<&f64>| d.copied().unwrap_or(1e-3);
         let mut tracer = DriftTracer::new(bounds, wind, [end(diameters.first()), end(diameters.last())], params.g);
         let classes: Vec<usize> = diameters.iter().map(|d| tracer.size_class(*d)).collect();
-        // The area that an average drop is emitted from: needed for `total`, for estimates and statistics.
-        let areas = tracer.mean_areas(params.duration, |t| intensity_factor(&params, t));
+        // The area that an average drop of the clip is emitted from: needed for `total`, for estimates and statistics. That of the
+        // spin-up may differ, in wind that rises or abates.
+        let areas = tracer.mean_areas([params.spin_up, params.duration], |t| intensity_factor(&params, t));
         let area_of = |class: &usize| areas.get(*class).copied().unwrap_or(0.0);
         let area = classes.iter().map(area_of).sum::<f64>() / classes.len().max(1) as f64;
         // Number flux from the rainfall rate: volume per area and time over the mean volume of a drop.
@@ -231,7 +232,7 @@ impl RainEmitter {
             // Rejection sampling: a drop from outside of the region of its size would miss the bounds.
             let Some(p) = epoch.regions.get(class).and_then(|region| region.point(fractions)) else { continue };
             let p = DVec3::new(p.x, self.tracer.emission_plane_y(), p.y);
-            let v = -DVec3::Y * terminal_speed(d);
+            let v = -DVec3::Y * terminal_speed(d, self.params.g);
             drops.push(EmittedDrop { t: start + offset, p, v, volume: sphere_volume(d) });
         }
         self.epoch = Some(epoch);
@@ -321,9 +322,9 @@ pub(crate) fn diameters_of_equal_probability(params: &RainfallParams) -> Vec<f64
         }),
         DropSizes::MarshallPalmer => {
             // Drops in a volume of air follow exp(-slope d), slope = 4.1 R^-0.21 per mm with R in mm/h; the flux through an area
-            // weights them by their speed.
+            // weights them by their speed, of which a factor cancels.
             let slope = 4.1 * math::pow((params.intensity * 3.6e6).max(0.01), -0.21);
-            Box::new(move |mm: f64| math::exp(-slope * mm) * terminal_speed(mm * 1e-3))
+            Box::new(move |mm: f64| math::exp(-slope * mm) * terminal_speed_on_earth(mm * 1e-3))
         }
     };
     // Integrate the density by the midpoint rule.
@@ -436,7 +437,7 @@ mod tests {
         }
         found.sort_by(f64::total_cmp);
         let slope = 4.1 * math::pow(10.0, -0.21);
-        let density = |mm: f64| math::exp(-slope * mm) * terminal_speed(mm * 1e-3);
+        let density = |mm: f64| math::exp(-slope * mm) * terminal_speed_on_earth(mm * 1e-3);
         let (n, step) = (20_000, 5.5 / 20_000.0);
         let at = |k: usize| 0.5 + (k as f64 + 0.5) * step;
         let whole: f64 = (0..n).map(|k| density(at(k))).sum();
@@ -486,6 +487,34 @@ mod tests {
         let fall = RainfallParams { total: Some(2000.0), spin_up: 4.0, ..rainfall() };
         let mut emitter = RainEmitter::new(fall, bounds(), None);
         drop(emitter.emit_until(4.0));
+        let count = emitter.emit_until(10.0).len();
+        assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt(), "{count}");
+    }
+
+    /// A storm of 12 m/s that ends after 8 s.
+    #[derive(Debug)]
+    struct ShortStorm;
+
+    impl Wind for ShortStorm {
+        fn sample(&self, _: &[Vec3], t: f64, out: &mut [Vec3]) {
+            out.fill(if t < 8.0 { Vec3::X * 12.0 } else { Vec3::ZERO });
+        }
+        fn mean(&self) -> Vec3 {
+            Vec3::ZERO
+        }
+        fn mean_at(&self, _: Vec3) -> Vec3 {
+            Vec3::ZERO
+        }
+        fn period(&self) -> Option<f64> {
+            None
+        }
+    }
+
+    #[test]
+    fn the_wind_of_the_spin_up_does_not_change_the_total_number_of_the_clip() {
+        let fall = RainfallParams { total: Some(2000.0), spin_up: 8.0, ..rainfall() };
+        let mut emitter = RainEmitter::new(fall, bounds(), Some(Arc::new(ShortStorm)));
+        drop(emitter.emit_until(8.0));
         let count = emitter.emit_until(10.0).len();
         assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt(), "{count}");
     }

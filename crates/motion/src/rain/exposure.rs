@@ -28,6 +28,8 @@ pub struct RainExposure {
     wind: Option<Arc<dyn Wind>>,
     /// Drops of different sizes, each at a different time of the clip.
     samples: Vec<RainSample>,
+    /// Gravity along -Y, m/s^2.
+    g: f64,
 }
 
 /// Drops of one size at one time; all samples represent equal volumes of water.
@@ -65,7 +67,7 @@ impl RainExposure {
             let t = params.duration * (f64::from((3 * k) % EXPOSURE_SAMPLES) + 0.5) / f64::from(EXPOSURE_SAMPLES);
             RainSample { diameter: diameter_at(middle), t }
         });
-        Self { shelter: Shelter::new(solids, ground), wind, samples: samples.collect() }
+        Self { shelter: Shelter::new(solids, ground, params.g), wind, samples: samples.collect(), g: params.g }
     }
 
     /// Water that each place catches per area and time over the rainfall on level ground in the open: 1 on level ground, 0 where
@@ -78,7 +80,7 @@ impl RainExposure {
         for sample in &self.samples {
             let air = sample_wind(wind, &positions, sample.t);
             // Velocity relative to the ground: terminal speed, carried by the wind.
-            let speed = terminal_speed(sample.diameter);
+            let speed = terminal_speed(sample.diameter, self.g);
             let velocities: Vec<DVec3> = air.iter().map(|air| air.as_dvec3() - DVec3::Y * speed).collect();
             let facing: Vec<usize> =
                 (0..points.len()).filter(|i| velocities[*i].dot(points[*i].normal.as_dvec3()) < 0.0).collect();
@@ -133,7 +135,7 @@ mod tests {
         let calm = exposure(None).catch_ratios(&[points.as_slice(), &[at(9.0, 1.0, slope)]].concat());
         assert!(near(&calm, &[1.0, 0.0, 1.0, 0.0, 0.8]), "{calm:?}");
         // Wind of 5 m/s carries drops of 2 mm sideways by 5 / 6.55 of their fall: on walls that face it, and 2.3 m under the roof.
-        let slant = osier_base::math::narrow(5.0 / terminal_speed(2e-3));
+        let slant = osier_base::math::narrow(5.0 / terminal_speed(2e-3, 9.81));
         let wind = exposure(Some(Arc::new(UniformWind(Vec3::X * 5.0))));
         let edge = -2.0 + 3.0 * slant;
         let points = [

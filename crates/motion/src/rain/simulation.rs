@@ -240,7 +240,7 @@ impl RainSimulation {
     pub fn new(config: RainConfig) -> Self {
         let (leaves, attachments): (Vec<RainLeaf>, Vec<LeafOnPlant>) = config.leaves.into_iter().unzip();
         let ground = config.ground;
-        let shelter = Shelter::new(config.solids.clone(), Arc::clone(&ground));
+        let shelter = Shelter::new(config.solids.clone(), Arc::clone(&ground), config.params.g);
         let mut simulation = Self {
             params: config.params,
             emitter: config.emitter.map(|emitter| emitter.with_shelter(shelter)),
@@ -370,9 +370,7 @@ impl RainSimulation {
     pub fn step(&mut self, h: f64) -> Result<()> {
         // Plants move before drops do, under the impulses and loads of the last step.
         self.emit(h);
-        for plant in &mut self.plants {
-            plant.step(self.t, h)?;
-        }
+        self.step_plants(h)?;
         // Leaves move from `before` to `self.poses` while drops fall; collisions need both ends.
         let before = std::mem::take(&mut self.poses);
         self.poses = self.leaf_poses();
@@ -392,6 +390,16 @@ impl RainSimulation {
         }
         self.step_leaf_drops(h);
         Ok(())
+    }
+
+    /// Steps all plants, which do not act on each other, in parallel.
+    fn step_plants(&mut self, h: f64) -> Result<()> {
+        let t = self.t;
+        // A single plant needs no other thread.
+        if let [plant] = &mut self.plants[..] {
+            return plant.step(t, h);
+        }
+        par_map_mut(&mut self.plants, |plant| plant.step(t, h)).into_iter().collect()
     }
 
     /// Checks that water is conserved.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::rain::fall::{sample_wind, sphere_volume, step_velocity, terminal_speed};
+use crate::rain::fall::{sample_wind, sphere_volume, step_velocity, terminal_speed, terminal_speed_on_earth};
 use crate::rain::tuning::{
     AREA_SAMPLES, AREA_TIMES, DRIFT_MARGIN, EMISSION_CLEARANCE, EPOCH_DURATION, HEIGHT_BANDS, MAX_TRACE_STEPS,
     SOURCE_MARGIN, TRACE_STEPS, TRACED_SIZES,
@@ -130,9 +130,10 @@ impl DriftTracer {
     pub(crate) fn new(bounds: Bounds, wind: Option<Arc<dyn Wind>>, [least, most]: [f64; 2], g: f64) -> Self {
         // Without wind, or with drops of one size, one size class suffices.
         let classes = if wind.is_none() || most - least < 1e-9 { 1 } else { TRACED_SIZES - 1 };
-        // Drift is proportional to the time of the fall: space the sizes evenly in the inverse of their terminal speeds.
+        // Drift is proportional to the time of the fall: space the sizes evenly in the inverse of their terminal speeds, of which a
+        // factor does not matter.
         let slowness = |k: usize| {
-            let [a, b] = [least, most].map(|d| terminal_speed(d).recip());
+            let [a, b] = [least, most].map(|d| terminal_speed_on_earth(d).recip());
             a + (b - a) * k as f64 / classes as f64
         };
         let mut diameters = vec![least];
@@ -174,12 +175,12 @@ impl DriftTracer {
         classes.map(|d| SourceRegion::new(&footprint, &std::array::from_fn(|k| d[0][k].union(d[1][k])))).collect()
     }
 
-    /// Mean areas of the source regions by size class over `duration`, s, in m^2. `weight`: of a time.
-    pub(crate) fn mean_areas(&mut self, duration: f64, weight: impl Fn(f64) -> f64) -> Vec<f64> {
-        // Midpoints of equal intervals of the clip.
+    /// Mean areas of the source regions by size class between two times, s, in m^2. `weight`: of a time.
+    pub(crate) fn mean_areas(&mut self, [from, to]: [f64; 2], weight: impl Fn(f64) -> f64) -> Vec<f64> {
+        // Midpoints of equal intervals.
         let (mut sum, mut areas) = (0.0, vec![0.0; self.diameters.len() - 1]);
         for k in 0..AREA_TIMES {
-            let t = duration * (f64::from(k) + 0.5) / f64::from(AREA_TIMES);
+            let t = from + (to - from) * (f64::from(k) + 0.5) / f64::from(AREA_TIMES);
             // A small constant keeps the mean defined where the weight is 0 throughout.
             let w = weight(t) + 1e-9;
             let epoch = self.epoch_index(t);
@@ -235,7 +236,7 @@ impl DriftTracer {
         // Bands extend beyond the bounds by the same margin as the regions.
         let (low, high) = (f64::from(self.bounds.min.y) - SOURCE_MARGIN, f64::from(self.bounds.max.y) + SOURCE_MARGIN);
         // The time step takes a drop in still air down in `TRACE_STEPS` steps; an updraft makes it take more.
-        let h = (self.emission_plane_y() - low) / terminal_speed(d) / f64::from(TRACE_STEPS);
+        let h = (self.emission_plane_y() - low) / terminal_speed(d, self.g) / f64::from(TRACE_STEPS);
         let wind = self.wind.as_deref();
         let mut positions: Vec<DVec3> = starts.iter().map(|p| DVec3::new(p.x, self.emission_plane_y(), p.y)).collect();
         let mut velocities: Vec<DVec3> = Vec::new();
@@ -244,7 +245,7 @@ impl DriftTracer {
             let air = sample_wind(wind, &sampled, t + f64::from(k) * h);
             // Drops start at terminal speed in the moving air, as the emitter emits them.
             if velocities.is_empty() {
-                velocities = air.iter().map(|a| a.as_dvec3() - DVec3::Y * terminal_speed(d)).collect();
+                velocities = air.iter().map(|a| a.as_dvec3() - DVec3::Y * terminal_speed(d, self.g)).collect();
             }
             for (i, (p, v)) in positions.iter_mut().zip(&mut velocities).enumerate() {
                 let before = *p;
@@ -275,11 +276,11 @@ fn start_to_reach(drift: &DriftByHeight, band: usize, target: DVec2) -> DVec2 {
     target - known.map_or(DVec2::ZERO, HorizontalRect::center)
 }
 
-/// The diameter, m, between two at which drops fall with terminal speed `speed`, m/s, by bisection.
+/// The diameter, m, between two at which drops fall with terminal speed `speed` on Earth, m/s, by bisection.
 fn diameter_of_speed(speed: f64, [mut low, mut high]: [f64; 2]) -> f64 {
     for _ in 0..50 {
         let middle = 0.5 * (low + high);
-        *(if terminal_speed(middle) < speed { &mut low } else { &mut high }) = middle;
+        *(if terminal_speed_on_earth(middle) < speed { &mut low } else { &mut high }) = middle;
     }
     0.5 * (low + high)
 }
@@ -307,7 +308,7 @@ mod tests {
         for d in [5e-4, 1e-3, 3e-3, 5.9e-3] {
             let regions = tracer.regions(0);
             let source = &regions[tracer.size_class(d)];
-            let vt = terminal_speed(d);
+            let vt = terminal_speed(d, 9.81);
             // Seen from the middle of the region at its top and bottom.
             for (fall, z) in [(0.5, 1.9), (4.5, 0.0), (8.5, -1.9)] {
                 let from = DVec2::new(-5.0 * fall / vt, z);
@@ -348,10 +349,10 @@ mod tests {
     }
 
     fn crosses(tracer: &DriftTracer, d: f64, t: f64, from: DVec2, height: f64) -> bool {
-        let h = (height / terminal_speed(d) / 30.0).min(0.01);
+        let h = (height / terminal_speed(d, 9.81) / 30.0).min(0.01);
         let mut p = DVec3::new(from.x, tracer.emission_plane_y(), from.y);
         let air = |p: DVec3, t: f64| sample_wind(tracer.wind(), &[p.as_vec3()], t)[0].as_dvec3();
-        let mut v = air(p, t) - DVec3::Y * terminal_speed(d);
+        let mut v = air(p, t) - DVec3::Y * terminal_speed(d, 9.81);
         let (min, max) = (tracer.bounds.min.as_dvec3(), tracer.bounds.max.as_dvec3());
         let mut k = 0.0;
         while p.y > min.y {

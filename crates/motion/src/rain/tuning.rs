@@ -45,8 +45,8 @@ pub const AREA_TIMES: u32 = 16;
 
 // Shelter and ground: ends of the paths of drops, above the emission plane and below it.
 
-/// Time step of the paths that are followed back from places of emission to find shelter, s: up to half a metre of fall; longer
-/// steps straighten the paths of drops in gusts.
+/// Time step of the paths that are followed back from places of emission to find shelter, on Earth, s: up to half a metre of fall;
+/// longer steps straighten the paths of drops in gusts.
 pub const SHELTER_STEP: f64 = 0.05;
 /// Largest number of such steps: 100 m of fall of the slowest drops.
 pub const MAX_SHELTER_STEPS: u32 = 1000;

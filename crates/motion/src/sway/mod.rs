@@ -40,7 +40,7 @@
 //!
 //! // Its static bend in a steady wind of 10 m/s.
 //! let wind = UniformWind(Vec3::X * 10.0);
-//! let params = SwayParams { wood, flicker: 0.0, whip: 1.0, stand: Trs::IDENTITY, gravity: false, fps: 24.0 };
+//! let params = SwayParams { wood, flicker: 0.0, whip: 1.0, stand: Trs::IDENTITY, gravity: None, fps: 24.0 };
 //! let mut simulation = SwaySimulation::new(&elements, &wind, params);
 //! simulation.relax_to_mean_wind();
 //! assert!(simulation.bends()[0].iter().any(|angle| angle.abs() > 1e-3));

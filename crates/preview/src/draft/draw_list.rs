@@ -107,7 +107,8 @@ impl PrimitiveRange {
                 vertices.project(&projection, triangles, attributes);
                 for (number, triangle) in (self.number..).zip(triangles) {
                     let passes_alpha = |width, barycentric| {
-                        world.materials.is_opaque_at(triangle.material, width, || attributes.uv(triangle, barycentric))
+                        let sample = || attributes.alpha_sample(triangle, barycentric, width);
+                        world.materials.is_opaque_at(triangle.material, sample)
                     };
                     let is_opaque =
                         |barycentric| solid.cutout_footprint.is_none_or(|width| passes_alpha(width, barycentric));

@@ -121,6 +121,24 @@ fn the_sun_lights_by_the_cosine_and_shadows_lie_where_they_must() {
 }
 
 #[test]
+fn colors_of_vertices_multiply_the_material_and_those_of_points_replace_it() {
+    let mut floor = quad(Vec3::ZERO, Vec3::Z * 1e4, Vec3::X * 1e4).with_material(0);
+    floor.colors = vec![[0.4, 0.4, 0.4, 1.0]; 4];
+    // White vertices leave a black wall black: it hides half of the sky and reflects nothing.
+    let mut wall = quad(Vec3::X * -0.5, Vec3::Y * 1e4, Vec3::Z * 1e4).with_material(1);
+    wall.colors = vec![[1.0; 4]; 4];
+    let s = scene(vec![floor, wall], vec![material(0.5, 0.0, 1.0), material(0.0, 0.0, 1.0)], 0.0, 1.0);
+    let seen = mean(&s, Vec3::new(0.0, 2.0, 0.0), Vec3::NEG_Y, 4096).expect("floor");
+    assert!((seen - 0.5 * 0.4 * 0.5).abs() < 1e-3, "{seen}");
+    let mut ball = balls(vec![Vec3::ZERO], 1.0);
+    ball.colors = vec![[0.4; 3]];
+    let mut s = scene(Vec::new(), vec![material(0.5, 0.0, 1.0)], 0.0, 1.0);
+    s.assets[0].points.push(ball);
+    let seen = mean(&s, Vec3::Z * 3.0, Vec3::NEG_Z, 64).expect("ball");
+    assert!((seen - 0.4).abs() < 1e-3, "{seen}");
+}
+
+#[test]
 fn a_leaf_glows_on_the_side_away_from_the_sun() {
     let leaf = quad(Vec3::ZERO, Vec3::Z, Vec3::X).with_material(0);
     let s = scene(vec![leaf], vec![material(0.5, 0.3, 1.0)], 2.0, 0.0);

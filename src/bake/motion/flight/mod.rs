@@ -450,6 +450,7 @@ fn flight_params(scene: &FlightSetup<'_>, models: &[CatkinModel]) -> FlightParam
         fall_spread: keys.fall_spread,
         glide: keys.glide,
         inertia: keys.inertia,
+        gravity: recipe.gravity(),
         cluster_rotation: keys.cluster_rotation,
         beta: keys.beta,
         release_rate: keys.release_rate,

@@ -7,12 +7,14 @@ use super::scene_leaf::SceneLeaf;
 use crate::bake::scene::camera_light::ScreenScale;
 use crate::recipe::Recipe;
 use osier_base::convert::to_usize;
+use osier_base::math;
+use osier_base::physics::GRAVITY;
 use osier_motion::rain::{DropDetail, RainEmitter};
 use osier_scene::{Asset, Mesh};
 
 /// Constants of the estimate, measured on the tutorial's sapling in 5 to 60 mm/h and on a storm over an oak.
 mod tuning {
-    /// Effective speed of falling drops, m/s: fall height divided by the mean time in the air. It lies above the mean speed of
+    /// Effective speed of falling drops on Earth, m/s: fall height divided by the mean time in the air. It lies above the mean speed of
     /// drops, because leaves intercept drops early. Smaller values expect more drops in the air.
     pub(super) const FALL_SPEED: f64 = 5.5;
     /// Height of the emitter above the plants, m.
@@ -44,7 +46,9 @@ impl ExpectedDrops {
         recipe: &Recipe,
         picture: &ScreenScale,
     ) -> Self {
-        let fall_time = (height + tuning::EMITTER_HEIGHT) / tuning::FALL_SPEED;
+        // Terminal speeds grow with the square root of gravity.
+        let speed = tuning::FALL_SPEED * math::sqrt(recipe.gravity() / GRAVITY);
+        let fall_time = (height + tuning::EMITTER_HEIGHT) / speed;
         let airborne = emitter.mean_drop_rate() * fall_time;
         let area: f64 = leaves.iter().map(|f| f.surface.area() * f.scale * f.scale).sum();
         // The mean over the clip of a number that grows until drops run off as fast as new ones come.

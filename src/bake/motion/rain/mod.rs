@@ -53,9 +53,10 @@ use osier_scene::{
 };
 use osier_wind::{ShiftedWind, Wind};
 
-/// Time steps per frame where rods need no more. Own: a drop of 2 mm then falls about 3 cm per step at 24 frames per second; fewer let
-/// drops skip over thin leaves' motion.
+/// Least number of time steps per frame and per second where rods need no more. Own: a drop of 2 mm then falls about 3 cm per step;
+/// with a step of a 32nd of a second a tenth of the drops hang at margins that hang there with this or a shorter one.
 const DEFAULT_SUBSTEPS: u32 = 8;
+const DEFAULT_STEPS_PER_SECOND: f64 = 192.0;
 /// Bytes of recorded drops that count as one key of the limit `motion-keys`.
 const BYTES_PER_KEY: u64 = 64;
 /// Name of the quantity counted against the limit `motion-keys`, for its message.
@@ -295,6 +296,8 @@ fn simulate_rain(
     let frames = clip.len() as u64;
     // An estimate simulates the first interval of the whole clip's rain: the total number of drops belongs to all of it.
     let rainfall = params::rainfall_params(rain, full.unwrap_or(recipe));
+    let height = f64::from(bounds.size().y);
+    let fall_time = longest_fall(height, rain.keys.gravity).min(rainfall.duration);
     let lowest = f64::from(bounds.min.y);
     // In scenes without a ground, drops end below the lowest point of plants and solids.
     let ground = ground.into_height(solids.heights().map_or(lowest, |[low, _]| low.min(lowest)));
@@ -305,8 +308,7 @@ fn simulate_rain(
     });
     let emitter = rain.keys.falls.then(|| RainEmitter::new(rainfall, bounds, wind.clone()));
     let (rate, area) = (emitter.as_ref().map(RainEmitter::rate), emitter.as_ref().map(RainEmitter::area));
-    check_memory(&emitter, bounds, frames, scene_leaves.len(), context)?;
-    let height = f64::from(bounds.size().y);
+    check_memory(&emitter, fall_time, frames, scene_leaves.len(), context)?;
     let expected = full.zip(emitter.as_ref()).map(|(f, e)| ExpectedDrops::new(e, height, &scene_leaves, f, &picture));
     let leaves = scene_leaves.iter().enumerate().map(|(i, f)| {
         let leaf = RainLeaf::new(Arc::clone(&f.surface), f.scale, i as u64);
@@ -410,31 +412,42 @@ fn plant_bounds(assets: &[Asset], transforms: &[Trs], recorders: &[RainedPlantRe
     })
 }
 
+/// Time, s, that the smallest drops take from 1 m above plants of this `height`, m, to their foot: 2 m/s on Earth, and terminal
+/// speeds grow with the square root of gravity, m/s^2.
+fn longest_fall(height: f64, gravity: f64) -> f64 {
+    (height + 1.0) / (2.0 * osier_base::math::sqrt(gravity / osier_base::physics::GRAVITY))
+}
+
 /// Checks the memory of leaf poses and airborne drops over all frames before anything is simulated. Drops on leaves are counted as
-/// they are recorded ([`record_frames`]).
+/// they are recorded ([`record_frames`]). `fall_time`: for which drops are in the air, s.
 fn check_memory(
     emitter: &Option<RainEmitter>,
-    bounds: Bounds,
+    fall_time: f64,
     frames: u64,
     leaves: usize,
     context: &BakeContext<'_>,
 ) -> Result<()> {
-    // Drops in the air at once: emission rate times the fall time from 1 m above the plants, at 2 m/s for the smallest drops;
-    // 96 bytes each.
-    let seconds = (f64::from(bounds.size().y) + 1.0) / 2.0;
-    let falling = emitter.as_ref().map_or(0.0, RainEmitter::mean_drop_rate) * seconds * 96.0;
+    // Drops in the air at once: emission rate times the fall time; 96 bytes each.
+    let falling = emitter.as_ref().map_or(0.0, RainEmitter::mean_drop_rate) * fall_time * 96.0;
     let drops = (falling + (leaves * size_of::<LeafPose>()) as f64) * frames as f64 / BYTES_PER_KEY as f64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "compared, saturating")]
     context.limits.check("motion-keys", drops as u64, LIMITED_QUANTITY)
 }
 
-/// Time steps per frame: those of the key `substeps`, else as many as the stiffest rods need, at least [`DEFAULT_SUBSTEPS`].
+/// Time steps per frame where rods need no more.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, saturates")]
+fn default_substeps(fps: f64) -> u32 {
+    // Rounded, so that 23.976 frames per second have as many as 24.
+    ((DEFAULT_STEPS_PER_SECOND / fps).round() as u32).max(DEFAULT_SUBSTEPS)
+}
+
+/// Time steps per frame: those of the key `substeps`, else as many as the stiffest rods need, at least [`default_substeps`].
 fn steps_per_frame(rain: &RainRecipe, recipe: &Recipe, plant_motions: &[PlantInRain]) -> u32 {
     let fps = recipe.clip.fps();
     let needed = plant_motions
         .iter()
         .filter_map(PlantInRain::rods)
-        .fold(DEFAULT_SUBSTEPS, |m, (rods, _)| m.max(rods.steps_per_frame(fps)));
+        .fold(default_substeps(fps), |m, (rods, _)| m.max(rods.steps_per_frame(fps)));
     rain.keys.substeps.unwrap_or(needed)
 }
 

@@ -1,3 +1,4 @@
+use super::{default_substeps, longest_fall, steps_per_frame};
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
 use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_scene};
@@ -49,6 +50,24 @@ fn what_a_clip_of_drops_keeps_is_held_to_the_limit() {
         let said = refused(keys, more).expect("too much");
         assert!(said.contains("leaves and raindrops times frames") && said.contains("--max-motion-keys"), "{said}");
     }
+}
+
+#[test]
+fn low_frame_rates_have_no_longer_time_steps() {
+    for (fps, steps) in [(1000.0, 8), (60.0, 8), (24.0, 8), (24_000.0 / 1001.0, 8), (12.0, 16), (4.0, 48), (1.0, 192)] {
+        assert_eq!(default_substeps(fps), steps, "{fps}");
+    }
+    let steps = |more: &str| {
+        let text = format!("{SCENE}{more}").replace("end = 8", "end = 8\nfps = 12");
+        let recipe = resolve(&Request { name: "test".into(), text, ..Request::default() }).expect("a scene").0;
+        steps_per_frame(recipe.rain.as_ref().expect("rain"), &recipe, &[])
+    };
+    assert_eq!((steps(""), steps("substeps = 5\n")), (16, 5));
+}
+
+#[test]
+fn drops_fall_longer_under_less_gravity() {
+    assert!((longest_fall(9.0, 9.81) - 5.0).abs() < 1e-12 && (longest_fall(9.0, 9.81 / 4.0) - 10.0).abs() < 1e-12);
 }
 
 #[test]
@@ -128,6 +147,19 @@ fn frames_do_not_depend_on_the_order_in_which_they_are_asked_for() {
     for number in [8_u32, 2, 5] {
         assert!(at(&built, number).maps == first[number as usize - 1], "frame {number}");
     }
+}
+
+#[test]
+fn plants_on_rods_in_the_rain_do_not_depend_on_threads() {
+    let poses = |threads: usize| {
+        osier_base::par::on_threads(threads, || {
+            let built = built("[plants.twig.rods]\n");
+            at(&built, 8).assets.into_iter().map(|asset| asset.pose).collect::<Vec<_>>()
+        })
+    };
+    let one = poses(1);
+    assert!(one.iter().filter(|pose| !pose.is_empty()).count() > 1, "two plants move");
+    assert!(one == poses(3));
 }
 
 #[test]

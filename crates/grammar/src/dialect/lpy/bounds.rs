@@ -21,7 +21,8 @@ pub(super) struct Bounds {
     equal: BTreeMap<String, PyExpr>,
 }
 
-fn mentions(e: &PyExpr, name: &str) -> bool {
+/// True if an expression reads a name.
+pub(super) fn mentions(e: &PyExpr, name: &str) -> bool {
     substitute(e, &[name.to_owned()], &[PyExpr::Number(0.0)]) != *e
 }
 

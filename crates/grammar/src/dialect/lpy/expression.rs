@@ -94,6 +94,11 @@ enum PyTokenKind {
     Sign(&'static str),
 }
 
+/// Name of the call that stands for `value in list`; a word of Python, so that no function has it.
+const IN: &str = "in";
+/// Most items of a list that `in` compares with, one after the other.
+const MAX_MEMBERS: usize = 64;
+
 /// Operators and punctuation, longer ones first.
 const SIGNS: [&str; 26] = [
     "**", "//", "<=", ">=", "==", "!=", "<>", "->", "+", "-", "*", "/", "%", "<", ">", "(", ")", ",", "=", ".", "[",
@@ -317,12 +322,36 @@ impl PyParser {
         })
     }
 
+    /// Takes `in`, or the two words `not in`; true for the latter, `None` if neither follows.
+    fn membership(&mut self) -> Option<bool> {
+        if self.eat_word("in") {
+            return Some(false);
+        }
+        let next = self.tokens.get(self.i + 1).map(|t| &t.kind);
+        let is_negated = self.word() == Some("not") && matches!(next, Some(PyTokenKind::Name(n)) if n == "in");
+        self.i += 2 * usize::from(is_negated);
+        is_negated.then_some(true)
+    }
+
     /// `a < b < c` holds if both comparisons do.
     fn comparison(&mut self) -> Result<PyExpr, Refusal> {
         let mut from = self.i;
         let mut left = self.sum()?;
         let mut all: Option<PyExpr> = None;
         loop {
+            let place = self.here();
+            if let Some(is_negated) = self.membership() {
+                from = self.i;
+                let right = self.sum()?;
+                let found = PyExpr::Call(IN.to_owned(), vec![left, right.clone()], place);
+                let one = if is_negated { PyExpr::Not(Box::new(found)) } else { found };
+                all = Some(match all {
+                    None => one,
+                    Some(before) => PyExpr::And(Box::new(before), Box::new(one)),
+                });
+                left = right;
+                continue;
+            }
             let op = match self.sign() {
                 Some("==") => PyOp::Eq,
                 Some("!=" | "<>") => PyOp::Ne,
@@ -551,16 +580,25 @@ impl PyParser {
     fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
         let mut args = Vec::new();
         while !self.eat(")") {
-            let from = self.i;
-            args.push(self.choice()?);
-            if OF_NUMBERS.contains(&name.as_str()) {
-                self.check_number(from)?;
-            }
-            if self.word() == Some("for")
-                && args.len() == 1
-                && let Some(value) = args.pop()
+            // `f(x, k=3)`: the name is kept with its sign, which no function has.
+            if let [PyToken { kind: PyTokenKind::Name(own), range }, PyToken { kind: PyTokenKind::Sign("="), .. }, ..] =
+                self.tokens.get(self.i..).unwrap_or(&[])
             {
-                args.push(self.each(value, range.clone())?);
+                let (own, range) = (format!("{own}="), range.clone());
+                self.i += 2;
+                args.push(PyExpr::Call(own, vec![self.choice()?], range));
+            } else {
+                let from = self.i;
+                args.push(self.choice()?);
+                if OF_NUMBERS.contains(&name.as_str()) {
+                    self.check_number(from)?;
+                }
+                if self.word() == Some("for")
+                    && args.len() == 1
+                    && let Some(value) = args.pop()
+                {
+                    args.push(self.each(value, range.clone())?);
+                }
             }
             if self.eat(",") || self.sign() == Some(")") {
                 continue;
@@ -588,6 +626,8 @@ pub(super) struct Scope {
     pub unreadable: BTreeMap<String, Refusal>,
     /// Functions whose body is one expression, by name: their parameters and the expression.
     pub functions: BTreeMap<String, (Vec<String>, PyExpr)>,
+    /// Values that parameters of functions have where a call gives none, by the name of the function.
+    pub defaults: BTreeMap<String, Vec<Option<PyExpr>>>,
     /// The code is that of `StartEach`, which runs before the step: `Q` counts the steps that are completed.
     pub is_before_step: bool,
 }
@@ -681,21 +721,23 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::Not(a) => PyExpr::Not(sub(a)?),
         // Texts are equal or not; their order is not known.
         PyExpr::Binary(op @ (PyOp::Eq | PyOp::Ne), a, b) => PyExpr::Binary(*op, sub(a)?, sub(b)?),
-        PyExpr::Binary(op, a, b) => PyExpr::Binary(*op, number(a)?, number(b)?),
+        PyExpr::Binary(op, a, b) => combined(*op, number(a)?, number(b)?, scope)?,
         PyExpr::And(a, b) => PyExpr::And(sub(a)?, sub(b)?),
         PyExpr::Or(a, b) => PyExpr::Or(sub(a)?, sub(b)?),
         PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a)?, sub(b)?, sub(c)?),
-        // A function of the file is replaced by its body; arguments are written in as often as it names them, so that they
-        // must not draw.
+        // A function of the file is replaced by its body.
         PyExpr::Call(name, args, range) => {
             let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
             if let Some((params, body)) = scope.functions.get(name) {
                 if depth >= 16 {
                     return Err(Refusal::new(format!("the recursive function '{name}'"), range.clone()));
                 }
-                if params.len() != args.len() || args.iter().any(|a| has_random(a, scope)) {
-                    return Err(Refusal::new(format!("this call of '{name}'"), range.clone()));
-                }
+                let args = arguments(params, scope.defaults.get(name), args).filter(|args| {
+                    // An argument is written in as often as the body reads it, so that one which draws may be read once.
+                    let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(body, p) <= 1;
+                    params.iter().zip(args).all(is_drawn_once)
+                });
+                let args = args.ok_or_else(|| Refusal::new(format!("this call of '{name}'"), range.clone()))?;
                 if size_with(body, params, &args) > MAX_OPS {
                     return Err(Refusal::new("an expression that grows too large", range.clone()));
                 }
@@ -718,7 +760,27 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                     PyExpr::Call(name.clone(), items.clone(), range.clone())
                 }
                 ("list" | "tuple", [list @ PyExpr::List(..)]) => list.clone(),
+                ("reversed", [PyExpr::List(items, range)]) => {
+                    PyExpr::List(items.iter().rev().cloned().collect(), range.clone())
+                }
+                ("sorted", [PyExpr::List(items, range)]) => sorted(items, scope, range)?,
+                ("any" | "all", [PyExpr::List(items, _)]) if !items.iter().any(|e| has_random(e, scope)) => {
+                    let is_any = name == "any";
+                    let one = |e: &PyExpr| PyExpr::Call("bool".to_owned(), vec![e.clone()], range.clone());
+                    let both = |a, b| {
+                        let (a, b) = (Box::new(a), Box::new(b));
+                        if is_any { PyExpr::Or(a, b) } else { PyExpr::And(a, b) }
+                    };
+                    let of_none = PyExpr::Number(if is_any { 0.0 } else { 1.0 });
+                    items.iter().map(one).reduce(both).unwrap_or(of_none)
+                }
+                ("divmod", [a, b]) if !args.iter().any(|a| has_random(a, scope)) => {
+                    let one = |op| PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()));
+                    PyExpr::List(vec![one(PyOp::FloorDiv), one(PyOp::Mod)], range.clone())
+                }
                 ("choice", [PyExpr::List(items, _)]) if !items.is_empty() => one_of(items, range),
+                (IN, [value, PyExpr::List(items, _)]) => is_one_of(value, items, scope, range)?,
+                (IN, _) => return Err(Refusal::new("'in' before something other than a list", range.clone())),
                 _ => PyExpr::Call(name.clone(), args, range.clone()),
             }
         }
@@ -737,12 +799,93 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             PyExpr::List(items.into_iter().map(one).collect::<Result<_, _>>()?, range.clone())
         }
         PyExpr::Index(list, index, range) => {
-            let PyExpr::List(items, _) = resolve(list, scope, depth)? else {
-                return Err(Refusal::new("a list or an index '[..]'", range.clone()));
-            };
-            item(&items, &resolve(index, scope, depth)?, scope, range)?
+            let index = resolve(index, scope, depth)?;
+            // A list of the model is not copied for one of its items.
+            match list_of_model(list, scope) {
+                Some(items) => item(items, &index, scope, range)?,
+                None => indexed(&resolve(list, scope, depth)?, &index, scope, range)?,
+            }
         }
     })
+}
+
+/// How often an expression reads a name, at the most; a list that is made from another counts as two values.
+fn times_read(e: &PyExpr, name: &str) -> usize {
+    let times = |e: &PyExpr| times_read(e, name);
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) => 0,
+        PyExpr::Name(own, _) => usize::from(own == name),
+        PyExpr::Neg(a) | PyExpr::Not(a) => times(a),
+        PyExpr::Binary(_, a, b) | PyExpr::And(a, b) | PyExpr::Or(a, b) | PyExpr::Index(a, b, _) => times(a) + times(b),
+        PyExpr::Choice(a, b, c) => times(a) + times(b).max(times(c)),
+        PyExpr::Call(_, items, _) | PyExpr::List(items, _) => items.iter().map(times).sum(),
+        PyExpr::Each(value, own, list, _) => times(list) * 2 + if own == name { 0 } else { times(value) * 2 },
+    }
+}
+
+/// The arguments of a call in the order of the parameters; `None` where one is missing or has none.
+fn arguments(params: &[String], defaults: Option<&Vec<Option<PyExpr>>>, args: Vec<PyExpr>) -> Option<Vec<PyExpr>> {
+    let mut values = defaults.cloned().unwrap_or_default();
+    values.resize(params.len(), None);
+    for (k, arg) in args.into_iter().enumerate() {
+        let (k, value) = match arg {
+            PyExpr::Call(name, mut value, _) if name.ends_with('=') => {
+                (params.iter().position(|p| name.strip_suffix('=') == Some(p.as_str()))?, value.pop()?)
+            }
+            value => (k, value),
+        };
+        *values.get_mut(k)? = Some(value);
+    }
+    values.into_iter().collect()
+}
+
+/// An operation on numbers, `list + list` or `list * number`.
+fn combined(op: PyOp, a: Box<PyExpr>, b: Box<PyExpr>, scope: &Scope) -> Result<PyExpr, Refusal> {
+    let (items, range) = match (op, &*a, &*b) {
+        (PyOp::Add, PyExpr::List(first, range), PyExpr::List(rest, _)) => {
+            (first.iter().chain(rest).cloned().collect::<Vec<_>>(), range)
+        }
+        (PyOp::Mul, PyExpr::List(items, range), count) | (PyOp::Mul, count, PyExpr::List(items, range)) => {
+            let count = constant_of(count, scope).filter(|n| n.fract().abs() <= 0.0 && *n <= MAX_ITEMS);
+            let Some(count) = count.filter(|_| !items.iter().any(|e| has_random(e, scope))) else {
+                return Err(Refusal::new("a list times a number that is not constant", range.clone()));
+            };
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to MAX_ITEMS")]
+            let count = count.max(0.0) as usize;
+            let all = items.len().saturating_mul(count);
+            (items.iter().cycle().take(all.min(MAX_OPS + 1)).cloned().collect(), range)
+        }
+        _ => return Ok(PyExpr::Binary(op, a, b)),
+    };
+    if items.len() > MAX_OPS {
+        return Err(Refusal::new("a list of too many items", range.clone()));
+    }
+    Ok(PyExpr::List(items, range.clone()))
+}
+
+/// A list of constant numbers in ascending order.
+fn sorted(items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let number = |e: &PyExpr| constant_of(e, scope).filter(|_| !matches!(e, PyExpr::Text(..)));
+    let numbers = items.iter().map(number).collect::<Option<Vec<f64>>>();
+    let mut numbers =
+        numbers.ok_or_else(|| Refusal::new("'sorted' of something other than constant numbers", range.clone()))?;
+    numbers.sort_by(f64::total_cmp);
+    Ok(PyExpr::List(numbers.into_iter().map(PyExpr::Number).collect(), range.clone()))
+}
+
+/// `value in list`: whether the value equals one of the items.
+fn is_one_of(value: &PyExpr, items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    if has_random(value, scope) {
+        let why = Refusal::new("a random number before 'in'", range.clone());
+        return Err(why.remedy("assign it to a variable first"));
+    }
+    if items.len() > MAX_MEMBERS {
+        let why = Refusal::new(format!("'in' before a list of more than {MAX_MEMBERS} items"), range.clone());
+        return Err(why.remedy("compare with < and <="));
+    }
+    let equals = |item: &PyExpr| PyExpr::Binary(PyOp::Eq, Box::new(value.clone()), Box::new(item.clone()));
+    let either = |a, b| PyExpr::Or(Box::new(a), Box::new(b));
+    Ok(items.iter().map(equals).reduce(either).unwrap_or(PyExpr::Number(0.0)))
 }
 
 /// One item of a list, each as likely as the others: the first of n items with a chance of 1/n, else one of the n - 1 others.
@@ -791,6 +934,31 @@ fn slot_number(i: usize) -> u16 {
     u16::try_from(i).unwrap_or(u16::MAX)
 }
 
+/// The items of a list that a name stands for.
+fn list_of_model<'s>(e: &PyExpr, scope: &'s Scope) -> Option<&'s [PyExpr]> {
+    let PyExpr::Name(name, _) = e else { return None };
+    let is_hidden = scope.locals.contains(name) || scope.unreadable.contains_key(name);
+    match scope.lists.get(name).filter(|_| !is_hidden) {
+        Some(PyExpr::List(items, _)) => Some(items),
+        _ => None,
+    }
+}
+
+/// An item of a list, or of the list that a choice gives: `list[i][1]` with a list of lists.
+fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    match list {
+        PyExpr::List(items, _) => item(items, index, scope, range),
+        PyExpr::Choice(test, a, b) if !has_random(test, scope) => {
+            if size_with(list, &[], &[]).saturating_mul(size_with(index, &[], &[])) > MAX_OPS {
+                return Err(Refusal::new("an expression that grows too large", range.clone()));
+            }
+            let (a, b) = (indexed(a, index, scope, range)?, indexed(b, index, scope, range)?);
+            Ok(PyExpr::Choice(test.clone(), Box::new(a), Box::new(b)))
+        }
+        _ => Err(Refusal::new("a list or an index '[..]'", range.clone())),
+    }
+}
+
 /// An item of a list; an index below 0 counts from the end. An index that is not constant becomes a choice.
 fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     let n = f64::from(saturating_index(items.len()));
@@ -800,14 +968,16 @@ fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -
         let found = (i >= 0.0 && i < n).then(|| items.get(i as usize)).flatten();
         return found.cloned().ok_or_else(|| Refusal::new("an index outside of its list", range.clone()));
     }
-    // An index that is not constant is compared with each position, so that the items must be numbers that need no draw.
-    let is_number = |e: &PyExpr| !matches!(e, PyExpr::List(..)) && !has_random(e, scope);
-    let Some((last, others)) = items.split_last().filter(|_| items.len() <= MAX_LOOKUP && items.iter().all(is_number))
-    else {
+    // An index that is not constant is compared with each position, so that the items must need no draw.
+    let draws = items.iter().any(|e| has_random(e, scope));
+    let Some((last, others)) = items.split_last().filter(|_| items.len() <= MAX_LOOKUP && !draws) else {
         return Err(Refusal::new("an index of this list that is not constant", range.clone()));
     };
     if has_random(index, scope) {
         return Err(Refusal::new("a random number as an index", range.clone()));
+    }
+    if items.len().saturating_mul(size_with(index, &[], &[])) > MAX_OPS {
+        return Err(Refusal::new("an expression that grows too large", range.clone()));
     }
     let is = |k: f64| Box::new(PyExpr::Binary(PyOp::Eq, Box::new(index.clone()), Box::new(PyExpr::Number(k))));
     // The last item is taken where the index equals no other position.
@@ -1027,7 +1197,8 @@ fn is_truth(e: &PyExpr) -> bool {
     }
 }
 
-fn range_of(e: &PyExpr) -> Range<usize> {
+/// The place of an expression; that of a number is not kept.
+pub(super) fn range_of(e: &PyExpr) -> Range<usize> {
     match e {
         PyExpr::Number(_) => 0..0,
         PyExpr::Text(_, r)
@@ -1143,6 +1314,49 @@ fn emit_call(
             });
             emit(&least, scope, ops)?;
         }
+        ("log", [a, base]) => {
+            let log = |e: &PyExpr| Box::new(PyExpr::Call("log".to_owned(), vec![e.clone()], range.clone()));
+            emit(&PyExpr::Binary(PyOp::Div, log(a), log(base)), scope, ops)?;
+        }
+        ("log10", [a]) => {
+            emit(a, scope, ops)?;
+            ops.push(Op::Unary(UnaryOp::Log));
+            scaled(ops, std::f64::consts::LOG10_E);
+        }
+        // To so many digits behind the point.
+        ("round", [a, digits]) => {
+            let digits = constant_of(digits, scope).filter(|d| d.fract().abs() <= 0.0 && d.abs() <= 15.0);
+            let digits =
+                digits.ok_or_else(|| Refusal::new("digits of 'round' that are not constant", range.clone()))?;
+            let unit = format!("1e{digits}").parse().unwrap_or(1.0);
+            let unit = || Box::new(PyExpr::Number(unit));
+            let larger = PyExpr::Binary(PyOp::Mul, Box::new(a.clone()), unit());
+            let whole = PyExpr::Call("round".to_owned(), vec![larger], range.clone());
+            emit(&PyExpr::Binary(PyOp::Div, Box::new(whole), unit()), scope, ops)?;
+        }
+        ("hypot" | "fmod" | "sinh" | "cosh" | "tanh", _) if !args.iter().any(|a| has_random(a, scope)) => {
+            let call = |name: &str, a: PyExpr| Box::new(PyExpr::Call(name.to_owned(), vec![a], range.clone()));
+            let two = |op: PyOp, a: &PyExpr, b: &PyExpr| PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()));
+            let e = match (name, args) {
+                ("hypot", [a, b]) => {
+                    let sum = two(PyOp::Add, &two(PyOp::Mul, a, a), &two(PyOp::Mul, b, b));
+                    *call("sqrt", sum)
+                }
+                // The remainder with the sign of the first number.
+                ("fmod", [a, b]) => two(PyOp::Sub, a, &two(PyOp::Mul, b, &call("trunc", two(PyOp::Div, a, b)))),
+                (_, [a]) if name != "hypot" && name != "fmod" => {
+                    let (up, down) = (call("exp", a.clone()), call("exp", PyExpr::Neg(Box::new(a.clone()))));
+                    let (sum, difference) = (two(PyOp::Add, &up, &down), two(PyOp::Sub, &up, &down));
+                    match name {
+                        "sinh" => two(PyOp::Div, &difference, &PyExpr::Number(2.0)),
+                        "cosh" => two(PyOp::Div, &sum, &PyExpr::Number(2.0)),
+                        _ => two(PyOp::Div, &difference, &sum),
+                    }
+                }
+                _ => return Err(Refusal::new(format!("this call of '{name}'"), range.clone())),
+            };
+            emit(&e, scope, ops)?;
+        }
         // L-Py counts from 0, `Q` from 1 in productions and from 0 in the function before a step.
         ("getIterationNb", []) if scope.is_before_step => ops.push(Op::Step),
         ("getIterationNb", []) => {
@@ -1170,6 +1384,7 @@ fn emit_call(
             emit(b, scope, ops)?;
             ops.push(Op::Random(RandomFunction::Nran));
         }
+        _ if name.ends_with('=') => return Err(Refusal::new("an argument with a name", range.clone())),
         _ => return Err(Refusal::new(format!("the function '{name}'"), range.clone())),
     }
     Ok(())

@@ -27,6 +27,9 @@ use crate::vm;
 const CALLED_FUNCTIONS: [&str; 6] =
     ["Start", "StartEach", "EndEach", "StartInterpretation", "EndInterpretation", "PostDraw"];
 
+/// Target of the jump of a `return`, until the end of its function is known.
+const RETURN: usize = usize::MAX;
+
 /// A line that is not blank; `indent` in columns.
 #[derive(Debug, Clone, Copy)]
 struct Line<'t> {
@@ -73,6 +76,8 @@ struct Model<'r, 's> {
     /// Lines of the functions that L-Py runs, which are read when all values of the model are known: name, first and last line
     /// of the body, place.
     run_later: Vec<(String, Range<usize>, Range<usize>)>,
+    /// Parameters of the function that is read, which L-Py runs: the string, and what was drawn.
+    run_parameters: Vec<String>,
     /// `backward()` was called, or `forward()`; `None`: neither.
     direction: Option<bool>,
 }
@@ -110,6 +115,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         rule_lists: Vec::new(),
         arities: BTreeSet::new(),
         run_later: Vec::new(),
+        run_parameters: Vec::new(),
         direction: None,
     };
     if model.uses_groups {
@@ -129,6 +135,8 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         let inline = head.and_then(|h| colon(h).map(|c| at_semicolons(h.from(c + 1).trimmed()))).unwrap_or_default();
         let inline: Vec<Line<'_>> = inline.into_iter().map(|piece| Line { indent: 1, piece }).collect();
         let block = if inline.is_empty() { list.get(body).unwrap_or(&[]) } else { &inline };
+        let parameters = head.and_then(parameters_of).unwrap_or_default();
+        model.run_parameters = parameters.into_iter().map(|(name, _)| name).collect();
         model.called_function(&name, block, &place);
     }
     model.finish(text);
@@ -431,6 +439,14 @@ impl<'s> Model<'_, 's> {
         number
     }
 
+    /// The value of an expression of constants; `None` for any other.
+    fn known_number(&self, value: Piece<'_>) -> Option<f64> {
+        let mut scope = self.scope.clone();
+        scope.constants.extend(self.initial.clone());
+        let code = parse(value).and_then(|e| compile(&e, &scope)).ok()?;
+        vm::constant_value(&code).filter(|v| v.is_finite())
+    }
+
     /// As [`Self::constant`], cut to an integer with L008 if it is a fraction.
     fn whole_number(&mut self, value: Piece<'_>) -> Option<f64> {
         let n = self.constant(value)?;
@@ -587,17 +603,10 @@ impl<'s> Model<'_, 's> {
             _ => {}
         }
         // Angles of the turtle, seeds, and other settings that change no rule.
-        let compact: String = piece.text.chars().filter(|c| !c.is_whitespace()).collect();
-        if let Some(at) =
-            ["setAngleIncrement(", "angle_increment="].iter().find_map(|k| compact.find(k).map(|i| i + k.len()))
-        {
-            if let Ok(angle) = compact[at..].trim_end_matches(')').parse::<f64>()
-                && let Some(turtle) = &mut self.reader.program.turtle
-            {
-                turtle.settings.angle_deg = Some(angle);
-            }
+        if self.turtle_setting(piece) {
             return next;
         }
+        let compact: String = piece.text.chars().filter(|c| !c.is_whitespace()).collect();
         let is_setting = [
             "seed(",
             "random.seed(",
@@ -644,6 +653,7 @@ impl<'s> Model<'_, 's> {
             }
             let (names, values) = (split(names), split(value));
             if let ([name], Some((params, body))) = (names.as_slice(), lambda(value)) {
+                self.scope.defaults.remove(name.text);
                 self.scope.functions.insert(name.text.to_owned(), (params, body));
                 return next;
             }
@@ -658,9 +668,15 @@ impl<'s> Model<'_, 's> {
                 }
                 return next;
             }
-            for (k, name) in names.iter().enumerate() {
+            // Python takes all values before it sets the first name.
+            let read = |k: usize| {
                 let one = if names.len() == values.len() { values.get(k).copied() } else { Some(value) };
-                match one.map_or_else(|| Err(Refusal::new("this assignment", range.clone())), parse) {
+                let e = one.map_or_else(|| Err(Refusal::new("this assignment", range.clone())), parse)?;
+                if names.len() > 1 { resolve(&e, &self.scope, 0) } else { Ok(e) }
+            };
+            let taken: Vec<_> = (0..names.len()).map(read).collect();
+            for (name, e) in names.iter().zip(taken) {
+                match e {
                     Ok(e) => self.global(name.text, &e, value.range()),
                     Err(why) => {
                         self.scope.constants.remove(name.text);
@@ -703,17 +719,25 @@ impl<'s> Model<'_, 's> {
     fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
         let parsed = || {
-            let open = rest.text.find('(')?;
-            let inner = rest.from(open + 1);
-            let close = strings::closing(inner.text)?;
-            let params: Vec<String> = split(inner.up_to(close)).iter().map(|p| p.text.to_owned()).collect();
-            let after = inner.from(close + 1).trimmed();
+            let params = parameters_of(rest)?;
+            let inner = rest.from(rest.text.find('(')? + 1);
+            // `def f(x) -> float:` names what it gives.
+            let after = inner.from(strings::closing(inner.text)? + 1).trimmed();
+            let given = after.text.strip_prefix("->").and_then(|t| t.find(':')).map_or(0, |c| c + "->".len());
+            let after = after.from(given);
             let body = after.text.strip_prefix(':').map(|_| after.from(1).trimmed())?;
             Some((params, body))
         };
         let head = parsed();
         // A function that rules call: its body stands behind the colon or in the block.
         let Some((params, body)) = head else { return };
+        // Python evaluates them once, where the function is defined.
+        let default = |value: Piece<'_>| {
+            let value = parse(value).and_then(|e| resolve(&e, &self.scope, 0)).ok();
+            value.filter(|e| !has_random(e, &self.scope))
+        };
+        let defaults: Vec<Option<PyExpr>> = params.iter().map(|(_, value)| value.and_then(default)).collect();
+        let params: Vec<String> = params.into_iter().map(|(name, _)| name).collect();
         let inline = [Line { indent: 0, piece: body }];
         let lines = if body.text.is_empty() { block } else { &inline };
         let value = self.statements(lines, 0).and_then(|mut list| {
@@ -724,6 +748,7 @@ impl<'s> Model<'_, 's> {
         });
         match value {
             Ok(value) => {
+                self.scope.defaults.insert(name.clone(), defaults);
                 self.scope.functions.insert(name, (params, value));
             }
             // A call of a function that could not be read is refused there.
@@ -763,8 +788,18 @@ impl<'s> Model<'_, 's> {
         for line in block {
             let text = line.piece.text;
             // These do not change what rules read; `forward()` is how L-Py rewrites without it.
-            const IDLE: [&str; 4] = ["seed(", "random.seed(", "context(", "return None"];
-            if IDLE.iter().any(|w| text.starts_with(w)) {
+            const IDLE: [&str; 3] = ["seed(", "random.seed(", "context("];
+            if self.turtle_setting(line.piece) || IDLE.iter().any(|w| text.starts_with(w)) {
+                continue;
+            }
+            // `return lstring, scene` hands on both.
+            let (word, rest) = line.piece.first_word(&[]);
+            let values = if word.text == "return" { split(rest) } else { Vec::new() };
+            if let [string, _, ..] = values.as_slice()
+                && values.iter().all(|v| self.run_parameters.iter().any(|p| p == v.text))
+            {
+                let end = string.at + string.text.len() - line.piece.at;
+                lines.push(Line { piece: line.piece.up_to(end), ..*line });
                 continue;
             }
             let is_backward = text.starts_with("backward()");
@@ -780,7 +815,57 @@ impl<'s> Model<'_, 's> {
         let mut ops = Vec::new();
         let mut declared = Vec::new();
         self.block_code(&statements, &mut declared, &mut ops)?;
+        // A function that does nothing but return is none.
+        if ops.iter().all(|op| *op == Op::Jump(RETURN)) {
+            ops.clear();
+        }
+        let end = ops.len();
+        for op in ops.iter_mut().filter(|op| **op == Op::Jump(RETURN)) {
+            *op = Op::Jump(end);
+        }
         Ok(ops)
+    }
+
+    /// Reads a line that sets the turtle, such as `context().turtle.setAngleIncrement(90)`; false for any other. L008 for a setting
+    /// that has no effect.
+    fn turtle_setting(&mut self, piece: Piece<'_>) -> bool {
+        // The value of a method stands in parentheses, that of a member behind '='.
+        let value = |method: &str, member: &str| {
+            if let Some(i) = piece.text.find(method) {
+                let call = piece.from(i + method.len()).trimmed();
+                let inner = call.text.strip_prefix('(').map(|_| call.from(1))?;
+                return Some(inner.up_to(strings::closing(inner.text)?).trimmed());
+            }
+            let rest = piece.from(piece.text.find(member)? + member.len()).trimmed();
+            let is_value = rest.text.starts_with('=') && !rest.text.starts_with("==");
+            let value = rest.from(1).trimmed();
+            is_value.then_some(Piece::new(value.at, value.text.trim_end_matches([';', ' '])))
+        };
+        if let Some(value) = value("setAngleIncrement", ".angle_increment") {
+            if let Some(angle) = self.known_number(value) {
+                if let Some(turtle) = &mut self.reader.program.turtle {
+                    turtle.settings.angle_deg = Some(angle.abs());
+                }
+            } else {
+                let place = self.reader.place(value.range());
+                let message = "this angle is not constant and has no effect".to_owned();
+                self.reader.session.warning("L008", message, place, "write the angle as a number");
+            }
+            return true;
+        }
+        let others = [
+            ("setDefaultStep", ".default_step"),
+            ("setWidthIncrement", ".width_increment"),
+            ("setColorIncrement", ".color_increment"),
+            ("setScaleMultiplier", ".scale_multiplier"),
+        ];
+        let is_other = others.iter().any(|(method, member)| value(method, member).is_some());
+        if is_other {
+            let place = self.reader.place(piece.range());
+            let message = "this setting of the turtle has no effect".to_owned();
+            self.reader.session.warning("L008", message, place, "give the modules their parameters");
+        }
+        is_other
     }
 
     /// `backward()` or `forward()`, the direction in which all steps rewrite. `is_nested`: a condition decides on it.
@@ -832,7 +917,20 @@ impl<'s> Model<'_, 's> {
     ) -> Result<(), Refusal> {
         for statement in statements {
             match statement {
-                Statement::Pass | Statement::Return(..) => {}
+                Statement::Pass => {}
+                // A function that returns the string that it was given changes nothing.
+                Statement::Return(value, place) => {
+                    let is_own = match value {
+                        Some(PyExpr::Name(name, _)) => self.run_parameters.contains(name),
+                        Some(_) => false,
+                        None => true,
+                    };
+                    if !is_own {
+                        let why = Refusal::new("a function that returns another string", place.clone());
+                        return Err(why.remedy("write the string as the axiom, and its changes as productions"));
+                    }
+                    ops.push(Op::Jump(RETURN));
+                }
                 Statement::Global(names) => declared.extend(names.iter().cloned()),
                 Statement::Assign(name, e) => {
                     let code = compile(e, &self.scope)?;
@@ -916,6 +1014,19 @@ impl<'s> Model<'_, 's> {
     }
 }
 
+/// Names of the parameters of a function from its head, `Start(lstring):`, with the values that they have otherwise, `f(x, k=3):`.
+fn parameters_of(head: Piece<'_>) -> Option<Vec<(String, Option<Piece<'_>>)>> {
+    let inner = head.from(head.text.find('(')? + 1);
+    let list = split(inner.up_to(strings::closing(inner.text)?));
+    let parameters = list.into_iter().map(|p| {
+        let value = p.text.find('=').map(|i| p.from(i + 1).trimmed());
+        // `x: float` names what it takes.
+        let name = p.text.split(['=', ':']).next().unwrap_or_default().trim();
+        (name.to_owned(), value)
+    });
+    Some(parameters.collect())
+}
+
 /// `lambda x, y: e`: parameters and expression.
 fn lambda(piece: Piece<'_>) -> Option<(Vec<String>, PyExpr)> {
     let rest = piece.text.strip_prefix("lambda").map(|_| piece.from("lambda".len()))?;
@@ -952,15 +1063,20 @@ fn is_rule(piece: Piece<'_>) -> bool {
     piece.text.contains("-->") || piece.text.contains("-static->") || (!is_python && colon(piece).is_some())
 }
 
+/// True for a name of Python.
+fn is_name(text: &str) -> bool {
+    let mut chars = text.chars();
+    chars.next().is_some_and(|c| c.is_alphabetic() || c == '_') && chars.all(|c| c.is_alphanumeric() || c == '_')
+}
+
 /// `name = expression`; `None` for anything else.
 fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let i = piece.text.find('=')?;
     let names = piece.up_to(i).trimmed();
+    // `(x, y) = e` is `x, y = e`.
+    let inner = names.text.strip_prefix('(').and_then(|t| t.strip_suffix(')'));
+    let names = inner.map_or(names, |t| Piece::new(names.at + 1, t).trimmed());
     let value = piece.from(i + 1).trimmed();
-    let is_name = |p: &Piece<'_>| {
-        let mut chars = p.text.chars();
-        chars.next().is_some_and(|c| c.is_alphabetic() || c == '_') && chars.all(|c| c.is_alphanumeric() || c == '_')
-    };
-    (split(names).iter().all(is_name) && !names.text.is_empty() && !value.text.starts_with('='))
+    (split(names).iter().all(|p| is_name(p.text)) && !names.text.is_empty() && !value.text.starts_with('='))
         .then_some((names, value))
 }

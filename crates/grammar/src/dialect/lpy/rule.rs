@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::bounds::Bounds;
-use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse, resolve, size_with, substitute};
-use super::statement::{GROUP, Statement, assigned, in_turn, only_computes};
+use super::bounds::{Bounds, mentions};
+use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse, range_of, resolve, size_with, substitute};
+use super::statement::{GROUP, Statement, assigned, in_turn, is_written_out, only_computes, with_lists};
 use super::strings::{PyModule, Spelled, modules, spell};
 use super::{Line, Model, Section, block_after, colon, shifted, strings};
 use crate::code::{Bytecode, Expr, Op, UnaryOp, is_zero};
@@ -73,6 +73,24 @@ impl Step {
             Self::Loop(_, body, _) => names_of(body).0.iter().any(|n| n == name),
         }
     }
+
+    /// True if an expression reads a variable that the step assigns.
+    fn changes(&self, e: &PyExpr) -> bool {
+        match self {
+            Self::Assign(name, _) => mentions(e, name),
+            Self::Condition(..) => false,
+            Self::Loop(_, body, _) => names_of(body).0.iter().any(|name| mentions(e, name)),
+        }
+    }
+}
+
+/// An expression with the values of the variables of a way, which hide those of the model; one whose value is not known has a
+/// name that no scope has, so that what reads it is not constant.
+fn in_way(e: &PyExpr, way: &Way) -> PyExpr {
+    let names: Vec<String> = way.known.keys().cloned().collect();
+    let unknown = || PyExpr::Name("(changes)".to_owned(), 0..0);
+    let values: Vec<PyExpr> = way.known.values().map(|v| v.map_or_else(unknown, PyExpr::Number)).collect();
+    substitute(e, &names, &values)
 }
 
 /// Names that statements assign, and names that they declare `global`.
@@ -99,6 +117,8 @@ pub(super) struct Way {
     globals: Vec<String>,
     /// Variables that the way has assigned, with their values where these are numbers whatever the parameters are.
     known: BTreeMap<String, Option<f64>>,
+    /// Variables that the way has set to lists, which stand where the names are read.
+    lists: BTreeMap<String, PyExpr>,
     /// What its conditions leave of the values of its variables.
     bounds: Bounds,
 }
@@ -421,7 +441,7 @@ impl Model<'_, '_> {
                 out.push(way);
                 continue;
             };
-            match statement {
+            match with_lists(statement, &way.lists) {
                 Statement::Pass => open.push((way, left)),
                 Statement::Global(names) => {
                     way.globals.extend(names);
@@ -435,6 +455,18 @@ impl Model<'_, '_> {
                     return Err(Refusal::new("'return' in a production", place));
                 }
                 Statement::Assign(name, e) => {
+                    let list = self.list_of(&e, &way).filter(|_| !way.globals.contains(&name));
+                    if let Some(list) = list {
+                        let mut taken = Vec::new();
+                        let list = self.kept(&list, &way, &mut taken);
+                        let list = self.named_list(list, &mut format!("(list of {})", self.temporaries));
+                        self.temporaries += 1;
+                        way.lists.insert(name, list);
+                        left.extend(taken.into_iter().rev());
+                        open.push((way, left));
+                        continue;
+                    }
+                    way.lists.remove(&name);
                     let value = self.known_value(&e, &way);
                     way.known.insert(name.clone(), value);
                     way.bounds.assign(&name, &e, &self.scope);
@@ -501,7 +533,29 @@ impl Model<'_, '_> {
                     open.extend(alternatives.into_iter().rev());
                 }
                 Statement::For(name, list, body, place) => {
-                    match self.turns(&list, &place) {
+                    let turns = self.turns(&in_way(&list, &way), &place);
+                    // The items of a list that are not constant are taken before the first turn.
+                    if turns.is_err()
+                        && let Some(list) = self.list_of(&list, &way)
+                    {
+                        let mut taken = Vec::new();
+                        let PyExpr::List(items, _) = self.kept(&list, &way, &mut taken) else {
+                            return Err(Refusal::new("'for' over something other than a list", place));
+                        };
+                        if items.len().saturating_mul(body.len() + 1) > MAX_STEPS {
+                            return Err(Refusal::new("'for' with too many turns", place));
+                        }
+                        left.push(Statement::LoopEnd);
+                        for item in items.into_iter().rev() {
+                            left.push(Statement::TurnEnd);
+                            left.extend(body.iter().rev().cloned());
+                            left.push(Statement::Assign(name.clone(), item));
+                        }
+                        left.extend(taken.into_iter().rev());
+                        open.push((way, left));
+                        continue;
+                    }
+                    match turns {
                         Ok(turns) => {
                             left.push(Statement::LoopEnd);
                             if turns.len().saturating_mul(body.len() + 1) > MAX_STEPS {
@@ -576,7 +630,10 @@ impl Model<'_, '_> {
                         }
                         _ if only_computes(&body) => {
                             let (names, globals) = names_of(&body);
-                            names.iter().for_each(|n| way.bounds.forget(n));
+                            names.iter().for_each(|n| {
+                                way.bounds.forget(n);
+                                way.lists.remove(n);
+                            });
                             way.known.extend(names.into_iter().map(|n| (n, None)));
                             way.globals.extend(globals);
                             way.steps.push(Step::Loop(test, body, place));
@@ -623,13 +680,41 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
+    /// The list that an expression is; `None` for any other.
+    fn list_of(&self, e: &PyExpr, way: &Way) -> Option<PyExpr> {
+        let may_be = match e {
+            PyExpr::List(..) => return Some(e.clone()),
+            PyExpr::Name(name, _) => self.scope.lists.contains_key(name),
+            PyExpr::Index(..) | PyExpr::Each(..) => true,
+            PyExpr::Binary(PyOp::Add | PyOp::Mul, a, b) => [a, b].iter().any(|e| matches!(***e, PyExpr::List(..))),
+            PyExpr::Call(name, ..) => {
+                matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
+                    || self.scope.functions.contains_key(name)
+            }
+            _ => false,
+        };
+        let list = may_be.then(|| resolve(&in_way(e, way), &self.scope, 0).ok()).flatten();
+        list.filter(|e| matches!(e, PyExpr::List(..)))
+    }
+
+    /// A list of numbers, and of variables that the statements `taken` set, so that it may be read at any time.
+    fn kept(&mut self, e: &PyExpr, way: &Way, taken: &mut Vec<Statement>) -> PyExpr {
+        if is_written_out(e) {
+            return e.clone();
+        }
+        if let Some(PyExpr::List(items, place)) = self.list_of(e, way) {
+            let items = items.iter().map(|e| self.kept(e, way, taken)).collect();
+            return PyExpr::List(items, place);
+        }
+        let name = format!("(item {})", self.temporaries);
+        self.temporaries += 1;
+        taken.push(Statement::Assign(name.clone(), e.clone()));
+        PyExpr::Name(name, range_of(e))
+    }
+
     /// Value of an expression after the steps of a way, if it is a number whatever the parameters are.
     fn known_value(&self, e: &PyExpr, way: &Way) -> Option<f64> {
-        let names: Vec<String> = way.known.keys().cloned().collect();
-        // What reads a variable without a known value is not constant: the scope has no such name.
-        let unknown = || PyExpr::Name("(changes)".to_owned(), 0..0);
-        let values: Vec<PyExpr> = way.known.values().map(|v| v.map_or_else(unknown, PyExpr::Number)).collect();
-        let code = compile(&substitute(e, &names, &values), &self.scope).ok()?;
+        let code = compile(&in_way(e, way), &self.scope).ok()?;
         vm::constant_value(&code).filter(|v| !v.is_nan())
     }
 
@@ -657,7 +742,7 @@ impl Model<'_, '_> {
     fn last_turn(&mut self, list: &PyExpr, way: &Way, place: &Range<usize>) -> Option<(PyExpr, u32)> {
         let PyExpr::Call(name, args, _) = list else { return None };
         let [end] = args.as_slice() else { return None };
-        let constant = compile(end, &self.scope).ok().and_then(|code| vm::constant_value(&code));
+        let constant = compile(&in_way(end, way), &self.scope).ok().and_then(|code| vm::constant_value(&code));
         if !name.ends_with("range") || constant.is_some() || !self.is_readable(end, way) {
             return None;
         }
@@ -696,7 +781,11 @@ impl Model<'_, '_> {
             return None;
         }
         let of = |e: &PyExpr| self.at_most(e, steps, depth + 1);
-        let fixed = |e: &PyExpr| compile(e, &self.scope).ok().and_then(|code| vm::constant_value(&code));
+        // Variables of the way hide values of the model.
+        let fixed = |e: &PyExpr| {
+            let code = compile(e, &self.scope).ok()?;
+            vm::constant_value(&code).filter(|_| !steps.iter().any(|s| s.changes(e)))
+        };
         match e {
             PyExpr::Name(name, _) => {
                 // The last assignment before this place counts; what it reads was assigned before it.

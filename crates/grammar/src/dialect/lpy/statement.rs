@@ -1,10 +1,14 @@
 //! Statements of productions: what they are, and how they are read.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
+use osier_base::convert::saturating_index;
+
+use super::bounds::mentions;
 use super::expression::{PyExpr, PyOp, Refusal, Scope, compile, has_random, parse, resolve, size_with, substitute};
-use super::strings::{PyModule, modules, split};
-use super::{Line, Model, assignment, block_after, colon};
+use super::strings::{PyModule, closing, modules, split};
+use super::{Line, Model, assignment, block_after, colon, is_name};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
@@ -73,7 +77,12 @@ impl Model<'_, '_> {
                 "return" if rest.text.is_empty() || rest.text == "None" => {
                     out.push(Statement::Return(None, piece.range()));
                 }
-                "return" => out.push(Statement::Return(Some(parse(rest)?), piece.range())),
+                // `return x, y` gives a list.
+                "return" => {
+                    let mut values = split(rest).into_iter().map(parse).collect::<Result<Vec<_>, _>>()?;
+                    let value = if values.len() == 1 { values.remove(0) } else { PyExpr::List(values, rest.range()) };
+                    out.push(Statement::Return(Some(value), piece.range()));
+                }
                 "if" | "elif" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'if' without ':'", piece.range()))?;
                     let test = parse(rest.up_to(c))?;
@@ -98,9 +107,8 @@ impl Model<'_, '_> {
                 }
                 "for" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'for' without ':'", piece.range()))?;
-                    let (name, list) = for_list(rest.up_to(c))?;
                     let inner = body(self, rest.from(c + 1))?;
-                    out.push(Statement::For(name, list, inner, piece.range()));
+                    out.push(self.loop_over(rest.up_to(c), inner, piece.range())?);
                 }
                 "while" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'while' without ':'", piece.range()))?;
@@ -118,6 +126,183 @@ impl Model<'_, '_> {
             }
         }
         Ok(out)
+    }
+
+    /// A `for` loop: `i in range(a, b, step)`, `x, y in list`, `i, x in enumerate(list)`, `x, y in zip(list, other)`.
+    fn loop_over(
+        &mut self,
+        head: Piece<'_>,
+        mut body: Vec<Statement>,
+        place: Range<usize>,
+    ) -> Result<Statement, Refusal> {
+        let refused = || Refusal::new("'for' over something other than range(..)", head.range());
+        let (name, rest) = head.first_word(&[]);
+        let (word, list) = rest.first_word(&[]);
+        let (targets, list) = if word.text == "in" {
+            (name, list)
+        } else {
+            let at = head.text.find(" in ").ok_or_else(refused)?;
+            (head.up_to(at).trimmed(), head.from(at + " in ".len()))
+        };
+        let list = parse(list.trimmed()).map_err(|_| refused())?;
+        let parts = parts_of(targets);
+        let (number, target, list) = match (list, parts.as_slice()) {
+            (PyExpr::Call(function, lists, _), [number, value]) if function == "enumerate" => {
+                let [list] = lists.as_slice() else { return Err(refused()) };
+                (Some(*number), *value, list.clone())
+            }
+            (list, _) => (None, targets, list),
+        };
+        // The number of the turn, under a name that no model has.
+        let count = format!("(each {})", head.at);
+        let index = PyExpr::Name(count.clone(), head.range());
+        let is_list = |e: &PyExpr, scope: &Scope| {
+            let first = substitute(e, std::slice::from_ref(&count), &[PyExpr::Number(0.0)]);
+            matches!(resolve(&first, scope, 0), Ok(PyExpr::List(..)))
+        };
+        if number.is_none()
+            && parts_of(target).len() == 1
+            && !is_list(&item_at(&list, &index, &head.range()), &self.scope)
+        {
+            return Ok(Statement::For(target.text.to_owned(), list, body, place));
+        }
+        let list = self.named_list(list, &mut format!("(list {})", head.at));
+        let turns = PyExpr::Call("range".to_owned(), vec![length_of(&list, head.range())], head.range());
+        let mut turn = Vec::new();
+        if let Some(number) = number {
+            turn.push(Statement::Assign(number.text.to_owned(), index.clone()));
+        }
+        // Names within names, with what they stand for; the next one last.
+        let mut open = vec![(target, item_at(&list, &index, &head.range()))];
+        while let Some((target, value)) = open.pop() {
+            let parts = parts_of(target);
+            if parts.len() > 1 {
+                let item = |k: usize| match &value {
+                    PyExpr::List(items, _) => items.get(k).cloned(),
+                    list => Some(item_of(list, saturating_index(k), head.range())),
+                };
+                let items = (0..parts.len()).map(item).collect::<Option<Vec<_>>>().ok_or_else(refused)?;
+                open.extend(parts.into_iter().zip(items).rev());
+                continue;
+            }
+            let name = parts.first().filter(|p| is_name(p.text)).ok_or_else(refused)?.text.to_owned();
+            if is_list(&value, &self.scope) {
+                // A list is no value of a variable: it stands where the name is read.
+                let (mut names, mut globals) = (Vec::new(), Vec::new());
+                assigned(&body, &mut names, &mut globals);
+                if names.contains(&name) {
+                    return Err(refused());
+                }
+                body = body.iter().map(|s| replaced(s, &name, &value)).collect();
+            } else {
+                turn.push(Statement::Assign(name, value));
+            }
+        }
+        turn.append(&mut body);
+        Ok(Statement::For(count, turns, turn, place))
+    }
+
+    /// Lists that are written out get a name, so that the turns of a loop do not repeat them.
+    pub(super) fn named_list(&mut self, list: PyExpr, name: &mut String) -> PyExpr {
+        match list {
+            PyExpr::Call(function, lists, place) if function == "zip" => {
+                let lists = lists.into_iter().map(|l| self.named_list(l, name)).collect();
+                PyExpr::Call(function, lists, place)
+            }
+            PyExpr::List(items, place) if items.iter().all(is_written_out) => {
+                // Each name is longer than the one before.
+                name.push('+');
+                self.scope.lists.insert(name.clone(), PyExpr::List(items, place.clone()));
+                PyExpr::Name(name.clone(), place)
+            }
+            other => other,
+        }
+    }
+}
+
+/// True for numbers, texts, and lists of them.
+pub(super) fn is_written_out(e: &PyExpr) -> bool {
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) => true,
+        PyExpr::Neg(a) => matches!(**a, PyExpr::Number(_)),
+        PyExpr::List(items, _) => items.iter().all(is_written_out),
+        _ => false,
+    }
+}
+
+/// The names of `x, y` or `(x, y)`.
+fn parts_of(targets: Piece<'_>) -> Vec<Piece<'_>> {
+    let inner = targets.text.strip_prefix('(').filter(|t| closing(t).is_some_and(|end| end + 1 == t.len()));
+    split(inner.map_or(targets, |t| Piece::new(targets.at + 1, &t[..t.len() - 1])))
+}
+
+/// `list[index]`; of `zip(list, other)` the list of both items.
+fn item_at(list: &PyExpr, index: &PyExpr, place: &Range<usize>) -> PyExpr {
+    match list {
+        PyExpr::Call(function, lists, _) if function == "zip" => {
+            PyExpr::List(lists.iter().map(|l| item_at(l, index, place)).collect(), place.clone())
+        }
+        _ => PyExpr::Index(Box::new(list.clone()), Box::new(index.clone()), place.clone()),
+    }
+}
+
+/// `len(list)`; of `zip(list, other)` the lesser length.
+fn length_of(list: &PyExpr, place: Range<usize>) -> PyExpr {
+    match list {
+        PyExpr::Call(function, lists, _) if function == "zip" => {
+            let least = |a, b| PyExpr::Call("min".to_owned(), vec![a, b], place.clone());
+            let lengths = lists.iter().map(|l| length_of(l, place.clone()));
+            lengths.reduce(least).unwrap_or(PyExpr::Number(0.0))
+        }
+        _ => PyExpr::Call("len".to_owned(), vec![list.clone()], place),
+    }
+}
+
+/// A statement with an expression in place of a name that it does not set.
+fn replaced(s: &Statement, name: &String, by: &PyExpr) -> Statement {
+    let read = |e: &PyExpr| substitute(e, std::slice::from_ref(name), std::slice::from_ref(by));
+    let all = |list: &[Statement]| list.iter().map(|s| replaced(s, name, by)).collect::<Vec<_>>();
+    match s {
+        Statement::Assign(own, e) => Statement::Assign(own.clone(), read(e)),
+        Statement::If(tests, other) => {
+            Statement::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
+        }
+        Statement::For(own, list, body, place) => Statement::For(own.clone(), read(list), all(body), place.clone()),
+        Statement::While(test, body, place, turn) => Statement::While(read(test), all(body), place.clone(), *turn),
+        Statement::Produce(modules, ends) => {
+            let with = |m: &PyModule| PyModule { args: m.args.iter().map(read).collect(), ..m.clone() };
+            Statement::Produce(modules.iter().map(with).collect(), *ends)
+        }
+        Statement::Return(value, place) => Statement::Return(value.as_ref().map(read), place.clone()),
+        Statement::Global(_)
+        | Statement::Break(_)
+        | Statement::Continue(_)
+        | Statement::TurnEnd
+        | Statement::LoopEnd
+        | Statement::Pass => s.clone(),
+    }
+}
+
+/// A statement with lists in place of their names. Blocks within it that may set a name read it when they are reached.
+pub(super) fn with_lists(s: Statement, lists: &BTreeMap<String, PyExpr>) -> Statement {
+    if lists.is_empty() {
+        return s;
+    }
+    let one = |s: &Statement, (name, list): (&String, &PyExpr)| replaced(s, name, list);
+    match s {
+        Statement::If(tests, other) => {
+            let read = |test: PyExpr| {
+                let (names, values): (Vec<_>, Vec<_>) = lists.iter().map(|(n, l)| (n.clone(), l.clone())).unzip();
+                substitute(&test, &names, &values)
+            };
+            Statement::If(tests.into_iter().map(|(test, then)| (read(test), then)).collect(), other)
+        }
+        Statement::For(..) | Statement::While(..) => {
+            let (mut names, mut globals) = (Vec::new(), Vec::new());
+            assigned(std::slice::from_ref(&s), &mut names, &mut globals);
+            lists.iter().filter(|(name, _)| !names.contains(name)).fold(s, |s, list| one(&s, list))
+        }
+        s => lists.iter().fold(s, |s, list| one(&s, list)),
     }
 }
 
@@ -151,7 +336,12 @@ fn assign_statements(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
     Ok(lists.into_iter().flatten().collect())
 }
 
-/// Assignments of a production: `x = e`, `x, y = e, f`, `x += e`.
+/// `list[k]`.
+fn item_of(list: &PyExpr, k: u32, place: Range<usize>) -> PyExpr {
+    PyExpr::Index(Box::new(list.clone()), Box::new(PyExpr::Number(f64::from(k))), place)
+}
+
+/// Assignments of a production: `x = e`, `x = y = e`, `x, y = e, f`, `x, y = list`, `x += e`.
 pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
     let refused = || {
         let shown: String = piece.text.chars().take(40).collect();
@@ -161,34 +351,78 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
         let number = parse(Piece::new(piece.at + "useGroup(".len(), number))?;
         return Ok(vec![Statement::Assign(GROUP.to_owned(), number)]);
     }
-    for sign in ["+=", "-=", "*=", "/="] {
+    // Signs of two characters before the signs that they end with.
+    let changes = [
+        ("**=", PyOp::Pow),
+        ("//=", PyOp::FloorDiv),
+        ("%=", PyOp::Mod),
+        ("+=", PyOp::Add),
+        ("-=", PyOp::Sub),
+        ("*=", PyOp::Mul),
+        ("/=", PyOp::Div),
+    ];
+    for (sign, op) in changes {
         if let Some(i) = piece.text.find(sign) {
             let name = piece.up_to(i).trimmed();
-            let value = parse(piece.from(i + 2).trimmed())?;
-            let op = match sign {
-                "+=" => PyOp::Add,
-                "-=" => PyOp::Sub,
-                "*=" => PyOp::Mul,
-                _ => PyOp::Div,
-            };
+            let value = parse(piece.from(i + sign.len()).trimmed())?;
             // `x += e` becomes `x = x + e`.
             let old = PyExpr::Name(name.text.to_owned(), name.range());
             let sum = PyExpr::Binary(op, Box::new(old), Box::new(value));
             return Ok(vec![Statement::Assign(name.text.to_owned(), sum)]);
         }
     }
-    let (names, value) = assignment(piece).ok_or_else(refused)?;
-    let (names, values) = (split(names), split(value));
-    // `x, y = f()` would need a value with parts, which expressions here do not have.
-    if names.len() != values.len() {
-        return Err(refused());
+    let (names, mut value) = assignment(piece).ok_or_else(refused)?;
+    let names = split(names);
+    // `x = y = e` takes the value once.
+    let mut others = Vec::new();
+    while let Some((other, last)) = assignment(value) {
+        if split(other).len() != 1 {
+            return Err(refused());
+        }
+        others.push(other);
+        value = last;
     }
-    let one = |(name, value): (&Piece<'_>, &Piece<'_>)| Ok(Statement::Assign(name.text.to_owned(), parse(*value)?));
-    names.iter().zip(&values).map(one).collect()
+    if !others.is_empty() {
+        let [first] = names.as_slice() else { return Err(refused()) };
+        let same = || PyExpr::Name(first.text.to_owned(), first.range());
+        let mut out = vec![Statement::Assign(first.text.to_owned(), parse(value)?)];
+        out.extend(others.iter().map(|name| Statement::Assign(name.text.to_owned(), same())));
+        return Ok(out);
+    }
+    let values = split(value);
+    let values = match values.as_slice() {
+        several if several.len() == names.len() => several.iter().map(|v| parse(*v)).collect::<Result<Vec<_>, _>>()?,
+        // `x, y = list`: one name for each item.
+        [list] => match parse(*list)? {
+            PyExpr::List(items, _) if items.len() == names.len() => items,
+            PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::List(..) => return Err(refused()),
+            list => (0..names.len()).map(|k| item_of(&list, saturating_index(k), piece.range())).collect(),
+        },
+        _ => return Err(refused()),
+    };
+    let mut out = Vec::with_capacity(values.len());
+    // Python takes all values first: those that read a name which an earlier one sets wait under names that no model has.
+    let reads_earlier =
+        |(k, value): (usize, &PyExpr)| names.iter().take(k).any(|name: &Piece<'_>| mentions(value, name.text));
+    if values.iter().enumerate().any(reads_earlier) {
+        let waiting = |k: usize| format!("(value {k} of {})", piece.at);
+        out.extend(values.into_iter().enumerate().map(|(k, value)| Statement::Assign(waiting(k), value)));
+        out.extend(names.iter().enumerate().map(|(k, name)| {
+            let value = PyExpr::Name(waiting(k), name.range());
+            Statement::Assign(name.text.to_owned(), value)
+        }));
+    } else {
+        out.extend(names.iter().zip(values).map(|(name, value)| Statement::Assign(name.text.to_owned(), value)));
+    }
+    Ok(out)
 }
 
 /// A statement in one turn of a loop: ranges of loops within it may name the variable.
 pub(super) fn in_turn(s: &Statement, name: &String, value: f64) -> Statement {
+    // Nothing sets the number of a turn, so that its value can stand wherever it is read.
+    if name.starts_with('(') {
+        return replaced(s, name, &PyExpr::Number(value));
+    }
     let all = |list: &[Statement]| list.iter().map(|s| in_turn(s, name, value)).collect::<Vec<_>>();
     match s {
         Statement::If(tests, other) => {
@@ -233,15 +467,6 @@ pub(super) fn assigned(statements: &[Statement], names: &mut Vec<String>, global
             _ => {}
         }
     }
-}
-
-/// `i in range(a, b, step)`, or in another list.
-fn for_list(piece: Piece<'_>) -> Result<(String, PyExpr), Refusal> {
-    let (name, rest) = piece.first_word(&[]);
-    let (word, rest) = rest.first_word(&[]);
-    let list = Some(rest).filter(|_| word.text == "in").and_then(|r| parse(r).ok());
-    let list = list.ok_or_else(|| Refusal::new("'for' over something other than range(..)", piece.range()))?;
-    Ok((name.text.to_owned(), list))
 }
 
 /// Upper limit on the statements that are followed through one function.

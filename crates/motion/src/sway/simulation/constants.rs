@@ -9,9 +9,6 @@ use crate::sway::elements::{BeamElement, BeamElements, LoadStation};
 use crate::sway::tuning::{MAX_RESONANCE_GAIN, SECOND_MODE_DAMPING};
 use crate::sway::wood::AIR_DENSITY;
 
-/// Gravitational acceleration, m/s^2.
-const GRAVITY: f64 = osier_base::physics::GRAVITY;
-
 /// Attachment of an element to its carrier, with the constants by which both act on each other.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CarrierLink {
@@ -84,7 +81,7 @@ impl SimulationConstants {
             // Masses grow with the cube of the size, the slope per force falls with its square: weight bends in proportion to it.
             gravity: params
                 .gravity
-                .then(|| (params.stand.r.conjugate().as_dquat() * (DVec3::NEG_Y * GRAVITY * scale)).to_array()),
+                .map(|g| (params.stand.r.conjugate().as_dquat() * (DVec3::NEG_Y * g * scale)).to_array()),
             second_modes: None,
             shape: Columns::new(m),
             rest: Columns::new(m),

@@ -29,8 +29,9 @@ pub struct SwayParams {
     pub whip: f64,
     /// World from plant space: position, rotation and scale of the plant.
     pub stand: Trs,
-    /// Whether gravity acts on deviations from the grown pose; if not, it is taken as balanced in any pose.
-    pub gravity: bool,
+    /// Gravitational acceleration that acts on deviations from the grown pose, m/s^2; `None` if gravity is taken as balanced in
+    /// any pose.
+    pub gravity: Option<f64>,
     /// Frame rate of the clip, 1/s.
     pub fps: f64,
 }
@@ -223,7 +224,8 @@ mod tests {
         let wood = WoodParams { stiffness: 0.1, measured: true, second_modes: true, ..WoodParams::default() };
         let elements = BeamElements::build(&leafy(23), &wood, 1000);
         let wind = GustWind::new(GustWindOptions { speed: 40.0, seed: 3, ..GustWindOptions::default() });
-        let params = SwayParams { wood, flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, gravity: true, fps: 24.0 };
+        let params =
+            SwayParams { wood, flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, gravity: Some(9.81), fps: 24.0 };
         let run = |arch: Arch| {
             let mut sim = SwaySimulation { arch, ..SwaySimulation::new(&elements, &wind, params) };
             sim.relax_to_mean_wind();

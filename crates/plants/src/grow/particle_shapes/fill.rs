@@ -41,7 +41,7 @@ pub fn fill(
         (0..plant.axes.len()).map(|i| parent_axis(plant, i, bears[i], params, seed)).collect();
     let starts = (0..parents.len()).flat_map(|i| spawn::children(params, &parents[i], i, seed)).collect();
     let mut grown = grow_axes(params, starts, (plant.id, seed));
-    let report = warnings(&grown, &materials.source);
+    let report = warnings(&grown, params, &materials.source);
     // Twigs of level 1 grow on the plant's axes, all others on twigs: separate the two kinds of parent.
     let hosts: Vec<usize> =
         grown.axes.iter().map(|a| if a.level == 1 && a.fork == NONE { a.parent } else { ROOT }).collect();

@@ -257,6 +257,11 @@ impl GrowingAxis {
     /// Makes one step: direction and velocity turn, the particle moves, solids push it out, the envelope cuts it off.
     fn step(&mut self, around: &Surroundings<'_>) {
         let params = around.params;
+        // The first step leads out of a solid at once, however deep it begins there: an axis that is too short for that ends.
+        let enclosed = || params.limits.obstacles.iter().any(|o| o.distance(self.particle.p) < -self.axis.length);
+        if self.axis.nodes.len() == 1 && enclosed() {
+            return self.end(AxisEnd::Obstacle);
+        }
         let shade = around.shade.as_ref().map_or(0.0, |s| s.shade(self.particle.p));
         if params.limits.max_shade.is_some_and(|most| shade > most) {
             return self.end(AxisEnd::Shade);

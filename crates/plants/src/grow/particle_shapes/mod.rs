@@ -21,6 +21,7 @@ mod spawn;
 
 use crate::grow::turtle::OrganSpec;
 use osier_base::diagnostic::Diagnostic;
+use osier_base::limits::grouped;
 use osier_base::{Error, Result};
 use osier_scene::plant::{MAX_ITEMS, Plant};
 use params::{ByLevel, ShapeParams, Variant};
@@ -54,31 +55,42 @@ pub fn grow(
     check(params)?;
     let grown = growth::grow_axes(params, spawn::roots(params, identity), identity);
     if grown.axes.is_empty() {
-        return Err(nothing_grew(&grown));
+        return Err(nothing_grew(&grown, params, &materials.source));
     }
     let plant = plant::build_plant(&grown.axes, params, identity, organ, materials)?;
-    Ok((plant, warnings(&grown, &materials.source)))
+    Ok((plant, warnings(&grown, params, &materials.source)))
 }
 
-/// The error of a plant without axes: its first level was refused, or every axis ended before its first step.
-fn nothing_grew(grown: &growth::GrownShapes) -> Error {
+/// The error of a plant without axes: its first level was refused, or every axis ended before its first step. `source`: the file of
+/// the plant.
+fn nothing_grew(grown: &growth::GrownShapes, params: &ShapeParams, source: &str) -> Error {
     match grown.refused {
         Some(refused) => Error::Limit {
-            name: "nodes of particle-shapes".into(),
-            wanted: refused.predicted.to_string(),
-            limit: "max_nodes".into(),
+            name: format!("nodes of {source}"),
+            wanted: grouped(refused.predicted),
+            limit: grouped(params.limits.max_nodes),
             flag: String::new(),
             help: "set fewer roots, a shorter length or a larger max_nodes".into(),
         },
         None => {
-            Error::input("S004", "no axis had room to grow: its roots are enclosed by solids or outside of its limits")
+            let text = format!("{source}: no axis had room to grow");
+            let help = "move its roots out of solids, and give it a larger `max_age` or `max_shade` if it has one";
+            Error::from(Diagnostic { help: Some(help.into()), ..Diagnostic::about("S004", text) })
         }
     }
 }
 
-/// Warnings (S035) of a level that was left out and of velocities that were cut.
-fn warnings(grown: &growth::GrownShapes, source: &str) -> Vec<Diagnostic> {
+/// Warnings (S035) of a level that was left out and of velocities that were cut, and (S007) of an envelope beside the plant.
+fn warnings(grown: &growth::GrownShapes, params: &ShapeParams, source: &str) -> Vec<Diagnostic> {
     let mut out = Vec::new();
+    // Axes are cut off where they leave the envelope, so that one which none of them enters cuts nothing.
+    let mut nodes = grown.axes.iter().flat_map(|axis| &axis.nodes);
+    let envelope = params.limits.envelope.as_ref().filter(|_| !grown.axes.is_empty());
+    if envelope.is_some_and(|envelope| nodes.all(|node| envelope.distance(node.p) > 0.0)) {
+        let help = "move it to the plant, whose foot is the origin, or make it larger";
+        let text = format!("{source}: envelope has no effect, because nothing grows into it");
+        out.push(Diagnostic { help: Some(help.into()), ..Diagnostic::about("S007", text) });
+    }
     if let Some(refused) = grown.refused {
         let text = format!(
             "{source}: level {} was not grown, because the plant would have at least {} nodes",

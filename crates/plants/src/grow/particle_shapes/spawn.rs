@@ -13,8 +13,9 @@ use osier_scene::plant::NONE;
 
 /// Least and greatest distance between sites, as a factor of the median.
 const SPACING_RANGE: [f64; 2] = [0.3, 3.0];
-/// Least and greatest angle between an axis and its child, rad.
-const ANGLE_RANGE: [f64; 2] = [5.0 * PI / 180.0, 150.0 * PI / 180.0];
+/// Least and greatest angle between an axis and its child, rad: 5 degrees, since a child must leave the wood of its parent, and the
+/// greatest value of the key.
+const ANGLE_RANGE: [f64; 2] = [5.0 * PI / 180.0, 175.0 * PI / 180.0];
 /// Length of the halves of a fork, as a share of that of the axis which forks.
 const FORK_LENGTH: f64 = 0.75;
 /// Most forks in a lineage of one level.

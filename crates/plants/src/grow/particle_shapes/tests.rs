@@ -280,6 +280,22 @@ fn sites_and_buds_have_the_distributions_asked_for() {
 }
 
 #[test]
+fn branches_leave_at_the_angle_asked_for() {
+    for degrees in [10.0_f64, 90.0, 170.0] {
+        let mut p = params();
+        p.spawning.angle = [degrees.to_radians()].into();
+        p.spawning.angle_deviation = 0.0;
+        let trunk = axes(&p, 4).axes.swap_remove(0);
+        let children = spawn::children(&p, &trunk, 0, 4);
+        assert!(children.len() > 5);
+        for child in children {
+            let cosine = child.direction.dot(trunk.at(child.parent_s).tangent);
+            assert!((cosine - osier_base::math::cos(degrees.to_radians())).abs() < 1e-9, "{degrees} {cosine}");
+        }
+    }
+}
+
+#[test]
 fn halving_the_step_changes_height_spread_and_counts_by_less_than_three_percent() {
     let measure = |step: f64| {
         let mut sums = [0.0; 4];
@@ -520,6 +536,25 @@ fn axes_slide_along_solids_and_end_at_the_envelope() {
     let plant = grown(&cut, 3);
     assert!(plant.nodes.p.iter().all(|n| ball.distance(n.as_dvec3()) < 1e-5));
     assert!(plant.axes.iter().filter(|a| a.end == AxisEnd::Cut).count() > 3);
+    // An envelope beside the plant cuts nothing, which is told.
+    let told = |p: &ShapeParams| grow(p, (7, 3), None, &materials()).expect("grows").1;
+    assert!(told(&cut).is_empty());
+    cut.limits.envelope = Some(Region::Sphere { center: DVec3::X * 50.0, radius: 1.0 });
+    let beside = told(&cut);
+    assert!(beside.len() == 1 && beside[0].code == "S007" && beside[0].message.contains("envelope"), "{beside:?}");
+}
+
+#[test]
+fn roots_that_are_too_short_to_leave_a_solid_do_not_grow() {
+    let inside = |half: f64| {
+        let mut p = params();
+        p.limits.obstacles = vec![Region::Box { center: DVec3::ZERO, half: DVec3::splat(half) }];
+        grow(&p, (7, 3), None, &materials())
+    };
+    // The trunk is 4 m long: it leaves a solid of 0.5 m around its root, not one of 8 m.
+    assert!(inside(0.5).is_ok());
+    let refused = inside(8.0).expect_err("nothing grows").to_string();
+    assert!(refused.contains("no axis had room to grow"), "{refused}");
 }
 
 #[test]

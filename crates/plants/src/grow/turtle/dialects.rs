@@ -31,12 +31,17 @@ const ANGLE_FACTOR: f64 = 0.9;
 const THICKNESS_FACTOR: f64 = 0.7;
 /// Gravity of LParser's `t` without a number.
 const GRAVITY: f64 = 0.2;
-/// Largest angle of LParser's `~` without a number, degrees.
-const RANDOM_DEG: f64 = 6.0;
+/// Largest angle of LParser's `~` without a number, degrees: six radians, so that the heading takes any direction. Source: LParser.
+const RANDOM_DEG: f64 = 6.0 * 180.0 / std::f64::consts::PI;
 /// Angle of turns, radius of segments and its increment with which L-Py begins. Source: the manual of L-Py.
 const LPY_ANGLE_DEG: f64 = 60.0;
 const LPY_RADIUS: f64 = 0.1;
 const LPY_RADIUS_STEP: f64 = 1.0;
+/// Factor of the scale without a number, and the length up to which numbers count as 0. Source: its turtle (PlantGL).
+const LPY_SCALE: f64 = 0.5;
+const LPY_EPSILON: f64 = 1e-5;
+/// Most steps of a path of L-Py (`nF`) that bends; the rest of it is one step.
+const MAX_PATH_STEPS: f64 = 1e5;
 /// Colour indices of the arrows of L-Py's `Frame`: heading red, left green, up blue. Source: its help card.
 const FRAME_COLORS: [u8; 3] = [3, 2, 5];
 /// Head of these arrows: its share of the length, and its width in widths of the line. Chosen by eye.
@@ -150,6 +155,8 @@ pub(super) struct DialectState {
     /// L-Py: elasticity and direction of the tropism.
     elasticity: f64,
     tropism: DVec3,
+    /// L-Py: radius before the scale, which multiplies it where something is drawn.
+    radius: f64,
 }
 
 /// The program whose turtle draws, and the numbers that its file holds.
@@ -184,7 +191,8 @@ impl DialectTurtle {
             angle: 1.0,
             thickness: self.settings.thickness.unwrap_or(1.0),
             elasticity: 0.0,
-            tropism: DVec3::X,
+            tropism: DVec3::Y,
+            radius: LPY_RADIUS,
         }
     }
 
@@ -247,9 +255,9 @@ fn fractint(c: char) -> Option<DialectCommand> {
         '!' => C::Reverse,
         '@' => C::Size,
         'C' => C::Color(None),
-        // In grammars with `turtle: fractint`, ';' and ',' stand for '>' and '<', which belong to the notation.
-        '>' | ';' => C::Color(Some(1)),
-        '<' | ',' => C::Color(Some(-1)),
+        // In grammars with `turtle: fractint`, ';' and ',' stand for '<' and '>', which belong to the notation.
+        '<' | ';' => C::Color(Some(1)),
+        '>' | ',' => C::Color(Some(-1)),
         _ => return None,
     })
 }
@@ -265,8 +273,9 @@ fn lparser(c: char) -> Option<DialectCommand> {
         '^' => C::Pitch(-1.0),
         // In grammars with `turtle: lparser`, '\\', '/', '=' and '`' stand for '<', '>', ':' and '"', which belong to the
         // notation of grammars.
-        '<' | '\\' => C::Roll(1.0),
-        '>' | '/' => C::Roll(-1.0),
+        // The left side sinks: up turns to the left. In cpfg the roll to the left is the other one.
+        '<' | '\\' => C::Roll(-1.0),
+        '>' | '/' => C::Roll(1.0),
         '|' => C::TurnAround,
         '%' => C::RollOver,
         '$' => C::Level,
@@ -438,9 +447,14 @@ impl Turtle<'_> {
             C::Reverse => self.s.dialect.reversed = !self.s.dialect.reversed,
             C::Size => self.s.dialect.length *= given.unwrap_or(1.0),
             C::Color(None) => self.set_color(color_index(given.unwrap_or(0.0))),
+            // Without a number the index stays. Index 0, the background of Fractint, is passed over.
             C::Color(Some(sign)) => {
-                let step = f64::from(sign) * given.unwrap_or(1.0);
-                self.set_color(color_index(f64::from(self.s.color) + step));
+                let step = f64::from(sign) * given.unwrap_or(0.0);
+                self.set_color(match color_index(f64::from(self.s.color) + step) {
+                    0 if sign > 0 => 1,
+                    0 => u8::MAX,
+                    next => next,
+                });
             }
             C::Yaw(sign) => self.dialect_turn(sign, given, TurtleFrame::yaw),
             C::Pitch(sign) => self.dialect_turn(sign, given, TurtleFrame::pitch),
@@ -564,33 +578,34 @@ impl Turtle<'_> {
         match command {
             C::Forward(draws) => {
                 self.close_segment();
-                // A second number is the radius at the end of the segment, with which drawing continues.
-                self.step(given.unwrap_or(1.0), m, draws, draws);
-                if draws && m.params.len() > 1 {
-                    let radius = self.param(m, 1, LPY_RADIUS);
-                    self.set_width(2.0 * radius * scale);
+                let length = given.unwrap_or(1.0);
+                if length > 0.0 || !draws {
+                    self.bend();
                 }
-                self.bend();
+                // A second number is the radius at the end of the segment, with which drawing continues.
+                self.step(length, m, draws, draws);
+                if draws && m.params.len() > 1 {
+                    self.set_end_radius(1, m);
+                }
             }
             C::Query(letter) => self.lpy_query(letter),
-            C::Path => {
-                self.close_segment();
-                self.step(given.unwrap_or(1.0), m, true, true);
-            }
+            C::Path => self.draw_path(m),
             C::Radius(sign) => {
                 // The segment before it keeps its radius: L-Py draws it as a cylinder.
                 self.close_segment();
-                let step = sign * 2.0 * LPY_RADIUS_STEP;
-                let width = given.map_or(self.s.width + step * scale, |r| 2.0 * r * scale);
-                self.set_width(width);
+                self.set_radius(given.unwrap_or(self.s.dialect.radius + sign * LPY_RADIUS_STEP), m);
             }
-            C::Scale => self.s.scale = given.unwrap_or(1.0),
-            C::ScaleUp => self.s.scale *= given.unwrap_or(1.0),
-            C::ScaleDown => self.s.scale /= given.filter(|s| s.abs() > 0.0).unwrap_or(1.0),
+            C::Scale => self.set_scale(given.unwrap_or(1.0)),
+            C::ScaleUp => self.set_scale(scale * given.unwrap_or(LPY_SCALE)),
+            C::ScaleDown => {
+                let by = given.unwrap_or(LPY_SCALE);
+                self.set_scale(if by.abs() > 0.0 { scale / by } else { scale });
+            }
             C::MoveTo(relative) => {
                 self.close_segment();
-                let to = self.target(m, relative);
-                self.jump_to(to, m);
+                // Unlike those of steps, the lengths of a move by a vector are not scaled.
+                let by = self.target(m, false);
+                self.jump_to(if relative { self.s.p + by } else { by }, m);
             }
             C::LineTo { relative, turns } => {
                 self.close_segment();
@@ -598,8 +613,7 @@ impl Turtle<'_> {
                 self.line(to, turns, m);
                 // As with `F`, the radius at the end of the line.
                 if m.params.len() > 3 {
-                    let radius = self.param(m, 3, 0.0);
-                    self.set_width(2.0 * radius * scale);
+                    self.set_end_radius(3, m);
                 }
             }
             C::PointAt(relative) => {
@@ -629,10 +643,19 @@ impl Turtle<'_> {
                 }
             }
             C::Frame => self.draw_frame(given.unwrap_or(1.0), m),
-            C::Elasticity => self.s.dialect.elasticity = given.unwrap_or(0.0),
+            C::Elasticity => {
+                let value = given.unwrap_or(0.0);
+                if (0.0..=1.0).contains(&value) {
+                    self.s.dialect.elasticity = value;
+                } else {
+                    let message = format!("an elasticity of {value} is not within 0 and 1, and is not set");
+                    let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
+                    self.warn("L041", (None, c), message, "give a number from 0 (stiff) to 1");
+                }
+            }
             C::Tropism => {
-                let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, if i == 0 { 1.0 } else { 0.0 }));
-                self.s.dialect.tropism = world(x, y, z).normalize_or(DVec3::X);
+                let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, if i == 2 { 1.0 } else { 0.0 }));
+                self.s.dialect.tropism = world(x, y, z).normalize_or(DVec3::Y);
             }
             C::Unsupported => {
                 let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
@@ -687,17 +710,85 @@ impl Turtle<'_> {
         }
     }
 
-    /// Turns the heading towards the tropism of L-Py, by an angle of the elasticity times the sine of the angle between both,
-    /// rad.
+    /// Turns the frame towards the tropism of L-Py before a step, by the elasticity times the angle between heading and tropism; a heading
+    /// against the tropism turns about up.
     fn bend(&mut self) {
         let DialectState { elasticity, tropism, .. } = self.s.dialect;
-        let axis = self.s.frame.h.cross(tropism);
-        let sine = axis.length();
-        if elasticity.abs() > 0.0 && sine > 1e-12 {
-            let a = elasticity * sine;
-            self.s.frame = self.s.frame.rotated(axis / sine, math::cos(a), math::sin(a));
-            self.s.frame.orthonormalize();
+        if elasticity <= 0.0 {
+            return;
         }
+        let TurtleFrame { h, u, .. } = self.s.frame;
+        let (axis, cosine) = (h.cross(tropism), h.dot(tropism));
+        let sine = axis.length();
+        let (axis, angle) = if sine > 1e-12 {
+            (axis / sine, math::atan2(sine, cosine))
+        } else if cosine < 0.0 {
+            (u, std::f64::consts::PI)
+        } else {
+            return;
+        };
+        let a = elasticity * angle;
+        self.s.frame = self.s.frame.rotated(axis, math::cos(a), math::sin(a));
+        self.s.frame.orthonormalize();
+    }
+
+    /// Draws a path of L-Py: length, length of a step, radius at its end. Without a tropism it is straight, and its steps make one segment.
+    fn draw_path(&mut self, m: Module<'_>) {
+        let length = self.param(m, 0, 1.0);
+        let step = self.param(m, 1, length);
+        let end = (m.params.len() > 2).then(|| 2.0 * self.param(m, 2, LPY_RADIUS) * self.s.scale.abs());
+        let first = self.s.width;
+        let bends = self.s.dialect.elasticity > 0.0 && step > 0.0 && length > 0.0;
+        let whole = if bends { (length / step).floor().min(MAX_PATH_STEPS) } else { 0.0 };
+        let mut done = 0.0;
+        while done < whole && !self.halted {
+            self.close_segment();
+            self.bend();
+            self.step(step, m, true, true);
+            done += 1.0;
+            if let Some(last) = end.filter(|last| *last >= 0.0) {
+                self.set_width(first + (last - first) * (done * step / length).min(1.0));
+            }
+        }
+        // What is left of the length, all of it without a tropism.
+        let rest = length - whole * step;
+        if rest > LPY_EPSILON || whole < 1.0 {
+            self.close_segment();
+            if bends {
+                self.bend();
+            }
+            self.step(rest, m, true, true);
+        }
+        if end.is_some() {
+            self.set_end_radius(2, m);
+        }
+    }
+
+    /// Sets the radius of L-Py. A negative one is told and leaves the present one.
+    fn set_radius(&mut self, radius: f64, m: Module<'_>) {
+        if radius < -LPY_EPSILON {
+            let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
+            let message = format!("a radius of {radius:.6} is negative, and is not set");
+            let help = "give the radius as a parameter: without one '!' takes 1 away, and the turtle begins with 0.1";
+            return self.warn("L041", (None, c), message, help);
+        }
+        self.s.dialect.radius = radius.max(0.0);
+        self.set_width(2.0 * self.s.dialect.radius * self.s.scale.abs());
+    }
+
+    /// Sets the radius that parameter `i` gives the end of a line; a negative one means none.
+    fn set_end_radius(&mut self, i: usize, m: Module<'_>) {
+        let radius = self.param(m, i, 0.0);
+        if radius > -LPY_EPSILON {
+            self.set_radius(radius, m);
+        }
+    }
+
+    /// Sets the scale of L-Py, which also multiplies the radius that was set before it.
+    fn set_scale(&mut self, scale: f64) {
+        self.close_segment();
+        self.s.scale = scale;
+        self.set_width(2.0 * self.s.dialect.radius * scale.abs());
     }
 
     /// Draws the leaf `l`, which L-Py defines unless the scene gives an organ for this letter: a blade of length `size` along the

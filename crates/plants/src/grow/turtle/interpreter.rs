@@ -144,7 +144,7 @@ pub(super) struct Turtle<'a> {
     max_nodes: u64,
     max_organs: u64,
     /// A limit was exceeded or a command is forbidden: nothing more is drawn.
-    halted: bool,
+    pub(super) halted: bool,
     pub sets_widths: bool,
     /// Brackets open since a `%` behind which nothing is drawn; `None`: everything is drawn.
     cut: Option<usize>,

@@ -356,6 +356,9 @@ fn answers_steer_the_next_step() {
     // Bounds of what is drawn, without a query in the string; moves count for nothing.
     let (g, d) = asked(5, "A", "A : vvYmax() < 2 && vvXmin() == 0 --> FA", 1.0);
     assert_eq!(g.print(&d.modules), "FFA");
+    // cpfg writes them with the number of the view.
+    let (g, d) = asked(5, "A", "A : 3+vvYmax(2-1) < 5 && vvXmin(1) == 0 --> FA", 1.0);
+    assert_eq!(g.print(&d.modules), "FFA");
     // A homomorphism draws what the query asks about.
     let (g, d) = asked(1, "A?P(0,0)", "A --> AA\nHomomorphism\nA --> F(3)", 1.0);
     assert_eq!(g.print(&d.modules), "AA?P(0,6)");

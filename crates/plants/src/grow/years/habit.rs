@@ -6,6 +6,9 @@ use osier_base::{Error, Result};
 /// Orders of axes that tables distinguish: 0, the trunk, to 5; higher orders do not occur.
 pub const ORDERS: usize = 6;
 
+/// Keys whose values are counts.
+const COUNTS: [&str; 4] = ["levels", "buds", "stems", "buttresses"];
+
 /// Share of the years before `maturity` in which shoots bear all the leaves of a young tree.
 const YOUNG_SHARE: f32 = 0.5;
 
@@ -46,6 +49,11 @@ impl HabitKey {
     /// The values of a habit for this key: one, two or [`ORDERS`] of them, by [`Self::arity`].
     pub fn values<'a>(&self, habit: &'a Habit) -> &'a [f32] {
         (self.values)(habit)
+    }
+
+    /// Whether it is a count, which has no fraction.
+    pub fn is_count(&self) -> bool {
+        COUNTS.contains(&self.name)
     }
 }
 
@@ -205,20 +213,19 @@ habit! {
     reiterate: f32 = [0.0], "", -0.5 to 0.5, "Additional share of the tip where light per metre of wood is poor.";
     flare: f32 = [0.6], "", 0.0 to 2.0, "Root flare: widening of the stem at the ground, as a share of its radius.";
     flare_height: f32 = [1.5], "", 0.2 to 10.0, "Height over which the root flare falls to 1/e, in radii of the stem's base.";
-    buttresses: f32 = [5.0], "", 0.0 to 12.0, "Roots that show as ridges of the root flare; below 2 it is round.";
+    buttresses: f32 = [5.0], "", 0.0 to 8.0, "Roots that show as ridges of the root flare; below 2 it is round.";
     age: f32 = [60.0], "yr", 0.1 to 500.0, "Age of a tree whose scene names none.";
 }
 
 impl Habit {
-    /// Whether the trunk is cleared of low branches: not of a shrub, whose several stems keep them. `stems` is a mean, so that
-    /// 1.5 divides the two.
+    /// Whether the trunk is cleared of low branches: not of a shrub, whose several stems keep them.
     pub fn clears_stem(&self) -> bool {
         self.stems < 1.5
     }
 
     /// Sets the parameter `name`. A list by order may be short: its last value holds for all higher orders.
     /// # Errors
-    /// S002 for an unknown name, S003 for a wrong number of values, `Range` for a value outside the key's range.
+    /// S002 for an unknown name, S003 for a wrong number of values or a count with a fraction, `Range` for a value outside the key's range.
     pub fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
         let Some(key) = HABIT_KEYS.iter().find(|k| k.name == name) else {
             return Err(Error::input("S002", format!("a habit has no key \"{name}\"")));
@@ -238,6 +245,9 @@ impl Habit {
         }
         if let Some(&value) = values.iter().find(|v| !(key.min..=key.max).contains(v)) {
             return Err(Error::Range { name: name.to_owned(), value, min: key.min, max: key.max, unit: key.unit });
+        }
+        if let Some(value) = values.iter().find(|v| key.is_count() && v.fract().abs() > 0.0) {
+            return Err(Error::input("S003", format!("{name} takes a whole number, not {value}")));
         }
         let narrowed: Vec<f32> = values.iter().map(|v| narrow(*v)).collect();
         fill((key.values_mut)(self), &narrowed);
@@ -323,6 +333,7 @@ mod tests {
             ("shoot_rate", &[], "S003"),
             ("vigor", &[1.0], "S002"),
             ("maturity", &[1.0], "S003"),
+            ("stems", &[2.5], "S003"),
         ] {
             let error = habit.set(name, values).expect_err("refused").to_string();
             assert!(error.contains(code), "{name}: {error}");

@@ -10,11 +10,13 @@ use osier_base::math::{self, GOLDEN_ANGLE, narrow};
 use osier_base::par::par_map;
 use osier_base::simd::F32Lanes;
 
-/// Side of a cell, m; larger if the plants span more than [`MAX_CELLS`] of them. Crowns have the same size with cells down to a
+/// Side of a cell, m; larger if more than [`MAX_CELLS`] of them would cover the plants. Crowns have the same size with cells down to a
 /// third of this.
 const CELL: f32 = 0.3;
-/// Most cells along a side.
-const MAX_CELLS: f32 = 128.0;
+/// Most cells of a field: as many as a cube of 128 along each side has. A long row of trees has them along the row.
+const MAX_CELLS: f32 = 2_097_152.0;
+/// Steps of the bisection for the side of a cell where [`MAX_CELLS`] limits it.
+const CELL_BISECTIONS: usize = 24;
 /// Margin of the grid around living wood, neighbours and solids, m.
 const MARGIN: f32 = 0.4;
 /// Number of directions that sample the diffuse sky.
@@ -127,8 +129,7 @@ impl Grid {
     /// the same cells from year to year.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_CELLS")]
     pub fn over(bounds: Bounds) -> Self {
-        // Two cells less than the most: rounding to the lattice of the anchor may add one at either end.
-        let cell = CELL.max((bounds.size().max_element() + 2.0 * MARGIN) / (MAX_CELLS - 2.0));
+        let cell = cell_side(bounds.size());
         let around = bounds.grown(MARGIN.max(cell));
         let low = (around.min / cell).floor();
         let high = (around.max / cell).ceil();
@@ -188,6 +189,25 @@ impl Grid {
         }
         corners
     }
+}
+
+/// Side of the smallest cells, at least [`CELL`], of which at most [`MAX_CELLS`] cover a box with its margin, m. `size`: of the box, m.
+fn cell_side(size: Vec3) -> f32 {
+    let most = |cell: f32| {
+        // Rounding to the lattice of the anchor may add a cell at either end.
+        let n = (size + 2.0 * MARGIN.max(cell)) / cell + 2.0;
+        n.x * n.y * n.z
+    };
+    if most(CELL) <= MAX_CELLS {
+        return CELL;
+    }
+    // Cells as long as the box are few enough.
+    let (mut low, mut high) = (CELL, size.max_element());
+    for _ in 0..CELL_BISECTIONS {
+        let middle = 0.5 * (low + high);
+        if most(middle) > MAX_CELLS { low = middle } else { high = middle }
+    }
+    high
 }
 
 /// Leaf areas by cell, times the extinction of their species, in units of 2^-30 m2.
@@ -434,6 +454,20 @@ mod tests {
 
     fn all_cells(grid: &Grid) -> CellMarks {
         CellMarks(vec![true; grid.len()])
+    }
+
+    #[test]
+    fn cells_are_as_small_as_their_number_allows() {
+        let grid = |size: [f32; 3]| Grid::over(Bounds { min: Vec3::ZERO, max: Vec3::from_array(size) });
+        // A tree, and rows of trees of 100 m and 500 m: only what fills a large box has larger cells.
+        for size in [[12.0, 15.0, 12.0], [100.0, 12.0, 12.0], [8.0, 9.0, 500.0]] {
+            assert!((grid(size).cell - CELL).abs() < 1e-6, "{size:?}");
+        }
+        for size in [[400.0, 20.0, 300.0], [60.0, 60.0, 60.0], [90_000.0, 25.0, 30.0]] {
+            let grid = grid(size);
+            let count = grid.len() as f32;
+            assert!(grid.cell > CELL && (0.5 * MAX_CELLS..=MAX_CELLS).contains(&count), "{size:?} {count}");
+        }
     }
 
     #[test]

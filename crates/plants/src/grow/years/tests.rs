@@ -310,6 +310,18 @@ fn trees_far_apart_grow_alone() {
     assert_eq!(bits(&grown[0]), bits(&grow_one(&spec(12.0))));
 }
 
+/// Trees of a row share one field of light, whose cells do not grow with the length of the row.
+#[test]
+fn trees_of_a_long_row_have_as_many_leaves_as_alone() {
+    let at = |i: u16| TreeSpec { id: u32::from(i), base: Vec3::X * (48.0 * f32::from(i)), ..spec(12.0) };
+    let row: Vec<TreeSpec> = (0..5).map(at).collect();
+    assert_eq!(groups_in_shade(&row).len(), 1, "one field of light");
+    let grown = grow(&row, &Site::default(), &Limits::default()).expect("grows");
+    let of_row: f32 = grown.iter().map(|tree| tree.measures().leaf_area).sum();
+    let alone: f32 = row.iter().map(|spec| grow_one(spec).measures().leaf_area).sum();
+    assert!((of_row / alone - 1.0).abs() < 0.05, "{of_row} {alone}");
+}
+
 #[test]
 fn a_tree_that_is_moved_is_the_same() {
     let moved = TreeSpec { base: Vec3::splat(10.13), ..spec(18.0) };

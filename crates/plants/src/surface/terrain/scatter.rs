@@ -9,7 +9,7 @@ use osier_base::limits::Limits;
 use osier_base::math::{self, smoothstep};
 use osier_base::neighbours::NeighbourGrid;
 use osier_base::noise;
-use osier_base::rng::{Key, Rng, child, mix64};
+use osier_base::rng::{Key, Rng, child};
 
 /// Candidates of a cell, one per round. More rounds fill gaps that the first ones leave; each costs at most as much as the first.
 const CANDIDATES_PER_CELL: u32 = 4;
@@ -29,7 +29,7 @@ pub struct ScatterDisc {
     pub fade: f32,
 }
 
-/// Grey picture over the whole terrain, row 0 at -z, whose values multiply the density: 0 is black.
+/// Grey picture over the whole terrain, row 0 at -z, whose values multiply the density: 0 is black, where no position lies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DensityMask {
     /// Pixels along x, which span the terrain from -x to +x.
@@ -60,12 +60,14 @@ pub struct ScatterParams {
     pub slope_max: f32,
     /// Lowest and highest altitude of points, m.
     pub altitude: [f32; 2],
-    /// Acceptance probability of a candidate, 0..1.
+    /// Share of the positions that get a point, 0..1; the others stay empty.
     pub density: f32,
-    /// Factor of the acceptance probability by position; `None`: 1 everywhere.
+    /// Factor of that share by position; `None`: 1 everywhere.
     pub mask: Option<DensityMask>,
     /// Wavelength of the noise that gathers points into patches, m; 0: evenly distributed.
     pub clump: f32,
+    /// Key of that noise, from [`clump_key`]; scatters of one key and wavelength have their patches in the same places.
+    pub clump_key: u64,
     /// Region; `None`: the whole land.
     pub disc: Option<ScatterDisc>,
     /// Number of points at which the scatter ends; which ones are accepted is then random.
@@ -83,6 +85,7 @@ impl Default for ScatterParams {
             density: 1.0,
             mask: None,
             clump: 0.0,
+            clump_key: clump_key(0),
             disc: None,
             max_count: usize::MAX,
         }
@@ -148,13 +151,14 @@ impl ScatterGrid {
 /// A candidate by its random priority and its cell among those visited; sorted, the order of acceptance.
 type Candidate = (u64, u32);
 
-/// Points of one scatter. Each of four rounds draws a candidate in every cell without a point. In the order of (round,
-/// priority, cell) a candidate is accepted if it lies within the limits, by its probability, and if no point of this scatter
-/// is nearer than the spacing and none of `taken` nearer than allowed, horizontally. `key`: from [`scatter_key`]; scatters
-/// made later do not change the result.
+/// Points of one scatter. Each of four rounds draws a candidate in every cell without a position. In the order of (round,
+/// priority, cell) a candidate becomes a position if it lies within the limits, by its probability, and if no position of this scatter
+/// is nearer than the spacing and none of `taken` nearer than allowed, horizontally. The share of density and mask of the positions get
+/// a point, so that a smaller share leaves out points and moves none. `key`: from [`scatter_key`]; scatters made later do not change the
+/// result.
 /// # Errors
 /// `Limit` beyond the candidates allowed.
-/// Own: dart throwing with a grid; a cell with a point gets no further candidates, since no second point fits in.
+/// Own: dart throwing with a grid; a cell with a position gets no further candidates, since no second one fits in.
 pub fn scatter(
     land: &Terrain,
     params: &ScatterParams,
@@ -168,9 +172,10 @@ pub fn scatter(
         cells.len().saturating_mul(CANDIDATES_PER_CELL.into()),
         "the number of candidates of a scatter",
     )?;
-    // `grid`: index of the accepted point in each cell. A cell is spacing / sqrt 2 wide and holds at most one.
+    // `grid`: index of the position in each cell. A cell is spacing / sqrt 2 wide and holds at most one.
     let obstacles = ObstacleGrid::new(taken, params);
     let mut grid = vec![EMPTY; narrow::<u32, u64>(cells.len(), "cells of a scatter")? as usize];
+    let mut positions: Vec<[f32; 2]> = Vec::new();
     let mut points: Vec<ScatterPoint> = Vec::new();
     let mut candidates: Vec<Candidate> = Vec::new();
     for round in 0..CANDIDATES_PER_CELL {
@@ -190,13 +195,20 @@ pub fn scatter(
             let mut rng = candidate_rng(&cells, key, cell);
             rng.next_u64();
             let at = candidate_position(&cells, land, cell, &mut rng);
-            let chance = chance(land, params, at);
-            if rng.unit_f32() < chance
+            let (chance, share) = (chance(land, params, at), used_share(land, params, at));
+            let drawn = rng.unit_f32();
+            if share > 0.0
+                && drawn < chance
                 && obstacles.is_clear(at)
-                && keeps_spacing(&cells, &grid, &points, cell, at, params.spacing)
+                && keeps_spacing(&cells, &grid, &positions, cell, at, params.spacing)
             {
-                grid[cell] = narrow(points.len(), "plants of a scatter")?;
-                points.push(ScatterPoint { at, rng });
+                // A position that stays empty keeps its place: later rounds would fill it, and the share would tend to 1.
+                grid[cell] = narrow(positions.len(), "positions of a scatter")?;
+                positions.push(at);
+                // Below `chance` the draw is uniform, so that it decides this share, too.
+                if drawn < chance * share {
+                    points.push(ScatterPoint { at, rng });
+                }
             }
         }
     }
@@ -217,13 +229,19 @@ fn candidate_position(cells: &ScatterGrid, land: &Terrain, cell: usize, rng: &mu
     [at(0, column, u), at(1, row, v)]
 }
 
-/// Probability, 0 to 1, that a candidate at (x, z) is accepted; 0 outside of disc, altitudes, slope and terrain.
+/// Share, 0 to 1, of the positions at (x, z) that get a point.
+fn used_share(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
+    let [x, y] = land.shares(at);
+    params.density * params.mask.as_ref().map_or(1.0, |mask| mask.at(x, y))
+}
+
+/// Probability, 0 to 1, that a candidate at (x, z) becomes a position; 0 outside of disc, altitudes, slope and terrain.
 fn chance(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
     if !land.covers(at[0], at[1]) {
         return 0.0;
     }
-    // The acceptance probability is the product of density, disc, patches and mask, and 0 outside the hard limits.
-    let mut chance = params.density;
+    // The product of disc and patches, and 0 outside the hard limits.
+    let mut chance = 1.0;
     if let Some(d) = params.disc {
         let away = math::sqrt_f32((at[0] - d.at[0]) * (at[0] - d.at[0]) + (at[1] - d.at[1]) * (at[1] - d.at[1]));
         if away > d.radius || away < d.inner {
@@ -241,33 +259,29 @@ fn chance(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
     if params.clump > 0.0 {
         // Patches: the noise is thresholded softly, so that their borders thin out.
         let p = at.map(|v| v / params.clump);
-        chance *= smoothstep(-0.12, 0.16, noise::fractal2(mix64(&[0xC1_0D]), p, [1 << 20, 1 << 20], 3));
-    }
-    if let Some(mask) = &params.mask {
-        let [x, y] = land.shares(at);
-        chance *= mask.at(x, y);
+        chance *= smoothstep(-0.12, 0.16, noise::fractal2(params.clump_key, p, [1 << 20, 1 << 20], 3));
     }
     chance
 }
 
-/// True if no point of the same scatter is nearer than `spacing` (m): cells are spacing / sqrt 2 wide, so two rings of
+/// True if no position of the same scatter is nearer than `spacing` (m): cells are spacing / sqrt 2 wide, so two rings of
 /// neighbours suffice.
 fn keeps_spacing(
     cells: &ScatterGrid,
     grid: &[u32],
-    points: &[ScatterPoint],
+    positions: &[[f32; 2]],
     cell: usize,
     at: [f32; 2],
     spacing: f32,
 ) -> bool {
-    // Five by five cells around the candidate; each holds one point at most.
+    // Five by five cells around the candidate; each holds one position at most.
     let width = cells.width();
     let (row, column) = (cell / width, cell % width);
     let rows = grid.len() / width;
     for r in row.saturating_sub(2)..=(row + 2).min(rows - 1) {
         for c in column.saturating_sub(2)..=(column + 2).min(width - 1) {
-            if let Some(other) = grid.get(r * width + c).and_then(|g| points.get(*g as usize))
-                && distance_squared(other.at, at) < spacing * spacing
+            if let Some(other) = grid.get(r * width + c).and_then(|g| positions.get(*g as usize))
+                && distance_squared(*other, at) < spacing * spacing
             {
                 return false;
             }
@@ -317,6 +331,11 @@ impl ObstacleGrid {
 /// The key of scatter number `entry` of a scene of this seed, for [`scatter`].
 pub fn scatter_key(seed: u64, entry: usize) -> u64 {
     Rng::key(seed, &[Key::from("scatter"), entry.into()])
+}
+
+/// The key of the patches in a scene of this seed, for [`ScatterParams::clump_key`].
+pub fn clump_key(seed: u64) -> u64 {
+    Rng::key(seed, &[Key::from("scatter"), Key::from("clump")])
 }
 
 #[cfg(test)]
@@ -372,12 +391,38 @@ mod tests {
         let left = DensityMask { width: 2, height: 1, values: vec![1.0, 0.0] };
         let half = scattered(&land, &ScatterParams { mask: Some(left), ..params(2.0) }, &[], 0);
         assert!(half.len() > 300 && half.iter().all(|p| p[0] <= 0.0));
-        let all = scattered(&land, &params(2.0), &[], 0).len();
-        let thin = scattered(&land, &ScatterParams { density: 0.03, ..params(2.0) }, &[], 0).len();
-        assert!(thin * 2 < all && thin * 10 > all, "{thin} of {all}");
+        let positions = scattered(&land, &params(2.0), &[], 0);
+        let all = positions.len();
+        let grey = |values: Vec<f32>| Some(DensityMask { width: values.len(), height: 1, values });
+        let thinned = [
+            (0.6, ScatterParams { density: 0.6, ..params(2.0) }),
+            (0.1, ScatterParams { density: 0.1, ..params(2.0) }),
+            (0.5, ScatterParams { mask: grey(vec![0.5]), ..params(2.0) }),
+            (0.25, ScatterParams { density: 0.5, mask: grey(vec![0.7, 0.3]), ..params(2.0) }),
+        ];
+        for (share, params) in thinned {
+            let some = scattered(&land, &params, &[], 0);
+            let is = some.len() as f32 / all as f32;
+            assert!((is - share).abs() < 0.06, "{is} of the positions instead of {share}");
+            assert!(some.iter().all(|at| positions.contains(at)), "a thinner scatter moves no plant");
+        }
         assert!(scattered(&land, &ScatterParams { density: 0.0, ..params(2.0) }, &[], 0).is_empty());
         let clumps = scattered(&land, &ScatterParams { clump: 25.0, ..params(2.0) }, &[], 0).len();
         assert!(clumps < all * 8 / 10 && clumps > all / 10, "{clumps} of {all}");
+    }
+
+    #[test]
+    fn patches_follow_the_seed() {
+        let land = land();
+        let densities = |seed| {
+            let patchy =
+                ScatterParams { clump: 25.0, clump_key: clump_key(seed), slope_max: 1.5, ..ScatterParams::default() };
+            let places = (0..400_u16).map(|k| [f32::from(k % 20) * 5.0 - 50.0, f32::from(k / 20) * 5.0 - 50.0]);
+            places.map(|at| chance(&land, &patchy, at)).collect::<Vec<f32>>()
+        };
+        let (one, other) = (densities(1), densities(2));
+        let apart = one.iter().zip(&other).filter(|(a, b)| (**a - **b).abs() > 0.5).count();
+        assert!(apart > 30, "{apart} of 400 places are within a patch of one seed and outside those of the other");
     }
 
     #[test]
