@@ -17,7 +17,8 @@ use osier_base::diagnostic::{Severity, visible};
 use osier_base::limits::{LIMITS, grouped};
 use osier_export::registry;
 
-/// Runs `osier list`: composes one text and prints it. The result is the exit code, 2 for words that do not fit.
+/// Runs `osier list`: composes one text and prints it. The result is the exit code: 2 for words that do not fit, 3 for
+/// warnings under `--strict`.
 pub fn run(context: &Context, args: &List) -> Result<u8> {
     if let Some(why) = misplaced(args) {
         context.console.complain(&why);
@@ -31,7 +32,8 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
             .complain(&format!("no key contains {}; `osier list options` lists all keys", quoted(&args.words)));
         return Ok(2);
     }
-    let knobs = if args.what == What::Knobs { knobs::of_sources(context, &args.words)? } else { Vec::new() };
+    let is_knobs = args.what == What::Knobs;
+    let (knobs, warned) = if is_knobs { knobs::of_sources(context, &args.words)? } else { (Vec::new(), false) };
     // A dry run draws nothing.
     let thumbnails = args.thumbnails.as_deref().filter(|_| !context.common.dry_run);
     // One text per kind of list; kinds without a JSON arm here share `as_json`.
@@ -61,7 +63,7 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         (what, true) => format!("{:#}\n", as_json(context, what)),
     };
     context.console.result(&text)?;
-    Ok(0)
+    Ok(context.strict(warned))
 }
 
 /// Rewrites the arguments `osier list FILE`, where FILE is a file and not a word, to `osier list entries FILE`.

@@ -94,6 +94,15 @@ fn strict_ends_with_3_after_writing_everything() {
     ends(3, &[&["check", arg(&grammar), "--strict"], &SMALL[..]].concat());
     ends(0, &["check", SCENE, "--strict"]);
     ends(0, &["check", "meadow", "--strict"]);
+    let unreached = "Lsystem: w\nDerivation length: 1\nAxiom: F\nB --> F\nendlsystem\n";
+    let grammar = file(&dir, "unreached.l", unreached);
+    let (_, err) = ends(3, &["list", "knobs", arg(&grammar), "--strict"]);
+    assert!(err.contains("warning[L030]"), "{err}");
+    ends(0, &["list", "knobs", "koch.l", "--strict"]);
+    let mesh = file(&dir, "w.obj", "mtllib absent.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let (out, err) = ends(3, &["info", arg(&mesh), "--strict"]);
+    assert!(out.contains("3 vertices") && err.contains("warning[X014]") && err.contains("w.obj:1:8"), "{out}{err}");
+    ends(0, &["info", arg(&mesh)]);
 }
 
 #[test]
