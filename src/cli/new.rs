@@ -75,7 +75,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
     if context.console.json {
         let value = json!({ "folder": args.name.display().to_string(), "files": paths });
         context.console.result(&format!("{value:#}\n"))?;
-    } else {
+    } else if !context.console.quiet {
         context.console.result(&format!("{}\n", paths.join("\n")))?;
         let scene = path(&scene_name);
         let quote = if scene.contains(char::is_whitespace) { "'" } else { "" };

@@ -541,6 +541,10 @@ fn a_new_folder_starts_from_the_grammar_that_words_describe() {
     ends(0, &["check", arg(&mine.join("mine.toml"))]);
     let (_, err) = ends(2, &["new", arg(&dir.path().join("other")), "--grammar", "daisy", "--from", "oak"]);
     assert!(err.contains("cannot be used with"), "{err}");
+    // With -q errors only, as of the other commands that write files.
+    let quiet = dir.path().join("quiet");
+    let (out, err) = ends(0, &["new", arg(&quiet), "--from", "koch.l", "-q"]);
+    assert!(out.is_empty() && err.is_empty() && quiet.join("quiet.toml").is_file(), "{out}{err}");
     for flag in [["--set", "wind.speed=12"], ["--seed", "4"], ["--rng", "cpfg"]] {
         let other = dir.path().join("other");
         let (_, err) = ends(2, &["new", arg(&other), flag[0], flag[1]]);
