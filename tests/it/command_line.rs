@@ -115,9 +115,10 @@ fn what_cannot_be_written_ends_with_74() {
         // A bake may take hours before it writes.
         assert!(args[0] == "grow" || !err.contains("growing"), "{err}");
     }
-    if let Ok(full) = fs::File::options().write(true).open("/dev/full") {
-        let (code, _, err) = said(&osier(&["list", "codes"]).stdout(full).output().expect("runs"));
-        assert!(code == 74 && err.contains("standard output"), "{err}");
+    for args in [&["list", "codes"][..], &["--help"], &["bake", "-h"], &["--version"]] {
+        let Ok(full) = fs::File::options().write(true).open("/dev/full") else { continue };
+        let (code, _, err) = said(&osier(args).stdout(full).output().expect("runs"));
+        assert!(code == 74 && err.contains("standard output"), "{args:?}: {err}");
     }
 }
 
