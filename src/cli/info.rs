@@ -171,7 +171,7 @@ fn report_verification(context: &Context, found: &Verification) {
 
 /// Describes a file outside of bakes: its size and hash, extents of a mesh, notation and entries of a grammar.
 fn describe_file(context: &Context, path: &Path) -> Result<u8> {
-    let bytes = read_input(path, context.limits.get("mesh-bytes"))?;
+    let bytes = read_input(path, context.limits.get("mesh-bytes"), "--max-mesh-bytes")?;
     let hash = blake3::hash(&bytes).to_hex().to_string();
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     // Meshes are read as in a scene, so that their errors and warnings are reported too.

@@ -433,9 +433,12 @@ impl Resolver<'_> {
                 // Most references without a file are misspelt presets.
                 let names = crate::presets::PRESETS.iter().map(|p| p.name);
                 let near = if matches!(why, ReadError::Missing { .. }) { nearest(reference, names) } else { None };
-                let help = match near {
-                    Some(near) => format!("did you mean the preset \"{near}\"?"),
-                    None => why.help().into(),
+                let help = match (near, &why) {
+                    (Some(near), _) => format!("did you mean the preset \"{near}\"?"),
+                    (None, ReadError::TooLong { .. }) => {
+                        format!("make the file smaller, or raise the limit with --max-{limit}")
+                    }
+                    (None, _) => why.help().into(),
                 };
                 fail(why.to_string(), help);
                 None

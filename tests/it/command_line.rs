@@ -635,6 +635,26 @@ fn limits_refuse_before_anything_is_written() {
 }
 
 #[test]
+fn a_file_that_is_too_long_names_the_flag_of_its_limit() {
+    let dir = folder();
+    let told = |args: &[&str], flag: &str| {
+        let (_, err) = ends(1, &[args, &[flag, "60"]].concat());
+        let mut others =
+            ["--max-text-bytes", "--max-mesh-bytes", "--max-json-bytes"].into_iter().filter(|f| *f != flag);
+        assert!(err.contains(flag) && !others.any(|f| err.contains(f)), "{args:?}: {err}");
+    };
+    let long = "Lsystem: 1\nDerivation length: 1\nAxiom: F F F F F F F F F F F F\nendlsystem\n";
+    let grammar = file(&dir, "long.l", long);
+    told(&["check", arg(&grammar)], "--max-text-bytes");
+    let scene = file(&dir, "scene.toml", "[plants.a]\ngrammar = \"long.l\"\n");
+    told(&["check", arg(&scene)], "--max-text-bytes");
+    let mesh = file(&dir, "long.obj", "v 0 0 0\n".repeat(20));
+    told(&["info", arg(&mesh)], "--max-mesh-bytes");
+    file(&dir, "manifest.json", format!("{{{}}}", " ".repeat(80)));
+    told(&["info", arg(dir.path())], "--max-json-bytes");
+}
+
+#[test]
 fn a_selection_of_frames_is_written_and_told() {
     let dir = folder();
     let out = dir.path().join("out");

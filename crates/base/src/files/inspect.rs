@@ -48,14 +48,15 @@ pub fn hash_file(root: &Path, relative: &str) -> Result<Option<(u64, String)>> {
     Ok(Some((length, hash.to_hex().to_string())))
 }
 
-/// Bytes of a regular file below `root`, at most `limit`; `None` if there is none.
+/// Bytes of a regular file below `root`, at most `limit`; `None` if there is none. `flag`: the flag that raises the limit, for the
+/// message; empty for none.
 /// # Errors
 /// X009 for a path that leaves the folder, `Io`, `Limit` if it is longer.
-pub fn read_below(root: &Path, relative: &str, limit: u64) -> Result<Option<Vec<u8>>> {
+pub fn read_below(root: &Path, relative: &str, limit: u64, flag: &str) -> Result<Option<Vec<u8>>> {
     let Some(file) = open_below(root, relative)? else { return Ok(None) };
     let path = root.join(relative);
     let bytes = read_limited(file, limit).map_err(|e| Error::io("read", &path, e))?;
-    bytes.ok_or_else(|| too_long(&path, limit)).map(Some)
+    bytes.ok_or_else(|| too_long(&path, limit, flag)).map(Some)
 }
 
 fn open_below(root: &Path, relative: &str) -> Result<Option<fs::File>> {
