@@ -19,6 +19,12 @@ pub fn run(context: &Context, args: &Convert) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
+    // The text has the parameters of the file, and draws its random numbers where it is grown.
+    if let Some(flag) = context.scene_flag(&["--set", "--seed", "--rng"]) {
+        let why = format!("{flag} does not change the text of a grammar; give it to `osier grow` or set it in a scene");
+        context.console.complain(&why);
+        return Ok(2);
+    }
     let (recipe, warnings) = resolve(&find_scene(&args.file, &context.sources)?)?;
     context.console.report(&warnings);
     let grammar = recipe.plants.iter().find_map(|p| if let Growth::Grammar(g) = &p.growth { Some(g) } else { None });

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::args::Info;
-use super::{Context, report};
+use super::{Context, SCENE_FLAGS, report};
 use osier_base::diagnostic::visible;
 use osier_base::files::{MANIFEST, SearchPaths, read_input};
 use osier_base::limits::grouped;
@@ -20,6 +20,10 @@ use osier_scene::MaterialClass;
 /// warnings of a mesh under `--strict`.
 pub fn run(context: &Context, args: &Info) -> Result<u8> {
     let path = args.path.as_path();
+    if let Some(flag) = context.scene_flag(&SCENE_FLAGS) {
+        context.console.complain(&format!("{flag} does not change what `info` describes, a finished file"));
+        return Ok(2);
+    }
     let limit = context.limits.get("json-bytes");
     // A folder or its manifest means the whole bake, any other file only itself.
     if path.is_dir() || path.file_name().is_some_and(|n| n == MANIFEST) {

@@ -7,7 +7,7 @@ use clap::ValueEnum as _;
 use serde_json::json;
 
 use super::args::{List, What};
-use super::{Context, knobs, preset_list};
+use super::{Context, SCENE_FLAGS, knobs, preset_list};
 use crate::recipe::{KeyInfo, TableInfo, options};
 use crate::single_file::endings;
 use crate::source::entry_sources;
@@ -22,6 +22,12 @@ use osier_export::registry;
 pub fn run(context: &Context, args: &List) -> Result<u8> {
     if let Some(why) = misplaced(args) {
         context.console.complain(&why);
+        return Ok(2);
+    }
+    // Parameters are those of scenes, and presets are drawn and described as scenes.
+    let reads_scenes = matches!(args.what, What::Knobs | What::Presets);
+    if let Some(flag) = context.scene_flag(&SCENE_FLAGS).filter(|_| !reads_scenes) {
+        context.console.complain(&format!("{flag} does not change this list, for which no scene is read"));
         return Ok(2);
     }
     // Words without a matching key are an error, not an empty list.

@@ -48,7 +48,23 @@ pub(crate) struct Context {
     pub sources: SourceOptions,
 }
 
+/// Common flags that change scenes and grammars as they are read.
+const SCENE_FLAGS: [&str; 4] = ["--set", "--seed", "--dialect", "--rng"];
+
 impl Context {
+    /// The first of `flags`, each of [`SCENE_FLAGS`], that was given to a command that it does not change; `None` if none was.
+    fn scene_flag(&self, flags: &[&'static str]) -> Option<&'static str> {
+        let common = &self.common;
+        let is_given = |flag: &&str| match *flag {
+            "--set" => !common.set.is_empty(),
+            "--seed" => common.seed.is_some(),
+            "--dialect" => common.dialect.is_some(),
+            "--rng" => common.rng.is_some(),
+            _ => false,
+        };
+        flags.iter().copied().find(is_given)
+    }
+
     /// Exit code of a complete run: 3 for warnings under `--strict`, else 0.
     fn strict(&self, warned: bool) -> u8 {
         if warned && self.common.strict { 3 } else { 0 }

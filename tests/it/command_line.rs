@@ -312,6 +312,15 @@ fn flags_that_a_source_cannot_heed_are_told() {
     let (_, err) =
         ends(3, &["grow", "hazel.species", "--set", "age=1", "--steps", "3", "--strict", "-n", "-o", "x.glb"]);
     assert!(err.contains("warning[S007]") && err.contains("steps"), "{err}");
+    // Finished files, tables of the program and the text of a grammar are the same whatever a scene has.
+    let mesh = file(&dir, "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    for command in [&["info", arg(&mesh)][..], &["list", "codes"], &["list", "options"], &["convert", GRAMMAR]] {
+        ends(0, command);
+        for flag in [["--set", "angle=30"], ["--seed", "4"], ["--rng", "cpfg"]] {
+            let (out, err) = ends(2, &[command, &flag].concat());
+            assert!(out.is_empty() && err.contains(&format!("{} does not change", flag[0])), "{command:?}: {err}");
+        }
+    }
     // Pictures are PNG files; another ending would promise another format.
     for name in ["x.jpg", "x.gif"] {
         let picture = dir.path().join(name);
