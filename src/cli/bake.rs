@@ -15,9 +15,9 @@ use crate::bake::scene;
 use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
+use osier_base::Result;
 use osier_base::diagnostic::nearest;
-use osier_base::files::{BakeCache, Folder, WriteOptions, is_settled};
-use osier_base::{Error, Result};
+use osier_base::files::{BakeCache, Folder, WriteOptions, check_writable, is_settled};
 use osier_export::gltf::Profile;
 use osier_export::manifest::{self, Manifest};
 use osier_export::{VERSION, registry};
@@ -64,7 +64,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         return Ok(context.strict(warned));
     }
     if !context.common.dry_run {
-        check_folder(&root)?;
+        check_writable(&root)?;
     }
     let display = ProgressDisplay::new(&context.console);
     let timer = StageTimer::new(&display);
@@ -199,18 +199,6 @@ fn key(recipe: &Recipe) -> String {
 /// Whether the lattice wind is stored after its spin-up: the recipe has one and the key `keep` is set.
 fn stores_spin_up(recipe: &Recipe) -> bool {
     recipe.lattice.keep && !bake::lattice_memory(recipe).is_empty()
-}
-
-/// Refuses an output folder of which a part is a file, before anything is simulated for it.
-/// # Errors
-/// `Io`.
-fn check_folder(root: &Path) -> Result<()> {
-    match root.ancestors().find(|path| path.exists()) {
-        Some(path) if !path.is_dir() => {
-            Err(Error::io("create", root, std::io::Error::from(std::io::ErrorKind::NotADirectory)))
-        }
-        _ => Ok(()),
-    }
 }
 
 fn open(context: &Context, args: &Bake, recipe: &Recipe, root: &Path) -> Result<Folder> {

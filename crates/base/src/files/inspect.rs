@@ -1,7 +1,8 @@
 //! What lies in a folder, for checking a bake against its manifest.
 
 use std::fs;
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use super::file_system::{hash, open_regular, read_limited};
 use super::journal::JOURNAL;
@@ -37,6 +38,36 @@ pub fn list_files(root: &Path) -> Result<Vec<String>> {
     }
     found.sort();
     Ok(found)
+}
+
+/// Succeeds if a folder can be made or written at `root`, of which nothing need exist; makes nothing. For work that takes long before it
+/// writes: what it then writes may still fail.
+/// # Errors
+/// `Io` if a part of the path is a file, or if the system forbids this process to write there.
+/// # Examples
+/// ```
+/// let here = std::env::temp_dir();
+/// assert!(osier_base::files::check_writable(&here.join("not/yet/made")).is_ok());
+/// ```
+pub fn check_writable(root: &Path) -> Result<()> {
+    // The parent of a bare name is the current folder, which `ancestors` spells as an empty path.
+    let named = |path: &Path| -> PathBuf { if path.as_os_str().is_empty() { ".".into() } else { path.into() } };
+    let Some(nearest) = root.ancestors().map(named).find(|path| path.exists()) else { return Ok(()) };
+    if !nearest.is_dir() {
+        return Err(Error::io("create", root, io::ErrorKind::NotADirectory.into()));
+    }
+    #[cfg(unix)]
+    {
+        use rustix::fs::{Access, access};
+        use rustix::io::Errno;
+        // Other errors are left to the write itself, which may succeed where the question has no answer.
+        if let Err(denied @ (Errno::ACCESS | Errno::ROFS)) =
+            access(nearest.as_path(), Access::WRITE_OK | Access::EXEC_OK)
+        {
+            return Err(Error::io("create", root, denied.into()));
+        }
+    }
+    Ok(())
 }
 
 /// Length and BLAKE3 (64 hex digits) of a regular file below `root`; `None` if there is none.
