@@ -24,10 +24,14 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
-    // Parameters are those of scenes, and presets are drawn and described as scenes.
-    let reads_scenes = matches!(args.what, What::Knobs | What::Presets);
-    if let Some(flag) = context.scene_flag(&SCENE_FLAGS).filter(|_| !reads_scenes) {
-        context.console.complain(&format!("{flag} does not change this list, for which no scene is read"));
+    // Parameters are those of the scenes that are named; presets are drawn with the seed.
+    let without_effect: &[&'static str] = match args.what {
+        What::Knobs => &[],
+        What::Presets => &["--set", "--dialect", "--rng"],
+        _ => &SCENE_FLAGS,
+    };
+    if let Some(flag) = context.scene_flag(without_effect) {
+        context.console.complain(&format!("{flag} does not change this list, for which no scene of yours is read"));
         return Ok(2);
     }
     // Words without a matching key are an error, not an empty list.

@@ -321,6 +321,7 @@ fn flags_that_a_source_cannot_heed_are_told() {
             assert!(out.is_empty() && err.contains(&format!("{} does not change", flag[0])), "{command:?}: {err}");
         }
     }
+    ends(2, &["list", "presets", "--json", "--set", "wind.speed=4"]);
     // Pictures are PNG files; another ending would promise another format.
     for name in ["x.jpg", "x.gif"] {
         let picture = dir.path().join(name);
