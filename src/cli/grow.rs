@@ -18,7 +18,7 @@ use osier_base::Result;
 use osier_base::diagnostic::Report;
 use osier_base::files::{FileRecord, Folder, WriteOptions};
 use osier_export::format::FormatInfo;
-use osier_export::gltf::Profile;
+use osier_export::gltf::{self, Profile};
 use osier_export::usd;
 
 /// Runs `osier grow`: the ending of the output chooses the format. The result is the exit code.
@@ -36,6 +36,15 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     };
+    let is_gltf = matches!(format, SingleFileFormat::Scene(info) if info.word == gltf::FORMAT.word);
+    if args.profile == ProfileArg::Web && !is_gltf {
+        let why = format!(
+            "--profile: \"{}\" is the same for all programs; .glb and .gltf have profiles",
+            args.output.display()
+        );
+        context.console.complain(&why);
+        return Ok(2);
+    }
     // A terminal would interpret bytes of a glb as control sequences.
     if to_pipe && std::io::stdout().is_terminal() {
         context.console.complain("standard output is a terminal; redirect the binary file: -o - > x.glb");

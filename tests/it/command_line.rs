@@ -312,6 +312,12 @@ fn flags_that_a_source_cannot_heed_are_told() {
     let (_, err) =
         ends(3, &["grow", "hazel.species", "--set", "age=1", "--steps", "3", "--strict", "-n", "-o", "x.glb"]);
     assert!(err.contains("warning[S007]") && err.contains("steps"), "{err}");
+    for name in ["x.ply", "x.usda", "x.txt"] {
+        let path = dir.path().join(name);
+        let (_, err) = ends(2, &["grow", SCENE, "--profile", "web", "-o", arg(&path)]);
+        assert!(err.contains("--profile") && err.contains(".glb") && !path.exists(), "{err}");
+    }
+    ends(0, &["grow", SCENE, "--profile", "web", "-n", "-o", arg(&dir.path().join("x.gltf"))]);
     // Finished files, tables of the program and the text of a grammar are the same whatever a scene has.
     let mesh = file(&dir, "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     for command in [&["info", arg(&mesh)][..], &["list", "codes"], &["list", "options"], &["convert", GRAMMAR]] {
