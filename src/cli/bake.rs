@@ -241,7 +241,7 @@ fn summary(
     if has(&format!("{name}.usda")).is_some() {
         let path = shown(&format!("{name}.usda"));
         open("Blender 4+", format!("File > Import > USD: {path}{rate}"));
-        open("usdview", format!("usdview {path}"));
+        open("usdview", format!("usdview {}", report::shell_word(&path)));
     }
     if let Some(path) = m.scene_glb(Profile::Blender) {
         open("Blender", format!("File > Import > glTF: {}{rate}", shown(&path)));
@@ -250,7 +250,7 @@ fn summary(
         open("browsers", format!("drop {} onto a glTF viewer", shown(&path)));
     }
     if has("render.ini").is_some() {
-        open("POV-Ray", format!("cd {} && povray render.ini", shown("pov")));
+        open("POV-Ray", format!("cd {} && povray render.ini", report::shell_word(&shown("pov"))));
     }
     if let Some(path) = has(".obj") {
         open("anything", format!("meshes at rest: {}", shown(path)));

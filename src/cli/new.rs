@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::args::New;
+use super::report::shell_word;
 use super::{Context, SCENE_FLAGS};
 use crate::presets::{self, Preset};
 use osier_base::Result;
@@ -77,9 +78,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.result(&format!("{value:#}\n"))?;
     } else if !context.console.quiet {
         context.console.result(&format!("{}\n", paths.join("\n")))?;
-        let scene = path(&scene_name);
-        let quote = if scene.contains(char::is_whitespace) { "'" } else { "" };
-        context.console.note(&format!("next: osier bake {quote}{scene}{quote}"));
+        context.console.note(&format!("next: osier bake {}", shell_word(&path(&scene_name))));
     }
     Ok(0)
 }
