@@ -238,6 +238,17 @@ fn a_converted_grammar_is_the_same_on_standard_output_and_in_a_file() {
     // An undefined variable is a warning.
     let warns = file(&dir, "w.l", "Lsystem: 1\nDerivation length: 2\nAxiom: A\nA --> F B(u)\nendlsystem\n");
     ends(3, &["convert", arg(&warns), "--strict"]);
+    // Of a scene the first grammar, and a note on those with another text.
+    let scene = |others: [&str; 2]| {
+        let plant = |name: &str, grammar: &str| format!("[plants.{name}]\ngrammar = \"{grammar}\"\n");
+        file(&dir, "scene.toml", plant("a", "koch.l") + &plant("b", others[0]) + &plant("c", others[1]))
+    };
+    let (_, err) = ends(0, &["convert", arg(&scene(["koch.l", "oak.l"]))]);
+    assert!(err.contains("only the grammar of plant \"a\"") && err.contains(": \"c\""), "{err}");
+    let (_, err) = ends(3, &["convert", arg(&scene(["grass.l", "oak.l"])), "--strict"]);
+    assert!(err.contains(": \"b\", \"c\""), "{err}");
+    let (_, err) = ends(0, &["convert", arg(&scene(["koch.l", "koch.l"]))]);
+    assert!(err.is_empty(), "{err}");
 }
 
 #[test]
