@@ -64,8 +64,8 @@ pub struct Baked {
 /// [key](osier_base::files::WriteOptions::key), an interrupted bake continues where it stopped.
 /// # Errors
 /// `Range` for a frame outside of the clip; `Input` with the faults of grammars, for `frames` in another order, or if they lack those
-/// that copies with a phase need; `Limit` if the predicted bytes or the predicted memory exceed the limits in force; `Export` and `Io` of what cannot be
-/// written; `Cancelled`.
+/// that copies with a phase need; `Limit` if the predicted bytes or the predicted memory exceed the limits in force; `Export` and `Io`
+/// of what cannot be written; `Cancelled`.
 pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeContext<'_>) -> Result<Baked> {
     let clip = recipe.clip;
     if let Some(number) = frames.iter().find(|number| !(clip.start..=clip.end).contains(*number)) {

@@ -40,8 +40,8 @@ pub fn list_files(root: &Path) -> Result<Vec<String>> {
     Ok(found)
 }
 
-/// Succeeds if a folder can be made or written at `root`, of which nothing need exist; makes nothing. For work that takes long before it
-/// writes: what it then writes may still fail.
+/// Succeeds if a folder can be made or written at `root`, of which nothing need exist; makes nothing. It is for work that takes long
+/// before it writes, which may still fail then.
 /// # Errors
 /// `Io` if a part of the path is a file, or if the system forbids this process to write there.
 /// # Examples
