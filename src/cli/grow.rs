@@ -36,19 +36,14 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     };
-    let is_gltf = matches!(format, SingleFileFormat::Scene(info) if info.word == gltf::FORMAT.word);
-    if args.profile == ProfileArg::Web && !is_gltf {
-        let why = format!(
-            "--profile: \"{}\" is the same for all programs; .glb and .gltf have profiles",
-            args.output.display()
-        );
-        context.console.complain(&why);
-        return Ok(2);
-    }
     // A terminal would interpret bytes of a glb as control sequences.
     if to_pipe && std::io::stdout().is_terminal() {
         context.console.complain("standard output is a terminal; redirect the binary file: -o - > x.glb");
         return Ok(2);
+    }
+    let is_gltf = matches!(format, SingleFileFormat::Scene(format) if format.word == gltf::FORMAT.word);
+    if args.profile == ProfileArg::Web && !is_gltf {
+        context.console.note(&format!("note: --profile has no effect on \"{name}\"; profiles are of .glb and .gltf"));
     }
     // For a picture, a table that could grow a tree is read as an attractor.
     let is_picture = matches!(format, SingleFileFormat::Picture(_));

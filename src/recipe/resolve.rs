@@ -433,12 +433,13 @@ impl Resolver<'_> {
                 // Most references without a file are misspelt presets.
                 let names = crate::presets::PRESETS.iter().map(|p| p.name);
                 let near = if matches!(why, ReadError::Missing { .. }) { nearest(reference, names) } else { None };
-                let help = match (near, &why) {
-                    (Some(near), _) => format!("did you mean the preset \"{near}\"?"),
-                    (None, ReadError::TooLong { .. }) => {
+                let help = match near {
+                    // A file of the user may be near the name of a preset by chance.
+                    Some(near) => format!("did you mean the preset \"{near}\"? If not, {}", why.help()),
+                    None if matches!(why, ReadError::TooLong { .. }) => {
                         format!("make the file smaller, or raise the limit with --max-{limit}")
                     }
-                    (None, _) => why.help().into(),
+                    None => why.help().into(),
                 };
                 fail(why.to_string(), help);
                 None

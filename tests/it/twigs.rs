@@ -16,10 +16,7 @@ fn osier(arguments: &[&str]) -> std::process::Output {
 fn grown(folder: &Path, file: &str, twigs: bool, eps: f64) -> PathBuf {
     let path = folder.join(file);
     let (twigs, eps) = (format!("tree.twigs={twigs}"), format!("tree.eps={eps}"));
-    let mut arguments = vec!["-q", "grow", "monopodial", "-o", path.to_str().expect("path")];
-    if file.ends_with(".glb") {
-        arguments.extend(["--profile", "web"]);
-    }
+    let mut arguments = vec!["-q", "grow", "monopodial", "-o", path.to_str().expect("path"), "--profile", "web"];
     let sets = [&twigs, &eps, "tree.variation=0", "leaf.side=64", "leaf.variants=1", "bark.side=64", "shoot.side=64"];
     arguments.extend(sets.iter().flat_map(|set| ["--set", set]));
     let run = osier(&arguments);

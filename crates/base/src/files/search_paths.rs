@@ -64,7 +64,7 @@ impl ReadError {
                 "put the file beside this one, or name its folder with --search DIR"
             }
             Self::TooLong { .. } => {
-                "make the file smaller, or raise the limit: --max-text-bytes of texts, --max-mesh-bytes of meshes and images"
+                "make the file smaller, or raise the limit with --max-mesh-bytes (meshes, pictures) or --max-text-bytes (texts)"
             }
             Self::Io { .. } => "only regular, readable files can be used",
         }
