@@ -24,6 +24,9 @@ use osier_base::{Error, Result, files};
 use osier_grammar::{FileKind, Notation};
 use osier_ifs::read;
 
+/// The flag that raises the limit of the texts read here.
+const TEXT_FLAG: &str = "--max-text-bytes";
+
 /// Search folders, overrides, notation, seed and limits with which sources are read.
 #[derive(Debug, Clone, Default)]
 pub struct SourceOptions {
@@ -134,7 +137,7 @@ fn text_of(path: &Path, limits: &Limits) -> Result<Option<Vec<u8>>> {
     if other.contains(&ending.as_str()) || !path.is_file() {
         return Ok(None);
     }
-    files::read_input(path, limits.get("text-bytes")).map(Some)
+    files::read_input(path, limits.get("text-bytes"), TEXT_FLAG).map(Some)
 }
 
 /// Whether a source is an L-system, or a file of them, in Fractint's notation: drawings in the plane x-y, best seen from the
@@ -172,7 +175,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
         return Err(folder_error(source));
     }
     // The file is read before its folder is opened for references, so that a missing path is reported as a missing file.
-    let bytes = files::read_input(path, options.limits.get("text-bytes"))?;
+    let bytes = files::read_input(path, options.limits.get("text-bytes"), TEXT_FLAG)?;
     let has_ending = |list: &[&str]| list.iter().any(|e| path.extension() == Some(OsStr::new(e)));
     if has_ending(&["shapes", "species"]) && options.dialect.is_none() {
         return Ok(Request {

@@ -60,17 +60,21 @@ pub struct Baked {
 }
 
 /// Bakes a recipe: builds its scene, simulates it and writes all of its files into a folder.
-/// `frames`: numbers of the frames to write, in rising order; empty for a still scene. `folder`: opened with a
+/// `frames`: numbers of the frames to write, in rising order, each once; empty for a still scene. `folder`: opened with a
 /// [key](osier_base::files::WriteOptions::key), an interrupted bake continues where it stopped.
 /// # Errors
-/// `Range` for a frame outside of the clip; `Input` with the faults of grammars, or if `frames` lack those that copies with a phase
-/// need; `Limit` if the predicted bytes or the predicted memory exceed the limits in force; `Export` and `Io` of what cannot be
-/// written; `Cancelled`.
+/// `Range` for a frame outside of the clip; `Input` with the faults of grammars, for `frames` in another order, or if they lack those
+/// that copies with a phase need; `Limit` if the predicted bytes or the predicted memory exceed the limits in force; `Export` and `Io`
+/// of what cannot be written; `Cancelled`.
 pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeContext<'_>) -> Result<Baked> {
     let clip = recipe.clip;
     if let Some(number) = frames.iter().find(|number| !(clip.start..=clip.end).contains(*number)) {
         let [value, min, max] = [*number, clip.start, clip.end].map(f64::from);
         return Err(Error::Range { name: "frame".into(), value, min, max, unit: "" });
+    }
+    if frames.windows(2).any(|pair| pair[0] >= pair[1]) {
+        let why = "the frames to write are not in rising order, each once; sort them and leave out repetitions";
+        return Err(Error::input("S004", why));
     }
     let mut report = warn_of_unselected_grids(recipe, frames);
     cache::ifs_leaves::load(recipe, folder.root(), context.limits);

@@ -413,7 +413,7 @@ impl clap::FromArgMatches for MaxFlags {
 
 /// Content of a short file of the system; empty if it cannot be read.
 fn system_text(file: &str) -> String {
-    let bytes = osier_base::files::read_input(std::path::Path::new(file), 1 << 16).unwrap_or_default();
+    let bytes = osier_base::files::read_input(std::path::Path::new(file), 1 << 16, "").unwrap_or_default();
     String::from_utf8_lossy(&bytes).into_owned()
 }
 

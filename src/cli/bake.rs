@@ -15,9 +15,9 @@ use crate::bake::scene;
 use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
+use osier_base::Result;
 use osier_base::diagnostic::nearest;
-use osier_base::files::{BakeCache, Folder, WriteOptions, is_settled};
-use osier_base::{Error, Result};
+use osier_base::files::{BakeCache, Folder, WriteOptions, check_writable, is_settled};
 use osier_export::format::FormatInfo;
 use osier_export::gltf::Profile;
 use osier_export::manifest::{self, Manifest};
@@ -77,7 +77,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         return Ok(context.strict(warned));
     }
     if !context.common.dry_run {
-        check_folder(&root)?;
+        check_writable(&root)?;
     }
     let display = ProgressDisplay::new(&context.console);
     let timer = StageTimer::new(&display);
@@ -228,18 +228,6 @@ fn stores_spin_up(recipe: &Recipe) -> bool {
     recipe.lattice.keep && !bake::lattice_memory(recipe).is_empty()
 }
 
-/// Refuses an output folder of which a part is a file, before anything is simulated for it.
-/// # Errors
-/// `Io`.
-fn check_folder(root: &Path) -> Result<()> {
-    match root.ancestors().find(|path| path.exists()) {
-        Some(path) if !path.is_dir() => {
-            Err(Error::io("create", root, std::io::Error::from(std::io::ErrorKind::NotADirectory)))
-        }
-        _ => Ok(()),
-    }
-}
-
 fn open(context: &Context, args: &Bake, recipe: &Recipe, root: &Path) -> Result<Folder> {
     let options =
         WriteOptions { key: key(recipe), force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
@@ -280,7 +268,7 @@ fn summary(
     if has(&format!("{name}.usda")).is_some() {
         let path = shown(&format!("{name}.usda"));
         open("Blender 4+", format!("File > Import > USD: {path}{rate}"));
-        open("usdview", format!("usdview {path}"));
+        open("usdview", format!("usdview {}", report::shell_word(&path)));
     }
     if let Some(path) = m.scene_glb(Profile::Blender) {
         open("Blender", format!("File > Import > glTF: {}{rate}", shown(&path)));
@@ -289,7 +277,7 @@ fn summary(
         open("browsers", format!("drop {} onto a glTF viewer", shown(&path)));
     }
     if has("render.ini").is_some() {
-        open("POV-Ray", format!("cd {} && povray render.ini", shown("pov")));
+        open("POV-Ray", format!("cd {} && povray render.ini", report::shell_word(&shown("pov"))));
     }
     if let Some(path) = has(".obj") {
         open("anything", format!("meshes at rest: {}", shown(path)));

@@ -11,7 +11,7 @@ use crate::source::find_scene;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::files::{FileRecord, Folder, WriteOptions};
-use osier_grammar::{ConvertTo, convert};
+use osier_grammar::{ConvertTo, Grammar, convert};
 
 /// Runs `osier convert` on the first grammar of the source; the result is the exit code.
 pub fn run(context: &Context, args: &Convert) -> Result<u8> {
@@ -19,15 +19,30 @@ pub fn run(context: &Context, args: &Convert) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
+    // The text has the parameters of the file, and draws its random numbers where it is grown.
+    if let Some(flag) = context.scene_flag(&["--set", "--seed", "--rng"]) {
+        let why = format!("{flag} does not change the text of a grammar; give it to `osier grow` or set it in a scene");
+        context.console.complain(&why);
+        return Ok(2);
+    }
     let (recipe, warnings) = resolve(&find_scene(&args.file, &context.sources)?)?;
     context.console.report(&warnings);
-    let grammar = recipe.plants.iter().find_map(|p| if let Growth::Grammar(g) = &p.growth { Some(g) } else { None });
-    let Some(grammar) = grammar else {
+    let mut grammars =
+        recipe.plants.iter().filter_map(|p| if let Growth::Grammar(g) = &p.growth { Some((&p.name, g)) } else { None });
+    let Some((plant, grammar)) = grammars.next() else {
         let message = format!("\"{}\" holds no grammar", args.file);
         return Err(Diagnostic::about("S001", message).help("name a grammar: osier convert curves.l#Koch1").into());
     };
     let to = if args.to == ConvertArg::Cpfg { ConvertTo::Cpfg } else { ConvertTo::Osier };
-    let converted = convert(grammar, to)?;
+    let mut converted = convert(grammar, to)?;
+    // Plants may share a grammar: those with another text are left out.
+    let is_other = |g: &Grammar| !convert(g, to).is_ok_and(|other| other.text == converted.text);
+    let others: Vec<String> = grammars.filter(|(_, g)| is_other(g)).map(|(name, _)| format!("\"{name}\"")).collect();
+    if !others.is_empty() {
+        let others = others.join(", ");
+        let note = format!("only the grammar of plant \"{plant}\" is converted; name the file of another: {others}");
+        converted.notes.push(note);
+    }
     for note in &converted.notes {
         context.console.note(note);
     }

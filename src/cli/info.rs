@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::args::Info;
-use super::{Context, report};
+use super::{Context, SCENE_FLAGS, report};
 use osier_base::diagnostic::visible;
 use osier_base::files::{MANIFEST, SearchPaths, read_input};
 use osier_base::limits::grouped;
@@ -16,9 +16,14 @@ use osier_grammar::FileKind;
 use osier_import as import;
 use osier_scene::MaterialClass;
 
-/// Runs `osier info` on a bake, one of its files or any other file; the result is the exit code, 1 for an incomplete bake.
+/// Runs `osier info` on a bake, one of its files or any other file; the result is the exit code: 1 for an incomplete bake, 3 for
+/// warnings of a mesh under `--strict`.
 pub fn run(context: &Context, args: &Info) -> Result<u8> {
     let path = args.path.as_path();
+    if let Some(flag) = context.scene_flag(&SCENE_FLAGS) {
+        context.console.complain(&format!("{flag} does not change what `info` describes, a finished file"));
+        return Ok(2);
+    }
     let limit = context.limits.get("json-bytes");
     // A folder or its manifest means the whole bake, any other file only itself.
     if path.is_dir() || path.file_name().is_some_and(|n| n == MANIFEST) {
@@ -170,10 +175,11 @@ fn report_verification(context: &Context, found: &Verification) {
 
 /// Describes a file outside of bakes: its size and hash, extents of a mesh, notation and entries of a grammar.
 fn describe_file(context: &Context, path: &Path) -> Result<u8> {
-    let bytes = read_input(path, context.limits.get("mesh-bytes"))?;
+    let bytes = read_input(path, context.limits.get("mesh-bytes"), "--max-mesh-bytes")?;
     let hash = blake3::hash(&bytes).to_hex().to_string();
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    // Meshes are read as in a scene, so that their errors are reported too.
+    // Meshes are read as in a scene, so that their errors and warnings are reported too.
+    let mut warned = false;
     let mesh = if matches!(ending.as_str(), "glb" | "gltf" | "obj") {
         let roots = SearchPaths::new(path, &context.common.search)?;
         let options = import::ImportOptions {
@@ -184,7 +190,11 @@ fn describe_file(context: &Context, path: &Path) -> Result<u8> {
             class: MaterialClass::Bark,
         };
         match import::read(path, &bytes, &options) {
-            Ok(imported) => Some(imported.mesh),
+            Ok(imported) => {
+                context.console.report(&imported.warnings);
+                warned = !imported.warnings.diagnostics.is_empty();
+                Some(imported.mesh)
+            }
             Err(Error::Input(report)) => {
                 context.console.report(&report);
                 return Ok(1);
@@ -208,7 +218,7 @@ fn describe_file(context: &Context, path: &Path) -> Result<u8> {
             "size": size, "notation": notation, "entries": entries,
         });
         context.console.result(&format!("{value:#}\n"))?;
-        return Ok(0);
+        return Ok(context.strict(warned));
     }
     let shown = visible(&path.display().to_string());
     let mut out = format!("{shown}  {}\nblake3 {hash}\n", report::byte_size(bytes.len() as u64));
@@ -223,5 +233,5 @@ fn describe_file(context: &Context, path: &Path) -> Result<u8> {
         out += &format!("  {}\n", visible(entry));
     }
     context.console.result(&out)?;
-    Ok(0)
+    Ok(context.strict(warned))
 }

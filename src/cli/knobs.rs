@@ -11,17 +11,18 @@ use osier_base::Result;
 /// Largest width of the column `KEY=VALUE`; the comments of longer entries are not aligned.
 const MAX_KEY_WIDTH: usize = 48;
 
-/// The parameters of scenes, grammars or presets, source by source. Warnings go to the console.
+/// The parameters of scenes, grammars or presets, source by source, and whether there were warnings, which go to the console.
 /// # Errors
 /// `Io` for a source that cannot be read, `Input` for one with faults.
-pub fn of_sources(context: &Context, sources: &[String]) -> Result<Vec<GrammarParameter>> {
-    let mut parameters = Vec::new();
+pub fn of_sources(context: &Context, sources: &[String]) -> Result<(Vec<GrammarParameter>, bool)> {
+    let (mut parameters, mut warned) = (Vec::new(), false);
     for name in sources {
         let (recipe, warnings) = resolve(&find_scene(name, &context.sources)?)?;
         context.console.report(&warnings);
+        warned |= !warnings.diagnostics.is_empty();
         parameters.extend(grammar_parameters(&recipe));
     }
-    Ok(parameters)
+    Ok((parameters, warned))
 }
 
 /// A heading and one parameter per line; empty text without any.

@@ -7,7 +7,7 @@ use clap::ValueEnum as _;
 use serde_json::json;
 
 use super::args::{List, What};
-use super::{Context, knobs, preset_list};
+use super::{Context, SCENE_FLAGS, knobs, preset_list};
 use crate::recipe::{KeyInfo, TableInfo, options};
 use crate::single_file::endings;
 use crate::source::{entry_sources, find_scene};
@@ -17,10 +17,21 @@ use osier_base::diagnostic::{Severity, visible};
 use osier_base::limits::{LIMITS, grouped};
 use osier_export::registry;
 
-/// Runs `osier list`: composes one text and prints it. The result is the exit code, 2 for words that do not fit.
+/// Runs `osier list`: composes one text and prints it. The result is the exit code: 2 for words that do not fit, 3 for
+/// warnings under `--strict`.
 pub fn run(context: &Context, args: &List) -> Result<u8> {
     if let Some(why) = misplaced(args) {
         context.console.complain(&why);
+        return Ok(2);
+    }
+    // Parameters are those of the scenes that are named; presets are drawn with the seed.
+    let without_effect: &[&'static str] = match args.what {
+        What::Knobs => &[],
+        What::Presets => &["--set", "--dialect", "--rng"],
+        _ => &SCENE_FLAGS,
+    };
+    if let Some(flag) = context.scene_flag(without_effect) {
+        context.console.complain(&format!("{flag} does not change this list, for which no scene of yours is read"));
         return Ok(2);
     }
     // Words without a matching key are an error, not an empty list.
@@ -31,7 +42,8 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
             .complain(&format!("no key contains {}; `osier list options` lists all keys", quoted(&args.words)));
         return Ok(2);
     }
-    let knobs = if args.what == What::Knobs { knobs::of_sources(context, &args.words)? } else { Vec::new() };
+    let is_knobs = args.what == What::Knobs;
+    let (knobs, warned) = if is_knobs { knobs::of_sources(context, &args.words)? } else { (Vec::new(), false) };
     // A dry run draws nothing.
     let thumbnails = args.thumbnails.as_deref().filter(|_| !context.common.dry_run);
     // One text per kind of list; kinds without a JSON arm here share `as_json`.
@@ -61,7 +73,7 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         (what, true) => format!("{:#}\n", as_json(context, what)),
     };
     context.console.result(&text)?;
-    Ok(0)
+    Ok(context.strict(warned))
 }
 
 /// Rewrites the arguments `osier list FILE`, where FILE is a file and not a word, to `osier list entries FILE`.

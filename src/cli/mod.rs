@@ -30,6 +30,7 @@ use clap::Parser as _;
 use crate::source::SourceOptions;
 use args::{Cli, Command, Common};
 use console::Console;
+use osier_base::Error;
 use osier_base::limits::Limits;
 use osier_base::progress::Cancel;
 
@@ -47,7 +48,23 @@ pub(crate) struct Context {
     pub sources: SourceOptions,
 }
 
+/// Common flags that change scenes and grammars as they are read.
+const SCENE_FLAGS: [&str; 4] = ["--set", "--seed", "--dialect", "--rng"];
+
 impl Context {
+    /// The first of `flags`, each of [`SCENE_FLAGS`], that was given to a command that it does not change; `None` if none was.
+    fn scene_flag(&self, flags: &[&'static str]) -> Option<&'static str> {
+        let common = &self.common;
+        let is_given = |flag: &&str| match *flag {
+            "--set" => !common.set.is_empty(),
+            "--seed" => common.seed.is_some(),
+            "--dialect" => common.dialect.is_some(),
+            "--rng" => common.rng.is_some(),
+            _ => false,
+        };
+        flags.iter().copied().find(is_given)
+    }
+
     /// Exit code of a complete run: 3 for warnings under `--strict`, else 0.
     fn strict(&self, warned: bool) -> u8 {
         if warned && self.common.strict { 3 } else { 0 }
@@ -70,11 +87,25 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     }
     match Cli::try_parse_from(list::with_entries(args)) {
         Ok(cli) => guarded(cli),
-        Err(e) => {
+        // Help and version are printed on standard output and are successes; all else is a usage error.
+        Err(e) if e.use_stderr() => {
             let _ = e.print();
-            // Help and version are printed on standard output and are successes; all else is a usage error.
-            if e.use_stderr() { 2 } else { 0 }
+            2
         }
+        Err(help) => printed(help.print()),
+    }
+}
+
+/// Exit code after help was printed on standard output: 0, also for a reader that has gone, or that of the error, which is told.
+fn printed(result: std::io::Result<()>) -> u8 {
+    use std::io::Write as _;
+    match result.and_then(|()| std::io::stdout().flush()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            let error = Error::io("write", "standard output", e);
+            let _ = writeln!(std::io::stderr(), "error: {error}");
+            error.exit_code()
+        }
+        _ => 0,
     }
 }
 

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::Context;
 use super::args::New;
+use super::report::shell_word;
+use super::{Context, SCENE_FLAGS};
 use crate::presets::{self, Preset};
 use osier_base::Result;
 use osier_base::diagnostic::nearest;
@@ -19,7 +20,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.complain(&format!("\"{}\" is not the name of a folder", args.name.display()));
         return Ok(2);
     }
-    if let Some(flag) = flag_of_scenes(context) {
+    if let Some(flag) = context.scene_flag(&SCENE_FLAGS) {
         let why = format!("{flag} does not change what `new` copies; edit the copied scene");
         context.console.complain(&why);
         return Ok(2);
@@ -75,25 +76,11 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
     if context.console.json {
         let value = json!({ "folder": args.name.display().to_string(), "files": paths });
         context.console.result(&format!("{value:#}\n"))?;
-    } else {
+    } else if !context.console.quiet {
         context.console.result(&format!("{}\n", paths.join("\n")))?;
-        let scene = path(&scene_name);
-        let quote = if scene.contains(char::is_whitespace) { "'" } else { "" };
-        context.console.note(&format!("next: osier bake {quote}{scene}{quote}"));
+        context.console.note(&format!("next: osier bake {}", shell_word(&path(&scene_name))));
     }
     Ok(0)
-}
-
-/// The first given flag that changes scenes as they are read; files are copied without reading them. `None` if there is none.
-fn flag_of_scenes(context: &Context) -> Option<&'static str> {
-    let common = &context.common;
-    let flags = [
-        ("--set", !common.set.is_empty()),
-        ("--seed", common.seed.is_some()),
-        ("--dialect", common.dialect.is_some()),
-        ("--rng", common.rng.is_some()),
-    ];
-    flags.into_iter().find(|(_, is_given)| *is_given).map(|(flag, _)| flag)
 }
 
 /// Help text for an unknown name: the most similar preset of `among`, or how to list them.

@@ -93,3 +93,35 @@ pub fn byte_size(bytes: u64) -> String {
         None => format!("{bytes} bytes"),
     }
 }
+
+/// A path as one word of a command for a shell: in quotes if it has other characters than letters, digits and those of plain names.
+pub fn shell_word(path: &str) -> String {
+    let is_plain = |c: char| {
+        c.is_alphanumeric()
+            || matches!(c, '/' | '.' | '_' | '-' | '+' | ',' | ':' | '@')
+            || (cfg!(windows) && c == '\\')
+    };
+    if path.chars().all(is_plain) {
+        path.to_owned()
+    } else if cfg!(windows) {
+        format!("\"{path}\"")
+    } else {
+        // Within single quotes only their own end needs another spelling.
+        format!("'{}'", path.replace('\'', "'\\''"))
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::shell_word;
+
+    #[test]
+    fn paths_are_one_word_of_a_shell() {
+        for path in ["out/oak/oak.usda", "out/my bake/pov", "it's/pov", "a$(b)/c;d", "a\\b", "*"] {
+            let echo = format!("printf %s {}", shell_word(path));
+            let shell = std::process::Command::new("sh").args(["-c", &echo]).output().expect("sh");
+            assert_eq!(String::from_utf8_lossy(&shell.stdout), path);
+        }
+        assert_eq!(shell_word("out/oak_2.0/oak.usda"), "out/oak_2.0/oak.usda");
+    }
+}

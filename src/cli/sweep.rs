@@ -1,6 +1,6 @@
 //! `osier bake --sweep`: runs of a scene with several values and seeds, and their statistics as one table.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::json;
@@ -15,7 +15,7 @@ use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
 use osier_base::Result;
 use osier_base::diagnostic::Report;
-use osier_base::files::{Folder, WriteOptions};
+use osier_base::files::{Folder, WriteOptions, check_writable};
 use osier_base::progress::{Progress as _, Silent};
 use osier_export::stats::{MapStatistics, Run, Spread, Sweep, Whole};
 use osier_export::{VERSION, Warning};
@@ -76,6 +76,9 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         context.console.result(&if context.console.json { format!("{value:#}\n") } else { text })?;
         return Ok(context.strict(warned));
     }
+    // The runs may take hours, and their table is written after the last one.
+    let hashes: Vec<&str> = recipes.iter().map(|r| r.hash.as_str()).collect();
+    check_target(context, args, &root, &hashes, !keys.is_empty())?;
     let display = ProgressDisplay::new(&context.console);
     display.stage("running", frames);
     let mut all = Sweep { title: first.general.title.clone(), keys, ..Sweep::default() };
@@ -188,8 +191,21 @@ fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Re
     Ok(SimulatedRun { scene: stage.scene, whole, maps, report, measured })
 }
 
-fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<()> {
-    let hashes: Vec<&str> = all.runs.iter().map(|r| r.hash.as_str()).collect();
+/// Refuses a folder that cannot be written, or in which a file of the sweep would overwrite one that osier did not write.
+/// # Errors
+/// `Io`, `Foreign`.
+fn check_target(context: &Context, args: &Bake, root: &Path, hashes: &[&str], has_plot: bool) -> Result<()> {
+    check_writable(root)?;
+    if !root.is_dir() {
+        return Ok(());
+    }
+    let folder = open(context, args, root, hashes)?;
+    let mut files = ["sweep.csv", "means.csv", "sweep.json"].into_iter().chain(has_plot.then_some("sweep.svg"));
+    files.try_for_each(|name| folder.check_name(name))
+}
+
+/// Opens the folder of a sweep; `hashes`: of the scenes of all runs.
+fn open(context: &Context, args: &Bake, root: &Path, hashes: &[&str]) -> Result<Folder> {
     let options = WriteOptions {
         // The key of the folder covers all runs: one changed value makes another sweep.
         key: format!("{VERSION} {}", hashes.join(" ")),
@@ -197,7 +213,12 @@ fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<
         cancel: context.cancel.clone(),
         ..WriteOptions::default()
     };
-    let folder = Folder::open_with(root, options)?;
+    Folder::open_with(root, options)
+}
+
+fn write(context: &Context, args: &Bake, root: &Path, all: &Sweep) -> Result<()> {
+    let hashes: Vec<&str> = all.runs.iter().map(|r| r.hash.as_str()).collect();
+    let folder = open(context, args, root, &hashes)?;
     all.write(&folder)?;
     folder.finish()
 }

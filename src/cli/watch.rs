@@ -119,7 +119,7 @@ fn limit_error(bytes: u64, most: u64) -> Error {
 
 /// Resident memory of the process in bytes; `None` where the system does not report it.
 fn resident_bytes() -> Option<u64> {
-    let text = read_input(Path::new("/proc/self/status"), STATUS_BYTES).ok()?;
+    let text = read_input(Path::new("/proc/self/status"), STATUS_BYTES, "").ok()?;
     // `/proc/self/statm` counts in pages, which are larger than 4 kB on some machines.
     let line = text.split(|b| *b == b'\n').find_map(|line| line.strip_prefix(b"VmRSS:"))?;
     std::str::from_utf8(line).ok()?.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)

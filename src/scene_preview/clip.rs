@@ -26,7 +26,7 @@ pub enum ClipContent<'f> {
         /// Frame of the scene in all pictures; `None` for rest.
         frame: Option<u32>,
     },
-    /// Frames of the scene's clip, in rising order, from one camera.
+    /// Frames of the scene's clip, in the order in which they are shown, from one camera.
     Frames(&'f [u32]),
 }
 
@@ -153,7 +153,7 @@ impl<'a> PreviewClip<'a> {
 /// Frame rate of a selection of frames, as a fraction, so that the smallest step between two of them lasts as long as in the
 /// scene. `fps`: frame rate of the scene.
 fn frame_rate_of(fps: (u32, u32), numbers: &[u32]) -> (u32, u32) {
-    let step = numbers.windows(2).map(|w| w[1] - w[0]).min().unwrap_or(1).max(1);
+    let step = numbers.windows(2).map(|w| w[1].abs_diff(w[0])).min().unwrap_or(1).max(1);
     // Showing every n-th frame divides the rate by n.
     (fps.0, fps.1.saturating_mul(step))
 }
@@ -167,5 +167,6 @@ mod tests {
         assert_eq!(frame_rate_of((24, 1), &[1, 2, 3]), (24, 1));
         assert_eq!(frame_rate_of((24, 1), &[1, 5, 9]), (24, 4));
         assert_eq!(frame_rate_of((24, 1), &[7]), (24, 1));
+        assert_eq!(frame_rate_of((24, 1), &[5, 3, 1]), (24, 2), "backwards");
     }
 }

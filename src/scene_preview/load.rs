@@ -221,7 +221,7 @@ impl PreviewScene {
 
 /// Reads a mesh file in metres, +Y up.
 fn read_mesh(path: &Path, search: &[PathBuf], limits: &Limits) -> Result<Imported> {
-    let bytes = files::read_input(path, limits.get("mesh-bytes"))?;
+    let bytes = files::read_input(path, limits.get("mesh-bytes"), "--max-mesh-bytes")?;
     let roots = SearchPaths::new(path, search)?;
     // glTF tells which materials transmit light; through those of OBJ, which does not, passes some as through leaves.
     let is_gltf = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"));

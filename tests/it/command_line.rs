@@ -100,6 +100,15 @@ fn strict_ends_with_3_after_writing_everything() {
     ends(3, &[&["check", arg(&grammar), "--strict"], &SMALL[..]].concat());
     ends(0, &["check", SCENE, "--strict"]);
     ends(0, &["check", "meadow", "--strict"]);
+    let unreached = "Lsystem: w\nDerivation length: 1\nAxiom: F\nB --> F\nendlsystem\n";
+    let grammar = file(&dir, "unreached.l", unreached);
+    let (_, err) = ends(3, &["list", "knobs", arg(&grammar), "--strict"]);
+    assert!(err.contains("warning[L030]"), "{err}");
+    ends(0, &["list", "knobs", "koch.l", "--strict"]);
+    let mesh = file(&dir, "w.obj", "mtllib absent.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let (out, err) = ends(3, &["info", arg(&mesh), "--strict"]);
+    assert!(out.contains("3 vertices") && err.contains("warning[X014]") && err.contains("w.obj:1:8"), "{out}{err}");
+    ends(0, &["info", arg(&mesh)]);
 }
 
 #[test]
@@ -112,9 +121,10 @@ fn what_cannot_be_written_ends_with_74() {
         // A bake may take hours before it writes.
         assert!(args[0] == "grow" || !err.contains("growing"), "{err}");
     }
-    if let Ok(full) = fs::File::options().write(true).open("/dev/full") {
-        let (code, _, err) = said(&osier(&["list", "codes"]).stdout(full).output().expect("runs"));
-        assert!(code == 74 && err.contains("standard output"), "{err}");
+    for args in [&["list", "codes"][..], &["--help"], &["bake", "-h"], &["--version"]] {
+        let Ok(full) = fs::File::options().write(true).open("/dev/full") else { continue };
+        let (code, _, err) = said(&osier(args).stdout(full).output().expect("runs"));
+        assert!(code == 74 && err.contains("standard output"), "{args:?}: {err}");
     }
 }
 
@@ -234,6 +244,17 @@ fn a_converted_grammar_is_the_same_on_standard_output_and_in_a_file() {
     // An undefined variable is a warning.
     let warns = file(&dir, "w.l", "Lsystem: 1\nDerivation length: 2\nAxiom: A\nA --> F B(u)\nendlsystem\n");
     ends(3, &["convert", arg(&warns), "--strict"]);
+    // Of a scene the first grammar, and a note on those with another text.
+    let scene = |others: [&str; 2]| {
+        let plant = |name: &str, grammar: &str| format!("[plants.{name}]\ngrammar = \"{grammar}\"\n");
+        file(&dir, "scene.toml", plant("a", "koch.l") + &plant("b", others[0]) + &plant("c", others[1]))
+    };
+    let (_, err) = ends(0, &["convert", arg(&scene(["koch.l", "oak.l"]))]);
+    assert!(err.contains("only the grammar of plant \"a\"") && err.contains(": \"c\""), "{err}");
+    let (_, err) = ends(3, &["convert", arg(&scene(["grass.l", "oak.l"])), "--strict"]);
+    assert!(err.contains(": \"b\", \"c\""), "{err}");
+    let (_, err) = ends(0, &["convert", arg(&scene(["koch.l", "koch.l"]))]);
+    assert!(err.is_empty(), "{err}");
 }
 
 #[test]
@@ -310,6 +331,16 @@ fn flags_that_a_source_cannot_heed_are_told() {
     let (_, err) =
         ends(3, &["grow", "hazel.species", "--set", "age=1", "--steps", "3", "--strict", "-n", "-o", "x.glb"]);
     assert!(err.contains("warning[S007]") && err.contains("steps"), "{err}");
+    // Finished files, tables of the program and the text of a grammar are the same whatever a scene has.
+    let mesh = file(&dir, "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    for command in [&["info", arg(&mesh)][..], &["list", "codes"], &["list", "options"], &["convert", GRAMMAR]] {
+        ends(0, command);
+        for flag in [["--set", "angle=30"], ["--seed", "4"], ["--rng", "cpfg"]] {
+            let (out, err) = ends(2, &[command, &flag].concat());
+            assert!(out.is_empty() && err.contains(&format!("{} does not change", flag[0])), "{command:?}: {err}");
+        }
+    }
+    ends(2, &["list", "presets", "--json", "--set", "wind.speed=4"]);
     for (name, told) in [("x.txt", true), ("x.glb", false)] {
         let (_, err) = ends(0, &["grow", "koch", "--profile", "web", "-n", "-o", name]);
         assert_eq!(err.contains("--profile has no effect"), told, "{name}: {err}");
@@ -552,6 +583,10 @@ fn a_new_folder_starts_from_the_grammar_that_words_describe() {
     ends(0, &["check", arg(&mine.join("mine.toml"))]);
     let (_, err) = ends(2, &["new", arg(&dir.path().join("other")), "--grammar", "daisy", "--from", "oak"]);
     assert!(err.contains("cannot be used with"), "{err}");
+    // With -q errors only, as of the other commands that write files.
+    let quiet = dir.path().join("quiet");
+    let (out, err) = ends(0, &["new", arg(&quiet), "--from", "koch.l", "-q"]);
+    assert!(out.is_empty() && err.is_empty() && quiet.join("quiet.toml").is_file(), "{out}{err}");
     for flag in [["--set", "wind.speed=12"], ["--seed", "4"], ["--rng", "cpfg"]] {
         let other = dir.path().join("other");
         let (_, err) = ends(2, &["new", arg(&other), flag[0], flag[1]]);
@@ -638,6 +673,26 @@ fn limits_refuse_before_anything_is_written() {
     let (_, err) = ends(1, &["bake", SCENE, "-o", arg(&dir.path().join("out")), "--max-output-bytes", "1k"]);
     assert!(err.contains("--max-output-bytes"), "{err}");
     assert!(tree(dir.path()).is_empty());
+}
+
+#[test]
+fn a_file_that_is_too_long_names_the_flag_of_its_limit() {
+    let dir = folder();
+    let told = |args: &[&str], flag: &str| {
+        let (_, err) = ends(1, &[args, &[flag, "60"]].concat());
+        let mut others =
+            ["--max-text-bytes", "--max-mesh-bytes", "--max-json-bytes"].into_iter().filter(|f| *f != flag);
+        assert!(err.contains(flag) && !others.any(|f| err.contains(f)), "{args:?}: {err}");
+    };
+    let long = "Lsystem: 1\nDerivation length: 1\nAxiom: F F F F F F F F F F F F\nendlsystem\n";
+    let grammar = file(&dir, "long.l", long);
+    told(&["check", arg(&grammar)], "--max-text-bytes");
+    let scene = file(&dir, "scene.toml", "[plants.a]\ngrammar = \"long.l\"\n");
+    told(&["check", arg(&scene)], "--max-text-bytes");
+    let mesh = file(&dir, "long.obj", "v 0 0 0\n".repeat(20));
+    told(&["info", arg(&mesh)], "--max-mesh-bytes");
+    file(&dir, "manifest.json", format!("{{{}}}", " ".repeat(80)));
+    told(&["info", arg(dir.path())], "--max-json-bytes");
 }
 
 #[test]

@@ -425,7 +425,16 @@ fn a_sweep_is_a_row_for_each_run() {
     assert!(expected > 5.0 && (sum - expected).abs() < 1e-3 * expected, "{sum} against {expected}");
     // Catkins of two seeds rest in different texels.
     assert!(deviations > 0.5 * expected, "{deviations}");
-    let refused: [(&[&str], i32, &str); 6] = [
+    // Before anything is simulated, since the table is written after the last run.
+    let (wall, taken) = (dir.path().join("wall"), dir.path().join("taken"));
+    std::fs::write(&wall, "a file").expect("write");
+    std::fs::create_dir(&taken).expect("folder");
+    std::fs::write(taken.join("means.csv"), "mine").expect("write");
+    let (below_wall, taken) = (wall.join("sweep"), taken.to_str().expect("path"));
+    let below_wall = below_wall.to_str().expect("path");
+    let refused: [(&[&str], i32, &str); 8] = [
+        (&["bake", path, "--seeds", "1-2", "-o", below_wall], 74, "cannot create"),
+        (&["bake", path, "--seeds", "1-2", "-o", taken], 1, "--force"),
         (&["bake", path, "--sweep", "flight.humidity=0,1,0"], 2, "has the value 0 twice"),
         (&["bake", path, "--sweep", "flight.humidity=0", "--sweep", "flight.humidity=1"], 2, "given twice"),
         (&["bake", path, "--sweep", "flight.humidity=0:1:3", "--formats", "usd"], 2, "leave out --formats"),
@@ -437,6 +446,7 @@ fn a_sweep_is_a_row_for_each_run() {
         let run = osier(arguments);
         let said = String::from_utf8_lossy(&run.stderr).into_owned();
         assert!(run.status.code() == Some(code) && said.contains(words), "{arguments:?}: {said}");
+        assert!(!said.contains("running"), "{arguments:?}: {said}");
     }
 }
 

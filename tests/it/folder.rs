@@ -274,6 +274,8 @@ fn the_library_bakes_another_scene_over_the_last_and_refuses_what_the_program_re
     bake("1", &[], "1G").expect("bake");
     assert_eq!(mesh(), first);
     assert!(matches!(bake("1", &[2], "1G"), Err(Error::Range { .. })), "the scene has the frame 1 only");
+    let twice = bake("1", &[1, 1], "1G").expect_err("one frame twice");
+    assert!(twice.to_string().contains("not in rising order"), "{twice}");
     assert!(matches!(bake("1", &[], "1k"), Err(Error::Limit { .. })));
 }
 

@@ -78,6 +78,25 @@ pub struct ClipTiming {
     pub fps: (u32, u32),
 }
 
+/// Delay between frames of an APNG, `base / rate` seconds, as the nearest fraction whose numbers have 16 bits and are 1 or more: a
+/// denominator of 0 would stand for 100. `rate` and `base`: 1 or more.
+fn apng_delay(rate: u32, base: u32) -> (u16, u16) {
+    let most = u64::from(u16::MAX);
+    let (num, den) = (u64::from(base), u64::from(rate));
+    // The larger number becomes about the largest of 16 bits, of which the other has as many digits as it can.
+    let (num, den) = if num.max(den) <= most {
+        (num, den)
+    } else if num >= den {
+        let short = (most * den / num).max(1);
+        ((num * short + den / 2) / den, short)
+    } else {
+        let short = (most * num / den).max(1);
+        (short, (den * short + num / 2) / num)
+    };
+    let limited = |n: u64| u16::try_from(n).unwrap_or(u16::MAX);
+    (limited(num), limited(den))
+}
+
 impl<W: Write> ClipWriter<W> {
     /// Begins a clip of `size` pixels that loops forever. A GIF stores the delay of a frame in hundredths of a
     /// second, at least 2: players slow down shorter ones. `opaque`: no frame has transparent pixels.
@@ -109,11 +128,8 @@ impl<W: Write> ClipWriter<W> {
                 encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
                 encoder.add_text_chunk("Software".into(), GENERATOR.into()).map_err(encoding_error)?;
                 encoder.set_animated(frames.max(1), 0).map_err(encoding_error)?;
-                // Both numbers of the delay have 16 bits.
-                let (rate, base) = if rate > 65_535 || base > 65_535 { (rate / base, 1) } else { (rate, base) };
-                #[allow(clippy::cast_possible_truncation, reason = "limited to 16 bits")]
-                let limited = |n: u32| n.min(u32::from(u16::MAX)) as u16;
-                encoder.set_frame_delay(limited(base), limited(rate)).map_err(encoding_error)?;
+                let (seconds, parts) = apng_delay(rate, base);
+                encoder.set_frame_delay(seconds, parts).map_err(encoding_error)?;
                 ClipEncoder::Apng { writer: Box::new(encoder.write_header().map_err(encoding_error)?), opaque }
             }
         };
@@ -261,6 +277,18 @@ mod tests {
             frames.push(frame.buffer.to_vec());
         }
         frames
+    }
+
+    #[test]
+    fn delays_of_apng_fit_into_16_bits() {
+        assert_eq!((apng_delay(24, 1), apng_delay(24_000, 1001)), ((1, 24), (1001, 24_000)));
+        // Every seventieth frame of 24000/1001 a second, and a rate beyond 16 bits.
+        for (rate, base) in [(24_000, 70_070), (100_000, 3_003), (90_000, 89_999)] {
+            let (seconds, parts) = apng_delay(rate, base);
+            let (found, wanted) = (f64::from(seconds) / f64::from(parts), f64::from(base) / f64::from(rate));
+            assert!((found - wanted).abs() < 1e-3 * wanted, "{rate} {base}: {found}");
+        }
+        assert_eq!((apng_delay(1, u32::MAX), apng_delay(u32::MAX, 1)), ((u16::MAX, 1), (1, u16::MAX)));
     }
 
     #[test]

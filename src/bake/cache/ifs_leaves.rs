@@ -95,12 +95,12 @@ pub fn load(recipe: &Recipe, root: &Path, limits: &Limits) {
 }
 
 fn load_leaf(leaf: &CacheableLeaf<'_>, root: &Path, limits: &Limits) -> Option<DrawnLeaf> {
-    let bytes = read_below(root, &leaf_path(&leaf.name), limits.get("text-bytes")).ok()??;
+    let bytes = read_below(root, &leaf_path(&leaf.name), limits.get("text-bytes"), "").ok()??;
     let file = parse_leaf_file(&bytes).filter(|f| f.hash == leaf.hash)?;
     let listed = [&file.maps.color, &file.maps.normal, &file.maps.rough, &file.maps.height];
     // Maps are read in order; the first that is missing or damaged makes the whole leaf unusable.
     let mut pixels = MAPS.iter().zip(listed).map(|((map, channels), hash)| {
-        let png = read_below(root, &map_path(&leaf.name, map), limits.get("image-bytes")).ok()??;
+        let png = read_below(root, &map_path(&leaf.name, map), limits.get("image-bytes"), "").ok()??;
         let intact = blake3::hash(&png).to_hex().as_str() == hash.as_str();
         if intact { textures::unpng(&png, file.side, *channels) } else { None }
     });

@@ -41,7 +41,9 @@ fn load(
 ) -> std::result::Result<bool, &'static str> {
     // The file holds the state and two short lines.
     let most = lattice.bytes().saturating_add(limits.get("text-bytes"));
-    let Some(bytes) = read_below(folder.root(), path, most).map_err(|_| "cannot be read")? else { return Ok(false) };
+    let Some(bytes) = read_below(folder.root(), path, most, "").map_err(|_| "cannot be read")? else {
+        return Ok(false);
+    };
     let state = checked_state(&bytes).ok_or("is damaged, or of another version")?;
     lattice.restore_state(state).map_err(|_| "is of another lattice wind")?;
     Ok(true)

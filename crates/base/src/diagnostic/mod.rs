@@ -130,7 +130,7 @@ impl Report {
     /// one grammar are reported once.
     pub fn extend(&mut self, other: Self) {
         // Individuals of one grammar often print the same.
-        if !self.output.contains(&other.output) {
+        if !has_lines(&self.output, &other.output) {
             self.output.push_str(&other.output);
         }
         let ids: Vec<SourceId> = other.sources.ids().map(|id| self.add_source_of(&other.sources, id)).collect();
@@ -156,6 +156,13 @@ impl std::fmt::Display for Report {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(&render(self, Style::Plain))
     }
+}
+
+/// True if the whole lines of `lines` stand together in `text`: "2" is no line of "12".
+fn has_lines(text: &str, lines: &str) -> bool {
+    let begins = |at: usize| at == 0 || text[..at].ends_with('\n');
+    let ends = |at: usize| lines.ends_with('\n') || at == text.len() || text[at..].starts_with('\n');
+    lines.is_empty() || text.match_indices(lines).any(|(at, _)| begins(at) && ends(at + lines.len()))
 }
 
 /// The nearest of `known` to `word` within edit distance 2 (1 for words of up to three letters), the first of equals; for
@@ -208,6 +215,16 @@ mod tests {
         all.extend(one("b.l"));
         assert_eq!((all.diagnostics.len(), all.sources.ids().count()), (2, 2));
         assert_eq!(all.sources.name(all.diagnostics[1].labels[0].0.source), "b.l");
+    }
+
+    #[test]
+    fn printed_lines_are_kept_unless_they_are_repeated() {
+        let printed = |output: &str| Report { output: output.into(), ..Report::default() };
+        let mut all = printed("12\n");
+        for output in ["2\n", "12\n", "1", "", "12\n2\n"] {
+            all.extend(printed(output));
+        }
+        assert_eq!(all.output, "12\n2\n1");
     }
 
     #[test]

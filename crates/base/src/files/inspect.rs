@@ -1,7 +1,8 @@
 //! What lies in a folder, for checking a bake against its manifest.
 
 use std::fs;
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use super::file_system::{hash, open_regular, read_limited};
 use super::journal::JOURNAL;
@@ -39,6 +40,36 @@ pub fn list_files(root: &Path) -> Result<Vec<String>> {
     Ok(found)
 }
 
+/// Succeeds if a folder can be made or written at `root`, of which nothing need exist; makes nothing. It is for work that takes long
+/// before it writes, which may still fail then.
+/// # Errors
+/// `Io` if a part of the path is a file, or if the system forbids this process to write there.
+/// # Examples
+/// ```
+/// let here = std::env::temp_dir();
+/// assert!(osier_base::files::check_writable(&here.join("not/yet/made")).is_ok());
+/// ```
+pub fn check_writable(root: &Path) -> Result<()> {
+    // The parent of a bare name is the current folder, which `ancestors` spells as an empty path.
+    let named = |path: &Path| -> PathBuf { if path.as_os_str().is_empty() { ".".into() } else { path.into() } };
+    let Some(nearest) = root.ancestors().map(named).find(|path| path.exists()) else { return Ok(()) };
+    if !nearest.is_dir() {
+        return Err(Error::io("create", root, io::ErrorKind::NotADirectory.into()));
+    }
+    #[cfg(unix)]
+    {
+        use rustix::fs::{Access, access};
+        use rustix::io::Errno;
+        // Other errors are left to the write itself, which may succeed where the question has no answer.
+        if let Err(denied @ (Errno::ACCESS | Errno::ROFS)) =
+            access(nearest.as_path(), Access::WRITE_OK | Access::EXEC_OK)
+        {
+            return Err(Error::io("create", root, denied.into()));
+        }
+    }
+    Ok(())
+}
+
 /// Length and BLAKE3 (64 hex digits) of a regular file below `root`; `None` if there is none.
 /// # Errors
 /// X009 for a path that leaves the folder, `Io` if the file cannot be read.
@@ -48,14 +79,15 @@ pub fn hash_file(root: &Path, relative: &str) -> Result<Option<(u64, String)>> {
     Ok(Some((length, hash.to_hex().to_string())))
 }
 
-/// Bytes of a regular file below `root`, at most `limit`; `None` if there is none.
+/// Bytes of a regular file below `root`, at most `limit`; `None` if there is none. `flag`: the flag that raises the limit, for the
+/// message; empty for none.
 /// # Errors
 /// X009 for a path that leaves the folder, `Io`, `Limit` if it is longer.
-pub fn read_below(root: &Path, relative: &str, limit: u64) -> Result<Option<Vec<u8>>> {
+pub fn read_below(root: &Path, relative: &str, limit: u64, flag: &str) -> Result<Option<Vec<u8>>> {
     let Some(file) = open_below(root, relative)? else { return Ok(None) };
     let path = root.join(relative);
     let bytes = read_limited(file, limit).map_err(|e| Error::io("read", &path, e))?;
-    bytes.ok_or_else(|| too_long(&path, limit)).map(Some)
+    bytes.ok_or_else(|| too_long(&path, limit, flag)).map(Some)
 }
 
 fn open_below(root: &Path, relative: &str) -> Result<Option<fs::File>> {

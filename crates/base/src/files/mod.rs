@@ -33,7 +33,7 @@ mod unique_names;
 pub use cache::BakeCache;
 pub use file_system::{Disk, SystemDisk};
 pub use folder::{FileRecord, Folder, MANIFEST, WriteOptions};
-pub use inspect::{hash_file, list_files, read_below};
+pub use inspect::{check_writable, hash_file, list_files, read_below};
 pub use journal::is_settled;
 pub use number::{NumberError, number};
 pub use output::Output;

@@ -9,10 +9,10 @@ use super::file_system::{read_limited, retry};
 use crate::{Error, Result};
 
 /// Bytes of a file named by the user (a file, a pipe, a link; `-` is standard input), at most `limit` of them. Standard input
-/// gives the same bytes to every call.
+/// gives the same bytes to every call. `flag`: the flag that raises the limit, for the message; empty for none.
 /// # Errors
 /// `Io` if it cannot be read, `Limit` if it is longer.
-pub fn read_input(path: &Path, limit: u64) -> Result<Vec<u8>> {
+pub fn read_input(path: &Path, limit: u64, flag: &str) -> Result<Vec<u8>> {
     let bytes = if path == Path::new("-") {
         standard_input(limit)
     } else {
@@ -20,7 +20,7 @@ pub fn read_input(path: &Path, limit: u64) -> Result<Vec<u8>> {
         let file = retry(|| File::open(path)).map_err(|e| Error::io("open", path, e))?;
         read_limited(file, limit)
     };
-    bytes.map_err(|e| Error::io("read", path, e))?.ok_or_else(|| too_long(path, limit))
+    bytes.map_err(|e| Error::io("read", path, e))?.ok_or_else(|| too_long(path, limit, flag))
 }
 
 /// Bytes of standard input; `None` if it has more than `limit`. They are kept, since a sweep reads its scene once for every run
@@ -35,12 +35,12 @@ fn standard_input(limit: u64) -> io::Result<Option<Vec<u8>>> {
     Ok(kept.1.clone().filter(|bytes| bytes.len() as u64 <= limit))
 }
 
-pub(super) fn too_long(path: &Path, limit: u64) -> Error {
+pub(super) fn too_long(path: &Path, limit: u64, flag: &str) -> Error {
     Error::Limit {
         name: format!("size of \"{}\"", path.display()),
         wanted: "more".into(),
         limit: format!("{} bytes", crate::limits::grouped(limit)),
-        flag: "--max-text-bytes or --max-mesh-bytes".into(),
+        flag: flag.into(),
         help: String::new(),
     }
 }

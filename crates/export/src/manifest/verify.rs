@@ -52,11 +52,11 @@ fn plain(manifest: &Manifest) -> Result<()> {
 /// Recomputes the hashes of all files that the manifest in `dir` names; lists other files of the folder as extra.
 /// `limit`: bytes that the manifest may have.
 /// # Errors
-/// `Io` if there is no manifest or the folder cannot be read, X010 if the manifest is damaged, X009 if it names a path
-/// outside the folder.
+/// `Io` if there is no manifest or the folder cannot be read, `Limit` if the manifest is longer, X010 if it is damaged, X009 if it names
+/// a path outside the folder.
 pub fn verify(dir: &Path, limit: u64) -> Result<(Manifest, Verification)> {
     let absent = || Error::io("open", dir.join(MANIFEST), std::io::ErrorKind::NotFound.into());
-    let text = read_below(dir, MANIFEST, limit)?.ok_or_else(absent)?;
+    let text = read_below(dir, MANIFEST, limit, "--max-json-bytes")?.ok_or_else(absent)?;
     let damaged = |e: serde_json::Error| {
         let path = dir.join(MANIFEST);
         Error::export("X010", format!("\"{}\" is damaged: {e}; bake the scene again", path.display()))
