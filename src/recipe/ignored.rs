@@ -53,6 +53,7 @@ impl Resolver<'_> {
             return;
         }
         self.ignored_in_view(root, recipe);
+        self.ignored_in_output(root, recipe);
         self.ignored_in_wind(root, recipe);
         self.ignored_in_rain(root, recipe);
         self.ignored_in_flight(root, recipe);
@@ -98,6 +99,19 @@ impl Resolver<'_> {
             needs(&["maps"], recipe.rain.is_some(), "[rain]: these are maps of the water on leaves"),
         ];
         self.report_unmet(Some(root), "", &whole);
+    }
+
+    /// Warns of statistics of a scene that counts nothing.
+    fn ignored_in_output(&mut self, root: &TomlTable, recipe: &Recipe) {
+        let is_counted = recipe.rain.is_some() || recipe.flight.is_some();
+        if is_counted || !recipe.output.writes(&osier_export::stats::FORMAT) {
+            return;
+        }
+        if let Some(formats) = table_at(root, &["output"]).and_then(|table| table.get("formats")) {
+            let text = "output.formats has csv, but the scene has neither rain nor catkins to count";
+            let d = Diagnostic::warning("S007", text, formats.key_span, "csv has no effect");
+            self.report.push(d.help("add [rain] or [flight], or leave csv out"));
+        }
     }
 
     fn ignored_in_wind(&mut self, root: &TomlTable, recipe: &Recipe) {

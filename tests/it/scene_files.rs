@@ -395,6 +395,10 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         assert_eq!(without_effect(&format!("{plant}{without}")), [format!("{key} has no effect")], "{without}");
         assert_eq!(without_effect(&format!("{plant}{with}")), Vec::<String>::new(), "{with}");
     }
+    let counted = format!("{plant}[output]\nformats = [\"usd\", \"csv\"]\n");
+    let told = without_effect(&counted);
+    assert!(matches!(&told[..], [one] if one.contains("neither rain nor catkins to count")), "{told:?}");
+    assert!(without_effect(&format!("{counted}[rain]\n")).is_empty());
     let still = "[plants.a]\ngrammar = \"rain-twig.l\"\n[wind]\nspeed = 3\n";
     assert_eq!(without_effect(still), ["wind has no effect"]);
     assert!(without_effect(&format!("{still}[frames]\nend = 2\n")).is_empty());
