@@ -266,6 +266,7 @@ impl Resolver<'_> {
     fn ignored_in_place(&mut self, table: &TomlTable, path: &str, place: &PlaceRecipe, plant: Option<&PlantRecipe>) {
         let keys = &place.keys;
         let of_species = plant.is_some_and(|p| matches!(p.growth, Growth::Species(_)));
+        let is_mesh = plant.is_some_and(|p| matches!(p.growth, Growth::Mesh(..)));
         // Turns of a plant that grows for its place have been reported.
         let is_turned = plant.is_none_or(|p| why_in_place(keys, p).is_none());
         let is_group = keys.count > 1 || !place.line.is_empty();
@@ -280,6 +281,12 @@ impl Resolver<'_> {
                 &["individuals"],
                 !is_group || !self.raining || keys.individuals.is_none_or(|n| n >= keys.count),
                 "a scene without [rain]: each copy has drops of its own",
+            ),
+            // Without the key each copy is an individual, but those of a mesh share one.
+            needs(
+                &["individuals"],
+                !is_group || is_mesh || keys.individuals.is_none_or(|n| n <= keys.count),
+                "as many copies to show them: each of these is an individual already",
             ),
             needs(&["lean_to_deg"], keys.lean.abs() > 0.0 || !is_turned, "an inclination: lean_deg = 5"),
             needs(&["together"], of_species || !keys.together, "a plant with `species`, which grows in light"),

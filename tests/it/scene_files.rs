@@ -351,6 +351,7 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "place.0.individuals",
             "[[place]]\ncount = 3\nindividuals = 2\n",
         ),
+        ("[[place]]\ncount = 3\nindividuals = 5\n", "place.0.individuals", "[[place]]\ncount = 3\nindividuals = 3\n"),
         (
             "[[place]]\nring = 9\ncount = 3\nclear = 2\n",
             "place.0.clear",
