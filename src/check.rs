@@ -33,7 +33,8 @@ pub fn grammar_parameters(recipe: &Recipe) -> Vec<GrammarParameter> {
     let mut parameters = Vec::new();
     for plant in &recipe.plants {
         let Growth::Grammar(grammar) = &plant.growth else { continue };
-        parameters.extend(grammar.defines().iter().map(|d| GrammarParameter {
+        let defines = grammar.defines().iter().filter(|d| d.is_parameter(grammar.defines()));
+        parameters.extend(defines.map(|d| GrammarParameter {
             key: format!("plants.{}.set.{}", path_element(&plant.name), d.name),
             value: d.value.clone(),
             number: d.number(),

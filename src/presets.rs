@@ -23,10 +23,23 @@ pub fn find(name: &str) -> Option<&'static Preset> {
     PRESETS.iter().find(|p| p.name == name)
 }
 
-/// Description of a preset for listings: the first line of its leading comment.
+/// Description of a preset for listings: the first line of its leading comment, and of a block comment (`/* .. */`) that breaks
+/// its first sentence also the rest of that.
 pub fn about(preset: &Preset) -> String {
-    let line = preset.text.lines().find(|l| !l.trim().is_empty()).unwrap_or_default();
-    line.trim_start_matches(['#', '/', '*', ';', ' ']).trim_end_matches(['*', '/', ' ']).to_owned()
+    let bare =
+        |line: &'static str| line.trim_start_matches(['#', '/', '*', ';', ' ']).trim_end_matches(['*', '/', ' ']);
+    let mut lines = preset.text.lines().skip_while(|l| l.trim().is_empty());
+    let first = lines.next().unwrap_or_default();
+    let mut text = bare(first).to_owned();
+    let mut goes_on = first.starts_with("/*") && !first.contains("*/");
+    while goes_on && !text.ends_with('.') {
+        let line = lines.next().unwrap_or("*/");
+        // A point within a number ends no sentence.
+        let sentence = bare(line).split_inclusive(". ").next().unwrap_or_default();
+        text = format!("{text} {sentence}").trim_end().to_owned();
+        goes_on = !line.contains("*/");
+    }
+    text
 }
 
 /// Kind of a preset by its file and by other presets of its name.
@@ -94,7 +107,9 @@ mod tests {
             }
         }
         for p in PRESETS {
-            assert!(!about(p).is_empty(), "{} begins with a comment that says what it is", p.name);
+            let about = about(p);
+            assert!(!about.is_empty(), "{} begins with a comment that says what it is", p.name);
+            assert!(about.ends_with(['.', ')']), "{} is described by half a sentence: {about}", p.name);
         }
     }
 }

@@ -33,7 +33,7 @@ pub struct SourceOptions {
     /// coefficient table is read.
     pub set: Vec<String>,
     /// Notation of a grammar (`cpfg`, `abop`, `catkin`, `fractint`, `lparser`, `lpy`) that replaces the detected one; a source
-    /// for which it is set is read as a grammar, whatever its name.
+    /// for which it is set is read as a grammar, whatever its name, except scenes, which refuse it.
     pub dialect: Option<String>,
     /// Random numbers of grammars (`osier`, `cpfg`); `None`: `osier`.
     pub rng: Option<String>,
@@ -190,9 +190,11 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
             .help(help)
             .into());
     }
+    // A notation is refused for a scene below; read as a grammar, the scene would be told that it is none.
+    let has_notation = options.dialect.is_some() && !(has_ending(&["toml"]) && is_toml(&bytes));
     match kind {
         // A file with the ending of a grammar is read as one, so that its errors are those of a grammar.
-        _ if options.dialect.is_some() || has_ending(&["l"]) && kind != FileKind::Houdini => {
+        _ if has_notation || has_ending(&["l"]) && kind != FileKind::Houdini => {
             return grammar_request(path, entry, options);
         }
         FileKind::Grammar(_) if !is_mesh_or_table && source != "-" => return grammar_request(path, entry, options),
@@ -228,7 +230,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     {
         let message = format!("\"{source}\" is a mesh (.{}), neither scene nor grammar", ending.display());
         return Err(Diagnostic::about("S001", message)
-            .help("name it in a scene: mesh = \"FILE\" below an organ")
+            .help("`osier preview` shows it; a scene takes it as mesh = \"FILE\" of [plants.NAME] (a tree), of [plants.NAME.leaf] or of a [[solid]]")
             .into());
     }
     let text = files::decode(&bytes, files::Encoding::Utf8).map_err(|bad| {

@@ -63,7 +63,7 @@ pub enum Command {
     /// Write a grammar of Fractint, LParser or L-Py in the notation of cpfg.
     #[command(after_long_help = EXIT_CODES)]
     Convert(Convert),
-    /// List presets, scene keys, formats, codes or limits.
+    /// List presets, species, scene keys, parameters of grammars, formats, codes or limits.
     #[command(after_long_help = EXIT_CODES)]
     List(List),
     /// Create a folder with a small working scene.
@@ -155,14 +155,15 @@ pub struct Grow {
 pub enum ProfileArg {
     /// Blender.
     Blender,
-    /// Browsers and game engines.
+    /// Browsers and other viewers; for game engines bake profile engine.
     Web,
 }
 
 /// Arguments of `osier preview`.
 #[derive(Debug, Args)]
 pub struct Preview {
-    /// Grammar (.l), scene (.toml), preset, mesh (.glb .gltf .obj) or folder of a bake.
+    /// Grammar (.l .ls .lpy), scene (.toml), species (.species), particle-shapes (.shapes), coefficient table (.ifs .flame), preset,
+    /// mesh (.glb .gltf .obj) or folder of a bake.
     #[arg(value_name = "SOURCE")]
     pub source: String,
     /// File to write [default: out/NAME.png, out/NAME.gif for a clip]; a clip may also be .apng or .png.
@@ -218,7 +219,7 @@ pub struct Preview {
 /// Values of `--quality`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum QualityArg {
-    /// One sample per pixel, sunlight and its shadows only: to judge shapes.
+    /// One sample per pixel, not ray traced, sky light estimated: to judge shapes.
     Draft,
     /// 3 to 24 samples per pixel: for everyday use.
     Normal,
@@ -229,7 +230,7 @@ pub enum QualityArg {
 /// Arguments of `osier check`.
 #[derive(Debug, Args)]
 pub struct Check {
-    /// Scenes, grammars or presets.
+    /// Scenes, grammars, species, particle-shapes, coefficient tables or presets.
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<String>,
     /// Also print the string that each grammar derives, as cpfg prints it.
@@ -316,7 +317,7 @@ pub struct New {
 /// Arguments of `osier info`.
 #[derive(Debug, Args)]
 pub struct Info {
-    /// Folder of a bake, one file of it, or a mesh file.
+    /// Folder of a bake, one file of it, a mesh, a grammar or any other file.
     #[arg(value_name = "PATH")]
     pub path: PathBuf,
 }
@@ -326,7 +327,7 @@ pub struct Info {
 #[command(next_help_heading = "Common flags")]
 pub struct Common {
     /// Seed of all random draws; each whole number gives another individual.
-    #[arg(long, value_name = "N", global = true)]
+    #[arg(long, value_name = "N", global = true, allow_negative_numbers = true, value_parser = read_seed)]
     pub seed: Option<u64>,
     /// Override a key of the scene, or a #define of a bare grammar: wind.speed=6, angle=30.
     #[arg(long, value_name = "PATH=VALUE", global = true)]
@@ -363,6 +364,11 @@ pub struct Common {
     pub strict: bool,
     #[command(flatten)]
     pub max: MaxFlags,
+}
+
+/// The seed that a text means; the error completes clap's "invalid value 'x' for '--seed <N>': ".
+fn read_seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("a seed is a whole number from 0 to {}", u64::MAX))
 }
 
 /// Values of `--color`.

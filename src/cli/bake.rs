@@ -18,6 +18,7 @@ use crate::source::find_scene;
 use osier_base::diagnostic::nearest;
 use osier_base::files::{BakeCache, Folder, WriteOptions, is_settled};
 use osier_base::{Error, Result};
+use osier_export::format::FormatInfo;
 use osier_export::gltf::Profile;
 use osier_export::manifest::{self, Manifest};
 use osier_export::{VERSION, registry};
@@ -25,6 +26,18 @@ use osier_export::{VERSION, registry};
 /// Hash of the sources from which this program was built: the output of a build with other sources is not up to date, even with
 /// the same version.
 const SOURCES: &str = env!("OSIER_SOURCES");
+
+/// Formats that store only a part of a scene, and their folders in a bake. The format `unreal` warns by itself (X025).
+const FOLDERS: [(&str, &str); 8] = [
+    ("pc2", "cache/"),
+    ("obj", "obj/"),
+    ("ply", "cloud/"),
+    ("exr", "maps/"),
+    ("csv", "stats/"),
+    ("tracks", "tracks/"),
+    ("points", "points/"),
+    ("vdb", "vdb/"),
+];
 
 /// Runs `osier bake`, or a sweep if its flags ask for one; the result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
@@ -127,8 +140,22 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     for w in &export_warnings {
         context.console.warning(w.code, &w.message);
     }
+    for format in formats_without_files(&recipe, &manifest) {
+        let (word, about) = (format.word, format.about);
+        context.console.note(&format!("note: format {word} has no file, since the scene has nothing for it ({about})"));
+    }
     summary(context, &root, &recipe, &manifest, Some(&timer.seconds()))?;
     Ok(context.strict(warned || !export_warnings.is_empty()))
+}
+
+/// The formats of the recipe of which the bake has no file, since each of them stores things that a scene may lack.
+fn formats_without_files(recipe: &Recipe, manifest: &Manifest) -> Vec<&'static FormatInfo> {
+    let files = manifest.expanded();
+    let has_files = |word: &str| {
+        let folder = FOLDERS.iter().find(|(format, _)| *format == word);
+        folder.is_none_or(|(_, folder)| files.iter().any(|file| file.0.starts_with(*folder)))
+    };
+    recipe.output.keys.formats.iter().map(|format| format.0).filter(|format| !has_files(format.word)).collect()
 }
 
 /// The list of `--formats` as a value of the key `output.formats`.

@@ -18,7 +18,7 @@ use osier_base::Result;
 use osier_base::diagnostic::Report;
 use osier_base::files::{FileRecord, Folder, WriteOptions};
 use osier_export::format::FormatInfo;
-use osier_export::gltf::Profile;
+use osier_export::gltf::{self, Profile};
 use osier_export::usd;
 
 /// Runs `osier grow`: the ending of the output chooses the format. The result is the exit code.
@@ -40,6 +40,10 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     if to_pipe && std::io::stdout().is_terminal() {
         context.console.complain("standard output is a terminal; redirect the binary file: -o - > x.glb");
         return Ok(2);
+    }
+    let is_gltf = matches!(format, SingleFileFormat::Scene(format) if format.word == gltf::FORMAT.word);
+    if args.profile == ProfileArg::Web && !is_gltf {
+        context.console.note(&format!("note: --profile has no effect on \"{name}\"; profiles are of .glb and .gltf"));
     }
     // For a picture, a table that could grow a tree is read as an attractor.
     let is_picture = matches!(format, SingleFileFormat::Picture(_));

@@ -10,7 +10,7 @@ use super::args::{List, What};
 use super::{Context, knobs, preset_list};
 use crate::recipe::{KeyInfo, TableInfo, options};
 use crate::single_file::endings;
-use crate::source::entry_sources;
+use crate::source::{entry_sources, find_scene};
 use osier_base::Result;
 use osier_base::diagnostic::codes::{CODES, Code};
 use osier_base::diagnostic::{Severity, visible};
@@ -76,10 +76,16 @@ pub fn with_entries(mut args: Vec<OsString>) -> Vec<OsString> {
 
 /// Names of the L-systems of files, in the form `FILE#ENTRY` that other commands take.
 /// # Errors
-/// `Io` for a file that cannot be read.
+/// Those of [`find_scene`] for what is neither a file nor a preset, `Io` for a file that cannot be read.
 fn entries(context: &Context, files: &[String]) -> Result<Vec<String>> {
-    let sources = files.iter().map(|f| entry_sources(f, &context.limits)).collect::<Result<Vec<_>>>()?;
-    Ok(sources.concat())
+    let mut sources = Vec::new();
+    for file in files {
+        if !Path::new(file).is_file() {
+            find_scene(file, &context.sources)?;
+        }
+        sources.extend(entry_sources(file, &context.limits)?);
+    }
+    Ok(sources)
 }
 
 /// Message about words or flags that do not fit the first argument; `None` if all do.

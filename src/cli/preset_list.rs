@@ -125,7 +125,7 @@ fn row(shown: &Shown) -> Value {
     let recipe = recipe.as_ref();
     json!({
         "name": preset.name, "kind": presets::kind(preset).word(), "about": presets::about(preset),
-        "frames": recipe.map(|r| if r.moves || r.rain.is_some() || r.flight.is_some() { r.clip.len() } else { 1 }),
+        "frames": recipe.map(|r| r.clip.len()),
         "plants": recipe.map(|r| r.plants.iter().map(|p| p.name.as_str()).collect::<Vec<_>>()),
         "shows": recipe.map(contents), "thumbnail": thumbnail,
     })

@@ -434,7 +434,11 @@ impl Resolver<'_> {
                 let names = crate::presets::PRESETS.iter().map(|p| p.name);
                 let near = if matches!(why, ReadError::Missing { .. }) { nearest(reference, names) } else { None };
                 let help = match near {
-                    Some(near) => format!("did you mean the preset \"{near}\"?"),
+                    // A file of the user may be near the name of a preset by chance.
+                    Some(near) => format!("did you mean the preset \"{near}\"? If not, {}", why.help()),
+                    None if matches!(why, ReadError::TooLong { .. }) => {
+                        format!("make the file smaller, or raise the limit with --max-{limit}")
+                    }
                     None => why.help().into(),
                 };
                 fail(why.to_string(), help);

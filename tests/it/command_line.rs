@@ -48,12 +48,18 @@ fn usage_ends_with_2_and_help_with_0() {
         &["-j0"],
         &["--max-modules", "many"],
         &["--max-wishes", "1"],
+        // No code read this limit.
+        &["--max-depth", "5"],
         &["--seed", "x"],
         &["--set", "wind.speed"],
     ];
     for more in wrong {
         let (out, err) = ends(2, &[&grow[..], more].concat());
         assert!(out.is_empty() && err.starts_with("error:"), "{err}");
+    }
+    for seed in ["x", "-1", "1.5", "18446744073709551616"] {
+        let (_, err) = ends(2, &[&grow[..], &["--seed", seed]].concat());
+        assert!(err.contains(&format!("'{seed}'")) && err.contains("from 0 to 18446744073709551615"), "{err}");
     }
     for list in ["x", "9-7", "1-9", "1-6:0"] {
         let (_, err) = ends(2, &["bake", SCENE, "-o", arg(dir.path()), "--frames", list]);
@@ -294,14 +300,20 @@ fn a_scene_is_read_from_standard_input_as_often_as_a_command_needs_it() {
 fn flags_that_a_source_cannot_heed_are_told() {
     let dir = folder();
     for flag in [["--rng", "cpfg"], ["--dialect", "cpfg"]] {
-        let (_, err) = ends(1, &[&["check", "oak"][..], &flag].concat());
-        assert!(err.contains(flag[0]) && err.contains("[plants.NAME]"), "{err}");
+        for scene in ["oak", SCENE] {
+            let (_, err) = ends(1, &[&["check", scene][..], &flag].concat());
+            assert!(err.contains(flag[0]) && err.contains("[plants.NAME]"), "{scene}: {err}");
+        }
     }
     let (_, err) = ends(1, &["check", "koch.l", "--rng", "lcg"]);
     assert!(err.contains("S003") && err.contains("lcg"), "{err}");
     let (_, err) =
         ends(3, &["grow", "hazel.species", "--set", "age=1", "--steps", "3", "--strict", "-n", "-o", "x.glb"]);
     assert!(err.contains("warning[S007]") && err.contains("steps"), "{err}");
+    for (name, told) in [("x.txt", true), ("x.glb", false)] {
+        let (_, err) = ends(0, &["grow", "koch", "--profile", "web", "-n", "-o", name]);
+        assert_eq!(err.contains("--profile has no effect"), told, "{name}: {err}");
+    }
     // Pictures are PNG files; another ending would promise another format.
     for name in ["x.jpg", "x.gif"] {
         let picture = dir.path().join(name);
@@ -429,7 +441,10 @@ fn every_broken_input_is_named_with_its_place_and_a_way_out() {
         ("i.toml", "[plants.a]\ngrammar = \"bad.l\"\n[[place]]\nplant = \"a\"\n".into(), &["L021", "bad.l:4:9"]),
     ];
     let (_, err) = ends(1, &["check", arg(&dir.path().join("bad.obj"))]);
-    assert!(err.contains("is a mesh (.obj), neither scene nor grammar") && err.contains("help:"), "{err}");
+    assert!(
+        err.contains("is a mesh (.obj), neither scene nor grammar") && err.contains("of [plants.NAME] (a tree)"),
+        "{err}"
+    );
     for (name, text, wanted) in cases {
         let path = file(&dir, name, text);
         let glb = dir.path().join("x.glb");
@@ -485,8 +500,13 @@ fn a_misspelt_preset_is_told_the_nearest() {
     assert!(err.contains("did you mean \"fern_bud.ifs.toml\"?"), "{err}");
     let (_, err) = ends(1, &["new", "x", "--grammar", "daisi"]);
     assert!(err.contains("no grammar of the library fits \"daisi\"; did you mean \"daisy\"?"), "{err}");
-    let (_, err) = ends(1, &["bake", "nowhere/to/be/found.toml"]);
-    assert!(err.contains("cannot open \"nowhere/to/be/found.toml\""), "{err}");
+    for command in [&["bake"][..], &["list", "entries"]] {
+        let (out, err) = ends(1, &[command, &["nowhere/to/be/found.toml"]].concat());
+        assert!(out.is_empty() && err.contains("cannot open \"nowhere/to/be/found.toml\""), "{err}");
+    }
+    let (_, err) = ends(1, &["list", "entries", "okk"]);
+    assert!(err.contains("did you mean \"oak\"?"), "{err}");
+    assert_eq!(ends(0, &["list", "entries", "oak"]).0, "oak\n");
 }
 
 #[test]
@@ -612,12 +632,39 @@ fn limits_refuse_before_anything_is_written() {
     assert!(err.contains("L050") && err.contains("sprig.l:5:1") && err.contains("--max-steps"), "{err}");
     ends(0, &[&grow[..], &["-n", "--max-steps", "6"]].concat());
     let (_, err) = ends(1, &[&grow[..], &["--max-vertices", "10"]].concat());
-    assert!(err.contains("the limit is 10"), "{err}");
+    assert!(err.contains("the limit is 10; raise it with --max-vertices, or use a larger edge"), "{err}");
     let (_, err) = ends(1, &["bake", SCENE, "-o", arg(&dir.path().join("out")), "--max-frames", "5"]);
     assert!(err.contains("--max-frames"), "{err}");
     let (_, err) = ends(1, &["bake", SCENE, "-o", arg(&dir.path().join("out")), "--max-output-bytes", "1k"]);
     assert!(err.contains("--max-output-bytes"), "{err}");
     assert!(tree(dir.path()).is_empty());
+}
+
+#[test]
+fn a_file_that_is_too_long_names_the_limit_of_its_kind() {
+    let dir = folder();
+    file(&dir, "long.l", fs::read(GRAMMAR).expect("grammar"));
+    file(&dir, "long.obj", "v 0 0 0\n".repeat(20));
+    for (key, flag) in [("grammar = \"long.l\"", "--max-text-bytes"), ("mesh = \"long.obj\"", "--max-mesh-bytes")] {
+        let path = file(&dir, "a.toml", format!("[plants.a]\n{key}\n"));
+        let (_, err) = ends(1, &["check", arg(&path), flag, "60"]);
+        assert!(err.contains("S005") && err.contains("longer than 60 bytes") && err.contains(flag), "{err}");
+        assert_eq!(err.matches("--max-").count(), 1, "{err}");
+    }
+}
+
+#[test]
+fn a_format_without_files_is_told() {
+    let dir = folder();
+    let out = dir.path().join("out");
+    let bake = ["bake", "koch", "--formats", "obj,ply,csv,points", "-o", arg(&out)];
+    let (_, err) = ends(0, &[&bake[..], &SMALL].concat());
+    let told: Vec<&str> = err.lines().filter(|line| line.contains("has no file")).collect();
+    assert!(
+        told.len() == 3 && ["ply", "csv", "points"].iter().all(|word| err.contains(&format!("format {word} has"))),
+        "{err}"
+    );
+    assert!(tree(&out).contains_key("obj/koch_1.obj"), "{err}");
 }
 
 #[test]

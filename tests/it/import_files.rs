@@ -417,6 +417,10 @@ fn every_broken_gltf_gets_an_answer() {
     let mut version = glb(&plain, &[]);
     version[4] = 1;
     all.push_str(&format!("## version 1\n{}\n\n", shop.complaint("leaf.glb", version)));
+    all.push_str(&format!(
+        "## damaged from the first byte\n{}\n\n",
+        shop.complaint("leaf.glb", b"\x00\xffTF\x02\0\0\0")
+    ));
     all.push_str(&format!("## something else\n{}\n", shop.complaint("leaf.fbx", "Kaydara FBX")));
     insta::assert_snapshot!(all);
 }

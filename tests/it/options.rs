@@ -212,6 +212,8 @@ fn presets_say_what_they_are_and_show() {
     assert!(rows.iter().all(|row| row["frames"].is_u64() && row["thumbnail"].is_null()), "{rows:?}");
     let meadow = row("meadow.toml");
     assert_eq!((&meadow["frames"], &meadow["plants"]), (&120.into(), &serde_json::json!(["grass"])));
+    // Rods move in calm air, too.
+    assert_eq!((&row("pole.toml")["frames"], &row("oak.toml")["frames"]), (&72.into(), &1.into()));
     assert!(["wind", "copies"].iter().all(|w| meadow["shows"].as_array().is_some_and(|s| s.contains(&(*w).into()))));
     ends(2, &["list", "codes", "--thumbnails", "x"]);
     // Codes by name or by their letter, in either case.

@@ -396,6 +396,16 @@ fn each_fault_of_a_place_is_named_with_its_mend() {
             "plants.b.site differs from plants.a.site",
         ),
         (
+            // A plant without a table of its own for the site is shown by its table.
+            "sky",
+            wood(
+                "[plants.a.site]\nside = [0.5, 0, 0]\n[plants.b]\nspecies = \"birch\"\n[[place]]\nplant = \"a\"\n\
+                 together = true\n[[place]]\nplant = \"b\"\ntogether = true\n",
+            ),
+            "error[S003]",
+            "^^^^^^^^^^ another site",
+        ),
+        (
             "stem",
             wood("[[plants.a.prune]]\nkeep = [[-1, 0, -1], [1, 1.8, 1]]\n"),
             "warning[S038]",

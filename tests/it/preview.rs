@@ -309,7 +309,9 @@ fn every_mistake_is_named() {
         (2, &["oak", "--seeds", "0-3", "--turntable"], "exclude each other"),
         (2, &["oak", "--seeds", "0-5000"], "1024"),
         (2, &[SPRIG, "--frame", "99"], "outside the scene's 1 to 6"),
-        (2, &[SPRIG, "--frames", "5-9"], "outside the scene's 1 to 6"),
+        (2, &[SPRIG, "--frames", "5-9"], "--frames: frame 7 is outside the scene's 1 to 6"),
+        (2, &["koch", "--frame", "4"], "which has the one frame 1; --set frames.end=4"),
+        (2, &["koch", "--frames", "1-4"], "--frames: frame 2 is outside the scene, which has the one frame 1; --set"),
         (2, &["koch", "--frames", "1"], "--turntable"),
         (2, &["oak", "--turntable", "-o", "x.mp4"], ".gif"),
     ];

@@ -154,6 +154,17 @@ fn faults_of_an_override_quote_the_override() {
 }
 
 #[test]
+fn an_override_of_an_element_that_is_not_there_names_the_list() {
+    let text = "[plants.oak]\ngrammar = \"oak.l\"\n";
+    let said = read(text, &["solid.0.at=[1, 0, 2]"]).expect_err("no solids");
+    assert!(said.contains("give the whole list: --set 'solid=[{ KEY = VALUE }]'"), "{said}");
+    assert_eq!(read(text, &["solid=[{ at = [1, 0, 2] }]"]).expect("one solid").solids.len(), 1);
+    // In the text of a scene the header is at fault.
+    let said = read(&format!("{text}[solid]\nat = [1, 0, 2]\n"), &[]).expect_err("a table");
+    assert!(said.contains("write [[solid]]") && !said.contains("--set"), "{said}");
+}
+
+#[test]
 fn hostile_references_are_refused() {
     for name in [
         "/etc/passwd",

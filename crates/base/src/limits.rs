@@ -23,7 +23,6 @@ pub const LIMITS: &[Limit] = &[
     row("catkins", 100_000_000, "catkins of a flight"),
     row("cells", 200_000_000, "cells of the lattice wind"),
     row("cloud-points", 20_000_000_000, "points of an animated attractor times frames"),
-    row("depth", 1000, "nested brackets and expressions"),
     row("entries", 2000, "L-systems of one file that are checked in turn"),
     row("frames", 1_000_000, "frames of a clip"),
     row("image-bytes", 512 << 20, "bytes of one decoded image"),

@@ -144,6 +144,13 @@ fn defines_are_known_with_comment_and_can_be_overridden() {
     assert_eq!(g.steps(), 3);
     let list: Vec<_> = g.defines().iter().map(|d| (d.name.as_str(), d.value.as_str(), d.comment.as_str())).collect();
     assert_eq!(list, [("ANGLE", "30", "branching angle, degrees"), ("N", "(2+1)", "")]);
+    // Macros that abbreviate parts of productions are no parameters.
+    let rules = "#define A 3\n#define B (A*2e1+sin(A))\n#define C n\n#define D G(A*n)\n#define E n // counts\n#define F\n#define H \"t.png\"\n\
+        lsystem: 1\nderivation length: 1\naxiom: G(A)\nG(n) --> D G(C-B)\nendlsystem\n";
+    let (macros, _) = read(rules);
+    let all = macros.defines();
+    let shown: Vec<_> = all.iter().filter(|d| d.is_parameter(all)).map(|d| d.name.as_str()).collect();
+    assert_eq!(shown, ["A", "B", "E", "F", "H"]);
     let mut sources = Sources::default();
     let set = BTreeMap::from([("ANGLE".to_owned(), "45".to_owned())]);
     let mut none = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!() };

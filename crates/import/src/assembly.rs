@@ -61,7 +61,8 @@ pub(super) fn join(context: &mut ImportContext<'_>, mut parts: Vec<MeshPart>) ->
         context.warn("X016", format_args!("holds {dropped} triangles without area; they are left out"));
     }
     if mesh.triangles.is_empty() {
-        return Err(context.error_about_file("X010", "holds no triangle with an area"));
+        let error = context.error_about_file("X010", "holds no triangle with an area");
+        return Err(Box::new(error.help("export a mesh with faces; points, lines and curves are not read")));
     }
     Ok(mesh)
 }

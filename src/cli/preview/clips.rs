@@ -3,6 +3,7 @@
 use super::super::Context;
 use super::super::args::Preview;
 use super::flags::PreviewFlags;
+use super::sheets::outside_of;
 use super::source::{Variation, ending, load};
 use super::{Outcome, OutputPicture};
 use crate::bake::BakeContext;
@@ -30,7 +31,8 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
     let range = scene.frame_range();
     let asked_frames = if args.turntable.is_some() { args.frame.as_slice() } else { &flags.frames };
     if let Some(n) = asked_frames.iter().find(|n| !range.contains(n)) {
-        return Ok(Outcome::Refused(format!("frame {n} is outside the scene's {} to {}", range.start(), range.end())));
+        let flag = if args.turntable.is_some() { "--frame" } else { "--frames" };
+        return Ok(Outcome::Refused(format!("{flag}: {}", outside_of(*n, &range, args))));
     }
     if args.turntable.is_none() && !scene.is_animated() {
         return Ok(Outcome::Refused(format!(

@@ -1,11 +1,12 @@
 //! One picture, two for comparison, or a contact sheet of many.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use super::super::Context;
 use super::super::args::Preview;
 use super::flags::{MAX_CELLS, PreviewFlags, check_picture_limits};
-use super::source::{Variation, load};
+use super::source::{Variation, is_finished, load};
 use super::{Outcome, OutputPicture};
 use crate::bake::BakeContext;
 use crate::scene_preview::{PreviewScene, preview_together};
@@ -22,7 +23,7 @@ pub fn single(context: &Context, args: &Preview, flags: &PreviewFlags, work: &Ba
         let scene =
             load(context, args, source, flags.options.quality, args.frame.is_some(), &Variation::default(), work)?;
         context.console.report(scene.report());
-        if let Some(why) = outside_clip(&scene, args.frame) {
+        if let Some(why) = outside_clip(&scene, args) {
             return Ok(Outcome::Refused(why));
         }
         scenes.push(scene);
@@ -85,7 +86,7 @@ pub fn entries(
         for (source, scene) in group.iter().zip(par_map(group, load_entry)) {
             let caption = source.rsplit_once('#').map_or(source.as_str(), |(_, name)| name);
             let drawn = scene.and_then(|scene| {
-                if let Some(why) = outside_clip(&scene, args.frame) {
+                if let Some(why) = outside_clip(&scene, args) {
                     return Ok((scene, Err(why)));
                 }
                 let cell = render_cells(std::slice::from_ref(&scene), args, flags, &quiet)?.pop();
@@ -190,7 +191,7 @@ fn sheet_of(
     scenes.iter().for_each(|scene| found.extend(scene.report().clone()));
     context.console.report(&found);
     let warned = !found.diagnostics.is_empty();
-    if let Some(why) = scenes.iter().find_map(|scene| outside_clip(scene, args.frame)) {
+    if let Some(why) = scenes.iter().find_map(|scene| outside_clip(scene, args)) {
         return Ok(Outcome::Refused(why));
     }
     // Seeds and values of a key are compared at one scale.
@@ -203,10 +204,22 @@ fn sheet_of(
 }
 
 /// Message if `--frame` is outside of the scene's clip; `None` otherwise.
-fn outside_clip(scene: &PreviewScene, frame: Option<u32>) -> Option<String> {
+fn outside_clip(scene: &PreviewScene, args: &Preview) -> Option<String> {
     let range = scene.frame_range();
-    let outside = frame.filter(|n| !range.contains(n))?;
-    Some(format!("--frame: frame {outside} is outside the scene's {} to {}", range.start(), range.end()))
+    let outside = args.frame.filter(|n| !range.contains(n))?;
+    Some(format!("--frame: {}", outside_of(outside, &range, args)))
+}
+
+/// Message about a frame outside of a clip. A scene of one frame gets more by a key, which meshes and bakes do not have.
+pub(super) fn outside_of(frame: u32, clip: &RangeInclusive<u32>, args: &Preview) -> String {
+    let (start, end) = (*clip.start(), *clip.end());
+    let has_keys = !std::iter::once(&args.source).chain(&args.compare).any(|name| is_finished(name));
+    if start == end && frame > start && has_keys {
+        return format!(
+            "frame {frame} is outside the scene, which has the one frame {start}; --set frames.end={frame} makes it longer"
+        );
+    }
+    format!("frame {frame} is outside the scene's {start} to {end}")
 }
 
 /// Renders scenes with cameras of one scale, fitted to all of them; captions are the scenes' names.

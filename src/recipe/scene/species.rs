@@ -363,7 +363,11 @@ impl Resolver<'_> {
                 continue;
             }
             told.push(&plant.name);
-            let span = |name: &str| span_of(root, &["plants", name, "site"]).unwrap_or(self.whole);
+            // A plant without a site has that of all defaults; its own table is then the place.
+            let span = |name: &str| {
+                let site = span_of(root, &["plants", name, "site"]);
+                site.or_else(|| span_of(root, &["plants", name])).unwrap_or(self.whole)
+            };
             let text = format!(
                 "plants.{0}.site differs from plants.{1}.site, but {0} and {1} grow together in one field of light",
                 plant.name, other.name

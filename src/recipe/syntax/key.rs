@@ -175,8 +175,17 @@ pub fn wrong(name: &str, node: &TomlNode, wanted: &str) -> Fault {
         TomlValue::Text(t) if t.trim().replace(',', ".").parse::<f64>().is_ok() && wanted.contains("number") => {
             d.help(format!("write it without quotes: {}", t.trim().replace(',', ".")))
         }
+        // An override of an element, such as solid.0.at, of a list that the scene does not have.
+        TomlValue::Table(table) if wanted.starts_with("a list: ") && has_only_indices(table) => d.help(format!(
+            "an override changes elements that the scene has; give the whole list: --set '{name}=[{{ KEY = VALUE }}]'"
+        )),
         _ => d.help("`osier list options` shows every key with type and default"),
     })
+}
+
+/// Whether a table has keys, and all of them are whole numbers.
+fn has_only_indices(table: &TomlTable) -> bool {
+    !table.entries.is_empty() && table.entries.iter().all(|e| e.key.bytes().all(|b| b.is_ascii_digit()))
 }
 
 /// Diagnostic S004 for a value outside its range. `value`: as messages quote it; `range`: the accepted values in words.

@@ -147,14 +147,17 @@ fn split_outside_quotes(text: &str, mark: char) -> Option<(&str, &str)> {
     at.map(|(i, _)| (&text[..i], &text[i + mark.len_utf8()..]))
 }
 
-/// The elements of the path of an override, without the quotes around them.
-fn path_elements(path: &str) -> Vec<&str> {
+/// The elements of the path of an override, without the quotes around them, each with its place in the override.
+fn path_elements(path: &str, source: SourceId) -> Vec<(&str, Span)> {
     let mut elements = Vec::new();
-    let mut rest = Some(path);
+    let (mut rest, mut start) = (Some(path), 0);
     while let Some(text) = rest {
         let (element, after) = split_outside_quotes(text, '.').map_or((text, None), |(a, b)| (a, Some(b)));
         let bare = element.trim();
-        elements.push(bare.strip_prefix('"').and_then(|b| b.strip_suffix('"')).unwrap_or(bare));
+        let first = start + element.len() - element.trim_start().len();
+        let name = bare.strip_prefix('"').and_then(|b| b.strip_suffix('"')).unwrap_or(bare);
+        elements.push((name, Span::new(source, first, first + bare.len())));
+        start += element.len() + 1;
         rest = after;
     }
     elements
@@ -173,9 +176,9 @@ pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Repor
     // The value of the override is parsed as TOML with spans that point into the assignment.
     let offset = path.len() + 1;
     let value = override_value(text.trim(), Span::new(source, offset, assignment.len()), report);
-    let names = path_elements(path);
+    let names = path_elements(path, source);
     let node = TomlNode { span: Span::new(source, offset, assignment.len()), value };
-    if !put(root, &names, node, Span::new(source, 0, path.len())) {
+    if !put(root, &names, node) {
         let d = Diagnostic::error(
             "S002",
             format!("\"{}\" is not a key or a list element", path.trim()),
@@ -221,30 +224,30 @@ fn move_to(node: &mut TomlNode, span: Span) {
     }
 }
 
-fn put(table: &mut TomlTable, names: &[&str], node: TomlNode, span: Span) -> bool {
-    let Some((name, rest)) = names.split_first() else { return false };
+fn put(table: &mut TomlTable, names: &[(&str, Span)], node: TomlNode) -> bool {
+    let Some((&(name, span), rest)) = names.split_first() else { return false };
     if name.is_empty() {
         return false;
     }
-    let index = table.entries.iter().position(|e| e.key == *name).unwrap_or_else(|| {
+    let index = table.entries.iter().position(|e| e.key == name).unwrap_or_else(|| {
         let value = TomlValue::Table(TomlTable::default());
-        table.entries.push(TomlEntry { key: (*name).to_owned(), key_span: span, node: TomlNode { span, value } });
+        table.entries.push(TomlEntry { key: name.to_owned(), key_span: span, node: TomlNode { span, value } });
         table.entries.len() - 1
     });
     let Some(entry) = table.entries.get_mut(index) else { return false };
-    put_in(&mut entry.node, rest, node, span)
+    put_in(&mut entry.node, rest, node)
 }
 
-fn put_in(target: &mut TomlNode, rest: &[&str], node: TomlNode, span: Span) -> bool {
-    if rest.is_empty() {
+fn put_in(target: &mut TomlNode, rest: &[(&str, Span)], node: TomlNode) -> bool {
+    let Some(((name, _), after)) = rest.split_first() else {
         *target = node;
         return true;
-    }
+    };
     match &mut target.value {
-        TomlValue::Table(inner) => put(inner, rest, node, span),
+        TomlValue::Table(inner) => put(inner, rest, node),
         TomlValue::List(list) => {
-            let item = rest.first().and_then(|n| n.parse::<usize>().ok()).and_then(|i| list.get_mut(i));
-            item.is_some_and(|item| put_in(item, &rest[1..], node, span))
+            let item = name.parse::<usize>().ok().and_then(|i| list.get_mut(i));
+            item.is_some_and(|item| put_in(item, after, node))
         }
         _ => false,
     }
@@ -314,6 +317,17 @@ mod tests {
             let span = r.diagnostics[0].labels[0].0;
             assert_eq!((r.diagnostics[0].code, [span.start, span.end]), ("S003", at), "{set}");
         }
+    }
+
+    #[test]
+    fn each_key_of_an_override_has_a_place_of_its_own() {
+        let (t, _) = read("", &["wind. sped =3"]);
+        let Some(TomlValue::Table(wind)) = value(&t, "wind") else { panic!("{t:?}") };
+        let place = |span: Span| [span.start, span.end];
+        assert_eq!((place(t.entries[0].key_span), place(wind.entries[0].key_span)), ([0, 4], [6, 10]));
+        let (t, _) = read("", &["plants.\"a.b\".x=3"]);
+        let Some(TomlValue::Table(plants)) = value(&t, "plants") else { panic!("{t:?}") };
+        assert_eq!(place(plants.entries[0].key_span), [7, 12]);
     }
 
     #[test]

@@ -63,7 +63,9 @@ impl ReadError {
             Self::Outside { .. } | Self::Missing { .. } => {
                 "put the file beside this one, or name its folder with --search DIR"
             }
-            Self::TooLong { .. } => "make the file smaller, or raise the limit with --max-mesh-bytes",
+            Self::TooLong { .. } => {
+                "make the file smaller, or raise the limit with --max-mesh-bytes (meshes, pictures) or --max-text-bytes (texts)"
+            }
             Self::Io { .. } => "only regular, readable files can be used",
         }
     }

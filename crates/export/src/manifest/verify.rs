@@ -57,7 +57,10 @@ fn plain(manifest: &Manifest) -> Result<()> {
 pub fn verify(dir: &Path, limit: u64) -> Result<(Manifest, Verification)> {
     let absent = || Error::io("open", dir.join(MANIFEST), std::io::ErrorKind::NotFound.into());
     let text = read_below(dir, MANIFEST, limit)?.ok_or_else(absent)?;
-    let damaged = |e: serde_json::Error| Error::export("X010", format!("\"{MANIFEST}\" is damaged: {e}"));
+    let damaged = |e: serde_json::Error| {
+        let path = dir.join(MANIFEST);
+        Error::export("X010", format!("\"{}\" is damaged: {e}; bake the scene again", path.display()))
+    };
     let manifest: Manifest = serde_json::from_slice(&text).map_err(damaged)?;
     plain(&manifest)?;
     let expanded = manifest.expanded();

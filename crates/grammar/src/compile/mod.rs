@@ -87,7 +87,7 @@ pub(super) struct Compiler<'r> {
     pub locals: Vec<u32>,
     /// Slots of the locals that hold a module's parameter as it was stored.
     pub parameter_slots: Vec<u16>,
-    /// Limit on the nesting of expressions, of blocks and of `repeat`.
+    /// Most nested expressions, blocks and `repeat`s; no flag changes it.
     pub max_depth: usize,
     /// The grammar has a `turtle:`: `*` is a letter and `repeat` a word.
     pub has_turtle: bool,

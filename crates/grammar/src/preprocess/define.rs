@@ -52,6 +52,27 @@ impl Define {
     pub fn about(&self) -> &str {
         split_comment(&self.comment).map_or(&self.comment, |(_, about)| about)
     }
+
+    /// False for a macro that abbreviates a part of productions, such as `B(R1*d, n-1)`: it has no comment and reads names that
+    /// are not among the macros `all` of its grammar.
+    pub fn is_parameter(&self, all: &[Self]) -> bool {
+        let is_macro = |name: &str| all.iter().any(|d| d.name == name);
+        !self.comment.is_empty() || self.written.contains('"') || plain_names(&self.written).all(is_macro)
+    }
+}
+
+/// Names in a text that no parenthesis follows.
+fn plain_names(text: &str) -> impl Iterator<Item = &str> {
+    let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == '.';
+    let mut rest = text;
+    let words = std::iter::from_fn(move || {
+        let tail = &rest[rest.find(is_word)?..];
+        let (word, after) = tail.split_at(tail.find(|c: char| !is_word(c)).unwrap_or(tail.len()));
+        rest = after;
+        Some((word, after))
+    });
+    let is_name = |word: &str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
+    words.filter_map(move |(word, after)| (is_name(word) && !after.trim_start().starts_with('(')).then_some(word))
 }
 
 /// Value of a text that is a finite number and nothing else; `None` for expressions and names.

@@ -470,6 +470,11 @@ fn productions_of_lpy_may_hold_lists() {
         ("  p = [30*k for k in range(3)]\n  nproduce B(p[x-3],max(p))\n", "B(60,60)"),
         ("  p = [[x, 1], [2, x]]\n  for a, b in p: nproduce B(a,b)\n", "B(5,1)B(2,5)"),
         ("  for p in [[x, 1], [2, x]]: nproduce B(p[0],p[1])\n", "B(5,1)B(2,5)"),
+        ("  p = [1, x]\n  if len(p) > 1: nproduce B(len(p))\n  nproduce B(*p)\n", "B(2)B(1,5)"),
+        (
+            "  n = x-3\n  p = [n]*2 + [k*n for k in q[0]]\n  for i in range(len(p)): nproduce B(p[i])\n",
+            "B(2)B(2)B(2)B(4)",
+        ),
         ("  p = [5, 6, 7]\n  i, s = 0, 0\n  while i < x-2:\n    s += p[i]\n    i += 1\n  nproduce B(s)\n", "B(18)"),
     ] {
         assert_eq!(lpy(&model(lines)), wanted, "{lines}");

@@ -95,6 +95,15 @@ impl GltfDocument {
         let name = context.name();
         let text = match decode(json, Encoding::Utf8) {
             Ok(text) => text.text,
+            // A text with a stray byte is mended by its author, any other file by the program that wrote it.
+            Err(_) if !begins_as_json(json) => {
+                let message = "is not glTF: it begins neither with the word glTF nor with a brace";
+                return Err(Box::new(
+                    context
+                        .error_about_file("X010", message)
+                        .help("it is damaged or in another format; export the mesh again as .glb or .gltf"),
+                ));
+            }
             Err(bad) => {
                 bad.report("X010", &name, json, &mut context.report);
                 return Ok(None);
@@ -165,6 +174,11 @@ fn validation_error(context: &ImportContext<'_>, e: gltf::Error) -> Box<Diagnost
             .error_about_file("X010", format_args!("is not valid glTF: {list}"))
             .help("export it again, or check it with the Khronos validator"),
     )
+}
+
+/// Whether a file begins with the brace of a JSON object, behind a byte order mark and blanks.
+fn begins_as_json(bytes: &[u8]) -> bool {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start().starts_with(b"{")
 }
 
 /// Takes the extensions that we decode out of the list of required ones; others end the reading.

@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use image::{ColorType, DynamicImage, ImageDecoder as _, ImageFormat, ImageReader};
+use image::{ColorType, DynamicImage, ImageDecoder as _, ImageError, ImageFormat, ImageReader};
 
 use crate::{ImportContext, ImportResult};
 use osier_base::units;
@@ -108,15 +108,27 @@ pub(crate) fn decode_deep(
     bytes: &[u8],
     spent: &mut u64,
 ) -> ImportResult<DynamicImage> {
-    let failed =
-        |e: &dyn std::fmt::Display| context.error_in_file("X010", format_args!("{place}: image is damaged: {e}"));
     let side = context.options.limits.get("image-side");
     let budget = context.options.limits.get("image-bytes");
+    let failed = |e: &dyn std::fmt::Display| {
+        let message = format_args!("{place}: image is damaged: {e}");
+        Box::new(context.error_in_file("X010", message).help("save the picture again"))
+    };
+    // A whole image may need more memory than the decoder is allowed below.
+    let refused = |e: ImageError| match e {
+        ImageError::Limits(_) => {
+            let message = format_args!("{place}: image takes more memory to read than the limit of {budget} bytes");
+            Box::new(context.error_in_file("X010", message).help("make it smaller, or use --max-image-bytes"))
+        }
+        damage => failed(&damage),
+    };
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| failed(&e))?;
     // The library also knows formats by name that it cannot decode here; such a file is not damaged.
     if !matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg)) {
         return Err(Box::new(
-            context.error_in_file("X010", format_args!("{place}: image is neither PNG nor JPEG")).help("convert it"),
+            context
+                .error_in_file("X010", format_args!("{place}: image is neither PNG nor JPEG"))
+                .help("convert it to PNG"),
         ));
     }
     // The decoders replace missing rows by grey without an error, so truncated files are found here.
@@ -132,7 +144,7 @@ pub(crate) fn decode_deep(
     let mut limits = image::Limits::no_limits();
     limits.max_alloc = Some(budget);
     reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(|e| failed(&e))?;
+    let decoder = reader.into_decoder().map_err(refused)?;
     // Dimensions come from the header: nothing is decoded before they are within the limits.
     let (width, height) = decoder.dimensions();
     if u64::from(width.max(height)) > side {
@@ -140,7 +152,7 @@ pub(crate) fn decode_deep(
         return Err(Box::new(context.error_in_file("X010", message).help("make it smaller, or use --max-image-side")));
     }
     spend(context, place, decoder.total_bytes(), spent)?;
-    DynamicImage::from_decoder(decoder).map_err(|e| failed(&e))
+    DynamicImage::from_decoder(decoder).map_err(refused)
 }
 
 /// Adds `bytes` to those of the images decoded so far for this file.

@@ -37,10 +37,10 @@ pub fn sphere_diameter(volume: f64) -> f64 {
 /// Source: quadratic drag that balances gravity at terminal speed, a = -g |v| v / vt^2 with v relative to the air.
 pub(crate) fn step_velocity(v: DVec3, volume: f64, g: f64, air: DVec3, h: f64) -> DVec3 {
     let relative = v - air;
-    // Gravity is explicit; drag is implicit in the velocity with its coefficient g |v| / vt^2 at the old one, which is stable for
-    // any h: v' = (v - g h) / (1 + h g |v| / vt^2).
-    let vt = terminal_speed(sphere_diameter(volume), g);
-    let relative = (relative - DVec3::Y * (g * h)) / (1.0 + h * g * relative.length() / (vt * vt));
+    // Gravity is explicit; drag is implicit in the velocity with its coefficient k |v| at the old one, which is stable for any h:
+    // v' = (v - g h) / (1 + h k |v|). The air's k = g / vt^2 is that of Earth, and drops without gravity are slowed down too.
+    let vt = terminal_speed_on_earth(sphere_diameter(volume));
+    let relative = (relative - DVec3::Y * (g * h)) / (1.0 + h * GRAVITY * relative.length() / (vt * vt));
     air + relative
 }
 

@@ -96,6 +96,8 @@ enum PyTokenKind {
 
 /// Name of the call that stands for `value in list`; a word of Python, so that no function has it.
 const IN: &str = "in";
+/// Name that stands for a variable whose value is not known where a value that must be constant is looked for; no scope has it.
+pub(super) const UNKNOWN: &str = "(changes)";
 /// Most items of a list that `in` compares with, one after the other.
 const MAX_MEMBERS: usize = 64;
 
@@ -694,7 +696,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
     Ok(match e {
         PyExpr::Number(_) | PyExpr::Text(..) => e.clone(),
         PyExpr::Name(name, range) => {
-            let is_local = scope.locals.contains(name);
+            let is_local = name == UNKNOWN || scope.locals.contains(name);
             if let Some(why) = scope.unreadable.get(name).filter(|_| !is_local) {
                 return Err(why.clone());
             }

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::bounds::{Bounds, mentions};
-use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse, range_of, resolve, size_with, substitute};
+use super::expression::{PyExpr, PyOp, Refusal, Scope, UNKNOWN};
+use super::expression::{compile, has_random, parse, range_of, resolve, size_with, substitute};
 use super::statement::{GROUP, Statement, assigned, in_turn, is_written_out, only_computes, with_lists};
 use super::strings::{PyModule, Spelled, modules, spell};
 use super::{Line, Model, Section, block_after, colon, shifted, strings};
@@ -56,6 +57,23 @@ fn range_of_loop(list: &PyExpr) -> Option<(PyExpr, PyExpr, f64)> {
     }
 }
 
+/// The arguments of a module, `*list` replaced by the items of the list.
+fn spread(args: &[PyExpr], scope: &Scope) -> Result<Vec<PyExpr>, Refusal> {
+    let mut out = Vec::with_capacity(args.len());
+    for arg in args {
+        match arg {
+            PyExpr::Call(star, list, range) if star == "*" => {
+                match list.first().map(|l| resolve(l, scope, 0)).transpose()? {
+                    Some(PyExpr::List(items, _)) => out.extend(items),
+                    _ => return Err(Refusal::new("'*' before something other than a list", range.clone())),
+                }
+            }
+            _ => out.push(arg.clone()),
+        }
+    }
+    Ok(out)
+}
+
 /// One step of a way through a production: an assignment, or a condition with the value it has on this way.
 #[derive(Debug, Clone)]
 pub(super) enum Step {
@@ -84,12 +102,19 @@ impl Step {
     }
 }
 
-/// An expression with the values of the variables of a way, which hide those of the model; one whose value is not known has a
-/// name that no scope has, so that what reads it is not constant.
+/// An expression with the values of the variables of a way, which hide those of the model; [`UNKNOWN`] stands for one whose value
+/// is not known, so that what reads it is not constant.
 fn in_way(e: &PyExpr, way: &Way) -> PyExpr {
     let names: Vec<String> = way.known.keys().cloned().collect();
-    let unknown = || PyExpr::Name("(changes)".to_owned(), 0..0);
+    let unknown = || PyExpr::Name(UNKNOWN.to_owned(), 0..0);
     let values: Vec<PyExpr> = way.known.values().map(|v| v.map_or_else(unknown, PyExpr::Number)).collect();
+    substitute(e, &names, &values)
+}
+
+/// An expression with the values of those variables of a way whose values are known.
+fn with_known(e: &PyExpr, way: &Way) -> PyExpr {
+    let known = way.known.iter().filter_map(|(name, value)| Some((name.clone(), PyExpr::Number((*value)?))));
+    let (names, values): (Vec<String>, Vec<PyExpr>) = known.unzip();
     substitute(e, &names, &values)
 }
 
@@ -682,19 +707,35 @@ impl Model<'_, '_> {
 
     /// The list that an expression is; `None` for any other.
     fn list_of(&self, e: &PyExpr, way: &Way) -> Option<PyExpr> {
-        let may_be = match e {
-            PyExpr::List(..) => return Some(e.clone()),
+        if matches!(e, PyExpr::List(..)) {
+            return Some(e.clone());
+        }
+        let is_list = self.may_be_list(e) && matches!(resolve(&in_way(e, way), &self.scope, 0), Ok(PyExpr::List(..)));
+        // The items keep the names of variables whose values are not known.
+        let list = is_list.then(|| resolve(&with_known(e, way), &self.scope_of(way), 0).ok()).flatten();
+        list.filter(|e| matches!(e, PyExpr::List(..)))
+    }
+
+    /// False for an expression that is no list whatever its names are; it need not be resolved.
+    fn may_be_list(&self, e: &PyExpr) -> bool {
+        match e {
+            PyExpr::List(..) | PyExpr::Index(..) | PyExpr::Each(..) => true,
             PyExpr::Name(name, _) => self.scope.lists.contains_key(name),
-            PyExpr::Index(..) | PyExpr::Each(..) => true,
-            PyExpr::Binary(PyOp::Add | PyOp::Mul, a, b) => [a, b].iter().any(|e| matches!(***e, PyExpr::List(..))),
+            PyExpr::Binary(PyOp::Add | PyOp::Mul, a, b) => self.may_be_list(a) || self.may_be_list(b),
             PyExpr::Call(name, ..) => {
                 matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
                     || self.scope.functions.contains_key(name)
             }
             _ => false,
-        };
-        let list = may_be.then(|| resolve(&in_way(e, way), &self.scope, 0).ok()).flatten();
-        list.filter(|e| matches!(e, PyExpr::List(..)))
+        }
+    }
+
+    /// The scope of the production with the variables that a way has assigned.
+    fn scope_of(&self, way: &Way) -> Scope {
+        let own = way.known.keys().filter(|name| !self.scope.locals.contains(name));
+        let mut scope = self.scope.clone();
+        scope.locals.extend(own.cloned());
+        scope
     }
 
     /// A list of numbers, and of variables that the statements `taken` set, so that it may be read at any time.
@@ -832,7 +873,9 @@ impl Model<'_, '_> {
         for m in modules {
             let mut module = m.clone();
             // A list that cannot be read is refused where the successor is made.
-            if let Ok(args) = self.spread(&m.args) {
+            if m.args.iter().any(|arg| matches!(arg, PyExpr::Call(star, ..) if star == "*"))
+                && let Ok(args) = spread(&m.args, &self.scope_of(way))
+            {
                 module.args = args;
             }
             for arg in module.args.iter_mut().filter(|a| !ends && !matches!(a, PyExpr::Number(_) | PyExpr::Text(..))) {
@@ -1029,29 +1072,12 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// The arguments of a module, `*list` replaced by the items of the list.
-    fn spread(&self, args: &[PyExpr]) -> Result<Vec<PyExpr>, Refusal> {
-        let mut out = Vec::with_capacity(args.len());
-        for arg in args {
-            match arg {
-                PyExpr::Call(star, list, range) if star == "*" => {
-                    match list.first().map(|l| resolve(l, &self.scope, 0)).transpose()? {
-                        Some(PyExpr::List(items, _)) => out.extend(items),
-                        _ => return Err(Refusal::new("'*' before something other than a list", range.clone())),
-                    }
-                }
-                _ => out.push(arg.clone()),
-            }
-        }
-        Ok(out)
-    }
-
     pub(super) fn successor(&mut self, list: &[PyModule]) -> Option<Vec<SuccessorModule>> {
         let mut out = Vec::with_capacity(list.len());
         for m in list {
             let place = self.reader.place(m.range.clone());
             let mut args = Vec::new();
-            let spread = self.spread(&m.args);
+            let spread = spread(&m.args, &self.scope);
             for arg in &self.settle(spread)? {
                 let code = compile(arg, &self.scope);
                 args.push(self.settle(code)?.into_expr());

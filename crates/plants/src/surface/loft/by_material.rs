@@ -1,6 +1,7 @@
 //! Axes that have no tube, appended to a skin as subsets by material.
 
 use super::{PlantSkin, SkinOptions};
+use osier_base::limits::grouped;
 use osier_base::{Error, Result};
 use osier_scene::plant::{Axis, Plant};
 
@@ -37,9 +38,9 @@ pub(super) fn append_by_material(
         if skin.mesh.points.len() as u64 > options.max_points {
             return Err(Error::Limit {
                 name: "points of the skin".into(),
-                wanted: format!("more than {}", options.max_points),
-                limit: options.max_points.to_string(),
-                flag: String::new(),
+                wanted: "more".into(),
+                limit: grouped(options.max_points),
+                flag: "--max-vertices".into(),
                 help: format!("use {}", surface.remedy),
             });
         }

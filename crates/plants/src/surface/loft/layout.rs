@@ -7,6 +7,7 @@ use super::thin::is_thin;
 use super::tube_plan::{TubeCap, TubePlans, TubeStart};
 use super::{SkinOptions, TubeRange};
 use osier_base::convert::narrow;
+use osier_base::limits::grouped;
 use osier_base::rng::Rng;
 use osier_base::{Error, Result, math};
 use osier_scene::plant::{Axis, AxisKind, Plant};
@@ -181,10 +182,17 @@ fn assign_ranges(
     // Check the total before anything is allocated, then hand out consecutive ranges.
     let size = |axis: u32| counts(plans, axis as usize, &params[axis as usize]);
     let wanted: u64 = order.iter().map(|&(_, axis)| size(axis).0).sum();
-    if wanted > options.max_points.min(u64::from(u32::MAX / 4)) {
-        let limit = options.max_points.to_string();
-        let (flag, help) = (String::new(), "use fewer sides (edge, turn) or a smaller plant".into());
-        return Err(Error::Limit { name: "points of the skin".into(), wanted: wanted.to_string(), limit, flag, help });
+    let indexed = u64::from(u32::MAX / 4);
+    if wanted > options.max_points.min(indexed) {
+        // No flag raises what indices can number.
+        let flag = if options.max_points < indexed { "--max-vertices" } else { "" };
+        return Err(Error::Limit {
+            name: "points of the skin".into(),
+            wanted: grouped(wanted),
+            limit: grouped(options.max_points.min(indexed)),
+            flag: flag.into(),
+            help: "use a larger edge or turn_deg of the skin, or a smaller plant".into(),
+        });
     }
     let mut layout = SkinLayout::default();
     for &(material, axis) in order {
