@@ -1,5 +1,7 @@
 //! Warnings about keys that have no effect beside the values of other keys.
 
+use std::f64::consts::PI;
+
 use super::resolve::Resolver;
 use super::scene::{
     BladeOutline, ColorBy, DropFriction, DropLever, DropMerge, DropShape, FlightRelease, ImpactModel, LatticeProfile,
@@ -40,6 +42,8 @@ const OF_TREES: &[&str] = &["tree"];
 const NONE: &[&str] = &[];
 /// Keys of layers that rectangles do not have.
 const OF_LAYER_TABLES: &[&str] = &["system", "weights", "points", "color_by", "prefix", "colors", "exposure", "gamma"];
+/// Largest share of a plane that equal discs cover, pi / sqrt 12.
+const DENSEST_DISCS: f64 = 0.906_9;
 /// What keys of the sway model need.
 const SWAYING: &str = "a plant that sways: leave [plants.NAME.rods] out";
 /// What latitudes of plants need.
@@ -292,6 +296,27 @@ impl Resolver<'_> {
             needs(&["together"], of_species || !keys.together, "a plant with `species`, which grows in light"),
         ];
         self.report_unmet(Some(table), path, &all);
+        self.report_crowd(table, path, place);
+    }
+
+    /// Warns of a spacing that the region of a group cannot hold, however its copies stand.
+    fn report_crowd(&mut self, table: &TomlTable, path: &str, place: &PlaceRecipe) {
+        let (keys, spacing) = (&place.keys, place.keys.spacing);
+        let Some(entry) = table.get("spacing").filter(|_| place.line.is_empty() && keys.count > 1 && spacing > 0.0)
+        else {
+            return;
+        };
+        // Discs around the copies, as wide as the spacing, lie within the region widened by half of it and do not overlap.
+        let widened = match keys.area {
+            Some([width, depth]) => (width + spacing) * (depth + spacing),
+            None => PI * (keys.radius + 0.5 * spacing) * (keys.radius + 0.5 * spacing),
+        };
+        let most = (DENSEST_DISCS * widened / (0.25 * PI * spacing * spacing)).floor().max(1.0);
+        if f64::from(keys.count) > most {
+            let text = format!("{path}: {} copies cannot keep a spacing of {spacing} m in their region", keys.count);
+            let d = Diagnostic::warning("S007", text, entry.key_span, format!("has room for {most} at most"));
+            self.report.push(d.help("they stand nearer to each other: lower count or spacing, or enlarge the region"));
+        }
     }
 
     fn ignored_in_plant(&mut self, table: &TomlTable, path: &str, plant: &PlantRecipe) {
