@@ -30,9 +30,9 @@ PLATFORMS = {
 
 
 def modules(name: str) -> dict[str, bytes]:
-    """The files of an extension in `blender/`, by name."""
+    """The files of an extension in `blender/` and their license, by name."""
     paths = (path for path in (HERE / name).iterdir() if path.suffix in (".py", ".toml"))
-    return {path.name: path.read_bytes() for path in sorted(paths)}
+    return {path.name: path.read_bytes() for path in [*sorted(paths), HERE / "LICENSE"]}
 
 
 def version(files: dict[str, bytes]) -> str:

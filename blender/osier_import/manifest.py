@@ -198,6 +198,8 @@ def _bake(path: str, data: dict[str, Any]) -> Bake:
     _check_files(path, folder, needed)
     if not view:
         notes.append("the manifest has no camera and light: bake again with a newer osier")
+    if any(m.get("leaf_ids") and not m["maps"].get("wetness") for m in data["materials"]):
+        notes.append("the leaves are dry, since the bake has no maps of their water: bake with --formats usd,exr")
     return Bake(
         path=path,
         folder=folder,

@@ -155,6 +155,19 @@ def colors_at_points_are_seen(manifest: str, _other: str, folder: pathlib.Path) 
         assert reads == material["params"]["vertex_colors"], material["name"]
 
 
+def leaves_without_maps_of_water_are_told(manifest: str, other: str, folder: pathlib.Path) -> None:
+    path, data = changed_copy(manifest, folder / "dry")
+
+    def is_told(file: str) -> bool:
+        return any("the leaves are dry" in note for note in osier_import.manifest.read(file).notes)
+
+    assert not is_told(str(path)) and not is_told(other)
+    for material in data["materials"]:
+        material["maps"] = {}
+    path.write_text(json.dumps(data))
+    assert is_told(str(path))
+
+
 def frames_between_need_not_be_baked(manifest: str, _other: str, folder: pathlib.Path) -> None:
     fresh()
     path, data = changed_copy(manifest, folder / "stepped")
@@ -525,6 +538,7 @@ def main() -> None:
         refusals_change_nothing,
         older_manifests_open,
         colors_at_points_are_seen,
+        leaves_without_maps_of_water_are_told,
         frames_between_need_not_be_baked,
         reloads_take_the_frame_rate_unless_it_was_set,
         names_that_are_too_long_are_told,

@@ -1,5 +1,7 @@
 //! Warnings about keys that have no effect beside the values of other keys.
 
+use std::f64::consts::PI;
+
 use super::resolve::Resolver;
 use super::scene::{
     BladeOutline, ColorBy, DropFriction, DropLever, DropMerge, DropShape, FlightRelease, ImpactModel, LatticeProfile,
@@ -40,6 +42,8 @@ const OF_TREES: &[&str] = &["tree"];
 const NONE: &[&str] = &[];
 /// Keys of layers that rectangles do not have.
 const OF_LAYER_TABLES: &[&str] = &["system", "weights", "points", "color_by", "prefix", "colors", "exposure", "gamma"];
+/// Largest share of a plane that equal discs cover, pi / sqrt 12.
+const DENSEST_DISCS: f64 = 0.906_9;
 /// What keys of the sway model need.
 const SWAYING: &str = "a plant that sways: leave [plants.NAME.rods] out";
 /// What latitudes of plants need.
@@ -53,6 +57,7 @@ impl Resolver<'_> {
             return;
         }
         self.ignored_in_view(root, recipe);
+        self.ignored_in_output(root, recipe);
         self.ignored_in_wind(root, recipe);
         self.ignored_in_rain(root, recipe);
         self.ignored_in_flight(root, recipe);
@@ -98,6 +103,19 @@ impl Resolver<'_> {
             needs(&["maps"], recipe.rain.is_some(), "[rain]: these are maps of the water on leaves"),
         ];
         self.report_unmet(Some(root), "", &whole);
+    }
+
+    /// Warns of statistics of a scene that counts nothing.
+    fn ignored_in_output(&mut self, root: &TomlTable, recipe: &Recipe) {
+        let is_counted = recipe.rain.is_some() || recipe.flight.is_some();
+        if is_counted || !recipe.output.writes(&osier_export::stats::FORMAT) {
+            return;
+        }
+        if let Some(formats) = table_at(root, &["output"]).and_then(|table| table.get("formats")) {
+            let text = "output.formats has csv, but the scene has neither rain nor catkins to count";
+            let d = Diagnostic::warning("S007", text, formats.key_span, "csv has no effect");
+            self.report.push(d.help("add [rain] or [flight], or leave csv out"));
+        }
     }
 
     fn ignored_in_wind(&mut self, root: &TomlTable, recipe: &Recipe) {
@@ -252,6 +270,7 @@ impl Resolver<'_> {
     fn ignored_in_place(&mut self, table: &TomlTable, path: &str, place: &PlaceRecipe, plant: Option<&PlantRecipe>) {
         let keys = &place.keys;
         let of_species = plant.is_some_and(|p| matches!(p.growth, Growth::Species(_)));
+        let is_mesh = plant.is_some_and(|p| matches!(p.growth, Growth::Mesh(..)));
         // Turns of a plant that grows for its place have been reported.
         let is_turned = plant.is_none_or(|p| why_in_place(keys, p).is_none());
         let is_group = keys.count > 1 || !place.line.is_empty();
@@ -267,10 +286,37 @@ impl Resolver<'_> {
                 !is_group || !self.raining || keys.individuals.is_none_or(|n| n >= keys.count),
                 "a scene without [rain]: each copy has drops of its own",
             ),
+            // Without the key each copy is an individual, but those of a mesh share one.
+            needs(
+                &["individuals"],
+                !is_group || is_mesh || keys.individuals.is_none_or(|n| n <= keys.count),
+                "as many copies to show them: each of these is an individual already",
+            ),
             needs(&["lean_to_deg"], keys.lean.abs() > 0.0 || !is_turned, "an inclination: lean_deg = 5"),
             needs(&["together"], of_species || !keys.together, "a plant with `species`, which grows in light"),
         ];
         self.report_unmet(Some(table), path, &all);
+        self.report_crowd(table, path, place);
+    }
+
+    /// Warns of a spacing that the region of a group cannot hold, however its copies stand.
+    fn report_crowd(&mut self, table: &TomlTable, path: &str, place: &PlaceRecipe) {
+        let (keys, spacing) = (&place.keys, place.keys.spacing);
+        let Some(entry) = table.get("spacing").filter(|_| place.line.is_empty() && keys.count > 1 && spacing > 0.0)
+        else {
+            return;
+        };
+        // Discs around the copies, as wide as the spacing, lie within the region widened by half of it and do not overlap.
+        let widened = match keys.area {
+            Some([width, depth]) => (width + spacing) * (depth + spacing),
+            None => PI * (keys.radius + 0.5 * spacing) * (keys.radius + 0.5 * spacing),
+        };
+        let most = (DENSEST_DISCS * widened / (0.25 * PI * spacing * spacing)).floor().max(1.0);
+        if f64::from(keys.count) > most {
+            let text = format!("{path}: {} copies cannot keep a spacing of {spacing} m in their region", keys.count);
+            let d = Diagnostic::warning("S007", text, entry.key_span, format!("has room for {most} at most"));
+            self.report.push(d.help("they stand nearer to each other: lower count or spacing, or enlarge the region"));
+        }
     }
 
     fn ignored_in_plant(&mut self, table: &TomlTable, path: &str, plant: &PlantRecipe) {

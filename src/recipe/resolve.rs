@@ -451,8 +451,8 @@ impl Resolver<'_> {
         let keys: OutputKeys = self.section(root, "output");
         let empty = TomlTable::default();
         let table = self.table(root, "", "output").unwrap_or(&empty);
-        // Files of both formats have contents only in clips.
-        let clips_only = [&osier_export::points::FORMAT, &osier_export::vdb::FORMAT];
+        // Files of these formats have contents only in clips: frames are counted and written there alone.
+        let clips_only = [&osier_export::points::FORMAT, &osier_export::vdb::FORMAT, &osier_export::stats::FORMAT];
         let words: Vec<&str> = keys.formats.iter().map(|f| f.0.word).collect();
         let useless: Vec<&str> =
             words.into_iter().filter(|word| clip.len() < 2 && clips_only.iter().any(|f| f.word == *word)).collect();

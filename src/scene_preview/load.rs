@@ -223,11 +223,26 @@ impl PreviewScene {
 fn read_mesh(path: &Path, search: &[PathBuf], limits: &Limits) -> Result<Imported> {
     let bytes = files::read_input(path, limits.get("mesh-bytes"), "--max-mesh-bytes")?;
     let roots = SearchPaths::new(path, search)?;
-    // glTF tells which materials transmit light; through those of OBJ, which does not, passes some as through leaves.
+    // glTF tells which materials transmit light; through those of OBJ, which does not, passes some as through leaves, unless their
+    // names say that they are no leaves.
     let is_gltf = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"));
     let class = if is_gltf { MaterialClass::Bark } else { MaterialClass::Leaf };
     let options = ImportOptions { roots: &roots, limits, up: UpAxis::Y, scale: 1.0, class };
-    osier_import::read(path, &bytes, &options)
+    let mut imported = osier_import::read(path, &bytes, &options)?;
+    if !is_gltf {
+        imported.materials.iter_mut().filter(|m| is_named_opaque(&m.name)).for_each(|m| m.translucency = 0.0);
+    }
+    Ok(imported)
+}
+
+/// Whether the name of a material says that no light passes through it: one of wood or ground, such as `oak_bark`, and of no leaf.
+fn is_named_opaque(name: &str) -> bool {
+    const OPAQUE: [&str; 11] =
+        ["bark", "wood", "trunk", "branch", "twig", "shoot", "dead", "ground", "terrain", "wall", "roof"];
+    const LEAVES: [&str; 7] = ["leaf", "leaves", "blade", "needle", "frond", "petal", "flower"];
+    let name = name.to_ascii_lowercase();
+    let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+    has(&OPAQUE) && !has(&LEAVES)
 }
 
 /// An asset of one mesh that stands still.
@@ -330,5 +345,16 @@ fn cap_map_sides(recipe: &mut Recipe, quality: Quality) {
     if let Some(terrain) = &mut recipe.terrain {
         // One map covers the whole terrain, so that it may have more texels.
         terrain.keys.side = terrain.keys.side.min(4 * side);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_wood_and_ground_are_opaque() {
+        assert!(["oak_bark", "Trunk.001", "oak_shoot", "ground", "house_wall"].into_iter().all(is_named_opaque));
+        assert!(!["oak_leaf", "Material.001", "woodbine_leaf", "dead_needles"].into_iter().any(is_named_opaque));
     }
 }

@@ -31,6 +31,12 @@ fn bake_scenes(dir: &Path) -> [PathBuf; 2] {
     [lawn.join("manifest.json"), leaf.join("manifest.json")]
 }
 
+/// True if a zip, whose files are stored as they are, has the text of the license of the extensions.
+pub(crate) fn holds_license(zip: &Path) -> bool {
+    let license = fs::read(sources().join("LICENSE")).expect("license");
+    fs::read(zip).expect("zip").windows(license.len()).any(|part| part == license)
+}
+
 /// The last line that a program printed, as JSON.
 fn last_line(output: &[u8]) -> Value {
     let text = String::from_utf8_lossy(output);
@@ -53,6 +59,7 @@ fn the_extension_installs_imports_and_leaves_nothing_behind() {
     let (zips, again) = (packed("a"), packed("b"));
     assert_eq!(zips.len(), 2);
     assert!(zips.iter().zip(&again).all(|(a, b)| fs::read(a).expect("zip") == fs::read(b).expect("zip")));
+    assert!(zips.iter().all(|zip| holds_license(zip)), "a zip without its license");
 
     let manifests = bake_scenes(dir.path());
     let user = dir.path().join("user");

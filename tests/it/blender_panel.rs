@@ -11,6 +11,7 @@ use std::time::Duration;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
+use crate::blender_import::holds_license;
 use crate::common::clients;
 use crate::common::program::{OSIER, arg, assert_same, ends, is_part, tree};
 
@@ -153,6 +154,7 @@ fn the_panel_bakes_imports_reloads_and_leaves_nothing_behind() {
     let zip = packed(&python, wheel, &dir.path().join("zips"));
     let again = packed(&python, wheel, &dir.path().join("again"));
     assert!(fs::read(&zip).expect("zip") == fs::read(again).expect("zip"), "two zips of the same files differ");
+    assert!(holds_license(&zip), "the zip has no license");
     for folder in ["user", "work"] {
         fs::create_dir(dir.path().join(folder)).expect("folder");
     }

@@ -362,6 +362,7 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "place.0.individuals",
             "[[place]]\ncount = 3\nindividuals = 2\n",
         ),
+        ("[[place]]\ncount = 3\nindividuals = 5\n", "place.0.individuals", "[[place]]\ncount = 3\nindividuals = 3\n"),
         (
             "[[place]]\nring = 9\ncount = 3\nclear = 2\n",
             "place.0.clear",
@@ -406,6 +407,16 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         assert_eq!(without_effect(&format!("{plant}{without}")), [format!("{key} has no effect")], "{without}");
         assert_eq!(without_effect(&format!("{plant}{with}")), Vec::<String>::new(), "{with}");
     }
+    let counted = format!("{plant}[output]\nformats = [\"usd\", \"csv\"]\n");
+    let told = without_effect(&counted);
+    assert!(matches!(&told[..], [one] if one.contains("neither rain nor catkins to count")), "{told:?}");
+    assert!(without_effect(&format!("{counted}[rain]\n")).is_empty());
+    // Of 50 discs of 1 m 44 at most lie in a circle of 3.5 m.
+    let crowd =
+        |spacing: f64| without_effect(&format!("{plant}[[place]]\ncount = 50\nradius = 3\nspacing = {spacing}\n"));
+    let told = crowd(1.0);
+    assert!(matches!(&told[..], [one] if one.contains("50 copies cannot keep a spacing of 1 m")), "{told:?}");
+    assert!(crowd(0.5).is_empty());
     let still = "[plants.a]\ngrammar = \"rain-twig.l\"\n[wind]\nspeed = 3\n";
     assert_eq!(without_effect(still), ["wind has no effect"]);
     assert!(without_effect(&format!("{still}[frames]\nend = 2\n")).is_empty());

@@ -202,8 +202,9 @@ fn too_many_voxels_are_refused_and_still_scenes_are_told() {
     let (code, _, told) = said(&run(&[&bake[..], &["--set", "output.vdb.cell=0.01"]].concat()));
     assert!(code != 0 && told.contains("X010") && told.contains("192000000 active voxels"), "{code} {told}");
     fs::write(&file, FLIGHT.replace("end = 6", "end = 1")).expect("scene");
-    let (code, _, told) = said(&run(&["check", arg(&file), "--set", "output.formats=[\"vdb\", \"points\"]"]));
-    assert!(code == 0 && told.contains("S007") && told.contains("needs a clip for vdb, points"), "{code} {told}");
+    let formats = "output.formats=[\"vdb\", \"points\", \"csv\"]";
+    let (code, _, told) = said(&run(&["check", arg(&file), "--set", formats]));
+    assert!(code == 0 && told.contains("S007") && told.contains("needs a clip for vdb, points, csv"), "{code} {told}");
 }
 
 #[test]

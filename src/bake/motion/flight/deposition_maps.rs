@@ -56,7 +56,10 @@ impl DepositionMaps {
             });
         };
         // The ground is field 0; every obstacle has its roof next, then its walls, so that `roof` is the index of its first field.
-        add("ground".into(), top_face(Bounds { max: inside.max.with_y(0.0), ..inside }));
+        // Over land the box of the flight begins at its lowest point or at the base of a lattice; a level ground is at 0 in any box.
+        let has_land = solids.list().iter().any(|solid| matches!(solid.form, Form::Land(_)));
+        let height = if has_land { inside.min.y } else { 0.0 };
+        add("ground".into(), top_face(Bounds { max: inside.max.with_y(height), ..inside }));
         let mut obstacles = Vec::new();
         let mut roof = 1;
         for solid in solids.list() {
@@ -170,4 +173,25 @@ fn texel_range(v: f32, radius: f32, count: usize) -> std::ops::RangeInclusive<us
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 1..16384")]
 fn texel_count(length: f32, texel: f64) -> usize {
     (f64::from(length) / texel).ceil().clamp(1.0, 16_384.0) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::recipe::KeyTable as _;
+    use osier_scene::solid::{LandForm, Solid};
+
+    #[test]
+    fn the_map_of_the_ground_lies_at_its_height() {
+        let inside = Bounds { min: Vec3::new(-5.0, -8.0, -5.0), max: Vec3::new(5.0, 4.0, 5.0) };
+        let corner = |solids: Vec<Solid>, level: bool| {
+            DepositionMaps::new(&FlightKeys::defaults(), inside, &Solids::new(solids, level)).fields[0].corner
+        };
+        let land = LandForm::new(3, 20.0, vec![-8.0; 9]).expect("land");
+        let land = Solid { name: "land".into(), form: Form::Land(Arc::new(land)), humidity: 0.0 };
+        assert_eq!(corner(vec![land], false), Vec3::new(-5.0, -8.0, -5.0));
+        assert_eq!(corner(Vec::new(), true), Vec3::new(-5.0, 0.0, -5.0));
+    }
 }

@@ -126,7 +126,7 @@ pub fn flight_table(
 /// The parameters of a flight, keys with their defaults, as written into the header of its table.
 fn parameters_json(keys: &FlightKeys, count: usize) -> serde_json::Value {
     serde_json::json!({
-        "count": count, "release": word_of(keys.release), "substeps": keys.substeps, "preroll_s": keys.spin_up,
+        "count": count, "release": word_of(keys.release), "substeps": keys.substeps, "spin_up_s": keys.spin_up,
         "scale": keys.scale, "mass_mg": keys.mass / units::MILLIGRAM, "fall_speed_m_s": keys.fall, "fall_spread": keys.fall_spread,
         "glide": keys.glide, "inertia": keys.inertia, "flutter": keys.flutter, "stick_radius_m": keys.stick_radius,
         "stick_probability": keys.stick_probability, "stick_close": keys.stick_close, "lift_rate_1_s": keys.lift_rate,
@@ -207,6 +207,13 @@ mod tests {
             assert_eq!((of("flight_distance_10"), of("flight_distance_90")), (Some(5.0), Some(31.0)));
             assert_eq!(of("wind_mass_error"), lattice.map(|h| h.density_error));
         }
+    }
+
+    #[test]
+    fn the_spin_up_has_the_name_of_its_key() {
+        let keys = FlightKeys { spin_up: 12.0, ..FlightKeys::defaults() };
+        let table = flight_table(&keys, 5, NO_PLACES, None, Vec::new());
+        assert_eq!(table.parameters["spin_up_s"].as_f64(), Some(12.0));
     }
 
     /// Clamped cells of the spin-up were reported before; later ones are reported with their number.

@@ -53,8 +53,8 @@ pub fn rain_table(params: &DropParams, rate: Option<f64>, area: Option<f64>) -> 
     // Wetness decays as fraction^(t / time): it halves after time ln(1/2) / ln(fraction).
     let half_life = rounded(params.decay_time * (math::ln(0.5) / math::ln(params.decay_fraction)), 1e9);
     let parameters = serde_json::json!({
-        "rate_mm_per_h": rate, "rained_on_m2": area, "theta_deg": degrees(wetting.contact_angle), "receding_deg": degrees(wetting.receding),
-        "advancing_deg": degrees(wetting.advancing), "tau_v_s": params.velocity_decay_time, "tangent_keep": params.tangent_keep,
+        "rate_mm_per_h": rate, "rained_on_m2": area, "contact_angle_deg": degrees(wetting.contact_angle), "receding_deg": degrees(wetting.receding),
+        "advancing_deg": degrees(wetting.advancing), "velocity_decay_s": params.velocity_decay_time, "tangent_keep": params.tangent_keep,
         "tip_radius_m": params.tip_radius, "half_life_s": half_life,
     });
     let (totals, outcome) = (find(&TOTAL_COLUMNS), find(&["water_leaves", "water_hanging", "fell"]));
@@ -95,5 +95,15 @@ mod tests {
         }
         assert_eq!(told(0.5, 20.0)["rate_mm_per_h"].as_f64(), Some(9.0));
         assert_eq!(told(0.5, 20.0)["rained_on_m2"].as_f64(), Some(3.0));
+    }
+
+    #[test]
+    fn parameters_of_drops_have_the_names_of_their_keys() {
+        let params = DropParams { velocity_decay_time: 0.25, ..DropParams::default() };
+        let told = rain_table(&params, None, None).parameters;
+        assert_eq!(told["velocity_decay_s"].as_f64(), Some(0.25));
+        for key in ["contact_angle_deg", "receding_deg", "advancing_deg"] {
+            assert!(told[key].as_f64().is_some_and(|degrees| degrees > 1.0), "{key}: {told}");
+        }
     }
 }

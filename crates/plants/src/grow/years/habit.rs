@@ -200,7 +200,7 @@ habit! {
     leaf_area_tip: f32 = [0.02], "m2", 0.0 to 1.0, "Leaf area of a tip.";
     leaf_area_shoot: f32 = [0.0], "m2/m", 0.0 to 2.0, "Leaf area per length of shoot.";
     leaf_young: f32 = [1.0], "", 0.0 to 10.0, "Leaf area along the shoots of a young tree, as a multiple of an old one's.";
-    leaf_years: f32 = [1.0], "yr", 0.1 to 12.0, "Years that leaves live.";
+    leaf_years: f32 = [1.0], "yr", 0.1 to 12.0, "Years that leaves live, rounded up.";
     extinction: f32 = [0.5], "", 0.1 to 1.5, "Light that a leaf area intercepts, as a share of the area.";
     stems: f32 = [1.0], "", 1.0 to 60.0, "Number of stems.";
     stem_spread: f32 = [0.2], "m", 0.0 to 5.0, "Radius of the disc that stems stand in.";

@@ -5,11 +5,13 @@ use osier_base::math;
 
 impl Tree {
     /// Shows a part of the year that was computed last: later internodes are absent, the current one of a shoot is shortened,
-    /// wood is thickened and bent in part. `before`: the tree a year ago, whose nodes have the same indices.
+    /// wood is thickened and bent in part. Leaves of new tips unfold, and those that are lost this year fall, over the year. `before`:
+    /// the tree a year ago, whose nodes have the same indices.
     pub fn show_part_of_year(&mut self, before: &Self, part: f32) {
         let (exponent, tip) = (self.habit.pipe_exponent, self.habit.tip_radius);
         let root = 1.0 / exponent;
         let tip_area = math::pow_f32(tip, exponent);
+        self.part = part;
         let first_new = before.nodes.len();
         let start_of_year = before.year as f32;
         for i in 0..self.nodes.len() {

@@ -486,14 +486,15 @@ impl<'a> TreeFoliage<'a> {
             }
             let site = at[i];
             let birth = (tree.nodes.birth[i] / age).clamp(0.0, 1.0);
-            // Leaves remain along an internode for `leaf_years`; a rosette stands at every living open tip.
-            let young = tree.bears_along(i);
+            // Leaves remain along an internode for `leaf_years`; a rosette stands at every living open tip. In a part of a year those that
+            // come and go are there in part.
+            let shown = tree.share_along(i);
             match self.foliage {
                 Foliage::Needles(_) => self.add_needles(plant, tree, i, site, birth),
                 Foliage::Blades(_) => {
                     let base = (site.s - tree.nodes.length[i]).max(0.0);
-                    let count = if young { self.count_along(tree, i, tree.nodes.length[i]) } else { 0 };
-                    for k in 0..count {
+                    let count = if shown > 0.0 { self.count_along(tree, i, tree.nodes.length[i]) } else { 0 };
+                    for k in (0..count).filter(|k| is_among(Self::shoot_leaf_id(tree, i, *k), shown)) {
                         let part = (k as f32 + 0.5) / count as f32;
                         let place = LeafPlace {
                             axis: site.axis,
@@ -574,7 +575,8 @@ impl<'a> TreeFoliage<'a> {
     fn add_rosette(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
         let axis = tree.nodes.axis[i];
         let count = self.count_at_tip(tree, axis);
-        for k in 0..count {
+        let shown = tree.share_at_tip(i);
+        for k in (0..count).filter(|k| is_among(Self::tip_leaf_id(tree, axis, *k), shown)) {
             let place = LeafPlace {
                 axis: site.axis,
                 s: (site.s - self.rosette_behind(k)).max(0.0),
@@ -651,8 +653,9 @@ impl<'a> TreeFoliage<'a> {
 
     /// Adds the pieces of needles along an internode and, at an open tip, the tuft.
     fn add_needles(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
-        let along = if tree.bears_along(i) { self.count_along(tree, i, tree.nodes.length[i]) } else { 0 };
-        for k in 0..along {
+        let shown = tree.share_along(i);
+        let along = if shown > 0.0 { self.count_along(tree, i, tree.nodes.length[i]) } else { 0 };
+        for k in (0..along).filter(|k| is_among(Self::shoot_leaf_id(tree, i, *k), shown)) {
             let s = site.s - self.needles_behind(k, along, tree.nodes.length[i]);
             let turn = Self::needle_turn(tree, i, k, along);
             let id = Self::shoot_leaf_id(tree, i, k);
@@ -660,7 +663,8 @@ impl<'a> TreeFoliage<'a> {
         }
         let axis = tree.nodes.axis[i];
         let at_tip = if tree.nodes.grows(i) { self.count_at_tip(tree, axis) } else { 0 };
-        for k in 0..at_tip {
+        let shown = tree.share_at_tip(i);
+        for k in (0..at_tip).filter(|k| is_among(Self::tip_leaf_id(tree, axis, *k), shown)) {
             let s = site.s - self.tuft_behind(k, at_tip);
             let turn = Self::needle_turn(tree, i, k, at_tip);
             let id = Self::tip_leaf_id(tree, axis, k);
@@ -703,6 +707,11 @@ impl<'a> TreeFoliage<'a> {
             birth: place.birth,
         });
     }
+}
+
+/// Whether the leaf of an id is among those that are shown, a share of all, 0 to 1; it stays among them in every larger share.
+fn is_among(id: u64, share: f32) -> bool {
+    share >= 1.0 || Rng::from_key(mix64(&[id, word("share")])).unit_f32() < share
 }
 
 /// Area of all triangles, m2: that of one side for a leaf modelled as a single sheet.

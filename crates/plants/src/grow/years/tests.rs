@@ -349,6 +349,24 @@ fn a_part_of_a_year_lies_between_both() {
     }
 }
 
+/// Tips that begin in a year unfold their leaves over it, and leaves along the shoots of the year before fall over it.
+#[test]
+fn leaves_come_and_go_over_a_part_of_a_year() {
+    let leaves = |age: f64| {
+        let mut spec = spec(age);
+        spec.habit.set("leaf_area_shoot", &[0.1]).expect("sets");
+        let plant = plant_of(&grow_one(&spec), Some(Foliage::Blades(leaf())));
+        plant.organs.iter().map(|organ| organ.id).collect::<std::collections::BTreeSet<u64>>()
+    };
+    let [before, start, half, end, after] = [9.0, 9.001, 9.5, 9.999, 10.0].map(leaves);
+    let kept = |later: &std::collections::BTreeSet<u64>| before.intersection(later).count();
+    // Only what lost its light in the tenth year is missing at its start.
+    assert!(kept(&start) * 10 > before.len() * 6, "{} of {}", kept(&start), before.len());
+    assert!((start.len() - kept(&start)) * 10 < before.len(), "{} new leaves", start.len() - kept(&start));
+    assert!(kept(&half) < kept(&start) && kept(&end) < kept(&half), "leaves fall over the year");
+    assert!(end.intersection(&after).count() * 20 > after.len() * 19, "{} and {}", end.len(), after.len());
+}
+
 #[test]
 fn too_many_nodes_are_refused_before_they_are_made() {
     let mut limits = Limits::default();

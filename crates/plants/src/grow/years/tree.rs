@@ -260,6 +260,8 @@ pub(super) struct Tree {
     pub sown: u32,
     /// Its age in full years.
     pub year: u32,
+    /// Part of the last of them that is shown, 0 to 1; 1: the whole.
+    pub part: f32,
     pub nodes: Nodes,
     pub axis_ids: Vec<u64>,
     pub buds: Vec<Bud>,
@@ -307,6 +309,7 @@ impl Tree {
             offset: Vec3::ZERO,
             sown: 0,
             year: 0,
+            part: 1.0,
             nodes: Nodes::default(),
             axis_ids: Vec::new(),
             buds: Vec::new(),
@@ -406,19 +409,54 @@ impl Tree {
     pub fn leaf_area(&self, i: usize) -> f32 {
         let habit = &self.habit;
         // Species without leaves along shoots have only those of open tips.
-        let tip = if self.nodes.flags[i] & flag::OPEN != 0 { habit.leaf_area_tip } else { 0.0 };
-        if self.bears_along(i) {
-            tip + habit.leaf_area_of_shoot(self.nodes.birth[i]) * self.nodes.length[i]
+        let open = self.nodes.flags[i] & flag::OPEN != 0;
+        let tip = if open { habit.leaf_area_tip * self.share_at_tip(i) } else { 0.0 };
+        let along = self.share_along(i);
+        if along > 0.0 {
+            tip + along * habit.leaf_area_of_shoot(self.nodes.birth[i]) * self.nodes.length[i]
         } else {
             tip
         }
     }
 
-    /// Whether an internode still bears leaves along its length.
+    /// Share of the leaves of an open tip that have unfolded, 0 to 1: less than all only on an axis that begins in a year of which a
+    /// part is shown.
     #[inline]
-    pub fn bears_along(&self, i: usize) -> bool {
-        let habit = &self.habit;
-        habit.leaf_area_shoot > 0.0 && (self.year as f32 - self.nodes.birth[i]).floor() < habit.leaf_years
+    pub fn share_at_tip(&self, i: usize) -> f32 {
+        if self.part < 1.0 && self.begins_this_year(i) { self.part } else { 1.0 }
+    }
+
+    /// Share of the leaves along an internode that it still bears, 0 to 1: those that it loses in a year of which a part is shown fall
+    /// over that year.
+    #[inline]
+    pub fn share_along(&self, i: usize) -> f32 {
+        let year = self.year as f32;
+        if self.bears_along_in(i, year) {
+            1.0
+        } else if self.part < 1.0 && self.bears_along_in(i, year - 1.0) {
+            1.0 - self.part
+        } else {
+            0.0
+        }
+    }
+
+    /// Whether an internode bears leaves along its length at the end of a year.
+    #[inline]
+    fn bears_along_in(&self, i: usize, year: f32) -> bool {
+        self.habit.leaf_area_shoot > 0.0 && (year - self.nodes.birth[i]).floor() < self.habit.leaf_years
+    }
+
+    /// Whether all internodes of the axis up to one of them have grown in the last year.
+    fn begins_this_year(&self, i: usize) -> bool {
+        let nodes = &self.nodes;
+        let mut at = i;
+        while nodes.birth[at] > self.year as f32 - 1.0 {
+            match nodes.axis.get(nodes.parent[at] as usize) {
+                Some(axis) if *axis == nodes.axis[i] => at = nodes.parent[at] as usize,
+                _ => return true,
+            }
+        }
+        false
     }
 
     /// Removes the fallen nodes from the arrays, and renumbers parents and buds.

@@ -25,7 +25,7 @@ pub struct ScatterDisc {
     pub radius: f32,
     /// Inner radius, m; points keep out of it. 0: a disc.
     pub inner: f32,
-    /// Share of the radius over which the density falls to 0 at the rim, 0..1.
+    /// Share of the radius over which the share of the positions that get a point falls to 0 at the rim, 0..1.
     pub fade: f32,
 }
 
@@ -152,10 +152,10 @@ impl ScatterGrid {
 type Candidate = (u64, u32);
 
 /// Points of one scatter. Each of four rounds draws a candidate in every cell without a position. In the order of (round,
-/// priority, cell) a candidate becomes a position if it lies within the limits, by its probability, and if no position of this scatter
-/// is nearer than the spacing and none of `taken` nearer than allowed, horizontally. The share of density and mask of the positions get
-/// a point, so that a smaller share leaves out points and moves none. `key`: from [`scatter_key`]; scatters made later do not change the
-/// result.
+/// priority, cell) a candidate becomes a position if it lies within the limits, and if no position of this scatter is nearer than the
+/// spacing and none of `taken` nearer than allowed, horizontally. The share of density, mask, fading rim and patches of the positions
+/// get a point, so that a smaller share above 0 leaves out points and moves none. `key`: from [`scatter_key`]; scatters made later do
+/// not change the result.
 /// # Errors
 /// `Limit` beyond the candidates allowed.
 /// Own: dart throwing with a grid; a cell with a position gets no further candidates, since no second one fits in.
@@ -195,18 +195,16 @@ pub fn scatter(
             let mut rng = candidate_rng(&cells, key, cell);
             rng.next_u64();
             let at = candidate_position(&cells, land, cell, &mut rng);
-            let (chance, share) = (chance(land, params, at), used_share(land, params, at));
+            let share = if is_allowed(land, params, at) { used_share(land, params, at) } else { 0.0 };
             let drawn = rng.unit_f32();
             if share > 0.0
-                && drawn < chance
                 && obstacles.is_clear(at)
                 && keeps_spacing(&cells, &grid, &positions, cell, at, params.spacing)
             {
                 // A position that stays empty keeps its place: later rounds would fill it, and the share would tend to 1.
                 grid[cell] = narrow(positions.len(), "positions of a scatter")?;
                 positions.push(at);
-                // Below `chance` the draw is uniform, so that it decides this share, too.
-                if drawn < chance * share {
+                if drawn < share {
                     points.push(ScatterPoint { at, rng });
                 }
             }
@@ -229,39 +227,36 @@ fn candidate_position(cells: &ScatterGrid, land: &Terrain, cell: usize, rng: &mu
     [at(0, column, u), at(1, row, v)]
 }
 
-/// Share, 0 to 1, of the positions at (x, z) that get a point.
+/// Share, 0 to 1, of the positions at (x, z) that get a point: the product of density, mask, the fading rim of the disc and patches.
 fn used_share(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
     let [x, y] = land.shares(at);
-    params.density * params.mask.as_ref().map_or(1.0, |mask| mask.at(x, y))
-}
-
-/// Probability, 0 to 1, that a candidate at (x, z) becomes a position; 0 outside of disc, altitudes, slope and terrain.
-fn chance(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
-    if !land.covers(at[0], at[1]) {
-        return 0.0;
-    }
-    // The product of disc and patches, and 0 outside the hard limits.
-    let mut chance = 1.0;
+    let mut share = params.density * params.mask.as_ref().map_or(1.0, |mask| mask.at(x, y));
     if let Some(d) = params.disc {
-        let away = math::sqrt_f32((at[0] - d.at[0]) * (at[0] - d.at[0]) + (at[1] - d.at[1]) * (at[1] - d.at[1]));
-        if away > d.radius || away < d.inner {
-            return 0.0;
-        }
-        chance *= 1.0 - smoothstep(1.0 - d.fade, 1.0 + 1e-6, away / d.radius.max(1e-6));
-    }
-    let h = land.height_at(at[0], at[1]);
-    if h < params.altitude[0] || h > params.altitude[1] {
-        return 0.0;
-    }
-    if land.normal_at(at[0], at[1]).y < math::cos_f32(params.slope_max) {
-        return 0.0;
+        let away = math::sqrt_f32(distance_squared(at, d.at));
+        share *= 1.0 - smoothstep(1.0 - d.fade, 1.0 + 1e-6, away / d.radius.max(1e-6));
     }
     if params.clump > 0.0 {
         // Patches: the noise is thresholded softly, so that their borders thin out.
         let p = at.map(|v| v / params.clump);
-        chance *= smoothstep(-0.12, 0.16, noise::fractal2(params.clump_key, p, [1 << 20, 1 << 20], 3));
+        share *= smoothstep(-0.12, 0.16, noise::fractal2(params.clump_key, p, [1 << 20, 1 << 20], 3));
     }
-    chance
+    share
+}
+
+/// Whether (x, z) lies within disc, altitudes, slope and terrain.
+fn is_allowed(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> bool {
+    if !land.covers(at[0], at[1]) {
+        return false;
+    }
+    if let Some(d) = params.disc {
+        let away = math::sqrt_f32(distance_squared(at, d.at));
+        if away > d.radius || away < d.inner {
+            return false;
+        }
+    }
+    let h = land.height_at(at[0], at[1]);
+    let is_at_altitude = h >= params.altitude[0] && h <= params.altitude[1];
+    is_at_altitude && land.normal_at(at[0], at[1]).y >= math::cos_f32(params.slope_max)
 }
 
 /// True if no position of the same scatter is nearer than `spacing` (m): cells are spacing / sqrt 2 wide, so two rings of
@@ -411,6 +406,29 @@ mod tests {
         assert!(clumps < all * 8 / 10 && clumps > all / 10, "{clumps} of {all}");
     }
 
+    /// A rim that fades leaves the share 1 - 3 r^2 + 2 r^3 of the positions at r radii from the centre: three tenths of a disc.
+    #[test]
+    fn a_rim_fades_evenly() {
+        let land = Terrain::generate(&TerrainParams { n: 5, size: 120.0, amplitude: 0.0, ..TerrainParams::default() })
+            .expect("land");
+        let of = |fade| {
+            let disc = ScatterDisc { at: [0.0; 2], radius: 50.0, inner: 0.0, fade };
+            scattered(&land, &ScatterParams { disc: Some(disc), ..params(1.5) }, &[], 0)
+        };
+        let within = |all: &[[f32; 2]], radius: f32| {
+            all.iter().filter(|at| distance_squared(**at, [0.0; 2]) < radius * radius).count() as f32
+        };
+        let (full, faded) = (of(0.0), of(1.0));
+        // At the very rim, where no share is left, a position may be taken by another one.
+        let moved = faded.iter().filter(|at| !full.contains(at)).count();
+        assert!(moved * 50 < faded.len(), "a fading rim moves {moved} plants");
+        // Of the whole disc, and of its inner half: 1 - 6 / 16 + 4 (1 / 5) / 8.
+        for (radius, share) in [(50.0, 0.3), (25.0, 0.725)] {
+            let is = within(&faded, radius) / within(&full, radius);
+            assert!((is - share).abs() < 0.05, "{is} within {radius} m instead of {share}");
+        }
+    }
+
     #[test]
     fn patches_follow_the_seed() {
         let land = land();
@@ -418,7 +436,7 @@ mod tests {
             let patchy =
                 ScatterParams { clump: 25.0, clump_key: clump_key(seed), slope_max: 1.5, ..ScatterParams::default() };
             let places = (0..400_u16).map(|k| [f32::from(k % 20) * 5.0 - 50.0, f32::from(k / 20) * 5.0 - 50.0]);
-            places.map(|at| chance(&land, &patchy, at)).collect::<Vec<f32>>()
+            places.map(|at| used_share(&land, &patchy, at)).collect::<Vec<f32>>()
         };
         let (one, other) = (densities(1), densities(2));
         let apart = one.iter().zip(&other).filter(|(a, b)| (**a - **b).abs() > 0.5).count();
