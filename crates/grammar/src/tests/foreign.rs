@@ -494,6 +494,22 @@ fn productions_of_lpy_may_hold_lists() {
 }
 
 #[test]
+fn loops_of_lpy_may_begin_anywhere() {
+    let model = |lines: &str| format!("Axiom: A(5)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  for i in range(1,x): nproduce B(i)\n", "B(1)B(2)B(3)B(4)"),
+        ("  for i in range(x,1,-2): nproduce B(i)\n  nproduce C\n", "B(5)B(3)C"),
+        ("  for i in range(x-2,x+2,3):\n    x = 0\n    nproduce B(i,x)\n", "B(3,0)B(6,0)"),
+        ("  for i in range(2,x+1):\n    if i == 4: continue\n    nproduce B(i)\n", "B(2)B(3)B(5)"),
+        ("  s = 0\n  for i in range(2,x+1): s += i\n  nproduce B(s)\n", "B(14)"),
+        ("  k = 2\n  for i in range(x,0,-k): nproduce B(i)\n", "B(5)B(3)B(1)"),
+        ("  for i in range(x,2): nproduce B(i)\n  nproduce C\n", "C"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+}
+
+#[test]
 fn functions_of_lpy_may_have_defaults_and_named_arguments() {
     let head = "w = 5\ndef f(x, k=2, n = w+1):\n  return x*k + n\ndef g(x: float, k: float = 3) -> float: return x-k\nw = 100\n";
     let model = |rule: &str| format!("{head}Axiom: A(10)\nproduction:\nA(x) --> {rule}\n");

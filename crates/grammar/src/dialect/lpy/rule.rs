@@ -57,6 +57,18 @@ fn range_of_loop(list: &PyExpr) -> Option<(PyExpr, PyExpr, f64)> {
     }
 }
 
+/// A loop over `range(from, end, step)` as one over a range from 0.
+struct CountedRange {
+    /// Sets the variable of the beginning, which the turns may read.
+    begin: Statement,
+    /// `range(turns)`.
+    turns: PyExpr,
+    /// Variable of the number of the turn.
+    name: String,
+    /// Value of the variable of the model's loop in a turn.
+    value: PyExpr,
+}
+
 /// The arguments of a module, `*list` replaced by the items of the list.
 fn spread(args: &[PyExpr], scope: &Scope) -> Result<Vec<PyExpr>, Refusal> {
     let mut out = Vec::with_capacity(args.len());
@@ -580,6 +592,17 @@ impl Model<'_, '_> {
                         open.push((way, left));
                         continue;
                     }
+                    // `range(from, end, step)` whose turns are not known counts them from 0.
+                    if turns.is_err()
+                        && let Some(counted) = self.counted(&list, &way)
+                    {
+                        let mut turn = vec![Statement::Assign(name, counted.value)];
+                        turn.extend(body);
+                        left.push(Statement::For(counted.name, counted.turns, turn, place));
+                        left.push(counted.begin);
+                        open.push((way, left));
+                        continue;
+                    }
                     match turns {
                         Ok(turns) => {
                             left.push(Statement::LoopEnd);
@@ -777,6 +800,39 @@ impl Model<'_, '_> {
             vm::constant_value(&code).filter(|v| v.is_finite()).ok_or_else(refused)
         };
         items.iter().map(number).collect()
+    }
+
+    /// The parts of a loop over `range(from, end)` or `range(from, end, step)`, the step constant; `None` for any other list.
+    fn counted(&mut self, list: &PyExpr, way: &Way) -> Option<CountedRange> {
+        let PyExpr::Call(function, args, place) = list else { return None };
+        let (from, end, step) = match args.as_slice() {
+            [from, end] => (from, end, 1.0),
+            [from, end, step] => (from, end, self.known_value(step, way).filter(|step| step.abs() > 0.0)?),
+            _ => return None,
+        };
+        if !function.ends_with("range") {
+            return None;
+        }
+        let [begin, count] = ["begin", "count"].map(|word| format!("({word} {})", self.temporaries));
+        self.temporaries += 1;
+        let at = |name: &str| PyExpr::Name(name.to_owned(), place.clone());
+        let two = |op, a: PyExpr, b: PyExpr| PyExpr::Binary(op, Box::new(a), Box::new(b));
+        // A beginning that is constant stays a number, so that a largest number of turns is found.
+        let first = self.known_value(from, way).map_or_else(|| at(&begin), PyExpr::Number);
+        let (low, high) = if step > 0.0 { (first.clone(), end.clone()) } else { (end.clone(), first.clone()) };
+        let span = two(PyOp::Sub, high, low);
+        let turns = if is_zero(step.abs() - 1.0) {
+            span
+        } else {
+            PyExpr::Call("ceil".to_owned(), vec![two(PyOp::Div, span, PyExpr::Number(step.abs()))], place.clone())
+        };
+        let value = two(PyOp::Add, first, two(PyOp::Mul, at(&count), PyExpr::Number(step)));
+        Some(CountedRange {
+            begin: Statement::Assign(begin, from.clone()),
+            turns: PyExpr::Call("range".to_owned(), vec![turns], place.clone()),
+            name: count,
+            value,
+        })
     }
 
     /// The end of `range(end)` and how many turns are read: the most that there may be, else [`MAX_UNKNOWN`] with a warning L008.
