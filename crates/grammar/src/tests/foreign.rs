@@ -494,6 +494,24 @@ fn productions_of_lpy_may_hold_lists() {
 }
 
 #[test]
+fn axioms_of_lpy_may_have_loops() {
+    let model = |lines: &str| format!("n = 3\nAxiom:\n{lines}derivation length: 1\nproduction:\nA --> B\n");
+    for (lines, wanted) in [
+        ("  i = 0\n  while i < n: i += 1\n  nproduce F(i)\n", "F(3)"),
+        ("  i = 0\n  while True:\n    i += 1\n    if i > n: break\n  nproduce F(i)A\n", "F(4)B"),
+        (
+            "  s = 0\n  for i in range(n):\n    j = 0\n    while j < i:\n      s += 1\n      j += 1\n  nproduce F(s)\n",
+            "F(3)",
+        ),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    let drawn = model("  s = 0\n  for i in range(randint(1,3)): s += i\n  nproduce F(s)\n");
+    let said = try_read(&format!("{drawn}endlsystem\n")).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("a loop of the axiom"), "{said}");
+}
+
+#[test]
 fn loops_of_lpy_may_begin_anywhere() {
     let model = |lines: &str| format!("Axiom: A(5)\nproduction:\nA(x):\n{lines}");
     for (lines, wanted) in [

@@ -54,6 +54,8 @@ struct Model<'r, 's> {
     /// The model calls `useGroup()`.
     uses_groups: bool,
     has_axiom: bool,
+    /// The statements that are read are those of the axiom: their loops are written out.
+    is_in_axiom: bool,
     /// Number of statements of Python that the model could not run without.
     refusals: usize,
     /// What the values of the model compute before the first step.
@@ -104,6 +106,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         group: 0.0,
         uses_groups: plain.contains("useGroup("),
         has_axiom: false,
+        is_in_axiom: false,
         refusals: 0,
         start: Vec::new(),
         functions: RunFunctions::default(),
@@ -504,15 +507,21 @@ impl<'s> Model<'_, 's> {
             modules(value, &self.declared).map(|m| vec![Statement::Produce(m, true)])
         };
         let Some(statements) = self.settle(statements) else { return };
+        self.is_in_axiom = true;
         let ways = self.ways(&statements);
+        self.is_in_axiom = false;
         let Some(ways) = self.settle(ways) else { return };
         let [way] = ways.as_slice() else {
             return self.refuse(&Refusal::new("an axiom with 'if'", value.range()));
         };
         // What the axiom computes is computed before the first step.
         for step in &way.steps {
-            if let Step::Assign(name, e) = step {
-                self.global(name, e, value.range());
+            match step {
+                Step::Assign(name, e) => self.global(name, e, value.range()),
+                Step::Loop(_, _, place) => {
+                    return self.refuse(&Refusal::new("a loop of the axiom whose turns are drawn", place.clone()));
+                }
+                Step::Condition(..) => {}
             }
         }
         let successor = self.successor(&way.modules);

@@ -666,8 +666,9 @@ impl Model<'_, '_> {
                     }
                     match self.known_value(&test, &way) {
                         Some(value) if is_zero(value) => open.push((way, left)),
-                        // The condition is known to be true: a loop that makes modules is unrolled, so that what it makes is known.
-                        Some(_) if !only_computes(&body) || turn > 0 => {
+                        // The condition is known to be true: a loop that makes modules is unrolled, so that what it makes is known, and
+                        // so is one of the axiom, which has no code of its own.
+                        Some(_) if self.is_in_axiom || !only_computes(&body) || turn > 0 => {
                             if turn > MAX_KNOWN_TURNS {
                                 return Err(Refusal::new("'while' with too many turns", place));
                             }
