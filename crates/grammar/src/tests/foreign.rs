@@ -506,6 +506,9 @@ fn axioms_of_lpy_may_have_loops() {
     ] {
         assert_eq!(lpy(&model(lines)), wanted, "{lines}");
     }
+    // A variable of the block hides a value of the model there and nowhere else.
+    let hides = "x = 1\nAxiom:\n  x = 2\n  x += 5\n  nproduce A(x)\nproduction:\nA(k) --> B(k,x)\n";
+    assert_eq!(lpy(hides), "B(7,1)");
     let drawn = model("  s = 0\n  for i in range(randint(1,3)): s += i\n  nproduce F(s)\n");
     let said = try_read(&format!("{drawn}endlsystem\n")).err().map_or_else(String::new, |e| e.to_string());
     assert!(said.contains("L007") && said.contains("a loop of the axiom"), "{said}");

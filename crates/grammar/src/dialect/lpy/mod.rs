@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use self::expression::{PyExpr, Refusal, Scope, compile, has_random, parse, resolve};
 use self::rule::Step;
-use self::statement::{FunctionValue, GROUP, Statement, assign_statement, at_semicolons};
+use self::statement::{FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, renamed};
 use self::strings::{modules, spell, split};
 use super::Reader;
 use super::text::{Piece, lines};
@@ -507,6 +507,12 @@ impl<'s> Model<'_, 's> {
             modules(value, &self.declared).map(|m| vec![Statement::Produce(m, true)])
         };
         let Some(statements) = self.settle(statements) else { return };
+        // Variables of the block are none of the model.
+        let (mut names, mut globals) = (Vec::new(), Vec::new());
+        assigned(&statements, &mut names, &mut globals);
+        names.retain(|name| !globals.contains(name));
+        let own: Vec<String> = names.iter().map(|name| format!("(axiom {name})")).collect();
+        let statements: Vec<Statement> = statements.iter().map(|s| renamed(s, &names, &own)).collect();
         self.is_in_axiom = true;
         let ways = self.ways(&statements);
         self.is_in_axiom = false;

@@ -283,6 +283,28 @@ fn replaced(s: &Statement, name: &String, by: &PyExpr) -> Statement {
     }
 }
 
+/// A statement with other names in place of names that it may set.
+pub(super) fn renamed(s: &Statement, names: &[String], others: &[String]) -> Statement {
+    let values: Vec<PyExpr> = others.iter().map(|other| PyExpr::Name(other.clone(), 0..0)).collect();
+    let read = |e: &PyExpr| substitute(e, names, &values);
+    let own = |name: &String| names.iter().position(|n| n == name).and_then(|i| others.get(i)).unwrap_or(name).clone();
+    let all = |list: &[Statement]| list.iter().map(|s| renamed(s, names, others)).collect::<Vec<_>>();
+    match s {
+        Statement::Assign(name, e) => Statement::Assign(own(name), read(e)),
+        Statement::If(tests, other) => {
+            Statement::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
+        }
+        Statement::For(name, list, body, place) => Statement::For(own(name), read(list), all(body), place.clone()),
+        Statement::While(test, body, place, turn) => Statement::While(read(test), all(body), place.clone(), *turn),
+        Statement::Produce(modules, ends) => {
+            let with = |m: &PyModule| PyModule { args: m.args.iter().map(read).collect(), ..m.clone() };
+            Statement::Produce(modules.iter().map(with).collect(), *ends)
+        }
+        Statement::Return(value, place) => Statement::Return(value.as_ref().map(read), place.clone()),
+        other => other.clone(),
+    }
+}
+
 /// A statement with lists in place of their names. Blocks within it that may set a name read it when they are reached.
 pub(super) fn with_lists(s: Statement, lists: &BTreeMap<String, PyExpr>) -> Statement {
     if lists.is_empty() {
