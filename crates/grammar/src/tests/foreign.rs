@@ -494,6 +494,43 @@ fn productions_of_lpy_may_hold_lists() {
 }
 
 #[test]
+fn functions_of_lpy_may_be_more_than_an_expression() {
+    let head = "k = 2\ndef total(n):\n  s = 0\n  for i in range(n): s += i*k\n  return s\n\
+                def rest(n, by = 3):\n  while n >= by: n -= by\n  return n\n\
+                def noise(x):\n  r = randint(4,4)\n  if r*x > 20: return r*r\n  return r*r*x\n\
+                def twice(n): return 2*total(n)\n\
+                def both():\n  r = randint(1,1000000)\n  return r, r\n\
+                def odd(n):\n  s, t = 0, n\n  while t > 0: t -= 1\n  for i in range(3):\n    i = 2*i + 1\n    s += i\n  return s\n\
+                def pair(n):\n  l = []\n  for i in range(2): l = l + [i*n]\n  return l\n\
+                def first(n):\n  for i in range(9):\n    if i*i >= n: return i\n  return 9\n\
+                m = total(4)\np = pair(rest(8))\n";
+    let model = |lines: &str| format!("{head}Axiom: A(5)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  nproduce B(total(3),total(x),twice(x))\n", "B(6,20,40)"),
+        ("  n = 7\n  nproduce B(rest(x)+rest(n,4),n)\n", "B(5,7)"),
+        ("  s = 1\n  nproduce B(noise(1),noise(x+1),s)\n", "B(16,16,1)"),
+        ("  a, b = pair(x)\n  if total(2) > 1: nproduce B(a,b,first(x))\n", "B(0,5,3)"),
+        ("  for i in range(total(2)): nproduce B(i,total(total(x)))\n", "B(0,380)B(1,380)"),
+        // One value of two items.
+        ("  a, b = both()\n  nproduce B(a-b)\n", "B(0)"),
+        // A variable of a loop that the function sets.
+        ("  nproduce B(odd(3),odd(x-2))\n", "B(9,9)"),
+        ("  nproduce B(m,p[1])\n", "B(12,2)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    assert_eq!(lpy(&format!("{head}Axiom: A(rest(11),total(3))\nproduction:\nX --> Y\n")), "A(2,6)");
+    for (lines, why) in [
+        // The function reads the k of the model.
+        ("  k = 1\n  nproduce B(total(x))\n", "a call of 'total'"),
+        ("  nproduce B(total(x,2))\n", "this call of 'total'"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
+    }
+}
+
+#[test]
 fn axioms_of_lpy_may_have_loops() {
     let model = |lines: &str| format!("n = 3\nAxiom:\n{lines}derivation length: 1\nproduction:\nA --> B\n");
     for (lines, wanted) in [

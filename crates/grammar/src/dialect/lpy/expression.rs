@@ -811,6 +811,45 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
     })
 }
 
+/// The first call of one of some functions, arguments before the call that they are for; none in the values of
+/// `[value for name in list]`, which are computed for each item.
+pub(super) fn first_call<'e>(e: &'e PyExpr, is_one: &dyn Fn(&str) -> bool) -> Option<&'e PyExpr> {
+    let of = |a: &'e PyExpr| first_call(a, is_one);
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => None,
+        PyExpr::Neg(a) | PyExpr::Not(a) => of(a),
+        PyExpr::Binary(_, a, b) | PyExpr::And(a, b) | PyExpr::Or(a, b) | PyExpr::Index(a, b, _) => {
+            of(a).or_else(|| of(b))
+        }
+        PyExpr::Choice(a, b, c) => of(a).or_else(|| of(b)).or_else(|| of(c)),
+        PyExpr::Each(_, _, list, _) => of(list),
+        PyExpr::Call(name, args, _) => args.iter().find_map(of).or_else(|| is_one(name).then_some(e)),
+        PyExpr::List(items, _) => items.iter().find_map(of),
+    }
+}
+
+/// An expression with another in place of each part that is `part`.
+pub(super) fn exchanged(e: &PyExpr, part: &PyExpr, by: &PyExpr) -> PyExpr {
+    if e == part {
+        return by.clone();
+    }
+    let sub = |a: &PyExpr| Box::new(exchanged(a, part, by));
+    let all = |list: &[PyExpr]| list.iter().map(|a| exchanged(a, part, by)).collect::<Vec<_>>();
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => e.clone(),
+        PyExpr::Neg(a) => PyExpr::Neg(sub(a)),
+        PyExpr::Not(a) => PyExpr::Not(sub(a)),
+        PyExpr::Binary(op, a, b) => PyExpr::Binary(*op, sub(a), sub(b)),
+        PyExpr::And(a, b) => PyExpr::And(sub(a), sub(b)),
+        PyExpr::Or(a, b) => PyExpr::Or(sub(a), sub(b)),
+        PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a), sub(b), sub(c)),
+        PyExpr::Call(name, args, range) => PyExpr::Call(name.clone(), all(args), range.clone()),
+        PyExpr::List(items, range) => PyExpr::List(all(items), range.clone()),
+        PyExpr::Index(a, b, range) => PyExpr::Index(sub(a), sub(b), range.clone()),
+        PyExpr::Each(value, name, list, range) => PyExpr::Each(sub(value), name.clone(), sub(list), range.clone()),
+    }
+}
+
 /// How often an expression reads a name, at the most; a list that is made from another counts as two values.
 fn times_read(e: &PyExpr, name: &str) -> usize {
     let times = |e: &PyExpr| times_read(e, name);
@@ -826,7 +865,11 @@ fn times_read(e: &PyExpr, name: &str) -> usize {
 }
 
 /// The arguments of a call in the order of the parameters; `None` where one is missing or has none.
-fn arguments(params: &[String], defaults: Option<&Vec<Option<PyExpr>>>, args: Vec<PyExpr>) -> Option<Vec<PyExpr>> {
+pub(super) fn arguments(
+    params: &[String],
+    defaults: Option<&Vec<Option<PyExpr>>>,
+    args: Vec<PyExpr>,
+) -> Option<Vec<PyExpr>> {
     let mut values = defaults.cloned().unwrap_or_default();
     values.resize(params.len(), None);
     for (k, arg) in args.into_iter().enumerate() {

@@ -11,9 +11,11 @@ mod strings;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-use self::expression::{PyExpr, Refusal, Scope, compile, has_random, parse, resolve};
+use self::expression::{PyExpr, Refusal, Scope, compile, first_call, has_random, parse, resolve};
 use self::rule::Step;
-use self::statement::{FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, renamed};
+use self::statement::{
+    FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, only_returns, renamed,
+};
 use self::strings::{modules, spell, split};
 use super::Reader;
 use super::text::{Piece, lines};
@@ -67,6 +69,8 @@ struct Model<'r, 's> {
     /// Values of shared names before the first step, for items that need a constant.
     initial: BTreeMap<String, f64>,
     temporaries: usize,
+    /// Functions that are more than one expression, by name: their parameters and statements.
+    bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,
     /// Places of the loops that run as code, which each block with loops has a copy of.
     loop_places: Vec<SourcePlace>,
     /// How many parameters `*args` stands for in the present reading of a head.
@@ -113,6 +117,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         shared: Vec::new(),
         initial: BTreeMap::new(),
         temporaries: 0,
+        bodies: BTreeMap::new(),
         loop_places: Vec::new(),
         star: 0,
         rule_lists: Vec::new(),
@@ -511,7 +516,7 @@ impl<'s> Model<'_, 's> {
         let (mut names, mut globals) = (Vec::new(), Vec::new());
         assigned(&statements, &mut names, &mut globals);
         names.retain(|name| !globals.contains(name));
-        let own: Vec<String> = names.iter().map(|name| format!("(axiom {name})")).collect();
+        let own: Vec<String> = names.iter().map(|name| format!("{name} (axiom)")).collect();
         let statements: Vec<Statement> = statements.iter().map(|s| renamed(s, &names, &own)).collect();
         self.is_in_axiom = true;
         let ways = self.ways(&statements);
@@ -538,6 +543,26 @@ impl<'s> Model<'_, 's> {
 
     /// A value of the model: a constant, or a number that is drawn once.
     fn global(&mut self, name: &str, e: &PyExpr, range: Range<usize>) {
+        // A function of statements runs as in the block of an axiom.
+        if first_call(e, &|name| self.has_body(name)).is_some() {
+            self.is_in_axiom = true;
+            let ways = self.ways(&[Statement::Assign(name.to_owned(), e.clone())]);
+            self.is_in_axiom = false;
+            if let Ok([way]) = ways.as_deref() {
+                let is_read = way.steps.iter().all(|step| matches!(step, Step::Assign(..)));
+                for step in way.steps.iter().filter(|_| is_read) {
+                    if let Step::Assign(name, e) = step {
+                        self.global(name, e, range.clone());
+                    }
+                }
+                if let Some(list) = way.list(name).filter(|_| is_read) {
+                    self.global(name, list, range.clone());
+                }
+                if is_read {
+                    return;
+                }
+            }
+        }
         let is_shared = self.shared.iter().any(|s| s == name);
         let resolved = resolve(e, &self.scope, 0);
         if let Ok(list @ PyExpr::List(..)) = &resolved
@@ -755,22 +780,39 @@ impl<'s> Model<'_, 's> {
         let params: Vec<String> = params.into_iter().map(|(name, _)| name).collect();
         let inline = [Line { indent: 0, piece: body }];
         let lines = if body.text.is_empty() { block } else { &inline };
-        let value = self.statements(lines, 0).and_then(|mut list| {
+        let statements = self.statements(lines, 0);
+        let value = statements.clone().and_then(|mut list| {
             list.reverse();
             let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
             let mut function = FunctionValue { scope: &self.scope, place: range.clone(), count: 0 };
             function.of(list, params.clone(), values, 0)
         });
+        // An expression with a call of a function of statements is no more than its statements.
+        let value = value.ok().filter(|value| first_call(value, &|name| self.has_body(name)).is_none());
         match value {
-            Ok(value) => {
+            Some(value) => {
+                self.bodies.remove(&name);
                 self.scope.defaults.insert(name.clone(), defaults);
                 self.scope.functions.insert(name, (params, value));
             }
-            // A call of a function that could not be read is refused there.
-            Err(_) => {
+            // Productions that call a function of more than one expression run its statements. A call of one that could not be read
+            // is refused there.
+            None => {
                 self.scope.functions.remove(&name);
+                self.bodies.remove(&name);
+                if let Ok(list) = statements
+                    && only_returns(&list)
+                {
+                    self.scope.defaults.insert(name.clone(), defaults);
+                    self.bodies.insert(name, (params, list));
+                }
             }
         }
+    }
+
+    /// True for the name of a function that is more than one expression.
+    fn has_body(&self, name: &str) -> bool {
+        self.bodies.contains_key(name) && !self.scope.functions.contains_key(name)
     }
 
     /// Reads a function that L-Py runs, which becomes a block.
@@ -995,7 +1037,7 @@ impl<'s> Model<'_, 's> {
                     let why = Refusal::new("'break' or 'continue' in a function that L-Py runs", place.clone());
                     return Err(why.remedy("put the condition into the test of the loop"));
                 }
-                Statement::TurnEnd | Statement::LoopEnd => {}
+                Statement::TurnEnd | Statement::LoopEnd | Statement::FunctionEnd(..) => {}
                 Statement::For(_, _, _, place) => {
                     let why = Refusal::new("'for' in a function that L-Py runs", place.clone());
                     return Err(why.remedy("count with 'while'"));

@@ -5,8 +5,9 @@ use std::ops::Range;
 
 use super::bounds::{Bounds, mentions};
 use super::expression::{PyExpr, PyOp, Refusal, Scope, UNKNOWN};
-use super::expression::{compile, has_random, parse, range_of, resolve, size_with, substitute};
-use super::statement::{GROUP, Statement, assigned, in_turn, is_written_out, only_computes, with_lists};
+use super::expression::{arguments, compile, has_random, parse, range_of, resolve, size_with, substitute};
+use super::statement::{GROUP, Statement, assigned, call_in, in_turn, is_written_out, only_computes};
+use super::statement::{read_name, renamed, with_lists, without_call};
 use super::strings::{PyModule, Spelled, modules, spell};
 use super::{Line, Model, Section, block_after, colon, shifted, strings};
 use crate::code::{Bytecode, Expr, Op, UnaryOp, is_zero};
@@ -24,6 +25,8 @@ const MAX_COUNTED: f64 = 100.0;
 const MAX_UNKNOWN: u32 = 64;
 /// Turns of a `while` whose tests are known, which are written out.
 const MAX_KNOWN_TURNS: u32 = 2_000;
+/// Most calls, on one way, of functions that are more than one expression.
+const MAX_CALLS: usize = 256;
 /// Most modules of the successor of one way; a production that makes more is refused.
 const MAX_MODULES: usize = 1 << 20;
 
@@ -158,6 +161,8 @@ pub(super) struct Way {
     lists: BTreeMap<String, PyExpr>,
     /// What its conditions leave of the values of its variables.
     bounds: Bounds,
+    /// How many functions it has called.
+    calls: usize,
 }
 
 impl Way {
@@ -165,6 +170,11 @@ impl Way {
     fn written(&self) -> Vec<&String> {
         let assigns = |name: &String| self.steps.iter().any(|s| s.assigns(name));
         self.globals.iter().filter(|g| assigns(g)).collect()
+    }
+
+    /// The list that it has set a variable to.
+    pub fn list(&self, name: &str) -> Option<&PyExpr> {
+        self.lists.get(name)
     }
 
     /// Where its modules are written, for messages.
@@ -478,7 +488,12 @@ impl Model<'_, '_> {
                 out.push(way);
                 continue;
             };
-            match with_lists(statement, &way.lists) {
+            let statement = with_lists(statement, &way.lists);
+            if self.call(&statement, &mut way, &mut left)? {
+                open.push((way, left));
+                continue;
+            }
+            match statement {
                 Statement::Pass => open.push((way, left)),
                 Statement::Global(names) => {
                     way.globals.extend(names);
@@ -488,8 +503,21 @@ impl Model<'_, '_> {
                     way.produced |= !way.modules.is_empty();
                     out.push(way);
                 }
-                Statement::Return(Some(_), place) => {
-                    return Err(Refusal::new("'return' in a production", place));
+                // The value of a function that the production calls; else the production has no value.
+                Statement::Return(Some(e), place) => {
+                    let at = left.iter().rposition(|s| matches!(s, Statement::FunctionEnd(..)));
+                    let at = at.ok_or_else(|| Refusal::new("'return' in a production", place))?;
+                    let end = left.drain(at..).next();
+                    if let Some(Statement::FunctionEnd(name, ..)) = end {
+                        left.push(Statement::Assign(name, e));
+                    }
+                    open.push((way, left));
+                }
+                Statement::FunctionEnd(_, function, place) => {
+                    return Err(Refusal::new(
+                        format!("the function '{function}', which may end without a value"),
+                        place,
+                    ));
                 }
                 Statement::Assign(name, e) => {
                     let list = self.list_of(&e, &way).filter(|_| !way.globals.contains(&name));
@@ -727,6 +755,54 @@ impl Model<'_, '_> {
             }
         }
         Ok(out)
+    }
+
+    /// Puts the statements of the first function of more than one expression that a statement calls before it, under names of
+    /// their own, with the name of the value in place of the call; false for a statement without such a call.
+    fn call(&mut self, s: &Statement, way: &mut Way, left: &mut Vec<Statement>) -> Result<bool, Refusal> {
+        if self.bodies.is_empty() {
+            return Ok(false);
+        }
+        let Some(call) = call_in(s, &|name| self.has_body(name)) else { return Ok(false) };
+        let PyExpr::Call(function, args, place) = &call else { return Ok(false) };
+        let Some((params, body)) = self.bodies.get(function).cloned() else { return Ok(false) };
+        way.calls += 1;
+        if way.calls > MAX_CALLS {
+            return Err(Refusal::new(
+                format!("more than {MAX_CALLS} calls of functions in a production"),
+                place.clone(),
+            ));
+        }
+        let args = arguments(&params, self.scope.defaults.get(function), args.clone());
+        let args = args.ok_or_else(|| Refusal::new(format!("this call of '{function}'"), place.clone()))?;
+        let mut names = names_of(&body).0;
+        names.extend(params.iter().cloned());
+        // The function does not know the variables of the production.
+        let others = self.scope.locals.iter().chain(way.known.keys()).chain(way.lists.keys());
+        let mut others = others.filter(|name| !name.contains('(') && !names.contains(name));
+        if let Some(name) = others.find(|name| read_name(&body, name)) {
+            let why = format!("a call of '{function}', which reads a '{name}' that this production has, too");
+            let why = Refusal::new(why, place.clone());
+            return Err(why.remedy("give the variable of the production another name"));
+        }
+        let number = self.temporaries;
+        self.temporaries += 1;
+        let own: Vec<String> = names.iter().map(|name| format!("{name} ({number})")).collect();
+        let result = format!("(result {number})");
+        let value = PyExpr::Name(result.clone(), place.clone());
+        // `a, b = f(x)` takes both items of one value.
+        for next in left.iter_mut().rev().take_while(|s| matches!(s, Statement::Assign(..))) {
+            *next = without_call(next, &call, &value);
+        }
+        left.push(without_call(s, &call, &value));
+        left.push(Statement::FunctionEnd(result, function.clone(), place.clone()));
+        left.extend(body.iter().rev().map(|s| renamed(s, &names, &own)));
+        let set = params.iter().zip(args).map(|(p, value)| {
+            let name = names.iter().position(|n| n == p).and_then(|i| own.get(i)).unwrap_or(p);
+            Statement::Assign(name.clone(), value)
+        });
+        left.extend(set);
+        Ok(true)
     }
 
     /// The list that an expression is; `None` for any other.
