@@ -510,6 +510,7 @@ fn functions_of_lpy_may_be_more_than_an_expression() {
         ("  n = 7\n  nproduce B(rest(x)+rest(n,4),n)\n", "B(5,7)"),
         ("  s = 1\n  nproduce B(noise(1),noise(x+1),s)\n", "B(16,16,1)"),
         ("  a, b = pair(x)\n  if total(2) > 1: nproduce B(a,b,first(x))\n", "B(0,5,3)"),
+        ("  k = 1\n  nproduce B(total(x),k)\n", "B(20,1)"),
         ("  for i in range(total(2)): nproduce B(i,total(total(x)))\n", "B(0,380)B(1,380)"),
         // One value of two items.
         ("  a, b = both()\n  nproduce B(a-b)\n", "B(0)"),
@@ -520,13 +521,27 @@ fn functions_of_lpy_may_be_more_than_an_expression() {
         assert_eq!(lpy(&model(lines)), wanted, "{lines}");
     }
     assert_eq!(lpy(&format!("{head}Axiom: A(rest(11),total(3))\nproduction:\nX --> Y\n")), "A(2,6)");
-    for (lines, why) in [
-        // The function reads the k of the model.
-        ("  k = 1\n  nproduce B(total(x))\n", "a call of 'total'"),
-        ("  nproduce B(total(x,2))\n", "this call of 'total'"),
+    let said = try_read(&format!("{}endlsystem\n", model("  nproduce B(total(x,2))\n"))).err();
+    let said = said.map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("this call of 'total'"), "{said}");
+}
+
+#[test]
+fn functions_of_lpy_read_values_of_the_model() {
+    let head = "a = 3\nq = [5, 6]\nd = randint(4,4)\nc = 1\ndef f(x): return x*a\ng = lambda i: q[i] + len(q)\n\
+                def h(x): return d*x\ndef s(n):\n  t = 0\n  for i in range(n): t += a + q[i]\n  return t\ndef k(): return c\n";
+    let model = |rule: &str| format!("{head}Axiom: A(7)\nproduction:\n{rule}\n");
+    for (rule, wanted) in [
+        ("A(a) --> B(f(a),f(2))", "B(21,6)"),
+        ("A(q) --> B(g(1),q)", "B(8,7)"),
+        ("A(d):\n  a = d\n  produce B(h(a),a)", "B(28,7)"),
+        ("A(a):\n  q = [1, a]\n  produce B(s(2),q[1])", "B(17,7)"),
+        // A variable of the model that the production changes is the one that the function reads.
+        ("A(x):\n  global c\n  c += x\n  produce B(k())", "B(8)"),
+        // What follows a production does not know its variables.
+        ("C(e) --> D(e)\nm = e + 1 > 3.7\nA(x) --> B(m)", "B(1)"),
     ] {
-        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
-        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
+        assert_eq!(lpy(&model(rule)), wanted, "{rule}");
     }
 }
 

@@ -98,6 +98,8 @@ enum PyTokenKind {
 const IN: &str = "in";
 /// Name that stands for a variable whose value is not known where a value that must be constant is looked for; no scope has it.
 pub(super) const UNKNOWN: &str = "(changes)";
+/// What names of the model begin with in functions, whose callers may have variables of these names.
+const OF_MODEL: &str = "::";
 /// Most items of a list that `in` compares with, one after the other.
 const MAX_MEMBERS: usize = 64;
 
@@ -697,10 +699,12 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::Number(_) | PyExpr::Text(..) => e.clone(),
         PyExpr::Name(name, range) => {
             let is_local = name == UNKNOWN || scope.locals.contains(name);
+            let name = plain_name(name);
             if let Some(why) = scope.unreadable.get(name).filter(|_| !is_local) {
                 return Err(why.clone());
             }
-            let known = is_local || scope.globals.contains(name) || scope.lists.contains_key(name);
+            let is_global = scope.globals.iter().any(|global| global == name);
+            let known = is_local || is_global || scope.lists.contains_key(name);
             if !known && !scope.constants.contains_key(name) {
                 if let Some(value) = constant_name(name) {
                     return Ok(PyExpr::Number(value));
@@ -809,6 +813,49 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             }
         }
     })
+}
+
+/// A name without the mark of [`of_model`].
+pub(super) fn plain_name(name: &str) -> &str {
+    name.strip_prefix(OF_MODEL).unwrap_or(name)
+}
+
+/// A name as one of the model, which no variable of a production hides.
+pub(super) fn model_name(name: &str) -> String {
+    format!("{OF_MODEL}{}", plain_name(name))
+}
+
+/// The value of a function with its names, other than its parameters and those `kept`, marked as names of the model.
+pub(super) fn of_model(e: &PyExpr, params: &[String], kept: &[String]) -> PyExpr {
+    let mut found = BTreeMap::new();
+    append_names(e, &mut found);
+    // Coordinates of vectors and the lists of this reader have names that no value of the model has.
+    let is_other = |name: &String| name.contains(['(', '.']) || params.contains(name) || kept.contains(name);
+    found.retain(|name, _| !is_other(name));
+    let values: Vec<PyExpr> = found.iter().map(|(name, range)| PyExpr::Name(model_name(name), range.clone())).collect();
+    let names: Vec<String> = found.into_keys().collect();
+    substitute(e, &names, &values)
+}
+
+/// Appends the names that an expression reads, each with the last of its places.
+fn append_names(e: &PyExpr, out: &mut BTreeMap<String, Range<usize>>) {
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) => {}
+        PyExpr::Name(name, range) => {
+            out.insert(name.clone(), range.clone());
+        }
+        PyExpr::Neg(a) | PyExpr::Not(a) => append_names(a, out),
+        PyExpr::Binary(_, a, b)
+        | PyExpr::And(a, b)
+        | PyExpr::Or(a, b)
+        | PyExpr::Index(a, b, _)
+        | PyExpr::Each(a, _, b, _) => {
+            append_names(a, out);
+            append_names(b, out);
+        }
+        PyExpr::Choice(a, b, c) => [a, b, c].into_iter().for_each(|e| append_names(e, out)),
+        PyExpr::Call(_, items, _) | PyExpr::List(items, _) => items.iter().for_each(|e| append_names(e, out)),
+    }
 }
 
 /// The first call of one of some functions, arguments before the call that they are for; none in the values of
@@ -982,7 +1029,9 @@ fn slot_number(i: usize) -> u16 {
 /// The items of a list that a name stands for.
 fn list_of_model<'s>(e: &PyExpr, scope: &'s Scope) -> Option<&'s [PyExpr]> {
     let PyExpr::Name(name, _) = e else { return None };
-    let is_hidden = scope.locals.contains(name) || scope.unreadable.contains_key(name);
+    let is_hidden = scope.locals.contains(name);
+    let name = plain_name(name);
+    let is_hidden = is_hidden || scope.unreadable.contains_key(name);
     match scope.lists.get(name).filter(|_| !is_hidden) {
         Some(PyExpr::List(items, _)) => Some(items),
         _ => None,
@@ -1122,15 +1171,16 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
     match e {
         PyExpr::Number(n) | PyExpr::Text(n, _) => ops.push(Op::Const(*n)),
         PyExpr::Name(name, range) => {
-            // Variables of the rule hide values of the model.
+            // Variables of the rule hide values of the model, save those that functions of the model read.
+            let of_model = plain_name(name);
             if let Some(slot) = Scope::slot(&scope.locals, name) {
                 ops.push(Op::Local(slot));
-            } else if let Some(value) = scope.constants.get(name) {
+            } else if let Some(value) = scope.constants.get(of_model) {
                 ops.push(Op::Const(*value));
-            } else if let Some(slot) = Scope::slot(&scope.globals, name) {
+            } else if let Some(slot) = Scope::slot(&scope.globals, of_model) {
                 ops.push(Op::Global(slot));
             } else {
-                return Err(Refusal::new(format!("the unknown name '{name}'"), range.clone()));
+                return Err(Refusal::new(format!("the unknown name '{of_model}'"), range.clone()));
             }
         }
         PyExpr::Neg(a) => {

@@ -11,7 +11,7 @@ mod strings;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-use self::expression::{PyExpr, Refusal, Scope, compile, first_call, has_random, parse, resolve};
+use self::expression::{PyExpr, Refusal, Scope, compile, first_call, has_random, of_model, parse, resolve};
 use self::rule::Step;
 use self::statement::{
     FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, only_returns, renamed,
@@ -694,6 +694,7 @@ impl<'s> Model<'_, 's> {
             let (names, values) = (split(names), split(value));
             if let ([name], Some((params, body))) = (names.as_slice(), lambda(value)) {
                 self.scope.defaults.remove(name.text);
+                let body = of_model(&body, &params, &self.shared);
                 self.scope.functions.insert(name.text.to_owned(), (params, body));
                 return next;
             }
@@ -793,6 +794,7 @@ impl<'s> Model<'_, 's> {
             Some(value) => {
                 self.bodies.remove(&name);
                 self.scope.defaults.insert(name.clone(), defaults);
+                let value = of_model(&value, &params, &self.shared);
                 self.scope.functions.insert(name, (params, value));
             }
             // Productions that call a function of more than one expression run its statements. A call of one that could not be read

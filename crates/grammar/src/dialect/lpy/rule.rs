@@ -1,11 +1,12 @@
 //! Productions: heads, the ways through their statements, and what each way becomes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use super::bounds::{Bounds, mentions};
 use super::expression::{PyExpr, PyOp, Refusal, Scope, UNKNOWN};
-use super::expression::{arguments, compile, has_random, parse, range_of, resolve, size_with, substitute};
+use super::expression::{arguments, compile, has_random, model_name, parse, plain_name, range_of, resolve};
+use super::expression::{size_with, substitute};
 use super::statement::{GROUP, Statement, assigned, call_in, in_turn, is_written_out, only_computes};
 use super::statement::{read_name, renamed, with_lists, without_call};
 use super::strings::{PyModule, Spelled, modules, spell};
@@ -294,6 +295,8 @@ impl Model<'_, '_> {
         for name in std::mem::take(&mut self.rule_lists) {
             self.scope.lists.remove(&name);
         }
+        // Statements of the model that follow do not know its variables.
+        self.scope.locals.clear();
         next
     }
 
@@ -777,17 +780,21 @@ impl Model<'_, '_> {
         let args = args.ok_or_else(|| Refusal::new(format!("this call of '{function}'"), place.clone()))?;
         let mut names = names_of(&body).0;
         names.extend(params.iter().cloned());
-        // The function does not know the variables of the production.
+        let number = self.temporaries;
+        self.temporaries += 1;
+        let mut own: Vec<String> = names.iter().map(|name| format!("{name} ({number})")).collect();
+        // The function reads values of the model where the production has variables of their names.
         let others = self.scope.locals.iter().chain(way.known.keys()).chain(way.lists.keys());
-        let mut others = others.filter(|name| !name.contains('(') && !names.contains(name));
-        if let Some(name) = others.find(|name| read_name(&body, name)) {
+        let others: BTreeSet<&String> =
+            others.filter(|name| !name.contains('(') && !names.contains(name) && read_name(&body, name)).collect();
+        let others: Vec<String> = others.into_iter().filter(|name| !way.globals.contains(name)).cloned().collect();
+        if let Some(name) = others.iter().find(|name| self.shared.contains(name)) {
             let why = format!("a call of '{function}', which reads a '{name}' that this production has, too");
             let why = Refusal::new(why, place.clone());
             return Err(why.remedy("give the variable of the production another name"));
         }
-        let number = self.temporaries;
-        self.temporaries += 1;
-        let own: Vec<String> = names.iter().map(|name| format!("{name} ({number})")).collect();
+        own.extend(others.iter().map(|name| model_name(name)));
+        names.extend(others);
         let result = format!("(result {number})");
         let value = PyExpr::Name(result.clone(), place.clone());
         // `a, b = f(x)` takes both items of one value.
@@ -820,7 +827,7 @@ impl Model<'_, '_> {
     fn may_be_list(&self, e: &PyExpr) -> bool {
         match e {
             PyExpr::List(..) | PyExpr::Index(..) | PyExpr::Each(..) => true,
-            PyExpr::Name(name, _) => self.scope.lists.contains_key(name),
+            PyExpr::Name(name, _) => self.scope.lists.contains_key(plain_name(name)),
             PyExpr::Binary(PyOp::Add | PyOp::Mul, a, b) => self.may_be_list(a) || self.may_be_list(b),
             PyExpr::Call(name, ..) => {
                 matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
