@@ -527,6 +527,29 @@ fn functions_of_lpy_may_be_more_than_an_expression() {
 }
 
 #[test]
+fn models_of_lpy_may_have_dictionaries_of_constants() {
+    let head = "k = 2\nd = {\n  'len': 3,   # metres\n  'angles': [10, 20*k],\n}\nages = {1: 5, k: 6, 3: 7}\n\
+                def f(name): return d[name]\n";
+    let model = |lines: &str| format!("{head}Axiom: A(2)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  nproduce B(d['len'],d['angles'][1],f(\"len\"))\n", "B(3,40,3)"),
+        ("  nproduce B(ages[1],ages[x],ages[x+1])\n", "B(5,6,7)"),
+        ("  for v in d['angles']: nproduce B(v)\n  if x in ages and 'l' not in d: nproduce C\n", "B(10)B(40)C"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    for (lines, why) in [
+        ("  nproduce B(d['width'])\n", "a key that its dictionary does not have"),
+        ("  nproduce B(ages)\n", "a dictionary"),
+        ("  nproduce B({1, 2})\n", "a dictionary"),
+        ("  for i, v in enumerate(ages): nproduce B(v)\n", "L007"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
+    }
+}
+
+#[test]
 fn functions_of_lpy_read_values_of_the_model() {
     let head = "a = 3\nq = [5, 6]\nd = randint(4,4)\nc = 1\ndef f(x): return x*a\ng = lambda i: q[i] + len(q)\n\
                 def h(x): return d*x\ndef s(n):\n  t = 0\n  for i in range(n): t += a + q[i]\n  return t\ndef k(): return c\n";

@@ -98,6 +98,8 @@ enum PyTokenKind {
 const IN: &str = "in";
 /// Name that stands for a variable whose value is not known where a value that must be constant is looked for; no scope has it.
 pub(super) const UNKNOWN: &str = "(changes)";
+/// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
+const DICTIONARY: &str = "{..}";
 /// What names of the model begin with in functions, whose callers may have variables of these names.
 const OF_MODEL: &str = "::";
 /// Most items of a list that `in` compares with, one after the other.
@@ -491,6 +493,20 @@ impl PyParser {
                 };
                 self.indexed(list)
             }
+            PyTokenKind::Sign("{") => {
+                let mut pairs = Vec::new();
+                while !self.eat("}") {
+                    pairs.push(self.choice()?);
+                    if !self.eat(":") {
+                        return Err(Refusal::new("a dictionary '{..}' without values", t.range.clone()));
+                    }
+                    pairs.push(self.choice()?);
+                    if !self.eat(",") && self.sign() != Some("}") {
+                        return Err(Refusal::new("a dictionary '{..}' that does not end", self.here()));
+                    }
+                }
+                self.indexed(PyExpr::Call(DICTIONARY.to_owned(), pairs, t.range))
+            }
             PyTokenKind::Name(first) => {
                 // Words of Python that begin no value here.
                 if matches!(first.as_str(), "lambda" | "for" | "if" | "else" | "in" | "is") {
@@ -786,6 +802,10 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 }
                 ("choice", [PyExpr::List(items, _)]) if !items.is_empty() => one_of(items, range),
                 (IN, [value, PyExpr::List(items, _)]) => is_one_of(value, items, scope, range)?,
+                (IN, [value, PyExpr::Call(own, pairs, _)]) if own == DICTIONARY => {
+                    let keys: Vec<PyExpr> = pairs.iter().step_by(2).cloned().collect();
+                    is_one_of(value, &keys, scope, range)?
+                }
                 (IN, _) => return Err(Refusal::new("'in' before something other than a list", range.clone())),
                 _ => PyExpr::Call(name.clone(), args, range.clone()),
             }
@@ -1042,6 +1062,7 @@ fn list_of_model<'s>(e: &PyExpr, scope: &'s Scope) -> Option<&'s [PyExpr]> {
 fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     match list {
         PyExpr::List(items, _) => item(items, index, scope, range),
+        PyExpr::Call(name, pairs, _) if name == DICTIONARY => value_of(pairs, index, scope, range),
         PyExpr::Choice(test, a, b) if !has_random(test, scope) => {
             if size_with(list, &[], &[]).saturating_mul(size_with(index, &[], &[])) > MAX_OPS {
                 return Err(Refusal::new("an expression that grows too large", range.clone()));
@@ -1080,6 +1101,40 @@ fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -
         let k = f64::from(saturating_index(k));
         out = PyExpr::Choice(Box::new(PyExpr::Or(is(k), is(k - n))), Box::new(value.clone()), Box::new(out));
     }
+    Ok(out)
+}
+
+/// True for a dictionary.
+pub(super) fn is_dictionary(e: &PyExpr) -> bool {
+    matches!(e, PyExpr::Call(name, ..) if name == DICTIONARY)
+}
+
+/// The value of a key in a dictionary of constant keys. A key that is not constant becomes a choice.
+fn value_of(pairs: &[PyExpr], key: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let mut entries = Vec::new();
+    for pair in pairs.chunks(2) {
+        let [own, value] = pair else { continue };
+        let own = constant_of(own, scope);
+        let own = own.ok_or_else(|| Refusal::new("a dictionary of keys that are not constant", range.clone()))?;
+        entries.push((own, value));
+    }
+    // Of equal keys the last one counts.
+    if let Some(key) = constant_of(key, scope) {
+        let found = entries.iter().rev().find(|(own, _)| is_zero(*own - key)).map(|(_, value)| PyExpr::clone(value));
+        return found.ok_or_else(|| Refusal::new("a key that its dictionary does not have", range.clone()));
+    }
+    let draws = has_random(key, scope) || pairs.iter().any(|e| has_random(e, scope));
+    let Some(((_, first), others)) = entries.split_first().filter(|_| entries.len() <= MAX_LOOKUP && !draws) else {
+        return Err(Refusal::new("a key of this dictionary that is not constant", range.clone()));
+    };
+    if entries.len().saturating_mul(size_with(key, &[], &[])) > MAX_OPS {
+        return Err(Refusal::new("an expression that grows too large", range.clone()));
+    }
+    // The first value is taken where the key equals no other.
+    let out = others.iter().fold(PyExpr::clone(first), |out, (own, value)| {
+        let is = PyExpr::Binary(PyOp::Eq, Box::new(key.clone()), Box::new(PyExpr::Number(*own)));
+        PyExpr::Choice(Box::new(is), Box::new(PyExpr::clone(value)), Box::new(out))
+    });
     Ok(out)
 }
 
@@ -1478,6 +1533,9 @@ fn emit_call(
             emit(a, scope, ops)?;
             emit(b, scope, ops)?;
             ops.push(Op::Random(RandomFunction::Nran));
+        }
+        _ if name == DICTIONARY => {
+            return Err(Refusal::new("a dictionary '{..}' where a number is expected", range.clone()));
         }
         _ if name.ends_with('=') => return Err(Refusal::new("an argument with a name", range.clone())),
         _ => return Err(Refusal::new(format!("the function '{name}'"), range.clone())),

@@ -11,7 +11,9 @@ mod strings;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-use self::expression::{PyExpr, Refusal, Scope, compile, first_call, has_random, of_model, parse, resolve};
+use self::expression::{
+    PyExpr, Refusal, Scope, compile, first_call, has_random, is_dictionary, of_model, parse, resolve,
+};
 use self::rule::Step;
 use self::statement::{
     FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, only_returns, renamed,
@@ -208,9 +210,10 @@ fn without_comments(text: &str) -> String {
             }
             b'(' => depth += 1,
             b')' => depth = depth.saturating_sub(1),
-            // A list that is assigned to a name may span several lines. Its bracket stands behind a `=`, that of a branch does not.
-            b'[' if list > 0 || bytes[..i].trim_ascii_end().ends_with(b"=") => list += 1,
-            b']' => list = list.saturating_sub(1),
+            // A list or dictionary that is assigned to a name may span several lines. Its bracket stands behind a `=`, that of a branch
+            // or polygon does not.
+            b'[' | b'{' if list > 0 || bytes[..i].trim_ascii_end().ends_with(b"=") => list += 1,
+            b']' | b'}' => list = list.saturating_sub(1),
             b'\n' | b'\r' if list > 0 && depth == 0 => out[i] = b' ',
             // A heading that begins a line was not meant to be a parameter: the parenthesis before it lacks its partner.
             b'\n' | b'\r' if depth > 0 => {
@@ -565,7 +568,8 @@ impl<'s> Model<'_, 's> {
         }
         let is_shared = self.shared.iter().any(|s| s == name);
         let resolved = resolve(e, &self.scope, 0);
-        if let Ok(list @ PyExpr::List(..)) = &resolved
+        if let Ok(list) = &resolved
+            && (matches!(list, PyExpr::List(..)) || is_dictionary(list))
             && !is_shared
             && !has_random(list, &self.scope)
         {
