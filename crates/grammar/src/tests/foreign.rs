@@ -527,6 +527,31 @@ fn functions_of_lpy_may_be_more_than_an_expression() {
 }
 
 #[test]
+fn lists_of_lpy_may_be_cut() {
+    let model =
+        |lines: &str| format!("q = [1, 2, 3, 4]\nAxiom: A(2)\nproduction:\nw = q[1:]\nm = {{1: 2}}\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  for v in q[1:]: nproduce B(v)\n", "B(2)B(3)B(4)"),
+        ("  for v in q[:-1] + q[9:]: nproduce B(v)\n", "B(1)B(2)B(3)"),
+        ("  for v in q[::-2]: nproduce B(v)\n", "B(4)B(2)"),
+        ("  nproduce B(len(q[1:3]),len(q[:]),len(q[3:1]),len(q[-9:2]),len(q[2::-1]),w[0],m[1])\n", "B(2,4,0,2,3,2,2)"),
+        ("  p = [x, x+1, x+2][1:]\n  if len(p[1:]) == 1: nproduce B(p[0],p[1])\n", "B(3,4)"),
+        ("  for v in [k*k for k in q if k % 2 == 1 if k > 1]: nproduce B(v)\n", "B(9)"),
+        ("  nproduce B(sum(k for k in q if k != 2),len([k if k > 1 else 0 for k in q]))\n", "B(8,4)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    for (lines, why) in [
+        ("  nproduce B(len(q[x:]))\n", "a slice '[:]'"),
+        ("  nproduce B(q[::0][0])\n", "a slice '[:]'"),
+        ("  nproduce B(len([k for k in q if k > x]))\n", "a list with conditions"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
+    }
+}
+
+#[test]
 fn models_of_lpy_may_have_dictionaries_of_constants() {
     let head = "k = 2\nd = {\n  'len': 3,   # metres\n  'angles': [10, 20*k],\n}\nages = {1: 5, k: 6, 3: 7}\n\
                 def f(name): return d[name]\n";

@@ -57,7 +57,7 @@ pub(super) enum PyExpr {
     List(Vec<Self>, Range<usize>),
     /// `list[index]`.
     Index(Box<Self>, Box<Self>, Range<usize>),
-    /// `[value for name in list]`: value, name, list.
+    /// `[value for name in list]`: value, name, list. The value may be a choice whose other side is [`NOTHING`], no item.
     Each(Box<Self>, String, Box<Self>, Range<usize>),
 }
 
@@ -100,6 +100,9 @@ const IN: &str = "in";
 pub(super) const UNKNOWN: &str = "(changes)";
 /// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
 const DICTIONARY: &str = "{..}";
+/// Name of the call that stands for `from:to:step` in the brackets of an index, and of one for a part that is missing.
+const SLICE: &str = "[:]";
+const NOTHING: &str = "[]";
 /// What names of the model begin with in functions, whose callers may have variables of these names.
 const OF_MODEL: &str = "::";
 /// Most items of a list that `in` compares with, one after the other.
@@ -574,9 +577,18 @@ impl PyParser {
             return Err(Refusal::new("'for'", place));
         }
         let list = self.or()?;
-        if matches!(self.word(), Some("if" | "for")) {
-            return Err(Refusal::new("a list with conditions", self.here()));
+        // `if` leaves items out.
+        let mut tests = Vec::new();
+        while self.eat_word("if") {
+            tests.push(self.or()?);
         }
+        if self.word() == Some("for") {
+            return Err(Refusal::new("a list over two lists", self.here()));
+        }
+        let value = tests.into_iter().rev().fold(value, |value, test| {
+            let nothing = PyExpr::Call(NOTHING.to_owned(), Vec::new(), range.clone());
+            PyExpr::Choice(Box::new(test), Box::new(value), Box::new(nothing))
+        });
         Ok(PyExpr::Each(Box::new(value), name, Box::new(list), range))
     }
 
@@ -587,7 +599,7 @@ impl PyParser {
         while self.sign() == Some("[") {
             let place = self.here();
             self.i += 1;
-            let index = self.choice()?;
+            let index = self.part(&place)?;
             count += 1;
             if !self.eat("]") || count > 8 {
                 return Err(Refusal::new("a list or an index '[..]'", place));
@@ -595,6 +607,21 @@ impl PyParser {
             out = PyExpr::Index(Box::new(out), Box::new(index), place);
         }
         Ok(out)
+    }
+
+    /// What stands between the brackets of an index: an index, or `from:to:step`, of which each part may be missing.
+    fn part(&mut self, place: &Range<usize>) -> Result<PyExpr, Refusal> {
+        let missing = || PyExpr::Call(NOTHING.to_owned(), Vec::new(), place.clone());
+        let first = if self.sign() == Some(":") { missing() } else { self.choice()? };
+        if self.sign() != Some(":") {
+            return Ok(first);
+        }
+        let mut parts = vec![first];
+        while parts.len() < 3 && self.eat(":") {
+            let is_missing = matches!(self.sign(), Some(":" | "]"));
+            parts.push(if is_missing { missing() } else { self.choice()? });
+        }
+        Ok(PyExpr::Call(SLICE.to_owned(), parts, place.clone()))
     }
 
     fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
@@ -818,14 +845,34 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             let PyExpr::List(items, _) = resolve(list, scope, depth)? else {
                 return Err(Refusal::new("'for' over something other than a list", range.clone()));
             };
-            let one = |item: PyExpr| {
-                let one = substitute(value, std::slice::from_ref(name), &[item]);
-                resolve(&one, scope, depth)
-            };
-            PyExpr::List(items.into_iter().map(one).collect::<Result<_, _>>()?, range.clone())
+            let mut out = Vec::with_capacity(items.len());
+            for item in items {
+                let mut one = substitute(value, std::slice::from_ref(name), &[item]);
+                // A test that leaves items out must be known.
+                while let PyExpr::Choice(test, then, other) = &one
+                    && is_nothing(other)
+                {
+                    let holds = constant_of(&resolve(test, scope, depth)?, scope);
+                    let holds = holds.ok_or_else(|| Refusal::new("a list with conditions", range.clone()))?;
+                    let next = if is_zero(holds) { other.as_ref() } else { then.as_ref() };
+                    one = next.clone();
+                }
+                if !is_nothing(&one) {
+                    out.push(resolve(&one, scope, depth)?);
+                }
+            }
+            PyExpr::List(out, range.clone())
         }
         PyExpr::Index(list, index, range) => {
             let index = resolve(index, scope, depth)?;
+            if let PyExpr::Call(name, parts, _) = &index
+                && name == SLICE
+            {
+                return match resolve(list, scope, depth)? {
+                    PyExpr::List(items, range) => slice(&items, parts, scope, &range),
+                    _ => Err(Refusal::new("a slice '[:]' of something other than a list", range.clone())),
+                };
+            }
             // A list of the model is not copied for one of its items.
             match list_of_model(list, scope) {
                 Some(items) => item(items, &index, scope, range)?,
@@ -1102,6 +1149,40 @@ fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -
         out = PyExpr::Choice(Box::new(PyExpr::Or(is(k), is(k - n))), Box::new(value.clone()), Box::new(out));
     }
     Ok(out)
+}
+
+/// The items `from:to:step` of a list, with bounds that are constant.
+fn slice(items: &[PyExpr], parts: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let refused = || Refusal::new("a slice '[:]' with bounds that are not constant", range.clone());
+    let part = |k: usize| match parts.get(k) {
+        None => Ok(None),
+        Some(e) if is_nothing(e) => Ok(None),
+        Some(e) => constant_of(e, scope).filter(|v| v.fract().abs() <= 0.0).map(Some).ok_or_else(refused),
+    };
+    let n = f64::from(saturating_index(items.len()));
+    let (from, to, step) = (part(0)?, part(1)?, part(2)?.unwrap_or(1.0));
+    if is_zero(step) {
+        return Err(refused());
+    }
+    // As in Python: bounds below 0 count from the end, and those beyond the list are its ends.
+    let (low, high) = if step > 0.0 { (0.0, n) } else { (-1.0, n - 1.0) };
+    let bound = |v: f64| {
+        let from_begin = if v < 0.0 { v + n } else { v };
+        from_begin.clamp(low, high.max(low))
+    };
+    let (first, last) = if step > 0.0 { (low, high) } else { (high, low) };
+    let (from, to) = (from.map_or(first, bound), to.map_or(last, bound));
+    let count = ((to - from) / step).ceil().max(0.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the length of the list")]
+    let count = count as u32;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the list")]
+    let at = |k: u32| items.get((from + f64::from(k) * step) as usize).cloned();
+    Ok(PyExpr::List((0..count).filter_map(at).collect(), range.clone()))
+}
+
+/// True for what stands for no item and for a bound that is missing.
+fn is_nothing(e: &PyExpr) -> bool {
+    matches!(e, PyExpr::Call(name, ..) if name == NOTHING)
 }
 
 /// True for a dictionary.

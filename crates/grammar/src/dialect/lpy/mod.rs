@@ -1118,12 +1118,27 @@ fn colon(piece: Piece<'_>) -> Option<usize> {
     })
 }
 
+/// Index of the colon that ends the heading of a block, such as `for v in q[1:]:`: the first one outside of all brackets.
+fn block_colon(piece: Piece<'_>) -> Option<usize> {
+    let mut depth = 0_usize;
+    piece.text.char_indices().find_map(|(i, c)| {
+        match c {
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        (c == ':' && depth == 0).then_some(i)
+    })
+}
+
 /// A production has an arrow, or ends its head with a colon; statements of Python do neither.
 fn is_rule(piece: Piece<'_>) -> bool {
     let (word, _) = piece.first_word(&['(', ':', '=']);
     let is_python =
         ["def", "class", "if", "for", "while", "try", "with", "else", "elif", "from", "import"].contains(&word.text);
-    piece.text.contains("-->") || piece.text.contains("-static->") || (!is_python && colon(piece).is_some())
+    piece.text.contains("-->")
+        || piece.text.contains("-static->")
+        || (!is_python && colon(piece).is_some() && assignment(piece).is_none())
 }
 
 /// True for a name of Python.

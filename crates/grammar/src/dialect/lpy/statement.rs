@@ -9,7 +9,7 @@ use super::bounds::mentions;
 use super::expression::{PyExpr, PyOp, Refusal, Scope};
 use super::expression::{compile, exchanged, first_call, has_random, parse, resolve, size_with, substitute};
 use super::strings::{PyModule, closing, modules, split};
-use super::{Line, Model, assignment, block_after, colon, is_name};
+use super::{Line, Model, assignment, block_after, block_colon, is_name};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
@@ -87,7 +87,7 @@ impl Model<'_, '_> {
                     out.push(Statement::Return(Some(value), piece.range()));
                 }
                 "if" | "elif" => {
-                    let c = colon(rest).ok_or_else(|| Refusal::new("'if' without ':'", piece.range()))?;
+                    let c = block_colon(rest).ok_or_else(|| Refusal::new("'if' without ':'", piece.range()))?;
                     let test = parse(rest.up_to(c))?;
                     let then = body(self, rest.from(c + 1))?;
                     if word.text == "if" {
@@ -100,7 +100,7 @@ impl Model<'_, '_> {
                     }
                 }
                 "else" => {
-                    let c = colon(rest).ok_or_else(|| Refusal::new("'else' without ':'", piece.range()))?;
+                    let c = block_colon(rest).ok_or_else(|| Refusal::new("'else' without ':'", piece.range()))?;
                     let other = body(self, rest.from(c + 1))?;
                     // The statement before must be an `if`, as for `elif`.
                     let Some(Statement::If(_, last)) = out.last_mut() else {
@@ -109,12 +109,12 @@ impl Model<'_, '_> {
                     *last = other;
                 }
                 "for" => {
-                    let c = colon(rest).ok_or_else(|| Refusal::new("'for' without ':'", piece.range()))?;
+                    let c = block_colon(rest).ok_or_else(|| Refusal::new("'for' without ':'", piece.range()))?;
                     let inner = body(self, rest.from(c + 1))?;
                     out.push(self.loop_over(rest.up_to(c), inner, piece.range())?);
                 }
                 "while" => {
-                    let c = colon(rest).ok_or_else(|| Refusal::new("'while' without ':'", piece.range()))?;
+                    let c = block_colon(rest).ok_or_else(|| Refusal::new("'while' without ':'", piece.range()))?;
                     let test = parse(rest.up_to(c))?;
                     let inner = body(self, rest.from(c + 1))?;
                     out.push(Statement::While(test, inner, piece.range(), 0));
