@@ -552,6 +552,23 @@ fn lists_of_lpy_may_be_cut() {
 }
 
 #[test]
+fn statements_of_lpy_outside_of_productions_run() {
+    let model = |lines: &str| format!("n = 3\n{lines}Axiom: A(x)\nproduction:\nA(k) --> B(k)\n");
+    for (lines, wanted) in [
+        ("if n > 2:\n  x = 1\nelif n > 1:\n  x = 2\nelse: x = 3\n", "B(1)"),
+        ("if n > 5:\n  x = 1\nelse:\n  x = n\n  x += 4\n", "B(7)"),
+        ("x = 0\nfor i in range(n): x += i\n", "B(3)"),
+        ("x = 1\nwhile x < 50:\n  x *= n\nn = 1\n", "B(81)"),
+        ("q = []\nfor i in range(n):\n  q = q + [i*i]\nx = len(q) + q[2]\n", "B(7)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    let drawn = model("x = 0\nif random() < 0.5: x = 1\n");
+    let said = try_read(&format!("{drawn}endlsystem\n")).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("'if' outside of a production"), "{said}");
+}
+
+#[test]
 fn models_of_lpy_may_have_dictionaries_of_constants() {
     let head = "k = 2\nd = {\n  'len': 3,   # metres\n  'angles': [10, 20*k],\n}\nages = {1: 5, k: 6, 3: 7}\n\
                 def f(name): return d[name]\n";

@@ -544,27 +544,34 @@ impl<'s> Model<'_, 's> {
         }
     }
 
+    /// Runs statements of the model as in the block of an axiom; false where only a run knows the way through them.
+    fn run(&mut self, statements: &[Statement], range: &Range<usize>) -> Result<bool, Refusal> {
+        self.is_in_axiom = true;
+        let ways = self.ways(statements);
+        self.is_in_axiom = false;
+        let ways = ways?;
+        let [way] = ways.as_slice() else { return Ok(false) };
+        if !way.modules.is_empty() || !way.steps.iter().all(|step| matches!(step, Step::Assign(..))) {
+            return Ok(false);
+        }
+        for step in &way.steps {
+            if let Step::Assign(name, e) = step {
+                self.global(name, e, range.clone());
+            }
+        }
+        for (name, list) in &way.lists {
+            self.global(name, list, range.clone());
+        }
+        Ok(true)
+    }
+
     /// A value of the model: a constant, or a number that is drawn once.
     fn global(&mut self, name: &str, e: &PyExpr, range: Range<usize>) {
-        // A function of statements runs as in the block of an axiom.
-        if first_call(e, &|name| self.has_body(name)).is_some() {
-            self.is_in_axiom = true;
-            let ways = self.ways(&[Statement::Assign(name.to_owned(), e.clone())]);
-            self.is_in_axiom = false;
-            if let Ok([way]) = ways.as_deref() {
-                let is_read = way.steps.iter().all(|step| matches!(step, Step::Assign(..)));
-                for step in way.steps.iter().filter(|_| is_read) {
-                    if let Step::Assign(name, e) = step {
-                        self.global(name, e, range.clone());
-                    }
-                }
-                if let Some(list) = way.list(name).filter(|_| is_read) {
-                    self.global(name, list, range.clone());
-                }
-                if is_read {
-                    return;
-                }
-            }
+        // A function of statements runs as in the block of an axiom. One that cannot is named where the value is used.
+        if first_call(e, &|name| self.has_body(name)).is_some()
+            && let Ok(true) = self.run(&[Statement::Assign(name.to_owned(), e.clone())], &range)
+        {
+            return;
         }
         let is_shared = self.shared.iter().any(|s| s == name);
         let resolved = resolve(e, &self.scope, 0);
@@ -636,7 +643,26 @@ impl<'s> Model<'_, 's> {
                 }
                 return next;
             }
-            "class" | "if" | "for" | "while" | "try" | "with" | "raise" | "del" => {
+            "if" | "for" | "while" => {
+                // The lines of its `elif` and `else` belong to an `if`.
+                let mut end = next;
+                while let Some(more) = list.get(end).filter(|more| word.text == "if" && more.indent == line.indent) {
+                    if !matches!(more.piece.first_word(&['(', ':']).0.text, "elif" | "else") {
+                        break;
+                    }
+                    end = block_after(list, end, more.indent).1;
+                }
+                let statements = self.statements(list.get(i..end).unwrap_or(&[]), 0);
+                let is_known = statements.and_then(|statements| self.run(&statements, &range));
+                if self.settle(is_known) == Some(false) {
+                    let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
+                    self.refuse(
+                        &why.remedy("only a run knows what it does: write it into Start(), or into a production"),
+                    );
+                }
+                return end;
+            }
+            "class" | "try" | "with" | "raise" | "del" => {
                 self.refuse(&Refusal::new(format!("'{}' outside of a production", word.text), range));
                 return next;
             }

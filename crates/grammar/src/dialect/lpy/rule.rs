@@ -159,7 +159,7 @@ pub(super) struct Way {
     /// Variables that the way has assigned, with their values where these are numbers whatever the parameters are.
     known: BTreeMap<String, Option<f64>>,
     /// Variables that the way has set to lists, which stand where the names are read.
-    lists: BTreeMap<String, PyExpr>,
+    pub lists: BTreeMap<String, PyExpr>,
     /// What its conditions leave of the values of its variables.
     bounds: Bounds,
     /// How many functions it has called.
@@ -171,11 +171,6 @@ impl Way {
     fn written(&self) -> Vec<&String> {
         let assigns = |name: &String| self.steps.iter().any(|s| s.assigns(name));
         self.globals.iter().filter(|g| assigns(g)).collect()
-    }
-
-    /// The list that it has set a variable to.
-    pub fn list(&self, name: &str) -> Option<&PyExpr> {
-        self.lists.get(name)
     }
 
     /// Where its modules are written, for messages.
