@@ -642,6 +642,7 @@ fn loops_of_lpy_may_begin_anywhere() {
         ("  s = 0\n  for i in range(2,x+1): s += i\n  nproduce B(s)\n", "B(14)"),
         ("  k = 2\n  for i in range(x,0,-k): nproduce B(i)\n", "B(5)B(3)B(1)"),
         ("  for i in range(x,2): nproduce B(i)\n  nproduce C\n", "C"),
+        ("  i = 2\n  while True:\n    i += 1\n    if i > x: break\n    nproduce B(i)\n", "B(3)B(4)B(5)"),
     ] {
         assert_eq!(lpy(&model(lines)), wanted, "{lines}");
     }

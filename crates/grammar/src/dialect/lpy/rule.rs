@@ -698,6 +698,13 @@ impl Model<'_, '_> {
                             if turn > MAX_KNOWN_TURNS {
                                 return Err(Refusal::new("'while' with too many turns", place));
                             }
+                            // A `break` on a condition that is not known ends it: each turn makes a way, as a test would.
+                            let conditions = way.steps.iter().filter(|s| matches!(s, Step::Condition(..))).count();
+                            if turn >= MAX_UNKNOWN && u32::try_from(conditions).is_ok_and(|n| n >= MAX_UNKNOWN) {
+                                self.turns_left_out(place);
+                                open.push((way, left));
+                                continue;
+                            }
                             left.push(Statement::While(test, body.clone(), place, turn + 1));
                             left.push(Statement::TurnEnd);
                             left.extend(body.into_iter().rev());
@@ -716,11 +723,7 @@ impl Model<'_, '_> {
                         }
                         _ => {
                             if turn == MAX_UNKNOWN {
-                                let at = self.reader.place(place);
-                                let message =
-                                    format!("this 'while' makes modules: read with up to {MAX_UNKNOWN} turns");
-                                let help = "further turns are left out; make one module in a turn, by a production that repeats";
-                                self.reader.session.warning("L008", message, at, help);
+                                self.turns_left_out(place);
                                 open.push((way, left));
                                 continue;
                             }
@@ -753,6 +756,14 @@ impl Model<'_, '_> {
             }
         }
         Ok(out)
+    }
+
+    /// L008 for a `while` of more turns than are read.
+    fn turns_left_out(&mut self, place: Range<usize>) {
+        let at = self.reader.place(place);
+        let message = format!("this 'while' makes modules: read with up to {MAX_UNKNOWN} turns");
+        let help = "further turns are left out; make one module in a turn, by a production that repeats";
+        self.reader.session.warning("L008", message, at, help);
     }
 
     /// Puts the statements of the first function of more than one expression that a statement calls before it, under names of
