@@ -552,6 +552,18 @@ fn lists_of_lpy_may_be_cut() {
 }
 
 #[test]
+fn derivation_lengths_of_lpy_may_end_with_a_semicolon() {
+    let text = |axiom: &str| format!("{axiom}\nderivation length: 2; # steps\nproduction:\nA(x) --> A(x+1)B\n");
+    assert_eq!(lpy(&text("Axiom: A(1)")), "A(3)BB");
+    let plain = text("Axiom: A(1)").replace(" # steps", "");
+    assert_eq!(lpy(&plain), "A(3)BB");
+    // In L+C the axiom ends with one, too.
+    let said =
+        try_read(&plain.replace("Axiom: A(1)", "Axiom: A(1);")).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("cpfg"), "{said}");
+}
+
+#[test]
 fn statements_of_lpy_outside_of_productions_run() {
     let model = |lines: &str| format!("n = 3\n{lines}Axiom: A(x)\nproduction:\nA(k) --> B(k)\n");
     for (lines, wanted) in [

@@ -402,7 +402,8 @@ impl<'s> Model<'_, 's> {
             return next;
         }
         if let Some(rest) = after_heading(piece, &["derivation", "length"]) {
-            self.set_length(rest);
+            // Python allows a semicolon behind a statement.
+            self.set_length(Piece::new(rest.at, rest.text.trim_end_matches([';', ' '])));
             return i + 1;
         }
         if let Some(rest) = after_heading(piece, &["maximum", "depth"]) {
