@@ -564,6 +564,21 @@ fn derivation_lengths_of_lpy_may_end_with_a_semicolon() {
 }
 
 #[test]
+fn variables_of_lpy_may_be_set_on_some_ways_only() {
+    let model = |lines: &str| format!("Axiom: A(1)A(2)A(3)\nproduction:\nA(x):\n{lines}");
+    let some = model("  if x == 1: y = 5\n  elif x == 2: y = 6\n  if x == 3: produce C\n  produce B(y)\n");
+    assert_eq!(lpy(&some), "B(5)B(6)C");
+    let (_, told) = read(&format!("{some}endlsystem\n"));
+    assert_eq!(told.iter().filter(|d| d.code == "L008" && d.message.contains("'y'")).count(), 1, "{told:?}");
+    assert_eq!(
+        lpy(&model("  i = 0\n  while i < x:\n    j = i\n    i += 1\n    nproduce C\n  produce B(j)\n")),
+        "CB(0)CCB(1)CCCB(2)"
+    );
+    let said = try_read(&format!("{}endlsystem\n", model("  produce B(y)\n  y = 1\n"))).err();
+    assert!(said.is_some_and(|e| e.to_string().contains("the unknown name 'y'")));
+}
+
+#[test]
 fn statements_of_lpy_outside_of_productions_run() {
     let model = |lines: &str| format!("n = 3\n{lines}Axiom: A(x)\nproduction:\nA(k) --> B(k)\n");
     for (lines, wanted) in [

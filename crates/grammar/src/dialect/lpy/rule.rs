@@ -173,6 +173,18 @@ impl Way {
         self.globals.iter().filter(|g| assigns(g)).collect()
     }
 
+    /// True if it reads a variable that it does not set.
+    fn misses(&self, name: &str) -> bool {
+        let is_set = self.known.contains_key(name) || self.lists.contains_key(name);
+        let reads = |step: &Step| match step {
+            Step::Assign(_, e) | Step::Condition(e, _) => mentions(e, name),
+            Step::Loop(test, body, _) => mentions(test, name) || read_name(body, name),
+        };
+        let is_read =
+            || self.steps.iter().any(reads) || self.modules.iter().flat_map(|m| &m.args).any(|arg| mentions(arg, name));
+        !is_set && is_read()
+    }
+
     /// Where its modules are written, for messages.
     fn range(&self) -> Range<usize> {
         self.modules.first().map_or(0..0, |m| m.range.clone())
@@ -341,7 +353,21 @@ impl Model<'_, '_> {
         let ways = self.ways(&statements);
         let ways = self.settle(ways)?;
         // A way without modules still assigns variables of the model; the next production is tried after it.
-        for way in ways.iter().filter(|w| w.produced || !w.written().is_empty()) {
+        let applied: Vec<&Way> = ways.iter().filter(|w| w.produced || !w.written().is_empty()).collect();
+        // A variable that only other ways set has no value: L-Py ends with an error on such a way.
+        names.retain(|name| !globals.contains(name) && !self.scope.locals.contains(name));
+        let unset: Vec<Option<&String>> =
+            applied.iter().map(|way| names.iter().find(|name| way.misses(name))).collect();
+        let is_any_whole = unset.iter().any(Option::is_none);
+        for name in unset.iter().flatten().filter(|_| is_any_whole).collect::<BTreeSet<_>>() {
+            let message = format!("'{name}' has no value on a way through this production, which is left out");
+            let help = "set it before the 'if' or the loop: L-Py ends with an error there";
+            self.reader.session.warning("L008", message, head.place, help);
+        }
+        for (way, unset) in applied.iter().zip(&unset) {
+            if unset.is_some() && is_any_whole {
+                continue;
+            }
             if let Some(production) = self.production(&head, way) {
                 let program = &mut self.reader.program;
                 match self.section {
