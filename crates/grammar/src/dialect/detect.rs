@@ -25,7 +25,7 @@ pub fn detect(name: &str, bytes: &[u8]) -> FileKind {
     let text = decoded.text.as_str();
     let ending = name.rsplit_once('.').map_or_else(String::new, |(_, e)| e.to_ascii_lowercase());
     // Marks of cpfg and of L+C come first: they stand in no other notation.
-    if has_line(text, is_cpfg_heading) || has_line(text, is_l_plus_c) {
+    if has_line(text, is_cpfg_heading) || has_line(text, is_l_plus_c) || ends_as_l_plus_c(text) {
         return FileKind::Grammar(Notation::Cpfg);
     }
     if is_fractint(text) {
@@ -69,9 +69,16 @@ fn strip_word<'t>(line: &'t str, word: &str) -> Option<&'t str> {
 
 /// A line of L+C, such as `module A(float);`: its file counts as cpfg, whose reader names L+C in its error.
 fn is_l_plus_c(line: &str) -> bool {
-    (line.starts_with("#include") && line.contains("lpfgall"))
-        || (line.starts_with("module ") && line.ends_with(';'))
-        || (strip_word(line, "derivation length:").is_some() && line.ends_with(';'))
+    (line.starts_with("#include") && line.contains("lpfgall")) || (line.starts_with("module ") && line.ends_with(';'))
+}
+
+/// True if the derivation length ends with the semicolon of L+C, and so does the axiom: Python allows one behind a number, too.
+fn ends_as_l_plus_c(text: &str) -> bool {
+    let is_axiom = |line: &str| {
+        strip_word(line, "axiom").is_some_and(|rest| rest.trim_start().starts_with(':')) && !line.ends_with([';', ':'])
+    };
+    has_line(text, |line| strip_word(line, "derivation length:").is_some() && line.ends_with(';'))
+        && !has_line(text, is_axiom)
 }
 
 /// A production with the arrow `-->` of cpfg, but no comment of XML and no line that begins with `#`.

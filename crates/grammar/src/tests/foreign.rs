@@ -494,6 +494,188 @@ fn productions_of_lpy_may_hold_lists() {
 }
 
 #[test]
+fn functions_of_lpy_may_be_more_than_an_expression() {
+    let head = "k = 2\ndef total(n):\n  s = 0\n  for i in range(n): s += i*k\n  return s\n\
+                def rest(n, by = 3):\n  while n >= by: n -= by\n  return n\n\
+                def noise(x):\n  r = randint(4,4)\n  if r*x > 20: return r*r\n  return r*r*x\n\
+                def twice(n): return 2*total(n)\n\
+                def both():\n  r = randint(1,1000000)\n  return r, r\n\
+                def odd(n):\n  s, t = 0, n\n  while t > 0: t -= 1\n  for i in range(3):\n    i = 2*i + 1\n    s += i\n  return s\n\
+                def pair(n):\n  l = []\n  for i in range(2): l = l + [i*n]\n  return l\n\
+                def first(n):\n  for i in range(9):\n    if i*i >= n: return i\n  return 9\n\
+                m = total(4)\np = pair(rest(8))\n";
+    let model = |lines: &str| format!("{head}Axiom: A(5)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  nproduce B(total(3),total(x),twice(x))\n", "B(6,20,40)"),
+        ("  n = 7\n  nproduce B(rest(x)+rest(n,4),n)\n", "B(5,7)"),
+        ("  s = 1\n  nproduce B(noise(1),noise(x+1),s)\n", "B(16,16,1)"),
+        ("  a, b = pair(x)\n  if total(2) > 1: nproduce B(a,b,first(x))\n", "B(0,5,3)"),
+        ("  k = 1\n  nproduce B(total(x),k)\n", "B(20,1)"),
+        ("  for i in range(total(2)): nproduce B(i,total(total(x)))\n", "B(0,380)B(1,380)"),
+        // One value of two items.
+        ("  a, b = both()\n  nproduce B(a-b)\n", "B(0)"),
+        // A variable of a loop that the function sets.
+        ("  nproduce B(odd(3),odd(x-2))\n", "B(9,9)"),
+        ("  nproduce B(m,p[1])\n", "B(12,2)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    assert_eq!(lpy(&format!("{head}Axiom: A(rest(11),total(3))\nproduction:\nX --> Y\n")), "A(2,6)");
+    let said = try_read(&format!("{}endlsystem\n", model("  nproduce B(total(x,2))\n"))).err();
+    let said = said.map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("this call of 'total'"), "{said}");
+}
+
+#[test]
+fn lists_of_lpy_may_be_cut() {
+    let model =
+        |lines: &str| format!("q = [1, 2, 3, 4]\nAxiom: A(2)\nproduction:\nw = q[1:]\nm = {{1: 2}}\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  for v in q[1:]: nproduce B(v)\n", "B(2)B(3)B(4)"),
+        ("  for v in q[:-1] + q[9:]: nproduce B(v)\n", "B(1)B(2)B(3)"),
+        ("  for v in q[::-2]: nproduce B(v)\n", "B(4)B(2)"),
+        ("  nproduce B(len(q[1:3]),len(q[:]),len(q[3:1]),len(q[-9:2]),len(q[2::-1]),w[0],m[1])\n", "B(2,4,0,2,3,2,2)"),
+        ("  p = [x, x+1, x+2][1:]\n  if len(p[1:]) == 1: nproduce B(p[0],p[1])\n", "B(3,4)"),
+        ("  for v in [k*k for k in q if k % 2 == 1 if k > 1]: nproduce B(v)\n", "B(9)"),
+        ("  nproduce B(sum(k for k in q if k != 2),len([k if k > 1 else 0 for k in q]))\n", "B(8,4)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    for (lines, why) in [
+        ("  nproduce B(len(q[x:]))\n", "a slice '[:]'"),
+        ("  nproduce B(q[::0][0])\n", "a slice '[:]'"),
+        ("  nproduce B(len([k for k in q if k > x]))\n", "a list with conditions"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
+    }
+}
+
+#[test]
+fn derivation_lengths_of_lpy_may_end_with_a_semicolon() {
+    let text = |axiom: &str| format!("{axiom}\nderivation length: 2; # steps\nproduction:\nA(x) --> A(x+1)B\n");
+    assert_eq!(lpy(&text("Axiom: A(1)")), "A(3)BB");
+    let plain = text("Axiom: A(1)").replace(" # steps", "");
+    assert_eq!(lpy(&plain), "A(3)BB");
+    // In L+C the axiom ends with one, too.
+    let said =
+        try_read(&plain.replace("Axiom: A(1)", "Axiom: A(1);")).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("cpfg"), "{said}");
+}
+
+#[test]
+fn variables_of_lpy_may_be_set_on_some_ways_only() {
+    let model = |lines: &str| format!("Axiom: A(1)A(2)A(3)\nproduction:\nA(x):\n{lines}");
+    let some = model("  if x == 1: y = 5\n  elif x == 2: y = 6\n  if x == 3: produce C\n  produce B(y)\n");
+    assert_eq!(lpy(&some), "B(5)B(6)C");
+    let (_, told) = read(&format!("{some}endlsystem\n"));
+    assert_eq!(told.iter().filter(|d| d.code == "L008" && d.message.contains("'y'")).count(), 1, "{told:?}");
+    assert_eq!(
+        lpy(&model("  i = 0\n  while i < x:\n    j = i\n    i += 1\n    nproduce C\n  produce B(j)\n")),
+        "CB(0)CCB(1)CCCB(2)"
+    );
+    let said = try_read(&format!("{}endlsystem\n", model("  produce B(y)\n  y = 1\n"))).err();
+    assert!(said.is_some_and(|e| e.to_string().contains("the unknown name 'y'")));
+}
+
+#[test]
+fn statements_of_lpy_outside_of_productions_run() {
+    let model = |lines: &str| format!("n = 3\n{lines}Axiom: A(x)\nproduction:\nA(k) --> B(k)\n");
+    for (lines, wanted) in [
+        ("if n > 2:\n  x = 1\nelif n > 1:\n  x = 2\nelse: x = 3\n", "B(1)"),
+        ("if n > 5:\n  x = 1\nelse:\n  x = n\n  x += 4\n", "B(7)"),
+        ("x = 0\nfor i in range(n): x += i\n", "B(3)"),
+        ("x = 1\nwhile x < 50:\n  x *= n\nn = 1\n", "B(81)"),
+        ("q = []\nfor i in range(n):\n  q = q + [i*i]\nx = len(q) + q[2]\n", "B(7)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    let drawn = model("x = 0\nif random() < 0.5: x = 1\n");
+    let said = try_read(&format!("{drawn}endlsystem\n")).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("'if' outside of a production"), "{said}");
+}
+
+#[test]
+fn models_of_lpy_may_have_dictionaries_of_constants() {
+    let head = "k = 2\nd = {\n  'len': 3,   # metres\n  'angles': [10, 20*k],\n}\nages = {1: 5, k: 6, 3: 7}\n\
+                def f(name): return d[name]\n";
+    let model = |lines: &str| format!("{head}Axiom: A(2)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  nproduce B(d['len'],d['angles'][1],f(\"len\"))\n", "B(3,40,3)"),
+        ("  nproduce B(ages[1],ages[x],ages[x+1])\n", "B(5,6,7)"),
+        ("  for v in d['angles']: nproduce B(v)\n  if x in ages and 'l' not in d: nproduce C\n", "B(10)B(40)C"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    for (lines, why) in [
+        ("  nproduce B(d['width'])\n", "a key that its dictionary does not have"),
+        ("  nproduce B(ages)\n", "a dictionary"),
+        ("  nproduce B({1, 2})\n", "a dictionary"),
+        ("  for i, v in enumerate(ages): nproduce B(v)\n", "L007"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
+    }
+}
+
+#[test]
+fn functions_of_lpy_read_values_of_the_model() {
+    let head = "a = 3\nq = [5, 6]\nd = randint(4,4)\nc = 1\ndef f(x): return x*a\ng = lambda i: q[i] + len(q)\n\
+                def h(x): return d*x\ndef s(n):\n  t = 0\n  for i in range(n): t += a + q[i]\n  return t\ndef k(): return c\n";
+    let model = |rule: &str| format!("{head}Axiom: A(7)\nproduction:\n{rule}\n");
+    for (rule, wanted) in [
+        ("A(a) --> B(f(a),f(2))", "B(21,6)"),
+        ("A(q) --> B(g(1),q)", "B(8,7)"),
+        ("A(d):\n  a = d\n  produce B(h(a),a)", "B(28,7)"),
+        ("A(a):\n  q = [1, a]\n  produce B(s(2),q[1])", "B(17,7)"),
+        // A variable of the model that the production changes is the one that the function reads.
+        ("A(x):\n  global c\n  c += x\n  produce B(k())", "B(8)"),
+        // What follows a production does not know its variables.
+        ("C(e) --> D(e)\nm = e + 1 > 3.7\nA(x) --> B(m)", "B(1)"),
+    ] {
+        assert_eq!(lpy(&model(rule)), wanted, "{rule}");
+    }
+}
+
+#[test]
+fn axioms_of_lpy_may_have_loops() {
+    let model = |lines: &str| format!("n = 3\nAxiom:\n{lines}derivation length: 1\nproduction:\nA --> B\n");
+    for (lines, wanted) in [
+        ("  i = 0\n  while i < n: i += 1\n  nproduce F(i)\n", "F(3)"),
+        ("  i = 0\n  while True:\n    i += 1\n    if i > n: break\n  nproduce F(i)A\n", "F(4)B"),
+        (
+            "  s = 0\n  for i in range(n):\n    j = 0\n    while j < i:\n      s += 1\n      j += 1\n  nproduce F(s)\n",
+            "F(3)",
+        ),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    // A variable of the block hides a value of the model there and nowhere else.
+    let hides = "x = 1\nAxiom:\n  x = 2\n  x += 5\n  nproduce A(x)\nproduction:\nA(k) --> B(k,x)\n";
+    assert_eq!(lpy(hides), "B(7,1)");
+    let drawn = model("  s = 0\n  for i in range(randint(1,3)): s += i\n  nproduce F(s)\n");
+    let said = try_read(&format!("{drawn}endlsystem\n")).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("a loop of the axiom"), "{said}");
+}
+
+#[test]
+fn loops_of_lpy_may_begin_anywhere() {
+    let model = |lines: &str| format!("Axiom: A(5)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  for i in range(1,x): nproduce B(i)\n", "B(1)B(2)B(3)B(4)"),
+        ("  for i in range(x,1,-2): nproduce B(i)\n  nproduce C\n", "B(5)B(3)C"),
+        ("  for i in range(x-2,x+2,3):\n    x = 0\n    nproduce B(i,x)\n", "B(3,0)B(6,0)"),
+        ("  for i in range(2,x+1):\n    if i == 4: continue\n    nproduce B(i)\n", "B(2)B(3)B(5)"),
+        ("  s = 0\n  for i in range(2,x+1): s += i\n  nproduce B(s)\n", "B(14)"),
+        ("  k = 2\n  for i in range(x,0,-k): nproduce B(i)\n", "B(5)B(3)B(1)"),
+        ("  for i in range(x,2): nproduce B(i)\n  nproduce C\n", "C"),
+        ("  i = 2\n  while True:\n    i += 1\n    if i > x: break\n    nproduce B(i)\n", "B(3)B(4)B(5)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+}
+
+#[test]
 fn functions_of_lpy_may_have_defaults_and_named_arguments() {
     let head = "w = 5\ndef f(x, k=2, n = w+1):\n  return x*k + n\ndef g(x: float, k: float = 3) -> float: return x-k\nw = 100\n";
     let model = |rule: &str| format!("{head}Axiom: A(10)\nproduction:\nA(x) --> {rule}\n");

@@ -57,7 +57,7 @@ pub(super) enum PyExpr {
     List(Vec<Self>, Range<usize>),
     /// `list[index]`.
     Index(Box<Self>, Box<Self>, Range<usize>),
-    /// `[value for name in list]`: value, name, list.
+    /// `[value for name in list]`: value, name, list. The value may be a choice whose other side is [`NOTHING`], no item.
     Each(Box<Self>, String, Box<Self>, Range<usize>),
 }
 
@@ -98,6 +98,13 @@ enum PyTokenKind {
 const IN: &str = "in";
 /// Name that stands for a variable whose value is not known where a value that must be constant is looked for; no scope has it.
 pub(super) const UNKNOWN: &str = "(changes)";
+/// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
+const DICTIONARY: &str = "{..}";
+/// Name of the call that stands for `from:to:step` in the brackets of an index, and of one for a part that is missing.
+const SLICE: &str = "[:]";
+const NOTHING: &str = "[]";
+/// What names of the model begin with in functions, whose callers may have variables of these names.
+const OF_MODEL: &str = "::";
 /// Most items of a list that `in` compares with, one after the other.
 const MAX_MEMBERS: usize = 64;
 
@@ -489,6 +496,20 @@ impl PyParser {
                 };
                 self.indexed(list)
             }
+            PyTokenKind::Sign("{") => {
+                let mut pairs = Vec::new();
+                while !self.eat("}") {
+                    pairs.push(self.choice()?);
+                    if !self.eat(":") {
+                        return Err(Refusal::new("a dictionary '{..}' without values", t.range.clone()));
+                    }
+                    pairs.push(self.choice()?);
+                    if !self.eat(",") && self.sign() != Some("}") {
+                        return Err(Refusal::new("a dictionary '{..}' that does not end", self.here()));
+                    }
+                }
+                self.indexed(PyExpr::Call(DICTIONARY.to_owned(), pairs, t.range))
+            }
             PyTokenKind::Name(first) => {
                 // Words of Python that begin no value here.
                 if matches!(first.as_str(), "lambda" | "for" | "if" | "else" | "in" | "is") {
@@ -556,9 +577,18 @@ impl PyParser {
             return Err(Refusal::new("'for'", place));
         }
         let list = self.or()?;
-        if matches!(self.word(), Some("if" | "for")) {
-            return Err(Refusal::new("a list with conditions", self.here()));
+        // `if` leaves items out.
+        let mut tests = Vec::new();
+        while self.eat_word("if") {
+            tests.push(self.or()?);
         }
+        if self.word() == Some("for") {
+            return Err(Refusal::new("a list over two lists", self.here()));
+        }
+        let value = tests.into_iter().rev().fold(value, |value, test| {
+            let nothing = PyExpr::Call(NOTHING.to_owned(), Vec::new(), range.clone());
+            PyExpr::Choice(Box::new(test), Box::new(value), Box::new(nothing))
+        });
         Ok(PyExpr::Each(Box::new(value), name, Box::new(list), range))
     }
 
@@ -569,7 +599,7 @@ impl PyParser {
         while self.sign() == Some("[") {
             let place = self.here();
             self.i += 1;
-            let index = self.choice()?;
+            let index = self.part(&place)?;
             count += 1;
             if !self.eat("]") || count > 8 {
                 return Err(Refusal::new("a list or an index '[..]'", place));
@@ -577,6 +607,21 @@ impl PyParser {
             out = PyExpr::Index(Box::new(out), Box::new(index), place);
         }
         Ok(out)
+    }
+
+    /// What stands between the brackets of an index: an index, or `from:to:step`, of which each part may be missing.
+    fn part(&mut self, place: &Range<usize>) -> Result<PyExpr, Refusal> {
+        let missing = || PyExpr::Call(NOTHING.to_owned(), Vec::new(), place.clone());
+        let first = if self.sign() == Some(":") { missing() } else { self.choice()? };
+        if self.sign() != Some(":") {
+            return Ok(first);
+        }
+        let mut parts = vec![first];
+        while parts.len() < 3 && self.eat(":") {
+            let is_missing = matches!(self.sign(), Some(":" | "]"));
+            parts.push(if is_missing { missing() } else { self.choice()? });
+        }
+        Ok(PyExpr::Call(SLICE.to_owned(), parts, place.clone()))
     }
 
     fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
@@ -697,10 +742,12 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::Number(_) | PyExpr::Text(..) => e.clone(),
         PyExpr::Name(name, range) => {
             let is_local = name == UNKNOWN || scope.locals.contains(name);
+            let name = plain_name(name);
             if let Some(why) = scope.unreadable.get(name).filter(|_| !is_local) {
                 return Err(why.clone());
             }
-            let known = is_local || scope.globals.contains(name) || scope.lists.contains_key(name);
+            let is_global = scope.globals.iter().any(|global| global == name);
+            let known = is_local || is_global || scope.lists.contains_key(name);
             if !known && !scope.constants.contains_key(name) {
                 if let Some(value) = constant_name(name) {
                     return Ok(PyExpr::Number(value));
@@ -782,6 +829,10 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 }
                 ("choice", [PyExpr::List(items, _)]) if !items.is_empty() => one_of(items, range),
                 (IN, [value, PyExpr::List(items, _)]) => is_one_of(value, items, scope, range)?,
+                (IN, [value, PyExpr::Call(own, pairs, _)]) if own == DICTIONARY => {
+                    let keys: Vec<PyExpr> = pairs.iter().step_by(2).cloned().collect();
+                    is_one_of(value, &keys, scope, range)?
+                }
                 (IN, _) => return Err(Refusal::new("'in' before something other than a list", range.clone())),
                 _ => PyExpr::Call(name.clone(), args, range.clone()),
             }
@@ -794,14 +845,34 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             let PyExpr::List(items, _) = resolve(list, scope, depth)? else {
                 return Err(Refusal::new("'for' over something other than a list", range.clone()));
             };
-            let one = |item: PyExpr| {
-                let one = substitute(value, std::slice::from_ref(name), &[item]);
-                resolve(&one, scope, depth)
-            };
-            PyExpr::List(items.into_iter().map(one).collect::<Result<_, _>>()?, range.clone())
+            let mut out = Vec::with_capacity(items.len());
+            for item in items {
+                let mut one = substitute(value, std::slice::from_ref(name), &[item]);
+                // A test that leaves items out must be known.
+                while let PyExpr::Choice(test, then, other) = &one
+                    && is_nothing(other)
+                {
+                    let holds = constant_of(&resolve(test, scope, depth)?, scope);
+                    let holds = holds.ok_or_else(|| Refusal::new("a list with conditions", range.clone()))?;
+                    let next = if is_zero(holds) { other.as_ref() } else { then.as_ref() };
+                    one = next.clone();
+                }
+                if !is_nothing(&one) {
+                    out.push(resolve(&one, scope, depth)?);
+                }
+            }
+            PyExpr::List(out, range.clone())
         }
         PyExpr::Index(list, index, range) => {
             let index = resolve(index, scope, depth)?;
+            if let PyExpr::Call(name, parts, _) = &index
+                && name == SLICE
+            {
+                return match resolve(list, scope, depth)? {
+                    PyExpr::List(items, range) => slice(&items, parts, scope, &range),
+                    _ => Err(Refusal::new("a slice '[:]' of something other than a list", range.clone())),
+                };
+            }
             // A list of the model is not copied for one of its items.
             match list_of_model(list, scope) {
                 Some(items) => item(items, &index, scope, range)?,
@@ -809,6 +880,88 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             }
         }
     })
+}
+
+/// A name without the mark of [`of_model`].
+pub(super) fn plain_name(name: &str) -> &str {
+    name.strip_prefix(OF_MODEL).unwrap_or(name)
+}
+
+/// A name as one of the model, which no variable of a production hides.
+pub(super) fn model_name(name: &str) -> String {
+    format!("{OF_MODEL}{}", plain_name(name))
+}
+
+/// The value of a function with its names, other than its parameters and those `kept`, marked as names of the model.
+pub(super) fn of_model(e: &PyExpr, params: &[String], kept: &[String]) -> PyExpr {
+    let mut found = BTreeMap::new();
+    append_names(e, &mut found);
+    // Coordinates of vectors and the lists of this reader have names that no value of the model has.
+    let is_other = |name: &String| name.contains(['(', '.']) || params.contains(name) || kept.contains(name);
+    found.retain(|name, _| !is_other(name));
+    let values: Vec<PyExpr> = found.iter().map(|(name, range)| PyExpr::Name(model_name(name), range.clone())).collect();
+    let names: Vec<String> = found.into_keys().collect();
+    substitute(e, &names, &values)
+}
+
+/// Appends the names that an expression reads, each with the last of its places.
+fn append_names(e: &PyExpr, out: &mut BTreeMap<String, Range<usize>>) {
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) => {}
+        PyExpr::Name(name, range) => {
+            out.insert(name.clone(), range.clone());
+        }
+        PyExpr::Neg(a) | PyExpr::Not(a) => append_names(a, out),
+        PyExpr::Binary(_, a, b)
+        | PyExpr::And(a, b)
+        | PyExpr::Or(a, b)
+        | PyExpr::Index(a, b, _)
+        | PyExpr::Each(a, _, b, _) => {
+            append_names(a, out);
+            append_names(b, out);
+        }
+        PyExpr::Choice(a, b, c) => [a, b, c].into_iter().for_each(|e| append_names(e, out)),
+        PyExpr::Call(_, items, _) | PyExpr::List(items, _) => items.iter().for_each(|e| append_names(e, out)),
+    }
+}
+
+/// The first call of one of some functions, arguments before the call that they are for; none in the values of
+/// `[value for name in list]`, which are computed for each item.
+pub(super) fn first_call<'e>(e: &'e PyExpr, is_one: &dyn Fn(&str) -> bool) -> Option<&'e PyExpr> {
+    let of = |a: &'e PyExpr| first_call(a, is_one);
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => None,
+        PyExpr::Neg(a) | PyExpr::Not(a) => of(a),
+        PyExpr::Binary(_, a, b) | PyExpr::And(a, b) | PyExpr::Or(a, b) | PyExpr::Index(a, b, _) => {
+            of(a).or_else(|| of(b))
+        }
+        PyExpr::Choice(a, b, c) => of(a).or_else(|| of(b)).or_else(|| of(c)),
+        PyExpr::Each(_, _, list, _) => of(list),
+        PyExpr::Call(name, args, _) => args.iter().find_map(of).or_else(|| is_one(name).then_some(e)),
+        PyExpr::List(items, _) => items.iter().find_map(of),
+    }
+}
+
+/// An expression with another in place of each part that is `part`.
+pub(super) fn exchanged(e: &PyExpr, part: &PyExpr, by: &PyExpr) -> PyExpr {
+    if e == part {
+        return by.clone();
+    }
+    let sub = |a: &PyExpr| Box::new(exchanged(a, part, by));
+    let all = |list: &[PyExpr]| list.iter().map(|a| exchanged(a, part, by)).collect::<Vec<_>>();
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => e.clone(),
+        PyExpr::Neg(a) => PyExpr::Neg(sub(a)),
+        PyExpr::Not(a) => PyExpr::Not(sub(a)),
+        PyExpr::Binary(op, a, b) => PyExpr::Binary(*op, sub(a), sub(b)),
+        PyExpr::And(a, b) => PyExpr::And(sub(a), sub(b)),
+        PyExpr::Or(a, b) => PyExpr::Or(sub(a), sub(b)),
+        PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a), sub(b), sub(c)),
+        PyExpr::Call(name, args, range) => PyExpr::Call(name.clone(), all(args), range.clone()),
+        PyExpr::List(items, range) => PyExpr::List(all(items), range.clone()),
+        PyExpr::Index(a, b, range) => PyExpr::Index(sub(a), sub(b), range.clone()),
+        PyExpr::Each(value, name, list, range) => PyExpr::Each(sub(value), name.clone(), sub(list), range.clone()),
+    }
 }
 
 /// How often an expression reads a name, at the most; a list that is made from another counts as two values.
@@ -826,7 +979,11 @@ fn times_read(e: &PyExpr, name: &str) -> usize {
 }
 
 /// The arguments of a call in the order of the parameters; `None` where one is missing or has none.
-fn arguments(params: &[String], defaults: Option<&Vec<Option<PyExpr>>>, args: Vec<PyExpr>) -> Option<Vec<PyExpr>> {
+pub(super) fn arguments(
+    params: &[String],
+    defaults: Option<&Vec<Option<PyExpr>>>,
+    args: Vec<PyExpr>,
+) -> Option<Vec<PyExpr>> {
     let mut values = defaults.cloned().unwrap_or_default();
     values.resize(params.len(), None);
     for (k, arg) in args.into_iter().enumerate() {
@@ -939,7 +1096,9 @@ fn slot_number(i: usize) -> u16 {
 /// The items of a list that a name stands for.
 fn list_of_model<'s>(e: &PyExpr, scope: &'s Scope) -> Option<&'s [PyExpr]> {
     let PyExpr::Name(name, _) = e else { return None };
-    let is_hidden = scope.locals.contains(name) || scope.unreadable.contains_key(name);
+    let is_hidden = scope.locals.contains(name);
+    let name = plain_name(name);
+    let is_hidden = is_hidden || scope.unreadable.contains_key(name);
     match scope.lists.get(name).filter(|_| !is_hidden) {
         Some(PyExpr::List(items, _)) => Some(items),
         _ => None,
@@ -950,6 +1109,7 @@ fn list_of_model<'s>(e: &PyExpr, scope: &'s Scope) -> Option<&'s [PyExpr]> {
 fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     match list {
         PyExpr::List(items, _) => item(items, index, scope, range),
+        PyExpr::Call(name, pairs, _) if name == DICTIONARY => value_of(pairs, index, scope, range),
         PyExpr::Choice(test, a, b) if !has_random(test, scope) => {
             if size_with(list, &[], &[]).saturating_mul(size_with(index, &[], &[])) > MAX_OPS {
                 return Err(Refusal::new("an expression that grows too large", range.clone()));
@@ -988,6 +1148,74 @@ fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -
         let k = f64::from(saturating_index(k));
         out = PyExpr::Choice(Box::new(PyExpr::Or(is(k), is(k - n))), Box::new(value.clone()), Box::new(out));
     }
+    Ok(out)
+}
+
+/// The items `from:to:step` of a list, with bounds that are constant.
+fn slice(items: &[PyExpr], parts: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let refused = || Refusal::new("a slice '[:]' with bounds that are not constant", range.clone());
+    let part = |k: usize| match parts.get(k) {
+        None => Ok(None),
+        Some(e) if is_nothing(e) => Ok(None),
+        Some(e) => constant_of(e, scope).filter(|v| v.fract().abs() <= 0.0).map(Some).ok_or_else(refused),
+    };
+    let n = f64::from(saturating_index(items.len()));
+    let (from, to, step) = (part(0)?, part(1)?, part(2)?.unwrap_or(1.0));
+    if is_zero(step) {
+        return Err(refused());
+    }
+    // As in Python: bounds below 0 count from the end, and those beyond the list are its ends.
+    let (low, high) = if step > 0.0 { (0.0, n) } else { (-1.0, n - 1.0) };
+    let bound = |v: f64| {
+        let from_begin = if v < 0.0 { v + n } else { v };
+        from_begin.clamp(low, high.max(low))
+    };
+    let (first, last) = if step > 0.0 { (low, high) } else { (high, low) };
+    let (from, to) = (from.map_or(first, bound), to.map_or(last, bound));
+    let count = ((to - from) / step).ceil().max(0.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the length of the list")]
+    let count = count as u32;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the list")]
+    let at = |k: u32| items.get((from + f64::from(k) * step) as usize).cloned();
+    Ok(PyExpr::List((0..count).filter_map(at).collect(), range.clone()))
+}
+
+/// True for what stands for no item and for a bound that is missing.
+fn is_nothing(e: &PyExpr) -> bool {
+    matches!(e, PyExpr::Call(name, ..) if name == NOTHING)
+}
+
+/// True for a dictionary.
+pub(super) fn is_dictionary(e: &PyExpr) -> bool {
+    matches!(e, PyExpr::Call(name, ..) if name == DICTIONARY)
+}
+
+/// The value of a key in a dictionary of constant keys. A key that is not constant becomes a choice.
+fn value_of(pairs: &[PyExpr], key: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let mut entries = Vec::new();
+    for pair in pairs.chunks(2) {
+        let [own, value] = pair else { continue };
+        let own = constant_of(own, scope);
+        let own = own.ok_or_else(|| Refusal::new("a dictionary of keys that are not constant", range.clone()))?;
+        entries.push((own, value));
+    }
+    // Of equal keys the last one counts.
+    if let Some(key) = constant_of(key, scope) {
+        let found = entries.iter().rev().find(|(own, _)| is_zero(*own - key)).map(|(_, value)| PyExpr::clone(value));
+        return found.ok_or_else(|| Refusal::new("a key that its dictionary does not have", range.clone()));
+    }
+    let draws = has_random(key, scope) || pairs.iter().any(|e| has_random(e, scope));
+    let Some(((_, first), others)) = entries.split_first().filter(|_| entries.len() <= MAX_LOOKUP && !draws) else {
+        return Err(Refusal::new("a key of this dictionary that is not constant", range.clone()));
+    };
+    if entries.len().saturating_mul(size_with(key, &[], &[])) > MAX_OPS {
+        return Err(Refusal::new("an expression that grows too large", range.clone()));
+    }
+    // The first value is taken where the key equals no other.
+    let out = others.iter().fold(PyExpr::clone(first), |out, (own, value)| {
+        let is = PyExpr::Binary(PyOp::Eq, Box::new(key.clone()), Box::new(PyExpr::Number(*own)));
+        PyExpr::Choice(Box::new(is), Box::new(PyExpr::clone(value)), Box::new(out))
+    });
     Ok(out)
 }
 
@@ -1079,15 +1307,16 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
     match e {
         PyExpr::Number(n) | PyExpr::Text(n, _) => ops.push(Op::Const(*n)),
         PyExpr::Name(name, range) => {
-            // Variables of the rule hide values of the model.
+            // Variables of the rule hide values of the model, save those that functions of the model read.
+            let of_model = plain_name(name);
             if let Some(slot) = Scope::slot(&scope.locals, name) {
                 ops.push(Op::Local(slot));
-            } else if let Some(value) = scope.constants.get(name) {
+            } else if let Some(value) = scope.constants.get(of_model) {
                 ops.push(Op::Const(*value));
-            } else if let Some(slot) = Scope::slot(&scope.globals, name) {
+            } else if let Some(slot) = Scope::slot(&scope.globals, of_model) {
                 ops.push(Op::Global(slot));
             } else {
-                return Err(Refusal::new(format!("the unknown name '{name}'"), range.clone()));
+                return Err(Refusal::new(format!("the unknown name '{of_model}'"), range.clone()));
             }
         }
         PyExpr::Neg(a) => {
@@ -1385,6 +1614,9 @@ fn emit_call(
             emit(a, scope, ops)?;
             emit(b, scope, ops)?;
             ops.push(Op::Random(RandomFunction::Nran));
+        }
+        _ if name == DICTIONARY => {
+            return Err(Refusal::new("a dictionary '{..}' where a number is expected", range.clone()));
         }
         _ if name.ends_with('=') => return Err(Refusal::new("an argument with a name", range.clone())),
         _ => return Err(Refusal::new(format!("the function '{name}'"), range.clone())),

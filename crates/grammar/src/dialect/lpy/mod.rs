@@ -11,9 +11,13 @@ mod strings;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-use self::expression::{PyExpr, Refusal, Scope, compile, has_random, parse, resolve};
+use self::expression::{
+    PyExpr, Refusal, Scope, compile, first_call, has_random, is_dictionary, of_model, parse, resolve,
+};
 use self::rule::Step;
-use self::statement::{FunctionValue, GROUP, Statement, assign_statement, at_semicolons};
+use self::statement::{
+    FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, only_returns, renamed,
+};
 use self::strings::{modules, spell, split};
 use super::Reader;
 use super::text::{Piece, lines};
@@ -54,6 +58,8 @@ struct Model<'r, 's> {
     /// The model calls `useGroup()`.
     uses_groups: bool,
     has_axiom: bool,
+    /// The statements that are read are those of the axiom: their loops are written out.
+    is_in_axiom: bool,
     /// Number of statements of Python that the model could not run without.
     refusals: usize,
     /// What the values of the model compute before the first step.
@@ -65,6 +71,8 @@ struct Model<'r, 's> {
     /// Values of shared names before the first step, for items that need a constant.
     initial: BTreeMap<String, f64>,
     temporaries: usize,
+    /// Functions that are more than one expression, by name: their parameters and statements.
+    bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,
     /// Places of the loops that run as code, which each block with loops has a copy of.
     loop_places: Vec<SourcePlace>,
     /// How many parameters `*args` stands for in the present reading of a head.
@@ -104,12 +112,14 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         group: 0.0,
         uses_groups: plain.contains("useGroup("),
         has_axiom: false,
+        is_in_axiom: false,
         refusals: 0,
         start: Vec::new(),
         functions: RunFunctions::default(),
         shared: Vec::new(),
         initial: BTreeMap::new(),
         temporaries: 0,
+        bodies: BTreeMap::new(),
         loop_places: Vec::new(),
         star: 0,
         rule_lists: Vec::new(),
@@ -200,9 +210,10 @@ fn without_comments(text: &str) -> String {
             }
             b'(' => depth += 1,
             b')' => depth = depth.saturating_sub(1),
-            // A list that is assigned to a name may span several lines. Its bracket stands behind a `=`, that of a branch does not.
-            b'[' if list > 0 || bytes[..i].trim_ascii_end().ends_with(b"=") => list += 1,
-            b']' => list = list.saturating_sub(1),
+            // A list or dictionary that is assigned to a name may span several lines. Its bracket stands behind a `=`, that of a branch
+            // or polygon does not.
+            b'[' | b'{' if list > 0 || bytes[..i].trim_ascii_end().ends_with(b"=") => list += 1,
+            b']' | b'}' => list = list.saturating_sub(1),
             b'\n' | b'\r' if list > 0 && depth == 0 => out[i] = b' ',
             // A heading that begins a line was not meant to be a parameter: the parenthesis before it lacks its partner.
             b'\n' | b'\r' if depth > 0 => {
@@ -391,7 +402,8 @@ impl<'s> Model<'_, 's> {
             return next;
         }
         if let Some(rest) = after_heading(piece, &["derivation", "length"]) {
-            self.set_length(rest);
+            // Python allows a semicolon behind a statement.
+            self.set_length(Piece::new(rest.at, rest.text.trim_end_matches([';', ' '])));
             return i + 1;
         }
         if let Some(rest) = after_heading(piece, &["maximum", "depth"]) {
@@ -504,15 +516,27 @@ impl<'s> Model<'_, 's> {
             modules(value, &self.declared).map(|m| vec![Statement::Produce(m, true)])
         };
         let Some(statements) = self.settle(statements) else { return };
+        // Variables of the block are none of the model.
+        let (mut names, mut globals) = (Vec::new(), Vec::new());
+        assigned(&statements, &mut names, &mut globals);
+        names.retain(|name| !globals.contains(name));
+        let own: Vec<String> = names.iter().map(|name| format!("{name} (axiom)")).collect();
+        let statements: Vec<Statement> = statements.iter().map(|s| renamed(s, &names, &own)).collect();
+        self.is_in_axiom = true;
         let ways = self.ways(&statements);
+        self.is_in_axiom = false;
         let Some(ways) = self.settle(ways) else { return };
         let [way] = ways.as_slice() else {
             return self.refuse(&Refusal::new("an axiom with 'if'", value.range()));
         };
         // What the axiom computes is computed before the first step.
         for step in &way.steps {
-            if let Step::Assign(name, e) = step {
-                self.global(name, e, value.range());
+            match step {
+                Step::Assign(name, e) => self.global(name, e, value.range()),
+                Step::Loop(_, _, place) => {
+                    return self.refuse(&Refusal::new("a loop of the axiom whose turns are drawn", place.clone()));
+                }
+                Step::Condition(..) => {}
             }
         }
         let successor = self.successor(&way.modules);
@@ -521,11 +545,39 @@ impl<'s> Model<'_, 's> {
         }
     }
 
+    /// Runs statements of the model as in the block of an axiom; false where only a run knows the way through them.
+    fn run(&mut self, statements: &[Statement], range: &Range<usize>) -> Result<bool, Refusal> {
+        self.is_in_axiom = true;
+        let ways = self.ways(statements);
+        self.is_in_axiom = false;
+        let ways = ways?;
+        let [way] = ways.as_slice() else { return Ok(false) };
+        if !way.modules.is_empty() || !way.steps.iter().all(|step| matches!(step, Step::Assign(..))) {
+            return Ok(false);
+        }
+        for step in &way.steps {
+            if let Step::Assign(name, e) = step {
+                self.global(name, e, range.clone());
+            }
+        }
+        for (name, list) in &way.lists {
+            self.global(name, list, range.clone());
+        }
+        Ok(true)
+    }
+
     /// A value of the model: a constant, or a number that is drawn once.
     fn global(&mut self, name: &str, e: &PyExpr, range: Range<usize>) {
+        // A function of statements runs as in the block of an axiom. One that cannot is named where the value is used.
+        if first_call(e, &|name| self.has_body(name)).is_some()
+            && let Ok(true) = self.run(&[Statement::Assign(name.to_owned(), e.clone())], &range)
+        {
+            return;
+        }
         let is_shared = self.shared.iter().any(|s| s == name);
         let resolved = resolve(e, &self.scope, 0);
-        if let Ok(list @ PyExpr::List(..)) = &resolved
+        if let Ok(list) = &resolved
+            && (matches!(list, PyExpr::List(..)) || is_dictionary(list))
             && !is_shared
             && !has_random(list, &self.scope)
         {
@@ -592,7 +644,26 @@ impl<'s> Model<'_, 's> {
                 }
                 return next;
             }
-            "class" | "if" | "for" | "while" | "try" | "with" | "raise" | "del" => {
+            "if" | "for" | "while" => {
+                // The lines of its `elif` and `else` belong to an `if`.
+                let mut end = next;
+                while let Some(more) = list.get(end).filter(|more| word.text == "if" && more.indent == line.indent) {
+                    if !matches!(more.piece.first_word(&['(', ':']).0.text, "elif" | "else") {
+                        break;
+                    }
+                    end = block_after(list, end, more.indent).1;
+                }
+                let statements = self.statements(list.get(i..end).unwrap_or(&[]), 0);
+                let is_known = statements.and_then(|statements| self.run(&statements, &range));
+                if self.settle(is_known) == Some(false) {
+                    let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
+                    self.refuse(
+                        &why.remedy("only a run knows what it does: write it into Start(), or into a production"),
+                    );
+                }
+                return end;
+            }
+            "class" | "try" | "with" | "raise" | "del" => {
                 self.refuse(&Refusal::new(format!("'{}' outside of a production", word.text), range));
                 return next;
             }
@@ -654,6 +725,7 @@ impl<'s> Model<'_, 's> {
             let (names, values) = (split(names), split(value));
             if let ([name], Some((params, body))) = (names.as_slice(), lambda(value)) {
                 self.scope.defaults.remove(name.text);
+                let body = of_model(&body, &params, &self.shared);
                 self.scope.functions.insert(name.text.to_owned(), (params, body));
                 return next;
             }
@@ -740,22 +812,40 @@ impl<'s> Model<'_, 's> {
         let params: Vec<String> = params.into_iter().map(|(name, _)| name).collect();
         let inline = [Line { indent: 0, piece: body }];
         let lines = if body.text.is_empty() { block } else { &inline };
-        let value = self.statements(lines, 0).and_then(|mut list| {
+        let statements = self.statements(lines, 0);
+        let value = statements.clone().and_then(|mut list| {
             list.reverse();
             let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
             let mut function = FunctionValue { scope: &self.scope, place: range.clone(), count: 0 };
             function.of(list, params.clone(), values, 0)
         });
+        // An expression with a call of a function of statements is no more than its statements.
+        let value = value.ok().filter(|value| first_call(value, &|name| self.has_body(name)).is_none());
         match value {
-            Ok(value) => {
+            Some(value) => {
+                self.bodies.remove(&name);
                 self.scope.defaults.insert(name.clone(), defaults);
+                let value = of_model(&value, &params, &self.shared);
                 self.scope.functions.insert(name, (params, value));
             }
-            // A call of a function that could not be read is refused there.
-            Err(_) => {
+            // Productions that call a function of more than one expression run its statements. A call of one that could not be read
+            // is refused there.
+            None => {
                 self.scope.functions.remove(&name);
+                self.bodies.remove(&name);
+                if let Ok(list) = statements
+                    && only_returns(&list)
+                {
+                    self.scope.defaults.insert(name.clone(), defaults);
+                    self.bodies.insert(name, (params, list));
+                }
             }
         }
+    }
+
+    /// True for the name of a function that is more than one expression.
+    fn has_body(&self, name: &str) -> bool {
+        self.bodies.contains_key(name) && !self.scope.functions.contains_key(name)
     }
 
     /// Reads a function that L-Py runs, which becomes a block.
@@ -980,7 +1070,7 @@ impl<'s> Model<'_, 's> {
                     let why = Refusal::new("'break' or 'continue' in a function that L-Py runs", place.clone());
                     return Err(why.remedy("put the condition into the test of the loop"));
                 }
-                Statement::TurnEnd | Statement::LoopEnd => {}
+                Statement::TurnEnd | Statement::LoopEnd | Statement::FunctionEnd(..) => {}
                 Statement::For(_, _, _, place) => {
                     let why = Refusal::new("'for' in a function that L-Py runs", place.clone());
                     return Err(why.remedy("count with 'while'"));
@@ -1055,12 +1145,27 @@ fn colon(piece: Piece<'_>) -> Option<usize> {
     })
 }
 
+/// Index of the colon that ends the heading of a block, such as `for v in q[1:]:`: the first one outside of all brackets.
+fn block_colon(piece: Piece<'_>) -> Option<usize> {
+    let mut depth = 0_usize;
+    piece.text.char_indices().find_map(|(i, c)| {
+        match c {
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        (c == ':' && depth == 0).then_some(i)
+    })
+}
+
 /// A production has an arrow, or ends its head with a colon; statements of Python do neither.
 fn is_rule(piece: Piece<'_>) -> bool {
     let (word, _) = piece.first_word(&['(', ':', '=']);
     let is_python =
         ["def", "class", "if", "for", "while", "try", "with", "else", "elif", "from", "import"].contains(&word.text);
-    piece.text.contains("-->") || piece.text.contains("-static->") || (!is_python && colon(piece).is_some())
+    piece.text.contains("-->")
+        || piece.text.contains("-static->")
+        || (!is_python && colon(piece).is_some() && assignment(piece).is_none())
 }
 
 /// True for a name of Python.

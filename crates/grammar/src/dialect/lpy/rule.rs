@@ -1,12 +1,14 @@
 //! Productions: heads, the ways through their statements, and what each way becomes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use super::bounds::{Bounds, mentions};
 use super::expression::{PyExpr, PyOp, Refusal, Scope, UNKNOWN};
-use super::expression::{compile, has_random, parse, range_of, resolve, size_with, substitute};
-use super::statement::{GROUP, Statement, assigned, in_turn, is_written_out, only_computes, with_lists};
+use super::expression::{arguments, compile, has_random, model_name, parse, plain_name, range_of, resolve};
+use super::expression::{size_with, substitute};
+use super::statement::{GROUP, Statement, assigned, call_in, in_turn, is_written_out, only_computes};
+use super::statement::{read_name, renamed, with_lists, without_call};
 use super::strings::{PyModule, Spelled, modules, spell};
 use super::{Line, Model, Section, block_after, colon, shifted, strings};
 use crate::code::{Bytecode, Expr, Op, UnaryOp, is_zero};
@@ -24,6 +26,8 @@ const MAX_COUNTED: f64 = 100.0;
 const MAX_UNKNOWN: u32 = 64;
 /// Turns of a `while` whose tests are known, which are written out.
 const MAX_KNOWN_TURNS: u32 = 2_000;
+/// Most calls, on one way, of functions that are more than one expression.
+const MAX_CALLS: usize = 256;
 /// Most modules of the successor of one way; a production that makes more is refused.
 const MAX_MODULES: usize = 1 << 20;
 
@@ -55,6 +59,18 @@ fn range_of_loop(list: &PyExpr) -> Option<(PyExpr, PyExpr, f64)> {
         [from, end, PyExpr::Number(step)] if *step > 0.0 => Some((from.clone(), end.clone(), *step)),
         _ => None,
     }
+}
+
+/// A loop over `range(from, end, step)` as one over a range from 0.
+struct CountedRange {
+    /// Sets the variable of the beginning, which the turns may read.
+    begin: Statement,
+    /// `range(turns)`.
+    turns: PyExpr,
+    /// Variable of the number of the turn.
+    name: String,
+    /// Value of the variable of the model's loop in a turn.
+    value: PyExpr,
 }
 
 /// The arguments of a module, `*list` replaced by the items of the list.
@@ -143,9 +159,11 @@ pub(super) struct Way {
     /// Variables that the way has assigned, with their values where these are numbers whatever the parameters are.
     known: BTreeMap<String, Option<f64>>,
     /// Variables that the way has set to lists, which stand where the names are read.
-    lists: BTreeMap<String, PyExpr>,
+    pub lists: BTreeMap<String, PyExpr>,
     /// What its conditions leave of the values of its variables.
     bounds: Bounds,
+    /// How many functions it has called.
+    calls: usize,
 }
 
 impl Way {
@@ -153,6 +171,18 @@ impl Way {
     fn written(&self) -> Vec<&String> {
         let assigns = |name: &String| self.steps.iter().any(|s| s.assigns(name));
         self.globals.iter().filter(|g| assigns(g)).collect()
+    }
+
+    /// True if it reads a variable that it does not set.
+    fn misses(&self, name: &str) -> bool {
+        let is_set = self.known.contains_key(name) || self.lists.contains_key(name);
+        let reads = |step: &Step| match step {
+            Step::Assign(_, e) | Step::Condition(e, _) => mentions(e, name),
+            Step::Loop(test, body, _) => mentions(test, name) || read_name(body, name),
+        };
+        let is_read =
+            || self.steps.iter().any(reads) || self.modules.iter().flat_map(|m| &m.args).any(|arg| mentions(arg, name));
+        !is_set && is_read()
     }
 
     /// Where its modules are written, for messages.
@@ -272,6 +302,8 @@ impl Model<'_, '_> {
         for name in std::mem::take(&mut self.rule_lists) {
             self.scope.lists.remove(&name);
         }
+        // Statements of the model that follow do not know its variables.
+        self.scope.locals.clear();
         next
     }
 
@@ -321,7 +353,21 @@ impl Model<'_, '_> {
         let ways = self.ways(&statements);
         let ways = self.settle(ways)?;
         // A way without modules still assigns variables of the model; the next production is tried after it.
-        for way in ways.iter().filter(|w| w.produced || !w.written().is_empty()) {
+        let applied: Vec<&Way> = ways.iter().filter(|w| w.produced || !w.written().is_empty()).collect();
+        // A variable that only other ways set has no value: L-Py ends with an error on such a way.
+        names.retain(|name| !globals.contains(name) && !self.scope.locals.contains(name));
+        let unset: Vec<Option<&String>> =
+            applied.iter().map(|way| names.iter().find(|name| way.misses(name))).collect();
+        let is_any_whole = unset.iter().any(Option::is_none);
+        for name in unset.iter().flatten().filter(|_| is_any_whole).collect::<BTreeSet<_>>() {
+            let message = format!("'{name}' has no value on a way through this production, which is left out");
+            let help = "set it before the 'if' or the loop: L-Py ends with an error there";
+            self.reader.session.warning("L008", message, head.place, help);
+        }
+        for (way, unset) in applied.iter().zip(&unset) {
+            if unset.is_some() && is_any_whole {
+                continue;
+            }
             if let Some(production) = self.production(&head, way) {
                 let program = &mut self.reader.program;
                 match self.section {
@@ -466,7 +512,12 @@ impl Model<'_, '_> {
                 out.push(way);
                 continue;
             };
-            match with_lists(statement, &way.lists) {
+            let statement = with_lists(statement, &way.lists);
+            if self.call(&statement, &mut way, &mut left)? {
+                open.push((way, left));
+                continue;
+            }
+            match statement {
                 Statement::Pass => open.push((way, left)),
                 Statement::Global(names) => {
                     way.globals.extend(names);
@@ -476,8 +527,21 @@ impl Model<'_, '_> {
                     way.produced |= !way.modules.is_empty();
                     out.push(way);
                 }
-                Statement::Return(Some(_), place) => {
-                    return Err(Refusal::new("'return' in a production", place));
+                // The value of a function that the production calls; else the production has no value.
+                Statement::Return(Some(e), place) => {
+                    let at = left.iter().rposition(|s| matches!(s, Statement::FunctionEnd(..)));
+                    let at = at.ok_or_else(|| Refusal::new("'return' in a production", place))?;
+                    let end = left.drain(at..).next();
+                    if let Some(Statement::FunctionEnd(name, ..)) = end {
+                        left.push(Statement::Assign(name, e));
+                    }
+                    open.push((way, left));
+                }
+                Statement::FunctionEnd(_, function, place) => {
+                    return Err(Refusal::new(
+                        format!("the function '{function}', which may end without a value"),
+                        place,
+                    ));
                 }
                 Statement::Assign(name, e) => {
                     let list = self.list_of(&e, &way).filter(|_| !way.globals.contains(&name));
@@ -580,6 +644,17 @@ impl Model<'_, '_> {
                         open.push((way, left));
                         continue;
                     }
+                    // `range(from, end, step)` whose turns are not known counts them from 0.
+                    if turns.is_err()
+                        && let Some(counted) = self.counted(&list, &way)
+                    {
+                        let mut turn = vec![Statement::Assign(name, counted.value)];
+                        turn.extend(body);
+                        left.push(Statement::For(counted.name, counted.turns, turn, place));
+                        left.push(counted.begin);
+                        open.push((way, left));
+                        continue;
+                    }
                     match turns {
                         Ok(turns) => {
                             left.push(Statement::LoopEnd);
@@ -643,10 +718,18 @@ impl Model<'_, '_> {
                     }
                     match self.known_value(&test, &way) {
                         Some(value) if is_zero(value) => open.push((way, left)),
-                        // The condition is known to be true: a loop that makes modules is unrolled, so that what it makes is known.
-                        Some(_) if !only_computes(&body) || turn > 0 => {
+                        // The condition is known to be true: a loop that makes modules is unrolled, so that what it makes is known, and
+                        // so is one of the axiom, which has no code of its own.
+                        Some(_) if self.is_in_axiom || !only_computes(&body) || turn > 0 => {
                             if turn > MAX_KNOWN_TURNS {
                                 return Err(Refusal::new("'while' with too many turns", place));
+                            }
+                            // A `break` on a condition that is not known ends it: each turn makes a way, as a test would.
+                            let conditions = way.steps.iter().filter(|s| matches!(s, Step::Condition(..))).count();
+                            if turn >= MAX_UNKNOWN && u32::try_from(conditions).is_ok_and(|n| n >= MAX_UNKNOWN) {
+                                self.turns_left_out(place);
+                                open.push((way, left));
+                                continue;
                             }
                             left.push(Statement::While(test, body.clone(), place, turn + 1));
                             left.push(Statement::TurnEnd);
@@ -666,11 +749,7 @@ impl Model<'_, '_> {
                         }
                         _ => {
                             if turn == MAX_UNKNOWN {
-                                let at = self.reader.place(place);
-                                let message =
-                                    format!("this 'while' makes modules: read with up to {MAX_UNKNOWN} turns");
-                                let help = "further turns are left out; make one module in a turn, by a production that repeats";
-                                self.reader.session.warning("L008", message, at, help);
+                                self.turns_left_out(place);
                                 open.push((way, left));
                                 continue;
                             }
@@ -705,6 +784,66 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
+    /// L008 for a `while` of more turns than are read.
+    fn turns_left_out(&mut self, place: Range<usize>) {
+        let at = self.reader.place(place);
+        let message = format!("this 'while' makes modules: read with up to {MAX_UNKNOWN} turns");
+        let help = "further turns are left out; make one module in a turn, by a production that repeats";
+        self.reader.session.warning("L008", message, at, help);
+    }
+
+    /// Puts the statements of the first function of more than one expression that a statement calls before it, under names of
+    /// their own, with the name of the value in place of the call; false for a statement without such a call.
+    fn call(&mut self, s: &Statement, way: &mut Way, left: &mut Vec<Statement>) -> Result<bool, Refusal> {
+        if self.bodies.is_empty() {
+            return Ok(false);
+        }
+        let Some(call) = call_in(s, &|name| self.has_body(name)) else { return Ok(false) };
+        let PyExpr::Call(function, args, place) = &call else { return Ok(false) };
+        let Some((params, body)) = self.bodies.get(function).cloned() else { return Ok(false) };
+        way.calls += 1;
+        if way.calls > MAX_CALLS {
+            return Err(Refusal::new(
+                format!("more than {MAX_CALLS} calls of functions in a production"),
+                place.clone(),
+            ));
+        }
+        let args = arguments(&params, self.scope.defaults.get(function), args.clone());
+        let args = args.ok_or_else(|| Refusal::new(format!("this call of '{function}'"), place.clone()))?;
+        let mut names = names_of(&body).0;
+        names.extend(params.iter().cloned());
+        let number = self.temporaries;
+        self.temporaries += 1;
+        let mut own: Vec<String> = names.iter().map(|name| format!("{name} ({number})")).collect();
+        // The function reads values of the model where the production has variables of their names.
+        let others = self.scope.locals.iter().chain(way.known.keys()).chain(way.lists.keys());
+        let others: BTreeSet<&String> =
+            others.filter(|name| !name.contains('(') && !names.contains(name) && read_name(&body, name)).collect();
+        let others: Vec<String> = others.into_iter().filter(|name| !way.globals.contains(name)).cloned().collect();
+        if let Some(name) = others.iter().find(|name| self.shared.contains(name)) {
+            let why = format!("a call of '{function}', which reads a '{name}' that this production has, too");
+            let why = Refusal::new(why, place.clone());
+            return Err(why.remedy("give the variable of the production another name"));
+        }
+        own.extend(others.iter().map(|name| model_name(name)));
+        names.extend(others);
+        let result = format!("(result {number})");
+        let value = PyExpr::Name(result.clone(), place.clone());
+        // `a, b = f(x)` takes both items of one value.
+        for next in left.iter_mut().rev().take_while(|s| matches!(s, Statement::Assign(..))) {
+            *next = without_call(next, &call, &value);
+        }
+        left.push(without_call(s, &call, &value));
+        left.push(Statement::FunctionEnd(result, function.clone(), place.clone()));
+        left.extend(body.iter().rev().map(|s| renamed(s, &names, &own)));
+        let set = params.iter().zip(args).map(|(p, value)| {
+            let name = names.iter().position(|n| n == p).and_then(|i| own.get(i)).unwrap_or(p);
+            Statement::Assign(name.clone(), value)
+        });
+        left.extend(set);
+        Ok(true)
+    }
+
     /// The list that an expression is; `None` for any other.
     fn list_of(&self, e: &PyExpr, way: &Way) -> Option<PyExpr> {
         if matches!(e, PyExpr::List(..)) {
@@ -720,7 +859,7 @@ impl Model<'_, '_> {
     fn may_be_list(&self, e: &PyExpr) -> bool {
         match e {
             PyExpr::List(..) | PyExpr::Index(..) | PyExpr::Each(..) => true,
-            PyExpr::Name(name, _) => self.scope.lists.contains_key(name),
+            PyExpr::Name(name, _) => self.scope.lists.contains_key(plain_name(name)),
             PyExpr::Binary(PyOp::Add | PyOp::Mul, a, b) => self.may_be_list(a) || self.may_be_list(b),
             PyExpr::Call(name, ..) => {
                 matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
@@ -777,6 +916,39 @@ impl Model<'_, '_> {
             vm::constant_value(&code).filter(|v| v.is_finite()).ok_or_else(refused)
         };
         items.iter().map(number).collect()
+    }
+
+    /// The parts of a loop over `range(from, end)` or `range(from, end, step)`, the step constant; `None` for any other list.
+    fn counted(&mut self, list: &PyExpr, way: &Way) -> Option<CountedRange> {
+        let PyExpr::Call(function, args, place) = list else { return None };
+        let (from, end, step) = match args.as_slice() {
+            [from, end] => (from, end, 1.0),
+            [from, end, step] => (from, end, self.known_value(step, way).filter(|step| step.abs() > 0.0)?),
+            _ => return None,
+        };
+        if !function.ends_with("range") {
+            return None;
+        }
+        let [begin, count] = ["begin", "count"].map(|word| format!("({word} {})", self.temporaries));
+        self.temporaries += 1;
+        let at = |name: &str| PyExpr::Name(name.to_owned(), place.clone());
+        let two = |op, a: PyExpr, b: PyExpr| PyExpr::Binary(op, Box::new(a), Box::new(b));
+        // A beginning that is constant stays a number, so that a largest number of turns is found.
+        let first = self.known_value(from, way).map_or_else(|| at(&begin), PyExpr::Number);
+        let (low, high) = if step > 0.0 { (first.clone(), end.clone()) } else { (end.clone(), first.clone()) };
+        let span = two(PyOp::Sub, high, low);
+        let turns = if is_zero(step.abs() - 1.0) {
+            span
+        } else {
+            PyExpr::Call("ceil".to_owned(), vec![two(PyOp::Div, span, PyExpr::Number(step.abs()))], place.clone())
+        };
+        let value = two(PyOp::Add, first, two(PyOp::Mul, at(&count), PyExpr::Number(step)));
+        Some(CountedRange {
+            begin: Statement::Assign(begin, from.clone()),
+            turns: PyExpr::Call("range".to_owned(), vec![turns], place.clone()),
+            name: count,
+            value,
+        })
     }
 
     /// The end of `range(end)` and how many turns are read: the most that there may be, else [`MAX_UNKNOWN`] with a warning L008.

@@ -6,9 +6,10 @@ use std::ops::Range;
 use osier_base::convert::saturating_index;
 
 use super::bounds::mentions;
-use super::expression::{PyExpr, PyOp, Refusal, Scope, compile, has_random, parse, resolve, size_with, substitute};
+use super::expression::{PyExpr, PyOp, Refusal, Scope};
+use super::expression::{compile, exchanged, first_call, has_random, parse, resolve, size_with, substitute};
 use super::strings::{PyModule, closing, modules, split};
-use super::{Line, Model, assignment, block_after, colon, is_name};
+use super::{Line, Model, assignment, block_after, block_colon, is_name};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
@@ -37,6 +38,8 @@ pub(super) enum Statement {
     TurnEnd,
     /// Where a `break` goes on.
     LoopEnd,
+    /// Where the `return` of a function that a production calls goes on: variable of the value, function, place of the call.
+    FunctionEnd(String, String, Range<usize>),
     /// A function has a value, a production has none.
     Return(Option<PyExpr>, Range<usize>),
     Pass,
@@ -84,7 +87,7 @@ impl Model<'_, '_> {
                     out.push(Statement::Return(Some(value), piece.range()));
                 }
                 "if" | "elif" => {
-                    let c = colon(rest).ok_or_else(|| Refusal::new("'if' without ':'", piece.range()))?;
+                    let c = block_colon(rest).ok_or_else(|| Refusal::new("'if' without ':'", piece.range()))?;
                     let test = parse(rest.up_to(c))?;
                     let then = body(self, rest.from(c + 1))?;
                     if word.text == "if" {
@@ -97,7 +100,7 @@ impl Model<'_, '_> {
                     }
                 }
                 "else" => {
-                    let c = colon(rest).ok_or_else(|| Refusal::new("'else' without ':'", piece.range()))?;
+                    let c = block_colon(rest).ok_or_else(|| Refusal::new("'else' without ':'", piece.range()))?;
                     let other = body(self, rest.from(c + 1))?;
                     // The statement before must be an `if`, as for `elif`.
                     let Some(Statement::If(_, last)) = out.last_mut() else {
@@ -106,12 +109,12 @@ impl Model<'_, '_> {
                     *last = other;
                 }
                 "for" => {
-                    let c = colon(rest).ok_or_else(|| Refusal::new("'for' without ':'", piece.range()))?;
+                    let c = block_colon(rest).ok_or_else(|| Refusal::new("'for' without ':'", piece.range()))?;
                     let inner = body(self, rest.from(c + 1))?;
                     out.push(self.loop_over(rest.up_to(c), inner, piece.range())?);
                 }
                 "while" => {
-                    let c = colon(rest).ok_or_else(|| Refusal::new("'while' without ':'", piece.range()))?;
+                    let c = block_colon(rest).ok_or_else(|| Refusal::new("'while' without ':'", piece.range()))?;
                     let test = parse(rest.up_to(c))?;
                     let inner = body(self, rest.from(c + 1))?;
                     out.push(Statement::While(test, inner, piece.range(), 0));
@@ -279,7 +282,30 @@ fn replaced(s: &Statement, name: &String, by: &PyExpr) -> Statement {
         | Statement::Continue(_)
         | Statement::TurnEnd
         | Statement::LoopEnd
+        | Statement::FunctionEnd(..)
         | Statement::Pass => s.clone(),
+    }
+}
+
+/// A statement with other names in place of names that it may set.
+pub(super) fn renamed(s: &Statement, names: &[String], others: &[String]) -> Statement {
+    let values: Vec<PyExpr> = others.iter().map(|other| PyExpr::Name(other.clone(), 0..0)).collect();
+    let read = |e: &PyExpr| substitute(e, names, &values);
+    let own = |name: &String| names.iter().position(|n| n == name).and_then(|i| others.get(i)).unwrap_or(name).clone();
+    let all = |list: &[Statement]| list.iter().map(|s| renamed(s, names, others)).collect::<Vec<_>>();
+    match s {
+        Statement::Assign(name, e) => Statement::Assign(own(name), read(e)),
+        Statement::If(tests, other) => {
+            Statement::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
+        }
+        Statement::For(name, list, body, place) => Statement::For(own(name), read(list), all(body), place.clone()),
+        Statement::While(test, body, place, turn) => Statement::While(read(test), all(body), place.clone(), *turn),
+        Statement::Produce(modules, ends) => {
+            let with = |m: &PyModule| PyModule { args: m.args.iter().map(read).collect(), ..m.clone() };
+            Statement::Produce(modules.iter().map(with).collect(), *ends)
+        }
+        Statement::Return(value, place) => Statement::Return(value.as_ref().map(read), place.clone()),
+        other => other.clone(),
     }
 }
 
@@ -449,6 +475,75 @@ pub(super) fn only_computes(statements: &[Statement]) -> bool {
     })
 }
 
+/// True if the statements of a function change nothing of the model, and each of its `return` has a value.
+pub(super) fn only_returns(statements: &[Statement]) -> bool {
+    statements.iter().all(|s| match s {
+        Statement::If(tests, other) => tests.iter().all(|(_, then)| only_returns(then)) && only_returns(other),
+        Statement::For(_, _, body, _) | Statement::While(_, body, ..) => only_returns(body),
+        Statement::Produce(..) | Statement::Global(_) | Statement::Return(None, _) => false,
+        _ => true,
+    })
+}
+
+/// Appends the expressions of statements, with those of the blocks within them.
+fn append_expressions<'s>(statements: &'s [Statement], out: &mut Vec<&'s PyExpr>) {
+    for s in statements {
+        match s {
+            Statement::Assign(_, e) | Statement::Return(Some(e), _) => out.push(e),
+            Statement::If(tests, other) => {
+                for (test, then) in tests {
+                    out.push(test);
+                    append_expressions(then, out);
+                }
+                append_expressions(other, out);
+            }
+            Statement::For(_, e, body, _) | Statement::While(e, body, ..) => {
+                out.push(e);
+                append_expressions(body, out);
+            }
+            Statement::Produce(modules, _) => out.extend(modules.iter().flat_map(|m| &m.args)),
+            _ => {}
+        }
+    }
+}
+
+/// True if statements read a name.
+pub(super) fn read_name(statements: &[Statement], name: &str) -> bool {
+    let mut all = Vec::new();
+    append_expressions(statements, &mut all);
+    all.into_iter().any(|e| mentions(e, name))
+}
+
+/// The first call of one of some functions in what a statement reads before the blocks within it run; the test of a `while` is
+/// read again for each turn, and has none.
+pub(super) fn call_in(s: &Statement, is_one: &dyn Fn(&str) -> bool) -> Option<PyExpr> {
+    let of = |e: &PyExpr| first_call(e, is_one).cloned();
+    match s {
+        Statement::Assign(_, e) | Statement::Return(Some(e), _) | Statement::For(_, e, _, _) => of(e),
+        Statement::If(tests, _) => tests.iter().find_map(|(test, _)| of(test)),
+        Statement::Produce(modules, _) => modules.iter().flat_map(|m| &m.args).find_map(of),
+        _ => None,
+    }
+}
+
+/// A statement with an expression in place of a call that [`call_in`] has found.
+pub(super) fn without_call(s: &Statement, call: &PyExpr, by: &PyExpr) -> Statement {
+    let read = |e: &PyExpr| exchanged(e, call, by);
+    match s {
+        Statement::Assign(name, e) => Statement::Assign(name.clone(), read(e)),
+        Statement::Return(Some(e), place) => Statement::Return(Some(read(e)), place.clone()),
+        Statement::For(name, e, body, place) => Statement::For(name.clone(), read(e), body.clone(), place.clone()),
+        Statement::If(tests, other) => {
+            Statement::If(tests.iter().map(|(test, then)| (read(test), then.clone())).collect(), other.clone())
+        }
+        Statement::Produce(modules, ends) => {
+            let with = |m: &PyModule| PyModule { args: m.args.iter().map(read).collect(), ..m.clone() };
+            Statement::Produce(modules.iter().map(with).collect(), *ends)
+        }
+        other => other.clone(),
+    }
+}
+
 /// Names that statements assign, and those that they declare `global`.
 pub(super) fn assigned(statements: &[Statement], names: &mut Vec<String>, globals: &mut Vec<String>) {
     for s in statements {
@@ -575,7 +670,7 @@ impl FunctionValue<'_> {
                 Statement::Break(place) | Statement::Continue(place) => {
                     return Err(Refusal::new("'break' or 'continue' in a function with a value", place));
                 }
-                Statement::TurnEnd | Statement::LoopEnd => {}
+                Statement::TurnEnd | Statement::LoopEnd | Statement::FunctionEnd(..) => {}
                 Statement::Global(_) | Statement::Produce(..) => {
                     return Err(Refusal::new("a function that changes the model", self.place.clone()));
                 }
