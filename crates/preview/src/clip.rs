@@ -80,7 +80,9 @@ pub struct ClipTiming {
 
 /// Delay between frames of an APNG, `base / rate` seconds, as the nearest fraction whose numbers have 16 bits and are 1 or more: a
 /// denominator of 0 would stand for 100. `rate` and `base`: 1 or more.
-fn apng_delay(rate: u32, base: u32) -> (u16, u16) {
+/// # Errors
+/// P003 if a number has more than 16 bits, which is excluded: slower and faster clips have the longest and the shortest delay.
+fn apng_delay(rate: u32, base: u32) -> Result<(u16, u16)> {
     let most = u64::from(u16::MAX);
     let (num, den) = (u64::from(base), u64::from(rate));
     // The larger number becomes about the largest of 16 bits, of which the other has as many digits as it can.
@@ -93,8 +95,8 @@ fn apng_delay(rate: u32, base: u32) -> (u16, u16) {
         let short = (most * num / den).max(1);
         (short, (den * short + num / 2) / num)
     };
-    let limited = |n: u64| u16::try_from(n).unwrap_or(u16::MAX);
-    (limited(num), limited(den))
+    let short = |n: u64| u16::try_from(n.min(most)).map_err(encoding_error);
+    Ok((short(num)?, short(den)?))
 }
 
 impl<W: Write> ClipWriter<W> {
@@ -128,7 +130,7 @@ impl<W: Write> ClipWriter<W> {
                 encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
                 encoder.add_text_chunk("Software".into(), GENERATOR.into()).map_err(encoding_error)?;
                 encoder.set_animated(frames.max(1), 0).map_err(encoding_error)?;
-                let (seconds, parts) = apng_delay(rate, base);
+                let (seconds, parts) = apng_delay(rate, base)?;
                 encoder.set_frame_delay(seconds, parts).map_err(encoding_error)?;
                 ClipEncoder::Apng { writer: Box::new(encoder.write_header().map_err(encoding_error)?), opaque }
             }
@@ -281,6 +283,7 @@ mod tests {
 
     #[test]
     fn delays_of_apng_fit_into_16_bits() {
+        let apng_delay = |rate, base| super::apng_delay(rate, base).expect("16 bits");
         assert_eq!((apng_delay(24, 1), apng_delay(24_000, 1001)), ((1, 24), (1001, 24_000)));
         // Every seventieth frame of 24000/1001 a second, and a rate beyond 16 bits.
         for (rate, base) in [(24_000, 70_070), (100_000, 3_003), (90_000, 89_999)] {

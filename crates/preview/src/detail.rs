@@ -117,13 +117,13 @@ pub(super) fn cluster_vertices(points: &[Vec3], cell: f32) -> Vec<u32> {
 
 /// A connected part of a mesh: its box, m, and its area before and after clustering, m2.
 #[derive(Debug, Clone, Copy, Default)]
-struct Part {
+struct ConnectedPart {
     bounds: Bounds,
     whole: f32,
     clustered: f32,
 }
 
-impl Part {
+impl ConnectedPart {
     /// Whether the part is longer than some cells and would vanish.
     fn is_thin(&self, cell: f32) -> bool {
         self.clustered < MIN_CLUSTERED_AREA * self.whole && self.bounds.size().length() > MIN_THIN_CELLS * cell
@@ -145,7 +145,7 @@ pub(super) fn keep_thin_parts(triangles: &[[u32; 3]], points: &[Vec3], cell: f32
         [a, b, c].into_iter().for_each(|i| parent[i] = first);
     }
     // The box of each part, then its areas before and after.
-    let mut parts: BTreeMap<usize, Part> = BTreeMap::new();
+    let mut parts: BTreeMap<usize, ConnectedPart> = BTreeMap::new();
     for (i, p) in points.iter().enumerate() {
         let part = parts.entry(find_root(&mut parent, i)).or_default();
         part.bounds = part.bounds.union(Bounds::of([*p]));
