@@ -947,21 +947,7 @@ pub(super) fn exchanged(e: &PyExpr, part: &PyExpr, by: &PyExpr) -> PyExpr {
     if e == part {
         return by.clone();
     }
-    let sub = |a: &PyExpr| Box::new(exchanged(a, part, by));
-    let all = |list: &[PyExpr]| list.iter().map(|a| exchanged(a, part, by)).collect::<Vec<_>>();
-    match e {
-        PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => e.clone(),
-        PyExpr::Neg(a) => PyExpr::Neg(sub(a)),
-        PyExpr::Not(a) => PyExpr::Not(sub(a)),
-        PyExpr::Binary(op, a, b) => PyExpr::Binary(*op, sub(a), sub(b)),
-        PyExpr::And(a, b) => PyExpr::And(sub(a), sub(b)),
-        PyExpr::Or(a, b) => PyExpr::Or(sub(a), sub(b)),
-        PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a), sub(b), sub(c)),
-        PyExpr::Call(name, args, range) => PyExpr::Call(name.clone(), all(args), range.clone()),
-        PyExpr::List(items, range) => PyExpr::List(all(items), range.clone()),
-        PyExpr::Index(a, b, range) => PyExpr::Index(sub(a), sub(b), range.clone()),
-        PyExpr::Each(value, name, list, range) => PyExpr::Each(sub(value), name.clone(), sub(list), range.clone()),
-    }
+    with_parts(e, &|a| exchanged(a, part, by))
 }
 
 /// How often an expression reads a name, at the most; a list that is made from another counts as two values.
@@ -1250,36 +1236,38 @@ fn constant_name(name: &str) -> Option<f64> {
     })
 }
 
-/// The expression with names replaced by expressions; the variable of a list `[.. for name in ..]` hides an equal name.
-pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyExpr {
-    let sub = |a: &PyExpr| Box::new(substitute(a, names, values));
+/// The expression with each of its direct parts replaced by what `of` makes of it.
+fn with_parts(e: &PyExpr, of: &dyn Fn(&PyExpr) -> PyExpr) -> PyExpr {
+    let sub = |a: &PyExpr| Box::new(of(a));
+    let all = |list: &[PyExpr]| list.iter().map(of).collect::<Vec<_>>();
     match e {
-        PyExpr::Number(_) | PyExpr::Text(..) => e.clone(),
-        PyExpr::Name(name, range) => {
-            let value = names.iter().position(|n| n == name).and_then(|i| values.get(i)).cloned();
-            value.unwrap_or_else(|| PyExpr::Name(name.clone(), range.clone()))
-        }
+        PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => e.clone(),
         PyExpr::Neg(a) => PyExpr::Neg(sub(a)),
         PyExpr::Not(a) => PyExpr::Not(sub(a)),
         PyExpr::Binary(op, a, b) => PyExpr::Binary(*op, sub(a), sub(b)),
         PyExpr::And(a, b) => PyExpr::And(sub(a), sub(b)),
         PyExpr::Or(a, b) => PyExpr::Or(sub(a), sub(b)),
         PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a), sub(b), sub(c)),
-        PyExpr::Call(name, args, range) => {
-            let args = args.iter().map(|a| substitute(a, names, values)).collect();
-            PyExpr::Call(name.clone(), args, range.clone())
-        }
-        PyExpr::List(items, range) => {
-            PyExpr::List(items.iter().map(|a| substitute(a, names, values)).collect(), range.clone())
-        }
+        PyExpr::Call(name, args, range) => PyExpr::Call(name.clone(), all(args), range.clone()),
+        PyExpr::List(items, range) => PyExpr::List(all(items), range.clone()),
         PyExpr::Index(a, b, range) => PyExpr::Index(sub(a), sub(b), range.clone()),
+        PyExpr::Each(value, name, list, range) => PyExpr::Each(sub(value), name.clone(), sub(list), range.clone()),
+    }
+}
+
+/// The expression with names replaced by expressions; the variable of a list `[.. for name in ..]` hides an equal name.
+pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyExpr {
+    let sub = |a: &PyExpr| substitute(a, names, values);
+    match e {
+        PyExpr::Name(name, _) => names.iter().position(|n| n == name).and_then(|i| values.get(i)).unwrap_or(e).clone(),
         // In the value, but not in the list, the variable of the comprehension hides others of its name.
         PyExpr::Each(value, name, list, range) => {
             let others: (Vec<String>, Vec<PyExpr>) =
                 names.iter().cloned().zip(values.iter().cloned()).filter(|(n, _)| n != name).unzip();
             let value = Box::new(substitute(value, &others.0, &others.1));
-            PyExpr::Each(value, name.clone(), sub(list), range.clone())
+            PyExpr::Each(value, name.clone(), Box::new(sub(list)), range.clone())
         }
+        _ => with_parts(e, &sub),
     }
 }
 
