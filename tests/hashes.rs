@@ -42,6 +42,8 @@ fn of_bake(preset: &str, threads: usize, out: &Path) -> BTreeMap<String, String>
     if is_moving(preset) {
         args.extend(["--set", &frames]);
     }
+    let young = young_trees(preset);
+    args.extend(young.iter().flat_map(|key| ["--set", key.as_str()]));
     let (code, _, told) = said(&run(&args));
     assert_eq!(code, 0, "{preset}: {told}");
     let mut folders: BTreeMap<String, blake3::Hasher> = BTreeMap::new();
@@ -67,6 +69,15 @@ fn is_moving(preset: &str) -> bool {
 /// Whether a preset is a scene of a tree that grows year by year.
 fn is_grown(preset: &str) -> bool {
     PRESETS.iter().any(|p| p.name == preset && p.text.contains("\nspecies = "))
+}
+
+/// Overrides that make the trees of most scenes of a single species young: all of them are grown and written in the same way, and
+/// full-grown crowns would take most of the time. A broadleaf and a conifer keep their age.
+fn young_trees(preset: &str) -> Vec<String> {
+    let (stem, _) = preset.split_once('.').unwrap_or((preset, ""));
+    let is_single = is_grown(preset) && PRESETS.iter().any(|p| p.name == format!("{stem}.species"));
+    let keeps_age = ["apple", "spruce"].contains(&stem);
+    if is_single && !keeps_age { vec![format!("plants.{stem}.age=12")] } else { Vec::new() }
 }
 
 /// The hash of a single file that a preset grows into; a species grows for twelve years.

@@ -16,19 +16,20 @@ def bark_points(dependencies):
     mesh = objects[0].evaluated_get(dependencies).to_mesh()
     points = np.empty(3 * len(mesh.vertices), dtype=np.float32)
     mesh.vertices.foreach_get("co", points)
-    triangles = [tuple(p.vertices) for p in mesh.polygons]
+    # All faces are triangles, so that every three corners are one.
+    corners = np.empty(len(mesh.loops), dtype=np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    assert 3 * len(mesh.polygons) == len(corners)
     objects[0].evaluated_get(dependencies).to_mesh_clear()
-    return len(objects), points.reshape(-1, 3), triangles
+    return len(objects), points.reshape(-1, 3), corners.reshape(-1, 3)
 
 
 def seen(points, triangles):
     """Which points belong to a face that has an area: others are not born yet or have fallen."""
-    a, b, c = (points[[t[k] for t in triangles]] for k in range(3))
+    a, b, c = (points[triangles[:, k]] for k in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     shown = np.zeros(len(points), dtype=bool)
-    for t, area in zip(triangles, areas):
-        if area > 1e-8:
-            shown[list(t)] = True
+    shown[triangles[areas > 1e-8]] = True
     return shown
 
 
@@ -42,7 +43,7 @@ def main():
         dependencies = bpy.context.evaluated_depsgraph_get()
         objects, points, triangles = bark_points(dependencies)
         shown = seen(points, triangles)
-        sizes = [i.matrix_world.to_scale()[0] for i in dependencies.object_instances if i.is_instance]
+        sizes = [i.matrix_world.col[0].length for i in dependencies.object_instances if i.is_instance]
         moved = 0.0
         if before is not None and (shown & shown_before).any():
             moved = float(np.linalg.norm(points - before, axis=1)[shown & shown_before].max())
@@ -51,7 +52,7 @@ def main():
             {
                 "barks": objects,
                 "points": len(points),
-                "topology": hash(tuple(triangles)),
+                "topology": hash(triangles.tobytes()),
                 "height": float(points.max(axis=0)[1] if points.size else 0.0),
                 "extent": float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))),
                 "moved": moved,

