@@ -404,14 +404,21 @@ fn internodes(length: f32, internode: f32) -> u16 {
 
 /// Two independent standard normal draws (Box-Muller), magnitude at most 5.8.
 fn normal_pair(draw: &mut Rng) -> [f32; 2] {
-    // 1 - u lies in (0, 1], so that the logarithm is finite.
-    let away = (-2.0 * math::ln_f32(1.0 - draw.unit_f32())).sqrt();
-    let angle = std::f32::consts::TAU * draw.unit_f32();
+    let [away, angle] = polar_draw(draw);
     [away * math::cos_f32(angle), away * math::sin_f32(angle)]
 }
 
+/// The first of [`normal_pair`].
 fn normal(draw: &mut Rng) -> f32 {
-    normal_pair(draw)[0]
+    let [away, angle] = polar_draw(draw);
+    away * math::cos_f32(angle)
+}
+
+/// A point with normal coordinates by its distance from the origin and its angle, rad.
+fn polar_draw(draw: &mut Rng) -> [f32; 2] {
+    // 1 - u lies in (0, 1], so that the logarithm is finite.
+    let away = (-2.0 * math::ln_f32(1.0 - draw.unit_f32())).sqrt();
+    [away, std::f32::consts::TAU * draw.unit_f32()]
 }
 
 fn rotation(about: Vec3, angle: f32) -> Quat {

@@ -1,5 +1,7 @@
 //! The state of a growing tree: internodes as a structure of arrays, parents before their children, and buds.
 
+use std::ops::Range;
+
 use glam::{Quat, Vec3};
 
 use super::habit::{Habit, whole};
@@ -71,12 +73,9 @@ macro_rules! columns {
                 $(self.$field.push(row.$field);)*
             }
 
-            /// Keeps the entries whose new index is not [`NONE`], in their order.
-            fn keep(&mut self, new_index: &[u32]) {
-                $({
-                    let mut old = new_index.iter();
-                    self.$field.retain(|_| old.next().is_some_and(|n| *n != NONE));
-                })*
+            /// Keeps the rows of the ranges, which are in rising order and apart, and removes all others.
+            fn keep(&mut self, ranges: &[Range<usize>]) {
+                $(keep_ranges(&mut self.$field, ranges);)*
             }
         }
     };
@@ -173,6 +172,17 @@ impl Nodes {
 pub(super) fn y_axis(q: Quat) -> Vec3 {
     // The second column of the rotation matrix.
     Vec3::new(2.0 * (q.x * q.y - q.w * q.z), 1.0 - 2.0 * (q.x * q.x + q.z * q.z), 2.0 * (q.y * q.z + q.w * q.x))
+}
+
+/// Moves the entries of the ranges to the front of a column and cuts off the rest. Whole ranges are moved at once: where wood has
+/// fallen, long stretches of neighbours stay.
+fn keep_ranges<T: Copy>(column: &mut Vec<T>, ranges: &[Range<usize>]) {
+    let mut end = 0;
+    for range in ranges {
+        column.copy_within(range.clone(), end);
+        end += range.len();
+    }
+    column.truncate(end);
 }
 
 /// A bud that shoots once it receives light, or becomes dormant.
@@ -463,11 +473,16 @@ impl Tree {
     pub fn compact(&mut self) {
         let nodes = &mut self.nodes;
         let mut new_index = vec![NONE; nodes.len()];
+        let mut ranges: Vec<Range<usize>> = Vec::new();
         let mut kept = 0;
         for (i, index) in new_index.iter_mut().enumerate() {
             if nodes.flags[i] & flag::FALLEN == 0 {
                 *index = kept;
                 kept += 1;
+                match ranges.last_mut() {
+                    Some(range) if range.end == i => range.end = i + 1,
+                    _ => ranges.push(i..i + 1),
+                }
             }
         }
         // The indices are renumbered before the rows move. NONE lies beyond the array, so that roots keep it.
@@ -476,7 +491,7 @@ impl Tree {
                 *parent = *new;
             }
         }
-        nodes.keep(&new_index);
+        nodes.keep(&ranges);
         let index_of = |node: u32| new_index.get(node as usize).copied().unwrap_or(NONE);
         // Buds of removed nodes go with them.
         self.buds.retain_mut(|bud| {
