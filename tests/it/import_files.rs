@@ -92,6 +92,26 @@ fn an_obj_leaf_with_its_material_and_picture() {
     assert_eq!(names, ["leaf.obj", "leaf.mtl", "leaf.png", "mask.png"]);
 }
 
+/// Faces with and without texture coordinates in one object, a line of four vertices and an indented `usemtl`: every vertex keeps its
+/// own coordinate, and the line makes no face.
+#[test]
+fn texture_coordinates_on_some_faces_and_a_line_between() {
+    let text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\nvt 0.25 0.5\nvt 1 0\nvt 1 1\nvt 0 1\n\
+                \tusemtl Green\nf 2 5 6 3\nl 1 2 5 6\nf 1/1 2/2 3/3 4/4\n";
+    let leaf = Shop::new().read("leaf.obj", text).expect("leaf");
+    let names: Vec<&str> = leaf.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!((names, leaf.mesh.triangles.len(), leaf.mesh.points.len()), (vec!["green"], 4, 8));
+    let uv_at = |place: Vec3| {
+        let i = leaf.mesh.points.iter().position(|p| *p == place).expect("vertex");
+        leaf.mesh.uvs[i]
+    };
+    assert_eq!((uv_at(Vec3::ZERO), uv_at(Vec3::Y)), (Vec2::new(0.25, 0.5), Vec2::Y));
+    assert_eq!((uv_at(Vec3::X * 2.0), uv_at(Vec3::new(2.0, 1.0, 0.0))), (Vec2::ZERO, Vec2::ZERO));
+    assert_eq!(leaf.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"], "{}", leaf.warnings);
+    let mixed = Shop::new().complaint("leaf.obj", text.replace("2/2 3/3", "2 3/3"));
+    assert!(mixed.contains("X010") && mixed.contains("leaf.obj:14:7"), "{mixed}");
+}
+
 /// Blender writes the linear colours 0.5, 0.25, 0.1 of a vertex as these sRGB ones; glTF holds linear ones.
 #[test]
 fn colors_at_vertices_of_an_obj_are_srgb() {
