@@ -8,6 +8,7 @@ use super::{CheckedText, SyntaxError, text};
 use crate::images::{self, DecodedImage};
 use crate::{ImportContext, ImportResult, table_index};
 use osier_base::files::{Names, ReadError, number};
+use osier_base::math;
 use osier_scene::{Image, ImageKind, Material};
 
 /// Statements whose maps are read: base colour, alpha, normals.
@@ -89,6 +90,9 @@ impl MaterialLibraries {
                 checked.report(context, syntax_error);
                 continue;
             }
+            if let Some(warning) = unread_map(key, rest) {
+                checked.report(context, warning);
+            }
             // The lines up to the next `newmtl` describe this material.
             if key.text == "newmtl" {
                 rest.text.clone_into(&mut material);
@@ -126,6 +130,41 @@ fn unread_form(key: ObjToken<'_>, rest: ObjToken<'_>) -> Option<SyntaxError> {
     is_unread.then(|| SyntaxError { code: "X016", ..key.syntax_error(message, help) })
 }
 
+/// The warning about a map that is not read although a material has its property, or that is read without its options.
+fn unread_map(key: ObjToken<'_>, rest: ObjToken<'_>) -> Option<SyntaxError> {
+    let (message, help) = match key.text {
+        "map_Bump" | "map_bump" | "bump" => {
+            (format!("{:?} is not read", key.text), "write \"norm\" if the picture holds normals in tangent space")
+        }
+        "map_Pr" | "map_Ns" | "map_ns" | "map_NS" => (
+            format!("{:?} is not read; the roughness is that of Ns or Pr", key.text),
+            "export the mesh as glTF to keep the picture",
+        ),
+        "map_Kd" | "map_d" | "norm" if is_moved(rest.text) => (
+            format!("the options -s and -o of {:?} are not read", key.text),
+            "scale and move the texture coordinates instead, or export the mesh as glTF",
+        ),
+        _ => return None,
+    };
+    Some(SyntaxError { code: "X016", ..key.syntax_error(message, help) })
+}
+
+/// Whether the options of a map line scale it (`-s`) by anything but 1 or move it (`-o`) by anything but 0.
+fn is_moved(options: &str) -> bool {
+    // The number that changes nothing, while numbers of such an option follow.
+    let mut neutral: Option<f64> = None;
+    for word in options.split_whitespace() {
+        match (word, number(word)) {
+            ("-s", _) => neutral = Some(1.0),
+            ("-o", _) => neutral = Some(0.0),
+            (_, Ok(value)) if neutral.is_some_and(|n| (value - n).abs() > 1e-6) => return true,
+            (_, Ok(_)) => {}
+            _ => neutral = None,
+        }
+    }
+    false
+}
+
 /// Checks a line: numbers are finite and as many as the statement needs, names are present.
 fn check_line<'a>(
     key: ObjToken<'a>,
@@ -134,7 +173,7 @@ fn check_line<'a>(
 ) -> Result<(), SyntaxError> {
     let required_numbers = match key.text {
         "Ka" | "Kd" | "Ks" | "Ke" => 3,
-        "Ns" | "Ni" | "d" => 1,
+        "Ns" | "Ni" | "d" | "Pr" => 1,
         // Names reach to the end of the line, as they may contain blanks.
         "newmtl" | "map_Kd" | "map_Ka" | "map_Ks" | "map_Ns" | "map_ns" | "map_NS" | "map_d" | "map_Bump"
         | "map_bump" | "bump" | "norm" | "illum"
@@ -237,6 +276,10 @@ impl<'l> ObjMaterials<'l> {
             let alpha = (2.0 / (n.max(0.0) + 2.0)).sqrt();
             material.roughness = alpha.sqrt().clamp(0.05, 1.0);
         }
+        // The roughness itself, which Blender and other programs write beside Ns.
+        if let Some(roughness) = given.unknown_param.get("Pr").and_then(|p| number(p.split_whitespace().next()?).ok()) {
+            material.roughness = math::narrow(roughness.clamp(0.0, 1.0));
+        }
         // Exporters also write values, such as 0, that are no index of refraction.
         material.ior = given.optical_density.filter(|n| (1.0..=3.0).contains(n)).unwrap_or(material.ior);
         let mut color = self.decode_map(context, given, "map_Kd")?;
@@ -313,6 +356,16 @@ fn map_file(line: ObjToken<'_>) -> ObjToken<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn options_that_move_a_map_are_found() {
+        for line in ["-s 4 4 1 a.png", "-clamp on -o 0.5 a.png", "-s 1 1 1 -o 0 0.25 0 a.png"] {
+            assert!(is_moved(line), "{line}");
+        }
+        for line in ["a.png", "-s 1 1 1 -o 0 0 0 a.png", "-s 1 1 1 4.png", "-bm 0.2 a 4.png"] {
+            assert!(!is_moved(line), "{line}");
+        }
+    }
 
     #[test]
     fn options_before_a_file_name_are_skipped() {
