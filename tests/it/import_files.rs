@@ -383,6 +383,47 @@ fn a_skinned_mesh_stands_as_bound() {
     assert_eq!(tree.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"]);
 }
 
+/// A triangle with the material `material`, whose images are `color.png` (0) and `other.png` (1), with two sets of texture coordinates:
+/// (0, 0), (1, 0), (0, 1) and the halves of these.
+fn textured(material: &str) -> String {
+    let mut data = floats(&CORNERS);
+    data.extend(floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]));
+    data.extend(floats(&[0.0, 0.0, 0.5, 0.0, 0.0, 0.5]));
+    let pictures = r#""images":[{"uri":"color.png"},{"uri":"other.png"}],"textures":[{"source":0},{"source":1}]"#;
+    document(&data, "", &format!(r#","materials":[{material}],{pictures}"#))
+        .replace(r#"{"POSITION":0}"#, r#"{"POSITION":0,"TEXCOORD_0":1,"TEXCOORD_1":2},"material":0"#)
+        .replace(
+            "}],\n\"bufferViews\":[",
+            r#"},{"bufferView":0,"byteOffset":36,"componentType":5126,"count":3,"type":"VEC2"},
+{"bufferView":0,"byteOffset":60,"componentType":5126,"count":3,"type":"VEC2"}],"bufferViews":["#,
+        )
+}
+
+fn picture_shop() -> Shop {
+    let shop = Shop::new();
+    shop.put("color.png", png(1, 1, png::ColorType::Rgb, &[10, 20, 30]));
+    shop.put("other.png", png(1, 1, png::ColorType::Rgb, &[128, 128, 255]));
+    shop
+}
+
+/// Materials of specular colour and glossiness, as Sketchfab wrote them, keep their picture, colour and roughness.
+#[test]
+fn specular_glossiness_is_read_as_colour_and_roughness() {
+    let shop = picture_shop();
+    let material = |more: &str| {
+        textured(&format!(
+            r#"{{"extensions":{{"KHR_materials_pbrSpecularGlossiness":{{"diffuseFactor":[0.5,0.25,1,1],"glossinessFactor":0.75{more}}}}}}}"#
+        ))
+    };
+    let plain = shop.read("a.gltf", material("")).expect("plain");
+    assert_eq!(plain.materials[0].base_color, [0.5, 0.25, 1.0]);
+    assert!((plain.materials[0].roughness - 0.25).abs() < 1e-6 && plain.images.is_empty(), "{}", plain.warnings);
+    let texture = r#","diffuseTexture":{"index":0},"specularGlossinessTexture":{"index":1}"#;
+    let leaf = shop.read("a.gltf", material(texture)).expect("leaf");
+    assert_eq!((leaf.materials[0].maps.color, leaf.images.len()), (Some(0), 1));
+    assert_eq!(leaf.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"], "{}", leaf.warnings);
+}
+
 #[test]
 fn quantized_and_sparse_positions() {
     let shop = Shop::new();

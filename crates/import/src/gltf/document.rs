@@ -12,7 +12,7 @@ use osier_base::files::{Encoding, decode};
 use osier_base::limits::grouped;
 
 /// Extensions that are read, or that change only the appearance and may be ignored.
-const SUPPORTED_EXTENSIONS: [&str; 17] = [
+const SUPPORTED_EXTENSIONS: [&str; 18] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "KHR_lights_punctual",
@@ -23,6 +23,7 @@ const SUPPORTED_EXTENSIONS: [&str; 17] = [
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_iridescence",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
@@ -122,6 +123,10 @@ impl GltfDocument {
         };
         check_required_extensions(context, top)?;
         check_position_accessors(context, top)?;
+        if read_specular_glossiness(top) {
+            let what = "holds pictures of specular colour and glossiness; they are not read, the roughness is 1 - glossinessFactor";
+            context.warn("X016", what);
+        }
         // Removed before validation: a fault in them must not refuse the mesh.
         if top.remove("animations").is_some() {
             context.warn("X016", "holds animations; they are not read");
@@ -212,6 +217,34 @@ fn check_position_accessors(context: &ImportContext<'_>, top: &Map<String, Value
         }
     }
     Ok(())
+}
+
+/// Gives materials that only KHR_materials_pbrSpecularGlossiness describes, as Sketchfab and other programs wrote them, the base colour
+/// and the roughness that it has. Returns whether one of them also has a picture of specular colour and glossiness.
+/// Source: KHR_materials_pbrSpecularGlossiness, whose defaults are a white diffuse colour and a glossiness of 1.
+fn read_specular_glossiness(top: &mut Map<String, Value>) -> bool {
+    let mut has_pictures = false;
+    let materials = top.get_mut("materials").and_then(Value::as_array_mut);
+    for material in materials.into_iter().flatten() {
+        let given = material.pointer("/extensions/KHR_materials_pbrSpecularGlossiness").cloned();
+        let (Some(given), Some(material)) = (given, material.as_object_mut()) else { continue };
+        // Beside it a file may describe the same material by base colour and roughness, which are read with all their pictures.
+        if material.contains_key("pbrMetallicRoughness") {
+            continue;
+        }
+        let glossiness = given.get("glossinessFactor").and_then(Value::as_f64).unwrap_or(1.0);
+        let mut pbr = Map::new();
+        pbr.insert("roughnessFactor".to_owned(), Value::from((1.0 - glossiness).clamp(0.0, 1.0)));
+        pbr.insert("metallicFactor".to_owned(), Value::from(0.0));
+        for (from, to) in [("diffuseFactor", "baseColorFactor"), ("diffuseTexture", "baseColorTexture")] {
+            if let Some(value) = given.get(from) {
+                pbr.insert(to.to_owned(), value.clone());
+            }
+        }
+        has_pictures |= given.get("specularGlossinessTexture").is_some();
+        material.insert("pbrMetallicRoughness".to_owned(), Value::Object(pbr));
+    }
+    has_pictures
 }
 
 /// Index and value of the entries of a top-level array.
