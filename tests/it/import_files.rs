@@ -424,6 +424,27 @@ fn specular_glossiness_is_read_as_colour_and_roughness() {
     assert_eq!(leaf.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"], "{}", leaf.warnings);
 }
 
+/// A material with a normal map alone uses the set and the transform of that map; where two maps have different ones, those of the
+/// colour count, with a warning.
+#[test]
+fn texture_coordinates_are_those_of_the_maps() {
+    let shop = picture_shop();
+    let transform = r#""extensions":{"KHR_texture_transform":{"scale":[4,4]}}"#;
+    let color = r#""pbrMetallicRoughness":{"baseColorTexture":{"index":0}}"#;
+    // The second corner, at (1, 0) of the first set and (0.5, 0) of the second: v is 1 there, since glTF counts it downwards.
+    for (material, wanted, told) in [
+        (r#"{"normalTexture":{"index":1,"texCoord":1}}"#.to_owned(), 0.5, 0),
+        (format!(r#"{{"normalTexture":{{"index":1,{transform}}}}}"#), 4.0, 0),
+        (format!(r#"{{{color},"normalTexture":{{"index":1,{transform}}}}}"#), 1.0, 1),
+        (format!(r#"{{{color},"normalTexture":{{"index":1,"extensions":{{"KHR_texture_transform":{{}}}}}}}}"#), 1.0, 0),
+    ] {
+        let leaf = shop.read("a.gltf", textured(&material)).expect("leaf");
+        assert_eq!(leaf.mesh.uvs[1], Vec2::new(wanted, 1.0), "{material}");
+        let codes: Vec<&str> = leaf.warnings.diagnostics.iter().map(|d| d.code).collect();
+        assert_eq!(codes, vec!["X016"; told], "{material}: {}", leaf.warnings);
+    }
+}
+
 #[test]
 fn quantized_and_sparse_positions() {
     let shop = Shop::new();

@@ -41,13 +41,24 @@ pub(super) struct InstanceAccessors {
     pub(super) scale: Option<usize>,
 }
 
-/// A texture transform: offset, rotation (rad), scale, set of coordinates.
+/// Places of the maps that are read within a material; the first one's texture coordinates count.
+const MAPS: [&str; 3] =
+    ["/pbrMetallicRoughness/baseColorTexture", "/normalTexture", "/pbrMetallicRoughness/metallicRoughnessTexture"];
+
+/// A texture transform: offset, rotation (rad), scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct UvTransform {
     pub(super) offset: [f64; 2],
     pub(super) rotation: f64,
     pub(super) scale: [f64; 2],
-    pub(super) set: Option<u32>,
+}
+
+/// The set of texture coordinates that a map uses, and how they are transformed.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct TextureCoordinates {
+    pub(super) set: u32,
+    /// `None` where nothing changes.
+    pub(super) transform: Option<UvTransform>,
 }
 
 /// Where the compressed bytes of a buffer view are (EXT_meshopt_compression).
@@ -70,8 +81,8 @@ pub(super) struct GltfDocument {
     pub(super) root: Root,
     /// Accessors of EXT_mesh_gpu_instancing, by index of the node whose mesh they multiply.
     pub(super) instance_accessors: BTreeMap<usize, InstanceAccessors>,
-    /// Transform of the base colour texture, by index of the material.
-    pub(super) uv_transforms: BTreeMap<usize, UvTransform>,
+    /// Texture coordinates of the maps of a material, by its index.
+    pub(super) texture_coordinates: BTreeMap<usize, TextureCoordinates>,
     /// Index of refraction by KHR_materials_ior, by index of the material.
     pub(super) iors: BTreeMap<usize, f64>,
     /// Share of diffuse light that is transmitted, by index of the material.
@@ -132,7 +143,7 @@ impl GltfDocument {
             context.warn("X016", "holds animations; they are not read");
         }
         let instance_accessors = entries(top, "nodes").filter_map(|(i, n)| Some((i, instance_accessors(n)?))).collect();
-        let uv_transforms = entries(top, "materials").filter_map(|(i, m)| Some((i, uv_transform(m)?))).collect();
+        let texture_coordinates = coordinates_of_materials(context, top);
         let ior = |m: &Value| m.pointer("/extensions/KHR_materials_ior/ior")?.as_f64();
         let iors = entries(top, "materials").filter_map(|(i, m)| Some((i, ior(m)?))).collect();
         let translucency =
@@ -148,7 +159,7 @@ impl GltfDocument {
             Ok(gltf) => gltf.document.into_json(),
             Err(e) => return Err(validation_error(context, e)),
         };
-        Ok(Some(Self { root, instance_accessors, uv_transforms, iors, translucencies, compressed_views }))
+        Ok(Some(Self { root, instance_accessors, texture_coordinates, iors, translucencies, compressed_views }))
     }
 }
 
@@ -276,14 +287,49 @@ fn compressed_view(view: &Value) -> Option<CompressedView> {
     })
 }
 
-/// KHR_texture_transform of the base colour texture.
-fn uv_transform(material: &Value) -> Option<UvTransform> {
-    let t = material.pointer("/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform")?;
+/// Texture coordinates by index of the material. A mesh has one set: where the maps of a material have different ones, those of the first
+/// count (X016).
+fn coordinates_of_materials(
+    context: &mut ImportContext<'_>,
+    top: &Map<String, Value>,
+) -> BTreeMap<usize, TextureCoordinates> {
+    let mut of_materials = BTreeMap::new();
+    let mut unequal = Vec::new();
+    for (i, material) in entries(top, "materials") {
+        let mut maps = MAPS.iter().filter_map(|map| material.pointer(map)).map(texture_coordinates);
+        let Some(first) = maps.next() else { continue };
+        if maps.any(|other| other != first) {
+            unequal.push(i);
+        }
+        of_materials.insert(i, first);
+    }
+    if let Some(first) = unequal.first() {
+        let n = unequal.len();
+        let what = format_args!(
+            "holds {n} materials whose maps have different texture coordinates, the first is materials[{first}]; \
+             all maps of a material get those of its colour, or of its normals where it has no picture of its colour"
+        );
+        context.warn("X016", what);
+    }
+    of_materials
+}
+
+/// Set and transform of the texture coordinates of a map.
+/// Source: KHR_texture_transform, whose `texCoord` counts more than that of the map.
+fn texture_coordinates(map: &Value) -> TextureCoordinates {
+    let set_of = |v: &Value| v.get("texCoord").and_then(Value::as_u64).and_then(|n| u32::try_from(n).ok());
+    let given = map.pointer("/extensions/KHR_texture_transform");
+    let set = given.and_then(set_of).or_else(|| set_of(map)).unwrap_or(0);
+    let unchanged = UvTransform { offset: [0.0; 2], rotation: 0.0, scale: [1.0; 2] };
+    TextureCoordinates { set, transform: given.map(uv_transform).filter(|t| *t != unchanged) }
+}
+
+/// Offset, rotation and scale of KHR_texture_transform.
+fn uv_transform(given: &Value) -> UvTransform {
     let pair = |key: &str, default: f64| {
-        let at = |i: usize| t.get(key).and_then(|v| v.get(i)).and_then(Value::as_f64).unwrap_or(default);
+        let at = |i: usize| given.get(key).and_then(|v| v.get(i)).and_then(Value::as_f64).unwrap_or(default);
         [at(0), at(1)]
     };
-    let rotation = t.get("rotation").and_then(Value::as_f64).unwrap_or(0.0);
-    let set = t.get("texCoord").and_then(Value::as_u64).and_then(|n| u32::try_from(n).ok());
-    Some(UvTransform { offset: pair("offset", 0.0), rotation, scale: pair("scale", 1.0), set })
+    let rotation = given.get("rotation").and_then(Value::as_f64).unwrap_or(0.0);
+    UvTransform { offset: pair("offset", 0.0), rotation, scale: pair("scale", 1.0) }
 }
