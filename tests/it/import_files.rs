@@ -228,20 +228,34 @@ fn forms_of_a_library_that_are_not_read_are_left_out_with_a_warning() {
 }
 
 #[test]
-fn maps_and_options_of_a_library_that_are_not_read_are_told() {
+fn maps_of_a_library_that_are_not_read_are_told() {
     let shop = Shop::new();
-    let lines =
-        "map_Bump -bm 1.0 n.png\nNs 250\nPr 0.25\nmap_Pr r.png\nmap_Kd -s 4 4 1 leaf.png\nmap_d -s 1 1 1 leaf.png\n";
+    let lines = "map_Bump -bm 1.0 n.png\nNs 250\nPr 0.25\nmap_Pr r.png\nmap_Kd -s 4 4 1 leaf.png\nmap_d leaf.png\n";
     shop.put("leaf.mtl", format!("newmtl Green Leaf\n{lines}"));
     shop.put("leaf.png", png(1, 1, png::ColorType::Rgb, &[10, 20, 30]));
     let leaf = shop.read("leaf.obj", LEAF).expect("leaf");
     let told: Vec<&str> = leaf.warnings.diagnostics.iter().map(|d| d.code).collect();
     assert_eq!(told, ["X016"; 3], "{}", leaf.warnings);
-    for place in ["leaf.mtl:2:1", "leaf.mtl:5:1", "leaf.mtl:6:1"] {
+    // Two maps that are not read, and a mask without the scale of the first map.
+    for place in ["leaf.mtl:2:1", "leaf.mtl:5:1", "leaf.mtl:7:1"] {
         assert!(leaf.warnings.to_string().contains(place), "{place}: {}", leaf.warnings);
     }
-    // The roughness is that of Pr: Ns would be (2 / (250 + 2))^(1/4) = 0.298.
+    // The roughness is that of Pr, not of Ns.
     assert_eq!(leaf.materials[0].roughness, 0.25);
+}
+
+/// Blender writes the scale and location of a node Mapping as the options -s and -o of a map; a texture that repeats four times was
+/// stretched over the leaf.
+#[test]
+fn options_of_a_map_scale_and_move_it() {
+    let shop = Shop::new();
+    shop.put("leaf.mtl", "newmtl Green Leaf\nmap_Kd -s 4 2 1 -o 0.5 0.25 0 leaf.png\n");
+    shop.put("leaf.png", png(1, 1, png::ColorType::Rgb, &[10, 20, 30]));
+    let leaf = shop.read("leaf.obj", LEAF).expect("leaf");
+    assert!(leaf.warnings.diagnostics.is_empty(), "{}", leaf.warnings);
+    for (point, uv) in leaf.mesh.points.iter().zip(&leaf.mesh.uvs) {
+        assert_eq!(*uv, Vec2::new(4.0 * point.x + 0.5, 2.0 * point.y + 0.25));
+    }
 }
 
 #[test]

@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use glam::Vec2;
+
 use super::tokens::{ObjToken, lines, plain, rest, tokens};
 use super::{CheckedText, SyntaxError, text};
 use crate::images::{self, DecodedImage};
@@ -23,6 +25,8 @@ pub(super) struct MaterialLibraries {
     described: BTreeSet<String>,
     /// Name and bytes of images by material and statement.
     images: BTreeMap<(String, &'static str), (String, Vec<u8>)>,
+    /// Where the maps of a material lie, by its name; absent without maps.
+    placements: BTreeMap<String, MapPlacement>,
     /// Bytes of `images` together, which the limit `mesh-bytes` bounds.
     image_bytes: u64,
 }
@@ -90,7 +94,7 @@ impl MaterialLibraries {
                 checked.report(context, syntax_error);
                 continue;
             }
-            if let Some(warning) = unread_map(key, rest) {
+            if let Some(warning) = unread_map(key) {
                 checked.report(context, warning);
             }
             // The lines up to the next `newmtl` describe this material.
@@ -99,6 +103,14 @@ impl MaterialLibraries {
                 self.described.insert(material.clone());
             }
             let Some(map) = MAP_STATEMENTS.into_iter().find(|m| *m == key.text) else { continue };
+            // A mesh has one set of texture coordinates, so that the first map of a material decides.
+            let placement = MapPlacement::of(rest.text);
+            if *self.placements.entry(material.clone()).or_insert(placement) != placement {
+                let message =
+                    format!("the options -s and -o of {:?} differ from those of the material's first map", key.text);
+                let help = "the first map's are used for all; give all maps of a material the same";
+                checked.report(context, SyntaxError { code: "X016", ..key.syntax_error(message, help) });
+            }
             let token = map_file(rest);
             let limit = context.options.limits.get("mesh-bytes").saturating_sub(self.image_bytes);
             match context.options.roots.read(path, token.text, limit) {
@@ -130,8 +142,8 @@ fn unread_form(key: ObjToken<'_>, rest: ObjToken<'_>) -> Option<SyntaxError> {
     is_unread.then(|| SyntaxError { code: "X016", ..key.syntax_error(message, help) })
 }
 
-/// The warning about a map that is not read although a material has its property, or that is read without its options.
-fn unread_map(key: ObjToken<'_>, rest: ObjToken<'_>) -> Option<SyntaxError> {
+/// The warning about a map that is not read although a material has its property.
+fn unread_map(key: ObjToken<'_>) -> Option<SyntaxError> {
     let (message, help) = match key.text {
         "map_Bump" | "map_bump" | "bump" => {
             (format!("{:?} is not read", key.text), "write \"norm\" if the picture holds normals in tangent space")
@@ -140,29 +152,46 @@ fn unread_map(key: ObjToken<'_>, rest: ObjToken<'_>) -> Option<SyntaxError> {
             format!("{:?} is not read; the roughness is that of Ns or Pr", key.text),
             "export the mesh as glTF to keep the picture",
         ),
-        "map_Kd" | "map_d" | "norm" if is_moved(rest.text) => (
-            format!("the options -s and -o of {:?} are not read", key.text),
-            "scale and move the texture coordinates instead, or export the mesh as glTF",
-        ),
         _ => return None,
     };
     Some(SyntaxError { code: "X016", ..key.syntax_error(message, help) })
 }
 
-/// Whether the options of a map line scale it (`-s`) by anything but 1 or move it (`-o`) by anything but 0.
-fn is_moved(options: &str) -> bool {
-    // The number that changes nothing, while numbers of such an option follow.
-    let mut neutral: Option<f64> = None;
-    for word in options.split_whitespace() {
-        match (word, number(word)) {
-            ("-s", _) => neutral = Some(1.0),
-            ("-o", _) => neutral = Some(0.0),
-            (_, Ok(value)) if neutral.is_some_and(|n| (value - n).abs() > 1e-6) => return true,
-            (_, Ok(_)) => {}
-            _ => neutral = None,
+/// Where the maps of a material lie on a mesh: texture coordinates times `scale` plus `offset`, the options `-s` and `-o` of a map.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct MapPlacement {
+    scale: Vec2,
+    offset: Vec2,
+}
+
+impl MapPlacement {
+    /// Maps that lie as the texture coordinates say.
+    const UNCHANGED: Self = Self { scale: Vec2::ONE, offset: Vec2::ZERO };
+
+    /// The options before the file name of a map line; up to three numbers follow each, of which the third is for solid textures.
+    fn of(options: &str) -> Self {
+        let (mut scale, mut offset) = ([1.0, 1.0], [0.0, 0.0]);
+        let (mut option, mut next) = ("", 0);
+        for word in options.split_whitespace() {
+            match (option, number(word)) {
+                (_, Err(_)) => (option, next) = (word, 0),
+                ("-s" | "-o", Ok(value)) => {
+                    let numbers = if option == "-s" { &mut scale } else { &mut offset };
+                    if let Some(slot) = numbers.get_mut(next) {
+                        *slot = math::narrow(value);
+                    }
+                    next += 1;
+                }
+                _ => {}
+            }
         }
+        Self { scale: Vec2::from_array(scale), offset: Vec2::from_array(offset) }
     }
-    false
+
+    /// Texture coordinates of a mesh at which the maps lie as they should.
+    pub(super) fn apply(self, uv: Vec2) -> Vec2 {
+        if self == Self::UNCHANGED { uv } else { uv * self.scale + self.offset }
+    }
 }
 
 /// Checks a line: numbers are finite and as many as the statement needs, names are present.
@@ -261,6 +290,12 @@ impl<'l> ObjMaterials<'l> {
         Ok(table_index(index))
     }
 
+    /// Where the maps of the material that `tobj` numbers `id` lie.
+    pub(super) fn placement(&self, id: Option<usize>) -> MapPlacement {
+        let given = id.and_then(|i| self.given.get(i)).and_then(|g| self.library.placements.get(&g.name));
+        given.copied().unwrap_or(MapPlacement::UNCHANGED)
+    }
+
     /// Sets a material's values and maps from those of `tobj`.
     fn convert_material(
         &mut self,
@@ -276,7 +311,7 @@ impl<'l> ObjMaterials<'l> {
             let alpha = (2.0 / (n.max(0.0) + 2.0)).sqrt();
             material.roughness = alpha.sqrt().clamp(0.05, 1.0);
         }
-        // The roughness itself, which Blender and other programs write beside Ns.
+        // The roughness itself, which Blender and other programs write in place of Ns or beside it.
         if let Some(roughness) = given.unknown_param.get("Pr").and_then(|p| number(p.split_whitespace().next()?).ok()) {
             material.roughness = math::narrow(roughness.clamp(0.0, 1.0));
         }
@@ -358,12 +393,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn options_that_move_a_map_are_found() {
-        for line in ["-s 4 4 1 a.png", "-clamp on -o 0.5 a.png", "-s 1 1 1 -o 0 0.25 0 a.png"] {
-            assert!(is_moved(line), "{line}");
-        }
-        for line in ["a.png", "-s 1 1 1 -o 0 0 0 a.png", "-s 1 1 1 4.png", "-bm 0.2 a 4.png"] {
-            assert!(!is_moved(line), "{line}");
+    fn options_place_a_map() {
+        let at = |options: &str| MapPlacement::of(options).apply(Vec2::new(0.5, 0.25));
+        for (options, u, v) in [
+            ("a.png", 0.5, 0.25),
+            ("-s 4 2 1 a.png", 2.0, 0.5),
+            ("-s 2 4.png", 1.0, 0.25),
+            ("-clamp on -o 0.5 a 4.png", 1.0, 0.25),
+            ("-bm 0.2 -s 2 2 2 -o 1 -1 0 4.png", 2.0, -0.5),
+        ] {
+            assert_eq!(at(options), Vec2::new(u, v), "{options}");
         }
     }
 
