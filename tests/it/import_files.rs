@@ -223,8 +223,8 @@ fn forms_of_a_library_that_are_not_read_are_left_out_with_a_warning() {
     let told: Vec<&str> = leaf.warnings.diagnostics.iter().map(|d| d.code).collect();
     assert_eq!(told, ["X016"; 3], "{}", leaf.warnings);
     assert!(leaf.warnings.to_string().contains("leaf.mtl:2:1"), "{}", leaf.warnings);
-    // The lines that are read count: roughness (2 / (30 + 2))^(1/4).
-    assert!((leaf.materials[0].roughness - 0.5).abs() < 1e-6);
+    // The lines that are read count: roughness 1 - (30 / 1000)^(1/2).
+    assert!((leaf.materials[0].roughness - 0.826_795).abs() < 1e-5);
 }
 
 #[test]
@@ -242,6 +242,18 @@ fn maps_of_a_library_that_are_not_read_are_told() {
     }
     // The roughness is that of Pr, not of Ns.
     assert_eq!(leaf.materials[0].roughness, 0.25);
+}
+
+/// Blender 5.0 writes the roughness 0.35 as Ns 422.499969, and the OBJ that osier writes of the roughness 0.6 has Ns 160.
+#[test]
+fn roughness_is_that_of_blender_and_of_our_own_files() {
+    let shop = Shop::new();
+    for (ns, roughness) in [("422.499969", 0.35), ("160", 0.6), ("0", 1.0), ("1000", 0.05), ("-1", 1.0), ("5000", 0.05)]
+    {
+        shop.put("leaf.mtl", format!("newmtl Green Leaf\nNs {ns}\n"));
+        let leaf = shop.read("leaf.obj", LEAF).expect("leaf");
+        assert!((leaf.materials[0].roughness - roughness).abs() < 1e-5, "{ns}: {}", leaf.materials[0].roughness);
+    }
 }
 
 /// Blender writes the scale and location of a node Mapping as the options -s and -o of a map; a texture that repeats four times was

@@ -306,10 +306,9 @@ impl<'l> ObjMaterials<'l> {
         if let Some(kd) = given.diffuse {
             material.base_color = kd.map(|c| c.clamp(0.0, 1.0));
         }
-        // Blinn-Phong exponent to GGX roughness: alpha^2 = 2 / (n + 2), alpha = roughness^2.
+        // Ns = 1000 (1 - roughness)^2, as Blender and osier itself write it.
         if let Some(n) = given.shininess {
-            let alpha = (2.0 / (n.max(0.0) + 2.0)).sqrt();
-            material.roughness = alpha.sqrt().clamp(0.05, 1.0);
+            material.roughness = (1.0 - (n.clamp(0.0, 1000.0) / 1000.0).sqrt()).clamp(0.05, 1.0);
         }
         // The roughness itself, which Blender and other programs write in place of Ns or beside it.
         if let Some(roughness) = given.unknown_param.get("Pr").and_then(|p| number(p.split_whitespace().next()?).ok()) {
