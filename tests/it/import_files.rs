@@ -450,6 +450,27 @@ fn specular_glossiness_is_read_as_colour_and_roughness() {
     assert_eq!(leaf.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"], "{}", leaf.warnings);
 }
 
+/// The alpha of a picture counts where a material is cut out or blended, and is left out where it is opaque, as glTF has it.
+#[test]
+fn opaque_materials_have_pictures_without_alpha() {
+    let shop = picture_shop();
+    shop.put("color.png", png(2, 1, png::ColorType::Rgba, &[10, 20, 30, 0, 40, 50, 60, 255]));
+    let opaque: &[u8] = &[10, 20, 30, 40, 50, 60];
+    let cut: &[u8] = &[10, 20, 30, 0, 40, 50, 60, 255];
+    for (mode, channels, wanted, cutoff) in [
+        ("", 3, opaque, None),
+        (r#","alphaMode":"OPAQUE""#, 3, opaque, None),
+        (r#","alphaMode":"MASK","alphaCutoff":0.25"#, 4, cut, Some(0.25)),
+        (r#","alphaMode":"BLEND""#, 4, cut, Some(0.5)),
+    ] {
+        let material = format!(r#"{{"pbrMetallicRoughness":{{"baseColorTexture":{{"index":0}}}}{mode}}}"#);
+        let leaf = shop.read("a.gltf", textured(&material)).expect("leaf");
+        let image = &leaf.images[0];
+        let osier::scene::Pixels::U8(pixels) = &image.pixels else { panic!("8 bit") };
+        assert_eq!((image.channels, &pixels[..], leaf.materials[0].alpha_cutoff), (channels, wanted, cutoff), "{mode}");
+    }
+}
+
 /// A material with a normal map alone uses the set and the transform of that map; where two maps have different ones, those of the
 /// colour count, with a warning.
 #[test]

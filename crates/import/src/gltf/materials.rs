@@ -83,7 +83,9 @@ impl<'a> GltfMaterials<'a> {
             && let Some((image, channels)) = self.decoded_image(context, texture.index.value())?
         {
             material.alpha_cutoff = alpha_cutoff(given).filter(|_| channels == 4);
-            material.maps.color = self.store_map(context, image, MapUse::color([r, g, b, a]), &name)?;
+            // The alpha of an opaque material says nothing; renderers that read it from the picture would show holes.
+            let opaque = channels == 4 && material.alpha_cutoff.is_none();
+            material.maps.color = self.store_map(context, image, MapUse::color([r, g, b, a], opaque), &name)?;
         }
         if let Some(texture) = &pbr.metallic_roughness_texture
             && let Some((image, _)) = self.decoded_image(context, texture.index.value())?
