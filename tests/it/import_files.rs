@@ -122,6 +122,18 @@ fn colors_at_vertices_of_an_obj_are_srgb() {
     assert!(near(colors[1], [0.0, 0.0, 0.0, 1.0]) && near(colors[2], [1.0; 4]), "{colors:?}");
 }
 
+/// Blender writes colours for the vertices of objects that have them alone; the other objects of the file are white.
+#[test]
+fn objects_without_colors_are_white_beside_coloured_ones() {
+    let text = "o A\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no B\nv 0 0 1 1 0 0\nv 1 0 1 1 0 0\nv 0 1 1 1 0 0\nf 4 5 6\n";
+    let mesh = Shop::new().read("two.obj", text).expect("two objects").mesh;
+    assert_eq!((mesh.points.len(), mesh.colors.len()), (6, 6));
+    for (point, color) in mesh.points.iter().zip(&mesh.colors) {
+        let wanted = if point.z > 0.5 { [1.0, 0.0, 0.0, 1.0] } else { [1.0; 4] };
+        assert!(color.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-5), "{point} {color:?}");
+    }
+}
+
 /// A missing library, none at all, and one without the second material: every material has its name and its triangle.
 #[test]
 fn materials_without_a_library_keep_their_names() {
@@ -185,7 +197,7 @@ fn every_broken_line_of_an_obj_is_named() {
         ("NUL", "v 0 0\0 0\n".into()),
         ("no faces", "v 1 1 1\n".into()),
         ("no area", "f 1 1 2\n".into()),
-        ("colour on some", "v 1 1 1 1 0 0\nf 1 2 3\n".into()),
+        ("colour beside a weight", "v 1 1 1 2\nv 1 1 1 1 0 0\nf 1 2 3\n".into()),
     ];
     let shop = Shop::new();
     let mut all = String::new();

@@ -42,7 +42,7 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
     library.add_undescribed(&scan.materials);
     // Materials are known from the first line on, whether or not the text names a library.
     let plain = tokens::plain(&text);
-    let plain = if scan.needs_rewrite { tokens::for_tobj(&plain) } else { plain };
+    let plain = if scan.needs_rewrite { tokens::for_tobj(&plain, scan.lacks_colors) } else { plain };
     let mut with_library = "mtllib all\n".as_bytes().chain(plain.as_bytes());
     let options = tobj::LoadOptions { single_index: true, triangulate: false, ..tobj::LoadOptions::default() };
     // All libraries are handed over at the first `mtllib`, which is ours, none again at the others; nothing is opened.

@@ -20,14 +20,17 @@ pub(super) struct ObjSummary {
     pub(super) materials: BTreeSet<String>,
     /// Whether `tobj` would read the text wrongly: [`super::tokens::for_tobj`] mends it.
     pub(super) needs_rewrite: bool,
+    /// Whether some vertices have a colour and others none.
+    pub(super) lacks_colors: bool,
 }
 
-/// Numbers of elements so far; `colored`: vertices with a colour, `faceless`: faces of fewer than three corners; `forms_differ`:
-/// some faces have texture coordinates or normals, others do not.
+/// Numbers of elements so far; `colored`, `weighted`: vertices with a colour, with a weight; `faceless`: faces of fewer than three
+/// corners; `forms_differ`: some faces have texture coordinates or normals, others do not.
 #[derive(Default)]
 struct ObjCounts {
     vertices: u64,
     colored: u64,
+    weighted: u64,
     uvs: u64,
     normals: u64,
     triangles: u64,
@@ -89,12 +92,14 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
     }
     context.limit("vertices", counts.vertices.max(counts.uvs).max(counts.normals))?;
     context.limit("triangles", counts.triangles)?;
-    if counts.colored != 0 && counts.colored != counts.vertices {
+    // Vertices of objects without colours are white beside coloured ones.
+    let lacks_colors = counts.colored != 0 && counts.colored != counts.vertices;
+    if lacks_colors && counts.weighted > 0 {
         let (some, all) = (counts.colored, counts.vertices);
         return Err(Box::new(
             context
-                .error_about_file("X010", format_args!("gives {some} of {all} vertices a colour"))
-                .help("colour all of them or none"),
+                .error_about_file("X010", format_args!("gives {some} of {all} vertices a colour, and others a weight"))
+                .help("colour all of them, or leave the weights out"),
         ));
     }
     if counts.faceless > 0 {
@@ -105,8 +110,8 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
         let n = counts.points + counts.lines;
         context.warn("X016", format_args!("holds {n} points or lines, which are no faces; they are left out"));
     }
-    let needs_rewrite = counts.forms_differ || counts.lines > 0 || indented;
-    Ok((errors == 0).then_some(ObjSummary { libraries, materials, needs_rewrite }))
+    let needs_rewrite = counts.forms_differ || counts.lines > 0 || indented || lacks_colors;
+    Ok((errors == 0).then_some(ObjSummary { libraries, materials, needs_rewrite, lacks_colors }))
 }
 
 /// Checks that as many numbers follow as allowed; returns how many.
@@ -149,6 +154,7 @@ fn vertex<'a>(
             {
                 return Err(w.syntax_error("a vertex cannot be divided by 0", "remove the fourth number"));
             }
+            counts.weighted += 1;
         }
         5 => return Err(key.syntax_error("5 numbers are no vertex", "write x y z, x y z w, or x y z r g b")),
         6 => counts.colored += 1,

@@ -67,8 +67,9 @@ impl CornerForm {
 /// A plain text as `tobj` reads it right. Lines (`l`) are left out, because `tobj` makes faces of them. An object begins anew
 /// before a face whose corners have another form than those of the face before: `tobj` lists the texture coordinates and normals of
 /// an object without gaps, so that those of an object with and without them would belong to other vertices. Nothing is indented,
-/// since `tobj` counts blanks before `usemtl` and `o` as a part of the name.
-pub(super) fn for_tobj(plain: &str) -> String {
+/// since `tobj` counts blanks before `usemtl` and `o` as a part of the name. With `fill_colors` vertices without a colour are white,
+/// since `tobj` takes colours for all vertices or for none.
+pub(super) fn for_tobj(plain: &str, fill_colors: bool) -> String {
     let mut text = String::with_capacity(plain.len());
     let (mut object, mut last) = ("o", None);
     for (_, line) in lines(plain) {
@@ -88,6 +89,9 @@ pub(super) fn for_tobj(plain: &str) -> String {
             _ => {}
         }
         text.push_str(line);
+        if fill_colors && line.starts_with("v ") && line.split_whitespace().count() == 4 {
+            text.push_str(" 1 1 1");
+        }
         text.push('\n');
     }
     text
@@ -127,7 +131,8 @@ mod tests {
     fn a_text_for_tobj_has_one_form_of_corners_in_each_object() {
         let plain = "  o Leaf\nl 1 2 3\nf 1 2 3\nf 3 2 1\nf 1/1 2/2 3/3\nf 1//1 2//2 3//3\no Bark\nf 1 2 3\n";
         let wanted = "o Leaf\nf 1 2 3\nf 3 2 1\no Leaf\nf 1/1 2/2 3/3\no Leaf\nf 1//1 2//2 3//3\no Bark\nf 1 2 3\n";
-        assert_eq!(for_tobj(plain), wanted);
+        assert_eq!(for_tobj(plain, false), wanted);
+        assert_eq!(for_tobj("v 0 0 0\nv 1 0 0 0.5 0.5 0\n", true), "v 0 0 0 1 1 1\nv 1 0 0 0.5 0.5 0\n");
     }
 
     #[test]
