@@ -268,6 +268,22 @@ fn roughness_is_that_of_blender_and_of_our_own_files() {
     }
 }
 
+/// Blender writes absolute paths of pictures that lie elsewhere, which are refused: a picture of that name beside the library is read.
+#[test]
+fn pictures_of_absolute_paths_are_found_beside_the_library() {
+    let shop = Shop::new();
+    for path in ["/home/me/textures/my leaf.png", "C:\\art\\my leaf.png"] {
+        shop.put("leaf.mtl", format!("newmtl Green Leaf\nmap_Kd {path}\n"));
+        let refused = shop.complaint("leaf.obj", LEAF);
+        assert!(refused.contains("error[X009]") && refused.contains("put the picture beside this file"), "{refused}");
+        shop.put("my leaf.png", png(1, 1, png::ColorType::Rgb, &[10, 20, 30]));
+        let leaf = shop.read("leaf.obj", LEAF).expect("leaf");
+        assert_eq!((leaf.images.len(), leaf.materials[0].maps.color), (1, Some(0)));
+        assert_eq!(leaf.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"], "{}", leaf.warnings);
+        fs::remove_file(shop.dir.path().join("my leaf.png")).expect("remove");
+    }
+}
+
 /// Blender writes the scale and location of a node Mapping as the options -s and -o of a map; a texture that repeats four times was
 /// stretched over the leaf.
 #[test]

@@ -9,7 +9,7 @@ use super::tokens::{ObjToken, lines, plain, rest, tokens};
 use super::{CheckedText, SyntaxError, text};
 use crate::images::{self, DecodedImage};
 use crate::{ImportContext, ImportResult, table_index};
-use osier_base::files::{Names, ReadError, number};
+use osier_base::files::{Names, ReadError, ReferencedFile, number};
 use osier_base::math;
 use osier_scene::{Image, ImageKind, Material};
 
@@ -113,17 +113,53 @@ impl MaterialLibraries {
             }
             let token = map_file(rest);
             let limit = context.options.limits.get("mesh-bytes").saturating_sub(self.image_bytes);
-            match context.options.roots.read(path, token.text, limit) {
-                Ok(file) => {
+            match read_picture(context, path, token, limit) {
+                Ok((file, warning)) => {
+                    if let Some(warning) = warning {
+                        checked.report(context, warning);
+                    }
                     context.add_referenced_file(&file);
                     self.image_bytes += file.bytes.len() as u64;
                     self.images.insert((material.clone(), map), (token.text.to_owned(), file.bytes));
+                }
+                Err(error @ ReadError::Spelling { .. }) => {
+                    let help = "put the picture beside this file, or write its path relative to this file, with '/'";
+                    let error = SyntaxError { code: error.code(), ..token.syntax_error(error.to_string(), help) };
+                    checked.report(context, SyntaxError { label: "named here".into(), ..error });
                 }
                 Err(error) => checked.report_unreadable(context, token, &error),
             }
         }
         self.text.push_str(&read);
         self.text.push('\n');
+    }
+}
+
+/// Reads the picture that a map names. Blender writes absolute paths of pictures that lie elsewhere: in place of a path that is refused
+/// the picture of that name beside the library, or in a search folder, is read, with a warning.
+/// # Errors
+/// That of the path as it is written.
+fn read_picture(
+    context: &ImportContext<'_>,
+    library: &Path,
+    token: ObjToken<'_>,
+    limit: u64,
+) -> Result<(ReferencedFile, Option<SyntaxError>), ReadError> {
+    let error = match context.options.roots.read(library, token.text, limit) {
+        Ok(file) => return Ok((file, None)),
+        Err(error) => error,
+    };
+    let name = token.text.rsplit(['/', '\\']).next().unwrap_or_default();
+    if !matches!(error, ReadError::Spelling { .. }) || name == token.text {
+        return Err(error);
+    }
+    match context.options.roots.read(library, name, limit) {
+        Ok(file) => {
+            let message = format!("the folder of this picture is left out: {name:?} is read from beside this file");
+            let help = "write its path relative to this file, with '/'";
+            Ok((file, Some(SyntaxError { code: "X016", ..token.syntax_error(message, help) })))
+        }
+        Err(_) => Err(error),
     }
 }
 
