@@ -204,8 +204,8 @@ fn displaced_bark_leaves_a_young_trunk_as_thick_as_it_is() {
     assert!(number("scale") > 5e-4 && (number("midlevel") - 0.5).abs() < 1e-3, "{seen}");
 }
 
-/// The texture of a leaf ends at its edges, but repeats where the texture coordinates of an artist's mesh leave the square from 0 to
-/// 1; it was one colour there, that of its edge.
+/// The texture of a leaf ends at its edges, but repeats where the texture coordinates of an artist's mesh or of a blade of grass leave
+/// the square from 0 to 1; it had the colours of its edge there.
 #[test]
 fn textures_of_leaves_repeat_where_their_coordinates_do() {
     let (mut scene, _) = synthetic::scene();

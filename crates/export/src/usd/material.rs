@@ -46,9 +46,9 @@ pub(super) fn define_material(
     if coat.is_some() || maps.iter().any(Option::is_some) {
         define_st_reader(writer, path)?;
     }
-    // A blade shows its texture once, unless the texture coordinates of an artist's mesh repeat it; bark and ground repeat theirs.
-    let is_blade = matches!(m.class, MaterialClass::Leaf | MaterialClass::Catkin | MaterialClass::Water);
-    let once = is_blade && !cx.scene.repeats_textures(id);
+    // A leaf shows its texture once, unless its texture coordinates repeat it, as those of blades of grass; bark and ground repeat theirs.
+    let is_leaf = matches!(m.class, MaterialClass::Leaf | MaterialClass::Catkin | MaterialClass::Water);
+    let once = is_leaf && !cx.scene.repeats_textures(id);
     let named = ["color", "normal", "rough", "height"].into_iter().zip(maps);
     for (name, image) in named.filter_map(|(name, image)| image.map(|i| (name, i))) {
         let Some(image) = cx.scene.images.get(image as usize) else { continue };
