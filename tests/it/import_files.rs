@@ -170,6 +170,21 @@ fn axes_scale_and_text_forms() {
     assert!(matches!(shop.read("leaf.obj", LEAF), Err(Error::Range { .. })));
 }
 
+/// Land in the coordinates of a national grid: a kilometre at 5400 km from the origin, where 32-bit numbers have steps of half a metre.
+#[test]
+fn meshes_far_from_their_origin_are_told() {
+    let land = |east: f64, north: f64| {
+        let corners =
+            [(0.0, 0.0), (1000.0, 0.0), (0.0, 1000.0)].map(|(x, z)| format!("v {} 0 {}\n", east + x, north - z));
+        Shop::new().complaint("land.obj", format!("{}f 1 2 3\n", corners.concat()))
+    };
+    let told = land(450_000.25, 5_400_000.25);
+    assert!(told.contains("warning[X016]") && told.contains("5400000 units away"), "{told}");
+    for near in [land(0.0, 0.0), land(50_000.0, 20_000.0)] {
+        assert!(!near.contains("X016"), "{near}");
+    }
+}
+
 #[test]
 fn every_broken_line_of_an_obj_is_named() {
     let head = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
