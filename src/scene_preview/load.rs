@@ -122,7 +122,8 @@ impl PreviewScene {
         // The Blender profile is preferred; the web profile is used if the other was not written.
         let Some(path) = manifest.scene_glb(Profile::Blender).or_else(|| manifest.scene_glb(Profile::Web)) else {
             let message = format!("\"{}\" is a bake without a .glb of the whole scene", folder.display());
-            let help = "preview its scene file, or bake it again with --formats glb";
+            let help = "preview its scene file; a bake has such a file with format glb and profile web or blender, unless \
+                        all that the scene shows are moving points";
             return Err(Diagnostic::about("S001", message).help(help).into());
         };
         let path = folder.join(path);

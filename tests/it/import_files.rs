@@ -92,6 +92,26 @@ fn an_obj_leaf_with_its_material_and_picture() {
     assert_eq!(names, ["leaf.obj", "leaf.mtl", "leaf.png", "mask.png"]);
 }
 
+/// Faces with and without texture coordinates in one object, a line of four vertices and an indented `usemtl`: every vertex keeps its
+/// own coordinate, and the line makes no face.
+#[test]
+fn texture_coordinates_on_some_faces_and_a_line_between() {
+    let text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\nvt 0.25 0.5\nvt 1 0\nvt 1 1\nvt 0 1\n\
+                \tusemtl Green\nf 2 5 6 3\nl 1 2 5 6\nf 1/1 2/2 3/3 4/4\n";
+    let leaf = Shop::new().read("leaf.obj", text).expect("leaf");
+    let names: Vec<&str> = leaf.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!((names, leaf.mesh.triangles.len(), leaf.mesh.points.len()), (vec!["green"], 4, 8));
+    let uv_at = |place: Vec3| {
+        let i = leaf.mesh.points.iter().position(|p| *p == place).expect("vertex");
+        leaf.mesh.uvs[i]
+    };
+    assert_eq!((uv_at(Vec3::ZERO), uv_at(Vec3::Y)), (Vec2::new(0.25, 0.5), Vec2::Y));
+    assert_eq!((uv_at(Vec3::X * 2.0), uv_at(Vec3::new(2.0, 1.0, 0.0))), (Vec2::ZERO, Vec2::ZERO));
+    assert_eq!(leaf.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"], "{}", leaf.warnings);
+    let mixed = Shop::new().complaint("leaf.obj", text.replace("2/2 3/3", "2 3/3"));
+    assert!(mixed.contains("X010") && mixed.contains("leaf.obj:14:7"), "{mixed}");
+}
+
 /// Blender writes the linear colours 0.5, 0.25, 0.1 of a vertex as these sRGB ones; glTF holds linear ones.
 #[test]
 fn colors_at_vertices_of_an_obj_are_srgb() {
@@ -100,6 +120,18 @@ fn colors_at_vertices_of_an_obj_are_srgb() {
     let near = |found: [f32; 4], wanted: [f32; 4]| found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 2e-4);
     assert!(near(colors[0], [0.5, 0.25, 0.1, 1.0]), "{colors:?}");
     assert!(near(colors[1], [0.0, 0.0, 0.0, 1.0]) && near(colors[2], [1.0; 4]), "{colors:?}");
+}
+
+/// Blender writes colours for the vertices of objects that have them alone; the other objects of the file are white.
+#[test]
+fn objects_without_colors_are_white_beside_coloured_ones() {
+    let text = "o A\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no B\nv 0 0 1 1 0 0\nv 1 0 1 1 0 0\nv 0 1 1 1 0 0\nf 4 5 6\n";
+    let mesh = Shop::new().read("two.obj", text).expect("two objects").mesh;
+    assert_eq!((mesh.points.len(), mesh.colors.len()), (6, 6));
+    for (point, color) in mesh.points.iter().zip(&mesh.colors) {
+        let wanted = if point.z > 0.5 { [1.0, 0.0, 0.0, 1.0] } else { [1.0; 4] };
+        assert!(color.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-5), "{point} {color:?}");
+    }
 }
 
 /// A missing library, none at all, and one without the second material: every material has its name and its triangle.
@@ -138,6 +170,21 @@ fn axes_scale_and_text_forms() {
     assert!(matches!(shop.read("leaf.obj", LEAF), Err(Error::Range { .. })));
 }
 
+/// Land in the coordinates of a national grid: a kilometre at 5400 km from the origin, where 32-bit numbers have steps of half a metre.
+#[test]
+fn meshes_far_from_their_origin_are_told() {
+    let land = |east: f64, north: f64| {
+        let corners =
+            [(0.0, 0.0), (1000.0, 0.0), (0.0, 1000.0)].map(|(x, z)| format!("v {} 0 {}\n", east + x, north - z));
+        Shop::new().complaint("land.obj", format!("{}f 1 2 3\n", corners.concat()))
+    };
+    let told = land(450_000.25, 5_400_000.25);
+    assert!(told.contains("warning[X016]") && told.contains("5400000 units away"), "{told}");
+    for near in [land(0.0, 0.0), land(50_000.0, 20_000.0)] {
+        assert!(!near.contains("X016"), "{near}");
+    }
+}
+
 #[test]
 fn every_broken_line_of_an_obj_is_named() {
     let head = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
@@ -165,7 +212,7 @@ fn every_broken_line_of_an_obj_is_named() {
         ("NUL", "v 0 0\0 0\n".into()),
         ("no faces", "v 1 1 1\n".into()),
         ("no area", "f 1 1 2\n".into()),
-        ("colour on some", "v 1 1 1 1 0 0\nf 1 2 3\n".into()),
+        ("colour beside a weight", "v 1 1 1 2\nv 1 1 1 1 0 0\nf 1 2 3\n".into()),
     ];
     let shop = Shop::new();
     let mut all = String::new();
@@ -203,8 +250,67 @@ fn forms_of_a_library_that_are_not_read_are_left_out_with_a_warning() {
     let told: Vec<&str> = leaf.warnings.diagnostics.iter().map(|d| d.code).collect();
     assert_eq!(told, ["X016"; 3], "{}", leaf.warnings);
     assert!(leaf.warnings.to_string().contains("leaf.mtl:2:1"), "{}", leaf.warnings);
-    // The lines that are read count: roughness (2 / (30 + 2))^(1/4).
-    assert!((leaf.materials[0].roughness - 0.5).abs() < 1e-6);
+    // The lines that are read count: roughness 1 - (30 / 1000)^(1/2).
+    assert!((leaf.materials[0].roughness - 0.826_795).abs() < 1e-5);
+}
+
+#[test]
+fn maps_of_a_library_that_are_not_read_are_told() {
+    let shop = Shop::new();
+    let lines = "map_Bump -bm 1.0 n.png\nNs 250\nPr 0.25\nmap_Pr r.png\nmap_Kd -s 4 4 1 leaf.png\nmap_d leaf.png\n";
+    shop.put("leaf.mtl", format!("newmtl Green Leaf\n{lines}"));
+    shop.put("leaf.png", png(1, 1, png::ColorType::Rgb, &[10, 20, 30]));
+    let leaf = shop.read("leaf.obj", LEAF).expect("leaf");
+    let told: Vec<&str> = leaf.warnings.diagnostics.iter().map(|d| d.code).collect();
+    assert_eq!(told, ["X016"; 3], "{}", leaf.warnings);
+    // Two maps that are not read, and a mask without the scale of the first map.
+    for place in ["leaf.mtl:2:1", "leaf.mtl:5:1", "leaf.mtl:7:1"] {
+        assert!(leaf.warnings.to_string().contains(place), "{place}: {}", leaf.warnings);
+    }
+    // The roughness is that of Pr, not of Ns.
+    assert_eq!(leaf.materials[0].roughness, 0.25);
+}
+
+/// Blender 5.0 writes the roughness 0.35 as Ns 422.499969, and the OBJ that osier writes of the roughness 0.6 has Ns 160.
+#[test]
+fn roughness_is_that_of_blender_and_of_our_own_files() {
+    let shop = Shop::new();
+    for (ns, roughness) in [("422.499969", 0.35), ("160", 0.6), ("0", 1.0), ("1000", 0.05), ("-1", 1.0), ("5000", 0.05)]
+    {
+        shop.put("leaf.mtl", format!("newmtl Green Leaf\nNs {ns}\n"));
+        let leaf = shop.read("leaf.obj", LEAF).expect("leaf");
+        assert!((leaf.materials[0].roughness - roughness).abs() < 1e-5, "{ns}: {}", leaf.materials[0].roughness);
+    }
+}
+
+/// Blender writes absolute paths of pictures that lie elsewhere, which are refused: a picture of that name beside the library is read.
+#[test]
+fn pictures_of_absolute_paths_are_found_beside_the_library() {
+    let shop = Shop::new();
+    for path in ["/home/me/textures/my leaf.png", "C:\\art\\my leaf.png"] {
+        shop.put("leaf.mtl", format!("newmtl Green Leaf\nmap_Kd {path}\n"));
+        let refused = shop.complaint("leaf.obj", LEAF);
+        assert!(refused.contains("error[X009]") && refused.contains("put the picture beside this file"), "{refused}");
+        shop.put("my leaf.png", png(1, 1, png::ColorType::Rgb, &[10, 20, 30]));
+        let leaf = shop.read("leaf.obj", LEAF).expect("leaf");
+        assert_eq!((leaf.images.len(), leaf.materials[0].maps.color), (1, Some(0)));
+        assert_eq!(leaf.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"], "{}", leaf.warnings);
+        fs::remove_file(shop.dir.path().join("my leaf.png")).expect("remove");
+    }
+}
+
+/// Blender writes the scale and location of a node Mapping as the options -s and -o of a map; a texture that repeats four times was
+/// stretched over the leaf.
+#[test]
+fn options_of_a_map_scale_and_move_it() {
+    let shop = Shop::new();
+    shop.put("leaf.mtl", "newmtl Green Leaf\nmap_Kd -s 4 2 1 -o 0.5 0.25 0 leaf.png\n");
+    shop.put("leaf.png", png(1, 1, png::ColorType::Rgb, &[10, 20, 30]));
+    let leaf = shop.read("leaf.obj", LEAF).expect("leaf");
+    assert!(leaf.warnings.diagnostics.is_empty(), "{}", leaf.warnings);
+    for (point, uv) in leaf.mesh.points.iter().zip(&leaf.mesh.uvs) {
+        assert_eq!(*uv, Vec2::new(4.0 * point.x + 0.5, 2.0 * point.y + 0.25));
+    }
 }
 
 #[test]
@@ -344,6 +450,89 @@ fn a_skinned_mesh_stands_as_bound() {
         assert!((*found - Vec3::from_array(wanted)).length() < 1e-4, "{found} {wanted:?}");
     }
     assert_eq!(tree.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"]);
+}
+
+/// A triangle with the material `material`, whose images are `color.png` (0) and `other.png` (1), with two sets of texture coordinates:
+/// (0, 0), (1, 0), (0, 1) and the halves of these.
+fn textured(material: &str) -> String {
+    let mut data = floats(&CORNERS);
+    data.extend(floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]));
+    data.extend(floats(&[0.0, 0.0, 0.5, 0.0, 0.0, 0.5]));
+    let pictures = r#""images":[{"uri":"color.png"},{"uri":"other.png"}],"textures":[{"source":0},{"source":1}]"#;
+    document(&data, "", &format!(r#","materials":[{material}],{pictures}"#))
+        .replace(r#"{"POSITION":0}"#, r#"{"POSITION":0,"TEXCOORD_0":1,"TEXCOORD_1":2},"material":0"#)
+        .replace(
+            "}],\n\"bufferViews\":[",
+            r#"},{"bufferView":0,"byteOffset":36,"componentType":5126,"count":3,"type":"VEC2"},
+{"bufferView":0,"byteOffset":60,"componentType":5126,"count":3,"type":"VEC2"}],"bufferViews":["#,
+        )
+}
+
+fn picture_shop() -> Shop {
+    let shop = Shop::new();
+    shop.put("color.png", png(1, 1, png::ColorType::Rgb, &[10, 20, 30]));
+    shop.put("other.png", png(1, 1, png::ColorType::Rgb, &[128, 128, 255]));
+    shop
+}
+
+/// Materials of specular colour and glossiness, as Sketchfab wrote them, keep their picture, colour and roughness.
+#[test]
+fn specular_glossiness_is_read_as_colour_and_roughness() {
+    let shop = picture_shop();
+    let material = |more: &str| {
+        textured(&format!(
+            r#"{{"extensions":{{"KHR_materials_pbrSpecularGlossiness":{{"diffuseFactor":[0.5,0.25,1,1],"glossinessFactor":0.75{more}}}}}}}"#
+        ))
+    };
+    let plain = shop.read("a.gltf", material("")).expect("plain");
+    assert_eq!(plain.materials[0].base_color, [0.5, 0.25, 1.0]);
+    assert!((plain.materials[0].roughness - 0.25).abs() < 1e-6 && plain.images.is_empty(), "{}", plain.warnings);
+    let texture = r#","diffuseTexture":{"index":0},"specularGlossinessTexture":{"index":1}"#;
+    let leaf = shop.read("a.gltf", material(texture)).expect("leaf");
+    assert_eq!((leaf.materials[0].maps.color, leaf.images.len()), (Some(0), 1));
+    assert_eq!(leaf.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"], "{}", leaf.warnings);
+}
+
+/// The alpha of a picture counts where a material is cut out or blended, and is left out where it is opaque, as glTF has it.
+#[test]
+fn opaque_materials_have_pictures_without_alpha() {
+    let shop = picture_shop();
+    shop.put("color.png", png(2, 1, png::ColorType::Rgba, &[10, 20, 30, 0, 40, 50, 60, 255]));
+    let opaque: &[u8] = &[10, 20, 30, 40, 50, 60];
+    let cut: &[u8] = &[10, 20, 30, 0, 40, 50, 60, 255];
+    for (mode, channels, wanted, cutoff) in [
+        ("", 3, opaque, None),
+        (r#","alphaMode":"OPAQUE""#, 3, opaque, None),
+        (r#","alphaMode":"MASK","alphaCutoff":0.25"#, 4, cut, Some(0.25)),
+        (r#","alphaMode":"BLEND""#, 4, cut, Some(0.5)),
+    ] {
+        let material = format!(r#"{{"pbrMetallicRoughness":{{"baseColorTexture":{{"index":0}}}}{mode}}}"#);
+        let leaf = shop.read("a.gltf", textured(&material)).expect("leaf");
+        let image = &leaf.images[0];
+        let osier::scene::Pixels::U8(pixels) = &image.pixels else { panic!("8 bit") };
+        assert_eq!((image.channels, &pixels[..], leaf.materials[0].alpha_cutoff), (channels, wanted, cutoff), "{mode}");
+    }
+}
+
+/// A material with a normal map alone uses the set and the transform of that map; where two maps have different ones, those of the
+/// colour count, with a warning.
+#[test]
+fn texture_coordinates_are_those_of_the_maps() {
+    let shop = picture_shop();
+    let transform = r#""extensions":{"KHR_texture_transform":{"scale":[4,4]}}"#;
+    let color = r#""pbrMetallicRoughness":{"baseColorTexture":{"index":0}}"#;
+    // The second corner, at (1, 0) of the first set and (0.5, 0) of the second: v is 1 there, since glTF counts it downwards.
+    for (material, wanted, told) in [
+        (r#"{"normalTexture":{"index":1,"texCoord":1}}"#.to_owned(), 0.5, 0),
+        (format!(r#"{{"normalTexture":{{"index":1,{transform}}}}}"#), 4.0, 0),
+        (format!(r#"{{{color},"normalTexture":{{"index":1,{transform}}}}}"#), 1.0, 1),
+        (format!(r#"{{{color},"normalTexture":{{"index":1,"extensions":{{"KHR_texture_transform":{{}}}}}}}}"#), 1.0, 0),
+    ] {
+        let leaf = shop.read("a.gltf", textured(&material)).expect("leaf");
+        assert_eq!(leaf.mesh.uvs[1], Vec2::new(wanted, 1.0), "{material}");
+        let codes: Vec<&str> = leaf.warnings.diagnostics.iter().map(|d| d.code).collect();
+        assert_eq!(codes, vec!["X016"; told], "{material}: {}", leaf.warnings);
+    }
 }
 
 #[test]

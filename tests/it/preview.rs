@@ -244,6 +244,17 @@ fn a_bake_whose_scene_is_named_like_a_part_of_it_is_shown_whole() {
     assert!(pictures[0] == pictures[1], "the bake with a file of its house is shown as without");
 }
 
+/// The advice was to bake again with format glb, which this bake has.
+#[test]
+fn a_bake_for_engines_alone_names_the_profiles_that_are_shown() {
+    let dir = tempfile::tempdir().expect("dir");
+    let bake = dir.path().join("bake");
+    let engine = "output.gltf.profiles=[\"engine\"]";
+    ends(0, &["bake", "koch.l", "--formats", "glb", "--set", engine, "-q", "-o", arg(&bake)]);
+    let (_, told) = ends(1, &["preview", arg(&bake), "-o", arg(&dir.path().join("x.png"))]);
+    assert!(told.contains("S001") && told.contains("profile web or blender"), "{told}");
+}
+
 #[test]
 fn a_bake_has_land_camera_sun_and_materials_of_its_scene() {
     let dir = tempfile::tempdir().expect("dir");

@@ -204,6 +204,27 @@ fn displaced_bark_leaves_a_young_trunk_as_thick_as_it_is() {
     assert!(number("scale") > 5e-4 && (number("midlevel") - 0.5).abs() < 1e-3, "{seen}");
 }
 
+/// The texture of a leaf ends at its edges, but repeats where the texture coordinates of an artist's mesh or of a blade of grass leave
+/// the square from 0 to 1; it had the colours of its edge there.
+#[test]
+fn textures_of_leaves_repeat_where_their_coordinates_do() {
+    let (mut scene, _) = synthetic::scene();
+    let wrap_of_leaf = |scene: &Scene, folder: &str| {
+        let dir = place(folder);
+        write(&dir, scene, &[], single("all.usda"));
+        let text = std::fs::read_to_string(dir.join("all.usda")).expect("file");
+        let leaf = text.split("def Material \"leaf\"").nth(1).expect("the leaf").to_owned();
+        let wrap = leaf.lines().find(|line| line.contains("inputs:wrapS")).expect("a texture").to_owned();
+        wrap.split('"').nth(1).expect("a token").to_owned()
+    };
+    assert_eq!(wrap_of_leaf(&scene, "wrap_once"), "clamp");
+    let instancers = scene.assets.iter_mut().flat_map(|asset| &mut asset.instancers);
+    for mesh in instancers.flat_map(|instancer| &mut instancer.prototypes).map(|prototype| &mut prototype.mesh) {
+        mesh.uvs.iter_mut().for_each(|uv| *uv += 1.0);
+    }
+    assert_eq!(wrap_of_leaf(&scene, "wrap_repeat"), "repeat");
+}
+
 #[test]
 fn layers_are_edited_and_saved_in_place() {
     let dir = place("save");

@@ -3,6 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use super::{ImportContext, ImportResult, TriangleGroup, UpAxis, table_index};
+use osier_base::geometry::Bounds;
 use osier_base::math;
 use osier_base::par::LookupMap;
 use osier_scene::{Mesh, Subset};
@@ -29,6 +30,7 @@ pub(super) struct MeshPart {
 /// X001 for a value that is not finite, X010 for an index beyond the points or no triangle at all.
 pub(super) fn join(context: &mut ImportContext<'_>, mut parts: Vec<MeshPart>) -> ImportResult<Mesh> {
     parts.retain(|p| !p.triangles.is_empty());
+    warn_of_rounding(context, &parts);
     // A stable sort: parts of one material keep the order of the file and become one subset.
     parts.sort_by_key(|p| p.material);
     // A mesh has an attribute for all of its points or for none, so where one part has it the others are filled up.
@@ -65,6 +67,27 @@ pub(super) fn join(context: &mut ImportContext<'_>, mut parts: Vec<MeshPart>) ->
         return Err(Box::new(error.help("export a mesh with faces; points, lines and curves are not read")));
     }
     Ok(mesh)
+}
+
+/// Warns (X016) of a mesh so far from the origin of its file that 32-bit coordinates change its shape, as of land in the coordinates of
+/// a national grid.
+fn warn_of_rounding(context: &mut ImportContext<'_>, parts: &[MeshPart]) {
+    /// Distance of neighbouring coordinates as a share of the size of the mesh from which on the shape suffers. Own: a mesh of 1 km
+    /// has steps of 10 cm; meshes beside their origin are a thousand times below.
+    const COARSE: f32 = 1e-4;
+    let bounds = Bounds::of(parts.iter().flat_map(|p| p.points.iter().copied()));
+    let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
+    let size = (bounds.max - bounds.min).max_element();
+    // Numbers of 24 bits have neighbours at this distance, or at half of it.
+    let step = farthest * f32::EPSILON;
+    if size > 0.0 && size.is_finite() && step > COARSE * size {
+        let message = format_args!(
+            "is {size:.3} units large and {farthest:.0} units away from the origin of its file, where coordinates of 32 bits \
+             are rounded to {step:.5}"
+        );
+        let warning = context.error_about_file("X016", message).help("move the mesh to the origin and export it again");
+        context.report.push(warning);
+    }
 }
 
 /// Checks that all numbers are finite and all indices name a vertex.

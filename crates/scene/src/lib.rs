@@ -149,10 +149,8 @@ impl Scene {
     /// points with the material; white for an unknown id.
     pub fn flat_color(&self, id: MaterialId) -> [f32; 3] {
         let Some(material) = self.materials.get(id as usize) else { return [1.0; 3] };
-        let prototypes = self.assets.iter().flat_map(|a| &a.instancers).flat_map(|i| &i.prototypes).map(|p| &p.mesh);
-        let meshes = self.assets.iter().flat_map(|a| &a.meshes).map(|m| &m.mesh).chain(prototypes);
         let (mut sum, mut count) = ([0.0_f64; 3], 0_u64);
-        for mesh in meshes.filter(|m| !m.colors.is_empty()) {
+        for mesh in self.meshes().filter(|m| !m.colors.is_empty()) {
             let mut worn = vec![false; mesh.points.len()];
             for s in mesh.subsets.iter().filter(|s| s.material == id) {
                 mesh.subset_triangles(s).iter().flatten().for_each(|i| worn[*i as usize] = true);
@@ -164,6 +162,23 @@ impl Scene {
         }
         let mean = sum.map(|s| if count > 0 { s / count as f64 } else { 1.0 });
         [0, 1, 2].map(|k| osier_base::math::narrow(f64::from(material.base_color[k]) * mean[k]))
+    }
+
+    /// Whether the texture coordinates of a face with the material are farther than 0.01 outside of the square from 0 to 1, so that
+    /// the face shows a repeat of its textures.
+    pub fn repeats_textures(&self, id: MaterialId) -> bool {
+        let is_outside = |uv: &glam::Vec2| uv.min_element() < -0.01 || uv.max_element() > 1.01;
+        self.meshes().filter(|mesh| !mesh.uvs.is_empty()).any(|mesh| {
+            let subsets = mesh.subsets.iter().filter(|s| s.material == id);
+            let mut corners = subsets.flat_map(|s| mesh.subset_triangles(s)).flatten();
+            corners.any(|i| mesh.uvs.get(*i as usize).is_some_and(is_outside))
+        })
+    }
+
+    /// The meshes of all assets, and the prototypes of their instancers.
+    fn meshes(&self) -> impl Iterator<Item = &Mesh> {
+        let prototypes = self.assets.iter().flat_map(|a| &a.instancers).flat_map(|i| &i.prototypes).map(|p| &p.mesh);
+        self.assets.iter().flat_map(|a| &a.meshes).map(|m| &m.mesh).chain(prototypes)
     }
 }
 

@@ -24,6 +24,11 @@ pub fn estimate_file(built: &AssembledScene, recipe: &Recipe, format: &'static F
 /// # Errors
 /// X030.
 pub fn refuse_empty(stage: &AnimatedScene, ending: &str) -> Result<()> {
+    if stage.scene.assets.is_empty() {
+        let name = &stage.scene.name;
+        let reason = format!("\"{name}\" shows nothing but its ground, which only `osier bake` writes");
+        return Err(Error::export("X030", reason));
+    }
     let merged = MergedSize::of(&stage.scene);
     let lines = stage.scene.assets.iter().any(|a| !a.curves.is_empty());
     let (shown, what) = match ending {

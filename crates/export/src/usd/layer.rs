@@ -106,7 +106,8 @@ impl LayerBuilder {
             // Blender's preview surfaces do not read vertex colours, so the material has their mean.
             let height_range = cx.reliefs.get(material as usize).copied().unwrap_or(source.height_range);
             let m = Material { base_color: cx.scene.flat_color(material), height_range, ..source.clone() };
-            self.map_textures.extend(super::material::define_material(cx, self.writer.as_mut(), &path, &m)?);
+            let defined = super::material::define_material(cx, self.writer.as_mut(), &path, &m, material)?;
+            self.map_textures.extend(defined);
         }
         self.bindings.push(MaterialBinding { prim: prim.to_owned(), material });
         self.writer.create_relationship(&format!("{prim}.material:binding"), &[path])

@@ -4,17 +4,19 @@ use super::context::{MapTexture, UsdContext};
 use super::layer_writer::{AttrHandle, AttrSpec, LayerWriter, PrimMetadata};
 use super::value::UsdValue;
 use osier_base::Result;
-use osier_scene::{Coat, Material, MaterialClass};
+use osier_scene::{Coat, Material, MaterialClass, MaterialId};
 
 /// Roughness of a film of water on a leaf. Own: 0 would be a mirror of single bright pixels.
 const WATER_FILM_ROUGHNESS: f32 = 0.05;
 
-/// Writes a material and its shaders. Returns the textures whose files change with the frames.
+/// Writes a material, the one of the scene with the index `id`, and its shaders. Returns the textures whose files change with the
+/// frames.
 pub(super) fn define_material(
     cx: &UsdContext,
     writer: &mut dyn LayerWriter,
     path: &str,
     m: &Material,
+    id: MaterialId,
 ) -> Result<Vec<MapTexture>> {
     let coat = cx.mapped_coat(m);
     writer.define_prim(path, "Material", &PrimMetadata::default())?;
@@ -44,16 +46,19 @@ pub(super) fn define_material(
     if coat.is_some() || maps.iter().any(Option::is_some) {
         define_st_reader(writer, path)?;
     }
+    // A leaf shows its texture once, unless its texture coordinates repeat it, as those of blades of grass; bark and ground repeat theirs.
+    let is_leaf = matches!(m.class, MaterialClass::Leaf | MaterialClass::Catkin | MaterialClass::Water);
+    let once = is_leaf && !cx.scene.repeats_textures(id);
     let named = ["color", "normal", "rough", "height"].into_iter().zip(maps);
     for (name, image) in named.filter_map(|(name, image)| image.map(|i| (name, i))) {
         let Some(image) = cx.scene.images.get(image as usize) else { continue };
         let file = format!("{}{}.png", cx.pictures, image.name);
-        define_texture(writer, path, &TextureNode { name, file, material: m })?;
+        define_texture(writer, path, &TextureNode { name, file, material: m, once })?;
     }
     let Some(coat) = coat else { return Ok(Vec::new()) };
     // The value without a time is read by programs that ignore time samples.
     let file = cx.coat_weight_file(&coat, cx.first);
-    let attr = define_texture(writer, path, &TextureNode { name: coat.weight, file, material: m })?;
+    let attr = define_texture(writer, path, &TextureNode { name: coat.weight, file, material: m, once })?;
     Ok(vec![MapTexture { coat, attr }])
 }
 
@@ -137,6 +142,8 @@ struct TextureNode<'a> {
     /// Path relative to the layer.
     file: String,
     material: &'a Material,
+    /// Whether the texture ends at its edges instead of repeating.
+    once: bool,
 }
 
 /// Writes the shader of a texture. Returns the attribute that holds the path of its file.
@@ -152,10 +159,8 @@ fn define_texture(writer: &mut dyn LayerWriter, network: &str, picture: &Texture
     s.connect("st", "float2", "st.outputs:result")?;
     let color = picture.name == "color";
     s.input("sourceColorSpace", "token", UsdValue::Token(if color { "sRGB" } else { "raw" }))?;
-    // A blade shows its texture once; bark and ground repeat theirs.
-    let once = matches!(picture.material.class, MaterialClass::Leaf | MaterialClass::Catkin | MaterialClass::Water);
     for side in ["wrapS", "wrapT"] {
-        s.input(side, "token", UsdValue::Token(if once { "clamp" } else { "repeat" }))?;
+        s.input(side, "token", UsdValue::Token(if picture.once { "clamp" } else { "repeat" }))?;
     }
     let (scale, bias) = match picture.name {
         "normal" => (Some(2.0), Some(-1.0)),

@@ -12,7 +12,7 @@ use osier_base::files::{Encoding, decode};
 use osier_base::limits::grouped;
 
 /// Extensions that are read, or that change only the appearance and may be ignored.
-const SUPPORTED_EXTENSIONS: [&str; 17] = [
+const SUPPORTED_EXTENSIONS: [&str; 18] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "KHR_lights_punctual",
@@ -23,6 +23,7 @@ const SUPPORTED_EXTENSIONS: [&str; 17] = [
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_iridescence",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
@@ -40,13 +41,24 @@ pub(super) struct InstanceAccessors {
     pub(super) scale: Option<usize>,
 }
 
-/// A texture transform: offset, rotation (rad), scale, set of coordinates.
+/// Places of the maps that are read within a material; the first one's texture coordinates count.
+const MAPS: [&str; 3] =
+    ["/pbrMetallicRoughness/baseColorTexture", "/normalTexture", "/pbrMetallicRoughness/metallicRoughnessTexture"];
+
+/// A texture transform: offset, rotation (rad), scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct UvTransform {
     pub(super) offset: [f64; 2],
     pub(super) rotation: f64,
     pub(super) scale: [f64; 2],
-    pub(super) set: Option<u32>,
+}
+
+/// The set of texture coordinates that a map uses, and how they are transformed.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct TextureCoordinates {
+    pub(super) set: u32,
+    /// `None` where nothing changes.
+    pub(super) transform: Option<UvTransform>,
 }
 
 /// Where the compressed bytes of a buffer view are (EXT_meshopt_compression).
@@ -69,8 +81,8 @@ pub(super) struct GltfDocument {
     pub(super) root: Root,
     /// Accessors of EXT_mesh_gpu_instancing, by index of the node whose mesh they multiply.
     pub(super) instance_accessors: BTreeMap<usize, InstanceAccessors>,
-    /// Transform of the base colour texture, by index of the material.
-    pub(super) uv_transforms: BTreeMap<usize, UvTransform>,
+    /// Texture coordinates of the maps of a material, by its index.
+    pub(super) texture_coordinates: BTreeMap<usize, TextureCoordinates>,
     /// Index of refraction by KHR_materials_ior, by index of the material.
     pub(super) iors: BTreeMap<usize, f64>,
     /// Share of diffuse light that is transmitted, by index of the material.
@@ -122,12 +134,16 @@ impl GltfDocument {
         };
         check_required_extensions(context, top)?;
         check_position_accessors(context, top)?;
+        if read_specular_glossiness(top) {
+            let what = "holds pictures of specular colour and glossiness; they are not read, the roughness is 1 - glossinessFactor";
+            context.warn("X016", what);
+        }
         // Removed before validation: a fault in them must not refuse the mesh.
         if top.remove("animations").is_some() {
             context.warn("X016", "holds animations; they are not read");
         }
         let instance_accessors = entries(top, "nodes").filter_map(|(i, n)| Some((i, instance_accessors(n)?))).collect();
-        let uv_transforms = entries(top, "materials").filter_map(|(i, m)| Some((i, uv_transform(m)?))).collect();
+        let texture_coordinates = coordinates_of_materials(context, top);
         let ior = |m: &Value| m.pointer("/extensions/KHR_materials_ior/ior")?.as_f64();
         let iors = entries(top, "materials").filter_map(|(i, m)| Some((i, ior(m)?))).collect();
         let translucency =
@@ -143,7 +159,7 @@ impl GltfDocument {
             Ok(gltf) => gltf.document.into_json(),
             Err(e) => return Err(validation_error(context, e)),
         };
-        Ok(Some(Self { root, instance_accessors, uv_transforms, iors, translucencies, compressed_views }))
+        Ok(Some(Self { root, instance_accessors, texture_coordinates, iors, translucencies, compressed_views }))
     }
 }
 
@@ -214,6 +230,34 @@ fn check_position_accessors(context: &ImportContext<'_>, top: &Map<String, Value
     Ok(())
 }
 
+/// Gives materials that only KHR_materials_pbrSpecularGlossiness describes, as Sketchfab and other programs wrote them, the base colour
+/// and the roughness that it has. Returns whether one of them also has a picture of specular colour and glossiness.
+/// Source: KHR_materials_pbrSpecularGlossiness, whose defaults are a white diffuse colour and a glossiness of 1.
+fn read_specular_glossiness(top: &mut Map<String, Value>) -> bool {
+    let mut has_pictures = false;
+    let materials = top.get_mut("materials").and_then(Value::as_array_mut);
+    for material in materials.into_iter().flatten() {
+        let given = material.pointer("/extensions/KHR_materials_pbrSpecularGlossiness").cloned();
+        let (Some(given), Some(material)) = (given, material.as_object_mut()) else { continue };
+        // Beside it a file may describe the same material by base colour and roughness, which are read with all their pictures.
+        if material.contains_key("pbrMetallicRoughness") {
+            continue;
+        }
+        let glossiness = given.get("glossinessFactor").and_then(Value::as_f64).unwrap_or(1.0);
+        let mut pbr = Map::new();
+        pbr.insert("roughnessFactor".to_owned(), Value::from((1.0 - glossiness).clamp(0.0, 1.0)));
+        pbr.insert("metallicFactor".to_owned(), Value::from(0.0));
+        for (from, to) in [("diffuseFactor", "baseColorFactor"), ("diffuseTexture", "baseColorTexture")] {
+            if let Some(value) = given.get(from) {
+                pbr.insert(to.to_owned(), value.clone());
+            }
+        }
+        has_pictures |= given.get("specularGlossinessTexture").is_some();
+        material.insert("pbrMetallicRoughness".to_owned(), Value::Object(pbr));
+    }
+    has_pictures
+}
+
 /// Index and value of the entries of a top-level array.
 fn entries<'a>(top: &'a Map<String, Value>, key: &str) -> impl Iterator<Item = (usize, &'a Value)> + use<'a> {
     top.get(key).and_then(Value::as_array).into_iter().flatten().enumerate()
@@ -243,14 +287,49 @@ fn compressed_view(view: &Value) -> Option<CompressedView> {
     })
 }
 
-/// KHR_texture_transform of the base colour texture.
-fn uv_transform(material: &Value) -> Option<UvTransform> {
-    let t = material.pointer("/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform")?;
+/// Texture coordinates by index of the material. A mesh has one set: where the maps of a material have different ones, those of the first
+/// count (X016).
+fn coordinates_of_materials(
+    context: &mut ImportContext<'_>,
+    top: &Map<String, Value>,
+) -> BTreeMap<usize, TextureCoordinates> {
+    let mut of_materials = BTreeMap::new();
+    let mut unequal = Vec::new();
+    for (i, material) in entries(top, "materials") {
+        let mut maps = MAPS.iter().filter_map(|map| material.pointer(map)).map(texture_coordinates);
+        let Some(first) = maps.next() else { continue };
+        if maps.any(|other| other != first) {
+            unequal.push(i);
+        }
+        of_materials.insert(i, first);
+    }
+    if let Some(first) = unequal.first() {
+        let n = unequal.len();
+        let what = format_args!(
+            "holds {n} materials whose maps have different texture coordinates, the first is materials[{first}]; \
+             all maps of a material get those of its colour, or of its normals where it has no picture of its colour"
+        );
+        context.warn("X016", what);
+    }
+    of_materials
+}
+
+/// Set and transform of the texture coordinates of a map.
+/// Source: KHR_texture_transform, whose `texCoord` counts more than that of the map.
+fn texture_coordinates(map: &Value) -> TextureCoordinates {
+    let set_of = |v: &Value| v.get("texCoord").and_then(Value::as_u64).and_then(|n| u32::try_from(n).ok());
+    let given = map.pointer("/extensions/KHR_texture_transform");
+    let set = given.and_then(set_of).or_else(|| set_of(map)).unwrap_or(0);
+    let unchanged = UvTransform { offset: [0.0; 2], rotation: 0.0, scale: [1.0; 2] };
+    TextureCoordinates { set, transform: given.map(uv_transform).filter(|t| *t != unchanged) }
+}
+
+/// Offset, rotation and scale of KHR_texture_transform.
+fn uv_transform(given: &Value) -> UvTransform {
     let pair = |key: &str, default: f64| {
-        let at = |i: usize| t.get(key).and_then(|v| v.get(i)).and_then(Value::as_f64).unwrap_or(default);
+        let at = |i: usize| given.get(key).and_then(|v| v.get(i)).and_then(Value::as_f64).unwrap_or(default);
         [at(0), at(1)]
     };
-    let rotation = t.get("rotation").and_then(Value::as_f64).unwrap_or(0.0);
-    let set = t.get("texCoord").and_then(Value::as_u64).and_then(|n| u32::try_from(n).ok());
-    Some(UvTransform { offset: pair("offset", 0.0), rotation, scale: pair("scale", 1.0), set })
+    let rotation = given.get("rotation").and_then(Value::as_f64).unwrap_or(0.0);
+    UvTransform { offset: pair("offset", 0.0), rotation, scale: pair("scale", 1.0) }
 }

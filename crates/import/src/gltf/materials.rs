@@ -6,7 +6,7 @@ use gltf::json::material::{AlphaMode, Material as Given};
 use gltf::json::validation::Checked;
 
 use super::buffers::{Buffers, resource};
-use super::document::{GltfDocument, UvTransform};
+use super::document::{GltfDocument, TextureCoordinates};
 use crate::images::{self, DecodedImage, MapCache, MapUse};
 use crate::{ImportContext, ImportResult, table_index};
 use osier_base::files::Names;
@@ -38,14 +38,10 @@ impl<'a> GltfMaterials<'a> {
         }
     }
 
-    /// Texture coordinate set of a material's base colour, and its transform.
-    pub(super) fn uv_transform(&self, material: Option<usize>) -> (u32, Option<UvTransform>) {
-        let transform = material.and_then(|i| self.document.uv_transforms.get(&i)).copied();
-        let given = material.and_then(|i| self.document.root.materials.get(i));
-        let texture = given.and_then(|g| g.pbr_metallic_roughness.base_color_texture.as_ref());
-        // The extension's texCoord overrides that of the texture.
-        let set = transform.and_then(|t| t.set).or(texture.map(|t| t.tex_coord)).unwrap_or(0);
-        (set, transform)
+    /// Set of the texture coordinates of a material's maps, and its transform.
+    pub(super) fn texture_coordinates(&self, material: Option<usize>) -> TextureCoordinates {
+        let given = material.and_then(|i| self.document.texture_coordinates.get(&i));
+        given.copied().unwrap_or_default()
     }
 
     /// Index of the material that the file numbers `id` (none: glTF's default, named after the file).
@@ -87,7 +83,9 @@ impl<'a> GltfMaterials<'a> {
             && let Some((image, channels)) = self.decoded_image(context, texture.index.value())?
         {
             material.alpha_cutoff = alpha_cutoff(given).filter(|_| channels == 4);
-            material.maps.color = self.store_map(context, image, MapUse::color([r, g, b, a]), &name)?;
+            // The alpha of an opaque material says nothing; renderers that read it from the picture would show holes.
+            let opaque = channels == 4 && material.alpha_cutoff.is_none();
+            material.maps.color = self.store_map(context, image, MapUse::color([r, g, b, a], opaque), &name)?;
         }
         if let Some(texture) = &pbr.metallic_roughness_texture
             && let Some((image, _)) = self.decoded_image(context, texture.index.value())?

@@ -10,7 +10,7 @@ use gltf::json::validation::Checked;
 
 use super::accessor::Accessors;
 use super::buffers::Buffers;
-use super::document::{GltfDocument, UvTransform};
+use super::document::{GltfDocument, TextureCoordinates, UvTransform};
 use super::materials::GltfMaterials;
 use super::nodes::MeshInstances;
 use crate::assembly::MeshPart;
@@ -95,8 +95,8 @@ fn mesh(
         };
         let material = primitive.material.map(|m| m.value());
         // The material decides which texture coordinates are read.
-        let (uv_set, transform) = materials.uv_transform(material);
-        let mut part = vertex_attributes(context, accessors, primitive, uv_set, transform)?;
+        let coordinates = materials.texture_coordinates(material);
+        let mut part = vertex_attributes(context, accessors, primitive, coordinates)?;
         // Without indices the vertices follow each other as they are stored.
         let order = match primitive.indices {
             Some(indices) => accessors.vertex_indices(context, indices.value())?,
@@ -110,15 +110,14 @@ fn mesh(
     Ok(parts)
 }
 
-/// Vertex attributes of a primitive; texture coordinates from the set `uv_set`, transformed.
+/// Vertex attributes of a primitive; texture coordinates of one set, transformed.
 /// # Errors
 /// X010 where attributes differ in length.
 fn vertex_attributes(
     context: &ImportContext<'_>,
     accessors: &Accessors<'_>,
     primitive: &Primitive,
-    uv_set: u32,
-    transform: Option<UvTransform>,
+    coordinates: TextureCoordinates,
 ) -> ImportResult<MeshPart> {
     let attribute = |s: Semantic| primitive.attributes.get(&Checked::Valid(s)).map(|i| i.value());
     // Numbers of an attribute; empty where the primitive does not have it.
@@ -127,14 +126,14 @@ fn vertex_attributes(
     };
     let points = floats(Semantic::Positions, &[Type::Vec3])?;
     let normals = floats(Semantic::Normals, &[Type::Vec3])?;
-    let uvs = floats(Semantic::TexCoords(uv_set), &[Type::Vec2])?;
+    let uvs = floats(Semantic::TexCoords(coordinates.set), &[Type::Vec2])?;
     let colors = floats(Semantic::Colors(0), &[Type::Vec3, Type::Vec4])?;
     // Colours have three or four components, as their accessor says.
     let width = attribute(Semantic::Colors(0)).map_or(4, |i| accessors.width(i)).max(1);
     let part = MeshPart {
         points: points.chunks_exact(3).map(Vec3::from_slice).collect(),
         normals: normals.chunks_exact(3).map(Vec3::from_slice).collect(),
-        uvs: uvs.chunks_exact(2).map(|uv| from_gltf_uv(Vec2::from_slice(uv), transform)).collect(),
+        uvs: uvs.chunks_exact(2).map(|uv| from_gltf_uv(Vec2::from_slice(uv), coordinates.transform)).collect(),
         colors: colors.chunks_exact(width).map(rgba).collect(),
         ..MeshPart::default()
     };
@@ -198,7 +197,7 @@ mod tests {
 
     #[test]
     fn texture_transform_follows_the_specification() {
-        let t = UvTransform { offset: [0.1, 0.2], rotation: std::f64::consts::FRAC_PI_2, scale: [2.0, 1.0], set: None };
+        let t = UvTransform { offset: [0.1, 0.2], rotation: std::f64::consts::FRAC_PI_2, scale: [2.0, 1.0] };
         let uv = from_gltf_uv(Vec2::new(0.25, 0.5), Some(t));
         // (0.5, 0.5) turned: u = v, v = -u.
         assert!((uv - Vec2::new(0.6, 1.0 - (-0.3))).length() < 1e-6, "{uv}");

@@ -9,8 +9,13 @@ use osier_scene::{Image, ImageKind, Pixels};
 /// The map that an image becomes, with the factors that it is multiplied by, as bits (so that equal uses compare equal).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum MapUse {
-    /// Colour; no factors where they change nothing.
-    Color(Option<[u32; 4]>),
+    /// Colour.
+    Color {
+        /// Factors, none where they change nothing.
+        tint: Option<[u32; 4]>,
+        /// Whether the alpha of the image is left out.
+        opaque: bool,
+    },
     /// The green channel as roughness.
     Roughness(u32),
     /// Tangent-space normals, as in the file.
@@ -18,9 +23,10 @@ pub(crate) enum MapUse {
 }
 
 impl MapUse {
-    pub(crate) fn color(tint: [f32; 4]) -> Self {
+    /// `opaque`: without the alpha that the image has.
+    pub(crate) fn color(tint: [f32; 4], opaque: bool) -> Self {
         // Factors of 1 leave the picture as it is: it is shared with uses that have none.
-        Self::Color(tint.iter().any(|v| *v < 1.0).then(|| tint.map(f32::to_bits)))
+        Self::Color { tint: tint.iter().any(|v| *v < 1.0).then(|| tint.map(f32::to_bits)), opaque }
     }
 
     pub(crate) fn roughness(factor: f32) -> Self {
@@ -29,25 +35,31 @@ impl MapUse {
 
     /// True if the image is used unchanged.
     fn is_plain(self) -> bool {
-        matches!(self, Self::Color(None) | Self::Normal)
+        matches!(self, Self::Color { tint: None, opaque: false } | Self::Normal)
     }
 
     fn apply(self, raw: DecodedImage) -> DecodedImage {
         match self {
-            Self::Color(Some(tint)) => raw.tinted(tint.map(f32::from_bits)),
+            Self::Color { tint, opaque } => {
+                let raw = if opaque { raw.without_alpha() } else { raw };
+                match tint {
+                    Some(tint) => raw.tinted(tint.map(f32::from_bits)),
+                    None => raw,
+                }
+            }
             // glTF packs roughness into green; a grey picture is taken as it is.
             Self::Roughness(factor) => raw.channel(1, 255).scaled(f32::from_bits(factor)),
-            Self::Color(None) | Self::Normal => raw,
+            Self::Normal => raw,
         }
     }
 
     fn image_kind(self) -> ImageKind {
-        if matches!(self, Self::Color(_)) { ImageKind::Color } else { ImageKind::Data }
+        if matches!(self, Self::Color { .. }) { ImageKind::Color } else { ImageKind::Data }
     }
 
     fn suffix(self) -> &'static str {
         match self {
-            Self::Color(_) => "color",
+            Self::Color { .. } => "color",
             Self::Roughness(_) => "rough",
             Self::Normal => "normal",
         }

@@ -45,6 +45,15 @@ impl DecodedImage {
         Some(Self { channels: 4, samples, ..*self })
     }
 
+    /// The image without its alpha; one without alpha stays as it is.
+    pub(crate) fn without_alpha(self) -> Self {
+        if self.channels != 4 {
+            return self;
+        }
+        let samples = self.samples.chunks_exact(4).flat_map(|p| p.iter().take(3).copied()).collect();
+        Self { channels: 3, samples, ..self }
+    }
+
     /// sRGB colours multiplied by a linear factor, as glTF asks where a material has both image and colour.
     /// A grey image becomes RGB.
     pub(crate) fn tinted(mut self, factor: [f32; 4]) -> Self {

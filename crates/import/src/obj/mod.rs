@@ -12,7 +12,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use self::mtl::MaterialLibraries;
+use self::mtl::{MapPlacement, MaterialLibraries};
 use self::tokens::ObjToken;
 use super::assembly::{MeshPart, join};
 use super::{ImportContext, ImportResult, ImportedMesh};
@@ -42,6 +42,7 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
     library.add_undescribed(&scan.materials);
     // Materials are known from the first line on, whether or not the text names a library.
     let plain = tokens::plain(&text);
+    let plain = if scan.needs_rewrite { tokens::for_tobj(&plain, scan.lacks_colors) } else { plain };
     let mut with_library = "mtllib all\n".as_bytes().chain(plain.as_bytes());
     let options = tobj::LoadOptions { single_index: true, triangulate: false, ..tobj::LoadOptions::default() };
     // All libraries are handed over at the first `mtllib`, which is ours, none again at the others; nothing is opened.
@@ -58,14 +59,14 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
     for model in models {
         let material =
             materials.material_index(context, model.mesh.material_id, !model.mesh.vertex_color.is_empty())?;
-        parts.push(mesh_part(&model, material));
+        parts.push(mesh_part(&model, material, materials.placement(model.mesh.material_id)));
     }
     let (materials, images) = materials.finish();
     Ok(ImportedMesh { mesh: join(context, parts)?, materials, images })
 }
 
-/// One of `tobj`'s models as a part of a mesh.
-fn mesh_part(model: &tobj::Model, material: u32) -> MeshPart {
+/// One of `tobj`'s models as a part of a mesh, with texture coordinates at which the maps of its material lie right.
+fn mesh_part(model: &tobj::Model, material: u32, placement: MapPlacement) -> MeshPart {
     let mesh = &model.mesh;
     let vec3 = |v: &[f32]| match v {
         [x, y, z] => Vec3::new(*x, *y, *z),
@@ -79,7 +80,7 @@ fn mesh_part(model: &tobj::Model, material: u32) -> MeshPart {
         name: model.name.clone(),
         material,
         normals: mesh.normals.chunks_exact(3).map(vec3).collect(),
-        uvs: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
+        uvs: mesh.texcoords.chunks_exact(2).map(|uv| placement.apply(Vec2::from_slice(uv))).collect(),
         // OBJ has no alpha of vertices. Their colours are sRGB, as Blender, MeshLab and ZBrush write them; those of meshes are
         // linear.
         colors: mesh.vertex_color.chunks_exact(3).map(|c| linear(vec3(c)).extend(1.0).to_array()).collect(),

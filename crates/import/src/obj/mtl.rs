@@ -3,11 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use glam::Vec2;
+
 use super::tokens::{ObjToken, lines, plain, rest, tokens};
 use super::{CheckedText, SyntaxError, text};
 use crate::images::{self, DecodedImage};
 use crate::{ImportContext, ImportResult, table_index};
-use osier_base::files::{Names, ReadError, number};
+use osier_base::files::{Names, ReadError, ReferencedFile, number};
+use osier_base::math;
 use osier_scene::{Image, ImageKind, Material};
 
 /// Statements whose maps are read: base colour, alpha, normals.
@@ -22,6 +25,8 @@ pub(super) struct MaterialLibraries {
     described: BTreeSet<String>,
     /// Name and bytes of images by material and statement.
     images: BTreeMap<(String, &'static str), (String, Vec<u8>)>,
+    /// Where the maps of a material lie, by its name; absent without maps.
+    placements: BTreeMap<String, MapPlacement>,
     /// Bytes of `images` together, which the limit `mesh-bytes` bounds.
     image_bytes: u64,
 }
@@ -89,25 +94,72 @@ impl MaterialLibraries {
                 checked.report(context, syntax_error);
                 continue;
             }
+            if let Some(warning) = unread_map(key) {
+                checked.report(context, warning);
+            }
             // The lines up to the next `newmtl` describe this material.
             if key.text == "newmtl" {
                 rest.text.clone_into(&mut material);
                 self.described.insert(material.clone());
             }
             let Some(map) = MAP_STATEMENTS.into_iter().find(|m| *m == key.text) else { continue };
+            // A mesh has one set of texture coordinates, so that the first map of a material decides.
+            let placement = MapPlacement::of(rest.text);
+            if *self.placements.entry(material.clone()).or_insert(placement) != placement {
+                let message =
+                    format!("the options -s and -o of {:?} differ from those of the material's first map", key.text);
+                let help = "the first map's are used for all; give all maps of a material the same";
+                checked.report(context, SyntaxError { code: "X016", ..key.syntax_error(message, help) });
+            }
             let token = map_file(rest);
             let limit = context.options.limits.get("mesh-bytes").saturating_sub(self.image_bytes);
-            match context.options.roots.read(path, token.text, limit) {
-                Ok(file) => {
+            match read_picture(context, path, token, limit) {
+                Ok((file, warning)) => {
+                    if let Some(warning) = warning {
+                        checked.report(context, warning);
+                    }
                     context.add_referenced_file(&file);
                     self.image_bytes += file.bytes.len() as u64;
                     self.images.insert((material.clone(), map), (token.text.to_owned(), file.bytes));
+                }
+                Err(error @ ReadError::Spelling { .. }) => {
+                    let help = "put the picture beside this file, or write its path relative to this file, with '/'";
+                    let error = SyntaxError { code: error.code(), ..token.syntax_error(error.to_string(), help) };
+                    checked.report(context, SyntaxError { label: "named here".into(), ..error });
                 }
                 Err(error) => checked.report_unreadable(context, token, &error),
             }
         }
         self.text.push_str(&read);
         self.text.push('\n');
+    }
+}
+
+/// Reads the picture that a map names. Blender writes absolute paths of pictures that lie elsewhere: in place of a path that is refused
+/// the picture of that name beside the library, or in a search folder, is read, with a warning.
+/// # Errors
+/// That of the path as it is written.
+fn read_picture(
+    context: &ImportContext<'_>,
+    library: &Path,
+    token: ObjToken<'_>,
+    limit: u64,
+) -> Result<(ReferencedFile, Option<SyntaxError>), ReadError> {
+    let error = match context.options.roots.read(library, token.text, limit) {
+        Ok(file) => return Ok((file, None)),
+        Err(error) => error,
+    };
+    let name = token.text.rsplit(['/', '\\']).next().unwrap_or_default();
+    if !matches!(error, ReadError::Spelling { .. }) || name == token.text {
+        return Err(error);
+    }
+    match context.options.roots.read(library, name, limit) {
+        Ok(file) => {
+            let message = format!("the folder of this picture is left out: {name:?} is read from beside this file");
+            let help = "write its path relative to this file, with '/'";
+            Ok((file, Some(SyntaxError { code: "X016", ..token.syntax_error(message, help) })))
+        }
+        Err(_) => Err(error),
     }
 }
 
@@ -126,6 +178,58 @@ fn unread_form(key: ObjToken<'_>, rest: ObjToken<'_>) -> Option<SyntaxError> {
     is_unread.then(|| SyntaxError { code: "X016", ..key.syntax_error(message, help) })
 }
 
+/// The warning about a map that is not read although a material has its property.
+fn unread_map(key: ObjToken<'_>) -> Option<SyntaxError> {
+    let (message, help) = match key.text {
+        "map_Bump" | "map_bump" | "bump" => {
+            (format!("{:?} is not read", key.text), "write \"norm\" if the picture holds normals in tangent space")
+        }
+        "map_Pr" | "map_Ns" | "map_ns" | "map_NS" => (
+            format!("{:?} is not read; the roughness is that of Ns or Pr", key.text),
+            "export the mesh as glTF to keep the picture",
+        ),
+        _ => return None,
+    };
+    Some(SyntaxError { code: "X016", ..key.syntax_error(message, help) })
+}
+
+/// Where the maps of a material lie on a mesh: texture coordinates times `scale` plus `offset`, the options `-s` and `-o` of a map.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct MapPlacement {
+    scale: Vec2,
+    offset: Vec2,
+}
+
+impl MapPlacement {
+    /// Maps that lie as the texture coordinates say.
+    const UNCHANGED: Self = Self { scale: Vec2::ONE, offset: Vec2::ZERO };
+
+    /// The options before the file name of a map line; up to three numbers follow each, of which the third is for solid textures.
+    fn of(options: &str) -> Self {
+        let (mut scale, mut offset) = ([1.0, 1.0], [0.0, 0.0]);
+        let (mut option, mut next) = ("", 0);
+        for word in options.split_whitespace() {
+            match (option, number(word)) {
+                (_, Err(_)) => (option, next) = (word, 0),
+                ("-s" | "-o", Ok(value)) => {
+                    let numbers = if option == "-s" { &mut scale } else { &mut offset };
+                    if let Some(slot) = numbers.get_mut(next) {
+                        *slot = math::narrow(value);
+                    }
+                    next += 1;
+                }
+                _ => {}
+            }
+        }
+        Self { scale: Vec2::from_array(scale), offset: Vec2::from_array(offset) }
+    }
+
+    /// Texture coordinates of a mesh at which the maps lie as they should.
+    pub(super) fn apply(self, uv: Vec2) -> Vec2 {
+        if self == Self::UNCHANGED { uv } else { uv * self.scale + self.offset }
+    }
+}
+
 /// Checks a line: numbers are finite and as many as the statement needs, names are present.
 fn check_line<'a>(
     key: ObjToken<'a>,
@@ -134,7 +238,7 @@ fn check_line<'a>(
 ) -> Result<(), SyntaxError> {
     let required_numbers = match key.text {
         "Ka" | "Kd" | "Ks" | "Ke" => 3,
-        "Ns" | "Ni" | "d" => 1,
+        "Ns" | "Ni" | "d" | "Pr" => 1,
         // Names reach to the end of the line, as they may contain blanks.
         "newmtl" | "map_Kd" | "map_Ka" | "map_Ks" | "map_Ns" | "map_ns" | "map_NS" | "map_d" | "map_Bump"
         | "map_bump" | "bump" | "norm" | "illum"
@@ -222,6 +326,12 @@ impl<'l> ObjMaterials<'l> {
         Ok(table_index(index))
     }
 
+    /// Where the maps of the material that `tobj` numbers `id` lie.
+    pub(super) fn placement(&self, id: Option<usize>) -> MapPlacement {
+        let given = id.and_then(|i| self.given.get(i)).and_then(|g| self.library.placements.get(&g.name));
+        given.copied().unwrap_or(MapPlacement::UNCHANGED)
+    }
+
     /// Sets a material's values and maps from those of `tobj`.
     fn convert_material(
         &mut self,
@@ -232,10 +342,13 @@ impl<'l> ObjMaterials<'l> {
         if let Some(kd) = given.diffuse {
             material.base_color = kd.map(|c| c.clamp(0.0, 1.0));
         }
-        // Blinn-Phong exponent to GGX roughness: alpha^2 = 2 / (n + 2), alpha = roughness^2.
+        // Ns = 1000 (1 - roughness)^2, as Blender and osier itself write it.
         if let Some(n) = given.shininess {
-            let alpha = (2.0 / (n.max(0.0) + 2.0)).sqrt();
-            material.roughness = alpha.sqrt().clamp(0.05, 1.0);
+            material.roughness = (1.0 - (n.clamp(0.0, 1000.0) / 1000.0).sqrt()).clamp(0.05, 1.0);
+        }
+        // The roughness itself, which Blender and other programs write in place of Ns or beside it.
+        if let Some(roughness) = given.unknown_param.get("Pr").and_then(|p| number(p.split_whitespace().next()?).ok()) {
+            material.roughness = math::narrow(roughness.clamp(0.0, 1.0));
         }
         // Exporters also write values, such as 0, that are no index of refraction.
         material.ior = given.optical_density.filter(|n| (1.0..=3.0).contains(n)).unwrap_or(material.ior);
@@ -313,6 +426,20 @@ fn map_file(line: ObjToken<'_>) -> ObjToken<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn options_place_a_map() {
+        let at = |options: &str| MapPlacement::of(options).apply(Vec2::new(0.5, 0.25));
+        for (options, u, v) in [
+            ("a.png", 0.5, 0.25),
+            ("-s 4 2 1 a.png", 2.0, 0.5),
+            ("-s 2 4.png", 1.0, 0.25),
+            ("-clamp on -o 0.5 a 4.png", 1.0, 0.25),
+            ("-bm 0.2 -s 2 2 2 -o 1 -1 0 4.png", 2.0, -0.5),
+        ] {
+            assert_eq!(at(options), Vec2::new(u, v), "{options}");
+        }
+    }
 
     #[test]
     fn options_before_a_file_name_are_skipped() {

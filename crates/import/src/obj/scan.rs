@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::tokens::{ObjToken, lines, plain, rest, tokens};
+use super::tokens::{CornerForm, ObjToken, lines, plain, rest, tokens};
 use super::{CheckedText, SyntaxError};
 use crate::{ImportContext, ImportResult};
 
@@ -18,17 +18,27 @@ pub(super) struct ObjSummary {
     pub(super) libraries: Vec<(String, usize)>,
     /// Names of the materials that faces use.
     pub(super) materials: BTreeSet<String>,
+    /// Whether `tobj` would read the text wrongly: [`super::tokens::for_tobj`] mends it.
+    pub(super) needs_rewrite: bool,
+    /// Whether some vertices have a colour and others none.
+    pub(super) lacks_colors: bool,
 }
 
-/// Numbers of elements so far; `colored`: vertices with a colour, `faceless`: faces of fewer than three corners.
+/// Numbers of elements so far; `colored`, `weighted`: vertices with a colour, with a weight; `faceless`: faces of fewer than three
+/// corners; `forms_differ`: some faces have texture coordinates or normals, others do not.
 #[derive(Default)]
 struct ObjCounts {
     vertices: u64,
     colored: u64,
+    weighted: u64,
     uvs: u64,
     normals: u64,
     triangles: u64,
     faceless: u64,
+    points: u64,
+    lines: u64,
+    form: Option<CornerForm>,
+    forms_differ: bool,
 }
 
 /// Checks a text; `None` if it has errors, which are then in the report.
@@ -40,15 +50,21 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
     let mut libraries = Vec::new();
     let mut materials: BTreeSet<String> = BTreeSet::new();
     let mut errors = 0;
+    let mut indented = false;
     // Check every statement that is read later; other keywords (groups, smoothing, curves) are ignored.
     for (start, line) in lines(&plain) {
         let mut tokens = tokens(start, line);
         let Some(key) = tokens.next() else { continue };
+        indented |= key.start != start && matches!(key.text, "usemtl" | "o" | "g");
         let result = match key.text {
             "v" => vertex(key, tokens, &mut counts),
             "vt" => numbers(key, tokens, 1..=3).map(|n| counts.uvs += u64::from(n > 0)),
             "vn" => numbers(key, tokens, 3..=3).map(|_| counts.normals += 1),
             "f" | "l" => face(key, tokens, &mut counts),
+            "p" => {
+                counts.points += 1;
+                Ok(())
+            }
             "mtllib" | "usemtl" => {
                 let rest = rest(start, line);
                 // A library that several lines name is read once.
@@ -76,19 +92,26 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
     }
     context.limit("vertices", counts.vertices.max(counts.uvs).max(counts.normals))?;
     context.limit("triangles", counts.triangles)?;
-    if counts.colored != 0 && counts.colored != counts.vertices {
+    // Vertices of objects without colours are white beside coloured ones.
+    let lacks_colors = counts.colored != 0 && counts.colored != counts.vertices;
+    if lacks_colors && counts.weighted > 0 {
         let (some, all) = (counts.colored, counts.vertices);
         return Err(Box::new(
             context
-                .error_about_file("X010", format_args!("gives {some} of {all} vertices a colour"))
-                .help("colour all of them or none"),
+                .error_about_file("X010", format_args!("gives {some} of {all} vertices a colour, and others a weight"))
+                .help("colour all of them, or leave the weights out"),
         ));
     }
     if counts.faceless > 0 {
         let n = counts.faceless;
         context.warn("X016", format_args!("holds {n} faces with fewer than three corners; they are left out"));
     }
-    Ok((errors == 0).then_some(ObjSummary { libraries, materials }))
+    if counts.points + counts.lines > 0 {
+        let n = counts.points + counts.lines;
+        context.warn("X016", format_args!("holds {n} points or lines, which are no faces; they are left out"));
+    }
+    let needs_rewrite = counts.forms_differ || counts.lines > 0 || indented || lacks_colors;
+    Ok((errors == 0).then_some(ObjSummary { libraries, materials, needs_rewrite, lacks_colors }))
 }
 
 /// Checks that as many numbers follow as allowed; returns how many.
@@ -131,6 +154,7 @@ fn vertex<'a>(
             {
                 return Err(w.syntax_error("a vertex cannot be divided by 0", "remove the fourth number"));
             }
+            counts.weighted += 1;
         }
         5 => return Err(key.syntax_error("5 numbers are no vertex", "write x y z, x y z w, or x y z r g b")),
         6 => counts.colored += 1,
@@ -147,6 +171,7 @@ fn face<'a>(
     counts: &mut ObjCounts,
 ) -> Result<(), SyntaxError> {
     let mut n = 0_usize;
+    let mut form = None;
     for token in tokens {
         n += 1;
         if n > MAX_FACE_CORNERS {
@@ -160,11 +185,21 @@ fn face<'a>(
         if fields.next().is_some() {
             return Err(token.syntax_error("a corner has at most three indices", "write v, v/vt, v//vn or v/vt/vn"));
         }
+        let given = CornerForm::of(token.text);
+        if *form.get_or_insert(given) != given {
+            let help = "write v, v/vt, v//vn or v/vt/vn at all corners of a face";
+            return Err(token.syntax_error("this corner has other indices than the first one of its face", help));
+        }
     }
     if n == 0 {
         return Err(key.syntax_error("a face without corners", "add them, or remove the line"));
     }
-    if key.text == "f" {
+    if key.text == "l" {
+        counts.lines += 1;
+    } else {
+        if let Some(form) = form {
+            counts.forms_differ |= *counts.form.get_or_insert(form) != form;
+        }
         counts.faceless += u64::from(n < 3);
         // A polygon of n corners is cut into n - 2 triangles.
         counts.triangles += n.saturating_sub(2) as u64;

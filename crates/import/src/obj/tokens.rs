@@ -48,6 +48,55 @@ pub(super) fn plain(text: &str) -> String {
     text.replace("\\\n", "  ").replace('\t', " ")
 }
 
+/// Which indices a corner of a face has beside that of its vertex.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct CornerForm {
+    uv: bool,
+    normal: bool,
+}
+
+impl CornerForm {
+    /// The form of a corner such as `3/1/2` or `3//2`.
+    pub(super) fn of(corner: &str) -> Self {
+        let mut fields = corner.split('/').skip(1);
+        let mut is_given = || fields.next().is_some_and(|field| !field.is_empty());
+        Self { uv: is_given(), normal: is_given() }
+    }
+}
+
+/// A plain text as `tobj` reads it right. Lines (`l`) are left out, because `tobj` makes faces of them. An object begins anew
+/// before a face whose corners have another form than those of the face before: `tobj` lists the texture coordinates and normals of
+/// an object without gaps, so that those of an object with and without them would belong to other vertices. Nothing is indented,
+/// since `tobj` counts blanks before `usemtl` and `o` as a part of the name. With `fill_colors` vertices without a colour are white,
+/// since `tobj` takes colours for all vertices or for none.
+pub(super) fn for_tobj(plain: &str, fill_colors: bool) -> String {
+    let mut text = String::with_capacity(plain.len());
+    let (mut object, mut last) = ("o", None);
+    for (_, line) in lines(plain) {
+        let line = line.trim_start();
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("l") => continue,
+            Some("o" | "g") => (object, last) = (line, None),
+            Some("f") => {
+                let form = words.next().map(CornerForm::of);
+                if last.is_some() && last != form {
+                    text.push_str(object);
+                    text.push('\n');
+                }
+                last = form;
+            }
+            _ => {}
+        }
+        text.push_str(line);
+        if fill_colors && line.starts_with("v ") && line.split_whitespace().count() == 4 {
+            text.push_str(" 1 1 1");
+        }
+        text.push('\n');
+    }
+    text
+}
+
 /// Lines of a plain text with the first byte of each, comments and blank lines left out.
 pub(super) fn lines(plain: &str) -> impl Iterator<Item = (usize, &str)> {
     let mut next = 0;
@@ -77,6 +126,14 @@ pub(super) fn rest(start: usize, line: &str) -> ObjToken<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_text_for_tobj_has_one_form_of_corners_in_each_object() {
+        let plain = "  o Leaf\nl 1 2 3\nf 1 2 3\nf 3 2 1\nf 1/1 2/2 3/3\nf 1//1 2//2 3//3\no Bark\nf 1 2 3\n";
+        let wanted = "o Leaf\nf 1 2 3\nf 3 2 1\no Leaf\nf 1/1 2/2 3/3\no Leaf\nf 1//1 2//2 3//3\no Bark\nf 1 2 3\n";
+        assert_eq!(for_tobj(plain, false), wanted);
+        assert_eq!(for_tobj("v 0 0 0\nv 1 0 0 0.5 0.5 0\n", true), "v 0 0 0 1 1 1\nv 1 0 0 0.5 0.5 0\n");
+    }
 
     #[test]
     fn places_survive_continued_lines_and_tabs() {
