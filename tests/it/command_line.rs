@@ -416,6 +416,24 @@ fn a_foreign_file_is_found_before_anything_is_written() {
 }
 
 #[test]
+fn a_foreign_file_is_found_before_anything_grows() {
+    let dir = folder();
+    let (glb, png) = (file(&dir, "x.glb", "mine"), file(&dir, "x.png", "mine"));
+    let (manifest, journal) = (dir.path().join("a"), dir.path().join("b"));
+    for (path, name) in [(&manifest, "manifest.json"), (&journal, ".osier")] {
+        fs::create_dir(path).expect("folder");
+        fs::write(path.join(name), "mine").expect("write");
+    }
+    let free = dir.path().join("free.glb");
+    let (_, err) = ends(0, &["grow", SCENE, "-o", arg(&free)]);
+    assert!(err.contains("growing"), "the stage that the others must not reach: {err}");
+    for (command, path) in [("grow", &glb), ("preview", &png), ("bake", &manifest), ("bake", &journal)] {
+        let (_, err) = ends(1, &[command, SCENE, "-o", arg(path)]);
+        assert!(err.contains("--force") && !err.contains("growing"), "{command} {}: {err}", path.display());
+    }
+}
+
+#[test]
 fn a_single_file_has_the_name_that_it_was_given() {
     let cases: [(&str, &[&str]); 4] = [
         ("x.OBJ", &["x.OBJ", "x.mtl"]),
