@@ -690,6 +690,11 @@ fn limits_refuse_before_anything_is_written() {
     assert!(err.contains("--max-frames"), "{err}");
     let (_, err) = ends(1, &["bake", SCENE, "-o", arg(&dir.path().join("out")), "--max-output-bytes", "1k"]);
     assert!(err.contains("--max-output-bytes"), "{err}");
+    // A check tells what would stop the bake; as JSON with the estimate.
+    let (_, err) = ends(1, &["check", SCENE, "--max-output-bytes", "1k"]);
+    assert!(err.contains("--max-output-bytes"), "{err}");
+    let (json, _) = ends(1, &["check", SCENE, "--max-output-bytes", "1k", "--json"]);
+    assert!(json.contains("raise it with --max-output-bytes") && json.contains("\"would_make\": {"), "{json}");
     assert!(tree(dir.path()).is_empty());
 }
 
