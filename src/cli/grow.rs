@@ -45,7 +45,8 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     if args.profile == ProfileArg::Web && !is_gltf {
         context.console.note(&format!("note: --profile has no effect on \"{name}\"; profiles are of .glb and .gltf"));
     }
-    if !to_pipe && !context.common.dry_run {
+    // A string cannot name its maker: it is compared with the file once it is derived.
+    if !to_pipe && !context.common.dry_run && !matches!(format, SingleFileFormat::DerivedText) {
         check_output(&args.output, args.force)?;
     }
     // For a picture, a table that could grow a tree is read as an attractor.

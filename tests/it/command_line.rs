@@ -405,6 +405,22 @@ fn foreign_files_are_left_alone_without_force() {
     }
 }
 
+/// Strings and grammars cannot name their maker.
+#[test]
+fn a_text_is_written_again_over_its_equal_alone() {
+    let dir = folder();
+    let (string, text) = (dir.path().join("x.txt"), dir.path().join("x.l"));
+    for command in [&["grow", GRAMMAR, "-o", arg(&string)], &["convert", GRAMMAR, "-o", arg(&text)]] {
+        let (first, _) = ends(0, command);
+        let (again, _) = ends(0, command);
+        assert_eq!(first, again);
+        fs::write(command[3], "mine").expect("write");
+        let (_, err) = ends(1, command);
+        assert!(err.contains("--force") && fs::read(command[3]).expect("mine") == b"mine", "{err}");
+        ends(0, &[&command[..], &["--force"]].concat());
+    }
+}
+
 #[test]
 fn a_foreign_file_is_found_before_anything_is_written() {
     for ending in ["gltf", "usda", "obj", "ply", "pov", "POV"] {
