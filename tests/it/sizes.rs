@@ -307,6 +307,22 @@ fn the_predicted_size_of_trees_at_rest_and_in_the_wind_is_near_that_of_their_fil
 }
 
 #[test]
+fn the_predicted_size_of_clouds_is_near_that_of_their_files() {
+    let temp = tempfile::tempdir().expect("temp");
+    let still = "[clouds.a]\nifs = \"fern_leaf.ifs\"\npoints = 50000\n[ground]\nshow = false\n";
+    let moving = "[frames]\nend = 12\n[clouds.a]\npoints = 4000\n[clouds.a.morph]\n\
+         key = [{ ifs = \"fern_bud.ifs.toml\", at = 0 }, { ifs = \"fern_half.ifs.toml\", at = 0.5 }]\n[ground]\nshow = false\n";
+    for (name, scene, format) in
+        [("usd", still, ["usd", "usd"]), ("glb", still, ["glb", "gltf"]), ("moving", moving, ["usd", "usd"])]
+    {
+        let file = temp.path().join(format!("{name}.toml"));
+        std::fs::write(&file, format!("{scene}[output]\nformats = [\"{}\"]\n", format[0])).expect("scene");
+        let share = predicted_share(&temp.path().join(name), &file, format);
+        assert!((0.8..1.25).contains(&share), "{name}: {share}");
+    }
+}
+
+#[test]
 fn leaves_of_a_growing_tree_have_shapes_at_the_frames_that_are_written() {
     let temp = tempfile::tempdir().expect("temp");
     let scene = "[frames]\nend = 201\n[plants.a]\nspecies = \"oak\"\nage = 14\n[plants.a.site]\nto = 14\nclip_leaves = \"summer\"\n\

@@ -108,8 +108,8 @@ fn estimate(input: &EstimateInput) -> u64 {
         let pictures = if *profile != Profile::Blender { input.pictures / JPEG_RATIO } else { input.pictures };
         let files = 1 + own_files(profile);
         let assets = input.per_asset(|a| {
-            // 12 bytes of a point are its position, the others colour or counts.
-            let points = (a.points - a.moving_points) * 18;
+            // A point's position is 12 bytes, its colour 16.
+            let points = (a.points - a.moving_points) * 28;
             // A plant that grows has bark with morph targets, and more leaves than nodes share a mesh with others.
             let morphs = most_nodes > 0 && a.joints == 0 && a.deforming_vertices > 0;
             let grows = morphs && a.free_instances > most_nodes;
