@@ -297,6 +297,7 @@ fn the_predicted_size_of_trees_at_rest_and_in_the_wind_is_near_that_of_their_fil
         ("fresh", sway(5), ["usd", "usd"]),
         ("strong", sway(12), ["usd", "usd"]),
         ("floats", format!("{web}quantize = false\n"), ["glb", "gltf"]),
+        ("meshopt", format!("{web}meshopt = true\n"), ["glb", "gltf"]),
         ("web", web, ["glb", "gltf"]),
     ] {
         let file = temp.path().join(format!("{name}.toml"));
