@@ -323,6 +323,29 @@ fn the_predicted_size_of_clouds_is_near_that_of_their_files() {
     }
 }
 
+/// Catkins of the sky fly from the first frame on; those that a rain of catkins releases later are in no file at rest.
+#[test]
+fn the_predicted_size_of_catkins_counts_those_that_files_have() {
+    let temp = tempfile::tempdir().expect("temp");
+    let scene = |release: &str, format: &str| {
+        format!(
+            "[frames]\nend = 24\n[catkin]\nhairs = 40\nlod = 2\n[flight]\ncount = 60\nrelease = \"{release}\"\n[wind]\nspeed = 2\n\
+             [ground]\nshow = false\n[output]\nformats = [\"{format}\"]\n"
+        )
+    };
+    for format in [["obj", "obj"], ["ply", "cloud"]] {
+        let file = temp.path().join(format!("{}.toml", format[0]));
+        std::fs::write(&file, scene("sky", format[0])).expect("scene");
+        let share = predicted_share(&temp.path().join(format[0]), &file, format);
+        assert!((0.75..1.34).contains(&share), "{format:?}: {share}");
+    }
+    let file = temp.path().join("rain.toml");
+    std::fs::write(&file, scene("rain", "obj")).expect("scene");
+    let (told, _) = ends(0, &["-q", "bake", arg(&file), "-n", "--json"]);
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    assert_eq!(told["would_make"]["sizes"]["obj"], 0, "{told:#}");
+}
+
 #[test]
 fn leaves_of_a_growing_tree_have_shapes_at_the_frames_that_are_written() {
     let temp = tempfile::tempdir().expect("temp");
