@@ -298,6 +298,7 @@ fn the_predicted_size_of_trees_at_rest_and_in_the_wind_is_near_that_of_their_fil
         ("strong", sway(12), ["usd", "usd"]),
         ("floats", format!("{web}quantize = false\n"), ["glb", "gltf"]),
         ("meshopt", format!("{web}meshopt = true\n"), ["glb", "gltf"]),
+        ("unreal", format!("{tree}[output]\nformats = [\"unreal\"]\n"), ["unreal", "unreal"]),
         // Of thirty that sway ten have skins; the others stand.
         ("skins", format!("[frames]\nend = 6\n[wind]\nspeed = 5\n{web}skins = 10\n"), ["glb", "gltf"]),
         ("web", web, ["glb", "gltf"]),
