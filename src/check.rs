@@ -58,8 +58,8 @@ pub struct CheckResult {
     pub keys: Vec<GivenKey>,
     /// Macros of the plants' grammars that the tables `plants.NAME.set` can override.
     pub parameters: Vec<GrammarParameter>,
-    /// Error that ended the check, other than errors of the scene: `Limit`, `Cancelled`, or X030 for a scene in which
-    /// nothing is visible.
+    /// Error that ended the check, other than errors of the scene: `Limit`, also of an estimated size that a bake would refuse,
+    /// `Cancelled`, or X030 for a scene in which nothing is visible.
     pub failure: Option<Error>,
 }
 
@@ -115,6 +115,8 @@ fn check_into(request: &Request, with_notes: bool, context: &BakeContext<'_>, re
     // An empty list of frames means a still scene.
     let frames: Vec<u32> =
         if recipe.clip.len() > 1 { (recipe.clip.start..=recipe.clip.end).collect() } else { Vec::new() };
-    result.estimate = Some(assembled.counts(&recipe, &frames));
-    refuse_without_visible_plants(&assembled.animated.scene)
+    let estimate = result.estimate.insert(assembled.counts(&recipe, &frames));
+    refuse_without_visible_plants(&assembled.animated.scene)?;
+    // The memory that a bake may take is that of the machine that bakes: the estimate tells what it would be.
+    estimate.check_size(context.limits)
 }

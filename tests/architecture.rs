@@ -72,6 +72,17 @@ fn crates_know_only_what_the_table_allows() {
     }
 }
 
+#[test]
+fn every_package_holds_the_texts_of_its_licenses() {
+    for name in ["LICENSE-MIT", "LICENSE-APACHE"] {
+        let whole = fs::read(root().join(name)).expect("a license");
+        for (package, _) in CRATES {
+            let path = root().join(format!("crates/{package}/{name}"));
+            assert!(fs::read(&path).is_ok_and(|text| text == whole), "{}", path.display());
+        }
+    }
+}
+
 /// Modules named as `crate::module` in a text, with `use crate::{a, b}` taken apart.
 fn imports(text: &str) -> Vec<String> {
     let mut found = Vec::new();

@@ -15,6 +15,8 @@ class OSIER_OT_bake(bpy.types.Operator):
 
     bl_idname = "osier.bake"
     bl_label = "Bake"
+    # A step of its own, so that undo of the import keeps the folder that the first bake gave to the scene.
+    bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

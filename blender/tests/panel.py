@@ -187,6 +187,21 @@ def undo_restores_values_and_seeds_have_arrows() -> None:
     refused(bpy.ops.osier.step_seed)
 
 
+def undo_of_the_first_bake_keeps_the_folder_of_the_scene() -> None:
+    choose("grass")
+    bpy.ops.ed.undo_push(message="before")
+    # As a button does, with a step of undo.
+    assert bpy.ops.osier.bake("EXEC_DEFAULT", True) == {"FINISHED"}
+    work()
+    scene = bpy.context.scene
+    token = scene.osier.token
+    assert token and scene.collection.children_recursive
+    bpy.ops.ed.undo()
+    scene = bpy.context.scene
+    assert not scene.collection.children_recursive
+    assert scene.osier.token == token, scene.osier.token
+
+
 def every_panel_is_drawn() -> None:
     scene = choose("showcase")
     first = draw_all(part("panel"))
@@ -568,6 +583,7 @@ def main() -> None:
         equal_keys_keep_their_values,
         only_changed_values_are_passed,
         undo_restores_values_and_seeds_have_arrows,
+        undo_of_the_first_bake_keeps_the_folder_of_the_scene,
         every_panel_is_drawn,
         a_bake_is_that_of_the_command_line_and_is_reloaded,
         a_cancelled_bake_ends_at_once,

@@ -33,6 +33,9 @@ mod osier {
     ///
     /// Output goes to the standard output and error of the process. SIGINT and SIGTERM stop a bake without unfinished files: the
     /// code is then 130 or 143. A process may call it once.
+    ///
+    /// The whole process ends, with that code or 1, if a signal has not stopped the run after 1.4 s, if a second one comes, and if the
+    /// memory of the process, that of Python included, exceeds the limit --max-memory.
     #[pyfunction]
     #[pyo3(signature = (argv = None))]
     fn main(py: Python<'_>, argv: Option<Vec<OsString>>) -> PyResult<u8> {

@@ -185,7 +185,7 @@ pub struct Preview {
     /// Background: auto, sky, studio, none (transparent), or a colour such as #f4f1ea.
     #[arg(long, value_name = "WHAT")]
     pub background: Option<String>,
-    /// Render this frame of an animated scene.
+    /// Render this frame of an animated scene, which else has a single frame without wind.
     #[arg(long, value_name = "N")]
     pub frame: Option<u32>,
     /// Render a clip of these frames: 1-72, 1-72:2.

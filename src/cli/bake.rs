@@ -78,6 +78,10 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     }
     if !context.common.dry_run {
         check_writable(&root)?;
+        // A manifest or a journal that osier did not write is refused before anything grows.
+        if root.is_dir() && !args.force {
+            open(context, args, &recipe, &root)?;
+        }
     }
     let display = ProgressDisplay::new(&context.console);
     let timer = StageTimer::new(&display);

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::args::{Grow, ProfileArg};
 use super::progress::ProgressDisplay;
-use super::{Context, report, unreadable_name};
+use super::{Context, check_output, report, unreadable_name};
 use crate::bake::BakeContext;
 use crate::recipe::{Growth, Recipe, resolve};
 use crate::single_file::{
@@ -44,6 +44,10 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     let is_gltf = matches!(format, SingleFileFormat::Scene(format) if format.word == gltf::FORMAT.word);
     if args.profile == ProfileArg::Web && !is_gltf {
         context.console.note(&format!("note: --profile has no effect on \"{name}\"; profiles are of .glb and .gltf"));
+    }
+    // A string cannot name its maker: it is compared with the file once it is derived.
+    if !to_pipe && !context.common.dry_run && !matches!(format, SingleFileFormat::DerivedText) {
+        check_output(&args.output, args.force)?;
     }
     // For a picture, a table that could grow a tree is read as an attractor.
     let is_picture = matches!(format, SingleFileFormat::Picture(_));

@@ -31,6 +31,7 @@ use crate::source::SourceOptions;
 use args::{Cli, Command, Common};
 use console::Console;
 use osier_base::Error;
+use osier_base::files::{Folder, WriteOptions, check_writable};
 use osier_base::limits::Limits;
 use osier_base::progress::Cancel;
 
@@ -188,6 +189,17 @@ fn start(cli: Cli) -> u8 {
 fn unreadable_name(output: &Path) -> Option<String> {
     let is_text = output.file_name().is_none_or(|name| name.to_str().is_some());
     (!is_text).then(|| format!("the name of the file \"{}\" is not UTF-8", output.display()))
+}
+
+/// Checks the file of an output before the work for it: whether its folder can be written, and whether its name is that of a file
+/// that osier did not write.
+/// # Errors
+/// `Io`; `Foreign` without `force`.
+fn check_output(path: &Path, force: bool) -> osier_base::Result<()> {
+    let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    check_writable(parent)?;
+    let Some(name) = path.file_name().and_then(|name| name.to_str()).filter(|_| parent.is_dir()) else { return Ok(()) };
+    Folder::plain(parent, WriteOptions { force, ..WriteOptions::default() })?.check_name(name)
 }
 
 /// Starts the global thread pool with `jobs` threads, by default as many as the machine has, at most [`THREADS`].

@@ -292,6 +292,7 @@ impl Resolver<'_> {
                 !is_group || is_mesh || keys.individuals.is_none_or(|n| n <= keys.count),
                 "as many copies to show them: each of these is an individual already",
             ),
+            needs(&["seed"], !is_mesh, "a plant that grows: all copies of a mesh are alike"),
             needs(&["lean_to_deg"], keys.lean.abs() > 0.0 || !is_turned, "an inclination: lean_deg = 5"),
             needs(&["together"], of_species || !keys.together, "a plant with `species`, which grows in light"),
         ];

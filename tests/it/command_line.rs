@@ -405,6 +405,22 @@ fn foreign_files_are_left_alone_without_force() {
     }
 }
 
+/// Strings and grammars cannot name their maker.
+#[test]
+fn a_text_is_written_again_over_its_equal_alone() {
+    let dir = folder();
+    let (string, text) = (dir.path().join("x.txt"), dir.path().join("x.l"));
+    for command in [&["grow", GRAMMAR, "-o", arg(&string)], &["convert", GRAMMAR, "-o", arg(&text)]] {
+        let (first, _) = ends(0, command);
+        let (again, _) = ends(0, command);
+        assert_eq!(first, again);
+        fs::write(command[3], "mine").expect("write");
+        let (_, err) = ends(1, command);
+        assert!(err.contains("--force") && fs::read(command[3]).expect("mine") == b"mine", "{err}");
+        ends(0, &[&command[..], &["--force"]].concat());
+    }
+}
+
 #[test]
 fn a_foreign_file_is_found_before_anything_is_written() {
     for ending in ["gltf", "usda", "obj", "ply", "pov", "POV"] {
@@ -412,6 +428,24 @@ fn a_foreign_file_is_found_before_anything_is_written() {
         let path = file(&dir, &format!("x.{ending}"), "mine");
         let (_, err) = ends(1, &["grow", SCENE, "-o", arg(&path)]);
         assert!(err.contains("--force") && tree(dir.path()).len() == 1, "{ending}: {:?}", tree(dir.path()).keys());
+    }
+}
+
+#[test]
+fn a_foreign_file_is_found_before_anything_grows() {
+    let dir = folder();
+    let (glb, png) = (file(&dir, "x.glb", "mine"), file(&dir, "x.png", "mine"));
+    let (manifest, journal) = (dir.path().join("a"), dir.path().join("b"));
+    for (path, name) in [(&manifest, "manifest.json"), (&journal, ".osier")] {
+        fs::create_dir(path).expect("folder");
+        fs::write(path.join(name), "mine").expect("write");
+    }
+    let free = dir.path().join("free.glb");
+    let (_, err) = ends(0, &["grow", SCENE, "-o", arg(&free)]);
+    assert!(err.contains("growing"), "the stage that the others must not reach: {err}");
+    for (command, path) in [("grow", &glb), ("preview", &png), ("bake", &manifest), ("bake", &journal)] {
+        let (_, err) = ends(1, &[command, SCENE, "-o", arg(path)]);
+        assert!(err.contains("--force") && !err.contains("growing"), "{command} {}: {err}", path.display());
     }
 }
 
@@ -672,6 +706,11 @@ fn limits_refuse_before_anything_is_written() {
     assert!(err.contains("--max-frames"), "{err}");
     let (_, err) = ends(1, &["bake", SCENE, "-o", arg(&dir.path().join("out")), "--max-output-bytes", "1k"]);
     assert!(err.contains("--max-output-bytes"), "{err}");
+    // A check tells what would stop the bake; as JSON with the estimate.
+    let (_, err) = ends(1, &["check", SCENE, "--max-output-bytes", "1k"]);
+    assert!(err.contains("--max-output-bytes"), "{err}");
+    let (json, _) = ends(1, &["check", SCENE, "--max-output-bytes", "1k", "--json"]);
+    assert!(json.contains("raise it with --max-output-bytes") && json.contains("\"would_make\": {"), "{json}");
     assert!(tree(dir.path()).is_empty());
 }
 

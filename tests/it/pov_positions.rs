@@ -171,6 +171,48 @@ fn what_pov_ray_evaluates_is_where_osier_says() {
     compare(&scene, &frames);
 }
 
+/// Turns the leaves of the rig off their joints, as flutter and drops do.
+fn nod(rig: &Asset, frame: &mut AssetFrame) {
+    let mut state = instance_states(rig, &rig.instancers[0], 0, frame).into_owned();
+    state.orientations.iter_mut().for_each(|q| *q *= Quat::from_rotation_x(0.4));
+    frame.instancers = vec![InstancerFrame::State(state)];
+}
+
+/// Gives the frames of the synthetic scene's first asset, the rig, another state, also those of its copies at other times.
+fn change_rig(frames: &mut [Frame], change: impl Fn(&mut AssetFrame)) {
+    for frame in frames {
+        change(&mut frame.assets[0]);
+        frame.shifted.iter_mut().filter(|((asset, _), _)| *asset == 0).for_each(|(_, state)| change(state));
+    }
+}
+
+#[test]
+fn leaves_in_the_rain_are_where_osier_says() {
+    let (mut scene, mut frames) = synthetic::scene();
+    // As above, so that no streak is left out.
+    scene.camera.target = scene.camera.eye.lerp(scene.camera.target, 0.01);
+    assert!(scene.materials.iter().any(|m| m.class == MaterialClass::Water));
+    change_rig(&mut frames, |state| nod(&scene.assets[0], state));
+    compare(&scene, &frames);
+}
+
+#[test]
+fn leaves_on_bark_of_given_points_are_where_osier_says() {
+    let (mut scene, mut frames) = synthetic::scene();
+    for material in scene.materials.iter_mut().filter(|m| m.class == MaterialClass::Water) {
+        material.class = MaterialClass::Leaf;
+    }
+    let rig = scene.assets[0].clone();
+    scene.assets[0].meshes[0].motion = MeshMotion::Deforming;
+    change_rig(&mut frames, |state| {
+        nod(&rig, state);
+        let points = mesh_points(&rig, &rig.meshes[0], 0, state).into_owned();
+        let normals = rig.meshes[0].mesh.normals.clone();
+        state.meshes = vec![MeshFrame::Points { points, normals, velocities: Vec::new() }];
+    });
+    compare(&scene, &frames);
+}
+
 #[test]
 fn spheres_are_where_osier_says() {
     let (mut scene, frames) = synthetic::scene();

@@ -364,6 +364,11 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         ),
         ("[[place]]\ncount = 3\nindividuals = 5\n", "place.0.individuals", "[[place]]\ncount = 3\nindividuals = 3\n"),
         (
+            "[plants.m]\nmesh = \"young-tree.obj\"\n[[place]]\nplant = \"m\"\nseed = 5\n",
+            "place.0.seed",
+            "[plants.m]\nmesh = \"young-tree.obj\"\n[[place]]\nplant = \"a\"\nseed = 5\n",
+        ),
+        (
             "[[place]]\nring = 9\ncount = 3\nclear = 2\n",
             "place.0.clear",
             "[[place]]\nring = 9\ncount = 3\nclear = 2\njitter = 1\n",

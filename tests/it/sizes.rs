@@ -297,6 +297,10 @@ fn the_predicted_size_of_trees_at_rest_and_in_the_wind_is_near_that_of_their_fil
         ("fresh", sway(5), ["usd", "usd"]),
         ("strong", sway(12), ["usd", "usd"]),
         ("floats", format!("{web}quantize = false\n"), ["glb", "gltf"]),
+        ("meshopt", format!("{web}meshopt = true\n"), ["glb", "gltf"]),
+        ("unreal", format!("{tree}[output]\nformats = [\"unreal\"]\n"), ["unreal", "unreal"]),
+        // Of thirty that sway ten have skins; the others stand.
+        ("skins", format!("[frames]\nend = 6\n[wind]\nspeed = 5\n{web}skins = 10\n"), ["glb", "gltf"]),
         ("web", web, ["glb", "gltf"]),
     ] {
         let file = temp.path().join(format!("{name}.toml"));
@@ -304,6 +308,45 @@ fn the_predicted_size_of_trees_at_rest_and_in_the_wind_is_near_that_of_their_fil
         let share = predicted_share(&temp.path().join(name), &file, format);
         assert!((0.87..1.15).contains(&share), "{name}: {share}");
     }
+}
+
+#[test]
+fn the_predicted_size_of_clouds_is_near_that_of_their_files() {
+    let temp = tempfile::tempdir().expect("temp");
+    let still = "[clouds.a]\nifs = \"fern_leaf.ifs\"\npoints = 50000\n[ground]\nshow = false\n";
+    let moving = "[frames]\nend = 12\n[clouds.a]\npoints = 4000\n[clouds.a.morph]\n\
+         key = [{ ifs = \"fern_bud.ifs.toml\", at = 0 }, { ifs = \"fern_half.ifs.toml\", at = 0.5 }]\n[ground]\nshow = false\n";
+    for (name, scene, format) in
+        [("usd", still, ["usd", "usd"]), ("glb", still, ["glb", "gltf"]), ("moving", moving, ["usd", "usd"])]
+    {
+        let file = temp.path().join(format!("{name}.toml"));
+        std::fs::write(&file, format!("{scene}[output]\nformats = [\"{}\"]\n", format[0])).expect("scene");
+        let share = predicted_share(&temp.path().join(name), &file, format);
+        assert!((0.8..1.25).contains(&share), "{name}: {share}");
+    }
+}
+
+/// Catkins of the sky fly from the first frame on; those that a rain of catkins releases later are in no file at rest.
+#[test]
+fn the_predicted_size_of_catkins_counts_those_that_files_have() {
+    let temp = tempfile::tempdir().expect("temp");
+    let scene = |release: &str, format: &str| {
+        format!(
+            "[frames]\nend = 24\n[catkin]\nhairs = 40\nlod = 2\n[flight]\ncount = 60\nrelease = \"{release}\"\n[wind]\nspeed = 2\n\
+             [ground]\nshow = false\n[output]\nformats = [\"{format}\"]\n"
+        )
+    };
+    for format in [["obj", "obj"], ["ply", "cloud"]] {
+        let file = temp.path().join(format!("{}.toml", format[0]));
+        std::fs::write(&file, scene("sky", format[0])).expect("scene");
+        let share = predicted_share(&temp.path().join(format[0]), &file, format);
+        assert!((0.75..1.34).contains(&share), "{format:?}: {share}");
+    }
+    let file = temp.path().join("rain.toml");
+    std::fs::write(&file, scene("rain", "obj")).expect("scene");
+    let (told, _) = ends(0, &["-q", "bake", arg(&file), "-n", "--json"]);
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    assert_eq!(told["would_make"]["sizes"]["obj"], 0, "{told:#}");
 }
 
 #[test]

@@ -10,7 +10,7 @@
 
 use std::sync::Arc;
 
-use super::estimate::{EstimateInput, MergedSize};
+use super::estimate::{AssetSize, EstimateInput, MergedSize};
 use super::file_target::{FileTarget, file_stem};
 use super::format::FormatInfo;
 use super::merge::{FlattenedAsset, PartRange, format_in_parallel};
@@ -19,7 +19,7 @@ use super::textures::Textures;
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
-use osier_scene::{Frame, Material, Scene, Trs, check_scene};
+use osier_scene::{Asset, Frame, Material, Scene, Trs, check_scene};
 
 /// Registry entry of OBJ: meshes at rest, so it writes everything before the first frame.
 pub const FORMAT: FormatInfo = FormatInfo {
@@ -46,10 +46,26 @@ fn estimate(input: &EstimateInput) -> u64 {
         let size = MergedSize::of(input.scene);
         return file_bytes(size.vertices, size.mapped_vertices, size.triangles);
     }
-    input.per_asset(|a| {
-        let vertices = a.vertices + a.instance_vertices;
-        file_bytes(vertices, vertices, a.triangles + a.instance_triangles)
-    })
+    let of_asset = |(a, asset): (&AssetSize, &Asset)| {
+        let [hidden_vertices, hidden_triangles] = hidden_geometry(asset);
+        let vertices = (a.vertices + a.instance_vertices).saturating_sub(hidden_vertices);
+        let triangles = (a.triangles + a.instance_triangles).saturating_sub(hidden_triangles);
+        a.weight * file_bytes(vertices, vertices, triangles)
+    };
+    input.assets.iter().zip(&input.scene.assets).map(of_asset).sum()
+}
+
+/// Vertices and triangles of the instances that are not alive at rest, such as catkins before their release, which no file has.
+fn hidden_geometry(asset: &Asset) -> [u64; 2] {
+    let mut sum = [0; 2];
+    for instancer in &asset.instancers {
+        let hidden = instancer.protos.iter().enumerate().filter(|(k, _)| !instancer.rest.is_alive(*k));
+        for prototype in hidden.filter_map(|(_, p)| instancer.prototypes.get(*p as usize)) {
+            sum[0] += prototype.mesh.points.len() as u64;
+            sum[1] += prototype.mesh.triangles.len() as u64;
+        }
+    }
+    sum
 }
 
 /// Bytes of a file of so many vertices, of which `mapped` have texture coordinates; indices of faces take more with their number.

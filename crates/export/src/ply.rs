@@ -41,8 +41,12 @@ pub const FORMAT: FormatInfo = FormatInfo {
 /// Estimate from bytes per record.
 fn estimate(input: &EstimateInput) -> u64 {
     if !input.single {
-        return input
-            .per_asset(|a| a.instances * 60 + (a.points - a.moving_points) * 22 + a.moving_points * input.frames * 22);
+        // Points, and instances that move freely, have a file for each frame, or one in a still scene.
+        let frames = input.frames.max(1);
+        return input.per_asset(|a| {
+            let still = (a.instances - a.free_instances) * 60 + (a.points - a.moving_points) * 22;
+            still + frames * (a.free_instances * 52 + a.moving_points * 22)
+        });
     }
     let size = MergedSize::of(input.scene);
     let points = if size.triangles == 0 { size.points * 22 } else { 0 };

@@ -38,11 +38,18 @@ impl BakeEstimate {
         self.memory.iter().map(|p| p.1).sum()
     }
 
+    /// Compares the bytes written with the limit `output-bytes`, whose default is the same on all machines.
+    /// # Errors
+    /// `Limit`.
+    pub fn check_size(&self, limits: &Limits) -> Result<()> {
+        limits.check("output-bytes", self.bytes, "the predicted size of the output, in bytes,")
+    }
+
     /// Compares the bytes written and the peak of memory with the limits `output-bytes` and `memory`.
     /// # Errors
     /// `Limit` for the first that is exceeded.
     pub fn check_limits(&self, limits: &Limits) -> Result<()> {
-        limits.check("output-bytes", self.bytes, "the predicted size of the output, in bytes,")?;
+        self.check_size(limits)?;
         limits.check("memory", self.peak(), "the predicted peak of memory, in bytes,")
     }
 }

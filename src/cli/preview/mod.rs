@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use super::Context;
 use super::args::Preview;
 use super::progress::ProgressDisplay;
+use super::{Context, check_output};
 use crate::bake::BakeContext;
 use crate::bake::assets::layered_picture;
 use crate::recipe::Recipe;
@@ -33,6 +33,9 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             return Ok(2);
         }
     };
+    if let Some(path) = args.output.as_deref().filter(|_| !context.common.dry_run) {
+        check_output(path, args.force)?;
+    }
     if let Some(flag) = flag_unfit_for_meshes(context, args) {
         context.console.complain(&format!(
             "{flag}: \"{}\" is a finished mesh, which no seed, key or step changes; preview its scene",

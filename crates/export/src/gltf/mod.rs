@@ -44,6 +44,7 @@ mod wind_channels;
 pub use options::{GltfOptions, GltfTarget, Profile, SKINS};
 pub use wind_channels::{WindChannel, WindChannels, WindNumber};
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::sync::Arc;
 
@@ -51,14 +52,14 @@ use self::assemble::GltfContents;
 use self::document::{GltfDocument, GltfInput};
 use self::light_leaves::LightLeaves;
 use self::tracks::ClipTracks;
-use super::estimate::EstimateInput;
+use super::estimate::{AssetSize, EstimateInput};
 use super::file_target::file_stem;
 use super::format::{ExportJob, FormatInfo};
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::Folder;
 use osier_base::{Error, Result};
-use osier_scene::{Frame, Scene, check_frame, check_scene, freeze};
+use osier_scene::{Asset, Frame, Scene, check_frame, check_scene, freeze};
 
 /// Registry entry of glTF: one exporter for each profile.
 pub const FORMAT: FormatInfo = FormatInfo {
@@ -94,9 +95,14 @@ fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
 /// Bytes of a PNG image per byte of its JPEG. Own: measured on barks, grounds and leaves; only estimates use it.
 const JPEG_RATIO: u64 = 4;
 
-/// Size of floating-point vertices, triangles and instances divided by their compressed size, percent.
-/// Own: measured on leaves and bark.
+/// Size of floating-point vertices and triangles divided by their compressed size, percent. Own: measured on leaves and bark.
 const MESHOPT_RATIO_PERCENT: u64 = 350;
+/// Bytes of a compressed instance, which has 32 without compression. Own: measured on leaves of birches and oaks.
+const MESHOPT_INSTANCE_BYTES: u64 = 18;
+
+/// Bytes of a vertex for the attributes by which shaders sway copies that stand, and of these after compression. Own: measured.
+const WIND_BYTES: u64 = 32;
+const MESHOPT_WIND_BYTES: u64 = 3;
 
 /// Estimate from bytes per vertex, triangle, instance and key in binary files, summed over the profiles.
 fn estimate(input: &EstimateInput) -> u64 {
@@ -104,12 +110,13 @@ fn estimate(input: &EstimateInput) -> u64 {
     // An asset is in the file of the scene, and in a separate file if those are written. Images are embedded in both.
     let own_files = |profile: &Profile| u64::from(options.assets && !input.single && *profile != Profile::Engine);
     let most_nodes = if options.frame.is_some() { 0 } else { options.nodes as u64 };
+    let standing = standing_copies(input);
     let profile_bytes = |profile: &Profile| {
         let pictures = if *profile != Profile::Blender { input.pictures / JPEG_RATIO } else { input.pictures };
         let files = 1 + own_files(profile);
-        let assets = input.per_asset(|a| {
-            // 12 bytes of a point are its position, the others colour or counts.
-            let points = (a.points - a.moving_points) * 18;
+        let of_asset = |(a, standing): (&AssetSize, &u64)| {
+            // A point's position is 12 bytes, its colour 16.
+            let points = (a.points - a.moving_points) * 28;
             // A plant that grows has bark with morph targets, and more leaves than nodes share a mesh with others.
             let morphs = most_nodes > 0 && a.joints == 0 && a.deforming_vertices > 0;
             let grows = morphs && a.free_instances > most_nodes;
@@ -119,6 +126,9 @@ fn estimate(input: &EstimateInput) -> u64 {
             let triangles = a.triangles + instance_triangles;
             // A plant that grows has no levels of detail.
             let is_plant = !grows && (a.joints > 0 || a.instance_triangles > 0);
+            // Placements that stand have a mesh beside that of the others, with attributes for shaders.
+            let meshes: u64 = if (1..a.placements).contains(standing) { 2 } else { 1 };
+            let shaded = if *standing > 0 { a.vertices } else { 0 };
             let still = match profile {
                 // All levels together have a third more triangles than the finest; 80 bytes each with its vertices, measured.
                 Profile::Engine if is_plant => triangles.min(options.level_triangles as u64) * 4 / 3 * 80,
@@ -126,21 +136,26 @@ fn estimate(input: &EstimateInput) -> u64 {
                     // Points, normals, coordinates, tangents; bark has joints and weights as well.
                     let skinned = if a.joints > 0 { a.vertices * 24 } else { 0 };
                     let leaves = light_leaves::estimate(instance_vertices, instance_triangles, instances, &of_profile);
-                    a.vertices * 48 + a.triangles * 12 + skinned + leaves
+                    let plant = a.vertices * 48 + a.triangles * 12 + leaves;
+                    plant * meshes + skinned + shaded * WIND_BYTES
                 }
-                // An instance is 32 bytes: 12 of position, 8 of the quantized rotation, 12 of scale. A triangle is three u32.
+                // A triangle is three u32.
                 Profile::Web if options.meshopt => {
-                    let floats = a.vertices * 48 + a.triangles * 12 + a.prototype_vertices * 28;
-                    (floats + instances * a.still_copies * 32) * 100 / MESHOPT_RATIO_PERCENT
+                    let floats = (a.vertices * 48 + a.triangles * 12) * meshes + a.prototype_vertices * 28;
+                    let transforms = instances * (a.still_copies + standing) * MESHOPT_INSTANCE_BYTES;
+                    floats * 100 / MESHOPT_RATIO_PERCENT + shaded * MESHOPT_WIND_BYTES + transforms
                 }
                 Profile::Web => {
-                    // A position is 8 bytes if quantized, else 12; normals and tangents are 4 each, coordinates 8. Bark with joints
-                    // has these and their weights, 8 bytes, and some of it 16 of the shader's wind. Triangles are three u32 in
-                    // large meshes, else three u16. Both are measured on the presets.
+                    // An instance is 32 bytes: 12 of position, 8 of the quantized rotation, 12 of scale. A position is 8 bytes if
+                    // quantized, else 12; normals and tangents are 4 each, coordinates 8. Bark with joints has these and their
+                    // weights, 8 bytes, and some of it 16 of the shader's wind. Triangles are three u32 in large meshes, else three
+                    // u16. Both are measured on the presets.
                     let vertex = if options.quantize { 24 } else { 28 };
                     let skinned = if a.joints > 0 { a.vertices * 12 } else { 0 };
-                    let meshes = (a.vertices + a.prototype_vertices) * vertex + skinned;
-                    meshes + (a.triangles + a.prototype_triangles) * 10 + instances * a.still_copies * 32
+                    let vertices =
+                        (a.vertices * meshes + a.prototype_vertices) * vertex + skinned + shaded * WIND_BYTES;
+                    let triangles = (a.triangles * meshes + a.prototype_triangles) * 10;
+                    vertices + triangles + instances * (a.still_copies + standing) * 32
                 }
             };
             // The file of the scene has tracks for each phase that has a skin, the file of the asset for one.
@@ -158,11 +173,43 @@ fn estimate(input: &EstimateInput) -> u64 {
             let tracks = a.posed_frames(input.frames) * joints * 16 + nodes * input.frames * 44;
             // Each file of profile engine has one skin, that of the web or of Blender one for each phase.
             let skins = if *profile == Profile::Engine { 1 } else { a.phases.min(options.skins as u64) };
-            files * (still + points + shapes) + (skins + files - 1) * tracks
-        });
+            a.weight * (files * (still + points + shapes) + (skins + files - 1) * tracks)
+        };
+        let assets: u64 = input.assets.iter().zip(&standing).map(of_asset).sum();
         files * pictures + assets
     };
     input.options.gltf_profiles.iter().map(profile_bytes).sum()
+}
+
+/// For each asset the number of its placements that sway in the scene and stand still in the file, whose budget of skins goes to the
+/// plants with few placements first. They share a mesh, beside that of the placements that sway.
+fn standing_copies(input: &EstimateInput) -> Vec<u64> {
+    let options = &input.options.gltf;
+    let moves = input.frames > 0 && options.frame.is_none();
+    let sways =
+        |a: &AssetSize| moves && a.joints > 0 && a.free_instances == 0 && a.points == 0 && a.moving_curve_points == 0;
+    let assets = || input.assets.iter().zip(&input.scene.assets);
+    let mut groups: BTreeMap<&str, u64> = BTreeMap::new();
+    for (a, asset) in assets().filter(|(a, asset)| sways(a) && !asset.group.is_empty()) {
+        *groups.entry(asset.group.as_str()).or_default() += a.weight * a.placements;
+    }
+    // Skins are dealt out from the smallest group on; what a group does not get stands.
+    let mut by_count: Vec<(u64, &str)> = groups.iter().map(|(group, count)| (*count, *group)).collect();
+    by_count.sort_unstable();
+    let mut skins = options.skins as u64;
+    let mut without: BTreeMap<&str, u64> = BTreeMap::new();
+    for (count, group) in by_count {
+        let dealt = count.min(skins);
+        skins -= dealt;
+        without.insert(group, count - dealt);
+    }
+    let of_asset = |(a, asset): (&AssetSize, &Asset)| {
+        let group = asset.group.as_str();
+        let (Some(all), Some(standing)) = (groups.get(group), without.get(group)) else { return 0 };
+        // The individuals of a group take equal shares, rounded to whole copies.
+        if sways(a) { (2 * a.placements * standing + all) / (2 * all).max(1) } else { 0 }
+    };
+    assets().map(of_asset).collect()
 }
 
 /// Name of the file of a whole scene in a bake, without profile and ending. `assets`: ids of all its assets. A scene named like one

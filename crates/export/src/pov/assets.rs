@@ -14,8 +14,8 @@ use super::space::PovSpace;
 use crate::Warning;
 use crate::text::TextBuffer;
 use osier_scene::{
-    Asset, AssetFrame, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Material, Mesh,
-    MeshFrame, MeshMotion, MeshObject, Trs, instance_states, joint_motions, mesh_points, skinned_normals,
+    Asset, AssetFrame, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Material, MaterialClass,
+    Mesh, MeshFrame, MeshMotion, MeshObject, Trs, instance_states, joint_motions, mesh_points, skinned_normals,
     skinning_matrices,
 };
 
@@ -255,10 +255,18 @@ impl PovAsset<'_> {
     }
 
     /// Whether a frame moves the instances of an instancer by the unions of its joints. A state of the instances beside a pose is
-    /// ignored: one line per joint instead of one per leaf keeps the files of a clip small.
+    /// ignored, unless joints would show them elsewhere than what touches them: one line per joint instead of one per leaf keeps
+    /// the files of a clip small, and omits the flutter of leaves.
     fn follows_joints(&self, instancer: &Instancer, i: usize, frame: &AssetFrame) -> bool {
         let stated = matches!(frame.instancer(i), InstancerFrame::State(_));
-        self.carrier_joints(instancer).is_some() && !(stated && frame.pose.is_empty())
+        self.carrier_joints(instancer).is_some() && !(stated && (frame.pose.is_empty() || self.leaves_joints()))
+    }
+
+    /// Whether instances have to be where their states say: on bark whose points the frames carry, since joints only approximate
+    /// it, and under drops, which lie on leaves as these flutter and nod.
+    fn leaves_joints(&self) -> bool {
+        let deforms = |m: &MeshObject| m.motion == MeshMotion::Deforming;
+        self.asset.meshes.iter().any(deforms) || has_water(self.materials)
     }
 
     /// Declares a union of the instances on each joint that carries some. Returns the number of instances.
@@ -377,6 +385,11 @@ impl PovAsset<'_> {
         write_union(text, count, &parts, "");
         text.put("#end\n");
     }
+}
+
+/// Whether a scene of these materials has water: rain.
+pub(super) fn has_water(materials: &[Material]) -> bool {
+    materials.iter().any(|m| m.class == MaterialClass::Water)
 }
 
 /// The mesh that contains the triangles of an object at a frame.

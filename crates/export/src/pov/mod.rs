@@ -77,6 +77,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     let written = |frames: u64| frames.div_ceil(step);
     // 110 bytes of a sphere with position, radius and colour; clouds are thinned to MAX_SPHERES.
     let spheres = |n: u64| n.min(100_000) * 110;
+    let water = assets::has_water(&input.scene.materials);
     let of_asset = |(a, shown): (&AssetSize, Option<u64>)| {
         // Of a plant that grows the triangles are written once; points, and instances that move freely, are in the frames.
         let still = match shown {
@@ -88,7 +89,10 @@ fn estimate(input: &EstimateInput) -> u64 {
         let points = spheres(a.points - a.moving_points) + written(input.frames) * spheres(a.moving_points);
         // A frame has points and normals of moving meshes, and one line for the leaves of each joint.
         // Of a plant that grows the instances have few digits and many points coincide: measured.
-        let instances = shown.map_or(a.free_instances * 170, |shown| shown * 157);
+        let free = shown.map_or(a.free_instances * 170, |shown| shown * 157);
+        // Instances on joints have a line each where frames show them in their own states.
+        let stated = a.joints > 0 && (a.deforming_vertices > 0 || water);
+        let instances = free + if stated { a.instances.saturating_sub(a.free_instances) * 170 } else { 0 };
         let bark = if is_deforming(a) { a.deforming_vertices * 58 } else { 0 };
         let moving = written(input.frames) * (instances + bark + a.moving_curve_points * 120);
         let posed = written(a.posed_frames(input.frames)) * (a.moving_vertices * 70 + a.joints * 170);

@@ -88,6 +88,10 @@ fn open_exporters(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
 
 /// Bytes of an asset's file besides its geometry: materials and the names of prims. Own: measured, as those below.
 const ASSET_BYTES: u64 = 6_000;
+/// Bytes of a point of a cloud: position and colour; ids and equal widths take next to nothing.
+const POINT_BYTES: u64 = 24;
+/// Bytes of a moving point in a frame: position and velocity; widths and colours take little, as they are equal or seldom change.
+const POINT_SAMPLE_BYTES: u64 = 26;
 /// Bytes of a sample of a leaf in the wind: its position and orientation.
 const LEAF_SAMPLE_BYTES: f64 = 20.0;
 /// Bytes of its samples for each frame in calm air, and for each m/s of wind: the faster leaves flutter, the fewer samples are
@@ -118,7 +122,8 @@ fn estimate(input: &EstimateInput) -> u64 {
         let posed = a.posed_frames(frames) * (a.deforming_vertices * 24 + a.joints * 34) + leaves;
         // Points, normals, velocities, indices and attributes of meshes whose frames are whole: measured on drops.
         let varying = a.varying_vertices * frames * 52;
-        a.weight * (still + tracks + varying + a.points * 44 + a.moving_points * frames * 40 + posed)
+        let points = a.points * POINT_BYTES + a.moving_points * frames * POINT_SAMPLE_BYTES;
+        a.weight * (still + tracks + varying + points + posed)
     };
     input.assets.iter().enumerate().map(of_asset).sum()
 }
