@@ -131,7 +131,8 @@ impl FlightSimulation {
                 let landing = path.sweep(solids);
                 c.travel += landing.at - c.x;
                 (c.x, c.v) = (landing.at, v);
-                if c.land_on(&landing) {
+                // What comes down beyond an open side has left the box before.
+                if !options.is_past_an_open_side(c.x) && c.land_on(&landing) {
                     landed.extend(c.resting_place());
                 }
                 if options.is_outside(c.x) {
@@ -157,7 +158,9 @@ impl FlightSimulation {
             let mut probe = WindProbe::default();
             chunk.iter_mut().map(|cluster| self.advance_cluster(cluster, &mut probe, wind, t)).collect::<Vec<_>>()
         });
-        for (cluster, landing) in flying.into_iter().zip(landings.into_iter().flatten()) {
+        for (cluster, swept) in flying.into_iter().zip(landings.into_iter().flatten()) {
+            let contact = swept.contact.filter(|_| !self.options.is_past_an_open_side(swept.at));
+            let landing = SweepResult { contact, ..swept };
             self.follow_cluster(cluster, &landing);
             if landing.touches() {
                 let places =

@@ -109,7 +109,8 @@ impl FlightSimulation {
         let now = t + self.options.time_step();
         let frame = 1.0 / self.options.fps;
         let wind = self.mean_wind;
-        let (inside, band, seed) = (self.options.inside, self.options.band, self.options.seed);
+        let (inside, edges) = (self.options.inside, self.options.edges);
+        let (band, seed) = (self.options.band, self.options.seed);
         let solids = std::sync::Arc::clone(&self.solids);
         let options = self.options.clone();
         let mut back = 0;
@@ -119,12 +120,12 @@ impl FlightSimulation {
                 let mut draw =
                     Rng::at(seed, &["flight".into(), c.id.into(), (c.generation + 1).into(), "entry".into()]);
                 // Draw until the position is outside of solids; the last draw counts.
-                let mut at = inflow_point(wind, inside, band, &mut draw);
+                let mut at = inflow_point(wind, inside, edges, band, &mut draw);
                 for _ in 1..MAX_START_DRAWS {
                     if !solids.contains(at.as_vec3()) {
                         break;
                     }
-                    at = inflow_point(wind, inside, band, &mut draw);
+                    at = inflow_point(wind, inside, edges, band, &mut draw);
                 }
                 c.jump(at - c.x);
                 c.moved = true;

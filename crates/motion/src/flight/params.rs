@@ -209,6 +209,15 @@ impl FlightParams {
         x.x < low.x || x.x > high.x || x.z < low.z || x.z > high.z
     }
 
+    /// Whether a position is past a side through which catkins leave: not a periodic one, which brings them back.
+    pub(super) fn is_past_an_open_side(&self, x: DVec3) -> bool {
+        let (low, high) = (self.inside.min.as_dvec3(), self.inside.max.as_dvec3());
+        let is_past = |edge: SideBoundary, x: f64, low: f64, high: f64| {
+            edge != SideBoundary::Periodic && !(low..=high).contains(&x)
+        };
+        is_past(self.edges[0], x.x, low.x, high.x) || is_past(self.edges[1], x.z, low.z, high.z)
+    }
+
     /// Range of attraction, m: where it has decayed to a hundredth.
     pub fn attraction_radius(&self) -> f64 {
         // exp(-gamma r^2) = 1/100 solved for r.

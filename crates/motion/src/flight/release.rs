@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::params::{CatkinStart, ReleaseCondition};
+use super::params::{CatkinStart, ReleaseCondition, SideBoundary};
 use crate::flight::tuning::MAX_START_DRAWS;
 use osier_base::geometry::Bounds;
 use osier_base::rng::Rng;
@@ -48,15 +48,26 @@ pub fn sky_starts(sky: &SkyRelease, solids: &Solids) -> Vec<CatkinStart> {
         .collect()
 }
 
-/// Random point on an inflow side for a recycled catkin. `wind`: mean, m/s; `band`: range of heights over the box's.
-pub(super) fn inflow_point(wind: Vec3, inside: Bounds, band: [f64; 2], draw: &mut Rng) -> DVec3 {
+/// Random point on an inflow side for a recycled catkin. `wind`: mean, m/s; `edges`: across x and z, of which periodic ones bring
+/// nothing in; `band`: range of heights over the box's.
+pub(super) fn inflow_point(
+    wind: Vec3,
+    inside: Bounds,
+    edges: [SideBoundary; 2],
+    band: [f64; 2],
+    draw: &mut Rng,
+) -> DVec3 {
     let (low, size) = (inside.min.as_dvec3(), inside.size().as_dvec3());
     let [u, w] = [draw.unit_f64(), draw.unit_f64()];
     let y = low.y + size.y * (band[0] + (band[1] - band[0]) * draw.unit_f64());
     // Choose between the two inflow sides in proportion to the volume flux through each.
-    let through = [f64::from(wind.x.abs()) * size.z, f64::from(wind.z.abs()) * size.x];
+    let flux = |edge: SideBoundary, flux: f64| if edge == SideBoundary::Periodic { 0.0 } else { flux };
+    let through = [flux(edges[0], f64::from(wind.x.abs()) * size.z), flux(edges[1], f64::from(wind.z.abs()) * size.x)];
     let across = |positive: bool, along: f64| if positive { 0.0 } else { along };
-    if through[0] + through[1] > 0.0 && u * (through[0] + through[1]) >= through[0] {
+    let sum = through[0] + through[1];
+    // Where the mean wind blows through no open side, any that is open.
+    let across_z = if sum > 0.0 { u * sum >= through[0] } else { edges[0] == SideBoundary::Periodic };
+    if across_z {
         DVec3::new(low.x + size.x * w, y, low.z + across(wind.z > 0.0, size.z))
     } else {
         DVec3::new(low.x + across(wind.x >= 0.0, size.x), y, low.z + size.z * w)
@@ -104,6 +115,22 @@ mod tests {
                 assert!((t - ripe - 2.5).abs() <= 2.0 * dt, "{t} at {dt}");
             }
         }
+    }
+
+    #[test]
+    fn recycled_catkins_come_in_through_open_sides_only() {
+        use SideBoundary::{Periodic, Recycle};
+        let inside = Bounds { min: Vec3::new(-5.0, 0.0, -5.0), max: Vec3::new(5.0, 8.0, 5.0) };
+        let wind = Vec3::new(2.0, 0.0, -2.0);
+        let at_low_x_and_high_z = |edges: [SideBoundary; 2]| {
+            let mut draw = Rng::at(2, &["entry".into()]);
+            let all: Vec<DVec3> = (0..400).map(|_| inflow_point(wind, inside, edges, [0.2, 0.9], &mut draw)).collect();
+            [all.iter().filter(|p| p.x <= -5.0).count(), all.iter().filter(|p| p.z >= 5.0).count()]
+        };
+        let [x, z] = at_low_x_and_high_z([Recycle; 2]);
+        assert!((160..240).contains(&x) && x + z == 400, "{x} {z}");
+        assert_eq!(at_low_x_and_high_z([Recycle, Periodic]), [400, 0]);
+        assert_eq!(at_low_x_and_high_z([Periodic, Recycle]), [0, 400]);
     }
 
     #[test]

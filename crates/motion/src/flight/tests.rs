@@ -236,6 +236,44 @@ fn counts_of_many_seeds_are_independent_of_the_step() {
 }
 
 /// A catkin that leaves the box is hidden until it reenters, and has then the next generation.
+/// What would come down beyond a side in the step in which it leaves has not landed: it is recycled, or counts as left, alone and in
+/// a cluster. At periodic sides it lands on the other side of the box.
+#[test]
+fn nothing_lands_outside_of_the_box() {
+    use SideBoundary::{Exit, Periodic, Recycle};
+    for (edge, count) in [Exit, Recycle, Periodic].into_iter().flat_map(|edge| [(edge, 1), (edge, 2)]) {
+        // So wet that what has landed stays.
+        let humidity = GroundHumidity::Even(1.0);
+        let options = FlightParams {
+            edges: [edge; 2],
+            humidity,
+            fall_spread: 0.0,
+            scales: [1.0, 1.0],
+            ..FlightParams::default()
+        };
+        let places = [0.0, 0.03].map(|z| DVec3::new(17.3, 0.1, z));
+        let starts = places.map(|at| CatkinStart { at, wait: ReleaseCondition::Until(0.0) });
+        let mut all = FlightSimulation::new(options, Arc::new(Solids::new(Vec::new(), true)), &starts[..count]);
+        for c in &mut all.catkins {
+            c.v = DVec3::new(20.0, -6.0, 0.0);
+        }
+        if count == 2 {
+            all.join_catkins(0, 1, 0.0);
+        }
+        let wind = UniformWind(Vec3::X * 30.0);
+        all.advance(&wind);
+        let (t, n) = (all.stats(), count as u64);
+        if edge == Periodic {
+            assert_eq!((t.deposits, t.deposited(), t.left), (n, n, 0), "{count}");
+            assert!(all.by_id().all(|c| c.x.x < 0.0));
+            continue;
+        }
+        assert_eq!((t.deposits, t.left, t.exited), (0, n, n), "{edge:?} {count}");
+        (0..4).for_each(|_| all.advance(&wind));
+        assert_eq!(all.stats().recycled, if edge == Recycle { n } else { 0 }, "{count}");
+    }
+}
+
 #[test]
 fn recycled_catkins_are_hidden_while_they_move() {
     let mut all = flights(300, FlightParams::default(), &wall_and_house());

@@ -219,7 +219,8 @@ impl BendTrack {
             closed_gap = largest_difference(first, &after);
             close_loop(&mut frames, &after);
         }
-        // Scaling acts on the deviation from the static bend, so that exaggeration does not change the lean.
+        // Scaling acts on the deviation from the static bend in the mean wind, so that exaggeration does not change the lean in it.
+        // What gusts add to the lean, whose drag goes by the square of the speed, it does scale.
         let scaled = |(frame, b): (usize, &ElementBends)| -> Vec<[f32; 2]> {
             b.iter().enumerate().map(|(i, b)| scaled_bend(*b, mean.at(i, frame), &clip)).collect()
         };

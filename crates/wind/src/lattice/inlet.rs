@@ -192,6 +192,11 @@ impl InletWind {
         direction_at(&self.options, t)
     }
 
+    /// Whether the direction of the mean wind changes.
+    pub(super) fn turns(&self) -> bool {
+        !self.options.direction_curve.is_empty()
+    }
+
     /// Mean speed, cells per step of `dt` s, and its reference height, cells.
     pub(super) fn speed_and_height_in_cells(&self, dt: f64) -> (f64, f64) {
         (self.options.speed * dt / self.spacing, self.reference_height / self.spacing)

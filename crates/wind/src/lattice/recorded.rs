@@ -13,6 +13,7 @@ use super::setup::{LatticeOptions, periodic_axes};
 use super::snapshot::WindSnapshot;
 use super::snapshot_layout::{CellRange, SnapshotLayout};
 use super::solver::LatticeSolver;
+use super::tuning::MIN_MEAN_SPEED;
 use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::limits::Limits;
@@ -55,7 +56,12 @@ impl RecordingOptions {
         let n = lattice.cells.map(|n| n as usize);
         let whole = CellRange::covering(n, lattice.origin(), lattice.spacing, periodic_axes(lattice), self.bounds);
         let values = whole.n.iter().fold(1_u64, |count, n| count.saturating_mul(*n as u64 + 2));
-        self.frame_count().saturating_mul(values).saturating_mul(BYTES_PER_VELOCITY)
+        self.bytes_of(values)
+    }
+
+    /// Bytes of the recorded frames and of their mean. `values`: velocities of one of them.
+    fn bytes_of(&self, values: u64) -> u64 {
+        (self.frame_count() + 1).saturating_mul(values).saturating_mul(BYTES_PER_VELOCITY)
     }
 }
 
@@ -64,6 +70,9 @@ impl RecordingOptions {
 pub struct RecordedWind {
     grid: SnapshotLayout,
     frames: Vec<Vec<[f32; 3]>>,
+    /// Mean of the frames from time 0 on, at the largest speed of the speed curve; empty if the wind turns, so that its wakes move,
+    /// or if the clip is a lull.
+    mean: Vec<[f32; 3]>,
     /// Statistics of the solver at each frame.
     stats: Vec<LatticeStats>,
     fps: f64,
@@ -87,8 +96,7 @@ impl RecordedWind {
         let (grid, low) = lattice.snapshot_layout().crop(options.bounds);
         let (lead, count) = (options.lead.min(lattice.lead_frames()), options.frame_count());
         let skipped = u64::from(lattice.lead_frames() - lead);
-        let bytes = count.saturating_mul(grid.value_count() as u64).saturating_mul(BYTES_PER_VELOCITY);
-        limits.check("wind-bytes", bytes, "the bytes of the recorded wind")?;
+        limits.check("wind-bytes", options.bytes_of(grid.value_count() as u64), "the bytes of the recorded wind")?;
         let (mut frames, mut stats) = (Vec::new(), Vec::new());
         for frame in 0..skipped + count {
             let snapshot = lattice.advance(progress, cancel)?;
@@ -103,13 +111,20 @@ impl RecordedWind {
             stats.push(lattice.stats());
         }
         let period = options.repeats.then_some(options.frames as f64 / options.fps);
-        let inlet = Arc::clone(lattice.inlet());
-        Ok(Self { grid, frames, stats, fps: options.fps, lead: lead as usize, period, inlet })
+        let (inlet, lead) = (Arc::clone(lattice.inlet()), lead as usize);
+        let mean = mean_velocities(frames.get(lead..).unwrap_or_default(), options.fps, &inlet);
+        Ok(Self { grid, frames, mean, stats, fps: options.fps, lead, period, inlet })
     }
 
-    /// Bytes of memory that the velocities of all recorded frames take, with their halo.
+    /// Bytes of memory that the velocities of all recorded frames and their mean take, with their halo.
     pub fn bytes(&self) -> u64 {
-        self.frames.len() as u64 * self.grid.value_count() as u64 * BYTES_PER_VELOCITY
+        (self.frames.len() * self.grid.value_count() + self.mean.len()) as u64 * BYTES_PER_VELOCITY
+    }
+
+    /// Mean velocity of the clip at a position, m, at the largest speed of the speed curve, m/s; `None` if there is no mean.
+    fn mean_of_clip(&self, position: Vec3) -> Option<Vec3> {
+        let value = |k: usize| self.mean.get(k).copied().map_or(Vec3::ZERO, Vec3::from_array);
+        (!self.mean.is_empty()).then(|| self.grid.sample(position, value, || self.inlet.mean_at(position)))
     }
 
     /// Statistics of the solver at a frame, counted from time 0; those of the first or last recorded frame outside the recording.
@@ -145,6 +160,22 @@ impl RecordedWind {
     }
 }
 
+/// Mean of the velocities of frames, the first of which is that of time 0, over the mean factor of the inflow's speed curve; empty
+/// as [`RecordedWind::mean`]. A loop counts without its fade into the frames before time 0.
+fn mean_velocities(frames: &[Vec<[f32; 3]>], fps: f64, inlet: &InletWind) -> Vec<[f32; 3]> {
+    let factors: f64 = (0..frames.len()).map(|k| inlet.speed_factor(k as f64 / fps)).sum();
+    let has_mean = !inlet.turns() && factors > MIN_MEAN_SPEED * frames.len() as f64;
+    let Some(first) = frames.first().filter(|_| has_mean) else { return Vec::new() };
+    let mut mean = vec![[0.0_f32; 3]; first.len()];
+    for frame in frames {
+        let terms = mean.as_flattened_mut().iter_mut().zip(frame.as_flattened());
+        terms.for_each(|(sum, u)| *sum += *u);
+    }
+    let share = narrow(factors.recip());
+    mean.as_flattened_mut().iter_mut().for_each(|sum| *sum *= share);
+    mean
+}
+
 /// Velocities of a snapshot at the values of a cropped grid that begins at the cell `low`.
 fn crop_velocities(snapshot: &WindSnapshot, part: &SnapshotLayout, low: [usize; 3]) -> Vec<[f32; 3]> {
     let values = (0..part.value_count()).map(|k| snapshot.values[snapshot.grid.index_in_uncropped(part, low, k)]);
@@ -174,12 +205,16 @@ impl Wind for RecordedWind {
         self.inlet.mean()
     }
 
+    /// That of the recorded clip: in the wake of a wall the air is slower than in the inflow, or flows back.
     fn mean_at(&self, position: Vec3) -> Vec3 {
-        self.inlet.mean_at(position)
+        self.mean_of_clip(position).unwrap_or_else(|| self.inlet.mean_at(position))
     }
 
     fn mean_at_time(&self, position: Vec3, t: f64) -> Vec3 {
-        self.inlet.mean_at_time(position, t)
+        match self.mean_of_clip(position) {
+            Some(mean) => mean * narrow(self.inlet.speed_factor(t)),
+            None => self.inlet.mean_at_time(position, t),
+        }
     }
 
     fn has_varying_mean(&self) -> bool {

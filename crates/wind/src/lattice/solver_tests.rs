@@ -663,6 +663,39 @@ fn recording_matches_snapshots_and_loops() {
     assert!(matches!(record(false, &few), Err(Error::Limit { .. })));
 }
 
+/// The mean of a recorded wind is that of its clip: behind a wall far less than that of the inflow, and in proportion to a speed
+/// curve.
+#[test]
+fn the_mean_of_a_recording_has_the_wakes_of_its_solids() {
+    use osier_base::geometry::Bounds;
+    let take = RecordingOptions { bounds: Bounds::of([]), lead: 6, frames: 48, fps: 24.0, repeats: false };
+    for curve in [Vec::new(), vec![[0.0, 1.92], [2.0, 0.96]]] {
+        let mut o = LatticeOptions { spin_up: Some(30.0), lead_frames: 6, ..channel_options() };
+        o.inlet.speed_curve = curve;
+        let mut lattice = new_solver(&o, &wall_solids());
+        let recorded = RecordedWind::record(&mut lattice, take, &Limits::default(), &Silent, &Cancel::default())
+            .expect("recorded");
+        let inlet = lattice.inlet();
+        let (lee, open) = (Vec3::new(-6.2, 1.4, 0.3), Vec3::new(-6.2, 12.0, 0.3));
+        for place in [lee, open] {
+            let (mut sum, mut factors) = (Vec3::ZERO, 0.0);
+            for k in 0..=48 {
+                let (t, mut out) = (f64::from(k) / 24.0, [Vec3::ZERO]);
+                recorded.sample(&[place], t, &mut out);
+                (sum, factors) = (sum + out[0], factors + inlet.speed_factor(t) as f32);
+            }
+            let mean = recorded.mean_at(place);
+            assert!(mean.distance(sum / factors) < 1e-4, "{mean} {}", sum / factors);
+            for t in [0.0, 1.0, 9.0] {
+                let expected = mean * inlet.speed_factor(t) as f32;
+                assert!(recorded.mean_at_time(place, t).distance(expected) < 1e-6, "{t}");
+            }
+        }
+        let share = |place: Vec3| recorded.mean_at(place).x / inlet.mean_at(place).x;
+        assert!(share(lee) < 0.5 && share(open) > 0.9, "{} {}", share(lee), share(open));
+    }
+}
+
 /// A wall across one of two joined sides is refused, as is one that no cells are made for; one across both, one that ends at a
 /// side and one beside the box are not, nor is one at an open side.
 #[test]

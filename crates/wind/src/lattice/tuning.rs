@@ -98,6 +98,9 @@ pub(super) const TURN_PER_INTERVAL: f64 = 0.1;
 
 /// Cells outside the box over which the wind passes into the undisturbed inflow.
 pub(super) const OUTSIDE_BLEND_CELLS: f32 = 4.0;
+/// Mean factor of a speed curve over a clip, below which the wind of the clip is not taken for that of the curve's largest speed: what
+/// moves in a lull are remains of earlier wind.
+pub(super) const MIN_MEAN_SPEED: f64 = 0.05;
 /// Cells recorded around the bounds that were asked for, so that interpolation at their edge has all eight neighbours.
 pub(super) const RECORDING_MARGIN: f32 = 2.0;
 

@@ -4,6 +4,7 @@ pub(crate) mod assembly;
 pub(crate) mod canopy;
 mod deposition_maps;
 mod points;
+mod side_jumps;
 mod stats;
 mod trajectories;
 mod volumes;
@@ -15,6 +16,7 @@ use glam::{DVec3, Vec3};
 use crate::bake::assets::catkin::CatkinModel;
 use crate::bake::motion::flight::canopy::{Canopy, CatkinSite, TwigPositions};
 use crate::bake::motion::flight::deposition_maps::{DepositionMaps, TexelSums};
+use crate::bake::motion::flight::side_jumps::SideJumps;
 use crate::bake::motion::flight::trajectories::Trajectories;
 use crate::bake::motion::flight::volumes::FlightVolumes;
 use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
@@ -82,6 +84,8 @@ struct FlightState {
     frames: u64,
     /// Offset, m, by which each deposited catkin is drawn closer to the surface that it lies on.
     settled: Vec<Vec3>,
+    /// Which catkins periodic sides have just brought to the other side.
+    side_jumps: SideJumps,
     trails: Option<Trajectories>,
     /// Sums of all depositions so far, if the maps are cumulative; else empty.
     landed: TexelSums,
@@ -137,11 +141,13 @@ impl FlightPlayback {
             simulation: start.clone(),
             frames: 0,
             settled,
+            side_jumps: SideJumps::default(),
             trails,
             landed,
             in_zones: vec![0; scene.flight.zones.len()],
             twigs: None,
         };
+        state.follow_side_jumps();
         state.extend_trajectories();
         let hairs = |m: &CatkinModel| m.tuft().hairs.points.clone();
         Ok(Self {
@@ -260,6 +266,8 @@ impl FlightPlayback {
             state.in_zones.fill(0);
             state.twigs = None;
             state.trails.iter_mut().for_each(Trajectories::clear);
+            state.side_jumps = SideJumps::default();
+            state.follow_side_jumps();
             state.extend_trajectories();
         }
         while state.frames < target {
@@ -269,6 +277,7 @@ impl FlightPlayback {
             self.advance_frame(&mut state, &ShiftedWind { wind, lead })?;
             state.frames += 1;
             self.lower_drawn_deposits(&mut state);
+            state.follow_side_jumps();
             state.extend_trajectories();
         }
         Ok(evaluate(&mut state))
@@ -350,7 +359,7 @@ impl FlightPlayback {
     }
 
     fn state_at(&self, number: u64) -> Result<InstanceState> {
-        self.with_state_at(number, |state| state.instance_state())
+        self.with_state_at(number, |state| state.shown_state())
     }
 
     /// Transforms of the catkins before the first step, which are those of the asset at rest.
@@ -362,7 +371,7 @@ impl FlightPlayback {
 impl AssetMotion for FlightPlayback {
     fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
         self.with_state_at(time.index(), |state| AssetFrame {
-            instancers: vec![InstancerFrame::State(state.instance_state())],
+            instancers: vec![InstancerFrame::State(state.shown_state())],
             curves: state.trails.iter().map(|t| CurvesFrame::Points(t.points().to_vec())).collect(),
             ..AssetFrame::default()
         })
@@ -386,13 +395,26 @@ impl AssetMotion for FlightPlayback {
 }
 
 impl FlightState {
+    /// Takes note of the catkins that have changed sides in this frame.
+    fn follow_side_jumps(&mut self) {
+        let Self { simulation, side_jumps, .. } = self;
+        side_jumps.follow(simulation);
+    }
+
     /// Appends the positions at which catkins are drawn to the trajectories.
     fn extend_trajectories(&mut self) {
         if let Some(mut trails) = self.trails.take() {
-            let state = self.instance_state();
+            let state = self.shown_state();
             trails.push(&state, state.attribute(GENERATION).and_then(AttributeData::integers).unwrap_or_default());
             self.trails = Some(trails);
         }
+    }
+
+    /// [`FlightState::instance_state`] as the asset shows it, whose frames programs interpolate: catkins that change sides are hidden.
+    fn shown_state(&self) -> InstanceState {
+        let mut state = self.instance_state();
+        self.side_jumps.hide(&mut state);
+        state
     }
 
     /// Transforms and attributes of all catkins, settling included, in the order of their ids.
