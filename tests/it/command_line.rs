@@ -75,6 +75,14 @@ fn usage_ends_with_2_and_help_with_0() {
     assert!(err.contains("which has the one frame 1; --set frames.end=2"), "{err}");
     let (_, err) = ends(2, &["bake", "koch", "-o", arg(dir.path()), "--frames", "0"]);
     assert!(err.contains("which has the one frame 1") && !err.contains("frames.end"), "{err}");
+    // Statistics of a sweep are those of a flight; files of several individuals come from several runs.
+    for (flag, value, single) in [("--seeds", "0-3", "--seed"), ("--sweep", "wind.speed=1,2", "--set")] {
+        let (_, err) = ends(2, &["bake", SCENE, "-n", flag, value]);
+        assert!(
+            err.contains(&format!("error: {flag}: ")) && err.contains(&format!("with {single} and an -o")),
+            "{err}"
+        );
+    }
     let (_, err) = ends(2, &["grow", SCENE, "-o", "x.docx"]);
     assert!(err.contains(".usdc"), "{err}");
     ends(2, &["frobnicate"]);
