@@ -128,8 +128,22 @@ fn quoted(words: &[String]) -> String {
     words.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(" and ")
 }
 
+/// Whether a word in lower case is the path of a key as scenes, `--set` and messages spell it: `plants.oak.leaf.size`, `solid.0.at`.
+/// Any name stands for `NAME` and `LETTER`; the numbers of list elements do not count. `paths`: those of the table.
+fn is_path_of(word: &str, paths: &[&str], key: &str) -> bool {
+    let given: Vec<&str> = word.split('.').filter(|part| !part.bytes().all(|b| b.is_ascii_digit())).collect();
+    paths.iter().any(|path| {
+        let wanted: Vec<&str> = path.split('.').filter(|part| !part.is_empty()).chain([key]).collect();
+        wanted.len() == given.len()
+            && wanted
+                .iter()
+                .zip(&given)
+                .all(|(want, part)| matches!(*want, "NAME" | "LETTER") || want.eq_ignore_ascii_case(part))
+    })
+}
+
 /// The tables of options, reduced to keys whose description has, for each of the words, a word that begins with it:
-/// "rain" finds "raindrops" and not "terrain". Case is ignored; tables without keys are left out.
+/// "rain" finds "raindrops" and not "terrain"; or whose path a word is. Case is ignored; tables without keys are left out.
 fn matching(words: &[String]) -> Vec<TableInfo> {
     let words: Vec<String> = words.iter().map(|w| w.to_lowercase()).collect();
     let mut tables = options();
@@ -137,12 +151,15 @@ fn matching(words: &[String]) -> Vec<TableInfo> {
         // Path and description of a table count for all of its keys: `list options wind speed` finds `speed` in `[wind]`.
         let place = format!("{} {}", table.path, table.about).to_lowercase();
         let path = table.path;
+        let paths: Vec<&str> = std::iter::once(path).chain(table.also.iter().copied()).collect();
         table.keys.retain(|key| {
             // The key as --set takes it: `list options wind.speed` finds `speed` in `[wind]`.
             let name = format!("{path}.{} {}", key.name, key.name);
             let text = format!("{place} {name} {} {}", key.help, key.listing.accepts).to_lowercase();
             let begins_a_word = |at: usize| !text[..at].ends_with(char::is_alphanumeric);
-            words.iter().all(|w| text.match_indices(w.as_str()).any(|(at, _)| begins_a_word(at)))
+            let has =
+                |w: &str| text.match_indices(w).any(|(at, _)| begins_a_word(at)) || is_path_of(w, &paths, key.name);
+            words.iter().all(|w| has(w))
         });
     }
     tables.retain(|table| !table.keys.is_empty());
