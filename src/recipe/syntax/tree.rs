@@ -1,5 +1,7 @@
 //! Scene text as a tree of keys and values with their spans, and overrides (`--set`) of it.
 
+use std::path::Path;
+
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -82,12 +84,26 @@ pub fn parse(text: &str, source: SourceId, report: &mut Report) -> TomlTable {
         }
         let at = e.span().unwrap_or(0..0);
         let message = e.message().lines().collect::<Vec<_>>().join(", ");
-        report.push(
-            Diagnostic::error("S001", message, Span::new(source, at.start, at.end), "here")
-                .help("a scene is TOML: [table] headers, key = value lines, texts in \"quotes\""),
-        );
+        let help = syntax_help(&message, report.sources.name(source));
+        report.push(Diagnostic::error("S001", message, Span::new(source, at.start, at.end), "here").help(help));
     }
     table(document.get_ref(), source, report)
+}
+
+/// What mends a syntax error of a scene, by the parser's message and the name of the file.
+fn syntax_help(message: &str, name: &str) -> &'static str {
+    if message.contains("escaped value") || message.contains("unicode") {
+        return "in \"quotes\" a backslash begins an escape: write '/' between folders, or the text in 'single quotes'";
+    }
+    let ending = Path::new(name).extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    match ending.as_deref() {
+        None | Some("toml") => "a scene is TOML: [table] headers, key = value lines, texts in \"quotes\"",
+        Some("species" | "shapes") => "such a file is TOML: key = value lines, texts in \"quotes\"",
+        Some(_) => {
+            "this file is read as a scene, which is TOML and ends with .toml; grammars end with .l (cpfg, Fractint), .ls \
+             (LParser) or .lpy (L-Py)"
+        }
+    }
 }
 
 fn table(map: &DeTable<'_>, source: SourceId, report: &mut Report) -> TomlTable {
@@ -317,6 +333,23 @@ mod tests {
             let span = r.diagnostics[0].labels[0].0;
             assert_eq!((r.diagnostics[0].code, [span.start, span.end]), ("S003", at), "{set}");
         }
+    }
+
+    #[test]
+    fn the_help_of_a_syntax_error_fits_its_cause() {
+        let help = |name: &str, text: &str| {
+            let mut report = Report::default();
+            let source = report.sources.add(name, text);
+            parse(text, source, &mut report);
+            report.diagnostics[0].help.clone().unwrap_or_default()
+        };
+        for path in ["C:\\docs\\a.obj", "C:\\Users\\a.obj", "a\\xray.png", "maps\\oak.png"] {
+            let told = help("a.toml", &format!("mesh = \"{path}\"\n"));
+            assert!(told.contains("write '/' between folders"), "{path}: {told}");
+        }
+        assert!(help("fern.txt", "axiom : X\n").contains("grammars end with .l"));
+        assert!(help("a.toml", "axiom : X\n").starts_with("a scene is TOML"));
+        assert!(help("a.species", "age : 3\n").starts_with("such a file is TOML"));
     }
 
     #[test]
