@@ -154,6 +154,18 @@ fn faults_of_an_override_quote_the_override() {
 }
 
 #[test]
+fn numbers_with_units_are_told_to_stand_alone() {
+    for value in ["10 km/h", "10km/h", "-1.5 m/s", "2,5m"] {
+        let said = read(GOOD, &[&format!("wind.speed={value}")]).expect_err(value);
+        assert!(said.contains("S003") && said.contains("`osier list options wind.speed`"), "{value}: {said}");
+    }
+    let said = read(GOOD, &["wind.speed=1e99"]).expect_err("a hurricane");
+    assert!(said.contains("wind.speed is 1e99, but must be"), "{said}");
+    let said = read(GOOD, &["wind.speed=fast"]).expect_err("a word");
+    assert!(said.contains("S003") && !said.contains("write the number alone"), "{said}");
+}
+
+#[test]
 fn an_override_of_an_element_that_is_not_there_names_the_list() {
     let text = "[plants.oak]\ngrammar = \"oak.l\"\n";
     let said = read(text, &["solid.0.at=[1, 0, 2]"]).expect_err("no solids");

@@ -175,12 +175,23 @@ pub fn wrong(name: &str, node: &TomlNode, wanted: &str) -> Fault {
         TomlValue::Text(t) if t.trim().replace(',', ".").parse::<f64>().is_ok() && wanted.contains("number") => {
             d.help(format!("write it without quotes: {}", t.trim().replace(',', ".")))
         }
+        TomlValue::Text(t) if wanted.contains("number") && is_number_with_unit(t) => {
+            d.help(format!("write the number alone, in the unit of the key, which `osier list options {name}` tells"))
+        }
         // An override of an element, such as solid.0.at, of a list that the scene does not have.
         TomlValue::Table(table) if wanted.starts_with("a list: ") && has_only_indices(table) => d.help(format!(
             "an override changes elements that the scene has; give the whole list: --set '{name}=[{{ KEY = VALUE }}]'"
         )),
         _ => d.help("`osier list options` shows every key with type and default"),
     })
+}
+
+/// Whether a text is a number with something behind it, as `5cm` and `10 km/h`.
+fn is_number_with_unit(text: &str) -> bool {
+    let text = text.trim();
+    let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | ',' | '-' | '+'))).unwrap_or(text.len());
+    let (number, unit) = text.split_at(end);
+    !unit.is_empty() && number.replace(',', ".").parse::<f64>().is_ok()
 }
 
 /// Whether a table has keys, and all of them are whole numbers.

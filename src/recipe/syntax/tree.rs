@@ -95,6 +95,10 @@ fn syntax_help(message: &str, name: &str) -> &'static str {
     if message.contains("escaped value") || message.contains("unicode") {
         return "in \"quotes\" a backslash begins an escape: write '/' between folders, or the text in 'single quotes'";
     }
+    // `5cm`, `0,5`, `(1, 2, 3)`, `yes`.
+    if message.starts_with("string values must be quoted") || message.starts_with("unexpected key or value") {
+        return "write texts in \"quotes\", numbers as 0.5 and without a unit, lists as [1, 2, 3], and true or false";
+    }
     let ending = Path::new(name).extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
     match ending.as_deref() {
         None | Some("toml") => "a scene is TOML: [table] headers, key = value lines, texts in \"quotes\"",
@@ -346,6 +350,10 @@ mod tests {
         for path in ["C:\\docs\\a.obj", "C:\\Users\\a.obj", "a\\xray.png", "maps\\oak.png"] {
             let told = help("a.toml", &format!("mesh = \"{path}\"\n"));
             assert!(told.contains("write '/' between folders"), "{path}: {told}");
+        }
+        for value in ["5cm", "0,5", "(1,2,3)", "yes"] {
+            let told = help("a.toml", &format!("size = {value}\n"));
+            assert!(told.contains("without a unit"), "{value}: {told}");
         }
         assert!(help("fern.txt", "axiom : X\n").contains("grammars end with .l"));
         assert!(help("a.toml", "axiom : X\n").starts_with("a scene is TOML"));

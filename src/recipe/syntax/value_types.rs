@@ -114,7 +114,9 @@ impl NumberType {
         // Ranges are in the written unit, so that messages show the numbers of the scene.
         let v = finite_number(name, node)?;
         if v < self.min || v > self.max {
-            return Err(outside(name, node, &v.to_string(), &self.range()));
+            // A hundred digits of zeros would hide the message.
+            let shown = if v.abs() < 1e15 { v.to_string() } else { format!("{v:e}") };
+            return Err(outside(name, node, &shown, &self.range()));
         }
         Ok(self.unit.to_si(v))
     }
