@@ -85,7 +85,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
         let _ = std::io::stderr().write_all(args::GUIDE.as_bytes());
         return 2;
     }
-    match Cli::try_parse_from(list::with_entries(args)) {
+    match Cli::try_parse_from(list::with_entries(with_help_flag(args))) {
         Ok(cli) => guarded(cli),
         // Help and version are printed on standard output and are successes; all else is a usage error.
         Err(e) if e.use_stderr() => {
@@ -94,6 +94,15 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
         }
         Err(help) => printed(help.print()),
     }
+}
+
+/// Rewrites the arguments `osier help` and `osier help COMMAND` to `osier --help` and `osier COMMAND --help`.
+fn with_help_flag(mut args: Vec<OsString>) -> Vec<OsString> {
+    if args.get(1).is_some_and(|a| a == "help") {
+        args.remove(1);
+        args.push("--help".into());
+    }
+    args
 }
 
 /// Exit code after help was printed on standard output: 0, also for a reader that has gone, or that of the error, which is told.

@@ -93,6 +93,9 @@ fn usage_ends_with_2_and_help_with_0() {
         let (out, err) = ends(0, &[asked]);
         assert!(err.is_empty() && out.contains("osier"), "{out}{err}");
     }
+    assert_eq!(ends(0, &["help"]), ends(0, &["--help"]));
+    assert_eq!(ends(0, &["help", "bake"]), ends(0, &["bake", "--help"]));
+    ends(2, &["help", "frobnicate"]);
     assert!(!glb.exists() && tree(dir.path()).is_empty());
 }
 
