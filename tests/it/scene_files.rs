@@ -154,6 +154,29 @@ fn faults_of_an_override_quote_the_override() {
 }
 
 #[test]
+fn a_key_of_another_table_is_told_with_its_place() {
+    for (set, told) in [
+        ("formats=[\"obj\"]", "did you mean output.formats? known here: "),
+        ("plants.oak.angle_deg=30", "plants.NAME.turtle.angle_deg"),
+        ("leaf.roughness=1", "did you mean plants.NAME.leaf or rain.lying.leaf? known here: "),
+        ("ground.at=[0, 0, 0]", "`osier list options at` shows the tables that have it; known here: "),
+    ] {
+        let said = read(GOOD, &[set]).expect_err(set);
+        assert!(said.contains("S002") && said.contains(told), "{set}: {said}");
+    }
+    let said = read(GOOD, &["xyzzy=1"]).expect_err("a key that no table has");
+    assert!(said.contains("help: known here: "), "{said}");
+}
+
+#[test]
+fn a_misspelt_plant_of_an_override_is_told_with_the_plants_of_the_scene() {
+    let said = read(GOOD, &["plants.oka.leaf.size=0.1"]).expect_err("no such plant");
+    assert!(said.contains("S006") && said.contains("did you mean plants.oak?"), "{said}");
+    let said = read(GOOD, &["plants.willow.leaf.size=0.1"]).expect_err("no such plant");
+    assert!(said.contains("S006") && said.contains("plants of this scene: oak"), "{said}");
+}
+
+#[test]
 fn numbers_with_units_are_told_to_stand_alone() {
     for value in ["10 km/h", "10km/h", "-1.5 m/s", "2,5m"] {
         let said = read(GOOD, &[&format!("wind.speed={value}")]).expect_err(value);

@@ -205,8 +205,39 @@ pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Repor
             whole,
             "this path",
         );
-        report.push(d.help("separate path elements by '.'; list elements are numbered from 0"));
+        report.push(d.help(path_help(root, &names)));
     }
+}
+
+/// What mends the path of an override that leads nowhere.
+fn path_help(root: &TomlTable, names: &[(&str, Span)]) -> String {
+    let Some((at, length)) = list_on_path(root, names) else {
+        return "separate path elements by '.'; list elements are numbered from 0".to_owned();
+    };
+    let list = names.iter().take(at).map(|(name, _)| *name).collect::<Vec<_>>().join(".");
+    match names.get(at) {
+        Some((name, _)) if name.parse::<usize>().is_err() => {
+            format!("{list} is a list: name one of its elements, which are numbered from 0: {list}.0.{name}")
+        }
+        _ => format!("{list} has {length} element{}, numbered from 0", if length == 1 { "" } else { "s" }),
+    }
+}
+
+/// The list of which a path names no element: number of path elements that lead to it, and its length. `None` for other paths.
+fn list_on_path(root: &TomlTable, names: &[(&str, Span)]) -> Option<(usize, usize)> {
+    let ((first, _), rest) = names.split_first()?;
+    let mut value = &root.get(first)?.node.value;
+    for (i, (name, _)) in rest.iter().enumerate() {
+        value = match value {
+            TomlValue::Table(table) => &table.get(name)?.node.value,
+            TomlValue::List(list) => match name.parse::<usize>().ok().and_then(|n| list.get(n)) {
+                Some(node) => &node.value,
+                None => return Some((i + 1, list.len())),
+            },
+            _ => return None,
+        };
+    }
+    None
 }
 
 /// The value of an override: parsed as TOML, or the text itself if it is not TOML.
@@ -358,6 +389,18 @@ mod tests {
         assert!(help("fern.txt", "axiom : X\n").contains("grammars end with .l"));
         assert!(help("a.toml", "axiom : X\n").starts_with("a scene is TOML"));
         assert!(help("a.species", "age : 3\n").starts_with("such a file is TOML"));
+    }
+
+    #[test]
+    fn an_override_that_names_no_element_of_a_list_is_told_what_the_list_has() {
+        let help = |set: &str| {
+            let (_, r) = read("[[place]]\nat = [0, 0, 0]\n", &[set]);
+            r.diagnostics[0].help.clone().unwrap_or_default()
+        };
+        assert_eq!(help("place.1.at=3"), "place has 1 element, numbered from 0");
+        assert_eq!(help("place.0.at.3=3"), "place.0.at has 3 elements, numbered from 0");
+        assert!(help("place.count=3").ends_with("numbered from 0: place.0.count"), "{}", help("place.count=3"));
+        assert!(help("place.0.at.0.x=3").starts_with("separate path elements"));
     }
 
     #[test]
