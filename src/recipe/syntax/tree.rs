@@ -31,7 +31,7 @@ pub enum TomlValue {
     List(Vec<TomlNode>),
     /// `{...}` or `[...]` header.
     Table(TomlTable),
-    /// A date or a damaged value.
+    /// A date, or a damaged value, after whose error no key is read.
     Other,
 }
 
@@ -45,7 +45,7 @@ impl TomlValue {
             Self::Flag(_) => "true or false",
             Self::List(_) => "a list",
             Self::Table(_) => "a table",
-            Self::Other => "something else",
+            Self::Other => "a date",
         }
     }
 }
