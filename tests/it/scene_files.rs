@@ -303,6 +303,9 @@ fn a_value_without_a_define_of_its_name_is_an_error_where_the_scene_has_it() {
     let plant = "[plants.a]\ngrammar = \"rain-twig.l\"\n";
     let Err(said) = read(&format!("{plant}set = {{ NOPE = 3 }}\n"), &[]) else { panic!("NOPE is accepted") };
     assert!(said.contains("no #define \"NOPE\"") && said.contains("scenes/test.toml:3:9"), "{said}");
+    // The angle of turns is no #define.
+    let Err(said) = read(plant, &["plants.a.set.angle=30"]) else { panic!("--set angle is accepted") };
+    assert!(said.contains("error[L002]") && said.contains("--set angle_deg=25"), "{said}");
     let Err(said) = read(plant, &["plants.a.set.NOPE=3"]) else { panic!("--set NOPE is accepted") };
     assert!(said.contains("error[L002]") && said.contains("plants.a.set.NOPE=3"), "{said}");
 }

@@ -820,6 +820,11 @@ impl Resolver<'_> {
         for entry in set.entries.iter().filter(|entry| !known.contains(&entry.key.as_str())) {
             let help = match nearest(&entry.key, known.iter().copied()) {
                 Some(near) => format!("did you mean \"{near}\"?"),
+                // A name for the angle of turns in many other programs.
+                None if entry.key.eq_ignore_ascii_case("angle") => {
+                    "the angle of turns without a number is `angle_deg` of [plants.NAME.turtle], for a bare grammar --set angle_deg=25"
+                        .to_owned()
+                }
                 None if known.is_empty() => "the grammar has no #define to set".to_owned(),
                 None => format!("its #defines: {}", known.join(", ")),
             };
