@@ -136,6 +136,13 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     };
     let written = bake::write_files(&recipe, &mut built.animated, &frames, &folder, &work);
     display.done();
+    let replaced = folder.replaced_changes();
+    if let Some(first) = replaced.first() {
+        let others = if replaced.len() > 1 { format!(" and {} more", replaced.len() - 1) } else { String::new() };
+        context.console.note(&format!(
+            "note: replaced {first}{others}, changed since osier wrote it; files under names that osier does not write stay as they are"
+        ));
+    }
     let (manifest, export_warnings) = written?;
     for w in &export_warnings {
         context.console.warning(w.code, &w.message);
