@@ -271,8 +271,8 @@ pub struct List {
     /// What to list.
     #[arg(value_enum, default_value = "presets")]
     pub what: What,
-    /// With `options`: only keys in whose name, table or help each of these begins a word. With `knobs`: the scene or grammar. With
-    /// `entries`: the files. With `codes`: codes, or the letters with which they begin.
+    /// With `options`, `presets` and `species`: only those in whose name or description each of these begins a word. With `knobs`: the
+    /// scene or grammar. With `entries`: the files. With `codes`: codes, or the letters with which they begin.
     #[arg(value_name = "WORD")]
     pub words: Vec<String>,
     /// With `presets`: also draw a small picture of each into this folder.

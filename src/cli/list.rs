@@ -7,6 +7,7 @@ use clap::ValueEnum as _;
 use serde_json::json;
 
 use super::args::{List, What};
+use super::preset_list::{matching_presets, matching_species};
 use super::{Context, SCENE_FLAGS, knobs, preset_list};
 use crate::recipe::{KeyInfo, TableInfo, options};
 use crate::single_file::endings;
@@ -48,11 +49,15 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
     let thumbnails = args.thumbnails.as_deref().filter(|_| !context.common.dry_run);
     // One text per kind of list; kinds without a JSON arm here share `as_json`.
     let text = match (args.what, context.console.json) {
-        (What::Presets, true) => format!("{:#}\n", preset_list::as_json(context, thumbnails)?),
-        (What::Presets, false) => {
-            thumbnails.map_or(Ok(()), |folder| preset_list::write_pictures(context, folder))?;
-            preset_list::as_text()
+        (What::Presets, true) => {
+            format!("{:#}\n", preset_list::as_json(context, &matching_presets(&args.words), thumbnails)?)
         }
+        (What::Presets, false) => {
+            let chosen = matching_presets(&args.words);
+            thumbnails.map_or(Ok(()), |folder| preset_list::write_pictures(context, &chosen, folder))?;
+            preset_list::as_text(&chosen)
+        }
+        (What::Species, true) => format!("{:#}\n", preset_list::species_json(&matching_species(&args.words))),
         (What::Entries, as_json) => {
             let sources = entries(context, &args.words)?;
             if as_json {
@@ -65,7 +70,7 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         (What::Knobs, true) => format!("{:#}\n", knobs::as_json(&knobs)),
         (What::Options, false) => options_text(&tables),
         (What::Options, true) => format!("{:#}\n", options_json(&tables)),
-        (What::Species, false) => preset_list::species_text(),
+        (What::Species, false) => preset_list::species_text(&matching_species(&args.words)),
         (What::Formats, false) => formats_text(),
         (What::Codes, false) => codes_text(&args.words),
         (What::Limits, false) => limits_text(context),
@@ -107,6 +112,14 @@ fn misplaced(args: &List) -> Option<String> {
     }
     match args.what {
         What::Options => None,
+        What::Presets if matching_presets(&args.words).is_empty() => Some(format!(
+            "no preset has {} in its name or description; `osier list presets` lists all",
+            quoted(&args.words)
+        )),
+        What::Species if matching_species(&args.words).is_empty() => Some(format!(
+            "no species has {} in its name or description; `osier list species` lists all",
+            quoted(&args.words)
+        )),
         What::Knobs if args.words.is_empty() => {
             Some("name a scene, grammar or preset: osier list knobs oak".to_owned())
         }
@@ -115,11 +128,10 @@ fn misplaced(args: &List) -> Option<String> {
             let unknown = args.words.iter().find(|word| !CODES.iter().any(|c| begins_with(c, word)))?;
             Some(format!("no code begins with \"{unknown}\"; `osier list codes` lists all codes"))
         }
-        What::Knobs | What::Entries => None,
-        _ if args.words.is_empty() => None,
-        _ => {
-            let words = quoted(&args.words);
-            Some(format!("only `list options`, `list knobs`, `list entries` and `list codes` take words, here {words}"))
+        What::Presets | What::Species | What::Knobs | What::Entries => None,
+        What::Formats | What::Limits if args.words.is_empty() => None,
+        What::Formats | What::Limits => {
+            Some(format!("`list formats` and `list limits` take no words, here {}", quoted(&args.words)))
         }
     }
 }
@@ -254,8 +266,9 @@ fn options_json(tables: &[TableInfo]) -> serde_json::Value {
 fn as_json(context: &Context, what: What) -> serde_json::Value {
     match what {
         // The caller makes the JSON of these kinds.
-        What::Presets | What::Options | What::Knobs | What::Entries | What::Codes => serde_json::Value::Null,
-        What::Species => preset_list::species_json(),
+        What::Presets | What::Species | What::Options | What::Knobs | What::Entries | What::Codes => {
+            serde_json::Value::Null
+        }
         What::Formats => registry::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),
         What::Limits => {
             let row = |l: &osier_base::limits::Limit| json!({ "name": l.name, "default": l.default, "value": context.limits.get(l.name), "counts": l.counts });

@@ -222,7 +222,25 @@ fn presets_say_what_they_are_and_show() {
     let (letter, _) = ends(0, &["list", "codes", "x"]);
     assert!(letter.lines().count() > 10 && letter.lines().all(|line| line.starts_with('X')), "{letter}");
     assert!(ends(2, &["list", "codes", "X999"]).1.contains("no code begins with \"X999\""));
-    assert!(ends(2, &["list", "limits", "x"]).1.contains("take words"));
+    assert!(ends(2, &["list", "limits", "x"]).1.contains("take no words"));
+}
+
+#[test]
+fn words_choose_presets_and_species() {
+    let rows = |words: &[&str]| {
+        let (json, _) = ends(0, &[&["list", "--json"][..], words].concat());
+        let rows: Vec<Value> = serde_json::from_str(&json).expect("JSON");
+        rows.iter().map(|row| row["name"].as_str().expect("a name").to_owned()).collect::<Vec<_>>()
+    };
+    let ferns = rows(&["presets", "FERN", "frond"]);
+    assert!(["fern.l", "fern.toml", "fern_frond.ifs.toml"].iter().all(|n| ferns.iter().any(|f| f == n)), "{ferns:?}");
+    assert!(!ferns.iter().any(|name| name == "maidenhair.l"), "{ferns:?}");
+    assert_eq!(rows(&["species", "umbrella", "BOLE"]), ["pine"]);
+    let (text, _) = ends(0, &["list", "presets", "gosper"]);
+    assert_eq!(text.lines().filter(|line| line.starts_with("  gosper.")).count(), 2, "{text}");
+    for what in ["presets", "species"] {
+        assert!(ends(2, &["list", what, "xyzzy"]).1.contains("in its name or description"));
+    }
 }
 
 #[test]
