@@ -408,9 +408,11 @@ impl<W: Choice + PartialEq> ValueType for OneOf<W> {
             return Ok(*member);
         }
         let d = Diagnostic::error("S003", format!("{name} has no choice \"{t}\""), node.span, "unknown word");
+        let all = format!("one of {}", choices::<W>());
         Err(Box::new(match nearest(t, W::ALL.iter().map(|(w, _)| *w)) {
-            Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(node.span, format!("\"{near}\"")),
-            None => d.help(format!("one of {}", choices::<W>())),
+            // A similar word need not be the one that was meant.
+            Some(near) => d.help(format!("did you mean \"{near}\"? {all}")).fix(node.span, format!("\"{near}\"")),
+            None => d.help(all),
         }))
     }
     fn listing(&self) -> KeyListing {
