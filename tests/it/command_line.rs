@@ -329,6 +329,21 @@ fn a_scene_is_read_from_standard_input_as_often_as_a_command_needs_it() {
 }
 
 #[test]
+fn pictures_and_files_of_other_programs_are_told_to_be_no_scenes() {
+    let dir = folder();
+    let picture = file(&dir, "bark.png", [0x89, b'P', b'N', b'G', 0xff]);
+    let stage = file(&dir, "tree.usda", "#usda 1.0\ndef Xform \"tree\"\n{\n}\n");
+    for (path, told) in
+        [(&picture, "is a picture, neither scene"), (&stage, "is a file of other programs, neither scene")]
+    {
+        for command in [&["bake"][..], &["check"], &["grow", "-o", "x.glb"]] {
+            let (_, err) = ends(1, &[command, &[arg(path)]].concat());
+            assert!(err.contains("S001") && err.contains(told) && !err.contains("UTF-8"), "{command:?}: {err}");
+        }
+    }
+}
+
+#[test]
 fn flags_that_a_source_cannot_heed_are_told() {
     let dir = folder();
     for flag in [["--rng", "cpfg"], ["--dialect", "cpfg"]] {
