@@ -476,7 +476,13 @@ impl Resolver<'_> {
         // A file named on the command line is judged by its content, whatever its ending.
         let is_named = self.request.bare.is_some();
         if !is_named && !endings.iter().any(|e| reference.to_ascii_lowercase().ends_with(e)) {
-            fail(format!("\"{reference}\" has another ending"), format!("expected a file {}", endings.join(", ")));
+            // The name of a preset without its ending, as `osier bake` takes it.
+            let mut names = endings.iter().map(|ending| format!("{reference}{ending}"));
+            let help = match names.find(|name| crate::presets::find(name).is_some()) {
+                Some(name) => format!("did you mean the preset \"{name}\"?"),
+                None => format!("expected a file {}", endings.join(", ")),
+            };
+            fail(format!("\"{reference}\" has another ending"), help);
             return None;
         }
         match self.request.library.find(reference, self.request.limits.get(limit)) {
@@ -494,6 +500,9 @@ impl Resolver<'_> {
                     Some(near) => format!("did you mean the preset \"{near}\"? If not, {}", why.help()),
                     None if matches!(why, ReadError::TooLong { .. }) => {
                         format!("make the file smaller, or raise the limit with --max-{limit}")
+                    }
+                    None if endings == [".species"] && matches!(why, ReadError::Missing { .. }) => {
+                        format!("`osier list species` lists those in the program; for one of your own, {}", why.help())
                     }
                     None => why.help().into(),
                 };

@@ -177,6 +177,18 @@ fn a_misspelt_plant_of_an_override_is_told_with_the_plants_of_the_scene() {
 }
 
 #[test]
+fn values_that_miss_by_little_are_told_what_to_write() {
+    for (text, told) in [
+        ("[plants.k]\ngrammar = \"koch.l\"\n[ground]\nside = 500\n", "write 256 or 512"),
+        ("[plants.k]\nspecies = \"baobab\"\n", "`osier list species`"),
+        ("[plants.k]\nshapes = \"vine\"\n", "did you mean the preset \"vine.shapes\"?"),
+    ] {
+        let said = read(text, &[]).expect_err(text);
+        assert!(said.contains(told), "{text}: {said}");
+    }
+}
+
+#[test]
 fn numbers_with_units_are_told_to_stand_alone() {
     for value in ["10 km/h", "10km/h", "-1.5 m/s", "2,5m"] {
         let said = read(GOOD, &[&format!("wind.speed={value}")]).expect_err(value);

@@ -269,7 +269,17 @@ impl ValueType for PowerOfTwo {
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<u32, Fault> {
         let v = integer(self.0, 16, 4096).read(name, node)?;
-        if v.is_power_of_two() { Ok(v) } else { Err(outside(name, node, &v.to_string(), "a power of two")) }
+        if v.is_power_of_two() {
+            return Ok(v);
+        }
+        let above = v.next_power_of_two();
+        let d = Diagnostic::error(
+            "S004",
+            format!("{name} is {v}, but must be a power of two"),
+            node.span,
+            "a power of two",
+        );
+        Err(Box::new(d.help(format!("write {} or {above}", above / 2))))
     }
     fn listing(&self) -> KeyListing {
         let sides = (4..=12).map(|exponent| json!(1_u32 << exponent));
