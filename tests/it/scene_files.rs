@@ -177,10 +177,26 @@ fn a_misspelt_plant_of_an_override_is_told_with_the_plants_of_the_scene() {
 }
 
 #[test]
+fn keys_without_their_unit_and_of_other_programs_are_named() {
+    for (text, told) in [
+        ("[sun]\nelevation = 20\n", "did you mean \"elevation_deg\"?"),
+        ("[camera]\nfov = 40\n", "did you mean \"vfov_deg\"?"),
+        ("[camera]\nposition = [1, 2, 3]\n", "did you mean \"eye\"?"),
+        ("[camera]\nlook_at = [1, 2, 3]\n", "did you mean \"target\"?"),
+        ("[[solid]]\nlocation = [1, 2, 3]\n", "did you mean \"at\"?"),
+        ("[light]\n", "did you mean \"sun\"?"),
+    ] {
+        let said = read(&format!("[plants.k]\ngrammar = \"koch.l\"\n{text}"), &[]).expect_err(text);
+        assert!(said.contains("S002") && said.contains(told), "{text}: {said}");
+    }
+}
+
+#[test]
 fn values_that_miss_by_little_are_told_what_to_write() {
     for (text, told) in [
         ("[plants.k]\ngrammar = \"koch.l\"\n[ground]\nside = 500\n", "write 256 or 512"),
         ("[plants.k]\nspecies = \"baobab\"\n", "`osier list species`"),
+        ("[plants.k]\ngrammar = \"koch.l\"\nbark.color = [255, 128, 0]\n", "are written \"#ff8000\""),
         ("[plants.k]\nshapes = \"vine\"\n", "did you mean the preset \"vine.shapes\"?"),
     ] {
         let said = read(text, &[]).expect_err(text);

@@ -639,6 +639,15 @@ impl ValueType for RisingPairs {
     }
 }
 
+/// Three whole numbers of 0 to 255; `None` for another list.
+fn eight_bits(list: &[TomlNode]) -> Option<[u8; 3]> {
+    let byte = |node: &TomlNode| match node.value {
+        TomlValue::Integer(i) => u8::try_from(i).ok(),
+        _ => None,
+    };
+    list.iter().map(byte).collect::<Option<Vec<u8>>>()?.try_into().ok()
+}
+
 /// A colour, read as linear: `"#rrggbb"` in sRGB, or three linear numbers 0 to 1. The field is the default in sRGB.
 #[derive(Debug, Clone, Copy)]
 pub struct ColorType(pub &'static str);
@@ -650,10 +659,16 @@ impl ValueType for ColorType {
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<[f32; 3], Fault> {
         // A list is linear already; text is sRGB and converted.
-        if let TomlValue::List(_) = node.value {
-            return Ok(NumberArray([0.0; 3], number(0.0, 0.0, 1.0, ""))
-                .read(name, node)?
-                .map(osier_base::math::narrow));
+        if let TomlValue::List(list) = &node.value {
+            let read = NumberArray([0.0; 3], number(0.0, 0.0, 1.0, "")).read(name, node);
+            return match (read, eight_bits(list)) {
+                (Ok(linear), _) => Ok(linear.map(osier_base::math::narrow)),
+                (Err(fault), Some([r, g, b])) => {
+                    let help = "three numbers are linear light from 0 to 1; those of 0 to 255 are written";
+                    Err(Box::new((*fault).help(format!("{help} \"#{r:02x}{g:02x}{b:02x}\""))))
+                }
+                (Err(fault), None) => Err(fault),
+            };
         }
         let wanted = "a color, \"#rrggbb\" or three numbers";
         let TomlValue::Text(t) = &node.value else { return Err(wrong(name, node, wanted)) };
