@@ -185,6 +185,7 @@ fn keys_without_their_unit_and_of_other_programs_are_named() {
         ("[camera]\nlook_at = [1, 2, 3]\n", "did you mean \"target\"?"),
         ("[[solid]]\nlocation = [1, 2, 3]\n", "did you mean \"at\"?"),
         ("[light]\n", "did you mean \"sun\"?"),
+        ("[plants.oak]\npreset = \"oak\"\n", "did you mean \"grammar\"?"),
     ] {
         let said = read(&format!("[plants.k]\ngrammar = \"koch.l\"\n{text}"), &[]).expect_err(text);
         assert!(said.contains("S002") && said.contains(told), "{text}: {said}");

@@ -149,7 +149,7 @@ fn renamed(entry: &super::tree::TomlEntry, path: &str, key: &RenamedKey) -> Diag
 }
 
 /// Names of other programs for keys, each with the keys of scenes that stand for it in some table.
-const OTHER_NAMES: [(&str, &[&str]); 12] = [
+const OTHER_NAMES: [(&str, &[&str]); 13] = [
     ("angle", &["angle_deg", "vfov_deg"]),
     ("light", &["sun"]),
     ("lights", &["sun"]),
@@ -158,6 +158,7 @@ const OTHER_NAMES: [(&str, &[&str]); 12] = [
     ("lookat", &["target"]),
     ("origin", &["eye", "at"]),
     ("position", &["eye", "at"]),
+    ("preset", &["grammar"]),
     ("resolution", &["size", "side"]),
     ("rotate", &["turn_deg"]),
     ("rotation", &["turn_deg"]),
