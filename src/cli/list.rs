@@ -178,6 +178,11 @@ fn matching(words: &[String]) -> Vec<TableInfo> {
     tables
 }
 
+/// Whether `osier list options` has keys for a word.
+pub fn has_options(word: &str) -> bool {
+    !word.is_empty() && !matching(&[word.to_owned()]).is_empty()
+}
+
 fn options_text(tables: &[TableInfo]) -> String {
     let mut out = String::from(
         "Keys of a scene file (TOML). Values without a unit are in SI units; keys in degrees end in `_deg`.\n",

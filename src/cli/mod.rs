@@ -88,11 +88,29 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     match Cli::try_parse_from(list::with_entries(with_help_flag(args))) {
         Ok(cli) => guarded(cli),
         // Help and version are printed on standard output and are successes; all else is a usage error.
-        Err(e) if e.use_stderr() => {
+        Err(mut e) if e.use_stderr() => {
+            advise_on_flag(&mut e);
             let _ = e.print();
             2
         }
         Err(help) => printed(help.print()),
+    }
+}
+
+/// For an unknown flag that is a word of scene keys, as `--wind`, tells how keys are set; one of the limits is no advice for it.
+fn advise_on_flag(error: &mut clap::Error) {
+    use clap::error::{ContextKind, ContextValue, ErrorKind};
+    let Some(ContextValue::String(flag)) = error.get(ContextKind::InvalidArg) else { return };
+    let Some(word) = flag.strip_prefix("--").filter(|_| error.kind() == ErrorKind::UnknownArgument) else { return };
+    let word = word.split('=').next().unwrap_or_default().to_owned();
+    let near = error.get(ContextKind::SuggestedArg);
+    if matches!(near, Some(ContextValue::String(near)) if near.starts_with("--max-")) && !word.starts_with("max") {
+        error.remove(ContextKind::SuggestedArg);
+    }
+    if error.get(ContextKind::SuggestedArg).is_none() && list::has_options(&word) {
+        let tip =
+            format!("keys of a scene are set by --set KEY=VALUE; `osier list options {word}` lists those about it");
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }
 }
 

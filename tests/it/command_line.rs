@@ -93,6 +93,11 @@ fn usage_ends_with_2_and_help_with_0() {
         let (out, err) = ends(0, &[asked]);
         assert!(err.is_empty() && out.contains("osier"), "{out}{err}");
     }
+    // A flag that is a key of scenes, one like a flag, and one like nothing.
+    let (_, err) = ends(2, &["bake", "--wind", "8"]);
+    assert!(err.contains("`osier list options wind`") && !err.contains("--max-"), "{err}");
+    assert!(ends(2, &["bake", "--formts", "usd"]).1.contains("'--formats'"));
+    assert!(!ends(2, &["bake", "--xyzzy"]).1.contains("osier list options"));
     assert_eq!(ends(0, &["help"]), ends(0, &["--help"]));
     assert_eq!(ends(0, &["help", "bake"]), ends(0, &["bake", "--help"]));
     ends(2, &["help", "frobnicate"]);
