@@ -232,6 +232,7 @@ fn items_of_other_notations_are_told_what_stands_for_them() {
     for (line, told) in [
         ("angle: 25", "angle_deg"),
         ("angle = 25", "angle_deg"),
+        ("Angle 25", "angle_deg"),
         ("variables : F X", "not declared"),
         ("rules  : (F -> FF)", "a line of its own"),
         ("iterations: 4", "derivation length"),

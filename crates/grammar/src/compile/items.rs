@@ -652,11 +652,11 @@ impl ItemParser<'_> {
         matches!(token.map(|t| t.kind), Some(TokenKind::Ident(n)) if self.session.names.get(n) == word)
     }
 
-    /// What a grammar has instead of an item of another notation that a line begins with, as `angle: 25` or `angle = 25`.
+    /// What a grammar has instead of an item of another notation that a line begins with: `angle: 25`, `angle = 25`, `angle 25`.
     fn foreign_item(&self, line: &LogicalLine) -> Option<&'static str> {
         let [first, sign, ..] = &line.tokens[..] else { return None };
         let TokenKind::Ident(n) = first.kind else { return None };
-        if !(sign.is(':') || sign.is('=')) {
+        if !(sign.is(':') || sign.is('=') || matches!(sign.kind, TokenKind::Number(_))) {
             return None;
         }
         let word = self.session.names.get(n).to_ascii_lowercase();
