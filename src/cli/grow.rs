@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::args::{Grow, ProfileArg};
 use super::progress::ProgressDisplay;
-use super::{Context, report, unreadable_name};
+use super::{Context, check_output, report, unreadable_name};
 use crate::bake::BakeContext;
 use crate::recipe::{Growth, Recipe, resolve};
 use crate::single_file::{
@@ -40,6 +40,9 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     if to_pipe && std::io::stdout().is_terminal() {
         context.console.complain("standard output is a terminal; redirect the binary file: -o - > x.glb");
         return Ok(2);
+    }
+    if !to_pipe && !context.common.dry_run {
+        check_output(context, &args.output, args.force)?;
     }
     let is_gltf = matches!(format, SingleFileFormat::Scene(format) if format.word == gltf::FORMAT.word);
     if args.profile == ProfileArg::Web && !is_gltf {

@@ -31,6 +31,7 @@ use crate::source::SourceOptions;
 use args::{Cli, Command, Common};
 use console::Console;
 use osier_base::Error;
+use osier_base::files::{Folder, WriteOptions, check_writable};
 use osier_base::limits::Limits;
 use osier_base::progress::Cancel;
 
@@ -208,6 +209,23 @@ fn start(cli: Cli) -> u8 {
     done.unwrap_or_else(|e| {
         context.console.error(&e);
         e.exit_code()
+    })
+}
+
+/// Checks the output of a command before work that takes long: its folder can be written, and no file of the user is in the way unless
+/// `force` is set.
+/// # Errors
+/// `Io`, `Foreign`.
+fn check_output(context: &Context, output: &Path, force: bool) -> osier_base::Result<()> {
+    let parent = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    check_writable(parent)?;
+    let name = output.file_name().and_then(|name| name.to_str()).filter(|_| output.is_file() && !force);
+    let Some(name) = name else { return Ok(()) };
+    let options = WriteOptions { cancel: context.cancel.clone(), ..WriteOptions::default() };
+    Folder::plain(parent, options)?.check_name(name).map_err(|e| match e {
+        // As it was typed, without "./".
+        Error::Foreign { .. } => Error::Foreign { path: output.to_owned() },
+        other => other,
     })
 }
 

@@ -131,12 +131,19 @@ fn strict_ends_with_3_after_writing_everything() {
 fn what_cannot_be_written_ends_with_74() {
     let dir = folder();
     let wall = file(&dir, "wall", "a file, no folder");
-    for args in [["grow", SCENE, "-o", arg(&wall.join("x.glb"))], ["bake", SCENE, "-o", arg(&wall.join("out"))]] {
-        let (out, err) = ends(74, &args);
+    for (command, name) in [("grow", "x.glb"), ("bake", "out"), ("preview", "x.png")] {
+        let (out, err) = ends(74, &[command, SCENE, "-o", arg(&wall.join(name))]);
         assert!(out.is_empty() && err.contains("error: cannot create") && err.contains("wall"), "{err}");
         // A bake may take hours before it writes.
-        assert!(args[0] == "grow" || !err.contains("growing"), "{err}");
+        assert!(!err.contains("growing") && err.contains("not a directory"), "{err}");
     }
+    // So may a picture, for which there is no place either.
+    let mine = file(&dir, "mine.png", "not of osier");
+    for command in ["grow", "preview"] {
+        let (_, err) = ends(1, &[command, "fern_leaf.ifs", "-o", arg(&mine)]);
+        assert!(err.contains("does not name osier") && !err.contains("drawing"), "{err}");
+    }
+    assert_eq!(fs::read(&mine).expect("mine"), b"not of osier");
     for args in [&["list", "codes"][..], &["--help"], &["bake", "-h"], &["--version"]] {
         let Ok(full) = fs::File::options().write(true).open("/dev/full") else { continue };
         let (code, _, err) = said(&osier(args).stdout(full).output().expect("runs"));
@@ -257,6 +264,10 @@ fn a_converted_grammar_is_the_same_on_standard_output_and_in_a_file() {
     assert!(text.contains("\n\t[ +F ] F"), "{text}");
     assert_eq!(ends(0, &["convert", arg(&grammar)]).0, text);
     assert_eq!(ends(0, &["convert", arg(&grammar), "-o", "-"]).0, text);
+    for name in ["t.toml", "t.glb"] {
+        let (_, err) = ends(2, &["convert", arg(&grammar), "-o", arg(&dir.path().join(name))]);
+        assert!(err.contains("a grammar is written as .l"), "{err}");
+    }
     // An undefined variable is a warning.
     let warns = file(&dir, "w.l", "Lsystem: 1\nDerivation length: 2\nAxiom: A\nA --> F B(u)\nendlsystem\n");
     ends(3, &["convert", arg(&warns), "--strict"]);

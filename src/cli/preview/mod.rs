@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use super::Context;
 use super::args::Preview;
 use super::progress::ProgressDisplay;
+use super::{Context, check_output};
 use crate::bake::BakeContext;
 use crate::bake::assets::layered_picture;
 use crate::recipe::Recipe;
@@ -19,7 +19,7 @@ use crate::single_file::canvas_image;
 use crate::source::{entry_sources, is_plane_drawing};
 use flags::PreviewFlags;
 use osier_base::Result;
-use osier_base::files::{FileRecord, Folder, WriteOptions};
+use osier_base::files::{FileRecord, Folder, WriteOptions, check_writable};
 use osier_export::{GENERATOR, textures};
 use osier_preview::{Picture, Quality};
 use osier_scene::Scene;
@@ -33,6 +33,13 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             return Ok(2);
         }
     };
+    // A picture may take minutes.
+    if !context.common.dry_run {
+        match &args.output {
+            Some(output) => check_output(context, output, args.force)?,
+            None => check_writable(Path::new("out"))?,
+        }
+    }
     if let Some(flag) = flag_unfit_for_meshes(context, args) {
         context.console.complain(&format!(
             "{flag}: \"{}\" is a finished mesh, which no seed, key or step changes; preview its scene",
