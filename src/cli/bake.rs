@@ -41,6 +41,11 @@ const FOLDERS: [(&str, &str); 8] = [
 
 /// Runs `osier bake`, or a sweep if its flags ask for one; the result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
+    if args.output.as_deref() == Some(Path::new("-")) {
+        let why = "-o: a bake is a folder of files; `osier grow SOURCE -o -` writes a single glb to standard output";
+        context.console.complain(why);
+        return Ok(2);
+    }
     if !args.sweep.is_empty() || args.seeds.is_some() {
         return sweep::run(context, args);
     }

@@ -236,6 +236,8 @@ fn an_artefact_goes_through_a_pipe_and_readers_may_leave() {
     let dir = folder();
     let named = dir.path().join("stdout.glb");
     ends(0, &["grow", SCENE, "-o", arg(&named)]);
+    // A folder cannot go through a pipe, and "-" is no name for one.
+    assert!(ends(2, &["bake", SCENE, "-o", "-"]).1.contains("`osier grow SOURCE -o -`"));
     let piped = program::run(&["grow", SCENE, "-o", "-"]);
     assert_eq!((piped.status.code(), piped.stdout), (Some(0), fs::read(named).expect("glb")));
     let left = |args: &[&str]| {
