@@ -587,6 +587,10 @@ fn a_misspelt_preset_is_told_the_nearest() {
 #[test]
 fn a_new_folder_bakes_and_is_never_overwritten() {
     let dir = folder();
+    for name in ["mine.toml", "mine.l"] {
+        let (_, err) = ends(2, &["new", arg(&dir.path().join(name))]);
+        assert!(err.contains("is the name of a file") && tree(dir.path()).is_empty(), "{err}");
+    }
     for (preset, plant) in [("poplar-twig", "poplar_twig"), ("koch.l", "koch")] {
         let mine = dir.path().join(format!("My {plant}"));
         let (out, _) = ends(0, &["new", arg(&mine), "--from", preset]);
