@@ -96,7 +96,7 @@ fn usage_ends_with_2_and_help_with_0() {
     // A flag that is a key of scenes, one like a flag, and one like nothing.
     let (_, err) = ends(2, &["bake", "--wind", "8"]);
     assert!(err.contains("`osier list options wind`") && !err.contains("--max-"), "{err}");
-    assert!(ends(2, &["bake", "--formts", "usd"]).1.contains("'--formats'"));
+    assert!(ends(2, &["bake", "--formatz", "usd"]).1.contains("'--formats'"));
     assert!(!ends(2, &["bake", "--xyzzy"]).1.contains("osier list options"));
     assert_eq!(ends(0, &["help"]), ends(0, &["--help"]));
     assert_eq!(ends(0, &["help", "bake"]), ends(0, &["bake", "--help"]));
