@@ -185,7 +185,9 @@ fn write_attractor(
     }
     if recipe.layers.is_empty() && recipe.clouds.is_empty() {
         let source = &output.args.source;
-        let why = format!("\"{source}\" holds no attractor; .png and .exr are for coefficient tables");
+        let why = format!(
+            "\"{source}\" holds no attractor, of which `osier grow` writes .png and .exr; `osier preview {source}` renders a picture of it"
+        );
         context.console.complain(&why);
         return Ok(2);
     }

@@ -83,6 +83,9 @@ fn usage_ends_with_2_and_help_with_0() {
             "{err}"
         );
     }
+    // Pictures of plants are those of another command.
+    let (_, err) = ends(2, &["grow", SCENE, "-o", arg(&dir.path().join("x.png"))]);
+    assert!(err.contains(&format!("`osier preview {SCENE}`")), "{err}");
     let (_, err) = ends(2, &["grow", SCENE, "-o", "x.docx"]);
     assert!(err.contains(".usdc"), "{err}");
     ends(2, &["frobnicate"]);
