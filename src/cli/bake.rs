@@ -294,9 +294,24 @@ fn summary(
     if let Some(path) = has(".obj") {
         open("anything", format!("meshes at rest: {}", shown(path)));
     }
+    for (folder, program, what) in RESULTS {
+        if files.iter().any(|f| f.0.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))) {
+            open(program, format!("{what}: {}", shown(folder)));
+        }
+    }
     text += &stage_times(stages.unwrap_or_default());
     context.console.result(&text)
 }
+
+/// Folders of a bake with results that are no scene for a viewer, what opens them, and what they hold.
+const RESULTS: [(&str, &str, &str); 6] = [
+    ("stats", "tables", "statistics (.csv, .json) and plots (.svg)"),
+    ("maps/deposition", "maps", "catkins at rest per area (.exr)"),
+    ("maps/landings", "maps", "all depositions per area (.exr)"),
+    ("points", "tables", "points of each frame (.csv)"),
+    ("vdb", "volumes", "OpenVDB, a file for each frame"),
+    ("unreal", "Unreal", "assemblies of the plants and their wind"),
+];
 
 /// `12.3 MB (usd 10.1 MB, pictures 2.2 MB)`, largest first.
 fn sizes(whole: u64, parts: &[(impl AsRef<str>, u64)]) -> String {
