@@ -236,6 +236,11 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
             .help("`osier preview` shows it; a scene takes it as mesh = \"FILE\" of [plants.NAME] (a tree), of [plants.NAME.leaf] or of a [[solid]]")
             .into());
     }
+    if let Some((what, help)) = kind_without_scene(path) {
+        return Err(Diagnostic::about("S001", format!("\"{source}\" is {what}, neither scene nor grammar"))
+            .help(help)
+            .into());
+    }
     let text = files::decode(&bytes, files::Encoding::Utf8).map_err(|bad| {
         let mut report = Report::default();
         bad.report("S001", source, &bytes, &mut report);
@@ -249,6 +254,22 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
         library: Library::new(path, search)?,
         ..Request::default()
     })
+}
+
+/// What a file is whose name has the ending of a picture or of a file of other programs, and what to do with it.
+fn kind_without_scene(path: &Path) -> Option<(&'static str, &'static str)> {
+    let ending = path.extension()?.to_string_lossy().to_ascii_lowercase();
+    match ending.as_str() {
+        "png" | "jpg" | "jpeg" | "exr" | "hdr" | "tif" | "tiff" | "tga" | "gif" | "webp" => Some((
+            "a picture",
+            "a scene takes pictures as `mask` of a [[place]] or [[scatter]], as `file` or `texture` of [terrain], and on meshes",
+        )),
+        "usd" | "usda" | "usdc" | "usdz" | "abc" | "fbx" | "stl" | "ply" | "dae" | "blend" => Some((
+            "a file of other programs",
+            "name the scene that it was baked from, or export it as a mesh in OBJ or glTF (.obj, .glb)",
+        )),
+        _ => None,
+    }
 }
 
 fn is_toml(bytes: &[u8]) -> bool {

@@ -166,7 +166,8 @@ pub struct Preview {
     /// mesh (.glb .gltf .obj) or folder of a bake.
     #[arg(value_name = "SOURCE")]
     pub source: String,
-    /// File to write [default: out/NAME.png, out/NAME.gif for a clip]; a clip may also be .apng or .png.
+    /// File to write [default: out/NAME.png, out/NAME.gif for a clip]; a clip may also be .apng or .png; NAME_####.png writes
+    /// a picture for each frame.
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Width and height in pixels [default: 800x800; 320x320 per picture of a contact sheet, 480x480 for a clip].
@@ -270,8 +271,8 @@ pub struct List {
     /// What to list.
     #[arg(value_enum, default_value = "presets")]
     pub what: What,
-    /// With `options`: only keys in whose name, table or help each of these begins a word. With `knobs`: the scene or grammar. With
-    /// `entries`: the files. With `codes`: codes, or the letters with which they begin.
+    /// With `options`, `presets` and `species`: only those in whose name or description each of these begins a word. With `knobs`: the
+    /// scene or grammar. With `entries`: the files. With `codes`: codes, or the letters with which they begin.
     #[arg(value_name = "WORD")]
     pub words: Vec<String>,
     /// With `presets`: also draw a small picture of each into this folder.

@@ -41,6 +41,11 @@ const FOLDERS: [(&str, &str); 8] = [
 
 /// Runs `osier bake`, or a sweep if its flags ask for one; the result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
+    if args.output.as_deref() == Some(Path::new("-")) {
+        let why = "-o: a bake is a folder of files; `osier grow SOURCE -o -` writes a single glb to standard output";
+        context.console.complain(why);
+        return Ok(2);
+    }
     if !args.sweep.is_empty() || args.seeds.is_some() {
         return sweep::run(context, args);
     }
@@ -140,6 +145,13 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     };
     let written = bake::write_files(&recipe, &mut built.animated, &frames, &folder, &work);
     display.done();
+    let replaced = folder.replaced_changes();
+    if let Some(first) = replaced.first() {
+        let others = if replaced.len() > 1 { format!(" and {} more", replaced.len() - 1) } else { String::new() };
+        context.console.note(&format!(
+            "note: replaced {first}{others}, changed since osier wrote it; files under names that osier does not write stay as they are"
+        ));
+    }
     let (manifest, export_warnings) = written?;
     for w in &export_warnings {
         context.console.warning(w.code, &w.message);
@@ -286,9 +298,24 @@ fn summary(
     if let Some(path) = has(".obj") {
         open("anything", format!("meshes at rest: {}", shown(path)));
     }
+    for (folder, program, what) in RESULTS {
+        if files.iter().any(|f| f.0.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))) {
+            open(program, format!("{what}: {}", shown(folder)));
+        }
+    }
     text += &stage_times(stages.unwrap_or_default());
     context.console.result(&text)
 }
+
+/// Folders of a bake with results that are no scene for a viewer, what opens them, and what they hold.
+const RESULTS: [(&str, &str, &str); 6] = [
+    ("stats", "tables", "statistics (.csv, .json) and plots (.svg)"),
+    ("maps/deposition", "maps", "catkins at rest per area (.exr)"),
+    ("maps/landings", "maps", "all depositions per area (.exr)"),
+    ("points", "tables", "points of each frame (.csv)"),
+    ("vdb", "volumes", "OpenVDB, a file for each frame"),
+    ("unreal", "Unreal", "assemblies of the plants and their wind"),
+];
 
 /// `12.3 MB (usd 10.1 MB, pictures 2.2 MB)`, largest first.
 fn sizes(whole: u64, parts: &[(impl AsRef<str>, u64)]) -> String {

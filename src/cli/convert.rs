@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::args::{Convert, ConvertArg};
 use super::{Context, unreadable_name};
 use crate::recipe::{Growth, resolve};
+use crate::single_file::endings;
 use crate::source::find_scene;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
@@ -16,6 +17,11 @@ use osier_grammar::{ConvertTo, Grammar, convert};
 /// Runs `osier convert` on the first grammar of the source; the result is the exit code.
 pub fn run(context: &Context, args: &Convert) -> Result<u8> {
     if let Some(why) = args.output.as_deref().and_then(unreadable_name) {
+        context.console.complain(&why);
+        return Ok(2);
+    }
+    if let Some(ending) = args.output.as_deref().and_then(foreign_ending) {
+        let why = format!("a grammar is written as .l, not as .{ending}; `osier grow` writes plants");
         context.console.complain(&why);
         return Ok(2);
     }
@@ -79,6 +85,13 @@ pub fn run(context: &Context, args: &Convert) -> Result<u8> {
         context.console.result(&format!("{path}\n"))?;
     }
     Ok(context.strict(warned))
+}
+
+/// The ending of a scene or of a file that `osier grow` writes, by which a grammar would be taken for one.
+fn foreign_ending(output: &Path) -> Option<String> {
+    let ending = output.extension()?.to_string_lossy().to_ascii_lowercase();
+    let is_foreign = ending == "toml" || endings().any(|(other, _)| other == ending && other != "txt");
+    is_foreign.then_some(ending)
 }
 
 /// Writes the text of a grammar into a file, whose folder is made if it is missing; returns the record of the file.

@@ -41,13 +41,14 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         context.console.complain("standard output is a terminal; redirect the binary file: -o - > x.glb");
         return Ok(2);
     }
+    if !to_pipe && !context.common.dry_run {
+        // A string cannot name its maker: it is compared with the file once it is derived.
+        let is_text = matches!(format, SingleFileFormat::DerivedText);
+        check_output(context, &args.output, args.force || is_text)?;
+    }
     let is_gltf = matches!(format, SingleFileFormat::Scene(format) if format.word == gltf::FORMAT.word);
     if args.profile == ProfileArg::Web && !is_gltf {
         context.console.note(&format!("note: --profile has no effect on \"{name}\"; profiles are of .glb and .gltf"));
-    }
-    // A string cannot name its maker: it is compared with the file once it is derived.
-    if !to_pipe && !context.common.dry_run && !matches!(format, SingleFileFormat::DerivedText) {
-        check_output(&args.output, args.force)?;
     }
     // For a picture, a table that could grow a tree is read as an attractor.
     let is_picture = matches!(format, SingleFileFormat::Picture(_));
@@ -186,7 +187,9 @@ fn write_attractor(
     }
     if recipe.layers.is_empty() && recipe.clouds.is_empty() {
         let source = &output.args.source;
-        let why = format!("\"{source}\" holds no attractor; .png and .exr are for coefficient tables");
+        let why = format!(
+            "\"{source}\" holds no attractor, of which `osier grow` writes .png and .exr; `osier preview {source}` renders a picture of it"
+        );
         context.console.complain(&why);
         return Ok(2);
     }

@@ -20,7 +20,14 @@ pub fn of_sources(context: &Context, sources: &[String]) -> Result<(Vec<GrammarP
         let (recipe, warnings) = resolve(&find_scene(name, &context.sources)?)?;
         context.console.report(&warnings);
         warned |= !warnings.diagnostics.is_empty();
-        parameters.extend(grammar_parameters(&recipe));
+        let found = grammar_parameters(&recipe);
+        if found.is_empty() {
+            context.console.note(&format!(
+                "note: \"{name}\" has no grammar with a #define to set; `osier list options` lists the keys of its scene, `osier list \
+                 options habit` those of species, `osier list options growth` those of particle-shapes"
+            ));
+        }
+        parameters.extend(found);
     }
     Ok((parameters, warned))
 }

@@ -7,6 +7,7 @@ use clap::ValueEnum as _;
 use serde_json::json;
 
 use super::args::{List, What};
+use super::preset_list::{matching_presets, matching_species};
 use super::{Context, SCENE_FLAGS, knobs, preset_list};
 use crate::recipe::{KeyInfo, TableInfo, options};
 use crate::single_file::endings;
@@ -48,11 +49,15 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
     let thumbnails = args.thumbnails.as_deref().filter(|_| !context.common.dry_run);
     // One text per kind of list; kinds without a JSON arm here share `as_json`.
     let text = match (args.what, context.console.json) {
-        (What::Presets, true) => format!("{:#}\n", preset_list::as_json(context, thumbnails)?),
-        (What::Presets, false) => {
-            thumbnails.map_or(Ok(()), |folder| preset_list::write_pictures(context, folder))?;
-            preset_list::as_text()
+        (What::Presets, true) => {
+            format!("{:#}\n", preset_list::as_json(context, &matching_presets(&args.words), thumbnails)?)
         }
+        (What::Presets, false) => {
+            let chosen = matching_presets(&args.words);
+            thumbnails.map_or(Ok(()), |folder| preset_list::write_pictures(context, &chosen, folder))?;
+            preset_list::as_text(&chosen)
+        }
+        (What::Species, true) => format!("{:#}\n", preset_list::species_json(&matching_species(&args.words))),
         (What::Entries, as_json) => {
             let sources = entries(context, &args.words)?;
             if as_json {
@@ -65,7 +70,7 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         (What::Knobs, true) => format!("{:#}\n", knobs::as_json(&knobs)),
         (What::Options, false) => options_text(&tables),
         (What::Options, true) => format!("{:#}\n", options_json(&tables)),
-        (What::Species, false) => preset_list::species_text(),
+        (What::Species, false) => preset_list::species_text(&matching_species(&args.words)),
         (What::Formats, false) => formats_text(),
         (What::Codes, false) => codes_text(&args.words),
         (What::Limits, false) => limits_text(context),
@@ -107,6 +112,14 @@ fn misplaced(args: &List) -> Option<String> {
     }
     match args.what {
         What::Options => None,
+        What::Presets if matching_presets(&args.words).is_empty() => Some(format!(
+            "no preset has {} in its name or description; `osier list presets` lists all",
+            quoted(&args.words)
+        )),
+        What::Species if matching_species(&args.words).is_empty() => Some(format!(
+            "no species has {} in its name or description; `osier list species` lists all",
+            quoted(&args.words)
+        )),
         What::Knobs if args.words.is_empty() => {
             Some("name a scene, grammar or preset: osier list knobs oak".to_owned())
         }
@@ -115,11 +128,10 @@ fn misplaced(args: &List) -> Option<String> {
             let unknown = args.words.iter().find(|word| !CODES.iter().any(|c| begins_with(c, word)))?;
             Some(format!("no code begins with \"{unknown}\"; `osier list codes` lists all codes"))
         }
-        What::Knobs | What::Entries => None,
-        _ if args.words.is_empty() => None,
-        _ => {
-            let words = quoted(&args.words);
-            Some(format!("only `list options`, `list knobs`, `list entries` and `list codes` take words, here {words}"))
+        What::Presets | What::Species | What::Knobs | What::Entries => None,
+        What::Formats | What::Limits if args.words.is_empty() => None,
+        What::Formats | What::Limits => {
+            Some(format!("`list formats` and `list limits` take no words, here {}", quoted(&args.words)))
         }
     }
 }
@@ -128,8 +140,22 @@ fn quoted(words: &[String]) -> String {
     words.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(" and ")
 }
 
+/// Whether a word in lower case is the path of a key as scenes, `--set` and messages spell it: `plants.oak.leaf.size`, `solid.0.at`.
+/// Any name stands for `NAME` and `LETTER`; the numbers of list elements do not count. `paths`: those of the table.
+fn is_path_of(word: &str, paths: &[&str], key: &str) -> bool {
+    let given: Vec<&str> = word.split('.').filter(|part| !part.bytes().all(|b| b.is_ascii_digit())).collect();
+    paths.iter().any(|path| {
+        let wanted: Vec<&str> = path.split('.').filter(|part| !part.is_empty()).chain([key]).collect();
+        wanted.len() == given.len()
+            && wanted
+                .iter()
+                .zip(&given)
+                .all(|(want, part)| matches!(*want, "NAME" | "LETTER") || want.eq_ignore_ascii_case(part))
+    })
+}
+
 /// The tables of options, reduced to keys whose description has, for each of the words, a word that begins with it:
-/// "rain" finds "raindrops" and not "terrain". Case is ignored; tables without keys are left out.
+/// "rain" finds "raindrops" and not "terrain"; or whose path a word is. Case is ignored; tables without keys are left out.
 fn matching(words: &[String]) -> Vec<TableInfo> {
     let words: Vec<String> = words.iter().map(|w| w.to_lowercase()).collect();
     let mut tables = options();
@@ -137,16 +163,24 @@ fn matching(words: &[String]) -> Vec<TableInfo> {
         // Path and description of a table count for all of its keys: `list options wind speed` finds `speed` in `[wind]`.
         let place = format!("{} {}", table.path, table.about).to_lowercase();
         let path = table.path;
+        let paths: Vec<&str> = std::iter::once(path).chain(table.also.iter().copied()).collect();
         table.keys.retain(|key| {
             // The key as --set takes it: `list options wind.speed` finds `speed` in `[wind]`.
             let name = format!("{path}.{} {}", key.name, key.name);
             let text = format!("{place} {name} {} {}", key.help, key.listing.accepts).to_lowercase();
             let begins_a_word = |at: usize| !text[..at].ends_with(char::is_alphanumeric);
-            words.iter().all(|w| text.match_indices(w.as_str()).any(|(at, _)| begins_a_word(at)))
+            let has =
+                |w: &str| text.match_indices(w).any(|(at, _)| begins_a_word(at)) || is_path_of(w, &paths, key.name);
+            words.iter().all(|w| has(w))
         });
     }
     tables.retain(|table| !table.keys.is_empty());
     tables
+}
+
+/// Whether `osier list options` has keys for a word.
+pub fn has_options(word: &str) -> bool {
+    !word.is_empty() && !matching(&[word.to_owned()]).is_empty()
 }
 
 fn options_text(tables: &[TableInfo]) -> String {
@@ -237,8 +271,9 @@ fn options_json(tables: &[TableInfo]) -> serde_json::Value {
 fn as_json(context: &Context, what: What) -> serde_json::Value {
     match what {
         // The caller makes the JSON of these kinds.
-        What::Presets | What::Options | What::Knobs | What::Entries | What::Codes => serde_json::Value::Null,
-        What::Species => preset_list::species_json(),
+        What::Presets | What::Species | What::Options | What::Knobs | What::Entries | What::Codes => {
+            serde_json::Value::Null
+        }
         What::Formats => registry::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),
         What::Limits => {
             let row = |l: &osier_base::limits::Limit| json!({ "name": l.name, "default": l.default, "value": context.limits.get(l.name), "counts": l.counts });

@@ -86,15 +86,42 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
         let _ = std::io::stderr().write_all(args::GUIDE.as_bytes());
         return 2;
     }
-    match Cli::try_parse_from(list::with_entries(args)) {
+    match Cli::try_parse_from(list::with_entries(with_help_flag(args))) {
         Ok(cli) => guarded(cli),
         // Help and version are printed on standard output and are successes; all else is a usage error.
-        Err(e) if e.use_stderr() => {
+        Err(mut e) if e.use_stderr() => {
+            advise_on_flag(&mut e);
             let _ = e.print();
             2
         }
         Err(help) => printed(help.print()),
     }
+}
+
+/// For an unknown flag that is a word of scene keys, as `--wind`, tells how keys are set; one of the limits is no advice for it.
+fn advise_on_flag(error: &mut clap::Error) {
+    use clap::error::{ContextKind, ContextValue, ErrorKind};
+    let Some(ContextValue::String(flag)) = error.get(ContextKind::InvalidArg) else { return };
+    let Some(word) = flag.strip_prefix("--").filter(|_| error.kind() == ErrorKind::UnknownArgument) else { return };
+    let word = word.split('=').next().unwrap_or_default().to_owned();
+    let near = error.get(ContextKind::SuggestedArg);
+    if matches!(near, Some(ContextValue::String(near)) if near.starts_with("--max-")) && !word.starts_with("max") {
+        error.remove(ContextKind::SuggestedArg);
+    }
+    if error.get(ContextKind::SuggestedArg).is_none() && list::has_options(&word) {
+        let tip =
+            format!("keys of a scene are set by --set KEY=VALUE; `osier list options {word}` lists those about it");
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
+}
+
+/// Rewrites the arguments `osier help` and `osier help COMMAND` to `osier --help` and `osier COMMAND --help`.
+fn with_help_flag(mut args: Vec<OsString>) -> Vec<OsString> {
+    if args.get(1).is_some_and(|a| a == "help") {
+        args.remove(1);
+        args.push("--help".into());
+    }
+    args
 }
 
 /// Exit code after help was printed on standard output: 0, also for a reader that has gone, or that of the error, which is told.
@@ -185,21 +212,27 @@ fn start(cli: Cli) -> u8 {
     })
 }
 
+/// Checks the output of a command before work that takes long: its folder can be written, and no file of the user is in the way unless
+/// `force` is set.
+/// # Errors
+/// `Io`, `Foreign`.
+fn check_output(context: &Context, output: &Path, force: bool) -> osier_base::Result<()> {
+    let parent = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    check_writable(parent)?;
+    let name = output.file_name().and_then(|name| name.to_str()).filter(|_| output.is_file() && !force);
+    let Some(name) = name else { return Ok(()) };
+    let options = WriteOptions { cancel: context.cancel.clone(), ..WriteOptions::default() };
+    Folder::plain(parent, options)?.check_name(name).map_err(|e| match e {
+        // As it was typed, without "./".
+        Error::Foreign { .. } => Error::Foreign { path: output.to_owned() },
+        other => other,
+    })
+}
+
 /// Message about an output whose file name is not UTF-8, which written files could not refer to; `None` for any other.
 fn unreadable_name(output: &Path) -> Option<String> {
     let is_text = output.file_name().is_none_or(|name| name.to_str().is_some());
     (!is_text).then(|| format!("the name of the file \"{}\" is not UTF-8", output.display()))
-}
-
-/// Checks the file of an output before the work for it: whether its folder can be written, and whether its name is that of a file
-/// that osier did not write.
-/// # Errors
-/// `Io`; `Foreign` without `force`.
-fn check_output(path: &Path, force: bool) -> osier_base::Result<()> {
-    let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    check_writable(parent)?;
-    let Some(name) = path.file_name().and_then(|name| name.to_str()).filter(|_| parent.is_dir()) else { return Ok(()) };
-    Folder::plain(parent, WriteOptions { force, ..WriteOptions::default() })?.check_name(name)
 }
 
 /// Starts the global thread pool with `jobs` threads, by default as many as the machine has, at most [`THREADS`].

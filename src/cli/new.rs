@@ -20,6 +20,15 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.complain(&format!("\"{}\" is not the name of a folder", args.name.display()));
         return Ok(2);
     }
+    let ending = args.name.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    if ["toml", "l", "species", "shapes"].contains(&ending.as_str()) {
+        let (given, folder) = (args.name.display(), args.name.with_extension(""));
+        let folder = folder.display();
+        context
+            .console
+            .complain(&format!("\"{given}\" is the name of a file; `osier new {folder}` makes a folder with a scene"));
+        return Ok(2);
+    }
     if let Some(flag) = context.scene_flag(&SCENE_FLAGS) {
         let why = format!("{flag} does not change what `new` copies; edit the copied scene");
         context.console.complain(&why);

@@ -31,42 +31,64 @@ struct Shown {
     thumbnail: Option<String>,
 }
 
-/// Name and description of every preset, one line each, below a line on their use.
-pub fn as_text() -> String {
+/// Whether each of the words begins a word of a text, in any case.
+pub fn has_words(text: &str, words: &[String]) -> bool {
+    let text = text.to_lowercase();
+    let begins_a_word = |at: usize| !text[..at].ends_with(char::is_alphanumeric);
+    words.iter().all(|word| {
+        let word = word.to_lowercase();
+        text.match_indices(word.as_str()).any(|(at, _)| begins_a_word(at))
+    })
+}
+
+/// The presets in whose name or description each of the words begins a word; all without words.
+pub fn matching_presets(words: &[String]) -> Vec<Preset> {
+    let fits = |preset: &&Preset| has_words(&format!("{} {}", preset.name, presets::about(preset)), words);
+    PRESETS.iter().filter(fits).copied().collect()
+}
+
+/// Name and description of presets, one line each, below a line on their use.
+pub fn as_text(chosen: &[Preset]) -> String {
     let mut out = String::from("Grow one with `osier grow NAME -o NAME.glb`, bake one with `osier bake NAME`.\n\n");
-    for p in PRESETS {
+    for p in chosen {
         out += &format!("  {:18} {}\n", p.name, presets::about(p));
     }
     out
 }
 
-/// The presets as JSON: kind, description, what their scenes contain and, with `thumbnails`, a picture of each in that folder.
+/// Presets as JSON: kind, description, what their scenes contain and, with `thumbnails`, a picture of each in that folder.
 /// # Errors
 /// `Io` and `Foreign` if a picture cannot be written, `Cancelled`.
-pub fn as_json(context: &Context, thumbnails: Option<&Path>) -> Result<Value> {
-    let mut shown = par_map(PRESETS, |preset| read(context, preset));
+pub fn as_json(context: &Context, chosen: &[Preset], thumbnails: Option<&Path>) -> Result<Value> {
+    let mut shown = par_map(chosen, |preset| read(context, preset));
     if let Some(folder) = thumbnails {
         write_thumbnails(context, &mut shown, folder)?;
     }
     Ok(shown.iter().map(row).collect())
 }
 
-/// Writes a thumbnail `NAME.png` of every preset into a folder, for the listing as text.
+/// Writes a thumbnail `NAME.png` of each preset into a folder, for the listing as text.
 /// # Errors
 /// As [`as_json`].
-pub fn write_pictures(context: &Context, folder: &Path) -> Result<()> {
-    let mut shown = par_map(PRESETS, |preset| read(context, preset));
+pub fn write_pictures(context: &Context, chosen: &[Preset], folder: &Path) -> Result<()> {
+    let mut shown = par_map(chosen, |preset| read(context, preset));
     write_thumbnails(context, &mut shown, folder)
 }
 
 /// A species, and the scene that shows it with fitting leaves and bark.
-struct ListedSpecies {
+#[derive(Debug)]
+pub struct ListedSpecies {
     name: &'static str,
     /// Age in scenes that do not set the key `age`, years.
     age: f64,
     about: String,
     /// Name of the preset scene whose only plant it is, if there is one.
     scene: Option<&'static str>,
+}
+
+/// The species in whose name or description each of the words begins a word; all without words.
+pub fn matching_species(words: &[String]) -> Vec<ListedSpecies> {
+    species().into_iter().filter(|s| has_words(&format!("{} {}", s.name, s.about), words)).collect()
 }
 
 fn species() -> Vec<ListedSpecies> {
@@ -91,26 +113,26 @@ fn species() -> Vec<ListedSpecies> {
     PRESETS.iter().filter_map(listed).collect()
 }
 
-/// Name, age, scene and description of every species, one line each, below lines on their use.
-pub fn species_text() -> String {
+/// Name, age, scene and description of species, one line each, below lines on their use.
+pub fn species_text(chosen: &[ListedSpecies]) -> String {
     let mut out = String::from(
         "Grow one with species = \"NAME\" in a scene, or see it with `osier preview SCENE`. Pictures: docs/gallery/species.md,\n\
          or `osier list presets --thumbnails FOLDER`, which draws SCENE.toml.png.\n\n",
     );
     out += &format!("  {:16} {:>5}  {:18} {}\n", "name", "age", "scene", "description");
-    for s in species() {
+    for s in chosen {
         out += &format!("  {:16} {:>5}  {:18} {}\n", s.name, s.age, s.scene.unwrap_or("-"), s.about);
     }
     out
 }
 
-/// Every species as an object: name, age, description, and the scene that shows it with the name of its thumbnail, or null.
-pub fn species_json() -> Value {
-    let row = |s: ListedSpecies| {
+/// Species as objects: name, age, description, and the scene that shows it with the name of its thumbnail, or null.
+pub fn species_json(chosen: &[ListedSpecies]) -> Value {
+    let row = |s: &ListedSpecies| {
         let thumbnail = s.scene.map(|scene| format!("{scene}.toml.png"));
         json!({ "name": s.name, "age": s.age, "about": s.about, "scene": s.scene, "thumbnail": thumbnail })
     };
-    species().into_iter().map(row).collect()
+    chosen.iter().map(row).collect()
 }
 
 fn read(context: &Context, preset: &Preset) -> Shown {

@@ -39,13 +39,18 @@ pub fn estimate_text(c: &BakeEstimate) -> String {
         row("instances", c.instances),
         row("points", c.points),
         row("joints", c.joints),
-        row("frames", c.frames),
+        row("frames", frames_of(c)),
         format!("  {:12} about {}\n", "size", byte_size(c.bytes)),
     ]
     .concat()
         + &byte_rows(&c.sizes)
         + &format!("  {:12} about {}\n", "memory", byte_size(c.peak()))
         + &byte_rows(&c.memory)
+}
+
+/// Number of frames that are written; a still scene is one.
+fn frames_of(c: &BakeEstimate) -> u64 {
+    c.frames.max(1)
 }
 
 /// Parts of a number of bytes, one per line.
@@ -77,7 +82,8 @@ fn by_name(parts: &[(&'static str, u64)]) -> Value {
 pub fn estimate_json(c: &BakeEstimate) -> Value {
     json!({
         "assets": c.assets, "placements": c.placements, "modules": c.modules, "vertices": c.vertices,
-        "triangles": c.triangles, "instances": c.instances, "points": c.points, "joints": c.joints, "frames": c.frames,
+        "triangles": c.triangles, "instances": c.instances, "points": c.points, "joints": c.joints,
+        "frames": frames_of(c),
         "bytes": c.bytes,
         "memory": by_name(&c.memory),
         "sizes": by_name(&c.sizes),

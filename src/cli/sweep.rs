@@ -63,8 +63,11 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let Some(first) = recipes.first() else { return Ok(0) };
     if first.flight.is_none() {
         let name = &first.name;
+        let (flag, single) = if args.sweep.is_empty() { ("--seeds", "--seed") } else { ("--sweep", "--set") };
         context.console.complain(&format!(
-            "--sweep: \"{name}\" has no [flight], whose statistics a sweep compares; use a scene with one, such as catkins-wall"
+            "{flag}: \"{name}\" has no [flight], whose statistics such a bake compares; use a scene with one, such as catkins-wall. \
+             For files of each value run `osier bake` or `osier grow` once for each, with {single} and an -o of its own; \
+             `osier preview {flag}` draws them"
         ));
         return Ok(2);
     }

@@ -41,7 +41,7 @@ impl Drop for SignalWatch {
 }
 
 /// Installs handlers of SIGINT and SIGTERM: the first signal requests cancellation and forces the exit if the work
-/// has not stopped within SHUTDOWN_TIME; a second signal exits at once.
+/// has not stopped within SHUTDOWN_TIME; a second signal exits at once. SIGXFSZ, where there is one, has no effect.
 pub(super) fn listen(cancel: &Cancel) -> std::io::Result<SignalWatch> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     use signal_hook::flag;
@@ -55,6 +55,9 @@ pub(super) fn listen(cancel: &Cancel) -> std::io::Result<SignalWatch> {
         watch.ids.push(flag::register(signal, Arc::clone(&armed))?);
         watch.ids.push(flag::register_usize(signal, cancel.flag(), number)?);
     }
+    // By default the signal of `ulimit -f` ends the process without a word; with a handler the write fails with its reason.
+    #[cfg(unix)]
+    watch.ids.push(flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?);
     let (is_over, cancel) = (Arc::clone(&watch.is_over), cancel.clone());
     // The request is polled, since Windows has no iterator over signals.
     std::thread::Builder::new().name("signals".into()).spawn(move || {

@@ -4,7 +4,7 @@ use super::scene::{
     FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlantKeys, SceneKeys, SeasonSpan, WindModel, solid_names,
 };
 use super::syntax::{
-    Digest, KeyTable, Registry, TomlTable, TomlValue, apply_override, join, parse, path_element, wrong,
+    Digest, KeyTable, Registry, TomlEntry, TomlTable, TomlValue, apply_override, join, parse, path_element, wrong,
 };
 use super::{Growth, Library, OutputRecipe, PlantRecipe, Recipe, ReferencedFile, VdbRecipe, WindOutputRecipe};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
@@ -122,7 +122,9 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
         solid_names: solid_names(&root),
     };
     let recipe = resolver.recipe(&root);
+    suggest_other_places(&mut resolver.report);
     suggest_define_keys(&recipe, &mut resolver.report);
+    suggest_plants(&root, &mut resolver.report);
     resolver.report.into_result(recipe)
 }
 
@@ -131,6 +133,60 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
 fn drops_fall(root: &TomlTable) -> bool {
     let Some(TomlValue::Table(rain)) = root.get("rain").map(|entry| &entry.node.value) else { return false };
     !matches!(rain.get("falls").map(|entry| &entry.node.value), Some(TomlValue::Flag(false)))
+}
+
+/// Places of a key that a help names at most; of more it names the listing that shows them.
+const MAX_PLACES: usize = 4;
+
+/// If an unknown key without a similar one beside it is a key or a table at other places, names these in the help.
+fn suggest_other_places(report: &mut Report) {
+    if report.diagnostics.iter().all(|d| d.code != "S002") {
+        return;
+    }
+    let tables = super::options();
+    for d in report.diagnostics.iter_mut().filter(|d| d.code == "S002") {
+        // Only message and help tell the case, in the words of `syntax::key::unknown`.
+        let Some(known) = d.help.as_ref().filter(|help| help.starts_with("known here: ")) else { continue };
+        let Some((_, name)) = d.message.strip_suffix('"').and_then(|m| m.rsplit_once('"')) else { continue };
+        let mut places: Vec<String> = Vec::new();
+        for table in &tables {
+            let has_key = table.keys.iter().any(|key| key.name == name);
+            for path in std::iter::once(&table.path).chain(table.also) {
+                places.extend(has_key.then(|| join(path, name)));
+                places.extend((path.rsplit('.').next() == Some(name)).then(|| (*path).to_owned()));
+            }
+        }
+        // Places in the same part of the scene are the likeliest.
+        let part = d.message.strip_prefix('[').and_then(|m| m.split(['.', ']']).next());
+        if places.iter().any(|place| place.split('.').next() == part) {
+            places.retain(|place| place.split('.').next() == part);
+        }
+        let help = match places.len() {
+            0 => continue,
+            1..=MAX_PLACES => format!("did you mean {}? {known}", places.join(" or ")),
+            _ => format!("`osier list options {name}` shows the tables that have it; {known}"),
+        };
+        d.help = Some(help);
+    }
+}
+
+/// If a plant that nothing grows is one of overrides alone, its name is misspelt: names the plants of the scene in the help.
+fn suggest_plants(root: &TomlTable, report: &mut Report) {
+    let Some(TomlValue::Table(plants)) = root.get("plants").map(|entry| &entry.node.value) else { return };
+    let is_override = |e: &TomlEntry| report.sources.name(e.key_span.source) == "--set";
+    let own: Vec<&str> = plants.entries.iter().filter(|e| !is_override(e)).map(|e| e.key.as_str()).collect();
+    let added: Vec<&TomlEntry> = plants.entries.iter().filter(|e| is_override(e)).collect();
+    if own.is_empty() {
+        return;
+    }
+    for d in report.diagnostics.iter_mut().filter(|d| d.code == "S006") {
+        let at = d.labels.first().map(|label| label.0);
+        let Some(plant) = added.iter().find(|e| at == Some(e.key_span)) else { continue };
+        d.help = Some(match nearest(&plant.key, own.iter().copied()) {
+            Some(near) => format!("did you mean plants.{}?", path_element(near)),
+            None => format!("plants of this scene: {}", own.join(", ")),
+        });
+    }
 }
 
 /// If an unknown key of the scene is a #define of one of its grammars, names the key that sets it in the help.
@@ -420,7 +476,13 @@ impl Resolver<'_> {
         // A file named on the command line is judged by its content, whatever its ending.
         let is_named = self.request.bare.is_some();
         if !is_named && !endings.iter().any(|e| reference.to_ascii_lowercase().ends_with(e)) {
-            fail(format!("\"{reference}\" has another ending"), format!("expected a file {}", endings.join(", ")));
+            // The name of a preset without its ending, as `osier bake` takes it.
+            let mut names = endings.iter().map(|ending| format!("{reference}{ending}"));
+            let help = match names.find(|name| crate::presets::find(name).is_some()) {
+                Some(name) => format!("did you mean the preset \"{name}\"?"),
+                None => format!("expected a file {}", endings.join(", ")),
+            };
+            fail(format!("\"{reference}\" has another ending"), help);
             return None;
         }
         match self.request.library.find(reference, self.request.limits.get(limit)) {
@@ -438,6 +500,9 @@ impl Resolver<'_> {
                     Some(near) => format!("did you mean the preset \"{near}\"? If not, {}", why.help()),
                     None if matches!(why, ReadError::TooLong { .. }) => {
                         format!("make the file smaller, or raise the limit with --max-{limit}")
+                    }
+                    None if endings == [".species"] && matches!(why, ReadError::Missing { .. }) => {
+                        format!("`osier list species` lists those in the program; for one of your own, {}", why.help())
                     }
                     None => why.help().into(),
                 };

@@ -1,4 +1,4 @@
-//! Turntables and frame ranges as GIF or APNG.
+//! Turntables and frame ranges as GIF, APNG or single pictures.
 
 use std::io::Write;
 
@@ -7,7 +7,8 @@ use crate::bake::BakeContext;
 use osier_base::Result;
 use osier_base::convert::index;
 use osier_preview::{
-    ClipFormat, ClipTiming, ClipWriter, PreviewMaterials, RenderRequest, RenderScene, Subject, render, tile_count,
+    ClipFormat, ClipTiming, ClipWriter, Picture, PreviewMaterials, RenderRequest, RenderScene, Subject, render,
+    tile_count,
 };
 use osier_scene::{Camera, Frame};
 
@@ -104,23 +105,33 @@ impl<'a> PreviewClip<'a> {
     /// # Errors
     /// P003 if the format cannot hold the clip or the sink fails, those of the simulation, `Cancelled`.
     pub fn write(&self, sink: impl Write, format: ClipFormat, context: &BakeContext<'_>) -> Result<()> {
+        let options = self.options;
+        let fps = match self.content {
+            ClipContent::Turntable { .. } => TURNTABLE_FPS,
+            ClipContent::Frames(numbers) => frame_rate_of(self.scene.scene().clip.fps, numbers),
+        };
+        let timing = ClipTiming { frames: index(self.len(), "pictures of a clip")?, fps };
+        let is_opaque = options.background != PreviewBackground::Clear;
+        let mut writer = ClipWriter::new(sink, format, options.size, timing, is_opaque)?;
+        self.draw(context, |_, picture| writer.frame(picture))?;
+        writer.finish()
+    }
+
+    /// Renders all pictures and hands each to `take` with its number: that of its frame, or the step of a turntable from 1 on.
+    /// # Errors
+    /// Those of `take` and of the simulation, `Cancelled`.
+    pub fn draw(&self, context: &BakeContext<'_>, mut take: impl FnMut(u32, &Picture) -> Result<()>) -> Result<()> {
         let (scene, options) = (self.scene.scene(), self.options);
         let materials = PreviewMaterials::new(scene, options.quality);
         let length = index(self.len(), "pictures of a clip")?;
-        let fps = match self.content {
-            ClipContent::Turntable { .. } => TURNTABLE_FPS,
-            ClipContent::Frames(numbers) => frame_rate_of(scene.clip.fps, numbers),
-        };
-        let is_opaque = options.background != PreviewBackground::Clear;
-        let mut writer = ClipWriter::new(sink, format, options.size, ClipTiming { frames: length, fps }, is_opaque)?;
         context.progress.stage("drawing frames", tile_count(options.size) * u64::from(length));
         match self.content {
             ClipContent::Turntable { steps, .. } => {
                 // All views share one state of the scene, which is prepared once.
                 let requests: Vec<RenderRequest> = (0..steps).map(|i| self.request(self.turned(i, steps))).collect();
                 let world = RenderScene::for_requests(scene, self.first.as_ref(), &materials, &requests);
-                for request in &requests {
-                    writer.frame(&render(&world, request, context.cancel, context.progress)?)?;
+                for (number, request) in (1_u32..).zip(&requests) {
+                    take(number, &render(&world, request, context.cancel, context.progress)?)?;
                 }
             }
             ClipContent::Frames(numbers) => {
@@ -129,11 +140,11 @@ impl<'a> PreviewClip<'a> {
                 for number in numbers {
                     let frame = self.scene.frame(*number)?;
                     let world = RenderScene::for_requests(scene, Some(&frame), &materials, &[request]);
-                    writer.frame(&render(&world, &request, context.cancel, context.progress)?)?;
+                    take(*number, &render(&world, &request, context.cancel, context.progress)?)?;
                 }
             }
         }
-        writer.finish()
+        Ok(())
     }
 
     fn request(&self, camera: Camera) -> RenderRequest {

@@ -75,6 +75,17 @@ fn usage_ends_with_2_and_help_with_0() {
     assert!(err.contains("which has the one frame 1; --set frames.end=2"), "{err}");
     let (_, err) = ends(2, &["bake", "koch", "-o", arg(dir.path()), "--frames", "0"]);
     assert!(err.contains("which has the one frame 1") && !err.contains("frames.end"), "{err}");
+    // Statistics of a sweep are those of a flight; files of several individuals come from several runs.
+    for (flag, value, single) in [("--seeds", "0-3", "--seed"), ("--sweep", "wind.speed=1,2", "--set")] {
+        let (_, err) = ends(2, &["bake", SCENE, "-n", flag, value]);
+        assert!(
+            err.contains(&format!("error: {flag}: ")) && err.contains(&format!("with {single} and an -o")),
+            "{err}"
+        );
+    }
+    // Pictures of plants are those of another command.
+    let (_, err) = ends(2, &["grow", SCENE, "-o", arg(&dir.path().join("x.png"))]);
+    assert!(err.contains(&format!("`osier preview {SCENE}`")), "{err}");
     let (_, err) = ends(2, &["grow", SCENE, "-o", "x.docx"]);
     assert!(err.contains(".usdc"), "{err}");
     ends(2, &["frobnicate"]);
@@ -85,6 +96,14 @@ fn usage_ends_with_2_and_help_with_0() {
         let (out, err) = ends(0, &[asked]);
         assert!(err.is_empty() && out.contains("osier"), "{out}{err}");
     }
+    // A flag that is a key of scenes, one like a flag, and one like nothing.
+    let (_, err) = ends(2, &["bake", "--wind", "8"]);
+    assert!(err.contains("`osier list options wind`") && !err.contains("--max-"), "{err}");
+    assert!(ends(2, &["bake", "--formatz", "usd"]).1.contains("'--formats'"));
+    assert!(!ends(2, &["bake", "--xyzzy"]).1.contains("osier list options"));
+    assert_eq!(ends(0, &["help"]), ends(0, &["--help"]));
+    assert_eq!(ends(0, &["help", "bake"]), ends(0, &["bake", "--help"]));
+    ends(2, &["help", "frobnicate"]);
     assert!(!glb.exists() && tree(dir.path()).is_empty());
 }
 
@@ -115,12 +134,19 @@ fn strict_ends_with_3_after_writing_everything() {
 fn what_cannot_be_written_ends_with_74() {
     let dir = folder();
     let wall = file(&dir, "wall", "a file, no folder");
-    for args in [["grow", SCENE, "-o", arg(&wall.join("x.glb"))], ["bake", SCENE, "-o", arg(&wall.join("out"))]] {
-        let (out, err) = ends(74, &args);
+    for (command, name) in [("grow", "x.glb"), ("bake", "out"), ("preview", "x.png")] {
+        let (out, err) = ends(74, &[command, SCENE, "-o", arg(&wall.join(name))]);
         assert!(out.is_empty() && err.contains("error: cannot create") && err.contains("wall"), "{err}");
         // A bake may take hours before it writes.
-        assert!(args[0] == "grow" || !err.contains("growing"), "{err}");
+        assert!(!err.contains("growing") && err.contains("not a directory"), "{err}");
     }
+    // So may a picture, for which there is no place either.
+    let mine = file(&dir, "mine.png", "not of osier");
+    for command in ["grow", "preview"] {
+        let (_, err) = ends(1, &[command, "fern_leaf.ifs", "-o", arg(&mine)]);
+        assert!(err.contains("does not name osier") && !err.contains("drawing"), "{err}");
+    }
+    assert_eq!(fs::read(&mine).expect("mine"), b"not of osier");
     for args in [&["list", "codes"][..], &["--help"], &["bake", "-h"], &["--version"]] {
         let Ok(full) = fs::File::options().write(true).open("/dev/full") else { continue };
         let (code, _, err) = said(&osier(args).stdout(full).output().expect("runs"));
@@ -149,7 +175,8 @@ fn standard_output_holds_results_and_nothing_else() {
         assert!(planned["target"] == arg(&path) && !path.exists(), "{planned}");
         planned["would_make"].clone()
     };
-    assert!(plan(SCENE, "n.glb")["triangles"].as_u64().is_some_and(|n| n > 0));
+    let still = plan(SCENE, "n.glb");
+    assert!(still["triangles"].as_u64().is_some_and(|n| n > 0) && still["frames"] == 1, "{still}");
     let string = plan(SCENE, "n.txt");
     assert!(["modules", "bytes"].iter().all(|key| string[*key].as_u64().is_some_and(|n| n > 0)), "{string}");
     assert_eq!(plan("fern_leaf.ifs", "n.png"), serde_json::json!({ "width": 1024, "height": 1024 }));
@@ -213,6 +240,8 @@ fn an_artefact_goes_through_a_pipe_and_readers_may_leave() {
     let dir = folder();
     let named = dir.path().join("stdout.glb");
     ends(0, &["grow", SCENE, "-o", arg(&named)]);
+    // A folder cannot go through a pipe, and "-" is no name for one.
+    assert!(ends(2, &["bake", SCENE, "-o", "-"]).1.contains("`osier grow SOURCE -o -`"));
     let piped = program::run(&["grow", SCENE, "-o", "-"]);
     assert_eq!((piped.status.code(), piped.stdout), (Some(0), fs::read(named).expect("glb")));
     let left = |args: &[&str]| {
@@ -241,6 +270,10 @@ fn a_converted_grammar_is_the_same_on_standard_output_and_in_a_file() {
     assert!(text.contains("\n\t[ +F ] F"), "{text}");
     assert_eq!(ends(0, &["convert", arg(&grammar)]).0, text);
     assert_eq!(ends(0, &["convert", arg(&grammar), "-o", "-"]).0, text);
+    for name in ["t.toml", "t.glb"] {
+        let (_, err) = ends(2, &["convert", arg(&grammar), "-o", arg(&dir.path().join(name))]);
+        assert!(err.contains("a grammar is written as .l"), "{err}");
+    }
     // An undefined variable is a warning.
     let warns = file(&dir, "w.l", "Lsystem: 1\nDerivation length: 2\nAxiom: A\nA --> F B(u)\nendlsystem\n");
     ends(3, &["convert", arg(&warns), "--strict"]);
@@ -315,6 +348,21 @@ fn a_scene_is_read_from_standard_input_as_often_as_a_command_needs_it() {
     assert!(code == 0 && sheet.is_file(), "{err}");
     let (code, _, err) = fed(Path::new(GRAMMAR), &["check", "-"]);
     assert!(code == 1 && err.matches("error[").count() == 1 && err.contains("only scenes"), "{err}");
+}
+
+#[test]
+fn pictures_and_files_of_other_programs_are_told_to_be_no_scenes() {
+    let dir = folder();
+    let picture = file(&dir, "bark.png", [0x89, b'P', b'N', b'G', 0xff]);
+    let stage = file(&dir, "tree.usda", "#usda 1.0\ndef Xform \"tree\"\n{\n}\n");
+    for (path, told) in
+        [(&picture, "is a picture, neither scene"), (&stage, "is a file of other programs, neither scene")]
+    {
+        for command in [&["bake"][..], &["check"], &["grow", "-o", "x.glb"]] {
+            let (_, err) = ends(1, &[command, &[arg(path)]].concat());
+            assert!(err.contains("S001") && err.contains(told) && !err.contains("UTF-8"), "{command:?}: {err}");
+        }
+    }
 }
 
 #[test]
@@ -577,6 +625,10 @@ fn a_misspelt_preset_is_told_the_nearest() {
 #[test]
 fn a_new_folder_bakes_and_is_never_overwritten() {
     let dir = folder();
+    for name in ["mine.toml", "mine.l"] {
+        let (_, err) = ends(2, &["new", arg(&dir.path().join(name))]);
+        assert!(err.contains("is the name of a file") && tree(dir.path()).is_empty(), "{err}");
+    }
     for (preset, plant) in [("poplar-twig", "poplar_twig"), ("koch.l", "koch")] {
         let mine = dir.path().join(format!("My {plant}"));
         let (out, _) = ends(0, &["new", arg(&mine), "--from", preset]);

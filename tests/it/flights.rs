@@ -271,6 +271,10 @@ fn a_lattice_says_how_it_did() {
     assert!(run.status.code() == Some(3) && said.contains("S027") && said.contains("flight.substeps"), "{said}");
     let summary: serde_json::Value = serde_json::from_slice(&run.stdout).expect("json");
     assert!(summary["seconds"]["writing frames"].as_f64().expect("a time") > 0.0, "{summary}");
+    // The summary, here of a folder that is up to date, tells where the statistics are.
+    let again = osier(&["bake", path, "-o", to, "--formats", "csv"]);
+    let told = String::from_utf8_lossy(&again.stdout).into_owned();
+    assert!(told.contains("tables       statistics (.csv, .json) and plots (.svg): "), "{told}");
     let columns = table(&out);
     assert!(last(&columns, "long_steps") > 10.0, "{columns:?}");
     assert!(columns["wind_mass_error"].iter().all(|e| e.abs() < 0.05 && *e != 0.0), "{columns:?}");

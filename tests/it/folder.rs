@@ -289,6 +289,25 @@ fn a_stale_file_that_someone_changed_is_theirs() {
 }
 
 #[test]
+fn files_that_someone_changed_are_named_when_they_are_replaced() {
+    let dir = tempfile::tempdir().expect("dir");
+    let write = |key: &str| {
+        let folder = Folder::open_with(dir.path(), options(key, Arc::new(Quick))).expect("opens");
+        for path in ["a.txt", "pov/main.pov"] {
+            folder.write(path, "text", format!("osier, {key}\n").as_bytes()).expect("writes");
+        }
+        folder.finish().expect("ends");
+        folder.replaced_changes()
+    };
+    assert!(write("a").is_empty());
+    put(&dir.path().join("pov/main.pov"), b"// a camera of my own\n");
+    assert_eq!(write("a"), ["pov/main.pov"]);
+    assert!(write("another scene").is_empty(), "files of another scene are replaced as they were written");
+    put(&dir.path().join("a.txt"), b"// mine\n");
+    assert_eq!(write("b"), ["a.txt"]);
+}
+
+#[test]
 fn a_full_disk_leaves_whole_files_and_the_rest_for_later() {
     let whole = undisturbed("a");
     for room in (0..200).step_by(7) {

@@ -192,6 +192,9 @@ fn the_replacements_of_broken_grammars_mend_them() {
     let broken = [
         ("L002", s("F", "").replace("derivation length", "derivaton length")),
         ("L002", s("F", "Homomorpism\nF --> F")),
+        ("L001", s("F", "").replace("Axiom:", "axiom")),
+        ("L001", s("F", "").replace("Axiom:", "Axiom =")),
+        ("L001", s("F", "").replace("derivation length:", "Derivation length")),
         ("L001", s("F", "F -> FF")),
         ("L001", s("F", "F = F[+F]F")),
         ("L001", s("F", "F \u{2192} FF")),
@@ -221,6 +224,24 @@ fn the_replacements_of_broken_grammars_mend_them() {
             !left.has_errors() && left.diagnostics.iter().all(|d| d.code != code),
             "{text}\n-- became --\n{after}\n{left}"
         );
+    }
+}
+
+#[test]
+fn items_of_other_notations_are_told_what_stands_for_them() {
+    for (line, told) in [
+        ("angle: 25", "angle_deg"),
+        ("angle = 25", "angle_deg"),
+        ("Angle 25", "angle_deg"),
+        ("variables : F X", "not declared"),
+        ("rules  : (F -> FF)", "a line of its own"),
+        ("iterations: 4", "derivation length"),
+        ("initial = F", "Axiom: F"),
+        ("start: F", "Axiom: F"),
+    ] {
+        let report = complaints(system("F", line).as_bytes(), &TurtleOptions::default());
+        let helps: Vec<&str> = report.diagnostics.iter().filter_map(|d| d.help.as_deref()).collect();
+        assert!(report.has_errors() && helps.iter().any(|help| help.contains(told)), "{line}: {report}");
     }
 }
 

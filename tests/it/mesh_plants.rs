@@ -191,6 +191,13 @@ fn what_is_wrong_is_told_with_its_place() {
             Err(other) => panic!("{other}"),
         }
     };
+    // A fault of the whole file has the place of the key that names it.
+    std::fs::write(folder.path().join("empty.obj"), "v 0 0 0\n").expect("file");
+    let Err(osier::Error::Input(report)) = scene(folder.path(), "[plants.t]\nmesh = \"empty.obj\"\n") else {
+        panic!("an empty mesh is accepted")
+    };
+    let place = report.diagnostics[0].labels.first().map(|label| report.sources.position(label.0));
+    assert!(report.to_string().contains("holds no triangle") && place.is_some_and(|p| p.line == 2), "{report}");
     let cases = [
         ("mesh = \"card.obj\"", "X018", "encloses no volume"),
         ("mesh = \"card.obj\"\n[plants.t.import]\nleaf_pattern = \"card\"", "X018", "has no wood"),

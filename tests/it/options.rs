@@ -222,13 +222,52 @@ fn presets_say_what_they_are_and_show() {
     let (letter, _) = ends(0, &["list", "codes", "x"]);
     assert!(letter.lines().count() > 10 && letter.lines().all(|line| line.starts_with('X')), "{letter}");
     assert!(ends(2, &["list", "codes", "X999"]).1.contains("no code begins with \"X999\""));
-    assert!(ends(2, &["list", "limits", "x"]).1.contains("take words"));
+    assert!(ends(2, &["list", "limits", "x"]).1.contains("take no words"));
+}
+
+#[test]
+fn words_choose_presets_and_species() {
+    let rows = |words: &[&str]| {
+        let (json, _) = ends(0, &[&["list", "--json"][..], words].concat());
+        let rows: Vec<Value> = serde_json::from_str(&json).expect("JSON");
+        rows.iter().map(|row| row["name"].as_str().expect("a name").to_owned()).collect::<Vec<_>>()
+    };
+    let ferns = rows(&["presets", "FERN", "frond"]);
+    assert!(["fern.l", "fern.toml", "fern_frond.ifs.toml"].iter().all(|n| ferns.iter().any(|f| f == n)), "{ferns:?}");
+    assert!(!ferns.iter().any(|name| name == "maidenhair.l"), "{ferns:?}");
+    assert_eq!(rows(&["species", "umbrella", "BOLE"]), ["pine"]);
+    let (text, _) = ends(0, &["list", "presets", "gosper"]);
+    assert_eq!(text.lines().filter(|line| line.starts_with("  gosper.")).count(), 2, "{text}");
+    for what in ["presets", "species"] {
+        assert!(ends(2, &["list", what, "xyzzy"]).1.contains("in its name or description"));
+    }
 }
 
 #[test]
 fn keys_are_found_by_the_path_that_set_takes() {
     let (text, _) = ends(0, &["list", "options", "wind.speed"]);
     assert!(text.contains("\n[wind]  ") && text.contains("\n  speed              Mean speed"), "{text}");
+    // With names and numbers of a scene, as messages spell it.
+    for (path, table, key) in [
+        ("plants.oak.leaf.size", "plants.NAME.organs.LETTER", "size"),
+        ("plants.oak.organs.l.size", "plants.NAME.organs.LETTER", "size"),
+        ("plants.oak.turtle.angle_deg", "plants.NAME.turtle", "angle_deg"),
+        ("solid.0.size.1", "solid", "size"),
+    ] {
+        let (json, _) = ends(0, &["list", "options", path, "--json"]);
+        let rows: Vec<Value> = serde_json::from_str(&json).expect("JSON");
+        assert!(rows.len() == 1 && rows[0]["table"] == table && rows[0]["key"] == key, "{path}: {json}");
+    }
+    ends(2, &["list", "options", "plants.oak.leaf.sizes"]);
+}
+
+#[test]
+fn a_source_without_parameters_is_told() {
+    for source in ["beech.species", "fern_leaf.ifs", "tree.shapes"] {
+        let (out, err) = ends(0, &["list", "knobs", source]);
+        assert!(out.is_empty() && err.contains(&format!("\"{source}\" has no grammar with a #define")), "{out}{err}");
+    }
+    assert!(ends(0, &["list", "knobs", "oak"]).1.is_empty());
 }
 
 #[test]

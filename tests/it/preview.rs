@@ -199,6 +199,34 @@ fn moving_pictures_hold_the_frames_that_were_asked_for() {
 }
 
 #[test]
+fn numbered_pictures_are_the_frames_of_the_clip() {
+    let dir = tempfile::tempdir().expect("dir");
+    let common = ["--frames", "1-6:2", "--size", "48x40", "--quality", "draft", "--background", "none"];
+    let (apng, pattern) = (dir.path().join("sway.apng"), dir.path().join("sway_###.png"));
+    ends(0, &[&["preview", SPRIG, "-o", arg(&apng)][..], &common].concat());
+    let names: Vec<_> = [1, 3, 5].map(|n| dir.path().join(format!("sway_{n:03}.png"))).into();
+    // A dry run names them without writing; the second run replaces pictures of the first.
+    for more in [&["-n", "--json"][..], &["--json"], &["--json"]] {
+        let (json, _) = ends(0, &[&["preview", SPRIG, "-o", arg(&pattern)][..], &common, more].concat());
+        let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+        let paths: Vec<&str> =
+            json["files"].as_array().expect("files").iter().filter_map(|f| f["path"].as_str()).collect();
+        assert!(paths == names.iter().map(|n| arg(n)).collect::<Vec<_>>() && json["frames"] == 3, "{json}");
+        assert_eq!(names[0].exists(), more.len() == 1);
+    }
+    let file = std::io::BufReader::new(std::fs::File::open(&apng).expect("file"));
+    let mut reader = png::Decoder::new(file).read_info().expect("png");
+    for name in &names {
+        let mut buffer = vec![0; reader.output_buffer_size().expect("size")];
+        reader.next_frame(&mut buffer).expect("frame");
+        assert!(picture(name).into_raw() == buffer, "{}", name.display());
+    }
+    assert!(!pattern.exists());
+    let (_, err) = ends(2, &[&["preview", SPRIG, "-o", "x.mp4"][..], &common].concat());
+    assert!(err.contains("NAME_####.png"), "{err}");
+}
+
+#[test]
 fn what_was_baked_looks_like_what_was_grown() {
     let dir = tempfile::tempdir().expect("dir");
     let bake = dir.path().join("bake");

@@ -154,6 +154,70 @@ fn faults_of_an_override_quote_the_override() {
 }
 
 #[test]
+fn a_key_of_another_table_is_told_with_its_place() {
+    for (set, told) in [
+        ("formats=[\"obj\"]", "did you mean output.formats? known here: "),
+        ("plants.oak.angle_deg=30", "plants.NAME.turtle.angle_deg"),
+        ("leaf.roughness=1", "did you mean plants.NAME.leaf or rain.lying.leaf? known here: "),
+        ("ground.at=[0, 0, 0]", "`osier list options at` shows the tables that have it; known here: "),
+    ] {
+        let said = read(GOOD, &[set]).expect_err(set);
+        assert!(said.contains("S002") && said.contains(told), "{set}: {said}");
+    }
+    let said = read(GOOD, &["xyzzy=1"]).expect_err("a key that no table has");
+    assert!(said.contains("help: known here: "), "{said}");
+}
+
+#[test]
+fn a_misspelt_plant_of_an_override_is_told_with_the_plants_of_the_scene() {
+    let said = read(GOOD, &["plants.oka.leaf.size=0.1"]).expect_err("no such plant");
+    assert!(said.contains("S006") && said.contains("did you mean plants.oak?"), "{said}");
+    let said = read(GOOD, &["plants.willow.leaf.size=0.1"]).expect_err("no such plant");
+    assert!(said.contains("S006") && said.contains("plants of this scene: oak"), "{said}");
+}
+
+#[test]
+fn keys_without_their_unit_and_of_other_programs_are_named() {
+    for (text, told) in [
+        ("[sun]\nelevation = 20\n", "did you mean \"elevation_deg\"?"),
+        ("[camera]\nfov = 40\n", "did you mean \"vfov_deg\"?"),
+        ("[camera]\nposition = [1, 2, 3]\n", "did you mean \"eye\"?"),
+        ("[camera]\nlook_at = [1, 2, 3]\n", "did you mean \"target\"?"),
+        ("[[solid]]\nlocation = [1, 2, 3]\n", "did you mean \"at\"?"),
+        ("[light]\n", "did you mean \"sun\"?"),
+        ("[plants.oak]\npreset = \"oak\"\n", "did you mean \"grammar\"?"),
+    ] {
+        let said = read(&format!("[plants.k]\ngrammar = \"koch.l\"\n{text}"), &[]).expect_err(text);
+        assert!(said.contains("S002") && said.contains(told), "{text}: {said}");
+    }
+}
+
+#[test]
+fn values_that_miss_by_little_are_told_what_to_write() {
+    for (text, told) in [
+        ("[plants.k]\ngrammar = \"koch.l\"\n[ground]\nside = 500\n", "write 256 or 512"),
+        ("[plants.k]\nspecies = \"baobab\"\n", "`osier list species`"),
+        ("[plants.k]\ngrammar = \"koch.l\"\nbark.color = [255, 128, 0]\n", "are written \"#ff8000\""),
+        ("[plants.k]\nshapes = \"vine\"\n", "did you mean the preset \"vine.shapes\"?"),
+    ] {
+        let said = read(text, &[]).expect_err(text);
+        assert!(said.contains(told), "{text}: {said}");
+    }
+}
+
+#[test]
+fn numbers_with_units_are_told_to_stand_alone() {
+    for value in ["10 km/h", "10km/h", "-1.5 m/s", "2,5m"] {
+        let said = read(GOOD, &[&format!("wind.speed={value}")]).expect_err(value);
+        assert!(said.contains("S003") && said.contains("`osier list options wind.speed`"), "{value}: {said}");
+    }
+    let said = read(GOOD, &["wind.speed=1e99"]).expect_err("a hurricane");
+    assert!(said.contains("wind.speed is 1e99, but must be"), "{said}");
+    let said = read(GOOD, &["wind.speed=fast"]).expect_err("a word");
+    assert!(said.contains("S003") && !said.contains("write the number alone"), "{said}");
+}
+
+#[test]
 fn an_override_of_an_element_that_is_not_there_names_the_list() {
     let text = "[plants.oak]\ngrammar = \"oak.l\"\n";
     let said = read(text, &["solid.0.at=[1, 0, 2]"]).expect_err("no solids");
@@ -268,6 +332,9 @@ fn a_value_without_a_define_of_its_name_is_an_error_where_the_scene_has_it() {
     let plant = "[plants.a]\ngrammar = \"rain-twig.l\"\n";
     let Err(said) = read(&format!("{plant}set = {{ NOPE = 3 }}\n"), &[]) else { panic!("NOPE is accepted") };
     assert!(said.contains("no #define \"NOPE\"") && said.contains("scenes/test.toml:3:9"), "{said}");
+    // The angle of turns is no #define.
+    let Err(said) = read(plant, &["plants.a.set.angle=30"]) else { panic!("--set angle is accepted") };
+    assert!(said.contains("error[L002]") && said.contains("--set angle_deg=25"), "{said}");
     let Err(said) = read(plant, &["plants.a.set.NOPE=3"]) else { panic!("--set NOPE is accepted") };
     assert!(said.contains("error[L002]") && said.contains("plants.a.set.NOPE=3"), "{said}");
 }

@@ -493,6 +493,10 @@ fn faults_of_a_season_are_told_at_their_place() {
     assert!(with("season = 1.2\n").contains("0 to 1"));
     let date = with("season = \"15-10\"\n");
     assert!(date.contains("S003") && date.contains("is not a date") && date.contains("s.toml:3:10"), "{date}");
+    let date = with("season = 2026-10-15\n");
+    assert!(date.contains("S003") && date.contains("write month and day in quotes"), "{date}");
+    let speed = with("[wind]\nspeed = 2026-10-15\n");
+    assert!(speed.contains("wind.speed is a date, but must be a number"), "{speed}");
     assert!(with("season = [0.1, 0.2, 0.3]\n").contains("has 3 values, but must have 2"));
     assert!(with("season = true\n").contains("a season from 0 to 1"));
     let leaf = |keys: &str| with(&format!("season = 0.8\n[plants.a.leaf]\n{keys}"));

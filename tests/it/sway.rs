@@ -246,6 +246,11 @@ fn said(text: &str, set: &[&str]) -> String {
 fn what_has_no_effect_or_cannot_be_is_said() {
     assert_eq!(said(TREE, &[]), "");
     assert!(said(TREE, &["wind.beaufort=5"]).starts_with("S007 wind.beaufort is 5, but wind.speed is given"));
+    // An override cannot leave out the speed of the scene.
+    let set = vec!["wind.beaufort=5".to_owned()];
+    let request = Request { name: "t".into(), text: TREE.into(), set, ..Request::default() };
+    let (_, report) = resolve(&request).expect("a warning");
+    assert!(report.to_string().contains("write wind.speed = 9.3 for this wind"), "{report}");
     assert!(said(TREE, &["wind.literal=true"]).starts_with("S007 `wind.literal` needs `model = \"perlin\"`"));
     assert!(said(TREE, &["frames.end=20", "sway.repeat=true"]).starts_with("S004 a clip of 0.83 s is too short"));
     assert!(said(TREE, &["wind.speed=61"]).starts_with("S004"));

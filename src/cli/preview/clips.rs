@@ -1,11 +1,11 @@
-//! `osier preview --turntable` and `--frames`: clips as GIF or APNG.
+//! `osier preview --turntable` and `--frames`: clips as GIF, APNG or numbered PNG files.
 
 use super::super::Context;
 use super::super::args::Preview;
 use super::flags::PreviewFlags;
 use super::sheets::outside_of;
 use super::source::{Variation, ending, load};
-use super::{Outcome, OutputPicture};
+use super::{Outcome, OutputPicture, notes, numbered};
 use crate::bake::BakeContext;
 use crate::scene_preview::{ClipContent, PreviewClip};
 use osier_base::Result;
@@ -17,7 +17,10 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
         None | Some("gif") => ClipFormat::Gif,
         Some("png" | "apng") => ClipFormat::Apng,
         Some(other) => {
-            return Ok(Outcome::Refused(format!("a clip is written as .gif, .png or .apng, not as .{other}")));
+            return Ok(Outcome::Refused(format!(
+                "a clip is written as .gif, .png or .apng, not as .{other}; for a video -o NAME_####.png writes numbered pictures, \
+                 of which other programs make one"
+            )));
         }
     };
     // A turntable without `--frame` has the scene at rest, which needs no simulation of motion.
@@ -42,6 +45,19 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
     }
     let clip = PreviewClip::new(&scene, &flags.options, content)?;
     let target = OutputPicture::new(context, args, scene.name(), "gif")?;
+    if let Some(pattern) = numbered_pictures(context, args) {
+        let notes = notes(scene.scene(), scene.name());
+        clip.draw(work, |number, picture| {
+            let name = numbered(&pattern, number).unwrap_or_default();
+            if let Some(mut output) = target.folder.create(&name, "preview", Some(number))? {
+                output.put(&picture.png(&notes, flags.options.quality.prefers_speed())?)?;
+                output.commit()?;
+            }
+            Ok(())
+        })?;
+        target.finish(context, flags.options.size, clip.len())?;
+        return Ok(Outcome::Written { warned: !scene.report().diagnostics.is_empty() });
+    }
     let Some(mut output) = target.folder.create(&target.name, "preview", None)? else {
         return Ok(Outcome::Written { warned: false });
     };
@@ -49,4 +65,12 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
     output.commit()?;
     target.finish(context, flags.options.size, clip.len())?;
     Ok(Outcome::Written { warned: !scene.report().diagnostics.is_empty() })
+}
+
+/// The name of a PNG per frame, with `####` for its number, if the output has such a name; `None` for a clip in one file.
+fn numbered_pictures(context: &Context, args: &Preview) -> Option<String> {
+    let path = args.output.as_deref().filter(|path| ending(path) == "png")?;
+    let name = path.file_name()?.to_str().filter(|name| numbered(name, 0).is_some())?;
+    // The folder in memory of a dry run has portable names only.
+    Some(if context.common.dry_run { "preview_####.png".to_owned() } else { name.to_owned() })
 }

@@ -19,7 +19,7 @@ use crate::single_file::canvas_image;
 use crate::source::{entry_sources, is_plane_drawing};
 use flags::PreviewFlags;
 use osier_base::Result;
-use osier_base::files::{FileRecord, Folder, WriteOptions};
+use osier_base::files::{FileRecord, Folder, WriteOptions, check_writable};
 use osier_export::{GENERATOR, textures};
 use osier_preview::{Picture, Quality};
 use osier_scene::Scene;
@@ -33,8 +33,12 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             return Ok(2);
         }
     };
-    if let Some(path) = args.output.as_deref().filter(|_| !context.common.dry_run) {
-        check_output(path, args.force)?;
+    // A picture may take minutes.
+    if !context.common.dry_run {
+        match &args.output {
+            Some(output) => check_output(context, output, args.force)?,
+            None => check_writable(Path::new("out"))?,
+        }
     }
     if let Some(flag) = flag_unfit_for_meshes(context, args) {
         context.console.complain(&format!(
@@ -170,7 +174,22 @@ enum Outcome {
     Refused(String),
 }
 
-/// The file into which a preview is written, in its opened folder.
+/// Text chunks of a PNG: title, hash and seed of its scene.
+fn notes(scene: &Scene, title: &str) -> [(&'static str, String); 3] {
+    let origin = format!("scene {}, seed {}", scene.hash, scene.seed);
+    [("Software", GENERATOR.to_owned()), ("Title", title.to_owned()), ("Source", origin)]
+}
+
+/// The name of one of several pictures: its first run of two or more `#` replaced by a number of at least as many digits; `None` for
+/// a name without one.
+fn numbered(name: &str, number: u32) -> Option<String> {
+    let (before, rest) = name.split_once("##")?;
+    let after = rest.trim_start_matches('#');
+    let digits = 2 + rest.len() - after.len();
+    Some(format!("{before}{number:0digits$}{after}"))
+}
+
+/// The file into which a preview is written, in its opened folder; of numbered pictures `name` and `path` have `####` for the number.
 struct OutputPicture {
     folder: Folder,
     name: String,
@@ -195,9 +214,8 @@ impl OutputPicture {
 
     /// Writes a picture with title, hash and seed of its scene as PNG text chunks, and prints its path.
     fn write(&self, context: &Context, picture: &Picture, quality: Quality, scene: &Scene, title: &str) -> Result<()> {
-        let origin = format!("scene {}, seed {}", scene.hash, scene.seed);
-        let notes = [("Software", GENERATOR.to_owned()), ("Title", title.to_owned()), ("Source", origin)];
-        self.folder.write(&self.name, "preview", &picture.png(&notes, quality.prefers_speed())?)?;
+        let png = picture.png(&notes(scene, title), quality.prefers_speed())?;
+        self.folder.write(&self.name, "preview", &png)?;
         self.finish(context, [picture.width, picture.height], 1)
     }
 
@@ -205,7 +223,13 @@ impl OutputPicture {
     fn finish(&self, context: &Context, [width, height]: [u32; 2], frames: usize) -> Result<()> {
         self.folder.finish()?;
         if context.console.json {
-            let row = |f: &FileRecord| json!({ "path": self.path.display().to_string(), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
+            // In a dry run the names in the folder differ from those of the command line.
+            let name = self.path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            let path = |f: &FileRecord| match f.frame.and_then(|number| numbered(&name, number)) {
+                Some(name) => self.path.with_file_name(name).display().to_string(),
+                None => self.path.display().to_string(),
+            };
+            let row = |f: &FileRecord| json!({ "path": path(f), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
             let files: Vec<_> = self.folder.files().iter().map(row).collect();
             let value = json!({ "files": files, "width": width, "height": height, "frames": frames });
             return context.console.result(&format!("{value:#}\n"));

@@ -13,7 +13,7 @@ use crate::recipe::syntax::{Digest as _, KeyTable};
 use crate::recipe::syntax::{choices, keys};
 use crate::recipe::{CARD, Companions, Growth, OrganRecipe, PlantRecipe, ReferencedFile};
 use osier_base::Error;
-use osier_base::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
+use osier_base::diagnostic::{Diagnostic, Report, Severity, Sources, Span, nearest};
 use osier_base::files::Names;
 use osier_grammar::{FileKind, FunctionTables, Grammar, Notation, ReadAs};
 use osier_ifs::stems::{TreeSystem, sheared};
@@ -820,6 +820,11 @@ impl Resolver<'_> {
         for entry in set.entries.iter().filter(|entry| !known.contains(&entry.key.as_str())) {
             let help = match nearest(&entry.key, known.iter().copied()) {
                 Some(near) => format!("did you mean \"{near}\"?"),
+                // A name for the angle of turns in many other programs.
+                None if entry.key.eq_ignore_ascii_case("angle") => {
+                    "the angle of turns without a number is `angle_deg` of [plants.NAME.turtle], for a bare grammar --set angle_deg=25"
+                        .to_owned()
+                }
                 None if known.is_empty() => "the grammar has no #define to set".to_owned(),
                 None => format!("its #defines: {}", known.join(", ")),
             };
@@ -843,8 +848,14 @@ impl Resolver<'_> {
     ) -> Option<Imported> {
         match self.imported(file, options) {
             Ok(imported) => Some(imported),
-            Err(Error::Input(faults)) => {
+            Err(Error::Input(mut faults)) => {
+                // An error about the whole file is told at the reference to it.
+                let is_whole = |d: &Diagnostic| d.labels.is_empty() && d.severity == Severity::Error;
+                let all = std::mem::take(&mut faults.diagnostics);
+                let (whole, placed): (Vec<_>, Vec<_>) = all.into_iter().partition(is_whole);
+                faults.diagnostics = placed;
                 self.report.extend(*faults);
+                whole.into_iter().for_each(|d| self.report.push(d.label(span, "this reference")));
                 None
             }
             Err(other) => {

@@ -110,16 +110,22 @@ pub struct SeasonType;
 impl SeasonType {
     fn time(name: &str, node: &TomlNode) -> Result<SeasonTime, Fault> {
         match &node.value {
-            TomlValue::Text(text) => day_of_date(text).map(SeasonTime::Day).ok_or_else(|| {
-                let d = Diagnostic::error("S003", format!("{name} is not a date"), node.span, "unreadable date");
-                Box::new(d.help("write month and day, as \"10-15\", or a season from 0 (bud burst) to 1 (bare)"))
-            }),
+            TomlValue::Text(text) => day_of_date(text).map(SeasonTime::Day).ok_or_else(|| unreadable_date(name, node)),
+            // A date of TOML, as 2026-10-15.
+            TomlValue::Other => Err(unreadable_date(name, node)),
             TomlValue::Integer(_) | TomlValue::Number(_) => {
                 number(0.0, 0.0, 1.0, "").read(name, node).map(SeasonTime::Season)
             }
             _ => Err(wrong(name, node, "a season from 0 to 1, a date \"MM-DD\", or a list of two of them")),
         }
     }
+}
+
+/// S003 for a date in another form than `MM-DD`.
+fn unreadable_date(name: &str, node: &TomlNode) -> Fault {
+    let message = format!("{name} is not a date of month and day");
+    let d = Diagnostic::error("S003", message, node.span, "unreadable date");
+    Box::new(d.help("write month and day in quotes, as \"10-15\", or a season from 0 (bud burst) to 1 (bare)"))
 }
 
 /// The day of the year of `MM-DD`, 1..=365; 29 February counts as 28 February.

@@ -115,7 +115,9 @@ impl Resolver<'_> {
             if span("speed").is_some() {
                 let text = format!("{path}.beaufort is {number}, but {path}.speed is given, too");
                 let d = Diagnostic::warning("S007", text, at, "has no effect");
-                self.report.push(d.help("leave one of them out"));
+                let speed = beaufort_speed(number);
+                self.report
+                    .push(d.help(format!("leave one of them out, or write {path}.speed = {speed:.1} for this wind")));
             } else {
                 keys.speed = beaufort_speed(number);
             }

@@ -148,11 +148,54 @@ fn renamed(entry: &super::tree::TomlEntry, path: &str, key: &RenamedKey) -> Diag
     }
 }
 
+/// Names of other programs for keys, each with the keys of scenes that stand for it in some table.
+const OTHER_NAMES: [(&str, &[&str]); 13] = [
+    ("angle", &["angle_deg", "vfov_deg"]),
+    ("light", &["sun"]),
+    ("lights", &["sun"]),
+    ("location", &["eye", "at"]),
+    ("look_at", &["target"]),
+    ("lookat", &["target"]),
+    ("origin", &["eye", "at"]),
+    ("position", &["eye", "at"]),
+    ("preset", &["grammar"]),
+    ("resolution", &["size", "side"]),
+    ("rotate", &["turn_deg"]),
+    ("rotation", &["turn_deg"]),
+    ("translate", &["at"]),
+];
+
+/// The known name that stands for a name of other programs.
+fn name_for<'a>(key: &str, known: &[&'a str]) -> Option<&'a str> {
+    let (_, names) = OTHER_NAMES.iter().find(|(other, _)| key.eq_ignore_ascii_case(other))?;
+    names.iter().find_map(|name| known.iter().copied().find(|k| k == name))
+}
+
+/// The only known name that continues a key of three letters or more, as by its unit (`elevation_deg` for `elevation`), else the only
+/// one that contains it.
+fn only_continuation<'a>(key: &str, known: &[&'a str]) -> Option<&'a str> {
+    if key.len() < 3 {
+        return None;
+    }
+    let continues = |k: &&str| k.strip_prefix(key).is_some_and(|rest| rest.starts_with('_'));
+    let contains = |k: &&str| k.contains(key);
+    only(known.iter().copied().filter(continues)).or_else(|| only(known.iter().copied().filter(contains)))
+}
+
+/// The item of an iterator that has no other.
+fn only<T>(mut items: impl Iterator<Item = T>) -> Option<T> {
+    let first = items.next()?;
+    items.next().is_none().then_some(first)
+}
+
 /// Diagnostic S002 for an unknown key, with the nearest known name or all of them.
 pub fn unknown(entry: &super::tree::TomlEntry, path: &str, known: &[&str]) -> Diagnostic {
     let place = if path.is_empty() { "a scene".to_owned() } else { format!("[{path}]") };
     let d = Diagnostic::error("S002", format!("{place} has no key \"{}\"", entry.key), entry.key_span, "unknown key");
-    match nearest(&entry.key, known.iter().copied()) {
+    let near = name_for(&entry.key, known)
+        .or_else(|| nearest(&entry.key, known.iter().copied()))
+        .or_else(|| only_continuation(&entry.key, known));
+    match near {
         Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(entry.key_span, near),
         None => d.help(format!("known here: {}", known.join(", "))),
     }
@@ -175,12 +218,23 @@ pub fn wrong(name: &str, node: &TomlNode, wanted: &str) -> Fault {
         TomlValue::Text(t) if t.trim().replace(',', ".").parse::<f64>().is_ok() && wanted.contains("number") => {
             d.help(format!("write it without quotes: {}", t.trim().replace(',', ".")))
         }
+        TomlValue::Text(t) if wanted.contains("number") && is_number_with_unit(t) => {
+            d.help(format!("write the number alone, in the unit of the key, which `osier list options {name}` tells"))
+        }
         // An override of an element, such as solid.0.at, of a list that the scene does not have.
         TomlValue::Table(table) if wanted.starts_with("a list: ") && has_only_indices(table) => d.help(format!(
             "an override changes elements that the scene has; give the whole list: --set '{name}=[{{ KEY = VALUE }}]'"
         )),
         _ => d.help("`osier list options` shows every key with type and default"),
     })
+}
+
+/// Whether a text is a number with something behind it, as `5cm` and `10 km/h`.
+fn is_number_with_unit(text: &str) -> bool {
+    let text = text.trim();
+    let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | ',' | '-' | '+'))).unwrap_or(text.len());
+    let (number, unit) = text.split_at(end);
+    !unit.is_empty() && number.replace(',', ".").parse::<f64>().is_ok()
 }
 
 /// Whether a table has keys, and all of them are whole numbers.

@@ -15,6 +15,6 @@ pub(super) use key::{choices, finite_number, is_basic, join, keys, outside, wron
 pub use registry::Registry;
 pub(super) use registry::{digest_field, list_table, recipe};
 pub use tree::path_element;
-pub(super) use tree::{TomlNode, TomlTable, TomlValue, apply_override, parse};
+pub(super) use tree::{TomlEntry, TomlNode, TomlTable, TomlValue, apply_override, parse};
 pub(super) use value_types::*;
 pub use value_types::{Choice, Reference, word_of};

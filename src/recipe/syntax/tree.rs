@@ -1,5 +1,7 @@
 //! Scene text as a tree of keys and values with their spans, and overrides (`--set`) of it.
 
+use std::path::Path;
+
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -29,7 +31,7 @@ pub enum TomlValue {
     List(Vec<TomlNode>),
     /// `{...}` or `[...]` header.
     Table(TomlTable),
-    /// A date or a damaged value.
+    /// A date, or a damaged value, after whose error no key is read.
     Other,
 }
 
@@ -43,7 +45,7 @@ impl TomlValue {
             Self::Flag(_) => "true or false",
             Self::List(_) => "a list",
             Self::Table(_) => "a table",
-            Self::Other => "something else",
+            Self::Other => "a date",
         }
     }
 }
@@ -82,12 +84,30 @@ pub fn parse(text: &str, source: SourceId, report: &mut Report) -> TomlTable {
         }
         let at = e.span().unwrap_or(0..0);
         let message = e.message().lines().collect::<Vec<_>>().join(", ");
-        report.push(
-            Diagnostic::error("S001", message, Span::new(source, at.start, at.end), "here")
-                .help("a scene is TOML: [table] headers, key = value lines, texts in \"quotes\""),
-        );
+        let help = syntax_help(&message, report.sources.name(source));
+        report.push(Diagnostic::error("S001", message, Span::new(source, at.start, at.end), "here").help(help));
     }
     table(document.get_ref(), source, report)
+}
+
+/// What mends a syntax error of a scene, by the parser's message and the name of the file.
+fn syntax_help(message: &str, name: &str) -> &'static str {
+    if message.contains("escaped value") || message.contains("unicode") {
+        return "in \"quotes\" a backslash begins an escape: write '/' between folders, or the text in 'single quotes'";
+    }
+    // `5cm`, `0,5`, `(1, 2, 3)`, `yes`.
+    if message.starts_with("string values must be quoted") || message.starts_with("unexpected key or value") {
+        return "write texts in \"quotes\", numbers as 0.5 and without a unit, lists as [1, 2, 3], and true or false";
+    }
+    let ending = Path::new(name).extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    match ending.as_deref() {
+        None | Some("toml") => "a scene is TOML: [table] headers, key = value lines, texts in \"quotes\"",
+        Some("species" | "shapes") => "such a file is TOML: key = value lines, texts in \"quotes\"",
+        Some(_) => {
+            "this file is read as a scene, which is TOML and ends with .toml; grammars end with .l (cpfg, Fractint), .ls \
+             (LParser) or .lpy (L-Py)"
+        }
+    }
 }
 
 fn table(map: &DeTable<'_>, source: SourceId, report: &mut Report) -> TomlTable {
@@ -185,8 +205,39 @@ pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Repor
             whole,
             "this path",
         );
-        report.push(d.help("separate path elements by '.'; list elements are numbered from 0"));
+        report.push(d.help(path_help(root, &names)));
     }
+}
+
+/// What mends the path of an override that leads nowhere.
+fn path_help(root: &TomlTable, names: &[(&str, Span)]) -> String {
+    let Some((at, length)) = list_on_path(root, names) else {
+        return "separate path elements by '.'; list elements are numbered from 0".to_owned();
+    };
+    let list = names.iter().take(at).map(|(name, _)| *name).collect::<Vec<_>>().join(".");
+    match names.get(at) {
+        Some((name, _)) if name.parse::<usize>().is_err() => {
+            format!("{list} is a list: name one of its elements, which are numbered from 0: {list}.0.{name}")
+        }
+        _ => format!("{list} has {length} element{}, numbered from 0", if length == 1 { "" } else { "s" }),
+    }
+}
+
+/// The list of which a path names no element: number of path elements that lead to it, and its length. `None` for other paths.
+fn list_on_path(root: &TomlTable, names: &[(&str, Span)]) -> Option<(usize, usize)> {
+    let ((first, _), rest) = names.split_first()?;
+    let mut value = &root.get(first)?.node.value;
+    for (i, (name, _)) in rest.iter().enumerate() {
+        value = match value {
+            TomlValue::Table(table) => &table.get(name)?.node.value,
+            TomlValue::List(list) => match name.parse::<usize>().ok().and_then(|n| list.get(n)) {
+                Some(node) => &node.value,
+                None => return Some((i + 1, list.len())),
+            },
+            _ => return None,
+        };
+    }
+    None
 }
 
 /// The value of an override: parsed as TOML, or the text itself if it is not TOML.
@@ -317,6 +368,39 @@ mod tests {
             let span = r.diagnostics[0].labels[0].0;
             assert_eq!((r.diagnostics[0].code, [span.start, span.end]), ("S003", at), "{set}");
         }
+    }
+
+    #[test]
+    fn the_help_of_a_syntax_error_fits_its_cause() {
+        let help = |name: &str, text: &str| {
+            let mut report = Report::default();
+            let source = report.sources.add(name, text);
+            parse(text, source, &mut report);
+            report.diagnostics[0].help.clone().unwrap_or_default()
+        };
+        for path in ["C:\\docs\\a.obj", "C:\\Users\\a.obj", "a\\xray.png", "maps\\oak.png"] {
+            let told = help("a.toml", &format!("mesh = \"{path}\"\n"));
+            assert!(told.contains("write '/' between folders"), "{path}: {told}");
+        }
+        for value in ["5cm", "0,5", "(1,2,3)", "yes"] {
+            let told = help("a.toml", &format!("size = {value}\n"));
+            assert!(told.contains("without a unit"), "{value}: {told}");
+        }
+        assert!(help("fern.txt", "axiom : X\n").contains("grammars end with .l"));
+        assert!(help("a.toml", "axiom : X\n").starts_with("a scene is TOML"));
+        assert!(help("a.species", "age : 3\n").starts_with("such a file is TOML"));
+    }
+
+    #[test]
+    fn an_override_that_names_no_element_of_a_list_is_told_what_the_list_has() {
+        let help = |set: &str| {
+            let (_, r) = read("[[place]]\nat = [0, 0, 0]\n", &[set]);
+            r.diagnostics[0].help.clone().unwrap_or_default()
+        };
+        assert_eq!(help("place.1.at=3"), "place has 1 element, numbered from 0");
+        assert_eq!(help("place.0.at.3=3"), "place.0.at has 3 elements, numbered from 0");
+        assert!(help("place.count=3").ends_with("numbered from 0: place.0.count"), "{}", help("place.count=3"));
+        assert!(help("place.0.at.0.x=3").starts_with("separate path elements"));
     }
 
     #[test]

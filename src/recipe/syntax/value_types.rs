@@ -114,7 +114,9 @@ impl NumberType {
         // Ranges are in the written unit, so that messages show the numbers of the scene.
         let v = finite_number(name, node)?;
         if v < self.min || v > self.max {
-            return Err(outside(name, node, &v.to_string(), &self.range()));
+            // A hundred digits of zeros would hide the message.
+            let shown = if v.abs() < 1e15 { v.to_string() } else { format!("{v:e}") };
+            return Err(outside(name, node, &shown, &self.range()));
         }
         Ok(self.unit.to_si(v))
     }
@@ -267,7 +269,17 @@ impl ValueType for PowerOfTwo {
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<u32, Fault> {
         let v = integer(self.0, 16, 4096).read(name, node)?;
-        if v.is_power_of_two() { Ok(v) } else { Err(outside(name, node, &v.to_string(), "a power of two")) }
+        if v.is_power_of_two() {
+            return Ok(v);
+        }
+        let above = v.next_power_of_two();
+        let d = Diagnostic::error(
+            "S004",
+            format!("{name} is {v}, but must be a power of two"),
+            node.span,
+            "a power of two",
+        );
+        Err(Box::new(d.help(format!("write {} or {above}", above / 2))))
     }
     fn listing(&self) -> KeyListing {
         let sides = (4..=12).map(|exponent| json!(1_u32 << exponent));
@@ -406,9 +418,11 @@ impl<W: Choice + PartialEq> ValueType for OneOf<W> {
             return Ok(*member);
         }
         let d = Diagnostic::error("S003", format!("{name} has no choice \"{t}\""), node.span, "unknown word");
+        let all = format!("one of {}", choices::<W>());
         Err(Box::new(match nearest(t, W::ALL.iter().map(|(w, _)| *w)) {
-            Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(node.span, format!("\"{near}\"")),
-            None => d.help(format!("one of {}", choices::<W>())),
+            // A similar word need not be the one that was meant.
+            Some(near) => d.help(format!("did you mean \"{near}\"? {all}")).fix(node.span, format!("\"{near}\"")),
+            None => d.help(all),
         }))
     }
     fn listing(&self) -> KeyListing {
@@ -625,6 +639,15 @@ impl ValueType for RisingPairs {
     }
 }
 
+/// Three whole numbers of 0 to 255; `None` for another list.
+fn eight_bits(list: &[TomlNode]) -> Option<[u8; 3]> {
+    let byte = |node: &TomlNode| match node.value {
+        TomlValue::Integer(i) => u8::try_from(i).ok(),
+        _ => None,
+    };
+    list.iter().map(byte).collect::<Option<Vec<u8>>>()?.try_into().ok()
+}
+
 /// A colour, read as linear: `"#rrggbb"` in sRGB, or three linear numbers 0 to 1. The field is the default in sRGB.
 #[derive(Debug, Clone, Copy)]
 pub struct ColorType(pub &'static str);
@@ -636,10 +659,16 @@ impl ValueType for ColorType {
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<[f32; 3], Fault> {
         // A list is linear already; text is sRGB and converted.
-        if let TomlValue::List(_) = node.value {
-            return Ok(NumberArray([0.0; 3], number(0.0, 0.0, 1.0, ""))
-                .read(name, node)?
-                .map(osier_base::math::narrow));
+        if let TomlValue::List(list) = &node.value {
+            let read = NumberArray([0.0; 3], number(0.0, 0.0, 1.0, "")).read(name, node);
+            return match (read, eight_bits(list)) {
+                (Ok(linear), _) => Ok(linear.map(osier_base::math::narrow)),
+                (Err(fault), Some([r, g, b])) => {
+                    let help = "three numbers are linear light from 0 to 1; those of 0 to 255 are written";
+                    Err(Box::new((*fault).help(format!("{help} \"#{r:02x}{g:02x}{b:02x}\""))))
+                }
+                (Err(fault), None) => Err(fault),
+            };
         }
         let wanted = "a color, \"#rrggbb\" or three numbers";
         let TomlValue::Text(t) = &node.value else { return Err(wrong(name, node, wanted)) };

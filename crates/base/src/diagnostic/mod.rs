@@ -165,16 +165,17 @@ fn has_lines(text: &str, lines: &str) -> bool {
     lines.is_empty() || text.match_indices(lines).any(|(at, _)| begins(at) && ends(at + lines.len()))
 }
 
-/// The nearest of `known` to `word` within edit distance 2 (1 for words of up to three letters), the first of equals; for
-/// "did you mean".
+/// The nearest of `known` to `word` within edit distance 2 (1 for words of two or three letters, 0 for single ones), the first of
+/// equals; for "did you mean". A name that differs only in case is at distance 0.
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let limit = if word.chars().count() <= 3 { 1 } else { 2 };
-    known
-        .into_iter()
-        .map(|k| (edit_distance(word, k), k))
-        .filter(|(d, _)| *d <= limit)
-        .min_by_key(|(d, _)| *d)
-        .map(|(_, k)| k)
+    // Every letter is one edit away from every other.
+    let limit = match word.chars().count() {
+        0 | 1 => 0,
+        2 | 3 => 1,
+        _ => 2,
+    };
+    let distance = |k: &str| if k.eq_ignore_ascii_case(word) { 0 } else { edit_distance(word, k) };
+    known.into_iter().map(|k| (distance(k), k)).filter(|(d, _)| *d <= limit).min_by_key(|(d, _)| *d).map(|(_, k)| k)
 }
 
 /// Number of letters to insert, remove, change, or swap with the next one. Source: the optimal string alignment distance, with
@@ -231,6 +232,8 @@ mod tests {
     fn nearest_name_is_found_within_two_edits() {
         assert_eq!(nearest("derivaton", ["axiom", "derivation"]), Some("derivation"));
         assert_eq!(nearest("zzz", ["axiom", "seed"]), None);
+        assert_eq!((nearest("Z", ["y", "z"]), nearest("x", ["y", "z"])), (Some("z"), None));
+        assert_eq!(nearest("OBJ", ["usd", "obj"]), Some("obj"));
         assert_eq!(edit_distance("kitten", "sitting"), 3);
     }
 }

@@ -73,6 +73,8 @@ pub(super) struct FolderState {
     /// A file was begun, so the manifest is withdrawn.
     manifest_withdrawn: bool,
     memory: BTreeMap<String, Vec<u8>>,
+    /// Files of earlier runs that this run replaces although someone else has changed them.
+    replaced_changes: BTreeSet<String>,
 }
 
 #[derive(Debug)]
@@ -236,6 +238,12 @@ impl Folder {
         self.state().finished.values().cloned().collect()
     }
 
+    /// Files that this run replaces without [`WriteOptions::force`] although their length is not that with which osier wrote them:
+    /// someone has edited them since. In path order.
+    pub fn replaced_changes(&self) -> Vec<String> {
+        self.state().replaced_changes.iter().cloned().collect()
+    }
+
     /// Moves out the bytes of a finished file of [`Folder::memory`]; `None` for any other path and on a second call.
     pub fn take(&self, path: &str) -> Option<Vec<u8>> {
         self.state().memory.remove(path)
@@ -351,7 +359,13 @@ impl Folder {
             return if replaceable { Ok(()) } else { Err(Error::io("replace", target, not_regular())) };
         }
         // A file is ours by the journal, or, where the journal was lost, by the generator's name in the file itself.
-        let ours = replaceable && (self.claims(state, path)? || (found.is_file() && names_osier(&target)));
+        let is_claimed = replaceable && self.claims(state, path)?;
+        // Lengths tell nearly every change; a hash would have to read each file that is replaced.
+        let is_changed = |journal: &Journal| journal.entries(path).all(|e| e.bytes != found.len());
+        if is_claimed && found.is_file() && path != MANIFEST && state.journal.as_ref().is_some_and(is_changed) {
+            state.replaced_changes.insert(path.to_owned());
+        }
+        let ours = is_claimed || (found.is_file() && names_osier(&target));
         if ours { Ok(()) } else { Err(Error::Foreign { path: target }) }
     }
 

@@ -18,6 +18,19 @@ const MAX_ARRAY_ELEMENTS: u32 = 65_535;
 /// Productions of a section of a file. Own: a hundred times those of the largest models, which take 20 MB.
 const MAX_PRODUCTIONS: usize = 20_000;
 
+/// Names of items in other notations, each with what a grammar has instead.
+const FOREIGN_ITEMS: [(&[&str], &str); 5] = [
+    (
+        &["angle", "delta", "theta"],
+        "a grammar has no item for the angle of its turns: write +(25), or give the plant an angle: --set angle_deg=25, or angle_deg \
+         below [plants.NAME.turtle]",
+    ),
+    (&["start", "initiator", "initial", "premise"], "write the string that a derivation starts with as 'Axiom: F'"),
+    (&["iterations", "generations", "order"], "write the number of steps as 'derivation length: 5'"),
+    (&["variables", "constants", "alphabet"], "symbols are not declared: remove this line"),
+    (&["rules", "productions"], "write each production on a line of its own, as 'F --> F[+F]F'"),
+];
+
 /// Lines of each L-system of a file. One begins with its heading: `Lsystem`, `ring Lsystem`, or both on two lines.
 fn split_systems(lines: Vec<LogicalLine>) -> Vec<Vec<LogicalLine>> {
     let mut systems: Vec<Vec<LogicalLine>> = Vec::new();
@@ -409,7 +422,10 @@ impl ItemParser<'_> {
             }
             body => {
                 let at = body.first().map_or(place, |t| t.place);
-                self.session.error("L001", "unexpected token, expected '{'", at, "here");
+                // Articles on L-systems name the axiom `start`.
+                let help = "write the statements of a block in braces: Start: { n = 1; }; the string that a derivation starts with is \
+                            the axiom: Axiom: F";
+                self.session.error_help("L001", "unexpected token, expected '{'".into(), at, help);
                 None
             }
         }
@@ -636,8 +652,34 @@ impl ItemParser<'_> {
         matches!(token.map(|t| t.kind), Some(TokenKind::Ident(n)) if self.session.names.get(n) == word)
     }
 
+    /// What a grammar has instead of an item of another notation that a line begins with: `angle: 25`, `angle = 25`, `angle 25`.
+    fn foreign_item(&self, line: &LogicalLine) -> Option<&'static str> {
+        let [first, sign, ..] = &line.tokens[..] else { return None };
+        let TokenKind::Ident(n) = first.kind else { return None };
+        if !(sign.is(':') || sign.is('=') || matches!(sign.kind, TokenKind::Number(_))) {
+            return None;
+        }
+        let word = self.session.names.get(n).to_ascii_lowercase();
+        FOREIGN_ITEMS.iter().find(|(words, _)| words.contains(&word.as_str())).map(|(_, help)| *help)
+    }
+
     /// A line that is neither an item nor a production.
     fn unknown_line(&mut self, line: &LogicalLine, place: SourcePlace) {
+        // The name of an item and its value without the colon, or with `=` in its place.
+        if let Some(count) = lines::name_without_colon(&self.session.names, &line.tokens) {
+            let spelled = self.spelling(&line.tokens[..count]);
+            let message = format!("'{spelled}' without a colon behind it");
+            let name = line.tokens[..count].last().map_or(place, |t| t.place);
+            let behind = SourcePlace { span: Span { start: name.span.end, ..name.span }, ..name };
+            let sign = line.tokens.get(count).filter(|t| t.is('=')).map_or(behind, |t| t.place);
+            let d = Diagnostic::error("L001", message, place.span, "here").help("write ':' between name and value");
+            return self.session.push(with_fix(d, sign, ":"), place);
+        }
+        if let Some(help) = self.foreign_item(line) {
+            let word = self.spelling(&line.tokens[..1]);
+            let at = line.tokens.first().map_or(place, |t| t.place);
+            return self.session.error_help("L002", format!("unknown item '{word}'"), at, help);
+        }
         // Arrows of other programs: `->`, `=` and the like.
         if let Some(arrow) = self.foreign_arrow(line) {
             let message = "unexpected sign, expected '-->' between predecessor and successor".to_owned();

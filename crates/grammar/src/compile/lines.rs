@@ -76,9 +76,8 @@ impl LogicalLine {
     }
 }
 
-/// The keyword that a list of tokens begins with and how many tokens it takes.
-pub(super) fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
-    // Blanks and case are ignored, and the longest keyword wins: "derivation length", "define-angle".
+/// The longest keyword that tokens spell at their beginning, and how many of them it takes; blanks and case are ignored.
+fn spelled_keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
     let mut word = String::new();
     let mut best = None;
     for (i, t) in tokens.iter().take(3).enumerate() {
@@ -91,7 +90,23 @@ pub(super) fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, u
             best = Some((*k, i + 1));
         }
     }
-    let (k, n) = best?;
+    best
+}
+
+/// Number of tokens of an item's name that a value follows without the colon between them, as in `Axiom F`; `None` for other lines.
+pub(super) fn name_without_colon(names: &NameTable, tokens: &[Token]) -> Option<usize> {
+    let (k, n) = spelled_keyword(names, tokens)?;
+    let has_value = matches!(
+        k,
+        Keyword::Axiom | Keyword::Length | Keyword::Seed | Keyword::Ignore | Keyword::Consider | Keyword::Depth
+    );
+    (has_value && tokens.get(n).is_some_and(|t| !t.is(':'))).then_some(n)
+}
+
+/// The keyword that a list of tokens begins with and how many tokens it takes.
+pub(super) fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
+    // The longest keyword wins: "derivation length", "define-angle".
+    let (k, n) = spelled_keyword(names, tokens)?;
     let colon_optional = matches!(
         k,
         Keyword::Lsystem

@@ -168,8 +168,10 @@ fn report_number_count(reader: &mut IfsReader<'_>, tokens: &[NumberToken], title
         None => (title.span, String::from("in this entry")),
     };
     let d = Diagnostic::error("I007", text, span, label);
-    // The most frequent cause is a missing or wrong (3D) in the header.
-    let (two, three) = (tokens.len().is_multiple_of(7), tokens.len().is_multiple_of(13));
+    // The most frequent cause is a missing or wrong (3D) in the header. A line with the numbers of a map tells that the header is right.
+    let is_right = tokens.chunk_by(|a, b| a.line == b.line).any(|l| l.len() == columns);
+    let fits = |columns: usize| tokens.len().is_multiple_of(columns) && !is_right;
+    let (two, three) = (fits(7), fits(13));
     reader.push(match columns {
         7 if three => d.help("13 columns would fit: is it 3D? Then write (3D) behind the name"),
         13 if two => d.help("7 columns would fit: is it plane? Then take (3D) out of the header"),

@@ -129,6 +129,10 @@ fn codes_of_odd_tables_are_those_expected_and_no_more() {
     }
     let report = try_read("a.ifs", &format!("a {{\n{} 1\n}}", "0.1 ".repeat(12))).1;
     assert!(report.diagnostics[0].help.as_deref().unwrap_or_default().contains("3D"), "{report}");
+    // 13 numbers, of which one is missing in a row of the plane.
+    let report = try_read("a.ifs", "a {\n0 0 0 .16 0 0 .01\n.85 .04 -.04 .85 0 1.6\n}\n").1;
+    let help = report.diagnostics[0].help.as_deref().unwrap_or_default();
+    assert!(help.contains("has 7 numbers") && !help.contains("3D"), "{report}");
 }
 
 #[test]

@@ -134,12 +134,14 @@ fn no_skeleton_error(parts: &MeshParts, options: &SkeletonOptions) -> Error {
     let (message, help) = if parts.wood.is_empty() {
         (
             format!("\"{file}\" has no wood: all of it is leaves by name"),
-            "name fewer words in leaf_pattern, or rename the objects and materials of the wood",
+            "name fewer words in leaf_pattern, or rename the objects and materials of the wood; a single leaf is the `mesh` of \
+             [plants.NAME.leaf] of a plant that bears it",
         )
     } else {
         (
             format!("\"{file}\" encloses no volume, so its wood has no thickness and no axis"),
-            "model trunk and branches as tubes: cards and single lines have no skeleton",
+            "model trunk and branches as tubes: cards and single lines have no skeleton; a single leaf is the `mesh` of \
+             [plants.NAME.leaf] of a plant that bears it",
         )
     };
     Diagnostic::about("X018", message).help(help).into()

@@ -338,6 +338,10 @@ fn what_has_no_skeleton_is_refused_with_a_reason() {
     assert!(card.message.contains("no volume"), "{}", card.message);
     let all = refusal(straight(Vec3::ZERO, Vec3::Y, 0.01, 5), &["wood"]);
     assert!(all.code == "X018" && all.message.contains("leaves"), "{}", all.message);
+    // The file may be a single leaf, which is no tree.
+    for refused in [card, all] {
+        assert!(refused.help.is_some_and(|help| help.contains("[plants.NAME.leaf]")));
+    }
 }
 
 #[test]
