@@ -919,6 +919,26 @@ fn a_line_of_lpy_in_a_grammar_of_cpfg_is_told() {
 }
 
 #[test]
+fn statements_of_lpy_behind_a_semicolon_run() {
+    let model = |head: &str, lines: &str| {
+        format!("n = 1\n{head}Axiom: A(1)\nderivation length: 1\nproduction:\nA(x):\n{lines}  produce B(x,n)\n")
+    };
+    for (head, lines, wanted) in [
+        ("", "  print(x); x = 3\n", "B(3,1)"),
+        ("", "  pass; x = 3; assert x > 2; x += 1\n", "B(4,1)"),
+        ("", "  if x > 0: x = 5; x += 1\n", "B(6,1)"),
+        ("", "  x = 2; produce ;(2)B(x,n)\n", ";(2)B(2,1)"),
+        ("", "  global n; n = 7\n", "B(1,7)"),
+        ("print(n); n = 4\n", "", "B(1,4)"),
+        ("import random; n = 4\n", "", "B(1,4)"),
+        ("def Start(): global n; n = 8\n", "", "B(1,8)"),
+        ("def StartEach():\n  global n\n  seed(3); n = 9\n", "", "B(1,9)"),
+    ] {
+        assert_eq!(lpy(&model(head, lines)), wanted, "{head}{lines}");
+    }
+}
+
+#[test]
 fn assignments_of_lpy_may_stand_side_by_side() {
     let model = |head: &str| {
         lpy(&format!("{head}\nAxiom: A(1)\nproduction:\nA(x):\n  y = 2*x; z = y+1;\n  produce ;(2)B(e,f,y,z)\n"))

@@ -17,6 +17,7 @@ use self::expression::{
 use self::rule::Step;
 use self::statement::{
     FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, only_returns, renamed,
+    statements_of_line,
 };
 use self::strings::{modules, spell, split};
 use super::Reader;
@@ -142,7 +143,8 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     for (name, body, place) in std::mem::take(&mut model.run_later) {
         // The body may stand on the line of the head: `def Start(): backward()`.
         let head = body.start.checked_sub(1).and_then(|i| list.get(i)).map(|l| l.piece);
-        let inline = head.and_then(|h| colon(h).map(|c| at_semicolons(h.from(c + 1).trimmed()))).unwrap_or_default();
+        let inline =
+            head.and_then(|h| colon(h).map(|c| statements_of_line(h.from(c + 1).trimmed()))).unwrap_or_default();
         let inline: Vec<Line<'_>> = inline.into_iter().map(|piece| Line { indent: 1, piece }).collect();
         let block = if inline.is_empty() { list.get(body).unwrap_or(&[]) } else { &inline };
         let parameters = head.and_then(parameters_of).unwrap_or_default();
@@ -343,10 +345,11 @@ impl<'s> Model<'_, 's> {
 
     /// Names that some rule or function declares `global`: they may change from step to step.
     fn shared_names(&mut self, list: &[Line<'_>]) {
-        for line in list {
-            let (word, rest) = line.piece.first_word(&[]);
-            if word.text == "global" {
-                self.shared.extend(split(rest).iter().map(|n| n.text.trim_end_matches(';').to_owned()));
+        for part in list.iter().flat_map(|line| at_semicolons(line.piece)) {
+            // It may stand behind the head of its block: `def Start(): global n`.
+            let at = part.text.rfind("global ").filter(|i| *i == 0 || part.up_to(*i).text.trim_end().ends_with(':'));
+            if let Some(at) = at {
+                self.shared.extend(split(part.from(at + "global ".len())).iter().map(|n| n.text.to_owned()));
             }
         }
     }
@@ -427,9 +430,8 @@ impl<'s> Model<'_, 's> {
                 self.group = 0.0;
                 return i + 1;
             }
-            // Module names were read before; views and imports do not change the string.
+            // Module names were read before; views do not change the string.
             "module" | "initial_view" => return i + 1,
-            "import" | "from" => return i + 1,
             _ => {}
         }
         if self.section != Section::Header && is_rule(piece) {
@@ -622,10 +624,19 @@ impl<'s> Model<'_, 's> {
     fn python(&mut self, list: &[Line<'_>], i: usize, line: Line<'_>) -> usize {
         let piece = line.piece;
         let (block, next) = block_after(list, i, line.indent);
+        let parts = statements_of_line(piece);
+        if parts.len() > 1 || parts.first().is_some_and(|p| p.text.len() < piece.text.len()) {
+            for part in parts {
+                let own = Line { indent: line.indent, piece: part };
+                self.python(&[own], 0, own);
+            }
+            return next;
+        }
         let (word, rest) = piece.first_word(&['(', ':', '=']);
         let range = piece.range();
         match word.text {
-            "pass" | "print" | "global" | "assert" => return next,
+            // Imports do not change the string.
+            "pass" | "print" | "global" | "assert" | "import" | "from" => return next,
             "extern" if rest.text.starts_with('(') => {
                 self.external(rest);
                 return next;
@@ -688,14 +699,6 @@ impl<'s> Model<'_, 's> {
             "setCodeVersion",
         ];
         if is_setting.iter().any(|s| compact.starts_with(s)) {
-            return next;
-        }
-        let parts = at_semicolons(piece);
-        if parts.len() > 1 || parts.first().is_some_and(|p| p.text.len() < piece.text.len()) {
-            for part in parts {
-                let own = Line { indent: line.indent, piece: part };
-                self.python(&[own], 0, own);
-            }
             return next;
         }
         // `x += 2`; a plain assignment may have lists and several names.
@@ -873,9 +876,13 @@ impl<'s> Model<'_, 's> {
     }
 
     /// Code of a function that L-Py runs: assignments of numbers, `if`. A value that cannot be read is refused where it is used.
-    fn run_function(&mut self, block: &[Line<'_>]) -> Result<Vec<Op>, Refusal> {
+    fn run_function<'t>(&mut self, block: &[Line<'t>]) -> Result<Vec<Op>, Refusal> {
         let mut lines = Vec::new();
-        for line in block {
+        let parts_of = |line: &Line<'t>| {
+            let indent = line.indent;
+            statements_of_line(line.piece).into_iter().map(move |piece| Line { indent, piece })
+        };
+        for line in &block.iter().flat_map(parts_of).collect::<Vec<_>>() {
             let text = line.piece.text;
             // These do not change what rules read; `forward()` is how L-Py rewrites without it.
             const IDLE: [&str; 3] = ["seed(", "random.seed(", "context("];

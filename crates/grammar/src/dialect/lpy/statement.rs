@@ -54,7 +54,14 @@ impl Model<'_, '_> {
             return Err(Refusal::new("blocks nested too deep", first.piece.range()));
         }
         while let Some(line) = block.get(i) {
-            let piece = line.piece;
+            let parts = statements_of_line(line.piece);
+            if parts.len() > 1 {
+                let lines: Vec<Line<'_>> = parts.into_iter().map(|piece| Line { indent: line.indent, piece }).collect();
+                out.extend(self.statements(&lines, nesting)?);
+                i += 1;
+                continue;
+            }
+            let piece = parts.first().copied().unwrap_or(line.piece);
             // The lines indented deeper, and where the block goes on after them.
             let (inner, next) = block_after(block, i, line.indent);
             let (word, rest) = piece.first_word(&['(', ':', '=', '[']);
@@ -125,7 +132,7 @@ impl Model<'_, '_> {
                 | "lambda" => {
                     return Err(Refusal::new(format!("'{}' in a production", word.text), piece.range()));
                 }
-                _ => out.extend(assign_statements(piece)?),
+                _ => out.extend(assign_statement(piece)?),
             }
         }
         Ok(out)
@@ -332,7 +339,7 @@ pub(super) fn with_lists(s: Statement, lists: &BTreeMap<String, PyExpr>) -> Stat
     }
 }
 
-/// Statements of one line: parts between the semicolons outside of parentheses and quotes, without empty ones.
+/// Parts of a line between the semicolons outside of parentheses and quotes, without empty ones.
 pub(super) fn at_semicolons(piece: Piece<'_>) -> Vec<Piece<'_>> {
     let (mut out, mut depth, mut quote, mut from) = (Vec::new(), 0_usize, None, 0);
     let mut is_escaped = false;
@@ -356,10 +363,22 @@ pub(super) fn at_semicolons(piece: Piece<'_>) -> Vec<Piece<'_>> {
     out
 }
 
-/// Assignments of a line of a production.
-fn assign_statements(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
-    let lists = at_semicolons(piece).into_iter().map(assign_statement).collect::<Result<Vec<_>, _>>()?;
-    Ok(lists.into_iter().flatten().collect())
+/// The statements of a line, between its semicolons; one for a line that heads a block. The modules of `produce` reach to the end of
+/// the line, as `;` is one of them.
+pub(super) fn statements_of_line(piece: Piece<'_>) -> Vec<Piece<'_>> {
+    fn word(p: Piece<'_>) -> &str {
+        p.first_word(&['(', ':', '=', '[']).0.text
+    }
+    if matches!(word(piece), "if" | "elif" | "else" | "for" | "while" | "def" | "class" | "try" | "with") {
+        return vec![piece];
+    }
+    let mut parts = at_semicolons(piece);
+    let produce = parts.iter().position(|p| matches!(word(*p), "produce" | "nproduce"));
+    if let Some((k, at)) = produce.and_then(|k| Some((k, parts.get(k)?.at))) {
+        parts.truncate(k);
+        parts.push(piece.from(at - piece.at));
+    }
+    parts
 }
 
 /// `list[k]`.
