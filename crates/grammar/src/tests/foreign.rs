@@ -939,6 +939,31 @@ fn statements_of_lpy_behind_a_semicolon_run() {
 }
 
 #[test]
+fn productions_of_lpy_see_the_values_at_the_end_of_the_model() {
+    let model = |head: &str, rule: &str| format!("{head}Axiom: A(2)\nderivation length: 1\nproduction:\n{rule}\n");
+    for (head, rule, wanted) in [
+        ("k = 3\n", "A(x) --> B(k)\nk = 5", "B(5)"),
+        ("", "A(x) --> B(k,f(x))\nk = 5\ndef f(x): return x*k", "B(5,10)"),
+        ("", "A(x) --> B(total(x))\ndef total(n):\n  s = 0\n  for i in range(n+1): s += i\n  return s", "B(3)"),
+        ("k = 1\ndef StartEach():\n  global n\n  n = k\n", "A(x) --> B(n)\nk = 7\nn = 0", "B(7)"),
+    ] {
+        assert_eq!(lpy(&model(head, rule)), wanted, "{head}{rule}");
+    }
+}
+
+#[test]
+fn axioms_of_lpy_may_go_on_in_indented_lines() {
+    let model = |lines: &str| format!("Axiom: F(1)\n{lines}derivation length: 1\nproduction:\nA(x) --> B(x)\n");
+    assert_eq!(lpy(&model("  A(2)\n  [C]\n")), "F(1)B(2)[C]");
+    let said = try_read(&format!("{}endlsystem\n", model("  maximum depth: 3\n")));
+    let said = said.err().map_or_else(String::new, |e| e.to_string());
+    assert!(
+        said.contains("L007") && said.contains("line 2: an indented line") && said.contains("without blanks"),
+        "{said}"
+    );
+}
+
+#[test]
 fn assignments_of_lpy_may_stand_side_by_side() {
     let model = |head: &str| {
         lpy(&format!("{head}\nAxiom: A(1)\nproduction:\nA(x):\n  y = 2*x; z = y+1;\n  produce ;(2)B(e,f,y,z)\n"))

@@ -19,7 +19,7 @@ use self::statement::{
     FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, only_returns, renamed,
     statements_of_line,
 };
-use self::strings::{modules, spell, split};
+use self::strings::{PyModule, modules, spell, split};
 use super::Reader;
 use super::text::{Piece, lines};
 use crate::code::Op;
@@ -85,6 +85,8 @@ struct Model<'r, 's> {
     /// Lines of the functions that L-Py runs, which are read when all values of the model are known: name, first and last line
     /// of the body, place.
     run_later: Vec<(String, Range<usize>, Range<usize>)>,
+    /// Lines of the productions, which are read when all values and functions of the model are known, with their section and group.
+    productions: Vec<(usize, Section, f64)>,
     /// Parameters of the function that is read, which L-Py runs: the string, and what was drawn.
     run_parameters: Vec<String>,
     /// `backward()` was called, or `forward()`; `None`: neither.
@@ -126,6 +128,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         rule_lists: Vec::new(),
         arities: BTreeSet::new(),
         run_later: Vec::new(),
+        productions: Vec::new(),
         run_parameters: Vec::new(),
         direction: None,
     };
@@ -140,6 +143,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
     model.reader.palette = color::palette(&pieces);
     model.lines(&list);
+    model.read_productions(&list);
     for (name, body, place) in std::mem::take(&mut model.run_later) {
         // The body may stand on the line of the head: `def Start(): backward()`.
         let head = body.start.checked_sub(1).and_then(|i| list.get(i)).map(|l| l.piece);
@@ -435,9 +439,32 @@ impl<'s> Model<'_, 's> {
             _ => {}
         }
         if self.section != Section::Header && is_rule(piece) {
-            return self.rule(list, i, line);
+            self.productions.push((i, self.section, self.group));
+            return block_after(list, i, line.indent).1;
         }
         self.python(list, i, line)
+    }
+
+    /// Reads the productions. As in L-Py they see the values that names of the model have at its end, and functions behind them.
+    fn read_productions(&mut self, list: &[Line<'_>]) {
+        let blocks: Vec<Range<usize>> = self.run_later.iter().map(|(_, body, _)| body.clone()).collect();
+        for body in blocks {
+            self.hide_unreadable(list.get(body).unwrap_or(&[]));
+        }
+        for (i, section, group) in std::mem::take(&mut self.productions) {
+            (self.section, self.group) = (section, group);
+            self.rule(list, i);
+        }
+        // The functions that L-Py runs do not know the variables of the last one.
+        self.scope.locals.clear();
+    }
+
+    /// Names that a function which L-Py runs sets to values that cannot be read: a production that uses one is refused.
+    fn hide_unreadable(&mut self, block: &[Line<'_>]) {
+        for (name, why) in block.iter().filter_map(unreadable_assignment) {
+            self.scope.constants.remove(name);
+            self.scope.unreadable.insert(name.to_owned(), why);
+        }
     }
 
     fn constant(&mut self, value: Piece<'_>) -> Option<f64> {
@@ -515,7 +542,7 @@ impl<'s> Model<'_, 's> {
         let statements = if value.text.is_empty() {
             self.statements(block, 0)
         } else {
-            modules(value, &self.declared).map(|m| vec![Statement::Produce(m, true)])
+            self.modules_of(value, block).map(|m| vec![Statement::Produce(m, true)])
         };
         let Some(statements) = self.settle(statements) else { return };
         // Variables of the block are none of the model.
@@ -545,6 +572,21 @@ impl<'s> Model<'_, 's> {
         if let Some(successor) = successor {
             self.reader.axiom(successor);
         }
+    }
+
+    /// Modules of an axiom or a successor, which may go on in indented lines.
+    fn modules_of(&self, first: Piece<'_>, block: &[Line<'_>]) -> Result<Vec<PyModule>, Refusal> {
+        let mut out = modules(first, &self.declared)?;
+        for line in block {
+            if colon(line.piece).is_some() {
+                let why = Refusal::new("an indented line behind a string of modules", line.piece.range());
+                return Err(why.remedy(
+                    "write a heading or a statement without blanks before it; an indented line goes on with modules",
+                ));
+            }
+            out.extend(modules(line.piece, &self.declared)?);
+        }
+        Ok(out)
     }
 
     /// Runs statements of the model as in the block of an axiom; false where only a run knows the way through them.
@@ -644,11 +686,7 @@ impl<'s> Model<'_, 's> {
             "def" => {
                 let name = rest.text.split('(').next().unwrap_or("").trim();
                 if CALLED_FUNCTIONS.contains(&name) {
-                    // Productions that follow are read before the function is.
-                    for (name, why) in block.iter().filter_map(unreadable_assignment) {
-                        self.scope.constants.remove(name);
-                        self.scope.unreadable.insert(name.to_owned(), why);
-                    }
+                    self.hide_unreadable(block);
                     self.run_later.push((name.to_owned(), i + 1..next, range));
                 } else {
                     self.function(rest, block, &range);

@@ -9,7 +9,7 @@ use super::expression::{arguments, compile, has_random, model_name, parse, plain
 use super::expression::{size_with, substitute};
 use super::statement::{GROUP, Statement, assigned, call_in, in_turn, is_written_out, only_computes};
 use super::statement::{read_name, renamed, with_lists, without_call};
-use super::strings::{PyModule, Spelled, modules, spell};
+use super::strings::{PyModule, Spelled, spell};
 use super::{Line, Model, Section, block_after, colon, shifted, strings};
 use crate::code::{Bytecode, Expr, Op, UnaryOp, is_zero};
 use crate::dialect::text::Piece;
@@ -252,9 +252,9 @@ impl<'t> HeadParts<'t> {
 
 impl Model<'_, '_> {
     /// A production: `head --> successor`, or `head:` with statements.
-    pub(super) fn rule(&mut self, list: &[Line<'_>], i: usize, line: Line<'_>) -> usize {
-        let piece = line.piece;
-        let (block, next) = block_after(list, i, line.indent);
+    pub(super) fn rule(&mut self, list: &[Line<'_>], i: usize) {
+        let Some(Line { indent, piece }) = list.get(i).copied() else { return };
+        let (block, _) = block_after(list, i, indent);
         // Variables of one production are unknown in the next.
         self.scope.locals.clear();
         self.temporaries = 0;
@@ -265,10 +265,8 @@ impl Model<'_, '_> {
                 Some(c) => (head.up_to(c), Some(head.from(c + 1).trimmed()).filter(|c| c.text != "*")),
                 None => (head, None),
             };
-            // The successor may go on in indented lines.
-            let parts = std::iter::once(piece.from(to).trimmed()).chain(block.iter().map(|l| l.piece));
-            let successor: Result<Vec<_>, Refusal> = parts.map(|p| modules(p, &self.declared)).collect();
-            (head, condition, successor.map(|parts| vec![Statement::Produce(parts.concat(), true)]))
+            let successor = self.modules_of(piece.from(to).trimmed(), block);
+            (head, condition, successor.map(|modules| vec![Statement::Produce(modules, true)]))
         } else {
             let c = colon(piece).unwrap_or(piece.text.len());
             let inline = piece.from(c + 1).trimmed();
@@ -288,9 +286,9 @@ impl Model<'_, '_> {
                 place,
                 "call useGroup() in StartEach(), or move it after 'endgroup'",
             );
-            return next;
+            return;
         }
-        let Some(statements) = self.settle(statements) else { return next };
+        let Some(statements) = self.settle(statements) else { return };
         // With `*args` there is a production for each number of parameters that the model gives the module.
         for star in self.star_lengths(head) {
             self.star = star;
@@ -302,9 +300,6 @@ impl Model<'_, '_> {
         for name in std::mem::take(&mut self.rule_lists) {
             self.scope.lists.remove(&name);
         }
-        // Statements of the model that follow do not know its variables.
-        self.scope.locals.clear();
-        next
     }
 
     /// Numbers of parameters that the `*args` of a head may stand for; a single 0 without one.
