@@ -952,6 +952,26 @@ fn productions_of_lpy_see_the_values_at_the_end_of_the_model() {
 }
 
 #[test]
+fn texts_of_lpy_may_hold_signs_of_comments_and_quotes() {
+    for (text, other) in [("'#'", "'a'"), ("'\"'", "\"'\""), ("'it\\'s # one'", "'# two'"), ("\"don't\"", "'do # not'")]
+    {
+        let model = format!(
+            "k = {text}  # it's \"one\"\nAxiom: A({text})A({other})\nderivation length: 1\nproduction:\n\
+             A(x) --> B(1 if x == k else 2)  # don't\n"
+        );
+        assert_eq!(lpy(&model), "B(1)B(2)", "{text}");
+    }
+}
+
+#[test]
+fn scales_of_modules_of_lpy_are_told() {
+    let text = "module P : scale = 1\nmodule I\nAxiom: P I A\nproduction:\nI < A --> F\nendlsystem\n";
+    let (_, told) = read(text);
+    let scales: Vec<_> = told.iter().filter(|d| d.message.contains("the scale of a module")).collect();
+    assert!(scales.len() == 1 && scales.iter().all(|d| d.code == "L008"), "{told:?}");
+}
+
+#[test]
 fn axioms_of_lpy_may_go_on_in_indented_lines() {
     let model = |lines: &str| format!("Axiom: F(1)\n{lines}derivation length: 1\nproduction:\nA(x) --> B(x)\n");
     assert_eq!(lpy(&model("  A(2)\n  [C]\n")), "F(1)B(2)[C]");

@@ -138,11 +138,18 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             i += n;
         } else if c == '"' || c == '\'' {
             let inner = &rest[1..];
-            let Some(n) = inner.find(c) else {
+            let mut is_escaped = false;
+            let end = inner.find(|d: char| {
+                let is_end = d == c && !is_escaped;
+                is_escaped = d == '\\' && !is_escaped;
+                is_end
+            });
+            let Some(n) = end else {
                 return Err(Refusal::new("a text in quotes that does not end", at..at + rest.len()));
             };
             // Texts are compared and handed on, no more: a number that no other text has stands for each.
-            out.push(PyToken { kind: PyTokenKind::Text(text_number(&inner[..n])), range: at..at + n + 2 });
+            let text = inner[..n].replace("\\'", "'").replace("\\\"", "\"");
+            out.push(PyToken { kind: PyTokenKind::Text(text_number(&text)), range: at..at + n + 2 });
             i += n + 2;
         } else if let Some(sign) = SIGNS.iter().find(|s| rest.starts_with(**s)) {
             out.push(PyToken { kind: PyTokenKind::Sign(sign), range: at..at + sign.len() });

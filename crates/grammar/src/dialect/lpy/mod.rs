@@ -202,10 +202,8 @@ fn without_comments(text: &str) -> String {
                 i += end;
                 continue;
             }
-            b'"' => {
-                // A text within one line, whose '#' is no comment.
-                let end = rest[1..].iter().position(|c| matches!(c, b'"' | b'\n')).map_or(rest.len(), |n| n + 2);
-                i += end;
+            b'"' | b'\'' => {
+                i += quoted_length(rest);
                 continue;
             }
             b'\\' if matches!(bytes.get(i + 1), Some(b'\n' | b'\r')) => {
@@ -234,6 +232,18 @@ fn without_comments(text: &str) -> String {
         i += 1;
     }
     String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
+}
+
+/// Length of a text in quotes at the beginning of some bytes, whose '#' is no comment; it ends at its quote or at the end of the line.
+fn quoted_length(bytes: &[u8]) -> usize {
+    let quote = bytes.first().copied();
+    let mut is_escaped = false;
+    let end = bytes.iter().skip(1).position(|c| {
+        let is_end = !is_escaped && (Some(*c) == quote || *c == b'\n');
+        is_escaped = !is_escaped && *c == b'\\';
+        is_end
+    });
+    end.map_or(bytes.len(), |n| n + 2)
 }
 
 /// Names of modules with the numbers of parameters that the text gives them; of texts without `*` among parameters none, as
@@ -366,6 +376,12 @@ impl<'s> Model<'_, 's> {
                 continue;
             }
             let names = rest.before(':');
+            if rest.from(names.text.len()).text.contains("scale") {
+                let place = self.reader.place(line.piece.range());
+                let message = "the scale of a module has no effect".to_owned();
+                let help = "contexts see modules of every scale; name those that they skip by 'ignore:'";
+                self.reader.session.warning("L008", message, place, help);
+            }
             for part in split(names) {
                 let name = part.text.split('(').next().unwrap_or("").trim();
                 if !name.is_empty() && !self.declared.iter().any(|d| d == name) {
