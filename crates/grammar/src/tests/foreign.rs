@@ -712,6 +712,18 @@ fn arguments_of_lpy_may_draw_where_they_are_read_once() {
 }
 
 #[test]
+fn functions_of_lpy_that_draw_in_another_one_are_drawn_once() {
+    let model = format!(
+        "def g(): return random()\ndef f(): return g()\nAxiom: {}\nderivation length: 1\nproduction:\nA:\n  \
+         if f() < 0.5: produce B\n  else: produce C\n",
+        "A".repeat(60)
+    );
+    // Each module takes one of both ways.
+    let made = lpy(&model);
+    assert!(!made.contains('A') && made.contains('B') && made.contains('C') && made.len() == 60, "{made}");
+}
+
+#[test]
 fn more_functions_of_python_are_known_to_lpy() {
     let model = |rule: &str| format!("q = [3, 1, 2]\nr = [0]*4 + q\nAxiom: A(7)\nproduction:\nA(x):\n  {rule}\n");
     for (rule, wanted) in [

@@ -715,11 +715,21 @@ impl Scope {
 
 /// True if the expression draws a random number, itself or in a function of the model that it calls.
 pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
+    draws(e, scope, &mut Vec::new())
+}
+
+/// As [`has_random`], without the functions `seen`: one may call itself.
+fn draws<'s>(e: &PyExpr, scope: &'s Scope, seen: &mut Vec<&'s str>) -> bool {
     match e {
         PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => false,
-        PyExpr::Neg(a) | PyExpr::Not(a) => has_random(a, scope),
-        PyExpr::Binary(_, a, b) | PyExpr::And(a, b) | PyExpr::Or(a, b) => has_random(a, scope) || has_random(b, scope),
-        PyExpr::Choice(a, b, c) => [a, b, c].iter().any(|e| has_random(e, scope)),
+        PyExpr::Neg(a) | PyExpr::Not(a) => draws(a, scope, seen),
+        PyExpr::Binary(_, a, b)
+        | PyExpr::And(a, b)
+        | PyExpr::Or(a, b)
+        | PyExpr::Index(a, b, _)
+        | PyExpr::Each(a, _, b, _) => draws(a, scope, seen) || draws(b, scope, seen),
+        PyExpr::Choice(a, b, c) => [a, b, c].into_iter().any(|e| draws(e, scope, seen)),
+        PyExpr::List(items, _) => items.iter().any(|e| draws(e, scope, seen)),
         PyExpr::Call(name, args, _) => {
             let own = matches!(
                 name.as_str(),
@@ -733,11 +743,17 @@ pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
                     | "normal"
                     | "ran"
             );
-            let body = scope.functions.get(name).is_some_and(|(_, body)| has_random(body, &Scope::default()));
-            own || body || args.iter().any(|a| has_random(a, scope))
+            if own || args.iter().any(|e| draws(e, scope, seen)) {
+                return true;
+            }
+            match scope.functions.get_key_value(name) {
+                Some((name, (_, body))) if !seen.contains(&name.as_str()) => {
+                    seen.push(name);
+                    draws(body, scope, seen)
+                }
+                _ => false,
+            }
         }
-        PyExpr::List(items, _) => items.iter().any(|e| has_random(e, scope)),
-        PyExpr::Index(a, b, _) | PyExpr::Each(a, _, b, _) => has_random(a, scope) || has_random(b, scope),
     }
 }
 
