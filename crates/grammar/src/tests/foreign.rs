@@ -712,6 +712,55 @@ fn arguments_of_lpy_may_draw_where_they_are_read_once() {
 }
 
 #[test]
+fn functions_of_lpy_may_call_themselves_with_known_numbers() {
+    let head = "def fact(n):\n  if n <= 1: return 1\n  return n*fact(n-1)\n\
+                def fib(n): return n if n < 2 else fib(n-1)+fib(n-2)\ndef up(n): return up(n+1)\nk = 4\n";
+    let model = |rule: &str| format!("{head}Axiom: A(3)\nderivation length: 1\nproduction:\nA(x):\n  {rule}\n");
+    for (rule, wanted) in [
+        ("produce B(fact(k),fib(6+k),x)", "B(24,55,3)"),
+        ("for i in range(4): nproduce B(fact(i+1))", "B(1)B(2)B(6)B(24)"),
+        ("for i in range(4):\n    n = fib(i+3)\n    nproduce B(n)", "B(2)B(3)B(5)B(8)"),
+        ("produce B(sum([fact(i) for i in range(5)]))", "B(34)"),
+    ] {
+        assert_eq!(lpy(&model(rule)), wanted, "{rule}");
+    }
+    for (rule, why) in [
+        ("produce B(fact(x))", "the recursive function 'fact', more than 24 calls within one another"),
+        ("produce B(up(1))", "the recursive function 'up', more than 24"),
+        ("produce B(fib(22))", "the recursive function 'fib', more than 10000 calls"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(
+            said.contains("L007") && said.contains(why) && said.contains("with 'while' or 'for'"),
+            "{rule}: {said}"
+        );
+    }
+}
+
+#[test]
+fn models_of_lpy_may_use_none() {
+    let head = "def size(x, y=None):\n  if y is None: return x\n  return x+y\nlast = None\n\
+                def side(x, name=''):\n  if name: return x\n  return -x\n";
+    let model = |rule: &str| format!("{head}Axiom: A(0)\nderivation length: 1\nproduction:\nA(x):\n  {rule}\n");
+    for (rule, wanted) in [
+        ("produce B(size(3),size(3,4),size(3,y=5))", "B(3,7,8)"),
+        ("produce B(1 if last == None else 2,1 if last is not None else 2,last or 5)", "B(1,2,5)"),
+        ("if last or not last is None: produce C\n  if not last and not x: produce D", "D"),
+        ("y = None\n  if x == 0: y = 7\n  if y is None: produce C\n  produce D(y)", "D(7)"),
+        ("produce B(side(3),side(3,'a'),bool(last),bool(0.5))", "B(-3,3,0,1)"),
+    ] {
+        assert_eq!(lpy(&model(rule)), wanted, "{rule}");
+    }
+    let handed =
+        "Axiom: A(None)A(0)A(2)\nproduction:\nA(x):\n  if x is None: produce C\n  if x: produce D\n  produce E\n";
+    assert_eq!(lpy(handed), "CED");
+    for rule in ["produce B(last+1)", "produce B(sqrt(None))", "produce B(1 if last < 2 else 3)"] {
+        let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains("'None' where a number is expected"), "{rule}: {said}");
+    }
+}
+
+#[test]
 fn functions_of_lpy_that_draw_in_another_one_are_drawn_once() {
     let model = format!(
         "def g(): return random()\ndef f(): return g()\nAxiom: {}\nderivation length: 1\nproduction:\nA:\n  \

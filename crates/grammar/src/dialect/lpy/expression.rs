@@ -1,5 +1,6 @@
 //! Expressions of Python: what they are, how they are read, and the code that they become.
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -18,6 +19,14 @@ const MAX_ITEMS: f64 = 10_000.0;
 const MAX_LOOKUP: usize = 256;
 /// A divisor larger than any number of a model: the remainder of a division by it cuts a number to an integer.
 const CUT: f64 = 1e18;
+
+/// Calls of functions of the model within one another, and all calls of one expression: a function may call itself.
+const MAX_CALL_DEPTH: usize = 24;
+const MAX_CALLS: usize = 10_000;
+/// The numbers that stand for `None` and for an empty text: just above 0, so that no number of a model is one of them, and exact in
+/// single precision, so that parameters keep them. 2^-100 and 2^-101.
+const NONE: f64 = 7.888_609_052_210_118e-31;
+const EMPTY: f64 = 3.944_304_526_105_059e-31;
 
 /// Why a text cannot be read: what it contains that is more than rules and expressions, and where.
 #[derive(Debug, Clone)]
@@ -168,19 +177,26 @@ const OF_NUMBERS: [&str; 28] = [
     "gauss",
 ];
 
-/// The refusal of a text where a number is expected.
-fn text_refusal(range: Range<usize>) -> Refusal {
+/// The refusal of a text, or of `None`, where a number is expected.
+fn text_refusal(value: f64, range: Range<usize>) -> Refusal {
+    if is_zero(value - NONE) {
+        let why = Refusal::new("'None' where a number is expected", range);
+        return why.remedy("test it with 'is None' before, or begin with a number");
+    }
     Refusal::new("a text where a number is expected", range)
         .remedy("write the number without quotes; texts can be compared with == and !=, and handed on")
 }
 
 /// A resolved operand that must be a number: a text is refused.
 fn as_number(e: PyExpr) -> Result<PyExpr, Refusal> {
-    if let PyExpr::Text(_, range) = e { Err(text_refusal(range)) } else { Ok(e) }
+    if let PyExpr::Text(value, range) = e { Err(text_refusal(value, range)) } else { Ok(e) }
 }
 
 /// The number that stands for a text: whole, above a million, and exact in single precision, so that parameters keep it.
 fn text_number(text: &str) -> f64 {
+    if text.is_empty() {
+        return EMPTY;
+    }
     let hash = osier_base::rng::word(text) % 15_000_000;
     f64::from(saturating_index(limit(hash))) + 1_000_000.0
 }
@@ -262,8 +278,8 @@ impl PyParser {
     /// Refuses an operand that must be a number and is a text: the tokens from `from` on are that text alone.
     fn check_number(&self, from: usize) -> Result<(), Refusal> {
         match self.tokens.get(from) {
-            Some(PyToken { kind: PyTokenKind::Text(_), range }) if self.i == from + 1 => {
-                Err(text_refusal(range.clone()))
+            Some(PyToken { kind: PyTokenKind::Text(value), range }) if self.i == from + 1 => {
+                Err(text_refusal(*value, range.clone()))
             }
             _ => Ok(()),
         }
@@ -368,21 +384,24 @@ impl PyParser {
                 left = right;
                 continue;
             }
-            let op = match self.sign() {
-                Some("==") => PyOp::Eq,
-                Some("!=" | "<>") => PyOp::Ne,
-                Some("<") => PyOp::Lt,
-                Some("<=") => PyOp::Le,
-                Some(">") => PyOp::Gt,
-                Some(">=") => PyOp::Ge,
-                _ => return Ok(all.unwrap_or(left)),
+            // `is None`, `is not None`.
+            let by_word = self.eat_word("is").then(|| if self.eat_word("not") { PyOp::Ne } else { PyOp::Eq });
+            let by_sign = match self.sign() {
+                Some("==") => Some(PyOp::Eq),
+                Some("!=" | "<>") => Some(PyOp::Ne),
+                Some("<") => Some(PyOp::Lt),
+                Some("<=") => Some(PyOp::Le),
+                Some(">") => Some(PyOp::Gt),
+                Some(">=") => Some(PyOp::Ge),
+                _ => None,
             };
+            let Some(op) = by_word.or(by_sign) else { return Ok(all.unwrap_or(left)) };
             // Texts are equal or not; their order is not known.
             let is_order = !matches!(op, PyOp::Eq | PyOp::Ne);
             if is_order {
                 self.check_number(from)?;
             }
-            self.i += 1;
+            self.i += usize::from(by_word.is_none());
             from = self.i;
             let right = self.sum()?;
             if is_order {
@@ -550,7 +569,7 @@ impl PyParser {
                 match name.as_str() {
                     "True" => Ok(PyExpr::Number(1.0)),
                     "False" => Ok(PyExpr::Number(0.0)),
-                    "None" => Err(Refusal::new("'None'", t.range)),
+                    "None" => Ok(PyExpr::Text(NONE, t.range)),
                     _ => self.indexed(PyExpr::Name(name, t.range)),
                 }
             }
@@ -682,6 +701,10 @@ pub(super) struct Scope {
     pub functions: BTreeMap<String, (Vec<String>, PyExpr)>,
     /// Values that parameters of functions have where a call gives none, by the name of the function.
     pub defaults: BTreeMap<String, Vec<Option<PyExpr>>>,
+    /// The model has `None` or an empty text, which fail a test.
+    pub has_none: bool,
+    /// Calls of functions in the expression that is resolved.
+    pub calls: Cell<usize>,
     /// The code is that of `StartEach`, which runs before the step: `Q` counts the steps that are completed.
     pub is_before_step: bool,
 }
@@ -796,20 +819,26 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::Binary(op, a, b) => combined(*op, number(a)?, number(b)?, scope)?,
         PyExpr::And(a, b) => PyExpr::And(sub(a)?, sub(b)?),
         PyExpr::Or(a, b) => PyExpr::Or(sub(a)?, sub(b)?),
-        PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a)?, sub(b)?, sub(c)?),
+        PyExpr::Choice(test, then, other) => {
+            let test = resolve(test, scope, depth)?;
+            match known_truth(&test, scope) {
+                // The other side may be one that cannot be read: it computes with `None`, or its function calls itself for ever.
+                Some(holds) => return resolve(if holds { then } else { other }, scope, depth),
+                None => PyExpr::Choice(Box::new(test), sub(then)?, sub(other)?),
+            }
+        }
         // A function of the file is replaced by its body.
         PyExpr::Call(name, args, range) => {
             let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
             if let Some((params, body)) = scope.functions.get(name) {
-                if depth >= 16 {
-                    return Err(Refusal::new(format!("the recursive function '{name}'"), range.clone()));
-                }
+                count_call(name, range, scope, depth)?;
                 let args = arguments(params, scope.defaults.get(name), args).filter(|args| {
                     // An argument is written in as often as the body reads it, so that one which draws may be read once.
                     let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(body, p) <= 1;
                     params.iter().zip(args).all(is_drawn_once)
                 });
                 let args = args.ok_or_else(|| Refusal::new(format!("this call of '{name}'"), range.clone()))?;
+                let args: Vec<PyExpr> = args.into_iter().map(|a| folded(a, scope)).collect();
                 if size_with(body, params, &args) > MAX_OPS {
                     return Err(Refusal::new("an expression that grows too large", range.clone()));
                 }
@@ -817,9 +846,9 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 return resolve(&body, scope, depth + 1);
             }
             if OF_NUMBERS.contains(&name.as_str())
-                && let Some(PyExpr::Text(_, range)) = args.iter().find(|a| matches!(a, PyExpr::Text(..)))
+                && let Some(PyExpr::Text(value, range)) = args.iter().find(|a| matches!(a, PyExpr::Text(..)))
             {
-                return Err(text_refusal(range.clone()));
+                return Err(text_refusal(*value, range.clone()));
             }
             match (name.as_str(), args.as_slice()) {
                 ("range" | "xrange" | "arange", _) => numbers_of_range(&args, scope, range)?,
@@ -831,6 +860,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 ("min" | "max", [PyExpr::List(items, _)]) if !items.is_empty() => {
                     PyExpr::Call(name.clone(), items.clone(), range.clone())
                 }
+                ("bool", [PyExpr::List(items, _)]) => PyExpr::Number(if items.is_empty() { 0.0 } else { 1.0 }),
                 ("list" | "tuple", [list @ PyExpr::List(..)]) => list.clone(),
                 ("reversed", [PyExpr::List(items, range)]) => {
                     PyExpr::List(items.iter().rev().cloned().collect(), range.clone())
@@ -875,9 +905,9 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 while let PyExpr::Choice(test, then, other) = &one
                     && is_nothing(other)
                 {
-                    let holds = constant_of(&resolve(test, scope, depth)?, scope);
+                    let holds = known_truth(&resolve(test, scope, depth)?, scope);
                     let holds = holds.ok_or_else(|| Refusal::new("a list with conditions", range.clone()))?;
-                    let next = if is_zero(holds) { other.as_ref() } else { then.as_ref() };
+                    let next = if holds { then.as_ref() } else { other.as_ref() };
                     one = next.clone();
                 }
                 if !is_nothing(&one) {
@@ -1088,6 +1118,34 @@ fn numbers_of_range(args: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Res
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_ITEMS")]
     let count = count as u32;
     Ok(PyExpr::List((0..count).map(|k| PyExpr::Number(from + f64::from(k) * step)).collect(), range.clone()))
+}
+
+/// Counts a call of a function of the model, `depth` within others. Fails where a function calls itself too often.
+fn count_call(name: &str, range: &Range<usize>, scope: &Scope, depth: usize) -> Result<(), Refusal> {
+    scope.calls.set(if depth == 0 { 1 } else { scope.calls.get() + 1 });
+    let construct = if depth >= MAX_CALL_DEPTH {
+        format!("the recursive function '{name}', more than {MAX_CALL_DEPTH} calls within one another")
+    } else if scope.calls.get() > MAX_CALLS {
+        format!("the recursive function '{name}', more than {MAX_CALLS} calls")
+    } else {
+        return Ok(());
+    };
+    let why = Refusal::new(construct, range.clone());
+    Err(why.remedy("write it with 'while' or 'for', or call it with numbers that are known before the model runs"))
+}
+
+/// Whether a resolved test holds, if it is constant.
+fn known_truth(test: &PyExpr, scope: &Scope) -> Option<bool> {
+    let value = if scope.has_none { constant_of(&tested(test.clone()), scope) } else { constant_of(test, scope) };
+    value.map(|v| !is_zero(v))
+}
+
+/// A resolved argument as a number, if it is one whatever the variables are: calls within calls end by such numbers.
+fn folded(e: PyExpr, scope: &Scope) -> PyExpr {
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) => e,
+        _ => constant_of(&e, scope).map_or(e, PyExpr::Number),
+    }
 }
 
 /// The value of a resolved expression that is constant.
@@ -1335,22 +1393,22 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
             ops.push(Op::Unary(UnaryOp::Neg));
         }
         PyExpr::Not(a) => {
-            emit(a, scope, ops)?;
+            emit_test(a, scope, ops)?;
             ops.push(Op::Unary(UnaryOp::Not));
         }
         PyExpr::And(a, b) | PyExpr::Or(a, b) => {
             // The place of the jump is kept until its target, the end of the right side, is known.
-            emit(a, scope, ops)?;
+            emit_test(a, scope, ops)?;
             let jump = ops.len();
             ops.push(Op::Pop);
-            emit(b, scope, ops)?;
+            emit_test(b, scope, ops)?;
             ops.push(Op::Bool);
             let end = ops.len();
             ops[jump] = if matches!(e, PyExpr::And(..)) { Op::And(end) } else { Op::Or(end) };
         }
         PyExpr::Choice(condition, then, other) => {
             // condition, JumpIfZero to `other`, then, Jump to the end: each target is set once it is known.
-            emit(condition, scope, ops)?;
+            emit_test(condition, scope, ops)?;
             let to_other = ops.len();
             ops.push(Op::Pop);
             emit(then, scope, ops)?;
@@ -1385,6 +1443,24 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
         }
     }
     Ok(())
+}
+
+/// Code of a test: that of the value, but for `None` and empty texts, which fail it.
+fn emit_test(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
+    if scope.has_none { emit(&tested(e.clone()), scope, ops) } else { emit(e, scope, ops) }
+}
+
+/// A test whose parts are truth values: of a part that is any value, whether Python takes it as true.
+pub(super) fn tested(e: PyExpr) -> PyExpr {
+    match e {
+        PyExpr::And(a, b) => PyExpr::And(Box::new(tested(*a)), Box::new(tested(*b))),
+        PyExpr::Or(a, b) => PyExpr::Or(Box::new(tested(*a)), Box::new(tested(*b))),
+        _ if is_truth(&e) => e,
+        _ => {
+            let range = range_of(&e);
+            PyExpr::Call("bool".to_owned(), vec![e], range)
+        }
+    }
 }
 
 /// `a and b` or `a or b` as a choice between its operands, one of which Python gives. `None` for any other expression, for truth
@@ -1525,6 +1601,11 @@ fn emit_call(
             ops.push(Op::Unary(UnaryOp::Fabs));
         }
         ("float", [a]) => emit(a, scope, ops)?,
+        ("bool", [a]) if scope.has_none && !is_truth(a) => {
+            emit(a, scope, ops)?;
+            ops.extend([Op::Unary(UnaryOp::Fabs), Op::Const(NONE), Op::Binary(BinaryOp::Le, usize::MAX)]);
+            ops.push(Op::Unary(UnaryOp::Not));
+        }
         ("bool", [a]) => {
             emit(a, scope, ops)?;
             ops.extend([Op::Unary(UnaryOp::Not), Op::Unary(UnaryOp::Not)]);

@@ -135,6 +135,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     if model.uses_groups {
         model.scope.global(GROUP);
     }
+    model.scope.has_none = ["None", "''", "\"\""].iter().any(|text| plain.contains(text));
     model.shared_names(&list);
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::bounds::{Bounds, mentions};
 use super::expression::{PyExpr, PyOp, Refusal, Scope, UNKNOWN};
-use super::expression::{arguments, compile, has_random, model_name, parse, plain_name, range_of, resolve};
+use super::expression::{arguments, compile, first_call, has_random, model_name, parse, plain_name, range_of, resolve};
 use super::expression::{size_with, substitute};
 use super::statement::{GROUP, Statement, assigned, call_in, in_turn, is_written_out, only_computes};
 use super::statement::{read_name, renamed, with_lists, without_call};
@@ -322,7 +322,8 @@ impl Model<'_, '_> {
         let heads = self.heads(head);
         let head = self.settle(heads)?;
         if let Some(condition) = condition {
-            let test = self.settle(parse(condition))?;
+            let test = self.test(condition);
+            let test = self.settle(test)?;
             // `head : condition --> successor` is `head: if condition: produce successor`.
             statements = vec![Statement::If(vec![(test, statements)], Vec::new())];
         }
@@ -456,7 +457,7 @@ impl Model<'_, '_> {
             // A name that an earlier parameter has is no new one, and is refused below.
             if is_name && !self.scope.locals.iter().any(|l| l == name.text) {
                 self.scope.locals.push(name.text.to_owned());
-                conditions.extend(condition.map(parse).transpose()?);
+                conditions.extend(condition.map(|c| self.test(c)).transpose()?);
                 continue;
             }
             // Without a new name only a constant is left, which the parameter must equal.
@@ -552,6 +553,7 @@ impl Model<'_, '_> {
                     }
                     way.lists.remove(&name);
                     let value = self.known_value(&e, &way);
+                    let e = value.filter(|_| self.calls_function(&e)).map_or(e, PyExpr::Number);
                     way.known.insert(name.clone(), value);
                     way.bounds.assign(&name, &e, &self.scope);
                     way.steps.push(Step::Assign(name, e));
@@ -893,6 +895,12 @@ impl Model<'_, '_> {
         vm::constant_value(&code).filter(|v| !v.is_nan())
     }
 
+    /// True for an expression with a call of a function of the model: where its value is known, the number stands in its place, as the
+    /// function may call itself until a test of such numbers ends it.
+    fn calls_function(&self, e: &PyExpr) -> bool {
+        first_call(e, &|name| self.scope.functions.contains_key(name)).is_some()
+    }
+
     /// Values that the variable of a `for` loop takes, one per turn; a list that is not constant is refused.
     fn turns(&self, list: &PyExpr, place: &Range<usize>) -> Result<Vec<f64>, Refusal> {
         let is_constant = |e: &PyExpr| compile(e, &self.scope).is_ok_and(|code| vm::constant_value(&code).is_some());
@@ -1044,6 +1052,12 @@ impl Model<'_, '_> {
                 && let Ok(args) = spread(&m.args, &self.scope_of(way))
             {
                 module.args = args;
+            }
+            for arg in &mut module.args {
+                let value = if self.calls_function(arg) { self.known_value(arg, way) } else { None };
+                if let Some(value) = value {
+                    *arg = PyExpr::Number(value);
+                }
             }
             for arg in module.args.iter_mut().filter(|a| !ends && !matches!(a, PyExpr::Number(_) | PyExpr::Text(..))) {
                 let name = format!("(value {})", self.temporaries);

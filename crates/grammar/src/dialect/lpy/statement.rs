@@ -7,7 +7,7 @@ use osier_base::convert::saturating_index;
 
 use super::bounds::mentions;
 use super::expression::{PyExpr, PyOp, Refusal, Scope};
-use super::expression::{compile, exchanged, first_call, has_random, parse, resolve, size_with, substitute};
+use super::expression::{compile, exchanged, first_call, has_random, parse, resolve, size_with, substitute, tested};
 use super::strings::{PyModule, closing, modules, split};
 use super::{Line, Model, assignment, block_after, block_colon, is_name};
 use crate::code::is_zero;
@@ -95,7 +95,7 @@ impl Model<'_, '_> {
                 }
                 "if" | "elif" => {
                     let c = block_colon(rest).ok_or_else(|| Refusal::new("'if' without ':'", piece.range()))?;
-                    let test = parse(rest.up_to(c))?;
+                    let test = self.test(rest.up_to(c))?;
                     let then = body(self, rest.from(c + 1))?;
                     if word.text == "if" {
                         out.push(Statement::If(vec![(test, then)], Vec::new()));
@@ -122,7 +122,7 @@ impl Model<'_, '_> {
                 }
                 "while" => {
                     let c = block_colon(rest).ok_or_else(|| Refusal::new("'while' without ':'", piece.range()))?;
-                    let test = parse(rest.up_to(c))?;
+                    let test = self.test(rest.up_to(c))?;
                     let inner = body(self, rest.from(c + 1))?;
                     out.push(Statement::While(test, inner, piece.range(), 0));
                 }
@@ -136,6 +136,12 @@ impl Model<'_, '_> {
             }
         }
         Ok(out)
+    }
+
+    /// A test of a statement or of a production.
+    pub(super) fn test(&self, piece: Piece<'_>) -> Result<PyExpr, Refusal> {
+        let test = parse(piece)?;
+        Ok(if self.scope.has_none { tested(test) } else { test })
     }
 
     /// A `for` loop: `i in range(a, b, step)`, `x, y in list`, `i, x in enumerate(list)`, `x, y in zip(list, other)`.
@@ -588,7 +594,7 @@ const MAX_STATEMENTS: usize = 4_096;
 
 /// Value of an expression that is a number whatever the variables `names` of its function are.
 fn known_value(e: &PyExpr, names: &[String]) -> Option<f64> {
-    let scope = Scope { locals: names.to_vec(), ..Scope::default() };
+    let scope = Scope { locals: names.to_vec(), has_none: true, ..Scope::default() };
     crate::vm::constant_value(&compile(e, &scope).ok()?).filter(|v| !v.is_nan())
 }
 
