@@ -738,6 +738,28 @@ fn functions_of_lpy_may_call_themselves_with_known_numbers() {
 }
 
 #[test]
+fn models_of_lpy_may_give_imports_other_names() {
+    let head = "import math as mt, random as r\nimport numpy as n\nfrom math import sqrt as root, pi as PI, atan2 as angle\n\
+                from random import (randint as ri, random as rnd, choice as pick)\n";
+    let model = |lines: &str| format!("{head}Axiom: A(9)\nderivation length: 1\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  produce B(mt.sqrt(x),n.sqrt(x+7),mt.floor(mt.pi))\n", "B(3,4,3)"),
+        ("  produce B(root(x),round(PI,2),angle(0,1),pick([4,4]))\n", "B(3,3.14,0,4)"),
+        ("  produce B(r.randint(5,5),ri(6,6),1 if rnd() < 2 else 0)\n", "B(5,6,1)"),
+        ("  import math as m2\n  from math import floor as fl\n  produce B(m2.sqrt(x),fl(x/2))\n", "B(3,4)"),
+        // Other words that end or begin with the name of a module are none.
+        ("  gmt, mt2 = 2, 3\n  produce B(gmt,mt2,0.5*mt.sqrt(4))\n", "B(2,3,1)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    // Two numbers of one range are drawn, each once.
+    let drawn = lpy(&model("  a, b = rnd(), rnd()\n  produce B(1 if a == b else 2,a-a)\n"));
+    assert_eq!(drawn, "B(2,0)");
+    let said = try_read(&format!("{}endlsystem\n", model("  produce B(mt.gamma(x))\n")));
+    assert!(said.is_err_and(|e| e.to_string().contains("the function 'gamma'")));
+}
+
+#[test]
 fn models_of_lpy_may_use_none() {
     let head = "def size(x, y=None):\n  if y is None: return x\n  return x+y\nlast = None\n\
                 def side(x, name=''):\n  if name: return x\n  return -x\n";

@@ -1309,7 +1309,8 @@ fn size_of(e: &PyExpr, names: &[String], sizes: &[usize]) -> usize {
     }
 }
 
-fn constant_name(name: &str) -> Option<f64> {
+/// Constants of `math`.
+pub(super) fn constant_name(name: &str) -> Option<f64> {
     Some(match name {
         "pi" => std::f64::consts::PI,
         "e" => std::f64::consts::E,

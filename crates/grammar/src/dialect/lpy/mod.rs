@@ -4,6 +4,7 @@
 mod bounds;
 mod color;
 mod expression;
+mod imports;
 mod rule;
 mod statement;
 mod strings;
@@ -104,7 +105,7 @@ struct RunFunctions {
 /// Reads a model of L-Py into the reader's program: sections, rules, and values computed outside of rules.
 pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     reader.description = description(text);
-    let plain = without_comments(text);
+    let plain = imports::without_aliases(&without_comments(text));
     let list: Vec<Line<'_>> = lines(&plain).filter_map(line_of).collect();
     reader.program.length = 1;
     let mut model = Model {
@@ -694,8 +695,11 @@ impl<'s> Model<'_, 's> {
         let (word, rest) = piece.first_word(&['(', ':', '=']);
         let range = piece.range();
         match word.text {
-            // Imports do not change the string.
-            "pass" | "print" | "global" | "assert" | "import" | "from" => return next,
+            "pass" | "print" | "global" | "assert" => return next,
+            "import" | "from" => {
+                self.import(piece);
+                return next;
+            }
             "extern" if rest.text.starts_with('(') => {
                 self.external(rest);
                 return next;
@@ -744,16 +748,8 @@ impl<'s> Model<'_, 's> {
             return next;
         }
         let compact: String = piece.text.chars().filter(|c| !c.is_whitespace()).collect();
-        let is_setting = [
-            "seed(",
-            "random.seed(",
-            "context(",
-            "lsystem.",
-            "numpy.random.seed(",
-            "np.random.seed(",
-            "setCodeVersion",
-        ];
-        if is_setting.iter().any(|s| compact.starts_with(s)) {
+        let is_setting = ["context(", "lsystem.", "setCodeVersion"];
+        if is_setting.iter().any(|s| compact.starts_with(s)) || is_seed(piece) {
             return next;
         }
         // `x += 2`; a plain assignment may have lists and several names.
@@ -940,8 +936,7 @@ impl<'s> Model<'_, 's> {
         for line in &block.iter().flat_map(parts_of).collect::<Vec<_>>() {
             let text = line.piece.text;
             // These do not change what rules read; `forward()` is how L-Py rewrites without it.
-            const IDLE: [&str; 3] = ["seed(", "random.seed(", "context("];
-            if self.turtle_setting(line.piece) || IDLE.iter().any(|w| text.starts_with(w)) {
+            if self.turtle_setting(line.piece) || text.starts_with("context(") || is_seed(line.piece) {
                 continue;
             }
             // `return lstring, scene` hands on both.
@@ -1228,6 +1223,14 @@ fn is_rule(piece: Piece<'_>) -> bool {
     piece.text.contains("-->")
         || piece.text.contains("-static->")
         || (!is_python && colon(piece).is_some() && assignment(piece).is_none())
+}
+
+/// True for `seed(3)`, `random.seed(3)` and the like.
+fn is_seed(piece: Piece<'_>) -> bool {
+    let Some((name, _)) = piece.text.split_once('(') else { return false };
+    let name = name.trim_end();
+    let is_path = name.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '.'));
+    is_path && name.rsplit('.').next() == Some("seed")
 }
 
 /// True for a name of Python.

@@ -128,8 +128,8 @@ impl Model<'_, '_> {
                 }
                 "break" => out.push(Statement::Break(piece.range())),
                 "continue" => out.push(Statement::Continue(piece.range())),
-                "try" | "with" | "import" | "from" | "def" | "class" | "raise" | "del" | "sproduce" | "nsproduce"
-                | "lambda" => {
+                "import" | "from" => self.import(piece),
+                "try" | "with" | "def" | "class" | "raise" | "del" | "sproduce" | "nsproduce" | "lambda" => {
                     return Err(Refusal::new(format!("'{}' in a production", word.text), piece.range()));
                 }
                 _ => out.extend(assign_statement(piece)?),
