@@ -274,52 +274,43 @@ fn length_of(list: &PyExpr, place: Range<usize>) -> PyExpr {
     }
 }
 
+impl Statement {
+    /// The statement with its expressions, and those of the blocks within it, exchanged by `read`, and the names that it sets by `own`.
+    fn mapped(&self, own: &dyn Fn(&String) -> String, read: &dyn Fn(&PyExpr) -> PyExpr) -> Self {
+        let all = |list: &[Self]| list.iter().map(|s| s.mapped(own, read)).collect::<Vec<_>>();
+        match self {
+            Self::Assign(name, e) => Self::Assign(own(name), read(e)),
+            Self::If(tests, other) => {
+                Self::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
+            }
+            Self::For(name, list, body, place) => Self::For(own(name), read(list), all(body), place.clone()),
+            Self::While(test, body, place, turn) => Self::While(read(test), all(body), place.clone(), *turn),
+            Self::Produce(modules, ends) => {
+                let with = |m: &PyModule| PyModule { args: m.args.iter().map(read).collect(), ..m.clone() };
+                Self::Produce(modules.iter().map(with).collect(), *ends)
+            }
+            Self::Return(value, place) => Self::Return(value.as_ref().map(read), place.clone()),
+            Self::Global(_)
+            | Self::Break(_)
+            | Self::Continue(_)
+            | Self::TurnEnd
+            | Self::LoopEnd
+            | Self::FunctionEnd(..)
+            | Self::Pass => self.clone(),
+        }
+    }
+}
+
 /// A statement with an expression in place of a name that it does not set.
 fn replaced(s: &Statement, name: &String, by: &PyExpr) -> Statement {
-    let read = |e: &PyExpr| substitute(e, std::slice::from_ref(name), std::slice::from_ref(by));
-    let all = |list: &[Statement]| list.iter().map(|s| replaced(s, name, by)).collect::<Vec<_>>();
-    match s {
-        Statement::Assign(own, e) => Statement::Assign(own.clone(), read(e)),
-        Statement::If(tests, other) => {
-            Statement::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
-        }
-        Statement::For(own, list, body, place) => Statement::For(own.clone(), read(list), all(body), place.clone()),
-        Statement::While(test, body, place, turn) => Statement::While(read(test), all(body), place.clone(), *turn),
-        Statement::Produce(modules, ends) => {
-            let with = |m: &PyModule| PyModule { args: m.args.iter().map(read).collect(), ..m.clone() };
-            Statement::Produce(modules.iter().map(with).collect(), *ends)
-        }
-        Statement::Return(value, place) => Statement::Return(value.as_ref().map(read), place.clone()),
-        Statement::Global(_)
-        | Statement::Break(_)
-        | Statement::Continue(_)
-        | Statement::TurnEnd
-        | Statement::LoopEnd
-        | Statement::FunctionEnd(..)
-        | Statement::Pass => s.clone(),
-    }
+    s.mapped(&String::clone, &|e| substitute(e, std::slice::from_ref(name), std::slice::from_ref(by)))
 }
 
 /// A statement with other names in place of names that it may set.
 pub(super) fn renamed(s: &Statement, names: &[String], others: &[String]) -> Statement {
     let values: Vec<PyExpr> = others.iter().map(|other| PyExpr::Name(other.clone(), 0..0)).collect();
-    let read = |e: &PyExpr| substitute(e, names, &values);
     let own = |name: &String| names.iter().position(|n| n == name).and_then(|i| others.get(i)).unwrap_or(name).clone();
-    let all = |list: &[Statement]| list.iter().map(|s| renamed(s, names, others)).collect::<Vec<_>>();
-    match s {
-        Statement::Assign(name, e) => Statement::Assign(own(name), read(e)),
-        Statement::If(tests, other) => {
-            Statement::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
-        }
-        Statement::For(name, list, body, place) => Statement::For(own(name), read(list), all(body), place.clone()),
-        Statement::While(test, body, place, turn) => Statement::While(read(test), all(body), place.clone(), *turn),
-        Statement::Produce(modules, ends) => {
-            let with = |m: &PyModule| PyModule { args: m.args.iter().map(read).collect(), ..m.clone() };
-            Statement::Produce(modules.iter().map(with).collect(), *ends)
-        }
-        Statement::Return(value, place) => Statement::Return(value.as_ref().map(read), place.clone()),
-        other => other.clone(),
-    }
+    s.mapped(&own, &|e| substitute(e, names, &values))
 }
 
 /// A statement with lists in place of their names. Blocks within it that may set a name read it when they are reached.
