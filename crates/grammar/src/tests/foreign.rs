@@ -760,6 +760,59 @@ fn models_of_lpy_may_give_imports_other_names() {
 }
 
 #[test]
+fn productions_of_lpy_may_define_functions() {
+    let model =
+        |lines: &str| format!("k = 3\nAxiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n{lines}\nC --> D(f(1))\n");
+    for (lines, wanted) in [
+        ("  def f(y): return 2*y\n  produce B(f(x),f(f(3)))", "B(4,12)"),
+        (
+            "  def f(y, z=4):\n    if y > 2: return z\n    w = y*10\n    return w + z\n  produce B(f(x),f(x+1),f(x,z=1))",
+            "B(24,4,21)",
+        ),
+        ("  f = lambda y, z: y*z\n  produce B(f(x,5))", "B(10)"),
+        // It reads the variables of the production, as they are where it is called.
+        ("  k = 5\n  def f(y): return y*k + x\n  a = f(1)\n  k = 6\n  produce B(a,f(1))", "B(7,8)"),
+        ("  def f(y): return y*k\n  def g(y): return f(y) + 1\n  for i in range(2): nproduce B(g(i))", "B(1)B(4)"),
+    ] {
+        // Other productions do not know it.
+        let text = model(lines);
+        assert_eq!(lpy(text.rsplit_once("C -->").map_or("", |(head, _)| head)), wanted, "{lines}");
+        let said = try_read(&format!("{text}endlsystem\n")).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("the function 'f'"), "{lines}: {said}");
+    }
+    for (lines, why) in [
+        (
+            "  def f(n):\n    s = 0\n    for i in range(k): s += i\n    return s\n  produce B(f(x))",
+            "outside of the production",
+        ),
+        ("  if x > 1:\n    def f(y): return y\n  produce B(f(x))", "'def' within another block"),
+        ("  def f(y): return y\n  def f(y): return -y\n  produce B(f(x))", "a second function 'f'"),
+        ("  def f(y): return y*f(y-1) if y > 0 else 1\n  produce B(f(x))", "the function 'f'"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
+    }
+}
+
+#[test]
+fn loops_of_lpy_may_have_else() {
+    let model = |lines: &str| format!("Axiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n{lines}  nproduce C\n");
+    for (lines, wanted) in [
+        ("  for i in range(2): nproduce B(i)\n  else: nproduce D\n", "B(0)B(1)DC"),
+        ("  for i in range(4):\n    if i == x: break\n    nproduce B(i)\n  else:\n    nproduce D\n", "B(0)B(1)C"),
+        ("  for i in range(2):\n    if i == x: break\n    nproduce B(i)\n  else:\n    nproduce D\n", "B(0)B(1)DC"),
+        ("  i = 0\n  while i < x:\n    i += 1\n    if i > 5: break\n  else:\n    nproduce D(i)\n", "D(2)C"),
+        // The `break` of the inner loop does not end the outer one.
+        (
+            "  for i in range(2):\n    for j in range(9):\n      if j == i: break\n    else: nproduce E\n    nproduce B(j)\n  else: nproduce D\n",
+            "B(0)B(1)DC",
+        ),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+}
+
+#[test]
 fn models_of_lpy_may_use_none() {
     let head = "def size(x, y=None):\n  if y is None: return x\n  return x+y\nlast = None\n\
                 def side(x, name=''):\n  if name: return x\n  return -x\n";

@@ -1037,6 +1037,30 @@ pub(super) fn arguments(
     values.into_iter().collect()
 }
 
+/// A function that a production defines. Its value may read variables of the production.
+#[derive(Debug)]
+pub(super) struct OwnFunction {
+    pub params: Vec<String>,
+    /// Values that parameters have where a call gives none.
+    pub defaults: Vec<Option<PyExpr>>,
+    pub value: PyExpr,
+}
+
+/// An expression with the values of functions in place of their calls. A call that does not fit its function stays, and is refused as
+/// one of an unknown function.
+pub(super) fn with_functions(e: &PyExpr, functions: &BTreeMap<String, OwnFunction>, scope: &Scope) -> PyExpr {
+    let e = with_parts(e, &|a| with_functions(a, functions, scope));
+    let PyExpr::Call(name, args, _) = &e else { return e };
+    let Some(function) = functions.get(name) else { return e };
+    let OwnFunction { params, defaults, value } = function;
+    let Some(args) = arguments(params, Some(defaults), args.clone()) else { return e };
+    let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(value, p) <= 1;
+    if size_with(value, params, &args) > MAX_OPS || !params.iter().zip(&args).all(is_drawn_once) {
+        return e;
+    }
+    substitute(value, params, &args)
+}
+
 /// An operation on numbers, `list + list` or `list * number`.
 fn combined(op: PyOp, a: Box<PyExpr>, b: Box<PyExpr>, scope: &Scope) -> Result<PyExpr, Refusal> {
     let (items, range) = match (op, &*a, &*b) {

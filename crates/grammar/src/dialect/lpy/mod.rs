@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use self::expression::{
-    PyExpr, Refusal, Scope, compile, first_call, has_random, is_dictionary, of_model, parse, resolve,
+    OwnFunction, PyExpr, Refusal, Scope, compile, first_call, has_random, is_dictionary, of_model, parse, resolve,
 };
 use self::rule::Step;
 use self::statement::{
@@ -75,6 +75,8 @@ struct Model<'r, 's> {
     temporaries: usize,
     /// Functions that are more than one expression, by name: their parameters and statements.
     bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,
+    /// Functions that the production which is read defines.
+    own_functions: BTreeMap<String, OwnFunction>,
     /// Places of the loops that run as code, which each block with loops has a copy of.
     loop_places: Vec<SourcePlace>,
     /// How many parameters `*args` stands for in the present reading of a head.
@@ -124,6 +126,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         initial: BTreeMap::new(),
         temporaries: 0,
         bodies: BTreeMap::new(),
+        own_functions: BTreeMap::new(),
         loop_places: Vec::new(),
         star: 0,
         rule_lists: Vec::new(),
@@ -558,7 +561,7 @@ impl<'s> Model<'_, 's> {
     fn axiom(&mut self, value: Piece<'_>, block: &[Line<'_>]) {
         self.has_axiom = true;
         let statements = if value.text.is_empty() {
-            self.statements(block, 0)
+            self.statements(block)
         } else {
             self.modules_of(value, block).map(|m| vec![Statement::Produce(m, true)])
         };
@@ -723,7 +726,7 @@ impl<'s> Model<'_, 's> {
                     }
                     end = block_after(list, end, more.indent).1;
                 }
-                let statements = self.statements(list.get(i..end).unwrap_or(&[]), 0);
+                let statements = self.statements(list.get(i..end).unwrap_or(&[]));
                 let is_known = statements.and_then(|statements| self.run(&statements, &range));
                 if self.settle(is_known) == Some(false) {
                     let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
@@ -844,19 +847,8 @@ impl<'s> Model<'_, 's> {
     /// that L-Py calls become blocks.
     fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
-        let parsed = || {
-            let params = parameters_of(rest)?;
-            let inner = rest.from(rest.text.find('(')? + 1);
-            // `def f(x) -> float:` names what it gives.
-            let after = inner.from(strings::closing(inner.text)? + 1).trimmed();
-            let given = after.text.strip_prefix("->").and_then(|t| t.find(':')).map_or(0, |c| c + "->".len());
-            let after = after.from(given);
-            let body = after.text.strip_prefix(':').map(|_| after.from(1).trimmed())?;
-            Some((params, body))
-        };
-        let head = parsed();
         // A function that rules call: its body stands behind the colon or in the block.
-        let Some((params, body)) = head else { return };
+        let Some(FunctionHead { params, body }) = function_head(rest) else { return };
         // Python evaluates them once, where the function is defined.
         let default = |value: Piece<'_>| {
             let value = parse(value).and_then(|e| resolve(&e, &self.scope, 0)).ok();
@@ -866,7 +858,7 @@ impl<'s> Model<'_, 's> {
         let params: Vec<String> = params.into_iter().map(|(name, _)| name).collect();
         let inline = [Line { indent: 0, piece: body }];
         let lines = if body.text.is_empty() { block } else { &inline };
-        let statements = self.statements(lines, 0);
+        let statements = self.statements(lines);
         let value = statements.clone().and_then(|mut list| {
             list.reverse();
             let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
@@ -958,7 +950,7 @@ impl<'s> Model<'_, 's> {
                 lines.push(*line);
             }
         }
-        let statements = self.statements(&lines, 0)?;
+        let statements = self.statements(&lines)?;
         let mut ops = Vec::new();
         let mut declared = Vec::new();
         self.block_code(&statements, &mut declared, &mut ops)?;
@@ -1159,6 +1151,24 @@ impl<'s> Model<'_, 's> {
         blocks.globals = self.scope.globals.len();
         (blocks.start, blocks.start_each, blocks.end_each) = (start, start_each, end_each);
     }
+}
+
+/// The head of a function: its parameters, with the values that they have otherwise, and what stands behind its colon.
+struct FunctionHead<'t> {
+    params: Vec<(String, Option<Piece<'t>>)>,
+    body: Piece<'t>,
+}
+
+/// Reads the head of a function from its name on, `f(x, k=3) -> float: return x`.
+fn function_head(rest: Piece<'_>) -> Option<FunctionHead<'_>> {
+    let params = parameters_of(rest)?;
+    let inner = rest.from(rest.text.find('(')? + 1);
+    // `def f(x) -> float:` names what it gives.
+    let after = inner.from(strings::closing(inner.text)? + 1).trimmed();
+    let given = after.text.strip_prefix("->").and_then(|t| t.find(':')).map_or(0, |c| c + "->".len());
+    let after = after.from(given);
+    let body = after.text.strip_prefix(':').map(|_| after.from(1).trimmed())?;
+    Some(FunctionHead { params, body })
 }
 
 /// Names of the parameters of a function from its head, `Start(lstring):`, with the values that they have otherwise, `f(x, k=3):`.

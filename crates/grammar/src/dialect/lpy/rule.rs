@@ -271,9 +271,9 @@ impl Model<'_, '_> {
             let c = colon(piece).unwrap_or(piece.text.len());
             let inline = piece.from(c + 1).trimmed();
             let statements = if inline.text.is_empty() {
-                self.statements(block, 0)
+                self.statements(block)
             } else {
-                self.statements(&[Line { indent: 0, piece: inline }], 0)
+                self.statements(&[Line { indent: 0, piece: inline }])
             };
             (piece.up_to(c), None, statements)
         };

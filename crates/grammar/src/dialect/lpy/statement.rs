@@ -6,10 +6,12 @@ use std::ops::Range;
 use osier_base::convert::saturating_index;
 
 use super::bounds::mentions;
-use super::expression::{PyExpr, PyOp, Refusal, Scope};
-use super::expression::{compile, exchanged, first_call, has_random, parse, resolve, size_with, substitute, tested};
+use super::expression::{OwnFunction, PyExpr, PyOp, Refusal, Scope};
+use super::expression::{
+    compile, exchanged, first_call, has_random, parse, resolve, size_with, substitute, tested, with_functions,
+};
 use super::strings::{PyModule, closing, modules, split};
-use super::{Line, Model, assignment, block_after, block_colon, is_name};
+use super::{Line, Model, assignment, block_after, block_colon, function_head, is_name, lambda};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
@@ -46,8 +48,20 @@ pub(super) enum Statement {
 }
 
 impl Model<'_, '_> {
+    /// Reads the lines of a production or a function. Functions that it defines are written in where it calls them.
+    pub(super) fn statements(&mut self, block: &[Line<'_>]) -> Result<Vec<Statement>, Refusal> {
+        let around = std::mem::take(&mut self.own_functions);
+        let list = self.block(block, 0);
+        let own = std::mem::replace(&mut self.own_functions, around);
+        let list = list?;
+        if own.is_empty() {
+            return Ok(list);
+        }
+        Ok(list.iter().map(|s| s.mapped(&String::clone, &|e| with_functions(e, &own, &self.scope))).collect())
+    }
+
     /// Reads the lines of a block, with the blocks nested in it. Fails if blocks are nested too deep.
-    pub(super) fn statements(&mut self, block: &[Line<'_>], nesting: usize) -> Result<Vec<Statement>, Refusal> {
+    fn block(&mut self, block: &[Line<'_>], nesting: usize) -> Result<Vec<Statement>, Refusal> {
         let mut out = Vec::new();
         let mut i = 0;
         if let Some(first) = block.first().filter(|_| nesting > MAX_NESTING) {
@@ -57,7 +71,7 @@ impl Model<'_, '_> {
             let parts = statements_of_line(line.piece);
             if parts.len() > 1 {
                 let lines: Vec<Line<'_>> = parts.into_iter().map(|piece| Line { indent: line.indent, piece }).collect();
-                out.extend(self.statements(&lines, nesting)?);
+                out.extend(self.block(&lines, nesting)?);
                 i += 1;
                 continue;
             }
@@ -69,9 +83,9 @@ impl Model<'_, '_> {
             let body = |model: &mut Self, after: Piece<'_>| {
                 let after = after.trimmed();
                 if after.text.is_empty() {
-                    model.statements(inner, nesting + 1)
+                    model.block(inner, nesting + 1)
                 } else {
-                    model.statements(&[Line { indent: 0, piece: after }], nesting + 1)
+                    model.block(&[Line { indent: 0, piece: after }], nesting + 1)
                 }
             };
             i = next;
@@ -109,11 +123,22 @@ impl Model<'_, '_> {
                 "else" => {
                     let c = block_colon(rest).ok_or_else(|| Refusal::new("'else' without ':'", piece.range()))?;
                     let other = body(self, rest.from(c + 1))?;
-                    // The statement before must be an `if`, as for `elif`.
-                    let Some(Statement::If(_, last)) = out.last_mut() else {
-                        return Err(Refusal::new("'else' without 'if'", piece.range()));
-                    };
-                    *last = other;
+                    // The statement before must be an `if`, as for `elif`, or a loop.
+                    let broken = format!("(broken {})", piece.at);
+                    match out.last_mut() {
+                        Some(Statement::If(_, last)) => {
+                            *last = other;
+                            continue;
+                        }
+                        Some(Statement::For(_, _, body, _) | Statement::While(_, body, ..)) => {
+                            *body = noting_breaks(std::mem::take(body), &broken);
+                        }
+                        _ => return Err(Refusal::new("'else' without 'if'", piece.range())),
+                    }
+                    // `else` of a loop runs unless a `break` has ended the loop.
+                    let is_whole = PyExpr::Not(Box::new(PyExpr::Name(broken.clone(), piece.range())));
+                    out.insert(out.len() - 1, Statement::Assign(broken, PyExpr::Number(0.0)));
+                    out.push(Statement::If(vec![(is_whole, other)], Vec::new()));
                 }
                 "for" => {
                     let c = block_colon(rest).ok_or_else(|| Refusal::new("'for' without ':'", piece.range()))?;
@@ -129,13 +154,58 @@ impl Model<'_, '_> {
                 "break" => out.push(Statement::Break(piece.range())),
                 "continue" => out.push(Statement::Continue(piece.range())),
                 "import" | "from" => self.import(piece),
-                "try" | "with" | "def" | "class" | "raise" | "del" | "sproduce" | "nsproduce" | "lambda" => {
+                "def" if nesting == 0 => self.own_function(rest, inner, piece.range())?,
+                "def" => {
+                    let why = Refusal::new("'def' within another block", piece.range());
+                    return Err(why.remedy("write the function outside of the production"));
+                }
+                "try" | "with" | "class" | "raise" | "del" | "sproduce" | "nsproduce" | "lambda" => {
                     return Err(Refusal::new(format!("'{}' in a production", word.text), piece.range()));
                 }
-                _ => out.extend(assign_statement(piece)?),
+                _ => match own_lambda(piece) {
+                    Some((name, function)) if nesting == 0 => self.add_own_function(name, function)?,
+                    _ => out.extend(assign_statement(piece)?),
+                },
             }
         }
         Ok(out)
+    }
+
+    /// Reads a `def` of a production or a function: a value of its parameters and of the variables around it.
+    fn own_function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: Range<usize>) -> Result<(), Refusal> {
+        let refused = || {
+            let why = Refusal::new("a 'def' of a production that is more than a value", range.clone());
+            why.remedy("write the function outside of the production, with what it reads as parameters")
+        };
+        let head = function_head(rest).ok_or_else(refused)?;
+        let defaults = head.params.iter().map(|(_, value)| value.map(parse).transpose());
+        let defaults = defaults.collect::<Result<Vec<_>, _>>()?;
+        if defaults.iter().flatten().any(|e| !is_written_out(e)) {
+            return Err(refused());
+        }
+        let params: Vec<String> = head.params.into_iter().map(|(name, _)| name).collect();
+        let inline = [Line { indent: 0, piece: head.body }];
+        let lines: &[Line<'_>] = if head.body.text.is_empty() { block } else { &inline };
+        let list = self.statements(lines)?;
+        let with_others = |e: &PyExpr| with_functions(e, &self.own_functions, &self.scope);
+        let list = list.iter().rev().map(|s| s.mapped(&String::clone, &with_others)).collect();
+        // Other names than its parameters may be variables of the production, whose values are not known here.
+        let (functions, has_none) = (self.scope.functions.clone(), self.scope.has_none);
+        let scope = Scope { functions, has_none, ..Scope::default() };
+        let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
+        let mut function = FunctionValue { scope: &scope, place: range.clone(), count: 0 };
+        let value = function.of(list, params.clone(), values, 0).map_err(|_| refused())?;
+        let name = rest.text.split('(').next().unwrap_or("").trim();
+        self.add_own_function(rest.up_to(name.len()), OwnFunction { params, defaults, value })
+    }
+
+    /// Adds a function of a production. All its calls mean this one, so that a second one of its name is refused.
+    fn add_own_function(&mut self, name: Piece<'_>, function: OwnFunction) -> Result<(), Refusal> {
+        if self.own_functions.insert(name.text.to_owned(), function).is_none() {
+            return Ok(());
+        }
+        let why = Refusal::new(format!("a second function '{}' of a production", name.text), name.range());
+        Err(why.remedy("give each function a name of its own"))
     }
 
     /// A test of a statement or of a production.
@@ -234,6 +304,30 @@ impl Model<'_, '_> {
             other => other,
         }
     }
+}
+
+/// `name = lambda x: value`.
+fn own_lambda(piece: Piece<'_>) -> Option<(Piece<'_>, OwnFunction)> {
+    let (name, value) = assignment(piece)?;
+    let (params, value) = lambda(value).filter(|_| is_name(name.text))?;
+    Some((name, OwnFunction { params, defaults: Vec::new(), value }))
+}
+
+/// Statements of a loop that set a variable to 1 before each `break` of the loop.
+fn noting_breaks(list: Vec<Statement>, name: &String) -> Vec<Statement> {
+    let mut out = Vec::with_capacity(list.len());
+    for s in list {
+        match s {
+            Statement::Break(_) => out.extend([Statement::Assign(name.clone(), PyExpr::Number(1.0)), s]),
+            Statement::If(tests, other) => {
+                let tests = tests.into_iter().map(|(test, then)| (test, noting_breaks(then, name))).collect();
+                out.push(Statement::If(tests, noting_breaks(other, name)));
+            }
+            // A `break` within another loop ends that one.
+            _ => out.push(s),
+        }
+    }
+    out
 }
 
 /// True for numbers, texts, and lists of them.
