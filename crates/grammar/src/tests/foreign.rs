@@ -795,6 +795,13 @@ fn productions_of_lpy_may_define_functions() {
 }
 
 #[test]
+fn lists_of_productions_of_lpy_leave_those_of_the_model_as_they_are() {
+    let model = "q = []\nfor i in range(2): q = q + [randint(7,7)]\nAxiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n  \
+                 for i in range(2): p = [x*2, x*3]\n  nproduce B(q[0],q[1],p[0],p[1])\n";
+    assert_eq!(lpy(model), "B(7,7,4,6)");
+}
+
+#[test]
 fn loops_of_lpy_may_have_else() {
     let model = |lines: &str| format!("Axiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n{lines}  nproduce C\n");
     for (lines, wanted) in [

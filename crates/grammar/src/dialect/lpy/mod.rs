@@ -72,6 +72,7 @@ struct Model<'r, 's> {
     shared: Vec<String>,
     /// Values of shared names before the first step, for items that need a constant.
     initial: BTreeMap<String, f64>,
+    /// How many variables and lists this reader has named. Values of the model are among them, so that no production uses a number again.
     temporaries: usize,
     /// Functions that are more than one expression, by name: their parameters and statements.
     bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,

@@ -257,7 +257,6 @@ impl Model<'_, '_> {
         let (block, _) = block_after(list, i, indent);
         // Variables of one production are unknown in the next.
         self.scope.locals.clear();
-        self.temporaries = 0;
         let arrow = ["-static->", "-->"].iter().find_map(|a| piece.text.find(a).map(|i| (i, i + a.len())));
         let (head, condition, statements) = if let Some((from, to)) = arrow {
             let head = piece.up_to(from);
