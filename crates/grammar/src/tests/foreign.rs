@@ -483,13 +483,52 @@ fn productions_of_lpy_may_hold_lists() {
     let drawn = lpy(&model("  p = [randint(1,1000000), 0]\n  nproduce B(p[0],p[0])\n"));
     let (a, b) = drawn.split_once(',').unwrap_or_default();
     assert_eq!(a.trim_start_matches("B("), b.trim_end_matches(')'), "{drawn}");
-    for lines in [
-        "  p = [1, x]\n  nproduce B(p)\n",
-        "  p = [1, x]\n  p[0] = 2\n  nproduce B(p[0])\n",
-        "  p = [1, x]\n  p.append(2)\n  nproduce B(p[2])\n",
+    let said = try_read(&format!("{}endlsystem\n", model("  p = [1, x]\n  nproduce B(p)\n")));
+    assert!(said.is_err_and(|e| e.to_string().contains("L007")));
+}
+
+#[test]
+fn lists_of_lpy_may_change() {
+    let head = "m = [1]\nm.extend([2, 3])\nm.append(9)\nm[0] += 4\nd = {}\nd['a'] = 4\nd['b'] = 5\nd['a'] = 6\nlast = m.pop()\n\
+                def squares(n):\n  q = []\n  for i in range(n): q.append(i*i)\n  return q\nr = squares(3)\nr.append(7)\n";
+    let model = |lines: &str| format!("{head}Axiom: A(5)\nderivation length: 1\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  nproduce B(m[0],len(m),last,d['a'],d['b'])\n", "B(5,3,9,6,5)"),
+        ("  q = []\n  for i in range(3): q.append(2**i)\n  for v in q: nproduce B(v)\n", "B(1)B(2)B(4)"),
+        // Items are taken when they are added.
+        ("  q = [x]\n  q.append(x+1)\n  x = 0\n  q.extend([7, x])\n  x = 3\n  nproduce B(*q)\n", "B(5,6,7,0)"),
+        ("  q = [1, 2, 3]\n  q[1] = 9\n  q[-1] += x\n  nproduce B(q[1],q[2],sum(q))\n", "B(9,8,18)"),
+        (
+            "  q = [1, 2, 3]\n  v = q.pop()\n  w = q.pop(0)\n  q.insert(0, 7)\n  nproduce B(v,w,q[0],len(q))\n",
+            "B(3,1,7,2)",
+        ),
+        ("  q = [3, 1, 2]\n  q.sort()\n  q.reverse()\n  nproduce B(*q)\n", "B(3,2,1)"),
+        ("  q = []\n  i = 0\n  while i < 3:\n    q.append(i*i)\n    i += 1\n  nproduce B(sum(q))\n", "B(5)"),
+        ("  q = [1]\n  if x > 3: q.append(2)\n  nproduce B(len(q))\n", "B(2)"),
+        (
+            "  p = [1, 2]\n  q = p[:]\n  r = list(p)\n  q.append(3)\n  r[0] = 4\n  nproduce B(len(p),len(q),r[0],p[0])\n",
+            "B(2,3,4,1)",
+        ),
+        ("  q = squares(4)\n  q.append(x)\n  nproduce B(*q)\n  nproduce B(r[2],r[3])\n", "B(0,1,4,9,5)B(4,7)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    for (lines, why) in [
+        ("  m.append(1)\n  nproduce B\n", "the list 'm', which this block has not made"),
+        ("  p = [1]\n  q = p\n  q.append(2)\n  nproduce B(len(p))\n", "the list 'q', which has two names"),
+        ("  p = [1]\n  q = [p, 2]\n  p.append(2)\n  nproduce B(len(q[0]))\n", "the list 'p', which has two names"),
+        (
+            "  p = [[x, 1], [2, x]]\n  for q in p:\n    q.append(2)\n    nproduce B\n",
+            "a change of 'q', an item of a list",
+        ),
+        ("  p = [1]\n  q = p\n  q += [2]\n  nproduce B(len(p))\n", "the list 'q', which has two names"),
+        ("  q = [[1], [2]]\n  q[0][0] = 3\n  nproduce B\n", "an item within a list of lists"),
+        ("  q = [1]\n  q[x] = 2\n  nproduce B\n", "this change of a list, 'set'"),
+        ("  nproduce B(m[0])\na = [1]\nb = a\nb.append(2)\n", "the list 'b', which has two names"),
+        ("  nproduce B(m[0])\nx.append(2)\n", "the list 'x', which is no list of known values"),
     ] {
         let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
-        assert!(said.contains("L007"), "{lines}: {said}");
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
     }
 }
 

@@ -6,13 +6,14 @@ use std::ops::Range;
 
 use osier_base::convert::{limit, saturating_index};
 
+use super::lists;
 use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp, is_zero};
 use crate::dialect::text::Piece;
 
 /// Nesting of one expression; deeper ones are refused.
 const MAX_DEPTH: usize = 200;
 /// Operations of one expression after its functions are inserted.
-const MAX_OPS: usize = 20_000;
+pub(super) const MAX_OPS: usize = 20_000;
 /// Upper limit on the numbers of a `range(..)`.
 const MAX_ITEMS: f64 = 10_000.0;
 /// Numbers of a list that a rule looks up by an index which is not constant.
@@ -110,7 +111,7 @@ pub(super) const UNKNOWN: &str = "(changes)";
 /// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
 const DICTIONARY: &str = "{..}";
 /// Name of the call that stands for `from:to:step` in the brackets of an index, and of one for a part that is missing.
-const SLICE: &str = "[:]";
+pub(super) const SLICE: &str = "[:]";
 const NOTHING: &str = "[]";
 /// What names of the model begin with in functions, whose callers may have variables of these names.
 const OF_MODEL: &str = "::";
@@ -850,6 +851,9 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             {
                 return Err(text_refusal(*value, range.clone()));
             }
+            if let Some(change) = lists::change_named(name) {
+                return lists::changed(change, &args, scope, range);
+            }
             match (name.as_str(), args.as_slice()) {
                 ("range" | "xrange" | "arange", _) => numbers_of_range(&args, scope, range)?,
                 ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(saturating_index(items.len()))),
@@ -1086,7 +1090,7 @@ fn combined(op: PyOp, a: Box<PyExpr>, b: Box<PyExpr>, scope: &Scope) -> Result<P
 }
 
 /// A list of constant numbers in ascending order.
-fn sorted(items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+pub(super) fn sorted(items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     let number = |e: &PyExpr| constant_of(e, scope).filter(|_| !matches!(e, PyExpr::Text(..)));
     let numbers = items.iter().map(number).collect::<Option<Vec<f64>>>();
     let mut numbers =
@@ -1173,7 +1177,7 @@ fn folded(e: PyExpr, scope: &Scope) -> PyExpr {
 }
 
 /// The value of a resolved expression that is constant.
-fn constant_of(e: &PyExpr, scope: &Scope) -> Option<f64> {
+pub(super) fn constant_of(e: &PyExpr, scope: &Scope) -> Option<f64> {
     let mut ops = Vec::new();
     emit(e, scope, &mut ops).ok()?;
     crate::vm::constant_value(&Bytecode { ops, ..Bytecode::default() }).filter(|v| v.is_finite())

@@ -5,6 +5,7 @@ mod bounds;
 mod color;
 mod expression;
 mod imports;
+mod lists;
 mod rule;
 mod statement;
 mod strings;
@@ -15,6 +16,7 @@ use std::ops::Range;
 use self::expression::{
     OwnFunction, PyExpr, Refusal, Scope, compile, first_call, has_random, is_dictionary, of_model, parse, resolve,
 };
+use self::lists::change_of;
 use self::rule::Step;
 use self::statement::{
     FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, only_returns, renamed,
@@ -76,6 +78,8 @@ struct Model<'r, 's> {
     temporaries: usize,
     /// Functions that are more than one expression, by name: their parameters and statements.
     bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,
+    /// Lists of the model that have two names.
+    shared_lists: BTreeSet<String>,
     /// Functions that the production which is read defines.
     own_functions: BTreeMap<String, OwnFunction>,
     /// Places of the loops that run as code, which each block with loops has a copy of.
@@ -127,6 +131,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         initial: BTreeMap::new(),
         temporaries: 0,
         bodies: BTreeMap::new(),
+        shared_lists: BTreeSet::new(),
         own_functions: BTreeMap::new(),
         loop_places: Vec::new(),
         star: 0,
@@ -629,6 +634,7 @@ impl<'s> Model<'_, 's> {
         for (name, list) in &way.lists {
             self.global(name, list, range.clone());
         }
+        self.shared_lists.extend(way.shared_lists.iter().cloned());
         Ok(true)
     }
 
@@ -647,6 +653,7 @@ impl<'s> Model<'_, 's> {
             && !is_shared
             && !has_random(list, &self.scope)
         {
+            self.share_lists_of_model(name, e);
             self.scope.constants.remove(name);
             self.scope.unreadable.remove(name);
             self.scope.lists.insert(name.to_owned(), list.clone());
@@ -752,16 +759,35 @@ impl<'s> Model<'_, 's> {
             return next;
         }
         let compact: String = piece.text.chars().filter(|c| !c.is_whitespace()).collect();
-        let is_setting = ["context(", "lsystem.", "setCodeVersion"];
+        let is_setting = ["context(", "lsystem.", "sys.path", "setCodeVersion"];
         if is_setting.iter().any(|s| compact.starts_with(s)) || is_seed(piece) {
             return next;
+        }
+        match change_of(piece) {
+            Ok(None) => {}
+            Ok(Some(changes)) => {
+                for (name, e) in changes {
+                    let is_lost = self.check_change_of_model(&name, &e);
+                    if self.settle(is_lost) == Some(false) {
+                        self.global(&name, &e, range.clone());
+                    }
+                }
+                return next;
+            }
+            Err(why) => {
+                self.refuse(&why);
+                return next;
+            }
         }
         // `x += 2`; a plain assignment may have lists and several names.
         if assignment(piece).is_none()
             && let Ok([Statement::Assign(name, e)]) = assign_statement(piece).as_deref()
             && name.chars().all(|c| c.is_alphanumeric() || c == '_')
         {
-            self.global(name, e, range);
+            let is_lost = self.check_change_of_model(name, e);
+            if self.settle(is_lost) == Some(false) {
+                self.global(name, e, range);
+            }
             return next;
         }
         if let Some((names, mut value)) = assignment(piece) {

@@ -7,6 +7,7 @@ use super::bounds::{Bounds, mentions};
 use super::expression::{PyExpr, PyOp, Refusal, Scope, UNKNOWN};
 use super::expression::{arguments, compile, first_call, has_random, model_name, parse, plain_name, range_of, resolve};
 use super::expression::{size_with, substitute};
+use super::lists::{changes, is_change, names_held};
 use super::statement::{GROUP, Statement, assigned, call_in, in_turn, is_written_out, only_computes};
 use super::statement::{read_name, renamed, with_lists, without_call};
 use super::strings::{PyModule, Spelled, spell};
@@ -160,6 +161,8 @@ pub(super) struct Way {
     known: BTreeMap<String, Option<f64>>,
     /// Variables that the way has set to lists, which stand where the names are read.
     pub lists: BTreeMap<String, PyExpr>,
+    /// Those of them, and lists of the model, that have two names.
+    pub shared_lists: BTreeSet<String>,
     /// What its conditions leave of the values of its variables.
     bounds: Bounds,
     /// How many functions it has called.
@@ -507,11 +510,21 @@ impl Model<'_, '_> {
                 out.push(way);
                 continue;
             };
-            let statement = with_lists(statement, &way.lists);
             if self.call(&statement, &mut way, &mut left)? {
                 open.push((way, left));
                 continue;
             }
+            // The names whose lists an assignment hands on, before the lists take their place.
+            let held = match &statement {
+                Statement::Assign(name, e) => {
+                    self.check_change(name, e, &way)?;
+                    names_held(e)
+                }
+                _ => BTreeSet::new(),
+            };
+            let is_same =
+                matches!(&statement, Statement::Assign(_, e) if !matches!(e, PyExpr::List(..)) && !is_change(e));
+            let statement = with_lists(statement, &way.lists);
             match statement {
                 Statement::Pass => open.push((way, left)),
                 Statement::Global(names) => {
@@ -542,9 +555,14 @@ impl Model<'_, '_> {
                     let list = self.list_of(&e, &way).filter(|_| !way.globals.contains(&name));
                     if let Some(list) = list {
                         let mut taken = Vec::new();
-                        let list = self.kept(&list, &way, &mut taken);
-                        let list = self.named_list(list, &mut format!("(list of {})", self.temporaries));
-                        self.temporaries += 1;
+                        let mut list = self.kept(&list, &way, &mut taken);
+                        // A list that changes has no name for each of its changes.
+                        if !is_change(&e) {
+                            list = self.named_list(list, &mut format!("(list of {})", self.temporaries));
+                            self.temporaries += 1;
+                            way.shared_lists.remove(&name);
+                        }
+                        self.share_lists(&name, is_same, &held, &mut way);
                         way.lists.insert(name, list);
                         left.extend(taken.into_iter().rev());
                         open.push((way, left));
@@ -629,6 +647,10 @@ impl Model<'_, '_> {
                         };
                         if items.len().saturating_mul(body.len() + 1) > MAX_STEPS {
                             return Err(Refusal::new("'for' with too many turns", place));
+                        }
+                        if changes(&body, &name) {
+                            let why = Refusal::new(format!("a change of '{name}', an item of a list"), place);
+                            return Err(why.remedy("make a copy under another name and change that one: p = list(q)"));
                         }
                         left.push(Statement::LoopEnd);
                         for item in items.into_iter().rev() {
@@ -860,6 +882,7 @@ impl Model<'_, '_> {
             PyExpr::Call(name, ..) => {
                 matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
                     || self.scope.functions.contains_key(name)
+                    || is_change(e)
             }
             _ => false,
         }
@@ -875,7 +898,8 @@ impl Model<'_, '_> {
 
     /// A list of numbers, and of variables that the statements `taken` set, so that it may be read at any time.
     fn kept(&mut self, e: &PyExpr, way: &Way, taken: &mut Vec<Statement>) -> PyExpr {
-        if is_written_out(e) {
+        let is_kept = matches!(e, PyExpr::Name(name, _) if name.starts_with("(item "));
+        if is_written_out(e) || is_kept {
             return e.clone();
         }
         if let Some(PyExpr::List(items, place)) = self.list_of(e, way) {

@@ -10,6 +10,7 @@ use super::expression::{OwnFunction, PyExpr, PyOp, Refusal, Scope};
 use super::expression::{
     compile, exchanged, first_call, has_random, parse, resolve, size_with, substitute, tested, with_functions,
 };
+use super::lists::{change_of, is_change};
 use super::strings::{PyModule, closing, modules, split};
 use super::{Line, Model, assignment, block_after, block_colon, function_head, is_name, lambda};
 use crate::code::is_zero;
@@ -17,6 +18,17 @@ use crate::dialect::text::Piece;
 
 /// Variable with the number of the group of productions that is active, which no model can name.
 pub(super) const GROUP: &str = "(group)";
+
+/// Assignments that change a value; signs of two characters before the signs that they end with.
+pub(super) const OPERATORS: [(&str, PyOp); 7] = [
+    ("**=", PyOp::Pow),
+    ("//=", PyOp::FloorDiv),
+    ("%=", PyOp::Mod),
+    ("+=", PyOp::Add),
+    ("-=", PyOp::Sub),
+    ("*=", PyOp::Mul),
+    ("/=", PyOp::Div),
+];
 
 /// Deepest nesting of blocks in a production; deeper ones are refused, as the reader recurses.
 const MAX_NESTING: usize = 64;
@@ -487,17 +499,10 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
         let number = parse(Piece::new(piece.at + "useGroup(".len(), number))?;
         return Ok(vec![Statement::Assign(GROUP.to_owned(), number)]);
     }
-    // Signs of two characters before the signs that they end with.
-    let changes = [
-        ("**=", PyOp::Pow),
-        ("//=", PyOp::FloorDiv),
-        ("%=", PyOp::Mod),
-        ("+=", PyOp::Add),
-        ("-=", PyOp::Sub),
-        ("*=", PyOp::Mul),
-        ("/=", PyOp::Div),
-    ];
-    for (sign, op) in changes {
+    if let Some(changes) = change_of(piece)? {
+        return Ok(changes.into_iter().map(|(name, e)| Statement::Assign(name, e)).collect());
+    }
+    for (sign, op) in OPERATORS {
         if let Some(i) = piece.text.find(sign) {
             let name = piece.up_to(i).trimmed();
             let value = parse(piece.from(i + sign.len()).trimmed())?;
@@ -581,6 +586,7 @@ pub(super) fn only_computes(statements: &[Statement]) -> bool {
         Statement::If(tests, other) => tests.iter().all(|(_, then)| only_computes(then)) && only_computes(other),
         Statement::For(_, _, body, _) | Statement::While(_, body, ..) => only_computes(body),
         Statement::Produce(..) | Statement::Return(..) => false,
+        Statement::Assign(_, e) => !is_change(e),
         _ => true,
     })
 }
@@ -707,6 +713,9 @@ impl FunctionValue<'_> {
             }
             match statement {
                 Statement::Pass => {}
+                Statement::Assign(_, e) if is_change(&e) => {
+                    return Err(Refusal::new("a list that changes in a function with a value", self.place.clone()));
+                }
                 Statement::Assign(name, e) => {
                     let value = self.value(&e, &names, &values)?;
                     if has_random(&value, self.scope) {
