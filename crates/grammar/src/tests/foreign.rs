@@ -397,6 +397,8 @@ fn loops_of_lpy_may_go_over_enumerate_and_zip() {
     for (turns, made, wanted) in [
         ("i, v in enumerate(q)", "B(i,v)", "B(0,5)B(1,6)"),
         ("(i, v) in enumerate([4, 8, 9])", "B(i,v)", "B(0,4)B(1,8)B(2,9)"),
+        ("i, v in enumerate(q, 1)", "B(i,v)", "B(1,5)B(2,6)"),
+        ("i, v in enumerate(q, start=3)", "B(i,v)", "B(3,5)B(4,6)"),
         ("a, b in zip([1, 2], [3, 4, 5])", "B(a,b)", "B(1,3)B(2,4)"),
         ("a, b, c in zip(q, range(3), [7, 8, 9])", "B(a,b+c)", "B(5,7)B(6,9)"),
     ] {
@@ -408,7 +410,7 @@ fn loops_of_lpy_may_go_over_enumerate_and_zip() {
     // 3 * (3 * 1 + 4 * 2) + 3 * 11.
     assert_eq!(lpy(&format!("{head}Axiom: A(1)\nproduction:\nA(x) --> B(total(x))\n")), "B(66)");
     for turns in
-        ["a, b in q", "a, b in enumerate(q, 1)", "a, b, c in zip(q, q)", "a, b in items(q)", "a+b, c in [(1, 2)]"]
+        ["a, b in q", "a, b in enumerate(q, 1, 2)", "a, b, c in zip(q, q)", "a, b in items(q)", "a+b, c in [(1, 2)]"]
     {
         let said =
             try_read(&format!("{}endlsystem\n", model(turns, "B"))).err().map_or_else(String::new, |e| e.to_string());
@@ -636,12 +638,18 @@ fn statements_of_lpy_outside_of_productions_run() {
 
 #[test]
 fn models_of_lpy_may_have_dictionaries_of_constants() {
-    let head = "k = 2\nd = {\n  'len': 3,   # metres\n  'angles': [10, 20*k],\n}\nages = {1: 5, k: 6, 3: 7}\n\
+    let head = "k = 2\nd = {\n  'len': 3,   # metres\n  'angles': [10, 20*k],\n}\nages = {1: 5, k: 6, 3: 7}\nw = dict(a=1, b=2*k)\n\
                 def f(name): return d[name]\n";
     let model = |lines: &str| format!("{head}Axiom: A(2)\nproduction:\nA(x):\n{lines}");
     for (lines, wanted) in [
         ("  nproduce B(d['len'],d['angles'][1],f(\"len\"))\n", "B(3,40,3)"),
         ("  nproduce B(ages[1],ages[x],ages[x+1])\n", "B(5,6,7)"),
+        ("  for a in ages: nproduce B(a,ages[a])\n", "B(1,5)B(2,6)B(3,7)"),
+        ("  for i, a in enumerate(ages): nproduce B(i,a)\n", "B(0,1)B(1,2)B(2,3)"),
+        ("  for a, v in ages.items(): nproduce B(a,v)\n", "B(1,5)B(2,6)B(3,7)"),
+        ("  nproduce B(sum(ages.values()),max(ages.keys()),len(ages),sum([a for a in ages]))\n", "B(18,3,3,6)"),
+        ("  nproduce B(d.get('len',9),d.get('width',9),ages.get(x,8),ages.get(x+5,8))\n", "B(3,9,6,8)"),
+        ("  if d.get('width') is None and not d.get('width'): nproduce B(w['a'],w['b'])\n", "B(1,4)"),
         ("  for v in d['angles']: nproduce B(v)\n  if x in ages and 'l' not in d: nproduce C\n", "B(10)B(40)C"),
     ] {
         assert_eq!(lpy(&model(lines)), wanted, "{lines}");
@@ -650,7 +658,7 @@ fn models_of_lpy_may_have_dictionaries_of_constants() {
         ("  nproduce B(d['width'])\n", "a key that its dictionary does not have"),
         ("  nproduce B(ages)\n", "a dictionary"),
         ("  nproduce B({1, 2})\n", "a dictionary"),
-        ("  for i, v in enumerate(ages): nproduce B(v)\n", "L007"),
+        ("  nproduce B(ages.get(random(),1))\n", "a key of this dictionary"),
     ] {
         let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
         assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
@@ -841,6 +849,17 @@ fn lists_of_productions_of_lpy_leave_those_of_the_model_as_they_are() {
 }
 
 #[test]
+fn imports_of_lpy_may_fail() {
+    let model = |head: &str| format!("{head}Axiom: A(4)\nderivation length: 1\nproduction:\nA(x) --> B(root(x))\n");
+    let head =
+        "try:\n  from openalea.plantgl.all import *\n  from math import sqrt as root\nexcept ImportError:\n  pass\n";
+    assert_eq!(lpy(&model(head)), "B(2)");
+    let other = head.replace("  from openalea", "  n = 3\n  from openalea");
+    let said = try_read(&format!("{}endlsystem\n", model(&other))).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("'try' outside of a production"), "{said}");
+}
+
+#[test]
 fn loops_of_lpy_may_have_else() {
     let model = |lines: &str| format!("Axiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n{lines}  nproduce C\n");
     for (lines, wanted) in [
@@ -905,6 +924,10 @@ fn more_functions_of_python_are_known_to_lpy() {
         ("if any([v > x for v in q]) or all(v < x for v in q): produce B(any([]),all([]))", "B(0,1)"),
         ("if any(v > 2*x-12 for v in q): produce B", "B"),
         ("produce B(hypot(3,x-3),fmod(-x,4),log(8,2),log10(1000))", "B(5,-3,3,3)"),
+        ("for v in sorted(q, reverse=True): nproduce B(v)", "B(3)B(2)B(1)"),
+        ("produce B(q.index(2),len([a*b for a in q for b in range(a) if b > 0]))", "B(2,3)"),
+        ("produce B(sum([i*v for i, v in enumerate(q)]),sum(a*b for a, b in zip(q, [5,6])))", "B(5,21)"),
+        ("produce B(randrange(1),randrange(4,5),1 if isForward() else 2)", "B(0,4,1)"),
         ("produce B(round(x/3,2),round(1234.5,-2),round(cosh(0)+sinh(0)+tanh(0),3))", "B(2.33,1200,1)"),
     ] {
         assert_eq!(lpy(&model(rule)), wanted, "{rule}");
@@ -912,6 +935,9 @@ fn more_functions_of_python_are_known_to_lpy() {
     for (rule, why) in [
         ("produce B(len(q*x))", "that is not constant"),
         ("produce B(sorted([x, 1])[0])", "'sorted'"),
+        ("produce B(q.index(8))", "'index' of a value that its list does not have"),
+        ("produce B(q.size)", "an attribute of 'q'"),
+        ("nsproduce(makestring('F'))", "'nsproduce' in a production"),
         ("produce B(round(x,x))", "digits of 'round'"),
         ("produce B(len([0]*10000*10000))", "too many items"),
     ] {

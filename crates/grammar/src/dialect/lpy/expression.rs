@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use osier_base::convert::{limit, saturating_index};
 
-use super::lists;
+use super::{dictionary, lists};
 use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp, is_zero};
 use crate::dialect::text::Piece;
 
@@ -17,7 +17,7 @@ pub(super) const MAX_OPS: usize = 20_000;
 /// Upper limit on the numbers of a `range(..)`.
 const MAX_ITEMS: f64 = 10_000.0;
 /// Numbers of a list that a rule looks up by an index which is not constant.
-const MAX_LOOKUP: usize = 256;
+pub(super) const MAX_LOOKUP: usize = 256;
 /// A divisor larger than any number of a model: the remainder of a division by it cuts a number to an integer.
 const CUT: f64 = 1e18;
 
@@ -71,6 +71,13 @@ pub(super) enum PyExpr {
     Each(Box<Self>, String, Box<Self>, Range<usize>),
 }
 
+impl PyExpr {
+    /// `None` of Python.
+    pub fn none(range: Range<usize>) -> Self {
+        Self::Text(NONE, range)
+    }
+}
+
 /// Binary operators; `FloorDiv` and `Mod` round towards minus infinity, as in Python.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PyOp {
@@ -109,10 +116,14 @@ const IN: &str = "in";
 /// Name that stands for a variable whose value is not known where a value that must be constant is looked for; no scope has it.
 pub(super) const UNKNOWN: &str = "(changes)";
 /// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
-const DICTIONARY: &str = "{..}";
+pub(super) const DICTIONARY: &str = "{..}";
 /// Name of the call that stands for `from:to:step` in the brackets of an index, and of one for a part that is missing.
 pub(super) const SLICE: &str = "[:]";
 const NOTHING: &str = "[]";
+/// Name of the call that stands for the items of the lists of a list, `[.. for a in q for b in a]`.
+const FLAT: &str = "[[]]";
+/// Methods that read a list or a dictionary; a call of one is that of a function with a point before its name.
+const METHODS: [&str; 6] = ["index", "get", "keys", "values", "items", "copy"];
 /// What names of the model begin with in functions, whose callers may have variables of these names.
 const OF_MODEL: &str = "::";
 /// Most items of a list that `in` compares with, one after the other.
@@ -224,6 +235,11 @@ fn number_length(text: &str) -> usize {
     n
 }
 
+fn attribute_refusal(name: &str, range: Range<usize>) -> Refusal {
+    let why = Refusal::new(format!("an attribute of '{name}'"), range);
+    why.remedy("use a plain value or a list; of attributes .x, .y and .z of a vector are known")
+}
+
 struct PyParser {
     tokens: Vec<PyToken>,
     i: usize,
@@ -283,6 +299,18 @@ impl PyParser {
                 Err(text_refusal(*value, range.clone()))
             }
             _ => Ok(()),
+        }
+    }
+
+    /// The function that a method is which reads a list or a dictionary, if its call follows: `.index` of `.index(`.
+    fn method(&self) -> Option<String> {
+        match self.tokens.get(self.i..)? {
+            [_, PyToken { kind: PyTokenKind::Name(name), .. }, PyToken { kind: PyTokenKind::Sign("("), .. }, ..]
+                if METHODS.contains(&name.as_str()) =>
+            {
+                Some(format!(".{name}"))
+            }
+            _ => None,
         }
     }
 
@@ -545,6 +573,14 @@ impl PyParser {
                 // Modules of functions: math.sin is sin.
                 let mut name = first;
                 while self.sign() == Some(".") {
+                    if let Some(method) = self.method() {
+                        self.i += 3;
+                        let mut call = self.call(method, t.range.clone())?;
+                        if let PyExpr::Call(_, args, _) = &mut call {
+                            args.insert(0, PyExpr::Name(name, t.range));
+                        }
+                        return self.indexed(call);
+                    }
                     // A coordinate of a vector, which a query answers with.
                     if let Some(PyTokenKind::Name(axis)) = self.tokens.get(self.i + 1).map(|t| &t.kind)
                         && matches!(axis.as_str(), "x" | "y" | "z")
@@ -554,7 +590,7 @@ impl PyParser {
                         continue;
                     }
                     if !matches!(name.as_str(), "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m") {
-                        return Err(Refusal::new(format!("an attribute of '{name}'"), self.here()));
+                        return Err(attribute_refusal(&name, self.here()));
                     }
                     self.i += 1;
                     let Some(next) = self.word() else {
@@ -570,7 +606,7 @@ impl PyParser {
                 match name.as_str() {
                     "True" => Ok(PyExpr::Number(1.0)),
                     "False" => Ok(PyExpr::Number(0.0)),
-                    "None" => Ok(PyExpr::Text(NONE, t.range)),
+                    "None" => Ok(PyExpr::none(t.range)),
                     _ => self.indexed(PyExpr::Name(name, t.range)),
                 }
             }
@@ -598,8 +634,12 @@ impl PyParser {
         if !self.eat_word("for") {
             return Err(Refusal::new("a list that does not end", place));
         }
-        let Some(name) = self.word().map(str::to_owned) else { return Err(Refusal::new("'for'", place)) };
-        self.i += 1;
+        let mut names = Vec::new();
+        while names.is_empty() || self.eat(",") {
+            let Some(name) = self.word().map(str::to_owned) else { return Err(Refusal::new("'for'", place)) };
+            names.push(name);
+            self.i += 1;
+        }
         if !self.eat_word("in") {
             return Err(Refusal::new("'for'", place));
         }
@@ -609,14 +649,27 @@ impl PyParser {
         while self.eat_word("if") {
             tests.push(self.or()?);
         }
-        if self.word() == Some("for") {
-            return Err(Refusal::new("a list over two lists", self.here()));
-        }
+        let is_nested = self.word() == Some("for");
+        let value = if is_nested { self.each(value, range.clone())? } else { value };
         let value = tests.into_iter().rev().fold(value, |value, test| {
             let nothing = PyExpr::Call(NOTHING.to_owned(), Vec::new(), range.clone());
             PyExpr::Choice(Box::new(test), Box::new(value), Box::new(nothing))
         });
-        Ok(PyExpr::Each(Box::new(value), name, Box::new(list), range))
+        // `for x, y in list` takes each item apart.
+        let (value, name) = match names.as_slice() {
+            [name] => (value, name.clone()),
+            _ => {
+                let item = format!("(item at {})", place.start);
+                let at = |k: usize| {
+                    let item = Box::new(PyExpr::Name(item.clone(), place.clone()));
+                    PyExpr::Index(item, Box::new(PyExpr::Number(f64::from(saturating_index(k)))), place.clone())
+                };
+                let parts: Vec<PyExpr> = (0..names.len()).map(at).collect();
+                (substitute(&value, &names, &parts), item)
+            }
+        };
+        let all = PyExpr::Each(Box::new(value), name, Box::new(list), range.clone());
+        Ok(if is_nested { PyExpr::Call(FLAT.to_owned(), vec![all], range) } else { all })
     }
 
     /// Indices behind a value.
@@ -704,6 +757,8 @@ pub(super) struct Scope {
     pub defaults: BTreeMap<String, Vec<Option<PyExpr>>>,
     /// The model has `None` or an empty text, which fail a test.
     pub has_none: bool,
+    /// The model calls `backward()`.
+    pub is_backward: bool,
     /// Calls of functions in the expression that is resolved.
     pub calls: Cell<usize>,
     /// The code is that of `StartEach`, which runs before the step: `Q` counts the steps that are completed.
@@ -854,6 +909,9 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             if let Some(change) = lists::change_named(name) {
                 return lists::changed(change, &args, scope, range);
             }
+            if let Some(of_dictionary) = dictionary::method(name, &args, scope, range) {
+                return of_dictionary;
+            }
             match (name.as_str(), args.as_slice()) {
                 ("range" | "xrange" | "arange", _) => numbers_of_range(&args, scope, range)?,
                 ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(saturating_index(items.len()))),
@@ -865,11 +923,32 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                     PyExpr::Call(name.clone(), items.clone(), range.clone())
                 }
                 ("bool", [PyExpr::List(items, _)]) => PyExpr::Number(if items.is_empty() { 0.0 } else { 1.0 }),
-                ("list" | "tuple", [list @ PyExpr::List(..)]) => list.clone(),
+                ("list" | "tuple" | ".copy", [list @ PyExpr::List(..)]) => list.clone(),
+                ("dict", _) => dictionary_of(&args, range)?,
+                ("isForward", []) => PyExpr::Number(if scope.is_backward { 0.0 } else { 1.0 }),
+                (".index", [PyExpr::List(items, _), value]) => index_of(value, items, scope, range)?,
+                (FLAT, [PyExpr::List(lists, _)]) => flat(lists, range)?,
+                ("enumerate", [PyExpr::List(items, _), start @ ..]) if start.len() <= 1 => {
+                    let start = first_number(start, scope, range)?;
+                    let number = |k: usize| PyExpr::Number(start + f64::from(saturating_index(k)));
+                    let pairs = items.iter().enumerate().map(|(k, e)| vec![number(k), e.clone()]);
+                    PyExpr::List(pairs.map(|pair| PyExpr::List(pair, range.clone())).collect(), range.clone())
+                }
+                ("zip", lists) if !lists.is_empty() && lists.iter().all(|l| matches!(l, PyExpr::List(..))) => {
+                    zipped(lists, range)
+                }
                 ("reversed", [PyExpr::List(items, range)]) => {
                     PyExpr::List(items.iter().rev().cloned().collect(), range.clone())
                 }
                 ("sorted", [PyExpr::List(items, range)]) => sorted(items, scope, range)?,
+                ("sorted", [PyExpr::List(items, range), PyExpr::Call(word, value, _)]) if word == "reverse=" => {
+                    let falls = value.first().and_then(|e| known_truth(e, scope));
+                    let falls = falls.ok_or_else(|| Refusal::new("'reverse' that is not constant", range.clone()))?;
+                    match sorted(items, scope, range)? {
+                        PyExpr::List(items, range) if falls => PyExpr::List(items.into_iter().rev().collect(), range),
+                        list => list,
+                    }
+                }
                 ("any" | "all", [PyExpr::List(items, _)]) if !items.iter().any(|e| has_random(e, scope)) => {
                     let is_any = name == "any";
                     let one = |e: &PyExpr| PyExpr::Call("bool".to_owned(), vec![e.clone()], range.clone());
@@ -899,7 +978,11 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             PyExpr::List(items, range.clone())
         }
         PyExpr::Each(value, name, list, range) => {
-            let PyExpr::List(items, _) = resolve(list, scope, depth)? else {
+            let mut list = resolve(list, scope, depth)?;
+            if is_dictionary(&list) {
+                list = resolve(&dictionary::keys_of(list), scope, depth)?;
+            }
+            let PyExpr::List(items, _) = list else {
                 return Err(Refusal::new("'for' over something other than a list", range.clone()));
             };
             let mut out = Vec::with_capacity(items.len());
@@ -1099,6 +1182,69 @@ pub(super) fn sorted(items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> R
     Ok(PyExpr::List(numbers.into_iter().map(PyExpr::Number).collect(), range.clone()))
 }
 
+/// `dict(a=1, b=2)`.
+fn dictionary_of(args: &[PyExpr], range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let mut pairs = Vec::with_capacity(2 * args.len());
+    for arg in args {
+        let PyExpr::Call(key, value, place) = arg else {
+            return Err(Refusal::new("'dict' of something other than arguments with names", range.clone()));
+        };
+        let key = key.strip_suffix('=').zip(value.first());
+        let (key, value) = key.ok_or_else(|| Refusal::new("'dict' of this value", place.clone()))?;
+        pairs.extend([PyExpr::Text(text_number(key), place.clone()), value.clone()]);
+    }
+    Ok(PyExpr::Call(DICTIONARY.to_owned(), pairs, range.clone()))
+}
+
+/// The constant that `enumerate` counts from, `start=1` or `1`; 0 without one.
+fn first_number(args: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<f64, Refusal> {
+    let Some(arg) = args.first() else { return Ok(0.0) };
+    let value = match arg {
+        PyExpr::Call(word, value, _) if word == "start=" => value.first().unwrap_or(arg),
+        _ => arg,
+    };
+    constant_of(value, scope)
+        .ok_or_else(|| Refusal::new("'enumerate' from a number that is not constant", range.clone()))
+}
+
+/// `list.index(value)`: the first position of a value among constant ones.
+fn index_of(value: &PyExpr, items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let refused = || Refusal::new("'index' of values that are not constant", range.clone());
+    let wanted = constant_of(value, scope).ok_or_else(refused)?;
+    for (k, item) in items.iter().enumerate() {
+        if is_zero(constant_of(item, scope).ok_or_else(refused)? - wanted) {
+            return Ok(PyExpr::Number(f64::from(saturating_index(k))));
+        }
+    }
+    Err(Refusal::new("'index' of a value that its list does not have", range.clone()))
+}
+
+/// The items of lists, one list after the other.
+fn flat(lists: &[PyExpr], range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let mut out = Vec::new();
+    for list in lists {
+        let PyExpr::List(items, _) = list else {
+            return Err(Refusal::new("'for' over something other than a list", range.clone()));
+        };
+        out.extend(items.iter().cloned());
+        if out.len() > MAX_OPS {
+            return Err(Refusal::new("a list of too many items", range.clone()));
+        }
+    }
+    Ok(PyExpr::List(out, range.clone()))
+}
+
+/// `zip(list, other)`: lists of the first items, of the second items and so on, as many as the shortest list has.
+fn zipped(lists: &[PyExpr], range: &Range<usize>) -> PyExpr {
+    let all: Vec<&[PyExpr]> = lists
+        .iter()
+        .filter_map(|l| if let PyExpr::List(items, _) = l { Some(items.as_slice()) } else { None })
+        .collect();
+    let length = all.iter().map(|items| items.len()).min().unwrap_or(0);
+    let row = |k: usize| PyExpr::List(all.iter().filter_map(|items| items.get(k).cloned()).collect(), range.clone());
+    PyExpr::List((0..length).map(row).collect(), range.clone())
+}
+
 /// `value in list`: whether the value equals one of the items.
 fn is_one_of(value: &PyExpr, items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     if has_random(value, scope) {
@@ -1204,7 +1350,7 @@ fn list_of_model<'s>(e: &PyExpr, scope: &'s Scope) -> Option<&'s [PyExpr]> {
 fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     match list {
         PyExpr::List(items, _) => item(items, index, scope, range),
-        PyExpr::Call(name, pairs, _) if name == DICTIONARY => value_of(pairs, index, scope, range),
+        PyExpr::Call(name, pairs, _) if name == DICTIONARY => dictionary::value_of(pairs, index, None, scope, range),
         PyExpr::Choice(test, a, b) if !has_random(test, scope) => {
             if size_with(list, &[], &[]).saturating_mul(size_with(index, &[], &[])) > MAX_OPS {
                 return Err(Refusal::new("an expression that grows too large", range.clone()));
@@ -1283,35 +1429,6 @@ fn is_nothing(e: &PyExpr) -> bool {
 /// True for a dictionary.
 pub(super) fn is_dictionary(e: &PyExpr) -> bool {
     matches!(e, PyExpr::Call(name, ..) if name == DICTIONARY)
-}
-
-/// The value of a key in a dictionary of constant keys. A key that is not constant becomes a choice.
-fn value_of(pairs: &[PyExpr], key: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
-    let mut entries = Vec::new();
-    for pair in pairs.chunks(2) {
-        let [own, value] = pair else { continue };
-        let own = constant_of(own, scope);
-        let own = own.ok_or_else(|| Refusal::new("a dictionary of keys that are not constant", range.clone()))?;
-        entries.push((own, value));
-    }
-    // Of equal keys the last one counts.
-    if let Some(key) = constant_of(key, scope) {
-        let found = entries.iter().rev().find(|(own, _)| is_zero(*own - key)).map(|(_, value)| PyExpr::clone(value));
-        return found.ok_or_else(|| Refusal::new("a key that its dictionary does not have", range.clone()));
-    }
-    let draws = has_random(key, scope) || pairs.iter().any(|e| has_random(e, scope));
-    let Some(((_, first), others)) = entries.split_first().filter(|_| entries.len() <= MAX_LOOKUP && !draws) else {
-        return Err(Refusal::new("a key of this dictionary that is not constant", range.clone()));
-    };
-    if entries.len().saturating_mul(size_with(key, &[], &[])) > MAX_OPS {
-        return Err(Refusal::new("an expression that grows too large", range.clone()));
-    }
-    // The first value is taken where the key equals no other.
-    let out = others.iter().fold(PyExpr::clone(first), |out, (own, value)| {
-        let is = PyExpr::Binary(PyOp::Eq, Box::new(key.clone()), Box::new(PyExpr::Number(*own)));
-        PyExpr::Choice(Box::new(is), Box::new(PyExpr::clone(value)), Box::new(out))
-    });
-    Ok(out)
 }
 
 /// Operands of an expression whose names are replaced by expressions.
@@ -1468,7 +1585,8 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
         }
         PyExpr::Call(name, args, range) => return emit_call(name, args, range, scope, ops),
         PyExpr::List(_, range) | PyExpr::Index(_, _, range) | PyExpr::Each(_, _, _, range) => {
-            return Err(Refusal::new("a list or an index '[..]' where a number is expected", range.clone()));
+            let why = Refusal::new("a list or an index '[..]' where a number is expected", range.clone());
+            return Err(why.remedy("hand the items on, each as a number: A(p[0],p[1]), or A(*p)"));
         }
     }
     Ok(())
@@ -1731,13 +1849,20 @@ fn emit_call(
             ops.extend([Op::Const(1.0), Op::Binary(BinaryOp::Add, usize::MAX), Op::Random(RandomFunction::Uniform)]);
             ops.push(Op::Unary(UnaryOp::Floor));
         }
+        // A whole number below b.
+        ("randrange", [bounds @ .., b]) if bounds.len() <= 1 => {
+            emit(bounds.first().unwrap_or(&PyExpr::Number(0.0)), scope, ops)?;
+            emit(b, scope, ops)?;
+            ops.extend([Op::Random(RandomFunction::Uniform), Op::Unary(UnaryOp::Floor)]);
+        }
         ("gauss" | "normalvariate" | "normal", [a, b]) => {
             emit(a, scope, ops)?;
             emit(b, scope, ops)?;
             ops.push(Op::Random(RandomFunction::Nran));
         }
         _ if name == DICTIONARY => {
-            return Err(Refusal::new("a dictionary '{..}' where a number is expected", range.clone()));
+            let why = Refusal::new("a dictionary '{..}' where a number is expected", range.clone());
+            return Err(why.remedy("write the dictionary outside of the productions, and look up its values: d[key]"));
         }
         _ if name.ends_with('=') => return Err(Refusal::new("an argument with a name", range.clone())),
         _ => return Err(Refusal::new(format!("the function '{name}'"), range.clone())),

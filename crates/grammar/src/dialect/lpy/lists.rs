@@ -21,8 +21,29 @@ const CHANGE: &str = "list.";
 /// Methods that change a list.
 const METHODS: [&str; 7] = ["append", "extend", "insert", "pop", "reverse", "sort", "clear"];
 /// Functions that read lists and keep none of them.
-const READERS: [&str; 14] =
-    ["len", "sum", "min", "max", "any", "all", "list", "tuple", "reversed", "sorted", "range", "xrange", "bool", "in"];
+const READERS: [&str; 21] = [
+    "len",
+    "sum",
+    "min",
+    "max",
+    "any",
+    "all",
+    "list",
+    "tuple",
+    "reversed",
+    "sorted",
+    "range",
+    "xrange",
+    "bool",
+    "in",
+    "enumerate",
+    "zip",
+    ".keys",
+    ".values",
+    ".items",
+    ".index",
+    ".copy",
+];
 
 /// True for a list that a change leaves.
 pub(super) fn is_change(e: &PyExpr) -> bool {

@@ -3,6 +3,7 @@
 
 mod bounds;
 mod color;
+mod dictionary;
 mod expression;
 mod imports;
 mod lists;
@@ -19,7 +20,7 @@ use self::expression::{
 use self::lists::change_of;
 use self::rule::Step;
 use self::statement::{
-    FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, only_returns, renamed,
+    FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, only_returns, remedy_of, renamed,
     statements_of_line,
 };
 use self::strings::{PyModule, modules, spell, split};
@@ -145,7 +146,8 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     if model.uses_groups {
         model.scope.global(GROUP);
     }
-    model.scope.has_none = ["None", "''", "\"\""].iter().any(|text| plain.contains(text));
+    model.scope.has_none = ["None", "''", "\"\"", ".get("].iter().any(|text| plain.contains(text));
+    model.scope.is_backward = plain.contains("backward()");
     model.shared_names(&list);
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
@@ -744,8 +746,20 @@ impl<'s> Model<'_, 's> {
                 }
                 return end;
             }
+            // Imports that may fail; what follows an `except` runs where they do.
+            "try" if rest.text == ":" && only_imports(block) => {
+                block.iter().for_each(|l| self.import(l.piece));
+                let mut end = next;
+                let is_except =
+                    |l: &&Line<'_>| l.indent == line.indent && l.piece.first_word(&[':', '(']).0.text == "except";
+                while let Some(more) = list.get(end).filter(is_except) {
+                    end = block_after(list, end, more.indent).1;
+                }
+                return end;
+            }
             "class" | "try" | "with" | "raise" | "del" => {
-                self.refuse(&Refusal::new(format!("'{}' outside of a production", word.text), range));
+                let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
+                self.refuse(&Refusal { remedy: remedy_of(word.text), ..why });
                 return next;
             }
             _ if word.text.starts_with('@') => {
@@ -1260,6 +1274,12 @@ fn is_rule(piece: Piece<'_>) -> bool {
     piece.text.contains("-->")
         || piece.text.contains("-static->")
         || (!is_python && colon(piece).is_some() && assignment(piece).is_none())
+}
+
+/// True for lines of imports alone.
+fn only_imports(block: &[Line<'_>]) -> bool {
+    let is_import = |p: Piece<'_>| matches!(p.first_word(&[]).0.text, "import" | "from" | "pass");
+    !block.is_empty() && block.iter().flat_map(|l| statements_of_line(l.piece)).all(is_import)
 }
 
 /// True for `seed(3)`, `random.seed(3)` and the like.

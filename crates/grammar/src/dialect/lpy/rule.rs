@@ -880,7 +880,9 @@ impl Model<'_, '_> {
             PyExpr::Name(name, _) => self.scope.lists.contains_key(plain_name(name)),
             PyExpr::Binary(PyOp::Add | PyOp::Mul, a, b) => self.may_be_list(a) || self.may_be_list(b),
             PyExpr::Call(name, ..) => {
+                // `[[]]` is a list over several lists.
                 matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
+                    || matches!(name.as_str(), "enumerate" | "zip" | ".keys" | ".values" | ".items" | ".copy" | "[[]]")
                     || self.scope.functions.contains_key(name)
                     || is_change(e)
             }

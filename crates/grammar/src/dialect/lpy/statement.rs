@@ -6,9 +6,11 @@ use std::ops::Range;
 use osier_base::convert::saturating_index;
 
 use super::bounds::mentions;
+use super::dictionary::keys_of;
 use super::expression::{OwnFunction, PyExpr, PyOp, Refusal, Scope};
 use super::expression::{
-    compile, exchanged, first_call, has_random, parse, resolve, size_with, substitute, tested, with_functions,
+    compile, exchanged, first_call, has_random, is_dictionary, parse, resolve, size_with, substitute, tested,
+    with_functions,
 };
 use super::lists::{change_of, is_change};
 use super::strings::{PyModule, closing, modules, split};
@@ -172,7 +174,8 @@ impl Model<'_, '_> {
                     return Err(why.remedy("write the function outside of the production"));
                 }
                 "try" | "with" | "class" | "raise" | "del" | "sproduce" | "nsproduce" | "lambda" => {
-                    return Err(Refusal::new(format!("'{}' in a production", word.text), piece.range()));
+                    let why = Refusal::new(format!("'{}' in a production", word.text), piece.range());
+                    return Err(Refusal { remedy: remedy_of(word.text), ..why });
                 }
                 _ => match own_lambda(piece) {
                     Some((name, function)) if nesting == 0 => self.add_own_function(name, function)?,
@@ -246,10 +249,21 @@ impl Model<'_, '_> {
         let parts = parts_of(targets);
         let (number, target, list) = match (list, parts.as_slice()) {
             (PyExpr::Call(function, lists, _), [number, value]) if function == "enumerate" => {
-                let [list] = lists.as_slice() else { return Err(refused()) };
-                (Some(*number), *value, list.clone())
+                let (list, from) = match lists.as_slice() {
+                    [list] => (list, PyExpr::Number(0.0)),
+                    [list, PyExpr::Call(word, value, _)] if word == "start=" => {
+                        (list, value.first().cloned().ok_or_else(refused)?)
+                    }
+                    [list, from] => (list, from.clone()),
+                    _ => return Err(refused()),
+                };
+                (Some((*number, from)), *value, list.clone())
             }
             (list, _) => (None, targets, list),
+        };
+        let list = match resolve(&list, &self.scope, 0) {
+            Ok(e) if is_dictionary(&e) => keys_of(list),
+            _ => list,
         };
         // The number of the turn, under a name that no model has.
         let count = format!("(each {})", head.at);
@@ -267,8 +281,11 @@ impl Model<'_, '_> {
         let list = self.named_list(list, &mut format!("(list {})", head.at));
         let turns = PyExpr::Call("range".to_owned(), vec![length_of(&list, head.range())], head.range());
         let mut turn = Vec::new();
-        if let Some(number) = number {
-            turn.push(Statement::Assign(number.text.to_owned(), index.clone()));
+        if let Some((number, from)) = number {
+            let is_plain = matches!(from, PyExpr::Number(n) if is_zero(n));
+            let sum = || PyExpr::Binary(PyOp::Add, Box::new(from.clone()), Box::new(index.clone()));
+            let count = if is_plain { index.clone() } else { sum() };
+            turn.push(Statement::Assign(number.text.to_owned(), count));
         }
         // Names within names, with what they stand for; the next one last.
         let mut open = vec![(target, item_at(&list, &index, &head.range()))];
@@ -316,6 +333,17 @@ impl Model<'_, '_> {
             other => other,
         }
     }
+}
+
+/// What to write instead of a statement of Python that is not read.
+pub(super) fn remedy_of(word: &str) -> Option<&'static str> {
+    Some(match word {
+        "try" | "with" => "write the statements of its block without it",
+        "raise" | "del" => "leave it out",
+        "class" => "hand its values on as parameters of modules",
+        "sproduce" | "nsproduce" => "write the modules themselves, behind 'produce' or 'nproduce'",
+        _ => return None,
+    })
 }
 
 /// `name = lambda x: value`.
