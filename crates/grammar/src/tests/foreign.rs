@@ -1172,6 +1172,48 @@ fn texts_of_lpy_may_hold_signs_of_comments_and_quotes() {
 }
 
 #[test]
+fn texts_of_lpy_may_hold_any_sign() {
+    // Each text is told from the one that has another sign in its place.
+    for text in ["a:b", "a,b", "(", "]", "a += b", "x == 3", "A --> B", "F(1)[+F]; G", "a.b", "{%}", "if x: y"] {
+        let model = format!(
+            "d = {{'{text}': 1}}\nAxiom: A('{text}')A('!')\nderivation length: 1\nproduction:\nA(x):\n  t = '{text}'\n  \
+             if x == t and x == \"{text}\": produce B(d['{text}'])\n  produce C\n"
+        );
+        assert_eq!(lpy(&model), "B(1)C", "{text}");
+    }
+}
+
+#[test]
+fn indented_lines_of_lpy_go_on_with_modules_or_are_refused() {
+    let model = |lines: &str| format!("Axiom: A(1)\nderivation length: 1\nproduction:\nA(x):\n{lines}");
+    assert_eq!(lpy(&model("  nproduce F(1)\n     [F(2)]\n  produce F(3)\n    G\n")), "F(1)[F(2)]F(3)G");
+    for lines in [
+        "  y = 1\n    y = 2\n  produce B(y)\n",
+        "  produce B(n)\nn = 1\n  n = 2\n",
+        "  pass\n    x = 2\n  produce B(x)\n",
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(
+            said.contains("L007") && said.contains("an indented line") && said.contains("begin it where"),
+            "{lines}: {said}"
+        );
+    }
+}
+
+#[test]
+fn functions_of_lpy_that_cannot_be_read_are_refused_with_the_reason() {
+    let head = "n = 0\ndef inc():\n  global n\n  n = n + 1\n  return n\ndef safe(x):\n  try:\n    return x\n  except:\n    return 0\n";
+    for (call, why) in [
+        ("inc()", "the function 'inc' (it changes values of the model, or ends without a value)"),
+        ("safe(x)", "the function 'safe' (line 7: 'try' in a production)"),
+    ] {
+        let text = format!("{head}Axiom: A(1)\nderivation length: 1\nproduction:\nA(x) --> B({call})\nendlsystem\n");
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{call}: {said}");
+    }
+}
+
+#[test]
 fn scales_of_modules_of_lpy_are_told() {
     let text = "module P : scale = 1\nmodule I\nAxiom: P I A\nproduction:\nI < A --> F\nendlsystem\n";
     let (_, told) = read(text);

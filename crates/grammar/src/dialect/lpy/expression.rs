@@ -159,17 +159,14 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             i += n;
         } else if c == '"' || c == '\'' {
             let inner = &rest[1..];
-            let mut is_escaped = false;
-            let end = inner.find(|d: char| {
-                let is_end = d == c && !is_escaped;
-                is_escaped = d == '\\' && !is_escaped;
-                is_end
-            });
-            let Some(n) = end else {
+            let Some(n) = inner.find(c) else {
                 return Err(Refusal::new("a text in quotes that does not end", at..at + rest.len()));
             };
-            // Texts are compared and handed on, no more: a number that no other text has stands for each.
-            let text = inner[..n].replace("\\'", "'").replace("\\\"", "\"");
+            // Texts are compared and handed on, no more: a number that no other text has stands for each. A backslash before a quote
+            // belongs to no text; both are masked.
+            let [backslash, double, single] = [b'\\', b'"', b'\''].map(|b| char::from(super::masked(b)).to_string());
+            let text = inner[..n].replace(&(backslash.clone() + &double), &double);
+            let text = text.replace(&(backslash + &single), &single);
             out.push(PyToken { kind: PyTokenKind::Text(text_number(&text)), range: at..at + n + 2 });
             i += n + 2;
         } else if let Some(sign) = SIGNS.iter().find(|s| rest.starts_with(**s)) {
@@ -753,6 +750,8 @@ pub(super) struct Scope {
     pub unreadable: BTreeMap<String, Refusal>,
     /// Functions whose body is one expression, by name: their parameters and the expression.
     pub functions: BTreeMap<String, (Vec<String>, PyExpr)>,
+    /// Functions that cannot be read, with the reason.
+    pub refused_functions: BTreeMap<String, String>,
     /// Values that parameters of functions have where a call gives none, by the name of the function.
     pub defaults: BTreeMap<String, Vec<Option<PyExpr>>>,
     /// The model has `None` or an empty text, which fail a test.
@@ -1865,7 +1864,10 @@ fn emit_call(
             return Err(why.remedy("write the dictionary outside of the productions, and look up its values: d[key]"));
         }
         _ if name.ends_with('=') => return Err(Refusal::new("an argument with a name", range.clone())),
-        _ => return Err(Refusal::new(format!("the function '{name}'"), range.clone())),
+        _ => {
+            let why = scope.refused_functions.get(name).map_or_else(String::new, |why| format!(" ({why})"));
+            return Err(Refusal::new(format!("the function '{name}'{why}"), range.clone()));
+        }
     }
     Ok(())
 }

@@ -20,8 +20,8 @@ use self::expression::{
 use self::lists::change_of;
 use self::rule::Step;
 use self::statement::{
-    FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, only_returns, remedy_of, renamed,
-    statements_of_line,
+    FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, heads_block, indented_refusal,
+    only_returns, remedy_of, renamed, statements_of_line,
 };
 use self::strings::{PyModule, modules, spell, split};
 use super::Reader;
@@ -185,8 +185,19 @@ fn begins_axiom(text: &[u8]) -> bool {
     line.trim_ascii().strip_suffix(b":").is_some_and(|word| word.trim_ascii().eq_ignore_ascii_case(b"axiom"))
 }
 
+/// Signs that mean something outside of texts in quotes.
+const SIGNS: &[u8; 25] = b"()[]{}:;,=<>#*+-/%.&|!\"'\\";
+
+/// A byte of a text in quotes: signs become control characters, one for each, so that what looks for signs finds none in texts and
+/// different texts stay different.
+fn masked(byte: u8) -> u8 {
+    // 0x01 to 0x08 and 0x0e to 0x1e, which are no whitespace.
+    let codes = (0x01..=0x08_u8).chain(0x0e..=0x1e);
+    SIGNS.iter().zip(codes).find(|(sign, _)| **sign == byte).map_or(byte, |(_, code)| code)
+}
+
 /// The text with comments, texts in triple quotes, line ends within parentheses and line ends behind a backslash replaced by
-/// blanks, so that all offsets stay.
+/// blanks, so that all offsets stay; signs within other texts are [`masked`].
 fn without_comments(text: &str) -> String {
     let bytes = text.as_bytes();
     let mut out: Vec<u8> = bytes.to_vec();
@@ -216,7 +227,9 @@ fn without_comments(text: &str) -> String {
                 continue;
             }
             b'"' | b'\'' => {
-                i += quoted_length(rest);
+                let length = quoted_length(rest);
+                out.iter_mut().skip(i + 1).take(length.saturating_sub(2)).for_each(|b| *b = masked(*b));
+                i += length;
                 continue;
             }
             b'\\' if matches!(bytes.get(i + 1), Some(b'\n' | b'\r')) => {
@@ -707,6 +720,10 @@ impl<'s> Model<'_, 's> {
         }
         let (word, rest) = piece.first_word(&['(', ':', '=']);
         let range = piece.range();
+        if let Some(inner) = block.first().filter(|_| !heads_block(word.text)) {
+            self.refuse(&indented_refusal(inner.piece));
+            return next;
+        }
         match word.text {
             "pass" | "print" | "global" | "assert" => return next,
             "import" | "from" => {
@@ -920,12 +937,16 @@ impl<'s> Model<'_, 's> {
             None => {
                 self.scope.functions.remove(&name);
                 self.bodies.remove(&name);
-                if let Ok(list) = statements
-                    && only_returns(&list)
-                {
-                    self.scope.defaults.insert(name.clone(), defaults);
-                    self.bodies.insert(name, (params, list));
-                }
+                let why = match statements {
+                    Ok(list) if only_returns(&list) => {
+                        self.scope.defaults.insert(name.clone(), defaults);
+                        self.bodies.insert(name, (params, list));
+                        return;
+                    }
+                    Ok(_) => "it changes values of the model, or ends without a value".to_owned(),
+                    Err(why) => format!("line {}: {}", self.reader.line_number(why.range.start), why.construct),
+                };
+                self.scope.refused_functions.insert(name, why);
             }
         }
     }

@@ -13,7 +13,7 @@ use super::expression::{
     with_functions,
 };
 use super::lists::{change_of, is_change};
-use super::strings::{PyModule, closing, modules, split};
+use super::strings::{PyModule, closing, split};
 use super::{Line, Model, assignment, block_after, block_colon, function_head, is_name, lambda};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
@@ -103,9 +103,15 @@ impl Model<'_, '_> {
                 }
             };
             i = next;
+            let is_produce = matches!(word.text, "produce" | "nproduce");
+            if let Some(inner) = inner.first().filter(|_| !is_produce && !heads_block(word.text)) {
+                return Err(indented_refusal(inner.piece));
+            }
             match word.text {
-                "produce" | "nproduce" => {
-                    out.push(Statement::Produce(modules(rest, &self.declared)?, word.text == "produce"));
+                // The modules may go on in indented lines.
+                _ if is_produce => {
+                    let modules = self.modules_of(rest, inner)?;
+                    out.push(Statement::Produce(modules, word.text == "produce"));
                 }
                 // What these do does not reach the string of modules.
                 "pass" | "print" | "assert" => out.push(Statement::Pass),
@@ -470,19 +476,14 @@ pub(super) fn with_lists(s: Statement, lists: &BTreeMap<String, PyExpr>) -> Stat
     }
 }
 
-/// Parts of a line between the semicolons outside of parentheses and quotes, without empty ones.
+/// Parts of a line between the semicolons outside of brackets, without empty ones; those of texts are masked.
 pub(super) fn at_semicolons(piece: Piece<'_>) -> Vec<Piece<'_>> {
-    let (mut out, mut depth, mut quote, mut from) = (Vec::new(), 0_usize, None, 0);
-    let mut is_escaped = false;
+    let (mut out, mut depth, mut from) = (Vec::new(), 0_usize, 0);
     for (i, c) in piece.text.char_indices() {
-        match (quote, c) {
-            _ if is_escaped => is_escaped = false,
-            (Some(_), '\\') => is_escaped = true,
-            (Some(open), _) => quote = Some(open).filter(|q| *q != c),
-            (None, '"' | '\'') => quote = Some(c),
-            (None, '(' | '[' | '{') => depth += 1,
-            (None, ')' | ']' | '}') => depth = depth.saturating_sub(1),
-            (None, ';') if depth == 0 => {
+        match c {
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth = depth.saturating_sub(1),
+            ';' if depth == 0 => {
                 out.push(piece.up_to(i).from(from).trimmed());
                 from = i + 1;
             }
@@ -494,13 +495,24 @@ pub(super) fn at_semicolons(piece: Piece<'_>) -> Vec<Piece<'_>> {
     out
 }
 
+/// True for a word that begins the heading of a block of Python.
+pub(super) fn heads_block(word: &str) -> bool {
+    matches!(word, "if" | "elif" | "else" | "for" | "while" | "def" | "class" | "try" | "except" | "finally" | "with")
+}
+
+/// The refusal of a line that is indented more than the line before it, which heads no block.
+pub(super) fn indented_refusal(piece: Piece<'_>) -> Refusal {
+    let why = Refusal::new("an indented line behind a line that heads no block", piece.range());
+    why.remedy("begin it where the line before it begins")
+}
+
 /// The statements of a line, between its semicolons; one for a line that heads a block. The modules of `produce` reach to the end of
 /// the line, as `;` is one of them.
 pub(super) fn statements_of_line(piece: Piece<'_>) -> Vec<Piece<'_>> {
     fn word(p: Piece<'_>) -> &str {
         p.first_word(&['(', ':', '=', '[']).0.text
     }
-    if matches!(word(piece), "if" | "elif" | "else" | "for" | "while" | "def" | "class" | "try" | "with") {
+    if heads_block(word(piece)) {
         return vec![piece];
     }
     let mut parts = at_semicolons(piece);
