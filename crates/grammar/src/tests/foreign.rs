@@ -913,6 +913,24 @@ fn functions_of_lpy_that_draw_in_another_one_are_drawn_once() {
 }
 
 #[test]
+fn expressions_of_lpy_of_very_many_parts_are_refused() {
+    let said = |value: &str| {
+        let text =
+            format!("q = [1]\nAxiom: A(1)\nderivation length: 1\nproduction:\nA(x) --> B({value})\nendlsystem\n");
+        try_read(&text).err().map_or_else(String::new, |e| e.to_string())
+    };
+    for sign in [" or ", " and ", "+", "*", " < ", " == "] {
+        assert_eq!(said(&["x"; 100].join(sign)), "", "{sign}");
+        let long = said(&["x"; 100_000].join(sign));
+        assert!(long.contains("L007") && long.contains("too many parts"), "{sign}: {}", &long[..long.len().min(200)]);
+    }
+    let long = said(&format!("sum([x {} for a in q])", "for a in q ".repeat(10_000)));
+    assert!(long.contains("L007") && long.contains("too many parts"), "{}", &long[..long.len().min(200)]);
+    // Many items of a list are no height.
+    assert_eq!(said(&format!("len([{}])", ["x+1"; 3000].join(","))), "");
+}
+
+#[test]
 fn more_functions_of_python_are_known_to_lpy() {
     let model = |rule: &str| format!("q = [3, 1, 2]\nr = [0]*4 + q\nAxiom: A(7)\nproduction:\nA(x):\n  {rule}\n");
     for (rule, wanted) in [

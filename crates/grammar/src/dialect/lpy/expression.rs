@@ -12,6 +12,8 @@ use crate::dialect::text::Piece;
 
 /// Nesting of one expression; deeper ones are refused.
 const MAX_DEPTH: usize = 200;
+/// Height of the tree of one expression, which a row of operators raises, too: what reads it calls itself for each level.
+const MAX_HEIGHT: usize = 500;
 /// Operations of one expression after its functions are inserted.
 pub(super) const MAX_OPS: usize = 20_000;
 /// Upper limit on the numbers of a `range(..)`.
@@ -241,12 +243,14 @@ struct PyParser {
     tokens: Vec<PyToken>,
     i: usize,
     depth: usize,
+    /// Height of the tree that was read last.
+    height: usize,
     end: usize,
 }
 
 /// Reads one expression that fills the whole text.
 pub(super) fn parse(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
-    let mut p = PyParser { tokens: tokens(piece)?, i: 0, depth: 0, end: piece.at + piece.text.len() };
+    let mut p = PyParser { tokens: tokens(piece)?, i: 0, depth: 0, height: 0, end: piece.at + piece.text.len() };
     if p.tokens.is_empty() {
         return Err(Refusal::new("a missing expression", piece.range()));
     }
@@ -327,6 +331,16 @@ impl PyParser {
         self.tokens.get(self.i).map_or(self.end..self.end, |t| t.range.clone())
     }
 
+    /// Sets the height of a tree whose other parts have this height at the most, and whose last part was just read.
+    fn grow(&mut self, others: usize) -> Result<(), Refusal> {
+        self.height = self.height.max(others) + 1;
+        if self.height > MAX_HEIGHT {
+            let why = Refusal::new("an expression of too many parts", self.here());
+            return Err(why.remedy("give its parts names, on lines of their own"));
+        }
+        Ok(())
+    }
+
     fn choice(&mut self) -> Result<PyExpr, Refusal> {
         self.depth += 1;
         if self.depth > MAX_DEPTH {
@@ -334,12 +348,15 @@ impl PyParser {
         }
         // `a if b else c`: the value comes before its condition.
         let then = self.or()?;
+        let mut height = self.height;
         let out = if self.eat_word("if") {
             let condition = self.or()?;
+            height = height.max(self.height);
             if !self.eat_word("else") {
                 return Err(Refusal::new("'if' without 'else' in an expression", self.here()));
             }
             let other = self.choice()?;
+            self.grow(height)?;
             PyExpr::Choice(Box::new(condition), Box::new(then), Box::new(other))
         } else {
             then
@@ -351,7 +368,9 @@ impl PyParser {
     fn or(&mut self) -> Result<PyExpr, Refusal> {
         let mut left = self.and()?;
         while self.eat_word("or") {
+            let height = self.height;
             left = PyExpr::Or(Box::new(left), Box::new(self.and()?));
+            self.grow(height)?;
         }
         Ok(left)
     }
@@ -359,7 +378,9 @@ impl PyParser {
     fn and(&mut self) -> Result<PyExpr, Refusal> {
         let mut left = self.not()?;
         while self.eat_word("and") {
+            let height = self.height;
             left = PyExpr::And(Box::new(left), Box::new(self.not()?));
+            self.grow(height)?;
         }
         Ok(left)
     }
@@ -397,10 +418,11 @@ impl PyParser {
         let mut left = self.sum()?;
         let mut all: Option<PyExpr> = None;
         loop {
-            let place = self.here();
+            let (place, height) = (self.here(), self.height);
             if let Some(is_negated) = self.membership() {
                 from = self.i;
                 let right = self.sum()?;
+                self.grow(height)?;
                 let found = PyExpr::Call(IN.to_owned(), vec![left, right.clone()], place);
                 let one = if is_negated { PyExpr::Not(Box::new(found)) } else { found };
                 all = Some(match all {
@@ -430,6 +452,7 @@ impl PyParser {
             self.i += usize::from(by_word.is_none());
             from = self.i;
             let right = self.sum()?;
+            self.grow(height)?;
             if is_order {
                 self.check_number(from)?;
             }
@@ -453,8 +476,9 @@ impl PyParser {
             };
             self.check_number(from)?;
             self.i += 1;
-            let right_from = self.i;
+            let (right_from, height) = (self.i, self.height);
             let right = self.product()?;
+            self.grow(height)?;
             self.check_number(right_from)?;
             left = PyExpr::Binary(op, Box::new(left), Box::new(right));
         }
@@ -473,8 +497,9 @@ impl PyParser {
             };
             self.check_number(from)?;
             self.i += 1;
-            let right_from = self.i;
+            let (right_from, height) = (self.i, self.height);
             let right = self.factor()?;
+            self.grow(height)?;
             self.check_number(right_from)?;
             left = PyExpr::Binary(op, Box::new(left), Box::new(right));
         }
@@ -508,7 +533,9 @@ impl PyParser {
         if self.depth > MAX_DEPTH {
             return Err(Refusal::new("an expression nested too deep", self.here()));
         }
+        let height = self.height;
         let exponent = self.factor()?;
+        self.grow(height)?;
         self.depth -= 1;
         Ok(PyExpr::Binary(PyOp::Pow, Box::new(base), Box::new(exponent)))
     }
@@ -518,6 +545,7 @@ impl PyParser {
             return Err(Refusal::new("an unfinished expression", self.here()));
         };
         self.i += 1;
+        self.height = 1;
         match t.kind {
             PyTokenKind::Number(n) => Ok(PyExpr::Number(n)),
             PyTokenKind::Text(n) => Ok(PyExpr::Text(n, t.range)),
@@ -549,17 +577,20 @@ impl PyParser {
                 self.indexed(list)
             }
             PyTokenKind::Sign("{") => {
-                let mut pairs = Vec::new();
+                let (mut pairs, mut height) = (Vec::new(), 0);
                 while !self.eat("}") {
                     pairs.push(self.choice()?);
+                    height = height.max(self.height);
                     if !self.eat(":") {
                         return Err(Refusal::new("a dictionary '{..}' without values", t.range.clone()));
                     }
                     pairs.push(self.choice()?);
+                    height = height.max(self.height);
                     if !self.eat(",") && self.sign() != Some("}") {
                         return Err(Refusal::new("a dictionary '{..}' that does not end", self.here()));
                     }
                 }
+                self.grow(height)?;
                 self.indexed(PyExpr::Call(DICTIONARY.to_owned(), pairs, t.range))
             }
             PyTokenKind::Name(first) => {
@@ -613,15 +644,17 @@ impl PyParser {
 
     /// The rest of a list after its first value.
     fn list(&mut self, first: PyExpr, end: &str, range: Range<usize>) -> Result<PyExpr, Refusal> {
-        let mut items = vec![first];
+        let (mut items, mut height) = (vec![first], self.height);
         while !self.eat(end) {
             if !self.eat(",") {
                 return Err(Refusal::new("a list that does not end", self.here()));
             }
             if self.sign() != Some(end) {
                 items.push(self.choice()?);
+                height = height.max(self.height);
             }
         }
+        self.grow(height)?;
         Ok(PyExpr::List(items, range))
     }
 
@@ -640,12 +673,17 @@ impl PyParser {
         if !self.eat_word("in") {
             return Err(Refusal::new("'for'", place));
         }
+        // The value was read before; tests stand around it.
+        let mut height = self.height;
         let list = self.or()?;
+        height = height.max(self.height);
         // `if` leaves items out.
         let mut tests = Vec::new();
         while self.eat_word("if") {
             tests.push(self.or()?);
+            height = height.max(self.height) + 1;
         }
+        self.grow(height)?;
         let is_nested = self.word() == Some("for");
         let value = if is_nested { self.each(value, range.clone())? } else { value };
         let value = tests.into_iter().rev().fold(value, |value, test| {
@@ -676,7 +714,9 @@ impl PyParser {
         while self.sign() == Some("[") {
             let place = self.here();
             self.i += 1;
+            let height = self.height;
             let index = self.part(&place)?;
+            self.grow(height)?;
             count += 1;
             if !self.eat("]") || count > 8 {
                 return Err(Refusal::new("a list or an index '[..]'", place));
@@ -702,7 +742,7 @@ impl PyParser {
     }
 
     fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
-        let mut args = Vec::new();
+        let (mut args, mut height) = (Vec::new(), 0);
         while !self.eat(")") {
             // `f(x, k=3)`: the name is kept with its sign, which no function has.
             if let [PyToken { kind: PyTokenKind::Name(own), range }, PyToken { kind: PyTokenKind::Sign("="), .. }, ..] =
@@ -724,12 +764,14 @@ impl PyParser {
                     args.push(self.each(value, range.clone())?);
                 }
             }
+            height = height.max(self.height);
             if self.eat(",") || self.sign() == Some(")") {
                 continue;
             }
             let what = self.tokens.get(self.i).map_or("an unclosed '('".to_owned(), |t| self.describe(t));
             return Err(Refusal::new(what, self.here()));
         }
+        self.grow(height)?;
         Ok(PyExpr::Call(name, args, range))
     }
 }
@@ -882,126 +924,12 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 None => PyExpr::Choice(Box::new(test), sub(then)?, sub(other)?),
             }
         }
-        // A function of the file is replaced by its body.
-        PyExpr::Call(name, args, range) => {
-            let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
-            if let Some((params, body)) = scope.functions.get(name) {
-                count_call(name, range, scope, depth)?;
-                let args = arguments(params, scope.defaults.get(name), args).filter(|args| {
-                    // An argument is written in as often as the body reads it, so that one which draws may be read once.
-                    let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(body, p) <= 1;
-                    params.iter().zip(args).all(is_drawn_once)
-                });
-                let args = args.ok_or_else(|| Refusal::new(format!("this call of '{name}'"), range.clone()))?;
-                let args: Vec<PyExpr> = args.into_iter().map(|a| folded(a, scope)).collect();
-                if size_with(body, params, &args) > MAX_OPS {
-                    return Err(Refusal::new("an expression that grows too large", range.clone()));
-                }
-                let body = substitute(body, params, &args);
-                return resolve(&body, scope, depth + 1);
-            }
-            if OF_NUMBERS.contains(&name.as_str())
-                && let Some(PyExpr::Text(value, range)) = args.iter().find(|a| matches!(a, PyExpr::Text(..)))
-            {
-                return Err(text_refusal(*value, range.clone()));
-            }
-            if let Some(change) = lists::change_named(name) {
-                return lists::changed(change, &args, scope, range);
-            }
-            if let Some(of_dictionary) = dictionary::method(name, &args, scope, range) {
-                return of_dictionary;
-            }
-            match (name.as_str(), args.as_slice()) {
-                ("range" | "xrange" | "arange", _) => numbers_of_range(&args, scope, range)?,
-                ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(saturating_index(items.len()))),
-                ("sum", [PyExpr::List(items, _)]) => {
-                    let add = |a, b| PyExpr::Binary(PyOp::Add, Box::new(a), Box::new(b));
-                    items.iter().cloned().reduce(add).unwrap_or(PyExpr::Number(0.0))
-                }
-                ("min" | "max", [PyExpr::List(items, _)]) if !items.is_empty() => {
-                    PyExpr::Call(name.clone(), items.clone(), range.clone())
-                }
-                ("bool", [PyExpr::List(items, _)]) => PyExpr::Number(if items.is_empty() { 0.0 } else { 1.0 }),
-                ("list" | "tuple" | ".copy", [list @ PyExpr::List(..)]) => list.clone(),
-                ("dict", _) => dictionary_of(&args, range)?,
-                ("isForward", []) => PyExpr::Number(if scope.is_backward { 0.0 } else { 1.0 }),
-                (".index", [PyExpr::List(items, _), value]) => index_of(value, items, scope, range)?,
-                (FLAT, [PyExpr::List(lists, _)]) => flat(lists, range)?,
-                ("enumerate", [PyExpr::List(items, _), start @ ..]) if start.len() <= 1 => {
-                    let start = first_number(start, scope, range)?;
-                    let number = |k: usize| PyExpr::Number(start + f64::from(saturating_index(k)));
-                    let pairs = items.iter().enumerate().map(|(k, e)| vec![number(k), e.clone()]);
-                    PyExpr::List(pairs.map(|pair| PyExpr::List(pair, range.clone())).collect(), range.clone())
-                }
-                ("zip", lists) if !lists.is_empty() && lists.iter().all(|l| matches!(l, PyExpr::List(..))) => {
-                    zipped(lists, range)
-                }
-                ("reversed", [PyExpr::List(items, range)]) => {
-                    PyExpr::List(items.iter().rev().cloned().collect(), range.clone())
-                }
-                ("sorted", [PyExpr::List(items, range)]) => sorted(items, scope, range)?,
-                ("sorted", [PyExpr::List(items, range), PyExpr::Call(word, value, _)]) if word == "reverse=" => {
-                    let falls = value.first().and_then(|e| known_truth(e, scope));
-                    let falls = falls.ok_or_else(|| Refusal::new("'reverse' that is not constant", range.clone()))?;
-                    match sorted(items, scope, range)? {
-                        PyExpr::List(items, range) if falls => PyExpr::List(items.into_iter().rev().collect(), range),
-                        list => list,
-                    }
-                }
-                ("any" | "all", [PyExpr::List(items, _)]) if !items.iter().any(|e| has_random(e, scope)) => {
-                    let is_any = name == "any";
-                    let one = |e: &PyExpr| PyExpr::Call("bool".to_owned(), vec![e.clone()], range.clone());
-                    let both = |a, b| {
-                        let (a, b) = (Box::new(a), Box::new(b));
-                        if is_any { PyExpr::Or(a, b) } else { PyExpr::And(a, b) }
-                    };
-                    let of_none = PyExpr::Number(if is_any { 0.0 } else { 1.0 });
-                    items.iter().map(one).reduce(both).unwrap_or(of_none)
-                }
-                ("divmod", [a, b]) if !args.iter().any(|a| has_random(a, scope)) => {
-                    let one = |op| PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()));
-                    PyExpr::List(vec![one(PyOp::FloorDiv), one(PyOp::Mod)], range.clone())
-                }
-                ("choice", [PyExpr::List(items, _)]) if !items.is_empty() => one_of(items, range),
-                (IN, [value, PyExpr::List(items, _)]) => is_one_of(value, items, scope, range)?,
-                (IN, [value, PyExpr::Call(own, pairs, _)]) if own == DICTIONARY => {
-                    let keys: Vec<PyExpr> = pairs.iter().step_by(2).cloned().collect();
-                    is_one_of(value, &keys, scope, range)?
-                }
-                (IN, _) => return Err(Refusal::new("'in' before something other than a list", range.clone())),
-                _ => PyExpr::Call(name.clone(), args, range.clone()),
-            }
-        }
+        PyExpr::Call(name, args, range) => return resolved_call(name, args, range, scope, depth),
         PyExpr::List(items, range) => {
             let items = items.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
             PyExpr::List(items, range.clone())
         }
-        PyExpr::Each(value, name, list, range) => {
-            let mut list = resolve(list, scope, depth)?;
-            if is_dictionary(&list) {
-                list = resolve(&dictionary::keys_of(list), scope, depth)?;
-            }
-            let PyExpr::List(items, _) = list else {
-                return Err(Refusal::new("'for' over something other than a list", range.clone()));
-            };
-            let mut out = Vec::with_capacity(items.len());
-            for item in items {
-                let mut one = substitute(value, std::slice::from_ref(name), &[item]);
-                // A test that leaves items out must be known.
-                while let PyExpr::Choice(test, then, other) = &one
-                    && is_nothing(other)
-                {
-                    let holds = known_truth(&resolve(test, scope, depth)?, scope);
-                    let holds = holds.ok_or_else(|| Refusal::new("a list with conditions", range.clone()))?;
-                    let next = if holds { then.as_ref() } else { other.as_ref() };
-                    one = next.clone();
-                }
-                if !is_nothing(&one) {
-                    out.push(resolve(&one, scope, depth)?);
-                }
-            }
-            PyExpr::List(out, range.clone())
-        }
+        PyExpr::Each(value, name, list, range) => return resolved_each(value, name, list, range, scope, depth),
         PyExpr::Index(list, index, range) => {
             let index = resolve(index, scope, depth)?;
             if let PyExpr::Call(name, parts, _) = &index
@@ -1019,6 +947,138 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             }
         }
     })
+}
+
+/// As [`resolve`], of a call: a function of the model is replaced by its value, and what lists and dictionaries give is looked up.
+fn resolved_call(
+    name: &str,
+    args: &[PyExpr],
+    range: &Range<usize>,
+    scope: &Scope,
+    depth: usize,
+) -> Result<PyExpr, Refusal> {
+    let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
+    if let Some((params, body)) = scope.functions.get(name) {
+        count_call(name, range, scope, depth)?;
+        let args = arguments(params, scope.defaults.get(name), args).filter(|args| {
+            // An argument is written in as often as the body reads it, so that one which draws may be read once.
+            let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(body, p) <= 1;
+            params.iter().zip(args).all(is_drawn_once)
+        });
+        let args = args.ok_or_else(|| Refusal::new(format!("this call of '{name}'"), range.clone()))?;
+        let args: Vec<PyExpr> = args.into_iter().map(|a| folded(a, scope)).collect();
+        if size_with(body, params, &args) > MAX_OPS {
+            return Err(Refusal::new("an expression that grows too large", range.clone()));
+        }
+        let body = substitute(body, params, &args);
+        return resolve(&body, scope, depth + 1);
+    }
+    if OF_NUMBERS.contains(&name)
+        && let Some(PyExpr::Text(value, range)) = args.iter().find(|a| matches!(a, PyExpr::Text(..)))
+    {
+        return Err(text_refusal(*value, range.clone()));
+    }
+    if let Some(change) = lists::change_named(name) {
+        return lists::changed(change, &args, scope, range);
+    }
+    if let Some(of_dictionary) = dictionary::method(name, &args, scope, range) {
+        return of_dictionary;
+    }
+    Ok(match (name, args.as_slice()) {
+        ("range" | "xrange" | "arange", _) => numbers_of_range(&args, scope, range)?,
+        ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(saturating_index(items.len()))),
+        ("sum", [PyExpr::List(items, _)]) => {
+            let add = |a, b| PyExpr::Binary(PyOp::Add, Box::new(a), Box::new(b));
+            items.iter().cloned().reduce(add).unwrap_or(PyExpr::Number(0.0))
+        }
+        ("min" | "max", [PyExpr::List(items, _)]) if !items.is_empty() => {
+            PyExpr::Call(name.to_owned(), items.clone(), range.clone())
+        }
+        ("bool", [PyExpr::List(items, _)]) => PyExpr::Number(if items.is_empty() { 0.0 } else { 1.0 }),
+        ("list" | "tuple" | ".copy", [list @ PyExpr::List(..)]) => list.clone(),
+        ("dict", _) => dictionary_of(&args, range)?,
+        ("isForward", []) => PyExpr::Number(if scope.is_backward { 0.0 } else { 1.0 }),
+        (".index", [PyExpr::List(items, _), value]) => index_of(value, items, scope, range)?,
+        (FLAT, [PyExpr::List(lists, _)]) => flat(lists, range)?,
+        ("enumerate", [PyExpr::List(items, _), start @ ..]) if start.len() <= 1 => {
+            let start = first_number(start, scope, range)?;
+            let number = |k: usize| PyExpr::Number(start + f64::from(saturating_index(k)));
+            let pairs = items.iter().enumerate().map(|(k, e)| vec![number(k), e.clone()]);
+            PyExpr::List(pairs.map(|pair| PyExpr::List(pair, range.clone())).collect(), range.clone())
+        }
+        ("zip", lists) if !lists.is_empty() && lists.iter().all(|l| matches!(l, PyExpr::List(..))) => {
+            zipped(lists, range)
+        }
+        ("reversed", [PyExpr::List(items, range)]) => {
+            PyExpr::List(items.iter().rev().cloned().collect(), range.clone())
+        }
+        ("sorted", [PyExpr::List(items, range)]) => sorted(items, scope, range)?,
+        ("sorted", [PyExpr::List(items, range), PyExpr::Call(word, value, _)]) if word == "reverse=" => {
+            let falls = value.first().and_then(|e| known_truth(e, scope));
+            let falls = falls.ok_or_else(|| Refusal::new("'reverse' that is not constant", range.clone()))?;
+            match sorted(items, scope, range)? {
+                PyExpr::List(items, range) if falls => PyExpr::List(items.into_iter().rev().collect(), range),
+                list => list,
+            }
+        }
+        ("any" | "all", [PyExpr::List(items, _)]) if !items.iter().any(|e| has_random(e, scope)) => {
+            let is_any = name == "any";
+            let one = |e: &PyExpr| PyExpr::Call("bool".to_owned(), vec![e.clone()], range.clone());
+            let both = |a, b| {
+                let (a, b) = (Box::new(a), Box::new(b));
+                if is_any { PyExpr::Or(a, b) } else { PyExpr::And(a, b) }
+            };
+            let of_none = PyExpr::Number(if is_any { 0.0 } else { 1.0 });
+            items.iter().map(one).reduce(both).unwrap_or(of_none)
+        }
+        ("divmod", [a, b]) if !args.iter().any(|a| has_random(a, scope)) => {
+            let one = |op| PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()));
+            PyExpr::List(vec![one(PyOp::FloorDiv), one(PyOp::Mod)], range.clone())
+        }
+        ("choice", [PyExpr::List(items, _)]) if !items.is_empty() => one_of(items, range),
+        (IN, [value, PyExpr::List(items, _)]) => is_one_of(value, items, scope, range)?,
+        (IN, [value, PyExpr::Call(own, pairs, _)]) if own == DICTIONARY => {
+            let keys: Vec<PyExpr> = pairs.iter().step_by(2).cloned().collect();
+            is_one_of(value, &keys, scope, range)?
+        }
+        (IN, _) => return Err(Refusal::new("'in' before something other than a list", range.clone())),
+        _ => PyExpr::Call(name.to_owned(), args, range.clone()),
+    })
+}
+
+/// As [`resolve`], of `[value for name in list]`.
+fn resolved_each(
+    value: &PyExpr,
+    name: &String,
+    list: &PyExpr,
+    range: &Range<usize>,
+    scope: &Scope,
+    depth: usize,
+) -> Result<PyExpr, Refusal> {
+    let mut list = resolve(list, scope, depth)?;
+    if is_dictionary(&list) {
+        list = resolve(&dictionary::keys_of(list), scope, depth)?;
+    }
+    let PyExpr::List(items, _) = list else {
+        return Err(Refusal::new("'for' over something other than a list", range.clone()));
+    };
+    let mut out = Vec::with_capacity(items.len());
+    for item in items {
+        let mut one = substitute(value, std::slice::from_ref(name), &[item]);
+        // A test that leaves items out must be known.
+        while let PyExpr::Choice(test, then, other) = &one
+            && is_nothing(other)
+        {
+            let holds = known_truth(&resolve(test, scope, depth)?, scope);
+            let holds = holds.ok_or_else(|| Refusal::new("a list with conditions", range.clone()))?;
+            let next = if holds { then.as_ref() } else { other.as_ref() };
+            one = next.clone();
+        }
+        if !is_nothing(&one) {
+            out.push(resolve(&one, scope, depth)?);
+        }
+    }
+    Ok(PyExpr::List(out, range.clone()))
 }
 
 /// A name without the mark of [`of_model`].

@@ -360,11 +360,11 @@ fn own_lambda(piece: Piece<'_>) -> Option<(Piece<'_>, OwnFunction)> {
 }
 
 /// Statements of a loop that set a variable to 1 before each `break` of the loop.
-fn noting_breaks(list: Vec<Statement>, name: &String) -> Vec<Statement> {
+fn noting_breaks(list: Vec<Statement>, name: &str) -> Vec<Statement> {
     let mut out = Vec::with_capacity(list.len());
     for s in list {
         match s {
-            Statement::Break(_) => out.extend([Statement::Assign(name.clone(), PyExpr::Number(1.0)), s]),
+            Statement::Break(_) => out.extend([Statement::Assign(name.to_owned(), PyExpr::Number(1.0)), s]),
             Statement::If(tests, other) => {
                 let tests = tests.into_iter().map(|(test, then)| (test, noting_breaks(then, name))).collect();
                 out.push(Statement::If(tests, noting_breaks(other, name)));
