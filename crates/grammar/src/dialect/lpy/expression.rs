@@ -685,7 +685,12 @@ impl PyParser {
         }
         self.grow(height)?;
         let is_nested = self.word() == Some("for");
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return Err(Refusal::new("an expression nested too deep", self.here()));
+        }
         let value = if is_nested { self.each(value, range.clone())? } else { value };
+        self.depth -= 1;
         let value = tests.into_iter().rev().fold(value, |value, test| {
             let nothing = PyExpr::Call(NOTHING.to_owned(), Vec::new(), range.clone());
             PyExpr::Choice(Box::new(test), Box::new(value), Box::new(nothing))
