@@ -1,5 +1,5 @@
-//! Files of L-Py whose productions are rules and expressions: no more of Python than constants, lists, functions with a value, `if`
-//! and `for` over a constant range. A production with `if` becomes one production for each way through it.
+//! Models of L-Py: rules, and of Python the statements and expressions that docs/dialects.md lists. A production with `if` becomes one
+//! production for each way through it.
 
 mod bounds;
 mod color;
@@ -347,8 +347,8 @@ impl<'s> Model<'_, 's> {
         let line = self.reader.line_number(why.range.start);
         let message = format!("this is L-Py with Python code, line {line}: {}", why.construct);
         let help = why.remedy.unwrap_or(
-            "osier reads rules, expressions, constants, lists, functions with a value, 'if', 'while', and 'for' over a range; pass \
-             what a production needs as parameters of its modules",
+            "osier reads rules, expressions, lists, dictionaries, functions with a value, 'if', 'for' and 'while'; pass what a \
+             production needs as parameters of its modules",
         );
         self.reader.session.error_help("L007", message, place, help);
     }
