@@ -9,9 +9,9 @@ use osier_base::convert::saturating_index;
 use super::expression::{
     MAX_OPS, PyExpr, PyOp, Refusal, SLICE, Scope, constant_of, is_dictionary, parse, range_of, sorted,
 };
-use super::rule::Way;
 use super::statement::{OPERATORS, Statement};
 use super::strings::{closing, split};
+use super::ways::Way;
 use super::{Model, assignment, is_name};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
@@ -239,11 +239,21 @@ pub(super) fn changes(statements: &[Statement], name: &str) -> bool {
     })
 }
 
-/// Names whose lists a value may be, or may hold as items.
-pub(super) fn names_held(e: &PyExpr) -> BTreeSet<String> {
-    let mut out = BTreeSet::new();
-    append_held(e, &mut out);
-    out
+/// What an assignment makes of lists that have names.
+#[derive(Debug, Default)]
+pub(super) struct HandedOn {
+    /// Names whose lists the value may be, or may hold as items.
+    names: BTreeSet<String>,
+    /// The value may be one of these lists itself.
+    is_same: bool,
+}
+
+impl HandedOn {
+    fn new(e: &PyExpr) -> Self {
+        let mut names = BTreeSet::new();
+        append_held(e, &mut names);
+        Self { names, is_same: !matches!(e, PyExpr::List(..)) && !is_change(e) }
+    }
 }
 
 fn append_held(e: &PyExpr, out: &mut BTreeSet<String>) {
@@ -281,8 +291,14 @@ fn change_refusal(name: &str, why: &str, place: Range<usize>, remedy: &'static s
 const COPY: &str = "make a copy under another name and change that one: p = list(q)";
 
 impl Model<'_, '_> {
-    /// Refuses a change of a list that the statements of a way have not made, or that has two names.
-    pub(super) fn check_change(&self, name: &str, e: &PyExpr, way: &Way) -> Result<(), Refusal> {
+    /// What a statement hands on. Refuses a change of a list that the statements of the way have not made, or that has two names.
+    pub(super) fn handed_on(&self, statement: &Statement, way: &Way) -> Result<HandedOn, Refusal> {
+        let Statement::Assign(name, e) = statement else { return Ok(HandedOn::default()) };
+        self.check_change(name, e, way)?;
+        Ok(HandedOn::new(e))
+    }
+
+    fn check_change(&self, name: &str, e: &PyExpr, way: &Way) -> Result<(), Refusal> {
         let is_change = is_change(e);
         if !is_change && !extends(name, e) {
             return Ok(());
@@ -297,17 +313,16 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// Notes the lists that have two names after a list is assigned. `held`: names of the value before lists are put in their place.
-    pub(super) fn share_lists(&self, name: &str, is_same: bool, held: &BTreeSet<String>, way: &mut Way) {
+    /// Notes the lists that have two names after a list is assigned to a name.
+    pub(super) fn share_lists(&self, name: &str, handed_on: &HandedOn, way: &mut Way) {
         let is_temporary = |name: &str| name.starts_with('(');
-        let is_list = |other: &String| way.lists.contains_key(other) || self.scope.lists.contains_key(other);
-        let others: Vec<&String> = held.iter().filter(|other| *other != name && is_list(other)).collect();
-        for other in others {
+        for other in handed_on.names.iter().filter(|other| *other != name) {
+            let is_list = way.lists.contains_key(other) || self.scope.lists.contains_key(other);
             // Variables of this reader are read once: what they hand on has two names if it had before.
-            let is_shared = !is_temporary(name) && !is_temporary(other) || way.shared_lists.contains(other);
-            if is_shared {
+            let is_read_again = !is_temporary(name) && !is_temporary(other);
+            if is_list && (is_read_again || way.shared_lists.contains(other)) {
                 way.shared_lists.insert(other.clone());
-                if is_same {
+                if handed_on.is_same {
                     way.shared_lists.insert(name.to_owned());
                 }
             }
@@ -332,14 +347,14 @@ impl Model<'_, '_> {
 
     /// As [`Self::share_lists`], for a value of the model.
     pub(super) fn share_lists_of_model(&mut self, name: &str, e: &PyExpr) {
-        let is_same = !matches!(e, PyExpr::List(..)) && !is_change(e);
+        let handed_on = HandedOn::new(e);
         if !is_change(e) {
             self.shared_lists.remove(name);
         }
-        for other in names_held(e) {
+        for other in handed_on.names {
             if other != name && self.scope.lists.contains_key(&other) {
                 self.shared_lists.insert(other);
-                if is_same {
+                if handed_on.is_same {
                     self.shared_lists.insert(name.to_owned());
                 }
             }

@@ -10,6 +10,7 @@ mod lists;
 mod rule;
 mod statement;
 mod strings;
+mod ways;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -18,12 +19,12 @@ use self::expression::{
     OwnFunction, PyExpr, Refusal, Scope, compile, first_call, has_random, is_dictionary, of_model, parse, resolve,
 };
 use self::lists::change_of;
-use self::rule::Step;
 use self::statement::{
     FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, heads_block, indented_refusal,
     only_returns, remedy_of, renamed, statements_of_line,
 };
 use self::strings::{PyModule, modules, spell, split};
+use self::ways::Step;
 use super::Reader;
 use super::text::{Piece, lines};
 use crate::code::Op;
