@@ -6,9 +6,8 @@ use std::ops::Range;
 
 use osier_base::convert::saturating_index;
 
-use super::expression::{
-    MAX_OPS, PyExpr, PyOp, Refusal, SLICE, Scope, constant_of, is_dictionary, parse, range_of, sorted,
-};
+use super::expression::{MAX_OPS, PyExpr, PyOp, Refusal, SLICE, Scope, constant_of, is_dictionary, range_of, sorted};
+use super::parser::parse;
 use super::statement::{OPERATORS, Statement};
 use super::strings::{closing, split};
 use super::ways::Way;

@@ -7,6 +7,7 @@ mod dictionary;
 mod expression;
 mod imports;
 mod lists;
+mod parser;
 mod rule;
 mod statement;
 mod strings;
@@ -16,9 +17,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use self::expression::{
-    OwnFunction, PyExpr, Refusal, Scope, compile, first_call, has_random, is_dictionary, of_model, parse, resolve,
+    OwnFunction, PyExpr, Refusal, Scope, compile, first_call, has_random, is_dictionary, of_model, resolve,
 };
 use self::lists::change_of;
+use self::parser::parse;
 use self::statement::{
     FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, heads_block, indented_refusal,
     only_returns, remedy_of, renamed, statements_of_line,

@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse};
+use super::expression::{PyExpr, PyOp, Refusal, compile, has_random};
+use super::parser::parse;
 use super::statement::{GROUP, Statement, assigned};
 use super::strings::{PyModule, Spelled, spell};
 use super::ways::{Step, Way, names_of, spread};

@@ -9,10 +9,10 @@ use super::bounds::mentions;
 use super::dictionary::keys_of;
 use super::expression::{OwnFunction, PyExpr, PyOp, Refusal, Scope};
 use super::expression::{
-    compile, exchanged, first_call, has_random, is_dictionary, parse, resolve, size_with, substitute, tested,
-    with_functions,
+    compile, exchanged, first_call, has_random, is_dictionary, resolve, size_with, substitute, tested, with_functions,
 };
 use super::lists::{change_of, is_change};
+use super::parser::parse;
 use super::strings::{PyModule, closing, split};
 use super::{Line, Model, assignment, block_after, block_colon, function_head, is_name, lambda};
 use crate::code::is_zero;
