@@ -447,7 +447,7 @@ impl PyParser {
                 self.indexed(list)
             }
             PyTokenKind::Sign("{") => {
-                let (mut pairs, mut height) = (Vec::new(), 0);
+                let (mut pairs, mut height) = (Vec::new(), 0_usize);
                 while !self.eat("}") {
                     pairs.push(self.choice()?);
                     height = height.max(self.height);
@@ -617,7 +617,7 @@ impl PyParser {
     }
 
     fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
-        let (mut args, mut height) = (Vec::new(), 0);
+        let (mut args, mut height) = (Vec::new(), 0_usize);
         while !self.eat(")") {
             // `f(x, k=3)`: the name is kept with its sign, which no function has.
             if let [PyToken { kind: PyTokenKind::Name(own), range }, PyToken { kind: PyTokenKind::Sign("="), .. }, ..] =
