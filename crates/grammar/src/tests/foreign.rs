@@ -238,6 +238,24 @@ fn functions_that_lpy_runs_end_at_return() {
 }
 
 #[test]
+fn functions_of_lpy_that_are_not_run_are_told() {
+    let model = |head: &str| format!("n = 1\n{head}Axiom: A\nproduction:\nA --> B(n)\nendlsystem\n");
+    for (name, lines, is_told) in [
+        ("End", "  global n\n  n = 5\n", true),
+        ("StartInterpretation", "  global n\n  n = 5\n", true),
+        ("End", "  for m in lstring: print(m)\n", true),
+        ("End", "  print('ready')\n  return lstring\n", false),
+        ("PostDraw", "  pass\n", false),
+    ] {
+        let (_, told) = read(&model(&format!("def {name}(lstring):\n{lines}")));
+        let of = told.iter().filter(|d| d.code == "L008" && d.message == format!("the function '{name}' is not run"));
+        assert_eq!(of.count(), usize::from(is_told), "{name} {lines}: {told:?}");
+    }
+    let said = try_read(&model("def End(lstring):\n  return makestring('F')\n"));
+    assert!(said.is_err_and(|e| e.to_string().contains("returns another string")));
+}
+
+#[test]
 fn the_turtle_of_lpy_is_set_wherever_a_model_does() {
     let angle = |head: &str| {
         let (g, warnings) = read(&format!("{head}Axiom: F+F\nproduction:\nendlsystem\n"));

@@ -135,11 +135,11 @@ impl<'t> ItemChange<'t> {
         while rest.text.starts_with('[') {
             rest = bracketed(rest)?.1;
         }
-        let op = OPERATORS.iter().find(|(sign, _)| rest.text.starts_with(sign));
+        let op = OPERATORS.iter().find(|(sign, _)| rest.text.starts_with(sign)).copied();
         let is_set = rest.text.starts_with('=') && !rest.text.starts_with("==");
         let length = op.map_or(1, |(sign, _)| sign.len());
         let value = rest.from(length).trimmed();
-        (op.is_some() || is_set).then_some(Self { name, index, is_nested, op: op.map(|(_, op)| *op), value })
+        (op.is_some() || is_set).then_some(Self { name, index, is_nested, op: op.map(|(_, op)| op), value })
     }
 }
 

@@ -36,8 +36,10 @@ use crate::token::SourcePlace;
 use crate::vm;
 
 /// Functions that L-Py runs at the beginning, around each step and around each drawing.
-const CALLED_FUNCTIONS: [&str; 6] =
-    ["Start", "StartEach", "EndEach", "StartInterpretation", "EndInterpretation", "PostDraw"];
+const CALLED_FUNCTIONS: [&str; 7] =
+    ["Start", "StartEach", "EndEach", "End", "StartInterpretation", "EndInterpretation", "PostDraw"];
+/// What the refusal of a function says that gives another string than it was given.
+const OTHER_STRING: &str = "a function that returns another string";
 
 /// Target of the jump of a `return`, until the end of its function is known.
 const RETURN: usize = usize::MAX;
@@ -964,21 +966,28 @@ impl<'s> Model<'_, 's> {
         self.scope.is_before_step = name == "StartEach";
         let code = self.run_function(block);
         self.scope.is_before_step = false;
+        let is_run = matches!(name, "Start" | "StartEach" | "EndEach");
         match code {
-            Ok(code) => {
+            Ok(code) if is_run => {
                 let to = match name {
                     "Start" => &mut self.functions.start,
                     "StartEach" => &mut self.functions.start_each,
-                    "EndEach" => &mut self.functions.end_each,
-                    // The other functions do not change the string.
-                    _ => return,
+                    _ => &mut self.functions.end_each,
                 };
                 *to = code;
             }
-            Err(why) => {
+            Ok(code) if code.is_empty() => {}
+            Err(why) if is_run || why.construct == OTHER_STRING => {
                 let construct = format!("the function '{name}', which L-Py runs: {}", why.construct);
                 let range = if why.range.is_empty() { range.clone() } else { why.range };
                 self.refuse(&Refusal { construct, range, remedy: why.remedy });
+            }
+            // The other functions run behind the last step, and around drawings.
+            _ => {
+                let place = self.reader.place(range.clone());
+                let message = format!("the function '{name}' is not run");
+                let help = "osier runs Start, StartEach and EndEach; set in EndEach() what an interpretation reads";
+                self.reader.session.warning("L008", message, place, help);
             }
         }
     }
@@ -1130,7 +1139,7 @@ impl<'s> Model<'_, 's> {
                         None => true,
                     };
                     if !is_own {
-                        let why = Refusal::new("a function that returns another string", place.clone());
+                        let why = Refusal::new(OTHER_STRING, place.clone());
                         return Err(why.remedy("write the string as the axiom, and its changes as productions"));
                     }
                     ops.push(Op::Jump(RETURN));
