@@ -896,6 +896,23 @@ fn loops_of_lpy_may_have_else() {
 }
 
 #[test]
+fn parameters_of_lpy_are_equal_to_fractions() {
+    // 0.1 has no exact value in single precision, which parameters have; 0.1000001 is another number there.
+    let model =
+        |rules: &str| format!("k = 0.1\nAxiom: A(0.1)A(0.1000001)\nderivation length: 1\nproduction:\n{rules}\n");
+    for rules in [
+        "A(x) : x == 0.1 --> B\nA(x) --> C",
+        "A(x) : x != k --> C\nA(x) --> B",
+        "A(x) : x in (0.3, k) --> B\nA(x) --> C",
+        "A(0.1) --> B\nA(x) --> C",
+        "A(x):\n  y = x\n  if 0.1 == y: produce B\n  produce C",
+        "A(x):\n  y = 0.1\n  if y == 0.1 and x == y: produce B\n  produce C",
+    ] {
+        assert_eq!(lpy(&model(rules)), "BC", "{rules}");
+    }
+}
+
+#[test]
 fn models_of_lpy_may_use_none() {
     let head = "def size(x, y=None):\n  if y is None: return x\n  return x+y\nlast = None\n\
                 def side(x, name=''):\n  if name: return x\n  return -x\n";

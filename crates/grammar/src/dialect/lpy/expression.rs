@@ -988,6 +988,9 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
             ops[to_end] = Op::Jump(ops.len());
         }
         PyExpr::Binary(op, a, b) => {
+            if let Some(near) = equal_in_single(*op, a, b) {
+                return emit(&near, scope, ops);
+            }
             let op = match op {
                 PyOp::Add => BinaryOp::Add,
                 PyOp::Sub => BinaryOp::Sub,
@@ -1098,6 +1101,27 @@ pub(super) fn range_of(e: &PyExpr) -> Range<usize> {
         PyExpr::Neg(a) | PyExpr::Not(a) | PyExpr::Binary(_, a, _) | PyExpr::And(a, _) | PyExpr::Or(a, _) => range_of(a),
         PyExpr::Choice(a, ..) => range_of(a),
     }
+}
+
+/// `a == b` and `a != b` where one side is a number that single precision does not hold, such as 0.1: a parameter, which has single
+/// precision, is equal to the number that is nearest to it. `None` for other comparisons.
+fn equal_in_single(op: PyOp, a: &PyExpr, b: &PyExpr) -> Option<PyExpr> {
+    let (value, number) = match (a, b) {
+        (PyExpr::Number(_), PyExpr::Number(_)) => return None,
+        (value, PyExpr::Number(n)) | (PyExpr::Number(n), value) => (value, *n),
+        _ => return None,
+    };
+    #[allow(clippy::cast_possible_truncation, reason = "rounded to single precision")]
+    let nearest = f64::from(number as f32);
+    if !matches!(op, PyOp::Eq | PyOp::Ne) || is_zero(nearest - number) {
+        return None;
+    }
+    let difference = PyExpr::Binary(PyOp::Sub, Box::new(value.clone()), Box::new(PyExpr::Number(number)));
+    let distance = PyExpr::Call("fabs".to_owned(), vec![difference], range_of(value));
+    // Rounding changes a number by 2^-24 of it at the most.
+    let most = PyExpr::Number(number.abs() / 16_777_216.0);
+    let is_near = PyExpr::Binary(PyOp::Le, Box::new(distance), Box::new(most));
+    Some(if op == PyOp::Eq { is_near } else { PyExpr::Not(Box::new(is_near)) })
 }
 
 /// `a // b` = floor(a / b), `a % b` = a - b floor(a / b), which has the sign of b.

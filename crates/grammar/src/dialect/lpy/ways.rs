@@ -309,6 +309,7 @@ impl Model<'_, '_> {
         for (test, then) in tests {
             // Tests of numbers alone, such as those of the variable of a loop, leave one way; so do those that conditions before have
             // decided, but what draws is tested all the same.
+            let test = with_known(&test, &now.way);
             let draws = has_random(&test, &self.scope);
             let known = self.known_value(&test, &now.way).map(|value| !is_zero(value));
             let known = known.or_else(|| now.way.bounds.decide(&test, &self.scope).filter(|_| !draws));
