@@ -878,6 +878,13 @@ fn imports_of_lpy_may_fail() {
 }
 
 #[test]
+fn heads_of_lpy_leave_lists_of_the_model_as_they_are() {
+    let model = |axiom: &str, rules: &str| format!("v = [5, 6]\nAxiom: {axiom}\nproduction:\n{rules}\n");
+    assert_eq!(lpy(&model("A(1)A(1,2)B", "A(*v) --> C(len(v))\nB --> F(v[0])")), "C(1)C(2)F(5)");
+    assert_eq!(lpy(&model("?P(0,0,0)AB", "?P(v) < A --> C\n?P(x,y,z) --> *\nB --> F(v[1])")), "CF(6)");
+}
+
+#[test]
 fn loops_of_lpy_may_have_else() {
     let model = |lines: &str| format!("Axiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n{lines}  nproduce C\n");
     for (lines, wanted) in [

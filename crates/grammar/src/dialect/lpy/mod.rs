@@ -92,8 +92,8 @@ struct Model<'r, 's> {
     loop_places: Vec<SourcePlace>,
     /// How many parameters `*args` stands for in the present reading of a head.
     star: usize,
-    /// Lists that the head of the present rule names.
-    rule_lists: Vec<String>,
+    /// Lists that the head of the present rule names, with those of the model that have these names.
+    rule_lists: Vec<(String, Option<PyExpr>)>,
     /// Names and numbers of parameters of modules as the text has them.
     arities: BTreeSet<(String, usize)>,
     /// Lines of the functions that L-Py runs, which are read when all values of the model are known: name, first and last line

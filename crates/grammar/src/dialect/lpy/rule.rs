@@ -149,8 +149,11 @@ impl Model<'_, '_> {
                 break;
             }
         }
-        for name in std::mem::take(&mut self.rule_lists) {
-            self.scope.lists.remove(&name);
+        for (name, of_model) in std::mem::take(&mut self.rule_lists).into_iter().rev() {
+            match of_model {
+                Some(list) => self.scope.lists.insert(name, list),
+                None => self.scope.lists.remove(&name),
+            };
         }
     }
 
@@ -335,8 +338,8 @@ impl Model<'_, '_> {
             group = Some((name.to_owned(), (0..self.star).map(|k| format!("{name} ({k})")).collect()));
         }
         if let Some((name, names)) = group {
-            self.scope.lists.insert(name.clone(), list(&names));
-            self.rule_lists.push(name);
+            let of_model = self.scope.lists.insert(name.clone(), list(&names));
+            self.rule_lists.push((name, of_model));
             arity += names.len();
             self.scope.locals.extend(names);
         }
