@@ -646,6 +646,8 @@ fn statements_of_lpy_outside_of_productions_run() {
         ("x = 0\nfor i in range(n): x += i\n", "B(3)"),
         ("x = 1\nwhile x < 50:\n  x *= n\nn = 1\n", "B(81)"),
         ("q = []\nfor i in range(n):\n  q = q + [i*i]\nx = len(q) + q[2]\n", "B(7)"),
+        ("x = 0\nfor i in range(n):\n  if i == 9: break\nelse: x = 4\n", "B(4)"),
+        ("x = 1\nfor i in range(n):\n  if i == 2: break\nelse:\n  x = 4\n", "B(1)"),
     ] {
         assert_eq!(lpy(&model(lines)), wanted, "{lines}");
     }

@@ -750,9 +750,9 @@ impl<'s> Model<'_, 's> {
                 return next;
             }
             "if" | "for" | "while" => {
-                // The lines of its `elif` and `else` belong to an `if`.
+                // The lines of its `elif` and `else` belong to an `if`, that of its `else` to a loop.
                 let mut end = next;
-                while let Some(more) = list.get(end).filter(|more| word.text == "if" && more.indent == line.indent) {
+                while let Some(more) = list.get(end).filter(|more| more.indent == line.indent) {
                     if !matches!(more.piece.first_word(&['(', ':']).0.text, "elif" | "else") {
                         break;
                     }
