@@ -887,6 +887,15 @@ fn heads_of_lpy_leave_lists_of_the_model_as_they_are() {
 }
 
 #[test]
+fn functions_of_lpy_may_stand_in_any_order() {
+    let head = "k = 2\ndef twice(n, f=k): return f*total(n)\ndef more(n): return sums(n) + 1\ndef sums(n): return total(n)\n\
+                def total(n):\n  s = 0\n  for i in range(n): s += i\n  return s\nk = 5\n";
+    // 0 + 1 + 2 + 3, whose factor is the k of the line of the function.
+    let model = format!("{head}Axiom: A(4)\nderivation length: 1\nproduction:\nA(x) --> B(twice(x),more(x))\n");
+    assert_eq!(lpy(&model), "B(12,7)");
+}
+
+#[test]
 fn loops_of_lpy_may_have_else() {
     let model = |lines: &str| format!("Axiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n{lines}  nproduce C\n");
     for (lines, wanted) in [

@@ -84,6 +84,8 @@ struct Model<'r, 's> {
     temporaries: usize,
     /// Functions that are more than one expression, by name: their parameters and statements.
     bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,
+    /// Lines of the functions of the model, by their names.
+    definitions: BTreeMap<String, usize>,
     /// Lists of the model that have two names.
     shared_lists: BTreeSet<String>,
     /// Functions that the production which is read defines.
@@ -137,6 +139,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         initial: BTreeMap::new(),
         temporaries: 0,
         bodies: BTreeMap::new(),
+        definitions: BTreeMap::new(),
         shared_lists: BTreeSet::new(),
         own_functions: BTreeMap::new(),
         loop_places: Vec::new(),
@@ -498,12 +501,33 @@ impl<'s> Model<'_, 's> {
         for body in blocks {
             self.hide_unreadable(list.get(body).unwrap_or(&[]));
         }
+        self.read_callers_again(list);
         for (i, section, group) in std::mem::take(&mut self.productions) {
             (self.section, self.group) = (section, group);
             self.rule(list, i);
         }
         // The functions that L-Py runs do not know the variables of the last one.
         self.scope.locals.clear();
+    }
+
+    /// Reads those functions again, as statements, that call a function of statements which stands behind them.
+    fn read_callers_again(&mut self, list: &[Line<'_>]) {
+        let calls_body = |model: &Self, name: &str| {
+            let value = model.scope.functions.get(name).map(|(_, value)| value);
+            value.is_some_and(|value| first_call(value, &|called| model.has_body(called)).is_some())
+        };
+        loop {
+            let caller = self.definitions.iter().find(|(name, _)| calls_body(self, name));
+            let Some((name, i)) = caller.map(|(name, i)| (name.clone(), *i)) else { return };
+            let Some(line) = list.get(i) else { return };
+            let (block, _) = block_after(list, i, line.indent);
+            let (_, rest) = line.piece.first_word(&['(', ':', '=']);
+            // Values of parameters are those where the function is defined.
+            let defaults = self.scope.defaults.get(&name).cloned().unwrap_or_default();
+            self.scope.functions.remove(&name);
+            self.function(rest, block, &line.piece.range());
+            self.scope.defaults.insert(name, defaults);
+        }
     }
 
     /// Names that a function which L-Py runs sets to values that cannot be read: a production that uses one is refused.
@@ -745,6 +769,7 @@ impl<'s> Model<'_, 's> {
                     self.hide_unreadable(block);
                     self.run_later.push((name.to_owned(), i + 1..next, range));
                 } else {
+                    self.definitions.insert(name.to_owned(), i);
                     self.function(rest, block, &range);
                 }
                 return next;
