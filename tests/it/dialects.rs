@@ -473,7 +473,7 @@ fn the_program_finds_out_what_a_file_is() {
 }
 
 /// Strings that models of L-Py derive, by hand.
-const LPY: [(&str, &str); 15] = [
+const LPY: [(&str, &str); 19] = [
     ("nested", "F(0)F(10)F(11)"),
     ("algae", "ABAABABA"),
     ("letters", "bFFd"),
@@ -489,6 +489,10 @@ const LPY: [(&str, &str); 15] = [
     ("groups", "F"),
     ("expressions", "B(3,-4,2,512,-4,-2,1,1,2,3)"),
     ("block", "F[+(0)F][+(90)F][+(180)F]"),
+    ("collect", "[/(90)L(9)][/(180)L(4)][/(270)L(5)]L(6)"),
+    ("orders", "I(16)[I(81)]I(4)[I(9)]I(2)[I(3)]I(3)"),
+    ("late", "I(12)I(3)A(3)"),
+    ("seasons", "L(1)L(3)L(2)L(6)L(0)"),
 ];
 
 #[test]

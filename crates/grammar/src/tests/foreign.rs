@@ -238,6 +238,24 @@ fn functions_that_lpy_runs_end_at_return() {
 }
 
 #[test]
+fn functions_of_lpy_that_are_not_run_are_told() {
+    let model = |head: &str| format!("n = 1\n{head}Axiom: A\nproduction:\nA --> B(n)\nendlsystem\n");
+    for (name, lines, is_told) in [
+        ("End", "  global n\n  n = 5\n", true),
+        ("StartInterpretation", "  global n\n  n = 5\n", true),
+        ("End", "  for m in lstring: print(m)\n", true),
+        ("End", "  print('ready')\n  return lstring\n", false),
+        ("PostDraw", "  pass\n", false),
+    ] {
+        let (_, told) = read(&model(&format!("def {name}(lstring):\n{lines}")));
+        let of = told.iter().filter(|d| d.code == "L008" && d.message == format!("the function '{name}' is not run"));
+        assert_eq!(of.count(), usize::from(is_told), "{name} {lines}: {told:?}");
+    }
+    let said = try_read(&model("def End(lstring):\n  return makestring('F')\n"));
+    assert!(said.is_err_and(|e| e.to_string().contains("returns another string")));
+}
+
+#[test]
 fn the_turtle_of_lpy_is_set_wherever_a_model_does() {
     let angle = |head: &str| {
         let (g, warnings) = read(&format!("{head}Axiom: F+F\nproduction:\nendlsystem\n"));
@@ -397,6 +415,8 @@ fn loops_of_lpy_may_go_over_enumerate_and_zip() {
     for (turns, made, wanted) in [
         ("i, v in enumerate(q)", "B(i,v)", "B(0,5)B(1,6)"),
         ("(i, v) in enumerate([4, 8, 9])", "B(i,v)", "B(0,4)B(1,8)B(2,9)"),
+        ("i, v in enumerate(q, 1)", "B(i,v)", "B(1,5)B(2,6)"),
+        ("i, v in enumerate(q, start=3)", "B(i,v)", "B(3,5)B(4,6)"),
         ("a, b in zip([1, 2], [3, 4, 5])", "B(a,b)", "B(1,3)B(2,4)"),
         ("a, b, c in zip(q, range(3), [7, 8, 9])", "B(a,b+c)", "B(5,7)B(6,9)"),
     ] {
@@ -408,7 +428,7 @@ fn loops_of_lpy_may_go_over_enumerate_and_zip() {
     // 3 * (3 * 1 + 4 * 2) + 3 * 11.
     assert_eq!(lpy(&format!("{head}Axiom: A(1)\nproduction:\nA(x) --> B(total(x))\n")), "B(66)");
     for turns in
-        ["a, b in q", "a, b in enumerate(q, 1)", "a, b, c in zip(q, q)", "a, b in items(q)", "a+b, c in [(1, 2)]"]
+        ["a, b in q", "a, b in enumerate(q, 1, 2)", "a, b, c in zip(q, q)", "a, b in items(q)", "a+b, c in [(1, 2)]"]
     {
         let said =
             try_read(&format!("{}endlsystem\n", model(turns, "B"))).err().map_or_else(String::new, |e| e.to_string());
@@ -483,13 +503,52 @@ fn productions_of_lpy_may_hold_lists() {
     let drawn = lpy(&model("  p = [randint(1,1000000), 0]\n  nproduce B(p[0],p[0])\n"));
     let (a, b) = drawn.split_once(',').unwrap_or_default();
     assert_eq!(a.trim_start_matches("B("), b.trim_end_matches(')'), "{drawn}");
-    for lines in [
-        "  p = [1, x]\n  nproduce B(p)\n",
-        "  p = [1, x]\n  p[0] = 2\n  nproduce B(p[0])\n",
-        "  p = [1, x]\n  p.append(2)\n  nproduce B(p[2])\n",
+    let said = try_read(&format!("{}endlsystem\n", model("  p = [1, x]\n  nproduce B(p)\n")));
+    assert!(said.is_err_and(|e| e.to_string().contains("L007")));
+}
+
+#[test]
+fn lists_of_lpy_may_change() {
+    let head = "m = [1]\nm.extend([2, 3])\nm.append(9)\nm[0] += 4\nd = {}\nd['a'] = 4\nd['b'] = 5\nd['a'] = 6\nlast = m.pop()\n\
+                def squares(n):\n  q = []\n  for i in range(n): q.append(i*i)\n  return q\nr = squares(3)\nr.append(7)\n";
+    let model = |lines: &str| format!("{head}Axiom: A(5)\nderivation length: 1\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  nproduce B(m[0],len(m),last,d['a'],d['b'])\n", "B(5,3,9,6,5)"),
+        ("  q = []\n  for i in range(3): q.append(2**i)\n  for v in q: nproduce B(v)\n", "B(1)B(2)B(4)"),
+        // Items are taken when they are added.
+        ("  q = [x]\n  q.append(x+1)\n  x = 0\n  q.extend([7, x])\n  x = 3\n  nproduce B(*q)\n", "B(5,6,7,0)"),
+        ("  q = [1, 2, 3]\n  q[1] = 9\n  q[-1] += x\n  nproduce B(q[1],q[2],sum(q))\n", "B(9,8,18)"),
+        (
+            "  q = [1, 2, 3]\n  v = q.pop()\n  w = q.pop(0)\n  q.insert(0, 7)\n  nproduce B(v,w,q[0],len(q))\n",
+            "B(3,1,7,2)",
+        ),
+        ("  q = [3, 1, 2]\n  q.sort()\n  q.reverse()\n  nproduce B(*q)\n", "B(3,2,1)"),
+        ("  q = []\n  i = 0\n  while i < 3:\n    q.append(i*i)\n    i += 1\n  nproduce B(sum(q))\n", "B(5)"),
+        ("  q = [1]\n  if x > 3: q.append(2)\n  nproduce B(len(q))\n", "B(2)"),
+        (
+            "  p = [1, 2]\n  q = p[:]\n  r = list(p)\n  q.append(3)\n  r[0] = 4\n  nproduce B(len(p),len(q),r[0],p[0])\n",
+            "B(2,3,4,1)",
+        ),
+        ("  q = squares(4)\n  q.append(x)\n  nproduce B(*q)\n  nproduce B(r[2],r[3])\n", "B(0,1,4,9,5)B(4,7)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    for (lines, why) in [
+        ("  m.append(1)\n  nproduce B\n", "the list 'm', which this block has not made"),
+        ("  p = [1]\n  q = p\n  q.append(2)\n  nproduce B(len(p))\n", "the list 'q', which has two names"),
+        ("  p = [1]\n  q = [p, 2]\n  p.append(2)\n  nproduce B(len(q[0]))\n", "the list 'p', which has two names"),
+        (
+            "  p = [[x, 1], [2, x]]\n  for q in p:\n    q.append(2)\n    nproduce B\n",
+            "a change of 'q', an item of a list",
+        ),
+        ("  p = [1]\n  q = p\n  q += [2]\n  nproduce B(len(p))\n", "the list 'q', which has two names"),
+        ("  q = [[1], [2]]\n  q[0][0] = 3\n  nproduce B\n", "an item within a list of lists"),
+        ("  q = [1]\n  q[x] = 2\n  nproduce B\n", "this change of a list, 'set'"),
+        ("  nproduce B(m[0])\na = [1]\nb = a\nb.append(2)\n", "the list 'b', which has two names"),
+        ("  nproduce B(m[0])\nx.append(2)\n", "the list 'x', which is no list of known values"),
     ] {
         let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
-        assert!(said.contains("L007"), "{lines}: {said}");
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
     }
 }
 
@@ -587,6 +646,8 @@ fn statements_of_lpy_outside_of_productions_run() {
         ("x = 0\nfor i in range(n): x += i\n", "B(3)"),
         ("x = 1\nwhile x < 50:\n  x *= n\nn = 1\n", "B(81)"),
         ("q = []\nfor i in range(n):\n  q = q + [i*i]\nx = len(q) + q[2]\n", "B(7)"),
+        ("x = 0\nfor i in range(n):\n  if i == 9: break\nelse: x = 4\n", "B(4)"),
+        ("x = 1\nfor i in range(n):\n  if i == 2: break\nelse:\n  x = 4\n", "B(1)"),
     ] {
         assert_eq!(lpy(&model(lines)), wanted, "{lines}");
     }
@@ -597,12 +658,18 @@ fn statements_of_lpy_outside_of_productions_run() {
 
 #[test]
 fn models_of_lpy_may_have_dictionaries_of_constants() {
-    let head = "k = 2\nd = {\n  'len': 3,   # metres\n  'angles': [10, 20*k],\n}\nages = {1: 5, k: 6, 3: 7}\n\
+    let head = "k = 2\nd = {\n  'len': 3,   # metres\n  'angles': [10, 20*k],\n}\nages = {1: 5, k: 6, 3: 7}\nw = dict(a=1, b=2*k)\n\
                 def f(name): return d[name]\n";
     let model = |lines: &str| format!("{head}Axiom: A(2)\nproduction:\nA(x):\n{lines}");
     for (lines, wanted) in [
         ("  nproduce B(d['len'],d['angles'][1],f(\"len\"))\n", "B(3,40,3)"),
         ("  nproduce B(ages[1],ages[x],ages[x+1])\n", "B(5,6,7)"),
+        ("  for a in ages: nproduce B(a,ages[a])\n", "B(1,5)B(2,6)B(3,7)"),
+        ("  for i, a in enumerate(ages): nproduce B(i,a)\n", "B(0,1)B(1,2)B(2,3)"),
+        ("  for a, v in ages.items(): nproduce B(a,v)\n", "B(1,5)B(2,6)B(3,7)"),
+        ("  nproduce B(sum(ages.values()),max(ages.keys()),len(ages),sum([a for a in ages]))\n", "B(18,3,3,6)"),
+        ("  nproduce B(d.get('len',9),d.get('width',9),ages.get(x,8),ages.get(x+5,8))\n", "B(3,9,6,8)"),
+        ("  if d.get('width') is None and not d.get('width'): nproduce B(w['a'],w['b'])\n", "B(1,4)"),
         ("  for v in d['angles']: nproduce B(v)\n  if x in ages and 'l' not in d: nproduce C\n", "B(10)B(40)C"),
     ] {
         assert_eq!(lpy(&model(lines)), wanted, "{lines}");
@@ -611,7 +678,7 @@ fn models_of_lpy_may_have_dictionaries_of_constants() {
         ("  nproduce B(d['width'])\n", "a key that its dictionary does not have"),
         ("  nproduce B(ages)\n", "a dictionary"),
         ("  nproduce B({1, 2})\n", "a dictionary"),
-        ("  for i, v in enumerate(ages): nproduce B(v)\n", "L007"),
+        ("  nproduce B(ages.get(random(),1))\n", "a key of this dictionary"),
     ] {
         let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
         assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
@@ -712,6 +779,211 @@ fn arguments_of_lpy_may_draw_where_they_are_read_once() {
 }
 
 #[test]
+fn functions_of_lpy_may_call_themselves_with_known_numbers() {
+    let head = "def fact(n):\n  if n <= 1: return 1\n  return n*fact(n-1)\n\
+                def fib(n): return n if n < 2 else fib(n-1)+fib(n-2)\ndef up(n): return up(n+1)\nk = 4\n";
+    let model = |rule: &str| format!("{head}Axiom: A(3)\nderivation length: 1\nproduction:\nA(x):\n  {rule}\n");
+    for (rule, wanted) in [
+        ("produce B(fact(k),fib(6+k),x)", "B(24,55,3)"),
+        ("for i in range(4): nproduce B(fact(i+1))", "B(1)B(2)B(6)B(24)"),
+        ("for i in range(4):\n    n = fib(i+3)\n    nproduce B(n)", "B(2)B(3)B(5)B(8)"),
+        ("produce B(sum([fact(i) for i in range(5)]))", "B(34)"),
+    ] {
+        assert_eq!(lpy(&model(rule)), wanted, "{rule}");
+    }
+    for (rule, why) in [
+        ("produce B(fact(x))", "the recursive function 'fact', more than 24 calls within one another"),
+        ("produce B(up(1))", "the recursive function 'up', more than 24"),
+        ("produce B(fib(22))", "the recursive function 'fib', more than 10000 calls"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(
+            said.contains("L007") && said.contains(why) && said.contains("with 'while' or 'for'"),
+            "{rule}: {said}"
+        );
+    }
+}
+
+#[test]
+fn models_of_lpy_may_give_imports_other_names() {
+    let head = "import math as mt, random as r\nimport numpy as n\nfrom math import sqrt as root, pi as PI, atan2 as angle\n\
+                from random import (randint as ri, random as rnd, choice as pick)\n";
+    let model = |lines: &str| format!("{head}Axiom: A(9)\nderivation length: 1\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  produce B(mt.sqrt(x),n.sqrt(x+7),mt.floor(mt.pi))\n", "B(3,4,3)"),
+        ("  produce B(root(x),round(PI,2),angle(0,1),pick([4,4]))\n", "B(3,3.14,0,4)"),
+        ("  produce B(r.randint(5,5),ri(6,6),1 if rnd() < 2 else 0)\n", "B(5,6,1)"),
+        ("  import math as m2\n  from math import floor as fl\n  produce B(m2.sqrt(x),fl(x/2))\n", "B(3,4)"),
+        // Other words that end or begin with the name of a module are none.
+        ("  gmt, mt2 = 2, 3\n  produce B(gmt,mt2,0.5*mt.sqrt(4))\n", "B(2,3,1)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    // Two numbers of one range are drawn, each once.
+    let drawn = lpy(&model("  a, b = rnd(), rnd()\n  produce B(1 if a == b else 2,a-a)\n"));
+    assert_eq!(drawn, "B(2,0)");
+    let said = try_read(&format!("{}endlsystem\n", model("  produce B(mt.gamma(x))\n")));
+    assert!(said.is_err_and(|e| e.to_string().contains("the function 'gamma'")));
+}
+
+#[test]
+fn productions_of_lpy_may_define_functions() {
+    let model =
+        |lines: &str| format!("k = 3\nAxiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n{lines}\nC --> D(f(1))\n");
+    for (lines, wanted) in [
+        ("  def f(y): return 2*y\n  produce B(f(x),f(f(3)))", "B(4,12)"),
+        (
+            "  def f(y, z=4):\n    if y > 2: return z\n    w = y*10\n    return w + z\n  produce B(f(x),f(x+1),f(x,z=1))",
+            "B(24,4,21)",
+        ),
+        ("  f = lambda y, z: y*z\n  produce B(f(x,5))", "B(10)"),
+        // It reads the variables of the production, as they are where it is called.
+        ("  k = 5\n  def f(y): return y*k + x\n  a = f(1)\n  k = 6\n  produce B(a,f(1))", "B(7,8)"),
+        ("  def f(y): return y*k\n  def g(y): return f(y) + 1\n  for i in range(2): nproduce B(g(i))", "B(1)B(4)"),
+    ] {
+        // Other productions do not know it.
+        let text = model(lines);
+        assert_eq!(lpy(text.rsplit_once("C -->").map_or("", |(head, _)| head)), wanted, "{lines}");
+        let said = try_read(&format!("{text}endlsystem\n")).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("the function 'f'"), "{lines}: {said}");
+    }
+    for (lines, why) in [
+        (
+            "  def f(n):\n    s = 0\n    for i in range(k): s += i\n    return s\n  produce B(f(x))",
+            "outside of the production",
+        ),
+        ("  if x > 1:\n    def f(y): return y\n  produce B(f(x))", "'def' within another block"),
+        ("  def f(y): return y\n  def f(y): return -y\n  produce B(f(x))", "a second function 'f'"),
+        ("  def f(y): return y*f(y-1) if y > 0 else 1\n  produce B(f(x))", "the function 'f'"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
+    }
+}
+
+#[test]
+fn lists_of_productions_of_lpy_leave_those_of_the_model_as_they_are() {
+    let model = "q = []\nfor i in range(2): q = q + [randint(7,7)]\nAxiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n  \
+                 for i in range(2): p = [x*2, x*3]\n  nproduce B(q[0],q[1],p[0],p[1])\n";
+    assert_eq!(lpy(model), "B(7,7,4,6)");
+}
+
+#[test]
+fn imports_of_lpy_may_fail() {
+    let model = |head: &str| format!("{head}Axiom: A(4)\nderivation length: 1\nproduction:\nA(x) --> B(root(x))\n");
+    let head =
+        "try:\n  from openalea.plantgl.all import *\n  from math import sqrt as root\nexcept ImportError:\n  pass\n";
+    assert_eq!(lpy(&model(head)), "B(2)");
+    let other = head.replace("  from openalea", "  n = 3\n  from openalea");
+    let said = try_read(&format!("{}endlsystem\n", model(&other))).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("'try' outside of a production"), "{said}");
+}
+
+#[test]
+fn heads_of_lpy_leave_lists_of_the_model_as_they_are() {
+    let model = |axiom: &str, rules: &str| format!("v = [5, 6]\nAxiom: {axiom}\nproduction:\n{rules}\n");
+    assert_eq!(lpy(&model("A(1)A(1,2)B", "A(*v) --> C(len(v))\nB --> F(v[0])")), "C(1)C(2)F(5)");
+    assert_eq!(lpy(&model("?P(0,0,0)AB", "?P(v) < A --> C\n?P(x,y,z) --> *\nB --> F(v[1])")), "CF(6)");
+}
+
+#[test]
+fn functions_of_lpy_may_stand_in_any_order() {
+    let head = "k = 2\ndef twice(n, f=k): return f*total(n)\ndef more(n): return sums(n) + 1\ndef sums(n): return total(n)\n\
+                def total(n):\n  s = 0\n  for i in range(n): s += i\n  return s\nk = 5\n";
+    // 0 + 1 + 2 + 3, whose factor is the k of the line of the function.
+    let model = format!("{head}Axiom: A(4)\nderivation length: 1\nproduction:\nA(x) --> B(twice(x),more(x))\n");
+    assert_eq!(lpy(&model), "B(12,7)");
+}
+
+#[test]
+fn loops_of_lpy_may_have_else() {
+    let model = |lines: &str| format!("Axiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n{lines}  nproduce C\n");
+    for (lines, wanted) in [
+        ("  for i in range(2): nproduce B(i)\n  else: nproduce D\n", "B(0)B(1)DC"),
+        ("  for i in range(4):\n    if i == x: break\n    nproduce B(i)\n  else:\n    nproduce D\n", "B(0)B(1)C"),
+        ("  for i in range(2):\n    if i == x: break\n    nproduce B(i)\n  else:\n    nproduce D\n", "B(0)B(1)DC"),
+        ("  i = 0\n  while i < x:\n    i += 1\n    if i > 5: break\n  else:\n    nproduce D(i)\n", "D(2)C"),
+        // The `break` of the inner loop does not end the outer one.
+        (
+            "  for i in range(2):\n    for j in range(9):\n      if j == i: break\n    else: nproduce E\n    nproduce B(j)\n  else: nproduce D\n",
+            "B(0)B(1)DC",
+        ),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+}
+
+#[test]
+fn parameters_of_lpy_are_equal_to_fractions() {
+    // 0.1 has no exact value in single precision, which parameters have; 0.1000001 is another number there.
+    let model =
+        |rules: &str| format!("k = 0.1\nAxiom: A(0.1)A(0.1000001)\nderivation length: 1\nproduction:\n{rules}\n");
+    for rules in [
+        "A(x) : x == 0.1 --> B\nA(x) --> C",
+        "A(x) : x != k --> C\nA(x) --> B",
+        "A(x) : x in (0.3, k) --> B\nA(x) --> C",
+        "A(0.1) --> B\nA(x) --> C",
+        "A(x):\n  y = x\n  if 0.1 == y: produce B\n  produce C",
+        "A(x):\n  y = 0.1\n  if y == 0.1 and x == y: produce B\n  produce C",
+    ] {
+        assert_eq!(lpy(&model(rules)), "BC", "{rules}");
+    }
+}
+
+#[test]
+fn models_of_lpy_may_use_none() {
+    let head = "def size(x, y=None):\n  if y is None: return x\n  return x+y\nlast = None\n\
+                def side(x, name=''):\n  if name: return x\n  return -x\n";
+    let model = |rule: &str| format!("{head}Axiom: A(0)\nderivation length: 1\nproduction:\nA(x):\n  {rule}\n");
+    for (rule, wanted) in [
+        ("produce B(size(3),size(3,4),size(3,y=5))", "B(3,7,8)"),
+        ("produce B(1 if last == None else 2,1 if last is not None else 2,last or 5)", "B(1,2,5)"),
+        ("if last or not last is None: produce C\n  if not last and not x: produce D", "D"),
+        ("y = None\n  if x == 0: y = 7\n  if y is None: produce C\n  produce D(y)", "D(7)"),
+        ("produce B(side(3),side(3,'a'),bool(last),bool(0.5))", "B(-3,3,0,1)"),
+    ] {
+        assert_eq!(lpy(&model(rule)), wanted, "{rule}");
+    }
+    let handed =
+        "Axiom: A(None)A(0)A(2)\nproduction:\nA(x):\n  if x is None: produce C\n  if x: produce D\n  produce E\n";
+    assert_eq!(lpy(handed), "CED");
+    for rule in ["produce B(last+1)", "produce B(sqrt(None))", "produce B(1 if last < 2 else 3)"] {
+        let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains("'None' where a number is expected"), "{rule}: {said}");
+    }
+}
+
+#[test]
+fn functions_of_lpy_that_draw_in_another_one_are_drawn_once() {
+    let model = format!(
+        "def g(): return random()\ndef f(): return g()\nAxiom: {}\nderivation length: 1\nproduction:\nA:\n  \
+         if f() < 0.5: produce B\n  else: produce C\n",
+        "A".repeat(60)
+    );
+    // Each module takes one of both ways.
+    let made = lpy(&model);
+    assert!(!made.contains('A') && made.contains('B') && made.contains('C') && made.len() == 60, "{made}");
+}
+
+#[test]
+fn expressions_of_lpy_of_very_many_parts_are_refused() {
+    let said = |value: &str| {
+        let text =
+            format!("q = [1]\nAxiom: A(1)\nderivation length: 1\nproduction:\nA(x) --> B({value})\nendlsystem\n");
+        try_read(&text).err().map_or_else(String::new, |e| e.to_string())
+    };
+    for sign in [" or ", " and ", "+", "*", " < ", " == "] {
+        assert_eq!(said(&["x"; 100].join(sign)), "", "{sign}");
+        let long = said(&["x"; 100_000].join(sign));
+        assert!(long.contains("L007") && long.contains("too many parts"), "{sign}: {}", &long[..long.len().min(200)]);
+    }
+    let long = said(&format!("sum([x {} for a in q])", "for a in q ".repeat(10_000)));
+    assert!(long.contains("L007") && long.contains("nested too deep"), "{}", &long[..long.len().min(200)]);
+    // Many items of a list are no height.
+    assert_eq!(said(&format!("len([{}])", ["x+1"; 3000].join(","))), "");
+}
+
+#[test]
 fn more_functions_of_python_are_known_to_lpy() {
     let model = |rule: &str| format!("q = [3, 1, 2]\nr = [0]*4 + q\nAxiom: A(7)\nproduction:\nA(x):\n  {rule}\n");
     for (rule, wanted) in [
@@ -723,6 +995,10 @@ fn more_functions_of_python_are_known_to_lpy() {
         ("if any([v > x for v in q]) or all(v < x for v in q): produce B(any([]),all([]))", "B(0,1)"),
         ("if any(v > 2*x-12 for v in q): produce B", "B"),
         ("produce B(hypot(3,x-3),fmod(-x,4),log(8,2),log10(1000))", "B(5,-3,3,3)"),
+        ("for v in sorted(q, reverse=True): nproduce B(v)", "B(3)B(2)B(1)"),
+        ("produce B(q.index(2),len([a*b for a in q for b in range(a) if b > 0]))", "B(2,3)"),
+        ("produce B(sum([i*v for i, v in enumerate(q)]),sum(a*b for a, b in zip(q, [5,6])))", "B(5,21)"),
+        ("produce B(randrange(1),randrange(4,5),1 if isForward() else 2)", "B(0,4,1)"),
         ("produce B(round(x/3,2),round(1234.5,-2),round(cosh(0)+sinh(0)+tanh(0),3))", "B(2.33,1200,1)"),
     ] {
         assert_eq!(lpy(&model(rule)), wanted, "{rule}");
@@ -730,6 +1006,9 @@ fn more_functions_of_python_are_known_to_lpy() {
     for (rule, why) in [
         ("produce B(len(q*x))", "that is not constant"),
         ("produce B(sorted([x, 1])[0])", "'sorted'"),
+        ("produce B(q.index(8))", "'index' of a value that its list does not have"),
+        ("produce B(q.size)", "an attribute of 'q'"),
+        ("nsproduce(makestring('F'))", "'nsproduce' in a production"),
         ("produce B(round(x,x))", "digits of 'round'"),
         ("produce B(len([0]*10000*10000))", "too many items"),
     ] {
@@ -916,6 +1195,113 @@ fn a_line_of_lpy_in_a_grammar_of_cpfg_is_told() {
     let said = try_read(text).err().map_or_else(String::new, |e| e.to_string());
     assert!(said.contains("L007") && said.contains("read as a grammar of cpfg") && said.contains(":4:1"), "{said}");
     assert!(!said.contains("not supported"), "{said}");
+}
+
+#[test]
+fn statements_of_lpy_behind_a_semicolon_run() {
+    let model = |head: &str, lines: &str| {
+        format!("n = 1\n{head}Axiom: A(1)\nderivation length: 1\nproduction:\nA(x):\n{lines}  produce B(x,n)\n")
+    };
+    for (head, lines, wanted) in [
+        ("", "  print(x); x = 3\n", "B(3,1)"),
+        ("", "  pass; x = 3; assert x > 2; x += 1\n", "B(4,1)"),
+        ("", "  if x > 0: x = 5; x += 1\n", "B(6,1)"),
+        ("", "  x = 2; produce ;(2)B(x,n)\n", ";(2)B(2,1)"),
+        ("", "  global n; n = 7\n", "B(1,7)"),
+        ("print(n); n = 4\n", "", "B(1,4)"),
+        ("import random; n = 4\n", "", "B(1,4)"),
+        ("def Start(): global n; n = 8\n", "", "B(1,8)"),
+        ("def StartEach():\n  global n\n  seed(3); n = 9\n", "", "B(1,9)"),
+    ] {
+        assert_eq!(lpy(&model(head, lines)), wanted, "{head}{lines}");
+    }
+}
+
+#[test]
+fn productions_of_lpy_see_the_values_at_the_end_of_the_model() {
+    let model = |head: &str, rule: &str| format!("{head}Axiom: A(2)\nderivation length: 1\nproduction:\n{rule}\n");
+    for (head, rule, wanted) in [
+        ("k = 3\n", "A(x) --> B(k)\nk = 5", "B(5)"),
+        ("", "A(x) --> B(k,f(x))\nk = 5\ndef f(x): return x*k", "B(5,10)"),
+        ("", "A(x) --> B(total(x))\ndef total(n):\n  s = 0\n  for i in range(n+1): s += i\n  return s", "B(3)"),
+        ("k = 1\ndef StartEach():\n  global n\n  n = k\n", "A(x) --> B(n)\nk = 7\nn = 0", "B(7)"),
+    ] {
+        assert_eq!(lpy(&model(head, rule)), wanted, "{head}{rule}");
+    }
+}
+
+#[test]
+fn texts_of_lpy_may_hold_signs_of_comments_and_quotes() {
+    for (text, other) in [("'#'", "'a'"), ("'\"'", "\"'\""), ("'it\\'s # one'", "'# two'"), ("\"don't\"", "'do # not'")]
+    {
+        let model = format!(
+            "k = {text}  # it's \"one\"\nAxiom: A({text})A({other})\nderivation length: 1\nproduction:\n\
+             A(x) --> B(1 if x == k else 2)  # don't\n"
+        );
+        assert_eq!(lpy(&model), "B(1)B(2)", "{text}");
+    }
+}
+
+#[test]
+fn texts_of_lpy_may_hold_any_sign() {
+    // Each text is told from the one that has another sign in its place.
+    for text in ["a:b", "a,b", "(", "]", "a += b", "x == 3", "A --> B", "F(1)[+F]; G", "a.b", "{%}", "if x: y"] {
+        let model = format!(
+            "d = {{'{text}': 1}}\nAxiom: A('{text}')A('!')\nderivation length: 1\nproduction:\nA(x):\n  t = '{text}'\n  \
+             if x == t and x == \"{text}\": produce B(d['{text}'])\n  produce C\n"
+        );
+        assert_eq!(lpy(&model), "B(1)C", "{text}");
+    }
+}
+
+#[test]
+fn indented_lines_of_lpy_go_on_with_modules_or_are_refused() {
+    let model = |lines: &str| format!("Axiom: A(1)\nderivation length: 1\nproduction:\nA(x):\n{lines}");
+    assert_eq!(lpy(&model("  nproduce F(1)\n     [F(2)]\n  produce F(3)\n    G\n")), "F(1)[F(2)]F(3)G");
+    for lines in [
+        "  y = 1\n    y = 2\n  produce B(y)\n",
+        "  produce B(n)\nn = 1\n  n = 2\n",
+        "  pass\n    x = 2\n  produce B(x)\n",
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(
+            said.contains("L007") && said.contains("an indented line") && said.contains("begin it where"),
+            "{lines}: {said}"
+        );
+    }
+}
+
+#[test]
+fn functions_of_lpy_that_cannot_be_read_are_refused_with_the_reason() {
+    let head = "n = 0\ndef inc():\n  global n\n  n = n + 1\n  return n\ndef safe(x):\n  try:\n    return x\n  except:\n    return 0\n";
+    for (call, why) in [
+        ("inc()", "the function 'inc' (it changes values of the model, or ends without a value)"),
+        ("safe(x)", "the function 'safe' (line 7: 'try' in a production)"),
+    ] {
+        let text = format!("{head}Axiom: A(1)\nderivation length: 1\nproduction:\nA(x) --> B({call})\nendlsystem\n");
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{call}: {said}");
+    }
+}
+
+#[test]
+fn scales_of_modules_of_lpy_are_told() {
+    let text = "module P : scale = 1\nmodule I\nAxiom: P I A\nproduction:\nI < A --> F\nendlsystem\n";
+    let (_, told) = read(text);
+    let scales: Vec<_> = told.iter().filter(|d| d.message.contains("the scale of a module")).collect();
+    assert!(scales.len() == 1 && scales.iter().all(|d| d.code == "L008"), "{told:?}");
+}
+
+#[test]
+fn axioms_of_lpy_may_go_on_in_indented_lines() {
+    let model = |lines: &str| format!("Axiom: F(1)\n{lines}derivation length: 1\nproduction:\nA(x) --> B(x)\n");
+    assert_eq!(lpy(&model("  A(2)\n  [C]\n")), "F(1)B(2)[C]");
+    let said = try_read(&format!("{}endlsystem\n", model("  maximum depth: 3\n")));
+    let said = said.err().map_or_else(String::new, |e| e.to_string());
+    assert!(
+        said.contains("L007") && said.contains("line 2: an indented line") && said.contains("without blanks"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -1,23 +1,30 @@
-//! Expressions of Python: what they are, how they are read, and the code that they become.
+//! Expressions of Python: what they are, and the code that they become.
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use osier_base::convert::{limit, saturating_index};
 
+use super::{dictionary, lists};
 use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp, is_zero};
-use crate::dialect::text::Piece;
 
-/// Nesting of one expression; deeper ones are refused.
-const MAX_DEPTH: usize = 200;
 /// Operations of one expression after its functions are inserted.
-const MAX_OPS: usize = 20_000;
+pub(super) const MAX_OPS: usize = 20_000;
 /// Upper limit on the numbers of a `range(..)`.
 const MAX_ITEMS: f64 = 10_000.0;
 /// Numbers of a list that a rule looks up by an index which is not constant.
-const MAX_LOOKUP: usize = 256;
+pub(super) const MAX_LOOKUP: usize = 256;
 /// A divisor larger than any number of a model: the remainder of a division by it cuts a number to an integer.
 const CUT: f64 = 1e18;
+
+/// Calls of functions of the model within one another, and all calls of one expression: a function may call itself.
+const MAX_CALL_DEPTH: usize = 24;
+const MAX_CALLS: usize = 10_000;
+/// The numbers that stand for `None` and for an empty text: just above 0, so that no number of a model is one of them, and exact in
+/// single precision, so that parameters keep them. 2^-100 and 2^-101.
+const NONE: f64 = 7.888_609_052_210_118e-31;
+const EMPTY: f64 = 3.944_304_526_105_059e-31;
 
 /// Why a text cannot be read: what it contains that is more than rules and expressions, and where.
 #[derive(Debug, Clone)]
@@ -61,6 +68,13 @@ pub(super) enum PyExpr {
     Each(Box<Self>, String, Box<Self>, Range<usize>),
 }
 
+impl PyExpr {
+    /// `None` of Python.
+    pub fn none(range: Range<usize>) -> Self {
+        Self::Text(NONE, range)
+    }
+}
+
 /// Binary operators; `FloorDiv` and `Mod` round towards minus infinity, as in Python.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PyOp {
@@ -79,582 +93,51 @@ pub(super) enum PyOp {
     Ge,
 }
 
-#[derive(Debug, Clone, PartialEq)]
-struct PyToken {
-    kind: PyTokenKind,
-    range: Range<usize>,
-}
-
-#[derive(Debug, Clone, PartialEq)]
-enum PyTokenKind {
-    Number(f64),
-    /// A text in quotes, with the number that stands for it.
-    Text(f64),
-    Name(String),
-    Sign(&'static str),
-}
-
 /// Name of the call that stands for `value in list`; a word of Python, so that no function has it.
-const IN: &str = "in";
+pub(super) const IN: &str = "in";
 /// Name that stands for a variable whose value is not known where a value that must be constant is looked for; no scope has it.
 pub(super) const UNKNOWN: &str = "(changes)";
 /// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
-const DICTIONARY: &str = "{..}";
+pub(super) const DICTIONARY: &str = "{..}";
 /// Name of the call that stands for `from:to:step` in the brackets of an index, and of one for a part that is missing.
-const SLICE: &str = "[:]";
-const NOTHING: &str = "[]";
+pub(super) const SLICE: &str = "[:]";
+pub(super) const NOTHING: &str = "[]";
+/// Name of the call that stands for the items of the lists of a list, `[.. for a in q for b in a]`.
+pub(super) const FLAT: &str = "[[]]";
 /// What names of the model begin with in functions, whose callers may have variables of these names.
 const OF_MODEL: &str = "::";
 /// Most items of a list that `in` compares with, one after the other.
 const MAX_MEMBERS: usize = 64;
 
-/// Operators and punctuation, longer ones first.
-const SIGNS: [&str; 26] = [
-    "**", "//", "<=", ">=", "==", "!=", "<>", "->", "+", "-", "*", "/", "%", "<", ">", "(", ")", ",", "=", ".", "[",
-    "]", ";", ":", "{", "}",
-];
-
-fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
-    let mut out = Vec::new();
-    let text = piece.text;
-    let mut i = 0;
-    while let Some(c) = text[i..].chars().next() {
-        let at = piece.at + i;
-        let rest = &text[i..];
-        if c.is_whitespace() {
-            i += c.len_utf8();
-            continue;
-        }
-        // A number may begin with its point: `.5`.
-        if c.is_ascii_digit() || (c == '.' && rest[1..].starts_with(|d: char| d.is_ascii_digit())) {
-            let n = number_length(rest);
-            let value = rest[..n].replace('_', "").parse::<f64>();
-            let value = value.map_err(|_| Refusal::new(format!("the number '{}'", &rest[..n]), at..at + n))?;
-            out.push(PyToken { kind: PyTokenKind::Number(value), range: at..at + n });
-            i += n;
-        } else if c.is_alphabetic() || c == '_' {
-            let n = rest.find(|d: char| !d.is_alphanumeric() && d != '_').unwrap_or(rest.len());
-            out.push(PyToken { kind: PyTokenKind::Name(rest[..n].to_owned()), range: at..at + n });
-            i += n;
-        } else if c == '"' || c == '\'' {
-            let inner = &rest[1..];
-            let Some(n) = inner.find(c) else {
-                return Err(Refusal::new("a text in quotes that does not end", at..at + rest.len()));
-            };
-            // Texts are compared and handed on, no more: a number that no other text has stands for each.
-            out.push(PyToken { kind: PyTokenKind::Text(text_number(&inner[..n])), range: at..at + n + 2 });
-            i += n + 2;
-        } else if let Some(sign) = SIGNS.iter().find(|s| rest.starts_with(**s)) {
-            out.push(PyToken { kind: PyTokenKind::Sign(sign), range: at..at + sign.len() });
-            i += sign.len();
-        } else {
-            return Err(Refusal::new(format!("the character '{c}'"), at..at + c.len_utf8()));
-        }
-    }
-    Ok(out)
-}
-
 /// Functions whose arguments are numbers, which no text is.
-const OF_NUMBERS: [&str; 28] = [
+pub(super) const OF_NUMBERS: [&str; 28] = [
     "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "radians", "degrees", "sqrt", "exp", "log", "floor", "ceil",
     "fabs", "abs", "float", "int", "trunc", "round", "pow", "min", "max", "range", "ran", "uniform", "randint",
     "gauss",
 ];
 
-/// The refusal of a text where a number is expected.
-fn text_refusal(range: Range<usize>) -> Refusal {
+/// The refusal of a text, or of `None`, where a number is expected.
+pub(super) fn text_refusal(value: f64, range: Range<usize>) -> Refusal {
+    if is_zero(value - NONE) {
+        let why = Refusal::new("'None' where a number is expected", range);
+        return why.remedy("test it with 'is None' before, or begin with a number");
+    }
     Refusal::new("a text where a number is expected", range)
         .remedy("write the number without quotes; texts can be compared with == and !=, and handed on")
 }
 
 /// A resolved operand that must be a number: a text is refused.
 fn as_number(e: PyExpr) -> Result<PyExpr, Refusal> {
-    if let PyExpr::Text(_, range) = e { Err(text_refusal(range)) } else { Ok(e) }
+    if let PyExpr::Text(value, range) = e { Err(text_refusal(value, range)) } else { Ok(e) }
 }
 
 /// The number that stands for a text: whole, above a million, and exact in single precision, so that parameters keep it.
-fn text_number(text: &str) -> f64 {
+pub(super) fn text_number(text: &str) -> f64 {
+    if text.is_empty() {
+        return EMPTY;
+    }
     let hash = osier_base::rng::word(text) % 15_000_000;
     f64::from(saturating_index(limit(hash))) + 1_000_000.0
-}
-
-fn number_length(text: &str) -> usize {
-    let bytes = text.as_bytes();
-    // Python allows underscores between digits.
-    let digits = |from: usize| {
-        let more = bytes.get(from..).unwrap_or(&[]).iter().take_while(|b| b.is_ascii_digit() || **b == b'_').count();
-        from + more
-    };
-    let mut n = digits(0);
-    if bytes.get(n) == Some(&b'.') {
-        n = digits(n + 1);
-    }
-    // An `e` belongs to the number only if digits follow.
-    if matches!(bytes.get(n), Some(b'e' | b'E')) {
-        let sign = usize::from(matches!(bytes.get(n + 1), Some(b'+' | b'-')));
-        let end = digits(n + 1 + sign);
-        if end > n + 1 + sign {
-            n = end;
-        }
-    }
-    n
-}
-
-struct PyParser {
-    tokens: Vec<PyToken>,
-    i: usize,
-    depth: usize,
-    end: usize,
-}
-
-/// Reads one expression that fills the whole text.
-pub(super) fn parse(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
-    let mut p = PyParser { tokens: tokens(piece)?, i: 0, depth: 0, end: piece.at + piece.text.len() };
-    if p.tokens.is_empty() {
-        return Err(Refusal::new("a missing expression", piece.range()));
-    }
-    let e = p.choice()?;
-    match p.tokens.get(p.i) {
-        None => Ok(e),
-        Some(t) => Err(Refusal::new(p.describe(t), t.range.clone())),
-    }
-}
-
-impl PyParser {
-    fn describe(&self, t: &PyToken) -> String {
-        match &t.kind {
-            PyTokenKind::Number(n) => format!("'{n}' where an operator is expected"),
-            PyTokenKind::Text(_) => "a text where an operator is expected".into(),
-            PyTokenKind::Name(n) if matches!(n.as_str(), "for" | "lambda" | "in" | "is" | "yield" | "await") => {
-                format!("'{n}'")
-            }
-            PyTokenKind::Name(n) => format!("'{n}' where an operator is expected"),
-            PyTokenKind::Sign("[") => "a list or an index '[..]'".into(),
-            PyTokenKind::Sign("{" | "}") => "a dictionary '{..}'".into(),
-            PyTokenKind::Sign(".") => "an attribute '.'".into(),
-            PyTokenKind::Sign(",") => "a tuple".into(),
-            PyTokenKind::Sign("=") => "an argument with a name".into(),
-            PyTokenKind::Sign(s) => format!("'{s}' at this place"),
-        }
-    }
-
-    fn sign(&self) -> Option<&'static str> {
-        match self.tokens.get(self.i).map(|t| &t.kind) {
-            Some(PyTokenKind::Sign(s)) => Some(s),
-            _ => None,
-        }
-    }
-
-    fn word(&self) -> Option<&str> {
-        match self.tokens.get(self.i).map(|t| &t.kind) {
-            Some(PyTokenKind::Name(n)) => Some(n),
-            _ => None,
-        }
-    }
-
-    /// Refuses an operand that must be a number and is a text: the tokens from `from` on are that text alone.
-    fn check_number(&self, from: usize) -> Result<(), Refusal> {
-        match self.tokens.get(from) {
-            Some(PyToken { kind: PyTokenKind::Text(_), range }) if self.i == from + 1 => {
-                Err(text_refusal(range.clone()))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn eat(&mut self, sign: &str) -> bool {
-        let found = self.sign() == Some(sign);
-        self.i += usize::from(found);
-        found
-    }
-
-    fn eat_word(&mut self, word: &str) -> bool {
-        let found = self.word() == Some(word);
-        self.i += usize::from(found);
-        found
-    }
-
-    fn here(&self) -> Range<usize> {
-        self.tokens.get(self.i).map_or(self.end..self.end, |t| t.range.clone())
-    }
-
-    fn choice(&mut self) -> Result<PyExpr, Refusal> {
-        self.depth += 1;
-        if self.depth > MAX_DEPTH {
-            return Err(Refusal::new("an expression nested too deep", self.here()));
-        }
-        // `a if b else c`: the value comes before its condition.
-        let then = self.or()?;
-        let out = if self.eat_word("if") {
-            let condition = self.or()?;
-            if !self.eat_word("else") {
-                return Err(Refusal::new("'if' without 'else' in an expression", self.here()));
-            }
-            let other = self.choice()?;
-            PyExpr::Choice(Box::new(condition), Box::new(then), Box::new(other))
-        } else {
-            then
-        };
-        self.depth -= 1;
-        Ok(out)
-    }
-
-    fn or(&mut self) -> Result<PyExpr, Refusal> {
-        let mut left = self.and()?;
-        while self.eat_word("or") {
-            left = PyExpr::Or(Box::new(left), Box::new(self.and()?));
-        }
-        Ok(left)
-    }
-
-    fn and(&mut self) -> Result<PyExpr, Refusal> {
-        let mut left = self.not()?;
-        while self.eat_word("and") {
-            left = PyExpr::And(Box::new(left), Box::new(self.not()?));
-        }
-        Ok(left)
-    }
-
-    fn not(&mut self) -> Result<PyExpr, Refusal> {
-        // Repeated prefixes are counted, not nested.
-        let mut negations = 0_usize;
-        while self.eat_word("not") {
-            negations += 1;
-        }
-        let e = self.comparison()?;
-        Ok(if negations == 0 {
-            e
-        } else if negations % 2 == 1 {
-            PyExpr::Not(Box::new(e))
-        } else {
-            PyExpr::Not(Box::new(PyExpr::Not(Box::new(e))))
-        })
-    }
-
-    /// Takes `in`, or the two words `not in`; true for the latter, `None` if neither follows.
-    fn membership(&mut self) -> Option<bool> {
-        if self.eat_word("in") {
-            return Some(false);
-        }
-        let next = self.tokens.get(self.i + 1).map(|t| &t.kind);
-        let is_negated = self.word() == Some("not") && matches!(next, Some(PyTokenKind::Name(n)) if n == "in");
-        self.i += 2 * usize::from(is_negated);
-        is_negated.then_some(true)
-    }
-
-    /// `a < b < c` holds if both comparisons do.
-    fn comparison(&mut self) -> Result<PyExpr, Refusal> {
-        let mut from = self.i;
-        let mut left = self.sum()?;
-        let mut all: Option<PyExpr> = None;
-        loop {
-            let place = self.here();
-            if let Some(is_negated) = self.membership() {
-                from = self.i;
-                let right = self.sum()?;
-                let found = PyExpr::Call(IN.to_owned(), vec![left, right.clone()], place);
-                let one = if is_negated { PyExpr::Not(Box::new(found)) } else { found };
-                all = Some(match all {
-                    None => one,
-                    Some(before) => PyExpr::And(Box::new(before), Box::new(one)),
-                });
-                left = right;
-                continue;
-            }
-            let op = match self.sign() {
-                Some("==") => PyOp::Eq,
-                Some("!=" | "<>") => PyOp::Ne,
-                Some("<") => PyOp::Lt,
-                Some("<=") => PyOp::Le,
-                Some(">") => PyOp::Gt,
-                Some(">=") => PyOp::Ge,
-                _ => return Ok(all.unwrap_or(left)),
-            };
-            // Texts are equal or not; their order is not known.
-            let is_order = !matches!(op, PyOp::Eq | PyOp::Ne);
-            if is_order {
-                self.check_number(from)?;
-            }
-            self.i += 1;
-            from = self.i;
-            let right = self.sum()?;
-            if is_order {
-                self.check_number(from)?;
-            }
-            let one = PyExpr::Binary(op, Box::new(left), Box::new(right.clone()));
-            all = Some(match all {
-                None => one,
-                Some(before) => PyExpr::And(Box::new(before), Box::new(one)),
-            });
-            left = right;
-        }
-    }
-
-    fn sum(&mut self) -> Result<PyExpr, Refusal> {
-        let from = self.i;
-        let mut left = self.product()?;
-        loop {
-            let op = match self.sign() {
-                Some("+") => PyOp::Add,
-                Some("-") => PyOp::Sub,
-                _ => return Ok(left),
-            };
-            self.check_number(from)?;
-            self.i += 1;
-            let right_from = self.i;
-            let right = self.product()?;
-            self.check_number(right_from)?;
-            left = PyExpr::Binary(op, Box::new(left), Box::new(right));
-        }
-    }
-
-    fn product(&mut self) -> Result<PyExpr, Refusal> {
-        let from = self.i;
-        let mut left = self.factor()?;
-        loop {
-            let op = match self.sign() {
-                Some("*") => PyOp::Mul,
-                Some("/") => PyOp::Div,
-                Some("//") => PyOp::FloorDiv,
-                Some("%") => PyOp::Mod,
-                _ => return Ok(left),
-            };
-            self.check_number(from)?;
-            self.i += 1;
-            let right_from = self.i;
-            let right = self.factor()?;
-            self.check_number(right_from)?;
-            left = PyExpr::Binary(op, Box::new(left), Box::new(right));
-        }
-    }
-
-    fn factor(&mut self) -> Result<PyExpr, Refusal> {
-        let mut negative = false;
-        let first = self.i;
-        loop {
-            if self.eat("-") {
-                negative = !negative;
-            } else if !self.eat("+") {
-                break;
-            }
-        }
-        let from = self.i;
-        let e = self.power()?;
-        if from > first {
-            self.check_number(from)?;
-        }
-        Ok(if negative { PyExpr::Neg(Box::new(e)) } else { e })
-    }
-
-    /// `**` associates to the right and binds closer than a sign before it.
-    fn power(&mut self) -> Result<PyExpr, Refusal> {
-        let base = self.atom()?;
-        if !self.eat("**") {
-            return Ok(base);
-        }
-        self.depth += 1;
-        if self.depth > MAX_DEPTH {
-            return Err(Refusal::new("an expression nested too deep", self.here()));
-        }
-        let exponent = self.factor()?;
-        self.depth -= 1;
-        Ok(PyExpr::Binary(PyOp::Pow, Box::new(base), Box::new(exponent)))
-    }
-
-    fn atom(&mut self) -> Result<PyExpr, Refusal> {
-        let Some(t) = self.tokens.get(self.i).cloned() else {
-            return Err(Refusal::new("an unfinished expression", self.here()));
-        };
-        self.i += 1;
-        match t.kind {
-            PyTokenKind::Number(n) => Ok(PyExpr::Number(n)),
-            PyTokenKind::Text(n) => Ok(PyExpr::Text(n, t.range)),
-            PyTokenKind::Sign("(") => {
-                let e = self.choice()?;
-                // One value in parentheses is that value; with a comma they hold a list.
-                if self.eat(")") {
-                    return self.indexed(e);
-                }
-                if self.sign() == Some(",") {
-                    let list = self.list(e, ")", t.range)?;
-                    return self.indexed(list);
-                }
-                let what = self.tokens.get(self.i).map_or("an unclosed '('".to_owned(), |t| self.describe(t));
-                Err(Refusal::new(what, self.here()))
-            }
-            PyTokenKind::Sign("[") if self.eat("]") => Ok(PyExpr::List(Vec::new(), t.range)),
-            PyTokenKind::Sign("[") => {
-                let e = self.choice()?;
-                let list = if self.word() == Some("for") {
-                    let list = self.each(e, t.range)?;
-                    if !self.eat("]") {
-                        return Err(Refusal::new("a list that does not end", self.here()));
-                    }
-                    list
-                } else {
-                    self.list(e, "]", t.range)?
-                };
-                self.indexed(list)
-            }
-            PyTokenKind::Sign("{") => {
-                let mut pairs = Vec::new();
-                while !self.eat("}") {
-                    pairs.push(self.choice()?);
-                    if !self.eat(":") {
-                        return Err(Refusal::new("a dictionary '{..}' without values", t.range.clone()));
-                    }
-                    pairs.push(self.choice()?);
-                    if !self.eat(",") && self.sign() != Some("}") {
-                        return Err(Refusal::new("a dictionary '{..}' that does not end", self.here()));
-                    }
-                }
-                self.indexed(PyExpr::Call(DICTIONARY.to_owned(), pairs, t.range))
-            }
-            PyTokenKind::Name(first) => {
-                // Words of Python that begin no value here.
-                if matches!(first.as_str(), "lambda" | "for" | "if" | "else" | "in" | "is") {
-                    return Err(Refusal::new(format!("'{first}'"), t.range));
-                }
-                // Modules of functions: math.sin is sin.
-                let mut name = first;
-                while self.sign() == Some(".") {
-                    // A coordinate of a vector, which a query answers with.
-                    if let Some(PyTokenKind::Name(axis)) = self.tokens.get(self.i + 1).map(|t| &t.kind)
-                        && matches!(axis.as_str(), "x" | "y" | "z")
-                    {
-                        name = format!("{name}.{axis}");
-                        self.i += 2;
-                        continue;
-                    }
-                    if !matches!(name.as_str(), "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m") {
-                        return Err(Refusal::new(format!("an attribute of '{name}'"), self.here()));
-                    }
-                    self.i += 1;
-                    let Some(next) = self.word() else {
-                        return Err(Refusal::new("'.' without a name", self.here()));
-                    };
-                    name = next.to_owned();
-                    self.i += 1;
-                }
-                if self.eat("(") {
-                    let call = self.call(name, t.range)?;
-                    return self.indexed(call);
-                }
-                match name.as_str() {
-                    "True" => Ok(PyExpr::Number(1.0)),
-                    "False" => Ok(PyExpr::Number(0.0)),
-                    "None" => Err(Refusal::new("'None'", t.range)),
-                    _ => self.indexed(PyExpr::Name(name, t.range)),
-                }
-            }
-            PyTokenKind::Sign(_) => Err(Refusal::new(self.describe(&t), t.range)),
-        }
-    }
-
-    /// The rest of a list after its first value.
-    fn list(&mut self, first: PyExpr, end: &str, range: Range<usize>) -> Result<PyExpr, Refusal> {
-        let mut items = vec![first];
-        while !self.eat(end) {
-            if !self.eat(",") {
-                return Err(Refusal::new("a list that does not end", self.here()));
-            }
-            if self.sign() != Some(end) {
-                items.push(self.choice()?);
-            }
-        }
-        Ok(PyExpr::List(items, range))
-    }
-
-    /// `for name in list` after the value.
-    fn each(&mut self, value: PyExpr, range: Range<usize>) -> Result<PyExpr, Refusal> {
-        let place = self.here();
-        if !self.eat_word("for") {
-            return Err(Refusal::new("a list that does not end", place));
-        }
-        let Some(name) = self.word().map(str::to_owned) else { return Err(Refusal::new("'for'", place)) };
-        self.i += 1;
-        if !self.eat_word("in") {
-            return Err(Refusal::new("'for'", place));
-        }
-        let list = self.or()?;
-        // `if` leaves items out.
-        let mut tests = Vec::new();
-        while self.eat_word("if") {
-            tests.push(self.or()?);
-        }
-        if self.word() == Some("for") {
-            return Err(Refusal::new("a list over two lists", self.here()));
-        }
-        let value = tests.into_iter().rev().fold(value, |value, test| {
-            let nothing = PyExpr::Call(NOTHING.to_owned(), Vec::new(), range.clone());
-            PyExpr::Choice(Box::new(test), Box::new(value), Box::new(nothing))
-        });
-        Ok(PyExpr::Each(Box::new(value), name, Box::new(list), range))
-    }
-
-    /// Indices behind a value.
-    fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
-        let mut out = value;
-        let mut count = 0;
-        while self.sign() == Some("[") {
-            let place = self.here();
-            self.i += 1;
-            let index = self.part(&place)?;
-            count += 1;
-            if !self.eat("]") || count > 8 {
-                return Err(Refusal::new("a list or an index '[..]'", place));
-            }
-            out = PyExpr::Index(Box::new(out), Box::new(index), place);
-        }
-        Ok(out)
-    }
-
-    /// What stands between the brackets of an index: an index, or `from:to:step`, of which each part may be missing.
-    fn part(&mut self, place: &Range<usize>) -> Result<PyExpr, Refusal> {
-        let missing = || PyExpr::Call(NOTHING.to_owned(), Vec::new(), place.clone());
-        let first = if self.sign() == Some(":") { missing() } else { self.choice()? };
-        if self.sign() != Some(":") {
-            return Ok(first);
-        }
-        let mut parts = vec![first];
-        while parts.len() < 3 && self.eat(":") {
-            let is_missing = matches!(self.sign(), Some(":" | "]"));
-            parts.push(if is_missing { missing() } else { self.choice()? });
-        }
-        Ok(PyExpr::Call(SLICE.to_owned(), parts, place.clone()))
-    }
-
-    fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
-        let mut args = Vec::new();
-        while !self.eat(")") {
-            // `f(x, k=3)`: the name is kept with its sign, which no function has.
-            if let [PyToken { kind: PyTokenKind::Name(own), range }, PyToken { kind: PyTokenKind::Sign("="), .. }, ..] =
-                self.tokens.get(self.i..).unwrap_or(&[])
-            {
-                let (own, range) = (format!("{own}="), range.clone());
-                self.i += 2;
-                args.push(PyExpr::Call(own, vec![self.choice()?], range));
-            } else {
-                let from = self.i;
-                args.push(self.choice()?);
-                if OF_NUMBERS.contains(&name.as_str()) {
-                    self.check_number(from)?;
-                }
-                if self.word() == Some("for")
-                    && args.len() == 1
-                    && let Some(value) = args.pop()
-                {
-                    args.push(self.each(value, range.clone())?);
-                }
-            }
-            if self.eat(",") || self.sign() == Some(")") {
-                continue;
-            }
-            let what = self.tokens.get(self.i).map_or("an unclosed '('".to_owned(), |t| self.describe(t));
-            return Err(Refusal::new(what, self.here()));
-        }
-        Ok(PyExpr::Call(name, args, range))
-    }
 }
 
 /// Names that expressions may use.
@@ -673,8 +156,16 @@ pub(super) struct Scope {
     pub unreadable: BTreeMap<String, Refusal>,
     /// Functions whose body is one expression, by name: their parameters and the expression.
     pub functions: BTreeMap<String, (Vec<String>, PyExpr)>,
+    /// Functions that cannot be read, with the reason.
+    pub refused_functions: BTreeMap<String, String>,
     /// Values that parameters of functions have where a call gives none, by the name of the function.
     pub defaults: BTreeMap<String, Vec<Option<PyExpr>>>,
+    /// The model has `None` or an empty text, which fail a test.
+    pub has_none: bool,
+    /// The model calls `backward()`.
+    pub is_backward: bool,
+    /// Calls of functions in the expression that is resolved.
+    pub calls: Cell<usize>,
     /// The code is that of `StartEach`, which runs before the step: `Q` counts the steps that are completed.
     pub is_before_step: bool,
 }
@@ -708,11 +199,21 @@ impl Scope {
 
 /// True if the expression draws a random number, itself or in a function of the model that it calls.
 pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
+    draws(e, scope, &mut Vec::new())
+}
+
+/// As [`has_random`], without the functions `seen`: one may call itself.
+fn draws<'s>(e: &PyExpr, scope: &'s Scope, seen: &mut Vec<&'s str>) -> bool {
     match e {
         PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => false,
-        PyExpr::Neg(a) | PyExpr::Not(a) => has_random(a, scope),
-        PyExpr::Binary(_, a, b) | PyExpr::And(a, b) | PyExpr::Or(a, b) => has_random(a, scope) || has_random(b, scope),
-        PyExpr::Choice(a, b, c) => [a, b, c].iter().any(|e| has_random(e, scope)),
+        PyExpr::Neg(a) | PyExpr::Not(a) => draws(a, scope, seen),
+        PyExpr::Binary(_, a, b)
+        | PyExpr::And(a, b)
+        | PyExpr::Or(a, b)
+        | PyExpr::Index(a, b, _)
+        | PyExpr::Each(a, _, b, _) => draws(a, scope, seen) || draws(b, scope, seen),
+        PyExpr::Choice(a, b, c) => [a, b, c].into_iter().any(|e| draws(e, scope, seen)),
+        PyExpr::List(items, _) => items.iter().any(|e| draws(e, scope, seen)),
         PyExpr::Call(name, args, _) => {
             let own = matches!(
                 name.as_str(),
@@ -726,11 +227,17 @@ pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
                     | "normal"
                     | "ran"
             );
-            let body = scope.functions.get(name).is_some_and(|(_, body)| has_random(body, &Scope::default()));
-            own || body || args.iter().any(|a| has_random(a, scope))
+            if own || args.iter().any(|e| draws(e, scope, seen)) {
+                return true;
+            }
+            match scope.functions.get_key_value(name) {
+                Some((name, (_, body))) if !seen.contains(&name.as_str()) => {
+                    seen.push(name);
+                    draws(body, scope, seen)
+                }
+                _ => false,
+            }
         }
-        PyExpr::List(items, _) => items.iter().any(|e| has_random(e, scope)),
-        PyExpr::Index(a, b, _) | PyExpr::Each(a, _, b, _) => has_random(a, scope) || has_random(b, scope),
     }
 }
 
@@ -773,96 +280,20 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::Binary(op, a, b) => combined(*op, number(a)?, number(b)?, scope)?,
         PyExpr::And(a, b) => PyExpr::And(sub(a)?, sub(b)?),
         PyExpr::Or(a, b) => PyExpr::Or(sub(a)?, sub(b)?),
-        PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a)?, sub(b)?, sub(c)?),
-        // A function of the file is replaced by its body.
-        PyExpr::Call(name, args, range) => {
-            let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
-            if let Some((params, body)) = scope.functions.get(name) {
-                if depth >= 16 {
-                    return Err(Refusal::new(format!("the recursive function '{name}'"), range.clone()));
-                }
-                let args = arguments(params, scope.defaults.get(name), args).filter(|args| {
-                    // An argument is written in as often as the body reads it, so that one which draws may be read once.
-                    let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(body, p) <= 1;
-                    params.iter().zip(args).all(is_drawn_once)
-                });
-                let args = args.ok_or_else(|| Refusal::new(format!("this call of '{name}'"), range.clone()))?;
-                if size_with(body, params, &args) > MAX_OPS {
-                    return Err(Refusal::new("an expression that grows too large", range.clone()));
-                }
-                let body = substitute(body, params, &args);
-                return resolve(&body, scope, depth + 1);
-            }
-            if OF_NUMBERS.contains(&name.as_str())
-                && let Some(PyExpr::Text(_, range)) = args.iter().find(|a| matches!(a, PyExpr::Text(..)))
-            {
-                return Err(text_refusal(range.clone()));
-            }
-            match (name.as_str(), args.as_slice()) {
-                ("range" | "xrange" | "arange", _) => numbers_of_range(&args, scope, range)?,
-                ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(saturating_index(items.len()))),
-                ("sum", [PyExpr::List(items, _)]) => {
-                    let add = |a, b| PyExpr::Binary(PyOp::Add, Box::new(a), Box::new(b));
-                    items.iter().cloned().reduce(add).unwrap_or(PyExpr::Number(0.0))
-                }
-                ("min" | "max", [PyExpr::List(items, _)]) if !items.is_empty() => {
-                    PyExpr::Call(name.clone(), items.clone(), range.clone())
-                }
-                ("list" | "tuple", [list @ PyExpr::List(..)]) => list.clone(),
-                ("reversed", [PyExpr::List(items, range)]) => {
-                    PyExpr::List(items.iter().rev().cloned().collect(), range.clone())
-                }
-                ("sorted", [PyExpr::List(items, range)]) => sorted(items, scope, range)?,
-                ("any" | "all", [PyExpr::List(items, _)]) if !items.iter().any(|e| has_random(e, scope)) => {
-                    let is_any = name == "any";
-                    let one = |e: &PyExpr| PyExpr::Call("bool".to_owned(), vec![e.clone()], range.clone());
-                    let both = |a, b| {
-                        let (a, b) = (Box::new(a), Box::new(b));
-                        if is_any { PyExpr::Or(a, b) } else { PyExpr::And(a, b) }
-                    };
-                    let of_none = PyExpr::Number(if is_any { 0.0 } else { 1.0 });
-                    items.iter().map(one).reduce(both).unwrap_or(of_none)
-                }
-                ("divmod", [a, b]) if !args.iter().any(|a| has_random(a, scope)) => {
-                    let one = |op| PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()));
-                    PyExpr::List(vec![one(PyOp::FloorDiv), one(PyOp::Mod)], range.clone())
-                }
-                ("choice", [PyExpr::List(items, _)]) if !items.is_empty() => one_of(items, range),
-                (IN, [value, PyExpr::List(items, _)]) => is_one_of(value, items, scope, range)?,
-                (IN, [value, PyExpr::Call(own, pairs, _)]) if own == DICTIONARY => {
-                    let keys: Vec<PyExpr> = pairs.iter().step_by(2).cloned().collect();
-                    is_one_of(value, &keys, scope, range)?
-                }
-                (IN, _) => return Err(Refusal::new("'in' before something other than a list", range.clone())),
-                _ => PyExpr::Call(name.clone(), args, range.clone()),
+        PyExpr::Choice(test, then, other) => {
+            let test = resolve(test, scope, depth)?;
+            match known_truth(&test, scope) {
+                // The other side may be one that cannot be read: it computes with `None`, or its function calls itself for ever.
+                Some(holds) => return resolve(if holds { then } else { other }, scope, depth),
+                None => PyExpr::Choice(Box::new(test), sub(then)?, sub(other)?),
             }
         }
+        PyExpr::Call(name, args, range) => return resolved_call(name, args, range, scope, depth),
         PyExpr::List(items, range) => {
             let items = items.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
             PyExpr::List(items, range.clone())
         }
-        PyExpr::Each(value, name, list, range) => {
-            let PyExpr::List(items, _) = resolve(list, scope, depth)? else {
-                return Err(Refusal::new("'for' over something other than a list", range.clone()));
-            };
-            let mut out = Vec::with_capacity(items.len());
-            for item in items {
-                let mut one = substitute(value, std::slice::from_ref(name), &[item]);
-                // A test that leaves items out must be known.
-                while let PyExpr::Choice(test, then, other) = &one
-                    && is_nothing(other)
-                {
-                    let holds = constant_of(&resolve(test, scope, depth)?, scope);
-                    let holds = holds.ok_or_else(|| Refusal::new("a list with conditions", range.clone()))?;
-                    let next = if is_zero(holds) { other.as_ref() } else { then.as_ref() };
-                    one = next.clone();
-                }
-                if !is_nothing(&one) {
-                    out.push(resolve(&one, scope, depth)?);
-                }
-            }
-            PyExpr::List(out, range.clone())
-        }
+        PyExpr::Each(value, name, list, range) => return resolved_each(value, name, list, range, scope, depth),
         PyExpr::Index(list, index, range) => {
             let index = resolve(index, scope, depth)?;
             if let PyExpr::Call(name, parts, _) = &index
@@ -880,6 +311,138 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             }
         }
     })
+}
+
+/// As [`resolve`], of a call: a function of the model is replaced by its value, and what lists and dictionaries give is looked up.
+fn resolved_call(
+    name: &str,
+    args: &[PyExpr],
+    range: &Range<usize>,
+    scope: &Scope,
+    depth: usize,
+) -> Result<PyExpr, Refusal> {
+    let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
+    if let Some((params, body)) = scope.functions.get(name) {
+        count_call(name, range, scope, depth)?;
+        let args = arguments(params, scope.defaults.get(name), args).filter(|args| {
+            // An argument is written in as often as the body reads it, so that one which draws may be read once.
+            let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(body, p) <= 1;
+            params.iter().zip(args).all(is_drawn_once)
+        });
+        let args = args.ok_or_else(|| Refusal::new(format!("this call of '{name}'"), range.clone()))?;
+        let args: Vec<PyExpr> = args.into_iter().map(|a| folded(a, scope)).collect();
+        if size_with(body, params, &args) > MAX_OPS {
+            return Err(Refusal::new("an expression that grows too large", range.clone()));
+        }
+        let body = substitute(body, params, &args);
+        return resolve(&body, scope, depth + 1);
+    }
+    if OF_NUMBERS.contains(&name)
+        && let Some(PyExpr::Text(value, range)) = args.iter().find(|a| matches!(a, PyExpr::Text(..)))
+    {
+        return Err(text_refusal(*value, range.clone()));
+    }
+    if let Some(change) = lists::change_named(name) {
+        return lists::changed(change, &args, scope, range);
+    }
+    if let Some(of_dictionary) = dictionary::method(name, &args, scope, range) {
+        return of_dictionary;
+    }
+    Ok(match (name, args.as_slice()) {
+        ("range" | "xrange" | "arange", _) => numbers_of_range(&args, scope, range)?,
+        ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(saturating_index(items.len()))),
+        ("sum", [PyExpr::List(items, _)]) => {
+            let add = |a, b| PyExpr::Binary(PyOp::Add, Box::new(a), Box::new(b));
+            items.iter().cloned().reduce(add).unwrap_or(PyExpr::Number(0.0))
+        }
+        ("min" | "max", [PyExpr::List(items, _)]) if !items.is_empty() => {
+            PyExpr::Call(name.to_owned(), items.clone(), range.clone())
+        }
+        ("bool", [PyExpr::List(items, _)]) => PyExpr::Number(if items.is_empty() { 0.0 } else { 1.0 }),
+        ("list" | "tuple" | ".copy", [list @ PyExpr::List(..)]) => list.clone(),
+        ("dict", _) => dictionary_of(&args, range)?,
+        ("isForward", []) => PyExpr::Number(if scope.is_backward { 0.0 } else { 1.0 }),
+        (".index", [PyExpr::List(items, _), value]) => index_of(value, items, scope, range)?,
+        (FLAT, [PyExpr::List(lists, _)]) => flat(lists, range)?,
+        ("enumerate", [PyExpr::List(items, _), start @ ..]) if start.len() <= 1 => {
+            let start = first_number(start, scope, range)?;
+            let number = |k: usize| PyExpr::Number(start + f64::from(saturating_index(k)));
+            let pairs = items.iter().enumerate().map(|(k, e)| vec![number(k), e.clone()]);
+            PyExpr::List(pairs.map(|pair| PyExpr::List(pair, range.clone())).collect(), range.clone())
+        }
+        ("zip", lists) if !lists.is_empty() && lists.iter().all(|l| matches!(l, PyExpr::List(..))) => {
+            zipped(lists, range)
+        }
+        ("reversed", [PyExpr::List(items, range)]) => {
+            PyExpr::List(items.iter().rev().cloned().collect(), range.clone())
+        }
+        ("sorted", [PyExpr::List(items, range)]) => sorted(items, scope, range)?,
+        ("sorted", [PyExpr::List(items, range), PyExpr::Call(word, value, _)]) if word == "reverse=" => {
+            let falls = value.first().and_then(|e| known_truth(e, scope));
+            let falls = falls.ok_or_else(|| Refusal::new("'reverse' that is not constant", range.clone()))?;
+            match sorted(items, scope, range)? {
+                PyExpr::List(items, range) if falls => PyExpr::List(items.into_iter().rev().collect(), range),
+                list => list,
+            }
+        }
+        ("any" | "all", [PyExpr::List(items, _)]) if !items.iter().any(|e| has_random(e, scope)) => {
+            let is_any = name == "any";
+            let one = |e: &PyExpr| PyExpr::Call("bool".to_owned(), vec![e.clone()], range.clone());
+            let both = |a, b| {
+                let (a, b) = (Box::new(a), Box::new(b));
+                if is_any { PyExpr::Or(a, b) } else { PyExpr::And(a, b) }
+            };
+            let of_none = PyExpr::Number(if is_any { 0.0 } else { 1.0 });
+            items.iter().map(one).reduce(both).unwrap_or(of_none)
+        }
+        ("divmod", [a, b]) if !args.iter().any(|a| has_random(a, scope)) => {
+            let one = |op| PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()));
+            PyExpr::List(vec![one(PyOp::FloorDiv), one(PyOp::Mod)], range.clone())
+        }
+        ("choice", [PyExpr::List(items, _)]) if !items.is_empty() => one_of(items, range),
+        (IN, [value, PyExpr::List(items, _)]) => is_one_of(value, items, scope, range)?,
+        (IN, [value, PyExpr::Call(own, pairs, _)]) if own == DICTIONARY => {
+            let keys: Vec<PyExpr> = pairs.iter().step_by(2).cloned().collect();
+            is_one_of(value, &keys, scope, range)?
+        }
+        (IN, _) => return Err(Refusal::new("'in' before something other than a list", range.clone())),
+        _ => PyExpr::Call(name.to_owned(), args, range.clone()),
+    })
+}
+
+/// As [`resolve`], of `[value for name in list]`.
+fn resolved_each(
+    value: &PyExpr,
+    name: &String,
+    list: &PyExpr,
+    range: &Range<usize>,
+    scope: &Scope,
+    depth: usize,
+) -> Result<PyExpr, Refusal> {
+    let mut list = resolve(list, scope, depth)?;
+    if is_dictionary(&list) {
+        list = resolve(&dictionary::keys_of(list), scope, depth)?;
+    }
+    let PyExpr::List(items, _) = list else {
+        return Err(Refusal::new("'for' over something other than a list", range.clone()));
+    };
+    let mut out = Vec::with_capacity(items.len());
+    for item in items {
+        let mut one = substitute(value, std::slice::from_ref(name), &[item]);
+        // A test that leaves items out must be known.
+        while let PyExpr::Choice(test, then, other) = &one
+            && is_nothing(other)
+        {
+            let holds = known_truth(&resolve(test, scope, depth)?, scope);
+            let holds = holds.ok_or_else(|| Refusal::new("a list with conditions", range.clone()))?;
+            let next = if holds { then.as_ref() } else { other.as_ref() };
+            one = next.clone();
+        }
+        if !is_nothing(&one) {
+            out.push(resolve(&one, scope, depth)?);
+        }
+    }
+    Ok(PyExpr::List(out, range.clone()))
 }
 
 /// A name without the mark of [`of_model`].
@@ -984,6 +547,30 @@ pub(super) fn arguments(
     values.into_iter().collect()
 }
 
+/// A function that a production defines. Its value may read variables of the production.
+#[derive(Debug)]
+pub(super) struct OwnFunction {
+    pub params: Vec<String>,
+    /// Values that parameters have where a call gives none.
+    pub defaults: Vec<Option<PyExpr>>,
+    pub value: PyExpr,
+}
+
+/// An expression with the values of functions in place of their calls. A call that does not fit its function stays, and is refused as
+/// one of an unknown function.
+pub(super) fn with_functions(e: &PyExpr, functions: &BTreeMap<String, OwnFunction>, scope: &Scope) -> PyExpr {
+    let e = with_parts(e, &|a| with_functions(a, functions, scope));
+    let PyExpr::Call(name, args, _) = &e else { return e };
+    let Some(function) = functions.get(name) else { return e };
+    let OwnFunction { params, defaults, value } = function;
+    let Some(args) = arguments(params, Some(defaults), args.clone()) else { return e };
+    let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(value, p) <= 1;
+    if size_with(value, params, &args) > MAX_OPS || !params.iter().zip(&args).all(is_drawn_once) {
+        return e;
+    }
+    substitute(value, params, &args)
+}
+
 /// An operation on numbers, `list + list` or `list * number`.
 fn combined(op: PyOp, a: Box<PyExpr>, b: Box<PyExpr>, scope: &Scope) -> Result<PyExpr, Refusal> {
     let (items, range) = match (op, &*a, &*b) {
@@ -1009,13 +596,76 @@ fn combined(op: PyOp, a: Box<PyExpr>, b: Box<PyExpr>, scope: &Scope) -> Result<P
 }
 
 /// A list of constant numbers in ascending order.
-fn sorted(items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+pub(super) fn sorted(items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     let number = |e: &PyExpr| constant_of(e, scope).filter(|_| !matches!(e, PyExpr::Text(..)));
     let numbers = items.iter().map(number).collect::<Option<Vec<f64>>>();
     let mut numbers =
         numbers.ok_or_else(|| Refusal::new("'sorted' of something other than constant numbers", range.clone()))?;
     numbers.sort_by(f64::total_cmp);
     Ok(PyExpr::List(numbers.into_iter().map(PyExpr::Number).collect(), range.clone()))
+}
+
+/// `dict(a=1, b=2)`.
+fn dictionary_of(args: &[PyExpr], range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let mut pairs = Vec::with_capacity(2 * args.len());
+    for arg in args {
+        let PyExpr::Call(key, value, place) = arg else {
+            return Err(Refusal::new("'dict' of something other than arguments with names", range.clone()));
+        };
+        let key = key.strip_suffix('=').zip(value.first());
+        let (key, value) = key.ok_or_else(|| Refusal::new("'dict' of this value", place.clone()))?;
+        pairs.extend([PyExpr::Text(text_number(key), place.clone()), value.clone()]);
+    }
+    Ok(PyExpr::Call(DICTIONARY.to_owned(), pairs, range.clone()))
+}
+
+/// The constant that `enumerate` counts from, `start=1` or `1`; 0 without one.
+fn first_number(args: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<f64, Refusal> {
+    let Some(arg) = args.first() else { return Ok(0.0) };
+    let value = match arg {
+        PyExpr::Call(word, value, _) if word == "start=" => value.first().unwrap_or(arg),
+        _ => arg,
+    };
+    constant_of(value, scope)
+        .ok_or_else(|| Refusal::new("'enumerate' from a number that is not constant", range.clone()))
+}
+
+/// `list.index(value)`: the first position of a value among constant ones.
+fn index_of(value: &PyExpr, items: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let refused = || Refusal::new("'index' of values that are not constant", range.clone());
+    let wanted = constant_of(value, scope).ok_or_else(refused)?;
+    for (k, item) in items.iter().enumerate() {
+        if is_zero(constant_of(item, scope).ok_or_else(refused)? - wanted) {
+            return Ok(PyExpr::Number(f64::from(saturating_index(k))));
+        }
+    }
+    Err(Refusal::new("'index' of a value that its list does not have", range.clone()))
+}
+
+/// The items of lists, one list after the other.
+fn flat(lists: &[PyExpr], range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let mut out = Vec::new();
+    for list in lists {
+        let PyExpr::List(items, _) = list else {
+            return Err(Refusal::new("'for' over something other than a list", range.clone()));
+        };
+        out.extend(items.iter().cloned());
+        if out.len() > MAX_OPS {
+            return Err(Refusal::new("a list of too many items", range.clone()));
+        }
+    }
+    Ok(PyExpr::List(out, range.clone()))
+}
+
+/// `zip(list, other)`: lists of the first items, of the second items and so on, as many as the shortest list has.
+fn zipped(lists: &[PyExpr], range: &Range<usize>) -> PyExpr {
+    let all: Vec<&[PyExpr]> = lists
+        .iter()
+        .filter_map(|l| if let PyExpr::List(items, _) = l { Some(items.as_slice()) } else { None })
+        .collect();
+    let length = all.iter().map(|items| items.len()).min().unwrap_or(0);
+    let row = |k: usize| PyExpr::List(all.iter().filter_map(|items| items.get(k).cloned()).collect(), range.clone());
+    PyExpr::List((0..length).map(row).collect(), range.clone())
 }
 
 /// `value in list`: whether the value equals one of the items.
@@ -1067,8 +717,36 @@ fn numbers_of_range(args: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Res
     Ok(PyExpr::List((0..count).map(|k| PyExpr::Number(from + f64::from(k) * step)).collect(), range.clone()))
 }
 
+/// Counts a call of a function of the model, `depth` within others. Fails where a function calls itself too often.
+fn count_call(name: &str, range: &Range<usize>, scope: &Scope, depth: usize) -> Result<(), Refusal> {
+    scope.calls.set(if depth == 0 { 1 } else { scope.calls.get() + 1 });
+    let construct = if depth >= MAX_CALL_DEPTH {
+        format!("the recursive function '{name}', more than {MAX_CALL_DEPTH} calls within one another")
+    } else if scope.calls.get() > MAX_CALLS {
+        format!("the recursive function '{name}', more than {MAX_CALLS} calls")
+    } else {
+        return Ok(());
+    };
+    let why = Refusal::new(construct, range.clone());
+    Err(why.remedy("write it with 'while' or 'for', or call it with numbers that are known before the model runs"))
+}
+
+/// Whether a resolved test holds, if it is constant.
+fn known_truth(test: &PyExpr, scope: &Scope) -> Option<bool> {
+    let value = if scope.has_none { constant_of(&tested(test.clone()), scope) } else { constant_of(test, scope) };
+    value.map(|v| !is_zero(v))
+}
+
+/// A resolved argument as a number, if it is one whatever the variables are: calls within calls end by such numbers.
+fn folded(e: PyExpr, scope: &Scope) -> PyExpr {
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) => e,
+        _ => constant_of(&e, scope).map_or(e, PyExpr::Number),
+    }
+}
+
 /// The value of a resolved expression that is constant.
-fn constant_of(e: &PyExpr, scope: &Scope) -> Option<f64> {
+pub(super) fn constant_of(e: &PyExpr, scope: &Scope) -> Option<f64> {
     let mut ops = Vec::new();
     emit(e, scope, &mut ops).ok()?;
     crate::vm::constant_value(&Bytecode { ops, ..Bytecode::default() }).filter(|v| v.is_finite())
@@ -1095,7 +773,7 @@ fn list_of_model<'s>(e: &PyExpr, scope: &'s Scope) -> Option<&'s [PyExpr]> {
 fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     match list {
         PyExpr::List(items, _) => item(items, index, scope, range),
-        PyExpr::Call(name, pairs, _) if name == DICTIONARY => value_of(pairs, index, scope, range),
+        PyExpr::Call(name, pairs, _) if name == DICTIONARY => dictionary::value_of(pairs, index, None, scope, range),
         PyExpr::Choice(test, a, b) if !has_random(test, scope) => {
             if size_with(list, &[], &[]).saturating_mul(size_with(index, &[], &[])) > MAX_OPS {
                 return Err(Refusal::new("an expression that grows too large", range.clone()));
@@ -1176,35 +854,6 @@ pub(super) fn is_dictionary(e: &PyExpr) -> bool {
     matches!(e, PyExpr::Call(name, ..) if name == DICTIONARY)
 }
 
-/// The value of a key in a dictionary of constant keys. A key that is not constant becomes a choice.
-fn value_of(pairs: &[PyExpr], key: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
-    let mut entries = Vec::new();
-    for pair in pairs.chunks(2) {
-        let [own, value] = pair else { continue };
-        let own = constant_of(own, scope);
-        let own = own.ok_or_else(|| Refusal::new("a dictionary of keys that are not constant", range.clone()))?;
-        entries.push((own, value));
-    }
-    // Of equal keys the last one counts.
-    if let Some(key) = constant_of(key, scope) {
-        let found = entries.iter().rev().find(|(own, _)| is_zero(*own - key)).map(|(_, value)| PyExpr::clone(value));
-        return found.ok_or_else(|| Refusal::new("a key that its dictionary does not have", range.clone()));
-    }
-    let draws = has_random(key, scope) || pairs.iter().any(|e| has_random(e, scope));
-    let Some(((_, first), others)) = entries.split_first().filter(|_| entries.len() <= MAX_LOOKUP && !draws) else {
-        return Err(Refusal::new("a key of this dictionary that is not constant", range.clone()));
-    };
-    if entries.len().saturating_mul(size_with(key, &[], &[])) > MAX_OPS {
-        return Err(Refusal::new("an expression that grows too large", range.clone()));
-    }
-    // The first value is taken where the key equals no other.
-    let out = others.iter().fold(PyExpr::clone(first), |out, (own, value)| {
-        let is = PyExpr::Binary(PyOp::Eq, Box::new(key.clone()), Box::new(PyExpr::Number(*own)));
-        PyExpr::Choice(Box::new(is), Box::new(PyExpr::clone(value)), Box::new(out))
-    });
-    Ok(out)
-}
-
 /// Operands of an expression whose names are replaced by expressions.
 pub(super) fn size_with(e: &PyExpr, names: &[String], values: &[PyExpr]) -> usize {
     let sizes: Vec<usize> = values.iter().map(|v| size_of(v, &[], &[])).collect();
@@ -1228,7 +877,8 @@ fn size_of(e: &PyExpr, names: &[String], sizes: &[usize]) -> usize {
     }
 }
 
-fn constant_name(name: &str) -> Option<f64> {
+/// Constants of `math`.
+pub(super) fn constant_name(name: &str) -> Option<f64> {
     Some(match name {
         "pi" => std::f64::consts::PI,
         "e" => std::f64::consts::E,
@@ -1312,22 +962,22 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
             ops.push(Op::Unary(UnaryOp::Neg));
         }
         PyExpr::Not(a) => {
-            emit(a, scope, ops)?;
+            emit_test(a, scope, ops)?;
             ops.push(Op::Unary(UnaryOp::Not));
         }
         PyExpr::And(a, b) | PyExpr::Or(a, b) => {
             // The place of the jump is kept until its target, the end of the right side, is known.
-            emit(a, scope, ops)?;
+            emit_test(a, scope, ops)?;
             let jump = ops.len();
             ops.push(Op::Pop);
-            emit(b, scope, ops)?;
+            emit_test(b, scope, ops)?;
             ops.push(Op::Bool);
             let end = ops.len();
             ops[jump] = if matches!(e, PyExpr::And(..)) { Op::And(end) } else { Op::Or(end) };
         }
         PyExpr::Choice(condition, then, other) => {
             // condition, JumpIfZero to `other`, then, Jump to the end: each target is set once it is known.
-            emit(condition, scope, ops)?;
+            emit_test(condition, scope, ops)?;
             let to_other = ops.len();
             ops.push(Op::Pop);
             emit(then, scope, ops)?;
@@ -1338,6 +988,9 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
             ops[to_end] = Op::Jump(ops.len());
         }
         PyExpr::Binary(op, a, b) => {
+            if let Some(near) = equal_in_single(*op, a, b) {
+                return emit(&near, scope, ops);
+            }
             let op = match op {
                 PyOp::Add => BinaryOp::Add,
                 PyOp::Sub => BinaryOp::Sub,
@@ -1358,10 +1011,29 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
         }
         PyExpr::Call(name, args, range) => return emit_call(name, args, range, scope, ops),
         PyExpr::List(_, range) | PyExpr::Index(_, _, range) | PyExpr::Each(_, _, _, range) => {
-            return Err(Refusal::new("a list or an index '[..]' where a number is expected", range.clone()));
+            let why = Refusal::new("a list or an index '[..]' where a number is expected", range.clone());
+            return Err(why.remedy("hand the items on, each as a number: A(p[0],p[1]), or A(*p)"));
         }
     }
     Ok(())
+}
+
+/// Code of a test: that of the value, but for `None` and empty texts, which fail it.
+fn emit_test(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
+    if scope.has_none { emit(&tested(e.clone()), scope, ops) } else { emit(e, scope, ops) }
+}
+
+/// A test whose parts are truth values: of a part that is any value, whether Python takes it as true.
+pub(super) fn tested(e: PyExpr) -> PyExpr {
+    match e {
+        PyExpr::And(a, b) => PyExpr::And(Box::new(tested(*a)), Box::new(tested(*b))),
+        PyExpr::Or(a, b) => PyExpr::Or(Box::new(tested(*a)), Box::new(tested(*b))),
+        _ if is_truth(&e) => e,
+        _ => {
+            let range = range_of(&e);
+            PyExpr::Call("bool".to_owned(), vec![e], range)
+        }
+    }
 }
 
 /// `a and b` or `a or b` as a choice between its operands, one of which Python gives. `None` for any other expression, for truth
@@ -1429,6 +1101,27 @@ pub(super) fn range_of(e: &PyExpr) -> Range<usize> {
         PyExpr::Neg(a) | PyExpr::Not(a) | PyExpr::Binary(_, a, _) | PyExpr::And(a, _) | PyExpr::Or(a, _) => range_of(a),
         PyExpr::Choice(a, ..) => range_of(a),
     }
+}
+
+/// `a == b` and `a != b` where one side is a number that single precision does not hold, such as 0.1: a parameter, which has single
+/// precision, is equal to the number that is nearest to it. `None` for other comparisons.
+fn equal_in_single(op: PyOp, a: &PyExpr, b: &PyExpr) -> Option<PyExpr> {
+    let (value, number) = match (a, b) {
+        (PyExpr::Number(_), PyExpr::Number(_)) => return None,
+        (value, PyExpr::Number(n)) | (PyExpr::Number(n), value) => (value, *n),
+        _ => return None,
+    };
+    #[allow(clippy::cast_possible_truncation, reason = "rounded to single precision")]
+    let nearest = f64::from(number as f32);
+    if !matches!(op, PyOp::Eq | PyOp::Ne) || is_zero(nearest - number) {
+        return None;
+    }
+    let difference = PyExpr::Binary(PyOp::Sub, Box::new(value.clone()), Box::new(PyExpr::Number(number)));
+    let distance = PyExpr::Call("fabs".to_owned(), vec![difference], range_of(value));
+    // Rounding changes a number by 2^-24 of it at the most.
+    let most = PyExpr::Number(number.abs() / 16_777_216.0);
+    let is_near = PyExpr::Binary(PyOp::Le, Box::new(distance), Box::new(most));
+    Some(if op == PyOp::Eq { is_near } else { PyExpr::Not(Box::new(is_near)) })
 }
 
 /// `a // b` = floor(a / b), `a % b` = a - b floor(a / b), which has the sign of b.
@@ -1502,6 +1195,11 @@ fn emit_call(
             ops.push(Op::Unary(UnaryOp::Fabs));
         }
         ("float", [a]) => emit(a, scope, ops)?,
+        ("bool", [a]) if scope.has_none && !is_truth(a) => {
+            emit(a, scope, ops)?;
+            ops.extend([Op::Unary(UnaryOp::Fabs), Op::Const(NONE), Op::Binary(BinaryOp::Le, usize::MAX)]);
+            ops.push(Op::Unary(UnaryOp::Not));
+        }
         ("bool", [a]) => {
             emit(a, scope, ops)?;
             ops.extend([Op::Unary(UnaryOp::Not), Op::Unary(UnaryOp::Not)]);
@@ -1598,16 +1296,26 @@ fn emit_call(
             ops.extend([Op::Const(1.0), Op::Binary(BinaryOp::Add, usize::MAX), Op::Random(RandomFunction::Uniform)]);
             ops.push(Op::Unary(UnaryOp::Floor));
         }
+        // A whole number below b.
+        ("randrange", [bounds @ .., b]) if bounds.len() <= 1 => {
+            emit(bounds.first().unwrap_or(&PyExpr::Number(0.0)), scope, ops)?;
+            emit(b, scope, ops)?;
+            ops.extend([Op::Random(RandomFunction::Uniform), Op::Unary(UnaryOp::Floor)]);
+        }
         ("gauss" | "normalvariate" | "normal", [a, b]) => {
             emit(a, scope, ops)?;
             emit(b, scope, ops)?;
             ops.push(Op::Random(RandomFunction::Nran));
         }
         _ if name == DICTIONARY => {
-            return Err(Refusal::new("a dictionary '{..}' where a number is expected", range.clone()));
+            let why = Refusal::new("a dictionary '{..}' where a number is expected", range.clone());
+            return Err(why.remedy("write the dictionary outside of the productions, and look up its values: d[key]"));
         }
         _ if name.ends_with('=') => return Err(Refusal::new("an argument with a name", range.clone())),
-        _ => return Err(Refusal::new(format!("the function '{name}'"), range.clone())),
+        _ => {
+            let why = scope.refused_functions.get(name).map_or_else(String::new, |why| format!(" ({why})"));
+            return Err(Refusal::new(format!("the function '{name}'{why}"), range.clone()));
+        }
     }
     Ok(())
 }

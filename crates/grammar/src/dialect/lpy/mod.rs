@@ -1,24 +1,32 @@
-//! Files of L-Py whose productions are rules and expressions: no more of Python than constants, lists, functions with a value, `if`
-//! and `for` over a constant range. A production with `if` becomes one production for each way through it.
+//! Models of L-Py: rules, and of Python the statements and expressions that docs/dialects.md lists. A production with `if` becomes one
+//! production for each way through it.
 
 mod bounds;
 mod color;
+mod dictionary;
 mod expression;
+mod imports;
+mod lists;
+mod parser;
 mod rule;
 mod statement;
 mod strings;
+mod ways;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use self::expression::{
-    PyExpr, Refusal, Scope, compile, first_call, has_random, is_dictionary, of_model, parse, resolve,
+    OwnFunction, PyExpr, Refusal, Scope, compile, first_call, has_random, is_dictionary, of_model, resolve,
 };
-use self::rule::Step;
+use self::lists::change_of;
+use self::parser::parse;
 use self::statement::{
-    FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, only_returns, renamed,
+    FunctionValue, GROUP, Statement, assign_statement, assigned, at_semicolons, heads_block, indented_refusal,
+    only_returns, remedy_of, renamed, statements_of_line,
 };
-use self::strings::{modules, spell, split};
+use self::strings::{PyModule, modules, spell, split};
+use self::ways::Step;
 use super::Reader;
 use super::text::{Piece, lines};
 use crate::code::Op;
@@ -28,8 +36,10 @@ use crate::token::SourcePlace;
 use crate::vm;
 
 /// Functions that L-Py runs at the beginning, around each step and around each drawing.
-const CALLED_FUNCTIONS: [&str; 6] =
-    ["Start", "StartEach", "EndEach", "StartInterpretation", "EndInterpretation", "PostDraw"];
+const CALLED_FUNCTIONS: [&str; 7] =
+    ["Start", "StartEach", "EndEach", "End", "StartInterpretation", "EndInterpretation", "PostDraw"];
+/// What the refusal of a function says that gives another string than it was given.
+const OTHER_STRING: &str = "a function that returns another string";
 
 /// Target of the jump of a `return`, until the end of its function is known.
 const RETURN: usize = usize::MAX;
@@ -70,20 +80,29 @@ struct Model<'r, 's> {
     shared: Vec<String>,
     /// Values of shared names before the first step, for items that need a constant.
     initial: BTreeMap<String, f64>,
+    /// How many variables and lists this reader has named. Values of the model are among them, so that no production uses a number again.
     temporaries: usize,
     /// Functions that are more than one expression, by name: their parameters and statements.
     bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,
+    /// Lines of the functions of the model, by their names.
+    definitions: BTreeMap<String, usize>,
+    /// Lists of the model that have two names.
+    shared_lists: BTreeSet<String>,
+    /// Functions that the production which is read defines.
+    own_functions: BTreeMap<String, OwnFunction>,
     /// Places of the loops that run as code, which each block with loops has a copy of.
     loop_places: Vec<SourcePlace>,
     /// How many parameters `*args` stands for in the present reading of a head.
     star: usize,
-    /// Lists that the head of the present rule names.
-    rule_lists: Vec<String>,
+    /// Lists that the head of the present rule names, with those of the model that have these names.
+    rule_lists: Vec<(String, Option<PyExpr>)>,
     /// Names and numbers of parameters of modules as the text has them.
     arities: BTreeSet<(String, usize)>,
     /// Lines of the functions that L-Py runs, which are read when all values of the model are known: name, first and last line
     /// of the body, place.
     run_later: Vec<(String, Range<usize>, Range<usize>)>,
+    /// Lines of the productions, which are read when all values and functions of the model are known, with their section and group.
+    productions: Vec<(usize, Section, f64)>,
     /// Parameters of the function that is read, which L-Py runs: the string, and what was drawn.
     run_parameters: Vec<String>,
     /// `backward()` was called, or `forward()`; `None`: neither.
@@ -101,7 +120,7 @@ struct RunFunctions {
 /// Reads a model of L-Py into the reader's program: sections, rules, and values computed outside of rules.
 pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     reader.description = description(text);
-    let plain = without_comments(text);
+    let plain = imports::without_aliases(&without_comments(text));
     let list: Vec<Line<'_>> = lines(&plain).filter_map(line_of).collect();
     reader.program.length = 1;
     let mut model = Model {
@@ -120,17 +139,23 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         initial: BTreeMap::new(),
         temporaries: 0,
         bodies: BTreeMap::new(),
+        definitions: BTreeMap::new(),
+        shared_lists: BTreeSet::new(),
+        own_functions: BTreeMap::new(),
         loop_places: Vec::new(),
         star: 0,
         rule_lists: Vec::new(),
         arities: BTreeSet::new(),
         run_later: Vec::new(),
+        productions: Vec::new(),
         run_parameters: Vec::new(),
         direction: None,
     };
     if model.uses_groups {
         model.scope.global(GROUP);
     }
+    model.scope.has_none = ["None", "''", "\"\"", ".get("].iter().any(|text| plain.contains(text));
+    model.scope.is_backward = plain.contains("backward()");
     model.shared_names(&list);
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
@@ -139,10 +164,12 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
     model.reader.palette = color::palette(&pieces);
     model.lines(&list);
+    model.read_productions(&list);
     for (name, body, place) in std::mem::take(&mut model.run_later) {
         // The body may stand on the line of the head: `def Start(): backward()`.
         let head = body.start.checked_sub(1).and_then(|i| list.get(i)).map(|l| l.piece);
-        let inline = head.and_then(|h| colon(h).map(|c| at_semicolons(h.from(c + 1).trimmed()))).unwrap_or_default();
+        let inline =
+            head.and_then(|h| colon(h).map(|c| statements_of_line(h.from(c + 1).trimmed()))).unwrap_or_default();
         let inline: Vec<Line<'_>> = inline.into_iter().map(|piece| Line { indent: 1, piece }).collect();
         let block = if inline.is_empty() { list.get(body).unwrap_or(&[]) } else { &inline };
         let parameters = head.and_then(parameters_of).unwrap_or_default();
@@ -166,8 +193,19 @@ fn begins_axiom(text: &[u8]) -> bool {
     line.trim_ascii().strip_suffix(b":").is_some_and(|word| word.trim_ascii().eq_ignore_ascii_case(b"axiom"))
 }
 
+/// Signs that mean something outside of texts in quotes.
+const SIGNS: &[u8; 25] = b"()[]{}:;,=<>#*+-/%.&|!\"'\\";
+
+/// A byte of a text in quotes: signs become control characters, one for each, so that what looks for signs finds none in texts and
+/// different texts stay different.
+fn masked(byte: u8) -> u8 {
+    // 0x01 to 0x08 and 0x0e to 0x1e, which are no whitespace.
+    let codes = (0x01..=0x08_u8).chain(0x0e..=0x1e);
+    SIGNS.iter().zip(codes).find(|(sign, _)| **sign == byte).map_or(byte, |(_, code)| code)
+}
+
 /// The text with comments, texts in triple quotes, line ends within parentheses and line ends behind a backslash replaced by
-/// blanks, so that all offsets stay.
+/// blanks, so that all offsets stay; signs within other texts are [`masked`].
 fn without_comments(text: &str) -> String {
     let bytes = text.as_bytes();
     let mut out: Vec<u8> = bytes.to_vec();
@@ -196,10 +234,10 @@ fn without_comments(text: &str) -> String {
                 i += end;
                 continue;
             }
-            b'"' => {
-                // A text within one line, whose '#' is no comment.
-                let end = rest[1..].iter().position(|c| matches!(c, b'"' | b'\n')).map_or(rest.len(), |n| n + 2);
-                i += end;
+            b'"' | b'\'' => {
+                let length = quoted_length(rest);
+                out.iter_mut().skip(i + 1).take(length.saturating_sub(2)).for_each(|b| *b = masked(*b));
+                i += length;
                 continue;
             }
             b'\\' if matches!(bytes.get(i + 1), Some(b'\n' | b'\r')) => {
@@ -228,6 +266,18 @@ fn without_comments(text: &str) -> String {
         i += 1;
     }
     String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
+}
+
+/// Length of a text in quotes at the beginning of some bytes, whose '#' is no comment; it ends at its quote or at the end of the line.
+fn quoted_length(bytes: &[u8]) -> usize {
+    let quote = bytes.first().copied();
+    let mut is_escaped = false;
+    let end = bytes.iter().skip(1).position(|c| {
+        let is_end = !is_escaped && (Some(*c) == quote || *c == b'\n');
+        is_escaped = !is_escaped && *c == b'\\';
+        is_end
+    });
+    end.map_or(bytes.len(), |n| n + 2)
 }
 
 /// Names of modules with the numbers of parameters that the text gives them; of texts without `*` among parameters none, as
@@ -305,8 +355,8 @@ impl<'s> Model<'_, 's> {
         let line = self.reader.line_number(why.range.start);
         let message = format!("this is L-Py with Python code, line {line}: {}", why.construct);
         let help = why.remedy.unwrap_or(
-            "osier reads rules, expressions, constants, lists, functions with a value, 'if', 'while', and 'for' over a range; pass \
-             what a production needs as parameters of its modules",
+            "osier reads rules, expressions, lists, dictionaries, functions with a value, 'if', 'for' and 'while'; pass what a \
+             production needs as parameters of its modules",
         );
         self.reader.session.error_help("L007", message, place, help);
     }
@@ -343,10 +393,11 @@ impl<'s> Model<'_, 's> {
 
     /// Names that some rule or function declares `global`: they may change from step to step.
     fn shared_names(&mut self, list: &[Line<'_>]) {
-        for line in list {
-            let (word, rest) = line.piece.first_word(&[]);
-            if word.text == "global" {
-                self.shared.extend(split(rest).iter().map(|n| n.text.trim_end_matches(';').to_owned()));
+        for part in list.iter().flat_map(|line| at_semicolons(line.piece)) {
+            // It may stand behind the head of its block: `def Start(): global n`.
+            let at = part.text.rfind("global ").filter(|i| *i == 0 || part.up_to(*i).text.trim_end().ends_with(':'));
+            if let Some(at) = at {
+                self.shared.extend(split(part.from(at + "global ".len())).iter().map(|n| n.text.to_owned()));
             }
         }
     }
@@ -359,6 +410,12 @@ impl<'s> Model<'_, 's> {
                 continue;
             }
             let names = rest.before(':');
+            if rest.from(names.text.len()).text.contains("scale") {
+                let place = self.reader.place(line.piece.range());
+                let message = "the scale of a module has no effect".to_owned();
+                let help = "contexts see modules of every scale; name those that they skip by 'ignore:'";
+                self.reader.session.warning("L008", message, place, help);
+            }
             for part in split(names) {
                 let name = part.text.split('(').next().unwrap_or("").trim();
                 if !name.is_empty() && !self.declared.iter().any(|d| d == name) {
@@ -427,15 +484,58 @@ impl<'s> Model<'_, 's> {
                 self.group = 0.0;
                 return i + 1;
             }
-            // Module names were read before; views and imports do not change the string.
+            // Module names were read before; views do not change the string.
             "module" | "initial_view" => return i + 1,
-            "import" | "from" => return i + 1,
             _ => {}
         }
         if self.section != Section::Header && is_rule(piece) {
-            return self.rule(list, i, line);
+            self.productions.push((i, self.section, self.group));
+            return block_after(list, i, line.indent).1;
         }
         self.python(list, i, line)
+    }
+
+    /// Reads the productions. As in L-Py they see the values that names of the model have at its end, and functions behind them.
+    fn read_productions(&mut self, list: &[Line<'_>]) {
+        let blocks: Vec<Range<usize>> = self.run_later.iter().map(|(_, body, _)| body.clone()).collect();
+        for body in blocks {
+            self.hide_unreadable(list.get(body).unwrap_or(&[]));
+        }
+        self.read_callers_again(list);
+        for (i, section, group) in std::mem::take(&mut self.productions) {
+            (self.section, self.group) = (section, group);
+            self.rule(list, i);
+        }
+        // The functions that L-Py runs do not know the variables of the last one.
+        self.scope.locals.clear();
+    }
+
+    /// Reads those functions again, as statements, that call a function of statements which stands behind them.
+    fn read_callers_again(&mut self, list: &[Line<'_>]) {
+        let calls_body = |model: &Self, name: &str| {
+            let value = model.scope.functions.get(name).map(|(_, value)| value);
+            value.is_some_and(|value| first_call(value, &|called| model.has_body(called)).is_some())
+        };
+        loop {
+            let caller = self.definitions.iter().find(|(name, _)| calls_body(self, name));
+            let Some((name, i)) = caller.map(|(name, i)| (name.clone(), *i)) else { return };
+            let Some(line) = list.get(i) else { return };
+            let (block, _) = block_after(list, i, line.indent);
+            let (_, rest) = line.piece.first_word(&['(', ':', '=']);
+            // Values of parameters are those where the function is defined.
+            let defaults = self.scope.defaults.get(&name).cloned().unwrap_or_default();
+            self.scope.functions.remove(&name);
+            self.function(rest, block, &line.piece.range());
+            self.scope.defaults.insert(name, defaults);
+        }
+    }
+
+    /// Names that a function which L-Py runs sets to values that cannot be read: a production that uses one is refused.
+    fn hide_unreadable(&mut self, block: &[Line<'_>]) {
+        for (name, why) in block.iter().filter_map(unreadable_assignment) {
+            self.scope.constants.remove(name);
+            self.scope.unreadable.insert(name.to_owned(), why);
+        }
     }
 
     fn constant(&mut self, value: Piece<'_>) -> Option<f64> {
@@ -511,9 +611,9 @@ impl<'s> Model<'_, 's> {
     fn axiom(&mut self, value: Piece<'_>, block: &[Line<'_>]) {
         self.has_axiom = true;
         let statements = if value.text.is_empty() {
-            self.statements(block, 0)
+            self.statements(block)
         } else {
-            modules(value, &self.declared).map(|m| vec![Statement::Produce(m, true)])
+            self.modules_of(value, block).map(|m| vec![Statement::Produce(m, true)])
         };
         let Some(statements) = self.settle(statements) else { return };
         // Variables of the block are none of the model.
@@ -545,6 +645,21 @@ impl<'s> Model<'_, 's> {
         }
     }
 
+    /// Modules of an axiom or a successor, which may go on in indented lines.
+    fn modules_of(&self, first: Piece<'_>, block: &[Line<'_>]) -> Result<Vec<PyModule>, Refusal> {
+        let mut out = modules(first, &self.declared)?;
+        for line in block {
+            if colon(line.piece).is_some() {
+                let why = Refusal::new("an indented line behind a string of modules", line.piece.range());
+                return Err(why.remedy(
+                    "write a heading or a statement without blanks before it; an indented line goes on with modules",
+                ));
+            }
+            out.extend(modules(line.piece, &self.declared)?);
+        }
+        Ok(out)
+    }
+
     /// Runs statements of the model as in the block of an axiom; false where only a run knows the way through them.
     fn run(&mut self, statements: &[Statement], range: &Range<usize>) -> Result<bool, Refusal> {
         self.is_in_axiom = true;
@@ -563,6 +678,7 @@ impl<'s> Model<'_, 's> {
         for (name, list) in &way.lists {
             self.global(name, list, range.clone());
         }
+        self.shared_lists.extend(way.shared_lists.iter().cloned());
         Ok(true)
     }
 
@@ -581,6 +697,7 @@ impl<'s> Model<'_, 's> {
             && !is_shared
             && !has_random(list, &self.scope)
         {
+            self.share_lists_of_model(name, e);
             self.scope.constants.remove(name);
             self.scope.unreadable.remove(name);
             self.scope.lists.insert(name.to_owned(), list.clone());
@@ -622,10 +739,26 @@ impl<'s> Model<'_, 's> {
     fn python(&mut self, list: &[Line<'_>], i: usize, line: Line<'_>) -> usize {
         let piece = line.piece;
         let (block, next) = block_after(list, i, line.indent);
+        let parts = statements_of_line(piece);
+        if parts.len() > 1 || parts.first().is_some_and(|p| p.text.len() < piece.text.len()) {
+            for part in parts {
+                let own = Line { indent: line.indent, piece: part };
+                self.python(&[own], 0, own);
+            }
+            return next;
+        }
         let (word, rest) = piece.first_word(&['(', ':', '=']);
         let range = piece.range();
+        if let Some(inner) = block.first().filter(|_| !heads_block(word.text)) {
+            self.refuse(&indented_refusal(inner.piece));
+            return next;
+        }
         match word.text {
             "pass" | "print" | "global" | "assert" => return next,
+            "import" | "from" => {
+                self.import(piece);
+                return next;
+            }
             "extern" if rest.text.starts_with('(') => {
                 self.external(rest);
                 return next;
@@ -633,27 +766,24 @@ impl<'s> Model<'_, 's> {
             "def" => {
                 let name = rest.text.split('(').next().unwrap_or("").trim();
                 if CALLED_FUNCTIONS.contains(&name) {
-                    // Productions that follow are read before the function is.
-                    for (name, why) in block.iter().filter_map(unreadable_assignment) {
-                        self.scope.constants.remove(name);
-                        self.scope.unreadable.insert(name.to_owned(), why);
-                    }
+                    self.hide_unreadable(block);
                     self.run_later.push((name.to_owned(), i + 1..next, range));
                 } else {
+                    self.definitions.insert(name.to_owned(), i);
                     self.function(rest, block, &range);
                 }
                 return next;
             }
             "if" | "for" | "while" => {
-                // The lines of its `elif` and `else` belong to an `if`.
+                // The lines of its `elif` and `else` belong to an `if`, that of its `else` to a loop.
                 let mut end = next;
-                while let Some(more) = list.get(end).filter(|more| word.text == "if" && more.indent == line.indent) {
+                while let Some(more) = list.get(end).filter(|more| more.indent == line.indent) {
                     if !matches!(more.piece.first_word(&['(', ':']).0.text, "elif" | "else") {
                         break;
                     }
                     end = block_after(list, end, more.indent).1;
                 }
-                let statements = self.statements(list.get(i..end).unwrap_or(&[]), 0);
+                let statements = self.statements(list.get(i..end).unwrap_or(&[]));
                 let is_known = statements.and_then(|statements| self.run(&statements, &range));
                 if self.settle(is_known) == Some(false) {
                     let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
@@ -663,8 +793,20 @@ impl<'s> Model<'_, 's> {
                 }
                 return end;
             }
+            // Imports that may fail; what follows an `except` runs where they do.
+            "try" if rest.text == ":" && only_imports(block) => {
+                block.iter().for_each(|l| self.import(l.piece));
+                let mut end = next;
+                let is_except =
+                    |l: &&Line<'_>| l.indent == line.indent && l.piece.first_word(&[':', '(']).0.text == "except";
+                while let Some(more) = list.get(end).filter(is_except) {
+                    end = block_after(list, end, more.indent).1;
+                }
+                return end;
+            }
             "class" | "try" | "with" | "raise" | "del" => {
-                self.refuse(&Refusal::new(format!("'{}' outside of a production", word.text), range));
+                let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
+                self.refuse(&Refusal { remedy: remedy_of(word.text), ..why });
                 return next;
             }
             _ if word.text.starts_with('@') => {
@@ -678,32 +820,35 @@ impl<'s> Model<'_, 's> {
             return next;
         }
         let compact: String = piece.text.chars().filter(|c| !c.is_whitespace()).collect();
-        let is_setting = [
-            "seed(",
-            "random.seed(",
-            "context(",
-            "lsystem.",
-            "numpy.random.seed(",
-            "np.random.seed(",
-            "setCodeVersion",
-        ];
-        if is_setting.iter().any(|s| compact.starts_with(s)) {
+        let is_setting = ["context(", "lsystem.", "sys.path", "setCodeVersion"];
+        if is_setting.iter().any(|s| compact.starts_with(s)) || is_seed(piece) {
             return next;
         }
-        let parts = at_semicolons(piece);
-        if parts.len() > 1 || parts.first().is_some_and(|p| p.text.len() < piece.text.len()) {
-            for part in parts {
-                let own = Line { indent: line.indent, piece: part };
-                self.python(&[own], 0, own);
+        match change_of(piece) {
+            Ok(None) => {}
+            Ok(Some(changes)) => {
+                for (name, e) in changes {
+                    let is_lost = self.check_change_of_model(&name, &e);
+                    if self.settle(is_lost) == Some(false) {
+                        self.global(&name, &e, range.clone());
+                    }
+                }
+                return next;
             }
-            return next;
+            Err(why) => {
+                self.refuse(&why);
+                return next;
+            }
         }
         // `x += 2`; a plain assignment may have lists and several names.
         if assignment(piece).is_none()
             && let Ok([Statement::Assign(name, e)]) = assign_statement(piece).as_deref()
             && name.chars().all(|c| c.is_alphanumeric() || c == '_')
         {
-            self.global(name, e, range);
+            let is_lost = self.check_change_of_model(name, e);
+            if self.settle(is_lost) == Some(false) {
+                self.global(name, e, range);
+            }
             return next;
         }
         if let Some((names, mut value)) = assignment(piece) {
@@ -790,19 +935,8 @@ impl<'s> Model<'_, 's> {
     /// that L-Py calls become blocks.
     fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
-        let parsed = || {
-            let params = parameters_of(rest)?;
-            let inner = rest.from(rest.text.find('(')? + 1);
-            // `def f(x) -> float:` names what it gives.
-            let after = inner.from(strings::closing(inner.text)? + 1).trimmed();
-            let given = after.text.strip_prefix("->").and_then(|t| t.find(':')).map_or(0, |c| c + "->".len());
-            let after = after.from(given);
-            let body = after.text.strip_prefix(':').map(|_| after.from(1).trimmed())?;
-            Some((params, body))
-        };
-        let head = parsed();
         // A function that rules call: its body stands behind the colon or in the block.
-        let Some((params, body)) = head else { return };
+        let Some(FunctionHead { params, body }) = function_head(rest) else { return };
         // Python evaluates them once, where the function is defined.
         let default = |value: Piece<'_>| {
             let value = parse(value).and_then(|e| resolve(&e, &self.scope, 0)).ok();
@@ -812,7 +946,7 @@ impl<'s> Model<'_, 's> {
         let params: Vec<String> = params.into_iter().map(|(name, _)| name).collect();
         let inline = [Line { indent: 0, piece: body }];
         let lines = if body.text.is_empty() { block } else { &inline };
-        let statements = self.statements(lines, 0);
+        let statements = self.statements(lines);
         let value = statements.clone().and_then(|mut list| {
             list.reverse();
             let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
@@ -833,12 +967,16 @@ impl<'s> Model<'_, 's> {
             None => {
                 self.scope.functions.remove(&name);
                 self.bodies.remove(&name);
-                if let Ok(list) = statements
-                    && only_returns(&list)
-                {
-                    self.scope.defaults.insert(name.clone(), defaults);
-                    self.bodies.insert(name, (params, list));
-                }
+                let why = match statements {
+                    Ok(list) if only_returns(&list) => {
+                        self.scope.defaults.insert(name.clone(), defaults);
+                        self.bodies.insert(name, (params, list));
+                        return;
+                    }
+                    Ok(_) => "it changes values of the model, or ends without a value".to_owned(),
+                    Err(why) => format!("line {}: {}", self.reader.line_number(why.range.start), why.construct),
+                };
+                self.scope.refused_functions.insert(name, why);
             }
         }
     }
@@ -853,33 +991,43 @@ impl<'s> Model<'_, 's> {
         self.scope.is_before_step = name == "StartEach";
         let code = self.run_function(block);
         self.scope.is_before_step = false;
+        let is_run = matches!(name, "Start" | "StartEach" | "EndEach");
         match code {
-            Ok(code) => {
+            Ok(code) if is_run => {
                 let to = match name {
                     "Start" => &mut self.functions.start,
                     "StartEach" => &mut self.functions.start_each,
-                    "EndEach" => &mut self.functions.end_each,
-                    // The other functions do not change the string.
-                    _ => return,
+                    _ => &mut self.functions.end_each,
                 };
                 *to = code;
             }
-            Err(why) => {
+            Ok(code) if code.is_empty() => {}
+            Err(why) if is_run || why.construct == OTHER_STRING => {
                 let construct = format!("the function '{name}', which L-Py runs: {}", why.construct);
                 let range = if why.range.is_empty() { range.clone() } else { why.range };
                 self.refuse(&Refusal { construct, range, remedy: why.remedy });
+            }
+            // The other functions run behind the last step, and around drawings.
+            _ => {
+                let place = self.reader.place(range.clone());
+                let message = format!("the function '{name}' is not run");
+                let help = "osier runs Start, StartEach and EndEach; set in EndEach() what an interpretation reads";
+                self.reader.session.warning("L008", message, place, help);
             }
         }
     }
 
     /// Code of a function that L-Py runs: assignments of numbers, `if`. A value that cannot be read is refused where it is used.
-    fn run_function(&mut self, block: &[Line<'_>]) -> Result<Vec<Op>, Refusal> {
+    fn run_function<'t>(&mut self, block: &[Line<'t>]) -> Result<Vec<Op>, Refusal> {
         let mut lines = Vec::new();
-        for line in block {
+        let parts_of = |line: &Line<'t>| {
+            let indent = line.indent;
+            statements_of_line(line.piece).into_iter().map(move |piece| Line { indent, piece })
+        };
+        for line in &block.iter().flat_map(parts_of).collect::<Vec<_>>() {
             let text = line.piece.text;
             // These do not change what rules read; `forward()` is how L-Py rewrites without it.
-            const IDLE: [&str; 3] = ["seed(", "random.seed(", "context("];
-            if self.turtle_setting(line.piece) || IDLE.iter().any(|w| text.starts_with(w)) {
+            if self.turtle_setting(line.piece) || text.starts_with("context(") || is_seed(line.piece) {
                 continue;
             }
             // `return lstring, scene` hands on both.
@@ -901,7 +1049,7 @@ impl<'s> Model<'_, 's> {
                 lines.push(*line);
             }
         }
-        let statements = self.statements(&lines, 0)?;
+        let statements = self.statements(&lines)?;
         let mut ops = Vec::new();
         let mut declared = Vec::new();
         self.block_code(&statements, &mut declared, &mut ops)?;
@@ -1016,7 +1164,7 @@ impl<'s> Model<'_, 's> {
                         None => true,
                     };
                     if !is_own {
-                        let why = Refusal::new("a function that returns another string", place.clone());
+                        let why = Refusal::new(OTHER_STRING, place.clone());
                         return Err(why.remedy("write the string as the axiom, and its changes as productions"));
                     }
                     ops.push(Op::Jump(RETURN));
@@ -1104,6 +1252,24 @@ impl<'s> Model<'_, 's> {
     }
 }
 
+/// The head of a function: its parameters, with the values that they have otherwise, and what stands behind its colon.
+struct FunctionHead<'t> {
+    params: Vec<(String, Option<Piece<'t>>)>,
+    body: Piece<'t>,
+}
+
+/// Reads the head of a function from its name on, `f(x, k=3) -> float: return x`.
+fn function_head(rest: Piece<'_>) -> Option<FunctionHead<'_>> {
+    let params = parameters_of(rest)?;
+    let inner = rest.from(rest.text.find('(')? + 1);
+    // `def f(x) -> float:` names what it gives.
+    let after = inner.from(strings::closing(inner.text)? + 1).trimmed();
+    let given = after.text.strip_prefix("->").and_then(|t| t.find(':')).map_or(0, |c| c + "->".len());
+    let after = after.from(given);
+    let body = after.text.strip_prefix(':').map(|_| after.from(1).trimmed())?;
+    Some(FunctionHead { params, body })
+}
+
 /// Names of the parameters of a function from its head, `Start(lstring):`, with the values that they have otherwise, `f(x, k=3):`.
 fn parameters_of(head: Piece<'_>) -> Option<Vec<(String, Option<Piece<'_>>)>> {
     let inner = head.from(head.text.find('(')? + 1);
@@ -1166,6 +1332,20 @@ fn is_rule(piece: Piece<'_>) -> bool {
     piece.text.contains("-->")
         || piece.text.contains("-static->")
         || (!is_python && colon(piece).is_some() && assignment(piece).is_none())
+}
+
+/// True for lines of imports alone.
+fn only_imports(block: &[Line<'_>]) -> bool {
+    let is_import = |p: Piece<'_>| matches!(p.first_word(&[]).0.text, "import" | "from" | "pass");
+    !block.is_empty() && block.iter().flat_map(|l| statements_of_line(l.piece)).all(is_import)
+}
+
+/// True for `seed(3)`, `random.seed(3)` and the like.
+fn is_seed(piece: Piece<'_>) -> bool {
+    let Some((name, _)) = piece.text.split_once('(') else { return false };
+    let name = name.trim_end();
+    let is_path = name.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '.'));
+    is_path && name.rsplit('.').next() == Some("seed")
 }
 
 /// True for a name of Python.

@@ -6,15 +6,31 @@ use std::ops::Range;
 use osier_base::convert::saturating_index;
 
 use super::bounds::mentions;
-use super::expression::{PyExpr, PyOp, Refusal, Scope};
-use super::expression::{compile, exchanged, first_call, has_random, parse, resolve, size_with, substitute};
-use super::strings::{PyModule, closing, modules, split};
-use super::{Line, Model, assignment, block_after, block_colon, is_name};
+use super::dictionary::keys_of;
+use super::expression::{OwnFunction, PyExpr, PyOp, Refusal, Scope};
+use super::expression::{
+    compile, exchanged, first_call, has_random, is_dictionary, resolve, size_with, substitute, tested, with_functions,
+};
+use super::lists::{change_of, is_change};
+use super::parser::parse;
+use super::strings::{PyModule, closing, split};
+use super::{Line, Model, assignment, block_after, block_colon, function_head, is_name, lambda};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
 /// Variable with the number of the group of productions that is active, which no model can name.
 pub(super) const GROUP: &str = "(group)";
+
+/// Assignments that change a value; signs of two characters before the signs that they end with.
+pub(super) const OPERATORS: [(&str, PyOp); 7] = [
+    ("**=", PyOp::Pow),
+    ("//=", PyOp::FloorDiv),
+    ("%=", PyOp::Mod),
+    ("+=", PyOp::Add),
+    ("-=", PyOp::Sub),
+    ("*=", PyOp::Mul),
+    ("/=", PyOp::Div),
+];
 
 /// Deepest nesting of blocks in a production; deeper ones are refused, as the reader recurses.
 const MAX_NESTING: usize = 64;
@@ -46,15 +62,34 @@ pub(super) enum Statement {
 }
 
 impl Model<'_, '_> {
+    /// Reads the lines of a production or a function. Functions that it defines are written in where it calls them.
+    pub(super) fn statements(&mut self, block: &[Line<'_>]) -> Result<Vec<Statement>, Refusal> {
+        let around = std::mem::take(&mut self.own_functions);
+        let list = self.block(block, 0);
+        let own = std::mem::replace(&mut self.own_functions, around);
+        let list = list?;
+        if own.is_empty() {
+            return Ok(list);
+        }
+        Ok(list.iter().map(|s| s.mapped(&String::clone, &|e| with_functions(e, &own, &self.scope))).collect())
+    }
+
     /// Reads the lines of a block, with the blocks nested in it. Fails if blocks are nested too deep.
-    pub(super) fn statements(&mut self, block: &[Line<'_>], nesting: usize) -> Result<Vec<Statement>, Refusal> {
+    fn block(&mut self, block: &[Line<'_>], nesting: usize) -> Result<Vec<Statement>, Refusal> {
         let mut out = Vec::new();
         let mut i = 0;
         if let Some(first) = block.first().filter(|_| nesting > MAX_NESTING) {
             return Err(Refusal::new("blocks nested too deep", first.piece.range()));
         }
         while let Some(line) = block.get(i) {
-            let piece = line.piece;
+            let parts = statements_of_line(line.piece);
+            if parts.len() > 1 {
+                let lines: Vec<Line<'_>> = parts.into_iter().map(|piece| Line { indent: line.indent, piece }).collect();
+                out.extend(self.block(&lines, nesting)?);
+                i += 1;
+                continue;
+            }
+            let piece = parts.first().copied().unwrap_or(line.piece);
             // The lines indented deeper, and where the block goes on after them.
             let (inner, next) = block_after(block, i, line.indent);
             let (word, rest) = piece.first_word(&['(', ':', '=', '[']);
@@ -62,15 +97,21 @@ impl Model<'_, '_> {
             let body = |model: &mut Self, after: Piece<'_>| {
                 let after = after.trimmed();
                 if after.text.is_empty() {
-                    model.statements(inner, nesting + 1)
+                    model.block(inner, nesting + 1)
                 } else {
-                    model.statements(&[Line { indent: 0, piece: after }], nesting + 1)
+                    model.block(&[Line { indent: 0, piece: after }], nesting + 1)
                 }
             };
             i = next;
+            let is_produce = matches!(word.text, "produce" | "nproduce");
+            if let Some(inner) = inner.first().filter(|_| !is_produce && !heads_block(word.text)) {
+                return Err(indented_refusal(inner.piece));
+            }
             match word.text {
-                "produce" | "nproduce" => {
-                    out.push(Statement::Produce(modules(rest, &self.declared)?, word.text == "produce"));
+                // The modules may go on in indented lines.
+                _ if is_produce => {
+                    let modules = self.modules_of(rest, inner)?;
+                    out.push(Statement::Produce(modules, word.text == "produce"));
                 }
                 // What these do does not reach the string of modules.
                 "pass" | "print" | "assert" => out.push(Statement::Pass),
@@ -88,7 +129,7 @@ impl Model<'_, '_> {
                 }
                 "if" | "elif" => {
                     let c = block_colon(rest).ok_or_else(|| Refusal::new("'if' without ':'", piece.range()))?;
-                    let test = parse(rest.up_to(c))?;
+                    let test = self.test(rest.up_to(c))?;
                     let then = body(self, rest.from(c + 1))?;
                     if word.text == "if" {
                         out.push(Statement::If(vec![(test, then)], Vec::new()));
@@ -102,11 +143,22 @@ impl Model<'_, '_> {
                 "else" => {
                     let c = block_colon(rest).ok_or_else(|| Refusal::new("'else' without ':'", piece.range()))?;
                     let other = body(self, rest.from(c + 1))?;
-                    // The statement before must be an `if`, as for `elif`.
-                    let Some(Statement::If(_, last)) = out.last_mut() else {
-                        return Err(Refusal::new("'else' without 'if'", piece.range()));
-                    };
-                    *last = other;
+                    // The statement before must be an `if`, as for `elif`, or a loop.
+                    let broken = format!("(broken {})", piece.at);
+                    match out.last_mut() {
+                        Some(Statement::If(_, last)) => {
+                            *last = other;
+                            continue;
+                        }
+                        Some(Statement::For(_, _, body, _) | Statement::While(_, body, ..)) => {
+                            *body = noting_breaks(std::mem::take(body), &broken);
+                        }
+                        _ => return Err(Refusal::new("'else' without 'if'", piece.range())),
+                    }
+                    // `else` of a loop runs unless a `break` has ended the loop.
+                    let is_whole = PyExpr::Not(Box::new(PyExpr::Name(broken.clone(), piece.range())));
+                    out.insert(out.len() - 1, Statement::Assign(broken, PyExpr::Number(0.0)));
+                    out.push(Statement::If(vec![(is_whole, other)], Vec::new()));
                 }
                 "for" => {
                     let c = block_colon(rest).ok_or_else(|| Refusal::new("'for' without ':'", piece.range()))?;
@@ -115,20 +167,72 @@ impl Model<'_, '_> {
                 }
                 "while" => {
                     let c = block_colon(rest).ok_or_else(|| Refusal::new("'while' without ':'", piece.range()))?;
-                    let test = parse(rest.up_to(c))?;
+                    let test = self.test(rest.up_to(c))?;
                     let inner = body(self, rest.from(c + 1))?;
                     out.push(Statement::While(test, inner, piece.range(), 0));
                 }
                 "break" => out.push(Statement::Break(piece.range())),
                 "continue" => out.push(Statement::Continue(piece.range())),
-                "try" | "with" | "import" | "from" | "def" | "class" | "raise" | "del" | "sproduce" | "nsproduce"
-                | "lambda" => {
-                    return Err(Refusal::new(format!("'{}' in a production", word.text), piece.range()));
+                "import" | "from" => self.import(piece),
+                "def" if nesting == 0 => self.own_function(rest, inner, piece.range())?,
+                "def" => {
+                    let why = Refusal::new("'def' within another block", piece.range());
+                    return Err(why.remedy("write the function outside of the production"));
                 }
-                _ => out.extend(assign_statements(piece)?),
+                "try" | "with" | "class" | "raise" | "del" | "sproduce" | "nsproduce" | "lambda" => {
+                    let why = Refusal::new(format!("'{}' in a production", word.text), piece.range());
+                    return Err(Refusal { remedy: remedy_of(word.text), ..why });
+                }
+                _ => match own_lambda(piece) {
+                    Some((name, function)) if nesting == 0 => self.add_own_function(name, function)?,
+                    _ => out.extend(assign_statement(piece)?),
+                },
             }
         }
         Ok(out)
+    }
+
+    /// Reads a `def` of a production or a function: a value of its parameters and of the variables around it.
+    fn own_function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: Range<usize>) -> Result<(), Refusal> {
+        let refused = || {
+            let why = Refusal::new("a 'def' of a production that is more than a value", range.clone());
+            why.remedy("write the function outside of the production, with what it reads as parameters")
+        };
+        let head = function_head(rest).ok_or_else(refused)?;
+        let defaults = head.params.iter().map(|(_, value)| value.map(parse).transpose());
+        let defaults = defaults.collect::<Result<Vec<_>, _>>()?;
+        if defaults.iter().flatten().any(|e| !is_written_out(e)) {
+            return Err(refused());
+        }
+        let params: Vec<String> = head.params.into_iter().map(|(name, _)| name).collect();
+        let inline = [Line { indent: 0, piece: head.body }];
+        let lines: &[Line<'_>] = if head.body.text.is_empty() { block } else { &inline };
+        let list = self.statements(lines)?;
+        let with_others = |e: &PyExpr| with_functions(e, &self.own_functions, &self.scope);
+        let list = list.iter().rev().map(|s| s.mapped(&String::clone, &with_others)).collect();
+        // Other names than its parameters may be variables of the production, whose values are not known here.
+        let (functions, has_none) = (self.scope.functions.clone(), self.scope.has_none);
+        let scope = Scope { functions, has_none, ..Scope::default() };
+        let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
+        let mut function = FunctionValue { scope: &scope, place: range.clone(), count: 0 };
+        let value = function.of(list, params.clone(), values, 0).map_err(|_| refused())?;
+        let name = rest.text.split('(').next().unwrap_or("").trim();
+        self.add_own_function(rest.up_to(name.len()), OwnFunction { params, defaults, value })
+    }
+
+    /// Adds a function of a production. All its calls mean this one, so that a second one of its name is refused.
+    fn add_own_function(&mut self, name: Piece<'_>, function: OwnFunction) -> Result<(), Refusal> {
+        if self.own_functions.insert(name.text.to_owned(), function).is_none() {
+            return Ok(());
+        }
+        let why = Refusal::new(format!("a second function '{}' of a production", name.text), name.range());
+        Err(why.remedy("give each function a name of its own"))
+    }
+
+    /// A test of a statement or of a production.
+    pub(super) fn test(&self, piece: Piece<'_>) -> Result<PyExpr, Refusal> {
+        let test = parse(piece)?;
+        Ok(if self.scope.has_none { tested(test) } else { test })
     }
 
     /// A `for` loop: `i in range(a, b, step)`, `x, y in list`, `i, x in enumerate(list)`, `x, y in zip(list, other)`.
@@ -151,10 +255,21 @@ impl Model<'_, '_> {
         let parts = parts_of(targets);
         let (number, target, list) = match (list, parts.as_slice()) {
             (PyExpr::Call(function, lists, _), [number, value]) if function == "enumerate" => {
-                let [list] = lists.as_slice() else { return Err(refused()) };
-                (Some(*number), *value, list.clone())
+                let (list, from) = match lists.as_slice() {
+                    [list] => (list, PyExpr::Number(0.0)),
+                    [list, PyExpr::Call(word, value, _)] if word == "start=" => {
+                        (list, value.first().cloned().ok_or_else(refused)?)
+                    }
+                    [list, from] => (list, from.clone()),
+                    _ => return Err(refused()),
+                };
+                (Some((*number, from)), *value, list.clone())
             }
             (list, _) => (None, targets, list),
+        };
+        let list = match resolve(&list, &self.scope, 0) {
+            Ok(e) if is_dictionary(&e) => keys_of(list),
+            _ => list,
         };
         // The number of the turn, under a name that no model has.
         let count = format!("(each {})", head.at);
@@ -172,8 +287,11 @@ impl Model<'_, '_> {
         let list = self.named_list(list, &mut format!("(list {})", head.at));
         let turns = PyExpr::Call("range".to_owned(), vec![length_of(&list, head.range())], head.range());
         let mut turn = Vec::new();
-        if let Some(number) = number {
-            turn.push(Statement::Assign(number.text.to_owned(), index.clone()));
+        if let Some((number, from)) = number {
+            let is_plain = matches!(from, PyExpr::Number(n) if is_zero(n));
+            let sum = || PyExpr::Binary(PyOp::Add, Box::new(from.clone()), Box::new(index.clone()));
+            let count = if is_plain { index.clone() } else { sum() };
+            turn.push(Statement::Assign(number.text.to_owned(), count));
         }
         // Names within names, with what they stand for; the next one last.
         let mut open = vec![(target, item_at(&list, &index, &head.range()))];
@@ -223,6 +341,41 @@ impl Model<'_, '_> {
     }
 }
 
+/// What to write instead of a statement of Python that is not read.
+pub(super) fn remedy_of(word: &str) -> Option<&'static str> {
+    Some(match word {
+        "try" | "with" => "write the statements of its block without it",
+        "raise" | "del" => "leave it out",
+        "class" => "hand its values on as parameters of modules",
+        "sproduce" | "nsproduce" => "write the modules themselves, behind 'produce' or 'nproduce'",
+        _ => return None,
+    })
+}
+
+/// `name = lambda x: value`.
+fn own_lambda(piece: Piece<'_>) -> Option<(Piece<'_>, OwnFunction)> {
+    let (name, value) = assignment(piece)?;
+    let (params, value) = lambda(value).filter(|_| is_name(name.text))?;
+    Some((name, OwnFunction { params, defaults: Vec::new(), value }))
+}
+
+/// Statements of a loop that set a variable to 1 before each `break` of the loop.
+fn noting_breaks(list: Vec<Statement>, name: &str) -> Vec<Statement> {
+    let mut out = Vec::with_capacity(list.len());
+    for s in list {
+        match s {
+            Statement::Break(_) => out.extend([Statement::Assign(name.to_owned(), PyExpr::Number(1.0)), s]),
+            Statement::If(tests, other) => {
+                let tests = tests.into_iter().map(|(test, then)| (test, noting_breaks(then, name))).collect();
+                out.push(Statement::If(tests, noting_breaks(other, name)));
+            }
+            // A `break` within another loop ends that one.
+            _ => out.push(s),
+        }
+    }
+    out
+}
+
 /// True for numbers, texts, and lists of them.
 pub(super) fn is_written_out(e: &PyExpr) -> bool {
     match e {
@@ -261,52 +414,43 @@ fn length_of(list: &PyExpr, place: Range<usize>) -> PyExpr {
     }
 }
 
+impl Statement {
+    /// The statement with its expressions, and those of the blocks within it, exchanged by `read`, and the names that it sets by `own`.
+    fn mapped(&self, own: &dyn Fn(&String) -> String, read: &dyn Fn(&PyExpr) -> PyExpr) -> Self {
+        let all = |list: &[Self]| list.iter().map(|s| s.mapped(own, read)).collect::<Vec<_>>();
+        match self {
+            Self::Assign(name, e) => Self::Assign(own(name), read(e)),
+            Self::If(tests, other) => {
+                Self::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
+            }
+            Self::For(name, list, body, place) => Self::For(own(name), read(list), all(body), place.clone()),
+            Self::While(test, body, place, turn) => Self::While(read(test), all(body), place.clone(), *turn),
+            Self::Produce(modules, ends) => {
+                let with = |m: &PyModule| PyModule { args: m.args.iter().map(read).collect(), ..m.clone() };
+                Self::Produce(modules.iter().map(with).collect(), *ends)
+            }
+            Self::Return(value, place) => Self::Return(value.as_ref().map(read), place.clone()),
+            Self::Global(_)
+            | Self::Break(_)
+            | Self::Continue(_)
+            | Self::TurnEnd
+            | Self::LoopEnd
+            | Self::FunctionEnd(..)
+            | Self::Pass => self.clone(),
+        }
+    }
+}
+
 /// A statement with an expression in place of a name that it does not set.
 fn replaced(s: &Statement, name: &String, by: &PyExpr) -> Statement {
-    let read = |e: &PyExpr| substitute(e, std::slice::from_ref(name), std::slice::from_ref(by));
-    let all = |list: &[Statement]| list.iter().map(|s| replaced(s, name, by)).collect::<Vec<_>>();
-    match s {
-        Statement::Assign(own, e) => Statement::Assign(own.clone(), read(e)),
-        Statement::If(tests, other) => {
-            Statement::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
-        }
-        Statement::For(own, list, body, place) => Statement::For(own.clone(), read(list), all(body), place.clone()),
-        Statement::While(test, body, place, turn) => Statement::While(read(test), all(body), place.clone(), *turn),
-        Statement::Produce(modules, ends) => {
-            let with = |m: &PyModule| PyModule { args: m.args.iter().map(read).collect(), ..m.clone() };
-            Statement::Produce(modules.iter().map(with).collect(), *ends)
-        }
-        Statement::Return(value, place) => Statement::Return(value.as_ref().map(read), place.clone()),
-        Statement::Global(_)
-        | Statement::Break(_)
-        | Statement::Continue(_)
-        | Statement::TurnEnd
-        | Statement::LoopEnd
-        | Statement::FunctionEnd(..)
-        | Statement::Pass => s.clone(),
-    }
+    s.mapped(&String::clone, &|e| substitute(e, std::slice::from_ref(name), std::slice::from_ref(by)))
 }
 
 /// A statement with other names in place of names that it may set.
 pub(super) fn renamed(s: &Statement, names: &[String], others: &[String]) -> Statement {
     let values: Vec<PyExpr> = others.iter().map(|other| PyExpr::Name(other.clone(), 0..0)).collect();
-    let read = |e: &PyExpr| substitute(e, names, &values);
     let own = |name: &String| names.iter().position(|n| n == name).and_then(|i| others.get(i)).unwrap_or(name).clone();
-    let all = |list: &[Statement]| list.iter().map(|s| renamed(s, names, others)).collect::<Vec<_>>();
-    match s {
-        Statement::Assign(name, e) => Statement::Assign(own(name), read(e)),
-        Statement::If(tests, other) => {
-            Statement::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
-        }
-        Statement::For(name, list, body, place) => Statement::For(own(name), read(list), all(body), place.clone()),
-        Statement::While(test, body, place, turn) => Statement::While(read(test), all(body), place.clone(), *turn),
-        Statement::Produce(modules, ends) => {
-            let with = |m: &PyModule| PyModule { args: m.args.iter().map(read).collect(), ..m.clone() };
-            Statement::Produce(modules.iter().map(with).collect(), *ends)
-        }
-        Statement::Return(value, place) => Statement::Return(value.as_ref().map(read), place.clone()),
-        other => other.clone(),
-    }
+    s.mapped(&own, &|e| substitute(e, names, &values))
 }
 
 /// A statement with lists in place of their names. Blocks within it that may set a name read it when they are reached.
@@ -332,19 +476,14 @@ pub(super) fn with_lists(s: Statement, lists: &BTreeMap<String, PyExpr>) -> Stat
     }
 }
 
-/// Statements of one line: parts between the semicolons outside of parentheses and quotes, without empty ones.
+/// Parts of a line between the semicolons outside of brackets, without empty ones; those of texts are masked.
 pub(super) fn at_semicolons(piece: Piece<'_>) -> Vec<Piece<'_>> {
-    let (mut out, mut depth, mut quote, mut from) = (Vec::new(), 0_usize, None, 0);
-    let mut is_escaped = false;
+    let (mut out, mut depth, mut from) = (Vec::new(), 0_usize, 0);
     for (i, c) in piece.text.char_indices() {
-        match (quote, c) {
-            _ if is_escaped => is_escaped = false,
-            (Some(_), '\\') => is_escaped = true,
-            (Some(open), _) => quote = Some(open).filter(|q| *q != c),
-            (None, '"' | '\'') => quote = Some(c),
-            (None, '(' | '[' | '{') => depth += 1,
-            (None, ')' | ']' | '}') => depth = depth.saturating_sub(1),
-            (None, ';') if depth == 0 => {
+        match c {
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth = depth.saturating_sub(1),
+            ';' if depth == 0 => {
                 out.push(piece.up_to(i).from(from).trimmed());
                 from = i + 1;
             }
@@ -356,10 +495,33 @@ pub(super) fn at_semicolons(piece: Piece<'_>) -> Vec<Piece<'_>> {
     out
 }
 
-/// Assignments of a line of a production.
-fn assign_statements(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
-    let lists = at_semicolons(piece).into_iter().map(assign_statement).collect::<Result<Vec<_>, _>>()?;
-    Ok(lists.into_iter().flatten().collect())
+/// True for a word that begins the heading of a block of Python.
+pub(super) fn heads_block(word: &str) -> bool {
+    matches!(word, "if" | "elif" | "else" | "for" | "while" | "def" | "class" | "try" | "except" | "finally" | "with")
+}
+
+/// The refusal of a line that is indented more than the line before it, which heads no block.
+pub(super) fn indented_refusal(piece: Piece<'_>) -> Refusal {
+    let why = Refusal::new("an indented line behind a line that heads no block", piece.range());
+    why.remedy("begin it where the line before it begins")
+}
+
+/// The statements of a line, between its semicolons; one for a line that heads a block. The modules of `produce` reach to the end of
+/// the line, as `;` is one of them.
+pub(super) fn statements_of_line(piece: Piece<'_>) -> Vec<Piece<'_>> {
+    fn word(p: Piece<'_>) -> &str {
+        p.first_word(&['(', ':', '=', '[']).0.text
+    }
+    if heads_block(word(piece)) {
+        return vec![piece];
+    }
+    let mut parts = at_semicolons(piece);
+    let produce = parts.iter().position(|p| matches!(word(*p), "produce" | "nproduce"));
+    if let Some((k, at)) = produce.and_then(|k| Some((k, parts.get(k)?.at))) {
+        parts.truncate(k);
+        parts.push(piece.from(at - piece.at));
+    }
+    parts
 }
 
 /// `list[k]`.
@@ -377,17 +539,10 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
         let number = parse(Piece::new(piece.at + "useGroup(".len(), number))?;
         return Ok(vec![Statement::Assign(GROUP.to_owned(), number)]);
     }
-    // Signs of two characters before the signs that they end with.
-    let changes = [
-        ("**=", PyOp::Pow),
-        ("//=", PyOp::FloorDiv),
-        ("%=", PyOp::Mod),
-        ("+=", PyOp::Add),
-        ("-=", PyOp::Sub),
-        ("*=", PyOp::Mul),
-        ("/=", PyOp::Div),
-    ];
-    for (sign, op) in changes {
+    if let Some(changes) = change_of(piece)? {
+        return Ok(changes.into_iter().map(|(name, e)| Statement::Assign(name, e)).collect());
+    }
+    for (sign, op) in OPERATORS {
         if let Some(i) = piece.text.find(sign) {
             let name = piece.up_to(i).trimmed();
             let value = parse(piece.from(i + sign.len()).trimmed())?;
@@ -471,6 +626,7 @@ pub(super) fn only_computes(statements: &[Statement]) -> bool {
         Statement::If(tests, other) => tests.iter().all(|(_, then)| only_computes(then)) && only_computes(other),
         Statement::For(_, _, body, _) | Statement::While(_, body, ..) => only_computes(body),
         Statement::Produce(..) | Statement::Return(..) => false,
+        Statement::Assign(_, e) => !is_change(e),
         _ => true,
     })
 }
@@ -569,7 +725,7 @@ const MAX_STATEMENTS: usize = 4_096;
 
 /// Value of an expression that is a number whatever the variables `names` of its function are.
 fn known_value(e: &PyExpr, names: &[String]) -> Option<f64> {
-    let scope = Scope { locals: names.to_vec(), ..Scope::default() };
+    let scope = Scope { locals: names.to_vec(), has_none: true, ..Scope::default() };
     crate::vm::constant_value(&compile(e, &scope).ok()?).filter(|v| !v.is_nan())
 }
 
@@ -597,6 +753,9 @@ impl FunctionValue<'_> {
             }
             match statement {
                 Statement::Pass => {}
+                Statement::Assign(_, e) if is_change(&e) => {
+                    return Err(Refusal::new("a list that changes in a function with a value", self.place.clone()));
+                }
                 Statement::Assign(name, e) => {
                     let value = self.value(&e, &names, &values)?;
                     if has_random(&value, self.scope) {

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::expression::{PyExpr, Refusal, parse};
+use super::expression::{PyExpr, Refusal};
+use super::parser::parse;
 use crate::dialect::text::Piece;
 
 /// Names of L-Py that mean the same as a shorter one. Source: its help card.

@@ -1,0 +1,652 @@
+//! Reads expressions of Python.
+
+use std::ops::Range;
+
+use osier_base::convert::saturating_index;
+
+use super::expression::{DICTIONARY, FLAT, IN, NOTHING, OF_NUMBERS, SLICE};
+use super::expression::{PyExpr, PyOp, Refusal, substitute, text_number, text_refusal};
+use crate::dialect::text::Piece;
+
+/// Nesting of one expression; deeper ones are refused.
+const MAX_DEPTH: usize = 200;
+/// Height of the tree of one expression, which a row of operators raises, too: what reads it calls itself for each level.
+const MAX_HEIGHT: usize = 500;
+/// Methods that read a list or a dictionary; a call of one is that of a function with a point before its name.
+const METHODS: [&str; 6] = ["index", "get", "keys", "values", "items", "copy"];
+/// Operators and punctuation, longer ones first.
+const SIGNS: [&str; 26] = [
+    "**", "//", "<=", ">=", "==", "!=", "<>", "->", "+", "-", "*", "/", "%", "<", ">", "(", ")", ",", "=", ".", "[",
+    "]", ";", ":", "{", "}",
+];
+
+#[derive(Debug, Clone, PartialEq)]
+struct PyToken {
+    kind: PyTokenKind,
+    range: Range<usize>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum PyTokenKind {
+    Number(f64),
+    /// A text in quotes, with the number that stands for it.
+    Text(f64),
+    Name(String),
+    Sign(&'static str),
+}
+
+/// Divides a text into tokens.
+fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
+    let mut out = Vec::new();
+    let text = piece.text;
+    let mut i = 0;
+    while let Some(c) = text[i..].chars().next() {
+        let at = piece.at + i;
+        let rest = &text[i..];
+        if c.is_whitespace() {
+            i += c.len_utf8();
+            continue;
+        }
+        // A number may begin with its point: `.5`.
+        if c.is_ascii_digit() || (c == '.' && rest[1..].starts_with(|d: char| d.is_ascii_digit())) {
+            let n = number_length(rest);
+            let value = rest[..n].replace('_', "").parse::<f64>();
+            let value = value.map_err(|_| Refusal::new(format!("the number '{}'", &rest[..n]), at..at + n))?;
+            out.push(PyToken { kind: PyTokenKind::Number(value), range: at..at + n });
+            i += n;
+        } else if c.is_alphabetic() || c == '_' {
+            let n = rest.find(|d: char| !d.is_alphanumeric() && d != '_').unwrap_or(rest.len());
+            out.push(PyToken { kind: PyTokenKind::Name(rest[..n].to_owned()), range: at..at + n });
+            i += n;
+        } else if c == '"' || c == '\'' {
+            let inner = &rest[1..];
+            let Some(n) = inner.find(c) else {
+                return Err(Refusal::new("a text in quotes that does not end", at..at + rest.len()));
+            };
+            // Texts are compared and handed on, no more: a number that no other text has stands for each. A backslash before a quote
+            // belongs to no text; both are masked.
+            let [backslash, double, single] = [b'\\', b'"', b'\''].map(|b| char::from(super::masked(b)).to_string());
+            let text = inner[..n].replace(&(backslash.clone() + &double), &double);
+            let text = text.replace(&(backslash + &single), &single);
+            out.push(PyToken { kind: PyTokenKind::Text(text_number(&text)), range: at..at + n + 2 });
+            i += n + 2;
+        } else if let Some(sign) = SIGNS.iter().find(|s| rest.starts_with(**s)) {
+            out.push(PyToken { kind: PyTokenKind::Sign(sign), range: at..at + sign.len() });
+            i += sign.len();
+        } else {
+            return Err(Refusal::new(format!("the character '{c}'"), at..at + c.len_utf8()));
+        }
+    }
+    Ok(out)
+}
+
+/// Length of the number at the beginning of a text.
+fn number_length(text: &str) -> usize {
+    let bytes = text.as_bytes();
+    // Python allows underscores between digits.
+    let digits = |from: usize| {
+        let more = bytes.get(from..).unwrap_or(&[]).iter().take_while(|b| b.is_ascii_digit() || **b == b'_').count();
+        from + more
+    };
+    let mut n = digits(0);
+    if bytes.get(n) == Some(&b'.') {
+        n = digits(n + 1);
+    }
+    // An `e` belongs to the number only if digits follow.
+    if matches!(bytes.get(n), Some(b'e' | b'E')) {
+        let sign = usize::from(matches!(bytes.get(n + 1), Some(b'+' | b'-')));
+        let end = digits(n + 1 + sign);
+        if end > n + 1 + sign {
+            n = end;
+        }
+    }
+    n
+}
+
+/// The refusal of an attribute that is no coordinate.
+fn attribute_refusal(name: &str, range: Range<usize>) -> Refusal {
+    let why = Refusal::new(format!("an attribute of '{name}'"), range);
+    why.remedy("use a plain value or a list; of attributes .x, .y and .z of a vector are known")
+}
+
+struct PyParser {
+    tokens: Vec<PyToken>,
+    i: usize,
+    depth: usize,
+    /// Height of the tree that was read last.
+    height: usize,
+    end: usize,
+}
+
+/// Reads one expression that fills the whole text.
+pub(super) fn parse(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
+    let mut p = PyParser { tokens: tokens(piece)?, i: 0, depth: 0, height: 0, end: piece.at + piece.text.len() };
+    if p.tokens.is_empty() {
+        return Err(Refusal::new("a missing expression", piece.range()));
+    }
+    let e = p.choice()?;
+    match p.tokens.get(p.i) {
+        None => Ok(e),
+        Some(t) => Err(Refusal::new(p.describe(t), t.range.clone())),
+    }
+}
+
+impl PyParser {
+    fn describe(&self, t: &PyToken) -> String {
+        match &t.kind {
+            PyTokenKind::Number(n) => format!("'{n}' where an operator is expected"),
+            PyTokenKind::Text(_) => "a text where an operator is expected".into(),
+            PyTokenKind::Name(n) if matches!(n.as_str(), "for" | "lambda" | "in" | "is" | "yield" | "await") => {
+                format!("'{n}'")
+            }
+            PyTokenKind::Name(n) => format!("'{n}' where an operator is expected"),
+            PyTokenKind::Sign("[") => "a list or an index '[..]'".into(),
+            PyTokenKind::Sign("{" | "}") => "a dictionary '{..}'".into(),
+            PyTokenKind::Sign(".") => "an attribute '.'".into(),
+            PyTokenKind::Sign(",") => "a tuple".into(),
+            PyTokenKind::Sign("=") => "an argument with a name".into(),
+            PyTokenKind::Sign(s) => format!("'{s}' at this place"),
+        }
+    }
+
+    fn sign(&self) -> Option<&'static str> {
+        match self.tokens.get(self.i).map(|t| &t.kind) {
+            Some(PyTokenKind::Sign(s)) => Some(s),
+            _ => None,
+        }
+    }
+
+    fn word(&self) -> Option<&str> {
+        match self.tokens.get(self.i).map(|t| &t.kind) {
+            Some(PyTokenKind::Name(n)) => Some(n),
+            _ => None,
+        }
+    }
+
+    /// Refuses an operand that must be a number and is a text: the tokens from `from` on are that text alone.
+    fn check_number(&self, from: usize) -> Result<(), Refusal> {
+        match self.tokens.get(from) {
+            Some(PyToken { kind: PyTokenKind::Text(value), range }) if self.i == from + 1 => {
+                Err(text_refusal(*value, range.clone()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The function that a method is which reads a list or a dictionary, if its call follows: `.index` of `.index(`.
+    fn method(&self) -> Option<String> {
+        match self.tokens.get(self.i..)? {
+            [_, PyToken { kind: PyTokenKind::Name(name), .. }, PyToken { kind: PyTokenKind::Sign("("), .. }, ..]
+                if METHODS.contains(&name.as_str()) =>
+            {
+                Some(format!(".{name}"))
+            }
+            _ => None,
+        }
+    }
+
+    fn eat(&mut self, sign: &str) -> bool {
+        let found = self.sign() == Some(sign);
+        self.i += usize::from(found);
+        found
+    }
+
+    fn eat_word(&mut self, word: &str) -> bool {
+        let found = self.word() == Some(word);
+        self.i += usize::from(found);
+        found
+    }
+
+    fn here(&self) -> Range<usize> {
+        self.tokens.get(self.i).map_or(self.end..self.end, |t| t.range.clone())
+    }
+
+    /// Sets the height of a tree whose other parts have this height at the most, and whose last part was just read.
+    fn grow(&mut self, others: usize) -> Result<(), Refusal> {
+        self.height = self.height.max(others) + 1;
+        if self.height > MAX_HEIGHT {
+            let why = Refusal::new("an expression of too many parts", self.here());
+            return Err(why.remedy("give its parts names, on lines of their own"));
+        }
+        Ok(())
+    }
+
+    fn choice(&mut self) -> Result<PyExpr, Refusal> {
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return Err(Refusal::new("an expression nested too deep", self.here()));
+        }
+        // `a if b else c`: the value comes before its condition.
+        let then = self.or()?;
+        let mut height = self.height;
+        let out = if self.eat_word("if") {
+            let condition = self.or()?;
+            height = height.max(self.height);
+            if !self.eat_word("else") {
+                return Err(Refusal::new("'if' without 'else' in an expression", self.here()));
+            }
+            let other = self.choice()?;
+            self.grow(height)?;
+            PyExpr::Choice(Box::new(condition), Box::new(then), Box::new(other))
+        } else {
+            then
+        };
+        self.depth -= 1;
+        Ok(out)
+    }
+
+    fn or(&mut self) -> Result<PyExpr, Refusal> {
+        let mut left = self.and()?;
+        while self.eat_word("or") {
+            let height = self.height;
+            left = PyExpr::Or(Box::new(left), Box::new(self.and()?));
+            self.grow(height)?;
+        }
+        Ok(left)
+    }
+
+    fn and(&mut self) -> Result<PyExpr, Refusal> {
+        let mut left = self.not()?;
+        while self.eat_word("and") {
+            let height = self.height;
+            left = PyExpr::And(Box::new(left), Box::new(self.not()?));
+            self.grow(height)?;
+        }
+        Ok(left)
+    }
+
+    fn not(&mut self) -> Result<PyExpr, Refusal> {
+        // Repeated prefixes are counted, not nested.
+        let mut negations = 0_usize;
+        while self.eat_word("not") {
+            negations += 1;
+        }
+        let e = self.comparison()?;
+        Ok(if negations == 0 {
+            e
+        } else if negations % 2 == 1 {
+            PyExpr::Not(Box::new(e))
+        } else {
+            PyExpr::Not(Box::new(PyExpr::Not(Box::new(e))))
+        })
+    }
+
+    /// Takes `in`, or the two words `not in`; true for the latter, `None` if neither follows.
+    fn membership(&mut self) -> Option<bool> {
+        if self.eat_word("in") {
+            return Some(false);
+        }
+        let next = self.tokens.get(self.i + 1).map(|t| &t.kind);
+        let is_negated = self.word() == Some("not") && matches!(next, Some(PyTokenKind::Name(n)) if n == "in");
+        self.i += 2 * usize::from(is_negated);
+        is_negated.then_some(true)
+    }
+
+    /// `a < b < c` holds if both comparisons do.
+    fn comparison(&mut self) -> Result<PyExpr, Refusal> {
+        let mut from = self.i;
+        let mut left = self.sum()?;
+        let mut all: Option<PyExpr> = None;
+        loop {
+            let (place, height) = (self.here(), self.height);
+            if let Some(is_negated) = self.membership() {
+                from = self.i;
+                let right = self.sum()?;
+                self.grow(height)?;
+                let found = PyExpr::Call(IN.to_owned(), vec![left, right.clone()], place);
+                let one = if is_negated { PyExpr::Not(Box::new(found)) } else { found };
+                all = Some(match all {
+                    None => one,
+                    Some(before) => PyExpr::And(Box::new(before), Box::new(one)),
+                });
+                left = right;
+                continue;
+            }
+            // `is None`, `is not None`.
+            let by_word = self.eat_word("is").then(|| if self.eat_word("not") { PyOp::Ne } else { PyOp::Eq });
+            let by_sign = match self.sign() {
+                Some("==") => Some(PyOp::Eq),
+                Some("!=" | "<>") => Some(PyOp::Ne),
+                Some("<") => Some(PyOp::Lt),
+                Some("<=") => Some(PyOp::Le),
+                Some(">") => Some(PyOp::Gt),
+                Some(">=") => Some(PyOp::Ge),
+                _ => None,
+            };
+            let Some(op) = by_word.or(by_sign) else { return Ok(all.unwrap_or(left)) };
+            // Texts are equal or not; their order is not known.
+            let is_order = !matches!(op, PyOp::Eq | PyOp::Ne);
+            if is_order {
+                self.check_number(from)?;
+            }
+            self.i += usize::from(by_word.is_none());
+            from = self.i;
+            let right = self.sum()?;
+            self.grow(height)?;
+            if is_order {
+                self.check_number(from)?;
+            }
+            let one = PyExpr::Binary(op, Box::new(left), Box::new(right.clone()));
+            all = Some(match all {
+                None => one,
+                Some(before) => PyExpr::And(Box::new(before), Box::new(one)),
+            });
+            left = right;
+        }
+    }
+
+    fn sum(&mut self) -> Result<PyExpr, Refusal> {
+        let from = self.i;
+        let mut left = self.product()?;
+        loop {
+            let op = match self.sign() {
+                Some("+") => PyOp::Add,
+                Some("-") => PyOp::Sub,
+                _ => return Ok(left),
+            };
+            self.check_number(from)?;
+            self.i += 1;
+            let (right_from, height) = (self.i, self.height);
+            let right = self.product()?;
+            self.grow(height)?;
+            self.check_number(right_from)?;
+            left = PyExpr::Binary(op, Box::new(left), Box::new(right));
+        }
+    }
+
+    fn product(&mut self) -> Result<PyExpr, Refusal> {
+        let from = self.i;
+        let mut left = self.factor()?;
+        loop {
+            let op = match self.sign() {
+                Some("*") => PyOp::Mul,
+                Some("/") => PyOp::Div,
+                Some("//") => PyOp::FloorDiv,
+                Some("%") => PyOp::Mod,
+                _ => return Ok(left),
+            };
+            self.check_number(from)?;
+            self.i += 1;
+            let (right_from, height) = (self.i, self.height);
+            let right = self.factor()?;
+            self.grow(height)?;
+            self.check_number(right_from)?;
+            left = PyExpr::Binary(op, Box::new(left), Box::new(right));
+        }
+    }
+
+    fn factor(&mut self) -> Result<PyExpr, Refusal> {
+        let mut negative = false;
+        let first = self.i;
+        loop {
+            if self.eat("-") {
+                negative = !negative;
+            } else if !self.eat("+") {
+                break;
+            }
+        }
+        let from = self.i;
+        let e = self.power()?;
+        if from > first {
+            self.check_number(from)?;
+        }
+        Ok(if negative { PyExpr::Neg(Box::new(e)) } else { e })
+    }
+
+    /// `**` associates to the right and binds closer than a sign before it.
+    fn power(&mut self) -> Result<PyExpr, Refusal> {
+        let base = self.atom()?;
+        if !self.eat("**") {
+            return Ok(base);
+        }
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return Err(Refusal::new("an expression nested too deep", self.here()));
+        }
+        let height = self.height;
+        let exponent = self.factor()?;
+        self.grow(height)?;
+        self.depth -= 1;
+        Ok(PyExpr::Binary(PyOp::Pow, Box::new(base), Box::new(exponent)))
+    }
+
+    fn atom(&mut self) -> Result<PyExpr, Refusal> {
+        let Some(t) = self.tokens.get(self.i).cloned() else {
+            return Err(Refusal::new("an unfinished expression", self.here()));
+        };
+        self.i += 1;
+        self.height = 1;
+        match t.kind {
+            PyTokenKind::Number(n) => Ok(PyExpr::Number(n)),
+            PyTokenKind::Text(n) => Ok(PyExpr::Text(n, t.range)),
+            PyTokenKind::Sign("(") => {
+                let e = self.choice()?;
+                // One value in parentheses is that value; with a comma they hold a list.
+                if self.eat(")") {
+                    return self.indexed(e);
+                }
+                if self.sign() == Some(",") {
+                    let list = self.list(e, ")", t.range)?;
+                    return self.indexed(list);
+                }
+                let what = self.tokens.get(self.i).map_or("an unclosed '('".to_owned(), |t| self.describe(t));
+                Err(Refusal::new(what, self.here()))
+            }
+            PyTokenKind::Sign("[") if self.eat("]") => Ok(PyExpr::List(Vec::new(), t.range)),
+            PyTokenKind::Sign("[") => {
+                let e = self.choice()?;
+                let list = if self.word() == Some("for") {
+                    let list = self.each(e, t.range)?;
+                    if !self.eat("]") {
+                        return Err(Refusal::new("a list that does not end", self.here()));
+                    }
+                    list
+                } else {
+                    self.list(e, "]", t.range)?
+                };
+                self.indexed(list)
+            }
+            PyTokenKind::Sign("{") => {
+                let (mut pairs, mut height) = (Vec::new(), 0_usize);
+                while !self.eat("}") {
+                    pairs.push(self.choice()?);
+                    height = height.max(self.height);
+                    if !self.eat(":") {
+                        return Err(Refusal::new("a dictionary '{..}' without values", t.range.clone()));
+                    }
+                    pairs.push(self.choice()?);
+                    height = height.max(self.height);
+                    if !self.eat(",") && self.sign() != Some("}") {
+                        return Err(Refusal::new("a dictionary '{..}' that does not end", self.here()));
+                    }
+                }
+                self.grow(height)?;
+                self.indexed(PyExpr::Call(DICTIONARY.to_owned(), pairs, t.range))
+            }
+            PyTokenKind::Name(first) => {
+                // Words of Python that begin no value here.
+                if matches!(first.as_str(), "lambda" | "for" | "if" | "else" | "in" | "is") {
+                    return Err(Refusal::new(format!("'{first}'"), t.range));
+                }
+                // Modules of functions: math.sin is sin.
+                let mut name = first;
+                while self.sign() == Some(".") {
+                    if let Some(method) = self.method() {
+                        self.i += 3;
+                        let mut call = self.call(method, t.range.clone())?;
+                        if let PyExpr::Call(_, args, _) = &mut call {
+                            args.insert(0, PyExpr::Name(name, t.range));
+                        }
+                        return self.indexed(call);
+                    }
+                    // A coordinate of a vector, which a query answers with.
+                    if let Some(PyTokenKind::Name(axis)) = self.tokens.get(self.i + 1).map(|t| &t.kind)
+                        && matches!(axis.as_str(), "x" | "y" | "z")
+                    {
+                        name = format!("{name}.{axis}");
+                        self.i += 2;
+                        continue;
+                    }
+                    if !matches!(name.as_str(), "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m") {
+                        return Err(attribute_refusal(&name, self.here()));
+                    }
+                    self.i += 1;
+                    let Some(next) = self.word() else {
+                        return Err(Refusal::new("'.' without a name", self.here()));
+                    };
+                    name = next.to_owned();
+                    self.i += 1;
+                }
+                if self.eat("(") {
+                    let call = self.call(name, t.range)?;
+                    return self.indexed(call);
+                }
+                match name.as_str() {
+                    "True" => Ok(PyExpr::Number(1.0)),
+                    "False" => Ok(PyExpr::Number(0.0)),
+                    "None" => Ok(PyExpr::none(t.range)),
+                    _ => self.indexed(PyExpr::Name(name, t.range)),
+                }
+            }
+            PyTokenKind::Sign(_) => Err(Refusal::new(self.describe(&t), t.range)),
+        }
+    }
+
+    /// The rest of a list after its first value.
+    fn list(&mut self, first: PyExpr, end: &str, range: Range<usize>) -> Result<PyExpr, Refusal> {
+        let (mut items, mut height) = (vec![first], self.height);
+        while !self.eat(end) {
+            if !self.eat(",") {
+                return Err(Refusal::new("a list that does not end", self.here()));
+            }
+            if self.sign() != Some(end) {
+                items.push(self.choice()?);
+                height = height.max(self.height);
+            }
+        }
+        self.grow(height)?;
+        Ok(PyExpr::List(items, range))
+    }
+
+    /// `for name in list` after the value.
+    fn each(&mut self, value: PyExpr, range: Range<usize>) -> Result<PyExpr, Refusal> {
+        let place = self.here();
+        if !self.eat_word("for") {
+            return Err(Refusal::new("a list that does not end", place));
+        }
+        let mut names = Vec::new();
+        while names.is_empty() || self.eat(",") {
+            let Some(name) = self.word().map(str::to_owned) else { return Err(Refusal::new("'for'", place)) };
+            names.push(name);
+            self.i += 1;
+        }
+        if !self.eat_word("in") {
+            return Err(Refusal::new("'for'", place));
+        }
+        // The value was read before; tests stand around it.
+        let mut height = self.height;
+        let list = self.or()?;
+        height = height.max(self.height);
+        // `if` leaves items out.
+        let mut tests = Vec::new();
+        while self.eat_word("if") {
+            tests.push(self.or()?);
+            height = height.max(self.height) + 1;
+        }
+        self.grow(height)?;
+        let is_nested = self.word() == Some("for");
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return Err(Refusal::new("an expression nested too deep", self.here()));
+        }
+        let value = if is_nested { self.each(value, range.clone())? } else { value };
+        self.depth -= 1;
+        let value = tests.into_iter().rev().fold(value, |value, test| {
+            let nothing = PyExpr::Call(NOTHING.to_owned(), Vec::new(), range.clone());
+            PyExpr::Choice(Box::new(test), Box::new(value), Box::new(nothing))
+        });
+        // `for x, y in list` takes each item apart.
+        let (value, name) = match names.as_slice() {
+            [name] => (value, name.clone()),
+            _ => {
+                let item = format!("(item at {})", place.start);
+                let at = |k: usize| {
+                    let item = Box::new(PyExpr::Name(item.clone(), place.clone()));
+                    PyExpr::Index(item, Box::new(PyExpr::Number(f64::from(saturating_index(k)))), place.clone())
+                };
+                let parts: Vec<PyExpr> = (0..names.len()).map(at).collect();
+                (substitute(&value, &names, &parts), item)
+            }
+        };
+        let all = PyExpr::Each(Box::new(value), name, Box::new(list), range.clone());
+        Ok(if is_nested { PyExpr::Call(FLAT.to_owned(), vec![all], range) } else { all })
+    }
+
+    /// Indices behind a value.
+    fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
+        let mut out = value;
+        let mut count = 0;
+        while self.sign() == Some("[") {
+            let place = self.here();
+            self.i += 1;
+            let height = self.height;
+            let index = self.part(&place)?;
+            self.grow(height)?;
+            count += 1;
+            if !self.eat("]") || count > 8 {
+                return Err(Refusal::new("a list or an index '[..]'", place));
+            }
+            out = PyExpr::Index(Box::new(out), Box::new(index), place);
+        }
+        Ok(out)
+    }
+
+    /// What stands between the brackets of an index: an index, or `from:to:step`, of which each part may be missing.
+    fn part(&mut self, place: &Range<usize>) -> Result<PyExpr, Refusal> {
+        let missing = || PyExpr::Call(NOTHING.to_owned(), Vec::new(), place.clone());
+        let first = if self.sign() == Some(":") { missing() } else { self.choice()? };
+        if self.sign() != Some(":") {
+            return Ok(first);
+        }
+        let mut parts = vec![first];
+        while parts.len() < 3 && self.eat(":") {
+            let is_missing = matches!(self.sign(), Some(":" | "]"));
+            parts.push(if is_missing { missing() } else { self.choice()? });
+        }
+        Ok(PyExpr::Call(SLICE.to_owned(), parts, place.clone()))
+    }
+
+    fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
+        let (mut args, mut height) = (Vec::new(), 0_usize);
+        while !self.eat(")") {
+            // `f(x, k=3)`: the name is kept with its sign, which no function has.
+            if let [PyToken { kind: PyTokenKind::Name(own), range }, PyToken { kind: PyTokenKind::Sign("="), .. }, ..] =
+                self.tokens.get(self.i..).unwrap_or(&[])
+            {
+                let (own, range) = (format!("{own}="), range.clone());
+                self.i += 2;
+                args.push(PyExpr::Call(own, vec![self.choice()?], range));
+            } else {
+                let from = self.i;
+                args.push(self.choice()?);
+                if OF_NUMBERS.contains(&name.as_str()) {
+                    self.check_number(from)?;
+                }
+                if self.word() == Some("for")
+                    && args.len() == 1
+                    && let Some(value) = args.pop()
+                {
+                    args.push(self.each(value, range.clone())?);
+                }
+            }
+            height = height.max(self.height);
+            if self.eat(",") || self.sign() == Some(")") {
+                continue;
+            }
+            let what = self.tokens.get(self.i).map_or("an unclosed '('".to_owned(), |t| self.describe(t));
+            return Err(Refusal::new(what, self.here()));
+        }
+        self.grow(height)?;
+        Ok(PyExpr::Call(name, args, range))
+    }
+}
