@@ -348,6 +348,39 @@ fn lengths_of_lparser_are_percent_of_a_step_in_files_of_bare_lines() {
 }
 
 #[test]
+fn polygons_of_lparser_begin_at_the_turtle_and_take_corners_of_moves() {
+    let corners = |g: &Grammar| {
+        let plant = draw_steps(g, None).plant;
+        plant.organs.iter().map(|o| plant.protos[usize::from(o.proto)].mesh.points.len()).collect::<Vec<_>>()
+    };
+    let cases: [(&str, &[usize]); 8] = [
+        ("{f+f+f}", &[4]),   // a square, of which the moves set three corners
+        ("{f+f}", &[3]),     // a triangle
+        ("{F+f+f+f}", &[3]), // `F` sets no corner, and the last move returns to the first one
+        ("{Z+f+f}", &[3]),   // nor does `Z`
+        ("{g+f+f}", &[3]),   // nor does `g`
+        ("{f.+.f+f}", &[4]), // corners at one place are one
+        ("{f[{+f+f}]+f+f}", &[3, 4]),
+        ("{f}", &[]),
+    ];
+    for (polygon, count) in cases {
+        let text = format!("1\n90\n10\nF{polygon}\n@\n");
+        let (g, _) = read_bytes("p.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        let mut found = corners(&g);
+        found.sort_unstable();
+        assert_eq!(found.as_slice(), count, "{polygon}");
+        for to in [ConvertTo::Osier, ConvertTo::Cpfg] {
+            assert!(converts(&g, to, polygon), "{polygon}");
+            let text = convert(&g, to).expect("converted").text;
+            let (again, _) = read_bytes("again.l", text.as_bytes(), ReadAs::default()).expect("read");
+            let mut found = corners(&again);
+            found.sort_unstable();
+            assert_eq!(found.as_slice(), count, "{polygon} as {to:?}");
+        }
+    }
+}
+
+#[test]
 fn random_turns_of_lparser_belong_to_their_modules() {
     let g = read("lparser/random.ls", "");
     let at = |steps: u32| draw_steps(&g, Some(steps)).plant;

@@ -464,11 +464,15 @@ impl<'g> Writer<'g> {
         if factors && with_length {
             self.fault(symbol, "the file gives it a length of its own beside factors of the length");
         }
+        // Polygons of LParser have their first corner where they begin, and none at the ends of segments, as cpfg's `G` has none.
+        let draws = if find('{').is_some() { 'G' } else { 'F' };
         match c {
-            'F' | 'f' | 'g' | '|' | '{' | '.' | '}' => Some(c.to_string()),
+            'F' => Some(draws.to_string()),
+            '{' => Some("{.".into()),
+            'f' | 'g' | '|' | '.' | '}' => Some(c.to_string()),
             'Z' | 'z' => {
                 // Without a number these segments have half the length.
-                let sign = if c == 'Z' { 'F' } else { 'f' };
+                let sign = if c == 'Z' { draws } else { 'f' };
                 self.image(symbol, arities, |n| Some(if n > 0 { format!("{sign}(a)") } else { format!("{sign}(0.5)") }))
             }
             '+' | '-' | '&' | '^' => self.turn(&c.to_string(), angle, arities),
