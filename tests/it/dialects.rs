@@ -228,6 +228,37 @@ fn faults_of_fractint_are_told_with_their_places() {
     let text = of(" Angle 6 {");
     assert!(text.contains("unexpected '{'") && text.contains("a.l:"), "{text}");
     assert_eq!(entries("a.l", b"A {\n Angle 6 { ; six\n Axiom F\n}\nF {\n Angle 4\n Axiom F\n}\n"), ["A", "F"]);
+    // Without its braces, its axiom or an own line for each item it is a file of Fractint all the same.
+    for (file, told, at) in [
+        ("Koch\n Angle 6\n Axiom F\n F=F+F\n", "stand in braces, which this one lacks", "a.l:2:2"),
+        ("Koch (\n Angle 6\n Axiom F\n F=F+F\n)\n", "stand in braces, which this one lacks", "a.l:2:2"),
+        ("Koch {\n Angle 6\n F=F+F\n}\n", "the L-system has no axiom", "a.l:1:1"),
+        ("Koch { Angle 6 Axiom F F=F+F }\n", "unexpected 'Axiom F F=F+F' after the value", "a.l:1:16"),
+        ("Koch {\n Angle 6\n Axiom F\n F=F+F\n F\n}\n", "'F' alone is no rule", "a.l:5:2"),
+    ] {
+        let text = refused("a.l", file);
+        assert!(text.contains("error[L061]") && text.contains(told) && text.contains(at), "{file}: {text}");
+        assert!(!text.contains("Houdini") && !text.contains("L002"), "{file}: {text}");
+    }
+    let told = |file: &str| {
+        let read_as = ReadAs { notation: None, entry: Some("Two") };
+        let (g, warnings) = read_bytes("a.l", file.as_bytes(), read_as).unwrap_or_else(|e| panic!("{file}: {e}"));
+        assert_eq!(warnings.matches("warning[L008]").count(), 1, "{file}: {warnings}");
+        (draw_steps(&g, Some(1)).string, warnings)
+    };
+    let two = "Two {\n Angle 4\n Axiom F\n F=F+F\n}\n";
+    for (file, message) in [
+        (format!("One\n Angle 6\n Axiom F\n F=F\n}}\n{two}"), "'Angle 6' stands outside of all braces"),
+        (two.replace(" 4", " 4.5"), "4.5 is no whole number, 4 is taken"),
+        (two.replace("Angle 4", "Angle 9\n angle = 4"), "a second angle replaces the first one"),
+        (two.replace("Axiom F", "Axiom FF\n Axiom F"), "a second axiom replaces the first one"),
+    ] {
+        let (string, warnings) = told(&file);
+        assert!(string == "f+f" && warnings.contains(message), "{file}: {string} {warnings}");
+    }
+    // An entry called `comment` is text.
+    let named = b"comment {\n Axiom and angle are explained here.\n}\nOne {\n Angle 4\n Axiom F\n}\n";
+    assert_eq!(entries("a.l", named), ["One"]);
     let several = refused("a.l", "Aa { Angle 4\nAxiom F\n}\nBb { Angle 4\nAxiom G\n}\n");
     assert!(several.contains("2 L-systems: Aa, Bb") && several.contains("a.l#Aa"), "{several}");
 }
