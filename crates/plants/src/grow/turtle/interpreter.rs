@@ -766,8 +766,7 @@ impl<'a> Turtle<'a> {
             ('T', 's') => {
                 let (i, e) = (self.param(m, 0, 1.0), self.param(m, 1, 0.0));
                 if let Some(k) = self.tropism_index(i) {
-                    let own = self.options.tropisms.get(k).map_or(0.0, |t| t.elasticity);
-                    self.s.elasticity[k] = if m.params.len() > 1 { e } else { own };
+                    self.s.elasticity[k] = e;
                 }
             }
             ('T', 'i' | 'd') => {
