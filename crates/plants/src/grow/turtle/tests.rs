@@ -255,6 +255,11 @@ fn oddities_are_told() {
     assert_eq!(code("@Gs@#(7)f@Ge"), ["L048"]);
     assert_eq!(code("@PD(1,2,2)@Tx(3)F"), ["L048"; 2]);
     assert_eq!(code("F@SF"), ["L043!"]);
+    // Commands for rayshade are told and left out.
+    for axiom in ["F@I(1)F", "F@JF", "F@moF", "F@mo(2,2,2)F"] {
+        assert_eq!(code(axiom), ["L008"], "{axiom}");
+        assert_eq!(draw(axiom).nodes.len(), 3, "{axiom}");
+    }
     assert_eq!(code("@Ts(3,1)F"), ["L048"]);
 }
 
