@@ -137,8 +137,8 @@ impl<'r> Compiler<'r> {
         list.iter().rposition(|n| *n == name).and_then(|i| u16::try_from(i).ok())
     }
 
-    /// Instruction that reads a variable: a local, a global, then `Q`, `Z` and `remaining`. Other names read 0, with L020 except
-    /// in `#if`.
+    /// Instruction that reads a variable: a local, a global, then `Q`, `Z` and `remaining`, then the number of a function of a
+    /// companion file. Other names read 0, with L020 except in `#if`.
     pub fn load_variable(&mut self, name: u32, place: SourcePlace) -> Op {
         if let Some(slot) = Self::slot(&self.locals, name) {
             return Op::Local(slot);
@@ -154,6 +154,10 @@ impl<'r> Compiler<'r> {
             "remaining" => return Op::Remaining,
             _ if self.scope == NameScope::Preprocessor => return Op::Const(0.0),
             _ => {}
+        }
+        // cpfg has the names of functions as their file has them.
+        if let Some(id) = self.session.functions.id_of(&word) {
+            return Op::Const(f64::from(id));
         }
         // Unknown names count as 0, with a warning that suggests the nearest known one.
         let known = self.locals.iter().chain(&self.globals).map(|n| self.session.names.get(*n));
