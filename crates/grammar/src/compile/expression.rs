@@ -126,6 +126,14 @@ impl ExpressionCompiler<'_, '_> {
         None
     }
 
+    /// L001 where a value is missing. `found`: what stands there.
+    fn missing_value<T>(&mut self, found: &str, place: SourcePlace, label: &str) -> Option<T> {
+        let message = format!("unexpected {found}, expected a value");
+        let help = "put a number, a variable or a function there, or remove the operator or comma before it";
+        self.compiler.session.push(Diagnostic::error("L001", message, place.span, label).help(help), place);
+        None
+    }
+
     fn push_pending(&mut self, pending: PendingOperator, place: SourcePlace) -> Option<()> {
         self.pending.push(pending);
         let limit = self.compiler.max_depth;
@@ -192,7 +200,7 @@ impl ExpressionCompiler<'_, '_> {
 
     fn operand(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
         let Some(&t) = cursor.peek() else {
-            return self.error("L001", "unexpected end, expected a value".into(), self.last, "after this");
+            return self.missing_value("end", self.last, "after this");
         };
         match t.kind {
             TokenKind::Number(n) => {
@@ -216,7 +224,7 @@ impl ExpressionCompiler<'_, '_> {
             }
             _ => {
                 let word = self.compiler.describe(&t);
-                return self.error("L001", format!("unexpected {word}, expected a value"), t.place, "here");
+                return self.missing_value(&word, t.place, "here");
             }
         }
         cursor.bump();
@@ -608,7 +616,8 @@ impl ExpressionCompiler<'_, '_> {
                         place.span,
                         "here",
                     )
-                    .label(open.span, "opened here"),
+                    .label(open.span, "opened here")
+                    .help(format!("close it with '{close}', or put an operator between two values")),
                     place,
                 );
                 None

@@ -670,7 +670,8 @@ impl ItemParser<'_> {
         }
         let found = line.tokens.first().map_or_else(String::new, |t| describe(&self.session.names, t));
         let message = format!("unexpected {found}, expected an item or a production with '-->'");
-        self.session.error("L001", message, first, "this line");
+        let help = "write an item such as 'Axiom: F', a production such as 'A --> F A', or a comment: /* .. */";
+        self.session.push(Diagnostic::error("L001", message, first.span, "this line").help(help), first);
     }
 
     fn check_complete(&mut self, start: SourcePlace) {

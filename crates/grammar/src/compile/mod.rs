@@ -251,7 +251,8 @@ fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: Source
                 let help = "did you mean '=='? A single '=' assigns in a block";
                 compiler.session.error_fix("L001", message, t.place, help, "==");
             } else {
-                compiler.session.error("L001", message, t.place, "here");
+                let help = "remove it, or put an operator between two values";
+                compiler.session.error_help("L001", message, t.place, help);
             }
             None
         }

@@ -53,7 +53,10 @@ impl BlockCompiler<'_, '_> {
             return Some(());
         }
         let found = cursor.peek().map_or_else(|| "end of block".to_owned(), |t| self.compiler.describe(t));
-        self.error(format!("unexpected {found}, expected '{c}'"), cursor.place())
+        let message = format!("unexpected {found}, expected '{c}'");
+        let help = if c == ';' { "end each statement with ';'".to_owned() } else { format!("put '{c}' there") };
+        self.compiler.session.error_help("L001", message, cursor.place(), help);
+        None
     }
 
     fn count_statement(&mut self, place: SourcePlace) {

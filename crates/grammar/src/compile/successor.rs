@@ -67,6 +67,11 @@ impl SuccessorCompiler<'_, '_, '_> {
         None
     }
 
+    fn error_help<T>(&mut self, message: String, place: SourcePlace, help: &str) -> Option<T> {
+        self.compiler.session.error_help("L001", message, place, help);
+        None
+    }
+
     fn append_token(&mut self, t: &Token, cursor: &mut TokenCursor<'_>) -> Option<()> {
         let has_turtle = self.compiler.has_turtle;
         match t.kind {
@@ -74,7 +79,8 @@ impl SuccessorCompiler<'_, '_, '_> {
                 // Parameters belong to the module right before the parenthesis, once.
                 let known = self.accepts_parameters && self.out.last().is_some_and(|m| m.args.is_empty());
                 if !known {
-                    return self.error("unexpected '(', expected a module before it", t.place);
+                    let help = "write all parameters of a module in one pair of parentheses behind it: A(1,2)";
+                    return self.error_help("unexpected '(', expected a module before it".into(), t.place, help);
                 }
                 let args = arguments(self.compiler, cursor, t.place)?;
                 if let Some(last) = self.out.last_mut() {
@@ -84,7 +90,11 @@ impl SuccessorCompiler<'_, '_, '_> {
             }
             TokenKind::Char('*') if !has_turtle => self.star = Some(t.place),
             TokenKind::Char(c @ (')' | '<' | '>')) => {
-                return self.error(format!("unexpected '{c}', expected a module"), t.place);
+                let help = match c {
+                    ')' => "remove it, or open the parameters behind a module: A(1)",
+                    _ => "remove it: contexts stand left of the arrow",
+                };
+                return self.error_help(format!("unexpected '{c}', expected a module"), t.place, help);
             }
             TokenKind::Ident(n) if has_turtle && self.compiler.session.names.get(n) == "repeat" => {
                 return self.open_repeat(cursor, t.place);
@@ -157,7 +167,8 @@ impl SuccessorCompiler<'_, '_, '_> {
             return None;
         }
         if let Some(place) = self.star.filter(|_| !self.out.is_empty()) {
-            return self.error("unexpected '*', expected a module: '*' is the empty successor and stands alone", place);
+            let message = "unexpected '*', expected a module: '*' is the empty successor and stands alone".to_owned();
+            return self.error_help(message, place, "remove the '*', or the modules beside it");
         }
         // Occurrences are counted after repeats are expanded, so that all modules have different lineages.
         let mut counts = vec![0_u32; self.symbols.len()];

@@ -449,3 +449,21 @@ fn a_production_that_loses_prints_in_every_step() {
     let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
     assert_eq!((g.print(&d.modules).as_str(), d.output.as_str()), ("A(0)", "x 0\nx 0\nx 0\n"));
 }
+
+#[test]
+fn faults_of_the_notation_say_how_to_mend_them() {
+    for (rule, help) in [
+        ("A --> F(1+)", "put a number, a variable or a function there"),
+        ("A --> F((1 2))", "close it with ')', or put an operator between two values"),
+        ("A --> F)", "open the parameters behind a module"),
+        ("A --> F(1)(2)", "in one pair of parentheses"),
+        ("A --> *F", "remove the '*'"),
+        ("A : 1 2 --> F", "remove it, or put an operator between two values"),
+        ("A : {x = 1} --> F", "end each statement with ';'"),
+        ("F F F", "write an item such as 'Axiom: F'"),
+    ] {
+        let text = format!("Lsystem: 1\nderivation length: 1\nAxiom: A\n{rule}\nendlsystem\n");
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("error[L001]") && said.contains(help) && said.contains("test.l:4:"), "{rule}: {said}");
+    }
+}
