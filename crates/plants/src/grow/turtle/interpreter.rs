@@ -780,7 +780,8 @@ impl<'a> Turtle<'a> {
                 self.add_elasticity(i, (m.params.len() > 1).then_some(e), sign);
             }
             ('T', 'p') => self.s.frame = self.s.last.with_heading(self.s.frame.h),
-            ('T', 'f') => self.s.keep_roll = true,
+            // The roll since the last segment counts as its own: the tropism of the next one turns on from here.
+            ('T', 'f') => self.s.last = self.s.frame,
             ('T', 'x') => self.set_texture(m),
             ('D' | 'T', _) => {
                 self.at_command_without_letter(first, &[]);

@@ -212,6 +212,26 @@ fn tropisms_are_steered_from_the_string() {
 }
 
 #[test]
+fn a_roll_is_kept_by_the_command_behind_it() {
+    let options = TurtleOptions {
+        tropisms: vec![Tropism { elasticity: 0.1, ..Default::default() }],
+        radii: RadiusModel::Widths,
+        ..Default::default()
+    };
+    // The tropism of the second segment undoes the roll before it, and the branch lies in the plane of the first turn; `@Tf` keeps
+    // the roll since the last segment and no later one.
+    for (axiom, is_kept) in
+        [("+(60)F/(90)F[+(90)F]", false), ("+(60)F/(90)@Tf F[+(90)F]", true), ("@Tf+(60)F/(90)F[+(90)F]", false)]
+    {
+        let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: {axiom}\nendlsystem");
+        let (plant, _) = try_draw(&text, &options).expect("draws");
+        let depth = plant.nodes.p.iter().fold(0.0_f32, |z, p| z.max(p.z.abs()));
+        assert_eq!(depth > 0.5, is_kept, "{axiom}: {depth}");
+        assert!(is_kept || depth < 1e-5, "{axiom}: {depth}");
+    }
+}
+
+#[test]
 fn numbers_that_commands_of_cpfg_leave_out() {
     // `@Ts(i)` sets an elasticity of 0, whatever the tropism has.
     let options = TurtleOptions {
