@@ -379,6 +379,37 @@ fn lengths_of_lparser_are_percent_of_a_step_in_files_of_bare_lines() {
 }
 
 #[test]
+fn faults_of_lparser_are_told_with_their_places() {
+    for (file, told) in [
+        ("2\nthirty\n20\nA\nA=F\n@\n", "a.ls:2:1: expected the angle, found 'thirty'"),
+        ("30\n20\nA\nA=F\n@\n", "a.ls:3:1: expected the thickness, found 'A'"),
+    ] {
+        let text = refused("a.ls", file);
+        let (place, message) = told.split_once(": ").expect("a place");
+        assert!(text.matches("error[").count() == 1 && text.contains("error[L061]"), "{file}: {text}");
+        assert!(text.contains(place) && text.contains(message) && text.contains("help:"), "{file}: {text}");
+    }
+    let warned = |rules: &str| {
+        let text = format!("1\n30\n20\nA\n{rules}\n@\n");
+        read_bytes("a.ls", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{rules}: {e}")).1
+    };
+    for (rules, told, place) in [
+        ("A F[+A]", "goes on with the axiom before it", "a.ls:5:1"),
+        ("AB=F", "goes on with the axiom before it", "a.ls:5:1"),
+        ("A=F\nFF", "goes on with the rule before it", "a.ls:6:1"),
+        ("A=F(a)", "'(a)' is no number", "a.ls:5:4"),
+        ("A=F(30", "'(' without ')'", "a.ls:5:4"),
+    ] {
+        let text = warned(rules);
+        assert!(text.matches("warning[L008]").count() == 1, "{rules}: {text}");
+        assert!(text.contains(told) && text.contains(place), "{rules}: {text}");
+    }
+    // Rules may make a number of what stands in parentheses.
+    let text = warned("A=F(B)\nB=30");
+    assert!(!text.contains("L008"), "{text}");
+}
+
+#[test]
 fn polygons_of_lparser_begin_at_the_turtle_and_take_corners_of_moves() {
     let corners = |g: &Grammar| {
         let plant = draw_steps(g, None).plant;
