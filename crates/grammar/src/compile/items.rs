@@ -569,13 +569,33 @@ impl ItemParser<'_> {
     }
 
     fn set_ignored(&mut self, key: Keyword, value: &[Token], place: SourcePlace) {
-        if !matches!(self.program.ignored, IgnoredSymbols::Nothing) {
-            let message = "Ignore and Consider exclude each other".to_owned();
-            return self.session.error_help("L010", message, place, "remove this line or the one before");
+        match (key, &self.program.ignored) {
+            (_, IgnoredSymbols::Nothing) => {}
+            (Keyword::Ignore, IgnoredSymbols::Listed(_)) | (Keyword::Consider, IgnoredSymbols::AllExcept(_)) => {
+                let message = "the symbols of this line replace those of the one before".to_owned();
+                self.session.warning("L008", message, place, "write all symbols in one line");
+            }
+            _ => {
+                let message = "Ignore and Consider exclude each other".to_owned();
+                return self.session.error_help("L010", message, place, "remove this line or the one before");
+            }
         }
-        let spelled = self.spelling(value);
-        let symbols = &mut self.program.symbols;
-        let list = spelled.chars().filter(|c| *c != ' ').filter_map(|c| symbols.intern(c)).collect();
+        // Quotes are symbols like any other character.
+        let mut list = Vec::new();
+        for t in value {
+            let symbols = &mut self.program.symbols;
+            match t.kind {
+                TokenKind::Ident(n) | TokenKind::Number(n) => {
+                    list.extend(self.session.names.get(n).chars().filter_map(|c| symbols.intern(c)));
+                }
+                TokenKind::Text(n) => {
+                    let text = format!("\"{}\"", self.session.names.get(n));
+                    list.extend(text.chars().filter(|c| !c.is_whitespace()).filter_map(|c| symbols.intern(c)));
+                }
+                TokenKind::Char(c) => list.extend(symbols.intern(c)),
+                TokenKind::Newline { .. } => {}
+            }
+        }
         self.program.ignored =
             if key == Keyword::Ignore { IgnoredSymbols::Listed(list) } else { IgnoredSymbols::AllExcept(list) };
     }

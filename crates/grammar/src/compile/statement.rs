@@ -97,6 +97,19 @@ impl BlockCompiler<'_, '_> {
                         self.open_brace(cursor, OpenBrace::Do(start))
                     }
                     "printf" => self.printf(cursor, t.place),
+                    "for" if cursor.peek_at(1).is_some_and(|t| t.is('(')) => {
+                        let message = "grammars have no 'for'".to_owned();
+                        let help = "count in a loop with 'while': i = 0; while (i < 3) { ..; i = i+1; }";
+                        self.compiler.session.error_help("L001", message, t.place, help);
+                        None
+                    }
+                    "int" | "float" | "double"
+                        if matches!(cursor.peek_at(1).map(|t| t.kind), Some(TokenKind::Ident(_))) =>
+                    {
+                        let message = "variables of grammars have no types".to_owned();
+                        self.compiler.session.error_help("L001", message, t.place, "remove the type: x = 3;");
+                        None
+                    }
                     _ => self.assignment_or_call(cursor, name, t.place),
                 }
             }

@@ -460,10 +460,27 @@ fn faults_of_the_notation_say_how_to_mend_them() {
         ("A --> *F", "remove the '*'"),
         ("A : 1 2 --> F", "remove it, or put an operator between two values"),
         ("A : {x = 1} --> F", "end each statement with ';'"),
+        ("A : {for (i=0; i<3; i=i+1) {x=i;}} 1 --> F", "count in a loop with 'while'"),
+        ("A : {double x = 3;} 1 --> F(x)", "remove the type"),
         ("F F F", "write an item such as 'Axiom: F'"),
     ] {
         let text = format!("Lsystem: 1\nderivation length: 1\nAxiom: A\n{rule}\nendlsystem\n");
         let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
         assert!(said.contains("error[L001]") && said.contains(help) && said.contains("test.l:4:"), "{rule}: {said}");
     }
+}
+
+#[test]
+fn quotes_are_symbols_that_contexts_skip_and_a_second_list_replaces_the_first() {
+    for (items, axiom, result) in [
+        ("Ignore: '\n", "A'B", "A'X"),
+        ("Ignore: \"\n", "A\"B", "A\"X"),
+        ("Ignore: \"+\"\n", "A+\"B", "A+\"X"),
+        ("Consider: AB'\n", "A'B", "A'B"),
+        ("Ignore: -\nIgnore: +\n", "A+B A-B", "A+XA-B"),
+    ] {
+        assert_eq!(steps(1, axiom, &format!("{items}A < B --> X")), result, "{items}");
+    }
+    let (_, said) = read("Lsystem: 1\nIgnore: -\nIgnore: +\nderivation length: 1\nAxiom: A\nA --> F\nendlsystem\n");
+    assert_eq!(said.iter().filter(|d| d.code == "L008").count(), 1, "{said:?}");
 }
