@@ -6,7 +6,7 @@ use crate::program::SuccessorModule;
 use osier_base::diagnostic::{Diagnostic, nearest};
 use std::collections::BTreeMap;
 
-/// Derivation steps where the scene gives none: the order that Fractint begins with.
+/// Derivation steps where the scene gives none. Fractint begins with 2, at which most of its systems are hard to recognise.
 const DEFAULT_ORDER: u32 = 4;
 /// Rules and columns at which Fractint itself stops reading.
 const MAX_RULES: usize = 25;
