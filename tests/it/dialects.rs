@@ -383,6 +383,7 @@ fn faults_of_lparser_are_told_with_their_places() {
     for (file, told) in [
         ("2\nthirty\n20\nA\nA=F\n@\n", "a.ls:2:1: expected the angle, found 'thirty'"),
         ("30\n20\nA\nA=F\n@\n", "a.ls:3:1: expected the thickness, found 'A'"),
+        ("1\n30\n-20\nA\nA=F\n@\n", "a.ls:3:1: a thickness below 0"),
     ] {
         let text = refused("a.ls", file);
         let (place, message) = told.split_once(": ").expect("a place");

@@ -224,7 +224,8 @@ pub(super) fn evaluate_condition(session: &mut ParseSession, tokens: &[Token], p
     let code = expression::compile_expression(&mut compiler, &mut cursor);
     if let (Some(_), Some(t)) = (&code, cursor.peek()) {
         let word = describe(&session.names, t);
-        session.error("L001", format!("unexpected {word}, expected an operator"), t.place, "here");
+        let help = "remove it, or put an operator between two values: #if A == 1";
+        session.error_help("L001", format!("unexpected {word}, expected an operator"), t.place, help);
         return false;
     }
     code.is_some_and(|c| crate::vm::constant_value(&c) != Some(0.0))

@@ -39,8 +39,8 @@ pub(super) fn block(compiler: &mut Compiler<'_>, tokens: &[Token], place: Source
 }
 
 impl BlockCompiler<'_, '_> {
-    fn error<T>(&mut self, message: String, place: SourcePlace) -> Option<T> {
-        self.compiler.session.error("L001", message, place, "here");
+    fn error<T>(&mut self, message: String, place: SourcePlace, help: &str) -> Option<T> {
+        self.compiler.session.error_help("L001", message, place, help);
         None
     }
 
@@ -119,7 +119,8 @@ impl BlockCompiler<'_, '_> {
             }
             _ => {
                 let word = self.compiler.describe(&t);
-                self.error(format!("unexpected {word}, expected a statement"), t.place)
+                let help = "write an assignment such as 'x = 1;', a call, 'if', 'while' or 'do', or remove it";
+                self.error(format!("unexpected {word}, expected a statement"), t.place, help)
             }
         }
     }
@@ -208,7 +209,7 @@ impl BlockCompiler<'_, '_> {
 
     fn close_brace(&mut self, cursor: &mut TokenCursor<'_>, place: SourcePlace) -> Option<()> {
         match self.open.pop() {
-            None => self.error("unexpected '}', no block is open".to_owned(), place),
+            None => self.error("unexpected '}', no block is open".to_owned(), place, "remove it"),
             Some(OpenBrace::If(jump, mut ends)) if self.next_is_word(cursor, "else") => {
                 cursor.bump();
                 self.code.ops.push(Op::Jump(0));
@@ -238,7 +239,8 @@ impl BlockCompiler<'_, '_> {
             }
             Some(OpenBrace::Do(start)) => {
                 if !self.next_is_word(cursor, "while") {
-                    return self.error("'do' block without 'while'".to_owned(), place);
+                    let help = "put the condition behind the block: do {..} while (x < 3);";
+                    return self.error("'do' block without 'while'".to_owned(), place, help);
                 }
                 cursor.bump();
                 // `do { } while (c)`: the jump back is skipped when the condition fails.

@@ -62,11 +62,6 @@ pub(super) fn successor<'t>(
 }
 
 impl SuccessorCompiler<'_, '_, '_> {
-    fn error<T>(&mut self, message: impl Into<String>, place: SourcePlace) -> Option<T> {
-        self.compiler.session.error("L001", message, place, "here");
-        None
-    }
-
     fn error_help<T>(&mut self, message: String, place: SourcePlace, help: &str) -> Option<T> {
         self.compiler.session.error_help("L001", message, place, help);
         None
@@ -124,11 +119,17 @@ impl SuccessorCompiler<'_, '_, '_> {
         // The count must be known before derivation, as the successor is expanded here.
         let times = vm::constant_value(&code).filter(|n| (0.0..=1e6).contains(n));
         let Some(times) = times else {
-            return self.error("'repeat' takes a constant number from 0 to 1,000,000", place);
+            let message = "'repeat' takes a constant number from 0 to 1,000,000".to_owned();
+            return self.error_help(message, place, "write: repeat 3 { F }; the number may be a #define");
         };
+        if times.fract().abs() > 0.0 {
+            let message = format!("'repeat {times}': {times} is no whole number, {} is taken", times.trunc());
+            self.compiler.session.warning("L008", message, place, "write a whole number");
+        }
         if !cursor.eat('{') {
             let at = cursor.place();
-            return self.error("unexpected token, expected '{' after the number of 'repeat'", at);
+            let message = "unexpected token, expected '{' after the number of 'repeat'".to_owned();
+            return self.error_help(message, at, "put the modules that it repeats in braces: repeat 3 { F }");
         }
         if self.repeats.len() >= self.compiler.max_depth {
             self.compiler.session.error("L004", "'repeat' nested too deep", place, "too deep here");

@@ -90,8 +90,8 @@ impl<'t> File<'_, '_, 't> {
         match word.text.to_ascii_lowercase().as_str() {
             "recursion" => self.recursion(rest),
             "angle" => self.angle = self.number(rest),
-            "thickness" => self.thickness = self.number(rest),
-            "min_thickness" => self.min_thickness = self.number(rest).unwrap_or(0.0),
+            "thickness" => self.thickness = self.thickness(rest),
+            "min_thickness" => self.min_thickness = self.thickness(rest).unwrap_or(0.0),
             "color" | "colour" => self.color(rest),
             "axiom" => self.set_axiom(rest),
             "rule" => self.rule(rest),
@@ -145,7 +145,7 @@ impl<'t> File<'_, '_, 't> {
         } else if self.angle.is_none() {
             self.angle = self.number(line);
         } else if self.thickness.is_none() {
-            self.thickness = self.number(line);
+            self.thickness = self.thickness(line);
         } else {
             let axiom = self.bare_word(line);
             self.set_axiom(axiom);
@@ -170,6 +170,14 @@ impl<'t> File<'_, '_, 't> {
         let number = word.text.parse::<f64>().ok().filter(|n| n.is_finite());
         if number.is_none() {
             self.error(format!("'{}' is not a number", word.text), value, "write a number such as 20 or 4.5");
+        }
+        number
+    }
+
+    fn thickness(&mut self, value: Piece<'_>) -> Option<f64> {
+        let number = self.number(value);
+        if number.is_some_and(|n| n < 0.0) {
+            self.error("a thickness below 0".into(), value, "write the percentage of the length, such as 20");
         }
         number
     }
