@@ -240,6 +240,8 @@ fn faults_of_fractint_are_told_with_their_places() {
         assert!(text.contains("error[L061]") && text.contains(told) && text.contains(at), "{file}: {text}");
         assert!(!text.contains("Houdini") && !text.contains("L002"), "{file}: {text}");
     }
+    // Cameras of POV-Ray have an angle, too.
+    assert_eq!(detect("a.pov", b"camera {\n angle 45\n}\n"), FileKind::Other);
     let told = |file: &str| {
         let read_as = ReadAs { notation: None, entry: Some("Two") };
         let (g, warnings) = read_bytes("a.l", file.as_bytes(), read_as).unwrap_or_else(|e| panic!("{file}: {e}"));
