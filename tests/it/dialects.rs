@@ -1157,6 +1157,12 @@ fn converted_grammars_draw_the_same() {
             assert!(converts(&g, ConvertTo::Cpfg, name), "{name}");
         }
     }
+    // Each pointer of Fractint turns by its own commands; cpfg has one.
+    for (axiom, is_written) in [("F\\30+F/45F", true), ("D+\\30D|D", true), ("M\\30D-D", true), ("F+D\\30F", false)] {
+        let text = format!("Turns {{\nAngle 12\nAxiom {axiom}\n}}\n");
+        let (g, _) = read_bytes("t.l", text.as_bytes(), ReadAs::default()).expect("read");
+        assert_eq!(converts(&g, ConvertTo::Cpfg, axiom), is_written, "{axiom}");
+    }
     let notes = convert(&read("lparser/keywords.ls", ""), ConvertTo::Cpfg).expect("converted").notes;
     assert!(notes.iter().any(|n| n.contains("colours that the file sets")), "{notes:?}");
     assert!(notes.iter().any(|n| n.contains("least thickness")), "{notes:?}");

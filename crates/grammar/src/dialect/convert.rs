@@ -405,14 +405,20 @@ impl<'g> Writer<'g> {
         // Fractint turns in whole units of the angle: '|' turns by half of them, rounded down.
         let half = (360.0 / angle).round().div_euclid(2.0).floor() * angle;
         let uses = |list: &str| list.chars().any(|c| self.grammar.program.symbols.find(c).is_some());
-        // cpfg has one direction: that of whole units, or that in degrees where the file uses nothing else.
-        let both = uses("fg+-|") && uses("dm");
+        // cpfg has one direction: that of the pointer by which the file moves. Turns of the other pointer have no effect.
+        let (by_units, by_degrees) = (uses("fg"), uses("dm"));
+        let both = by_units && by_degrees && uses("+-|/\\");
         if both && matches!(c, 'd' | 'm' | '/' | '\\') {
             self.fault(symbol, "the file uses both the pointer in units and that in degrees");
         }
         match c {
             'f' | 'd' => Some("F".into()),
             'g' | 'm' => Some("f".into()),
+            '+' | '-' | '|' if by_degrees && !by_units => {
+                self.images.push(format!("{c} --> *"));
+                Some(c.to_string())
+            }
+            '\\' | '/' if by_units && !by_degrees => self.image(symbol, arities, |_| Some(String::new())),
             '+' | '-' => self.turn(&c.to_string(), angle, arities),
             '|' => {
                 self.images.push(format!("| --> -({half})"));
