@@ -228,6 +228,39 @@ fn faults_of_fractint_are_told_with_their_places() {
     let text = of(" Angle 6 {");
     assert!(text.contains("unexpected '{'") && text.contains("a.l:"), "{text}");
     assert_eq!(entries("a.l", b"A {\n Angle 6 { ; six\n Axiom F\n}\nF {\n Angle 4\n Axiom F\n}\n"), ["A", "F"]);
+    // Without its braces, its axiom or an own line for each item it is a file of Fractint all the same.
+    for (file, told, at) in [
+        ("Koch\n Angle 6\n Axiom F\n F=F+F\n", "stand in braces, which this one lacks", "a.l:2:2"),
+        ("Koch (\n Angle 6\n Axiom F\n F=F+F\n)\n", "stand in braces, which this one lacks", "a.l:2:2"),
+        ("Koch {\n Angle 6\n F=F+F\n}\n", "the L-system has no axiom", "a.l:1:1"),
+        ("Koch { Angle 6 Axiom F F=F+F }\n", "unexpected 'Axiom F F=F+F' after the value", "a.l:1:16"),
+        ("Koch {\n Angle 6\n Axiom F\n F=F+F\n F\n}\n", "'F' alone is no rule", "a.l:5:2"),
+    ] {
+        let text = refused("a.l", file);
+        assert!(text.contains("error[L061]") && text.contains(told) && text.contains(at), "{file}: {text}");
+        assert!(!text.contains("Houdini") && !text.contains("L002"), "{file}: {text}");
+    }
+    // Cameras of POV-Ray have an angle, too.
+    assert_eq!(detect("a.pov", b"camera {\n angle 45\n}\n"), FileKind::Other);
+    let told = |file: &str| {
+        let read_as = ReadAs { notation: None, entry: Some("Two") };
+        let (g, warnings) = read_bytes("a.l", file.as_bytes(), read_as).unwrap_or_else(|e| panic!("{file}: {e}"));
+        assert_eq!(warnings.matches("warning[L008]").count(), 1, "{file}: {warnings}");
+        (draw_steps(&g, Some(1)).string, warnings)
+    };
+    let two = "Two {\n Angle 4\n Axiom F\n F=F+F\n}\n";
+    for (file, message) in [
+        (format!("One\n Angle 6\n Axiom F\n F=F\n}}\n{two}"), "'Angle 6' stands outside of all braces"),
+        (two.replace(" 4", " 4.5"), "4.5 is no whole number, 4 is taken"),
+        (two.replace("Angle 4", "Angle 9\n angle = 4"), "a second angle replaces the first one"),
+        (two.replace("Axiom F", "Axiom FF\n Axiom F"), "a second axiom replaces the first one"),
+    ] {
+        let (string, warnings) = told(&file);
+        assert!(string == "f+f" && warnings.contains(message), "{file}: {string} {warnings}");
+    }
+    // An entry called `comment` is text.
+    let named = b"comment {\n Axiom and angle are explained here.\n}\nOne {\n Angle 4\n Axiom F\n}\n";
+    assert_eq!(entries("a.l", named), ["One"]);
     let several = refused("a.l", "Aa { Angle 4\nAxiom F\n}\nBb { Angle 4\nAxiom G\n}\n");
     assert!(several.contains("2 L-systems: Aa, Bb") && several.contains("a.l#Aa"), "{several}");
 }
@@ -345,6 +378,71 @@ fn lengths_of_lparser_are_percent_of_a_step_in_files_of_bare_lines() {
     let (a, b) = (nodes(old), nodes(new));
     assert_eq!(a.len(), 11);
     assert!(a.iter().zip(&b).all(|(p, q)| (*p - *q).length() < 1e-6), "{a:?} {b:?}");
+}
+
+#[test]
+fn faults_of_lparser_are_told_with_their_places() {
+    for (file, told) in [
+        ("2\nthirty\n20\nA\nA=F\n@\n", "a.ls:2:1: expected the angle, found 'thirty'"),
+        ("30\n20\nA\nA=F\n@\n", "a.ls:3:1: expected the thickness, found 'A'"),
+        ("1\n30\n-20\nA\nA=F\n@\n", "a.ls:3:1: a thickness below 0"),
+    ] {
+        let text = refused("a.ls", file);
+        let (place, message) = told.split_once(": ").expect("a place");
+        assert!(text.matches("error[").count() == 1 && text.contains("error[L061]"), "{file}: {text}");
+        assert!(text.contains(place) && text.contains(message) && text.contains("help:"), "{file}: {text}");
+    }
+    let warned = |rules: &str| {
+        let text = format!("1\n30\n20\nA\n{rules}\n@\n");
+        read_bytes("a.ls", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{rules}: {e}")).1
+    };
+    for (rules, told, place) in [
+        ("A F[+A]", "goes on with the axiom before it", "a.ls:5:1"),
+        ("AB=F", "goes on with the axiom before it", "a.ls:5:1"),
+        ("A=F\nFF", "goes on with the rule before it", "a.ls:6:1"),
+        ("A=F(a)", "'(a)' is no number", "a.ls:5:4"),
+        ("A=F(30", "'(' without ')'", "a.ls:5:4"),
+    ] {
+        let text = warned(rules);
+        assert!(text.matches("warning[L008]").count() == 1, "{rules}: {text}");
+        assert!(text.contains(told) && text.contains(place), "{rules}: {text}");
+    }
+    // Rules may make a number of what stands in parentheses.
+    let text = warned("A=F(B)\nB=30");
+    assert!(!text.contains("L008"), "{text}");
+}
+
+#[test]
+fn polygons_of_lparser_begin_at_the_turtle_and_take_corners_of_moves() {
+    let corners = |g: &Grammar| {
+        let plant = draw_steps(g, None).plant;
+        plant.organs.iter().map(|o| plant.protos[usize::from(o.proto)].mesh.points.len()).collect::<Vec<_>>()
+    };
+    let cases: [(&str, &[usize]); 8] = [
+        ("{f+f+f}", &[4]),   // a square, of which the moves set three corners
+        ("{f+f}", &[3]),     // a triangle
+        ("{F+f+f+f}", &[3]), // `F` sets no corner, and the last move returns to the first one
+        ("{Z+f+f}", &[3]),   // nor does `Z`
+        ("{g+f+f}", &[3]),   // nor does `g`
+        ("{f.+.f+f}", &[4]), // corners at one place are one
+        ("{f[{+f+f}]+f+f}", &[3, 4]),
+        ("{f}", &[]),
+    ];
+    for (polygon, count) in cases {
+        let text = format!("1\n90\n10\nF{polygon}\n@\n");
+        let (g, _) = read_bytes("p.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        let mut found = corners(&g);
+        found.sort_unstable();
+        assert_eq!(found.as_slice(), count, "{polygon}");
+        for to in [ConvertTo::Osier, ConvertTo::Cpfg] {
+            assert!(converts(&g, to, polygon), "{polygon}");
+            let text = convert(&g, to).expect("converted").text;
+            let (again, _) = read_bytes("again.l", text.as_bytes(), ReadAs::default()).expect("read");
+            let mut found = corners(&again);
+            found.sort_unstable();
+            assert_eq!(found.as_slice(), count, "{polygon} as {to:?}");
+        }
+    }
 }
 
 #[test]
@@ -1062,6 +1160,12 @@ fn converted_grammars_draw_the_same() {
         } else {
             assert!(converts(&g, ConvertTo::Cpfg, name), "{name}");
         }
+    }
+    // Each pointer of Fractint turns by its own commands; cpfg has one.
+    for (axiom, is_written) in [("F\\30+F/45F", true), ("D+\\30D|D", true), ("M\\30D-D", true), ("F+D\\30F", false)] {
+        let text = format!("Turns {{\nAngle 12\nAxiom {axiom}\n}}\n");
+        let (g, _) = read_bytes("t.l", text.as_bytes(), ReadAs::default()).expect("read");
+        assert_eq!(converts(&g, ConvertTo::Cpfg, axiom), is_written, "{axiom}");
     }
     let notes = convert(&read("lparser/keywords.ls", ""), ConvertTo::Cpfg).expect("converted").notes;
     assert!(notes.iter().any(|n| n.contains("colours that the file sets")), "{notes:?}");

@@ -159,18 +159,35 @@ struct MeasuredCurve {
 pub struct FunctionTables {
     functions: BTreeMap<u32, DataFunction>,
     curves: BTreeMap<u32, MeasuredCurve>,
+    /// Macros: names in upper case.
     names: BTreeMap<String, u32>,
+    /// Names as their files have them, up to a blank and as a whole.
+    written: BTreeMap<String, u32>,
 }
 
 impl FunctionTables {
-    /// Adds function number `id`. Its name in upper case becomes a macro of the grammar that stands for the number.
+    /// Adds function number `id`. Its name in upper case becomes a macro of the grammar that stands for the number; as it is written
+    /// it stands for the number where no variable has the name.
     pub fn add_function(&mut self, id: u32, name: &str, function: DataFunction) {
         self.functions.insert(id, function);
-        let name: String =
-            name.to_uppercase().chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
-        if name.chars().next().is_some_and(|c| !c.is_ascii_digit()) {
-            self.names.insert(name, id);
+        let word =
+            |text: &str| -> String { text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect() };
+        let is_name = |word: &str| word.chars().next().is_some_and(|c| !c.is_ascii_digit());
+        let upper = word(&name.to_uppercase());
+        if is_name(&upper) {
+            self.names.insert(upper, id);
         }
+        // cpfg reads a name up to its first blank. Of several functions of one name it is the last one.
+        for written in [word(name), word(name.split_whitespace().next().unwrap_or(""))] {
+            if is_name(&written) {
+                self.written.insert(written, id);
+            }
+        }
+    }
+
+    /// Number of the function whose name is written so in its file.
+    pub fn id_of(&self, name: &str) -> Option<u32> {
+        self.written.get(name).copied()
     }
 
     /// Adds a contour as curve number `id`, and measures its length.
@@ -280,6 +297,8 @@ mod tests {
         tables.add_function(1, "leaf size", DataFunction::new(&[[0.0, 2.0], [1.0, 4.0]], 0));
         tables.add_curve(3, Spline::new(&[[0.0; 3], [0.0, 0.0, 2.0]], SplineEnds::Clamped));
         assert_eq!(tables.names().collect::<Vec<_>>(), [("LEAF_SIZE", 1)]);
+        let found = ["leaf_size", "leaf", "LEAF", "leaf size"].map(|n| tables.id_of(n));
+        assert_eq!(found, [Some(1), Some(1), None, None]);
         near(tables.value(1.0, 0.5).unwrap_or(f64::NAN), 3.0);
         assert_eq!((tables.value(2.0, 0.5), tables.curve(1.0, 0.5), tables.value(f64::NAN, 0.0)), (None, None, None));
         assert_eq!(tables.curve(3.9, 0.5), Some([0.0, 0.0, 1.0]));

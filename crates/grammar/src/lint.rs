@@ -62,7 +62,7 @@ fn check_losers(session: &mut ParseSession, rules: &ProductionSet, stochastic: b
 /// Symbols that cpfg's turtle acts on by themselves or as the first of a command.
 const DRAWN_SYMBOLS: &str = "FGfg+-&^\\/|$[]#!;,'{}._@~?%";
 /// Letters after `@` that a further letter follows, small or capital.
-const LONG_COMMANDS: &str = "bGP";
+const LONG_COMMANDS: &str = "bGPm";
 
 /// L037, a note: symbols that are made, but neither rewritten nor drawn nor asked for by a context.
 fn note_idle_symbols(session: &mut ParseSession, program: &Program) {

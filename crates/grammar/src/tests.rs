@@ -84,9 +84,11 @@ fn expressions_have_the_values_of_the_language() {
 fn functions_of_companion_files_are_read_by_number_and_name() {
     let mut tables = FunctionTables::default();
     tables.add_function(1, "width", DataFunction::new(&[[0.0, 2.0], [1.0, 4.0]], 0));
+    tables.add_function(2, "Ang_1", DataFunction::new(&[[0.0, 7.0], [1.0, 7.0]], 0));
     tables.add_curve(2, Spline::new(&[[0.0; 3], [3.0, 0.0, 4.0]], SplineEnds::Clamped));
-    let text = "Lsystem: 1\nderivation length: 1\nAxiom: S\nS --> V(func(WIDTH,0.25)) V(func(1,7)) V(curveX(2,0.5)) \
-        V(curveY(2,0.5)) V(curveZ(2,0.25)) V(curveGAL(2)) : 1\nendlsystem";
+    let text = "#define BEND func(Ang_1,0)\nLsystem: 1\nderivation length: 1\nAxiom: S W(9)\nS --> V(func(WIDTH,0.25)) V(func(1,7)) \
+        V(curveX(2,0.5)) V(curveY(2,0.5)) V(curveZ(2,0.25)) V(curveGAL(2)) V(BEND) V(func(ANG_1,0)) V(func(width,0.25)) : 1\n\
+        W(width) --> V(width)\nendlsystem";
     let (mut sources, defines, limits) = (Sources::default(), BTreeMap::new(), Limits::default());
     let mut none = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!() };
     let functions = Arc::new(tables);
@@ -94,7 +96,8 @@ fn functions_of_companion_files_are_read_by_number_and_name() {
         GrammarSource { name: "t.l", bytes: text.as_bytes(), includes: &mut none, defines: &defines, functions };
     let (g, _) = parse(&mut sources, source, &limits).expect("reads");
     let d = derive(&g, &DeriveOptions::default(), &limits).expect("derives");
-    assert_eq!(g.print(&d.modules), "V(2.5)V(4)V(1.5)V(0)V(1)V(5)");
+    // A name counts as it is written, too, unless a variable has it.
+    assert_eq!(g.print(&d.modules), "V(2.5)V(4)V(1.5)V(0)V(1)V(5)V(7)V(7)V(2.5)V(9)");
     // In a block the locations of a call move behind those before it.
     let (g, _) = read("Lsystem: 1\nderivation length: 1\nAxiom: A\nA : {x = 1; y = func(3,x);} --> B(y)\nendlsystem");
     let d = derive(&g, &DeriveOptions::default(), &limits).expect("derives");

@@ -123,7 +123,6 @@ const MAX_DIAGNOSTICS: usize = 200;
 /// Default help for an error of this code, where the message does not say how to mend it.
 fn help_for(code: &str) -> Option<&'static str> {
     Some(match code {
-        "L001" => "mend this line; docs/grammars.md shows the form of every line, and `osier new` makes one that works",
         "L004" => "close the parenthesis, brace, comment or #if, or split a construct that is too large",
         "L005" => "give the macro as many arguments as its #define has parameters; a macro must not expand to itself",
         "L006" => "name a file beside this one, in quotes and with '/', that does not include this one",
@@ -147,6 +146,11 @@ impl ParseSession {
         let mut d = Diagnostic::error(code, message, place.span, label);
         d.help = help_for(code).map(str::to_owned);
         self.push(d, place);
+    }
+
+    /// Records L001, a fault of the notation, with the label and the help text of this case.
+    pub fn fault(&mut self, message: impl Into<String>, place: SourcePlace, label: &str, help: impl Into<String>) {
+        self.push(Diagnostic::error("L001", message, place.span, label).help(help), place);
     }
 
     /// Records an error with the label `here` at `place` and a help text for this case.

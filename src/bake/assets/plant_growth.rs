@@ -322,11 +322,9 @@ fn radius_model(recipe: &PlantRecipe) -> RadiusModel {
             let view = recipe.companions.view.as_ref();
             let of_view = view.map(|v| v.line.unwrap_or(ViewLine::Pixel) == ViewLine::Pixel);
             let line = recipe.turtle.line.map(|l| l == LineStyle::Pixel);
-            let pixels = view.and_then(|v| v.width_in_pixels).filter(|_| line.is_none());
-            // The scene's line style has precedence, then the view's statement on its width, then the view's line style, which
-            // in cpfg is pixels.
+            // The scene's line style has precedence over that of the view, which in cpfg is pixels.
             // A width given by the scene is in units of the turtle.
-            match pixels.or(line).or(of_view).filter(|_| recipe.turtle.width.is_none()) {
+            match line.or(of_view).filter(|_| recipe.turtle.width.is_none()) {
                 Some(true) => RadiusModel::Pixels,
                 Some(false) => RadiusModel::Widths,
                 None if recipe.turtle.width.is_some() => RadiusModel::Widths,

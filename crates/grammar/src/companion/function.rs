@@ -66,6 +66,16 @@ fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
                 function.samples = function.samples.min(MAX_WORK / function.points.len().max(1));
                 return Some(function);
             }
+            // Marks of the editor of functions, each on a line: `m0 0.2 0.5`.
+            "markers:" => {
+                reader.take();
+                let count = reader.count("the number of markers")?;
+                for _ in 0..count {
+                    if reader.take_line().is_empty() {
+                        break;
+                    }
+                }
+            }
             "items:" | "fver" | "flip:" | "range:" | "background:" | "backgroundXY:" => {
                 reader.take_line();
             }
@@ -115,6 +125,11 @@ mod tests {
         assert_eq!(report, []);
         let points = vec![[0.0, 0.5], [1.0, 2.5], [1.0, 2.5], [1.0, 2.5]];
         assert_eq!(functions, [FunctionFile { name: "leaf size".into(), samples: 20, points }]);
+        let marked =
+            new.replace("flip:", "background: plan.png\nbackgroundXY: 0 0\nmarkers: 2\nm0 0.1 0.2\nm1 0.5 0.5\nflip:");
+        let (with_marks, report) = read(&marked);
+        assert_eq!((&with_marks, report.len()), (&functions, 0), "{report:?}");
+        assert_eq!(read("markers: 18446744073709551615\n").0, []);
         let (old, _) = read("range: 0.0 1.0\npoints: 2\n0 0\n1 1\n");
         assert_eq!(old[0].points, [[0.0, 0.0], [1.0, 1.0]]);
         let (set, report) = read(&format!("funcgalleryver 1 1\nitems: 2\n{new}{new}"));

@@ -75,13 +75,11 @@ pub struct ViewTropism {
 pub struct View {
     /// Turn without a parameter, degrees.
     pub angle: Option<f64>,
-    /// Line width at the start, in pixels or units of the turtle.
+    /// Line width at the start, in pixels if `line` is that or `None`, else in units of the turtle.
     pub width: Option<f64>,
-    /// Whether `width` counts pixels of the view instead of units of the turtle.
-    pub width_in_pixels: Option<bool>,
     /// What `#` and `!` without a parameter add and take.
     pub width_increment: Option<f64>,
-    /// Shape of segments, from `line style:`.
+    /// Shape of segments, from `line style:` and from the unit of `initial line width:`, of which the last one counts.
     pub line: Option<LineStyle>,
     /// Whether segments taper to the next width.
     pub tapered: Option<bool>,
@@ -386,23 +384,27 @@ impl ViewReader<'_, '_> {
             "initial line width" => {
                 if let Some(width) = self.number(line, "a width") {
                     self.view.width = Some(width);
-                    // A unit that begins with `p` means pixels, any other the units of the turtle. `2p` is one word.
-                    let is_pixels = |text: &str| text.starts_with(['p', 'P']);
-                    let unit = line.words.get(1).map(|unit| is_pixels(unit.text));
-                    let touching = line.words.first().is_some_and(|width| {
-                        is_pixels(width.text.trim_start_matches(|c: char| !c.is_ascii_alphabetic()))
+                    // The unit sets the style, as `line style:` does: `p` pixels, `s` cylinders, none polygons, whose width is in units
+                    // of the turtle. `2p` is one word.
+                    let touching =
+                        line.words.first().map(|w| w.text.trim_start_matches(|c: char| !c.is_ascii_alphabetic()));
+                    let units = touching.into_iter().chain(line.words.get(1).map(|unit| unit.text));
+                    let mut letters = units.filter_map(|u| u.chars().next()).map(|c| c.to_ascii_lowercase());
+                    self.view.line = Some(match letters.find(|c| matches!(c, 'p' | 's')) {
+                        Some('p') => LineStyle::Pixel,
+                        Some(_) => LineStyle::Cylinder,
+                        None => LineStyle::Polygon,
                     });
-                    let in_pixels = unit.or(touching.then_some(true));
-                    self.view.width_in_pixels = in_pixels.or(self.view.width_in_pixels);
                 }
             }
             "line width increment" => {
                 self.view.width_increment = self.number(line, "a width").or(self.view.width_increment);
             }
             "line style" => match line.words.first().map(|w| w.text.to_lowercase()).as_deref() {
-                Some("pixel") => self.view.line = Some(LineStyle::Pixel),
-                Some("polygon") => self.view.line = Some(LineStyle::Polygon),
-                Some("cylinder") => self.view.line = Some(LineStyle::Cylinder),
+                // cpfg numbers them, too.
+                Some("pixel" | "1") => self.view.line = Some(LineStyle::Pixel),
+                Some("polygon" | "2") => self.view.line = Some(LineStyle::Polygon),
+                Some("cylinder" | "3") => self.view.line = Some(LineStyle::Cylinder),
                 _ => self.damaged(line, "'pixel', 'polygon' or 'cylinder'"),
             },
             "tapered lines" => self.view.tapered = self.switch(line).or(self.view.tapered),
@@ -419,6 +421,12 @@ impl ViewReader<'_, '_> {
                 Some(_) => self.damaged(line, "at least 3 sides"),
                 None => {}
             },
+            // The older name: level n has 2^(n+1) sides.
+            "polygonization level" => {
+                if let Some(n) = self.number(line, "a level from 0 to 7") {
+                    self.view.sides = Some((2_u32 << sides(n.min(7.0))).max(3));
+                }
+            }
             "interpretation past %" => self.view.past_cut = self.switch(line).or(self.view.past_cut),
             "twist of cylinders" => self.view.twist = self.switch(line).or(self.view.twist),
             "tropism" | "torque" => {
@@ -550,7 +558,7 @@ impl ViewReader<'_, '_> {
         true
     }
 
-    /// `letter file scale [i j texture]`.
+    /// `letter file scale [[i j] texture]`.
     fn surface(&mut self, line: &Line<'_>) -> Option<SurfaceLine> {
         let letter = line.words.first().map(|w| w.text).filter(|t| t.chars().count() == 1);
         let (Some(letter), Some(file)) = (letter.and_then(|t| t.chars().next()), line.words.get(1)) else {
@@ -563,8 +571,13 @@ impl ViewReader<'_, '_> {
             self.damaged(line, "a scale above 0");
             return None;
         }
-        let quads = numbers.get(1).zip(numbers.get(2)).map(|(i, j)| [sides(*i), sides(*j)]);
-        let texture = numbers.get(3).map(|t| sides(*t)).filter(|t| *t > 0);
+        // One number behind the scale is the texture.
+        let (quads, texture) = match numbers.get(1..).unwrap_or_default() {
+            [texture] => (None, Some(texture)),
+            [i, j, more @ ..] => (Some([sides(*i), sides(*j)]), more.first()),
+            [] => (None, None),
+        };
+        let texture = texture.map(|t| sides(*t)).filter(|t| *t > 0);
         Some(SurfaceLine { letter, file: file_of(file.text, line, None), scale, quads, texture })
     }
 }
@@ -660,7 +673,7 @@ mod tests {
         );
         assert_eq!(report, []);
         assert_eq!(view.angle, Some(22.5));
-        assert_eq!((view.width, view.width_in_pixels, view.width_increment), (Some(3.0), Some(true), Some(0.5)));
+        assert_eq!((view.width, view.width_increment), (Some(3.0), Some(0.5)));
         assert_eq!((view.line, view.tapered), (Some(LineStyle::Cylinder), Some(false)));
         assert_eq!((view.color, view.color_increment), (Some(1), Some(255)));
         assert_eq!((view.scale, view.scale_multiplier, view.sides), (Some(2.0), Some(0.5), Some(12)));
@@ -747,8 +760,44 @@ mod tests {
     fn what_follows_a_number_does_not_count() {
         let (view, report) = read("angle increment: 22.5;\ninitial line width: 2pixels\nline width increment: .5e\n");
         assert_eq!(report, []);
-        assert_eq!((view.angle, view.width, view.width_in_pixels), (Some(22.5), Some(2.0), Some(true)));
+        assert_eq!((view.angle, view.width, view.line), (Some(22.5), Some(2.0), Some(LineStyle::Pixel)));
         assert_eq!(view.width_increment, Some(0.5));
+    }
+
+    #[test]
+    fn the_unit_of_a_width_sets_the_style_of_lines() {
+        use super::LineStyle::{Cylinder, Pixel, Polygon};
+        for (text, line) in [
+            ("initial line width: 0.2\n", Polygon),
+            ("initial line width: 0.2 /* units */\r\n", Polygon),
+            ("initial line width: 1e-1\n", Polygon),
+            ("initial line width: 2 p\n", Pixel),
+            ("initial line width: 2.0 pixels\n", Pixel),
+            ("initial line width: 0.1 s\n", Cylinder),
+            // The last line that sets it counts.
+            ("initial line width: 3\nline style: pixel\n", Pixel),
+            ("line style: pixel\ninitial line width: 3\n", Polygon),
+            ("initial line width: 2 pixels\nline style: cylinder\n", Cylinder),
+            ("line style: 1\n", Pixel),
+            ("line style: 2\n", Polygon),
+            ("line style: 3\n", Cylinder),
+        ] {
+            let (view, report) = read(text);
+            assert_eq!((view.line, report.len()), (Some(line), 0), "{text}: {report:?}");
+        }
+        assert_eq!(read("angle factor: 8\n").0.line, None);
+    }
+
+    #[test]
+    fn older_lines_of_views_are_read() {
+        for (level, sides) in [(0, 3), (1, 4), (3, 16), (9, 256)] {
+            let (view, report) = read(&format!("polygonization level: {level}\n"));
+            assert_eq!((view.sides, report.len()), (Some(sides), 0), "{report:?}");
+        }
+        // One number behind the scale of a surface is its texture.
+        let (view, _) = read("surface: l leaf.s 0.5 2\nsurface: m leaf.s 0.5 3 4\nsurface: n leaf.s 0.5 3 4 1\n");
+        let found: Vec<_> = view.surfaces.iter().map(|s| (s.quads, s.texture)).collect();
+        assert_eq!(found, [(None, Some(2)), (Some([3, 4]), None), (Some([3, 4]), Some(1))]);
     }
 
     #[test]

@@ -21,6 +21,8 @@ const DIALECTS: [(&str, Dialect); 7] = [
 ];
 /// Symbols that `bind` refuses because they belong to the notation.
 const RESERVED_SYMBOLS: [char; 7] = ['<', '>', ':', '(', ')', '[', ']'];
+/// Help for faults of `define-angle:`.
+const ANGLES_HELP: &str = "write: define-angle: a = uniform(0,60)  b = normal(0,5)";
 /// First words of actions, for suggestions.
 const ACTIONS: [&str; 13] = [
     "forward", "move", "rotate", "width", "widen", "colour", "polygon", "vertex", "fill", "organ", "sphere", "as",
@@ -113,6 +115,16 @@ impl ItemParser<'_> {
                 let help = "write a number, or a calculation with numbers";
                 return self.session.error_help("L001", format!("'{name}' is not constant"), t.place, help);
             };
+            let range = match name.as_str() {
+                "thickness" | "min_thickness" if value < 0.0 => "0 or more",
+                "unit" if value <= 0.0 => "above 0",
+                "fraction" if !(0.0..1.0).contains(&value) => "from 0 to below 1",
+                _ => "",
+            };
+            if !range.is_empty() {
+                let help = format!("write a number {range}, or leave '{name}' out");
+                return self.session.error_help("L001", format!("'{name}' must be {range}"), t.place, help);
+            }
             let Some(turtle) = &mut self.program.turtle else { return };
             let settings = &mut turtle.settings;
             match name.as_str() {
@@ -120,9 +132,9 @@ impl ItemParser<'_> {
                 // Percent in the file become shares.
                 "thickness" => settings.thickness = Some(0.01 * value),
                 "min_thickness" => settings.min_thickness = 0.01 * value,
-                "unit" => settings.unit = Some(value).filter(|u| *u > 0.0),
-                // A share outside of 0 to 1 counts as not given.
-                _ => settings.fraction = Some(value).filter(|f| *f > 0.0 && *f < 1.0),
+                "unit" => settings.unit = Some(value),
+                // A share of 0 counts as not given.
+                _ => settings.fraction = Some(value).filter(|f| *f > 0.0),
             }
         }
     }
@@ -136,18 +148,19 @@ impl ItemParser<'_> {
     fn angle_definitions(&mut self, value: &[Token], head: SourcePlace) {
         let mut cursor = TokenCursor::new(value, head);
         if cursor.peek().is_none() {
-            self.session.error("L001", "unexpected end of line, expected 'name = value'", head, "after this");
+            self.session.fault("unexpected end of line, expected 'name = value'", head, "after this", ANGLES_HELP);
         }
         while let Some(t) = cursor.peek() {
             let TokenKind::Ident(name) = t.kind else {
                 let found = super::describe(&self.session.names, t);
                 let message = format!("unexpected {found}, expected the name of an angle");
-                return self.session.error("L001", message, t.place, "here");
+                return self.session.error_help("L001", message, t.place, ANGLES_HELP);
             };
             cursor.bump();
             // An expression ends where the next `name =` begins, so that no separator is needed.
             if !cursor.eat('=') {
-                return self.session.error("L001", "expected '=' after the name of an angle", cursor.place(), "here");
+                let message = "expected '=' after the name of an angle".into();
+                return self.session.error_help("L001", message, cursor.place(), ANGLES_HELP);
             }
             let names = self.angle_names();
             let mut compiler = self.compiler(NameScope::Angle);
@@ -280,7 +293,7 @@ impl ItemParser<'_> {
         }
         if plain && !matches!(action, TurtleAction::Organ(_)) {
             let t = rest.first().map_or(place, |t| t.place);
-            self.session.error("L001", format!("'{first}' takes no number"), t, "here");
+            self.session.error_help("L001", format!("'{first}' takes no number"), t, "remove it");
             return None;
         }
         let names = self.angle_names();
@@ -290,7 +303,9 @@ impl ItemParser<'_> {
     }
 
     fn missing<T>(&mut self, what: &str, place: SourcePlace) -> Option<T> {
-        self.session.error("L001", format!("expected {what} after this"), place, "after this");
+        let message = format!("expected {what} after this");
+        let help = "give the action all that it takes: forward 1, rotate world x 30, as F";
+        self.session.fault(message, place, "after this", help);
         None
     }
 

@@ -36,6 +36,8 @@ impl PendingOperator {
     }
 }
 
+/// Help for faults of `?:`.
+const CHOICE_HELP: &str = "write a choice as: condition ? value : other value";
 const PREC_TERNARY: u8 = 1;
 const PREC_OR: u8 = 2;
 const PREC_AND: u8 = 3;
@@ -126,6 +128,18 @@ impl ExpressionCompiler<'_, '_> {
         None
     }
 
+    /// L001 with what mends it.
+    fn fault<T>(&mut self, message: String, place: SourcePlace, label: &str, help: &str) -> Option<T> {
+        self.compiler.session.fault(message, place, label, help);
+        None
+    }
+
+    /// L001 where a value is missing. `found`: what stands there.
+    fn missing_value<T>(&mut self, found: &str, place: SourcePlace, label: &str) -> Option<T> {
+        let help = "put a number, a variable or a function there, or remove the operator or comma before it";
+        self.fault(format!("unexpected {found}, expected a value"), place, label, help)
+    }
+
     fn push_pending(&mut self, pending: PendingOperator, place: SourcePlace) -> Option<()> {
         self.pending.push(pending);
         let limit = self.compiler.max_depth;
@@ -192,7 +206,7 @@ impl ExpressionCompiler<'_, '_> {
 
     fn operand(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
         let Some(&t) = cursor.peek() else {
-            return self.error("L001", "unexpected end, expected a value".into(), self.last, "after this");
+            return self.missing_value("end", self.last, "after this");
         };
         match t.kind {
             TokenKind::Number(n) => {
@@ -200,7 +214,8 @@ impl ExpressionCompiler<'_, '_> {
                 // The lexer passes valid number literals only, so that parsing cannot fail; too large ones parse as infinity.
                 let value: f64 = text.parse().unwrap_or(f64::INFINITY);
                 if !value.is_finite() {
-                    return self.error("L001", format!("number {text} is out of range"), t.place, "too large");
+                    let message = format!("number {text} is out of range");
+                    return self.fault(message, t.place, "too large", "write a number of at most 1.7e308");
                 }
                 self.code.ops.push(Op::Const(value));
             }
@@ -216,7 +231,7 @@ impl ExpressionCompiler<'_, '_> {
             }
             _ => {
                 let word = self.compiler.describe(&t);
-                return self.error("L001", format!("unexpected {word}, expected a value"), t.place, "here");
+                return self.missing_value(&word, t.place, "here");
             }
         }
         cursor.bump();
@@ -247,7 +262,7 @@ impl ExpressionCompiler<'_, '_> {
             Some(PendingOperator::Call { name, place, args }) => {
                 self.call(name, place.to(t.place), args + usize::from(!empty))?;
             }
-            _ => return self.error("L001", "unexpected ')', expected ':' of '?:'".into(), t.place, "here"),
+            _ => return self.fault("unexpected ')', expected ':' of '?:'".into(), t.place, "here", CHOICE_HELP),
         }
         cursor.bump();
         self.last = t.place;
@@ -265,7 +280,7 @@ impl ExpressionCompiler<'_, '_> {
         }
         self.reduce(0);
         if !matches!(self.pending.pop(), Some(PendingOperator::Index { .. })) {
-            return self.error("L001", "unexpected ']', expected ':' of '?:'".into(), close, "here");
+            return self.fault("unexpected ']', expected ':' of '?:'".into(), close, "here", CHOICE_HELP);
         }
         let access = self.compiler.element(array, given + 1, place.to(close))?;
         self.code.elements.push(access);
@@ -311,7 +326,10 @@ impl ExpressionCompiler<'_, '_> {
                 self.reduce(0);
                 match self.pending.last_mut() {
                     Some(PendingOperator::Index { given, .. }) => *given += 1,
-                    _ => return self.error("L001", "unexpected ']', expected ')'".into(), t.place, "here"),
+                    _ => {
+                        let message = "unexpected ']', expected ')'".into();
+                        return self.fault(message, t.place, "here", "put ')' before it");
+                    }
                 }
                 cursor.bump();
             }
@@ -325,7 +343,10 @@ impl ExpressionCompiler<'_, '_> {
                 match self.pending.last_mut() {
                     Some(PendingOperator::Call { args, .. }) => *args += 1,
                     Some(PendingOperator::Index { given, .. }) => *given += 1,
-                    _ => return self.error("L001", "unexpected ',', expected ')'".into(), t.place, "here"),
+                    _ => {
+                        let help = "put ')' before it: only functions and arrays have several values in parentheses";
+                        return self.fault("unexpected ',', expected ')'".into(), t.place, "here", help);
+                    }
                 }
             }
             _ => return Some(false),
@@ -608,12 +629,13 @@ impl ExpressionCompiler<'_, '_> {
                         place.span,
                         "here",
                     )
-                    .label(open.span, "opened here"),
+                    .label(open.span, "opened here")
+                    .help(format!("close it with '{close}', or put an operator between two values")),
                     place,
                 );
                 None
             }
-            Some(_) => self.error("L001", "'?' without ':'".into(), place, "expected ':' before this"),
+            Some(_) => self.fault("'?' without ':'".into(), place, "expected ':' before this", CHOICE_HELP),
         }
     }
 }

@@ -17,6 +17,10 @@ const MAX_ARRAY_ELEMENTS: u32 = 65_535;
 
 /// Productions of a section of a file. Own: a hundred times those of the largest models, which take 20 MB.
 const MAX_PRODUCTIONS: usize = 20_000;
+/// Help for faults of arrays in `Define:`.
+const ARRAYS_HELP: &str = "write: Define: { array a[2] = {1, 2}; }";
+/// Help for values of items that are no constants.
+const CONSTANT_HELP: &str = "write a number, or a calculation of numbers and of #define";
 
 /// Names of items in other notations, each with what a grammar has instead.
 const FOREIGN_ITEMS: [(&[&str], &str); 5] = [
@@ -100,6 +104,8 @@ pub(super) struct ItemParser<'r> {
     array_values: Vec<(u16, f64)>,
     header: Option<SourcePlace>,
     axiom: Option<SourcePlace>,
+    /// Items read so far that count once, and whether they are those of the homomorphism.
+    given: Vec<(Keyword, bool)>,
     ended: bool,
     /// A production beyond [`MAX_PRODUCTIONS`] was reported.
     has_too_many: bool,
@@ -123,6 +129,7 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: Vec<Token>, start: Sourc
         array_values: Vec::new(),
         header: None,
         axiom: None,
+        given: Vec::new(),
         ended: false,
         has_too_many: false,
         end: lines.last().and_then(LogicalLine::place),
@@ -197,6 +204,7 @@ impl ItemParser<'_> {
         (program.decomposition.depth, program.homomorphism.depth) = (1, 1);
         let (label, first) = (std::mem::take(&mut self.label), self.axiom.take());
         (self.section, self.ended) = (ProductionSection::Productions, false);
+        self.given.clear();
         for line in lines.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define)) {
             self.block_item(line);
         }
@@ -302,7 +310,7 @@ impl ItemParser<'_> {
     fn array_definition(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
         let place = cursor.place();
         let Some(TokenKind::Ident(name)) = cursor.peek().map(|t| t.kind) else {
-            self.session.error("L001", "expected the name of an array", place, "here");
+            self.session.error_help("L001", "expected the name of an array".into(), place, ARRAYS_HELP);
             return None;
         };
         cursor.bump();
@@ -322,6 +330,10 @@ impl ItemParser<'_> {
                     self.session.error_help("L001", message, at, "write a whole number of elements");
                     return None;
                 }
+                if size.fract().abs() > 0.0 {
+                    let message = format!("{size} is no whole number, {} is taken", size.trunc());
+                    self.session.warning("L008", message, at, "write a whole number of elements");
+                }
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
                 sizes.push(size as u32);
                 if !cursor.eat(',') {
@@ -331,7 +343,8 @@ impl ItemParser<'_> {
             self.expect(cursor, ']')?;
         }
         if sizes.is_empty() {
-            self.session.error("L001", format!("expected '[' and the sizes of array '{word}'"), cursor.place(), "here");
+            let message = format!("expected '[' and the sizes of array '{word}'");
+            self.session.error_help("L001", message, cursor.place(), ARRAYS_HELP);
             return None;
         }
         // All elements are global variables behind those of the blocks.
@@ -383,7 +396,7 @@ impl ItemParser<'_> {
         let code = expression::compile_expression(&mut compiler, cursor)?;
         let value = vm::constant_value(&code);
         if value.is_none() {
-            self.session.error("L001", "value is not a constant number", place, "here");
+            self.session.error_help("L001", "value is not a constant number".into(), place, CONSTANT_HELP);
         }
         value
     }
@@ -393,7 +406,8 @@ impl ItemParser<'_> {
             return Some(());
         }
         let found = cursor.peek().map_or_else(|| "end of block".to_owned(), |t| describe(&self.session.names, t));
-        self.session.error("L001", format!("unexpected {found}, expected '{c}'"), cursor.place(), "here");
+        let message = format!("unexpected {found}, expected '{c}'");
+        self.session.error_help("L001", message, cursor.place(), format!("put '{c}' there"));
         None
     }
 
@@ -423,7 +437,7 @@ impl ItemParser<'_> {
             body => {
                 let at = body.first().map_or(place, |t| t.place);
                 // Articles on L-systems name the axiom `start`.
-                let help = "write the statements of a block in braces: Start: { n = 1; }; the string that a derivation starts with is \
+                let help = "put the statements of the block in braces: Start: { n = 1; }; the string that a derivation starts with is \
                             the axiom: Axiom: F";
                 self.session.error_help("L001", "unexpected token, expected '{'".into(), at, help);
                 None
@@ -436,7 +450,8 @@ impl ItemParser<'_> {
         let Some(inner) = self.block_tokens(line, n, place) else { return };
         let mut compiler = self.compiler(NameScope::Global);
         let Some(code) = statement::block(&mut compiler, inner, place) else { return };
-        // A second block of the same kind replaces the first.
+        let head = line.tokens.first().map_or(place, |t| t.place);
+        self.check_second(key, head);
         let slot = match key {
             Keyword::Start => &mut self.program.blocks.start,
             Keyword::StartEach => &mut self.program.blocks.start_each,
@@ -444,6 +459,18 @@ impl ItemParser<'_> {
             _ => &mut self.program.blocks.end,
         };
         *slot = Some(code);
+    }
+
+    /// L008 for a second item of its kind, which replaces the first one.
+    fn check_second(&mut self, key: Keyword, place: SourcePlace) {
+        // The homomorphism has a seed and a depth of its own.
+        let item = (key, self.section == ProductionSection::Homomorphism);
+        if !self.given.contains(&item) {
+            return self.given.push(item);
+        }
+        let name = KEYWORDS.iter().find(|k| k.1 == key).map_or("item", |k| k.2);
+        let message = format!("a second '{name}' replaces the first one");
+        self.session.warning("L008", message, place, "keep one of them");
     }
 
     fn item(&mut self, line: &LogicalLine) {
@@ -459,6 +486,9 @@ impl ItemParser<'_> {
         let head = line.tokens.first().map_or(place, |t| t.place);
         // The value of an item follows its keyword and the optional colon.
         let value = &line.tokens[(n + colon).min(line.tokens.len())..];
+        if matches!(key, Keyword::Seed | Keyword::Length | Keyword::Depth) {
+            self.check_second(key, head);
+        }
         match key {
             Keyword::Lsystem => self.label = self.spelling(value),
             // A label may follow, as after `Lsystem`.
@@ -481,7 +511,8 @@ impl ItemParser<'_> {
                 match self.integer(value, head).map(u32::try_from) {
                     Some(Ok(length)) => self.program.length = length,
                     Some(Err(_)) => {
-                        self.session.error("L001", "derivation length must lie in 0 to 1,000,000", place, "here");
+                        let message = "derivation length must lie in 0 to 1,000,000".into();
+                        self.session.error_help("L001", message, place, "write a number of steps in that range");
                     }
                     None => {}
                 }
@@ -493,7 +524,8 @@ impl ItemParser<'_> {
                 let depth = match self.integer(value, head).map(u32::try_from) {
                     Some(Ok(depth)) => depth,
                     Some(Err(_)) => {
-                        return self.session.error("L001", "maximum depth must be 0 or more", place, "here");
+                        let message = "maximum depth must be 0 or more".into();
+                        return self.session.error_help("L001", message, place, "write for example: maximum depth: 5");
                     }
                     None => return,
                 };
@@ -546,7 +578,8 @@ impl ItemParser<'_> {
     /// A constant item value, cut to an integer with L008 if it is a fraction; L001 for a missing or variable one.
     fn integer(&mut self, tokens: &[Token], place: SourcePlace) -> Option<i64> {
         if tokens.is_empty() {
-            self.session.error("L001", "unexpected end of line, expected a number", place, "after this");
+            let help = "write the number behind the colon";
+            self.session.fault("unexpected end of line, expected a number", place, "after this", help);
             return None;
         }
         let mut compiler = self.compiler(NameScope::Global);
@@ -561,7 +594,7 @@ impl ItemParser<'_> {
                 Some(v.trunc() as i64)
             }
             _ => {
-                self.session.error("L001", "value is not a constant number", place, "here");
+                self.session.error_help("L001", "value is not a constant number".into(), place, CONSTANT_HELP);
                 None
             }
         }
@@ -576,7 +609,8 @@ impl ItemParser<'_> {
         let mut compiler = self.compiler_context().compiler(self.session, NameScope::Global);
         if let Some((modules, _)) = successor::successor(&mut compiler, &mut self.program.symbols, value, place) {
             if modules.is_empty() {
-                self.session.error("L003", "the axiom is empty", place, "expected modules after this");
+                let d = Diagnostic::error("L003", "the axiom is empty", place.span, "expected modules after this");
+                self.session.push(d.help("write the modules that the derivation begins with: Axiom: F(1)"), place);
             }
             let end = value.last().map_or(place, |t| t.place);
             production::check_balance(self.session, &modules, &self.program.symbols, "axiom", place, end);
@@ -585,13 +619,33 @@ impl ItemParser<'_> {
     }
 
     fn set_ignored(&mut self, key: Keyword, value: &[Token], place: SourcePlace) {
-        if !matches!(self.program.ignored, IgnoredSymbols::Nothing) {
-            let message = "Ignore and Consider exclude each other".to_owned();
-            return self.session.error_help("L010", message, place, "remove this line or the one before");
+        match (key, &self.program.ignored) {
+            (_, IgnoredSymbols::Nothing) => {}
+            (Keyword::Ignore, IgnoredSymbols::Listed(_)) | (Keyword::Consider, IgnoredSymbols::AllExcept(_)) => {
+                let message = "the symbols of this line replace those of the one before".to_owned();
+                self.session.warning("L008", message, place, "write all symbols in one line");
+            }
+            _ => {
+                let message = "Ignore and Consider exclude each other".to_owned();
+                return self.session.error_help("L010", message, place, "remove this line or the one before");
+            }
         }
-        let spelled = self.spelling(value);
-        let symbols = &mut self.program.symbols;
-        let list = spelled.chars().filter(|c| *c != ' ').filter_map(|c| symbols.intern(c)).collect();
+        // Quotes are symbols like any other character.
+        let mut list = Vec::new();
+        for t in value {
+            let symbols = &mut self.program.symbols;
+            match t.kind {
+                TokenKind::Ident(n) | TokenKind::Number(n) => {
+                    list.extend(self.session.names.get(n).chars().filter_map(|c| symbols.intern(c)));
+                }
+                TokenKind::Text(n) => {
+                    let text = format!("\"{}\"", self.session.names.get(n));
+                    list.extend(text.chars().filter(|c| !c.is_whitespace()).filter_map(|c| symbols.intern(c)));
+                }
+                TokenKind::Char(c) => list.extend(symbols.intern(c)),
+                TokenKind::Newline { .. } => {}
+            }
+        }
         self.program.ignored =
             if key == Keyword::Ignore { IgnoredSymbols::Listed(list) } else { IgnoredSymbols::AllExcept(list) };
     }
@@ -712,7 +766,8 @@ impl ItemParser<'_> {
         }
         let found = line.tokens.first().map_or_else(String::new, |t| describe(&self.session.names, t));
         let message = format!("unexpected {found}, expected an item or a production with '-->'");
-        self.session.error("L001", message, first, "this line");
+        let help = "write an item such as 'Axiom: F', a production such as 'A --> F A', or a comment: /* .. */";
+        self.session.fault(message, first, "this line", help);
     }
 
     fn check_complete(&mut self, start: SourcePlace) {

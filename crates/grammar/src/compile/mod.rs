@@ -137,8 +137,8 @@ impl<'r> Compiler<'r> {
         list.iter().rposition(|n| *n == name).and_then(|i| u16::try_from(i).ok())
     }
 
-    /// Instruction that reads a variable: a local, a global, then `Q`, `Z` and `remaining`. Other names read 0, with L020 except
-    /// in `#if`.
+    /// Instruction that reads a variable: a local, a global, then `Q`, `Z` and `remaining`, then the number of a function of a
+    /// companion file. Other names read 0, with L020 except in `#if`.
     pub fn load_variable(&mut self, name: u32, place: SourcePlace) -> Op {
         if let Some(slot) = Self::slot(&self.locals, name) {
             return Op::Local(slot);
@@ -154,6 +154,10 @@ impl<'r> Compiler<'r> {
             "remaining" => return Op::Remaining,
             _ if self.scope == NameScope::Preprocessor => return Op::Const(0.0),
             _ => {}
+        }
+        // cpfg has the names of functions as their file has them.
+        if let Some(id) = self.session.functions.id_of(&word) {
+            return Op::Const(f64::from(id));
         }
         // Unknown names count as 0, with a warning that suggests the nearest known one.
         let known = self.locals.iter().chain(&self.globals).map(|n| self.session.names.get(*n));
@@ -220,7 +224,8 @@ pub(super) fn evaluate_condition(session: &mut ParseSession, tokens: &[Token], p
     let code = expression::compile_expression(&mut compiler, &mut cursor);
     if let (Some(_), Some(t)) = (&code, cursor.peek()) {
         let word = describe(&session.names, t);
-        session.error("L001", format!("unexpected {word}, expected an operator"), t.place, "here");
+        let help = "remove it, or put an operator between two values: #if A == 1";
+        session.error_help("L001", format!("unexpected {word}, expected an operator"), t.place, help);
         return false;
     }
     code.is_some_and(|c| crate::vm::constant_value(&c) != Some(0.0))
@@ -247,7 +252,8 @@ fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: Source
                 let help = "did you mean '=='? A single '=' assigns in a block";
                 compiler.session.error_fix("L001", message, t.place, help, "==");
             } else {
-                compiler.session.error("L001", message, t.place, "here");
+                let help = "remove it, or put an operator between two values";
+                compiler.session.error_help("L001", message, t.place, help);
             }
             None
         }

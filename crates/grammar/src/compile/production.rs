@@ -135,7 +135,8 @@ fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: Sourc
         blocks[1] = Some(inner);
         if let Some(t) = tokens.get(next) {
             let word = compiler.describe(t);
-            compiler.session.error("L001", format!("unexpected {word}, expected '-->'"), t.place, "here");
+            let help = "put '-->' behind the second block, and a condition before it";
+            compiler.session.error_help("L001", format!("unexpected {word}, expected '-->'"), t.place, help);
             return None;
         }
     }

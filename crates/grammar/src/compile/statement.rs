@@ -39,8 +39,8 @@ pub(super) fn block(compiler: &mut Compiler<'_>, tokens: &[Token], place: Source
 }
 
 impl BlockCompiler<'_, '_> {
-    fn error<T>(&mut self, message: String, place: SourcePlace) -> Option<T> {
-        self.compiler.session.error("L001", message, place, "here");
+    fn error<T>(&mut self, message: String, place: SourcePlace, help: &str) -> Option<T> {
+        self.compiler.session.error_help("L001", message, place, help);
         None
     }
 
@@ -53,7 +53,10 @@ impl BlockCompiler<'_, '_> {
             return Some(());
         }
         let found = cursor.peek().map_or_else(|| "end of block".to_owned(), |t| self.compiler.describe(t));
-        self.error(format!("unexpected {found}, expected '{c}'"), cursor.place())
+        let message = format!("unexpected {found}, expected '{c}'");
+        let help = if c == ';' { "end each statement with ';'".to_owned() } else { format!("put '{c}' there") };
+        self.compiler.session.error_help("L001", message, cursor.place(), help);
+        None
     }
 
     fn count_statement(&mut self, place: SourcePlace) {
@@ -94,6 +97,19 @@ impl BlockCompiler<'_, '_> {
                         self.open_brace(cursor, OpenBrace::Do(start))
                     }
                     "printf" => self.printf(cursor, t.place),
+                    "for" if cursor.peek_at(1).is_some_and(|t| t.is('(')) => {
+                        let message = "grammars have no 'for'".to_owned();
+                        let help = "count in a loop with 'while': i = 0; while (i < 3) { ..; i = i+1; }";
+                        self.compiler.session.error_help("L001", message, t.place, help);
+                        None
+                    }
+                    "int" | "float" | "double"
+                        if matches!(cursor.peek_at(1).map(|t| t.kind), Some(TokenKind::Ident(_))) =>
+                    {
+                        let message = "variables of grammars have no types".to_owned();
+                        self.compiler.session.error_help("L001", message, t.place, "remove the type: x = 3;");
+                        None
+                    }
                     _ => self.assignment_or_call(cursor, name, t.place),
                 }
             }
@@ -103,7 +119,8 @@ impl BlockCompiler<'_, '_> {
             }
             _ => {
                 let word = self.compiler.describe(&t);
-                self.error(format!("unexpected {word}, expected a statement"), t.place)
+                let help = "write an assignment such as 'x = 1;', a call, 'if', 'while' or 'do', or remove it";
+                self.error(format!("unexpected {word}, expected a statement"), t.place, help)
             }
         }
     }
@@ -192,7 +209,7 @@ impl BlockCompiler<'_, '_> {
 
     fn close_brace(&mut self, cursor: &mut TokenCursor<'_>, place: SourcePlace) -> Option<()> {
         match self.open.pop() {
-            None => self.error("unexpected '}', no block is open".to_owned(), place),
+            None => self.error("unexpected '}', no block is open".to_owned(), place, "remove it"),
             Some(OpenBrace::If(jump, mut ends)) if self.next_is_word(cursor, "else") => {
                 cursor.bump();
                 self.code.ops.push(Op::Jump(0));
@@ -222,7 +239,8 @@ impl BlockCompiler<'_, '_> {
             }
             Some(OpenBrace::Do(start)) => {
                 if !self.next_is_word(cursor, "while") {
-                    return self.error("'do' block without 'while'".to_owned(), place);
+                    let help = "put the condition behind the block: do {..} while (x < 3);";
+                    return self.error("'do' block without 'while'".to_owned(), place, help);
                 }
                 cursor.bump();
                 // `do { } while (c)`: the jump back is skipped when the condition fails.

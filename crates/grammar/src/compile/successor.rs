@@ -62,8 +62,8 @@ pub(super) fn successor<'t>(
 }
 
 impl SuccessorCompiler<'_, '_, '_> {
-    fn error<T>(&mut self, message: impl Into<String>, place: SourcePlace) -> Option<T> {
-        self.compiler.session.error("L001", message, place, "here");
+    fn error_help<T>(&mut self, message: String, place: SourcePlace, help: &str) -> Option<T> {
+        self.compiler.session.error_help("L001", message, place, help);
         None
     }
 
@@ -74,7 +74,8 @@ impl SuccessorCompiler<'_, '_, '_> {
                 // Parameters belong to the module right before the parenthesis, once.
                 let known = self.accepts_parameters && self.out.last().is_some_and(|m| m.args.is_empty());
                 if !known {
-                    return self.error("unexpected '(', expected a module before it", t.place);
+                    let help = "write all parameters of a module in one pair of parentheses behind it: A(1,2)";
+                    return self.error_help("unexpected '(', expected a module before it".into(), t.place, help);
                 }
                 let args = arguments(self.compiler, cursor, t.place)?;
                 if let Some(last) = self.out.last_mut() {
@@ -84,7 +85,11 @@ impl SuccessorCompiler<'_, '_, '_> {
             }
             TokenKind::Char('*') if !has_turtle => self.star = Some(t.place),
             TokenKind::Char(c @ (')' | '<' | '>')) => {
-                return self.error(format!("unexpected '{c}', expected a module"), t.place);
+                let help = match c {
+                    ')' => "remove it, or open the parameters behind a module: A(1)",
+                    _ => "remove it: contexts stand left of the arrow",
+                };
+                return self.error_help(format!("unexpected '{c}', expected a module"), t.place, help);
             }
             TokenKind::Ident(n) if has_turtle && self.compiler.session.names.get(n) == "repeat" => {
                 return self.open_repeat(cursor, t.place);
@@ -114,11 +119,17 @@ impl SuccessorCompiler<'_, '_, '_> {
         // The count must be known before derivation, as the successor is expanded here.
         let times = vm::constant_value(&code).filter(|n| (0.0..=1e6).contains(n));
         let Some(times) = times else {
-            return self.error("'repeat' takes a constant number from 0 to 1,000,000", place);
+            let message = "'repeat' takes a constant number from 0 to 1,000,000".to_owned();
+            return self.error_help(message, place, "write: repeat 3 { F }; the number may be a #define");
         };
+        if times.fract().abs() > 0.0 {
+            let message = format!("'repeat {times}': {times} is no whole number, {} is taken", times.trunc());
+            self.compiler.session.warning("L008", message, place, "write a whole number");
+        }
         if !cursor.eat('{') {
             let at = cursor.place();
-            return self.error("unexpected token, expected '{' after the number of 'repeat'", at);
+            let message = "unexpected token, expected '{' after the number of 'repeat'".to_owned();
+            return self.error_help(message, at, "put the modules that it repeats in braces: repeat 3 { F }");
         }
         if self.repeats.len() >= self.compiler.max_depth {
             self.compiler.session.error("L004", "'repeat' nested too deep", place, "too deep here");
@@ -157,7 +168,8 @@ impl SuccessorCompiler<'_, '_, '_> {
             return None;
         }
         if let Some(place) = self.star.filter(|_| !self.out.is_empty()) {
-            return self.error("unexpected '*', expected a module: '*' is the empty successor and stands alone", place);
+            let message = "unexpected '*', expected a module: '*' is the empty successor and stands alone".to_owned();
+            return self.error_help(message, place, "remove the '*', or the modules beside it");
         }
         // Occurrences are counted after repeats are expanded, so that all modules have different lineages.
         let mut counts = vec![0_u32; self.symbols.len()];

@@ -405,14 +405,20 @@ impl<'g> Writer<'g> {
         // Fractint turns in whole units of the angle: '|' turns by half of them, rounded down.
         let half = (360.0 / angle).round().div_euclid(2.0).floor() * angle;
         let uses = |list: &str| list.chars().any(|c| self.grammar.program.symbols.find(c).is_some());
-        // cpfg has one direction: that of whole units, or that in degrees where the file uses nothing else.
-        let both = uses("fg+-|") && uses("dm");
+        // cpfg has one direction: that of the pointer by which the file moves. Turns of the other pointer have no effect.
+        let (by_units, by_degrees) = (uses("fg"), uses("dm"));
+        let both = by_units && by_degrees && uses("+-|/\\");
         if both && matches!(c, 'd' | 'm' | '/' | '\\') {
             self.fault(symbol, "the file uses both the pointer in units and that in degrees");
         }
         match c {
             'f' | 'd' => Some("F".into()),
             'g' | 'm' => Some("f".into()),
+            '+' | '-' | '|' if by_degrees && !by_units => {
+                self.images.push(format!("{c} --> *"));
+                Some(c.to_string())
+            }
+            '\\' | '/' if by_units && !by_degrees => self.image(symbol, arities, |_| Some(String::new())),
             '+' | '-' => self.turn(&c.to_string(), angle, arities),
             '|' => {
                 self.images.push(format!("| --> -({half})"));
@@ -464,11 +470,15 @@ impl<'g> Writer<'g> {
         if factors && with_length {
             self.fault(symbol, "the file gives it a length of its own beside factors of the length");
         }
+        // Polygons of LParser have their first corner where they begin, and none at the ends of segments, as cpfg's `G` has none.
+        let draws = if find('{').is_some() { 'G' } else { 'F' };
         match c {
-            'F' | 'f' | 'g' | '|' | '{' | '.' | '}' => Some(c.to_string()),
+            'F' => Some(draws.to_string()),
+            '{' => Some("{.".into()),
+            'f' | 'g' | '|' | '.' | '}' => Some(c.to_string()),
             'Z' | 'z' => {
                 // Without a number these segments have half the length.
-                let sign = if c == 'Z' { 'F' } else { 'f' };
+                let sign = if c == 'Z' { draws } else { 'f' };
                 self.image(symbol, arities, |n| Some(if n > 0 { format!("{sign}(a)") } else { format!("{sign}(0.5)") }))
             }
             '+' | '-' | '&' | '^' => self.turn(&c.to_string(), angle, arities),

@@ -45,6 +45,7 @@ pub fn detect(name: &str, bytes: &[u8]) -> FileKind {
         "ls" => FileKind::Grammar(Notation::LParser),
         "lpy" => FileKind::Grammar(Notation::LPy),
         "toml" => FileKind::Other,
+        "l" if super::fractint::has_faulty_system(text) => FileKind::Grammar(Notation::Fractint),
         _ if is_houdini(text) => FileKind::Houdini,
         "l" => FileKind::Grammar(Notation::Cpfg),
         _ => FileKind::Other,

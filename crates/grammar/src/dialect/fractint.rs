@@ -6,7 +6,7 @@ use crate::program::SuccessorModule;
 use osier_base::diagnostic::{Diagnostic, nearest};
 use std::collections::BTreeMap;
 
-/// Derivation steps where the scene gives none: the order that Fractint begins with.
+/// Derivation steps where the scene gives none. Fractint begins with 2, at which most of its systems are hard to recognise.
 const DEFAULT_ORDER: u32 = 4;
 /// Rules and columns at which Fractint itself stops reading.
 const MAX_RULES: usize = 25;
@@ -31,15 +31,43 @@ impl Entry<'_> {
         if self.number == 1 { self.name.text.to_owned() } else { format!("{}({})", self.name.text, self.number) }
     }
 
-    /// An entry with an axiom: any other, such as `comment { .. }`, is text.
+    /// Whether it has an axiom and is not called `comment`, as Fractint calls entries of text.
+    fn has_axiom(&self) -> bool {
+        !self.is_comment() && self.lines.iter().any(|l| value_of(*l, "axiom").is_some())
+    }
+
+    /// An entry with an axiom or, so that its absence is told, with an angle: any other, such as `comment { .. }`, is text.
     fn is_system(&self) -> bool {
-        self.lines.iter().any(|l| l.first_word(&['=']).0.text.eq_ignore_ascii_case("axiom"))
+        self.has_axiom() || !self.is_comment() && self.lines.iter().any(|l| is_angle(*l))
+    }
+
+    fn is_comment(&self) -> bool {
+        self.name.text.eq_ignore_ascii_case("comment")
     }
 }
 
+/// The value of a line that begins with the word `item`, in any case.
+fn value_of<'t>(line: Piece<'t>, item: &str) -> Option<Piece<'t>> {
+    let (word, rest) = line.first_word(&['=']);
+    let value = rest.text.strip_prefix('=').map_or(rest, |_| rest.from(1).trimmed());
+    word.text.eq_ignore_ascii_case(item).then_some(value)
+}
+
+/// Whether a line gives the number of directions; more may follow it.
+fn is_angle(line: Piece<'_>) -> bool {
+    value_of(line, "angle").is_some_and(|v| v.first_word(&[]).0.text.parse::<f64>().is_ok())
+}
+
+/// Whether a line is the angle or the axiom of an L-system, and nothing else.
+fn is_setting(line: Piece<'_>) -> bool {
+    let is_lone = |v: Piece<'_>| v.text.split_whitespace().count() == 1 && !v.text.starts_with(':');
+    is_angle(line) && value_of(line, "angle").is_some_and(is_lone) || value_of(line, "axiom").is_some_and(is_lone)
+}
+
 /// The L-systems of a file. Text between entries is left out; an entry without its brace ends where the next one begins.
-fn entries(text: &str) -> Vec<Entry<'_>> {
-    let mut out = blocks(text, false);
+/// `outside`: the first angle or axiom that stands between entries.
+fn entries<'t>(text: &'t str, outside: &mut Option<Piece<'t>>) -> Vec<Entry<'t>> {
+    let mut out = blocks(text, false, outside);
     out.retain(Entry::is_system);
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     for e in &mut out {
@@ -52,11 +80,19 @@ fn entries(text: &str) -> Vec<Entry<'_>> {
 
 /// True if a file has an L-system; its text is read as far as the first one.
 pub(super) fn has_system(text: &str) -> bool {
-    blocks(text, true).iter().any(Entry::is_system)
+    blocks(text, true, &mut None).iter().any(Entry::has_axiom)
 }
 
-/// What stands between braces, comments too. `to_first_system`: what follows the first L-system is left out.
-fn blocks(text: &str, to_first_system: bool) -> Vec<Entry<'_>> {
+/// True if a file has an L-system without an axiom, or lines of one without braces around them: its faults are those of a file of
+/// Fractint.
+pub(super) fn has_faulty_system(text: &str) -> bool {
+    let has = |item: &str| lines(text).map(|l| l.before(';')).any(|l| is_setting(l) && value_of(l, item).is_some());
+    has("angle") && has("axiom") || blocks(text, false, &mut None).iter().any(Entry::is_system)
+}
+
+/// What stands between braces, comments too. `to_first_system`: what follows the first L-system is left out. `outside`: the first
+/// angle or axiom that stands between entries.
+fn blocks<'t>(text: &'t str, to_first_system: bool, outside: &mut Option<Piece<'t>>) -> Vec<Entry<'t>> {
     let mut out: Vec<Entry<'_>> = Vec::new();
     let mut is_open = false;
     let mut title = Piece::new(0, "");
@@ -66,7 +102,7 @@ fn blocks(text: &str, to_first_system: bool) -> Vec<Entry<'_>> {
         if let Some(brace) = code.text.find('{').filter(|brace| !(is_open && is_item(code.up_to(*brace)))) {
             // The name stands before the brace, or on the line before as its only text.
             let before = code.up_to(brace).trimmed();
-            if to_first_system && out.last().is_some_and(Entry::is_system) {
+            if to_first_system && out.last().is_some_and(Entry::has_axiom) {
                 return out;
             }
             let name = if before.text.is_empty() { title } else { before };
@@ -78,6 +114,9 @@ fn blocks(text: &str, to_first_system: bool) -> Vec<Entry<'_>> {
             is_open = add_line(&mut out, code);
         } else if !code.trimmed().text.is_empty() {
             title = code.trimmed();
+            if outside.is_none() && is_setting(title) {
+                *outside = Some(title);
+            }
         }
     }
     out
@@ -104,13 +143,30 @@ fn add_line<'t>(entries: &mut [Entry<'t>], line: Piece<'t>) -> bool {
 
 /// Names of the L-systems in the order of the file. The second of a name is `NAME(2)`.
 pub(super) fn names(text: &str) -> Vec<String> {
-    entries(text).iter().map(Entry::own_name).collect()
+    entries(text, &mut None).iter().map(Entry::own_name).collect()
 }
 
 /// Reads the entry `wanted`, without it the only one of the file; L061 for none or several.
 pub(super) fn read(reader: &mut Reader<'_>, text: &str, file: &str, wanted: Option<&str>) {
-    let list = entries(text);
-    let Some(entry) = select(reader, &list, file, wanted) else { return };
+    let mut outside = None;
+    let list = entries(text, &mut outside);
+    let help = "write '{' behind the name of the L-system, and '}' on a line of its own behind its last rule";
+    if let Some(line) = outside.filter(|_| list.is_empty()) {
+        let message = "the lines of an L-system of Fractint stand in braces, which this one lacks".to_owned();
+        let place = reader.place(line.range());
+        return reader.session.error_help("L061", message, place, help);
+    }
+    let entry = select(reader, &list, file, wanted);
+    if let Some(line) = outside {
+        // A sheet, which reads all entries, tells it once: with the entry that follows.
+        let next = list.iter().find(|e| e.name.at > line.at).or(list.last());
+        if entry.is_none_or(|e| next.is_some_and(|n| n.name.at == e.name.at)) {
+            let message = format!("'{}' stands outside of all braces and is left out", line.text);
+            let place = reader.place(line.range());
+            reader.session.warning("L008", message, place, help);
+        }
+    }
+    let Some(entry) = entry else { return };
     warn_of_namesakes(reader, &list, entry, file);
     entry.name.text.clone_into(&mut reader.label);
     entry.comment.clone_into(&mut reader.description);
@@ -222,7 +278,8 @@ impl System<'_, '_> {
         if word.text.is_empty() {
             return self.error("a rule without the symbol that it replaces".into(), line, "write: F=F+F");
         }
-        let rest = rest.text.strip_prefix('=').map_or(rest, |_| rest.from(1).trimmed());
+        let is_assigned = rest.text.starts_with('=');
+        let rest = if is_assigned { rest.from(1).trimmed() } else { rest };
         let (value, more) = rest.first_word(&[]);
         let mut symbols = word.text.chars();
         match (word.text.to_ascii_lowercase().as_str(), symbols.next(), symbols.next()) {
@@ -232,7 +289,13 @@ impl System<'_, '_> {
                 if modules.is_empty() {
                     return self.error("the axiom is empty".into(), line, "write: Axiom F");
                 }
-                self.axiom = Some(modules);
+                if self.axiom.replace(modules).is_some() {
+                    self.second("axiom", line);
+                }
+            }
+            (_, Some(c), None) if value.text.is_empty() && !is_assigned && !RESERVED.contains(c) => {
+                let message = format!("'{c}' alone is no rule");
+                return self.error(message, word, "write F=F+F, or F= to remove the symbol");
             }
             (_, Some(c), None) => self.rule(c.to_ascii_lowercase(), word, value),
             _ => {
@@ -242,8 +305,19 @@ impl System<'_, '_> {
         }
         if !more.text.is_empty() {
             let message = format!("unexpected '{}' after the value", more.text);
-            self.error(message, more, "write values without blanks, and comments after ';'");
+            self.error(
+                message,
+                more,
+                "write values without blanks, items on lines of their own, and comments after ';'",
+            );
         }
+    }
+
+    /// L008 for an item that stands twice.
+    fn second(&mut self, item: &str, line: Piece<'_>) {
+        let place = self.reader.place(line.range());
+        let message = format!("a second {item} replaces the first one");
+        self.reader.session.warning("L008", message, place, "keep one of them");
     }
 
     fn angle(&mut self, value: Piece<'_>) {
@@ -254,7 +328,15 @@ impl System<'_, '_> {
                     let message = format!("angle {n}: Fractint takes 3 to 50 directions");
                     self.limit(message, value, "osier draws it all the same");
                 }
-                self.angle = Some(n.trunc());
+                if n.fract().abs() > 0.0 {
+                    let place = self.reader.place(value.range());
+                    let message = format!("{n} is no whole number, {} is taken", n.trunc());
+                    let help = "write a whole number of directions; '\\' and '/' turn by any number of degrees";
+                    self.reader.session.warning("L008", message, place, help);
+                }
+                if self.angle.replace(n.trunc()).is_some() {
+                    self.second("angle", value);
+                }
             }
             _ => {
                 let message = format!("the angle '{}' is not a number of directions", value.text);

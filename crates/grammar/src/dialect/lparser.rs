@@ -35,6 +35,8 @@ struct File<'r, 's, 't> {
     axiom: Option<Vec<Piece<'t>>>,
     rules: Vec<Rule<'t>>,
     length_place: SourcePlace,
+    /// A number before the axiom is missing: what the lines behind it mean is unknown.
+    is_stopped: bool,
 }
 
 /// Reads the lines of a file of LParser into the reader's program.
@@ -51,6 +53,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         axiom: None,
         rules: Vec::new(),
         length_place,
+        is_stopped: false,
     };
     for line in lines(text) {
         let line = line.before('#').trimmed();
@@ -60,6 +63,9 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         }
         if !line.text.is_empty() {
             file.line(line);
+        }
+        if file.is_stopped {
+            return;
         }
     }
     file.finish(text);
@@ -84,8 +90,8 @@ impl<'t> File<'_, '_, 't> {
         match word.text.to_ascii_lowercase().as_str() {
             "recursion" => self.recursion(rest),
             "angle" => self.angle = self.number(rest),
-            "thickness" => self.thickness = self.number(rest),
-            "min_thickness" => self.min_thickness = self.number(rest).unwrap_or(0.0),
+            "thickness" => self.thickness = self.thickness(rest),
+            "min_thickness" => self.min_thickness = self.thickness(rest).unwrap_or(0.0),
             "color" | "colour" => self.color(rest),
             "axiom" => self.set_axiom(rest),
             "rule" => self.rule(rest),
@@ -108,7 +114,12 @@ impl<'t> File<'_, '_, 't> {
             return self.rule(rule);
         }
         if self.axiom.is_some() {
-            // A long rule may go on in the next line.
+            // A long rule may go on in the next line, which LParser does not read.
+            let place = self.reader.place(line.range());
+            let before = if self.rules.is_empty() { "axiom" } else { "rule" };
+            let message = format!("this line is no rule, and goes on with the {before} before it");
+            let help = "write a rule as one character, '=' and its successor: A=F[+A]; or a long one on one line";
+            self.reader.session.warning("L008", message, place, help);
             return match self.rules.last_mut() {
                 Some(rule) => rule.successor.push(line),
                 None => self.set_axiom(line),
@@ -117,6 +128,14 @@ impl<'t> File<'_, '_, 't> {
         // Words may follow the number.
         let (word, _) = line.first_word(&[]);
         if word.text.parse::<f64>().is_err() {
+            // Three numbers precede the axiom of a file of bare lines.
+            let numbers = [("angle", self.angle), ("thickness", self.thickness)];
+            if let Some((missing, _)) = numbers.into_iter().find(|n| self.is_old && n.1.is_none()) {
+                let message = format!("expected the {missing}, found '{}'", word.text);
+                let help = "begin with recursion, angle, thickness and axiom, each on a line of its own";
+                self.is_stopped = true;
+                return self.error(message, line, help);
+            }
             let axiom = self.bare_word(line);
             return self.set_axiom(axiom);
         }
@@ -126,7 +145,7 @@ impl<'t> File<'_, '_, 't> {
         } else if self.angle.is_none() {
             self.angle = self.number(line);
         } else if self.thickness.is_none() {
-            self.thickness = self.number(line);
+            self.thickness = self.thickness(line);
         } else {
             let axiom = self.bare_word(line);
             self.set_axiom(axiom);
@@ -151,6 +170,14 @@ impl<'t> File<'_, '_, 't> {
         let number = word.text.parse::<f64>().ok().filter(|n| n.is_finite());
         if number.is_none() {
             self.error(format!("'{}' is not a number", word.text), value, "write a number such as 20 or 4.5");
+        }
+        number
+    }
+
+    fn thickness(&mut self, value: Piece<'_>) -> Option<f64> {
+        let number = self.number(value);
+        if number.is_some_and(|n| n < 0.0) {
+            self.error("a thickness below 0".into(), value, "write the percentage of the length, such as 20");
         }
         number
     }
@@ -197,6 +224,34 @@ impl<'t> File<'_, '_, 't> {
         self.rules.push(Rule { symbol, place, successor: vec![line.from(equals + 1)] });
     }
 
+    /// L008 for parentheses that hold no number, unless rules can make one of what they hold.
+    fn check_numbers(&mut self, parts: &[Piece<'_>]) {
+        let ruled: std::collections::BTreeSet<char> = self.rules.iter().map(|r| r.symbol).collect();
+        let is_made = |text: &str| text.contains(|c: char| ruled.contains(&c));
+        let mut faults: Vec<(std::ops::Range<usize>, String)> = Vec::new();
+        let mut open: Option<(usize, String)> = None;
+        for (at, c) in parts.iter().flat_map(|p| p.chars()).filter(|(_, c)| !c.is_whitespace()) {
+            match (&mut open, c) {
+                (None, '(') => open = Some((at, String::new())),
+                (None, _) => {}
+                (Some((from, text)), ')') => {
+                    if text.parse::<f64>().is_err() && !is_made(text.as_str()) {
+                        faults.push((*from..at + 1, format!("'({text})' is no number, and is left out")));
+                    }
+                    open = None;
+                }
+                (Some((_, text)), c) => text.push(c),
+            }
+        }
+        if let Some((from, _)) = open.filter(|(_, text)| !is_made(text.as_str())) {
+            faults.push((from..from + 1, "'(' without ')': what follows it is left out as a number".to_owned()));
+        }
+        for (range, message) in faults {
+            let place = self.reader.place(range);
+            self.reader.session.warning("L008", message, place, "write a number behind a command: F(20)");
+        }
+    }
+
     /// Modules of a text without its blanks.
     fn modules(&mut self, parts: &[Piece<'_>]) -> Vec<SuccessorModule> {
         let ruled: std::collections::BTreeSet<char> = self.rules.iter().map(|r| r.symbol).collect();
@@ -221,6 +276,7 @@ impl<'t> File<'_, '_, 't> {
         // Recursion 3.4 derives 4 steps; the fraction .4 shortens what the last one draws.
         let recursion = self.recursion.unwrap_or(1.0).clamp(0.0, MAX_RECURSION);
         let fraction = recursion - recursion.floor();
+        self.check_numbers(&axiom);
         let axiom = self.modules(&axiom);
         let mut made = std::collections::BTreeSet::new();
         let rules: Vec<(char, Vec<Piece<'t>>, SourcePlace)> =
@@ -228,6 +284,7 @@ impl<'t> File<'_, '_, 't> {
         for (symbol, successor, place) in rules {
             // Of several rules of a symbol the first one counts.
             if made.insert(symbol) {
+                self.check_numbers(&successor);
                 let successor = self.modules(&successor);
                 self.reader.rule(symbol, successor, place);
             }

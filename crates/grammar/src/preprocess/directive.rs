@@ -73,10 +73,14 @@ impl Preprocessor<'_> {
                     c.active = false;
                     self.skip_inactive();
                 }
-                None => self.session.error("L001", "#else without #if", place, "no #if is open here"),
+                None => {
+                    let help = "remove it, or put its #if before it";
+                    self.session.fault("#else without #if", place, "no #if is open here", help);
+                }
             },
             "endif" if self.conditions.pop().is_none() => {
-                self.session.error("L001", "#endif without #if", place, "no #if is open here");
+                let help = "remove it, or put its #if before it";
+                self.session.fault("#endif without #if", place, "no #if is open here", help);
             }
             "error" => {
                 let help = "an #if selected this #error: change the macros that it tests";
@@ -162,10 +166,12 @@ impl Preprocessor<'_> {
 
     fn define(&mut self, rest: &[Token], place: SourcePlace) {
         let Some(head) = rest.first() else {
-            return self.session.error("L001", "#define without a name", place, "expected a name after this");
+            let help = "write: #define NAME value";
+            return self.session.fault("#define without a name", place, "expected a name after this", help);
         };
         let TokenKind::Ident(name) = head.kind else {
-            return self.session.error("L001", "unexpected token, expected a macro name", head.place, "not a name");
+            let help = "begin the name with a letter: #define NAME value";
+            return self.session.fault("unexpected token, expected a macro name", head.place, "not a name", help);
         };
         // C rule: a parenthesis that touches the name begins a parameter list.
         let is_function = rest.get(1).is_some_and(|t| t.is('(') && t.glued);

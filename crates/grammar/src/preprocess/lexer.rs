@@ -210,7 +210,8 @@ impl Lexer<'_> {
                 }
                 '\0' => {
                     let place = SourcePlace::bare(Span::new(self.source, start, start + 1));
-                    self.session.error("L001", "unexpected NUL byte, expected text", place, "NUL byte");
+                    let help = "remove the byte, and save the file as text in UTF-8";
+                    self.session.fault("unexpected NUL byte, expected text", place, "NUL byte", help);
                     // A run of them, as a damaged disk leaves it, is one error.
                     while self.peek(0) == Some('\0') {
                         self.i += 1;

@@ -449,3 +449,80 @@ fn a_production_that_loses_prints_in_every_step() {
     let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
     assert_eq!((g.print(&d.modules).as_str(), d.output.as_str()), ("A(0)", "x 0\nx 0\nx 0\n"));
 }
+
+#[test]
+fn faults_of_the_notation_say_how_to_mend_them() {
+    for (rule, help) in [
+        ("A --> F(1+)", "put a number, a variable or a function there"),
+        ("A --> F((1 2))", "close it with ')', or put an operator between two values"),
+        ("A --> F)", "open the parameters behind a module"),
+        ("A --> F(1)(2)", "in one pair of parentheses"),
+        ("A --> *F", "remove the '*'"),
+        ("A : 1 2 --> F", "remove it, or put an operator between two values"),
+        ("A : {x = 1} --> F", "end each statement with ';'"),
+        ("A : {for (i=0; i<3; i=i+1) {x=i;}} 1 --> F", "count in a loop with 'while'"),
+        ("A : {double x = 3;} 1 --> F(x)", "remove the type"),
+        ("F F F", "write an item such as 'Axiom: F'"),
+        ("A : {x = 1;} 1 {y = 2;} 3 --> F", "put '-->' behind the second block"),
+        ("A --> F(1 ? 2)", "condition ? value : other value"),
+        ("A --> F((1,2))", "put ')' before it"),
+        ("A --> F(1e999)", "write a number of at most"),
+        ("A : {do {x = 1;}} 1 --> F", "put the condition behind the block"),
+        ("A : {) = 1;} 1 --> F", "write an assignment such as 'x = 1;'"),
+        ("StartEach: x = 1;", "put the statements of the block in braces"),
+        ("maximum depth: -1", "maximum depth: 5"),
+        ("Seed:", "write the number behind the colon"),
+        ("Define: { array [2]; }", "array a[2] = {1, 2};"),
+        ("Define: { array a; }", "array a[2] = {1, 2};"),
+        ("#else", "put its #if before it"),
+        ("#endif", "put its #if before it"),
+        ("#define", "write: #define NAME value"),
+        ("#define 3 4", "begin the name with a letter"),
+        ("#if 1 2\n#endif", "put an operator between two values"),
+    ] {
+        let text = format!("Lsystem: 1\nderivation length: 1\nAxiom: A\n{rule}\nendlsystem\n");
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("error[L001]") && said.contains(help) && said.contains("test.l:4:"), "{rule}: {said}");
+    }
+}
+
+#[test]
+fn a_second_item_and_numbers_with_a_fraction_are_told() {
+    for (items, count) in [
+        ("derivation length: 2", 1),
+        ("Seed: 1\nSeed: 2", 1),
+        ("Start: {x = 1;}\nEnd: {x = 2;}", 0),
+        ("Start: {x = 1;}\nStart: {x = 2;}", 1),
+        ("Decomposition\nmaximum depth: 2\nHomomorphism\nmaximum depth: 3", 0),
+        ("Homomorphism\nmaximum depth: 2\nmaximum depth: 3", 1),
+        ("Define: { array a[2.5]; }", 1),
+    ] {
+        let (_, said) = read(&format!("Lsystem: 1\nderivation length: 1\nAxiom: A\nA --> F A\n{items}\nendlsystem\n"));
+        assert_eq!(said.iter().filter(|d| d.code == "L008").count(), count, "{items}: {said:?}");
+    }
+    let turtle = |numbers: &str, axiom: &str| {
+        format!("Lsystem: 1\nderivation length: 1\nturtle: lparser {numbers}\nAxiom: {axiom}\nendlsystem\n")
+    };
+    let (g, said) = read(&turtle("fraction = 0.5", "repeat 2.5 { F }"));
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!((g.print(&d.modules).as_str(), said.iter().filter(|d| d.code == "L008").count()), ("FF", 1));
+    for numbers in ["fraction = 2", "fraction = -0.5", "unit = 0", "thickness = -1", "min_thickness = -1"] {
+        let said = try_read(&turtle(numbers, "F")).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("error[L001]") && said.contains("must be") && said.contains("test.l:3:17"), "{said}");
+    }
+}
+
+#[test]
+fn quotes_are_symbols_that_contexts_skip_and_a_second_list_replaces_the_first() {
+    for (items, axiom, result) in [
+        ("Ignore: '\n", "A'B", "A'X"),
+        ("Ignore: \"\n", "A\"B", "A\"X"),
+        ("Ignore: \"+\"\n", "A+\"B", "A+\"X"),
+        ("Consider: AB'\n", "A'B", "A'B"),
+        ("Ignore: -\nIgnore: +\n", "A+B A-B", "A+XA-B"),
+    ] {
+        assert_eq!(steps(1, axiom, &format!("{items}A < B --> X")), result, "{items}");
+    }
+    let (_, said) = read("Lsystem: 1\nIgnore: -\nIgnore: +\nderivation length: 1\nAxiom: A\nA --> F\nendlsystem\n");
+    assert_eq!(said.iter().filter(|d| d.code == "L008").count(), 1, "{said:?}");
+}

@@ -281,9 +281,10 @@ fn lparser(c: char) -> Option<DialectCommand> {
         '$' => C::Level,
         '~' => C::Random,
         't' => C::Gravity,
-        'F' => step(1.0, true, true),
+        // Steps that draw add no corner to a polygon.
+        'F' => step(1.0, true, false),
         'f' => step(1.0, false, true),
-        'Z' => step(0.5, true, true),
+        'Z' => step(0.5, true, false),
         'z' => step(0.5, false, true),
         'g' => step(1.0, false, false),
         '\'' => C::Length(LENGTH_FACTOR),
@@ -485,6 +486,10 @@ impl Turtle<'_> {
             C::OpenPolygon => {
                 self.close_segment();
                 self.open_polygon();
+                // The first corner of LParser is where the polygon begins.
+                if self.dialect.kind == Dialect::LParser {
+                    self.vertex();
+                }
             }
             C::Vertex => self.vertex(),
             C::ClosePolygon => {

@@ -68,7 +68,9 @@ impl Turtle<'_> {
                 self.finish_cylinder(m);
             }
             ('G', 't') => {
-                let [a, b] = [0, 1].map(|i| self.param(m, i, TANGENT[i]));
+                // One number is that of both sides.
+                let a = self.param(m, 0, TANGENT[0]);
+                let b = self.param(m, 1, if m.params.is_empty() { TANGENT[1] } else { a });
                 self.s.cylinder.tangent = [a, b];
             }
             ('G', 'r') => match m.params.len() {
@@ -76,7 +78,9 @@ impl Turtle<'_> {
                 1 => self.s.cylinder.relative = self.param(m, 0, 0.0).abs() > 0.0,
                 _ => {
                     // A tangent of length l at the angle a to the axis changes the radius by l sin(a).
-                    let [a1, l1, a2, l2] = [0, 1, 2, 3].map(|i| self.param(m, i, 0.0));
+                    let [a1, l1] = [0, 1].map(|i| self.param(m, i, 0.0));
+                    // Two numbers are those of both sides.
+                    let [a2, l2] = [2, 3].map(|i| self.param(m, if m.params.len() < 4 { i - 2 } else { i }, 0.0));
                     let slope = |angle: f64, length: f64| length * math::sin(radians(angle));
                     self.s.cylinder.slopes = Some([slope(a1, l1), slope(a2, l2)]);
                 }

@@ -78,7 +78,7 @@ struct Polygon {
 enum Prefix {
     None,
     At,
-    /// `@D`, `@T`, `@b`, `@G`, `@P`: another letter may follow.
+    /// `@D`, `@T`, `@b`, `@G`, `@P`, `@m`: another letter may follow.
     Letter(char),
     Organ,
     Query,
@@ -712,13 +712,18 @@ impl<'a> Turtle<'a> {
             '#' => self.s.cylinder.contour = self.strips_or(m, 0),
             '!' => self.s.cylinder.sides = self.strips_or(m, self.options.sides).clamp(3, 256),
             'D' | 'T' if !m.params.is_empty() => self.at_command_without_letter(c, m.params),
-            'D' | 'T' | 'b' | 'G' | 'P' => self.prefix = Prefix::Letter(c),
+            'D' | 'T' | 'b' | 'G' | 'P' | 'm' => self.prefix = Prefix::Letter(c),
             // A label is an annotation of cpfg's window; plants have none.
             'L' => {}
-            'S' | 'I' | 'J' | 'm' => {
-                let message = format!("command '@{c}' is not available in grammars");
+            'S' => {
+                let message = "command '@S' is not available in grammars".to_owned();
                 self.halted = true;
                 self.warn("L043", (Some('@'), c), message, "remove it: grammars start no programs");
+            }
+            // cpfg itself draws nothing for them in its window.
+            'I' | 'J' => {
+                let message = format!("command '@{c}' inserts objects of rayshade and has no effect");
+                self.warn("L008", (Some('@'), c), message, "remove it; `[[place]]` puts meshes into a scene");
             }
             _ => self.warn("L008", (Some('@'), c), format!("command '@{c}' is not supported"), "nothing is drawn"),
         }
@@ -766,8 +771,7 @@ impl<'a> Turtle<'a> {
             ('T', 's') => {
                 let (i, e) = (self.param(m, 0, 1.0), self.param(m, 1, 0.0));
                 if let Some(k) = self.tropism_index(i) {
-                    let own = self.options.tropisms.get(k).map_or(0.0, |t| t.elasticity);
-                    self.s.elasticity[k] = if m.params.len() > 1 { e } else { own };
+                    self.s.elasticity[k] = e;
                 }
             }
             ('T', 'i' | 'd') => {
@@ -776,7 +780,8 @@ impl<'a> Turtle<'a> {
                 self.add_elasticity(i, (m.params.len() > 1).then_some(e), sign);
             }
             ('T', 'p') => self.s.frame = self.s.last.with_heading(self.s.frame.h),
-            ('T', 'f') => self.s.keep_roll = true,
+            // The roll since the last segment counts as its own: the tropism of the next one turns on from here.
+            ('T', 'f') => self.s.last = self.s.frame,
             ('T', 'x') => self.set_texture(m),
             ('D' | 'T', _) => {
                 self.at_command_without_letter(first, &[]);

@@ -212,6 +212,53 @@ fn tropisms_are_steered_from_the_string() {
 }
 
 #[test]
+fn a_roll_is_kept_by_the_command_behind_it() {
+    let options = TurtleOptions {
+        tropisms: vec![Tropism { elasticity: 0.1, ..Default::default() }],
+        radii: RadiusModel::Widths,
+        ..Default::default()
+    };
+    // The tropism of the second segment undoes the roll before it, and the branch lies in the plane of the first turn; `@Tf` keeps
+    // the roll since the last segment and no later one.
+    for (axiom, is_kept) in
+        [("+(60)F/(90)F[+(90)F]", false), ("+(60)F/(90)@Tf F[+(90)F]", true), ("@Tf+(60)F/(90)F[+(90)F]", false)]
+    {
+        let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: {axiom}\nendlsystem");
+        let (plant, _) = try_draw(&text, &options).expect("draws");
+        let depth = plant.nodes.p.iter().fold(0.0_f32, |z, p| z.max(p.z.abs()));
+        assert_eq!(depth > 0.5, is_kept, "{axiom}: {depth}");
+        assert!(is_kept || depth < 1e-5, "{axiom}: {depth}");
+    }
+}
+
+#[test]
+fn numbers_that_commands_of_cpfg_leave_out() {
+    // `@Ts(i)` sets an elasticity of 0, whatever the tropism has.
+    let options = TurtleOptions {
+        tropisms: vec![Tropism { elasticity: 0.1, ..Default::default() }],
+        radii: RadiusModel::Widths,
+        ..Default::default()
+    };
+    for (command, angle) in [("", 55.038), ("@Ts(1)", 60.0), ("@Ts(1,0.1)", 55.038)] {
+        let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: {command}+(60)F\nendlsystem");
+        let (plant, _) = try_draw(&text, &options).expect("draws");
+        let d = (plant.nodes.p[1] - plant.nodes.p[0]).normalize();
+        let found = osier_base::math::acos(DVec3::from(d).y) * 180.0 / std::f64::consts::PI;
+        assert!((found - angle).abs() < 1e-3, "{command}: {found}");
+    }
+    // Of generalised cylinders the numbers of one side are those of both.
+    let points = |command: &str| {
+        let plant = draw(&format!("#(0.2)@Gs{command}f(1)@Gc(4)+f(1)@Ge(4)"));
+        assert_eq!(plant.organs.len(), 1, "{command}");
+        plant.protos[usize::from(plant.organs[0].proto)].mesh.points.clone()
+    };
+    for (short, long) in [("@Gt(0.3)", "@Gt(0.3,0.3)"), ("@Gr(30,1)", "@Gr(30,1,30,1)")] {
+        assert_eq!(points(short), points(long), "{short}");
+        assert_ne!(points(short), points(""), "{short}");
+    }
+}
+
+#[test]
 fn oddities_are_told() {
     let code = |axiom: &str| {
         let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: {axiom}\nendlsystem");
@@ -228,6 +275,11 @@ fn oddities_are_told() {
     assert_eq!(code("@Gs@#(7)f@Ge"), ["L048"]);
     assert_eq!(code("@PD(1,2,2)@Tx(3)F"), ["L048"; 2]);
     assert_eq!(code("F@SF"), ["L043!"]);
+    // Commands for rayshade are told and left out.
+    for axiom in ["F@I(1)F", "F@JF", "F@moF", "F@mo(2,2,2)F"] {
+        assert_eq!(code(axiom), ["L008"], "{axiom}");
+        assert_eq!(draw(axiom).nodes.len(), 3, "{axiom}");
+    }
     assert_eq!(code("@Ts(3,1)F"), ["L048"]);
 }
 

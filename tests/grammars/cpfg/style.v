@@ -1,0 +1,2 @@
+angle factor: 12
+initial line width: 0.2
