@@ -124,6 +124,21 @@ fn bare_wood(tree: &GrownTree) -> BareWood {
     BareWood { ends: bare_ends as f32 / ends.max(1) as f32, whips: whips as f32 / tips.max(1) as f32 }
 }
 
+/// Height below which a fiftieth of the leaves stands, as a share of the height of the tree.
+fn crown_foot(tree: &GrownTree) -> f32 {
+    let (grown, nodes) = (&tree.tree, &tree.tree.nodes);
+    let living = (0..nodes.len()).filter(|i| nodes.lives(*i));
+    let mut leaves: Vec<(f32, f32)> = living.map(|i| (nodes.p[i].y, grown.leaf_area(i))).collect();
+    leaves.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let all: f32 = leaves.iter().map(|leaf| leaf.1).sum();
+    let mut below = 0.0;
+    let foot = leaves.iter().find(|leaf| {
+        below += leaf.1;
+        below >= 0.02 * all
+    });
+    foot.map_or(1.0, |leaf| leaf.0 / tree.measures().height)
+}
+
 /// Skips a test in builds without optimisation.
 macro_rules! only_in_release {
     () => {
@@ -194,6 +209,17 @@ fn twigs_in_leaf_are_not_bare() {
     spec.habit.set("bare_max", &[1000.0]).expect("sets");
     let found = bare_wood(&grow_all(&[spec], &Site::default())[0]);
     assert!(found.whips > 0.06, "{found:?}");
+}
+
+/// Species whose crowns begin near the ground have them there in their youth too, and no bare pole under them.
+#[test]
+fn young_crowns_begin_near_the_ground() {
+    only_in_release!();
+    // Greatest height of the foot of the crown as a share of the tree's height, at an age.
+    for (name, age, most) in [("japanese-maple", 10.0, 0.28)] {
+        let foot = mean(grow_all(&seeds(name, age, 1..=4), &Site::default()).iter().map(crown_foot));
+        assert!(foot < most, "{name} of {age} years: {foot}");
+    }
 }
 
 /// Crown width over diameter of the stem, for stems of more than 0.3 m: 24 to 27 for free-standing trees.
