@@ -222,6 +222,16 @@ fn young_crowns_begin_near_the_ground() {
     }
 }
 
+/// Young columns are narrow and dense: the area of their leaves over that of the ground below them, by species.
+#[test]
+fn young_columns_are_dense() {
+    only_in_release!();
+    for (name, least) in [("cypress", 27.0), ("poplar", 25.0)] {
+        let index = mean(measures(&seeds(name, 10.0, 1..=4)).iter().map(|m| m.leaf_area_index));
+        assert!(index > least, "{name}: {index}");
+    }
+}
+
 /// Crown width over diameter of the stem, for stems of more than 0.3 m: 24 to 27 for free-standing trees.
 #[test]
 fn crowns_are_as_wide_as_their_stems_allow() {
