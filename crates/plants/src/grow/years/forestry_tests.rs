@@ -244,6 +244,7 @@ fn young_crowns_are_dense() {
         ("cherry", 2.4),
         ("linden", 4.0),
         ("ash", 4.0),
+        ("maple", 4.5),
     ] {
         let index = mean(measures(&seeds(name, 10.0, 1..=4)).iter().map(|m| m.leaf_area_index));
         assert!(index > least, "{name}: {index}");
