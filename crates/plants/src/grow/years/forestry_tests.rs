@@ -124,6 +124,21 @@ fn bare_wood(tree: &GrownTree) -> BareWood {
     BareWood { ends: bare_ends as f32 / ends.max(1) as f32, whips: whips as f32 / tips.max(1) as f32 }
 }
 
+/// Height below which a share of the leaves stands, m.
+fn height_below(tree: &GrownTree, share: f32) -> f32 {
+    let (grown, nodes) = (&tree.tree, &tree.tree.nodes);
+    let living = (0..nodes.len()).filter(|i| nodes.lives(*i));
+    let mut leaves: Vec<(f32, f32)> = living.map(|i| (nodes.p[i].y, grown.leaf_area(i))).collect();
+    leaves.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let all: f32 = leaves.iter().map(|leaf| leaf.1).sum();
+    let mut below = 0.0;
+    let found = leaves.iter().find(|leaf| {
+        below += leaf.1;
+        below >= share * all
+    });
+    found.map_or(0.0, |leaf| leaf.0)
+}
+
 /// Skips a test in builds without optimisation.
 macro_rules! only_in_release {
     () => {
@@ -194,6 +209,47 @@ fn twigs_in_leaf_are_not_bare() {
     spec.habit.set("bare_max", &[1000.0]).expect("sets");
     let found = bare_wood(&grow_all(&[spec], &Site::default())[0]);
     assert!(found.whips > 0.06, "{found:?}");
+}
+
+/// Species whose crowns begin near the ground have them there in their youth too, and no bare pole under them.
+#[test]
+fn young_crowns_begin_near_the_ground() {
+    only_in_release!();
+    // Greatest height of the foot of the crown as a share of the tree's height, at an age.
+    for (name, age, most) in [("japanese-maple", 10.0, 0.28), ("poplar", 10.0, 0.15)] {
+        let trees = grow_all(&seeds(name, age, 1..=4), &Site::default());
+        let foot = mean(trees.iter().map(|tree| height_below(tree, 0.02) / tree.measures().height));
+        assert!(foot < most, "{name} of {age} years: {foot}");
+    }
+}
+
+/// The twigs of a weeping willow end at different heights: were all cut at one, leaves would begin there at once.
+#[test]
+fn curtains_of_willows_have_no_level_hem() {
+    only_in_release!();
+    let trees = grow_all(&seeds("willow", 25.0, 1..=3), &Site::default());
+    let rise = mean(trees.iter().map(|tree| height_below(tree, 0.1) / height_below(tree, 0.02)));
+    assert!(rise > 1.65, "{rise}");
+}
+
+/// Young crowns are full: the area of their leaves over that of the ground below them, by species.
+#[test]
+fn young_crowns_are_dense() {
+    only_in_release!();
+    for (name, least) in [
+        ("cypress", 27.0),
+        ("poplar", 25.0),
+        ("willow", 2.0),
+        ("beech", 3.0),
+        ("cherry", 2.4),
+        ("linden", 4.0),
+        ("ash", 4.0),
+        ("maple", 4.5),
+        ("birch", 1.45),
+    ] {
+        let index = mean(measures(&seeds(name, 10.0, 1..=4)).iter().map(|m| m.leaf_area_index));
+        assert!(index > least, "{name}: {index}");
+    }
 }
 
 /// Crown width over diameter of the stem, for stems of more than 0.3 m: 24 to 27 for free-standing trees.
