@@ -405,7 +405,8 @@ fn a_clip_of_years_opens_in_blender_as_one_object() {
     let text = CLIP.replace("end = 8", "end = 120").replace("from = 4", "to = 12\nclip_leaves = \"summer\"");
     std::fs::write(&scene, format!("{text}[[place]]\nplant = \"a\"\n")).expect("written");
     let out = dir.path().join("out");
-    ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out), "--formats", "usd,glb"]);
+    let profiles = "output.gltf.profiles=[\"blender\", \"web\"]";
+    ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out), "--formats", "usd,glb", "--set", profiles]);
     let stage = out.join("s.usda");
     let numbers: Vec<String> = (20..=120).map(|n: u32| n.to_string()).collect();
     let arguments: Vec<&str> = [arg(&stage)].into_iter().chain(numbers.iter().map(String::as_str)).collect();
@@ -420,12 +421,34 @@ fn a_clip_of_years_opens_in_blender_as_one_object() {
     }
     assert!(number(&frames[100], "leaves") > 5.0 * number(&frames[0], "leaves"));
 
-    // The same as glTF, without errors or warnings.
+    // The same as glTF: one object of wood and one of leaves, at each frame in the places that USD shows.
+    let glb = out.join("gltf/s.blender.glb");
+    let wanted = ["24", "25", "60", "91", "119", "120"];
+    let arguments: Vec<&str> = [arg(&glb), arg(&stage), "1", "24"].into_iter().chain(wanted).collect();
+    let output = clients::python_script(&python, "growth_clip_gltf.py", &arguments);
+    let text = String::from_utf8_lossy(&output.stdout);
+    let frames: Vec<Value> = serde_json::from_str(text.trim_end().lines().last().expect("a line")).expect("JSON");
+    let mut count = 0.0;
+    for frame in &frames {
+        let meshes = frame["meshes"].as_array().expect("names");
+        let plant = meshes.iter().filter_map(Value::as_str).filter(|n| n.contains("bark") || n.contains("leaves"));
+        assert_eq!(plant.count(), 2, "{frame}");
+        // The tolerances of USD and of shapes that are left out.
+        assert!(number(frame, "missing") < 0.05 && number(frame, "beyond") < 0.05, "{frame}");
+        assert!((number(frame, "leaves") - number(frame, "blades")).abs() <= 0.01 * number(frame, "leaves"), "{frame}");
+        count += number(frame, "blades");
+    }
+    assert!(count > 5000.0, "{count}");
+
+    // Without errors or warnings.
     let Some((node, folder)) = clients::validator() else { return };
-    let mut validate = Command::new(node);
-    validate.arg(clients::script("gltf_validate.mjs")).arg(folder).arg(out.join("gltf/s.web.glb"));
-    let report: Value = serde_json::from_slice(&clients::run(&mut validate).stdout).expect("JSON");
-    assert_eq!((&report["errors"], &report["warnings"]), (&0.into(), &0.into()), "{report}");
+    for profile in ["web", "blender"] {
+        let mut validate = Command::new(&node);
+        let file = out.join(format!("gltf/s.{profile}.glb"));
+        validate.arg(clients::script("gltf_validate.mjs")).arg(&folder).arg(file);
+        let report: Value = serde_json::from_slice(&clients::run(&mut validate).stdout).expect("JSON");
+        assert_eq!((&report["errors"], &report["warnings"]), (&0.into(), &0.into()), "{report}");
+    }
 }
 
 #[test]

@@ -166,7 +166,7 @@ keys! {
         quantize: bool = "quantize" BooleanType(true);
         /// Profile "web": whether the files are compressed with EXT_meshopt_compression, which three.js and Babylon.js read and Blender does not.
         meshopt: bool = "meshopt" BooleanType(false);
-        /// Profile "blender": about the most MB of the leaves of a plant; of a plant with more, leaves have fewer triangles.
+        /// Profile "blender": about the most MB of the leaves of a plant; with more, leaves have fewer triangles, of one that grows fewer shapes.
         leaves_mb: u32 = "leaves_mb" integer(160, 1, 100_000);
         /// Profile "engine": about the most triangles of a plant at its finest level of detail; the next levels have 1/4, 1/12 and 1/60 of it.
         triangles: u32 = "triangles" integer(32_000, 100, 10_000_000);

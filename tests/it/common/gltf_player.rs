@@ -39,7 +39,6 @@ impl Player {
     /// Rows of numbers of an accessor.
     pub fn rows(&self, accessor: usize) -> Vec<Vec<f32>> {
         let a = &self.json["accessors"][accessor];
-        let view = &self.json["bufferViews"][number(a, "/bufferView", 0)];
         let width = match a["type"].as_str().expect("type") {
             "SCALAR" => 1,
             "VEC2" => 2,
@@ -48,12 +47,51 @@ impl Player {
             "MAT4" => 16,
             other => panic!("{other}"),
         };
+        let count = number(a, "/count", 0);
+        // Without a view all elements are zeros but those of `sparse`.
+        let Some(view) = a["bufferView"].as_u64() else {
+            let mut rows = vec![vec![0.0; width]; count];
+            let sparse = &a["sparse"];
+            if sparse.is_null() {
+                return rows;
+            }
+            let listed = number(sparse, "/count", 0);
+            let indices = self.numbers(
+                number(sparse, "/indices/bufferView", 0),
+                number(sparse, "/indices/componentType", 0),
+                false,
+            );
+            let values = self.numbers(
+                number(sparse, "/values/bufferView", 0),
+                number(a, "/componentType", 0),
+                a["normalized"] == true,
+            );
+            assert_eq!((indices.len(), values.len()), (listed, listed * width));
+            assert!(indices.windows(2).all(|pair| pair[0] < pair[1]), "indices rise");
+            for (i, row) in indices.iter().zip(values.chunks(width)) {
+                rows[*i as usize] = row.to_vec();
+            }
+            return rows;
+        };
+        let values = self.numbers(view as usize, number(a, "/componentType", 0), a["normalized"] == true);
+        // Elements may be padded to a stride: what is beyond their width is not theirs.
+        let view = &self.json["bufferViews"][view as usize];
+        let bytes = number(view, "/byteLength", 0);
+        let stride = number(view, "/byteStride", 0) * values.len() / bytes.max(1);
+        let stride = if stride == 0 { width } else { stride };
+        let rows: Vec<Vec<f32>> = values.chunks(stride).map(|row| row[..width].to_vec()).collect();
+        assert_eq!(rows.len(), count);
+        rows
+    }
+
+    /// All numbers of a buffer view.
+    fn numbers(&self, view: usize, component: usize, normalized: bool) -> Vec<f32> {
+        let view = &self.json["bufferViews"][view];
         let start = number(view, "/byteOffset", 0);
         assert_eq!(start % 4, 0, "offsets are multiples of 4");
         let bytes = &self.bin[start..start + number(view, "/byteLength", 0)];
-        let normalized = a["normalized"] == true;
         let unit = |v: f32, one: f32| if normalized { v / one } else { v };
-        let values: Vec<f32> = match number(a, "/componentType", 0) {
+        match component {
             5120 => bytes.iter().map(|b| f32::from(b.cast_signed()) / 127.0).collect(),
             5122 => bytes.chunks_exact(2).map(|b| f32::from(i16::from_le_bytes([b[0], b[1]])) / 32_767.0).collect(),
             5121 => bytes.iter().map(|b| unit(f32::from(*b), 255.0)).collect(),
@@ -63,13 +101,7 @@ impl Player {
             }
             5125 => bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as f32).collect(),
             _ => bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect(),
-        };
-        // Elements may be padded to a stride: what is beyond their width is not theirs.
-        let stride = number(view, "/byteStride", 0) * values.len() / bytes.len().max(1);
-        let stride = if stride == 0 { width } else { stride };
-        let rows: Vec<Vec<f32>> = values.chunks(stride).map(|row| row[..width].to_vec()).collect();
-        assert_eq!(rows.len(), number(a, "/count", 0));
-        rows
+        }
     }
 
     /// Index of the node of a name.

@@ -7,11 +7,12 @@ use glam::Vec3;
 use super::super::Warning;
 use super::Profile;
 use super::document::{GeometryKind, GltfDocument, NodeAnimation, NodeChannel, check_finite};
+use super::hidden_parts::HiddenParts;
 use super::instances::{InstanceGroup, live_by_prototype};
 use super::json::{Index, NodeExtensions};
 use super::keys;
-use super::leaf_shapes::{LeafMesh, LeafMeshes, LeafShapes};
-use super::meshes::{MeshSource, SkinInfluences, StoredMesh};
+use super::leaf_shapes::{LeafMesh, LeafShapes};
+use super::meshes::{MeshSource, PartTargets, SkinInfluences, StoredMesh};
 use super::quantize::{QuantizedCube, place_stored};
 use super::rig::{JointSelection, MAX_JOINTS};
 use super::tracks::{InstanceTrack, MorphFrames, MorphShape, MorphTrack};
@@ -60,34 +61,6 @@ pub(super) struct NodeTemplate {
     pub instancing: Option<NodeExtensions>,
     /// The moving instance (instancer, instance) that the node shows, written only for placements that selected it.
     pub moving: Option<(usize, usize)>,
-}
-
-/// Keys of the weights of a mesh's morph targets.
-#[derive(Debug, Default)]
-struct WeightKeys {
-    /// Number of the mesh's targets.
-    targets: usize,
-    /// Time of each key, s, rising.
-    times: Vec<f32>,
-    /// Weights of all targets at the first key, at the second, and so on.
-    weights: Vec<f32>,
-}
-
-/// A target that a key shows.
-#[derive(Debug, Clone, Copy)]
-struct ShownTarget {
-    /// Its index; `None`: the mesh at rest, which has none.
-    target: Option<usize>,
-    weight: f32,
-}
-
-impl WeightKeys {
-    /// Adds a key at which all targets but those that are `shown` have weight 0.
-    fn add(&mut self, time: f32, shown: &[ShownTarget]) {
-        self.times.push(time);
-        let weight_of = |index| shown.iter().filter(|s| s.target == Some(index)).map(|s| s.weight).sum::<f32>();
-        self.weights.extend((0..self.targets).map(weight_of));
-    }
 }
 
 impl NodeTemplate {
@@ -192,14 +165,10 @@ impl GltfDocument<'_> {
                 geometry: GeometryKind::Ribbon,
                 skin: None,
                 shapes: &[],
+                parts: None,
                 cube: None,
             };
-            self.add_morphing_mesh(
-                &mut nodes,
-                mesh_source,
-                MorphTrack { frames, shapes: &shapes, blends: &[] },
-                "curves",
-            )?;
+            self.add_morphing_mesh(&mut nodes, mesh_source, MorphTrack { frames, shapes: &shapes }, "curves")?;
         }
         // Joints are written if a skin or an instance needs them.
         if nodes.templates.iter().any(|p| p.parent != NodeParent::Placement)
@@ -219,32 +188,23 @@ impl GltfDocument<'_> {
         Ok(nodes)
     }
 
-    /// The leaves of a growing plant as meshes that morph, with X003, which tells how many are written and how large.
+    /// The leaves of a growing plant as a mesh that morphs, with X003, which tells how many are written and how large.
     fn add_growing_leaves(&mut self, nodes: &mut AssetNodes, asset: &Asset, leaves: &LeafShapes) -> Result<()> {
         let label = format!("asset {}, leaves", asset.id);
-        let leaves = leaves.meshes(asset, &label)?;
-        if leaves.meshes.is_empty() {
-            return Ok(());
-        }
+        let Some(leaves) = leaves.mesh(asset, &label)? else { return Ok(()) };
         self.warnings.push(Warning { code: "X003", message: leaves.words(&label) });
-        let LeafMeshes { meshes, .. } = leaves;
-        for (k, LeafMesh { mesh, frames, shapes, blends }) in meshes.into_iter().enumerate() {
-            let shape = |points| MorphShape { points, normals: Vec::new(), unseen: Vec::new() };
-            let shapes: Vec<MorphShape> = shapes.into_iter().map(shape).collect();
-            let name = if k == 0 { "leaves".to_owned() } else { format!("leaves_{}", k + 1) };
-            let mesh_source = MeshSource {
-                name: &name,
-                label: &label,
-                mesh: &mesh,
-                geometry: GeometryKind::Mesh,
-                skin: None,
-                shapes: &[],
-                cube: None,
-            };
-            let track = MorphTrack { frames: &frames, shapes: &shapes, blends: &blends };
-            self.add_morphing_mesh(nodes, mesh_source, track, "mesh")?;
-        }
-        Ok(())
+        let LeafMesh { mesh, frames, parts, .. } = leaves;
+        let mesh_source = MeshSource {
+            name: "leaves",
+            label: &label,
+            mesh: &mesh,
+            geometry: GeometryKind::Mesh,
+            skin: None,
+            shapes: &[],
+            parts: None,
+            cube: None,
+        };
+        self.add_mesh_of_parts(nodes, mesh_source, &frames, &parts, "mesh")
     }
 
     /// A mesh of an asset: skinned, morphing, or static.
@@ -258,8 +218,16 @@ impl GltfDocument<'_> {
     ) -> Result<()> {
         let label = format!("asset {}, mesh {}", asset.id, object.name);
         let (mesh, name) = (&object.mesh, object.name.as_str());
-        let mesh_source =
-            MeshSource { name, label: &label, mesh, geometry: GeometryKind::Mesh, skin: None, shapes: &[], cube: None };
+        let mesh_source = MeshSource {
+            name,
+            label: &label,
+            mesh,
+            geometry: GeometryKind::Mesh,
+            skin: None,
+            shapes: &[],
+            parts: None,
+            cube: None,
+        };
         match (selection, &object.skin, shapes) {
             (Some((selection, cube)), Some(skin), _) if is_skinned(object) => {
                 let (joints, weights) = selection.remap_weights(skin);
@@ -275,7 +243,7 @@ impl GltfDocument<'_> {
     }
 
     /// A mesh with a morph target for every kept frame whose shape differs from rest, and a track of weights in which each target
-    /// is 1 at its frame and 0 at the other kept ones; blends have two weights between those frames.
+    /// is 1 at its frame and 0 at the other kept ones.
     fn add_morphing_mesh(
         &mut self,
         nodes: &mut AssetNodes,
@@ -283,7 +251,10 @@ impl GltfDocument<'_> {
         morph: MorphTrack<'_>,
         kind: &'static str,
     ) -> Result<()> {
-        let MorphTrack { frames, shapes, blends } = morph;
+        let MorphTrack { frames, shapes } = morph;
+        if let Some(parts) = HiddenParts::of(mesh_source.mesh, shapes) {
+            return self.add_mesh_of_parts(nodes, mesh_source, frames, &parts, kind);
+        }
         let is_rest = |mesh: &Mesh, s: &MorphShape| {
             s.points == mesh.points && (s.normals.is_empty() || s.normals == mesh.normals)
         };
@@ -301,34 +272,67 @@ impl GltfDocument<'_> {
             };
             target_of.push(target);
         }
-        let tag = |i: usize| {
-            let frame = frames.get(i).copied().unwrap_or_default();
-            let number = self.input.tracks.numbers.get(frame).copied().unwrap_or_default();
-            format!("frame_{}", self.input.scene.clip.tag(number))
-        };
-        let targets: Vec<(String, &MorphShape)> = morphed.iter().map(|&i| (tag(i), &shapes[i])).collect();
+        let targets: Vec<(String, &MorphShape)> =
+            morphed.iter().map(|&i| (self.target_name(frames, i), &shapes[i])).collect();
         let Some(mesh) = self.add_mesh(MeshSource { shapes: &targets, ..mesh_source })? else { return Ok(()) };
         let mut part = NodeTemplate::new(mesh_source.name, kind, mesh, NodeParent::Placement);
         if !morphed.is_empty() {
-            // One key for each shape, with 1 for the target that is this shape and 0 for the others, and those of the blends after it.
-            let mut weight_keys = WeightKeys { targets: morphed.len(), ..WeightKeys::default() };
-            let time_of = |i: usize| frames.get(i).and_then(|f| self.input.tracks.times.get(*f)).copied();
-            for (i, target) in target_of.iter().enumerate() {
-                let Some(time) = time_of(i) else { continue };
-                weight_keys.add(time, &[ShownTarget { target: *target, weight: 1.0 }]);
-                let Some(next) = time_of(i + 1) else { continue };
-                for blend in blends.iter().filter(|blend| blend.after == i) {
-                    let before = ShownTarget { target: *target, weight: 1.0 - blend.weight };
-                    let after = ShownTarget { target: target_of[i + 1], weight: blend.weight };
-                    weight_keys.add(time + (next - time) * blend.time, &[before, after]);
-                }
+            // One key for each shape, with 1 for the target that is this shape and 0 for the others.
+            let mut weights = Vec::with_capacity(target_of.len() * morphed.len());
+            for target in &target_of {
+                weights.extend((0..morphed.len()).map(|index| f32::from(u8::from(*target == Some(index)))));
             }
-            let output = self.buffer.add_scalars(&weight_keys.weights, mesh_source.label)?;
-            let sampler = self.add_timed_sampler(&weight_keys.times, output, false)?;
-            part.motion.channels.push(NodeChannel { sampler, path: "weights" });
+            part.motion.channels.push(self.weight_channel(frames, &weights, mesh_source.label)?);
         }
         nodes.templates.push(part);
         Ok(())
+    }
+
+    /// A mesh of which parts are hidden: a target that hides all, whose weight is always 1, and one for each shape, whose weight is
+    /// 1 at its frame and 0 at the other ones.
+    fn add_mesh_of_parts(
+        &mut self,
+        nodes: &mut AssetNodes,
+        mesh_source: MeshSource<'_>,
+        frames: &[usize],
+        parts: &HiddenParts,
+        kind: &'static str,
+    ) -> Result<()> {
+        // Frames of one shape in succession share a target.
+        let mut written: Vec<(usize, String)> = Vec::new();
+        let mut target_of: Vec<usize> = Vec::with_capacity(parts.shapes.len());
+        for (i, shape) in parts.shapes.iter().enumerate() {
+            if i == 0 || parts.shapes[i - 1] != *shape {
+                written.push((i, self.target_name(frames, i)));
+            }
+            target_of.push(written.len());
+        }
+        let targets = Some(PartTargets { hidden: parts, written: &written });
+        let Some(mesh) = self.add_mesh(MeshSource { parts: targets, ..mesh_source })? else { return Ok(()) };
+        let mut part = NodeTemplate::new(mesh_source.name, kind, mesh, NodeParent::Placement);
+        let mut weights = Vec::with_capacity(target_of.len() * (written.len() + 1));
+        for target in &target_of {
+            // Target 0 hides all parts.
+            weights.extend((0..=written.len()).map(|index| f32::from(u8::from(index == 0 || index == *target))));
+        }
+        part.motion.channels.push(self.weight_channel(frames, &weights, mesh_source.label)?);
+        nodes.templates.push(part);
+        Ok(())
+    }
+
+    /// Name of the target of the shape at index `i` of `frames`: that of its frame.
+    fn target_name(&self, frames: &[usize], i: usize) -> String {
+        let frame = frames.get(i).copied().unwrap_or_default();
+        let number = self.input.tracks.numbers.get(frame).copied().unwrap_or_default();
+        format!("frame_{}", self.input.scene.clip.tag(number))
+    }
+
+    /// The channel of the weights of all targets at the first of `frames`, at the second, and so on.
+    fn weight_channel(&mut self, frames: &[usize], weights: &[f32], label: &str) -> Result<NodeChannel> {
+        let times: Vec<f32> = frames.iter().filter_map(|f| self.input.tracks.times.get(*f)).copied().collect();
+        let output = self.buffer.add_scalars(weights, label)?;
+        let sampler = self.add_timed_sampler(&times, output, false)?;
+        Ok(NodeChannel { sampler, path: "weights" })
     }
 
     /// Instances that do not move: by EXT_mesh_gpu_instancing in `web`, else merged into one mesh for each prototype.

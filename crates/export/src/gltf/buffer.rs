@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec2, Vec3};
 
-use super::json::{Accessor, BufferView, Index, component, target};
+use super::json::{Accessor, BufferView, Index, SparseElements, SparseIndices, SparseValues, component, target};
 use super::quantize::QuantizedCube;
 use super::stream::Stream;
 use crate::skin_remap::byte_weights;
@@ -88,6 +88,85 @@ impl BinaryBuffer {
         let [min, max] = bounds.unwrap_or_default().map(|v| v.map(Into::into).to_vec());
         let accessor = accessor_of(view, component, count, "VEC3");
         self.add_accessor(Accessor { normalized: true, min, max, ..accessor })
+    }
+
+    /// Vectors of three floats at the rising `indices` of `count` elements, of which all others are zeros, with bounds.
+    pub(super) fn add_sparse_vectors(
+        &mut self,
+        indices: &[u32],
+        values: &[Vec3],
+        count: usize,
+        label: &str,
+    ) -> Result<Index> {
+        check_finite(values.iter().map(|v| v.is_finite()), label)?;
+        // Adding 0 turns -0 into 0, as in `add_floats`.
+        let stored = values.iter().map(|v| (*v + 0.0).to_array());
+        self.add_sparse(indices, stored, count, component::F32, f32::to_le_bytes, |c| c)
+    }
+
+    /// Differences of positions, m, at the rising `indices` of `count` elements, as in [`Self::add_quantized_differences`]; all others
+    /// are zeros. Requires KHR_mesh_quantization.
+    pub(super) fn add_sparse_quantized_differences(
+        &mut self,
+        indices: &[u32],
+        values: &[Vec3],
+        count: usize,
+        cube: QuantizedCube,
+        label: &str,
+    ) -> Result<Index> {
+        check_finite(values.iter().map(|v| v.is_finite()), label)?;
+        let stored = values.iter().map(|v| cube.difference(*v).to_array().map(to_snorm16));
+        self.add_sparse(indices, stored, count, component::I16, i16::to_le_bytes, f32::from)
+    }
+
+    /// An accessor of type VEC3 without a buffer view: its elements are zeros but those of `indices`, which rise. Integers are normalised.
+    fn add_sparse<T: Copy, const BYTES: usize>(
+        &mut self,
+        indices: &[u32],
+        values: impl Iterator<Item = [T; 3]>,
+        count: usize,
+        component_type: u32,
+        to_bytes: fn(T) -> [u8; BYTES],
+        number: fn(T) -> f32,
+    ) -> Result<Index> {
+        // Elements that are left out are zeros and count for the bounds.
+        let (mut low, mut high) =
+            if indices.len() < count { (Vec3::ZERO, Vec3::ZERO) } else { (Vec3::INFINITY, Vec3::NEG_INFINITY) };
+        let start = self.align();
+        for vector in values {
+            vector.iter().for_each(|c| self.bytes.extend(to_bytes(*c)));
+            let v = Vec3::from_array(vector.map(number));
+            (low, high) = (low.min(v), high.max(v));
+        }
+        let normalized = component_type != component::F32;
+        let bounds = |v: Vec3| if v.is_finite() { v.to_array().to_vec() } else { vec![0.0; 3] };
+        let zeros = Accessor {
+            component_type,
+            normalized,
+            count,
+            shape: "VEC3",
+            min: bounds(low),
+            max: bounds(high),
+            ..Accessor::default()
+        };
+        // The schema has no empty list of elements.
+        if indices.is_empty() {
+            return self.add_accessor(zeros);
+        }
+        // Views of sparse elements have neither a target nor a stride (glTF 2.0, section 3.6.2.3).
+        let values = SparseValues { buffer_view: self.add_view(start, None)? };
+        let start = self.align();
+        let short = count <= MAX_SHORT_VERTICES;
+        for i in indices {
+            match u16::try_from(*i) {
+                Ok(i) if short => self.bytes.extend_from_slice(&i.to_le_bytes()),
+                _ => self.bytes.extend_from_slice(&i.to_le_bytes()),
+            }
+        }
+        let component_type = if short { component::U16 } else { component::U32 };
+        let places = SparseIndices { buffer_view: self.add_view(start, None)?, component_type };
+        let sparse = Some(SparseElements { count: indices.len(), indices: places, values });
+        self.add_accessor(Accessor { sparse, ..zeros })
     }
 
     /// Texture coordinates within 0 to 1 as normalised u16, others as floats; v becomes 1 - v. Requires KHR_mesh_quantization.
@@ -377,7 +456,7 @@ fn check_finite(mut finite: impl Iterator<Item = bool>, label: &str) -> Result<(
 }
 
 fn accessor_of(buffer_view: Index, component_type: u32, count: usize, shape: &'static str) -> Accessor {
-    Accessor { buffer_view, component_type, count, shape, ..Accessor::default() }
+    Accessor { buffer_view: Some(buffer_view), component_type, count, shape, ..Accessor::default() }
 }
 
 /// A number in [-1, 1] as a normalised i8: round(127 c) (glTF 2.0, section 3.11).
@@ -433,6 +512,22 @@ mod tests {
         b.add_joint_indices(&[[0, 1, 256, 0]], 257).expect("words");
         assert_eq!(b.accessors[2].component_type, component::U8);
         assert_eq!(b.accessors[3].component_type, component::U16);
+    }
+
+    #[test]
+    fn elements_that_are_zeros_take_no_bytes() {
+        let mut b = BinaryBuffer::default();
+        b.add_sparse_vectors(&[2, 70_000], &[Vec3::new(1.0, -2.0, 3.0), Vec3::new(4.0, -5.0, 6.0)], 70_001, "p")
+            .expect("some");
+        b.add_sparse_vectors(&[], &[], 5, "p").expect("none");
+        let [some, none] = &b.accessors[..] else { unreachable!("two accessors") };
+        assert_eq!((some.buffer_view, none.buffer_view, none.sparse.is_none()), (None, None, true));
+        // The zeros are within the bounds.
+        assert_eq!((some.min.clone(), some.max.clone()), (vec![0.0, -5.0, 0.0], vec![4.0, 0.0, 6.0]));
+        let sparse = some.sparse.as_ref().expect("sparse");
+        assert_eq!((sparse.count, sparse.indices.component_type, b.bytes.len()), (2, component::U32, 24 + 8));
+        assert_eq!(b.bytes[24..], [2_u32, 70_000].map(u32::to_le_bytes).concat()[..]);
+        assert!(b.views.iter().all(|v| v.target.is_none() && v.byte_stride.is_none()));
     }
 
     #[test]

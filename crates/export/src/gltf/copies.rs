@@ -137,6 +137,7 @@ impl GltfDocument<'_> {
             geometry: GeometryKind::Mesh,
             skin: None,
             shapes: &[],
+            parts: None,
             cube: None,
         };
         let Some(mesh) = self.add_mesh(mesh_source)? else { return Ok(()) };
@@ -162,6 +163,7 @@ impl GltfDocument<'_> {
                 geometry: GeometryKind::Mesh,
                 skin: None,
                 shapes: &[],
+                parts: None,
                 cube: None,
             };
             if let Some(mesh) = self.add_mesh(mesh_source)? {
@@ -180,6 +182,7 @@ impl GltfDocument<'_> {
                 geometry: GeometryKind::Ribbon,
                 skin: None,
                 shapes: &[],
+                parts: None,
                 cube: None,
             };
             if let Some(mesh) = self.add_mesh(mesh_source)? {

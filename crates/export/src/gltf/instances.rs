@@ -60,6 +60,7 @@ impl GltfDocument<'_> {
             geometry: GeometryKind::Mesh,
             skin: None,
             shapes: &[],
+            parts: None,
             cube: None,
         })
     }

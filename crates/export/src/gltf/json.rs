@@ -409,7 +409,9 @@ pub(super) struct TextureSampler {
 #[derive(Debug, Default, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Accessor {
-    pub buffer_view: Index,
+    /// `None`: all elements are zeros but those of `sparse`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub buffer_view: Option<Index>,
     pub component_type: u32,
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub normalized: bool,
@@ -420,6 +422,29 @@ pub(super) struct Accessor {
     pub max: Vec<f32>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub min: Vec<f32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sparse: Option<SparseElements>,
+}
+
+/// The elements of an accessor that are not zero.
+#[derive(Debug, Serialize)]
+pub(super) struct SparseElements {
+    pub count: usize,
+    pub indices: SparseIndices,
+    pub values: SparseValues,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct SparseIndices {
+    pub buffer_view: Index,
+    pub component_type: u32,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct SparseValues {
+    pub buffer_view: Index,
 }
 
 #[derive(Debug, Default, Serialize)]

@@ -1,23 +1,24 @@
-//! Leaves of a plant that grows over the clip and has too many for a node each: meshes that morph from shape to shape.
+//! Leaves of a plant that grows over the clip and has too many for a node each: a mesh that morphs from shape to shape.
 //!
-//! At evenly spaced ones of the written frames the leaves of the smallest keys among those that are alive are recorded. As many of each frame are
-//! written as the budget of bytes allows, enlarged to cover the area of all. Each run of recorded frames of a leaf is a blade of
-//! a few triangles. While its leaf is not recorded, a blade is a point at the place where the leaf appears or disappears. Blades
-//! that appear and disappear at the same frames are a mesh, whose targets are only the shapes in which they are seen, and those
-//! beside them.
-//!
-//! Between two shapes a blade that appears, or disappears, changes its area linearly: its size is the square root of the
-//! elapsed, or remaining, share of the time. Where leaves are replaced by as many others the area of all is constant.
+//! At evenly spaced ones of the written frames, at all of them if the budget of bytes allows it, the leaves of the smallest keys among those
+//! that are alive are recorded. As many of each frame are written as the budget allows, enlarged to cover the area of all. Each run of
+//! recorded frames in which an instance is the same leaf is shown by a blade of a few triangles. While no leaf is recorded, a blade is a
+//! point: targets hold those vertices that are seen in their shape or beside it ([`HiddenParts`]). A blade may show several runs in
+//! succession, which leave it a point for at least one interval between two shapes; there it goes to its next place.
 //!
 //! ```text
-//! frame of the clip   0     5     10    15    20
-//! leaf 7              .     o     O     O     .      one run: shapes 1 to 3; a point before and after
-//! leaf 9              O     O     .     O     O      two runs, two blades
+//! shape               0     1     2     3     4     5     6
+//! leaf 7              .     o     O     O     .     -     -     run of shapes 1 to 3; a point before and after
+//! leaf 9              -     -     -     -     -     .     O     run of shape 6, by the same blade
 //! ```
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
 
 use glam::Vec3;
 
-use super::options::GltfOptions;
+use super::hidden_parts::{HiddenParts, ShownVertices};
+use super::options::{GltfOptions, Profile};
 use super::rig::rotation_angle;
 use super::simplify::{BLADE_DEVIATION, area, compact, with_fewer_triangles};
 use crate::merge::transform_normal;
@@ -30,31 +31,33 @@ use osier_scene::{
     instance_states,
 };
 
-/// Bytes of all shapes of the leaves of a plant. Own: 20,000 to 30,000 blades in 24 shapes, which web viewers and Blender draw
-/// without delay.
-const LEAF_BUDGET: usize = 24 << 20;
-/// Shapes over the clip. Own: of a tree of 40 years one for every second year; more shapes leave fewer leaves to each.
-const MOST_SHAPES: usize = 24;
+/// Bytes of the leaves of a plant for viewers and engines; for Blender [`GltfOptions::leaf_bytes`] counts. Own: some 30,000 blades
+/// in 60 shapes, which web viewers draw without delay.
+const LEAF_BUDGET: usize = 40 << 20;
+/// Bytes that viewers and Blender hold of the targets, which have all vertices there, over [`LEAF_BUDGET`] and
+/// [`GltfOptions::leaf_bytes`]. Own: of a graphics card of 1 GB less than a fifth, of a computer with 8 GB half a gigabyte.
+const MEMORY_RATIO: usize = 5;
+const BLENDER_MEMORY_RATIO: usize = 3;
+/// Bytes of a position in the memory of a viewer, whose textures have four numbers, and of Blender.
+const VIEWER_POINT: usize = 16;
+const BLENDER_POINT: usize = 12;
+/// Fewest intervals between shapes for which frames are left out. Own: leaves unfold within a twelfth of a year and give way to others each
+/// year; of a tree of 20 years the area of all, between shapes, is 0.7 of what it is at a frame with 60 shapes, and 0.6 with 30.
+const LEAST_SHAPES: usize = 48;
+/// Most shapes: importers and viewers make an entry of each in lists of all.
+const MOST_SHAPES: usize = 256;
 /// Triangles and vertices of a simplified blade: a quadrilateral.
 const BLADE_TRIANGLES: usize = 2;
 const BLADE_VERTICES: usize = 4;
-/// Bytes of a vertex beside its position: normal, texture coordinates, indices of its triangles.
-const VERTEX_BYTES: usize = 20;
-/// Most shapes of a blade. Own: a mesh has a target for each shape of its run, so longer runs are divided. Between the two shapes
-/// at which a run is divided one blade shrinks while the next grows; leaves are divided at different shapes.
-const LONGEST_RUN: usize = 6;
-/// Targets of a blade, and shapes of the clip for each blade of an instance, for estimates. Own: leaves of birches and oaks of 8 to 20
-/// years over 8 to 48 frames take 0.93 to 1.12 times what follows from these numbers.
-const TARGETS_OF_A_BLADE: usize = 2;
-const SHAPES_PER_BLADE: u64 = 11;
-/// Parts of the time between a shape in which blades are points and one in which they are leaves at which their size is that part
-/// of the leaf's: the square of the part. Own: between these keys the area is at most 0.016 of the leaf's off a linear change.
-const APPEARING_SIZES: [f32; 3] = [0.25, 0.5, 0.75];
-/// Largest angle, rad, by which a leaf turns between two shapes, and largest ratio of its sizes, as the same blade. Own: corners
-/// that move linearly shrink a blade that turns by 0.42 rad to 0.96 of its area halfway, and leaves of which half grow and half
-/// shrink by 1.5 to 0.96 of theirs. Beyond, another blade replaces it.
-const LARGEST_TURN: f32 = 0.42;
-const LARGEST_RATIO: f32 = 1.5;
+/// Bytes of a vertex beside its targets: position, normal, tangent, texture coordinates, indices of its triangles; the target that hides it.
+const VERTEX_BYTES: usize = 48 + 6 + 12;
+const QUANTIZED_VERTEX_BYTES: usize = 20 + 6 + 12;
+/// For estimates: a leaf instance is in (shapes of the clip + the first number) times the second / the third targets. Own: birches of 10 to 20
+/// years and oaks of 8 and 20 years over 8 to 120 frames take 0.92 to 1.12 times what follows.
+const TARGETS_OF_A_LEAF: [u64; 3] = [6, 4, 17];
+/// Largest angle, rad, by which a leaf turns between two shapes as the same blade. Own: corners that move linearly shrink it to half of
+/// its area in between, as another blade that replaces it would.
+const LARGEST_TURN: f32 = std::f32::consts::FRAC_PI_2;
 /// Largest factor by which leaves are enlarged to replace those left out; a larger one is conspicuous.
 const MOST_GROWTH: f32 = 3.0;
 /// A leaf that moves farther between two shapes, as a share of the diagonal of the plant's box, is another leaf of the same
@@ -68,6 +71,8 @@ struct RecordedLeaf {
     key: u64,
     /// Index of the instancer in the asset, and of the instance in it.
     id: [u32; 2],
+    /// How often the instance has become alive: each time it is another leaf.
+    life: u32,
     /// In the space of the asset.
     place: Trs,
 }
@@ -95,15 +100,19 @@ impl RecordedShape {
     }
 }
 
-/// Numbers of leaves and shapes that the budget allows.
+/// Numbers of leaves and shapes that the options allow.
 #[derive(Debug, Clone, Copy)]
 struct LeafBudget {
-    /// Leaves of a shape, if each were in all shapes.
-    leaves: usize,
-    /// Shapes besides the last one.
-    shapes: usize,
-    /// Bytes of a position in a target.
-    position: usize,
+    /// Interval of the recorded frames before any are left out, and the largest one.
+    strides: [usize; 2],
+    /// Bytes of a vertex beside its targets, and of a vertex of a target.
+    vertex: usize,
+    entry: usize,
+    /// Most bytes in the file, and in the memory of a program.
+    file: usize,
+    memory: usize,
+    /// Bytes of a vertex of a target in that memory.
+    memory_point: usize,
 }
 
 /// The recorded leaves of an asset.
@@ -119,58 +128,46 @@ pub(super) struct LeafShapes {
     seen: usize,
     /// Interval of the recorded frames.
     stride: usize,
+    /// For each instancer and instance how often it has become alive, and whether it is.
+    lives: Vec<Vec<(u32, bool)>>,
     budget: LeafBudget,
+    /// Most leaves of a shape that are recorded.
+    most_recorded: usize,
     /// Of the scene, which the keys depend on.
     seed: u64,
 }
 
-/// A key between two frames of a track that shows a blend of their shapes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct MorphBlend {
-    /// Index, in the track's list, of the frame before the key.
-    pub after: usize,
-    /// Its time as a share of the interval to the next frame of the track, within 0 and 1.
-    pub time: f32,
-    /// Weight of the next frame's shape; the rest is that of the shape before.
-    pub weight: f32,
-}
-
-/// Blades that appear in one shape and disappear after another.
+/// The leaves of a plant as a mesh that morphs.
 pub(super) struct LeafMesh {
-    /// The blades in the shape that has most leaves; points if they are not leaves then.
+    /// The blades as in the shape that has most leaves; those that are points then as they are when they are seen last.
     pub mesh: Mesh,
-    /// Indices of the frames at which it has a shape, increasing, including the first and the last recorded one.
+    /// Indices of the frames of which there are shapes, increasing.
     pub frames: Vec<usize>,
-    /// Points of the mesh, one list for each of `frames`.
-    pub shapes: Vec<Vec<Vec3>>,
-    /// Keys between those frames, where blades appear or disappear.
-    pub blends: Vec<MorphBlend>,
-}
-
-/// The leaves of a plant as meshes that morph.
-pub(super) struct LeafMeshes {
-    /// By the shapes in which their blades appear and disappear.
-    pub meshes: Vec<LeafMesh>,
-    pub blades: usize,
+    /// One shape for each of `frames`.
+    pub parts: HiddenParts,
+    /// Number of frames of the clip.
+    pub all_frames: usize,
     /// Largest number of leaves that are alive in a shape, and largest factor by which those written are enlarged.
     pub most_alive: usize,
     pub most_growth: f32,
 }
 
-impl LeafMeshes {
-    /// How many leaves are written, and how large where that is a part of them.
+impl LeafMesh {
+    /// How many leaves are written, in how many shapes, and how large where that is a part of them.
     pub(super) fn words(&self, label: &str) -> String {
-        let Self { meshes, blades, most_alive, most_growth } = self;
+        let Self { frames, all_frames, most_alive, most_growth, .. } = self;
         // Up to this factor two decimals show 1.
         let enlarged = if *most_growth < 1.005 {
             String::new()
         } else {
             format!(", enlarged up to {most_growth:.2} times where not all are written")
         };
-        let count = meshes.len();
+        let shapes = frames.len();
+        let of_frames =
+            if shapes < *all_frames { format!("{shapes} shapes for") } else { "a shape for each of".into() };
         format!(
-            "{label}: up to {most_alive} at once are {blades} simpler ones in {count} meshes that morph{enlarged}; USD has all of \
-             every frame"
+            "{label}: up to {most_alive} at once are simpler ones in one mesh with {of_frames} {all_frames} frames{enlarged}; USD \
+             has all of every frame"
         )
     }
 }
@@ -178,6 +175,7 @@ impl LeafMeshes {
 /// A run of shapes in which an instance is the same leaf.
 struct Run {
     id: [u32; 2],
+    life: u32,
     /// Index of its first shape.
     first: usize,
     /// Its places in consecutive shapes; not empty.
@@ -185,9 +183,9 @@ struct Run {
 }
 
 impl Run {
-    /// Its first shape, and the number of its shapes.
-    fn span(&self) -> [usize; 2] {
-        [self.first, self.places.len()]
+    /// Index of the shape after its last one.
+    fn end(&self) -> usize {
+        self.first + self.places.len()
     }
 
     /// Its place in a shape: a point before its first and after its last one.
@@ -199,6 +197,12 @@ impl Run {
     }
 }
 
+/// A blade and the runs that it shows, in their order.
+struct Blade<'a> {
+    mesh: &'a Mesh,
+    runs: Vec<&'a Run>,
+}
+
 impl LeafShapes {
     /// `None` for an asset whose moving leaves are few enough for a node each, or none.
     pub(super) fn new(asset: &Asset, scene: &Scene, options: &GltfOptions) -> Option<Self> {
@@ -208,15 +212,16 @@ impl LeafShapes {
         if leaves == 0 || all <= options.nodes {
             return None;
         }
-        let written = options.written_frames(scene.clip);
-        let budget = leaf_budget(written, options);
+        let budget = leaf_budget(options.written_frames(scene.clip), options);
         Some(Self {
             frames: Vec::new(),
             shapes: Vec::new(),
             waiting: None,
             seen: 0,
-            stride: written.saturating_sub(1).div_ceil(budget.shapes.max(1)).max(1),
+            stride: budget.strides[0],
+            lives: asset.instancers.iter().map(|i| vec![(0, false); i.len()]).collect(),
             budget,
+            most_recorded: usize::MAX,
             seed: scene.seed,
         })
     }
@@ -237,6 +242,38 @@ impl LeafShapes {
             self.waiting = Some(leaves);
         }
         self.seen += 1;
+        self.thin_out();
+    }
+
+    /// Doubles the interval of the recorded frames while the budget demands and the number of frames allows it; then records fewer
+    /// leaves of each, which bounds the memory.
+    fn thin_out(&mut self) {
+        let LeafBudget { strides: [_, longest], entry, file, .. } = self.budget;
+        // Beside the shapes of a leaf there are those in which it is a point.
+        let bytes_of = |shapes: &[RecordedShape]| {
+            shapes.iter().map(|shape| shape.leaves.len()).sum::<usize>() * BLADE_VERTICES * entry * 4 / 3
+        };
+        while self.stride * 2 <= longest && bytes_of(&self.shapes) > file {
+            self.stride *= 2;
+            // The last frame so far may be that of the clip.
+            if self.frames.last().is_some_and(|last| *last + 1 == self.seen && !last.is_multiple_of(self.stride)) {
+                self.waiting = self.shapes.pop();
+                self.frames.pop();
+            }
+            let stride = self.stride;
+            let mut frames = self.frames.iter();
+            self.shapes.retain(|_| frames.next().is_some_and(|frame| frame.is_multiple_of(stride)));
+            self.frames.retain(|frame| frame.is_multiple_of(stride));
+        }
+        // More leaves than the budget holds: some shapes have few of them.
+        while self.most_recorded > 1 && bytes_of(&self.shapes) > file.saturating_mul(2) {
+            let largest = self.shapes.iter().map(|shape| shape.leaves.len()).max().unwrap_or(1);
+            self.most_recorded = (largest - largest / 8 - 1).max(1);
+            for shape in self.shapes.iter_mut().chain(&mut self.waiting) {
+                shape.leaves.truncate(self.most_recorded);
+                shape.leaves.shrink_to_fit();
+            }
+        }
     }
 
     /// Ends the clip: its last frame has a shape.
@@ -248,18 +285,26 @@ impl LeafShapes {
     }
 
     /// The leaves of the smallest keys that are alive at a frame: no more than there may be blades.
-    fn leaves_at(&self, asset: &Asset, frame: &AssetFrame, scene: &Scene) -> RecordedShape {
+    fn leaves_at(&mut self, asset: &Asset, frame: &AssetFrame, scene: &Scene) -> RecordedShape {
         let mut leaves: Vec<RecordedLeaf> = Vec::new();
-        for (n, instancer) in asset.instancers.iter().enumerate().filter(|(_, i)| grows(asset, i, scene)) {
+        let instancers = asset.instancers.iter().zip(&mut self.lives).enumerate();
+        for (n, (instancer, lives)) in instancers.filter(|(_, (i, _))| grows(asset, i, scene)) {
             let state = instance_states(asset, instancer, n, frame);
-            let live = (0..instancer.len()).filter(|i| state.is_alive(*i) && state.size(*i) > 0.0);
-            leaves.extend(live.map(|i| RecordedLeaf {
-                key: mix64(&[self.seed, instancer.ids[i]]),
-                id: [n, i].map(saturating_index),
-                place: instancer.transform(&state, i),
-            }));
+            for (i, (life, was_alive)) in lives.iter_mut().enumerate() {
+                let is_alive = state.is_alive(i) && state.size(i) > 0.0;
+                *life += u32::from(is_alive && !*was_alive);
+                *was_alive = is_alive;
+                if is_alive {
+                    leaves.push(RecordedLeaf {
+                        key: mix64(&[self.seed, instancer.ids[i]]),
+                        id: [n, i].map(saturating_index),
+                        life: *life,
+                        place: instancer.transform(&state, i),
+                    });
+                }
+            }
         }
-        let (alive, most) = (leaves.len(), self.budget.leaves);
+        let (alive, most) = (leaves.len(), self.most_recorded);
         // The same leaves stay from shape to shape, spread over the crown: keys are hashes of their ids.
         let by_key = |leaf: &RecordedLeaf| (leaf.key, leaf.id);
         if alive > most {
@@ -272,143 +317,152 @@ impl LeafShapes {
         RecordedShape { alive, leaves }
     }
 
-    /// The blades of all leaves; no meshes without leaves.
+    /// The blades of all leaves; `None` without leaves.
     /// # Errors
     /// `Export` X005 if a blade can't be simplified.
-    pub(super) fn meshes(&self, asset: &Asset, label: &str) -> Result<LeafMeshes> {
+    pub(super) fn mesh(&self, asset: &Asset, label: &str) -> Result<Option<LeafMesh>> {
         let places = self.shapes.iter().flat_map(|shape| shape.leaves.iter().map(|leaf| leaf.place.t));
         let longest = LONGEST_MOVE * osier_base::geometry::Bounds::of(places).size().length();
-        let blades = simple_blades(asset, label)?;
-        let vertices = |run: &Run| simple_blade(run, asset, &blades).map_or(0, |blade| blade.points.len());
-        let most = self.most_at_once(longest, &vertices);
+        let simple = simple_blades(asset, label)?;
+        let most = self.most_at_once(longest, asset, &simple);
         let runs = self.runs(most, longest);
+        let blades = self.blades(&runs, asset, &simple);
         let full = (0..self.shapes.len()).max_by_key(|k| (self.shapes[*k].alive, *k)).unwrap_or(0);
-        let mut meshes = Vec::new();
-        for group in runs.chunk_by(|a, b| a.span() == b.span()) {
-            meshes.extend(self.group_mesh(group, full, asset, &blades));
-        }
-        Ok(LeafMeshes {
-            meshes,
-            blades: runs.len(),
-            most_alive: self.shapes.get(full).map_or(0, |shape| shape.alive),
-            most_growth: self.shapes.iter().map(|shape| shape.growth(most)).fold(1.0, f32::max),
-        })
-    }
-
-    /// The mesh of runs of the same shapes. `full`: the shape in which it is at rest; `blades`: per instancer and prototype.
-    fn group_mesh(&self, group: &[Run], full: usize, asset: &Asset, blades: &[Vec<Mesh>]) -> Option<LeafMesh> {
-        let blade_of = |run: &Run| simple_blade(run, asset, blades);
-        let mut mesh = Mesh::default();
-        for run in group {
-            let Some(blade) = blade_of(run) else { continue };
-            let [n, i] = run.id.map(|k| k as usize);
-            let place = run.place(full);
-            // A blade that is a point in this shape has the normals of its nearest shape.
+        let (mut mesh, mut hidden) = (Mesh::default(), Vec::new());
+        let mut shapes: Vec<ShownVertices> = self.shapes.iter().map(|_| ShownVertices::default()).collect();
+        for blade in &blades {
+            let at_rest = blade.runs.iter().find(|run| (run.first..run.end()).contains(&full)).or(blade.runs.last());
+            let Some(run) = at_rest else { continue };
+            let place = run.place(full.clamp(run.first, run.end() - 1));
             let upright = Trs { s: Vec3::ONE, ..place };
+            let [n, i] = run.id.map(|k| k as usize);
             let toward = asset.instancers[n].rest.canopy_normal(i);
+            let first = saturating_index(mesh.points.len());
             mesh.append(&Mesh {
-                points: blade.points.iter().map(|p| place.apply(*p)).collect(),
-                normals: blade.normals.iter().map(|v| bent_normal(transform_normal(&upright, *v), toward)).collect(),
-                ..blade.clone()
+                points: blade.mesh.points.iter().map(|p| place.apply(*p)).collect(),
+                normals: blade
+                    .mesh
+                    .normals
+                    .iter()
+                    .map(|v| bent_normal(transform_normal(&upright, *v), toward))
+                    .collect(),
+                ..blade.mesh.clone()
             });
+            hidden.extend(blade.mesh.points.iter().map(|_| place.t));
+            for run in &blade.runs {
+                for k in run.first.saturating_sub(1)..=run.end().min(self.shapes.len() - 1) {
+                    let place = run.place(k);
+                    shapes[k].indices.extend((first..).zip(&blade.mesh.points).map(|(vertex, _)| vertex));
+                    shapes[k].points.extend(blade.mesh.points.iter().map(|p| place.apply(*p)));
+                }
+            }
         }
         mesh.join_subsets();
         if mesh.triangles.is_empty() {
-            return None;
+            return Ok(None);
         }
-        // Before the first and after the last of these shapes all blades are points: two keys hold them until the ends of the clip.
-        let ([first, count], last) = (group[0].span(), self.shapes.len() - 1);
-        let end = first + count;
-        let near = first.saturating_sub(1)..=end.min(last);
-        let mut kept: Vec<usize> = [0, last].into_iter().chain(near.clone()).collect();
-        kept.sort_unstable();
-        kept.dedup();
-        let points_at = |k: &usize| -> Vec<Vec3> {
-            // Where all blades are points, at rest and here, it is not seen where these lie: the mesh at rest needs no target.
-            if !(first..end).contains(&full) && !near.contains(k) {
-                return mesh.points.clone();
-            }
-            let of = |run: &Run| {
-                let place = run.place(*k);
-                blade_of(run).into_iter().flat_map(move |blade| blade.points.iter().map(move |p| place.apply(*p)))
-            };
-            group.iter().flat_map(of).collect()
-        };
-        let shapes = kept.iter().map(points_at).collect();
-        // Appearing, size^2 = t at the share t of the time; disappearing, size^2 = 1 - t.
-        let index_of = |shape: usize| kept.binary_search(&shape).ok();
-        let mut blends = Vec::new();
-        if let Some(after) = first.checked_sub(1).and_then(index_of) {
-            blends.extend(APPEARING_SIZES.map(|size| MorphBlend { after, time: size * size, weight: size }));
-        }
-        if let Some(after) = index_of(end - 1).filter(|_| end <= last) {
-            let shrinks = |size: f32| MorphBlend { after, time: 1.0 - size * size, weight: 1.0 - size };
-            blends.extend(APPEARING_SIZES.into_iter().rev().map(shrinks));
-        }
-        Some(LeafMesh { mesh, shapes, frames: kept.iter().map(|k| self.frames[*k]).collect(), blends })
+        Ok(Some(LeafMesh {
+            mesh,
+            frames: self.frames.clone(),
+            parts: HiddenParts { hidden, shapes },
+            all_frames: self.seen,
+            most_alive: self.shapes.get(full).map_or(0, |shape| shape.alive),
+            most_growth: self.shapes.iter().map(|shape| shape.growth(most)).fold(1.0, f32::max),
+        }))
     }
 
     /// The largest number of leaves in a shape with which all runs are within the budget: shapes with fewer have all of their
-    /// leaves. `vertices`: number of vertices of a run's blade.
-    fn most_at_once(&self, longest: f32, vertices: &dyn Fn(&Run) -> usize) -> usize {
-        let (mut low, mut high) = (1, self.budget.leaves);
-        // With more leaves in each shape there are more runs: bisection.
+    /// leaves. `simple`: per instancer and prototype.
+    fn most_at_once(&self, longest: f32, asset: &Asset, simple: &[Vec<Mesh>]) -> usize {
+        let largest = self.shapes.iter().map(|shape| shape.leaves.len()).max().unwrap_or(0);
+        let (mut low, mut high) = (1, largest.max(1));
+        // All leaves, if they fit; else bisection, since with more leaves in each shape there are more runs.
+        let mut middle = high;
         while low < high {
-            let middle = low + (high - low).div_ceil(2);
-            if self.bytes(&self.runs(middle, longest), vertices) <= LEAF_BUDGET {
+            let runs = self.runs(middle, longest);
+            if self.fits(&self.blades(&runs, asset, simple)) {
                 low = middle;
             } else {
                 high = middle - 1;
             }
+            middle = low + (high - low).div_ceil(2);
         }
         low
     }
 
-    /// Estimated bytes of the meshes of runs. `vertices`: number of vertices of a run's blade.
-    fn bytes(&self, runs: &[Run], vertices: &dyn Fn(&Run) -> usize) -> usize {
-        let position = self.budget.position;
-        let of_group = |group: &[Run]| {
-            // Besides the shapes in which they are seen, blades have one as points where they appear or disappear.
-            let targets = 1 + group[0].places.len();
-            group.iter().map(vertices).sum::<usize>() * (VERTEX_BYTES + position * (1 + targets))
-        };
-        runs.chunk_by(|a, b| a.span() == b.span()).map(of_group).sum()
+    /// Whether blades are within the budget.
+    fn fits(&self, blades: &[Blade<'_>]) -> bool {
+        let LeafBudget { vertex, entry, file, memory, memory_point, .. } = self.budget;
+        let (mut bytes, mut vertices) = (0_usize, 0_usize);
+        for blade in blades {
+            let points = blade.mesh.points.len();
+            // Beside the shapes in which a leaf is seen it has one as a point where it appears, and one where it disappears.
+            let shapes: usize = blade.runs.iter().map(|run| run.places.len() + 2).sum();
+            vertices += points;
+            bytes += points * (vertex + entry * shapes);
+        }
+        bytes <= file && vertices.saturating_mul(memory_point).saturating_mul(self.shapes.len()) <= memory
     }
 
-    /// The runs of leaves by first shape, number of shapes and id, with at most `most` leaves in each shape, which are enlarged to cover the area of
+    /// The runs of leaves by first shape, id and life, with at most `most` leaves in each shape, which are enlarged to cover the area of
     /// all. `longest`: distance, m, beyond which a leaf is another one.
     fn runs(&self, most: usize, longest: f32) -> Vec<Run> {
-        let mut list: Vec<([u32; 2], usize, Trs)> = Vec::new();
+        let mut list: Vec<([u32; 2], usize, u32, Trs)> = Vec::new();
         for (k, shape) in self.shapes.iter().enumerate() {
             let growth = shape.growth(most);
             let place = |leaf: &RecordedLeaf| Trs { s: leaf.place.s * growth, ..leaf.place };
-            list.extend(shape.first(most).iter().map(|leaf| (leaf.id, k, place(leaf))));
+            list.extend(shape.first(most).iter().map(|leaf| (leaf.id, k, leaf.life, place(leaf))));
         }
-        list.sort_unstable_by_key(|(id, k, _)| (*id, *k));
+        list.sort_unstable_by_key(|(id, k, ..)| (*id, *k));
         let mut runs: Vec<Run> = Vec::new();
-        for (id, k, place) in list {
+        for (id, k, life, place) in list {
             let goes_on = |run: &&mut Run| {
                 let is_like = run.places.last().is_some_and(|last| keeps_its_area(last, &place, longest));
-                let is_divided = (k + id[1] as usize).is_multiple_of(LONGEST_RUN);
-                run.id == id && run.first + run.places.len() == k && is_like && !is_divided
+                run.id == id && run.life == life && run.end() == k && is_like
             };
             match runs.last_mut().filter(goes_on) {
                 Some(run) => run.places.push(place),
-                None => runs.push(Run { id, first: k, places: vec![place] }),
+                None => runs.push(Run { id, life, first: k, places: vec![place] }),
             }
         }
-        runs.sort_unstable_by_key(|run| (run.span(), run.id));
+        runs.sort_unstable_by_key(|run| (run.first, run.id, run.life));
         runs
+    }
+
+    /// The fewest blades that show all runs. `simple`: per instancer and prototype.
+    fn blades<'a>(&self, runs: &'a [Run], asset: &Asset, simple: &'a [Vec<Mesh>]) -> Vec<Blade<'a>> {
+        let mut blades: Vec<Blade<'a>> = Vec::new();
+        // For each instancer and prototype its blades by the shape in which each is a point after its last run.
+        let mut free: BTreeMap<(usize, usize), BinaryHeap<Reverse<(usize, usize)>>> = BTreeMap::new();
+        for run in runs {
+            let [n, i] = run.id.map(|k| k as usize);
+            let Some(proto) = asset.instancers.get(n).and_then(|instancer| instancer.protos.get(i)) else { continue };
+            let proto = *proto as usize;
+            let Some(mesh) = simple.get(n).and_then(|list| list.get(proto)) else { continue };
+            let heap = free.entry((n, proto)).or_default();
+            // It is a point in the shape before its first one, and goes there in an interval at both ends of which it is one.
+            let is_free = |Reverse((end, _)): &&Reverse<(usize, usize)>| *end + 1 < run.first;
+            let blade = match heap.peek().filter(is_free).map(|Reverse((_, blade))| *blade) {
+                Some(blade) => {
+                    heap.pop();
+                    blade
+                }
+                None => {
+                    blades.push(Blade { mesh, runs: Vec::new() });
+                    blades.len() - 1
+                }
+            };
+            blades[blade].runs.push(run);
+            heap.push(Reverse((run.end(), blade)));
+        }
+        blades
     }
 }
 
-/// Whether corners that move linearly from one place of a leaf to another keep nearly the area of a blade between them, and the
-/// places are at most `longest` apart, m.
+/// Whether corners that move linearly from one place of a leaf to another keep more of the area of a blade than a blade that disappears and
+/// one that appears, and the places are at most `longest` apart, m.
 fn keeps_its_area(from: &Trs, to: &Trs, longest: f32) -> bool {
-    let [a, b] = [from, to].map(|place| place.s.abs().max_element());
-    from.t.distance(to.t) <= longest
-        && a.max(b) <= LARGEST_RATIO * a.min(b)
-        && rotation_angle(from.r, to.r) <= LARGEST_TURN
+    from.t.distance(to.t) <= longest && rotation_angle(from.r, to.r) <= LARGEST_TURN
 }
 
 /// Whether the instances of an instancer are leaves that growth moves, and whose colours do not change over the clip. A plant that
@@ -425,13 +479,6 @@ fn grows(asset: &Asset, instancer: &Instancer, scene: &Scene) -> bool {
         && instancer.prototypes.iter().all(|p| is_leaf(&p.mesh))
 }
 
-/// The simple blade of a run. `blades`: per instancer and prototype.
-fn simple_blade<'a>(run: &Run, asset: &Asset, blades: &'a [Vec<Mesh>]) -> Option<&'a Mesh> {
-    let [n, i] = run.id.map(|k| k as usize);
-    let proto = asset.instancers.get(n)?.protos.get(i)?;
-    blades.get(n)?.get(*proto as usize)
-}
-
 /// A simple blade for each prototype of each instancer, scaled to the area of the full one.
 fn simple_blades(asset: &Asset, label: &str) -> Result<Vec<Vec<Mesh>>> {
     let blade = |mesh: &Mesh| -> Result<Mesh> {
@@ -444,31 +491,53 @@ fn simple_blades(asset: &Asset, label: &str) -> Result<Vec<Vec<Mesh>>> {
     asset.instancers.iter().map(of_instancer).collect()
 }
 
-/// Numbers of leaves and shapes for so many frames.
+/// What the options allow for so many frames.
 fn leaf_budget(frames: usize, options: &GltfOptions) -> LeafBudget {
-    let shapes = frames.saturating_sub(1).clamp(1, MOST_SHAPES);
-    let position = options.target_position_bytes();
-    LeafBudget { leaves: (LEAF_BUDGET / (BLADE_VERTICES * position * (shapes + 1))).max(1), shapes, position }
+    let intervals = frames.saturating_sub(1).max(1);
+    let shortest = intervals.div_ceil(MOST_SHAPES - 1);
+    let is_for_blender = options.profile == Profile::Blender;
+    let (file, ratio, memory_point) = if is_for_blender {
+        (limit(options.leaf_bytes), BLENDER_MEMORY_RATIO, BLENDER_POINT)
+    } else {
+        (LEAF_BUDGET, MEMORY_RATIO, VIEWER_POINT)
+    };
+    let entry = options.sparse_position_bytes();
+    let vertex = if entry < 16 { QUANTIZED_VERTEX_BYTES } else { VERTEX_BYTES };
+    LeafBudget {
+        strides: [shortest, (intervals / LEAST_SHAPES).max(shortest)],
+        vertex,
+        entry,
+        file,
+        memory: file.saturating_mul(ratio),
+        memory_point,
+    }
 }
 
-/// Estimated bytes of the shapes of so many growing leaves over so many frames.
+/// Estimated bytes of the mesh of so many growing leaves over so many frames.
 pub(super) fn estimate(leaves: u64, frames: u64, options: &GltfOptions) -> u64 {
-    let LeafBudget { shapes, position, .. } = leaf_budget(limit(frames), options);
-    // An instance is one blade after the other, each at rest and in its targets.
-    let blade = BLADE_VERTICES * (VERTEX_BYTES + position * (1 + TARGETS_OF_A_BLADE));
-    let all = leaves.saturating_mul((blade * (shapes + 1)) as u64) / SHAPES_PER_BLADE;
-    all.min(LEAF_BUDGET as u64)
+    let LeafBudget { strides: [shortest, longest], vertex, entry, file, .. } = leaf_budget(limit(frames), options);
+    let bytes = |stride: usize| {
+        let shapes = frames.saturating_sub(1) / (stride as u64) + 1;
+        let [beside, share, whole] = TARGETS_OF_A_LEAF;
+        let entries = (shapes + beside) * share * entry as u64 / whole;
+        leaves.saturating_mul(BLADE_VERTICES as u64 * (vertex as u64 + entries))
+    };
+    let mut stride = shortest;
+    while stride * 2 <= longest && bytes(stride) > file as u64 {
+        stride *= 2;
+    }
+    bytes(stride).min(file as u64)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::options::Profile;
     use super::*;
 
     fn recorded(frames: &[&[(u32, f32)]]) -> LeafShapes {
         let leaf = |(i, x): &(u32, f32)| RecordedLeaf {
             key: u64::from(*i),
             id: [0, *i],
+            life: 1,
             place: Trs::translation(Vec3::X * *x),
         };
         let shape = |list: &&[(u32, f32)]| RecordedShape { alive: list.len(), leaves: list.iter().map(leaf).collect() };
@@ -478,8 +547,38 @@ mod tests {
             waiting: None,
             seen: frames.len(),
             stride: 1,
+            lives: Vec::new(),
             budget: leaf_budget(frames.len(), &GltfOptions::default()),
+            most_recorded: usize::MAX,
             seed: 0,
+        }
+    }
+
+    /// A plant of so many leaves, squares of 1 m x 1 m.
+    fn plant(leaves: u32) -> Asset {
+        let points = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vec3::new(x, y, 0.0)).to_vec();
+        let square =
+            Mesh { points, normals: vec![Vec3::Z; 4], triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
+        let instancer = Instancer {
+            name: "leaves".into(),
+            prototypes: vec![osier_scene::Prototype::new("leaf", square.with_material(0))],
+            ids: (0..u64::from(leaves)).collect(),
+            protos: vec![0; leaves as usize],
+            scales: vec![Vec3::ONE; leaves as usize],
+            rest: osier_scene::InstanceState::default(),
+            motion: InstancerMotion::Free,
+            tracked: false,
+        };
+        Asset {
+            id: "tree".into(),
+            kind: AssetKind::Plant,
+            group: String::new(),
+            skeleton: None,
+            meshes: Vec::new(),
+            instancers: vec![instancer],
+            points: Vec::new(),
+            curves: Vec::new(),
+            rigged: None,
         }
     }
 
@@ -488,7 +587,7 @@ mod tests {
         let options = GltfOptions { quantize: true, profile: Profile::Web, ..GltfOptions::default() };
         // Instances, frames and bytes of leaves of birches of 20, 12 and 10 years and of an oak of 8, without compression.
         for (leaves, frames, bytes) in
-            [(46_608, 24, 17_515_808.0), (3_845, 48, 1_721_808.0), (2_641, 8, 377_824.0), (4_099, 24, 1_533_876.0)]
+            [(57_472, 24, 25_085_304.0), (6_808, 48, 4_147_256.0), (5_291, 8, 1_342_752.0), (5_927, 24, 2_799_432.0)]
         {
             let ratio = estimate(leaves, frames, &options) as f64 / bytes;
             assert!((0.85..1.15).contains(&ratio), "{leaves} leaves over {frames} frames: {ratio}");
@@ -497,20 +596,27 @@ mod tests {
     }
 
     #[test]
-    fn enlarged_leaves_are_told_where_not_all_are_written() {
-        let said =
-            |most_growth: f32| LeafMeshes { meshes: Vec::new(), blades: 3, most_alive: 8, most_growth }.words("leaves");
+    fn shapes_and_enlarged_leaves_are_told() {
+        let said = |most_growth: f32, shapes: usize| {
+            let frames = (0..shapes).collect();
+            let (mesh, parts) = (Mesh::default(), HiddenParts::default());
+            LeafMesh { mesh, frames, parts, all_frames: 40, most_alive: 8, most_growth }.words("leaves")
+        };
         assert_eq!(
-            said(1.0),
-            "leaves: up to 8 at once are 3 simpler ones in 0 meshes that morph; USD has all of every frame"
+            said(1.0, 40),
+            "leaves: up to 8 at once are simpler ones in one mesh with a shape for each of 40 frames; USD has all of every frame"
         );
-        assert!(said(1.63).contains("that morph, enlarged up to 1.63 times where not all are written; USD"));
+        assert_eq!(
+            said(1.63, 21),
+            "leaves: up to 8 at once are simpler ones in one mesh with 21 shapes for 40 frames, enlarged up to 1.63 times where \
+             not all are written; USD has all of every frame"
+        );
     }
 
     #[test]
     fn a_leaf_that_pauses_or_jumps_begins_another_run() {
         // Leaf 3 pauses in shape 2, leaf 5 jumps to another place after shape 1.
-        let shapes = recorded(&[&[(3, 0.0)], &[(3, 0.1), (5, 7.0)], &[(5, 2.0)], &[(3, 0.2), (5, 2.1)]]);
+        let mut shapes = recorded(&[&[(3, 0.0)], &[(3, 0.1), (5, 7.0)], &[(5, 2.0)], &[(3, 0.2), (5, 2.1)]]);
         let runs = shapes.runs(10, 1.0);
         let list: Vec<([u32; 2], usize, usize)> = runs.iter().map(|r| (r.id, r.first, r.places.len())).collect();
         assert_eq!(list, [([0, 3], 0, 2), ([0, 5], 1, 1), ([0, 5], 2, 2), ([0, 3], 3, 1)]);
@@ -519,29 +625,80 @@ mod tests {
         assert_eq!((late.place(0).t, late.place(0).s), (Vec3::X * 2.0, Vec3::ZERO));
         assert_eq!((late.place(3).t, late.place(3).s), (Vec3::X * 2.1, Vec3::ONE));
         assert_eq!(runs[1].place(3).s, Vec3::ZERO);
+        // A frame that was left out may have shown another leaf of the instance, wherever that is.
+        shapes.shapes[3].leaves[1].life = 2;
+        let lengths: Vec<usize> = shapes.runs(10, 1.0).iter().map(|r| r.places.len()).collect();
+        assert_eq!(lengths, [2, 1, 1, 1, 1]);
     }
 
     #[test]
-    fn a_leaf_that_turns_or_grows_much_is_another_blade() {
-        let at =
-            |turn: f32, size: f32| Trs { t: Vec3::ZERO, r: glam::Quat::from_rotation_y(turn), s: Vec3::splat(size) };
-        let keeps = |turn: f32, size: f32| {
-            let both = [[at(0.0, 1.0), at(turn, size)], [at(turn, size), at(0.0, 1.0)]];
-            both.map(|[from, to]| keeps_its_area(&from, &to, 1.0))
-        };
-        assert_eq!(keeps(0.4, 1.4), [true; 2]);
-        assert_eq!([keeps(0.5, 1.0), keeps(-0.5, 1.0), keeps(0.0, 1.6), keeps(0.0, 0.6)], [[false; 2]; 4]);
+    fn a_leaf_that_turns_much_is_another_blade() {
+        let at = |turn: f32| Trs { t: Vec3::ZERO, r: glam::Quat::from_rotation_y(turn), s: Vec3::ONE };
+        let keeps =
+            |turn: f32| [[at(0.0), at(turn)], [at(turn), at(0.0)]].map(|[from, to]| keeps_its_area(&from, &to, 1.0));
+        assert_eq!([keeps(1.5), keeps(-1.5), keeps(1.6), keeps(-1.6)], [[true; 2], [true; 2], [false; 2], [false; 2]]);
     }
 
     #[test]
-    fn long_runs_are_divided_and_few_leaves_cover_the_area_of_all() {
+    fn few_leaves_cover_the_area_of_all() {
         let many: Vec<(u32, f32)> = (0..16).map(|i| (i, 0.0)).collect();
         let shapes = recorded(&[&many[..]; 8]);
         // Of 16 leaves the four of the smallest keys, of twice the size.
         let runs = shapes.runs(4, 1.0);
         assert!(runs.iter().all(|r| r.id[1] < 4 && r.places.iter().all(|p| p.s == Vec3::splat(2.0))));
-        let lengths: Vec<usize> = runs.iter().map(|r| r.places.len()).collect();
-        assert_eq!(lengths, [3, 4, 5, LONGEST_RUN, 5, 4, 3, 2], "each leaf is divided at other shapes");
+        assert_eq!(runs.iter().map(|r| r.places.len()).collect::<Vec<_>>(), [8; 4]);
         assert_eq!(shapes.shapes[0].growth(16).to_bits(), 1.0_f32.to_bits());
+    }
+
+    #[test]
+    fn a_blade_shows_one_leaf_after_the_other_and_is_a_point_between_them() {
+        // Leaf 1 in shapes 0 and 1, leaf 2 from shape 4 on, leaf 3 in shape 4 alone.
+        let shapes = recorded(&[&[(1, 0.0)], &[(1, 0.5)], &[], &[], &[(2, 8.0), (3, 16.0)], &[(2, 8.5)]]);
+        let leaves = shapes.mesh(&plant(4), "leaves").expect("simplified").expect("leaves");
+        // Leaf 1 is a point in shape 2, leaf 2 in shape 3: it has the blade of leaf 1.
+        assert_eq!((leaves.mesh.points.len(), leaves.mesh.triangles.len()), (8, 4));
+        let held: Vec<&[u32]> = leaves.parts.shapes.iter().map(|s| s.indices.as_slice()).collect();
+        let both = [0, 1, 2, 3, 4, 5, 6, 7];
+        assert_eq!(held, [&both[..4], &both[..4], &both[..4], &both[..], &both[..], &both[..]]);
+        let at = |k: usize| leaves.parts.shapes[k].points.iter().map(|p| p.x).collect::<Vec<_>>();
+        assert_eq!(at(1), [0.5, 1.5, 1.5, 0.5]);
+        assert_eq!(at(2), [0.5; 4]);
+        assert_eq!(at(3), [8.0, 8.0, 8.0, 8.0, 16.0, 16.0, 16.0, 16.0]);
+        assert_eq!(at(5), [8.5, 9.5, 9.5, 8.5, 16.0, 16.0, 16.0, 16.0]);
+        // At rest each has its size.
+        assert!((area(&leaves.mesh) - 2.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn frames_and_then_leaves_are_left_out_where_they_take_too_much() {
+        let many: Vec<(u32, f32)> = (0..100).map(|i| (i, 0.0)).collect();
+        let recorded_within = |shapes_of_file: usize| {
+            let mut shapes = recorded(&[]);
+            let file = 100 * BLADE_VERTICES * 16 * shapes_of_file;
+            shapes.budget = LeafBudget { file, ..leaf_budget(241, &GltfOptions::default()) };
+            for _ in 0..241 {
+                let shape = recorded(&[&many[..]]).shapes.remove(0);
+                if shapes.seen.is_multiple_of(shapes.stride) {
+                    shapes.frames.push(shapes.seen);
+                    shapes.shapes.push(shape);
+                    shapes.waiting = None;
+                } else {
+                    shapes.waiting = Some(shape);
+                }
+                shapes.seen += 1;
+                shapes.thin_out();
+            }
+            shapes.close();
+            assert_eq!(shapes.frames.len(), shapes.shapes.len());
+            let least = shapes.shapes.iter().map(|s| s.leaves.len()).min().unwrap_or(0);
+            (shapes.frames.clone(), least)
+        };
+        let every = |stride: usize| (0..=240).step_by(stride).collect::<Vec<_>>();
+        assert_eq!(recorded_within(400), (every(1), 100));
+        assert_eq!(recorded_within(200), (every(2), 100));
+        // Fewer than 48 intervals would be too few; the memory holds twice what the file does.
+        let (frames, leaves) = recorded_within(20);
+        assert_eq!(frames, every(4));
+        assert!((25..60).contains(&leaves), "{leaves}");
     }
 }

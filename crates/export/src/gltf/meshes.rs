@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::buffer::last_index;
 use super::document::{GeometryKind, GltfDocument, MaterialVariant};
+use super::hidden_parts::{HiddenParts, ShownVertices};
 use super::json::{Attributes, Index, Mesh as JsonMesh, MeshExtras, MorphTarget, Primitive};
 use super::materials::{has_normal_map, uses_uvs};
 use super::meshopt;
@@ -81,9 +82,22 @@ pub(super) struct MeshSource<'a> {
     pub skin: Option<&'a SkinInfluences>,
     /// Morph targets with their names; empty for a mesh that does not morph.
     pub shapes: &'a [(String, &'a MorphShape)],
+    /// Morph targets, in place of `shapes`, of a mesh of which parts are hidden.
+    pub parts: Option<PartTargets<'a>>,
     /// The cube of quantized positions that meshes of a skin share; `None`: a cube around this mesh.
     pub cube: Option<QuantizedCube>,
 }
+
+/// Morph targets of a mesh of which parts are hidden: the first hides all parts, the others are differences from it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PartTargets<'a> {
+    pub hidden: &'a HiddenParts,
+    /// Indices of the shapes that have a target, and its name.
+    pub written: &'a [(usize, String)],
+}
+
+/// Name of the target that hides all parts of a mesh.
+const HIDDEN: &str = "hidden";
 
 /// Index of a mesh in the document, and how its stored positions are converted to metres.
 #[derive(Debug, Clone, Copy)]
@@ -101,7 +115,11 @@ impl GltfDocument<'_> {
         let mut primitives = Vec::new();
         // The cube of a mesh that morphs holds all of its shapes: no difference of two of them is longer than its edge.
         let shapes = mesh_source.shapes.iter().flat_map(|(_, shape)| &shape.points);
-        let own = || self.quantized_cube(mesh_source.mesh.points.iter().chain(shapes).copied());
+        let parts = mesh_source.parts.iter().flat_map(|p| {
+            let shown = p.written.iter().filter_map(|(k, _)| p.hidden.shapes.get(*k)).flat_map(|s| &s.points);
+            p.hidden.hidden.iter().chain(shown)
+        });
+        let own = || self.quantized_cube(mesh_source.mesh.points.iter().chain(shapes).chain(parts).copied());
         let cube = mesh_source.cube.or_else(own);
         for submesh in split_by_material(mesh_source.mesh) {
             // Influences run over all vertices of the mesh and are restricted as the points are.
@@ -118,18 +136,32 @@ impl GltfDocument<'_> {
                 colors: submesh.gather(&mesh_source.mesh.colors),
                 attributes: submesh.gather_attributes(&mesh_source.mesh.attributes),
                 skin,
-                morphs: !mesh_source.shapes.is_empty(),
+                morphs: !mesh_source.shapes.is_empty() || mesh_source.parts.is_some(),
                 cube,
             };
             let variant = MaterialVariant { material: submesh.material, geometry: mesh_source.geometry };
             let mut primitive = self.build_primitive(&vertices, &submesh.triangles, variant)?;
             // Every primitive of a mesh must have the same number of targets in the same order (glTF 2.0, section 3.7.2.2).
-            primitive.targets = self.morph_targets(mesh_source, &submesh, &vertices)?;
+            primitive.targets = match mesh_source.parts {
+                Some(parts) => self.part_targets(parts, &submesh, &vertices)?,
+                None => self.morph_targets(mesh_source, &submesh, &vertices)?,
+            };
             primitives.push(primitive);
         }
-        let target_names: Vec<String> = mesh_source.shapes.iter().map(|(name, _)| name.clone()).collect();
+        let mut target_names: Vec<String> = mesh_source.shapes.iter().map(|(name, _)| name.clone()).collect();
+        let mut weights = Vec::new();
+        if let Some(parts) = mesh_source.parts {
+            target_names =
+                [HIDDEN.to_owned()].into_iter().chain(parts.written.iter().map(|(_, name)| name.clone())).collect();
+            // Readers without animation show the shape in which most is seen.
+            let fullest = parts.hidden.fullest();
+            weights = [1.0]
+                .into_iter()
+                .chain(parts.written.iter().map(|(k, _)| f32::from(u8::from(Some(*k) == fullest))))
+                .collect();
+        }
         let extras = (!target_names.is_empty()).then_some(MeshExtras { target_names, osier: None });
-        let mesh = JsonMesh { name: mesh_source.name.to_owned(), primitives, weights: Vec::new(), extras };
+        let mesh = JsonMesh { name: mesh_source.name.to_owned(), primitives, weights, extras };
         Ok(self.push_mesh(mesh)?.map(|index| StoredMesh { index, cube }))
     }
 
@@ -277,6 +309,63 @@ impl GltfDocument<'_> {
         Ok(targets)
     }
 
+    /// The morph targets of a primitive of which parts are hidden.
+    fn part_targets(
+        &mut self,
+        PartTargets { hidden: parts, written }: PartTargets<'_>,
+        submesh: &Submesh<'_>,
+        base: &Vertices<'_>,
+    ) -> Result<Vec<MorphTarget>> {
+        let hidden = submesh.gather(&parts.hidden);
+        let turns = base.normals.len() == base.points.len() && parts.has_normals();
+        // As floats, from the places that quantized points have: vertices of a part then meet, and no speck of it is left.
+        let way = |(h, b): (&Vec3, &Vec3)| base.cube.map_or(*h - *b, |cube| cube.shares(*h) - cube.stored(*b));
+        let to_hidden: Vec<Vec3> = hidden.iter().zip(base.points.iter()).map(way).collect();
+        let position = self.buffer.add_positions(&to_hidden, base.label)?;
+        let normal = if turns { Some(self.target_normals(&[], &[], base)?) } else { None };
+        let mut targets = vec![MorphTarget { normal, position }];
+        for shown in written.iter().filter_map(|(k, _)| parts.shapes.get(*k)) {
+            let (indices, of_shape) = indices_in(submesh, shown);
+            let moved: Vec<Vec3> = indices
+                .iter()
+                .zip(&of_shape)
+                .map(|(i, n)| shown.points[*n] - hidden.get(*i as usize).copied().unwrap_or_default())
+                .collect();
+            let position = self.target_positions(&indices, &moved, base)?;
+            let mut normal = None;
+            if turns {
+                let turned = |(i, n): (&u32, &usize)| shown.normals[*n] - base.normals[*i as usize];
+                let turned: Vec<Vec3> = indices.iter().zip(&of_shape).map(turned).collect();
+                normal = Some(self.target_normals(&indices, &turned, base)?);
+            }
+            targets.push(MorphTarget { normal, position });
+        }
+        Ok(targets)
+    }
+
+    /// Differences of positions at the rising `indices` of a primitive; all others are zeros.
+    fn target_positions(&mut self, indices: &[u32], values: &[Vec3], base: &Vertices<'_>) -> Result<Index> {
+        let (count, label) = (base.points.len(), base.label);
+        // Compression makes zeros short, and packs no indices of sparse elements.
+        let is_dense = self.input.options.compresses() || indices.len() * 4 > count * 3;
+        match (base.cube, is_dense) {
+            (Some(cube), true) => self.buffer.add_quantized_differences(&spread(indices, values, count), cube, label),
+            (Some(cube), false) => self.buffer.add_sparse_quantized_differences(indices, values, count, cube, label),
+            (None, true) => self.buffer.add_positions(&spread(indices, values, count), label),
+            (None, false) => self.buffer.add_sparse_vectors(indices, values, count, label),
+        }
+    }
+
+    /// As [`Self::target_positions`], of normals.
+    fn target_normals(&mut self, indices: &[u32], values: &[Vec3], base: &Vertices<'_>) -> Result<Index> {
+        let (count, label) = (base.points.len(), base.label);
+        if self.input.options.compresses() || indices.len() * 4 > count * 3 {
+            let target = Some(super::json::target::VERTICES);
+            return self.buffer.add_vectors(&spread(indices, values, count), target, label);
+        }
+        self.buffer.add_sparse_vectors(indices, values, count, label)
+    }
+
     /// Adds a point cloud; hidden points (width 0) are left out. `None` if nothing remains.
     pub(super) fn add_point_cloud(&mut self, cloud: &Points, label: &str) -> Result<Option<StoredMesh>> {
         // Points without widths are all visible.
@@ -309,6 +398,35 @@ impl GltfDocument<'_> {
         let mesh = JsonMesh { name: cloud.name.clone(), primitives: vec![primitive], ..JsonMesh::default() };
         Ok(self.push_mesh(mesh)?.map(|index| StoredMesh { index, cube: None }))
     }
+}
+
+/// The vertices of a submesh that a shape holds: their indices in the submesh, and in the lists of the shape.
+fn indices_in(submesh: &Submesh<'_>, shown: &ShownVertices) -> (Vec<u32>, Vec<usize>) {
+    let Some(vertices) = &submesh.vertices else {
+        return (shown.indices.clone(), (0..shown.indices.len()).collect());
+    };
+    // Both lists rise.
+    let mut own = (0_u32..).zip(vertices).peekable();
+    let mut found = (Vec::new(), Vec::new());
+    for (n, i) in shown.indices.iter().enumerate() {
+        while own.next_if(|(_, vertex)| *vertex < i).is_some() {}
+        if let Some((index, _)) = own.next_if(|(_, vertex)| *vertex == i) {
+            found.0.push(index);
+            found.1.push(n);
+        }
+    }
+    found
+}
+
+/// A list of `count` vectors that has `values` at `indices` and zeros elsewhere.
+fn spread(indices: &[u32], values: &[Vec3], count: usize) -> Vec<Vec3> {
+    let mut all = vec![Vec3::ZERO; count];
+    for (i, value) in indices.iter().zip(values) {
+        if let Some(place) = all.get_mut(*i as usize) {
+            *place = *value;
+        }
+    }
+    all
 }
 
 /// The joints of vertices whose weights are stored as bytes: joint 0 where a weight rounds to 0, as unused places must have.

@@ -22,6 +22,7 @@ mod container;
 mod copies;
 mod document;
 mod engine;
+mod hidden_parts;
 mod instances;
 mod json;
 mod keys;

@@ -97,6 +97,16 @@ impl GltfOptions {
         if self.vertex_storage() == VertexStorage::Quantized { 8 } else { 12 }
     }
 
+    /// Whether morph targets may have normals: Blender ignores them and computes its own.
+    pub(super) fn has_target_normals(&self) -> bool {
+        self.profile != Profile::Blender
+    }
+
+    /// Bytes of a point's position in a morph target with few vertices, and of the index of its vertex. Sparse elements are not padded.
+    pub(super) fn sparse_position_bytes(&self) -> usize {
+        if self.vertex_storage() == VertexStorage::Quantized { 6 + 4 } else { 12 + 4 }
+    }
+
     /// Most joints of an animated skeleton: [`Self::joints`] within 1 to 256 for `engine`, else a constant.
     pub(super) fn most_joints(&self) -> usize {
         match self.profile {

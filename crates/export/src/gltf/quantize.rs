@@ -31,6 +31,11 @@ impl QuantizedCube {
         (p - self.low) / self.extent
     }
 
+    /// A position, m, as its integers of 16 bits hold it, as shares of the cube.
+    pub(super) fn stored(&self, p: Vec3) -> Vec3 {
+        (self.shares(p).clamp(Vec3::ZERO, Vec3::ONE) * 65_535.0).round() / 65_535.0
+    }
+
     /// A difference of two positions in the cube, m, as shares of its edge, -1 to 1.
     pub(super) fn difference(&self, d: Vec3) -> Vec3 {
         d / self.extent

@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use super::leaf_shapes::{LeafShapes, MorphBlend};
+use super::leaf_shapes::LeafShapes;
 use super::options::GltfOptions;
 use osier_base::convert::limit;
 use osier_base::rng::mix64;
@@ -10,22 +10,28 @@ use osier_scene::{
     Asset, AssetFrame, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, Scene, Trs, instance_states,
 };
 
-/// Morph targets of a mesh before its limit is raised, except for the largest meshes. Own: each target is a copy of positions and
-/// normals, and importers hold all of them.
+/// Shapes that a mesh has before any frame is left out, if all of its points are seen in each: bytes count, so that a mesh of which
+/// a part is seen has more. Own: each target holds positions and normals, and importers hold all of them.
 const MORPH_TARGETS: usize = 32;
-/// A mesh may have more, up to the second number, while all of its targets take less than the first, bytes. Own: small meshes that
+/// Bytes of all targets of a mesh before its error becomes visible, and most targets. Own: small meshes that
 /// move irregularly, as trees that grow year by year, keep every frame of a clip of five seconds.
 const MORPH_BUDGET: [usize; 2] = [60 << 20, 256];
+/// Bytes of all vertices in each target over those of the vertices that are seen, at most: programs hold all of them in memory. Own:
+/// of the wood of an oak that grows from 2 to 20 years a third is seen on average.
+const MOST_UNSEEN: usize = 3;
 /// Bytes of a normal in a target.
 const MORPH_NORMAL_BYTES: usize = 12;
+/// Bytes of the index of a vertex in a target that does not hold all.
+const MORPH_INDEX_BYTES: usize = 4;
 /// Bytes of targets that a mesh may have before any frame is left out. Own: less than the pictures of a plant.
 const MORPH_FREE: usize = 4 << 20;
 /// Smallest limit of targets, for the largest meshes. Own: with fewer, a tree that grows would jump from shape to shape.
 const LEAST_TARGETS: usize = 16;
 /// Largest invisible deviation of a point at an omitted frame from the interpolated shape, as a share of the diagonal of the
-/// mesh's box. Own: a vine that grows over 120 frames stays below 0.013, at its tips; a tree of which each frame adds a fortieth
-/// of its height would need 0.05, which is visible, as it is for a swaying plant.
-const MORPH_TOLERANCE: f32 = 0.02;
+/// mesh's box. Own: of a tree that fills a picture of 1080 rows four pixels, as many as USD leaves to plants that grow.
+const MORPH_TOLERANCE: f32 = 0.004;
+/// Largest deviation of curves that are written, likewise. Own: beyond it the paths of catkins are other paths.
+const CURVE_TOLERANCE: f32 = 0.02;
 /// The smallest tolerance with which frames are omitted, as a share of that diagonal. Own: 5 mm for a tree of 10 m.
 const LEAST_TOLERANCE: f32 = 0.0005;
 /// Most shapes that wait for the next key; it bounds the memory and the comparisons per frame.
@@ -133,12 +139,14 @@ pub(super) struct MorphKeys {
     tolerance: f32,
     /// Diagonal of the mesh's box at rest, m.
     diagonal: f32,
-    /// Number of shapes above which they are thinned out; raised to `most` before the error becomes visible.
+    /// Bytes of targets above which shapes are thinned out; raised to [`MORPH_BUDGET`] before the error becomes visible.
     limit: usize,
-    /// Largest value of `limit` for the number of points of the mesh.
-    most: usize,
-    /// Whether shapes have normals; those of large meshes have none, so that twice as many shapes fit.
-    with_normals: bool,
+    /// Bytes of the targets of the kept shapes.
+    bytes: usize,
+    /// What the number of points of the mesh allows.
+    budget: TargetBudget,
+    /// Number of points of the mesh.
+    points: usize,
 }
 
 /// Kept shapes as input of morph targets.
@@ -148,24 +156,27 @@ pub(super) struct MorphTrack<'a> {
     pub frames: &'a [usize],
     /// One shape for each of `frames`, in their order.
     pub shapes: &'a [MorphShape],
-    /// Further keys between the frames, by rising time.
-    pub blends: &'a [MorphBlend],
 }
 
-/// Estimated bytes of the morph targets of `meshes` deforming meshes of `vertices` points in all, over so many frames.
+/// Estimated bytes of the morph targets of `meshes` deforming meshes of `vertices` points in all, over so many frames, of which all
+/// points are seen in each.
 pub(super) fn estimate(vertices: u64, meshes: u64, frames: u64, options: &GltfOptions) -> u64 {
     if vertices == 0 {
         return 0;
     }
     // The meshes of a plant differ in size; only sums are known, and the budget is that of each.
-    let each = TargetBudget::new(limit(vertices.div_ceil(meshes.max(1))), options.target_position_bytes());
-    frames.min(each.most as u64) * vertices * each.point as u64
+    let meshes = meshes.max(1);
+    let each = TargetBudget::new(limit(vertices.div_ceil(meshes)), options);
+    let [budget, _] = MORPH_BUDGET.map(|n| n as u64);
+    let least = vertices * each.point as u64 * frames.min(LEAST_TARGETS as u64);
+    (frames.min(each.most as u64) * vertices * each.point as u64).min(budget.saturating_mul(meshes)).max(least)
 }
 
 /// What the number of points of a mesh allows for its targets.
 #[derive(Debug, Clone, Copy)]
 struct TargetBudget {
-    /// Whether targets have normals. Those of large meshes have none, so that twice as many fit: wood that grows seldom turns.
+    /// Whether targets have normals. Those of large meshes have none, so that twice as many fit: wood that grows seldom turns. Nor do
+    /// those for Blender, which computes them.
     with_normals: bool,
     /// Bytes of a point of a target.
     point: usize,
@@ -174,26 +185,28 @@ struct TargetBudget {
 }
 
 impl TargetBudget {
-    /// `position`: bytes of a point in a target, without its normal.
-    fn new(points: usize, position: usize) -> Self {
+    fn new(points: usize, options: &GltfOptions) -> Self {
         let [budget, most] = MORPH_BUDGET;
-        let points = points.max(1);
-        let with_normals =
-            (position + MORPH_NORMAL_BYTES).saturating_mul(points).saturating_mul(MORPH_TARGETS) <= budget;
+        let (points, position) = (points.max(1), options.target_position_bytes());
+        let with_normals = options.has_target_normals()
+            && (position + MORPH_NORMAL_BYTES).saturating_mul(points).saturating_mul(MORPH_TARGETS) <= budget;
         let point = if with_normals { position + MORPH_NORMAL_BYTES } else { position };
-        Self { with_normals, point, most: (budget / point.saturating_mul(points)).clamp(LEAST_TARGETS, most) }
+        let held = MOST_UNSEEN * budget / point.saturating_mul(points);
+        Self { with_normals, point, most: held.clamp(LEAST_TARGETS, most) }
     }
 }
 
 impl MorphKeys {
     /// The kept shapes with their frames, borrowed.
     pub fn track(&self) -> MorphTrack<'_> {
-        MorphTrack { frames: &self.frames, shapes: &self.shapes, blends: &[] }
+        MorphTrack { frames: &self.frames, shapes: &self.shapes }
     }
 
-    /// `rest`: points of the mesh at rest; `frames`: those to be written; `position`: bytes of a point in a target, without its normal.
-    fn new(rest: &[Vec3], frames: usize, position: usize) -> Self {
-        let TargetBudget { with_normals, point, most } = TargetBudget::new(rest.len(), position);
+    /// `rest`: points of the mesh at rest; `frames`: those to be written.
+    fn new(rest: &[Vec3], frames: usize, options: &GltfOptions) -> Self {
+        let budget = TargetBudget::new(rest.len(), options);
+        let TargetBudget { point, most, .. } = budget;
+        let of_all = point.saturating_mul(rest.len().max(1)).saturating_mul(MORPH_TARGETS);
         Self {
             frames: Vec::new(),
             shapes: Vec::new(),
@@ -203,10 +216,18 @@ impl MorphKeys {
             waiting: Vec::new(),
             tolerance: 0.0,
             diagonal: osier_base::geometry::Bounds::of(rest.iter().copied()).size().length(),
-            limit: (MORPH_FREE / (point * rest.len().max(1))).max(MORPH_TARGETS).min(most),
-            most,
-            with_normals,
+            limit: MORPH_FREE.max(of_all).min(MORPH_BUDGET[0]),
+            bytes: 0,
+            budget,
+            points: rest.len(),
         }
+    }
+
+    /// Bytes of the target of a shape: that of all points, or of those that are seen with their indices.
+    fn target_bytes(&self, shape: &MorphShape) -> usize {
+        let unseen = shape.unseen.iter().filter(|unseen| **unseen).count();
+        let seen = self.points.saturating_sub(unseen);
+        (seen * (self.budget.point + MORPH_INDEX_BYTES)).min(self.points * self.budget.point)
     }
 
     /// Whether omitted frames deviate visibly from the interpolated shapes: by more than [`MORPH_TOLERANCE`].
@@ -223,7 +244,7 @@ impl MorphKeys {
     /// Takes the shape of the next frame, of this number in the clip: keeps it, or lets it wait until a later frame decides whether
     /// it is needed.
     fn push(&mut self, number: u32, mut shape: MorphShape) {
-        if !self.with_normals {
+        if !self.budget.with_normals {
             shape.normals = Vec::new();
         }
         let frame = self.numbers.len();
@@ -278,24 +299,34 @@ impl MorphKeys {
         self.shapes.push(shape);
     }
 
-    /// Keeps a shape; beyond `limit` shapes, raises the tolerance and drops those that are no longer needed.
+    /// Keeps a shape; beyond `limit` bytes, raises the tolerance and drops those that are no longer needed.
     fn keep(&mut self, frame: usize, shape: MorphShape) {
+        self.bytes += self.target_bytes(&shape);
         self.frames.push(frame);
         self.shapes.push(shape);
-        if self.shapes.len() <= self.limit {
+        let most = self.budget.most;
+        if self.bytes <= self.limit && self.shapes.len() <= most {
             return;
         }
         // The smallest tolerance that leaves few enough shapes; before the error becomes visible, the
         // limit of a small mesh is raised.
         let mut tolerance = self.tolerance.max(LEAST_TOLERANCE * self.diagonal);
         loop {
-            if self.error + tolerance > MORPH_TOLERANCE * self.diagonal && self.limit < self.most {
-                self.limit = self.most;
-                return;
+            if self.error + tolerance > MORPH_TOLERANCE * self.diagonal
+                && self.limit < MORPH_BUDGET[0]
+                && self.shapes.len() <= most
+            {
+                self.limit = MORPH_BUDGET[0];
+                if self.bytes <= self.limit {
+                    return;
+                }
             }
             let kept = self.needed(tolerance);
-            // An eighth of the limit stays free, so that the next thinning is not due at the next frame.
-            if kept.len() <= self.limit - self.limit / 8 {
+            let bytes: usize = kept.iter().map(|i| self.target_bytes(&self.shapes[*i])).sum();
+            // An eighth of the limits stays free, so that the next thinning is not due at the next frame.
+            let fits = bytes <= self.limit - self.limit / 8 && kept.len() <= most - most / 8;
+            if fits || kept.len() < LEAST_TARGETS {
+                self.bytes = bytes;
                 self.thin_out(&kept, tolerance);
                 return;
             }
@@ -391,7 +422,7 @@ impl AssetTracks {
         // Instances beyond the limit get no track, which bounds the memory: frames times instances would be held until the end.
         moving.truncate(options.nodes);
         let shapes = |deforms, rest: &[Vec3]| {
-            let keys = || MorphKeys::new(rest, options.written_frames(scene.clip), options.target_position_bytes());
+            let keys = || MorphKeys::new(rest, options.written_frames(scene.clip), options);
             if deforms { MorphFrames::Frames(keys()) } else { MorphFrames::Still }
         };
         let skinned = asset.skeleton.is_some();
@@ -470,7 +501,7 @@ impl MorphFrames {
 
     /// Turns into [`Self::TooMany`], which holds no shapes, if the kept shapes are too coarse.
     fn drop_if_coarse(&mut self) {
-        if matches!(self, Self::Frames(keys) if keys.is_coarse()) {
+        if matches!(self, Self::Frames(keys) if keys.error > CURVE_TOLERANCE * keys.diagonal) {
             *self = Self::TooMany;
         }
     }
@@ -513,7 +544,13 @@ impl InstanceTrack {
 
 #[cfg(test)]
 mod tests {
+    use super::super::options::Profile;
     use super::*;
+
+    /// Options with floats and normals in targets.
+    fn with_normals() -> GltfOptions {
+        GltfOptions { profile: Profile::Engine, ..GltfOptions::default() }
+    }
 
     #[test]
     fn frames_are_kept_where_interpolation_does_not_restore_them() {
@@ -521,7 +558,7 @@ mod tests {
         let rest = vec![Vec3::Y * 4.0; 80_000].into_iter().chain([Vec3::ZERO]).collect::<Vec<_>>();
         let keys = |rest: &[Vec3], frames: usize, place: fn(f32) -> f32| {
             let at = |i: usize| place(i as f32 / (frames - 1) as f32);
-            let mut morph = MorphKeys::new(rest, frames, 12);
+            let mut morph = MorphKeys::new(rest, frames, &with_normals());
             for (number, i) in (1..).zip(0..frames) {
                 let points = vec![Vec3::ZERO, Vec3::Y * at(i)];
                 morph.push(number, MorphShape { normals: vec![Vec3::Y; 2], points, unseen: Vec::new() });
@@ -568,7 +605,7 @@ mod tests {
         // One of very many points has evenly spaced shapes, and the error is that of the worst frame.
         let huge = vec![Vec3::Y * 4.0; 600_000].into_iter().chain([Vec3::ZERO]).collect::<Vec<_>>();
         let kept = keys(&huge, 120, growth);
-        assert_eq!(kept.frames, (0..120).step_by(8).chain([119]).collect::<Vec<_>>());
+        assert_eq!(kept.frames, (0..120).step_by(5).chain([119]).collect::<Vec<_>>());
         assert!(kept.error > 0.001 && kept.error < 0.02, "{}", kept.error);
     }
 
@@ -578,7 +615,7 @@ mod tests {
         let numbers: Vec<u32> = (0..60).flat_map(|pair| [1 + 10 * pair, 2 + 10 * pair]).collect();
         let morph = |points: usize, height: &dyn Fn(usize) -> f32| {
             let rest = vec![Vec3::Y * 4.0; points].into_iter().chain([Vec3::ZERO]).collect::<Vec<_>>();
-            let mut morph = MorphKeys::new(&rest, numbers.len(), 12);
+            let mut morph = MorphKeys::new(&rest, numbers.len(), &with_normals());
             for (i, number) in numbers.iter().enumerate() {
                 let points = vec![Vec3::ZERO, Vec3::Y * height(i)];
                 morph.push(*number, MorphShape { normals: Vec::new(), points, unseen: Vec::new() });
@@ -609,10 +646,10 @@ mod tests {
 
     #[test]
     fn the_estimate_counts_normals_where_targets_have_them() {
-        let options = GltfOptions::default();
+        let options = with_normals();
         for (points, frames) in [(1000, 120), (100_000, 40)] {
             let rest: Vec<Vec3> = (0..points).map(|i| Vec3::Y * (i as f32 / points as f32)).collect();
-            let mut morph = MorphKeys::new(&rest, frames, options.target_position_bytes());
+            let mut morph = MorphKeys::new(&rest, frames, &options);
             for (number, frame) in (1..).zip(0..frames) {
                 let sway = Vec3::X * osier_base::math::sin_f32(frame as f32);
                 let points = rest.iter().map(|p| *p + sway).collect();

@@ -85,6 +85,7 @@ impl GltfDocument<'_> {
                 geometry,
                 skin: skin.as_ref(),
                 shapes: &[],
+                parts: None,
                 cube: None,
             };
             if let Some(mesh) = self.add_mesh(mesh_source)? {
