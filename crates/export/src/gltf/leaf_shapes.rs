@@ -432,8 +432,8 @@ impl LeafShapes {
     /// The fewest blades that show all runs. `simple`: per instancer and prototype.
     fn blades<'a>(&self, runs: &'a [Run], asset: &Asset, simple: &'a [Vec<Mesh>]) -> Vec<Blade<'a>> {
         let mut blades: Vec<Blade<'a>> = Vec::new();
-        // For each instancer and prototype its blades by the shape in which each is a point after its last run.
-        let mut free: BTreeMap<(usize, usize), BinaryHeap<Reverse<(usize, usize)>>> = BTreeMap::new();
+        // For each instancer and prototype its blades that show no leaf.
+        let mut free: BTreeMap<(usize, usize), FreeBlades> = BTreeMap::new();
         for run in runs {
             let [n, i] = run.id.map(|k| k as usize);
             let Some(proto) = asset.instancers.get(n).and_then(|instancer| instancer.protos.get(i)) else { continue };
@@ -458,6 +458,9 @@ impl LeafShapes {
         blades
     }
 }
+
+/// Blades by the shape in which each is a point after its last run, the first one on top, and by their index.
+type FreeBlades = BinaryHeap<Reverse<(usize, usize)>>;
 
 /// Whether corners that move linearly from one place of a leaf to another keep more of the area of a blade than a blade that disappears and
 /// one that appears, and the places are at most `longest` apart, m.

@@ -278,8 +278,7 @@ impl System<'_, '_> {
         if word.text.is_empty() {
             return self.error("a rule without the symbol that it replaces".into(), line, "write: F=F+F");
         }
-        let is_assigned = rest.text.starts_with('=');
-        let rest = if is_assigned { rest.from(1).trimmed() } else { rest };
+        let rest = if rest.text.starts_with('=') { rest.from(1).trimmed() } else { rest };
         let (value, more) = rest.first_word(&[]);
         let mut symbols = word.text.chars();
         match (word.text.to_ascii_lowercase().as_str(), symbols.next(), symbols.next()) {
@@ -293,10 +292,7 @@ impl System<'_, '_> {
                     self.second("axiom", line);
                 }
             }
-            (_, Some(c), None) if value.text.is_empty() && !is_assigned && !RESERVED.contains(c) => {
-                let message = format!("'{c}' alone is no rule");
-                return self.error(message, word, "write F=F+F, or F= to remove the symbol");
-            }
+            // A symbol alone is a rule that removes it.
             (_, Some(c), None) => self.rule(c.to_ascii_lowercase(), word, value),
             _ => {
                 let help = "an L-system of Fractint holds Angle n, Axiom s, and rules such as F=F+F";
