@@ -77,7 +77,7 @@ fn young_trees(preset: &str) -> Vec<String> {
     let (stem, _) = preset.split_once('.').unwrap_or((preset, ""));
     let is_single = is_grown(preset) && PRESETS.iter().any(|p| p.name == format!("{stem}.species"));
     let keeps_age = ["apple", "spruce"].contains(&stem);
-    if is_single && !keeps_age { vec![format!("plants.{stem}.age=12")] } else { Vec::new() }
+    if is_single && !keeps_age { vec![format!("plants.{}.age=12", stem.replace('-', "_"))] } else { Vec::new() }
 }
 
 /// The hash of a single file that a preset grows into; a species grows for twelve years.
