@@ -13,9 +13,10 @@ use super::json::{Index, NodeExtensions};
 use super::keys;
 use super::leaf_shapes::{LeafMesh, LeafShapes};
 use super::meshes::{MeshSource, PartTargets, SkinInfluences, StoredMesh};
+use super::morph_shape::MorphShape;
 use super::quantize::{QuantizedCube, place_stored};
 use super::rig::{JointSelection, MAX_JOINTS};
-use super::tracks::{InstanceTrack, MorphFrames, MorphShape, MorphTrack};
+use super::tracks::{InstanceTrack, MorphFrames, MorphTrack};
 use osier_base::Result;
 use osier_scene::{Asset, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Trs, ribbons};
 

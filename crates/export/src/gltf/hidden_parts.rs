@@ -14,7 +14,7 @@
 
 use glam::Vec3;
 
-use super::tracks::MorphShape;
+use super::morph_shape::MorphShape;
 use osier_base::convert::saturating_index;
 use osier_scene::Mesh;
 

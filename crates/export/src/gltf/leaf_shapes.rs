@@ -323,6 +323,7 @@ impl LeafShapes {
     pub(super) fn mesh(&self, asset: &Asset, label: &str) -> Result<Option<LeafMesh>> {
         let places = self.shapes.iter().flat_map(|shape| shape.leaves.iter().map(|leaf| leaf.place.t));
         let longest = LONGEST_MOVE * osier_base::geometry::Bounds::of(places).size().length();
+        // Which leaves are written, and by which blade each of them is shown in its life.
         let simple = simple_blades(asset, label)?;
         let most = self.most_at_once(longest, asset, &simple);
         let runs = self.runs(most, longest);
@@ -330,6 +331,7 @@ impl LeafShapes {
         let full = (0..self.shapes.len()).max_by_key(|k| (self.shapes[*k].alive, *k)).unwrap_or(0);
         let (mut mesh, mut hidden) = (Mesh::default(), Vec::new());
         let mut shapes: Vec<ShownVertices> = self.shapes.iter().map(|_| ShownVertices::default()).collect();
+        // At rest a blade has its place in the fullest shape, or in the nearest one in which it is seen.
         for blade in &blades {
             let at_rest = blade.runs.iter().find(|run| (run.first..run.end()).contains(&full)).or(blade.runs.last());
             let Some(run) = at_rest else { continue };
@@ -348,6 +350,7 @@ impl LeafShapes {
                     .collect(),
                 ..blade.mesh.clone()
             });
+            // It is a point at its foot where it is not seen, and at its place in the shapes of its runs and those beside them.
             hidden.extend(blade.mesh.points.iter().map(|_| place.t));
             for run in &blade.runs {
                 for k in run.first.saturating_sub(1)..=run.end().min(self.shapes.len() - 1) {

@@ -31,6 +31,7 @@ mod light_leaves;
 mod materials;
 mod meshes;
 mod meshopt;
+mod morph_shape;
 pub(crate) mod options;
 mod quantize;
 mod rig;

@@ -161,6 +161,7 @@ fn bracketed(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
 pub(super) fn changed(change: &str, args: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
     let refused = || Refusal::new(format!("this change of a list, '{change}'"), range.clone());
     let (before, args) = args.split_first().ok_or_else(refused)?;
+    // Of a dictionary only a value is set.
     if is_dictionary(before) {
         return match (before, change, args) {
             (PyExpr::Call(name, pairs, range), "set", [key, value]) => {
@@ -170,6 +171,7 @@ pub(super) fn changed(change: &str, args: &[PyExpr], scope: &Scope, range: &Rang
         };
     }
     let PyExpr::List(items, place) = before else { return Err(refused()) };
+    // Of a list, each change does what the method of Python of that name does.
     let mut items = items.clone();
     match (change, args) {
         ("append", [value]) => items.push(value.clone()),
