@@ -336,43 +336,41 @@ impl PyParser {
     }
 
     fn sum(&mut self) -> Result<PyExpr, Refusal> {
-        let from = self.i;
-        let mut left = self.product()?;
-        loop {
-            let op = match self.sign() {
-                Some("+") => PyOp::Add,
-                Some("-") => PyOp::Sub,
-                _ => return Ok(left),
-            };
-            self.check_number(from)?;
-            self.i += 1;
-            let (right_from, height) = (self.i, self.height);
-            let right = self.product()?;
-            self.grow(height)?;
-            self.check_number(right_from)?;
-            left = PyExpr::Binary(op, Box::new(left), Box::new(right));
-        }
+        self.joined_from_left(Self::product, |sign| match sign {
+            "+" => Some(PyOp::Add),
+            "-" => Some(PyOp::Sub),
+            _ => None,
+        })
     }
 
     fn product(&mut self) -> Result<PyExpr, Refusal> {
+        self.joined_from_left(Self::factor, |sign| match sign {
+            "*" => Some(PyOp::Mul),
+            "/" => Some(PyOp::Div),
+            "//" => Some(PyOp::FloorDiv),
+            "%" => Some(PyOp::Mod),
+            _ => None,
+        })
+    }
+
+    /// Numbers joined by operators of one precedence, which are applied from left to right.
+    fn joined_from_left(
+        &mut self,
+        operand: fn(&mut Self) -> Result<PyExpr, Refusal>,
+        operator: fn(&str) -> Option<PyOp>,
+    ) -> Result<PyExpr, Refusal> {
         let from = self.i;
-        let mut left = self.factor()?;
-        loop {
-            let op = match self.sign() {
-                Some("*") => PyOp::Mul,
-                Some("/") => PyOp::Div,
-                Some("//") => PyOp::FloorDiv,
-                Some("%") => PyOp::Mod,
-                _ => return Ok(left),
-            };
+        let mut left = operand(self)?;
+        while let Some(op) = self.sign().and_then(operator) {
             self.check_number(from)?;
             self.i += 1;
             let (right_from, height) = (self.i, self.height);
-            let right = self.factor()?;
+            let right = operand(self)?;
             self.grow(height)?;
             self.check_number(right_from)?;
             left = PyExpr::Binary(op, Box::new(left), Box::new(right));
         }
+        Ok(left)
     }
 
     fn factor(&mut self) -> Result<PyExpr, Refusal> {
