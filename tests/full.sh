@@ -39,6 +39,7 @@ cargo test --release --test it control -- --ignored
 cargo test --release --test it rain_wind -- --ignored
 cargo test --release --test it flights -- --ignored
 cargo test --release --test it storm -- --ignored
+cargo test --release --test it walls -- --ignored
 cargo test --release -p osier-motion --lib fluttering -- --ignored
 cargo test --release -p osier-motion --lib counts_of_many_seeds -- --ignored
 

@@ -42,8 +42,8 @@ fn of_bake(preset: &str, threads: usize, out: &Path) -> BTreeMap<String, String>
     if is_moving(preset) {
         args.extend(["--set", &frames]);
     }
-    let young = young_trees(preset);
-    args.extend(young.iter().flat_map(|key| ["--set", key.as_str()]));
+    let short = shortened(preset);
+    args.extend(short.iter().flat_map(|key| ["--set", key.as_str()]));
     let (code, _, told) = said(&run(&args));
     assert_eq!(code, 0, "{preset}: {told}");
     let mut folders: BTreeMap<String, blake3::Hasher> = BTreeMap::new();
@@ -71,22 +71,39 @@ fn is_grown(preset: &str) -> bool {
     PRESETS.iter().any(|p| p.name == preset && p.text.contains("\nspecies = "))
 }
 
-/// Overrides that make the trees of most scenes of a single species young: all of them are grown and written in the same way, and
-/// full-grown crowns would take most of the time. A broadleaf and a conifer keep their age.
-fn young_trees(preset: &str) -> Vec<String> {
-    let (stem, _) = preset.split_once('.').unwrap_or((preset, ""));
-    let is_single = is_grown(preset) && PRESETS.iter().any(|p| p.name == format!("{stem}.species"));
-    let keeps_age = ["apple", "spruce"].contains(&stem);
-    if is_single && !keeps_age { vec![format!("plants.{}.age=12", stem.replace('-', "_"))] } else { Vec::new() }
+/// Scenes whose trees keep their ages: a broadleaf, a conifer and the scene that holds most.
+const KEEP_AGES: [&str; 3] = ["apple.toml", "spruce.toml", "showcase.toml"];
+/// Years that the trees of the other scenes grow at most.
+const YEARS: u32 = 12;
+/// Years that a species grows into a single file.
+const YEARS_OF_A_FILE: u32 = 8;
+
+/// Overrides that shorten what takes most of the time and says no more when it is longer: the years of trees, which are grown and
+/// written in the same way at any age, and spin-ups.
+fn shortened(preset: &str) -> Vec<String> {
+    let Some(text) = PRESETS.iter().find(|p| p.name == preset).map(|p| p.text) else { return Vec::new() };
+    let mut keys = Vec::new();
+    let tables = text.split("\n[").filter_map(|table| table.strip_prefix("plants.")?.split_once(']'));
+    for (name, table) in tables.filter(|_| !KEEP_AGES.contains(&preset)) {
+        let age = table.lines().find_map(|l| l.strip_prefix("age = ")?.parse::<u32>().ok());
+        if table.contains("\nspecies = ") && age.is_none_or(|age| age > YEARS) {
+            keys.push(format!("plants.{name}.age={YEARS}"));
+        }
+    }
+    for (table, key) in [("\n[rain]", "rain.spin_up_s=0.5"), ("\n[flight]", "flight.spin_up_s=2")] {
+        keys.extend(text.contains(table).then(|| key.to_owned()));
+    }
+    keys
 }
 
-/// The hash of a single file that a preset grows into; a species grows for twelve years.
+/// The hash of a single file that a preset grows into; a species grows for some years.
 fn of_file(preset: &str, ending: &str, threads: usize, folder: &Path) -> (String, String) {
     let file = folder.join(format!("{preset}.{ending}"));
     let threads = format!("-j{threads}");
     let mut args = vec!["-q", &threads, "grow", preset, "--force", "-o", arg(&file)];
+    let years = format!("age={YEARS_OF_A_FILE}");
     if preset.ends_with(".species") {
-        args.extend(["--set", "age=12"]);
+        args.extend(["--set", &years]);
     }
     let (code, _, told) = said(&run(&args));
     assert_eq!(code, 0, "{preset}: {told}");

@@ -1,7 +1,7 @@
 """What Blender makes of copies and of the sky: copies.py FILE.usda EXPECTED.json
 
 Runs under bpy (5.0). Imports into the factory file, counts objects, armatures and materials, follows the instances of the
-evaluated scene at three frames and reads the picture of the World. Prints one JSON object; the caller holds it to what it wants.
+evaluated scene at two frames and reads the picture of the World. Prints one JSON object; the caller holds it to what it wants.
 EXPECTED: {"group": name of the instancer, "places": [[x, y, z], ...] of copies in osier's space}.
 """
 import json
@@ -10,6 +10,8 @@ import sys
 import time
 
 import bpy
+import numpy
+from mathutils import Vector
 
 path, wanted = sys.argv[-2:]
 wanted = json.load(open(wanted, encoding="utf-8"))
@@ -21,8 +23,18 @@ bpy.ops.wm.usd_import(filepath=path)
 seconds = time.time() - start
 
 scene = bpy.context.scene
-frames = [scene.frame_start, scene.frame_start + 12, (scene.frame_start + scene.frame_end) // 2]
+frames = [scene.frame_start, (scene.frame_start + scene.frame_end) // 2]
 stands, tips = [], []
+
+
+def highest(o):
+    """The highest vertex of an object's evaluated mesh, in its own space."""
+    points = numpy.empty(3 * len(o.data.vertices), numpy.float32)
+    o.data.vertices.foreach_get("co", points)
+    points = points.reshape(-1, 3)
+    return Vector(points[points[:, 2].argmax()].tolist())
+
+
 for number in frames:
     scene.frame_set(number)
     graph = bpy.context.evaluated_depsgraph_get()
@@ -34,7 +46,7 @@ for number in frames:
         # Blender space to osier's.
         roots.append([m.translation[0], m.translation[2], -m.translation[1]])
         if len(reach) < 50:
-            reach.append(list(m @ max((v.co for v in i.object.data.vertices), key=lambda c: c.z)))
+            reach.append(list(m @ highest(i.object)))
     stands.append(roots)
     tips.append(reach)
 

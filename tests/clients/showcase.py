@@ -54,7 +54,8 @@ def find(key, kind, want=None, graph=None):
         return bpy.data.objects[key]
     hits = objects.get((key, kind), []) or objects.get((f"skel/{key.split('/')[1]}", kind), []) or alone(key, kind)
     if len(hits) > 1 and want:
-        hits = [min(hits, key=lambda o: numpy.abs(means(o, graph) - numpy.array(want["mean"])).max())]
+        off = numpy.abs(means(hits, graph) - numpy.array(want["mean"])).max(axis=1)
+        hits = [hits[int(off.argmin())]]
     assert len(hits) == 1, (key, hits)
     return hits[0]
 
@@ -76,12 +77,12 @@ def vertices(o, graph):
 seen = {}
 
 
-def means(o, graph):
-    """Mean of the world positions of an object's vertices at the present frame: hundreds of objects are compared with each other."""
-    key = (o.name, bpy.context.scene.frame_current)
-    if key not in seen:
-        seen[key] = vertices(o, graph).mean(axis=0)
-    return seen[key]
+def means(hits, graph):
+    """Means of the world positions of objects' vertices at the present frame, n x 3: many keys find the same hundreds of objects."""
+    at = (bpy.context.scene.frame_current, *(o.name for o in hits))
+    if at not in seen:
+        seen[at] = numpy.array([vertices(o, graph).mean(axis=0) for o in hits])
+    return seen[at]
 
 
 def pivots(graph):

@@ -246,14 +246,14 @@ fn bytes_in(folder: &Path) -> u64 {
 #[test]
 fn the_predicted_size_of_growth_in_usd_is_near_that_of_its_files() {
     let temp = tempfile::tempdir().expect("temp");
-    let oak = growing(&[("oak", 14)], 60, "\"usd\"");
+    let oak = growing(&[("oak", 12)], 40, "\"usd\"");
     let strict = "[output.usd]\ntolerance_mm = 0\nturn_tolerance_deg = 0\n";
     for (name, scene) in [
         ("oak", oak.clone()),
         ("near", format!("{oak}[camera]\neye = [0, 1.5, 4]\ntarget = [0, 2, 0]\n")),
         ("strict", format!("{oak}{strict}")),
-        ("seasons", oak.replace("summer", "seasons").replace("end = 60", "end = 150")),
-        ("stand", growing(&[("spruce", 12), ("birch", 9), ("hazel", 8)], 40, "\"usd\"")),
+        ("seasons", oak.replace("summer", "seasons").replace("end = 40", "end = 100")),
+        ("stand", growing(&[("spruce", 10), ("birch", 8), ("hazel", 6)], 30, "\"usd\"")),
         ("short", growing(&[("beech", 10)], 12, "\"usd\"")),
     ] {
         let file = temp.path().join(format!("{name}.toml"));

@@ -79,16 +79,19 @@ fn wait_for_journal(child: &mut Child, out: &Path, wanted: u64) {
     }
 }
 
+/// Moments at which a bake is killed, spread over its time.
+const KILLS: u32 = 12;
+
 #[test]
 fn killed_at_any_moment_a_second_run_ends_as_if_nothing_had_happened() {
     let (wanted, took) = undisturbed();
     let journal = wanted[".osier"].len() as f64;
     let mut rng = Rng::at(9, &["kill".into()]);
     let mut midway = 0;
-    for turn in 0..20u32 {
+    for turn in 0..KILLS {
         let dir = tempfile::tempdir().expect("dir");
         let out = dir.path().join("out");
-        let share = (f64::from(turn) + rng.unit_f64()) / 20.0;
+        let share = (f64::from(turn) + rng.unit_f64()) / f64::from(KILLS);
         let what = format!("kill {turn} at {share:.3}");
         let mut child = bake(&out).spawn().expect("osier starts");
         // By turns at a time, and by what is written, which a busy machine does not shift.
@@ -106,7 +109,7 @@ fn killed_at_any_moment_a_second_run_ends_as_if_nothing_had_happened() {
         finish(&out, &what);
         assert_same(&tree(&out), wanted, &what);
     }
-    assert!(midway >= 5, "only {midway} kills met a bake that was writing");
+    assert!(midway >= 3, "only {midway} kills met a bake that was writing");
 }
 
 #[test]

@@ -330,7 +330,7 @@ fn bakes_of_two_containers_leave_each_others_parts_alone() {
     let read = |out: &str| fs::read(dir.path().join(out).join("manifest.json")).expect("manifest");
     assert!(bake("alone").wait_with_output().expect("ends").status.success());
     let wanted = read("alone");
-    for round in 0..20 {
+    for round in 0..8 {
         let out = format!("both{round}");
         let both = [bake(&out), bake(&out)];
         for child in both {
@@ -494,8 +494,8 @@ fn the_memory_that_is_told_is_the_memory_that_is_taken() {
         &["bake", "oak", "-o", "oak"][..],
         &["bake", "landscape", "-o", "landscape"],
         &["bake", "birch-wood", "--set", "frames.end=12", "-o", "wood"],
-        &["bake", "wet-leaf", "--set", "frames.end=24", "-o", "wet"],
-        &["bake", "storm-oak", "--set", "frames.end=8", "--formats", "usd", "-o", "storm"],
+        &["bake", "wet-leaf", "--set", "frames.end=8", "-o", "wet"],
+        &["bake", "storm-oak", "--set", "frames.end=3", "--formats", "usd", "-o", "storm"],
         &["bake", "catkin.toml", "--formats", "csv", "-o", "catkins"],
         &["bake", "hill.ifs", "-o", "hill"],
         &["grow", "oak", "-o", "oak.ply"],
@@ -528,8 +528,8 @@ fn bytes_in(folder: &Path) -> f64 {
 fn the_size_of_rain_that_is_told_is_about_what_is_written() {
     let dir = folder();
     for (name, args) in [
-        ("storm", &["bake", "storm-oak", "--set", "frames.end=16", "--formats", "usd,pov", "--force"][..]),
-        ("leaves", &["bake", "rain-leaves", "--set", "frames.end=15", "--formats", "usd,exr,pov", "--force"]),
+        ("storm", &["bake", "storm-oak", "--set", "frames.end=6", "--formats", "usd,pov", "--force"][..]),
+        ("leaves", &["bake", "rain-leaves", "--set", "frames.end=8", "--formats", "usd,exr,pov", "--force"]),
     ] {
         let (code, out, said) = run(dir.path(), &[args, &["-n", "--json"]].concat());
         assert_eq!(code, 0, "{args:?}: {said}");
