@@ -42,8 +42,8 @@ fn of_bake(preset: &str, threads: usize, out: &Path) -> BTreeMap<String, String>
     if is_moving(preset) {
         args.extend(["--set", &frames]);
     }
-    let short = shortened(preset);
-    args.extend(short.iter().flat_map(|key| ["--set", key.as_str()]));
+    let overrides = shortened(preset);
+    args.extend(overrides.iter().flat_map(|key| ["--set", key.as_str()]));
     let (code, _, told) = said(&run(&args));
     assert_eq!(code, 0, "{preset}: {told}");
     let mut folders: BTreeMap<String, blake3::Hasher> = BTreeMap::new();
