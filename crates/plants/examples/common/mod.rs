@@ -1,4 +1,4 @@
-//! Species tables as the examples read them.
+//! Species tables as the examples read them, checksums of what grows, and the time of a processor.
 #![allow(
     dead_code,
     clippy::disallowed_methods,
@@ -6,10 +6,48 @@
     reason = "tools for people, each of which uses a part"
 )]
 
+use std::fmt::{Debug, Write as _};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use glam::Vec3;
 use osier_plants::grow::years::{Habit, Neighbours, TreeSpec};
+
+/// FNV-1a of the texts that are written to it.
+pub struct Checksum(pub u64);
+
+impl Checksum {
+    pub fn new() -> Self {
+        Self(0xCBF2_9CE4_8422_2325)
+    }
+
+    /// Adds a value with all its numbers, whose texts tell their bits.
+    pub fn add(&mut self, value: &impl Debug) {
+        write!(self, "{value:?}").expect("a checksum takes any text");
+    }
+}
+
+impl std::fmt::Write for Checksum {
+    fn write_str(&mut self, text: &str) -> std::fmt::Result {
+        for byte in text.bytes() {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3);
+        }
+        Ok(())
+    }
+}
+
+/// Time that a run kept this thread on a processor, so that others on the machine do not count; where the system does not
+/// say, time on the clock.
+pub fn on_processor(run: impl FnOnce()) -> Duration {
+    let spent = || {
+        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+        text.split(' ').next()?.parse().ok().map(Duration::from_nanos)
+    };
+    let clock = Instant::now();
+    let before = spent();
+    run();
+    before.and_then(|before| spent()?.checked_sub(before)).unwrap_or_else(|| clock.elapsed())
+}
 
 /// The folder of the tables.
 fn folder() -> PathBuf {

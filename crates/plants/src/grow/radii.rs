@@ -72,22 +72,82 @@ pub fn pipe(plant: &mut Plant, options: &Pipe) {
     }
 }
 
-/// Powers of one exponent. The last result is kept, because neighbouring nodes of an axis often have the same base.
+/// Powers of one exponent. Results are kept, because few different twigs make most of a plant.
 struct CachedPower {
     exponent: f64,
-    last: (f64, f64),
+    /// Bits of a base, and its power, at the place that the bits tell.
+    known: Vec<(u64, f64)>,
 }
 
 impl CachedPower {
+    /// Number of results that are kept, as a power of two.
+    const BITS: u32 = 10;
+
     fn new(exponent: f64) -> Self {
-        Self { exponent, last: (1.0, 1.0) }
+        Self { exponent, known: vec![(1.0_f64.to_bits(), 1.0); 1 << Self::BITS] }
     }
 
+    #[allow(clippy::cast_possible_truncation, reason = "the bits that the shift leaves fit")]
     fn pow(&mut self, base: f64) -> f64 {
-        if base.to_bits() != self.last.0.to_bits() {
-            self.last = (base, pow(base, self.exponent));
+        let bits = base.to_bits();
+        // The top bits of a product with an odd number depend on all bits of the base.
+        let place = (bits.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> (u64::BITS - Self::BITS)) as usize;
+        let Some(known) = self.known.get_mut(place) else { return pow(base, self.exponent) };
+        if known.0 != bits {
+            *known = (bits, pow(base, self.exponent));
         }
-        self.last.1
+        known.1
+    }
+}
+
+/// What each axis carries besides its own tip: arc lengths and n-th powers.
+struct Loads {
+    /// Index in `list` where the loads of each axis begin, and number of those that are known.
+    first: Vec<u32>,
+    known: Vec<u32>,
+    list: Vec<(f32, f64)>,
+}
+
+impl Loads {
+    /// Room for the organs and branches of all axes of a plant, which has fewer than 2^32 of them.
+    fn new(plant: &Plant) -> Self {
+        let mut first = vec![0_u32; plant.axes.len()];
+        let organs = plant.organs.iter().map(|o| o.axis);
+        for axis in organs.chain(plant.axes.iter().map(|a| a.parent)) {
+            if let Some(number) = first.get_mut(axis as usize) {
+                *number += 1;
+            }
+        }
+        let mut sum = 0;
+        for first in &mut first {
+            sum += std::mem::replace(first, sum);
+        }
+        let known = vec![0; first.len()];
+        Self { first, known, list: vec![(0.0, 0.0); sum as usize] }
+    }
+
+    fn range(&self, axis: usize) -> std::ops::Range<usize> {
+        let first = self.first[axis] as usize;
+        first..first + self.known[axis] as usize
+    }
+
+    /// Adds a load to an axis, if that exists.
+    fn add(&mut self, axis: u32, load: (f32, f64)) {
+        let axis = axis as usize;
+        if let (Some(first), Some(known)) = (self.first.get(axis), self.known.get_mut(axis)) {
+            self.list[(first + *known) as usize] = load;
+            *known += 1;
+        }
+    }
+
+    /// The loads of an axis, sorted from the tip.
+    fn sorted(&mut self, axis: usize) -> &[(f32, f64)] {
+        let range = self.range(axis);
+        let list = &mut self.list[range];
+        if list.len() > 1 {
+            list.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.total_cmp(&b.1)));
+        }
+        list
     }
 }
 
@@ -95,26 +155,21 @@ impl CachedPower {
 /// root.
 fn accumulate_all(plant: &mut Plant, tip: f64, n: f64) -> f64 {
     let (leaf, pow_tip) = (pow(LEAF_RADIUS, n), pow(tip, n));
-    // What each axis carries besides its own tip: arc length and n-th power. Leaves first; branches follow once they
-    // are summed.
-    let mut loads: Vec<Vec<(f32, f64)>> = vec![Vec::new(); plant.axes.len()];
+    // Leaves first; branches follow once they are summed.
+    let mut loads = Loads::new(plant);
     for o in &plant.organs {
-        if let Some(list) = loads.get_mut(o.axis as usize) {
-            list.push((o.s, leaf));
-        }
+        loads.add(o.axis, (o.s, leaf));
     }
     let mut thickest = 0.0_f64;
     let (mut area, mut radius) = (CachedPower::new(n), CachedPower::new(1.0 / n));
     // Axes come after their parents, so the reverse order has every child summed before its parent.
     for i in (0..plant.axes.len()).rev() {
-        let mut list = std::mem::take(&mut loads[i]);
-        list.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.total_cmp(&b.1)));
-        let base = accumulate(plant, i, &list, pow_tip, &mut radius).unwrap_or(tip);
+        let base = accumulate(plant, i, loads.sorted(i), pow_tip, &mut radius).unwrap_or(tip);
         let axis = &plant.axes[i];
         if axis.parent == NONE {
             thickest = thickest.max(base);
-        } else if let Some(list) = loads.get_mut(axis.parent as usize) {
-            list.push((axis.parent_s, area.pow(base)));
+        } else {
+            loads.add(axis.parent, (axis.parent_s, area.pow(base)));
         }
     }
     thickest
@@ -164,6 +219,14 @@ impl Smoothing {
     /// makes them fall monotonically towards the tip.
     fn smooth(&mut self, plant: &mut Plant, axis: usize) {
         let range = plant.nodes_of(&plant.axes[axis]);
+        // The windows at the ends have no width: only the radii's order is left to mend.
+        if let Some([base, tip]) = plant.nodes.r.get_mut(range.clone()).and_then(|r| <&mut [f32; 2]>::try_from(r).ok())
+            && plant.nodes.s.get(range.start).is_some_and(|s| *s <= 0.0)
+        {
+            let least = 0.0_f64.max(f64::from(*tip));
+            (*tip, *base) = (narrow(least), narrow(least.max(f64::from(*base))));
+            return;
+        }
         let Self { s, r, sums } = self;
         for (wide, stored) in [(&mut *s, &plant.nodes.s), (&mut *r, &plant.nodes.r)] {
             wide.clear();
@@ -178,8 +241,8 @@ impl Smoothing {
             sums[k] = sums[k - 1] + 0.5 * (r[k] + r[k - 1]) * (s[k] - s[k - 1]);
         }
         // Integral of r from the base to `x`; box filtering is a difference of two of its values over the window.
-        let integral = |x: f64| {
-            let k = s.partition_point(|v| *v <= x).clamp(1, count - 1);
+        let integral = |x: f64, near: usize| {
+            let k = number_up_to(s, x, near).clamp(1, count - 1);
             let (a, b) = (s[k - 1], s[k]);
             let t = if b > a { ((x - a) / (b - a)).clamp(0.0, 1.0) } else { 0.0 };
             let here = r[k - 1] + (r[k] - r[k - 1]) * t;
@@ -191,11 +254,26 @@ impl Smoothing {
             // The window must fit the axis on both sides; from the tip down, the running maximum keeps radii from
             // growing upwards.
             let w = (SMOOTHING_RADII * r[k]).min(s[k]).min(last - s[k]);
-            let mean = if w > 1e-9 { (integral(s[k] + w) - integral(s[k] - w)) / (2.0 * w) } else { r[k] };
+            let mean = if w > 1e-9 { (integral(s[k] + w, k) - integral(s[k] - w, k)) / (2.0 * w) } else { r[k] };
             least = least.max(mean);
             plant.nodes.r[range.start + k] = narrow(least);
         }
     }
+}
+
+/// Number of values up to `x` in a sorted list, found from index `near` on.
+fn number_up_to(sorted: &[f64], x: f64, near: usize) -> usize {
+    // Steps to either side before a binary search is faster.
+    const STEPS: usize = 4;
+    let mut n = near;
+    for _ in 0..STEPS {
+        match (n.checked_sub(1).and_then(|k| sorted.get(k)), sorted.get(n)) {
+            (Some(before), _) if *before > x => n -= 1,
+            (_, Some(after)) if *after <= x => n += 1,
+            _ => return n,
+        }
+    }
+    sorted.partition_point(|v| *v <= x)
 }
 
 /// Sets all radii by the taper law; axes must come after their parents.
@@ -214,6 +292,31 @@ pub fn taper(plant: &mut Plant, options: &Taper) {
             let along = if axis.length > 0.0 { f64::from(plant.nodes.s[k] / axis.length) } else { 0.0 };
             let left = pow((1.0 - along).clamp(0.0, 1.0), options.exponent);
             plant.nodes.r[k] = narrow(tip + (base - tip) * left);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_counted_from_anywhere() {
+        let sorted = [0.0, 0.5, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0];
+        for near in 0..sorted.len() {
+            for x in [-1.0, 0.0, 0.25, 0.5, 0.75, 2.0, 5.5, 8.0, 9.0] {
+                let expected = sorted.iter().filter(|v| **v <= x).count();
+                assert_eq!(number_up_to(&sorted, x, near), expected, "{x} from {near}");
+            }
+        }
+    }
+
+    #[test]
+    fn kept_powers_are_those_of_their_base() {
+        let mut cached = CachedPower::new(2.3);
+        for i in (0..5000).chain(0..5000) {
+            let base = 1e-3 * f64::from(i);
+            assert_eq!(cached.pow(base).to_bits(), pow(base, 2.3).to_bits(), "{base}");
         }
     }
 }

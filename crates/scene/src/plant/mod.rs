@@ -231,6 +231,13 @@ impl Plant {
         }
     }
 
+    /// The radius of an axis at arc length `s` (clamped), as [`Self::frame`] has it.
+    #[inline]
+    pub fn radius(&self, axis: &Axis, s: f32) -> f32 {
+        let (i, t) = self.segment(axis, s);
+        osier_base::math::lerp(self.nodes.r[i], self.nodes.r[i + 1], t)
+    }
+
     /// The values of [`Self::organ_attributes`] for some of its organs, found by id, in the order of `organs`.
     pub fn organ_values(&self, organs: &[&Organ]) -> Vec<Attribute> {
         if self.organ_attributes.is_empty() {

@@ -81,6 +81,19 @@ fn check_arrays(plant: &Plant) -> Result<()> {
     if lengths.iter().any(|&l| l != n.p.len()) {
         return Err(Error::export("X001", "plant: node arrays of different lengths"));
     }
+    // One pass over all columns tells whether anything is wrong; what it is follows only then.
+    let is_sound = |i: usize| {
+        n.p[i].is_finite()
+            && n.q[i].is_finite()
+            && n.r[i].is_finite()
+            && n.s[i].is_finite()
+            && n.birth[i].is_finite()
+            && n.r[i] > 0.0
+            && is_unit(n.q[i])
+    };
+    if (0..n.len()).all(is_sound) {
+        return Ok(());
+    }
     let finite = |i: usize| {
         n.p[i].is_finite() && n.q[i].is_finite() && n.r[i].is_finite() && n.s[i].is_finite() && n.birth[i].is_finite()
     };
@@ -90,10 +103,15 @@ fn check_arrays(plant: &Plant) -> Result<()> {
     if let Some(i) = n.r.iter().position(|r| *r <= 0.0) {
         return Err(range_error(format!("radius of node {i}"), f64::from(n.r[i]), 0.0, f64::INFINITY));
     }
-    if let Some(i) = n.q.iter().position(|q| (q.length() - 1.0).abs() > 1e-5) {
+    if let Some(i) = n.q.iter().position(|q| !is_unit(*q)) {
         return Err(range_error(format!("length of the frame of node {i}"), f64::from(n.q[i].length()), 1.0, 1.0));
     }
     Ok(())
+}
+
+/// Whether a frame is a unit quaternion within the rounding errors of single precision.
+fn is_unit(q: glam::Quat) -> bool {
+    (q.length() - 1.0).abs() <= 1e-5
 }
 
 fn check_axis(plant: &Plant, i: usize, axis: &Axis) -> Result<()> {
@@ -210,11 +228,11 @@ fn stretch(nodes: &mut Nodes, twin: usize, old: &Nodes) {
 fn thin_children(plant: &mut Plant, warnings: &mut Vec<Warning>) {
     let mut thinned = Vec::new();
     for i in 0..plant.axes.len() {
-        let axis = plant.axes[i].clone();
+        let axis = &plant.axes[i];
         let Some(parent) = plant.axes.get(axis.parent as usize) else { continue };
         // Parents come first: theirs is the radius after thinning.
-        let most = plant.frame(parent, axis.parent_s).r * MAX_CHILD;
-        let range = plant.nodes_of(&axis);
+        let most = plant.radius(parent, axis.parent_s) * MAX_CHILD;
+        let range = plant.nodes_of(axis);
         if plant.nodes.r[range.start] <= most * 1.0001 {
             continue;
         }

@@ -3,8 +3,6 @@
 use super::frame::TurtleFrame;
 use super::interpreter::{Turtle, color_index};
 use super::options::STALK;
-use osier_base::math;
-use osier_base::units::radians;
 use osier_grammar::{Module, TurtleAction, TurtleAxis};
 
 /// World axes by the number in `TurtleAction::RotateWorld`.
@@ -37,13 +35,13 @@ impl Turtle<'_> {
             TurtleAction::Forward => self.step(number, m, true, true),
             TurtleAction::Move => self.step(number, m, false, true),
             TurtleAction::RotateWorld(axis) => {
-                let (s, c) = (math::sin(radians(number)), math::cos(radians(number)));
+                let (c, s) = self.angles.cos_sin(number);
                 let axis = WORLD_AXES.get(*axis).copied().unwrap_or(glam::DVec3::Y);
                 self.s.frame = self.s.frame.rotated(axis, c, s);
                 self.count_turn();
             }
             TurtleAction::RotateTurtle(axis) => {
-                let (s, c) = (math::sin(radians(number)), math::cos(radians(number)));
+                let (c, s) = self.angles.cos_sin(number);
                 let turn = match axis {
                     TurtleAxis::Heading => TurtleFrame::roll,
                     TurtleAxis::Left => TurtleFrame::pitch,

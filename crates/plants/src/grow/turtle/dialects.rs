@@ -429,24 +429,24 @@ impl Turtle<'_> {
         let given = (!m.params.is_empty()).then(|| self.param(m, 0, 0.0));
         match command {
             C::Units(draws) => {
-                let a = (self.s.dialect.units as f64) * self.dialect.angle_deg;
+                let a = (self.rare.dialect.units as f64) * self.dialect.angle_deg;
                 self.plane_step(a, draws, m);
             }
-            C::Degrees(draws) => self.plane_step(self.s.dialect.degrees, draws, m),
+            C::Degrees(draws) => self.plane_step(self.rare.dialect.degrees, draws, m),
             C::TurnUnit(left) => {
-                let left = left != self.s.dialect.reversed;
+                let left = left != self.rare.dialect.reversed;
                 self.turn_units(if left { 1 } else { -1 });
             }
             // Half of the directions, rounded down, whatever `!` says.
             C::TurnHalf => self.turn_units(-self.unit_count().div_euclid(2)),
             C::TurnDegrees(left) => {
                 // Counter-clockwise unless `!` has exchanged the directions.
-                let sign = if left == self.s.dialect.reversed { -1.0 } else { 1.0 };
-                let turned = self.s.dialect.degrees + sign * given.unwrap_or(0.0);
-                self.s.dialect.degrees = turned.rem_euclid(360.0);
+                let sign = if left == self.rare.dialect.reversed { -1.0 } else { 1.0 };
+                let turned = self.rare.dialect.degrees + sign * given.unwrap_or(0.0);
+                self.rare.dialect.degrees = turned.rem_euclid(360.0);
             }
-            C::Reverse => self.s.dialect.reversed = !self.s.dialect.reversed,
-            C::Size => self.s.dialect.length *= given.unwrap_or(1.0),
+            C::Reverse => self.rare.dialect.reversed = !self.rare.dialect.reversed,
+            C::Size => self.rare.dialect.length *= given.unwrap_or(1.0),
             C::Color(None) => self.set_color(color_index(given.unwrap_or(0.0))),
             // Without a number the index stays. Index 0, the background of Fractint, is passed over.
             C::Color(Some(sign)) => {
@@ -473,9 +473,9 @@ impl Turtle<'_> {
                 self.count_turn();
             }
             C::Step { share, draws, adds_vertex } => self.lparser_step(given, share, draws, adds_vertex, m),
-            C::Length(factor) => self.s.dialect.length *= given.unwrap_or(factor),
-            C::Angle(factor) => self.s.dialect.angle *= given.unwrap_or(factor),
-            C::Thickness(factor) => self.s.dialect.thickness *= given.unwrap_or(factor),
+            C::Length(factor) => self.rare.dialect.length *= given.unwrap_or(factor),
+            C::Angle(factor) => self.rare.dialect.angle *= given.unwrap_or(factor),
+            C::Thickness(factor) => self.rare.dialect.thickness *= given.unwrap_or(factor),
             C::ColorIndex(sign) => {
                 // Three numbers are an RGB colour, which has no index.
                 if m.params.len() < 3 {
@@ -503,7 +503,7 @@ impl Turtle<'_> {
 
     /// Turns by `sign` times the number, degrees; without a number by the present angle of turns.
     fn dialect_turn(&mut self, sign: f64, given: Option<f64>, turn: fn(&mut TurtleFrame, f64, f64)) {
-        let degrees = given.unwrap_or(self.dialect.angle_deg * self.s.dialect.angle);
+        let degrees = given.unwrap_or(self.dialect.angle_deg * self.rare.dialect.angle);
         let a = radians(sign * degrees);
         turn(&mut self.s.frame, math::cos(a), math::sin(a));
         self.count_turn();
@@ -521,8 +521,8 @@ impl Turtle<'_> {
     fn turn_units(&mut self, by: i64) {
         let n = self.unit_count();
         let whole = (n as f64 * self.dialect.angle_deg - 360.0).abs() < 1e-9;
-        let units = self.s.dialect.units + by;
-        self.s.dialect.units = if whole { units.rem_euclid(n) } else { units };
+        let units = self.rare.dialect.units + by;
+        self.rare.dialect.units = if whole { units.rem_euclid(n) } else { units };
     }
 
     /// A step of Fractint in the plane, in a direction counter-clockwise from +X, degrees.
@@ -535,7 +535,7 @@ impl Turtle<'_> {
         if draws && self.s.frame.h.dot(before) < REVERSAL {
             self.jump_to(self.s.p, m);
         }
-        self.step(self.s.dialect.length, m, draws, false);
+        self.step(self.rare.dialect.length, m, draws, false);
     }
 
     /// Makes LParser's random turns about up, left and heading; the module's lineage draws each between `-most` and `most`
@@ -553,7 +553,7 @@ impl Turtle<'_> {
     /// file asks for a fractional number of steps, segments made by the last step are shortened to that fraction.
     fn lparser_step(&mut self, given: Option<f64>, share: f64, draws: bool, adds_vertex: bool, m: Module<'_>) {
         self.close_segment();
-        let DialectState { length, thickness, .. } = self.s.dialect;
+        let DialectState { length, thickness, .. } = self.rare.dialect;
         let settings = self.dialect.settings;
         let fraction = settings.fraction.filter(|_| m.birth == self.dialect.last_step).unwrap_or(1.0);
         let step = given.map_or(share * length, |x| x / settings.unit.unwrap_or(1.0)) * fraction;
@@ -598,7 +598,7 @@ impl Turtle<'_> {
             C::Radius(sign) => {
                 // The segment before it keeps its radius: L-Py draws it as a cylinder.
                 self.close_segment();
-                self.set_radius(given.unwrap_or(self.s.dialect.radius + sign * LPY_RADIUS_STEP), m);
+                self.set_radius(given.unwrap_or(self.rare.dialect.radius + sign * LPY_RADIUS_STEP), m);
             }
             C::Scale => self.set_scale(given.unwrap_or(1.0)),
             C::ScaleUp => self.set_scale(scale * given.unwrap_or(LPY_SCALE)),
@@ -651,7 +651,7 @@ impl Turtle<'_> {
             C::Elasticity => {
                 let value = given.unwrap_or(0.0);
                 if (0.0..=1.0).contains(&value) {
-                    self.s.dialect.elasticity = value;
+                    self.rare.dialect.elasticity = value;
                 } else {
                     let message = format!("an elasticity of {value} is not within 0 and 1, and is not set");
                     let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
@@ -660,7 +660,7 @@ impl Turtle<'_> {
             }
             C::Tropism => {
                 let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, if i == 2 { 1.0 } else { 0.0 }));
-                self.s.dialect.tropism = world(x, y, z).normalize_or(DVec3::Y);
+                self.rare.dialect.tropism = world(x, y, z).normalize_or(DVec3::Y);
             }
             C::Unsupported => {
                 let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
@@ -718,7 +718,7 @@ impl Turtle<'_> {
     /// Turns the frame towards the tropism of L-Py before a step, by the elasticity times the angle between heading and tropism; a heading
     /// against the tropism turns about up.
     fn bend(&mut self) {
-        let DialectState { elasticity, tropism, .. } = self.s.dialect;
+        let DialectState { elasticity, tropism, .. } = self.rare.dialect;
         if elasticity <= 0.0 {
             return;
         }
@@ -743,7 +743,7 @@ impl Turtle<'_> {
         let step = self.param(m, 1, length);
         let end = (m.params.len() > 2).then(|| 2.0 * self.param(m, 2, LPY_RADIUS) * self.s.scale.abs());
         let first = self.s.width;
-        let bends = self.s.dialect.elasticity > 0.0 && step > 0.0 && length > 0.0;
+        let bends = self.rare.dialect.elasticity > 0.0 && step > 0.0 && length > 0.0;
         let whole = if bends { (length / step).floor().min(MAX_PATH_STEPS) } else { 0.0 };
         let mut done = 0.0;
         while done < whole && !self.halted {
@@ -777,8 +777,8 @@ impl Turtle<'_> {
             let help = "give the radius as a parameter: without one '!' takes 1 away, and the turtle begins with 0.1";
             return self.warn("L041", (None, c), message, help);
         }
-        self.s.dialect.radius = radius.max(0.0);
-        self.set_width(2.0 * self.s.dialect.radius * self.s.scale.abs());
+        self.rare.dialect.radius = radius.max(0.0);
+        self.set_width(2.0 * self.rare.dialect.radius * self.s.scale.abs());
     }
 
     /// Sets the radius that parameter `i` gives the end of a line; a negative one means none.
@@ -793,7 +793,7 @@ impl Turtle<'_> {
     fn set_scale(&mut self, scale: f64) {
         self.close_segment();
         self.s.scale = scale;
-        self.set_width(2.0 * self.s.dialect.radius * scale.abs());
+        self.set_width(2.0 * self.rare.dialect.radius * scale.abs());
     }
 
     /// Draws the leaf `l`, which L-Py defines unless the scene gives an organ for this letter: a blade of length `size` along the

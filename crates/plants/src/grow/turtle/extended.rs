@@ -71,18 +71,18 @@ impl Turtle<'_> {
                 // One number is that of both sides.
                 let a = self.param(m, 0, TANGENT[0]);
                 let b = self.param(m, 1, if m.params.is_empty() { TANGENT[1] } else { a });
-                self.s.cylinder.tangent = [a, b];
+                self.rare.cylinder.tangent = [a, b];
             }
             ('G', 'r') => match m.params.len() {
-                0 => (self.s.cylinder.slopes, self.s.cylinder.relative) = (None, false),
-                1 => self.s.cylinder.relative = self.param(m, 0, 0.0).abs() > 0.0,
+                0 => (self.rare.cylinder.slopes, self.rare.cylinder.relative) = (None, false),
+                1 => self.rare.cylinder.relative = self.param(m, 0, 0.0).abs() > 0.0,
                 _ => {
                     // A tangent of length l at the angle a to the axis changes the radius by l sin(a).
                     let [a1, l1] = [0, 1].map(|i| self.param(m, i, 0.0));
                     // Two numbers are those of both sides.
                     let [a2, l2] = [2, 3].map(|i| self.param(m, if m.params.len() < 4 { i - 2 } else { i }, 0.0));
                     let slope = |angle: f64, length: f64| length * math::sin(radians(angle));
-                    self.s.cylinder.slopes = Some([slope(a1, l1), slope(a2, l2)]);
+                    self.rare.cylinder.slopes = Some([slope(a1, l1), slope(a2, l2)]);
                 }
             },
             ('b', 'o' | 'c') => self.ring(c, m),
@@ -163,7 +163,7 @@ impl Turtle<'_> {
         if self.cylinders.last().is_none_or(Option::is_none) {
             return;
         }
-        let state = self.s.cylinder;
+        let state = self.rare.cylinder;
         let closed = self.options.contours.get(&state.contour).is_none_or(|c| c.closed);
         if state.contour != 0 && !self.options.contours.contains_key(&state.contour) {
             let known: Vec<String> = self.options.contours.keys().map(u32::to_string).collect();
@@ -277,8 +277,8 @@ impl Turtle<'_> {
     /// `@Tx(id)`: sets the texture of what is drawn from here on; 0 removes it, an unknown number is warned of (L048).
     pub(super) fn set_texture(&mut self, m: Module<'_>) {
         let id = number(self.param(m, 0, 0.0));
-        self.s.texture = self.options.textures.get(&id).copied();
-        if id != 0 && self.s.texture.is_none() {
+        self.rare.texture = self.options.textures.get(&id).copied();
+        if id != 0 && self.rare.texture.is_none() {
             let message = format!("texture {id} is unknown");
             self.warn("L048", (Some('@'), 'T'), message, "name its picture in the view: texture: F: file.png");
         }
@@ -287,7 +287,7 @@ impl Turtle<'_> {
     /// Material of polygons, discs and open contours (`thin`), and of spheres and closed contours.
     pub(super) fn shape_material(&self, thin: bool) -> MaterialId {
         let painted = self.worn_color().map(|index| Paint { index, thin }.material());
-        self.s.texture.or(painted).unwrap_or(self.options.shape_material)
+        self.rare.texture.or(painted).unwrap_or(self.options.shape_material)
     }
 }
 

@@ -42,7 +42,7 @@ impl TurtleFrame {
     fn set_left(&mut self, l: DVec3) {
         // Without a perpendicular part, any direction across the heading serves.
         let across = l - self.h * l.dot(self.h);
-        self.l = across.normalize_or(self.h.any_orthonormal_vector());
+        self.l = across.try_normalize().unwrap_or_else(|| self.h.any_orthonormal_vector());
         self.u = self.h.cross(self.l);
     }
 

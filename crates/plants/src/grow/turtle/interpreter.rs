@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::builder::{NodeSite, OrganSize, PlantBuilder, ProtoRange, RawOrgan};
+use super::builder::{DrawnNode, NodeSite, OrganSize, PlantBuilder, ProtoRange, RawOrgan};
 use super::commands::Command;
 use super::cylinders::{CylinderState, OpenCylinder, TANGENT};
 use super::dialects::{DialectState, DialectTurtle, PendingNumber};
@@ -51,6 +51,13 @@ pub(super) struct TurtleState {
     pub(super) color: u8,
     /// Whether drawn parts take the colour index as their material.
     painted: bool,
+    turns: u32,
+    attachment: Attachment,
+}
+
+/// The part of the state that few branches change; brackets save and restore it too.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RareState {
     /// Material of the texture that shapes take; `None`: no texture.
     pub(super) texture: Option<osier_scene::MaterialId>,
     pub(super) cylinder: CylinderState,
@@ -59,8 +66,52 @@ pub(super) struct TurtleState {
     elasticity: [f64; tropism::MAX_TROPISMS],
     tropism_elasticity: f64,
     keep_roll: bool,
-    turns: u32,
-    attachment: Attachment,
+}
+
+/// A value that each branch may change for itself. It is copied when a branch changes it, not at each bracket.
+#[derive(Debug)]
+pub(super) struct Branched<T> {
+    value: T,
+    /// Number of open brackets.
+    depth: usize,
+    /// What branches that have changed it return to, and their depths.
+    saved: Vec<(usize, T)>,
+}
+
+impl<T: Copy> Branched<T> {
+    fn new(value: T) -> Self {
+        Self { value, depth: 0, saved: Vec::new() }
+    }
+
+    /// Begins a branch.
+    fn push(&mut self) {
+        self.depth += 1;
+    }
+
+    /// Ends a branch: the value is again what it was when the branch began.
+    fn pop(&mut self) {
+        if let Some((_, value)) = self.saved.pop_if(|(depth, _)| *depth == self.depth) {
+            self.value = value;
+        }
+        self.depth = self.depth.saturating_sub(1);
+    }
+}
+
+impl<T> std::ops::Deref for Branched<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.value
+    }
+}
+
+impl<T: Copy> std::ops::DerefMut for Branched<T> {
+    fn deref_mut(&mut self) -> &mut T {
+        if self.saved.last().is_none_or(|(depth, _)| *depth < self.depth) {
+            self.saved.push((self.depth, self.value));
+        }
+        &mut self.value
+    }
 }
 
 /// Corners of a polygon. Own: the time to divide one into triangles grows with the square of their number.
@@ -105,6 +156,37 @@ pub(super) struct OrganPrototypes {
     pub scale: f64,
 }
 
+/// Cosines and sines of the last angles, in degrees: most strings turn by a few angles.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AngleCache {
+    /// Bits of an angle, its cosine and sine.
+    known: [(u64, f64, f64); 4],
+    /// Index of the entry that is replaced next.
+    oldest: usize,
+}
+
+impl Default for AngleCache {
+    fn default() -> Self {
+        Self { known: [(0.0_f64.to_bits(), math::cos(0.0), math::sin(0.0)); 4], oldest: 0 }
+    }
+}
+
+impl AngleCache {
+    /// Cosine and sine of an angle in degrees.
+    #[inline]
+    pub fn cos_sin(&mut self, degrees: f64) -> (f64, f64) {
+        let bits = degrees.to_bits();
+        if let Some((_, cos, sin)) = self.known.iter().find(|known| known.0 == bits) {
+            return (*cos, *sin);
+        }
+        let a = radians(degrees);
+        let (cos, sin) = (math::cos(a), math::sin(a));
+        self.known[self.oldest] = (bits, cos, sin);
+        self.oldest = (self.oldest + 1) % self.known.len();
+        (cos, sin)
+    }
+}
+
 /// Scale and width outside of a sub-L-system, restored at its end.
 #[derive(Debug, Clone, Copy)]
 struct OuterSize {
@@ -126,15 +208,17 @@ pub(super) struct Turtle<'a> {
     pub(super) symbols: Vec<char>,
     pub(super) s: TurtleState,
     stack: Vec<TurtleState>,
+    pub(super) rare: Branched<RareState>,
     polygons: Vec<Polygon>,
     /// Of each bracket level the cylinder that is open there.
     pub(super) cylinders: Vec<Option<OpenCylinder>>,
     pub(super) patches: TurtlePatches,
     prefix: Prefix,
-    /// End node of the segment that still waits for its end width.
+    /// Axis whose last segment still waits for its end width.
     open_segment: Option<u32>,
     /// Cosine and sine of a turn without parameter.
     default_turn: (f64, f64),
+    pub(super) angles: AngleCache,
     pub builder: PlantBuilder,
     pub(super) shape_prototypes: PrototypeCache,
     /// Prototypes of organs by symbol and, if they take the turtle's colour, colour index; registered on first use.
@@ -184,6 +268,10 @@ impl<'a> Turtle<'a> {
             scale: options.scale,
             color: options.color,
             painted: options.painted,
+            turns: 0,
+            attachment: Attachment { axis: None, parent: None, ordinal: 0 },
+        };
+        let rare = RareState {
             texture: None,
             cylinder: CylinderState {
                 contour: 0,
@@ -196,8 +284,6 @@ impl<'a> Turtle<'a> {
             elasticity,
             tropism_elasticity: options.old_elasticity,
             keep_roll: options.tropism_keep_roll,
-            turns: 0,
-            attachment: Attachment { axis: None, parent: None, ordinal: 0 },
         };
         dialect.begin(&mut s);
         // In the dialects of papers only bound symbols and brackets are commands.
@@ -217,12 +303,14 @@ impl<'a> Turtle<'a> {
             symbols,
             s,
             stack: Vec::new(),
+            rare: Branched::new(rare),
             polygons: Vec::new(),
             cylinders: vec![None],
             patches: TurtlePatches::new(),
             prefix: Prefix::None,
             open_segment: None,
             default_turn: (math::cos(angle), math::sin(angle)),
+            angles: AngleCache::default(),
             builder: PlantBuilder::default(),
             shape_prototypes: PrototypeCache::default(),
             organs: std::collections::BTreeMap::new(),
@@ -404,8 +492,8 @@ impl<'a> Turtle<'a> {
             Command::ClosePolygon if self.is_in_spline() => self.finish_cylinder(m),
             Command::ClosePolygon => self.fill_polygon(m),
             Command::TropismElasticity => {
-                let raised = self.s.tropism_elasticity + self.options.old_increment;
-                self.s.tropism_elasticity = self.param(m, 0, raised);
+                let raised = self.rare.tropism_elasticity + self.options.old_increment;
+                self.rare.tropism_elasticity = self.param(m, 0, raised);
             }
             Command::At => self.prefix = Prefix::At,
             Command::Organ => self.prefix = Prefix::Organ,
@@ -452,13 +540,10 @@ impl<'a> Turtle<'a> {
 
     /// Gives the end of the current segment the current width.
     pub(super) fn close_segment(&mut self) {
-        let Some(node) = self.open_segment.take() else { return };
-        let width = self.s.width * self.options.unit_m;
+        let Some(axis) = self.open_segment.take() else { return };
         // With tapered segments the end takes the width that the string has set since the segment was drawn.
-        if self.options.tapered
-            && let Some(n) = self.builder.node_mut(node)
-        {
-            n.width_in = Some(width);
+        if self.options.tapered {
+            self.builder.set_end_width(axis, self.s.width * self.options.unit_m);
         }
     }
 
@@ -472,7 +557,8 @@ impl<'a> Turtle<'a> {
         self.finish_cylinders();
     }
 
-    fn turn(&mut self, m: Module<'_>, positive: bool, c: char, f: fn(&mut TurtleFrame, f64, f64)) {
+    #[inline]
+    fn turn(&mut self, m: Module<'_>, positive: bool, c: char, f: impl FnOnce(&mut TurtleFrame, f64, f64)) {
         // The angle of the module in degrees, or the default angle of the scene.
         let (cos, sin) = if m.params.is_empty() {
             if self.options.angle.is_none() {
@@ -481,8 +567,8 @@ impl<'a> Turtle<'a> {
             }
             self.default_turn
         } else {
-            let a = radians(self.param(m, 0, 0.0));
-            (math::cos(a), math::sin(a))
+            let degrees = self.param(m, 0, 0.0);
+            self.angles.cos_sin(degrees)
         };
         f(&mut self.s.frame, cos, if positive { sin } else { -sin });
         self.count_turn();
@@ -503,22 +589,23 @@ impl<'a> Turtle<'a> {
             return self.halt("L051", '[', format!("more than {} open branches", self.max_stack), help);
         }
         self.stack.push(self.s);
+        self.rare.push();
         self.push_cylinder();
         self.s.attachment = Attachment { axis: None, parent: self.current_site(), ordinal: m.lineage() };
     }
 
     pub(super) fn pop_state(&mut self, m: Module<'_>) {
-        match self.stack.pop() {
-            Some(s) => {
-                // A cylinder whose end is not marked ends with its branch.
-                self.finish_cylinder(m);
-                self.cylinders.pop();
-                self.s = s;
-            }
-            None => {
-                let help = "every ']' needs a '[' before it";
-                self.warn("L053", (None, ']'), "unmatched ']' in the string".into(), help);
-            }
+        if self.stack.is_empty() {
+            let help = "every ']' needs a '[' before it";
+            return self.warn("L053", (None, ']'), "unmatched ']' in the string".into(), help);
+        }
+        // A cylinder whose end is not marked ends with its branch.
+        self.finish_cylinder(m);
+        self.cylinders.pop();
+        self.leave_axis();
+        self.rare.pop();
+        if let Some(s) = self.stack.pop() {
+            self.s = s;
         }
     }
 
@@ -526,7 +613,23 @@ impl<'a> Turtle<'a> {
     fn current_site(&self) -> Option<NodeSite> {
         // The last node of the current axis; before its first segment, the node that will carry the axis.
         let a = &self.s.attachment;
-        a.axis.map(|axis| NodeSite { axis, node: self.builder.last_node(axis) }).or(a.parent)
+        a.axis.map(|axis| self.builder.site(axis)).or(a.parent)
+    }
+
+    /// Leaves the current axis, to which no state returns: an axis is that of one bracket level.
+    fn leave_axis(&mut self) {
+        if let Some(axis) = self.s.attachment.axis.take()
+            // An axis whose last segment waits for its end width is closed at the end.
+            && self.open_segment != Some(axis)
+        {
+            self.builder.close_axis(axis);
+        }
+    }
+
+    /// Leaves the current axis, since the turtle moves without drawing: what is drawn next begins a new axis.
+    fn leave_axis_by(&mut self, m: Module<'_>) {
+        self.leave_axis();
+        self.s.attachment.ordinal = m.lineage();
     }
 
     pub(super) fn set_width(&mut self, width: f64) {
@@ -579,8 +682,8 @@ impl<'a> Turtle<'a> {
         // Directional growth responses turn the heading before the step.
         let tropisms = &self.options.tropisms;
         if !tropisms.is_empty() {
-            let s = &mut self.s;
-            tropism::apply_tropisms(&mut s.frame, &s.last, tropisms, &s.elasticity, s.keep_roll);
+            let (s, rare) = (&mut self.s, &*self.rare);
+            tropism::apply_tropisms(&mut s.frame, &s.last, tropisms, &rare.elasticity, rare.keep_roll);
         }
         let from = self.s.p;
         self.s.p += self.s.frame.h * length;
@@ -603,10 +706,14 @@ impl<'a> Turtle<'a> {
             if draws {
                 self.s.last = self.s.frame;
             }
-            self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
+            self.leave_axis_by(m);
         }
-        if self.s.tropism_elasticity.abs() > 0.0 {
-            tropism::apply_tropism_after_step(&mut self.s.frame, self.options.old_tropism, self.s.tropism_elasticity);
+        if self.rare.tropism_elasticity.abs() > 0.0 {
+            tropism::apply_tropism_after_step(
+                &mut self.s.frame,
+                self.options.old_tropism,
+                self.rare.tropism_elasticity,
+            );
         }
         if adds_vertex {
             self.step_point();
@@ -625,24 +732,17 @@ impl<'a> Turtle<'a> {
         let width = self.s.width * self.options.unit_m;
         let color = u16::from(self.s.color) | if self.s.painted { PAINTED } else { 0 };
         // The first segment of a bracket level opens an axis at the node where the bracket began.
+        let node = DrawnNode { p: self.s.p, left, birth: m.birth, color };
         let axis = match self.s.attachment.axis {
             Some(axis) => axis,
             None => {
                 let a = self.s.attachment;
-                let axis = self.builder.begin_axis(a.parent, a.ordinal, PlantBuilder::node(from, left, m.birth, color));
+                let axis = self.builder.begin_axis(a.parent, a.ordinal, DrawnNode { p: from, ..node });
                 self.s.attachment.axis = Some(axis);
                 axis
             }
         };
-        // Both segments at a node keep their own width there; the builder takes the mean.
-        let start = self.builder.last_node(axis);
-        if let Some(n) = self.builder.node_mut(start) {
-            n.width_out = Some(width);
-        }
-        let mut node = PlantBuilder::node(self.s.p, left, m.birth, color);
-        node.width_in = Some(width);
-        self.builder.extend(axis, node);
-        self.open_segment = Some(self.builder.last_node(axis)).filter(|n| *n != start);
+        self.open_segment = Some(axis).filter(|_| self.builder.extend(axis, node, width));
     }
 
     /// Moves without drawing, by a vector in m.
@@ -653,7 +753,7 @@ impl<'a> Turtle<'a> {
     /// Moves to a point of plant space without drawing; what is drawn next begins a new axis.
     pub(super) fn jump_to(&mut self, to: DVec3, m: Module<'_>) {
         self.s.p = to;
-        self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
+        self.leave_axis_by(m);
     }
 
     pub(super) fn pose(&self) -> TurtlePose {
@@ -697,7 +797,7 @@ impl<'a> Turtle<'a> {
             'M' => {
                 let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 0.0));
                 self.s.p = DVec3::new(x, y, z) * self.options.unit_m;
-                self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
+                self.leave_axis_by(m);
             }
             'R' => {
                 let v = [0, 1, 2, 3, 4, 5].map(|i| self.param(m, i, 0.0));
@@ -709,8 +809,8 @@ impl<'a> Turtle<'a> {
             'o' | 'c' | 'O' => self.disc_or_sphere(c, m),
             // No export format has a colour for the reverse side.
             ';' | ',' => {}
-            '#' => self.s.cylinder.contour = self.strips_or(m, 0),
-            '!' => self.s.cylinder.sides = self.strips_or(m, self.options.sides).clamp(3, 256),
+            '#' => self.rare.cylinder.contour = self.strips_or(m, 0),
+            '!' => self.rare.cylinder.sides = self.strips_or(m, self.options.sides).clamp(3, 256),
             'D' | 'T' if !m.params.is_empty() => self.at_command_without_letter(c, m.params),
             'D' | 'T' | 'b' | 'G' | 'P' | 'm' => self.prefix = Prefix::Letter(c),
             // A label is an annotation of cpfg's window; plants have none.
@@ -746,7 +846,7 @@ impl<'a> Turtle<'a> {
     fn add_elasticity(&mut self, i: f64, e: Option<f64>, sign: f64) {
         let Some(k) = self.tropism_index(i) else { return };
         let step = e.unwrap_or_else(|| self.options.tropisms.get(k).map_or(0.0, |t| t.step));
-        self.s.elasticity[k] += sign * step;
+        self.rare.elasticity[k] += sign * step;
     }
 
     /// Index of tropism number `i`, counted from 1; warns (L048) of an unknown number.
@@ -771,7 +871,7 @@ impl<'a> Turtle<'a> {
             ('T', 's') => {
                 let (i, e) = (self.param(m, 0, 1.0), self.param(m, 1, 0.0));
                 if let Some(k) = self.tropism_index(i) {
-                    self.s.elasticity[k] = e;
+                    self.rare.elasticity[k] = e;
                 }
             }
             ('T', 'i' | 'd') => {
@@ -801,4 +901,31 @@ impl<'a> Turtle<'a> {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "reduced to 0..256 before the cast")]
 pub(super) fn color_index(value: f64) -> u8 {
     value.trunc().rem_euclid(256.0) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Branched;
+
+    #[test]
+    fn branches_return_to_what_they_began_with() {
+        let mut value = Branched::new(1);
+        value.push();
+        *value = 2;
+        value.push();
+        value.push();
+        *value = 3;
+        *value = 4;
+        value.pop();
+        assert_eq!(*value, 2);
+        value.pop();
+        assert_eq!(*value, 2, "this branch changed nothing");
+        *value = 5;
+        value.pop();
+        assert_eq!(*value, 1);
+        *value = 6;
+        value.push();
+        value.pop();
+        assert_eq!(*value, 6);
+    }
 }

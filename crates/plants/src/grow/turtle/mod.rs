@@ -20,6 +20,7 @@ mod prototypes;
 mod queries;
 mod tropism;
 
+use builder::PlantBuilder;
 pub(super) use builder::set_exposed_lengths;
 pub use cylinders::Contour;
 pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
@@ -67,6 +68,7 @@ pub fn draw(grammar: &Grammar, derived: &DerivedString, options: &TurtleOptions,
     // Interpret every module in order; limits and forbidden commands are reported after the last one.
     let bindings = BindingEvaluator::new(grammar, derived, limits);
     let mut turtle = Turtle::new(grammar, bindings, options, limits);
+    turtle.builder = PlantBuilder::for_modules(derived.module_count());
     let Interpretation { mut warnings, output } = interpret(grammar, derived, limits, |m| turtle.module(m))?;
     turtle.end();
     warnings.extend(turtle.diagnostics()?);

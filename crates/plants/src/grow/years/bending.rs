@@ -1,11 +1,14 @@
 //! Bending under the weight that a year adds, and righting by reaction wood.
 
 use glam::{Quat, Vec3};
+use pulp::{Arch, Simd, WithSimd};
 
+use super::habit::Habit;
 use super::season::{GRAVITY, Season};
-use super::shoots::raised;
-use super::tree::{NONE, Tree, flag, y_axis};
+use super::shoots::{LEVEL_EPSILON, raised};
+use super::tree::{NONE, Nodes, Tree, flag, index_of, y_axis};
 use osier_base::math;
+use osier_base::simd::{F32Lanes, Lane as _};
 
 /// Mass of dead wood over that of living wood.
 const DEAD_DENSITY: f32 = 0.6;
@@ -63,70 +66,516 @@ impl Tree {
 
     /// Turns each internode about its base by bending and righting; children inherit the rotation.
     fn turn_wood(&mut self, season: &Season) {
-        let habit = &self.habit;
-        let nodes = &mut self.nodes;
-        let turns = &mut self.scratch.turn;
-        turns.clear();
-        turns.resize(nodes.len(), Quat::IDENTITY);
-        let modulus = habit.elasticity_gpa * 1e9 * std::f32::consts::FRAC_PI_4;
-        for i in 0..nodes.len() {
-            if nodes.flags[i] & flag::FALLEN != 0 {
+        let mut wood = self.turning(season);
+        let count = wood.nodes.len();
+        let mut window = Window::default();
+        let mut group = TurningGroup::default();
+        for first in (0..count).step_by(WINDOW) {
+            window.begin(first, count.min(first + WINDOW), &mut wood);
+            // Internodes of one round do not depend on each other. Those of living branches are computed in lanes, the others one
+            // by one.
+            for round in window.rounds() {
+                for &k in round {
+                    let k = usize::from(k);
+                    if !window.rights[k] {
+                        wood.turn(first + k, &window.loads[k]);
+                    } else if group.push(first + k, &window.loads[k]) {
+                        wood.turn_group(&mut group);
+                    }
+                }
+                wood.turn_group(&mut group);
+            }
+        }
+    }
+
+    fn turning<'a>(&'a mut self, season: &'a Season) -> Turning<'a> {
+        let scratch = &mut self.scratch;
+        // Each of them is set before a child reads it.
+        scratch.turn.resize(self.nodes.len(), Quat::IDENTITY);
+        Turning {
+            habit: &self.habit,
+            season,
+            nodes: &mut self.nodes,
+            turns: &mut scratch.turn,
+            weights: &scratch.weight,
+            beyond: &scratch.beyond,
+        }
+    }
+
+    /// [`Self::bend`] without lanes.
+    #[cfg(test)]
+    pub fn bend_one_by_one(&mut self, season: &Season) {
+        self.sum_weights();
+        let mut wood = self.turning(season);
+        for i in 0..wood.nodes.len() {
+            wood.turns[i] = Quat::IDENTITY;
+            if wood.nodes.flags[i] & flag::FALLEN == 0 {
+                let load = wood.load(i);
+                wood.turn(i, &load);
+            }
+        }
+    }
+}
+
+/// Internodes that are looked at together, so that many of them are computed at once while all are in the nearest cache.
+const WINDOW: usize = 256;
+
+/// The internodes of a window, sorted by rounds: an internode turns in the round after its parent.
+struct Window {
+    /// Round of each internode, its weight, and whether it rights itself.
+    round: [u16; WINDOW],
+    loads: [Load; WINDOW],
+    rights: [bool; WINDOW],
+    /// Numbers of the internodes by round, and where each round ends.
+    sorted: [u16; WINDOW],
+    ends: [u16; WINDOW],
+    /// Number of rounds.
+    count: usize,
+}
+
+impl Default for Window {
+    fn default() -> Self {
+        Self {
+            round: [0; WINDOW],
+            loads: [Load::default(); WINDOW],
+            rights: [false; WINDOW],
+            sorted: [0; WINDOW],
+            ends: [0; WINDOW],
+            count: 0,
+        }
+    }
+}
+
+impl Window {
+    /// Looks at the internodes from `first` up to `last`.
+    fn begin(&mut self, first: usize, last: usize, wood: &mut Turning<'_>) {
+        self.ends.fill(0);
+        self.count = 0;
+        let fallen = |wood: &Turning<'_>, i: usize| wood.nodes.flags[i] & flag::FALLEN != 0;
+        for i in first..last {
+            let k = i - first;
+            if fallen(wood, i) {
+                wood.turns[i] = Quat::IDENTITY;
+                self.round[k] = 0;
                 continue;
             }
-            let parent = nodes.parent[i];
+            // A parent before the window has turned already.
+            let parent = wood.nodes.parent[i];
+            let above = (parent as usize).checked_sub(first).and_then(|p| self.round[..k].get(p));
+            self.round[k] = above.map_or(0, |round| round + 1);
+            self.loads[k] = wood.load(i);
+            self.rights[k] = wood.rights(i);
+            self.ends[usize::from(self.round[k])] += 1;
+            self.count = self.count.max(usize::from(self.round[k]) + 1);
+        }
+        // A counting sort: first where each round begins, in the end where it ends.
+        let mut sum = 0;
+        for end in &mut self.ends[..self.count] {
+            sum += std::mem::replace(end, sum);
+        }
+        for (k, number) in (0..last - first).zip(0_u16..) {
+            if !fallen(wood, first + k) {
+                let slot = &mut self.ends[usize::from(self.round[k])];
+                self.sorted[usize::from(*slot)] = number;
+                *slot += 1;
+            }
+        }
+    }
+
+    /// Numbers of the internodes in the window, round by round.
+    fn rounds(&self) -> impl Iterator<Item = &[u16]> {
+        let mut first = 0;
+        self.ends[..self.count].iter().map(move |end| {
+            let round = &self.sorted[first..usize::from(*end)];
+            first = usize::from(*end);
+            round
+        })
+    }
+}
+
+/// Weight on an internode in a year.
+#[derive(Debug, Clone, Copy, Default)]
+struct Load {
+    /// Torque about its base, and its magnitude, N m.
+    torque: Vec3,
+    moment: f32,
+    /// Angle by which what was added this year bends it, rad, and whether it bends it in this year.
+    angle: f32,
+    bends: bool,
+}
+
+/// Internodes that turn, with what turns them.
+struct Turning<'a> {
+    habit: &'a Habit,
+    season: &'a Season,
+    nodes: &'a mut Nodes,
+    turns: &'a mut [Quat],
+    weights: &'a [Vec3],
+    beyond: &'a [f32],
+}
+
+impl Turning<'_> {
+    /// The weight on an internode; stores its moment.
+    fn load(&mut self, i: usize) -> Load {
+        let (habit, nodes) = (self.habit, &mut *self.nodes);
+        let sag = habit.sag[usize::from(nodes.order[i])];
+        let length = nodes.length[i];
+        let modulus = habit.elasticity_gpa * 1e9 * std::f32::consts::FRAC_PI_4;
+        // Torque of the weight about the base, lever x (0, -g, 0), from the positions before any turn.
+        let lever = self.weights[i];
+        let torque = Vec3::new(lever.z, 0.0, -lever.x) * GRAVITY;
+        let moment = torque.length();
+        let gain = moment - nodes.moment[i];
+        let r = nodes.r[i];
+        let square = r * r;
+        // theta = M l / (E I) with I = pi r^4 / 4; `modulus` is E pi / 4.
+        let angle = sag * gain * length / (modulus * square * square);
+        let bends = angle * (length + self.beyond[i]) > LEAST_SHIFT;
+        // The moment is stored if it bends the wood, if it has decreased, or if this order does not sag; otherwise the
+        // gain accumulates until a bend is large enough.
+        if bends || gain < 0.0 || sag <= 0.0 {
+            nodes.moment[i] = moment;
+        }
+        Load { torque, moment, angle, bends }
+    }
+
+    /// Rate at which an internode rights itself: only living wood does.
+    fn rate(&self, i: usize) -> f32 {
+        let nodes = &self.nodes;
+        if nodes.flags[i] & flag::DEAD == 0 { self.habit.upright[usize::from(nodes.order[i])] } else { 0.0 }
+    }
+
+    /// Whether an internode is of a branch that rights itself.
+    fn rights(&self, i: usize) -> bool {
+        self.nodes.order[i] > 0 && self.nodes.parent[i] != NONE && self.rate(i) > 0.0
+    }
+
+    /// Turns an internode, whose parent has turned.
+    fn turn(&mut self, i: usize, load: &Load) {
+        let rate = self.rate(i);
+        let nodes = &mut *self.nodes;
+        let parent = nodes.parent[i];
+        let order = usize::from(nodes.order[i]);
+        let length = nodes.length[i];
+        let (new_base, carried) = match nodes.p.get(parent as usize) {
+            Some(p) => (*p, self.turns[parent as usize]),
+            None => (nodes.base(i), Quat::IDENTITY),
+        };
+        // Orientation of the internode after the rotation of its parent, so that what the parent has righted is not
+        // righted again.
+        let mut q = carried * nodes.q[i];
+        // `own` is the rotation that children inherit: all turns from the root to here.
+        let mut own = carried;
+        if load.bends || rate > 0.0 {
+            let d = y_axis(q);
+            let mut turn = Vec3::ZERO;
+            if load.bends {
+                // Torsion is left out: the part of the torque along the internode.
+                turn = (load.torque - d * d.dot(load.torque)) * (limited_bend(load.angle, d) / load.moment);
+            }
+            if rate > 0.0 {
+                turn += righting(d, self.season, order, rate * length, nodes.r[i]);
+            }
+            let turn = small_rotation(turn);
+            own = turn * own;
+            q = turn * q;
+        }
+        let mut q = renormalized(q);
+        let mut d = y_axis(q);
+        // Side branches are kept above the ground; wood that starts below it, on slopes, stays as it is.
+        if order > 0 && new_base.y >= LOWEST && new_base.y + d.y * length < LOWEST {
+            let up = math::rotation_between(d, lowest_direction(d, new_base.y, length));
+            own = up * own;
+            q = (up * q).normalize();
+            d = y_axis(q);
+        }
+        self.turns[i] = own;
+        nodes.q[i] = q;
+        nodes.p[i] = new_base + d * length;
+    }
+
+    /// Turns the internodes of a group, which do not depend on each other, and empties it.
+    fn turn_group(&mut self, group: &mut TurningGroup) {
+        let count = std::mem::take(&mut group.count);
+        if count == 0 {
+            return;
+        }
+        for (k, i) in group.index[..count].iter().map(|i| *i as usize).enumerate() {
+            let nodes = &self.nodes;
+            let parent = nodes.parent[i] as usize;
+            let (own, q, base) = (self.turns[parent], nodes.q[i], nodes.p[parent]);
             let order = usize::from(nodes.order[i]);
             let length = nodes.length[i];
-            let (new_base, carried) = match nodes.p.get(parent as usize) {
-                Some(p) => (*p, turns[parent as usize]),
-                None => (nodes.base(i), Quat::IDENTITY),
+            let [sine, cosine] = self.season.elevation[order];
+            let load = &group.loads[k];
+            let bends = if load.bends { 1.0 } else { 0.0 };
+            let values = [
+                own.x,
+                own.y,
+                own.z,
+                own.w,
+                q.x,
+                q.y,
+                q.z,
+                q.w,
+                base.x,
+                base.y,
+                base.z,
+                length,
+                nodes.r[i],
+                self.habit.upright[order] * length,
+                sine,
+                cosine,
+                load.torque.x,
+                load.torque.z,
+                bends,
+            ];
+            for (row, value) in group.rows.iter_mut().zip(values) {
+                row[k] = value;
+            }
+        }
+        let arch = Arch::new();
+        arch.dispatch(Carrying(&mut *group));
+        // Bends are limited one by one, since large ones need an exponential.
+        for (k, load) in group.loads[..count].iter().enumerate() {
+            group.bends[k] = if load.bends { limited(load.angle, group.carried[MOST][k]) / load.moment } else { 0.0 };
+        }
+        arch.dispatch(Righting(&mut *group));
+        for (k, i) in group.index[..count].iter().map(|i| *i as usize).enumerate() {
+            let [ax, ay, az, aw, qx, qy, qz, qw, px, py, pz, level, sine, cosine] =
+                group.turned.each_ref().map(|row| row[k]);
+            let base_y = group.rows[BASE_Y][k];
+            // What follows another formula is turned by itself.
+            let is_usual = level > LEVEL_EPSILON && sine >= LEAST_SINE && cosine >= 0.0;
+            let sinks = base_y >= LOWEST && py < LOWEST;
+            if is_usual && !sinks {
+                self.turns[i] = Quat::from_xyzw(ax, ay, az, aw);
+                self.nodes.q[i] = Quat::from_xyzw(qx, qy, qz, qw);
+                self.nodes.p[i] = Vec3::new(px, py, pz);
+            } else {
+                self.turn(i, &group.loads[k]);
+            }
+        }
+    }
+}
+
+/// Most internodes that one instruction handles.
+const MOST_LANES: usize = 16;
+/// Row of the height of the base in [`TurningGroup::rows`].
+const BASE_Y: usize = 9;
+/// Row of the largest bend in [`TurningGroup::carried`].
+const MOST: usize = 4;
+
+/// Internodes of living branches.
+#[derive(Default)]
+struct TurningGroup {
+    index: [u32; MOST_LANES],
+    loads: [Load; MOST_LANES],
+    count: usize,
+    /// Rotation of the parent and own orientation (x, y, z, w), base (x, y, z), length, radius, rate of righting times length, sine and
+    /// cosine of the elevation that is sought, torque (x, z), and 1 if it bends.
+    rows: [[f32; MOST_LANES]; 19],
+    /// Orientation after the rotation of the parent (x, y, z, w), and the largest bend.
+    carried: [[f32; MOST_LANES]; 5],
+    /// Bend over the moment, rad / (N m).
+    bends: [f32; MOST_LANES],
+    /// Rotation that children inherit and orientation (x, y, z, w), end (x, y, z), squared length of the direction's level part, sine and
+    /// cosine of the deviation.
+    turned: [[f32; MOST_LANES]; 14],
+}
+
+impl TurningGroup {
+    /// Adds an internode; returns whether the group is full.
+    fn push(&mut self, i: usize, load: &Load) -> bool {
+        (self.index[self.count], self.loads[self.count]) = (index_of(i), *load);
+        self.count += 1;
+        self.count == MOST_LANES
+    }
+}
+
+/// The operations of [`Turning::turn`] up to the bend, in the same order, so that they have the same bits.
+struct Carrying<'a>(&'a mut TurningGroup);
+
+impl WithSimd for Carrying<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let TurningGroup { rows, carried, .. } = self.0;
+        let lanes = S::F32_LANES.min(MOST_LANES);
+        for first in (0..MOST_LANES).step_by(lanes) {
+            let part = first..first + lanes;
+            let own = LaneQuat::load(simd, [&rows[0], &rows[1], &rows[2], &rows[3]], &part);
+            let q = own.times(LaneQuat::load(simd, [&rows[4], &rows[5], &rows[6], &rows[7]], &part));
+            // The angle to hanging, and the share of it that a bend may use (`limited_bend`).
+            let down = -q.y_axis().y;
+            let angle = angle_of_magnitude(down.max(-down));
+            let angle = down.select_lt(0.0, F32Lanes::from_scalar(simd, std::f32::consts::PI) - angle, angle);
+            let out = [q.x, q.y, q.z, q.w, angle * BEND_SHARE];
+            for (row, value) in carried.iter_mut().zip(out) {
+                value.partial_store(&mut row[part.clone()]);
+            }
+        }
+    }
+}
+
+/// The operations of [`Turning::turn`] from the bend on, in the same order.
+struct Righting<'a>(&'a mut TurningGroup);
+
+impl WithSimd for Righting<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let TurningGroup { rows, carried, bends, turned, .. } = self.0;
+        let lanes = S::F32_LANES.min(MOST_LANES);
+        for first in (0..MOST_LANES).step_by(lanes) {
+            let part = first..first + lanes;
+            let own = LaneQuat::load(simd, [&rows[0], &rows[1], &rows[2], &rows[3]], &part);
+            let q = LaneQuat::load(simd, [&carried[0], &carried[1], &carried[2], &carried[3]], &part);
+            let base_x = load(simd, &rows[8], &part);
+            let base_y = load(simd, &rows[BASE_Y], &part);
+            let base_z = load(simd, &rows[10], &part);
+            let length = load(simd, &rows[11], &part);
+            let r = load(simd, &rows[12], &part);
+            let rate = load(simd, &rows[13], &part);
+            let (sin_e, cos_e) = (load(simd, &rows[14], &part), load(simd, &rows[15], &part));
+            let (torque_x, torque_z) = (load(simd, &rows[16], &part), load(simd, &rows[17], &part));
+            let (is_bent, bend) = (load(simd, &rows[18], &part), load(simd, bends, &part));
+            let d = q.y_axis();
+            let zero = F32Lanes::from_scalar(simd, 0.0);
+            // The bend, without torsion.
+            let along = d.x * torque_x + d.y * zero + d.z * torque_z;
+            let bent_x = is_bent.select_gt(0.5, (torque_x - d.x * along) * bend, zero);
+            let bent_y = is_bent.select_gt(0.5, (zero - d.y * along) * bend, zero);
+            let bent_z = is_bent.select_gt(0.5, (torque_z - d.z * along) * bend, zero);
+            // The direction that is sought: the heading, raised to the elevation (`raised`).
+            let level = d.x * d.x + zero * zero + d.z * d.z;
+            let per_level = F32Lanes::from_scalar(simd, 1.0).div(level.sqrt());
+            let wanted = LaneVec {
+                x: d.x * per_level * cos_e + zero * sin_e,
+                y: zero * per_level * cos_e + sin_e,
+                z: d.z * per_level * cos_e + zero * sin_e,
             };
-            // Torque of the weight about the base, lever x (0, -g, 0), from the positions before any turn.
-            let lever = self.scratch.weight[i];
-            let torque = Vec3::new(lever.z, 0.0, -lever.x) * GRAVITY;
-            let moment = torque.length();
-            let gain = moment - nodes.moment[i];
-            let r = nodes.r[i];
-            let square = r * r;
-            // theta = M l / (E I) with I = pi r^4 / 4; `modulus` is E pi / 4.
-            let angle = habit.sag[order] * gain * length / (modulus * square * square);
-            let bends = angle * (length + self.scratch.beyond[i]) > LEAST_SHIFT;
-            // The moment is stored if it bends the wood, if it has decreased, or if this order does not sag; otherwise the
-            // gain accumulates until a bend is large enough.
-            if bends || gain < 0.0 || habit.sag[order] <= 0.0 {
-                nodes.moment[i] = moment;
+            // The turn towards it (`righting`).
+            let about = LaneVec {
+                x: d.y * wanted.z - wanted.y * d.z,
+                y: d.z * wanted.x - wanted.z * d.x,
+                z: d.x * wanted.y - wanted.x * d.y,
+            };
+            let sine = about.dot(about).sqrt();
+            let cosine = d.dot(wanted);
+            let deviation = angle_of_magnitude(cosine);
+            let factor = F32Lanes::from_scalar(simd, RIGHTING[0])
+                .div(r.max(F32Lanes::from_scalar(simd, RIGHTING[1])))
+                .min(F32Lanes::from_scalar(simd, RIGHTING[2]));
+            let scale = (deviation * rate * factor).min(F32Lanes::from_scalar(simd, RIGHTING_MAX)).div(sine);
+            let v = LaneVec { x: bent_x + about.x * scale, y: bent_y + about.y * scale, z: bent_z + about.z * scale };
+            // Its quaternion (`small_rotation`).
+            let t = v.dot(v);
+            let half =
+                F32Lanes::from_scalar(simd, 0.5) - t * (F32Lanes::from_scalar(simd, 1.0 / 48.0) - t * (1.0 / 3840.0));
+            let eighth = F32Lanes::from_scalar(simd, 1.0 / 8.0)
+                - t * (F32Lanes::from_scalar(simd, 1.0 / 384.0) - t.div(F32Lanes::from_scalar(simd, 46080.0)));
+            let turn = LaneQuat {
+                x: v.x * half,
+                y: v.y * half,
+                z: v.z * half,
+                w: F32Lanes::from_scalar(simd, 1.0) - t * eighth,
+            };
+            let own = turn.times(own);
+            let q = turn.times(q);
+            // `renormalized`
+            let norm = F32Lanes::from_scalar(simd, 1.5) - (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w) * 0.5;
+            let q = LaneQuat { x: q.x * norm, y: q.y * norm, z: q.z * norm, w: q.w * norm };
+            let d = q.y_axis();
+            let out = [
+                own.x,
+                own.y,
+                own.z,
+                own.w,
+                q.x,
+                q.y,
+                q.z,
+                q.w,
+                base_x + d.x * length,
+                base_y + d.y * length,
+                base_z + d.z * length,
+                level,
+                sine,
+                cosine,
+            ];
+            for (row, value) in turned.iter_mut().zip(out) {
+                value.partial_store(&mut row[part.clone()]);
             }
-            // Orientation of the internode after the rotation of its parent, so that what the parent has righted is not
-            // righted again.
-            let mut q = carried * nodes.q[i];
-            // `own` is the rotation that children inherit: all turns from the root to here.
-            let mut own = carried;
-            let rate = if nodes.flags[i] & flag::DEAD == 0 { habit.upright[order] } else { 0.0 };
-            if bends || rate > 0.0 {
-                let d = y_axis(q);
-                let mut turn = Vec3::ZERO;
-                if bends {
-                    // Torsion is left out: the part of the torque along the internode.
-                    turn = (torque - d * d.dot(torque)) * (limited_bend(angle, d) / moment);
-                }
-                if rate > 0.0 {
-                    turn += righting(d, season, order, rate * length, r);
-                }
-                let turn = small_rotation(turn);
-                own = turn * own;
-                q = turn * q;
-            }
-            let mut q = renormalized(q);
-            let mut d = y_axis(q);
-            // Side branches are kept above the ground; wood that starts below it, on slopes, stays as it is.
-            if order > 0 && new_base.y >= LOWEST && new_base.y + d.y * length < LOWEST {
-                let up = math::rotation_between(d, lowest_direction(d, new_base.y, length));
-                own = up * own;
-                q = (up * q).normalize();
-                d = y_axis(q);
-            }
-            turns[i] = own;
-            nodes.q[i] = q;
-            nodes.p[i] = new_base + d * length;
+        }
+    }
+}
+
+/// [`angle_of_cosine`] of cosines that are not negative.
+#[inline(always)]
+fn angle_of_magnitude<S: Simd>(cosine: F32Lanes<S>) -> F32Lanes<S> {
+    let square = F32Lanes::from_scalar(cosine.simd, 2.0) - cosine * 2.0;
+    let square = square.max(F32Lanes::from_scalar(cosine.simd, 0.0));
+    square.sqrt() * (square * (square * (square * (5.0 / 7168.0) + 3.0 / 640.0) + 1.0 / 24.0) + 1.0)
+}
+
+/// Part of a row.
+#[inline(always)]
+fn load<S: Simd>(simd: S, row: &[f32; MOST_LANES], part: &std::ops::Range<usize>) -> F32Lanes<S> {
+    F32Lanes::partial_load(simd, &row[part.clone()])
+}
+
+/// A vector in each lane.
+#[derive(Clone, Copy)]
+struct LaneVec<S: Simd> {
+    x: F32Lanes<S>,
+    y: F32Lanes<S>,
+    z: F32Lanes<S>,
+}
+
+impl<S: Simd> LaneVec<S> {
+    #[inline(always)]
+    fn dot(self, other: Self) -> F32Lanes<S> {
+        self.x * other.x + self.y * other.y + self.z * other.z
+    }
+}
+
+/// A quaternion in each lane.
+#[derive(Clone, Copy)]
+struct LaneQuat<S: Simd> {
+    x: F32Lanes<S>,
+    y: F32Lanes<S>,
+    z: F32Lanes<S>,
+    w: F32Lanes<S>,
+}
+
+impl<S: Simd> LaneQuat<S> {
+    #[inline(always)]
+    fn load(simd: S, [x, y, z, w]: [&[f32; MOST_LANES]; 4], part: &std::ops::Range<usize>) -> Self {
+        Self { x: load(simd, x, part), y: load(simd, y, part), z: load(simd, z, part), w: load(simd, w, part) }
+    }
+
+    /// The product, in the order of operations of `Quat`.
+    #[inline(always)]
+    fn times(self, b: Self) -> Self {
+        let a = self;
+        Self {
+            x: a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+            y: a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+            z: a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
+            w: a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
+        }
+    }
+
+    /// [`y_axis`] in lanes.
+    #[inline(always)]
+    fn y_axis(self) -> LaneVec<S> {
+        let Self { x, y, z, w } = self;
+        LaneVec {
+            x: (x * y - w * z) * 2.0,
+            y: F32Lanes::from_scalar(x.simd, 1.0) - (x * x + z * z) * 2.0,
+            z: (y * z + w * x) * 2.0,
         }
     }
 }
@@ -141,10 +590,15 @@ fn angle_of_cosine(cosine: f32) -> f32 {
 }
 
 /// The bend of an internode, limited by how far it can hang.
-/// Source: theta = min(0.5, 0.6 h (1 - exp(-theta / (0.6 h)))), h = angle to hanging.
 #[inline]
 fn limited_bend(angle: f32, d: Vec3) -> f32 {
-    let most = BEND_SHARE * angle_of_cosine(-d.y);
+    limited(angle, BEND_SHARE * angle_of_cosine(-d.y))
+}
+
+/// A bend that is limited by `most`, rad.
+/// Source: theta = min(0.5, 0.6 h (1 - exp(-theta / (0.6 h)))), h = angle to hanging.
+#[inline]
+fn limited(angle: f32, most: f32) -> f32 {
     if most <= 0.0 {
         return 0.0;
     }

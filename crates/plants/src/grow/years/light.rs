@@ -162,7 +162,7 @@ impl Grid {
     pub fn own_share(&self, p: Vec3) -> f32 {
         let at = (p - self.origin) * self.per_cell;
         // The trilinear weight of the nearest center: 1 at the center of the cell, 1/8 at its corners.
-        let off = (at - at.floor() - 0.5).abs();
+        let off = (at - at.map(floor) - 0.5).abs();
         (1.0 - off.x) * (1.0 - off.y) * (1.0 - off.z)
     }
 
@@ -172,7 +172,7 @@ impl Grid {
     fn corners(&self, p: Vec3) -> Corners {
         let [nx, ny, nz] = self.size;
         let at = (p - self.origin) * self.per_cell - 0.5;
-        let low = at.floor();
+        let low = at.map(floor);
         let t = at - low;
         let pair = |v: f32, n: usize| {
             let low = v.max(0.0) as usize;
@@ -188,6 +188,20 @@ impl Grid {
             corners.weights[i] = u[x] * v[y] * w[z];
         }
         corners
+    }
+}
+
+/// Largest whole number that is not greater, without a call where it fits an integer; a zero may lose its sign.
+#[inline]
+#[allow(clippy::cast_possible_truncation, reason = "used within the range of integers")]
+fn floor(v: f32) -> f32 {
+    const WHOLE: f32 = 8_388_608.0;
+    if v.abs() < WHOLE {
+        let towards_zero = v as i32 as f32;
+        if towards_zero > v { towards_zero - 1.0 } else { towards_zero }
+    } else {
+        // From 2^23 on all numbers are whole.
+        v.floor()
     }
 }
 

@@ -37,7 +37,7 @@ const TIP_TAPER: f32 = 0.6;
 /// Weakest whorl, as a share of the branches of the strongest.
 const WHORL_LEAST: f32 = 0.35;
 /// Projected directions of a smaller squared length count as zero.
-const LEVEL_EPSILON: f32 = 1e-6;
+pub(super) const LEVEL_EPSILON: f32 = 1e-6;
 
 /// A shoot planned for this year.
 #[derive(Debug, Clone, Copy)]
@@ -126,8 +126,8 @@ impl Tree {
                 let wanted = most * declined * (1.0 - part * part).max(0.0);
                 let wanted = wanted.min(habit.shoot_max[order] * leader);
                 if wanted * luck >= needed {
-                    let chance = 1.0 + LENGTH_DEVIATION[0] * normal(&mut self.tip_draw(i, season.year));
-                    length = wanted * chance.max(LENGTH_LEAST[0]);
+                    let chance = Chance { deviation: LENGTH_DEVIATION[0], least: LENGTH_LEAST[0] };
+                    length = chance.length(wanted, needed, &mut self.tip_draw(i, season.year));
                 }
             }
             // Below the threshold the tip bears its rosette again, but no wood. A short shoot needs more vigour to become long
@@ -173,7 +173,8 @@ impl Tree {
             let mut length = 0.0;
             if wanted * luck >= habit.short_shoot {
                 let mut draw = self.draw(self.axis_of_bud(&bud), Purpose::Extend);
-                length = wanted * (1.0 + LENGTH_DEVIATION[1] * normal(&mut draw)).max(LENGTH_LEAST[1]);
+                let chance = Chance { deviation: LENGTH_DEVIATION[1], least: LENGTH_LEAST[1] };
+                length = chance.length(wanted, habit.short_shoot, &mut draw);
             }
             let short = length < habit.short_shoot;
             let length = if short { SHORT_LENGTH * habit.short_shoot } else { length };
@@ -409,16 +410,63 @@ fn normal_pair(draw: &mut Rng) -> [f32; 2] {
 }
 
 /// The first of [`normal_pair`].
-fn normal(draw: &mut Rng) -> f32 {
+pub(super) fn normal(draw: &mut Rng) -> f32 {
     let [away, angle] = polar_draw(draw);
     away * math::cos_f32(angle)
 }
 
 /// A point with normal coordinates by its distance from the origin and its angle, rad.
 fn polar_draw(draw: &mut Rng) -> [f32; 2] {
+    [polar_distance(draw.unit_f32()), std::f32::consts::TAU * draw.unit_f32()]
+}
+
+/// Distance from the origin of a point with normal coordinates, by a uniform draw of [0, 1).
+fn polar_distance(u: f32) -> f32 {
     // 1 - u lies in (0, 1], so that the logarithm is finite.
-    let away = (-2.0 * math::ln_f32(1.0 - draw.unit_f32())).sqrt();
-    [away, std::f32::consts::TAU * draw.unit_f32()]
+    (-2.0 * math::ln_f32(1.0 - u)).sqrt()
+}
+
+/// A bound of [`polar_distance`] that needs no logarithm: its values at a half, 0.86 and 0.98, rounded up, and at the largest draw.
+fn polar_bound(u: f32) -> f32 {
+    if u < 0.5 {
+        1.178
+    } else if u < 0.86 {
+        1.984
+    } else if u < 0.98 {
+        2.798
+    } else {
+        NORMAL_MAX
+    }
+}
+
+/// The random factor on the length of a shoot, of mean 1.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Chance {
+    /// Its standard deviation.
+    pub deviation: f32,
+    /// Its least value, below 1.
+    pub least: f32,
+}
+
+impl Chance {
+    /// The length of a shoot of which `wanted` is the mean; 0 where it is less than `needed`. The draw is that of [`normal`], which
+    /// is not completed where it cannot reach that length.
+    pub fn length(self, wanted: f32, needed: f32, draw: &mut Rng) -> f32 {
+        // More than the rounding errors of both sides.
+        const SURE: f32 = 1.0001;
+        let falls_short = |away: f32| wanted * (1.0 + self.deviation * away) * SURE < needed;
+        let u = draw.unit_f32();
+        if falls_short(polar_bound(u)) {
+            return 0.0;
+        }
+        let away = polar_distance(u);
+        if falls_short(away) {
+            return 0.0;
+        }
+        let normal = away * math::cos_f32(std::f32::consts::TAU * draw.unit_f32());
+        let length = wanted * (1.0 + self.deviation * normal).max(self.least);
+        if length < needed { 0.0 } else { length }
+    }
 }
 
 fn rotation(about: Vec3, angle: f32) -> Quat {

@@ -63,6 +63,39 @@ fn bits(tree: &GrownTree) -> Vec<u32> {
     stands.flat_map(of).collect()
 }
 
+#[test]
+fn wood_turns_in_lanes_as_it_does_one_by_one() {
+    for age in [6, 25, 40] {
+        let grown = grow_one(&spec(f64::from(age)));
+        let season = Season::new(&habit(), age + 1);
+        let bent = |bend: fn(&mut Tree, &Season)| {
+            let mut grown = grown.clone();
+            grown.tree.thicken(&season);
+            bend(&mut grown.tree, &season);
+            (bits(&grown), grown.tree.scratch.turn)
+        };
+        let (lanes, one_by_one) = (bent(Tree::bend), bent(Tree::bend_one_by_one));
+        assert!(lanes.0 != bits(&grown), "{age}: nothing bends");
+        assert!(lanes == one_by_one, "{age}");
+    }
+}
+
+#[test]
+fn shoots_that_fall_short_need_no_full_draw() {
+    let chance = super::shoots::Chance { deviation: 0.15, least: 0.4 };
+    let (mut short, mut long) = (0, 0);
+    for key in 0..20_000 {
+        let draw = || osier_base::rng::Rng::from_key(key);
+        let length = 0.1 * (1.0 + 0.15 * super::shoots::normal(&mut draw())).max(0.4);
+        for needed in [0.05, 0.1, 0.105, 0.117, 0.13, 0.15] {
+            let expected = if length < needed { 0.0 } else { length };
+            assert_eq!(chance.length(0.1, needed, &mut draw()).to_bits(), expected.to_bits(), "{key} {needed}");
+            *if length < needed { &mut short } else { &mut long } += 1;
+        }
+    }
+    assert!(short > 10_000 && long > 10_000, "{short} {long}");
+}
+
 /// A tree of hand-made nodes: parent, order and whether it continues the axis.
 fn hand_made(habit: &Habit, nodes: &[(u32, u8, bool, Vec3)]) -> Tree {
     let mut tree = Tree::new("hand", habit, 1, 1, Vec3::ZERO);

@@ -453,7 +453,9 @@ impl Tree {
     /// Whether an internode bears leaves along its length at the end of a year.
     #[inline]
     fn bears_along_in(&self, i: usize, year: f32) -> bool {
-        self.habit.leaf_area_shoot > 0.0 && (year - self.nodes.birth[i]).floor() < self.habit.leaf_years
+        let (years, most) = (year - self.nodes.birth[i], self.habit.leaf_years);
+        // Full years below `most`; most internodes need no rounding to be told apart.
+        self.habit.leaf_area_shoot > 0.0 && (years < most || years < most + 1.0 && years.floor() < most)
     }
 
     /// Whether all internodes of the axis up to one of them have grown in the last year.
