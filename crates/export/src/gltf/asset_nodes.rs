@@ -113,8 +113,7 @@ impl GltfDocument<'_> {
         }
         for (i, instancer) in source.instancers.iter().enumerate() {
             let label = format!("asset {}, instancer {}", source.id, instancer.name);
-            if tracks.leaves.is_some() && LeafShapes::holds(source, instancer, input.scene) && !input.tracks.is_still()
-            {
+            if tracks.leaves.as_ref().is_some_and(|leaves| leaves.holds(i)) && !input.tracks.is_still() {
                 continue;
             }
             match (&instancer.motion, &selection) {

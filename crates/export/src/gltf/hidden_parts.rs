@@ -15,12 +15,9 @@
 use glam::Vec3;
 
 use super::morph_shape::MorphShape;
+use super::options::{INDEX_BYTES, VECTOR_BYTES};
 use osier_base::convert::saturating_index;
 use osier_scene::Mesh;
-
-/// Bytes of a position in a target that holds all vertices, and in one that holds the index of each of its vertices as well.
-const DENSE_BYTES: usize = 12;
-const SPARSE_BYTES: usize = 16;
 
 /// The vertices of a shape that a target holds.
 #[derive(Debug, Default, PartialEq)]
@@ -82,7 +79,8 @@ impl HiddenParts {
         }
         let held: usize = list.iter().map(|shown| shown.indices.len()).sum();
         let all = mesh.points.len();
-        if held * SPARSE_BYTES + all * DENSE_BYTES >= all * DENSE_BYTES * shapes.len() {
+        // The target that hides all parts holds all vertices.
+        if held * (VECTOR_BYTES + INDEX_BYTES) + all * VECTOR_BYTES >= all * VECTOR_BYTES * shapes.len() {
             return None;
         }
         // A part that is never seen is a point where its first vertex lies.

@@ -128,6 +128,8 @@ pub(super) struct LeafShapes {
     seen: usize,
     /// Interval of the recorded frames.
     stride: usize,
+    /// For each instancer of the asset whether its leaves are recorded.
+    held: Vec<bool>,
     /// For each instancer and instance how often it has become alive, and whether it is.
     lives: Vec<Vec<(u32, bool)>>,
     budget: LeafBudget,
@@ -206,7 +208,8 @@ struct Blade<'a> {
 impl LeafShapes {
     /// `None` for an asset whose moving leaves are few enough for a node each, or none.
     pub(super) fn new(asset: &Asset, scene: &Scene, options: &GltfOptions) -> Option<Self> {
-        let leaves: usize = asset.instancers.iter().filter(|i| grows(asset, i, scene)).map(Instancer::len).sum();
+        let held: Vec<bool> = asset.instancers.iter().map(|i| grows(asset, i, scene)).collect();
+        let leaves: usize = asset.instancers.iter().zip(&held).filter(|(_, held)| **held).map(|(i, _)| i.len()).sum();
         let all =
             asset.instancers.iter().filter(|i| i.motion == InstancerMotion::Free).map(Instancer::len).sum::<usize>();
         if leaves == 0 || all <= options.nodes {
@@ -219,6 +222,7 @@ impl LeafShapes {
             waiting: None,
             seen: 0,
             stride: budget.strides[0],
+            held,
             lives: asset.instancers.iter().map(|i| vec![(0, false); i.len()]).collect(),
             budget,
             most_recorded: usize::MAX,
@@ -226,14 +230,19 @@ impl LeafShapes {
         })
     }
 
-    /// Whether an instancer's leaves are among the recorded ones.
-    pub(super) fn holds(asset: &Asset, instancer: &Instancer, scene: &Scene) -> bool {
-        grows(asset, instancer, scene)
+    /// Whether the leaves of an instancer, by its index in the asset, are among the recorded ones.
+    pub(super) fn holds(&self, instancer: usize) -> bool {
+        self.held.get(instancer) == Some(&true)
     }
 
-    /// Records the next frame.
-    pub(super) fn push(&mut self, asset: &Asset, frame: &AssetFrame, scene: &Scene) {
-        let leaves = self.leaves_at(asset, frame, scene);
+    /// Takes the next frame of the asset.
+    pub(super) fn push(&mut self, asset: &Asset, frame: &AssetFrame) {
+        let leaves = self.leaves_at(asset, frame);
+        self.record(leaves);
+    }
+
+    /// Takes the leaves of the next frame: they are recorded, or wait for the end of the clip.
+    fn record(&mut self, leaves: RecordedShape) {
         if self.seen.is_multiple_of(self.stride) {
             self.frames.push(self.seen);
             self.shapes.push(leaves);
@@ -285,10 +294,10 @@ impl LeafShapes {
     }
 
     /// The leaves of the smallest keys that are alive at a frame: no more than there may be blades.
-    fn leaves_at(&mut self, asset: &Asset, frame: &AssetFrame, scene: &Scene) -> RecordedShape {
+    fn leaves_at(&mut self, asset: &Asset, frame: &AssetFrame) -> RecordedShape {
         let mut leaves: Vec<RecordedLeaf> = Vec::new();
-        let instancers = asset.instancers.iter().zip(&mut self.lives).enumerate();
-        for (n, (instancer, lives)) in instancers.filter(|(_, (i, _))| grows(asset, i, scene)) {
+        let instancers = asset.instancers.iter().zip(&mut self.lives).zip(&self.held).enumerate();
+        for (n, ((instancer, lives), _)) in instancers.filter(|(_, (_, held))| **held) {
             let state = instance_states(asset, instancer, n, frame);
             for (i, (life, was_alive)) in lives.iter_mut().enumerate() {
                 let is_alive = state.is_alive(i) && state.size(i) > 0.0;
@@ -553,6 +562,7 @@ mod tests {
             waiting: None,
             seen: frames.len(),
             stride: 1,
+            held: vec![true],
             lives: Vec::new(),
             budget: leaf_budget(frames.len(), &GltfOptions::default()),
             most_recorded: usize::MAX,
@@ -683,16 +693,7 @@ mod tests {
             let file = 100 * BLADE_VERTICES * 16 * shapes_of_file;
             shapes.budget = LeafBudget { file, ..leaf_budget(241, &GltfOptions::default()) };
             for _ in 0..241 {
-                let shape = recorded(&[&many[..]]).shapes.remove(0);
-                if shapes.seen.is_multiple_of(shapes.stride) {
-                    shapes.frames.push(shapes.seen);
-                    shapes.shapes.push(shape);
-                    shapes.waiting = None;
-                } else {
-                    shapes.waiting = Some(shape);
-                }
-                shapes.seen += 1;
-                shapes.thin_out();
+                shapes.record(recorded(&[&many[..]]).shapes.remove(0));
             }
             shapes.close();
             assert_eq!(shapes.frames.len(), shapes.shapes.len());

@@ -4,7 +4,7 @@ use glam::{Quat, Vec3};
 
 use super::leaf_shapes::LeafShapes;
 use super::morph_shape::MorphShape;
-use super::options::GltfOptions;
+use super::options::{GltfOptions, INDEX_BYTES, VECTOR_BYTES};
 use osier_base::convert::limit;
 use osier_base::rng::mix64;
 use osier_scene::{
@@ -20,10 +20,6 @@ const MORPH_BUDGET: [usize; 2] = [60 << 20, 256];
 /// Bytes of all vertices in each target over those of the vertices that are seen, at most: programs hold all of them in memory. Own:
 /// of the wood of an oak that grows from 2 to 20 years a third is seen on average.
 const MOST_UNSEEN: usize = 3;
-/// Bytes of a normal in a target.
-const MORPH_NORMAL_BYTES: usize = 12;
-/// Bytes of the index of a vertex in a target that does not hold all.
-const MORPH_INDEX_BYTES: usize = 4;
 /// Bytes of targets that a mesh may have before any frame is left out. Own: less than the pictures of a plant.
 const MORPH_FREE: usize = 4 << 20;
 /// Smallest limit of targets, for the largest meshes. Own: with fewer, a tree that grows would jump from shape to shape.
@@ -163,8 +159,8 @@ impl TargetBudget {
         let [budget, most] = MORPH_BUDGET;
         let (points, position) = (points.max(1), options.target_position_bytes());
         let with_normals = options.has_target_normals()
-            && (position + MORPH_NORMAL_BYTES).saturating_mul(points).saturating_mul(MORPH_TARGETS) <= budget;
-        let point = if with_normals { position + MORPH_NORMAL_BYTES } else { position };
+            && (position + VECTOR_BYTES).saturating_mul(points).saturating_mul(MORPH_TARGETS) <= budget;
+        let point = if with_normals { position + VECTOR_BYTES } else { position };
         let held = MOST_UNSEEN * budget / point.saturating_mul(points);
         Self { with_normals, point, most: held.clamp(LEAST_TARGETS, most) }
     }
@@ -201,7 +197,7 @@ impl MorphKeys {
     fn target_bytes(&self, shape: &MorphShape) -> usize {
         let unseen = shape.unseen.iter().filter(|unseen| **unseen).count();
         let seen = self.points.saturating_sub(unseen);
-        (seen * (self.budget.point + MORPH_INDEX_BYTES)).min(self.points * self.budget.point)
+        (seen * (self.budget.point + INDEX_BYTES)).min(self.points * self.budget.point)
     }
 
     /// Whether omitted frames deviate visibly from the interpolated shapes: by more than [`MORPH_TOLERANCE`].
@@ -368,7 +364,7 @@ impl ClipTracks {
         self.numbers.push(frame.number);
         let rest = AssetFrame::default();
         for (i, (tracks, asset)) in self.assets.iter_mut().zip(&scene.assets).enumerate() {
-            tracks.push(asset, frame.number, frame.assets.get(i).unwrap_or(&rest), scene);
+            tracks.push(asset, frame.number, frame.assets.get(i).unwrap_or(&rest));
         }
     }
 }
@@ -378,7 +374,7 @@ impl AssetTracks {
         let mut moving = Vec::new();
         let leaves = LeafShapes::new(asset, scene, options);
         for (instancer, source) in asset.instancers.iter().enumerate() {
-            let is_shape = leaves.is_some() && LeafShapes::holds(asset, source, scene);
+            let is_shape = leaves.as_ref().is_some_and(|leaves| leaves.holds(instancer));
             if source.motion == InstancerMotion::Free && !is_shape {
                 moving.extend(source.ids.iter().enumerate().map(|(instance, id)| InstanceTrack {
                     key: mix64(&[scene.seed, *id]),
@@ -415,9 +411,9 @@ impl AssetTracks {
     }
 
     /// `number`: of the frame in the clip.
-    fn push(&mut self, asset: &Asset, number: u32, frame: &AssetFrame, scene: &Scene) {
+    fn push(&mut self, asset: &Asset, number: u32, frame: &AssetFrame) {
         if let Some(leaves) = &mut self.leaves {
-            leaves.push(asset, frame, scene);
+            leaves.push(asset, frame);
         }
         if let Some(skeleton) = &asset.skeleton {
             // A frame without a pose shows the skeleton at rest; the track needs an entry all the same, one for each key time.
