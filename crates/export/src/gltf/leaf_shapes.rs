@@ -17,18 +17,19 @@ use std::collections::{BTreeMap, BinaryHeap};
 
 use glam::Vec3;
 
+use super::blades::enlarged_blade;
 use super::hidden_parts::{HiddenParts, ShownVertices};
 use super::options::{GltfOptions, Profile};
 use super::rig::rotation_angle;
-use super::simplify::{BLADE_DEVIATION, area, compact, with_fewer_triangles};
+use super::simplify::{area, triangle_area};
 use crate::merge::transform_normal;
 use osier_base::Result;
 use osier_base::convert::{limit, saturating_index};
 use osier_base::math;
 use osier_base::rng::mix64;
 use osier_scene::{
-    Asset, AssetFrame, AssetKind, Instancer, InstancerMotion, LEAF_COLOR, MaterialClass, Mesh, Scene, Trs, bent_normal,
-    instance_states,
+    Asset, AssetFrame, AssetKind, Instancer, InstancerMotion, LEAF_COLOR, Material, MaterialClass, Mesh, Prototype,
+    Scene, Subset, Trs, bent_normal, instance_states,
 };
 
 /// Bytes of the leaves of a plant for viewers and engines; for Blender [`GltfOptions::leaf_bytes`] counts. Own: some 30,000 blades
@@ -208,7 +209,7 @@ struct Blade<'a> {
 impl LeafShapes {
     /// `None` for an asset whose moving leaves are few enough for a node each, or none.
     pub(super) fn new(asset: &Asset, scene: &Scene, options: &GltfOptions) -> Option<Self> {
-        let held: Vec<bool> = asset.instancers.iter().map(|i| grows(asset, i, scene)).collect();
+        let held: Vec<bool> = asset.instancers.iter().map(|i| grows(asset, i, &scene.materials)).collect();
         let leaves: usize = asset.instancers.iter().zip(&held).filter(|(_, held)| **held).map(|(i, _)| i.len()).sum();
         let all =
             asset.instancers.iter().filter(|i| i.motion == InstancerMotion::Free).map(Instancer::len).sum::<usize>();
@@ -482,11 +483,9 @@ fn keeps_its_area(from: &Trs, to: &Trs, longest: f32) -> bool {
 
 /// Whether the instances of an instancer are leaves that growth moves, and whose colours do not change over the clip. A plant that
 /// grows has no joints, and all of its instancers are free; in the rain those of leaves with maps are free as well.
-fn grows(asset: &Asset, instancer: &Instancer, scene: &Scene) -> bool {
-    let is_leaf = |mesh: &Mesh| {
-        let class = |s: &osier_scene::Subset| scene.materials.get(s.material as usize).map(|m| m.class);
-        !mesh.subsets.is_empty() && mesh.subsets.iter().all(|s| class(s) != Some(MaterialClass::Bark))
-    };
+fn grows(asset: &Asset, instancer: &Instancer, materials: &[Material]) -> bool {
+    // Twigs of needles have some wood.
+    let is_leaf = |mesh: &Mesh| area_of_bark(mesh, materials) < 0.5 * area(mesh);
     asset.kind == AssetKind::Plant
         && asset.skeleton.is_none()
         && asset.instancers.iter().all(|i| i.motion == InstancerMotion::Free)
@@ -494,15 +493,17 @@ fn grows(asset: &Asset, instancer: &Instancer, scene: &Scene) -> bool {
         && instancer.prototypes.iter().all(|p| is_leaf(&p.mesh))
 }
 
-/// A simple blade for each prototype of each instancer, scaled to the area of the full one.
+/// Area of the triangles of bark, m^2.
+fn area_of_bark(mesh: &Mesh, materials: &[Material]) -> f64 {
+    let class = |s: &Subset| materials.get(s.material as usize).map(|m| m.class);
+    let bark = mesh.subsets.iter().filter(|s| class(s) == Some(MaterialClass::Bark));
+    bark.flat_map(|s| mesh.subset_triangles(s)).map(|t| triangle_area(mesh, t)).sum()
+}
+
+/// A simple blade for each prototype of each instancer, with the area of the full one.
 fn simple_blades(asset: &Asset, label: &str) -> Result<Vec<Vec<Mesh>>> {
-    let blade = |mesh: &Mesh| -> Result<Mesh> {
-        let mut simple = compact(&with_fewer_triangles(mesh, BLADE_TRIANGLES, BLADE_DEVIATION, label)?);
-        let factor = math::narrow(math::sqrt(area(mesh) / area(&simple).max(1e-12)));
-        simple.points.iter_mut().for_each(|p| *p *= factor.clamp(1.0, MOST_GROWTH));
-        Ok(simple)
-    };
-    let of_instancer = |i: &Instancer| i.prototypes.iter().map(|p| blade(&p.mesh)).collect();
+    let blade = |p: &Prototype| enlarged_blade(&p.mesh, BLADE_TRIANGLES, MOST_GROWTH, label);
+    let of_instancer = |i: &Instancer| i.prototypes.iter().map(blade).collect();
     asset.instancers.iter().map(of_instancer).collect()
 }
 
@@ -683,6 +684,44 @@ mod tests {
         assert_eq!(at(5), [8.5, 9.5, 9.5, 8.5, 16.0, 16.0, 16.0, 16.0]);
         // At rest each has its size.
         assert!((area(&leaves.mesh) - 2.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn twigs_of_needles_are_leaves_and_pieces_of_wood_are_none() {
+        let classes = [MaterialClass::Leaf, MaterialClass::Bark];
+        let materials = classes.map(|class| Material::plain("m".into(), class, [0.5; 3], 0.5));
+        // A square of 1 m2 with as long a strip of bark.
+        let grows_with_bark = |width: f32| {
+            let mut tree = plant(1);
+            let mesh = &mut tree.instancers[0].prototypes[0].mesh;
+            let first = mesh.next_point();
+            mesh.points
+                .extend([(0.0, 0.0), (width, 0.0), (width, -1.0), (0.0, -1.0)].map(|(x, y)| Vec3::new(x, y, 0.0)));
+            mesh.normals.extend([Vec3::Z; 4]);
+            mesh.append_subset(1, vec![[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+            grows(&tree, &tree.instancers[0], &materials)
+        };
+        assert_eq!([0.0, 0.1, 0.9, 1.1].map(grows_with_bark), [true, true, true, false]);
+    }
+
+    #[test]
+    fn two_triangles_have_the_area_of_a_twig_of_needles() {
+        let mut twig = Mesh::default();
+        let mut needles = Vec::new();
+        for (i, first) in (0_u8..40).zip((0_u32..).step_by(3)) {
+            let (y, x) = (f32::from(i) * 0.001, if i % 2 == 0 { 0.015 } else { -0.015 });
+            twig.points.extend([Vec3::new(0.0, y, 0.0), Vec3::new(0.0, y + 0.0005, 0.0), Vec3::new(x, y + 0.01, 0.0)]);
+            needles.push([first, first + 1, first + 2]);
+        }
+        twig.normals = vec![Vec3::Z; twig.points.len()];
+        twig.append_subset(0, needles);
+        let mut tree = plant(1);
+        let whole = area(&twig);
+        tree.instancers[0].prototypes[0].mesh = twig;
+        let blades = simple_blades(&tree, "leaves").expect("simplified");
+        assert_eq!(blades[0][0].triangles.len(), 2);
+        let share = area(&blades[0][0]) / whole;
+        assert!((share - 1.0).abs() < 0.1, "{share}");
     }
 
     #[test]
