@@ -69,6 +69,7 @@ mod simulation;
 mod solids;
 mod source_region;
 mod target;
+mod triangle_hierarchy;
 mod tuning;
 
 pub use collide::LeafCollider;
