@@ -53,9 +53,10 @@ const BLADE_VERTICES: usize = 4;
 /// Bytes of a vertex beside its targets: position, normal, tangent, texture coordinates, indices of its triangles; the target that hides it.
 const VERTEX_BYTES: usize = 48 + 6 + 12;
 const QUANTIZED_VERTEX_BYTES: usize = 20 + 6 + 12;
-/// For estimates: a leaf instance is in (shapes of the clip + the first number) times the second / the third targets. Own: birches of 10 to 20
-/// years and oaks of 8 and 20 years over 8 to 120 frames take 0.92 to 1.12 times what follows.
-const TARGETS_OF_A_LEAF: [u64; 3] = [6, 4, 17];
+/// For estimates: share, as numerator and denominator, of the shapes of a clip and [`TARGETS_BESIDE`] more in which a leaf instance is
+/// held. Own: birches of 10 to 20 years and oaks of 8 and 20 years over 8 to 120 frames take 0.92 to 1.12 times what follows.
+const SHARE_OF_TARGETS: [u64; 2] = [4, 17];
+const TARGETS_BESIDE: u64 = 6;
 /// Largest angle, rad, by which a leaf turns between two shapes as the same blade. Own: corners that move linearly shrink it to half of
 /// its area in between, as another blade that replaces it would.
 const LARGEST_TURN: f32 = std::f32::consts::FRAC_PI_2;
@@ -534,8 +535,8 @@ pub(super) fn estimate(leaves: u64, frames: u64, options: &GltfOptions) -> u64 {
     let LeafBudget { strides: [shortest, longest], vertex, entry, file, .. } = leaf_budget(limit(frames), options);
     let bytes = |stride: usize| {
         let shapes = frames.saturating_sub(1) / (stride as u64) + 1;
-        let [beside, share, whole] = TARGETS_OF_A_LEAF;
-        let entries = (shapes + beside) * share * entry as u64 / whole;
+        let [part, whole] = SHARE_OF_TARGETS;
+        let entries = (shapes + TARGETS_BESIDE) * part * entry as u64 / whole;
         leaves.saturating_mul(BLADE_VERTICES as u64 * (vertex as u64 + entries))
     };
     let mut stride = shortest;
