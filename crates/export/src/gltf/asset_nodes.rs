@@ -158,16 +158,8 @@ impl GltfDocument<'_> {
                 MorphFrames::Still => (&[][..], Vec::new()),
             };
             let label = format!("asset {}, curves {}", source.id, curves.name);
-            let mesh_source = MeshSource {
-                name: &curves.name,
-                label: &label,
-                mesh: &rest,
-                geometry: GeometryKind::Ribbon,
-                skin: None,
-                shapes: &[],
-                parts: None,
-                cube: None,
-            };
+            let mesh_source =
+                MeshSource { geometry: GeometryKind::Ribbon, ..MeshSource::of(&curves.name, &label, &rest) };
             self.add_morphing_mesh(&mut nodes, mesh_source, MorphTrack { frames, shapes: &shapes }, "curves")?;
         }
         // Joints are written if a skin or an instance needs them.
@@ -194,16 +186,7 @@ impl GltfDocument<'_> {
         let Some(leaves) = leaves.mesh(asset, &label)? else { return Ok(()) };
         self.warnings.push(Warning { code: "X003", message: leaves.words(&label) });
         let LeafMesh { mesh, frames, parts, .. } = leaves;
-        let mesh_source = MeshSource {
-            name: "leaves",
-            label: &label,
-            mesh: &mesh,
-            geometry: GeometryKind::Mesh,
-            skin: None,
-            shapes: &[],
-            parts: None,
-            cube: None,
-        };
+        let mesh_source = MeshSource::of("leaves", &label, &mesh);
         self.add_mesh_of_parts(nodes, mesh_source, &frames, &parts, "mesh")
     }
 
@@ -218,16 +201,7 @@ impl GltfDocument<'_> {
     ) -> Result<()> {
         let label = format!("asset {}, mesh {}", asset.id, object.name);
         let (mesh, name) = (&object.mesh, object.name.as_str());
-        let mesh_source = MeshSource {
-            name,
-            label: &label,
-            mesh,
-            geometry: GeometryKind::Mesh,
-            skin: None,
-            shapes: &[],
-            parts: None,
-            cube: None,
-        };
+        let mesh_source = MeshSource::of(name, &label, mesh);
         match (selection, &object.skin, shapes) {
             (Some((selection, cube)), Some(skin), _) if is_skinned(object) => {
                 let (joints, weights) = selection.remap_weights(skin);

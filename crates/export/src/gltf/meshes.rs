@@ -88,6 +88,13 @@ pub(super) struct MeshSource<'a> {
     pub cube: Option<QuantizedCube>,
 }
 
+impl<'a> MeshSource<'a> {
+    /// A mesh without skin and morph targets, in a cube of its own. `label`: asset and element, for errors.
+    pub(super) fn of(name: &'a str, label: &'a str, mesh: &'a Mesh) -> Self {
+        Self { name, label, mesh, geometry: GeometryKind::Mesh, skin: None, shapes: &[], parts: None, cube: None }
+    }
+}
+
 /// Morph targets of a mesh of which parts are hidden: the first hides all parts, the others are differences from it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PartTargets<'a> {
