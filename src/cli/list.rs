@@ -7,7 +7,7 @@ use clap::ValueEnum as _;
 use serde_json::json;
 
 use super::args::{List, What};
-use super::preset_list::{matching_presets, matching_species};
+use super::preset_list::{begins_a_word, matching_presets, matching_species};
 use super::{Context, SCENE_FLAGS, knobs, preset_list};
 use crate::recipe::{KeyInfo, TableInfo, options};
 use crate::single_file::endings;
@@ -154,8 +154,8 @@ fn is_path_of(word: &str, paths: &[&str], key: &str) -> bool {
     })
 }
 
-/// The tables of options, reduced to keys whose description has, for each of the words, a word that begins with it:
-/// "rain" finds "raindrops" and not "terrain"; or whose path a word is. Case is ignored; tables without keys are left out.
+/// The tables of options, reduced to keys for which each of the words begins a word of their description or is their path. Case is
+/// ignored; tables without keys are left out.
 fn matching(words: &[String]) -> Vec<TableInfo> {
     let words: Vec<String> = words.iter().map(|w| w.to_lowercase()).collect();
     let mut tables = options();
@@ -168,10 +168,7 @@ fn matching(words: &[String]) -> Vec<TableInfo> {
             // The key as --set takes it: `list options wind.speed` finds `speed` in `[wind]`.
             let name = format!("{path}.{} {}", key.name, key.name);
             let text = format!("{place} {name} {} {}", key.help, key.listing.accepts).to_lowercase();
-            let begins_a_word = |at: usize| !text[..at].ends_with(char::is_alphanumeric);
-            let has =
-                |w: &str| text.match_indices(w).any(|(at, _)| begins_a_word(at)) || is_path_of(w, &paths, key.name);
-            words.iter().all(|w| has(w))
+            words.iter().all(|w| begins_a_word(&text, w) || is_path_of(w, &paths, key.name))
         });
     }
     tables.retain(|table| !table.keys.is_empty());

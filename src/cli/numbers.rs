@@ -2,9 +2,9 @@
 
 /// The numbers of a list in rising order without duplicates.
 /// # Errors
-/// A message for a part that cannot be read or that has more than `limit` numbers, which ends with `remedy`.
+/// A message for a part that cannot be read, and for more than `limit` numbers, which ends with `remedy`.
 pub fn number_list(text: &str, limit: u64, remedy: &str) -> Result<Vec<u64>, String> {
-    let mut out = Vec::new();
+    let mut out: Vec<u64> = Vec::new();
     for part in text.split(',') {
         let bad = || format!("\"{part}\" is not A, A-B or A-B:STEP");
         let number = |t: &str| t.trim().parse::<u64>().map_err(|_| bad());
@@ -23,6 +23,14 @@ pub fn number_list(text: &str, limit: u64, remedy: &str) -> Result<Vec<u64>, Str
             return Err(format!("\"{part}\" holds more than {limit} numbers; {remedy}"));
         }
         out.extend((0..=steps).map(|k| a + k * step));
+        // Thousands of parts within the limit would need as much memory as one beyond it. Numbers of several parts count once.
+        if out.len() as u64 > limit {
+            out.sort_unstable();
+            out.dedup();
+        }
+        if out.len() as u64 > limit {
+            return Err(format!("more than {limit} numbers; {remedy}"));
+        }
     }
     out.sort_unstable();
     out.dedup();
@@ -177,6 +185,9 @@ mod tests {
         );
         assert_eq!(frame_list("4294967295", 100), Ok(vec![u32::MAX]));
         assert_eq!(frame_list("4294967296", 100), Err("there is no frame 4294967296".to_owned()));
+        // The limit is that of all parts together, in which a number counts once.
+        assert_eq!(number_list("1-3,2-4,1-4", 4, "fewer"), Ok(vec![1, 2, 3, 4]));
+        assert_eq!(number_list("1-3,2-4,5", 4, "fewer"), Err("more than 4 numbers; fewer".to_owned()));
         for bad in ["", "x", "3-1", "1-9:0", "1-", "-3", "1-4000000000"] {
             assert!(number_list(bad, 1_000_000, "fewer").is_err(), "{bad}");
         }

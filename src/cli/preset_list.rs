@@ -31,14 +31,15 @@ struct Shown {
     thumbnail: Option<String>,
 }
 
+/// Whether `word` begins a word of a text: "rain" that of "raindrops" and not that of "terrain". Both are in lower case.
+pub fn begins_a_word(text: &str, word: &str) -> bool {
+    text.match_indices(word).any(|(at, _)| !text[..at].ends_with(char::is_alphanumeric))
+}
+
 /// Whether each of the words begins a word of a text, in any case.
-pub fn has_words(text: &str, words: &[String]) -> bool {
+fn has_words(text: &str, words: &[String]) -> bool {
     let text = text.to_lowercase();
-    let begins_a_word = |at: usize| !text[..at].ends_with(char::is_alphanumeric);
-    words.iter().all(|word| {
-        let word = word.to_lowercase();
-        text.match_indices(word.as_str()).any(|(at, _)| begins_a_word(at))
-    })
+    words.iter().all(|word| begins_a_word(&text, &word.to_lowercase()))
 }
 
 /// The presets in whose name or description each of the words begins a word; all without words.

@@ -11,6 +11,7 @@ use super::scene::{
 use super::syntax::{KeyTable as _, TomlTable, TomlValue, join};
 use super::{Growth, PlaceRecipe, PlantRecipe, Recipe};
 use osier_base::diagnostic::Diagnostic;
+use osier_grammar::Notation;
 
 /// Keys of a table that have an effect only beside another value.
 struct Needs<'a> {
@@ -380,18 +381,26 @@ impl Resolver<'_> {
         let has_form = skin.is_some_and(|t| t.get("form").is_some());
         let segments = needs(&["segment"], has_form || plant.skin.form == SkinForm::Segments, "form = \"segments\"");
         self.report_unmet(skin, &join(path, "skin"), &[segments]);
-        if let Some(leaf) = table_at(table, &["leaf"]) {
-            self.ignored_in_organ(leaf, &join(path, "leaf"), plant);
+        if table.get("leaf").is_some() {
+            self.ignored_in_organ(table, "leaf", 'l', path, plant);
         }
-        let organs = table_at(table, &["organs"]).map(|t| t.entries.as_slice()).unwrap_or_default();
-        for entry in organs {
-            if let TomlValue::Table(organ) = &entry.node.value {
-                self.ignored_in_organ(organ, &format!("{path}.organs.{}", entry.key), plant);
+        if let Some(organs) = table_at(table, &["organs"]) {
+            for entry in &organs.entries {
+                // Their names are single letters.
+                let letter = entry.key.chars().next().unwrap_or_default();
+                self.ignored_in_organ(organs, &entry.key, letter, &join(path, "organs"), plant);
             }
         }
     }
 
-    fn ignored_in_organ(&mut self, table: &TomlTable, path: &str, plant: &PlantRecipe) {
+    /// Warns of the table `key` of an organ, which `above` at `above_path` holds, and of its keys.
+    fn ignored_in_organ(&mut self, above: &TomlTable, key: &str, letter: char, above_path: &str, plant: &PlantRecipe) {
+        let Some(table) = table_at(above, &[key]) else { return };
+        if !draws_organ(plant, letter) {
+            let drawing = format!("a grammar that draws it: ~{letter}");
+            return self.report_unmet(Some(above), above_path, &[needs(&[key], false, &drawing)]);
+        }
+        let path = &join(above_path, key);
         // The table was read without errors, so that this reading has none either.
         let keys = OrganKeys::read(Some(table), path, &mut self.report);
         let is_file = keys.mesh.is_some() || keys.surface.is_some();
@@ -422,6 +431,19 @@ impl Resolver<'_> {
         ];
         self.report_unmet(Some(table), path, &all);
     }
+}
+
+/// Whether an organ of a letter may be part of a plant.
+fn draws_organ(plant: &PlantRecipe, letter: char) -> bool {
+    let grows = match &plant.growth {
+        // Grammars of other programs name organs in ways of their own.
+        Growth::Grammar(grammar) => {
+            matches!(grammar.notation(), Notation::Fractint | Notation::LParser | Notation::LPy)
+                || grammar.organ_symbols().contains(&letter)
+        }
+        Growth::Mesh(..) | Growth::Ifs(..) | Growth::Shapes(_) | Growth::Species(_) => letter == 'l',
+    };
+    grows || plant.fill.is_some() && letter == 'l' || plant.skin.segment.starts_with(letter)
 }
 
 /// Whether the season of a plant is a date, or begins or ends at one.

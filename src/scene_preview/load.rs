@@ -73,10 +73,13 @@ impl PreviewScene {
         for part in imported.parts.iter().filter(|part| is_land(&part.name)) {
             land.get_mut(part.triangles.clone()).into_iter().flatten().for_each(|covered| *covered = true);
         }
-        let assets = if land.contains(&true) {
+        let assets: Vec<Asset> = if land.contains(&true) {
             let standing = triangles_where(&imported.mesh, |i| land.get(i) == Some(&false));
             let below = triangles_where(&imported.mesh, |i| land.get(i) == Some(&true));
-            vec![asset_of("mesh", AssetKind::Import, standing), asset_of("land", AssetKind::Terrain, below)]
+            // A scene may show nothing but its land.
+            let standing = Some(standing).filter(|mesh| !mesh.triangles.is_empty());
+            let standing = standing.map(|mesh| asset_of("mesh", AssetKind::Import, mesh));
+            standing.into_iter().chain([asset_of("land", AssetKind::Terrain, below)]).collect()
         } else {
             vec![asset_of("mesh", AssetKind::Import, imported.mesh)]
         };

@@ -495,6 +495,14 @@ fn a_foreign_file_is_found_before_anything_grows() {
         let (_, err) = ends(1, &[command, SCENE, "-o", arg(path)]);
         assert!(err.contains("--force") && !err.contains("growing"), "{command} {}: {err}", path.display());
     }
+    // Of numbered pictures the first ones are not written before the file in the way of a later one is found.
+    let turned = dir.path().join("turn_##.png");
+    file(&dir, "turn_02.png", "mine");
+    let (_, err) = ends(1, &["preview", SCENE, "--turntable", "2", "-o", arg(&turned)]);
+    assert!(
+        err.contains("turn_02.png") && !err.contains("growing") && !dir.path().join("turn_01.png").exists(),
+        "{err}"
+    );
 }
 
 #[test]

@@ -321,6 +321,16 @@ fn a_bake_has_land_camera_sun_and_materials_of_its_scene() {
     assert_eq!(picture(&pictures[0]), picture(&pictures[1]));
 }
 
+/// The mesh of such a bake has nothing beside its land, which the camera then frames.
+#[test]
+fn a_bake_of_a_terrain_alone_is_shown() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = |name: &str| dir.path().join(name);
+    std::fs::write(file("land.toml"), "[terrain]\nsize = 20\nsubdivisions = 3\nside = 16\n").expect("file");
+    ends(0, &["bake", arg(&file("land.toml")), "--formats", "glb", "-q", "-o", arg(&file("baked"))]);
+    ends(0, &["preview", arg(&file("baked")), "--size", "32", "--quality", "draft", "-o", arg(&file("land.png"))]);
+}
+
 #[test]
 fn every_mistake_is_named() {
     let dir = tempfile::tempdir().expect("dir");

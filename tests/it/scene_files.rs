@@ -403,6 +403,7 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "plants.a.leaf.minor_teeth",
             "[plants.a.leaf]\nblade = \"toothed\"\nminor_teeth = 2\n",
         ),
+        ("[plants.a.organs.Q]\nsize = 2\n", "plants.a.organs.Q", "[plants.a.organs.l]\nsize = 2\n"),
         ("[plants.a.leaf]\ndepth = 0.3\n", "plants.a.leaf.depth", "[plants.a.leaf]\nlobes = 9\ndepth = 0.3\n"),
         (
             "[plants.a.rods]\n[plants.a.wood]\nhz_scale = 2\n",
@@ -492,6 +493,11 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     let still = "[plants.a]\ngrammar = \"rain-twig.l\"\n[wind]\nspeed = 3\n";
     assert_eq!(without_effect(still), ["wind has no effect"]);
     assert!(without_effect(&format!("{still}[frames]\nend = 2\n")).is_empty());
+    // Leaves of a grammar that draws none; twigs added to it bear them.
+    let bare = "[plants.a]\ngrammar = \"koch.l\"\n[plants.a.leaf]\nlobes = 3\nneedles = 9\n";
+    assert_eq!(without_effect(bare), ["plants.a.leaf has no effect"]);
+    let twigs = "[plants.a]\ngrammar = \"koch.l\"\ntwigs = \"twigs.shapes\"\n[plants.a.leaf]\nsize = 0.1\n";
+    assert!(without_effect(twigs).is_empty());
     let site = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.site]\nlatitude = 20\n";
     assert_eq!(without_effect(site), ["plants.a.site.latitude has no effect"]);
     assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());

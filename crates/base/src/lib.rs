@@ -1,8 +1,9 @@
 //! Foundation of the osier crates: diagnostics, errors, atomic file output, limits, random numbers, noise, SIMD, parallel
-//! loops, geometry, neighbour search and physical constants.
+//! loops, geometry, neighbour search, disjoint sets and physical constants.
 
 pub mod convert;
 pub mod diagnostic;
+pub mod disjoint_sets;
 mod error;
 pub mod files;
 pub mod geometry;

@@ -7,6 +7,7 @@ use glam::{Affine3A, Vec3};
 use super::perspective::PerspectiveCamera;
 use super::quality::Quality;
 use super::request::RenderRequest;
+use osier_base::disjoint_sets::DisjointSets;
 use osier_base::geometry::Bounds;
 use osier_base::math;
 use osier_scene::Mesh;
@@ -136,45 +137,29 @@ pub(super) fn keep_thin_parts(triangles: &[[u32; 3]], points: &[Vec3], cell: f32
     if replacements.is_empty() {
         return;
     }
-    // Union-find: the root of a part is its first point.
-    let mut parent: Vec<usize> = (0..points.len()).collect();
-    let is_valid = |t: &&[u32; 3]| t.iter().all(|i| (*i as usize) < points.len());
-    for t in triangles.iter().filter(is_valid) {
-        let [a, b, c] = t.map(|i| find_root(&mut parent, i as usize));
-        let first = a.min(b).min(c);
-        [a, b, c].into_iter().for_each(|i| parent[i] = first);
-    }
+    let mut sets = DisjointSets::connected(points.len(), triangles);
     // The box of each part, then its areas before and after.
-    let mut parts: BTreeMap<usize, ConnectedPart> = BTreeMap::new();
-    for (i, p) in points.iter().enumerate() {
-        let part = parts.entry(find_root(&mut parent, i)).or_default();
+    let mut parts: BTreeMap<u32, ConnectedPart> = BTreeMap::new();
+    for (i, p) in (0_u32..).zip(points) {
+        let part = parts.entry(sets.find(i)).or_default();
         part.bounds = part.bounds.union(Bounds::of([*p]));
     }
     let area = |t: [u32; 3]| {
         let [a, b, c] = t.map(|i| points.get(i as usize).copied().unwrap_or_default());
         0.5 * (b - a).cross(c - a).length()
     };
-    for t in triangles.iter().filter(is_valid) {
-        let part = parts.entry(find_root(&mut parent, t[0] as usize)).or_default();
+    for t in triangles.iter().filter(|t| t.iter().all(|i| (*i as usize) < points.len())) {
+        let part = parts.entry(sets.find(t[0])).or_default();
         part.whole += area(*t);
         part.clustered += area(t.map(|i| replacements.get(i as usize).copied().unwrap_or(i)));
     }
     // Each point of a thin part stands for itself.
     for (i, replacement) in (0_u32..).zip(replacements.iter_mut()) {
-        let part = parts.get(&find_root(&mut parent, i as usize));
+        let part = parts.get(&sets.find(i));
         if part.is_some_and(|part| part.is_thin(cell)) {
             *replacement = i;
         }
     }
-}
-
-/// The root of a point's part, with path halving.
-fn find_root(parent: &mut [usize], mut i: usize) -> usize {
-    while parent[i] != i {
-        parent[i] = parent[parent[i]];
-        i = parent[i];
-    }
-    i
 }
 
 #[cfg(test)]

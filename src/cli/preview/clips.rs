@@ -1,7 +1,7 @@
 //! `osier preview --turntable` and `--frames`: clips as GIF, APNG or numbered PNG files.
 
-use super::super::Context;
 use super::super::args::Preview;
+use super::super::{Context, check_output};
 use super::flags::PreviewFlags;
 use super::sheets::outside_of;
 use super::source::{Variation, ending, load};
@@ -23,6 +23,7 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
             )));
         }
     };
+    check_numbered_pictures(context, args, flags)?;
     // A turntable without `--frame` has the scene at rest, which needs no simulation of motion.
     let with_motion = args.turntable.is_none() || args.frame.is_some();
     let scene = load(context, args, &args.source, flags.options.quality, with_motion, &Variation::default(), work)?;
@@ -65,6 +66,17 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
     output.commit()?;
     target.finish(context, flags.options.size, clip.len())?;
     Ok(Outcome::Written { warned: !scene.report().diagnostics.is_empty() })
+}
+
+/// Checks that no file of the user has the name of a numbered picture, before any is drawn: the first ones would be written else.
+/// # Errors
+/// `Io`, `Foreign`.
+fn check_numbered_pictures(context: &Context, args: &Preview, flags: &PreviewFlags) -> Result<()> {
+    let pattern = numbered_pictures(context, args).filter(|_| !context.common.dry_run);
+    let (Some(pattern), Some(output)) = (pattern, &args.output) else { return Ok(()) };
+    let numbers: Vec<u32> = args.turntable.map_or_else(|| flags.frames.clone(), |steps| (1..=steps).collect());
+    let mut names = numbers.into_iter().filter_map(|number| numbered(&pattern, number));
+    names.try_for_each(|name| check_output(context, &output.with_file_name(name), args.force))
 }
 
 /// The name of a PNG per frame, with `####` for its number, if the output has such a name; `None` for a clip in one file.

@@ -10,7 +10,6 @@ use super::asset_nodes::{AssetNodes, InstanceSet, JointNode, NodeParent, NodeTem
 use super::buffer::last_index;
 use super::document::{GltfDocument, check_finite, node_with_extras, node_with_transform};
 use super::json::{Camera, Index, Node, Perspective, Skin};
-use super::leaf_shapes::LeafShapes;
 use osier_base::Result;
 use osier_scene::{Asset, Instancer, InstancerMotion, LEAF_COLOR, Placement, Trs};
 
@@ -88,11 +87,10 @@ impl GltfDocument<'_> {
             // Instances that are never visible get no node.
             let moving = tracks.moving.iter().filter(|m| m.alive.contains(&true) && !stays(m.instancer));
             list.extend(moving.map(|m| (m.key, k, m.instancer, m.instance)));
-            let as_nodes = |i: &&Instancer| {
-                i.motion == InstancerMotion::Free
-                    && !(tracks.leaves.is_some() && LeafShapes::holds(asset, i, input.scene))
-            };
-            for instancer in asset.instancers.iter().filter(as_nodes) {
+            let is_shape = |n: usize| tracks.leaves.as_ref().is_some_and(|leaves| leaves.holds(n));
+            let instancers = asset.instancers.iter().enumerate();
+            let as_nodes = instancers.filter(|(n, i)| i.motion == InstancerMotion::Free && !is_shape(*n));
+            for (_, instancer) in as_nodes {
                 let sum = if self.stays_at_rest(asset, instancer) { &mut leaves } else { &mut total };
                 *sum += instancer.len();
             }

@@ -113,8 +113,7 @@ impl GltfDocument<'_> {
         }
         for (i, instancer) in source.instancers.iter().enumerate() {
             let label = format!("asset {}, instancer {}", source.id, instancer.name);
-            if tracks.leaves.is_some() && LeafShapes::holds(source, instancer, input.scene) && !input.tracks.is_still()
-            {
+            if tracks.leaves.as_ref().is_some_and(|leaves| leaves.holds(i)) && !input.tracks.is_still() {
                 continue;
             }
             match (&instancer.motion, &selection) {
@@ -159,16 +158,8 @@ impl GltfDocument<'_> {
                 MorphFrames::Still => (&[][..], Vec::new()),
             };
             let label = format!("asset {}, curves {}", source.id, curves.name);
-            let mesh_source = MeshSource {
-                name: &curves.name,
-                label: &label,
-                mesh: &rest,
-                geometry: GeometryKind::Ribbon,
-                skin: None,
-                shapes: &[],
-                parts: None,
-                cube: None,
-            };
+            let mesh_source =
+                MeshSource { geometry: GeometryKind::Ribbon, ..MeshSource::of(&curves.name, &label, &rest) };
             self.add_morphing_mesh(&mut nodes, mesh_source, MorphTrack { frames, shapes: &shapes }, "curves")?;
         }
         // Joints are written if a skin or an instance needs them.
@@ -195,16 +186,7 @@ impl GltfDocument<'_> {
         let Some(leaves) = leaves.mesh(asset, &label)? else { return Ok(()) };
         self.warnings.push(Warning { code: "X003", message: leaves.words(&label) });
         let LeafMesh { mesh, frames, parts, .. } = leaves;
-        let mesh_source = MeshSource {
-            name: "leaves",
-            label: &label,
-            mesh: &mesh,
-            geometry: GeometryKind::Mesh,
-            skin: None,
-            shapes: &[],
-            parts: None,
-            cube: None,
-        };
+        let mesh_source = MeshSource::of("leaves", &label, &mesh);
         self.add_mesh_of_parts(nodes, mesh_source, &frames, &parts, "mesh")
     }
 
@@ -219,16 +201,7 @@ impl GltfDocument<'_> {
     ) -> Result<()> {
         let label = format!("asset {}, mesh {}", asset.id, object.name);
         let (mesh, name) = (&object.mesh, object.name.as_str());
-        let mesh_source = MeshSource {
-            name,
-            label: &label,
-            mesh,
-            geometry: GeometryKind::Mesh,
-            skin: None,
-            shapes: &[],
-            parts: None,
-            cube: None,
-        };
+        let mesh_source = MeshSource::of(name, &label, mesh);
         match (selection, &object.skin, shapes) {
             (Some((selection, cube)), Some(skin), _) if is_skinned(object) => {
                 let (joints, weights) = selection.remap_weights(skin);

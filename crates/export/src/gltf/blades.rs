@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::simplify::{BLADE_DEVIATION, area, compact, vertices_of, with_fewer_triangles};
 use osier_base::Result;
-use osier_base::math::narrow;
+use osier_base::math::{narrow, sqrt};
 use osier_scene::Mesh;
 
 /// Share of the area of a blade below which what edge collapse leaves of it does not stand for it. Of a twig of needles single
@@ -28,6 +28,14 @@ pub(super) fn simpler_blade(mesh: &Mesh, most: usize, label: &str) -> Result<Mes
         return Ok(simple);
     }
     Ok(rhombus(mesh).unwrap_or(simple))
+}
+
+/// [`simpler_blade`], enlarged about its pivot to the area of the leaf as far as the factor `most_growth` allows.
+pub(super) fn enlarged_blade(mesh: &Mesh, most: usize, most_growth: f32, label: &str) -> Result<Mesh> {
+    let mut simple = simpler_blade(mesh, most, label)?;
+    let factor = narrow(sqrt(seen_area(mesh) / seen_area(&simple).max(1e-12))).clamp(1.0, most_growth);
+    simple.points.iter_mut().for_each(|p| *p *= factor);
+    Ok(simple)
 }
 
 /// Two triangles between the base, the tip and the sides of a leaf, which lies along +Y with its upper side to +Z, at most as large as

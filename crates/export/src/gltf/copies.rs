@@ -130,16 +130,7 @@ impl GltfDocument<'_> {
             mesh_data.append(&ribbons(curves, &curves.points, tile));
         }
         let label = format!("asset {}", asset.id);
-        let mesh_source = MeshSource {
-            name: &asset.id,
-            label: &label,
-            mesh: &mesh_data,
-            geometry: GeometryKind::Mesh,
-            skin: None,
-            shapes: &[],
-            parts: None,
-            cube: None,
-        };
+        let mesh_source = MeshSource::of(&asset.id, &label, &mesh_data);
         let Some(mesh) = self.add_mesh(mesh_source)? else { return Ok(()) };
         for p in list {
             let place = place_stored(&p.transform, mesh.cube);
@@ -156,16 +147,7 @@ impl GltfDocument<'_> {
         let transforms: Vec<Trs> = list.iter().map(|p| p.transform).collect();
         for object in &asset.meshes {
             let label = format!("asset {}, mesh {}", asset.id, object.name);
-            let mesh_source = MeshSource {
-                name: &object.name,
-                label: &label,
-                mesh: &object.mesh,
-                geometry: GeometryKind::Mesh,
-                skin: None,
-                shapes: &[],
-                parts: None,
-                cube: None,
-            };
+            let mesh_source = MeshSource::of(&object.name, &label, &object.mesh);
             if let Some(mesh) = self.add_mesh(mesh_source)? {
                 let name = format!("{}_{}", asset.id, object.name);
                 self.add_instanced_node(&name, mesh, &transforms, BTreeMap::new(), asset)?;
@@ -175,16 +157,8 @@ impl GltfDocument<'_> {
             let label = format!("asset {}, curves {}", asset.id, curves.name);
             let tile = self.input.scene.materials.get(curves.material as usize).map_or(1.0, |m| m.tile);
             let mesh = ribbons(curves, &curves.points, tile);
-            let mesh_source = MeshSource {
-                name: &curves.name,
-                label: &label,
-                mesh: &mesh,
-                geometry: GeometryKind::Ribbon,
-                skin: None,
-                shapes: &[],
-                parts: None,
-                cube: None,
-            };
+            let mesh_source =
+                MeshSource { geometry: GeometryKind::Ribbon, ..MeshSource::of(&curves.name, &label, &mesh) };
             if let Some(mesh) = self.add_mesh(mesh_source)? {
                 let name = format!("{}_{}", asset.id, curves.name);
                 self.add_instanced_node(&name, mesh, &transforms, BTreeMap::new(), asset)?;

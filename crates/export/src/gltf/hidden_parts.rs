@@ -15,12 +15,10 @@
 use glam::Vec3;
 
 use super::morph_shape::MorphShape;
+use super::options::{INDEX_BYTES, VECTOR_BYTES};
 use osier_base::convert::saturating_index;
+use osier_base::disjoint_sets::DisjointSets;
 use osier_scene::Mesh;
-
-/// Bytes of a position in a target that holds all vertices, and in one that holds the index of each of its vertices as well.
-const DENSE_BYTES: usize = 12;
-const SPARSE_BYTES: usize = 16;
 
 /// The vertices of a shape that a target holds.
 #[derive(Debug, Default, PartialEq)]
@@ -82,7 +80,8 @@ impl HiddenParts {
         }
         let held: usize = list.iter().map(|shown| shown.indices.len()).sum();
         let all = mesh.points.len();
-        if held * SPARSE_BYTES + all * DENSE_BYTES >= all * DENSE_BYTES * shapes.len() {
+        // The target that hides all parts holds all vertices.
+        if held * (VECTOR_BYTES + INDEX_BYTES) + all * VECTOR_BYTES >= all * VECTOR_BYTES * shapes.len() {
             return None;
         }
         // A part that is never seen is a point where its first vertex lies.
@@ -107,35 +106,19 @@ impl HiddenParts {
 
 /// For each point the part to which it belongs, numbered from 0 in the order of their first points.
 fn parts_of(mesh: &Mesh) -> Vec<usize> {
-    // A forest of which each tree is a part; the root of a tree is its least point.
-    let mut parent: Vec<usize> = (0..mesh.points.len()).collect();
-    for [a, b, c] in &mesh.triangles {
-        for (from, to) in [(*a, *b), (*b, *c)] {
-            let [from, to] = [from, to].map(|i| root(&mut parent, i as usize));
-            let (low, high) = (from.min(to), from.max(to));
-            parent[high] = low;
-        }
-    }
-    let mut part_of_root = vec![None; parent.len()];
+    let mut sets = DisjointSets::connected(mesh.points.len(), &mesh.triangles);
+    let mut part_of_first = vec![None; mesh.points.len()];
     let mut next = 0;
-    (0..parent.len())
+    (0..)
+        .take(mesh.points.len())
         .map(|i| {
-            let root = root(&mut parent, i);
-            *part_of_root[root].get_or_insert_with(|| {
+            let first = sets.find(i) as usize;
+            *part_of_first[first].get_or_insert_with(|| {
                 next += 1;
                 next - 1
             })
         })
         .collect()
-}
-
-/// The root of the tree of a point; halves the path to it.
-fn root(parent: &mut [usize], mut i: usize) -> usize {
-    while parent[i] != i {
-        parent[i] = parent[parent[i]];
-        i = parent[i];
-    }
-    i
 }
 
 #[cfg(test)]

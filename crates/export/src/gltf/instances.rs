@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use glam::{Quat, Vec3};
 
-use super::document::{GeometryKind, GltfDocument};
+use super::document::GltfDocument;
 use super::json::{Index, InstanceAttributes, Instancing, Mesh as JsonMesh, NodeExtensions};
 use super::keys::renormalized;
 use super::meshes::{MeshSource, StoredMesh, Vertices, custom_name, mesh_material};
@@ -53,16 +53,7 @@ impl GltfDocument<'_> {
     ) -> Result<Option<StoredMesh>> {
         let Some(p) = instancer.prototypes.get(proto) else { return Ok(None) };
         let name = format!("{}_{}", instancer.name, p.name);
-        self.add_mesh(MeshSource {
-            name: &name,
-            label,
-            mesh: &p.mesh,
-            geometry: GeometryKind::Mesh,
-            skin: None,
-            shapes: &[],
-            parts: None,
-            cube: None,
-        })
+        self.add_mesh(MeshSource::of(&name, label, &p.mesh))
     }
 
     /// The instancing extension for a group below a joint. `joint`: transform of the joint to the asset's space at rest; `cube`:

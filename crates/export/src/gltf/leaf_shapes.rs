@@ -17,18 +17,19 @@ use std::collections::{BTreeMap, BinaryHeap};
 
 use glam::Vec3;
 
+use super::blades::enlarged_blade;
 use super::hidden_parts::{HiddenParts, ShownVertices};
 use super::options::{GltfOptions, Profile};
 use super::rig::rotation_angle;
-use super::simplify::{BLADE_DEVIATION, area, compact, with_fewer_triangles};
+use super::simplify::{area, triangle_area};
 use crate::merge::transform_normal;
 use osier_base::Result;
 use osier_base::convert::{limit, saturating_index};
 use osier_base::math;
 use osier_base::rng::mix64;
 use osier_scene::{
-    Asset, AssetFrame, AssetKind, Instancer, InstancerMotion, LEAF_COLOR, MaterialClass, Mesh, Scene, Trs, bent_normal,
-    instance_states,
+    Asset, AssetFrame, AssetKind, Instancer, InstancerMotion, LEAF_COLOR, Material, MaterialClass, Mesh, Prototype,
+    Scene, Subset, Trs, bent_normal, instance_states,
 };
 
 /// Bytes of the leaves of a plant for viewers and engines; for Blender [`GltfOptions::leaf_bytes`] counts. Own: some 30,000 blades
@@ -52,9 +53,10 @@ const BLADE_VERTICES: usize = 4;
 /// Bytes of a vertex beside its targets: position, normal, tangent, texture coordinates, indices of its triangles; the target that hides it.
 const VERTEX_BYTES: usize = 48 + 6 + 12;
 const QUANTIZED_VERTEX_BYTES: usize = 20 + 6 + 12;
-/// For estimates: a leaf instance is in (shapes of the clip + the first number) times the second / the third targets. Own: birches of 10 to 20
-/// years and oaks of 8 and 20 years over 8 to 120 frames take 0.92 to 1.12 times what follows.
-const TARGETS_OF_A_LEAF: [u64; 3] = [6, 4, 17];
+/// For estimates: share, as numerator and denominator, of the shapes of a clip and [`TARGETS_BESIDE`] more in which a leaf instance is
+/// held. Own: birches of 10 to 20 years and oaks of 8 and 20 years over 8 to 120 frames take 0.92 to 1.12 times what follows.
+const SHARE_OF_TARGETS: [u64; 2] = [4, 17];
+const TARGETS_BESIDE: u64 = 6;
 /// Largest angle, rad, by which a leaf turns between two shapes as the same blade. Own: corners that move linearly shrink it to half of
 /// its area in between, as another blade that replaces it would.
 const LARGEST_TURN: f32 = std::f32::consts::FRAC_PI_2;
@@ -128,6 +130,8 @@ pub(super) struct LeafShapes {
     seen: usize,
     /// Interval of the recorded frames.
     stride: usize,
+    /// For each instancer of the asset whether its leaves are recorded.
+    held: Vec<bool>,
     /// For each instancer and instance how often it has become alive, and whether it is.
     lives: Vec<Vec<(u32, bool)>>,
     budget: LeafBudget,
@@ -206,7 +210,8 @@ struct Blade<'a> {
 impl LeafShapes {
     /// `None` for an asset whose moving leaves are few enough for a node each, or none.
     pub(super) fn new(asset: &Asset, scene: &Scene, options: &GltfOptions) -> Option<Self> {
-        let leaves: usize = asset.instancers.iter().filter(|i| grows(asset, i, scene)).map(Instancer::len).sum();
+        let held: Vec<bool> = asset.instancers.iter().map(|i| grows(asset, i, &scene.materials)).collect();
+        let leaves: usize = asset.instancers.iter().zip(&held).filter(|(_, held)| **held).map(|(i, _)| i.len()).sum();
         let all =
             asset.instancers.iter().filter(|i| i.motion == InstancerMotion::Free).map(Instancer::len).sum::<usize>();
         if leaves == 0 || all <= options.nodes {
@@ -219,6 +224,7 @@ impl LeafShapes {
             waiting: None,
             seen: 0,
             stride: budget.strides[0],
+            held,
             lives: asset.instancers.iter().map(|i| vec![(0, false); i.len()]).collect(),
             budget,
             most_recorded: usize::MAX,
@@ -226,14 +232,19 @@ impl LeafShapes {
         })
     }
 
-    /// Whether an instancer's leaves are among the recorded ones.
-    pub(super) fn holds(asset: &Asset, instancer: &Instancer, scene: &Scene) -> bool {
-        grows(asset, instancer, scene)
+    /// Whether the leaves of an instancer, by its index in the asset, are among the recorded ones.
+    pub(super) fn holds(&self, instancer: usize) -> bool {
+        self.held.get(instancer) == Some(&true)
     }
 
-    /// Records the next frame.
-    pub(super) fn push(&mut self, asset: &Asset, frame: &AssetFrame, scene: &Scene) {
-        let leaves = self.leaves_at(asset, frame, scene);
+    /// Takes the next frame of the asset.
+    pub(super) fn push(&mut self, asset: &Asset, frame: &AssetFrame) {
+        let leaves = self.leaves_at(asset, frame);
+        self.record(leaves);
+    }
+
+    /// Takes the leaves of the next frame: they are recorded, or wait for the end of the clip.
+    fn record(&mut self, leaves: RecordedShape) {
         if self.seen.is_multiple_of(self.stride) {
             self.frames.push(self.seen);
             self.shapes.push(leaves);
@@ -285,10 +296,10 @@ impl LeafShapes {
     }
 
     /// The leaves of the smallest keys that are alive at a frame: no more than there may be blades.
-    fn leaves_at(&mut self, asset: &Asset, frame: &AssetFrame, scene: &Scene) -> RecordedShape {
+    fn leaves_at(&mut self, asset: &Asset, frame: &AssetFrame) -> RecordedShape {
         let mut leaves: Vec<RecordedLeaf> = Vec::new();
-        let instancers = asset.instancers.iter().zip(&mut self.lives).enumerate();
-        for (n, (instancer, lives)) in instancers.filter(|(_, (i, _))| grows(asset, i, scene)) {
+        let instancers = asset.instancers.iter().zip(&mut self.lives).zip(&self.held).enumerate();
+        for (n, ((instancer, lives), _)) in instancers.filter(|(_, (_, held))| **held) {
             let state = instance_states(asset, instancer, n, frame);
             for (i, (life, was_alive)) in lives.iter_mut().enumerate() {
                 let is_alive = state.is_alive(i) && state.size(i) > 0.0;
@@ -473,11 +484,9 @@ fn keeps_its_area(from: &Trs, to: &Trs, longest: f32) -> bool {
 
 /// Whether the instances of an instancer are leaves that growth moves, and whose colours do not change over the clip. A plant that
 /// grows has no joints, and all of its instancers are free; in the rain those of leaves with maps are free as well.
-fn grows(asset: &Asset, instancer: &Instancer, scene: &Scene) -> bool {
-    let is_leaf = |mesh: &Mesh| {
-        let class = |s: &osier_scene::Subset| scene.materials.get(s.material as usize).map(|m| m.class);
-        !mesh.subsets.is_empty() && mesh.subsets.iter().all(|s| class(s) != Some(MaterialClass::Bark))
-    };
+fn grows(asset: &Asset, instancer: &Instancer, materials: &[Material]) -> bool {
+    // Twigs of needles have some wood.
+    let is_leaf = |mesh: &Mesh| area_of_bark(mesh, materials) < 0.5 * area(mesh);
     asset.kind == AssetKind::Plant
         && asset.skeleton.is_none()
         && asset.instancers.iter().all(|i| i.motion == InstancerMotion::Free)
@@ -485,15 +494,17 @@ fn grows(asset: &Asset, instancer: &Instancer, scene: &Scene) -> bool {
         && instancer.prototypes.iter().all(|p| is_leaf(&p.mesh))
 }
 
-/// A simple blade for each prototype of each instancer, scaled to the area of the full one.
+/// Area of the triangles of bark, m^2.
+fn area_of_bark(mesh: &Mesh, materials: &[Material]) -> f64 {
+    let class = |s: &Subset| materials.get(s.material as usize).map(|m| m.class);
+    let bark = mesh.subsets.iter().filter(|s| class(s) == Some(MaterialClass::Bark));
+    bark.flat_map(|s| mesh.subset_triangles(s)).map(|t| triangle_area(mesh, t)).sum()
+}
+
+/// A simple blade for each prototype of each instancer, with the area of the full one.
 fn simple_blades(asset: &Asset, label: &str) -> Result<Vec<Vec<Mesh>>> {
-    let blade = |mesh: &Mesh| -> Result<Mesh> {
-        let mut simple = compact(&with_fewer_triangles(mesh, BLADE_TRIANGLES, BLADE_DEVIATION, label)?);
-        let factor = math::narrow(math::sqrt(area(mesh) / area(&simple).max(1e-12)));
-        simple.points.iter_mut().for_each(|p| *p *= factor.clamp(1.0, MOST_GROWTH));
-        Ok(simple)
-    };
-    let of_instancer = |i: &Instancer| i.prototypes.iter().map(|p| blade(&p.mesh)).collect();
+    let blade = |p: &Prototype| enlarged_blade(&p.mesh, BLADE_TRIANGLES, MOST_GROWTH, label);
+    let of_instancer = |i: &Instancer| i.prototypes.iter().map(blade).collect();
     asset.instancers.iter().map(of_instancer).collect()
 }
 
@@ -524,8 +535,8 @@ pub(super) fn estimate(leaves: u64, frames: u64, options: &GltfOptions) -> u64 {
     let LeafBudget { strides: [shortest, longest], vertex, entry, file, .. } = leaf_budget(limit(frames), options);
     let bytes = |stride: usize| {
         let shapes = frames.saturating_sub(1) / (stride as u64) + 1;
-        let [beside, share, whole] = TARGETS_OF_A_LEAF;
-        let entries = (shapes + beside) * share * entry as u64 / whole;
+        let [part, whole] = SHARE_OF_TARGETS;
+        let entries = (shapes + TARGETS_BESIDE) * part * entry as u64 / whole;
         leaves.saturating_mul(BLADE_VERTICES as u64 * (vertex as u64 + entries))
     };
     let mut stride = shortest;
@@ -553,6 +564,7 @@ mod tests {
             waiting: None,
             seen: frames.len(),
             stride: 1,
+            held: vec![true],
             lives: Vec::new(),
             budget: leaf_budget(frames.len(), &GltfOptions::default()),
             most_recorded: usize::MAX,
@@ -676,6 +688,44 @@ mod tests {
     }
 
     #[test]
+    fn twigs_of_needles_are_leaves_and_pieces_of_wood_are_none() {
+        let classes = [MaterialClass::Leaf, MaterialClass::Bark];
+        let materials = classes.map(|class| Material::plain("m".into(), class, [0.5; 3], 0.5));
+        // A square of 1 m2 with as long a strip of bark.
+        let grows_with_bark = |width: f32| {
+            let mut tree = plant(1);
+            let mesh = &mut tree.instancers[0].prototypes[0].mesh;
+            let first = mesh.next_point();
+            mesh.points
+                .extend([(0.0, 0.0), (width, 0.0), (width, -1.0), (0.0, -1.0)].map(|(x, y)| Vec3::new(x, y, 0.0)));
+            mesh.normals.extend([Vec3::Z; 4]);
+            mesh.append_subset(1, vec![[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+            grows(&tree, &tree.instancers[0], &materials)
+        };
+        assert_eq!([0.0, 0.1, 0.9, 1.1].map(grows_with_bark), [true, true, true, false]);
+    }
+
+    #[test]
+    fn two_triangles_have_the_area_of_a_twig_of_needles() {
+        let mut twig = Mesh::default();
+        let mut needles = Vec::new();
+        for (i, first) in (0_u8..40).zip((0_u32..).step_by(3)) {
+            let (y, x) = (f32::from(i) * 0.001, if i % 2 == 0 { 0.015 } else { -0.015 });
+            twig.points.extend([Vec3::new(0.0, y, 0.0), Vec3::new(0.0, y + 0.0005, 0.0), Vec3::new(x, y + 0.01, 0.0)]);
+            needles.push([first, first + 1, first + 2]);
+        }
+        twig.normals = vec![Vec3::Z; twig.points.len()];
+        twig.append_subset(0, needles);
+        let mut tree = plant(1);
+        let whole = area(&twig);
+        tree.instancers[0].prototypes[0].mesh = twig;
+        let blades = simple_blades(&tree, "leaves").expect("simplified");
+        assert_eq!(blades[0][0].triangles.len(), 2);
+        let share = area(&blades[0][0]) / whole;
+        assert!((share - 1.0).abs() < 0.1, "{share}");
+    }
+
+    #[test]
     fn frames_and_then_leaves_are_left_out_where_they_take_too_much() {
         let many: Vec<(u32, f32)> = (0..100).map(|i| (i, 0.0)).collect();
         let recorded_within = |shapes_of_file: usize| {
@@ -683,16 +733,7 @@ mod tests {
             let file = 100 * BLADE_VERTICES * 16 * shapes_of_file;
             shapes.budget = LeafBudget { file, ..leaf_budget(241, &GltfOptions::default()) };
             for _ in 0..241 {
-                let shape = recorded(&[&many[..]]).shapes.remove(0);
-                if shapes.seen.is_multiple_of(shapes.stride) {
-                    shapes.frames.push(shapes.seen);
-                    shapes.shapes.push(shape);
-                    shapes.waiting = None;
-                } else {
-                    shapes.waiting = Some(shape);
-                }
-                shapes.seen += 1;
-                shapes.thin_out();
+                shapes.record(recorded(&[&many[..]]).shapes.remove(0));
             }
             shapes.close();
             assert_eq!(shapes.frames.len(), shapes.shapes.len());

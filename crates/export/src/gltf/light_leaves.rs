@@ -6,12 +6,11 @@
 use std::borrow::Cow;
 
 use super::super::Warning;
-use super::blades::{seen_area, simpler_blade};
+use super::blades::enlarged_blade;
 use super::options::{GltfOptions, Profile};
 use osier_base::Result;
 use osier_base::convert::limit;
 use osier_base::limits::grouped;
-use osier_base::math::{narrow, sqrt};
 use osier_scene::{Asset, Instancer, InstancerMotion, Mesh, Scene};
 
 /// Bytes of a vertex of merged leaves: position, normal, texture coordinates and tangent, all floats.
@@ -125,13 +124,10 @@ fn triangles_within(bytes: u64) -> u64 {
     (bytes.saturating_sub(2 * VERTEX_BYTES) / (VERTEX_BYTES + TRIANGLE_BYTES)).max(FEWEST)
 }
 
-/// A leaf of at most about `most` triangles, enlarged about its pivot to the area of the full one as far as [`MOST_GROWTH`] allows.
+/// A leaf of at most about `most` triangles, enlarged to the area of the full one as far as [`MOST_GROWTH`] allows.
 fn light_leaf(mesh: &Mesh, most: usize, label: &str) -> Result<Mesh> {
     if mesh.triangles.len() <= most {
         return Ok(mesh.clone());
     }
-    let mut simple = simpler_blade(mesh, most, label)?;
-    let factor = narrow(sqrt(seen_area(mesh) / seen_area(&simple).max(1e-12))).clamp(1.0, MOST_GROWTH);
-    simple.points.iter_mut().for_each(|p| *p *= factor);
-    Ok(simple)
+    enlarged_blade(mesh, most, MOST_GROWTH, label)
 }

@@ -11,7 +11,7 @@ use super::json::{Attributes, Index, Mesh as JsonMesh, MeshExtras, MorphTarget, 
 use super::materials::{has_normal_map, uses_uvs};
 use super::meshopt;
 use super::morph_shape::MorphShape;
-use super::options::{Profile, VertexStorage};
+use super::options::{INDEX_BYTES, Profile, VECTOR_BYTES, VertexStorage};
 use super::quantize::QuantizedCube;
 use super::submeshes::{Submesh, split_by_material};
 use super::tangents::tangents;
@@ -86,6 +86,13 @@ pub(super) struct MeshSource<'a> {
     pub parts: Option<PartTargets<'a>>,
     /// The cube of quantized positions that meshes of a skin share; `None`: a cube around this mesh.
     pub cube: Option<QuantizedCube>,
+}
+
+impl<'a> MeshSource<'a> {
+    /// A mesh without skin and morph targets, in a cube of its own. `label`: asset and element, for errors.
+    pub(super) fn of(name: &'a str, label: &'a str, mesh: &'a Mesh) -> Self {
+        Self { name, label, mesh, geometry: GeometryKind::Mesh, skin: None, shapes: &[], parts: None, cube: None }
+    }
 }
 
 /// Morph targets of a mesh of which parts are hidden: the first hides all parts, the others are differences from it.
@@ -346,9 +353,7 @@ impl GltfDocument<'_> {
     /// Differences of positions at the rising `indices` of a primitive; all others are zeros.
     fn target_positions(&mut self, indices: &[u32], values: &[Vec3], base: &Vertices<'_>) -> Result<Index> {
         let (count, label) = (base.points.len(), base.label);
-        // Compression makes zeros short, and packs no indices of sparse elements.
-        let is_dense = self.input.options.compresses() || indices.len() * 4 > count * 3;
-        match (base.cube, is_dense) {
+        match (base.cube, self.is_dense(indices.len(), count)) {
             (Some(cube), true) => self.buffer.add_quantized_differences(&spread(indices, values, count), cube, label),
             (Some(cube), false) => self.buffer.add_sparse_quantized_differences(indices, values, count, cube, label),
             (None, true) => self.buffer.add_positions(&spread(indices, values, count), label),
@@ -359,11 +364,17 @@ impl GltfDocument<'_> {
     /// As [`Self::target_positions`], of normals.
     fn target_normals(&mut self, indices: &[u32], values: &[Vec3], base: &Vertices<'_>) -> Result<Index> {
         let (count, label) = (base.points.len(), base.label);
-        if self.input.options.compresses() || indices.len() * 4 > count * 3 {
+        if self.is_dense(indices.len(), count) {
             let target = Some(super::json::target::VERTICES);
             return self.buffer.add_vectors(&spread(indices, values, count), target, label);
         }
         self.buffer.add_sparse_vectors(indices, values, count, label)
+    }
+
+    /// Whether a target of `held` of `count` vertices is shorter with zeros for the others than with the indices of those that it
+    /// holds. Compression makes zeros short, and packs no indices.
+    fn is_dense(&self, held: usize, count: usize) -> bool {
+        self.input.options.compresses() || held * (VECTOR_BYTES + INDEX_BYTES) > count * VECTOR_BYTES
     }
 
     /// Adds a point cloud; hidden points (width 0) are left out. `None` if nothing remains.

@@ -46,6 +46,11 @@ pub enum GltfTarget {
     Gltf(String),
 }
 
+/// Bytes of three floats: a position or a normal in a morph target.
+pub(super) const VECTOR_BYTES: usize = 12;
+/// Bytes of the index of a vertex in a morph target that does not hold all.
+pub(super) const INDEX_BYTES: usize = 4;
+
 /// Options of one [`GltfExporter`](super::GltfExporter), which writes one profile.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GltfOptions {
@@ -94,7 +99,7 @@ impl GltfOptions {
 
     /// Bytes of a point's position in a morph target: four integers of 16 bits, one of them padding, or three floats.
     pub(super) fn target_position_bytes(&self) -> usize {
-        if self.vertex_storage() == VertexStorage::Quantized { 8 } else { 12 }
+        if self.vertex_storage() == VertexStorage::Quantized { 8 } else { VECTOR_BYTES }
     }
 
     /// Whether morph targets may have normals: Blender ignores them and computes its own.
@@ -104,7 +109,8 @@ impl GltfOptions {
 
     /// Bytes of a point's position in a morph target with few vertices, and of the index of its vertex. Sparse elements are not padded.
     pub(super) fn sparse_position_bytes(&self) -> usize {
-        if self.vertex_storage() == VertexStorage::Quantized { 6 + 4 } else { 12 + 4 }
+        let position = if self.vertex_storage() == VertexStorage::Quantized { 6 } else { VECTOR_BYTES };
+        position + INDEX_BYTES
     }
 
     /// Most joints of an animated skeleton: [`Self::joints`] within 1 to 256 for `engine`, else a constant.

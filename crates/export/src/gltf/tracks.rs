@@ -4,7 +4,7 @@ use glam::{Quat, Vec3};
 
 use super::leaf_shapes::LeafShapes;
 use super::morph_shape::MorphShape;
-use super::options::GltfOptions;
+use super::options::{GltfOptions, INDEX_BYTES, VECTOR_BYTES};
 use osier_base::convert::limit;
 use osier_base::rng::mix64;
 use osier_scene::{
@@ -14,16 +14,14 @@ use osier_scene::{
 /// Shapes that a mesh has before any frame is left out, if all of its points are seen in each: bytes count, so that a mesh of which
 /// a part is seen has more. Own: each target holds positions and normals, and importers hold all of them.
 const MORPH_TARGETS: usize = 32;
-/// Bytes of all targets of a mesh before its error becomes visible, and most targets. Own: small meshes that
-/// move irregularly, as trees that grow year by year, keep every frame of a clip of five seconds.
-const MORPH_BUDGET: [usize; 2] = [60 << 20, 256];
+/// Bytes that the targets of a mesh may have where its error would be visible with fewer. Own: small meshes that move irregularly, as
+/// trees that grow year by year, keep every frame of a clip of five seconds.
+const MORPH_BYTES: usize = 60 << 20;
+/// Most targets of a mesh.
+const MOST_TARGETS: usize = 256;
 /// Bytes of all vertices in each target over those of the vertices that are seen, at most: programs hold all of them in memory. Own:
 /// of the wood of an oak that grows from 2 to 20 years a third is seen on average.
 const MOST_UNSEEN: usize = 3;
-/// Bytes of a normal in a target.
-const MORPH_NORMAL_BYTES: usize = 12;
-/// Bytes of the index of a vertex in a target that does not hold all.
-const MORPH_INDEX_BYTES: usize = 4;
 /// Bytes of targets that a mesh may have before any frame is left out. Own: less than the pictures of a plant.
 const MORPH_FREE: usize = 4 << 20;
 /// Smallest limit of targets, for the largest meshes. Own: with fewer, a tree that grows would jump from shape to shape.
@@ -113,7 +111,7 @@ pub(super) struct MorphKeys {
     tolerance: f32,
     /// Diagonal of the mesh's box at rest, m.
     diagonal: f32,
-    /// Bytes of targets above which shapes are thinned out; raised to [`MORPH_BUDGET`] before the error becomes visible.
+    /// Bytes of targets above which shapes are thinned out; raised to [`MORPH_BYTES`] before the error becomes visible.
     limit: usize,
     /// Bytes of the targets of the kept shapes.
     bytes: usize,
@@ -141,9 +139,10 @@ pub(super) fn estimate(vertices: u64, meshes: u64, frames: u64, options: &GltfOp
     // The meshes of a plant differ in size; only sums are known, and the budget is that of each.
     let meshes = meshes.max(1);
     let each = TargetBudget::new(limit(vertices.div_ceil(meshes)), options);
-    let [budget, _] = MORPH_BUDGET.map(|n| n as u64);
     let least = vertices * each.point as u64 * frames.min(LEAST_TARGETS as u64);
-    (frames.min(each.most as u64) * vertices * each.point as u64).min(budget.saturating_mul(meshes)).max(least)
+    (frames.min(each.most as u64) * vertices * each.point as u64)
+        .min((MORPH_BYTES as u64).saturating_mul(meshes))
+        .max(least)
 }
 
 /// What the number of points of a mesh allows for its targets.
@@ -160,13 +159,12 @@ struct TargetBudget {
 
 impl TargetBudget {
     fn new(points: usize, options: &GltfOptions) -> Self {
-        let [budget, most] = MORPH_BUDGET;
         let (points, position) = (points.max(1), options.target_position_bytes());
         let with_normals = options.has_target_normals()
-            && (position + MORPH_NORMAL_BYTES).saturating_mul(points).saturating_mul(MORPH_TARGETS) <= budget;
-        let point = if with_normals { position + MORPH_NORMAL_BYTES } else { position };
-        let held = MOST_UNSEEN * budget / point.saturating_mul(points);
-        Self { with_normals, point, most: held.clamp(LEAST_TARGETS, most) }
+            && (position + VECTOR_BYTES).saturating_mul(points).saturating_mul(MORPH_TARGETS) <= MORPH_BYTES;
+        let point = if with_normals { position + VECTOR_BYTES } else { position };
+        let held = MOST_UNSEEN * MORPH_BYTES / point.saturating_mul(points);
+        Self { with_normals, point, most: held.clamp(LEAST_TARGETS, MOST_TARGETS) }
     }
 }
 
@@ -190,7 +188,7 @@ impl MorphKeys {
             waiting: Vec::new(),
             tolerance: 0.0,
             diagonal: osier_base::geometry::Bounds::of(rest.iter().copied()).size().length(),
-            limit: MORPH_FREE.max(of_all).min(MORPH_BUDGET[0]),
+            limit: MORPH_FREE.max(of_all).min(MORPH_BYTES),
             bytes: 0,
             budget,
             points: rest.len(),
@@ -201,7 +199,7 @@ impl MorphKeys {
     fn target_bytes(&self, shape: &MorphShape) -> usize {
         let unseen = shape.unseen.iter().filter(|unseen| **unseen).count();
         let seen = self.points.saturating_sub(unseen);
-        (seen * (self.budget.point + MORPH_INDEX_BYTES)).min(self.points * self.budget.point)
+        (seen * (self.budget.point + INDEX_BYTES)).min(self.points * self.budget.point)
     }
 
     /// Whether omitted frames deviate visibly from the interpolated shapes: by more than [`MORPH_TOLERANCE`].
@@ -287,10 +285,10 @@ impl MorphKeys {
         let mut tolerance = self.tolerance.max(LEAST_TOLERANCE * self.diagonal);
         loop {
             if self.error + tolerance > MORPH_TOLERANCE * self.diagonal
-                && self.limit < MORPH_BUDGET[0]
+                && self.limit < MORPH_BYTES
                 && self.shapes.len() <= most
             {
-                self.limit = MORPH_BUDGET[0];
+                self.limit = MORPH_BYTES;
                 if self.bytes <= self.limit {
                     return;
                 }
@@ -368,7 +366,7 @@ impl ClipTracks {
         self.numbers.push(frame.number);
         let rest = AssetFrame::default();
         for (i, (tracks, asset)) in self.assets.iter_mut().zip(&scene.assets).enumerate() {
-            tracks.push(asset, frame.number, frame.assets.get(i).unwrap_or(&rest), scene);
+            tracks.push(asset, frame.number, frame.assets.get(i).unwrap_or(&rest));
         }
     }
 }
@@ -378,7 +376,7 @@ impl AssetTracks {
         let mut moving = Vec::new();
         let leaves = LeafShapes::new(asset, scene, options);
         for (instancer, source) in asset.instancers.iter().enumerate() {
-            let is_shape = leaves.is_some() && LeafShapes::holds(asset, source, scene);
+            let is_shape = leaves.as_ref().is_some_and(|leaves| leaves.holds(instancer));
             if source.motion == InstancerMotion::Free && !is_shape {
                 moving.extend(source.ids.iter().enumerate().map(|(instance, id)| InstanceTrack {
                     key: mix64(&[scene.seed, *id]),
@@ -415,9 +413,9 @@ impl AssetTracks {
     }
 
     /// `number`: of the frame in the clip.
-    fn push(&mut self, asset: &Asset, number: u32, frame: &AssetFrame, scene: &Scene) {
+    fn push(&mut self, asset: &Asset, number: u32, frame: &AssetFrame) {
         if let Some(leaves) = &mut self.leaves {
-            leaves.push(asset, frame, scene);
+            leaves.push(asset, frame);
         }
         if let Some(skeleton) = &asset.skeleton {
             // A frame without a pose shows the skeleton at rest; the track needs an entry all the same, one for each key time.

@@ -8,12 +8,14 @@
 mod build;
 mod leaves;
 mod places;
+mod settings;
 mod verify;
 mod view;
 
-pub use build::{Settings, build};
+pub use build::build;
 pub use leaves::write_leaves;
 pub use places::{MAX_LISTED_PLACES, PLACES_FILE, write_places};
+pub use settings::Settings;
 pub use verify::{Verification, verify};
 
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,6 @@
 //! Camera, light and display of a scene, as the manifest holds them.
 
-use super::Settings;
-use super::{CameraEntry, CurveEntry, FogEntry, LookEntry, SkyEntry, SunEntry, ViewEntry};
+use super::{CameraEntry, CurveEntry, FogEntry, LookEntry, Settings, SkyEntry, SunEntry, ViewEntry};
 use crate::exr::SKY_FILE;
 use osier_base::math::narrow;
 use osier_base::units;

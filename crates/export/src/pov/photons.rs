@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::mesh::extract_triangles;
+use osier_base::disjoint_sets::DisjointSets;
 use osier_base::geometry::Bounds;
 use osier_scene::{Material, MaterialClass, Mesh};
 
@@ -24,36 +25,20 @@ pub(super) fn is_all_water(mesh: &Mesh, materials: &[Material]) -> bool {
 
 /// Splits a mesh of drops into targets and the others. A drop is a connected component of the triangles.
 pub(super) fn split_targets(mesh: &Mesh, smallest: Option<f32>) -> (Mesh, Mesh) {
-    // Union-find over the points: the root of a component is its first point.
-    let mut parent: Vec<usize> = (0..mesh.points.len()).collect();
-    for t in &mesh.triangles {
-        let [a, b, c] = t.map(|i| find_root(&mut parent, i as usize));
-        // A triangle joins the components of its three corners under the smallest root.
-        let first = a.min(b).min(c);
-        [a, b, c].into_iter().for_each(|i| parent[i] = first);
-    }
+    let mut drops = DisjointSets::connected(mesh.points.len(), &mesh.triangles);
     // The box of each component; half its longest side is taken as the drop's radius.
-    let mut boxes: BTreeMap<usize, Bounds> = BTreeMap::new();
-    for (i, p) in mesh.points.iter().enumerate() {
-        let drop = boxes.entry(find_root(&mut parent, i)).or_default();
+    let mut boxes: BTreeMap<u32, Bounds> = BTreeMap::new();
+    for (i, p) in (0_u32..).zip(&mesh.points) {
+        let drop = boxes.entry(drops.find(i)).or_default();
         *drop = drop.union(Bounds::of([*p]));
     }
-    let large = |t: &[u32; 3], parent: &mut [usize]| {
+    let is_target = |t: &[u32; 3]| {
         // All corners of a triangle are in the same component: the first one decides.
-        let drop = boxes.get(&find_root(parent, t[0] as usize));
+        let drop = boxes.get(&drops.find(t[0]));
         drop.is_some_and(|b| is_target_radius(smallest, b.size().max_element() * 0.5))
     };
-    let chosen: Vec<bool> = mesh.triangles.iter().map(|t| large(t, &mut parent)).collect();
+    let chosen: Vec<bool> = mesh.triangles.iter().map(is_target).collect();
     (extract_triangles(mesh, |i| chosen[i]), extract_triangles(mesh, |i| !chosen[i]))
-}
-
-/// The root of a point's component, with path halving.
-fn find_root(parent: &mut [usize], mut i: usize) -> usize {
-    while parent[i] != i {
-        parent[i] = parent[parent[i]];
-        i = parent[i];
-    }
-    i
 }
 
 #[cfg(test)]

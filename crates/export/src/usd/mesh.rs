@@ -71,9 +71,12 @@ fn st_or_zeros(mesh: &Mesh) -> Vec<[f32; 2]> {
     if mesh.uvs.is_empty() { vec![[0.0; 2]; mesh.points.len()] } else { bytemuck::cast_slice(&mesh.uvs).to_vec() }
 }
 
-/// Indices of the faces of each material that has any, in order of first use.
-fn material_faces(mesh: &Mesh) -> Result<Vec<(MaterialId, Vec<i32>)>> {
-    let mut out: Vec<(MaterialId, Vec<i32>)> = Vec::new();
+/// A material and the indices of its faces.
+type MaterialFaces = (MaterialId, Vec<i32>);
+
+/// The faces of each material that has any, in order of first use.
+fn material_faces(mesh: &Mesh) -> Result<Vec<MaterialFaces>> {
+    let mut out: Vec<MaterialFaces> = Vec::new();
     for s in mesh.subsets.iter().filter(|s| s.count > 0) {
         let end = narrow::<i32, u32>(s.first.saturating_add(s.count), "faces of a mesh")?;
         let faces = s.first.cast_signed()..end;
@@ -326,6 +329,26 @@ pub(super) struct VaryingMesh {
     times: Vec<f64>,
 }
 
+/// A frame of such a mesh.
+#[derive(Clone, Copy)]
+struct VaryingFrame<'m> {
+    mesh: &'m Mesh,
+    /// Time code.
+    time: f64,
+    /// Whether its values are also those without a time.
+    sets_default: bool,
+}
+
+impl VaryingFrame<'_> {
+    /// Sets the value of an attribute at the frame.
+    fn set(&self, layer: &mut LayerBuilder, attr: AttrHandle, array: UsdArray<'_>) -> Result<()> {
+        if self.sets_default {
+            layer.writer.set_default(attr, array.into())?;
+        }
+        layer.writer.set_time_sample(attr, self.time, array.into())
+    }
+}
+
 impl VaryingMesh {
     pub(super) fn new(
         cx: &UsdContext,
@@ -353,22 +376,17 @@ impl VaryingMesh {
         Ok(Self { index, root, path, attrs, velocities, subsets, primvars: Vec::new(), times: Vec::new() })
     }
 
-    /// Samples the subset of every material seen so far, so that the subsets of each frame partition its faces. `sets_default`: whether
-    /// the faces are also those without a time.
-    fn sample_subsets(
+    /// Defines the subsets of materials that appear for the first time, with empty samples at the frames before.
+    fn define_new_subsets(
         &mut self,
         cx: &UsdContext,
         layer: &mut LayerBuilder,
-        mesh: &Mesh,
-        time: f64,
-        sets_default: bool,
+        families: &[MaterialFaces],
     ) -> Result<()> {
-        let families = material_faces(mesh)?;
         if self.subsets.is_empty() && !families.is_empty() {
             set_partition_family(layer, &self.path)?;
         }
-        for (material, _) in &families {
-            // A material that appears late gets empty samples at the frames before.
+        for (material, _) in families {
             if !self.subsets.contains_key(material) {
                 let attr = define_subset(cx, layer, &self.root, &self.path, *material, &[])?;
                 for t in &self.times {
@@ -377,31 +395,36 @@ impl VaryingMesh {
                 self.subsets.insert(*material, attr);
             }
         }
-        self.sample_primvars(cx, layer, mesh, time)?;
+        Ok(())
+    }
+
+    /// Samples the subset of every material seen so far, so that the subsets of each frame partition its faces.
+    fn sample_subsets(
+        &self,
+        layer: &mut LayerBuilder,
+        frame: VaryingFrame<'_>,
+        families: &[MaterialFaces],
+    ) -> Result<()> {
         for (material, attr) in &self.subsets {
             let faces = families.iter().find(|(m, _)| m == material).map_or(&[][..], |(_, f)| f);
-            if sets_default {
-                layer.writer.set_default(*attr, UsdArray::Int(faces).into())?;
-            }
-            layer.writer.set_time_sample(*attr, time, UsdArray::Int(faces).into())?;
+            frame.set(layer, *attr, UsdArray::Int(faces))?;
         }
-        self.times.push(time);
         Ok(())
     }
 
     /// Samples every attribute seen so far, so that its values fit the points at all frames: none at frames without it.
-    fn sample_primvars(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, mesh: &Mesh, time: f64) -> Result<()> {
+    fn sample_primvars(&mut self, up: UpAxis, layer: &mut LayerBuilder, frame: VaryingFrame<'_>) -> Result<()> {
         let known = self.primvars.len();
-        for a in mesh.attributes.iter().filter(|a| !a.data.is_empty()) {
+        for a in frame.mesh.attributes.iter().filter(|a| !a.data.is_empty()) {
             if !self.primvars.iter().any(|p| p.name == a.name) {
-                self.primvars.push(AnimatedPrimvar::create(layer, &self.path, a, cx.up)?);
+                self.primvars.push(AnimatedPrimvar::create(layer, &self.path, a, up)?);
             }
         }
         // An attribute that appears late gets empty samples at the frames before.
         for t in &self.times {
             self.primvars.iter().skip(known).try_for_each(|p| p.sample(layer, *t, &[]))?;
         }
-        self.primvars.iter().try_for_each(|p| p.sample(layer, time, &mesh.attributes))
+        self.primvars.iter().try_for_each(|p| p.sample(layer, frame.time, &frame.mesh.attributes))
     }
 }
 
@@ -413,7 +436,6 @@ impl AnimatedPrim for VaryingMesh {
             _ => (&object.mesh, &[]),
         };
         let a = MeshArrays::of(mesh, cx.up)?;
-        let time = sample.time;
         // A sample without velocities still needs as many of them as points, or readers keep those of the frame before.
         let v = if velocities.len() == mesh.points.len() {
             as_float3(&cx.up.stage_vecs(velocities)).to_vec()
@@ -436,13 +458,14 @@ impl AnimatedPrim for VaryingMesh {
         // the mesh at rest, which is there already.
         let rest = &object.mesh;
         let sets_default = self.times.is_empty() && (mesh.points != rest.points || mesh.triangles != rest.triangles);
-        for (attr, array) in arrays {
-            if sets_default {
-                layer.writer.set_default(attr, array.into())?;
-            }
-            layer.writer.set_time_sample(attr, time, array.into())?;
-        }
-        self.sample_subsets(cx, layer, mesh, time, sets_default)
+        let frame = VaryingFrame { mesh, time: sample.time, sets_default };
+        arrays.into_iter().try_for_each(|(attr, array)| frame.set(layer, attr, array))?;
+        let families = material_faces(mesh)?;
+        self.define_new_subsets(cx, layer, &families)?;
+        self.sample_primvars(cx.up, layer, frame)?;
+        self.sample_subsets(layer, frame, &families)?;
+        self.times.push(frame.time);
+        Ok(())
     }
 }
 

@@ -235,7 +235,6 @@ fn counts_of_many_seeds_are_independent_of_the_step() {
     assert_independent_of_the_step(64, 0.0);
 }
 
-/// A catkin that leaves the box is hidden until it reenters, and has then the next generation.
 /// What would come down beyond a side in the step in which it leaves has not landed: it is recycled, or counts as left, alone and in
 /// a cluster. At periodic sides it lands on the other side of the box.
 #[test]
@@ -274,6 +273,7 @@ fn nothing_lands_outside_of_the_box() {
     }
 }
 
+/// A catkin that leaves the box is hidden until it reenters, and has then the next generation.
 #[test]
 fn recycled_catkins_are_hidden_while_they_move() {
     let mut all = flights(300, FlightParams::default(), &wall_and_house());
@@ -532,14 +532,12 @@ fn swing_and_tilt(fps: f64, speed: f64, seeds: u64) -> [f64; 2] {
 
 /// The swing of catkins at coarse frame rates is within a tenth of that at 96 frames a second.
 #[test]
-#[allow(clippy::print_stdout, reason = "a measurement")]
 fn swing_is_independent_of_the_frame_rate() {
     for speed in [3.0, 8.0] {
         let found = [8.0, 12.0, 24.0, 48.0, 96.0].map(|fps| swing_and_tilt(fps, speed, 8));
-        println!("{speed} m/s: {found:.3?}");
         let fine = found[4];
         for coarse in &found[..4] {
-            assert!((0..2).all(|k| (coarse[k] / fine[k] - 1.0).abs() < 0.1), "{found:.3?}");
+            assert!((0..2).all(|k| (coarse[k] / fine[k] - 1.0).abs() < 0.1), "{speed} m/s: {found:.3?}");
         }
     }
 }

@@ -3,37 +3,17 @@
 use std::fmt;
 use std::time::Duration;
 
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DVec3, Vec3};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
-use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
-use obvhs::ray::{Ray, RayHit};
 
 use crate::rain::leaf::surface::LeafSurface;
 use crate::rain::solids::RainSolids;
 use crate::rain::target::{LeafPose, WoodSegment};
-use crate::rain::tuning::{HIT_TIE, REFITS_PER_BUILD, TRIANGLE_SLACK};
-
-/// A triangle in the form that the intersection test takes.
-#[derive(Debug, Clone, Copy)]
-struct ColliderTriangle {
-    /// Position of the first corner, m.
-    corner: Vec3,
-    /// Edges from there to the second and to the third corner, m.
-    edges: [Vec3; 2],
-    /// Index among the triangles of the blade.
-    index: u32,
-}
-
-/// Triangles at rest, with a compressed wide hierarchy of their bounding boxes.
-pub(crate) struct TriangleHierarchy {
-    bvh: CwBvh,
-    /// In the order of the leaves of the hierarchy.
-    triangles: Vec<ColliderTriangle>,
-}
+use crate::rain::triangle_hierarchy::{TriangleHierarchy, TriangleHit};
+use crate::rain::tuning::{HIT_TIE, REFITS_PER_BUILD};
 
 /// The triangles of a blade in a bounding volume hierarchy, at scale 1; shared by all leaves of one shape.
 pub struct LeafCollider {
@@ -46,75 +26,7 @@ pub struct LeafCollider {
 
 impl fmt::Debug for LeafCollider {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "LeafCollider of {} triangles", self.hierarchy.triangles.len())
-    }
-}
-
-/// First point at which a straight path meets a blade.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LeafHit {
-    /// Fraction of the path, 0 to 1.
-    pub t: f64,
-    /// Index among the triangles of the blade.
-    pub triangle: usize,
-    /// Barycentric coordinates of the second and third corner.
-    pub weights: [f64; 2],
-}
-
-/// Where a path meets a triangle, in single precision: fraction of the path, and weights of the second and third corner.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct TriangleHit {
-    t: f32,
-    weights: [f32; 2],
-}
-
-impl TriangleHierarchy {
-    /// Builds the hierarchy over triangles, each of which names three of the points, m.
-    pub(crate) fn new(points: &[Vec3], triangles: &[[u32; 3]]) -> Self {
-        let corners = |t: &[u32; 3]| t.map(|i| points[i as usize]);
-        let boxes: Vec<Aabb> = triangles
-            .iter()
-            .map(|t| {
-                let [a, b, c] = corners(t).map(Vec3A::from);
-                Aabb::new(a.min(b).min(c), a.max(b).max(c))
-            })
-            .collect();
-        let bvh = build_cwbvh(&boxes, BvhBuildParams::fast_build(), &mut Duration::default());
-        let triangle = |index: &u32| {
-            let [a, b, c] = corners(&triangles[*index as usize]);
-            ColliderTriangle { corner: a, edges: [b - a, c - a], index: *index }
-        };
-        let triangles = bvh.primitive_indices.iter().map(triangle).collect();
-        Self { bvh, triangles }
-    }
-
-    /// The first hit, from either side, of the straight path between two points, m.
-    pub(crate) fn intersect(&self, from: DVec3, to: DVec3) -> Option<LeafHit> {
-        let d = (to - from).as_vec3();
-        let length = d.length();
-        if length <= 0.0 || self.triangles.is_empty() {
-            return None;
-        }
-        let o = from.as_vec3();
-        let ray = Ray::new(o.into(), (d / length).into(), 0.0, length);
-        let mut best: Option<(TriangleHit, u32)> = None;
-        let mut ray_hit = RayHit::none();
-        self.bvh.ray_traverse(ray, &mut ray_hit, |_, i| {
-            let triangle = &self.triangles[i];
-            let Some(hit) = intersect_triangle(o, d, triangle) else { return f32::INFINITY };
-            // A path may hit an edge that two triangles share: the lower index counts, whatever the order of traversal.
-            let index = triangle.index;
-            if best.is_none_or(|(b, i)| hit.t < b.t - HIT_TIE || (hit.t <= b.t + HIT_TIE && index < i)) {
-                best = Some((hit, index));
-            }
-            // The traversal skips boxes beyond the returned distance: keep those that may hold a tie.
-            (hit.t + 2.0 * HIT_TIE) * length
-        });
-        best.map(|(hit, index)| LeafHit {
-            t: f64::from(hit.t),
-            triangle: index as usize,
-            weights: hit.weights.map(f64::from),
-        })
+        write!(f, "LeafCollider of {} triangles", self.hierarchy.len())
     }
 }
 
@@ -131,34 +43,9 @@ impl LeafCollider {
     }
 
     /// The first hit, from either side, of the straight path between two points of blade space at scale 1, m.
-    pub(crate) fn intersect(&self, from: DVec3, to: DVec3) -> Option<LeafHit> {
+    pub(crate) fn intersect(&self, from: DVec3, to: DVec3) -> Option<TriangleHit> {
         self.hierarchy.intersect(from, to)
     }
-
-    /// The first hit by a test of every triangle: the reference for [`LeafCollider::intersect`].
-    #[cfg(test)]
-    fn intersect_all(&self, from: DVec3, to: DVec3) -> Option<(f32, u32)> {
-        let (o, d) = (from.as_vec3(), (to - from).as_vec3());
-        let hits =
-            self.hierarchy.triangles.iter().filter_map(|t| intersect_triangle(o, d, t).map(|hit| (hit.t, t.index)));
-        hits.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
-    }
-}
-
-/// Where the path from `o` along `d` crosses a triangle. Source: Möller and Trumbore 1997.
-fn intersect_triangle(o: Vec3, d: Vec3, triangle: &ColliderTriangle) -> Option<TriangleHit> {
-    let ColliderTriangle { corner: a, edges: [e, f], .. } = *triangle;
-    // Solve o + t d = a + u e + v f by Cramer's rule; the determinant is 0 for a path parallel to the triangle.
-    let p = d.cross(f);
-    let det = e.dot(p);
-    if det.abs() < f32::MIN_POSITIVE {
-        return None;
-    }
-    let s = (o - a) / det;
-    let q = s.cross(e);
-    let (u, v, t) = (s.dot(p), d.dot(q), f.dot(q));
-    (u >= TRIANGLE_SLACK && v >= TRIANGLE_SLACK && u + v <= 1.0 - TRIANGLE_SLACK && (0.0..=1.0).contains(&t))
-        .then_some(TriangleHit { t, weights: [u, v] })
 }
 
 /// A leaf that moves during a time step.
@@ -174,7 +61,7 @@ pub(crate) struct MovingLeaf<'a> {
 
 impl MovingLeaf<'_> {
     /// Where a drop of diameter `d`, m, meets the leaf on its path between two world positions during the step.
-    pub fn intersect_path(&self, [from, to]: [DVec3; 2], d: f64) -> Option<LeafHit> {
+    pub fn intersect_path(&self, [from, to]: [DVec3; 2], d: f64) -> Option<TriangleHit> {
         // In the frame of the moving leaf the blade is at rest. The path leads from the drop's start in the first pose to its
         // end in the second pose, and is taken as straight, so that no drop passes a leaf between two steps.
         let to_leaf = |p: DVec3, pose: &LeafPose| (pose.orientation.inverse() * (p - pose.position)) / self.scale;
@@ -185,7 +72,7 @@ impl MovingLeaf<'_> {
         let hit = self.collider.intersect(a, b + ahead)?;
         // From a fraction of the lengthened path to one of the center's path.
         let t = hit.t * (path.length() + ahead.length()) / path.length().max(f64::MIN_POSITIVE);
-        Some(LeafHit { t: t.min(1.0), ..hit })
+        Some(TriangleHit { t: t.min(1.0), ..hit })
     }
 
     /// Bounding box of the leaf in both poses, in the world.
@@ -210,7 +97,7 @@ pub(crate) struct WoodHit {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum DropHit {
     /// A leaf by its index in the simulation, and the struck point of its blade.
-    Leaf { leaf: usize, hit: LeafHit },
+    Leaf { leaf: usize, hit: TriangleHit },
     /// A wood segment by its index over all plants, and the struck place along it.
     Wood { segment: usize, hit: WoodHit },
     /// A wall, a roof or a mesh, at which the drop ends.
@@ -394,7 +281,7 @@ mod tests {
         let mut hits = 0;
         for _ in 0..100_000 {
             let (a, b) = (any(0.05), any(0.05));
-            let slow = collider.intersect_all(a, b);
+            let slow = collider.hierarchy.intersect_all(a, b);
             let fast = collider.intersect(a, b);
             hits += usize::from(slow.is_some());
             match (slow, fast) {

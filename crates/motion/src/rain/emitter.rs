@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::rain::fall::{sample_wind, sphere_volume, terminal_speed, terminal_speed_on_earth};
+use crate::rain::fall::{EmittedDrop, sample_wind, sphere_volume, terminal_speed, terminal_speed_on_earth};
 use crate::rain::shelter::Shelter;
 use crate::rain::source_region::{DriftTracer, SourceRegion};
 use crate::rain::tuning::{
@@ -109,19 +109,6 @@ struct WindEpoch {
     regions: Vec<SourceRegion>,
     /// Cumulative areas of the regions' bounding rectangles over the table of diameters, m^2.
     cumulative_areas: Vec<f64>,
-}
-
-/// A drop at its emission, on the emission plane.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EmittedDrop {
-    /// Time of emission, s.
-    pub t: f64,
-    /// Position in the world, m.
-    pub p: DVec3,
-    /// Velocity: terminal speed, carried by the wind, m/s.
-    pub v: DVec3,
-    /// Volume of the drop, m^3.
-    pub volume: f64,
 }
 
 struct DiameterSample {

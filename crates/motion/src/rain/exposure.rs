@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use crate::rain::emitter::{EmittedDrop, RainfallParams, diameters_of_equal_probability};
-use crate::rain::fall::{sample_wind, sphere_volume, terminal_speed};
+use crate::rain::emitter::{RainfallParams, diameters_of_equal_probability};
+use crate::rain::fall::{EmittedDrop, sample_wind, sphere_volume, terminal_speed};
 use crate::rain::ground::GroundHeight;
 use crate::rain::shelter::Shelter;
 use crate::rain::solids::RainSolids;

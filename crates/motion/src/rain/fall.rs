@@ -9,6 +9,19 @@ use osier_base::math;
 use osier_base::physics::GRAVITY;
 use osier_wind::Wind;
 
+/// A drop at its emission, on the emission plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EmittedDrop {
+    /// Time of emission, s.
+    pub t: f64,
+    /// Position in the world, m.
+    pub p: DVec3,
+    /// Velocity: terminal speed, carried by the wind, m/s.
+    pub v: DVec3,
+    /// Volume of the drop, m^3.
+    pub volume: f64,
+}
+
 /// Terminal speed of a raindrop of diameter `d`, m, in still air on Earth, m/s. Source: Atlas et al. 1973.
 pub(crate) fn terminal_speed_on_earth(d: f64) -> f64 {
     (9.65 - 10.3 * math::exp(-600.0 * d)).max(MIN_TERMINAL_SPEED)

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use crate::rain::emitter::EmittedDrop;
-use crate::rain::fall::{sample_wind, sphere_diameter, terminal_speed};
+use crate::rain::fall::{EmittedDrop, sample_wind, sphere_diameter, terminal_speed};
 use crate::rain::ground::GroundHeight;
 use crate::rain::solids::RainSolids;
 use crate::rain::tuning::{MAX_SHELTER_STEPS, SHELTER_STEP};

@@ -4,18 +4,19 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::collide::{DropHit, LeafCollider, LeafHit, MovingLeaf, RainCollider, SweptHierarchy, WoodHit};
+use super::collide::{DropHit, LeafCollider, MovingLeaf, RainCollider, SweptHierarchy, WoodHit};
 use super::drops::rain_leaf::{AttachedWater, DropCounters, LeafStep, LeafStepResult, PointForce, RainLeaf, WetSpot};
 use super::drops::surface_drop::LeafDrop;
-use super::emitter::{EmittedDrop, RainEmitter};
+use super::emitter::RainEmitter;
 use super::event::{DropEventKind, RainEvent};
-use super::fall::{sample_wind, sphere_diameter, sphere_volume, step_velocity};
+use super::fall::{EmittedDrop, sample_wind, sphere_diameter, sphere_volume, step_velocity};
 use super::ground::{GroundHeight, ground_crossing};
 use super::impact::{Impact, weber_number, wood_impulse};
 use super::params::{DropParams, ImpactImpulseLaw};
 use super::shelter::Shelter;
 use super::solids::RainSolids;
 use super::target::{LeafPose, RainPlant, WoodSegment};
+use super::triangle_hierarchy::TriangleHit;
 use super::tuning::{
     ACCELERATION_RESPONSE_TIME, BUDGET_TOLERANCE, DROP_WIND_INTERVAL, DROPS_PER_TASK, IGNORE_LEAF_TIME,
     MAX_SPLASH_DROPLETS, SPLASH_ANGLES, SPLASH_DIAMETERS, SPLASH_OFFSET, SPLASH_SPEEDS, SPLASH_WEBER_NUMBER,
@@ -538,7 +539,7 @@ impl RainSimulation {
 
     /// Lets a drop strike a leaf: it falls through a hole, or transfers an impulse, may splash, and bounces or becomes a sessile
     /// drop. The impulse on the leaf is the whole momentum that the drop has lost, the loss to its splash included.
-    fn strike_leaf(&mut self, drop: &FallingDrop, i: usize, hit: &LeafHit) {
+    fn strike_leaf(&mut self, drop: &FallingDrop, i: usize, hit: &TriangleHit) {
         let (pose, leaf) = (self.poses[i], &self.leaves[i]);
         let uv = leaf.blade.interpolate_uv(hit.triangle, hit.weights);
         let ignore_leaf = Some(IgnoredLeaf { leaf: i, until: self.t + IGNORE_LEAF_TIME });

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use crate::rain::collide::TriangleHierarchy;
+use crate::rain::triangle_hierarchy::TriangleHierarchy;
 use osier_base::Result;
 use osier_base::convert::index;
 use osier_base::geometry::Bounds;

@@ -3,8 +3,8 @@
 use glam::{DVec3, Vec3};
 
 use super::setup::LatticeOptions;
-use super::solver::input_error;
 use osier_base::Result;
+use osier_base::diagnostic::Diagnostic;
 use osier_scene::solid::{Form, Solid};
 
 /// Refuses solids that cross one of two joined sides of the box (S039): the part beyond would be missing at the other side.
@@ -40,7 +40,7 @@ pub(super) fn check_joined_sides(options: &LatticeOptions, solids: &[Solid]) -> 
             );
             let help = "move the solid into the box, enlarge the box with wind.lattice.cells, let the solid cross both \
                         sides, or set wind.lattice.sides = \"open\"";
-            return Err(input_error("S039", message, help));
+            return Err(Diagnostic::about("S039", message).help(help).into());
         }
     }
     Ok(())

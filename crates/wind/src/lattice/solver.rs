@@ -27,7 +27,7 @@ use super::tuning::{
     CHECK_INTERVAL, CHECKERBOARD_WARNING, DENSITY_RANGE, MAX_BLOCKAGE, MAX_CLAMPED_SHARE, REFUSED_BLOCKAGE,
 };
 use super::voxelize::{fill_and_check_solids, voxelize};
-use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::par;
@@ -412,7 +412,7 @@ impl LatticeSolver {
             "{wider}raise wind.lattice.tau_floor or wind.lattice.steps (now {}), or lower wind.speed",
             self.setup.steps
         );
-        input_error("S024", message, help)
+        Diagnostic::about("S024", message).help(help).into()
     }
 
     /// The flow as bytes, to continue from with [`LatticeSolver::resume`]: step and frame, exchange history, populations.
@@ -465,12 +465,6 @@ impl LatticeSolver {
     }
 }
 
-/// Error of one diagnostic without a position in a file.
-pub(super) fn input_error(code: &'static str, message: impl Into<String>, help: impl Into<String>) -> Error {
-    let diagnostics = vec![Diagnostic::about(code, message).help(help)];
-    Error::Input(Box::new(Report { diagnostics, ..Report::default() }))
-}
-
 /// Refuses a wind that has hardly any way past the solids. `blocked`: share of rows of cells that they block.
 fn check_blockage(domain: &Domain, blocked: f64) -> Result<()> {
     // The exact search is costly, and has nothing to find while enough rows are free.
@@ -486,14 +480,16 @@ fn check_blockage(domain: &Domain, blocked: f64) -> Result<()> {
         format!("solids block {share:.0} % of the section of the lattice wind's inflow: the air cannot pass them");
     let help =
         "enlarge the box with wind.lattice.cells until half of the section stays open, or leave a gap in the solids";
-    Err(input_error("S030", message, help))
+    Err(Diagnostic::about("S030", message).help(help).into())
 }
 
 fn all_solid_error() -> Error {
-    input_error("S024", "all cells of the lattice wind are inside solids", "move or enlarge the box of the lattice")
+    let message = "all cells of the lattice wind are inside solids";
+    Diagnostic::about("S024", message).help("move or enlarge the box of the lattice").into()
 }
 
 /// The checkpoint was written by a lattice with other options, seed or solids, or is damaged.
 pub(super) fn checkpoint_mismatch_error() -> Error {
-    input_error("S025", "the checkpoint is of another lattice wind", "simulate the wind from the start")
+    let message = "the checkpoint is of another lattice wind";
+    Diagnostic::about("S025", message).help("simulate the wind from the start").into()
 }

@@ -1,5 +1,6 @@
 //! The twigs that release catkins, and the positions of their ends in each frame.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -35,8 +36,14 @@ struct CanopyPlant {
     phase: u32,
     /// Share of the catkins that start at each of its twigs, relative to those of other plants.
     weight: f64,
-    /// Ends of the twigs at rest, m, in plant space.
-    rest: Vec<Vec3>,
+    twigs: BoundTwigs,
+}
+
+/// Ends of the twigs of a plant in plant space.
+#[derive(Debug, Clone)]
+struct BoundTwigs {
+    /// Positions at rest, m.
+    rest: Arc<[Vec3]>,
     /// These ends as the plant's motion carries them; `None` for a still plant.
     moving: Option<Arc<dyn CarriedPoints>>,
 }
@@ -63,24 +70,26 @@ impl Canopy {
         builder: &SceneBuilder,
     ) -> Self {
         let Some(flight) = &recipe.flight else { return Self::default() };
-        let mut bound: Vec<Option<Arc<dyn CarriedPoints>>> = vec![None; layout.individuals.len()];
+        // Copies of an individual share its twigs and its motion.
+        let mut of_individuals: BTreeMap<usize, BoundTwigs> = BTreeMap::new();
         let mut plants = Vec::new();
         for (i, instance) in layout.instances.iter().enumerate() {
             let individual = instance.individual;
             let Some((kind, grown)) = layout.individuals.get(individual).zip(grown.get(individual)) else { continue };
             let Some((_, weight)) = flight.canopy.iter().find(|(plant, _)| *plant == kind.plant) else { continue };
-            let ends = twig_ends(grown);
-            // Copies of an individual share its motion.
-            let motion = builder.motions.get(individual).and_then(Option::as_ref);
-            if let (Some(slot @ None), Some(motion)) = (bound.get_mut(individual), motion) {
-                *slot = Arc::clone(motion).carry_points(&grown.plant, &ends);
-            }
+            let twigs = of_individuals.entry(individual).or_insert_with(|| {
+                let ends = twig_ends(grown);
+                let motion = builder.motions.get(individual).and_then(Option::as_ref);
+                BoundTwigs {
+                    rest: ends.iter().map(|end| end.position).collect(),
+                    moving: motion.and_then(|motion| Arc::clone(motion).carry_points(&grown.plant, &ends)),
+                }
+            });
             plants.push(CanopyPlant {
                 transform: instance.transform,
                 phase: builder.placements.get(i).map_or(0, |placement| placement.phase),
                 weight: *weight,
-                rest: ends.iter().map(|end| end.position).collect(),
-                moving: bound.get(individual).cloned().flatten(),
+                twigs: twigs.clone(),
             });
         }
         Self { plants }
@@ -93,8 +102,8 @@ impl Canopy {
         let posed = |plant: &CanopyPlant| {
             // Copies of one individual show its motion with different phases, so that they do not sway in step.
             let time = FrameTime { seconds: time.seconds + f64::from(plant.phase) * time.step, ..time };
-            let ends = plant.moving.as_ref().map(|moving| moving.positions(time)).transpose()?;
-            let ends = ends.as_ref().unwrap_or(&plant.rest);
+            let ends = plant.twigs.moving.as_ref().map(|moving| moving.positions(time)).transpose()?;
+            let ends = ends.as_deref().unwrap_or(&plant.twigs.rest);
             Ok(ends.iter().map(|end| plant.transform.apply(*end)).collect())
         };
         self.plants.iter().map(posed).collect()
@@ -113,7 +122,7 @@ impl Canopy {
         // Cumulative weights: a uniform draw times their total falls into one twig's interval.
         let (mut cumulative, mut twigs, mut sum) = (Vec::new(), Vec::new(), 0.0);
         for (number, plant) in self.plants.iter().enumerate() {
-            for twig in 0..plant.rest.len() {
+            for twig in 0..plant.twigs.rest.len() {
                 sum += plant.weight;
                 cumulative.push(sum);
                 twigs.push((number, twig));

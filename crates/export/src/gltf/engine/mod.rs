@@ -78,16 +78,7 @@ impl GltfDocument<'_> {
                 channels: self.input.options.channels.map(|c| c.words()).unwrap_or_default(),
             };
             let mesh = with_wind(level, self.input.options.channels.as_ref());
-            let mesh_source = MeshSource {
-                name: &name,
-                label: &label,
-                mesh: &mesh,
-                geometry,
-                skin: skin.as_ref(),
-                shapes: &[],
-                parts: None,
-                cube: None,
-            };
+            let mesh_source = MeshSource { geometry, skin: skin.as_ref(), ..MeshSource::of(&name, &label, &mesh) };
             if let Some(mesh) = self.add_mesh(mesh_source)? {
                 if let Some(json) = self.root.meshes.get_mut(mesh.index as usize) {
                     json.extras = Some(MeshExtras { target_names: Vec::new(), osier: Some(extras) });

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use glam::{DVec3, Vec3};
 
 use super::clusters::Clusters;
-use super::parts::{DisjointSets, index};
+use super::parts::index;
 use super::refine::RefinedSurface;
 use super::wood_search::{WoodSample, WoodSearch};
+use osier_base::disjoint_sets::DisjointSets;
 use osier_base::math;
 
 /// Widest gap that is joined: the larger of a number of radii of the end node and a share of the diagonal of the mesh. Larger

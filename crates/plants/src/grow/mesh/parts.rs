@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3, Vec3};
 
+use osier_base::disjoint_sets::DisjointSets;
 use osier_base::geometry::Bounds;
 use osier_base::math;
 use osier_base::par::LookupMap;
@@ -178,33 +179,6 @@ fn weld(points: &[Vec3]) -> WeldedPoints {
         }));
     }
     WeldedPoints { welded_index: of, points: places }
-}
-
-/// Disjoint sets (union-find with path halving); the lowest member represents a set.
-#[derive(Debug)]
-pub(super) struct DisjointSets(Vec<u32>);
-
-impl DisjointSets {
-    pub fn new(n: usize) -> Self {
-        Self((0..).take(n).collect())
-    }
-
-    pub fn find(&mut self, i: u32) -> u32 {
-        let mut i = i;
-        while self.0[i as usize] != i {
-            let up = self.0[self.0[i as usize] as usize];
-            self.0[i as usize] = up;
-            i = up;
-        }
-        i
-    }
-
-    /// Joins two sets; true if they were distinct.
-    pub fn join(&mut self, a: u32, b: u32) -> bool {
-        let (a, b) = (self.find(a), self.find(b));
-        self.0[a.max(b) as usize] = a.min(b);
-        a != b
-    }
 }
 
 /// The connected components of a subset of the triangles, by shared edges or by shared points, each in the order of the file.

@@ -21,6 +21,7 @@ mod plant;
 mod radii;
 mod record;
 mod season;
+mod shading;
 mod shoots;
 mod site;
 mod stand;
@@ -32,7 +33,8 @@ pub use habit::{Arity, HABIT_KEYS, Habit, HabitKey, ORDERS, PerOrder};
 pub use measure::Measures;
 pub use plant::{Foliage, PlantOptions};
 pub use record::{ClipSpan, GrowthRecord};
-pub use site::{Keep, Neighbours, Prune, Site};
+pub use shading::Neighbours;
+pub use site::{Keep, Prune, Site};
 
 use std::sync::Arc;
 

@@ -4,7 +4,8 @@ use glam::Vec3;
 
 use super::light::{CellMarks, Grid, LeafAreas, LightField, SkyDirection, sky};
 use super::season::Season;
-use super::site::{Obstacles, Site, opaque_cells, with_shading_solids};
+use super::shading::{opaque_cells, with_shading_solids};
+use super::site::{Obstacles, Site};
 use super::tree::Tree;
 use osier_base::Result;
 use osier_base::geometry::Bounds;

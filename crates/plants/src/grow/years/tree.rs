@@ -5,7 +5,8 @@ use std::ops::Range;
 use glam::{Quat, Vec3};
 
 use super::habit::{Habit, whole};
-use super::site::{Neighbours, Prune};
+use super::shading::Neighbours;
+use super::site::Prune;
 use osier_base::math;
 use osier_base::rng::{Rng, child, mix64, word};
 
