@@ -246,7 +246,7 @@ impl UsdExporter {
             }
         }
         if self.options.look {
-            camera_light::define_camera_and_lights(cx, &mut layer, &root, None)?;
+            camera_light::define_camera_and_lights(cx, &mut layer, &root, self.options.aspect, None)?;
         }
         self.push_layer(layer, None, animated);
         if kind != "usdz" {
@@ -319,7 +319,8 @@ impl UsdExporter {
             volume::define_volumes(cx, &mut layer, &root, &self.frames)?;
         }
         if self.options.look {
-            camera_light::define_camera_and_lights(cx, &mut layer, &root, Some(&format!("./{}", exr::SKY_FILE)))?;
+            let sky = format!("./{}", exr::SKY_FILE);
+            camera_light::define_camera_and_lights(cx, &mut layer, &root, self.options.aspect, Some(&sky))?;
         }
         layer.writer.finish()
     }
