@@ -17,7 +17,7 @@ Exit codes:
   74   reading or writing failed: disk full, no permission, closed pipe of -o -
   75   a temporary failure, try again: network or busy file systems
   101  internal error: please report it
-  130  interrupted (Ctrl-C); finished files are kept, run again to continue
+  130  interrupted (Ctrl-C); a bake keeps its finished files, run it again to continue
   143  terminated; likewise";
 
 /// Printed when the program is called without arguments.

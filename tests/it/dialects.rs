@@ -1185,6 +1185,33 @@ fn converted_grammars_draw_the_same() {
     assert!(!converts(&read("lpy/random.lpy", ""), ConvertTo::Cpfg, "random"));
 }
 
+/// A plant that was converted for osier stands as the file of the other program does, without root flare and foot; what is converted
+/// to commands of cpfg gets both, with a note.
+#[test]
+fn converted_plants_have_no_root_flare_of_their_own() {
+    let out = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| out.path().join(name);
+    std::fs::write(file("pole.ls"), "2\n30\n20\nA\nA=FFFFA\n@\n").expect("a file");
+    ends(0, &["convert", arg(&file("pole.ls")), "-o", arg(&file("pole.l"))]);
+    let lowest_and_widest = |name: &str| {
+        let mesh = file(&format!("{name}.obj"));
+        ends(0, &["-q", "grow", arg(&file(name)), "-o", arg(&mesh)]);
+        let text = std::fs::read_to_string(&mesh).expect("a mesh");
+        let points = text.lines().filter_map(|line| line.strip_prefix("v "));
+        let points: Vec<Vec<f64>> =
+            points.map(|p| p.split(' ').map(|v| v.parse().expect("a number")).collect()).collect();
+        let lowest = points.iter().map(|p| p[1]).fold(f64::MAX, f64::min);
+        (lowest, points.iter().map(|p| p[0].hypot(p[2])).fold(0.0, f64::max))
+    };
+    let [own, converted] = ["pole.ls", "pole.l"].map(lowest_and_widest);
+    assert!((own.0 - converted.0).abs() < 1e-6 && (own.1 - converted.1).abs() < 1e-6, "{own:?} {converted:?}");
+    assert!(own.0 > -1e-6, "{own:?}");
+    for name in ["lparser/keywords.ls", "lpy/tree.lpy"] {
+        let notes = convert(&read(name, ""), ConvertTo::Cpfg).expect("converted").notes;
+        assert!(notes.iter().any(|n| n.contains("skin.flare = 0")), "{name}: {notes:?}");
+    }
+}
+
 #[test]
 fn the_program_converts_grammars() {
     let source = format!("{}#Koch1", arg(&folder().join(CURVES)));

@@ -302,6 +302,9 @@ fn files_that_someone_changed_are_named_when_they_are_replaced() {
     assert!(write("a").is_empty());
     put(&dir.path().join("pov/main.pov"), b"// a camera of my own\n");
     assert_eq!(write("a"), ["pov/main.pov"]);
+    // One letter, as one digit of a camera: the length is the same.
+    put(&dir.path().join("pov/main.pov"), b"Osier, a\n");
+    assert_eq!(write("a"), ["pov/main.pov"]);
     assert!(write("another scene").is_empty(), "files of another scene are replaced as they were written");
     put(&dir.path().join("a.txt"), b"// mine\n");
     assert_eq!(write("b"), ["a.txt"]);

@@ -535,6 +535,38 @@ fn texture_coordinates_are_those_of_the_maps() {
     }
 }
 
+/// A texture that is mirrored or held beyond its edges, as its sampler says, is unfolded over the texture coordinates, since meshes of
+/// scenes repeat theirs; it repeated.
+#[test]
+fn textures_are_mirrored_and_held_as_their_samplers_say() {
+    let shop = picture_shop();
+    shop.put("color.png", png(2, 1, png::ColorType::Rgb, &[10, 20, 30, 40, 50, 60]));
+    let material = |scale: f32| {
+        let transform = format!(r#""extensions":{{"KHR_texture_transform":{{"scale":[{scale},1]}}}}"#);
+        textured(&format!(r#"{{"pbrMetallicRoughness":{{"baseColorTexture":{{"index":0,{transform}}}}}}}"#))
+    };
+    let (dark, light) = ([10, 20, 30], [40, 50, 60]);
+    for (wrap, scale, wanted, u) in [
+        (10497, 2.0, vec![dark, light], 2.0),
+        (33648, 2.0, vec![dark, light, light, dark], 1.0),
+        // From 0 to 2 are four texels; there is one more on the left, and two on the right.
+        (33071, 2.0, vec![dark, dark, light, light, light, light, light], 5.0 / 7.0),
+        // Within its edges a texture stays as it is.
+        (33071, 1.0, vec![dark, light], 1.0),
+    ] {
+        let samplers =
+            format!(r#""textures":[{{"sampler":0,"source":0}},{{"source":1}}],"samplers":[{{"wrapS":{wrap}}}]"#);
+        let file = material(scale).replace(r#""textures":[{"source":0},{"source":1}]"#, &samplers);
+        let leaf = shop.read("a.gltf", file).expect("leaf");
+        assert!(leaf.warnings.diagnostics.is_empty(), "{}", leaf.warnings);
+        let [image] = &leaf.images[..] else { panic!("{wrap}: {} images", leaf.images.len()) };
+        let osier::scene::Pixels::U8(pixels) = &image.pixels else { panic!("8 bit") };
+        assert_eq!((pixels, image.width as usize, image.height), (&wanted.concat(), wanted.len(), 1), "{wrap}");
+        assert_eq!(leaf.materials[0].maps.color, Some(0));
+        assert!((leaf.mesh.uvs[1] - Vec2::new(u, 1.0)).length() < 1e-6, "{wrap}: {:?}", leaf.mesh.uvs);
+    }
+}
+
 #[test]
 fn quantized_and_sparse_positions() {
     let shop = Shop::new();

@@ -362,6 +362,9 @@ fn every_mistake_is_named() {
         (2, &["koch", "--frame", "4"], "which has the one frame 1; --set frames.end=4"),
         (2, &["koch", "--frames", "1-4"], "--frames: frame 2 is outside the scene, which has the one frame 1; --set"),
         (2, &["koch", "--frames", "1"], "--turntable"),
+        // Before the plant grows, which here would be refused.
+        (2, &["koch", "--frames", "1-4", "--max-modules", "1"], "--frames: frame 2 is outside the scene"),
+        (2, &["koch", "--frame", "4", "--max-modules", "1"], "--frame: frame 4 is outside the scene"),
         (2, &["oak", "--turntable", "-o", "x.mp4"], ".gif"),
     ];
     for (code, flags, told) in cases {

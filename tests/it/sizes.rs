@@ -344,6 +344,15 @@ fn the_predicted_size_of_catkins_counts_those_that_files_have() {
         let share = predicted_share(&temp.path().join(format[0]), &file, format);
         assert!((0.75..1.34).contains(&share), "{format:?}: {share}");
     }
+    // In USD hairs are curves, which counted as triangles, and what flies has a point twin.
+    let flown = scene("sky", "usd").replace("count = 60", "count = 600");
+    let hairy = scene("sky", "usd").replace("lod = 2\n", "smooth = 7\n").replace("hairs = 40", "hairs = 700");
+    for (name, text) in [("flown", flown), ("hairy", hairy)] {
+        let file = temp.path().join(format!("{name}.toml"));
+        std::fs::write(&file, text).expect("scene");
+        let share = predicted_share(&temp.path().join(name), &file, ["usd", "usd"]);
+        assert!((0.77..1.3).contains(&share), "{name}: {share}");
+    }
     let file = temp.path().join("rain.toml");
     std::fs::write(&file, scene("rain", "obj")).expect("scene");
     let (told, _) = ends(0, &["-q", "bake", arg(&file), "-n", "--json"]);

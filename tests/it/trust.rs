@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -233,7 +233,7 @@ fn one_signal_ends_a_wait_for_a_pipe() {
                 .args(["check", source])
                 .stdin(Stdio::piped())
                 .stdout(Stdio::null())
-                .stderr(Stdio::null())
+                .stderr(Stdio::piped())
                 .spawn()
                 .expect("starts");
             std::thread::sleep(Duration::from_millis(800));
@@ -248,6 +248,10 @@ fn one_signal_ends_a_wait_for_a_pipe() {
                 std::thread::sleep(Duration::from_millis(20));
             };
             assert_eq!(status.code(), Some(code), "{source} {signal}");
+            // A check has no files that it could keep.
+            let mut said = String::new();
+            child.stderr.take().expect("piped").read_to_string(&mut said).expect("text");
+            assert!(!said.contains("finished files"), "{source} {signal}: {said}");
         }
     }
 }

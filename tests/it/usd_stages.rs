@@ -3,6 +3,7 @@
 
 use crate::common::clients;
 use crate::common::expect;
+use crate::common::gltf_player::Player;
 use crate::common::program::{arg, ends};
 use crate::common::synthetic;
 use std::path::{Path, PathBuf};
@@ -223,6 +224,33 @@ fn textures_of_leaves_repeat_where_their_coordinates_do() {
         mesh.uvs.iter_mut().for_each(|uv| *uv += 1.0);
     }
     assert_eq!(wrap_of_leaf(&scene, "wrap_repeat"), "repeat");
+}
+
+/// The camera of USD and of glTF shows what `output.pov.size` frames; that of USD had 16:9 for any picture.
+#[test]
+fn cameras_have_the_shape_of_the_picture() {
+    let dir = place("aspect");
+    std::fs::create_dir_all(&dir).expect("folder");
+    for (name, [width, height]) in [("tall", [600.0, 800.0]), ("wide", [1280.0, 720.0])] {
+        let scene = dir.join(format!("{name}.toml"));
+        let text = format!(
+            "[plants.oak]\nspecies = \"oak\"\nage = 1\n[[place]]\nplant = \"oak\"\n[ground]\nshow = false\n\
+             [output]\nformats = [\"usd\", \"glb\"]\n[output.pov]\nsize = [{width}, {height}]\n"
+        );
+        std::fs::write(&scene, text).expect("scene");
+        let out = dir.join(name);
+        ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out), "--force"]);
+        let layer = std::fs::read_to_string(out.join(format!("{name}.usda"))).expect("layer");
+        let number = |attribute: &str| -> f64 {
+            let line = layer.lines().find(|line| line.contains(attribute)).expect("an attribute of the camera");
+            line.rsplit(' ').next().and_then(|text| text.parse().ok()).expect("a number")
+        };
+        let ratio = number("float horizontalAperture") / number("float verticalAperture");
+        assert!((ratio - width / height).abs() < 1e-5, "{name}: {ratio}");
+        let glb = std::fs::read(out.join(format!("gltf/{name}.web.glb"))).expect("file");
+        let ratio = Player::new(&glb).json["cameras"][0]["perspective"]["aspectRatio"].as_f64().expect("a ratio");
+        assert!((ratio - width / height).abs() < 1e-5, "{name}: {ratio}");
+    }
 }
 
 #[test]

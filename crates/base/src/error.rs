@@ -84,7 +84,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// A signal asked the run to end.
-    #[error("interrupted by signal {signal}; finished files are kept, run again to go on")]
+    #[error("interrupted by signal {signal}")]
     Cancelled {
         /// SIGINT is 2, SIGTERM 15.
         signal: i32,

@@ -113,6 +113,14 @@ pub struct AssetSize {
     pub prototype_vertices: u64,
     /// Triangles of the prototypes, each counted once: what formats with instancing write.
     pub prototype_triangles: u64,
+    /// Points of the meshes of the prototypes at all levels of detail, without hairs where these are curves: what formats with curves write.
+    pub drawn_vertices: u64,
+    /// Triangles of these meshes.
+    pub drawn_triangles: u64,
+    /// Points of the curves that hairs of the prototypes are, at all levels of detail.
+    pub hair_points: u64,
+    /// Instances that are tracked one by one; they are among the free ones.
+    pub tracked_instances: u64,
     /// Points of its clouds, those that move and those that stand still.
     pub points: u64,
     /// Points of the clouds that move: these have new positions at each frame.
@@ -165,6 +173,13 @@ impl AssetSize {
             let instances = instancer.len() as u64;
             size.instances += instances;
             size.free_instances += if instancer.motion == InstancerMotion::Free { instances } else { 0 };
+            size.tracked_instances += if instancer.tracked { instances } else { 0 };
+            for drawn in instancer.prototypes.iter().flat_map(|p| std::iter::once(p).chain(&p.others)) {
+                let mesh = drawn.fine.as_ref().map_or(&drawn.mesh, |fine| &fine.mesh);
+                size.drawn_vertices += mesh.points.len() as u64;
+                size.drawn_triangles += mesh.triangles.len() as u64;
+                size.hair_points += drawn.fine.as_ref().map_or(0, |fine| fine.curves.points.len() as u64);
+            }
             size.prototype_vertices += sizes.iter().map(|p| p.0).sum::<u64>();
             size.prototype_triangles += sizes.iter().map(|p| p.1).sum::<u64>();
             for prototype in &instancer.protos {

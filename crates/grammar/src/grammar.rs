@@ -85,6 +85,14 @@ impl Grammar {
         turtle.is_some_and(|t| t.dialect == Dialect::Catkin || stalk(t))
     }
 
+    /// True for a grammar of another program, which says how thick its stems are: by its notation, or by the turtle that a conversion
+    /// to osier keeps.
+    pub fn is_foreign(&self) -> bool {
+        let turtle = self.program.turtle.as_ref();
+        matches!(self.notation, Notation::Fractint | Notation::LParser | Notation::LPy)
+            || turtle.is_some_and(|t| matches!(t.dialect, Dialect::Fractint | Dialect::LParser | Dialect::LPy))
+    }
+
     /// Symbols of the grammar; numbers of modules index into them.
     pub fn symbols(&self) -> &Symbols {
         &self.program.symbols

@@ -61,9 +61,12 @@ fn open_format_writers(format: &FormatInfo, job: &ExportJob) -> Vec<NamedExporte
 /// Options of all formats from the keys of `[output]` and `[maps]`, whether or not a format is written.
 pub fn export_options(recipe: &Recipe) -> ExportOptions {
     let output = &recipe.output;
+    let pov = pov_options(output);
+    let [width, height] = output.pov.size.map(f64::round);
     ExportOptions {
         usd: usd::UsdOptions {
             up: up_axis(output.usd.up),
+            aspect: osier_base::math::narrow(width / height),
             maps: output.writes(&exr::FORMAT),
             volumes: output.writes(&vdb::FORMAT),
             copies: copy_style(output),
@@ -72,6 +75,7 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
         },
         gltf: gltf::GltfOptions {
             frame: output.gltf.frame,
+            size: Some([pov.size.0, pov.size.1]),
             nodes: output.gltf.nodes as usize,
             skins: output.gltf.skins as usize,
             assets: output.gltf.assets,
@@ -84,7 +88,7 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
             ..gltf::GltfOptions::default()
         },
         gltf_profiles: output.gltf.profiles.iter().map(|p| gltf_profile(*p)).collect(),
-        pov: pov_options(output),
+        pov,
         points: points::PointsOptions {
             tables: output.points.tables.iter().map(|table| word_of(*table)).collect(),
             up: up_axis(output.points.up),

@@ -1,10 +1,12 @@
 //! `osier preview --turntable` and `--frames`: clips as GIF, APNG or numbered PNG files.
 
+use std::ops::RangeInclusive;
+
 use super::super::args::Preview;
 use super::super::{Context, check_output};
 use super::flags::PreviewFlags;
 use super::sheets::outside_of;
-use super::source::{Variation, ending, load};
+use super::source::{Variation, clip_of, ending, load};
 use super::{Outcome, OutputPicture, notes, numbered};
 use crate::bake::BakeContext;
 use crate::scene_preview::{ClipContent, PreviewClip};
@@ -26,17 +28,26 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
     check_numbered_pictures(context, args, flags)?;
     // A turntable without `--frame` has the scene at rest, which needs no simulation of motion.
     let with_motion = args.turntable.is_none() || args.frame.is_some();
+    let asked_frames = if args.turntable.is_some() { args.frame.as_slice() } else { &flags.frames };
+    let outside = |range: &RangeInclusive<u32>| {
+        let flag = if args.turntable.is_some() { "--frame" } else { "--frames" };
+        let first = asked_frames.iter().find(|n| !range.contains(n))?;
+        Some(Outcome::Refused(format!("{flag}: {}", outside_of(*first, range, args))))
+    };
+    // Before the scene grows, as far as its clip is known by then.
+    if !asked_frames.is_empty()
+        && let Some(refused) = clip_of(context, args, &args.source)?.and_then(|range| outside(&range))
+    {
+        return Ok(refused);
+    }
     let scene = load(context, args, &args.source, flags.options.quality, with_motion, &Variation::default(), work)?;
     context.console.report(scene.report());
     let content = match args.turntable {
         Some(steps) => ClipContent::Turntable { steps, frame: args.frame },
         None => ClipContent::Frames(&flags.frames),
     };
-    let range = scene.frame_range();
-    let asked_frames = if args.turntable.is_some() { args.frame.as_slice() } else { &flags.frames };
-    if let Some(n) = asked_frames.iter().find(|n| !range.contains(n)) {
-        let flag = if args.turntable.is_some() { "--frame" } else { "--frames" };
-        return Ok(Outcome::Refused(format!("{flag}: {}", outside_of(*n, &range, args))));
+    if let Some(refused) = outside(&scene.frame_range()) {
+        return Ok(refused);
     }
     if args.turntable.is_none() && !scene.is_animated() {
         return Ok(Outcome::Refused(format!(

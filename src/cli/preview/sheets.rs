@@ -6,7 +6,7 @@ use std::path::Path;
 use super::super::Context;
 use super::super::args::Preview;
 use super::flags::{MAX_CELLS, PreviewFlags, check_picture_limits};
-use super::source::{Variation, is_finished, load};
+use super::source::{Variation, clip_of, is_finished, load};
 use super::{Outcome, OutputPicture};
 use crate::bake::BakeContext;
 use crate::scene_preview::{PreviewScene, preview_together};
@@ -19,6 +19,14 @@ use osier_preview::{ContactSheetCell, contact_sheet, contact_sheet_columns, cont
 /// Renders and writes one picture, or two side by side for `--compare`.
 pub fn single(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeContext<'_>) -> Result<Outcome> {
     let mut scenes = Vec::new();
+    // Before a scene grows, as far as its clip is known by then.
+    if args.frame.is_some() {
+        for source in std::iter::once(&args.source).chain(&args.compare) {
+            if let Some(why) = clip_of(context, args, source)?.and_then(|range| outside_range(&range, args)) {
+                return Ok(Outcome::Refused(why));
+            }
+        }
+    }
     for source in std::iter::once(&args.source).chain(&args.compare) {
         let scene =
             load(context, args, source, flags.options.quality, args.frame.is_some(), &Variation::default(), work)?;
@@ -205,9 +213,13 @@ fn sheet_of(
 
 /// Message if `--frame` is outside of the scene's clip; `None` otherwise.
 fn outside_clip(scene: &PreviewScene, args: &Preview) -> Option<String> {
-    let range = scene.frame_range();
-    let outside = args.frame.filter(|n| !range.contains(n))?;
-    Some(format!("--frame: {}", outside_of(outside, &range, args)))
+    outside_range(&scene.frame_range(), args)
+}
+
+/// Message if `--frame` is outside of a clip; `None` otherwise.
+fn outside_range(clip: &RangeInclusive<u32>, args: &Preview) -> Option<String> {
+    let outside = args.frame.filter(|n| !clip.contains(n))?;
+    Some(format!("--frame: {}", outside_of(outside, clip, args)))
 }
 
 /// Message about a frame outside of a clip. A scene of one frame gets more by a key, which meshes and bakes do not have.

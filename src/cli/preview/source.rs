@@ -1,5 +1,6 @@
 //! Loads the scene to preview from the name of a source.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use super::super::Context;
@@ -62,6 +63,19 @@ pub fn load(
     request.seed = variation.seed.or(request.seed);
     let (recipe, warnings) = resolve(&request)?;
     Ok(PreviewScene::of_recipe(recipe, quality, with_motion, work)?.with_warnings(warnings))
+}
+
+/// The frames of a source's clip, known before anything grows; `None` for meshes, bakes and files that are not read.
+/// # Errors
+/// As [`load`].
+pub fn clip_of(context: &Context, args: &Preview, name: &str) -> Result<Option<RangeInclusive<u32>>> {
+    if is_finished(name) || WRITE_ONLY_ENDINGS.contains(&ending(Path::new(name)).as_str()) {
+        return Ok(None);
+    }
+    let mut request = find_scene(name, &context.sources)?;
+    request.steps = args.steps;
+    let (recipe, _) = resolve(&request)?;
+    Ok(Some(recipe.clip.start..=recipe.clip.end))
 }
 
 /// The recipe of a source that is a picture of layers, which needs no scene in space; `None` for any other source.

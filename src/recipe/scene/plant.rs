@@ -380,10 +380,9 @@ impl Resolver<'_> {
                 let grammar = self.grammar(&file, source, &keys)?;
                 let mut letters = grammar.organ_symbols();
                 let is_drawn = companions.view.is_some();
-                // Files of other programs give the widths of stems.
-                let is_foreign = matches!(grammar.notation(), Notation::Fractint | Notation::LParser | Notation::LPy);
-                // Drawings of a view have no ground, so that they get no root flare either.
-                if grammar.is_tuft() || is_drawn || is_foreign {
+                // Files of other programs give the widths of stems. Drawings of a view have no ground, so that they get no root flare
+                // either.
+                if grammar.is_tuft() || is_drawn || grammar.is_foreign() {
                     tuft_defaults(table, &mut skin);
                 }
                 for (letter, surface) in &companions.surfaces {

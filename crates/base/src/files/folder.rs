@@ -194,8 +194,15 @@ impl Folder {
         }
         let mut state = self.state();
         self.check_replaceable(&mut state, path)?;
-        if path != MANIFEST {
-            self.withdraw_manifest(&mut state)?;
+        if path == MANIFEST {
+            return Ok(Some(record));
+        }
+        self.withdraw_manifest(&mut state)?;
+        let entries: Vec<JournalEntry> = state.journal.iter().flat_map(|j| j.entries(path)).cloned().collect();
+        // The file is read without the lock, under which other threads write.
+        drop(state);
+        if !self.shared.options.force && self.has_other_content(path, &entries) {
+            self.state().replaced_changes.insert(path.to_owned());
         }
         Ok(Some(record))
     }
@@ -238,8 +245,8 @@ impl Folder {
         self.state().finished.values().cloned().collect()
     }
 
-    /// Files that this run replaces without [`WriteOptions::force`] although their length is not that with which osier wrote them:
-    /// someone has edited them since. In path order.
+    /// Files that this run replaces without [`WriteOptions::force`] although their bytes are not those that osier wrote: someone has
+    /// edited them since. In path order.
     pub fn replaced_changes(&self) -> Vec<String> {
         self.state().replaced_changes.iter().cloned().collect()
     }
@@ -345,6 +352,14 @@ impl Folder {
         fitting.find(|e| e.blake3 == hash.to_hex().as_str())
     }
 
+    /// Whether a file has the length of one of these entries of the journal, but the content of none: an edit that keeps the length,
+    /// as of one digit. Other lengths are found without reading the file.
+    fn has_other_content(&self, path: &str, entries: &[JournalEntry]) -> bool {
+        let length = open_regular(&self.root().join(path), false).and_then(|file| file.metadata()).map(|m| m.len());
+        let is_candidate = length.is_ok_and(|length| entries.iter().any(|e| e.bytes == length));
+        is_candidate && self.verified_entry(path, entries).is_none()
+    }
+
     /// Error `Foreign` if a file that osier did not write has this name and `force` is not set.
     fn check_replaceable(&self, state: &mut FolderState, path: &str) -> Result<()> {
         let target = self.root().join(path);
@@ -360,7 +375,7 @@ impl Folder {
         }
         // A file is ours by the journal, or, where the journal was lost, by the generator's name in the file itself.
         let is_claimed = replaceable && self.claims(state, path)?;
-        // Lengths tell nearly every change; a hash would have to read each file that is replaced.
+        // Lengths tell most changes; `has_other_content` finds the others, once per file, when it is begun.
         let is_changed = |journal: &Journal| journal.entries(path).all(|e| e.bytes != found.len());
         if is_claimed && found.is_file() && path != MANIFEST && state.journal.as_ref().is_some_and(is_changed) {
             state.replaced_changes.insert(path.to_owned());

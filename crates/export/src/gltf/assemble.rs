@@ -194,7 +194,9 @@ impl GltfDocument<'_> {
         let r = Quat::from_mat3(&Mat3::from_cols(right, up, back)).normalize();
         // The far plane includes the ground around the subject; a larger one would cost depth precision in viewports.
         let zfar = (10.0 * (view.eye - view.target).length()).max(1000.0);
-        let perspective = Perspective { yfov: view.vfov, znear: 0.01, zfar };
+        #[allow(clippy::cast_precision_loss, reason = "pictures are at most 16384 pixels wide")]
+        let aspect_ratio = self.input.options.size.map(|[width, height]| width as f32 / height as f32);
+        let perspective = Perspective { aspect_ratio, yfov: view.vfov, znear: 0.01, zfar };
         self.root.cameras.push(Camera { name: "camera".into(), kind: "perspective", perspective });
         let rest = Trs { t: view.eye, r, ..Trs::IDENTITY };
         check_finite(&rest, || "camera".to_owned())?;

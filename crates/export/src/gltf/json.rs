@@ -172,6 +172,8 @@ pub(super) struct Camera {
 
 #[derive(Debug, Serialize)]
 pub(super) struct Perspective {
+    #[serde(rename = "aspectRatio", skip_serializing_if = "Option::is_none")]
+    pub aspect_ratio: Option<f32>,
     pub yfov: f32,
     pub znear: f32,
     pub zfar: f32,

@@ -62,6 +62,8 @@ pub struct GltfOptions {
     pub frame: Option<u32>,
     /// Number of frames that will be written, from which shapes are spread over the clip; `None`: all frames of the clip.
     pub frames: Option<usize>,
+    /// Width and height of the camera's picture, pixels; `None`: the camera has no ratio of them, viewers take that of their window.
+    pub size: Option<[u32; 2]>,
     /// Most moving instances in a file; each is a node with animation channels.
     pub nodes: usize,
     /// Most placements with a skin each; plants beyond it do not move and share meshes.
@@ -157,6 +159,7 @@ impl Default for GltfOptions {
             target: GltfTarget::default(),
             frame: None,
             frames: None,
+            size: None,
             nodes: 500,
             skins: SKINS,
             assets: true,

@@ -11,18 +11,17 @@ use osier_scene::{Fog, Trs};
 
 /// Vertical aperture in tenths of the scene unit, as UsdGeomCamera has it: 24 mm.
 const VERTICAL_APERTURE: f32 = 0.24;
-/// Width of the aperture divided by its height.
-const APERTURE_ASPECT: f32 = 16.0 / 9.0;
 
-/// Defines camera, sun, sky and fog below `root`. `picture`: path of the sky's equirectangular image, relative to the layer;
+/// Defines camera, sun, sky and fog below `root`. `aspect`: width over height of the camera's picture; `picture`: path of the sky's equirectangular image, relative to the layer;
 /// without it the sky has a single colour.
 pub(super) fn define_camera_and_lights(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     root: &str,
+    aspect: f32,
     picture: Option<&str>,
 ) -> Result<()> {
-    define_camera(cx, layer, &format!("{root}/camera"))?;
+    define_camera(cx, layer, &format!("{root}/camera"), aspect)?;
     define_sun(cx, layer, &format!("{root}/sun"))?;
     define_sky(cx, layer, &format!("{root}/sky"), picture)?;
     define_fog(cx, layer, &format!("{root}/fog"))
@@ -41,7 +40,7 @@ fn define_fog(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<(
     Ok(())
 }
 
-fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
+fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str, aspect: f32) -> Result<()> {
     let camera = &cx.scene.camera;
     layer.define_prim(path, "Camera")?;
     // Pinhole camera: tan(vfov / 2) = (aperture / 2) / focal length, both in tenths of the scene unit.
@@ -53,11 +52,7 @@ fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Resul
         "float",
         UsdValue::Float((camera.target - camera.eye).length()),
     )?;
-    layer.set_attr(
-        &format!("{path}.horizontalAperture"),
-        "float",
-        UsdValue::Float(VERTICAL_APERTURE * APERTURE_ASPECT),
-    )?;
+    layer.set_attr(&format!("{path}.horizontalAperture"), "float", UsdValue::Float(VERTICAL_APERTURE * aspect))?;
     layer.set_uniform(&format!("{path}.projection"), "token", UsdValue::Token("perspective"))?;
     layer.set_attr(&format!("{path}.verticalAperture"), "float", UsdValue::Float(VERTICAL_APERTURE))?;
     let [right, up, back] = camera.axes();

@@ -92,6 +92,11 @@ const ASSET_BYTES: u64 = 6_000;
 const POINT_BYTES: u64 = 24;
 /// Bytes of a moving point in a frame: position and velocity; widths and colours take little, as they are equal or seldom change.
 const POINT_SAMPLE_BYTES: u64 = 26;
+/// Bytes of a point of a hair: position, width, and its share of the texture coordinate of the curve.
+const HAIR_POINT_BYTES: u64 = 16;
+/// Bytes of a catkin in a frame: position, orientation in half precision and two velocities; in its point twin position, velocity and
+/// orientation in full precision. States and numbers, which seldom change, take little.
+const TRACKED_SAMPLE_BYTES: u64 = 44 + 45;
 /// Bytes of a sample of a leaf in the wind: its position and orientation.
 const LEAF_SAMPLE_BYTES: f64 = 20.0;
 /// Bytes of its samples for each frame in calm air, and for each m/s of wind: the faster leaves flutter, the fewer samples are
@@ -104,18 +109,18 @@ fn estimate(input: &EstimateInput) -> u64 {
     let frames = input.frames;
     let growing = growth_estimate::sample_bytes(input);
     let of_asset = |(i, a): (usize, &AssetSize)| {
-        let vertices = a.vertices + a.prototype_vertices;
+        let vertices = a.vertices + a.drawn_vertices;
         // Joints and weights are two for most points, and equal along a branch.
         let skinned = if a.joints > 0 { a.vertices * 3 } else { 0 };
-        let still =
-            vertices * 26 + skinned + (a.triangles + a.prototype_triangles) * 4 + a.instances * 40 + ASSET_BYTES;
+        let still = vertices * 26 + skinned + (a.triangles + a.drawn_triangles) * 4 + a.instances * 40 + ASSET_BYTES;
+        let hairs = a.hair_points * HAIR_POINT_BYTES;
         // Plants on rods: points of the bark, leaves with two velocities.
         let deforms = a.deforming_vertices > 0 && a.joints == 0;
         let instance = if deforms { 44 } else { 124 };
         let deformed = if deforms { a.deforming_vertices * 12 * frames } else { 0 };
-        // Position, orientation, two velocities; the point twin once more, with four attributes. Of plants that grow, the samples
-        // that interpolation does not restore.
-        let tracked = || a.free_instances * instance * frames + deformed;
+        // Of plants that grow, the samples that interpolation does not restore.
+        let followed = a.tracked_instances * TRACKED_SAMPLE_BYTES;
+        let tracked = || ((a.free_instances - a.tracked_instances) * instance + followed) * frames + deformed;
         let tracks = growing[i].unwrap_or_else(tracked) + a.moving_curve_points * 12 * frames;
         let leaf = (CALM_LEAF_BYTES + LEAF_BYTES_PER_SPEED * input.wind_speed).min(LEAF_SAMPLE_BYTES);
         let leaves = growth_estimate::whole(leaf * (a.posed_frames(frames) * a.instances) as f64);
@@ -123,7 +128,7 @@ fn estimate(input: &EstimateInput) -> u64 {
         // Points, normals, velocities, indices and attributes of meshes whose frames are whole: measured on drops.
         let varying = a.varying_vertices * frames * 52;
         let points = a.points * POINT_BYTES + a.moving_points * frames * POINT_SAMPLE_BYTES;
-        a.weight * (still + tracks + varying + points + posed)
+        a.weight * (still + hairs + tracks + varying + points + posed)
     };
     input.assets.iter().enumerate().map(of_asset).sum()
 }
@@ -246,7 +251,7 @@ impl UsdExporter {
             }
         }
         if self.options.look {
-            camera_light::define_camera_and_lights(cx, &mut layer, &root, None)?;
+            camera_light::define_camera_and_lights(cx, &mut layer, &root, self.options.aspect, None)?;
         }
         self.push_layer(layer, None, animated);
         if kind != "usdz" {
@@ -319,7 +324,8 @@ impl UsdExporter {
             volume::define_volumes(cx, &mut layer, &root, &self.frames)?;
         }
         if self.options.look {
-            camera_light::define_camera_and_lights(cx, &mut layer, &root, Some(&format!("./{}", exr::SKY_FILE)))?;
+            let sky = format!("./{}", exr::SKY_FILE);
+            camera_light::define_camera_and_lights(cx, &mut layer, &root, self.options.aspect, Some(&sky))?;
         }
         layer.writer.finish()
     }

@@ -11,6 +11,8 @@ pub struct UsdOptions {
     pub file: Option<String>,
     /// Whether camera and lights are written.
     pub look: bool,
+    /// Width over height of the camera's picture, > 0.
+    pub aspect: f32,
     /// Whether coated materials refer to the maps that the EXR writer writes; otherwise they look bare.
     pub maps: bool,
     /// Whether the wrapper refers to the volumes that the OpenVDB writer writes.
@@ -51,6 +53,7 @@ impl Default for UsdOptions {
             up: UpAxis::Y,
             file: None,
             look: true,
+            aspect: 16.0 / 9.0,
             maps: false,
             volumes: false,
             first: None,

@@ -62,8 +62,14 @@ pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
     }
     // In cpfg's notation a string that branches is a tree and no drawing; the only brackets of Fractint are those of branches.
     if to == ConvertTo::Cpfg && dialect == Dialect::Fractint && writer.has_branches() {
-        let note = "lines that branch become wood: branches thin outwards, and the first one goes on into the ground; skin.bury = 0 \
-                    in a scene ends it where it begins";
+        let note = "lines that branch become wood: branches thin outwards, and the first one widens at its foot and goes on into the \
+                    ground; skin.flare = 0 and skin.bury = 0 in a scene end it where it begins, as thick as it is";
+        writer.notes.insert(note.into());
+    }
+    // The text does not tell that its widths are those of another program.
+    if to == ConvertTo::Cpfg && matches!(dialect, Dialect::LParser | Dialect::LPy) {
+        let note = "osier widens a stem at its foot and continues it into the ground; skin.flare = 0 and skin.bury = 0 in a scene \
+                    end it where it begins, as thick as it is";
         writer.notes.insert(note.into());
     }
     if writer.faults.is_empty() {

@@ -7,11 +7,22 @@ use gltf::json::validation::Checked;
 
 use super::buffers::{Buffers, resource};
 use super::document::{GltfDocument, TextureCoordinates};
+use super::wrap::{MaterialWraps, wraps_of_texture};
 use crate::images::{self, DecodedImage, MapCache, MapUse};
 use crate::{ImportContext, ImportResult, table_index};
 use osier_base::files::Names;
 use osier_base::math;
 use osier_scene::{Image, Material};
+
+/// Materials and images of a file.
+pub(super) struct FinishedMaterials {
+    pub(super) materials: Vec<Material>,
+    pub(super) images: Vec<Image>,
+    /// For each material what its maps show beyond their edges.
+    pub(super) wraps: Vec<MaterialWraps>,
+    /// Bytes of the images.
+    pub(super) spent: u64,
+}
 
 /// Materials in the order in which the meshes use them.
 pub(super) struct GltfMaterials<'a> {
@@ -19,6 +30,8 @@ pub(super) struct GltfMaterials<'a> {
     buffers: &'a Buffers<'a>,
     names: Names,
     materials: Vec<Material>,
+    /// For each material what its maps show beyond their edges.
+    wraps: Vec<MaterialWraps>,
     /// Index of a material by its number in the file.
     index_of: BTreeMap<Option<usize>, usize>,
     cache: MapCache,
@@ -32,6 +45,7 @@ impl<'a> GltfMaterials<'a> {
             buffers,
             names: Names::default(),
             materials: Vec::new(),
+            wraps: Vec::new(),
             index_of: BTreeMap::new(),
             cache: MapCache::default(),
             spent: 0,
@@ -51,11 +65,26 @@ impl<'a> GltfMaterials<'a> {
             None => {
                 let material = self.convert_material(context, id)?;
                 self.materials.push(material);
+                let wraps = self.wraps_of(id);
+                self.wraps.push(wraps);
                 self.index_of.insert(id, self.materials.len() - 1);
                 self.materials.len() - 1
             }
         };
         Ok(table_index(index))
+    }
+
+    /// What the maps of a material show beyond their edges, as the samplers of their textures say.
+    fn wraps_of(&self, id: Option<usize>) -> MaterialWraps {
+        let root = &self.document.root;
+        let Some(given) = id.and_then(|i| root.materials.get(i)) else { return MaterialWraps::default() };
+        let wraps = |texture: Option<usize>| texture.map_or_else(Default::default, |t| wraps_of_texture(root, t));
+        let pbr = &given.pbr_metallic_roughness;
+        MaterialWraps {
+            color: wraps(pbr.base_color_texture.as_ref().map(|t| t.index.value())),
+            roughness: wraps(pbr.metallic_roughness_texture.as_ref().map(|t| t.index.value())),
+            normal: wraps(given.normal_texture.as_ref().map(|t| t.index.value())),
+        }
     }
 
     /// Converts a material and stores its maps: base colour, roughness (green channel), normals.
@@ -155,8 +184,9 @@ impl<'a> GltfMaterials<'a> {
         }
     }
 
-    pub(super) fn finish(self) -> (Vec<Material>, Vec<Image>) {
-        (self.materials, self.cache.finish())
+    pub(super) fn finish(self) -> FinishedMaterials {
+        let Self { materials, wraps, cache, spent, .. } = self;
+        FinishedMaterials { materials, images: cache.finish(), wraps, spent }
     }
 }
 

@@ -8,6 +8,7 @@ mod document;
 mod materials;
 mod nodes;
 mod primitives;
+mod wrap;
 
 use self::buffers::Buffers;
 use self::document::GltfDocument;
@@ -37,8 +38,9 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
     let buffers = Buffers::load(context, &document, chunks.bin)?;
     let instances = nodes::flatten(context, &document, &buffers)?;
     let mut materials = materials::GltfMaterials::new(&document, &buffers);
-    let parts = primitives::mesh_parts(context, &document, &buffers, &instances, &mut materials)?;
+    let mut parts = primitives::mesh_parts(context, &document, &buffers, &instances, &mut materials)?;
+    let materials::FinishedMaterials { mut materials, mut images, wraps, spent } = materials.finish();
+    wrap::unfold(context, &mut parts, &mut materials, &mut images, &wraps, spent);
     let mesh = join(context, parts)?;
-    let (materials, images) = materials.finish();
     Ok(ImportedMesh { mesh, materials, images })
 }

@@ -376,6 +376,26 @@ fn gain_scales_oscillation_and_not_the_mean() {
     }
 }
 
+/// Gusts push by the square of their speed, so that the mean bend is larger than that in the mean wind; exaggerated gusts leaned a plant
+/// a quarter more.
+#[test]
+fn gain_does_not_change_the_mean_lean_in_gusts() {
+    let wood = WoodParams::default();
+    let all = elements(&rod(3.5, 0.035, 0.035), &wood);
+    let wind = gusts(Some(5.0));
+    let mean = |gain: f64| -> [f32; 2] {
+        let track = record(&all, &wind, params(wood), ClipOptions { gain, ..take(120, true) });
+        let bends: Vec<[f32; 2]> = (0..120_u8).map(|k| track.at(f64::from(k))[0]).collect();
+        [0, 1].map(|k| bends.iter().map(|b| b[k]).sum::<f32>() / 120.0)
+    };
+    let largest = |b: [f32; 2]| b[0].abs().max(b[1].abs());
+    let own = mean(1.0);
+    for gain in [0.0, 4.0] {
+        let other = mean(gain);
+        assert!(largest([0, 1].map(|k| other[k] - own[k])) < 0.01 * largest(own), "{gain}: {other:?} for {own:?}");
+    }
+}
+
 #[test]
 fn gravity_acts_on_deviations_from_the_grown_pose() {
     // On an upright stick at the tip of a soft stem that the wind bends by an angle, the force m g sin(angle) acts transversely.

@@ -30,7 +30,24 @@ pub struct ClipOptions {
 /// Both bending angles of each element, rad.
 type ElementBends = Vec<[f64; 2]>;
 
-/// The part of the recorded bends that is the answer to the mean wind; the rest is oscillation.
+/// Sum of the bends at some frames.
+#[derive(Debug, Clone, Default)]
+struct BendSum {
+    bends: ElementBends,
+    frames: u32,
+}
+
+impl BendSum {
+    fn add(&mut self, bends: &[[f64; 2]]) {
+        self.bends.resize(bends.len(), [0.0; 2]);
+        for (sum, bend) in self.bends.iter_mut().zip(bends) {
+            *sum = [sum[0] + bend[0], sum[1] + bend[1]];
+        }
+        self.frames += 1;
+    }
+}
+
+/// The part of the recorded bends that is the mean deflection; the rest is oscillation.
 #[derive(Debug, Clone)]
 struct MeanBends {
     /// Static bends in the mean wind, rad, at equidistant times from frame 0 on; a single entry holds for all frames.
@@ -39,11 +56,14 @@ struct MeanBends {
     interval: usize,
     /// Share of the way to them, per frame, in a clip that starts from rest; empty where frame 0 is in the mean wind.
     onset: Vec<f64>,
+    /// For each element what gusts add to its static bend: a factor and a turn of it as a complex number, 0 for nothing. Empty where
+    /// mean and oscillation are not told apart, and in clips that start from rest.
+    gusts: Vec<[f64; 2]>,
 }
 
 impl MeanBends {
     fn constant(bends: ElementBends) -> Self {
-        Self { keys: vec![bends], interval: 1, onset: Vec::new() }
+        Self { keys: vec![bends], interval: 1, onset: Vec::new(), gusts: Vec::new() }
     }
 
     /// The means of a clip in `wind`. `first`: static bends at time 0, rad.
@@ -78,6 +98,35 @@ impl MeanBends {
         mean
     }
 
+    /// Adds what gusts add to the static bends in the mean wind, as drag goes by the square of the speed: the multiple of the static
+    /// bends that the recorded ones have in the mean. `before`: bends of the spin-up, which count too.
+    fn add_gusts(&mut self, frames: &[ElementBends], before: &BendSum) {
+        /// Largest part of gusts, as a multiple of the static bend. Own: that of gusts as strong as the mean wind.
+        const MOST: f64 = 1.0;
+        let part = |i: usize| {
+            // Complex regression of the difference d on the static bend m: sum of d conj(m), divided by that of |m|^2.
+            let (mut product, mut square) = ([0.0; 2], 0.0);
+            let mut add = |sum: [f64; 2], count: f64, m: [f64; 2]| {
+                let d = [sum[0] - count * m[0], sum[1] - count * m[1]];
+                product[0] += d[0] * m[0] + d[1] * m[1];
+                product[1] += d[1] * m[0] - d[0] * m[1];
+                square += count * (m[0] * m[0] + m[1] * m[1]);
+            };
+            for (frame, bends) in frames.iter().enumerate() {
+                add(bends.get(i).copied().unwrap_or_default(), 1.0, self.at(i, frame));
+            }
+            // Before a clip whose mean wind varies, its mean is not known.
+            if self.keys.len() == 1 {
+                add(before.bends.get(i).copied().unwrap_or_default(), f64::from(before.frames), self.at(i, 0));
+            }
+            let size = math::sqrt(product[0] * product[0] + product[1] * product[1]);
+            // Where the mean wind does not bend an element, as in the lee of a wall, no multiple of its bend is a mean.
+            if size <= 0.0 || size > MOST * square { [0.0; 2] } else { product.map(|v| v / square) }
+        };
+        let gusts = (0..frames.first().map_or(0, Vec::len)).map(part).collect();
+        self.gusts = gusts;
+    }
+
     /// Mean bend of the element or second mode `i` at a frame, rad.
     fn at(&self, i: usize, frame: usize) -> [f64; 2] {
         let key = |k: usize| self.keys.get(k).or(self.keys.last()).and_then(|bends| bends.get(i));
@@ -88,7 +137,11 @@ impl MeanBends {
             let x = rate * frame as f64;
             1.0 - (1.0 + x) * math::exp(-x)
         });
-        [0, 1].map(|k| (a[k] * (1.0 - way) + b[k] * way) * share)
+        let bend = [0, 1].map(|k| (a[k] * (1.0 - way) + b[k] * way) * share);
+        match self.gusts.get(i) {
+            Some([re, im]) => [bend[0] + re * bend[0] - im * bend[1], bend[1] + im * bend[0] + re * bend[1]],
+            None => bend,
+        }
     }
 }
 
@@ -117,8 +170,8 @@ impl BendTrack {
         cancel: &Cancel,
     ) -> Result<Self> {
         check_key_limit(elements, clip, limits)?;
-        let (frames, mean) = Self::simulate(elements, wind, params, clip, cancel)?;
-        Self::from_frames(frames, &mean, clip)
+        let (frames, mean, before) = Self::simulate(elements, wind, params, clip, cancel)?;
+        Self::from_frames(frames, mean, &before, clip)
     }
 
     /// Records a clip by the equations of [zhao-zhang].
@@ -154,7 +207,7 @@ impl BendTrack {
             frames.push(if still { rest.clone() } else { between(&steps, t - (number - 2) as f64) });
         }
         let clamped = simulation.clamped;
-        Ok(Self { clamped, ..Self::from_frames(frames, &MeanBends::constant(rest), clip)? })
+        Ok(Self { clamped, ..Self::from_frames(frames, MeanBends::constant(rest), &BendSum::default(), clip)? })
     }
 
     /// Number of angles in the paper's equations that were clamped, over all internodes and frames.
@@ -162,21 +215,23 @@ impl BendTrack {
         self.clamped
     }
 
+    /// The bends at every frame and after the last one, their mean, and the sum of those of the spin-up.
     fn simulate(
         elements: &BeamElements,
         wind: &dyn Wind,
         params: SwayParams,
         clip: ClipOptions,
         cancel: &Cancel,
-    ) -> Result<(Vec<ElementBends>, MeanBends)> {
+    ) -> Result<(Vec<ElementBends>, MeanBends, BendSum)> {
         // Spin-up: start in the static equilibrium of the mean wind, then simulate until the start has no effect.
         let mut run = SwaySimulation::new(elements, wind, params);
         run.relax_to_mean_wind();
         let mean = MeanBends::new(run.bends(), elements, wind, params, clip);
+        let mut before = BendSum::default();
         if clip.from_rest {
             run.reset_to_rest();
         } else {
-            Self::spin_up(&mut run, params.fps, clip, cancel)?;
+            before = Self::spin_up(&mut run, params.fps, clip, cancel)?;
         }
         let mut frames: Vec<ElementBends> = Vec::with_capacity(clip.frames + 1);
         // Also record the frame after the clip, by which a loop is closed.
@@ -185,20 +240,26 @@ impl BendTrack {
             frames.push(run.bends());
             advance_frame(&mut run, frame as f64, params.fps);
         }
-        Ok((frames, mean))
+        Ok((frames, mean, before))
     }
 
-    /// Simulates the time before frame 0: for a loop whole clips, until two of them end alike; else a few seconds.
-    fn spin_up(run: &mut SwaySimulation<'_>, fps: f64, clip: ClipOptions, cancel: &Cancel) -> Result<()> {
+    /// Simulates the time before frame 0: for a loop whole clips, until two of them end alike; else a few seconds, of whose bends it
+    /// returns the sum.
+    fn spin_up(run: &mut SwaySimulation<'_>, fps: f64, clip: ClipOptions, cancel: &Cancel) -> Result<BendSum> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds")]
         let (frames, most) = match clip.repeats {
             true => (clip.frames, MAX_SPIN_UP_CLIPS),
             false => ((SPIN_UP_SECONDS * fps).round() as usize, 1),
         };
         let mut before = run.bends();
+        let mut sum = BendSum::default();
         for _ in 0..most {
             for left in (1..=frames).rev() {
                 cancel.check()?;
+                // The mean of a loop is that of the clip alone.
+                if !clip.repeats {
+                    sum.add(&run.bends());
+                }
                 advance_frame(run, -(left as f64), fps);
             }
             let after = run.bends();
@@ -208,19 +269,27 @@ impl BendTrack {
             }
             before = after;
         }
-        Ok(())
+        Ok(sum)
     }
 
     /// Closes the loop and scales bends for output. The last of `frames` is the one after the clip.
-    fn from_frames(mut frames: Vec<ElementBends>, mean: &MeanBends, clip: ClipOptions) -> Result<Self> {
+    fn from_frames(
+        mut frames: Vec<ElementBends>,
+        mut mean: MeanBends,
+        before: &BendSum,
+        clip: ClipOptions,
+    ) -> Result<Self> {
         let after = frames.pop();
         let mut closed_gap = 0.0;
         if let Some((after, first)) = after.filter(|_| clip.repeats).zip(frames.first()) {
             closed_gap = largest_difference(first, &after);
             close_loop(&mut frames, &after);
         }
-        // Scaling acts on the deviation from the static bend in the mean wind, so that exaggeration does not change the lean in it.
-        // What gusts add to the lean, whose drag goes by the square of the speed, it does scale.
+        // Scaling acts on the deviation from the mean deflection, gusts included, so that exaggeration does not change the lean. Clips
+        // that start from rest approach the static bend in the mean wind, from which they deviate.
+        if !clip.from_rest && (clip.lean - clip.gain).abs() > 0.0 {
+            mean.add_gusts(&frames, before);
+        }
         let scaled = |(frame, b): (usize, &ElementBends)| -> Vec<[f32; 2]> {
             b.iter().enumerate().map(|(i, b)| scaled_bend(*b, mean.at(i, frame), &clip)).collect()
         };

@@ -1,7 +1,8 @@
 //! The inflow of the lattice as a function of position and time: mean profile, gusts and synthetic turbulence.
 
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError, RwLock};
 
 use glam::{DVec3, Vec2, Vec3};
 use pulp::{Arch, Simd, WithSimd};
@@ -62,6 +63,9 @@ pub struct InletOptions {
     pub seed: u64,
 }
 
+/// Most values of the gust process that are kept: some hours of short gusts.
+const MOST_GUST_VALUES: usize = 1 << 20;
+
 /// Inlet nodes for which all modes are summed before the next: their velocities stay in the L1 cache.
 const NODE_BLOCK: usize = 1024;
 
@@ -104,6 +108,9 @@ pub struct InletWind {
     /// Modes that the cells carry, and which share they are of the root mean square of all.
     modes: Vec<FourierMode>,
     carried_turbulence: f64,
+    /// The gust process by tick, as far as it was asked for. A value takes some hundred draws, and many positions and times ask for
+    /// the same ones. Clones, which have the same process, share it.
+    gusts: Arc<RwLock<BTreeMap<i64, f64>>>,
 }
 
 /// What all positions have in common at one time.
@@ -127,8 +134,17 @@ impl InletWind {
         let default_length = (TURBULENCE_LENGTH_PER_HEIGHT * reference_height).min(size.y);
         let turbulence_length = options.turbulence_length.unwrap_or(default_length);
         let (modes, carried_turbulence) = fourier_modes(&options, turbulence_length, spacing, size, periodic);
-        let land = None;
-        Self { options, origin, land, spacing, reference_height, turbulence_length, modes, carried_turbulence }
+        Self {
+            options,
+            origin,
+            land: None,
+            spacing,
+            reference_height,
+            turbulence_length,
+            modes,
+            carried_turbulence,
+            gusts: Arc::default(),
+        }
     }
 
     /// Longest wavelength of the turbulence, m.
@@ -260,27 +276,38 @@ impl InletWind {
 
     /// Factor on the mean speed at time `t`, s: the speed curve times 1 + s g, where g is an Ornstein-Uhlenbeck process of unit
     /// variance, clamped to +-2, and s the gust strength.
-    pub fn gust_factor(&self, t: f64) -> f64 {
-        self.gust_factor_from(t, |tick| self.gust_process_at_tick(tick))
-    }
-
-    /// The same from a source of the process at integer ticks, of which there are [`GUST_TICKS`] per correlation time.
     #[allow(clippy::cast_possible_truncation, reason = "ticks are integers")]
-    fn gust_factor_from(&self, t: f64, mut process: impl FnMut(i64) -> f64) -> f64 {
+    pub fn gust_factor(&self, t: f64) -> f64 {
         if self.options.gust_strength <= 0.0 {
             return self.speed_factor(t);
         }
-        // Between ticks the process is interpolated linearly, then clamped, so that `peak_speed` is a bound.
+        // Between ticks, of which there are GUST_TICKS per correlation time, the process is interpolated linearly, then clamped, so
+        // that `peak_speed` is a bound.
         let ticks = t * GUST_TICKS / self.options.gust_period;
         let (tick, fraction) = (ticks.floor() as i64, ticks - ticks.floor());
-        let (a, b) = (process(tick), process(tick + 1));
+        let (a, b) = (self.gust_process_at_tick(tick), self.gust_process_at_tick(tick + 1));
         (1.0 + self.options.gust_strength * (a + (b - a) * fraction).clamp(-MAX_GUST, MAX_GUST)) * self.speed_factor(t)
+    }
+
+    /// [`InletWind::drawn_gust_process`] at a tick, drawn once.
+    fn gust_process_at_tick(&self, tick: i64) -> f64 {
+        let known = self.gusts.read().unwrap_or_else(PoisonError::into_inner).get(&tick).copied();
+        if let Some(value) = known {
+            return value;
+        }
+        let value = self.drawn_gust_process(tick);
+        let mut gusts = self.gusts.write().unwrap_or_else(PoisonError::into_inner);
+        if gusts.len() >= MOST_GUST_VALUES {
+            gusts.clear();
+        }
+        gusts.insert(tick, value);
+        value
     }
 
     /// Ornstein-Uhlenbeck process of unit variance at a tick, a pure function of the tick: the moving average
     /// sqrt(1 - r^2) sum_j r^j n(tick - j) of normal draws n, cut off after [`GUST_MEMORY`] correlation times.
     #[allow(clippy::cast_possible_truncation, reason = "a few hundred")]
-    fn gust_process_at_tick(&self, tick: i64) -> f64 {
+    fn drawn_gust_process(&self, tick: i64) -> f64 {
         // An AR(1) process as a finite moving average: stateless, so that any frame can be computed without those
         // before it.
         let decay = exp(-1.0 / GUST_TICKS);
@@ -485,7 +512,6 @@ pub(super) struct InletNodes {
     shear: Vec<f32>,
     /// By mode: cosine and sine of k . x + phase at each node, times the envelope, in cells per step over m/s.
     modes: Vec<[Vec<f32>; 2]>,
-    gust_cache: GustCache,
 }
 
 /// What all inlet nodes have in common in one step.
@@ -522,7 +548,7 @@ impl InletNodes {
             ]
         };
         let modes = inlet.modes.iter().map(mode).collect();
-        Self { mean, shear, modes, gust_cache: GustCache::default() }
+        Self { mean, shear, modes }
     }
 
     /// Velocity at every node, by component, cells per step.
@@ -549,24 +575,9 @@ impl InletNodes {
     }
 
     /// What all nodes have in common at time `t`, s. `ramp`: share of the full inflow during spin-up.
-    pub(super) fn prepare_step(&mut self, inlet: &InletWind, t: f64, ramp: f64) -> InletStep {
-        let mean_factor = narrow(inlet.gust_factor_from(t, |tick| self.gust_cache.process_at_tick(inlet, tick)) * ramp);
+    pub(super) fn prepare_step(inlet: &InletWind, t: f64, ramp: f64) -> InletStep {
+        let mean_factor = narrow(inlet.gust_factor(t) * ramp);
         InletStep { time: t, ramp, mean_factor, direction: inlet.direction(t).to_array().map(narrow) }
-    }
-}
-
-/// The gust process at the last even and the last odd tick: a tick lasts many steps and takes some hundred draws.
-#[derive(Debug, Default)]
-struct GustCache([Option<(i64, f64)>; 2]);
-
-impl GustCache {
-    /// [`InletWind::gust_process_at_tick`] at a tick.
-    fn process_at_tick(&mut self, inlet: &InletWind, tick: i64) -> f64 {
-        let slot = &mut self.0[usize::from(tick.rem_euclid(2) == 1)];
-        match slot {
-            Some((cached, value)) if *cached == tick => *value,
-            _ => slot.insert((tick, inlet.gust_process_at_tick(tick))).1,
-        }
     }
 }
 
@@ -633,4 +644,30 @@ fn accumulate_mode<S: Simd>(simd: S, sum: &mut [f32], c: f32, cosine: &[f32], s:
 /// Share of the full inflow, 0 to 1, after a number of steps from rest: a sudden start would send a pressure wave through the box.
 pub(super) fn spin_up_ramp(steps: u64) -> f64 {
     f64::from(math::smoothstep(0.0, RAMP_STEPS, steps.min(1000) as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::LatticeOptions;
+    use super::*;
+
+    /// Every question took some hundred draws for each of two ticks.
+    #[test]
+    fn gusts_are_drawn_once_per_tick() {
+        let lattice = LatticeOptions::default();
+        let inlet = InletWind::new(lattice.inlet, DVec3::ZERO, lattice.spacing, lattice.cells, [false; 3]);
+        let period = inlet.options.gust_period;
+        assert!(inlet.options.gust_strength > 0.0);
+        // A correlation time, from before the first frame on, in many small questions out of order, as threads ask them.
+        let times: Vec<f64> = (0..1000_u32).map(|k| period * (f64::from(k * 607 % 1000) / 1000.0 - 0.5)).collect();
+        let asked: Vec<f64> = times.iter().map(|t| inlet.gust_factor(*t)).collect();
+        let kept = inlet.gusts.read().expect("values").clone();
+        assert!((32..=34).contains(&kept.len()), "{} ticks", kept.len());
+        assert!(kept.iter().all(|(tick, value)| value.to_bits() == inlet.drawn_gust_process(*tick).to_bits()));
+        // A clone shares the values; a fresh inlet finds the same ones.
+        let fresh = InletWind { gusts: Arc::default(), ..inlet.clone() };
+        for (t, asked) in times.iter().zip(asked) {
+            assert_eq!(fresh.gust_factor(*t).to_bits(), asked.to_bits());
+        }
+    }
 }

@@ -328,7 +328,7 @@ impl LatticeSolver {
     /// Computes the inflow of the step `ahead` steps from now.
     fn update_inlet(&mut self, ahead: usize) -> InletStep {
         let step = self.flow.step + ahead as u64;
-        let now = self.inlet_nodes.prepare_step(&self.inlet, self.step_time(step), spin_up_ramp(step));
+        let now = InletNodes::prepare_step(&self.inlet, self.step_time(step), spin_up_ramp(step));
         self.inlet_nodes.compute_velocities(&self.inlet, now, self.flow.tables.arch, &mut self.inlet_velocity[ahead]);
         now
     }

@@ -7,7 +7,7 @@ use glam::{Quat, Vec3};
 
 use super::plant::{BladeTurn, Foliage, MeanLeaf, NodeSite, PlacedLeaf, TreeFoliage};
 use super::record::{GrowthRecord, Wood};
-use super::tree::{NONE as NO_NODE, Tree, index_of, y_axis};
+use super::tree::{FALL_DELAY, NONE as NO_NODE, Tree, index_of, y_axis};
 use osier_base::Result;
 use osier_base::limits::Limits;
 use osier_base::math;
@@ -20,6 +20,11 @@ const AUTUMN: f32 = 0.8;
 /// Years that a leaf takes to unfold and to fall. At 24 frames a year its size grows by 0.21 and shrinks by 0.28 a frame.
 const UNFOLDING: f32 = 0.2;
 const FALLING: f32 = 0.15;
+/// Years between the time at which a leaf that stays over winter begins to unfold and that at which the one before it begins to fall:
+/// the area of both together is then never below that of one.
+const OVERLAP: f32 = FALL_DELAY - SPRING;
+/// Least years from the unfolding of such a leaf to the end of its year: more than `OVERLAP` and `FALLING` together.
+const LEAD: f32 = 0.26;
 /// Latest part of its year in which a leaf that falls in autumn begins to unfold.
 const LATEST_SPRING: f32 = 0.55;
 /// Part of a year in which the leaves of a tip turn to the direction of its new shoot.
@@ -214,7 +219,7 @@ impl LeafSlots {
             }
         } else {
             let unfolds = if is_stem { first.year - UNFOLDING } else { first.year - 1.0 + SPRING };
-            add(unfolds, end_of_life(record, last.node as usize, open_until));
+            add(unfolds, end_of_life(record, open_until));
         }
     }
 
@@ -229,16 +234,19 @@ impl LeafSlots {
             return [born.clamp(year - 1.0 + SPRING, year - 1.0 + LATEST_SPRING), year - 1.0 + AUTUMN];
         }
         let years = tree.habit.leaf_years.ceil().max(1.0);
-        let unfolds = born.min(year - UNFOLDING);
+        // Early enough for the leaf before it to be gone at the end of the year.
+        let unfolds = born.min(year - LEAD);
         let living = record.last_living_year(i);
         // Three ends: the branch dies first; the leaf outlives the record; it falls of age.
         let falls = if living < year + years - 1.0 {
-            end_of_life(record, i, living)
+            end_of_life(record, living)
         } else if year + years > tree.year as f32 {
             STAYS
         } else {
-            unfolds + years
+            unfolds + years + OVERLAP
         };
+        // No leaf outlives its branch.
+        let falls = record.fall_window(i).map_or(falls, |[start, _]| falls.min(start));
         [unfolds, falls]
     }
 
@@ -451,17 +459,10 @@ fn cuts_of_leaves(tree: &Tree, i: usize) -> Vec<CutOfLeaves> {
     tree.cuts_through(i).zip(left).map(|(cut, left)| CutOfLeaves { time: cut.time(), left }).collect()
 }
 
-/// Age at which a leaf begins to fall if `last_year` is the last year at whose end it is there: with its branch, or in the spring
-/// after that year.
-fn end_of_life(record: &GrowthRecord, node: usize, last_year: f32) -> f32 {
-    let tree: &Tree = &record.tree;
-    if last_year >= tree.year as f32 {
-        return STAYS;
-    }
-    match record.fall_window(node) {
-        Some([start, _]) if start <= last_year => last_year,
-        _ => last_year + SPRING,
-    }
+/// Age at which a leaf begins to fall if `last_year` is the last year at whose end it is there: in the spring after that year, with its
+/// branch if that falls.
+fn end_of_life(record: &GrowthRecord, last_year: f32) -> f32 {
+    if last_year >= record.tree.year as f32 { STAYS } else { last_year + FALL_DELAY }
 }
 
 /// A number of leaves at one site; more than 65,535 leaves of one internode would be cut to that number.

@@ -142,6 +142,23 @@ fn crowns_are_bare_in_winter_and_full_in_summer() {
     assert!(shown(8.5) > 0 && shown(8.5) < all);
 }
 
+/// Leaves of tips that died fell before those of the new ones had unfolded: crowns thinned out for a frame or two of each year.
+#[test]
+fn crowns_without_seasons_do_not_thin_out_within_a_year() {
+    let clip = clip_of(&spec(14.0), whole(14.0), ClipLeaves::Summer);
+    let area = |age: f32| {
+        let leaves = clip.pose(age).leaves.into_iter().zip(&clip.plant.organs).map(|(l, organ)| l.size * organ.scale);
+        leaves.map(|size| size * size).sum::<f32>()
+    };
+    for year in 8..14_u8 {
+        let least = area(f32::from(year)).min(area(f32::from(year + 1)));
+        for part in 1..24_u8 {
+            let now = area(f32::from(year) + f32::from(part) / 24.0);
+            assert!(now > 0.97 * least, "{now} of {least} in part {part} of year {year}");
+        }
+    }
+}
+
 #[test]
 fn leaves_share_places_in_succession() {
     for leaves in [ClipLeaves::Seasons, ClipLeaves::Summer] {

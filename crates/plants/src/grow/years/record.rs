@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use super::tree::{NONE, Scratch, Tree, flag};
+use super::tree::{FALL_DELAY, NONE, Scratch, Tree, flag};
 use osier_base::math;
 
 /// Years over which a branch that falls or is cut off thins out. At 24 frames a year a leaf on it shrinks by .28 a frame.
@@ -194,7 +194,7 @@ impl GrowthRecord {
 
     /// Ages between which a node thins out because it falls, years; `None` if it still stands at the end of the record.
     pub(super) fn fall_window(&self, i: usize) -> Option<[f32; 2]> {
-        let start = f32::from(self.fell[i]) - 1.0;
+        let start = f32::from(self.fell[i]) - 1.0 + FALL_DELAY;
         (self.fell[i] != STANDS).then_some([start, start + FALL_YEARS])
     }
 

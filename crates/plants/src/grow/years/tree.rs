@@ -248,10 +248,14 @@ pub(super) struct CutThrough {
     pub length: f32,
 }
 
+/// Part of a year at which a clip shows that branches and leaves fall and that wood is cut, all of which belongs to the beginning of the
+/// year: the leaves of the new year have half of their size by then. Sooner: crowns thin out in between; later: they are too dense.
+pub(super) const FALL_DELAY: f32 = 0.15;
+
 impl CutThrough {
-    /// Age of the tree at the cut, years: it is made at the beginning of its year.
+    /// Age of the tree at which a clip shows the cut, years: it is made at the beginning of its year.
     pub fn time(&self) -> f32 {
-        f32::from(self.year) - 1.0
+        f32::from(self.year) - 1.0 + FALL_DELAY
     }
 }
 
