@@ -119,6 +119,23 @@ fn strict_ends_with_3_after_writing_everything() {
     ends(3, &[&["check", arg(&grammar), "--strict"], &SMALL[..]].concat());
     ends(0, &["check", SCENE, "--strict"]);
     ends(0, &["check", "meadow", "--strict"]);
+    // A bake that is up to date says what the bake said that wrote the files, and counts it: growth warns of the tropism.
+    let out = dir.path().join("out");
+    for up_to_date in [false, true] {
+        let call = [&["bake", arg(&grammar), "-o", arg(&out), "--strict", "--json"], &SMALL[..]].concat();
+        let (json, err) = ends(3, &call);
+        let result: Value = serde_json::from_str(&json).expect("json");
+        assert!(
+            result["up_to_date"] == up_to_date && result["warnings"] == 1 && err.contains("warning[L048]"),
+            "{json}{err}"
+        );
+    }
+    let manifest: Value =
+        serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("json");
+    assert_eq!(
+        (manifest["warnings"].as_array().map(Vec::len), &manifest["warnings"][0]["code"]),
+        (Some(1), &"L048".into())
+    );
     let unreached = "Lsystem: w\nDerivation length: 1\nAxiom: F\nB --> F\nendlsystem\n";
     let grammar = file(&dir, "unreached.l", unreached);
     let (_, err) = ends(3, &["list", "knobs", arg(&grammar), "--strict"]);

@@ -8,6 +8,7 @@
 )]
 
 use crate::common::clients;
+use crate::common::program::tree;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -310,16 +311,32 @@ fn files_are_the_same_at_any_number_of_threads() {
     assert!(all[0] == all[1] && all[0] == all[2], "bytes depend on the number of threads");
 }
 
-/// A frame asked for by itself is that of the whole clip.
+/// Frames baked by themselves, as by a machine of a farm, have the bytes of those of the whole clip in every format with a file per frame.
 #[test]
-fn a_late_frame_alone_is_the_same() {
+fn late_frames_alone_are_the_same() {
     let dir = tempfile::tempdir().expect("dir");
-    let path = scene(dir.path(), "late", SCENE);
-    let pov = |name: &str, frames: &str| {
-        let out = baked(dir.path(), name, &path, &["--formats", "pov", "--frames", frames]);
-        std::fs::read_to_string(out.join("pov/frames/frame.0048.inc")).expect("frame")
+    let more = "map_every = 1\n[output.wind]\ntexel = 1\nvti_every = 1\n[[output.wind.slice]]\nacross = \"y\"\nat = 2\n[[solid]]";
+    let path = scene(dir.path(), "late", &SCENE.replacen("[[solid]]", more, 1));
+    let formats = ["--formats", "pov,exr,vdb,points"];
+    let whole = tree(&baked(dir.path(), "whole", &path, &formats));
+    let part = tree(&baked(dir.path(), "part", &path, &[&formats[..], &["--frames", "47-48"]].concat()));
+    let late: Vec<&String> = part.keys().filter(|name| name.contains("0047.") || name.contains("0048.")).collect();
+    for kind in
+        ["pov/frames/", "maps/deposition/ground", "vdb/air", "vdb/flock", "points/catkins", "wind/box", "wind/y2"]
+    {
+        assert_eq!(late.iter().filter(|name| name.starts_with(kind)).count(), 2, "{kind} {late:?}");
+    }
+    late.iter().for_each(|name| assert!(whole.get(*name) == part.get(*name), "{name}"));
+    // The manifests differ: each is that of its own frames. A list of all frames is the whole clip.
+    let hash = |files: &BTreeMap<String, Vec<u8>>| -> serde_json::Value {
+        let manifest: serde_json::Value = serde_json::from_slice(&files["manifest.json"]).expect("json");
+        manifest["scene"]["hash"].clone()
     };
-    assert_eq!(pov("whole", "1-48"), pov("alone", "48"));
+    assert_ne!(hash(&whole), hash(&part));
+    let (scene, out) = (path.to_str().expect("path"), dir.path().join("whole"));
+    let all = ["bake", scene, "-o", out.to_str().expect("path"), "--frames", "1-48"];
+    let run = osier(&[&all[..], &formats].concat());
+    assert!(String::from_utf8_lossy(&run.stderr).contains("is up to date"), "{run:?}");
 }
 
 /// Seeds that walls and wet ground are tried at: one, or as many as `OSIER_SEEDS` says, at most eight.

@@ -22,6 +22,8 @@ use osier_scene::{
 /// Options of the exporters that the manifest records.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
+    /// Hash of the scene and of the selection of its frames; `None`: that of the scene.
+    pub hash: Option<String>,
     /// Up axis of the USD files, `Y` or `Z`.
     pub up_axis: String,
     /// Time samples from one frame to the next, >= 1.
@@ -43,6 +45,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
+            hash: None,
             up_axis: "Y".into(),
             substeps: 1,
             step: 1,
@@ -70,7 +73,7 @@ impl Default for UnitsEntry {
 /// Height for the value 1 of leaf maps in a scene without such maps, m.
 const HEIGHT_RANGE: f32 = 0.004;
 
-/// Builds the manifest. `files`: the folder's finished files; `warnings`: of all exporters, in asset order.
+/// Builds the manifest. `files`: the folder's finished files; `warnings`: of the scene and of all exporters, in asset order.
 pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings: &Settings) -> Manifest {
     let files = grouped(files, scene.clip);
     let paths: Vec<&str> = files.iter().map(path).collect();
@@ -83,7 +86,10 @@ pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings
         schema: 1,
         generator: "osier".into(),
         version: VERSION.into(),
-        scene: SceneEntry { name: scene.name.clone(), hash: scene.hash.clone() },
+        scene: SceneEntry {
+            name: scene.name.clone(),
+            hash: settings.hash.clone().unwrap_or_else(|| scene.hash.clone()),
+        },
         seed: scene.seed.to_string(),
         up_axis: settings.up_axis.clone(),
         meters_per_unit: 1.0,
