@@ -288,6 +288,9 @@ fn a_lattice_says_how_it_did() {
     let run = osier(&["bake", path, "-o", swept.to_str().expect("path"), "--seeds", "5", "--strict"]);
     let said = String::from_utf8_lossy(&run.stderr).into_owned();
     assert!(run.status.code() == Some(3) && said.contains("S027"), "{said}");
+    // Without a key there is no plot, and none is listed.
+    let listed = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(listed.contains("sweep.json, maps/\n") && !swept.join("sweep.svg").exists(), "{listed}");
     // Four steps a frame are short enough.
     let calm = ["--formats", "csv", "--strict", "--set", "flight.substeps=4"];
     let columns = table(&baked(dir.path(), "calm", Path::new(path), &calm));
