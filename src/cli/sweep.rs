@@ -10,6 +10,7 @@ use super::args::Bake;
 use super::numbers::{self, swept_keys};
 use super::progress::ProgressDisplay;
 use crate::bake::motion::{FrameTime, table_rows};
+use crate::bake::scene::dry_run::with_small_maps;
 use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
@@ -174,7 +175,10 @@ struct SimulatedRun {
 fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Result<SimulatedRun> {
     // The context is silent, since one bar counts the frames of all runs.
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
-    let built = scene::assemble_scene(recipe, scene::SceneOptions::default(), &work)?;
+    // Maps are not written and change no number; drawing them would take longer than many a flight. Those of wet leaves have sizes of
+    // their own, so that scenes with rain stay as they are.
+    let small = if recipe.rain.is_none() { Some(with_small_maps(recipe)) } else { None };
+    let built = scene::assemble_scene(small.as_ref().unwrap_or(recipe), scene::SceneOptions::default(), &work)?;
     let (stage, report) = (built.animated, built.report);
     let mut all = Vec::new();
     // Each frame adds one row; nothing else is kept of the frames.

@@ -401,6 +401,7 @@ fn a_sweep_is_a_row_for_each_run() {
     let rows: Vec<Vec<&str>> = text.lines().map(|l| l.split(',').collect()).collect();
     assert!(rows.len() == 9 && rows[0][..3] == ["solid.0.size.1", "flight.humidity", "seed"], "{text}");
     assert_eq!(rows[8][..3], ["2.0", "1", "2"]);
+    // A bake draws textures of full size, on which no number depends.
     let same = ["--formats", "csv", "--seed", "2", "--set", "solid.0.size.1=2.0", "--set", "flight.humidity=1"];
     let columns = table(&baked(dir.path(), "alone", Path::new(path), &same));
     for name in ["grounded", "exited", "merges", "deposits", "mean_speed"] {
