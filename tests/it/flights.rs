@@ -82,6 +82,33 @@ fn each_fault_names_its_place_and_the_mend() {
     }
 }
 
+/// A zone or a solid at the wrong place, as with the other sign of z, is told instead of counting nothing.
+#[test]
+fn places_beside_the_flight_are_told() {
+    let dir = tempfile::tempdir().expect("dir");
+    let zones = |far: &str| format!("[[flight.zone]]\nname = \"yard\"\nx = [2, 5]\nz = {far}\n");
+    let wall = |x: f64| format!("[[solid]]\nname = \"fence\"\nat = [{x}, 0, 0]\nsize = [0.2, 1, 2]\n");
+    let told = |name: &str, more: &str| {
+        let path = scene(dir.path(), name, &format!("{SCENE}{more}"));
+        String::from_utf8_lossy(&osier(&["check", path.to_str().expect("path")]).stderr).into_owned()
+    };
+    // The domain is 12 x 8 m, around the origin.
+    let near = told("near", &format!("{}{}", zones("[3, 9]"), wall(6.05)));
+    assert!(!near.contains("S007"), "{near}");
+    let zone =
+        "S007]: flight.zone \"yard\" covers no ground of the domain of the flight (x -6.0 to 6.0 m, z -4.0 to 4.0 m)";
+    for (name, z) in [("far", "[4, 9]"), ("narrow", "[1, 1]")] {
+        let far = told(name, &zones(z));
+        assert!(far.contains(zone), "{far}");
+    }
+    let far = told("fence", &wall(6.2));
+    assert!(far.contains("S007]: solid \"fence\" is outside of the domain of the flight"), "{far}");
+    // With a lattice the domain is its box.
+    let lattice = "model = \"lattice\"\n[wind.lattice]\ncells = [16, 12, 16]\ndx = 0.5\n";
+    let far = told("box", &format!("{lattice}{}", wall(5.0)));
+    assert!(far.contains("x -4.0 to 4.0 m, z -4.0 to 4.0 m") && far.contains("\"fence\" is outside"), "{far}");
+}
+
 /// On high and on low terrain the box stands on the ground: as many catkins land as at y = 0.
 #[test]
 fn the_box_of_a_flight_stands_on_terrain() {
