@@ -71,8 +71,10 @@ fn each_fault_names_its_place_and_the_mend() {
         ("mesh", "[[solid]]\nshape = \"mesh\"\n", "S006", "mesh = \"FILE.obj\""),
         ("shape", "[[solid]]\nshape = \"hose\"\n", "S003", "did you mean \"house\"?"),
         ("file", "[flight]\nrelease = \"points\"\npoints = \"bad.csv\"\n", "S003", "bad.csv:3"),
+        ("head", "[flight]\nrelease = \"points\"\npoints = \"head.csv\"\n", "S003", "\"head.csv\" holds no position"),
     ];
     std::fs::write(dir.path().join("bad.csv"), "x,y,z\n1,2,3\n1,two,3\n").expect("points");
+    std::fs::write(dir.path().join("head.csv"), "x,y,z\n").expect("points");
     for (name, text, code, words) in cases {
         let path = scene(dir.path(), name, text);
         let run = osier(&["check", path.to_str().expect("path")]);

@@ -293,6 +293,12 @@ impl Resolver<'_> {
             // Spans of diagnostics count whole lines, with comments and line ends.
             at += line.len();
         }
+        if starts.is_empty() {
+            let text = format!("\"{}\" holds no position, so that no catkin would fly", reference.text);
+            let d = Diagnostic::error("S003", text, reference.span, "this file");
+            self.report.push(d.help("write x, y, z in metres on each of its lines"));
+            return None;
+        }
         self.limit("catkins", starts.len() as u64, Some(reference.span));
         Some(starts)
     }
