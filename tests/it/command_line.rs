@@ -184,6 +184,16 @@ fn standard_output_holds_results_and_nothing_else() {
     let (first, again) = (json(&["bake", SCENE, "-o", arg(&out)]), json(&["bake", SCENE, "-o", arg(&out)]));
     assert!(first["up_to_date"] == false && again["up_to_date"] == true && first["bake_hash"] == again["bake_hash"]);
     assert_eq!(json(&["info", arg(&out)])["complete"], true);
+    // As the text does, JSON tells which single files a format can be.
+    let formats = json(&["list", "formats"]);
+    let endings = |word: &str| {
+        formats.as_array().expect("list").iter().find(|f| f["name"] == word).expect(word)["endings"].clone()
+    };
+    let limits = json(&["list", "limits", "--max-steps", "none", "--max-nodes", "7"]);
+    let limit =
+        |name: &str| limits.as_array().expect("list").iter().find(|l| l["name"] == name).expect(name)["value"].clone();
+    assert!(limit("steps").is_null() && limit("nodes") == 7, "{limits}");
+    assert_eq!((endings("glb"), endings("tracks")), (serde_json::json!([".glb", ".gltf"]), serde_json::json!([])));
     assert_eq!(json(&["grow", SCENE, "-o", arg(&glb)])["files"][0]["path"], arg(&glb));
     // Each kind of file that grow writes has a dry run in JSON.
     let plan = |source: &str, name: &str| {
