@@ -285,6 +285,13 @@ fn landings_are_counted_once_each() {
     let rest = baked(dir.path(), "rest", &path, &["--formats", "csv,exr"]);
     let total: f64 = map_sums(&rest.join("maps/deposition")).values().sum();
     assert!((total - lying).abs() < 1e-3 * lying, "{total} on maps, {lying} at rest");
+    // In milligrams, a catkin of scale 2 has four times the mass of one of scale 1.
+    let mass = ["--set", "flight.map_of=mass", "--set", "flight.mass_mg=0.5", "--set", "flight.scale=[2,2]"];
+    let heavy = baked(dir.path(), "heavy", &path, &[&["--formats", "csv,exr"][..], &mass].concat());
+    let columns = table(&heavy);
+    let lying: f64 = ["grounded", "on_wall", "corner"].iter().map(|name| last(&columns, name)).sum();
+    let total: f64 = map_sums(&heavy.join("maps/deposition")).values().sum();
+    assert!(lying > 5.0 && (total - 2.0 * lying).abs() < 1e-3 * total, "{total} mg on maps, {lying} at rest");
 }
 
 /// A lattice says how it did, and catkins that leap over its cells are told of: in the files, and by the program's end.
