@@ -918,6 +918,11 @@ fn progress_json_makes_every_line_of_standard_error_an_object() {
         absent[0]["event"] == "error" && absent[0]["file"] == "nosuch" && absent[0]["span"].is_null(),
         "{absent:?}"
     );
+    // Memory is watched beside the work, whose growth here takes longer than the first look.
+    let large = events(1, &["bake", "landscape", "-o", arg(&out), "--max-memory", "2M", "--progress", "json"]);
+    let is_told =
+        |e: &Value| e["event"] == "error" && e["message"].as_str().is_some_and(|m| m.contains("--max-memory"));
+    assert!(large.iter().any(is_told), "{large:?}");
     let refused = events(2, &["bake", SCENE, "--frames", "x", "--progress", "json"]);
     assert!(refused[0]["message"].as_str().is_some_and(|m| m.starts_with("--frames")), "{refused:?}");
 }
