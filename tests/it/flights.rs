@@ -327,6 +327,9 @@ fn a_lattice_says_how_it_did() {
     // Without a key there is no plot, and none is listed.
     let listed = String::from_utf8_lossy(&run.stdout).into_owned();
     assert!(listed.contains("sweep.json, maps/\n") && !swept.join("sweep.svg").exists(), "{listed}");
+    let info = osier(&["info", swept.to_str().expect("path")]);
+    let said = String::from_utf8_lossy(&info.stderr).into_owned();
+    assert!(info.status.code() == Some(1) && said.contains("is a sweep"), "{said}");
     // Four steps a frame are short enough.
     let calm = ["--formats", "csv", "--strict", "--set", "flight.substeps=4"];
     let columns = table(&baked(dir.path(), "calm", Path::new(path), &calm));
