@@ -46,7 +46,7 @@ use output::single_file::refuse_without_visible_plants;
 use output::texture_size::limit_texture_sizes;
 use output::unselected::warn_of_unselected_grids;
 use scene::animated::AnimatedScene;
-use scene::assembly::SceneOptions;
+use scene::assembly::{AssembledScene, SceneOptions};
 
 /// Manifest and warnings of a bake whose files have all been written.
 #[derive(Debug)]
@@ -84,7 +84,7 @@ pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeCont
     }
     refuse_without_visible_plants(&built.animated.scene)?;
     built.counts(recipe, frames).check_limits(context.limits)?;
-    let (manifest, warnings) = write_files(recipe, &mut built.animated, frames, folder, context)?;
+    let (manifest, warnings) = write_files(recipe, &mut built, frames, folder, context)?;
     report.extend(built.report);
     Ok(Baked { manifest, report, warnings })
 }
@@ -112,16 +112,17 @@ pub(crate) fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u
 }
 
 /// Writes all files of an assembled scene, frame by frame, the manifest last; reduces its textures to the sizes that the camera
-/// needs.
+/// needs. The manifest repeats the warnings of the assembly; those that are returned are of the exporters.
 /// # Errors
 /// `Export` and `Io` of what cannot be written, `Cancelled`.
 pub fn write_files(
     recipe: &Recipe,
-    animated: &mut AnimatedScene,
+    built: &mut AssembledScene,
     frames: &[u32],
     folder: &Folder,
     context: &BakeContext<'_>,
 ) -> Result<(Manifest, Vec<Warning>)> {
+    let animated = &mut built.animated;
     // Previews and single files have the textures at their full size; a bake is made for its camera.
     limit_texture_sizes(recipe, Arc::make_mut(&mut animated.scene));
     let textures = Arc::new(Textures::encode(&animated.scene)?);
@@ -134,7 +135,9 @@ pub fn write_files(
         manifest::write_leaves(folder, &animated.scene)?;
     }
     let settings = exporters::manifest_settings(recipe, animated, frames);
-    let manifest = manifest::build(&animated.scene, &folder.files(), &warnings, &settings);
+    let of_assembly = built.report.diagnostics.iter().map(|d| Warning { code: d.code, message: d.message.clone() });
+    let all: Vec<Warning> = of_assembly.chain(warnings.iter().cloned()).collect();
+    let manifest = manifest::build(&animated.scene, &folder.files(), &all, &settings);
     manifest::write(folder, &manifest)?;
     folder.finish()?;
     Ok((manifest, warnings))

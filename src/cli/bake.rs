@@ -59,9 +59,9 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let mut request = find_scene(args.scene.as_deref().unwrap_or("showcase"), &context.sources)?;
     // The flag becomes an override of the scene's key, so that it is hashed like any other.
     request.set.extend(formats.map(|formats| format!("output.formats={formats}")));
-    let (mut recipe, warnings) = resolve(&request)?;
+    let (recipe, warnings) = resolve(&request)?;
     context.console.report(&warnings);
-    let frames = match selection(context, args, &mut recipe) {
+    let frames = match selection(context, args, &recipe) {
         Ok(frames) => frames,
         Err(why) => {
             context.console.complain(&why);
@@ -73,19 +73,23 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     context.console.report(&unselected);
     // The default folder is named after the scene.
     let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(&recipe.name));
-    let mut warned = !warnings.diagnostics.is_empty() || !unselected.diagnostics.is_empty();
+    // Those of the scene's text and of the selection, which the manifest does not hold.
+    let told = warnings.diagnostics.len() + unselected.diagnostics.len();
+    let hash = recipe.hash_of_frames(&frames);
     if !context.common.dry_run
-        && let Some(manifest) = current(context, &root, &recipe)
+        && let Some(manifest) = current(context, &root, &hash)
     {
+        // The same warnings as after the bake that wrote the files, so that `--strict` and `--json` say the same.
+        manifest.warnings.iter().for_each(|w| context.console.warning(&w.code, &w.message));
         context.console.note(&format!("\"{}\" is up to date", root.display()));
-        summary(context, &root, &recipe, &manifest, None)?;
-        return Ok(context.strict(warned));
+        summary(context, &root, &recipe, &manifest, told, None)?;
+        return Ok(context.strict(told > 0 || !manifest.warnings.is_empty()));
     }
     if !context.common.dry_run {
         check_writable(&root)?;
         // A manifest or a journal that osier did not write is refused before anything grows.
         if root.is_dir() && !args.force {
-            open(context, args, &recipe, &root)?;
+            open(context, args, &hash, &root)?;
         }
     }
     let display = ProgressDisplay::new(&context.console);
@@ -102,7 +106,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     // Reuse results of an earlier bake into this folder: drawn leaves here, the spun-up wind by the cache below.
     ifs_leaves::load(&recipe, &root, &context.limits);
     let stores = !context.common.dry_run && stores_spin_up(&recipe);
-    let cache = if stores { Some(BakeCache::new(open(context, args, &recipe, &root)?)) } else { None };
+    let cache = if stores { Some(BakeCache::new(open(context, args, &hash, &root)?)) } else { None };
     let work =
         BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timer, cache: cache.as_ref() };
     let parts = scene::SceneOptions::default();
@@ -117,7 +121,6 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let messages = cache.iter().flat_map(BakeCache::take_messages);
     messages.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
-    warned |= !built.report.diagnostics.is_empty();
     if let Some(why) = bake::missing_frames(&recipe, &built.animated, &frames) {
         context.console.complain(&format!("--frames: {why}"));
         return Ok(2);
@@ -128,7 +131,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     counts.check_limits(&context.limits)?;
     if context.common.dry_run {
         report::print_estimate(context, &root.display().to_string(), &counts)?;
-        return Ok(context.strict(warned));
+        return Ok(context.strict(told > 0 || !built.report.diagnostics.is_empty()));
     }
     if counts.bytes > report::CONFIRM_BYTES && !args.force {
         let (size, most) = (report::byte_size(counts.bytes), report::byte_size(report::CONFIRM_BYTES));
@@ -141,9 +144,9 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     context.console.note(&format!("writing about {}", sizes(counts.bytes, &counts.sizes)));
     let folder = match &cache {
         Some(cache) => cache.folder().clone(),
-        None => open(context, args, &recipe, &root)?,
+        None => open(context, args, &hash, &root)?,
     };
-    let written = bake::write_files(&recipe, &mut built.animated, &frames, &folder, &work);
+    let written = bake::write_files(&recipe, &mut built, &frames, &folder, &work);
     display.done();
     let replaced = folder.replaced_changes();
     if let Some(first) = replaced.first() {
@@ -160,8 +163,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         let (word, about) = (format.word, format.about);
         context.console.note(&format!("note: format {word} has no file, since the scene has nothing for it ({about})"));
     }
-    summary(context, &root, &recipe, &manifest, Some(&timer.seconds()))?;
-    Ok(context.strict(warned || !export_warnings.is_empty()))
+    summary(context, &root, &recipe, &manifest, told, Some(&timer.seconds()))?;
+    Ok(context.strict(told > 0 || !manifest.warnings.is_empty()))
 }
 
 /// The formats of the recipe of which the bake has no file, since each of them stores things that a scene may lack.
@@ -189,11 +192,10 @@ fn format_list(list: &str) -> std::result::Result<String, String> {
     Ok(format!("[{}]", words.join(",")))
 }
 
-/// Numbers of the frames to write; empty for a still scene. A selection is added to the scene's hash, since it changes the
-/// output.
+/// Numbers of the frames to write; empty for a still scene.
 /// # Errors
 /// A message for a list that cannot be read or that leaves the clip.
-fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result::Result<Vec<u32>, String> {
+fn selection(context: &Context, args: &Bake, recipe: &Recipe) -> std::result::Result<Vec<u32>, String> {
     let (start, end) = (recipe.clip.start, recipe.clip.end);
     let is_still = recipe.clip.len() == 1;
     let Some(list) = &args.frames else {
@@ -214,29 +216,22 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
     if is_still {
         return Ok(Vec::new());
     }
-    let mut hasher = blake3::Hasher::new();
-    // Four bytes per frame number make the encoding of a list unique.
-    hasher.update(recipe.hash.as_bytes());
-    for f in &frames {
-        hasher.update(&f.to_le_bytes());
-    }
-    recipe.hash = hasher.finalize().to_hex().to_string();
     Ok(frames)
 }
 
 /// The manifest of the folder if the folder is up to date: complete, written by this program from the same scene, and closed
-/// by the run that wrote it.
-fn current(context: &Context, root: &Path, recipe: &Recipe) -> Option<Manifest> {
+/// by the run that wrote it. `hash`: of the scene and its frames.
+fn current(context: &Context, root: &Path, hash: &str) -> Option<Manifest> {
     let (m, found) = manifest::verify(root, context.limits.get("json-bytes")).ok()?;
     // Another version of the program may write other bytes for the same hash.
     // `is_settled` compares the key, which holds the sources, with the one that the last run left in the folder.
-    let is_same = m.scene.hash == recipe.hash && m.version == VERSION;
-    (is_same && found.is_complete() && is_settled(root, &key(recipe))).then_some(m)
+    let is_same = m.scene.hash == hash && m.version == VERSION;
+    (is_same && found.is_complete() && is_settled(root, &key(hash))).then_some(m)
 }
 
-/// Key that determines the bytes of a bake: version and sources of the program, and the scene.
-fn key(recipe: &Recipe) -> String {
-    format!("{VERSION} {SOURCES} {}", recipe.hash)
+/// Key that determines the bytes of a bake: version and sources of the program, and the hash of the scene and its frames.
+fn key(hash: &str) -> String {
+    format!("{VERSION} {SOURCES} {hash}")
 }
 
 /// Whether the lattice wind is stored after its spin-up: the recipe has one and the key `keep` is set.
@@ -244,19 +239,21 @@ fn stores_spin_up(recipe: &Recipe) -> bool {
     recipe.lattice.keep && !bake::lattice_memory(recipe).is_empty()
 }
 
-fn open(context: &Context, args: &Bake, recipe: &Recipe, root: &Path) -> Result<Folder> {
+fn open(context: &Context, args: &Bake, hash: &str, root: &Path) -> Result<Folder> {
     let options =
-        WriteOptions { key: key(recipe), force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
+        WriteOptions { key: key(hash), force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
     Folder::open_with(root, options)
 }
 
 /// Prints the written folder, how to open it, and the duration of each stage; `stages` is `None` for a folder that was up
-/// to date. The manifest is that in memory, since another process may already rewrite the folder.
+/// to date. `told`: number of warnings that the manifest does not hold. The manifest is that in memory, since another process
+/// may already rewrite the folder.
 fn summary(
     context: &Context,
     root: &Path,
     recipe: &Recipe,
     m: &Manifest,
+    told: usize,
     stages: Option<&[(String, f64)]>,
 ) -> Result<()> {
     let files = m.expanded();
@@ -265,7 +262,7 @@ fn summary(
         let value = json!({
             "folder": root.display().to_string(), "scene": m.scene.name, "hash": m.scene.hash, "seed": m.seed,
             "bake_hash": m.bake_hash, "files": files.len(), "bytes": bytes, "up_to_date": stages.is_none(),
-            "warnings": m.warnings.len(),
+            "warnings": told + m.warnings.len(),
             "seconds": stages.map(|s| s.iter().cloned().collect::<std::collections::BTreeMap<_, _>>()),
         });
         return context.console.result(&format!("{value:#}\n"));

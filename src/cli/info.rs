@@ -29,8 +29,13 @@ pub fn run(context: &Context, args: &Info) -> Result<u8> {
     if path.is_dir() || path.file_name().is_some_and(|n| n == MANIFEST) {
         let root = if path.is_dir() { path } else { parent(path) };
         if !root.join(MANIFEST).is_file() {
+            let is_sweep = root.join("sweep.json").is_file();
             let root = root.display();
-            let why = format!("\"{root}\" contains no {MANIFEST}: it is not a bake, or the bake did not finish");
+            let why = if is_sweep {
+                format!("\"{root}\" is a sweep, which has no {MANIFEST}: read its sweep.json, sweep.csv and means.csv")
+            } else {
+                format!("\"{root}\" contains no {MANIFEST}: it is not a bake, or the bake did not finish")
+            };
             context.console.complain(&why);
             return Ok(1);
         }

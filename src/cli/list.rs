@@ -16,6 +16,7 @@ use osier_base::Result;
 use osier_base::diagnostic::codes::{CODES, Code};
 use osier_base::diagnostic::{Severity, visible};
 use osier_base::limits::{LIMITS, grouped};
+use osier_export::format::FormatInfo;
 use osier_export::registry;
 
 /// Runs `osier list`: composes one text and prints it. The result is the exit code: 2 for words that do not fit, 3 for
@@ -271,9 +272,19 @@ fn as_json(context: &Context, what: What) -> serde_json::Value {
         What::Presets | What::Species | What::Options | What::Knobs | What::Entries | What::Codes => {
             serde_json::Value::Null
         }
-        What::Formats => registry::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),
+        What::Formats => {
+            let row = |f: &&FormatInfo| {
+                let endings: Vec<String> = f.endings.iter().map(|(ending, _)| format!(".{ending}")).collect();
+                json!({ "name": f.word, "about": f.about, "endings": endings })
+            };
+            registry::FORMATS.iter().map(row).collect()
+        }
         What::Limits => {
-            let row = |l: &osier_base::limits::Limit| json!({ "name": l.name, "default": l.default, "value": context.limits.get(l.name), "counts": l.counts });
+            let row = |l: &osier_base::limits::Limit| {
+                // A number beyond 2^53, which stands for no limit, is another one to many readers.
+                let value = Some(context.limits.get(l.name)).filter(|value| *value != u64::MAX);
+                json!({ "name": l.name, "default": l.default, "value": value, "counts": l.counts })
+            };
             LIMITS.iter().map(row).collect()
         }
     }

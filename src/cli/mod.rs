@@ -172,13 +172,14 @@ fn start(cli: Cli) -> u8 {
     }
     // Signal handlers, threads and memory watch precede all work; the handlers and the watch end with the run.
     let cancel = Cancel::default();
-    let _signals =
-        watch::listen(&cancel).inspect_err(|e| console.complain(&format!("cannot listen to signals: {e}"))).ok();
+    let _signals = watch::listen(&cancel, as_json)
+        .inspect_err(|e| console.complain(&format!("cannot listen to signals: {e}")))
+        .ok();
     if let Err(e) = pool(cli.common.jobs) {
         console.complain(&e);
         return 2;
     }
-    let _memory = match watch::watch(&limits) {
+    let _memory = match watch::watch(&limits, as_json) {
         Ok(memory) => memory,
         Err(e) => {
             console.error(&e);

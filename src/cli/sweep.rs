@@ -10,6 +10,7 @@ use super::args::Bake;
 use super::numbers::{self, swept_keys};
 use super::progress::ProgressDisplay;
 use crate::bake::motion::{FrameTime, table_rows};
+use crate::bake::scene::dry_run::with_small_maps;
 use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
@@ -174,7 +175,10 @@ struct SimulatedRun {
 fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Result<SimulatedRun> {
     // The context is silent, since one bar counts the frames of all runs.
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
-    let built = scene::assemble_scene(recipe, scene::SceneOptions::default(), &work)?;
+    // Maps are not written and change no number; drawing them would take longer than many a flight. Those of wet leaves have sizes of
+    // their own, so that scenes with rain stay as they are.
+    let small = if recipe.rain.is_none() { Some(with_small_maps(recipe)) } else { None };
+    let built = scene::assemble_scene(small.as_ref().unwrap_or(recipe), scene::SceneOptions::default(), &work)?;
     let (stage, report) = (built.animated, built.report);
     let mut all = Vec::new();
     // Each frame adds one row; nothing else is kept of the frames.
@@ -241,7 +245,7 @@ fn print_means(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
     lines.extend(means.iter().map(|m| {
         let with_spread = |s: &Spread| {
             // One run has no deviation.
-            if m.count > 1 { format!("{:.0} ± {:.0}", s.mean, s.deviation) } else { format!("{:.0}", s.mean) }
+            if m.count > 1 { format!("{} ± {}", rounded(s.mean), rounded(s.deviation)) } else { rounded(s.mean) }
         };
         let numbers = m.outcome.iter().map(|s| s.as_ref().map_or_else(|| "-".to_owned(), with_spread));
         m.values.iter().cloned().chain([m.count.to_string()]).chain(numbers).collect()
@@ -250,11 +254,31 @@ fn print_means(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
     let columns = lines.first().map_or(0, Vec::len);
     let widths: Vec<usize> =
         (0..columns).map(|i| lines.iter().map(|l| l[i].chars().count()).max().unwrap_or(0)).collect();
-    let mut text =
-        format!("{}  {} runs: sweep.csv, means.csv, sweep.json, sweep.svg, maps/\n", root.display(), all.runs.len());
+    let files = ["sweep.csv", "means.csv", "sweep.json"].into_iter();
+    // Without a key there is no plot over it.
+    let more = [("sweep.svg", !all.keys.is_empty()), ("maps/", all.maps.iter().any(|maps| !maps.is_empty()))];
+    let files: Vec<&str> = files.chain(more.iter().filter(|(_, is_there)| *is_there).map(|(name, _)| *name)).collect();
+    let mut text = format!("{}  {} runs: {}\n", root.display(), all.runs.len(), files.join(", "));
     for line in &lines {
         let cells: Vec<String> = line.iter().zip(&widths).map(|(cell, w)| format!("{cell:>w$}")).collect();
         text += &format!("  {}\n", cells.join("  "));
     }
     context.console.result(&text)
+}
+
+/// A number of the printed table: with one decimal if it is less than a hundred and not whole, as means over few seeds are.
+fn rounded(value: f64) -> String {
+    let is_whole = value.abs() >= 100.0 || (value - value.round()).abs() < 0.05;
+    if is_whole { format!("{value:.0}") } else { format!("{value:.1}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rounded;
+
+    #[test]
+    fn small_means_keep_a_decimal() {
+        let shown = [0.0, 0.5, 0.707, 2.0, 99.97, 123.4, 0.96].map(rounded);
+        assert_eq!(shown, ["0", "0.5", "0.7", "2", "100", "123", "1"]);
+    }
 }

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use signal_hook::SigId;
 
+use super::events;
 use osier_base::Error;
 use osier_base::files::{drop_parts, read_input};
 use osier_base::limits::{Limits, grouped};
@@ -41,8 +42,9 @@ impl Drop for SignalWatch {
 }
 
 /// Installs handlers of SIGINT and SIGTERM: the first signal requests cancellation and forces the exit if the work
-/// has not stopped within SHUTDOWN_TIME; a second signal exits at once. SIGXFSZ, where there is one, has no effect.
-pub(super) fn listen(cancel: &Cancel) -> std::io::Result<SignalWatch> {
+/// has not stopped within SHUTDOWN_TIME; a second signal exits at once. SIGXFSZ, where there is one, has no effect. `as_json`: whether
+/// the error of a forced exit is a line of JSON, as all others.
+pub(super) fn listen(cancel: &Cancel, as_json: bool) -> std::io::Result<SignalWatch> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     use signal_hook::flag;
     // What is registered before an error is removed again.
@@ -65,7 +67,7 @@ pub(super) fn listen(cancel: &Cancel) -> std::io::Result<SignalWatch> {
             if let Err(why) = cancel.check() {
                 std::thread::sleep(SHUTDOWN_TIME);
                 if !is_over.load(Ordering::Relaxed) {
-                    end(why);
+                    end(why, as_json);
                 }
                 return;
             }
@@ -85,9 +87,10 @@ impl Drop for MemoryWatch {
 }
 
 /// Starts a thread that ends the run when it takes more memory than its limit, which covers excesses that no estimate predicts.
+/// `as_json`: whether its error is a line of JSON.
 /// # Errors
 /// `Limit` for a limit of 0, `Io` if the thread cannot be started.
-pub(super) fn watch(limits: &Limits) -> std::result::Result<MemoryWatch, Error> {
+pub(super) fn watch(limits: &Limits, as_json: bool) -> std::result::Result<MemoryWatch, Error> {
     let most = limits.get("memory");
     if most == 0 {
         return Err(limit_error(resident_bytes().unwrap_or(1), most));
@@ -101,7 +104,7 @@ pub(super) fn watch(limits: &Limits) -> std::result::Result<MemoryWatch, Error> 
                 return;
             }
             if bytes > most {
-                end(limit_error(bytes, most));
+                end(limit_error(bytes, most), as_json);
             }
             std::thread::sleep(MEMORY_INTERVAL);
         }
@@ -128,15 +131,20 @@ fn resident_bytes() -> Option<u64> {
     std::str::from_utf8(line).ok()?.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// Exits the process with the code of an error, even while other threads work or block, as in a write to a full pipe.
-fn end(why: Error) -> ! {
+/// Exits the process with the code of an error, even while other threads work or block, as in a write to a full pipe. `as_json`: whether
+/// the error is told as a line of JSON.
+fn end(why: Error, as_json: bool) -> ! {
     // `process::exit` runs no destructors, so unfinished files are removed here.
     drop_parts();
     let code = i32::from(why.exit_code());
     // Writing to standard error may block too, so that it happens on a thread for which the exit does not wait.
     let _ = std::thread::Builder::new().spawn(move || {
         use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), "error: {why}");
+        if as_json {
+            events::error(&why);
+        } else {
+            let _ = writeln!(std::io::stderr(), "error: {why}");
+        }
     });
     std::thread::sleep(Duration::from_millis(100));
     std::process::exit(code)

@@ -119,6 +119,21 @@ impl Recipe {
         self.wind.model == scene::WindModel::Lattice
     }
 
+    /// Hash of a bake of `frames`, by which the manifest tells whether a folder is up to date: that of the scene, for a part of the clip
+    /// also of the list of its frames. Files hold that of the scene, so that those of a frame do not depend on which others are written.
+    pub fn hash_of_frames(&self, frames: &[u32]) -> String {
+        if frames.is_empty() || frames.len() == self.clip.len() {
+            return self.hash.clone();
+        }
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(self.hash.as_bytes());
+        // Four bytes per frame number make the encoding of a list unique.
+        for frame in frames {
+            hasher.update(&frame.to_le_bytes());
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+
     /// Gravity on all that moves, m/s^2: that of the scene's rain if it has one.
     pub fn gravity(&self) -> f64 {
         self.rain.as_ref().map_or(EARTH, |rain| rain.keys.gravity)

@@ -119,6 +119,23 @@ fn strict_ends_with_3_after_writing_everything() {
     ends(3, &[&["check", arg(&grammar), "--strict"], &SMALL[..]].concat());
     ends(0, &["check", SCENE, "--strict"]);
     ends(0, &["check", "meadow", "--strict"]);
+    // A bake that is up to date says what the bake said that wrote the files, and counts it: growth warns of the tropism.
+    let out = dir.path().join("out");
+    for up_to_date in [false, true] {
+        let call = [&["bake", arg(&grammar), "-o", arg(&out), "--strict", "--json"], &SMALL[..]].concat();
+        let (json, err) = ends(3, &call);
+        let result: Value = serde_json::from_str(&json).expect("json");
+        assert!(
+            result["up_to_date"] == up_to_date && result["warnings"] == 1 && err.contains("warning[L048]"),
+            "{json}{err}"
+        );
+    }
+    let manifest: Value =
+        serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("json");
+    assert_eq!(
+        (manifest["warnings"].as_array().map(Vec::len), &manifest["warnings"][0]["code"]),
+        (Some(1), &"L048".into())
+    );
     let unreached = "Lsystem: w\nDerivation length: 1\nAxiom: F\nB --> F\nendlsystem\n";
     let grammar = file(&dir, "unreached.l", unreached);
     let (_, err) = ends(3, &["list", "knobs", arg(&grammar), "--strict"]);
@@ -167,6 +184,16 @@ fn standard_output_holds_results_and_nothing_else() {
     let (first, again) = (json(&["bake", SCENE, "-o", arg(&out)]), json(&["bake", SCENE, "-o", arg(&out)]));
     assert!(first["up_to_date"] == false && again["up_to_date"] == true && first["bake_hash"] == again["bake_hash"]);
     assert_eq!(json(&["info", arg(&out)])["complete"], true);
+    // As the text does, JSON tells which single files a format can be.
+    let formats = json(&["list", "formats"]);
+    let endings = |word: &str| {
+        formats.as_array().expect("list").iter().find(|f| f["name"] == word).expect(word)["endings"].clone()
+    };
+    let limits = json(&["list", "limits", "--max-steps", "none", "--max-nodes", "7"]);
+    let limit =
+        |name: &str| limits.as_array().expect("list").iter().find(|l| l["name"] == name).expect(name)["value"].clone();
+    assert!(limit("steps").is_null() && limit("nodes") == 7, "{limits}");
+    assert_eq!((endings("glb"), endings("tracks")), (serde_json::json!([".glb", ".gltf"]), serde_json::json!([])));
     assert_eq!(json(&["grow", SCENE, "-o", arg(&glb)])["files"][0]["path"], arg(&glb));
     // Each kind of file that grow writes has a dry run in JSON.
     let plan = |source: &str, name: &str| {
@@ -899,6 +926,11 @@ fn progress_json_makes_every_line_of_standard_error_an_object() {
         absent[0]["event"] == "error" && absent[0]["file"] == "nosuch" && absent[0]["span"].is_null(),
         "{absent:?}"
     );
+    // Memory is watched beside the work, whose growth here takes longer than the first look.
+    let large = events(1, &["bake", "landscape", "-o", arg(&out), "--max-memory", "2M", "--progress", "json"]);
+    let is_told =
+        |e: &Value| e["event"] == "error" && e["message"].as_str().is_some_and(|m| m.contains("--max-memory"));
+    assert!(large.iter().any(is_told), "{large:?}");
     let refused = events(2, &["bake", SCENE, "--frames", "x", "--progress", "json"]);
     assert!(refused[0]["message"].as_str().is_some_and(|m| m.starts_with("--frames")), "{refused:?}");
 }

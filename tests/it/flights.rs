@@ -8,6 +8,7 @@
 )]
 
 use crate::common::clients;
+use crate::common::program::tree;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -70,8 +71,10 @@ fn each_fault_names_its_place_and_the_mend() {
         ("mesh", "[[solid]]\nshape = \"mesh\"\n", "S006", "mesh = \"FILE.obj\""),
         ("shape", "[[solid]]\nshape = \"hose\"\n", "S003", "did you mean \"house\"?"),
         ("file", "[flight]\nrelease = \"points\"\npoints = \"bad.csv\"\n", "S003", "bad.csv:3"),
+        ("head", "[flight]\nrelease = \"points\"\npoints = \"head.csv\"\n", "S003", "\"head.csv\" holds no position"),
     ];
     std::fs::write(dir.path().join("bad.csv"), "x,y,z\n1,2,3\n1,two,3\n").expect("points");
+    std::fs::write(dir.path().join("head.csv"), "x,y,z\n").expect("points");
     for (name, text, code, words) in cases {
         let path = scene(dir.path(), name, text);
         let run = osier(&["check", path.to_str().expect("path")]);
@@ -79,6 +82,33 @@ fn each_fault_names_its_place_and_the_mend() {
         assert_eq!(run.status.code(), Some(1), "{name}: {said}");
         assert!(said.contains(code) && said.contains(words), "{name}: {said}");
     }
+}
+
+/// A zone or a solid at the wrong place, as with the other sign of z, is told instead of counting nothing.
+#[test]
+fn places_beside_the_flight_are_told() {
+    let dir = tempfile::tempdir().expect("dir");
+    let zones = |far: &str| format!("[[flight.zone]]\nname = \"yard\"\nx = [2, 5]\nz = {far}\n");
+    let wall = |x: f64| format!("[[solid]]\nname = \"fence\"\nat = [{x}, 0, 0]\nsize = [0.2, 1, 2]\n");
+    let told = |name: &str, more: &str| {
+        let path = scene(dir.path(), name, &format!("{SCENE}{more}"));
+        String::from_utf8_lossy(&osier(&["check", path.to_str().expect("path")]).stderr).into_owned()
+    };
+    // The domain is 12 x 8 m, around the origin.
+    let near = told("near", &format!("{}{}", zones("[3, 9]"), wall(6.05)));
+    assert!(!near.contains("S007"), "{near}");
+    let zone =
+        "S007]: flight.zone \"yard\" covers no ground of the domain of the flight (x -6.0 to 6.0 m, z -4.0 to 4.0 m)";
+    for (name, z) in [("far", "[4, 9]"), ("narrow", "[1, 1]")] {
+        let far = told(name, &zones(z));
+        assert!(far.contains(zone), "{far}");
+    }
+    let far = told("fence", &wall(6.2));
+    assert!(far.contains("S007]: solid \"fence\" is outside of the domain of the flight"), "{far}");
+    // With a lattice the domain is its box.
+    let lattice = "model = \"lattice\"\n[wind.lattice]\ncells = [16, 12, 16]\ndx = 0.5\n";
+    let far = told("box", &format!("{lattice}{}", wall(5.0)));
+    assert!(far.contains("x -4.0 to 4.0 m, z -4.0 to 4.0 m") && far.contains("\"fence\" is outside"), "{far}");
 }
 
 /// On high and on low terrain the box stands on the ground: as many catkins land as at y = 0.
@@ -255,6 +285,13 @@ fn landings_are_counted_once_each() {
     let rest = baked(dir.path(), "rest", &path, &["--formats", "csv,exr"]);
     let total: f64 = map_sums(&rest.join("maps/deposition")).values().sum();
     assert!((total - lying).abs() < 1e-3 * lying, "{total} on maps, {lying} at rest");
+    // In milligrams, a catkin of scale 2 has four times the mass of one of scale 1.
+    let mass = ["--set", "flight.map_of=mass", "--set", "flight.mass_mg=0.5", "--set", "flight.scale=[2,2]"];
+    let heavy = baked(dir.path(), "heavy", &path, &[&["--formats", "csv,exr"][..], &mass].concat());
+    let columns = table(&heavy);
+    let lying: f64 = ["grounded", "on_wall", "corner"].iter().map(|name| last(&columns, name)).sum();
+    let total: f64 = map_sums(&heavy.join("maps/deposition")).values().sum();
+    assert!(lying > 5.0 && (total - 2.0 * lying).abs() < 1e-3 * total, "{total} mg on maps, {lying} at rest");
 }
 
 /// A lattice says how it did, and catkins that leap over its cells are told of: in the files, and by the program's end.
@@ -287,6 +324,12 @@ fn a_lattice_says_how_it_did() {
     let run = osier(&["bake", path, "-o", swept.to_str().expect("path"), "--seeds", "5", "--strict"]);
     let said = String::from_utf8_lossy(&run.stderr).into_owned();
     assert!(run.status.code() == Some(3) && said.contains("S027"), "{said}");
+    // Without a key there is no plot, and none is listed.
+    let listed = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(listed.contains("sweep.json, maps/\n") && !swept.join("sweep.svg").exists(), "{listed}");
+    let info = osier(&["info", swept.to_str().expect("path")]);
+    let said = String::from_utf8_lossy(&info.stderr).into_owned();
+    assert!(info.status.code() == Some(1) && said.contains("is a sweep"), "{said}");
     // Four steps a frame are short enough.
     let calm = ["--formats", "csv", "--strict", "--set", "flight.substeps=4"];
     let columns = table(&baked(dir.path(), "calm", Path::new(path), &calm));
@@ -310,16 +353,32 @@ fn files_are_the_same_at_any_number_of_threads() {
     assert!(all[0] == all[1] && all[0] == all[2], "bytes depend on the number of threads");
 }
 
-/// A frame asked for by itself is that of the whole clip.
+/// Frames baked by themselves, as by a machine of a farm, have the bytes of those of the whole clip in every format with a file per frame.
 #[test]
-fn a_late_frame_alone_is_the_same() {
+fn late_frames_alone_are_the_same() {
     let dir = tempfile::tempdir().expect("dir");
-    let path = scene(dir.path(), "late", SCENE);
-    let pov = |name: &str, frames: &str| {
-        let out = baked(dir.path(), name, &path, &["--formats", "pov", "--frames", frames]);
-        std::fs::read_to_string(out.join("pov/frames/frame.0048.inc")).expect("frame")
+    let more = "map_every = 1\n[output.wind]\ntexel = 1\nvti_every = 1\n[[output.wind.slice]]\nacross = \"y\"\nat = 2\n[[solid]]";
+    let path = scene(dir.path(), "late", &SCENE.replacen("[[solid]]", more, 1));
+    let formats = ["--formats", "pov,exr,vdb,points"];
+    let whole = tree(&baked(dir.path(), "whole", &path, &formats));
+    let part = tree(&baked(dir.path(), "part", &path, &[&formats[..], &["--frames", "47-48"]].concat()));
+    let late: Vec<&String> = part.keys().filter(|name| name.contains("0047.") || name.contains("0048.")).collect();
+    for kind in
+        ["pov/frames/", "maps/deposition/ground", "vdb/air", "vdb/flock", "points/catkins", "wind/box", "wind/y2"]
+    {
+        assert_eq!(late.iter().filter(|name| name.starts_with(kind)).count(), 2, "{kind} {late:?}");
+    }
+    late.iter().for_each(|name| assert!(whole.get(*name) == part.get(*name), "{name}"));
+    // The manifests differ: each is that of its own frames. A list of all frames is the whole clip.
+    let hash = |files: &BTreeMap<String, Vec<u8>>| -> serde_json::Value {
+        let manifest: serde_json::Value = serde_json::from_slice(&files["manifest.json"]).expect("json");
+        manifest["scene"]["hash"].clone()
     };
-    assert_eq!(pov("whole", "1-48"), pov("alone", "48"));
+    assert_ne!(hash(&whole), hash(&part));
+    let (scene, out) = (path.to_str().expect("path"), dir.path().join("whole"));
+    let all = ["bake", scene, "-o", out.to_str().expect("path"), "--frames", "1-48"];
+    let run = osier(&[&all[..], &formats].concat());
+    assert!(String::from_utf8_lossy(&run.stderr).contains("is up to date"), "{run:?}");
 }
 
 /// Seeds that walls and wet ground are tried at: one, or as many as `OSIER_SEEDS` says, at most eight.
@@ -381,6 +440,7 @@ fn a_sweep_is_a_row_for_each_run() {
     let rows: Vec<Vec<&str>> = text.lines().map(|l| l.split(',').collect()).collect();
     assert!(rows.len() == 9 && rows[0][..3] == ["solid.0.size.1", "flight.humidity", "seed"], "{text}");
     assert_eq!(rows[8][..3], ["2.0", "1", "2"]);
+    // A bake draws textures of full size, on which no number depends.
     let same = ["--formats", "csv", "--seed", "2", "--set", "solid.0.size.1=2.0", "--set", "flight.humidity=1"];
     let columns = table(&baked(dir.path(), "alone", Path::new(path), &same));
     for name in ["grounded", "exited", "merges", "deposits", "mean_speed"] {

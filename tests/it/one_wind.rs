@@ -92,7 +92,7 @@ fn bake(text: &str, folder: &Path, limits: &Limits) -> Observed {
     let mut built = built.unwrap_or_else(|e| panic!("{e}\n{text}"));
     let frames: Vec<u32> = (recipe.clip.start..=recipe.clip.end).collect();
     let out = Folder::open(folder).expect("folder");
-    write_files(&recipe, &mut built.animated, &frames, &out, &context).expect("files");
+    write_files(&recipe, &mut built, &frames, &out, &context).expect("files");
     let samples = std::mem::take(&mut *log.0.lock().expect("log"));
     let end = (recipe.clip.len() - 1) as f64 / recipe.clip.fps();
     Observed { samples, wind: built.wind, end }

@@ -212,8 +212,7 @@ fn planes_and_boxes_show_the_same_air() {
     assert_eq!(whole, files(&baked(dir.path(), "two", LATTICE, &["-j", "2"])));
     let part = files(&baked(dir.path(), "part", LATTICE, &["--frames", "5"]));
     assert!(part.contains_key("wind/box.0005.vti") && !part.contains_key("wind/box.0001.vti"));
-    let data = |f: &Vec<u8>| f[f.windows(2).position(|w| w == b"\n_").expect("data")..].to_vec();
-    assert_eq!(data(&part["wind/box.0005.vti"]), data(&whole["wind/box.0005.vti"]));
+    assert!(part["wind/box.0005.vti"] == whole["wind/box.0005.vti"], "frame 5 depends on others");
 }
 
 #[test]

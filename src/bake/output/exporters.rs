@@ -109,6 +109,7 @@ pub fn manifest_settings(recipe: &Recipe, animated: &AnimatedScene, frames: &[u3
     let output = &recipe.output;
     let pov = pov_options(output);
     manifest::Settings {
+        hash: Some(recipe.hash_of_frames(frames)),
         up_axis: if output.usd.up == UpAxis::Z { "Z".into() } else { "Y".into() },
         substeps: 1,
         step: frame_stride(frames),

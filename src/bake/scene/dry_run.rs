@@ -17,11 +17,24 @@ const MAX_SKELETON_NODES: f32 = 300.0;
 
 /// The recipe with small maps, coarse skeletons, an analytic wind in place of a lattice, and no spin-up.
 pub fn reduced_recipe(recipe: &Recipe) -> Recipe {
-    let mut draft = recipe.clone();
+    let mut draft = with_small_maps(recipe);
     if draft.lattice.solver == WindSolver::Lbm {
         draft.lattice.solver = WindSolver::Analytic;
     }
     draft.flight.iter_mut().for_each(|flight| flight.keys.spin_up = 0.0);
+    for plant in &mut draft.plants {
+        if let Growth::Mesh(import, keys) = &mut plant.growth {
+            let least = f64::from(import.mesh.bounds().size().length() / MAX_SKELETON_NODES);
+            keys.spacing = keys.spacing.map(|s| s.max(least));
+        }
+    }
+    draft
+}
+
+/// The recipe with small maps of ground and plants, for runs that write none: shapes, skeletons and motions without rain are those of
+/// the full recipe.
+pub fn with_small_maps(recipe: &Recipe) -> Recipe {
+    let mut draft = recipe.clone();
     draft.ground.side = draft.ground.side.min(REDUCED_SIDE);
     for plant in &mut draft.plants {
         plant.bark.side = plant.bark.side.min(REDUCED_SIDE);
@@ -29,10 +42,6 @@ pub fn reduced_recipe(recipe: &Recipe) -> Recipe {
         // Leaves of tables are drawn once for all plants, and their shape follows from the drawing.
         for organ in plant.organs.iter_mut().filter(|o| o.ifs.is_none()) {
             organ.keys.side = organ.keys.side.min(REDUCED_SIDE);
-        }
-        if let Growth::Mesh(import, keys) = &mut plant.growth {
-            let least = f64::from(import.mesh.bounds().size().length() / MAX_SKELETON_NODES);
-            keys.spacing = keys.spacing.map(|s| s.max(least));
         }
     }
     draft

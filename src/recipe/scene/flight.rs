@@ -94,7 +94,7 @@ keys! {
         scale: [f64; 2] = "scale" NumberArray([0.8, 1.2], number(1.0, 0.05, 20.0, ""));
         /// Weights of the variants v0 (sleek) to v4 (fluffy, bent).
         forms: Vec<(String, f64)> = "forms" NamedNumbers;
-        /// Mass of a catkin with its seed.
+        /// Mass of a catkin with its seed at scale 1; it grows with the square of `scale`.
         mass: f64 = "mass_mg" milligrams(1.0, 0.001, 1000.0);
         /// Settling speed in still air, the mean over catkins.
         fall: f64 = "fall_speed" number(0.24, 0.02, 3.0, "m/s");
@@ -292,6 +292,12 @@ impl Resolver<'_> {
             }
             // Spans of diagnostics count whole lines, with comments and line ends.
             at += line.len();
+        }
+        if starts.is_empty() {
+            let text = format!("\"{}\" holds no position, so that no catkin would fly", reference.text);
+            let d = Diagnostic::error("S003", text, reference.span, "this file");
+            self.report.push(d.help("write x, y, z in metres on each of its lines"));
+            return None;
         }
         self.limit("catkins", starts.len() as u64, Some(reference.span));
         Some(starts)

@@ -211,20 +211,39 @@ pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Repor
 
 /// What mends the path of an override that leads nowhere.
 fn path_help(root: &TomlTable, names: &[(&str, Span)]) -> String {
-    let Some((at, length)) = list_on_path(root, names) else {
+    let Some((at, elements)) = list_on_path(root, names) else {
         return "separate path elements by '.'; list elements are numbered from 0".to_owned();
     };
-    let list = names.iter().take(at).map(|(name, _)| *name).collect::<Vec<_>>().join(".");
+    let join = |range: std::ops::Range<usize>| {
+        names.get(range).unwrap_or_default().iter().map(|(name, _)| *name).collect::<Vec<_>>().join(".")
+    };
+    let list = join(0..at);
     match names.get(at) {
         Some((name, _)) if name.parse::<usize>().is_err() => {
-            format!("{list} is a list: name one of its elements, which are numbered from 0: {list}.0.{name}")
+            // An element that has this name, as a wall of [[solid]], has a number all the same.
+            match elements.iter().position(|element| has_name(element, name)) {
+                Some(i) if names.len() > at + 1 => {
+                    let key = join(at + 1..names.len());
+                    format!("{list} is a list, whose elements are numbered from 0: \"{name}\" is {list}.{i}.{key}")
+                }
+                _ => format!("{list} is a list: name one of its elements, which are numbered from 0: {list}.0.{name}"),
+            }
         }
-        _ => format!("{list} has {length} element{}, numbered from 0", if length == 1 { "" } else { "s" }),
+        _ => {
+            let length = elements.len();
+            format!("{list} has {length} element{}, numbered from 0", if length == 1 { "" } else { "s" })
+        }
     }
 }
 
-/// The list of which a path names no element: number of path elements that lead to it, and its length. `None` for other paths.
-fn list_on_path(root: &TomlTable, names: &[(&str, Span)]) -> Option<(usize, usize)> {
+/// Whether a list element is a table with this value of the key `name`.
+fn has_name(element: &TomlNode, name: &str) -> bool {
+    let TomlValue::Table(table) = &element.value else { return false };
+    table.get("name").is_some_and(|entry| matches!(&entry.node.value, TomlValue::Text(text) if text == name))
+}
+
+/// The list of which a path names no element: number of path elements that lead to it, and its elements. `None` for other paths.
+fn list_on_path<'a>(root: &'a TomlTable, names: &[(&str, Span)]) -> Option<(usize, &'a [TomlNode])> {
     let ((first, _), rest) = names.split_first()?;
     let mut value = &root.get(first)?.node.value;
     for (i, (name, _)) in rest.iter().enumerate() {
@@ -232,7 +251,7 @@ fn list_on_path(root: &TomlTable, names: &[(&str, Span)]) -> Option<(usize, usiz
             TomlValue::Table(table) => &table.get(name)?.node.value,
             TomlValue::List(list) => match name.parse::<usize>().ok().and_then(|n| list.get(n)) {
                 Some(node) => &node.value,
-                None => return Some((i + 1, list.len())),
+                None => return Some((i + 1, list.as_slice())),
             },
             _ => return None,
         };
@@ -401,6 +420,15 @@ mod tests {
         assert_eq!(help("place.0.at.3=3"), "place.0.at has 3 elements, numbered from 0");
         assert!(help("place.count=3").ends_with("numbered from 0: place.0.count"), "{}", help("place.count=3"));
         assert!(help("place.0.at.0.x=3").starts_with("separate path elements"));
+        // A name is not the number that a path needs, and tells which it is.
+        let walls = "[[solid]]\nname = \"wall\"\n[[solid]]\nname = \"house\"\nsize = [1, 2, 3]\n";
+        let help = |set: &str| read(walls, &[set]).1.diagnostics[0].help.clone().unwrap_or_default();
+        assert!(
+            help("solid.house.size.1=3").ends_with("\"house\" is solid.1.size.1"),
+            "{}",
+            help("solid.house.size.1=3")
+        );
+        assert!(help("solid.shed.size=3").ends_with("numbered from 0: solid.0.shed"), "{}", help("solid.shed.size=3"));
     }
 
     #[test]

@@ -34,7 +34,7 @@ impl Default for UnitsEntry {
 /// Height for the value 1 of leaf maps in a scene without such maps, m.
 const HEIGHT_RANGE: f32 = 0.004;
 
-/// Builds the manifest. `files`: the folder's finished files; `warnings`: of all exporters, in asset order.
+/// Builds the manifest. `files`: the folder's finished files; `warnings`: of the scene and of all exporters, in asset order.
 pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings: &Settings) -> Manifest {
     let files = grouped(files, scene.clip);
     let paths: Vec<&str> = files.iter().map(path).collect();
@@ -47,7 +47,10 @@ pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings
         schema: 1,
         generator: "osier".into(),
         version: VERSION.into(),
-        scene: SceneEntry { name: scene.name.clone(), hash: scene.hash.clone() },
+        scene: SceneEntry {
+            name: scene.name.clone(),
+            hash: settings.hash.clone().unwrap_or_else(|| scene.hash.clone()),
+        },
         seed: scene.seed.to_string(),
         up_axis: settings.up_axis.clone(),
         meters_per_unit: 1.0,

@@ -62,7 +62,7 @@ pub struct Manifest {
     pub files: Vec<FileEntry>,
     /// BLAKE3 of the lines `path NUL hex LF` of all files in the order of their paths.
     pub bake_hash: String,
-    /// Warnings in the order of the assets.
+    /// Warnings of growth, wind and simulation, then those of the exporters in the order of the assets.
     pub warnings: Vec<WarningEntry>,
 }
 
@@ -71,7 +71,7 @@ pub struct Manifest {
 pub struct SceneEntry {
     /// Name of the scene, as in file names.
     pub name: String,
-    /// BLAKE3 of the resolved scene, 64 hex digits.
+    /// BLAKE3 of the resolved scene and, of a part of its clip, of the frames that were written; 64 hex digits.
     pub hash: String,
 }
 
@@ -353,12 +353,12 @@ pub struct ItemEntry {
     pub blake3: String,
 }
 
-/// A warning of an exporter; see [`Warning`](crate::Warning).
+/// A warning of growth, wind and simulation, or of an exporter; see [`Warning`](crate::Warning).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WarningEntry {
     /// Code, such as `X002`; docs/codes.md lists them.
     pub code: String,
-    /// What the exporter found and what it wrote instead, without the code.
+    /// What was found and what was written instead, without the code.
     pub message: String,
 }
 

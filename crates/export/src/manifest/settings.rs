@@ -3,6 +3,8 @@
 /// Options of the exporters that the manifest records.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
+    /// Hash of the scene and of the selection of its frames; `None`: that of the scene.
+    pub hash: Option<String>,
     /// Up axis of the USD files, `Y` or `Z`.
     pub up_axis: String,
     /// Time samples from one frame to the next, >= 1.
@@ -24,6 +26,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
+            hash: None,
             up_axis: "Y".into(),
             substeps: 1,
             step: 1,

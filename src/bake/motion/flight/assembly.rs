@@ -14,6 +14,8 @@ use crate::recipe::scene::{CatkinKeys, FlightRelease};
 use crate::recipe::{FlightRecipe, KeyTable as _, Recipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::geometry::Bounds;
+use osier_scene::solid::{Form, Solid};
 use osier_scene::{Asset, Field, Table, Trs, VolumeGrid};
 
 /// Playback of a flight whose asset is in the scene, and the declarations of what it records in each frame.
@@ -104,6 +106,8 @@ fn start_flight(
         report.push(Diagnostic::about("S026", text).help(help));
     }
 
+    warn_of_places_outside(flight, scene.solids.list(), domain, report);
+
     // The lattice wind has warned of open meshes already, if there is one.
     if scene.cell_size.is_none() {
         let warnings = scene.solids.list().iter().filter_map(|solid| solid.open_mesh_warning("catkins"));
@@ -119,4 +123,32 @@ fn start_flight(
     let asset = playback.asset(prototypes, first_material, recipe.clip.len() < 2)?;
     let volumes = playback.volumes.grids.clone();
     Ok((asset, AddedFlight { playback: Arc::new(playback), table, fields, volumes }))
+}
+
+/// Warns of zones and solids beside the box of a flight, which no catkin reaches, and of zones without an area.
+fn warn_of_places_outside(flight: &FlightRecipe, solids: &[Solid], domain: Bounds, report: &mut Report) {
+    let sides = |b: Bounds| [[b.min.x, b.max.x], [b.min.z, b.max.z]].map(|side| side.map(f64::from));
+    // Length that two intervals have in common; negative if there is a gap between them.
+    let overlap = |a: [f64; 2], b: [f64; 2]| a[1].min(b[1]) - a[0].max(b[0]);
+    let [x, z] = sides(domain);
+    let place = format!("x {:.1} to {:.1} m, z {:.1} to {:.1} m", x[0], x[1], z[0], z[1]);
+    let help =
+        "move it, or enlarge the domain: flight.size, or wind.lattice.cells and wind.lattice.at with a lattice wind";
+    for zone in &flight.zones {
+        if overlap(zone.x, x) <= 0.0 || overlap(zone.z, z) <= 0.0 {
+            let name = &zone.name;
+            let text = format!(
+                "flight.zone \"{name}\" covers no ground of the domain of the flight ({place}): it counts nothing"
+            );
+            report.push(Diagnostic::about("S007", text).help(help));
+        }
+    }
+    for solid in solids.iter().filter(|solid| !matches!(solid.form, Form::Land(_))) {
+        let [along_x, along_z] = sides(solid.bounds());
+        if overlap(along_x, x) < 0.0 || overlap(along_z, z) < 0.0 {
+            let name = &solid.name;
+            let text = format!("solid \"{name}\" is outside of the domain of the flight ({place}): no catkin meets it");
+            report.push(Diagnostic::about("S007", text).help(help));
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Statistics of a flight: columns of its table, their values at a frame, and the thresholds of warnings.
 
-use crate::recipe::scene::FlightKeys;
+use crate::recipe::scene::{DepositEvent, FlightKeys};
 use crate::recipe::word_of;
 use osier_base::units;
 use osier_motion::flight::FlightStats;
@@ -81,6 +81,11 @@ pub fn flight_table(
     let totals = events.filter_map(find).collect();
     let mut outcome: Vec<usize> = plot(&["exited", "grounded", "corner", "lift_offs"]);
     outcome.extend(solids.iter().take(COMPARED_SOLIDS).filter_map(|name| find(&format!("at_{name}"))));
+    // A scene that maps depositions compares those at its solids, too; zones are there to be compared.
+    if keys.map_counts == DepositEvent::Landings {
+        outcome.extend(solids.iter().take(COMPARED_SOLIDS).filter_map(|name| find(&format!("landed_{name}"))));
+    }
+    outcome.extend(zones.iter().filter_map(|name| find(&format!("ground_{name}"))));
     let plots = vec![
         ("Catkins by what they do", plot(&["airborne", "grounded", "on_wall", "corner", "exited", "pending"])),
         ("Sticking and coming to rest", plot(&["clusters", "largest", "merges", "deposits", "lift_offs"])),
@@ -207,6 +212,20 @@ mod tests {
             assert_eq!((of("flight_distance_10"), of("flight_distance_90")), (Some(5.0), Some(31.0)));
             assert_eq!(of("wind_mass_error"), lattice.map(|h| h.density_error));
         }
+    }
+
+    /// A sweep prints and plots what the scene asks to count.
+    #[test]
+    fn zones_and_mapped_depositions_are_outcomes() {
+        let outcome = |map_counts: DepositEvent, zones: &[&str]| -> Vec<String> {
+            let keys = FlightKeys { map_counts, ..FlightKeys::defaults() };
+            let table = flight_table(&keys, 5, CountedPlaceNames { solids: &["wall"], zones }, None, Vec::new());
+            table.outcome.iter().map(|i| table.columns[*i].0.clone()).collect()
+        };
+        let common = ["exited", "grounded", "corner", "lift_offs", "at_wall"];
+        assert_eq!(outcome(DepositEvent::Resting, &[]), common);
+        let asked = outcome(DepositEvent::Landings, &["yard", "street"]);
+        assert_eq!(asked, [&common[..], &["landed_wall", "ground_yard", "ground_street"]].concat());
     }
 
     #[test]
