@@ -51,6 +51,59 @@ fn no_catkin_penetrates_solids_or_is_lost() {
     }
 }
 
+/// A house of 10 x 8 m whose roof of 3 in 4 projects from its walls by 0.35 m down the slope, with or without that.
+fn house(eaves: bool) -> Arc<Solids> {
+    let house = Prism::house(Vec3::ZERO, Vec3::new(10.0, 5.0, 8.0), 3.0, 0.0);
+    let slabs = if eaves { house.roof_slabs(0.35, 0.16) } else { Vec::new() };
+    let solid = |prism| Solid { name: "house".into(), form: Form::Prism(prism), humidity: 0.5 };
+    let slabs = slabs.into_iter().map(solid).collect();
+    Arc::new(Solids::new(vec![solid(house)], true).with_projections(vec![slabs]))
+}
+
+/// A catkin that falls straight in calm air.
+fn plumb(at: DVec3, solids: &Arc<Solids>) -> FlightSimulation {
+    let humidity = GroundHumidity::Even(1.0);
+    let options = FlightParams {
+        glide: 0.0,
+        flutter: 0.0,
+        scales: [1.0, 1.0],
+        fall_spread: 0.0,
+        humidity,
+        ..FlightParams::default()
+    };
+    let start = CatkinStart { at, wait: ReleaseCondition::Until(0.0) };
+    FlightSimulation::new(options, Arc::clone(solids), &[start])
+}
+
+#[test]
+fn eaves_stop_what_falls_on_them() {
+    let calm = UniformWind(Vec3::ZERO);
+    for (eaves, height) in [(true, 4.8875), (false, 0.0)] {
+        let mut all = plumb(DVec3::new(0.0, 5.5, 4.15), &house(eaves));
+        (0..30 * 24).for_each(|_| all.advance(&calm));
+        let c = all.catkin(0);
+        assert_eq!(c.state(), CatkinState::Grounded);
+        assert!((c.x.y - height).abs() < 0.05 && (c.x.z - 4.15).abs() < 0.03, "{} with eaves: {eaves}", c.x);
+        assert!(c.face == eaves.then_some(0) && all.stats().penetrations == 0);
+    }
+}
+
+#[test]
+fn catkins_detach_from_the_underside_of_eaves() {
+    let solids = house(true);
+    let radius = f64::from(FlightParams::default().kinds[0].radius);
+    // 0.3 m out along the slope, touching from below.
+    let at = DVec3::new(0.0, 5.0 - 0.6 * 0.3, 4.0 + 0.8 * 0.3) - DVec3::new(0.0, 0.8, 0.6) * (0.16 + radius);
+    let mut all = plumb(at, &solids);
+    let contact = super::collision::surface_contact(&solids, at, all.catkin(0).radius).expect("the underside");
+    all.catkin_mut(0).rest_on(contact);
+    assert!(all.catkin(0).state() == CatkinState::OnWall && all.catkin(0).normal.y < -0.7);
+    (0..24).for_each(|_| all.advance(&UniformWind(Vec3::ZERO)));
+    let c = all.catkin(0);
+    assert!(c.state() == CatkinState::Airborne && all.stats().falls == 1, "{:?}", c.state());
+    assert!(at.y - c.x.y > 0.15 && (c.x.z - at.z).abs() < 1e-3, "from {at} to {}", c.x);
+}
+
 #[test]
 fn merging_conserves_momentum() {
     let mut all =
