@@ -104,6 +104,48 @@ fn catkins_detach_from_the_underside_of_eaves() {
     assert!(at.y - c.x.y > 0.15 && (c.x.z - at.z).abs() < 1e-3, "from {at} to {}", c.x);
 }
 
+/// Catkins in calm air in a box of 35 m with periodic sides.
+fn across_sides(places: [DVec3; 2]) -> FlightSimulation {
+    let options = FlightParams {
+        edges: [SideBoundary::Periodic; 2],
+        glide: 0.0,
+        flutter: 0.0,
+        scales: [1.0, 1.0],
+        fall_spread: 0.0,
+        humidity: GroundHumidity::Even(1.0),
+        ..FlightParams::default()
+    };
+    let starts = places.map(|at| CatkinStart { at, wait: ReleaseCondition::Until(0.0) });
+    FlightSimulation::new(options, Arc::new(Solids::new(Vec::new(), true)), &starts)
+}
+
+/// What falls on a deposit beyond a periodic side joins it there.
+#[test]
+fn contacts_with_deposits_reach_across_periodic_sides() {
+    let radius = f64::from(FlightParams::default().kinds[0].radius);
+    // The deposit has the higher index, then the lower one.
+    for deposit in [1, 0] {
+        let mut places = [DVec3::new(-17.498, 0.3, 2.0); 2];
+        places[deposit] = DVec3::new(17.468, radius, 2.0);
+        let mut all = across_sides(places);
+        let [lies, falls] = [deposit, 1 - deposit].map(|id| u32::try_from(id).expect("small"));
+        let contact = super::collision::surface_contact(&all.solids, all.catkin(lies).x, all.catkin(lies).radius);
+        all.catkin_mut(lies).rest_on(contact.expect("the ground"));
+        (0..48).for_each(|_| all.advance(&UniformWind(Vec3::ZERO)));
+        let at = [lies, falls].map(|id| all.catkin(id).x.x);
+        assert!(all.stats().merges == 1 && all.stats().grounded == 2, "{at:?}");
+        assert!((at[0] - 17.468).abs() < 1e-6 && (at[1] - 17.5).abs() < 0.05, "{at:?}");
+        assert!(all.by_id().all(|c| c.flight_distance() < 0.1));
+    }
+}
+
+#[test]
+fn pairs_that_meet_across_a_periodic_side_keep_their_distance_from_the_release() {
+    let mut all = across_sides([17.49, -17.49].map(|x| DVec3::new(x, 9.0, 2.0)));
+    (0..24).for_each(|_| all.advance(&UniformWind(Vec3::ZERO)));
+    assert!(all.stats().merges == 1 && all.by_id().all(|c| c.flight_distance() < 0.1));
+}
+
 #[test]
 fn merging_conserves_momentum() {
     let mut all =
