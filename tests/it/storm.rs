@@ -256,6 +256,39 @@ fn catkins_hang_from_moving_twigs_in_the_rain() {
     assert_ne!(on_rods[0], on_rods[1], "the twigs move");
 }
 
+/// What hangs from a twig is written where the twig is at that frame, with its velocity, whatever the time step of the flight.
+#[test]
+fn catkins_hang_where_their_twigs_are_at_any_time_step() {
+    let dir = tempfile::tempdir().expect("dir");
+    let storm = Storm { rains: false, substeps: 8, seed: 1, more: "" }.write(dir.path());
+    let dry = fs::read_to_string(storm).expect("scene").split("[rain]").next().expect("text").to_owned();
+    let places = |substeps: u32| {
+        let scene = dir.path().join("dry.toml");
+        let flight = "[catkin]\n[flight]\nrelease = \"canopy\"\nrelease_speed = 60\ncount = 12\nspin_up_s = 0\n";
+        fs::write(&scene, format!("{dry}{flight}substeps = {substeps}\n")).expect("scene");
+        let out = dir.path().join(format!("{substeps}"));
+        ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out), "--formats", "points"]);
+        [11, 12, 24].map(|frame| fs::read_to_string(out.join(format!("points/catkins_{frame:04}.csv"))).expect("table"))
+    };
+    let [before, now, later] = places(1);
+    assert_eq!(places(8), [before.clone(), now.clone(), later]);
+    // Columns x, y, z and vx, vy, vz follow id, state and proto.
+    let rows = |table: &str| -> Vec<[DVec3; 2]> {
+        let row = |line: &str| {
+            let v: Vec<f64> = line.split(',').map(|cell| cell.parse().expect("a number")).collect();
+            [DVec3::new(v[3], v[4], v[5]), DVec3::new(v[6], v[7], v[8])]
+        };
+        table.lines().skip(1).map(row).collect()
+    };
+    let (before, now) = (rows(&before), rows(&now));
+    assert!(before.len() == 12 && now.len() == 12);
+    for ([x0, _], [x1, v]) in before.iter().zip(&now) {
+        // Six digits of a metre, twenty-four times a second.
+        assert!(((*x1 - *x0) * 24.0).distance(*v) < 1e-3, "{v} from {x0} to {x1}");
+    }
+    assert!(now.iter().any(|[_, v]| v.length() > 0.01), "the twigs move");
+}
+
 /// Plants on rods have spun up in the wind when it begins to rain, unless they start from rest.
 #[test]
 fn plants_on_rods_are_in_motion_when_the_rain_begins() {

@@ -97,6 +97,11 @@ impl<'a> Obstacles<'a> {
         ((high - low).max(high).max(-low) >= LEAST_HILL).then_some(land)
     }
 
+    /// [`Obstacles::solids_within`] with the overhanging roofs of houses, which stop what flies, as they are shown.
+    pub fn solids_with_roofs_within(&self, side: f32) -> Solids {
+        self.solids_within(side).with_projections(self.solids.iter().map(masonry::roof_solids).collect())
+    }
+
     /// All solids, the land last. `side`: side of the square around the origin within which a wavy ground is sampled, m.
     pub fn solids_within(&self, side: f32) -> Solids {
         let land = self.terrain_within(side);

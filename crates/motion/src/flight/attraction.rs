@@ -92,17 +92,20 @@ impl FlightSimulation {
 
     /// The nearest member that attracts it, with the square of the distance; ties go to the lower index.
     fn nearest_attractor(&self, c: &Catkin, grid: &NeighbourGrid, reach: f64) -> Option<(f64, u32)> {
-        // Search the cells within reach; ties in distance go to the lower index, so that the result is unique.
-        let (at, arm) = (c.x.as_vec3(), Vec3::splat(narrow(reach)));
+        // Search the cells within reach, across periodic sides too; ties in distance go to the lower index, so that the result is
+        // unique. Members of a cluster may lie a little beyond a side.
+        let (at, arm) = (c.x.as_vec3(), narrow(reach));
         let mut best: Option<(f64, u32)> = None;
-        grid.for_each_in_box(at - arm, at + arm, |id| {
-            let member = self.catkin(id);
-            let square = member.x.distance_squared(c.x);
-            let nearer = best.is_none_or(|(d, i)| (square, id) < (d, i));
-            if square <= reach * reach && nearer && attracts(c, member) {
-                best = Some((square, id));
-            }
-        });
+        for at in self.image_shifts(at, 2.0 * arm).map(|shift| at + shift) {
+            grid.for_each_in_box(at - Vec3::splat(arm), at + Vec3::splat(arm), |id| {
+                let member = self.catkin(id);
+                let square = self.nearest_image(member.x - c.x).length_squared();
+                let nearer = best.is_none_or(|(d, i)| (square, id) < (d, i));
+                if square <= reach * reach && nearer && attracts(c, member) {
+                    best = Some((square, id));
+                }
+            });
+        }
         best
     }
 
@@ -120,7 +123,7 @@ impl FlightSimulation {
             }
             // 1 - (1 - F)^(dt/T), with pull = ln(1 - F).
             let share = 1.0 - exp(c.pull * dt / ATTRACTION_TICK);
-            let way = project_onto_surface(c, (target.x - c.x) * share);
+            let way = project_onto_surface(c, self.nearest_image(target.x - c.x) * share);
             // Solids stop the motion; a single that still overlaps one is pushed out.
             let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace_free_share(&self.solids);
             let at = push_out_of_solids(&self.solids, c.x + way * gone, c.radius);
@@ -148,7 +151,8 @@ impl FlightSimulation {
             let (target, radius) = (c.target, f64::from(c.radius));
             let other = self.catkin(target);
             // Close enough to touch: the single becomes a member.
-            if other.x.distance(at) <= self.options.stick_close * (radius + f64::from(other.radius)) {
+            let apart = self.nearest_image(other.x - at).length();
+            if apart <= self.options.stick_close * (radius + f64::from(other.radius)) {
                 self.join_heap(id, target, t);
             }
         }
@@ -159,12 +163,12 @@ impl FlightSimulation {
         let root = self.catkin(target).root;
         let (mut at, radius) = (self.catkin(id).x, self.catkin(id).radius);
         // Only members within a few radii can overlap.
-        let near = |m: &&u32| self.catkin(**m).x.distance(at) < 8.0 * f64::from(radius);
+        let near = |m: &&u32| self.nearest_image(self.catkin(**m).x - at).length() < 8.0 * f64::from(radius);
         let members: Vec<u32> =
             self.clusters.get(&root).iter().flat_map(|c| &c.members).filter(near).copied().collect();
         for _ in 0..MAX_JOIN_PUSH_OUT_ROUNDS {
             for other in members.iter().map(|m| self.catkin(*m)) {
-                let way = at - other.x;
+                let way = self.nearest_image(at - other.x);
                 let least = self.options.stick_close * f64::from(radius + other.radius);
                 let far = way.length();
                 if far < least {
@@ -227,17 +231,20 @@ mod tests {
         assert!(apart(&flights) < 0.6 * before, "{} of {before}", apart(&flights));
     }
 
-    /// A pair on the ground and a single 0.8 m away; after five ticks it is where the paper's steps have it.
-    fn after_five_ticks(fps: f64) -> f64 {
+    /// A pair on the ground at `x` and a single 0.8 m away, across a periodic side if that lies between them; after five ticks it is where
+    /// the paper's steps have it.
+    fn after_five_ticks(fps: f64, x: f64) -> f64 {
         let options = FlightParams {
             fps,
+            edges: [super::super::SideBoundary::Periodic; 2],
             humidity: super::super::GroundHumidity::Even(1.0),
             scales: [1.0, 1.0],
             fall_spread: 0.0,
             ..FlightParams::default()
         };
         let radius = options.kinds[0].radius;
-        let places = [0.0, 0.03, 0.83].map(|x| DVec3::new(x, f64::from(radius), 0.0));
+        let wrapped = |x: f64| if x > 17.5 { x - 35.0 } else { x };
+        let places = [x, x + 0.03, x + 0.83].map(|x| DVec3::new(wrapped(x), f64::from(radius), 0.0));
         let starts = places.map(|at| CatkinStart { at, wait: ReleaseCondition::Until(0.0) });
         let mut flights = FlightSimulation::new(options, Arc::new(Solids::new(Vec::new(), true)), &starts);
         for c in &mut flights.catkins {
@@ -249,7 +256,7 @@ mod tests {
         while flights.seconds() < 1.5 - SAME_TIME {
             flights.advance(&still);
         }
-        flights.catkin(2).x.x - flights.catkin(1).x.x
+        flights.nearest_image(flights.catkin(2).x - flights.catkin(1).x).x
     }
 
     #[test]
@@ -258,8 +265,24 @@ mod tests {
         let paper = (0..5).fold(0.8, |d: f64, _| d * (1.0 - exp(-4.605 * d * d)));
         assert!((paper - 0.3879).abs() < 1e-4, "{paper}");
         for fps in [1.0 / 0.3, 10.0, 24.0, 60.0] {
-            let left = after_five_ticks(fps);
-            assert!((left - paper).abs() < 1e-4, "{left} at {fps} frames a second");
+            for x in [0.0, 16.9] {
+                let left = after_five_ticks(fps, x);
+                assert!((left - paper).abs() < 1e-4, "{left} at {fps} frames a second from {x}");
+            }
         }
+    }
+
+    /// A heap attracts a single across a periodic side; it stays, and the single joins it there, as far from its release as it moved.
+    #[test]
+    fn a_single_joins_a_heap_across_a_periodic_side() {
+        let radius = f64::from(FlightParams::default().kinds[0].radius);
+        let places = [17.45, 17.48, -17.4].map(|x| DVec3::new(x, radius, 0.0));
+        let mut flights = deposited(Solids::new(Vec::new(), true), &places);
+        flights.options.edges = [super::super::SideBoundary::Periodic; 2];
+        (0..24).for_each(|_| flights.advance(&UniformWind(Vec3::ZERO)));
+        let at = [0, 1, 2].map(|id| flights.catkin(id).x.x);
+        assert_eq!(flights.catkin(2).root, 0, "{at:?}");
+        assert!(at.iter().all(|x| (17.4..17.6).contains(x)), "{at:?}");
+        assert!((0..3).all(|id| flights.catkin(id).flight_distance() < 0.15));
     }
 }

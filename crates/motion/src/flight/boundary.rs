@@ -86,8 +86,10 @@ impl FlightSimulation {
         let x = cluster.as_ref().map_or_else(|| self.catkin(root).x, |c| c.x);
         let members = cluster.map_or_else(|| vec![root], |c| c.members);
         let dt = self.options.time_step();
-        // Recycling starts at the first whole frame after the exit.
-        let back = ((t + dt) * self.options.fps).ceil() / self.options.fps + (HIDDEN_FRAMES - 1.0) / self.options.fps;
+        // Recycling starts at the first whole frame after the exit. Of frame rates such as 29.97 times carry rounding errors, which must
+        // not make the end of a frame a part of the next.
+        let frames = ((t + dt) * self.options.fps - 1e-6).ceil();
+        let back = (frames + HIDDEN_FRAMES - 1.0) / self.options.fps;
         // The boundary condition of the side that it crossed decides whether it is recycled. A cluster crosses with its centre,
         // while some of its members are still inside.
         let inside = self.options.inside;

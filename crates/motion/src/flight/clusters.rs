@@ -242,9 +242,17 @@ impl FlightSimulation {
         if a == b {
             return;
         }
-        // Across a periodic seam the second cluster is shifted to the image next to the first.
-        let (one, mut other) = (self.take_cluster(a, t), self.take_cluster(b, t));
-        other.x += self.periodic_shift(one.x - other.x);
+        // Across a periodic seam the second cluster is shifted to the image next to the first; a deposit stays, and of two the larger.
+        let (mut one, mut other) = (self.take_cluster(a, t), self.take_cluster(b, t));
+        let shift = self.periodic_shift(one.x - other.x);
+        if shift != DVec3::ZERO {
+            let other_stays = other.state.is_deposited()
+                && (one.state == CatkinState::Airborne || one.members.len() < other.members.len());
+            let (moved, by) = if other_stays { (&mut one, shift * -1.0) } else { (&mut other, shift) };
+            moved.x += by;
+            // The distance from the release does not change.
+            moved.members.iter().for_each(|id| self.catkin_mut(*id).from += by);
+        }
         let (ci, cj) = (self.catkin(i), self.catkin(j));
         let between = self.nearest_image(cj.x - ci.x);
         let flies = one.state == CatkinState::Airborne && other.state == CatkinState::Airborne;
@@ -347,6 +355,24 @@ impl FlightSimulation {
     /// Shortest image of a difference of positions under periodic sides.
     pub(super) fn nearest_image(&self, between: DVec3) -> DVec3 {
         between + self.periodic_shift(between * -1.0)
+    }
+
+    /// Translations by whole box sizes that bring a place within `reach`, m, of periodic sides to its images beyond the opposite ones; the
+    /// first is 0.
+    pub(super) fn image_shifts(&self, at: Vec3, reach: f32) -> impl Iterator<Item = Vec3> {
+        let (inside, [ex, ez]) = (self.options.inside, self.options.edges);
+        let size = inside.size();
+        let along = |edge: super::SideBoundary, from_low: f32, from_high: f32, size: f32| {
+            let periodic = edge == super::SideBoundary::Periodic;
+            [
+                Some(0.0),
+                (periodic && from_low < reach).then_some(size),
+                (periodic && from_high < reach).then_some(-size),
+            ]
+        };
+        let xs = along(ex, at.x - inside.min.x, inside.max.x - at.x, size.x);
+        let zs = along(ez, at.z - inside.min.z, inside.max.z - at.z, size.z);
+        xs.into_iter().flatten().flat_map(move |x| zs.into_iter().flatten().map(move |z| Vec3::new(x, 0.0, z)))
     }
 
     /// Translation by whole box sizes, along periodic axes, that brings a position next to another; `ahead`: vector to it, m.

@@ -324,28 +324,32 @@ impl FlightSimulation {
         let RestingCatkins { grid, widest, bounds } = *resting;
         let (end, reach) = (c.x.as_vec3(), c.radius + widest);
         let start = (c.x - c.travel).as_vec3();
-        let (low, high) = (start.min(end) - Vec3::splat(reach), start.max(end) + Vec3::splat(reach));
-        if high.cmplt(bounds.min).any() || low.cmpgt(bounds.max).any() {
-            return;
+        let way = end - start;
+        // Near a periodic side also the images of its path beyond the other side, where members of clusters may lie too.
+        for shift in self.image_shifts(end, 2.0 * reach + way.length()) {
+            let (start, end) = (start + shift, end + shift);
+            let (low, high) = (start.min(end) - Vec3::splat(reach), start.max(end) + Vec3::splat(reach));
+            if high.cmplt(bounds.min).any() || low.cmpgt(bounds.max).any() {
+                continue;
+            }
+            grid.for_each_in_box(low, high, |id| {
+                let other = self.catkin(id);
+                if other.root == c.root {
+                    return;
+                }
+                let from = start - other.x.as_vec3();
+                let (square, closing) = (way.length_squared(), -from.dot(way));
+                // An airborne catkin joins a deposit that it approaches, not the heap that it was torn or lifted off.
+                if c.state == CatkinState::Airborne && closing <= 0.0 {
+                    return;
+                }
+                let s = if square > 0.0 { (closing / square).clamp(0.0, 1.0) } else { 0.0 };
+                let touch = c.radius + other.radius;
+                if (from + way * s).length_squared() <= touch * touch {
+                    pairs.push((c.id.min(id), c.id.max(id)));
+                }
+            });
         }
-        grid.for_each_in_box(low, high, |id| {
-            let other = self.catkin(id);
-            if other.root == c.root {
-                return;
-            }
-            let way = end - start;
-            let from = start - other.x.as_vec3();
-            let (square, closing) = (way.length_squared(), -from.dot(way));
-            // An airborne catkin joins a deposit that it approaches, not the heap that it was torn or lifted off.
-            if c.state == CatkinState::Airborne && closing <= 0.0 {
-                return;
-            }
-            let s = if square > 0.0 { (closing / square).clamp(0.0, 1.0) } else { 0.0 };
-            let touch = c.radius + other.radius;
-            if (from + way * s).length_squared() <= touch * touch {
-                pairs.push((c.id.min(id), c.id.max(id)));
-            }
-        });
     }
 }
 

@@ -8,7 +8,7 @@ use super::collision::{
     surface_contact,
 };
 use super::particles::{Catkin, CatkinState};
-use super::tuning::{GROUND_NORMAL_Y, MAX_PUSH_OUT_PASSES, PENETRATION_TOLERANCE};
+use super::tuning::{GROUND_NORMAL_Y, MAX_PUSH_OUT_PASSES, OVERHANG_NORMAL_Y, PENETRATION_TOLERANCE};
 use super::{FlightSimulation, ReleaseCondition};
 use osier_scene::solid::{Form, Solid};
 use osier_wind::Wind;
@@ -75,7 +75,8 @@ impl FlightSimulation {
         SweepResult { at, contact: combined_contact(&holds) }
     }
 
-    /// Slides wall deposits down, the slower the wetter the wall, or up in an updraft; contacts are evaluated anew.
+    /// Slides wall deposits down, the slower the wetter the wall, or up in an updraft; contacts are evaluated anew. From the underside of
+    /// an overhang they detach.
     pub(super) fn slide_down_walls(&mut self, wind: &dyn Wind, t: f64) {
         // Leaders only: members follow their cluster.
         let sliding =
@@ -90,9 +91,10 @@ impl FlightSimulation {
         for (id, air) in sliding.into_iter().zip(air) {
             let c = self.catkin(id);
             let fall = self.clusters.get(&id).map_or(c.fall, |k| k.fall);
-            // Net vertical velocity, reduced by the humidity, along the wall's steepest direction.
+            // Net vertical velocity, reduced by the humidity, along the wall's steepest direction; off an overhang straight down.
             let speed = (1.0 - self.face_humidity(c)) * (f64::from(air.y) - fall);
-            let along = (Vec3::Y - c.normal * c.normal.y).normalize_or(Vec3::Y).as_dvec3();
+            let steepest = (Vec3::Y - c.normal * c.normal.y).normalize_or(Vec3::Y);
+            let along = if c.normal.y < OVERHANG_NORMAL_Y { DVec3::Y } else { steepest.as_dvec3() };
             self.slide_deposit(id, along * (speed * dt));
         }
     }
@@ -131,7 +133,10 @@ impl FlightSimulation {
         let solids = std::sync::Arc::clone(&self.solids);
         let c = self.catkin_mut(root);
         let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace_free_share(&solids);
-        let at = follow_surface(&solids, push_out_of_solids(&solids, c.x + way * gone, c.radius), c.radius, way);
+        let at = push_out_of_solids(&solids, c.x + way * gone, c.radius);
+        // Nothing brings a catkin back up to the ceiling from which it comes down.
+        let detaches = c.normal.y < OVERHANG_NORMAL_Y;
+        let at = if detaches { at } else { follow_surface(&solids, at, c.radius, way) };
         c.v = (at - c.x) / dt;
         c.travel += at - c.x;
         c.x = at;

@@ -109,7 +109,7 @@ pub struct FlightFrame {
     pub positions: Vec<Vec3>,
     /// Rotations from the rest pose, whose tuft points along +Y.
     pub orientations: Vec<Quat>,
-    /// Velocities, m/s; 0 for hidden catkins.
+    /// Velocities, m/s; 0 for catkins that have left the box.
     pub velocities: Vec<Vec3>,
     /// Angular velocity vectors, rad/s; 0 for hidden catkins.
     pub angular_velocities: Vec<Vec3>,
@@ -268,7 +268,9 @@ impl FlightSimulation {
         for c in self.by_id() {
             out.positions.push(c.x.as_vec3());
             out.orientations.push(c.q);
-            out.velocities.push(if c.state.is_seen() { c.v.as_vec3() } else { Vec3::ZERO });
+            // A pending catkin has the velocity of the plant from which it hangs.
+            let moves = c.state.is_seen() || c.state == CatkinState::Pending;
+            out.velocities.push(if moves { c.v.as_vec3() } else { Vec3::ZERO });
             out.angular_velocities.push(if c.state.is_seen() { c.omega } else { Vec3::ZERO });
             out.states.push(c.state);
             out.clusters.push(c.root);

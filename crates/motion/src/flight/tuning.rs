@@ -45,6 +45,10 @@ pub(crate) const CONTACT_FACTOR: f32 = 1.05;
 /// Surfaces whose normal's y is above this (slopes below 60 degrees) count as ground, others as walls.
 pub(crate) const GROUND_NORMAL_Y: f32 = 0.5;
 
+/// From surfaces whose normal's y is below this (they overhang by more than 15 degrees) a catkin detaches straight down. Lower: it glides
+/// down along the underside of a roof; 0: rounding takes upright walls for ceilings.
+pub(crate) const OVERHANG_NORMAL_Y: f32 = -0.26;
+
 /// Penetration below which nothing is pushed out, m.
 pub(crate) const PENETRATION_TOLERANCE: f32 = 1e-6;
 

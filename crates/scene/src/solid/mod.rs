@@ -144,7 +144,9 @@ impl Solid {
 #[derive(Debug, Clone, Default)]
 pub struct Solids {
     all: Vec<Solid>,
-    /// Parallel to the solids: outside of it no point is inside of the solid.
+    /// Parallel to the first solids: parts that project from each.
+    projections: Vec<Vec<Solid>>,
+    /// Parallel to the solids: outside of it no point is inside of the solid or of a part that projects from it.
     boxes: Vec<Bounds>,
     /// True if everything below y = 0 is ground.
     level: bool,
@@ -164,7 +166,26 @@ impl Solids {
     #[inline]
     pub fn new(all: Vec<Solid>, level: bool) -> Self {
         let boxes = all.iter().map(Solid::enclosing_box).collect();
-        Self { all, boxes, level }
+        Self { all, projections: Vec::new(), boxes, level }
+    }
+
+    /// The same solids with parts that project from them, such as the eaves of roofs. Each part is one with its solid: of both the
+    /// nearer surface answers, under the index of the solid. `projections`: parallel to [`Solids::list`]; solids beyond its end have
+    /// none.
+    #[inline]
+    #[must_use]
+    pub fn with_projections(mut self, projections: Vec<Vec<Solid>>) -> Self {
+        for (bounds, parts) in self.boxes.iter_mut().zip(&projections) {
+            *bounds = parts.iter().fold(*bounds, |bounds, part| bounds.union(part.enclosing_box()));
+        }
+        self.projections = projections;
+        self
+    }
+
+    /// Parts that project from a solid of [`Solids::list`], by its index.
+    #[inline]
+    pub fn projections_of(&self, which: usize) -> &[Solid] {
+        self.projections.get(which).map_or(&[], Vec::as_slice)
     }
 
     /// All solids in the scene's order; the level ground is not among them.
@@ -199,19 +220,27 @@ impl Solids {
     #[inline]
     pub fn meets(&self, segment: [Vec3; 2], slack: f32) -> bool {
         let (low, high) = (segment[0].min(segment[1]) - slack, segment[0].max(segment[1]) + slack);
-        self.all
-            .iter()
-            .zip(&self.boxes)
-            .any(|(solid, b)| low.cmple(b.max).all() && high.cmpge(b.min).all() && solid.meets(segment, slack))
+        self.all.iter().zip(&self.boxes).enumerate().any(|(i, (solid, b))| {
+            let is_met = |part: &Solid| part.meets(segment, slack);
+            low.cmple(b.max).all()
+                && high.cmpge(b.min).all()
+                && (is_met(solid) || self.projections_of(i).iter().any(is_met))
+        })
     }
 
     fn each_near(&self, at: Vec3, reach: f32, mut take: impl FnMut(Near)) {
-        for ((solid, b), i) in self.all.iter().zip(&self.boxes).zip(0..) {
+        for ((k, (solid, b)), i) in self.all.iter().zip(&self.boxes).enumerate().zip(0..) {
             let away = (b.min - at).max(at - b.max).max(Vec3::ZERO);
             if away.length_squared() > reach * reach {
                 continue;
             }
-            let nearest = solid.nearest(at);
+            let mut nearest = solid.nearest(at);
+            for part in self.projections_of(k) {
+                let near = part.nearest(at);
+                if near.distance < nearest.distance {
+                    nearest = near;
+                }
+            }
             if nearest.distance <= reach {
                 take(Near { nearest, which: Some(i) });
             }
@@ -221,12 +250,12 @@ impl Solids {
     /// True for points in the ground or in a solid.
     #[inline]
     pub fn contains(&self, at: Vec3) -> bool {
-        (self.level && at.y < 0.0)
-            || self
-                .all
-                .iter()
-                .zip(&self.boxes)
-                .any(|(s, b)| at.cmpge(b.min).all() && at.cmple(b.max).all() && s.contains(at))
+        let holds = |(i, (solid, b)): (usize, (&Solid, &Bounds))| {
+            at.cmpge(b.min).all()
+                && at.cmple(b.max).all()
+                && (solid.contains(at) || self.projections_of(i).iter().any(|part| part.contains(at)))
+        };
+        (self.level && at.y < 0.0) || self.all.iter().zip(&self.boxes).enumerate().any(holds)
     }
 }
 
@@ -250,6 +279,32 @@ mod tests {
         assert!(solids.near(Vec3::new(3.0, 2.5, 0.0), 2.0).is_none());
         assert_eq!(solids.all_near(Vec3::new(0.45, 0.1, 0.0), 0.5).len(), 2);
         assert!(solids.contains(Vec3::new(0.0, 3.9, 0.0)) && !solids.contains(Vec3::new(0.0, 4.1, 0.0)));
+    }
+
+    #[test]
+    fn eaves_are_one_with_their_house() {
+        let house = Prism::house(Vec3::ZERO, Vec3::new(10.0, 5.0, 8.0), 3.0, 0.0);
+        let eaves = house.roof_slabs(0.35, 0.16);
+        let solid = |prism| Solid { name: "house".into(), form: Form::Prism(prism), humidity: 0.5 };
+        let solids =
+            Solids::new(vec![solid(house)], true).with_projections(vec![eaves.into_iter().map(solid).collect()]);
+        assert!(solids.list().len() == 1 && solids.projections_of(0).len() == 2 && solids.projections_of(1).is_empty());
+        // A slope of 3 in 4 from the ridge at 8 m over the wall at z = 4 to 0.35 m beyond it: above its middle, under it, in it.
+        let over = Vec3::new(0.0, 5.0 - 0.6 * 0.2, 4.0 + 0.8 * 0.2);
+        let (up, deep) = (Vec3::new(0.0, 0.8, 0.6), 0.08);
+        for (at, distance, normal) in [(over + up * 0.1, 0.1, up), (over - up * 0.18, 0.02, -up)] {
+            let near = solids.all_near(at, 0.5);
+            assert!(near.len() == 1 && near[0].which == Some(0), "{near:?}");
+            let Nearest { distance: found, normal: out } = near[0].nearest;
+            assert!((found - distance).abs() < 1e-5 && out.distance(normal) < 1e-4, "{near:?}");
+        }
+        assert!(solids.contains(over - up * deep) && !solids.contains(over + up * deep));
+        assert!(solids.meets([over + Vec3::Y, over - Vec3::Y], 0.0));
+        // Beyond the gable at x = 5, 0.35 m long.
+        assert!(solids.contains(Vec3::new(5.3, 7.9, 0.0)) && !solids.contains(Vec3::new(5.4, 7.9, 0.0)));
+        // Below the eaves the wall answers, on the roof the roof of the house.
+        let near = solids.near(Vec3::new(0.0, 2.0, 4.1), 1.0).expect("a wall").nearest;
+        assert!((near.distance - 0.1).abs() < 1e-5 && near.normal.distance(Vec3::Z) < 1e-5, "{near:?}");
     }
 
     #[test]

@@ -110,13 +110,16 @@ impl Prism {
         [front(1.0), front(-1.0), end(1.0), end(-1.0)]
     }
 
-    /// Its horizontal bounding rectangle at the height of its highest edge: rows along the width, columns along the depth.
-    pub fn plan(&self) -> Side {
-        let (low, high) =
-            self.outline.iter().fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+    /// Its horizontal bounding rectangle at the height of its highest edge: rows along the width, columns along the depth. `roof`: its
+    /// own slabs, of [`Prism::roof_slabs`], which the rectangle holds too.
+    pub fn plan(&self, roof: &[&Self]) -> Side {
+        // The slabs of a roof have the axes of their house.
+        let corners = roof.iter().flat_map(|slab| &slab.outline).chain(&self.outline);
+        let (low, high) = corners.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+        let half = roof.iter().fold(self.half, |half, slab| half.max(slab.half));
         Side {
-            corner: self.world(Vec2::new(low.x, high.y), -self.half),
-            along: self.width * (2.0 * self.half),
+            corner: self.world(Vec2::new(low.x, high.y), -half),
+            along: self.width * (2.0 * half),
             down: self.depth * (high.x - low.x),
             normal: Vec3::Y,
         }

@@ -82,7 +82,8 @@ fn start_flight(
 
     // A wavy ground is sampled over a square around the origin that holds the box, wherever a lattice places it.
     let reach = domain.min.abs().max(domain.max.abs());
-    let solids = Arc::new(obstacles.solids_within(domain.size().max_element().max(2.0 * reach.x.max(reach.z))));
+    let side = domain.size().max_element().max(2.0 * reach.x.max(reach.z));
+    let solids = Arc::new(obstacles.solids_with_roofs_within(side));
     let (min_resolved_height, cell_size) = (wind.min_resolved_height(), wind.cell_size());
     let scene = FlightSetup { recipe, flight, domain, solids, min_resolved_height, cell_size };
     let playback = FlightPlayback::new(&scene, wind, canopy, models)?;

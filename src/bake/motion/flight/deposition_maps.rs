@@ -7,7 +7,7 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_motion::flight::{CatkinState, RestingPlace};
 use osier_scene::Field;
-use osier_scene::solid::{Form, Side, Solids};
+use osier_scene::solid::{Form, Prism, Side, Solid, Solids};
 
 /// Maps of a flight: the ground first, then for each obstacle its roof and, if its walls are plane, its four sides.
 #[derive(Debug, Clone)]
@@ -21,6 +21,9 @@ pub struct DepositionMaps {
     /// Whether the maps count all depositions since the start instead of the catkins that rest at a frame.
     pub cumulative: bool,
 }
+
+/// Faces whose normal's y is below this (they slope by less than 60 degrees) are undersides, whose deposits the map seen from above counts.
+const UNDERSIDE_NORMAL_Y: f32 = -0.5;
 
 /// Number or mass in each texel of all maps, row by row.
 pub type TexelSums = Vec<Vec<f64>>;
@@ -62,14 +65,17 @@ impl DepositionMaps {
         add("ground".into(), top_face(Bounds { max: inside.max.with_y(height), ..inside }));
         let mut obstacles = Vec::new();
         let mut roof = 1;
-        for solid in solids.list() {
+        for (i, solid) in solids.list().iter().enumerate() {
             let (plan, sides) = match &solid.form {
                 // Deposits on land count as ground; `None` keeps the list parallel to the solids.
                 Form::Land(_) => {
                     obstacles.push(None);
                     continue;
                 }
-                Form::Prism(prism) => (prism.plan(), Some(prism.sides())),
+                Form::Prism(prism) => {
+                    let roof: Vec<&Prism> = solids.projections_of(i).iter().filter_map(prism_of).collect();
+                    (prism.plan(&roof), Some(prism.sides()))
+                }
                 // A mesh has no flat sides to map: only what lies on it is counted, as seen from above.
                 Form::Shell(_) => (top_face(solid.bounds()), None),
             };
@@ -113,13 +119,13 @@ impl DepositionMaps {
     }
 
     /// Index of the map that counts a catkin: on a wall, that of the side whose normal is nearest to the contact normal; on top of
-    /// an obstacle, that of its roof; on the ground, at the foot of a wall too, the ground's.
+    /// an obstacle or under its eaves, that of its roof; on the ground, at the foot of a wall too, the ground's.
     fn map_index(&self, place: &RestingPlace) -> usize {
         let Some(maps) = place.face.and_then(|i| self.obstacles.get(i as usize)?.as_ref()) else { return 0 };
         match (place.state, &maps.sides) {
             // In a corner of ground and wall `face` is the wall, but the catkin lies on the ground.
             (CatkinState::Corner, _) => 0,
-            (CatkinState::OnWall, Some(sides)) => {
+            (CatkinState::OnWall, Some(sides)) if place.normal.y > UNDERSIDE_NORMAL_Y => {
                 let facing = |k: &usize| sides[*k].normal.dot(place.normal);
                 maps.roof + 1 + (0..4).max_by(|a, b| facing(a).total_cmp(&facing(b))).unwrap_or(0)
             }
@@ -154,6 +160,10 @@ impl DepositionMaps {
     }
 }
 
+fn prism_of(solid: &Solid) -> Option<&Prism> {
+    if let Form::Prism(prism) = &solid.form { Some(prism) } else { None }
+}
+
 /// The top of a box as the area of a map: rows run along +X and follow each other along +Z.
 fn top_face(bounds: Bounds) -> Side {
     let size = bounds.size();
@@ -181,7 +191,7 @@ mod tests {
 
     use super::*;
     use crate::recipe::KeyTable as _;
-    use osier_scene::solid::{LandForm, Solid};
+    use osier_scene::solid::LandForm;
 
     #[test]
     fn the_map_of_the_ground_lies_at_its_height() {
@@ -193,5 +203,30 @@ mod tests {
         let land = Solid { name: "land".into(), form: Form::Land(Arc::new(land)), humidity: 0.0 };
         assert_eq!(corner(vec![land], false), Vec3::new(-5.0, -8.0, -5.0));
         assert_eq!(corner(Vec::new(), true), Vec3::new(-5.0, 0.0, -5.0));
+    }
+
+    #[test]
+    fn the_map_of_a_roof_holds_its_overhang() {
+        let inside = Bounds { min: Vec3::new(-9.0, 0.0, -9.0), max: Vec3::new(9.0, 12.0, 9.0) };
+        let house = Prism::house(Vec3::ZERO, Vec3::new(10.0, 5.0, 8.0), 3.0, 0.0);
+        let slabs = house.roof_slabs(0.35, 0.16);
+        let solid = |prism| Solid { name: "house".into(), form: Form::Prism(prism), humidity: 0.0 };
+        let slabs = slabs.into_iter().map(solid).collect();
+        let solids = Solids::new(vec![solid(house)], true).with_projections(vec![slabs]);
+        let maps = DepositionMaps::new(&FlightKeys::defaults(), inside, &solids);
+        // 0.35 m past both gables, and 0.28 m of the plan past both eaves.
+        let roof = &maps.fields[1];
+        assert!(roof.corner.distance(Vec3::new(-5.35, 8.0, -4.28)) < 1e-4, "{}", roof.corner);
+        assert!((roof.along.length() - 10.7).abs() < 1e-4 && (roof.down.length() - 8.56).abs() < 1e-4);
+        // What sticks under it is not on the back wall, to which that face looks.
+        let wall = RestingPlace {
+            position: glam::DVec3::new(0.0, 4.6, 4.1),
+            mass: 1e-6,
+            state: CatkinState::OnWall,
+            face: Some(0),
+            normal: Vec3::Z,
+        };
+        let under = RestingPlace { normal: Vec3::new(0.0, -0.8, -0.6), ..wall };
+        assert_eq!([&under, &wall].map(|place| maps.map_index(place)), [1, 2]);
     }
 }
