@@ -377,6 +377,8 @@ fn lengths_of_lparser_are_percent_of_a_step_in_files_of_bare_lines() {
     let (a, b) = (nodes(old), nodes(new));
     assert_eq!(a.len(), 11);
     assert!(a.iter().zip(&b).all(|(p, q)| (*p - *q).length() < 1e-6), "{a:?} {b:?}");
+    // A number may have an exponent.
+    assert_eq!(nodes(&old.replace("(40)", "(4e1)")), a);
 }
 
 #[test]
@@ -401,14 +403,19 @@ fn faults_of_lparser_are_told_with_their_places() {
         ("A=F\nFF", "goes on with the rule before it", "a.ls:6:1"),
         ("A=F(a)", "'(a)' is no number", "a.ls:5:4"),
         ("A=F(30", "'(' without ')'", "a.ls:5:4"),
+        ("A=F(inf)", "'(inf)' is no number", "a.ls:5:4"),
+        ("A=|(20)F", "'(20)' stands behind no command that takes a number", "a.ls:5:4"),
+        ("A=F(1)(2)", "'(2)' stands behind no command that takes a number", "a.ls:5:7"),
     ] {
         let text = warned(rules);
         assert!(text.matches("warning[L008]").count() == 1, "{rules}: {text}");
         assert!(text.contains(told) && text.contains(place), "{rules}: {text}");
     }
-    // Rules may make a number of what stands in parentheses.
-    let text = warned("A=F(B)\nB=30");
-    assert!(!text.contains("L008"), "{text}");
+    // Rules may make a number of what stands in parentheses, and the command before it.
+    for rules in ["A=F(B)\nB=30", "A=B(30)\nB=F", "A=F(-1.5e1)+(.5)"] {
+        let text = warned(rules);
+        assert!(!text.contains("L008"), "{rules}: {text}");
+    }
 }
 
 #[test]

@@ -417,7 +417,7 @@ impl Turtle<'_> {
             self.pending.text = None;
             return;
         };
-        let number = self.pending.text.take().and_then(|t| t.trim().parse::<f64>().ok());
+        let number = self.pending.text.take().and_then(|t| t.trim().parse::<f64>().ok()).filter(|n| n.is_finite());
         let value = number.map(math::narrow);
         let params = value.as_slice();
         self.dialect_command(command, Module::new(symbol, params, lineage, birth));
