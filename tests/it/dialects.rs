@@ -682,6 +682,12 @@ fn tropisms_of_lpy_bend_before_each_step() {
     let near_all =
         |r: &[f32], want: &[f32]| r.len() == want.len() && r.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-6);
     assert!(near_all(&path.plant.nodes.r, &[0.1, 0.2, 0.3]), "{:?}", path.plant.nodes.r);
+    // A path of a million steps is told.
+    let long = b"Axiom: Elasticity(0.5)+(90)nF(1,0.000001)\nderivation length: 0\nproduction:\nendlsystem\n";
+    let (g, _) = read_bytes("m.lpy", long, ReadAs::default()).expect("read");
+    let derived = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let (_, told) = grow(&g, &derived, &TurtleOptions::default(), &Limits::default()).expect("drawn");
+    assert!(told.iter().any(|d| d.code == "L008" && d.message.contains("more than 100000 steps")), "{told:?}");
     let straight = drawn("nF(2,0.5,0.3)F(1)").plant.nodes.r;
     assert!(near_all(&straight, &[0.1, 0.3, 0.3]), "{straight:?}");
 }
@@ -711,6 +717,11 @@ fn scales_of_lpy_multiply_what_is_drawn_behind_them() {
     let derived = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
     let (_, told) = grow(&g, &derived, &TurtleOptions::default(), &Limits::default()).expect("drawn");
     assert!(told.iter().any(|d| d.code == "L041" && d.message.contains("-0.9")), "{told:?}");
+    // The command without a number is told, not the first one with its sign.
+    let g = model("!(0.5)!F(1)");
+    let derived = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let (_, told) = grow(&g, &derived, &TurtleOptions::default(), &Limits::default()).expect("drawn");
+    assert!(told.iter().any(|d| d.code == "L041" && d.labels.first().is_some_and(|l| l.0.start == 13)), "{told:?}");
     assert!(converts(&model("F@DiF@DdF@D(3)F@DF"), ConvertTo::Cpfg, "scales"));
 }
 

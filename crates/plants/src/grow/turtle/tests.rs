@@ -281,6 +281,10 @@ fn oddities_are_told() {
         assert_eq!(draw(axiom).nodes.len(), 3, "{axiom}");
     }
     assert_eq!(code("@Ts(3,1)F"), ["L048"]);
+    // A parameter is told once for each time that it stands in the string.
+    let text = "Lsystem: 1\nderivation length: 0\nAxiom: @Ts(log(0),1)F\nendlsystem";
+    let (_, told) = try_draw(text, &TurtleOptions::default()).expect("draws");
+    assert!(told.iter().any(|d| d.code == "L041" && !d.message.contains("times")), "{told:?}");
 }
 
 #[test]
