@@ -791,8 +791,9 @@ impl<'a> Turtle<'a> {
             }
             _ if self.extended_command(first, c, m) => {}
             _ => {
+                // The two letters tell one such command from another.
                 let message = format!("'@{first}{c}': this command is not supported");
-                self.warn("L008", (Some('@'), first), message, "nothing is drawn");
+                self.warn("L008", (Some(first), c), message, "nothing is drawn");
             }
         }
         true

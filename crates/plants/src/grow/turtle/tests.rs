@@ -272,6 +272,7 @@ fn oddities_are_told() {
     assert_eq!(code("F?E(1)"), ["L008"]);
     assert_eq!(code("F(log(0))F(1)"), ["L041"]);
     assert_eq!(code("F@GzF"), ["L008"]);
+    assert_eq!(code("F@GzF@GyF@mcF@mcF"), ["L008"; 3]);
     assert_eq!(code("@Gs@#(7)f@Ge"), ["L048"]);
     assert_eq!(code("@PD(1,2,2)@Tx(3)F"), ["L048"; 2]);
     assert_eq!(code("F@SF"), ["L043!"]);
