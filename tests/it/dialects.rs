@@ -387,6 +387,7 @@ fn faults_of_lparser_are_told_with_their_places() {
         ("2\nthirty\n20\nA\nA=F\n@\n", "a.ls:2:1: expected the angle, found 'thirty'"),
         ("30\n20\nA\nA=F\n@\n", "a.ls:3:1: expected the thickness, found 'A'"),
         ("1\n30\n-20\nA\nA=F\n@\n", "a.ls:3:1: a thickness below 0"),
+        ("-1\n30\n20\nA\nA=F\n@\n", "a.ls:1:1: a recursion of -1 does not lie in 0 to 1,000,000"),
     ] {
         let text = refused("a.ls", file);
         let (place, message) = told.split_once(": ").expect("a place");
@@ -410,6 +411,20 @@ fn faults_of_lparser_are_told_with_their_places() {
         let text = warned(rules);
         assert!(text.matches("warning[L008]").count() == 1, "{rules}: {text}");
         assert!(text.contains(told) && text.contains(place), "{rules}: {text}");
+    }
+    // Items that stand twice; a bare line behind the axiom goes on with it.
+    for (lines, told, string) in [
+        ("recursion 5\nrecursion 1\nangle 30\naxiom F", "a second recursion replaces the first one", "F+F"),
+        ("recursion 1\nangle 30\nangle 40\naxiom F", "a second angle replaces the first one", "F+F"),
+        ("recursion 1\nthickness 9\nthickness 8\naxiom F", "a second thickness replaces the first one", "F+F"),
+        ("recursion 1\nmin_thickness 1\nmin_thickness 2\naxiom F", "a second min_thickness replaces", "F+F"),
+        ("recursion 1\naxiom FFF\naxiom F", "a second axiom replaces the first one", "F+F"),
+        ("recursion 1\naxiom F\nF", "goes on with the axiom before it", "F+FF+F"),
+    ] {
+        let text = format!("{lines}\nrule F = F+F\n");
+        let (g, warnings) = read_bytes("a.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        assert!(warnings.matches("warning[L008]").count() == 1 && warnings.contains(told), "{lines}: {warnings}");
+        assert_eq!(draw_steps(&g, None).string, string, "{lines}");
     }
     // Rules may make a number of what stands in parentheses, and the command before it.
     for rules in ["A=F(B)\nB=30", "A=B(30)\nB=F", "A=F(-1.5e1)+(.5)"] {

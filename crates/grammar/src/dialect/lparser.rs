@@ -93,7 +93,22 @@ impl<'t> File<'_, '_, 't> {
 
     fn line(&mut self, line: Piece<'t>) {
         let (word, rest) = line.first_word(&[]);
-        match word.text.to_ascii_lowercase().as_str() {
+        let keyword = word.text.to_ascii_lowercase();
+        let is_second = match keyword.as_str() {
+            "recursion" => self.recursion.is_some(),
+            "angle" => self.angle.is_some(),
+            "thickness" => self.thickness.is_some(),
+            "min_thickness" => self.min_thickness > 0.0,
+            // A second line of a bare axiom goes on with it; one with the keyword replaces it.
+            "axiom" => self.axiom.take().is_some(),
+            _ => false,
+        };
+        if is_second {
+            let place = self.reader.place(line.range());
+            let message = format!("a second {keyword} replaces the first one");
+            self.reader.session.warning("L008", message, place, "keep one of them");
+        }
+        match keyword.as_str() {
             "recursion" => self.recursion(rest),
             "angle" => self.angle = self.number(rest),
             "thickness" => self.thickness = self.thickness(rest),
@@ -191,8 +206,9 @@ impl<'t> File<'_, '_, 't> {
     fn recursion(&mut self, value: Piece<'_>) {
         self.length_place = self.reader.place(value.range());
         self.recursion = self.number(value);
-        if self.recursion.is_some_and(|n| !(0.0..=MAX_RECURSION).contains(&n)) {
-            self.error("recursion from 0 to 1,000,000".into(), value, "reduce the recursion");
+        if let Some(n) = self.recursion.filter(|n| !(0.0..=MAX_RECURSION).contains(n)) {
+            let message = format!("a recursion of {n} does not lie in 0 to 1,000,000");
+            self.error(message, value, "write the number of steps, such as 7");
         }
     }
 
