@@ -1199,6 +1199,14 @@ fn converted_grammars_draw_the_same() {
         let (g, _) = read_bytes("t.l", text.as_bytes(), ReadAs::default()).expect("read");
         assert_eq!(converts(&g, ConvertTo::Cpfg, axiom), is_written, "{axiom}");
     }
+    // Numbers of LParser whose command stands in another rule have no place in a module.
+    for rules in ["+AF\nA=(80)", "+(AF\nA=80)", "F(30"] {
+        let text = format!("1\n45\n10\n{rules}\n@\n");
+        let (g, _) = read_bytes("n.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        for to in [ConvertTo::Osier, ConvertTo::Cpfg] {
+            assert!(!converts(&g, to, rules), "{rules}");
+        }
+    }
     let notes = convert(&read("lparser/keywords.ls", ""), ConvertTo::Cpfg).expect("converted").notes;
     assert!(notes.iter().any(|n| n.contains("colours that the file sets")), "{notes:?}");
     assert!(notes.iter().any(|n| n.contains("least thickness")), "{notes:?}");
