@@ -40,7 +40,7 @@ const LPY_RADIUS_STEP: f64 = 1.0;
 /// Factor of the scale without a number, and the length up to which numbers count as 0. Source: its turtle (PlantGL).
 const LPY_SCALE: f64 = 0.5;
 const LPY_EPSILON: f64 = 1e-5;
-/// Most steps of a path of L-Py (`nF`) that bends. Own: its smallest bends could not be seen.
+/// Most steps of a path of L-Py (`nF`) that bends. Own: the bends of more cannot be seen.
 const MAX_PATH_STEPS: f64 = 1e5;
 /// Colour indices of the arrows of L-Py's `Frame`: heading red, left green, up blue. Source: its help card.
 const FRAME_COLORS: [u8; 3] = [3, 2, 5];
