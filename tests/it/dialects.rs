@@ -387,6 +387,7 @@ fn faults_of_lparser_are_told_with_their_places() {
         ("2\nthirty\n20\nA\nA=F\n@\n", "a.ls:2:1: expected the angle, found 'thirty'"),
         ("30\n20\nA\nA=F\n@\n", "a.ls:3:1: expected the thickness, found 'A'"),
         ("1\n30\n-20\nA\nA=F\n@\n", "a.ls:3:1: a thickness below 0"),
+        ("color 2 300 255 0 0\naxiom A\nrule A = F\n", "a.ls:1:7: a color is an index and three numbers 0 to 255"),
         ("-1\n30\n20\nA\nA=F\n@\n", "a.ls:1:1: a recursion of -1 does not lie in 0 to 1,000,000"),
     ] {
         let text = refused("a.ls", file);

@@ -214,9 +214,10 @@ impl<'t> File<'_, '_, 't> {
 
     /// Reads `color i r g b`: index, then red, green and blue from 0 to 255.
     fn color(&mut self, value: Piece<'_>) {
-        let numbers: Vec<u8> = value.text.split_whitespace().filter_map(|w| w.parse().ok()).collect();
-        match numbers.as_slice() {
-            [i, r, g, b] => self.reader.palette.push((*i, [*r, *g, *b])),
+        // Words may follow the numbers.
+        let numbers: Option<Vec<u8>> = value.text.split_whitespace().take(4).map(|w| w.parse().ok()).collect();
+        match numbers.as_deref() {
+            Some([i, r, g, b]) => self.reader.palette.push((*i, [*r, *g, *b])),
             _ => self.error("a color is an index and three numbers 0 to 255".into(), value, "write: color 2 255 0 0"),
         }
     }
