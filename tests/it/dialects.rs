@@ -377,6 +377,8 @@ fn lengths_of_lparser_are_percent_of_a_step_in_files_of_bare_lines() {
     let (a, b) = (nodes(old), nodes(new));
     assert_eq!(a.len(), 11);
     assert!(a.iter().zip(&b).all(|(p, q)| (*p - *q).length() < 1e-6), "{a:?} {b:?}");
+    // A number may have an exponent.
+    assert_eq!(nodes(&old.replace("(40)", "(4e1)")), a);
 }
 
 #[test]
@@ -385,6 +387,8 @@ fn faults_of_lparser_are_told_with_their_places() {
         ("2\nthirty\n20\nA\nA=F\n@\n", "a.ls:2:1: expected the angle, found 'thirty'"),
         ("30\n20\nA\nA=F\n@\n", "a.ls:3:1: expected the thickness, found 'A'"),
         ("1\n30\n-20\nA\nA=F\n@\n", "a.ls:3:1: a thickness below 0"),
+        ("color 2 300 255 0 0\naxiom A\nrule A = F\n", "a.ls:1:7: a color is an index and three numbers 0 to 255"),
+        ("-1\n30\n20\nA\nA=F\n@\n", "a.ls:1:1: a recursion of -1 does not lie in 0 to 1,000,000"),
     ] {
         let text = refused("a.ls", file);
         let (place, message) = told.split_once(": ").expect("a place");
@@ -401,14 +405,33 @@ fn faults_of_lparser_are_told_with_their_places() {
         ("A=F\nFF", "goes on with the rule before it", "a.ls:6:1"),
         ("A=F(a)", "'(a)' is no number", "a.ls:5:4"),
         ("A=F(30", "'(' without ')'", "a.ls:5:4"),
+        ("A=F(inf)", "'(inf)' is no number", "a.ls:5:4"),
+        ("A=|(20)F", "'(20)' stands behind no command that takes a number", "a.ls:5:4"),
+        ("A=F(1)(2)", "'(2)' stands behind no command that takes a number", "a.ls:5:7"),
     ] {
         let text = warned(rules);
         assert!(text.matches("warning[L008]").count() == 1, "{rules}: {text}");
         assert!(text.contains(told) && text.contains(place), "{rules}: {text}");
     }
-    // Rules may make a number of what stands in parentheses.
-    let text = warned("A=F(B)\nB=30");
-    assert!(!text.contains("L008"), "{text}");
+    // Items that stand twice; a bare line behind the axiom goes on with it.
+    for (lines, told, string) in [
+        ("recursion 5\nrecursion 1\nangle 30\naxiom F", "a second recursion replaces the first one", "F+F"),
+        ("recursion 1\nangle 30\nangle 40\naxiom F", "a second angle replaces the first one", "F+F"),
+        ("recursion 1\nthickness 9\nthickness 8\naxiom F", "a second thickness replaces the first one", "F+F"),
+        ("recursion 1\nmin_thickness 1\nmin_thickness 2\naxiom F", "a second min_thickness replaces", "F+F"),
+        ("recursion 1\naxiom FFF\naxiom F", "a second axiom replaces the first one", "F+F"),
+        ("recursion 1\naxiom F\nF", "goes on with the axiom before it", "F+FF+F"),
+    ] {
+        let text = format!("{lines}\nrule F = F+F\n");
+        let (g, warnings) = read_bytes("a.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        assert!(warnings.matches("warning[L008]").count() == 1 && warnings.contains(told), "{lines}: {warnings}");
+        assert_eq!(draw_steps(&g, None).string, string, "{lines}");
+    }
+    // Rules may make a number of what stands in parentheses, and the command before it.
+    for rules in ["A=F(B)\nB=30", "A=B(30)\nB=F", "A=F(-1.5e1)+(.5)"] {
+        let text = warned(rules);
+        assert!(!text.contains("L008"), "{rules}: {text}");
+    }
 }
 
 #[test]
@@ -675,6 +698,12 @@ fn tropisms_of_lpy_bend_before_each_step() {
     let near_all =
         |r: &[f32], want: &[f32]| r.len() == want.len() && r.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-6);
     assert!(near_all(&path.plant.nodes.r, &[0.1, 0.2, 0.3]), "{:?}", path.plant.nodes.r);
+    // A path of a million steps is told.
+    let long = b"Axiom: Elasticity(0.5)+(90)nF(1,0.000001)\nderivation length: 0\nproduction:\nendlsystem\n";
+    let (g, _) = read_bytes("m.lpy", long, ReadAs::default()).expect("read");
+    let derived = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let (_, told) = grow(&g, &derived, &TurtleOptions::default(), &Limits::default()).expect("drawn");
+    assert!(told.iter().any(|d| d.code == "L008" && d.message.contains("more than 100000 steps")), "{told:?}");
     let straight = drawn("nF(2,0.5,0.3)F(1)").plant.nodes.r;
     assert!(near_all(&straight, &[0.1, 0.3, 0.3]), "{straight:?}");
 }
@@ -704,6 +733,11 @@ fn scales_of_lpy_multiply_what_is_drawn_behind_them() {
     let derived = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
     let (_, told) = grow(&g, &derived, &TurtleOptions::default(), &Limits::default()).expect("drawn");
     assert!(told.iter().any(|d| d.code == "L041" && d.message.contains("-0.9")), "{told:?}");
+    // The command without a number is told, not the first one with its sign.
+    let g = model("!(0.5)!F(1)");
+    let derived = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let (_, told) = grow(&g, &derived, &TurtleOptions::default(), &Limits::default()).expect("drawn");
+    assert!(told.iter().any(|d| d.code == "L041" && d.labels.first().is_some_and(|l| l.0.start == 13)), "{told:?}");
     assert!(converts(&model("F@DiF@DdF@D(3)F@DF"), ConvertTo::Cpfg, "scales"));
 }
 
@@ -1165,6 +1199,14 @@ fn converted_grammars_draw_the_same() {
         let text = format!("Turns {{\nAngle 12\nAxiom {axiom}\n}}\n");
         let (g, _) = read_bytes("t.l", text.as_bytes(), ReadAs::default()).expect("read");
         assert_eq!(converts(&g, ConvertTo::Cpfg, axiom), is_written, "{axiom}");
+    }
+    // Numbers of LParser whose command stands in another rule have no place in a module.
+    for rules in ["+AF\nA=(80)", "+(AF\nA=80)", "F(30"] {
+        let text = format!("1\n45\n10\n{rules}\n@\n");
+        let (g, _) = read_bytes("n.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        for to in [ConvertTo::Osier, ConvertTo::Cpfg] {
+            assert!(!converts(&g, to, rules), "{rules}");
+        }
     }
     let notes = convert(&read("lparser/keywords.ls", ""), ConvertTo::Cpfg).expect("converted").notes;
     assert!(notes.iter().any(|n| n.contains("colours that the file sets")), "{notes:?}");

@@ -422,11 +422,11 @@ impl ViewReader<'_, '_> {
                 None => {}
             },
             // The older name: level n has 2^(n+1) sides.
-            "polygonization level" => {
-                if let Some(n) = self.number(line, "a level from 0 to 7") {
-                    self.view.sides = Some((2_u32 << sides(n.min(7.0))).max(3));
-                }
-            }
+            "polygonization level" => match self.number(line, "a level from 0 to 7") {
+                Some(n) if (0.0..8.0).contains(&n) => self.view.sides = Some((2_u32 << sides(n)).max(3)),
+                Some(_) => self.damaged(line, "a level from 0 to 7"),
+                None => {}
+            },
             "interpretation past %" => self.view.past_cut = self.switch(line).or(self.view.past_cut),
             "twist of cylinders" => self.view.twist = self.switch(line).or(self.view.twist),
             "tropism" | "torque" => {
@@ -790,9 +790,9 @@ mod tests {
 
     #[test]
     fn older_lines_of_views_are_read() {
-        for (level, sides) in [(0, 3), (1, 4), (3, 16), (9, 256)] {
+        for (level, sides) in [(0, Some(3)), (1, Some(4)), (3, Some(16)), (7, Some(256)), (8, None), (-1, None)] {
             let (view, report) = read(&format!("polygonization level: {level}\n"));
-            assert_eq!((view.sides, report.len()), (Some(sides), 0), "{report:?}");
+            assert_eq!((view.sides, report.len()), (sides, usize::from(sides.is_none())), "{level}: {report:?}");
         }
         // One number behind the scale of a surface is its texture.
         let (view, _) = read("surface: l leaf.s 0.5 2\nsurface: m leaf.s 0.5 3 4\nsurface: n leaf.s 0.5 3 4 1\n");

@@ -104,7 +104,7 @@ pub(super) struct ItemParser<'r> {
     array_values: Vec<(u16, f64)>,
     header: Option<SourcePlace>,
     axiom: Option<SourcePlace>,
-    /// Items read so far that count once, and whether they are those of the homomorphism.
+    /// Items read so far that count once, and whether they are the homomorphism's own.
     given: Vec<(Keyword, bool)>,
     ended: bool,
     /// A production beyond [`MAX_PRODUCTIONS`] was reported.
@@ -463,8 +463,9 @@ impl ItemParser<'_> {
 
     /// L008 for a second item of its kind, which replaces the first one.
     fn check_second(&mut self, key: Keyword, place: SourcePlace) {
-        // The homomorphism has a seed and a depth of its own.
-        let item = (key, self.section == ProductionSection::Homomorphism);
+        // The homomorphism has a seed and a depth of its own; the length is that of the L-system wherever it stands.
+        let has_own = matches!(key, Keyword::Seed | Keyword::Depth);
+        let item = (key, has_own && self.section == ProductionSection::Homomorphism);
         if !self.given.contains(&item) {
             return self.given.push(item);
         }

@@ -104,6 +104,12 @@ struct Writer<'g> {
     notes: BTreeSet<String>,
 }
 
+/// A module of a string, and the texts of the numbers between the parentheses behind it.
+struct NumberedModule<'m> {
+    module: &'m SuccessorModule,
+    numbers: Vec<String>,
+}
+
 /// A module with its parameters as text, after numbers are attached to their commands.
 #[derive(Debug, Clone)]
 struct TextModule {
@@ -167,27 +173,19 @@ impl<'g> Writer<'g> {
                     self.argument_fault(m, i, why);
                 }
             }
-            if self.dialect != Dialect::LParser {
-                continue;
+            let (numbered, loose) = self.with_numbers(modules);
+            if let Some(parenthesis) = loose {
+                self.parenthesis_fault(parenthesis);
             }
-            // The characters between parentheses are those of a number. It belongs to what rules make of the symbol before it, but
-            // a parameter is a part of its module.
-            let (mut before, mut open): (_, Option<(&SuccessorModule, String)>) = (None, None);
-            for m in modules {
-                let c = self.c(m.symbol);
-                match &mut open {
-                    None if c == '(' => open = Some((before.unwrap_or(m), String::new())),
-                    None => before = Some(m),
-                    Some((module, text)) if c == ')' => {
-                        let is_replaced = program.rules.matching(module.symbol, 0).next().is_some();
-                        if text.trim().parse::<f64>().is_err() {
-                            self.argument_fault(module, 0, &format!("'{}' is no number", text.trim()));
-                        } else if is_replaced {
-                            self.argument_fault(module, 0, "it belongs to what a rule makes of the symbol");
-                        }
-                        open = None;
+            for NumberedModule { module, numbers } in numbered {
+                for number in numbers {
+                    // A number belongs to what rules make of the symbol before it, but a parameter is a part of its module.
+                    let is_replaced = program.rules.matching(module.symbol, 0).next().is_some();
+                    if number.parse::<f64>().is_err() {
+                        self.argument_fault(module, 0, &format!("'{number}' is no number"));
+                    } else if is_replaced {
+                        self.argument_fault(module, 0, "it belongs to what a rule makes of the symbol");
                     }
-                    Some((_, text)) => text.push(c),
                 }
             }
         }
@@ -221,6 +219,16 @@ impl<'g> Writer<'g> {
         }
     }
 
+    /// L061 at a parenthesis of LParser that holds no whole number of a command of its rule.
+    fn parenthesis_fault(&mut self, parenthesis: &SuccessorModule) {
+        let shown = self.shown(parenthesis.symbol);
+        let message = format!(
+            "'{shown}' cannot be written in another notation: its number and its command stand in different rules"
+        );
+        let help = "write a number directly behind its command, in the same rule: F(20)";
+        self.faults.push(Diagnostic::error("L061", message, parenthesis.place.span, "here").help(help));
+    }
+
     /// Modules of the axiom and of all successors.
     fn all_modules(&self) -> Vec<TextModule> {
         let program = &self.grammar.program;
@@ -231,37 +239,51 @@ impl<'g> Writer<'g> {
         out
     }
 
-    /// Modules with their parameters as text. In files of LParser numbers are characters of the string: here they become parameters.
-    fn attached(&self, modules: &[SuccessorModule]) -> Vec<TextModule> {
-        let mut out: Vec<TextModule> = Vec::new();
-        let mut number: Option<String> = None;
-        for m in modules {
-            let c = self.c(m.symbol);
-            if self.dialect == Dialect::LParser {
-                // Between parentheses the characters are collected: they are the parameter of the module before them.
-                match (&mut number, c) {
-                    (Some(text), ')') => {
-                        if let Some(last) = out.last_mut() {
-                            let number = self.number_text(last.symbol, text.trim());
-                            last.args.push(number);
-                        }
-                        number = None;
-                        continue;
+    /// Modules with the texts of the numbers behind them, which in files of LParser are characters of the string; and the first
+    /// parenthesis that stands behind no module or lacks its partner.
+    fn with_numbers<'m>(
+        &self,
+        modules: &'m [SuccessorModule],
+    ) -> (Vec<NumberedModule<'m>>, Option<&'m SuccessorModule>) {
+        let mut out: Vec<NumberedModule<'m>> = Vec::new();
+        let mut open: Option<(&'m SuccessorModule, String)> = None;
+        let mut loose = None;
+        for module in modules {
+            match (&mut open, self.c(module.symbol)) {
+                _ if self.dialect != Dialect::LParser => out.push(NumberedModule { module, numbers: Vec::new() }),
+                (Some((_, text)), ')') => {
+                    if let Some(last) = out.last_mut() {
+                        last.numbers.push(text.trim().to_owned());
                     }
-                    (Some(text), c) => {
-                        text.push(c);
-                        continue;
+                    open = None;
+                }
+                (Some((_, text)), c) => text.push(c),
+                (None, '(') => {
+                    if out.is_empty() {
+                        loose = loose.or(Some(module));
                     }
-                    (None, '(') => {
-                        number = Some(String::new());
-                        continue;
+                    open = Some((module, String::new()));
+                }
+                (None, c) => {
+                    if c == ')' {
+                        loose = loose.or(Some(module));
                     }
-                    (None, _) => {}
+                    out.push(NumberedModule { module, numbers: Vec::new() });
                 }
             }
-            out.push(TextModule { symbol: m.symbol, args: m.args.iter().map(argument).collect() });
         }
-        out
+        (out, loose.or(open.map(|(parenthesis, _)| parenthesis)))
+    }
+
+    /// Modules with their parameters as text, numbers of LParser among them.
+    fn attached(&self, modules: &[SuccessorModule]) -> Vec<TextModule> {
+        let (numbered, _) = self.with_numbers(modules);
+        let text = |m: NumberedModule<'_>| {
+            let own = m.module.args.iter().map(argument);
+            let numbers = m.numbers.iter().map(|n| self.number_text(m.module.symbol, n));
+            TextModule { symbol: m.module.symbol, args: own.chain(numbers).collect() }
+        };
+        numbered.into_iter().map(text).collect()
     }
 
     /// The number of a command of LParser. For cpfg, lengths in units of the file become lengths of which a step has 1.

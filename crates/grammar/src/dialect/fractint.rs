@@ -46,10 +46,15 @@ impl Entry<'_> {
     }
 }
 
+/// The first word of a line, which a blank or `=` ends, and the value behind it and an optional `=`.
+fn word_and_value(line: Piece<'_>) -> (Piece<'_>, Piece<'_>) {
+    let (word, rest) = line.first_word(&['=']);
+    (word, if rest.text.starts_with('=') { rest.from(1).trimmed() } else { rest })
+}
+
 /// The value of a line that begins with the word `item`, in any case.
 fn value_of<'t>(line: Piece<'t>, item: &str) -> Option<Piece<'t>> {
-    let (word, rest) = line.first_word(&['=']);
-    let value = rest.text.strip_prefix('=').map_or(rest, |_| rest.from(1).trimmed());
+    let (word, value) = word_and_value(line);
     word.text.eq_ignore_ascii_case(item).then_some(value)
 }
 
@@ -273,12 +278,10 @@ impl System<'_, '_> {
             let message = format!("line of more than {MAX_COLUMNS} columns, of which Fractint reads no more");
             self.limit(message, line, "osier reads all of it; give parts of it a symbol of their own");
         }
-        // The first word ends at a blank or '='; what follows is the value, after an optional '='.
-        let (word, rest) = line.first_word(&['=']);
+        let (word, rest) = word_and_value(line);
         if word.text.is_empty() {
             return self.error("a rule without the symbol that it replaces".into(), line, "write: F=F+F");
         }
-        let rest = if rest.text.starts_with('=') { rest.from(1).trimmed() } else { rest };
         let (value, more) = rest.first_word(&[]);
         let mut symbols = word.text.chars();
         match (word.text.to_ascii_lowercase().as_str(), symbols.next(), symbols.next()) {

@@ -6,12 +6,15 @@ use super::Reader;
 use super::text::{Piece, lines};
 use crate::program::SuccessorModule;
 use crate::token::SourcePlace;
+use std::collections::BTreeSet;
 
 /// Items whose values mean something only to the program itself.
 const IGNORED: [&str; 9] =
     ["mutation", "shape", "poly_limit", "switch_yz", "closed_form", "user_form", "rand", "trope", "output"];
 /// Commands of the turtle, and the characters of numbers. Any other character without a rule becomes `_`.
 const COMMANDS: &str = "+-&^<>|%$~tFZfzg.[]{}\"';:?!c()0123456789";
+/// Commands that take a number behind them.
+const NUMBERED: &str = "+-&^<>~tFZfzg\"';:?!c";
 /// The number that stands for the length of a step in files of bare lines; in those of keywords it is 1. Source: LParser 4 begins
 /// with steps of 100, and the same trees have leaves of `f(20)` there and of `f(.2)` in LParser 5.
 const OLD_UNIT: f64 = 100.0;
@@ -34,6 +37,8 @@ struct File<'r, 's, 't> {
     is_old: bool,
     axiom: Option<Vec<Piece<'t>>>,
     rules: Vec<Rule<'t>>,
+    /// Symbols that have a rule.
+    ruled: BTreeSet<char>,
     length_place: SourcePlace,
     /// A number before the axiom is missing: what the lines behind it mean is unknown.
     is_stopped: bool,
@@ -52,6 +57,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         is_old: false,
         axiom: None,
         rules: Vec::new(),
+        ruled: BTreeSet::new(),
         length_place,
         is_stopped: false,
     };
@@ -87,7 +93,22 @@ impl<'t> File<'_, '_, 't> {
 
     fn line(&mut self, line: Piece<'t>) {
         let (word, rest) = line.first_word(&[]);
-        match word.text.to_ascii_lowercase().as_str() {
+        let keyword = word.text.to_ascii_lowercase();
+        let is_second = match keyword.as_str() {
+            "recursion" => self.recursion.is_some(),
+            "angle" => self.angle.is_some(),
+            "thickness" => self.thickness.is_some(),
+            "min_thickness" => self.min_thickness > 0.0,
+            // A second line of a bare axiom goes on with it; one with the keyword replaces it.
+            "axiom" => self.axiom.take().is_some(),
+            _ => false,
+        };
+        if is_second {
+            let place = self.reader.place(line.range());
+            let message = format!("a second {keyword} replaces the first one");
+            self.reader.session.warning("L008", message, place, "keep one of them");
+        }
+        match keyword.as_str() {
             "recursion" => self.recursion(rest),
             "angle" => self.angle = self.number(rest),
             "thickness" => self.thickness = self.thickness(rest),
@@ -185,16 +206,18 @@ impl<'t> File<'_, '_, 't> {
     fn recursion(&mut self, value: Piece<'_>) {
         self.length_place = self.reader.place(value.range());
         self.recursion = self.number(value);
-        if self.recursion.is_some_and(|n| !(0.0..=MAX_RECURSION).contains(&n)) {
-            self.error("recursion from 0 to 1,000,000".into(), value, "reduce the recursion");
+        if let Some(n) = self.recursion.filter(|n| !(0.0..=MAX_RECURSION).contains(n)) {
+            let message = format!("a recursion of {n} does not lie in 0 to 1,000,000");
+            self.error(message, value, "write the number of steps, such as 7");
         }
     }
 
     /// Reads `color i r g b`: index, then red, green and blue from 0 to 255.
     fn color(&mut self, value: Piece<'_>) {
-        let numbers: Vec<u8> = value.text.split_whitespace().filter_map(|w| w.parse().ok()).collect();
-        match numbers.as_slice() {
-            [i, r, g, b] => self.reader.palette.push((*i, [*r, *g, *b])),
+        // Words may follow the numbers.
+        let numbers: Option<Vec<u8>> = value.text.split_whitespace().take(4).map(|w| w.parse().ok()).collect();
+        match numbers.as_deref() {
+            Some([i, r, g, b]) => self.reader.palette.push((*i, [*r, *g, *b])),
             _ => self.error("a color is an index and three numbers 0 to 255".into(), value, "write: color 2 255 0 0"),
         }
     }
@@ -216,52 +239,60 @@ impl<'t> File<'_, '_, 't> {
         // The predecessor may itself be '=': the search begins after it.
         let equals = line.text[symbol.len_utf8()..].find('=').map_or(0, |i| i + symbol.len_utf8());
         let place = self.reader.place(line.up_to(symbol.len_utf8()).range());
-        let known = self.rules.iter().find(|r| r.symbol == symbol).map(|r| r.place);
-        if known.is_some() {
+        if !self.ruled.insert(symbol) {
             let message = format!("a second rule for '{symbol}' is never used");
             self.reader.session.warning("L031", message, place, "the first rule of a symbol applies");
         }
         self.rules.push(Rule { symbol, place, successor: vec![line.from(equals + 1)] });
     }
 
-    /// L008 for parentheses that hold no number, unless rules can make one of what they hold.
+    /// L008 for parentheses that hold no number, unless rules can make one of what they hold, and for numbers that no command takes.
     fn check_numbers(&mut self, parts: &[Piece<'_>]) {
-        let ruled: std::collections::BTreeSet<char> = self.rules.iter().map(|r| r.symbol).collect();
-        let is_made = |text: &str| text.contains(|c: char| ruled.contains(&c));
-        let mut faults: Vec<(std::ops::Range<usize>, String)> = Vec::new();
-        let mut open: Option<(usize, String)> = None;
+        let is_made = |text: &str| text.contains(|c: char| self.ruled.contains(&c));
+        // Where the parenthesis opens, whether the symbol before it takes a number, and what it holds so far.
+        let mut open: Option<(usize, bool, String)> = None;
+        let mut takes_number = true;
         for (at, c) in parts.iter().flat_map(|p| p.chars()).filter(|(_, c)| !c.is_whitespace()) {
             match (&mut open, c) {
-                (None, '(') => open = Some((at, String::new())),
-                (None, _) => {}
-                (Some((from, text)), ')') => {
-                    if text.parse::<f64>().is_err() && !is_made(text.as_str()) {
-                        faults.push((*from..at + 1, format!("'({text})' is no number, and is left out")));
+                (None, '(') => open = Some((at, takes_number, String::new())),
+                (None, _) => takes_number = NUMBERED.contains(c) || self.ruled.contains(&c),
+                (Some((from, is_taken, text)), ')') => {
+                    let fault = if !is_number(text) && !is_made(text.as_str()) {
+                        Some("is no number")
+                    } else if !*is_taken {
+                        Some("stands behind no command that takes a number")
+                    } else {
+                        None
+                    };
+                    if let Some(fault) = fault {
+                        let place = self.reader.place(*from..at + 1);
+                        let message = format!("'({text})' {fault}, and is left out");
+                        self.reader.session.warning("L008", message, place, NUMBER_HELP);
                     }
-                    open = None;
+                    (open, takes_number) = (None, false);
                 }
-                (Some((_, text)), c) => text.push(c),
+                (Some((_, _, text)), c) => text.push(c),
             }
         }
-        if let Some((from, _)) = open.filter(|(_, text)| !is_made(text.as_str())) {
-            faults.push((from..from + 1, "'(' without ')': what follows it is left out as a number".to_owned()));
-        }
-        for (range, message) in faults {
-            let place = self.reader.place(range);
-            self.reader.session.warning("L008", message, place, "write a number behind a command: F(20)");
+        if let Some((from, ..)) = open.filter(|(_, _, text)| !is_made(text.as_str())) {
+            let place = self.reader.place(from..from + 1);
+            let message = "'(' without ')': what follows it is read as a number, and left out".to_owned();
+            self.reader.session.warning("L008", message, place, NUMBER_HELP);
         }
     }
 
     /// Modules of a text without its blanks.
     fn modules(&mut self, parts: &[Piece<'_>]) -> Vec<SuccessorModule> {
-        let ruled: std::collections::BTreeSet<char> = self.rules.iter().map(|r| r.symbol).collect();
         let chars = parts.iter().flat_map(|p| p.chars()).filter(|(_, c)| !c.is_whitespace());
         let mut out = Vec::new();
+        let mut in_number = false;
         for (at, c) in chars {
+            in_number = c == '(' || (in_number && c != ')');
             let place = self.reader.place(at..at + c.len_utf8());
-            // A character that is neither a command nor has a rule draws nothing: it becomes `_`.
-            let known = COMMANDS.contains(c) || ruled.contains(&c);
-            out.extend(self.reader.module(if known { c } else { '_' }, place));
+            // A character that is neither a command nor has a rule draws nothing: it becomes `_`. A number may have an exponent.
+            let is_exponent = in_number && matches!(c, 'e' | 'E');
+            let is_known = is_exponent || COMMANDS.contains(c) || self.ruled.contains(&c);
+            out.extend(self.reader.module(if is_known { c } else { '_' }, place));
         }
         out
     }
@@ -278,10 +309,8 @@ impl<'t> File<'_, '_, 't> {
         let fraction = recursion - recursion.floor();
         self.check_numbers(&axiom);
         let axiom = self.modules(&axiom);
-        let mut made = std::collections::BTreeSet::new();
-        let rules: Vec<(char, Vec<Piece<'t>>, SourcePlace)> =
-            self.rules.iter().map(|r| (r.symbol, r.successor.clone(), r.place)).collect();
-        for (symbol, successor, place) in rules {
+        let mut made = BTreeSet::new();
+        for Rule { symbol, place, successor } in std::mem::take(&mut self.rules) {
             // Of several rules of a symbol the first one counts.
             if made.insert(symbol) {
                 self.check_numbers(&successor);
@@ -302,6 +331,15 @@ impl<'t> File<'_, '_, 't> {
         }
         self.reader.axiom(axiom);
     }
+}
+
+/// Help for numbers that have no effect.
+const NUMBER_HELP: &str = "write a number directly behind a command that takes one: F(20)";
+
+/// Whether a text is a number as LParser reads it: `20`, `-.5`, `1e2`.
+fn is_number(text: &str) -> bool {
+    // Rust's numbers may be words, too: `inf`, `nan`.
+    text.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c)) && text.parse::<f64>().is_ok_and(f64::is_finite)
 }
 
 /// A word such as `no_wait` before one number: no axiom is written so.

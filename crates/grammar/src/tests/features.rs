@@ -495,6 +495,7 @@ fn a_second_item_and_numbers_with_a_fraction_are_told() {
         ("Start: {x = 1;}\nStart: {x = 2;}", 1),
         ("Decomposition\nmaximum depth: 2\nHomomorphism\nmaximum depth: 3", 0),
         ("Homomorphism\nmaximum depth: 2\nmaximum depth: 3", 1),
+        ("Homomorphism\nderivation length: 2", 1),
         ("Define: { array a[2.5]; }", 1),
     ] {
         let (_, said) = read(&format!("Lsystem: 1\nderivation length: 1\nAxiom: A\nA --> F A\n{items}\nendlsystem\n"));

@@ -40,7 +40,7 @@ const LPY_RADIUS_STEP: f64 = 1.0;
 /// Factor of the scale without a number, and the length up to which numbers count as 0. Source: its turtle (PlantGL).
 const LPY_SCALE: f64 = 0.5;
 const LPY_EPSILON: f64 = 1e-5;
-/// Most steps of a path of L-Py (`nF`) that bends; the rest of it is one step.
+/// Most steps of a path of L-Py (`nF`) that bends. Own: the bends of more cannot be seen.
 const MAX_PATH_STEPS: f64 = 1e5;
 /// Colour indices of the arrows of L-Py's `Frame`: heading red, left green, up blue. Source: its help card.
 const FRAME_COLORS: [u8; 3] = [3, 2, 5];
@@ -417,7 +417,7 @@ impl Turtle<'_> {
             self.pending.text = None;
             return;
         };
-        let number = self.pending.text.take().and_then(|t| t.trim().parse::<f64>().ok());
+        let number = self.pending.text.take().and_then(|t| t.trim().parse::<f64>().ok()).filter(|n| n.is_finite());
         let value = number.map(math::narrow);
         let params = value.as_slice();
         self.dialect_command(command, Module::new(symbol, params, lineage, birth));
@@ -499,6 +499,11 @@ impl Turtle<'_> {
             C::Digit | C::Ignored => {}
             _ => self.lpy_command(command, given, m),
         }
+    }
+
+    /// Character of a module's symbol.
+    fn symbol(&self, m: Module<'_>) -> char {
+        self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?')
     }
 
     /// Turns by `sign` times the number, degrees; without a number by the present angle of turns.
@@ -654,8 +659,7 @@ impl Turtle<'_> {
                     self.rare.dialect.elasticity = value;
                 } else {
                     let message = format!("an elasticity of {value} is not within 0 and 1, and is not set");
-                    let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
-                    self.warn("L041", (None, c), message, "give a number from 0 (stiff) to 1");
+                    self.warn_of_parameter(m, 0, message, "give a number from 0 (stiff) to 1");
                 }
             }
             C::Tropism => {
@@ -663,9 +667,8 @@ impl Turtle<'_> {
                 self.rare.dialect.tropism = world(x, y, z).normalize_or(DVec3::Y);
             }
             C::Unsupported => {
-                let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
                 let message = "this command of L-Py is not supported".to_owned();
-                self.warn("L008", (None, c), message, "nothing is drawn");
+                self.warn("L008", (None, self.symbol(m)), message, "nothing is drawn");
             }
             _ => {}
         }
@@ -744,7 +747,12 @@ impl Turtle<'_> {
         let end = (m.params.len() > 2).then(|| 2.0 * self.param(m, 2, LPY_RADIUS) * self.s.scale.abs());
         let first = self.s.width;
         let bends = self.rare.dialect.elasticity > 0.0 && step > 0.0 && length > 0.0;
-        let whole = if bends { (length / step).floor().min(MAX_PATH_STEPS) } else { 0.0 };
+        let steps = if bends { (length / step).floor() } else { 0.0 };
+        if steps > MAX_PATH_STEPS {
+            let message = format!("a path of more than {MAX_PATH_STEPS} steps: the rest of it is one step");
+            self.warn("L008", (None, self.symbol(m)), message, "make the steps longer");
+        }
+        let whole = steps.min(MAX_PATH_STEPS);
         let mut done = 0.0;
         while done < whole && !self.halted {
             self.close_segment();
@@ -772,10 +780,9 @@ impl Turtle<'_> {
     /// Sets the radius of L-Py. A negative one is told and leaves the present one.
     fn set_radius(&mut self, radius: f64, m: Module<'_>) {
         if radius < -LPY_EPSILON {
-            let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
             let message = format!("a radius of {radius:.6} is negative, and is not set");
             let help = "give the radius as a parameter: without one '!' takes 1 away, and the turtle begins with 0.1";
-            return self.warn("L041", (None, c), message, help);
+            return self.warn_of_parameter(m, 0, message, help);
         }
         self.rare.dialect.radius = radius.max(0.0);
         self.set_width(2.0 * self.rare.dialect.radius * self.s.scale.abs());

@@ -65,7 +65,6 @@ pub(super) struct RareState {
     pub(super) dialect: DialectState,
     elasticity: [f64; tropism::MAX_TROPISMS],
     tropism_elasticity: f64,
-    keep_roll: bool,
 }
 
 /// A value that each branch may change for itself. It is copied when a branch changes it, not at each bracket.
@@ -283,7 +282,6 @@ impl<'a> Turtle<'a> {
             dialect: dialect.state(),
             elasticity,
             tropism_elasticity: options.old_elasticity,
-            keep_roll: options.tropism_keep_roll,
         };
         dialect.begin(&mut s);
         // In the dialects of papers only bound symbols and brackets are commands.
@@ -329,7 +327,7 @@ impl<'a> Turtle<'a> {
     }
 
     /// Warns of parameter `i` of a module, which is no usable number (L041), at the place that makes it.
-    fn warn_of_parameter(&mut self, m: Module<'_>, i: usize, message: String, help: &str) {
+    pub(super) fn warn_of_parameter(&mut self, m: Module<'_>, i: usize, message: String, help: &str) {
         let c = self.grammar.symbols().get(m.symbol);
         let known = self.warnings.len();
         self.warn("L041", (None, c), message, help);
@@ -682,8 +680,8 @@ impl<'a> Turtle<'a> {
         // Directional growth responses turn the heading before the step.
         let tropisms = &self.options.tropisms;
         if !tropisms.is_empty() {
-            let (s, rare) = (&mut self.s, &*self.rare);
-            tropism::apply_tropisms(&mut s.frame, &s.last, tropisms, &rare.elasticity, rare.keep_roll);
+            let (s, rare, keep_roll) = (&mut self.s, &*self.rare, self.options.tropism_keep_roll);
+            tropism::apply_tropisms(&mut s.frame, &s.last, tropisms, &rare.elasticity, keep_roll);
         }
         let from = self.s.p;
         self.s.p += self.s.frame.h * length;
@@ -841,8 +839,7 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Adds to the elasticity of tropism number `i`: `sign` times `e`, or `sign` times the tropism's step without `e`. A
-    /// number without a tropism is ignored.
+    /// Adds to the elasticity of tropism number `i`: `sign` times `e`, or `sign` times the tropism's step without `e`.
     fn add_elasticity(&mut self, i: f64, e: Option<f64>, sign: f64) {
         let Some(k) = self.tropism_index(i) else { return };
         let step = e.unwrap_or_else(|| self.options.tropisms.get(k).map_or(0.0, |t| t.step));
@@ -864,10 +861,15 @@ impl<'a> Turtle<'a> {
 
     /// Interprets the second letter after `@`; false if the symbol does not belong to the command.
     fn at_command_letter(&mut self, first: char, c: char, m: Module<'_>) -> bool {
-        let factor = self.param(m, 0, self.options.scale_multiplier);
         match (first, c) {
-            ('D', 'i') => self.s.scale *= factor,
-            ('D', 'd') => self.s.scale /= if factor.abs() > 0.0 { factor } else { 1.0 },
+            ('D', 'i' | 'd') => {
+                let factor = self.param(m, 0, self.options.scale_multiplier);
+                match c {
+                    'i' => self.s.scale *= factor,
+                    _ if factor.abs() > 0.0 => self.s.scale /= factor,
+                    _ => {}
+                }
+            }
             ('T', 's') => {
                 let (i, e) = (self.param(m, 0, 1.0), self.param(m, 1, 0.0));
                 if let Some(k) = self.tropism_index(i) {
@@ -889,8 +891,9 @@ impl<'a> Turtle<'a> {
             }
             _ if self.extended_command(first, c, m) => {}
             _ => {
+                // The two letters tell one such command from another.
                 let message = format!("'@{first}{c}': this command is not supported");
-                self.warn("L008", (Some('@'), first), message, "nothing is drawn");
+                self.warn("L008", (Some(first), c), message, "nothing is drawn");
             }
         }
         true

@@ -272,6 +272,7 @@ fn oddities_are_told() {
     assert_eq!(code("F?E(1)"), ["L008"]);
     assert_eq!(code("F(log(0))F(1)"), ["L041"]);
     assert_eq!(code("F@GzF"), ["L008"]);
+    assert_eq!(code("F@GzF@GyF@mcF@mcF"), ["L008"; 3]);
     assert_eq!(code("@Gs@#(7)f@Ge"), ["L048"]);
     assert_eq!(code("@PD(1,2,2)@Tx(3)F"), ["L048"; 2]);
     assert_eq!(code("F@SF"), ["L043!"]);
@@ -281,6 +282,10 @@ fn oddities_are_told() {
         assert_eq!(draw(axiom).nodes.len(), 3, "{axiom}");
     }
     assert_eq!(code("@Ts(3,1)F"), ["L048"]);
+    // A parameter is told once for each time that it stands in the string.
+    let text = "Lsystem: 1\nderivation length: 0\nAxiom: @Ts(log(0),1)F\nendlsystem";
+    let (_, told) = try_draw(text, &TurtleOptions::default()).expect("draws");
+    assert!(told.iter().any(|d| d.code == "L041" && !d.message.contains("times")), "{told:?}");
 }
 
 #[test]
