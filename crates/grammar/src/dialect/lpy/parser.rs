@@ -4,16 +4,23 @@ use std::ops::Range;
 
 use osier_base::convert::saturating_index;
 
-use super::expression::{DICTIONARY, FLAT, IN, NOTHING, OF_NUMBERS, SLICE};
-use super::expression::{PyExpr, PyOp, Refusal, substitute, text_number, text_refusal};
+use super::expression::{
+    DICTIONARY, FLAT, IN, NOTHING, OF_NUMBERS, PyExpr, PyOp, SLICE, substitute, text_number, text_refusal,
+};
+use super::lines::masked;
+use super::pieces::{colon, split};
+use super::refusal::Refusal;
 use crate::dialect::text::Piece;
 
 /// Nesting of one expression; deeper ones are refused.
 const MAX_DEPTH: usize = 200;
+
 /// Height of the tree of one expression, which a row of operators raises, too: what reads it calls itself for each level.
 const MAX_HEIGHT: usize = 500;
+
 /// Methods that read a list or a dictionary; a call of one is that of a function with a point before its name.
 const METHODS: [&str; 6] = ["index", "get", "keys", "values", "items", "copy"];
+
 /// Operators and punctuation, longer ones first.
 const SIGNS: [&str; 26] = [
     "**", "//", "<=", ">=", "==", "!=", "<>", "->", "+", "-", "*", "/", "%", "<", ">", "(", ")", ",", "=", ".", "[",
@@ -65,7 +72,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             };
             // Texts are compared and handed on, no more: a number that no other text has stands for each. A backslash before a quote
             // belongs to no text; both are masked.
-            let [backslash, double, single] = [b'\\', b'"', b'\''].map(|b| char::from(super::masked(b)).to_string());
+            let [backslash, double, single] = [b'\\', b'"', b'\''].map(|b| char::from(masked(b)).to_string());
             let text = inner[..n].replace(&(backslash.clone() + &double), &double);
             let text = text.replace(&(backslash + &single), &single);
             out.push(PyToken { kind: PyTokenKind::Text(text_number(&text)), range: at..at + n + 2 });
@@ -129,6 +136,14 @@ pub(super) fn parse(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
         None => Ok(e),
         Some(t) => Err(Refusal::new(p.describe(t), t.range.clone())),
     }
+}
+
+/// `lambda x, y: e`: parameters and expression.
+pub(super) fn lambda(piece: Piece<'_>) -> Option<(Vec<String>, PyExpr)> {
+    let rest = piece.text.strip_prefix("lambda").map(|_| piece.from("lambda".len()))?;
+    let c = colon(rest)?;
+    let params: Vec<String> = split(rest.up_to(c).trimmed()).iter().map(|p| p.text.to_owned()).collect();
+    Some((params, parse(rest.from(c + 1).trimmed()).ok()?))
 }
 
 impl PyParser {

@@ -1,48 +1,22 @@
-//! Productions: heads, and the code that each way through their statements becomes.
+//! Productions: their heads, and one production for each way through their statements.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
 
-use super::expression::{PyExpr, PyOp, Refusal, compile, has_random};
+use super::expression::{PyExpr, PyOp};
+use super::lines::{Line, block_after};
 use super::parser::parse;
+use super::pieces::{closing, colon, split};
+use super::refusal::Refusal;
+use super::resolve::{compile, spread};
 use super::statement::{GROUP, Statement, assigned};
-use super::strings::{PyModule, Spelled, spell};
-use super::ways::{Step, Way, names_of, spread};
-use super::{Line, Model, Section, block_after, colon, shifted, strings};
-use crate::code::{Bytecode, Expr, Op, UnaryOp};
+use super::strings::{PyModule, QUERIES, Spelled, frame_query, spell};
+use super::way::Way;
+use super::{Model, Section};
+use crate::code::Expr;
 use crate::dialect::text::Piece;
 use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
 use crate::token::SourcePlace;
 use crate::vm;
-
-/// Appends a test and a place for the jump where it is 0; returns that place.
-fn push_test(ops: &mut Vec<Op>, test: &Bytecode) -> usize {
-    let offset = ops.len();
-    ops.extend(test.ops.iter().map(|op| shifted(*op, offset)));
-    ops.push(Op::Pop);
-    ops.len() - 1
-}
-
-/// Beginning, end and positive step of a `range(..)`.
-fn range_of_loop(list: &PyExpr) -> Option<(PyExpr, PyExpr, f64)> {
-    let PyExpr::Call(name, args, _) = list else { return None };
-    if !name.ends_with("range") {
-        return None;
-    }
-    match args.as_slice() {
-        [end] => Some((PyExpr::Number(0.0), end.clone(), 1.0)),
-        [from, end] => Some((from.clone(), end.clone(), 1.0)),
-        [from, end, PyExpr::Number(step)] if *step > 0.0 => Some((from.clone(), end.clone(), *step)),
-        _ => None,
-    }
-}
-
-/// Jumps of a loop whose targets are known at its end.
-#[derive(Debug, Default)]
-struct LoopJumps {
-    breaks: Vec<usize>,
-    continues: Vec<usize>,
-}
 
 /// Predecessor and contexts of a production, before its statements.
 struct Head {
@@ -101,6 +75,35 @@ impl<'t> HeadParts<'t> {
         }
         parts
     }
+}
+
+/// Names of modules with the numbers of parameters that the text gives them; of texts without `*` among parameters none, as
+/// nothing asks for them.
+pub(super) fn arities(text: &str, declared: &[String]) -> BTreeSet<(String, usize)> {
+    let mut out = BTreeSet::new();
+    if !text.contains("(*") && !text.contains(",*") && !text.contains(", *") {
+        return out;
+    }
+    let single = text.chars().filter(char::is_ascii_alphabetic).map(|c| c.to_string()).collect::<BTreeSet<_>>();
+    for name in declared.iter().cloned().chain(single) {
+        for (i, _) in text.match_indices(name.as_str()) {
+            // A longer word is another name, unless it is a row of modules: those of single letters cannot be told from it.
+            let after = &text[i + name.len()..];
+            let is_word = |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
+            if name.len() > 1 && (is_word(text[..i].chars().next_back()) || is_word(after.chars().next())) {
+                continue;
+            }
+            let Some(inner) = after.strip_prefix('(') else {
+                continue;
+            };
+            let Some(close) = closing(inner) else { continue };
+            let params = split(Piece::new(0, &inner[..close]));
+            if !params.iter().any(|p| p.text.starts_with('*')) {
+                out.insert((name.clone(), params.len()));
+            }
+        }
+    }
+    out
 }
 
 impl Model<'_, '_> {
@@ -280,7 +283,7 @@ impl Model<'_, '_> {
                     let why = Refusal::new("'*', which stands for any module", s.range);
                     return Err(why.remedy("write one production for each module that it stands for"));
                 }
-                "?R" | "?F" => return Err(strings::frame_query(&s.name, s.range)),
+                "?R" | "?F" => return Err(frame_query(&s.name, s.range)),
                 _ => out.push(ContextElement::Module(self.formal(&s, conditions)?)),
             }
         }
@@ -297,7 +300,7 @@ impl Model<'_, '_> {
             PyExpr::List(names.iter().map(|n| PyExpr::Name(n.clone(), s.range.clone())).collect(), s.range.clone())
         };
         // A query has three numbers, which one name holds as a vector: `?P(v)` has `v.x` and `v[0]`.
-        let is_vector = strings::QUERIES.contains(&s.name.as_str()) && params.len() < 3;
+        let is_vector = QUERIES.contains(&s.name.as_str()) && params.len() < 3;
         // `A(x, *args)` takes whatever number of parameters there is beyond the first: `star` in this reading of the head.
         let star = params.last().filter(|p| p.text.starts_with('*') && !p.text.starts_with("**"));
         let plain = if is_vector { &[][..] } else { &params[..params.len() - usize::from(star.is_some())] };
@@ -375,161 +378,6 @@ impl Model<'_, '_> {
         };
         self.scope.locals = own;
         built
-    }
-
-    /// Code of the steps of a way: a block before the condition, and the condition.
-    fn way_code(&mut self, way: &Way) -> Result<(Option<Bytecode>, Option<Bytecode>), Refusal> {
-        // Only conditions, which draw nothing: one expression.
-        let is_plain = |s: &Step| matches!(s, Step::Condition(e, _) if !has_random(e, &self.scope));
-        if way.steps.iter().all(is_plain) {
-            let test = |s: &Step| match s {
-                Step::Condition(e, true) => Some(e.clone()),
-                Step::Condition(e, false) => Some(PyExpr::Not(Box::new(e.clone()))),
-                Step::Assign(..) | Step::Loop(..) => None,
-            };
-            let all = way.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
-            return Ok((None, all.map(|e| compile(&e, &self.scope)).transpose()?));
-        }
-        // A block computes everything in order; a variable says whether all conditions held. Every way draws the same random
-        // numbers, as it is the same run of Python.
-        let result = self.scope.local("(applies)");
-        let mut ops = vec![Op::RestartDraws];
-        let mut failures = Vec::new();
-        for step in &way.steps {
-            let (e, store) = match step {
-                Step::Assign(name, e) => (e, Some(name)),
-                Step::Condition(e, _) => (e, None),
-                Step::Loop(test, body, place) => {
-                    self.loop_code(test, body, place, &mut ops)?;
-                    continue;
-                }
-            };
-            let code = compile(e, &self.scope)?;
-            let offset = ops.len();
-            ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
-            match (store, step) {
-                (Some(name), _) => ops.push(Op::StoreLocal(self.scope.local(name))),
-                (None, Step::Condition(_, wanted)) => {
-                    if !wanted {
-                        ops.push(Op::Unary(UnaryOp::Not));
-                    }
-                    failures.push(ops.len());
-                    ops.push(Op::Pop);
-                }
-                (None, Step::Assign(..) | Step::Loop(..)) => {}
-            }
-        }
-        // Until here they were local variables: only the way that is taken changes those of the model.
-        for name in way.written() {
-            let (local, global) = (self.scope.local(name), self.scope.global(name));
-            ops.extend([Op::Local(local), Op::StoreGlobal(global)]);
-        }
-        ops.extend([Op::Const(if way.produced { 1.0 } else { 0.0 }), Op::StoreLocal(result)]);
-        let jump = ops.len();
-        ops.push(Op::Pop);
-        for at in failures {
-            ops[at] = Op::JumpIfZero(ops.len());
-        }
-        ops.extend([Op::Const(0.0), Op::StoreLocal(result)]);
-        ops[jump] = Op::Jump(ops.len());
-        let condition = Bytecode { ops: vec![Op::Local(result)], ..Bytecode::default() };
-        Ok((Some(self.bytecode(ops)), Some(condition)))
-    }
-
-    /// Code with the places of its loops.
-    pub(super) fn bytecode(&self, ops: Vec<Op>) -> Bytecode {
-        let has_loops = ops.iter().any(|op| matches!(op, Op::Count(_)));
-        let places = if has_loops { self.loop_places.clone() } else { Vec::new() };
-        Bytecode { ops, places, ..Bytecode::default() }
-    }
-
-    /// Appends a loop: test, JumpIfZero to its end, body, Jump to the test.
-    fn loop_code(
-        &mut self,
-        test: &PyExpr,
-        body: &[Statement],
-        place: &Range<usize>,
-        ops: &mut Vec<Op>,
-    ) -> Result<(), Refusal> {
-        // Names that the body assigns exist before it, so that the test may read them.
-        for name in names_of(body).0 {
-            self.scope.local(&name);
-        }
-        let start = ops.len();
-        ops.push(Op::Count(self.loop_places.len()));
-        self.loop_places.push(self.reader.place(place.clone()));
-        let skip = push_test(ops, &compile(test, &self.scope)?);
-        let mut jumps = LoopJumps::default();
-        self.computing_code(body, ops, &mut jumps)?;
-        for at in jumps.continues {
-            ops[at] = Op::Jump(start);
-        }
-        ops.push(Op::Jump(start));
-        ops[skip] = Op::JumpIfZero(ops.len());
-        for at in jumps.breaks {
-            ops[at] = Op::Jump(ops.len());
-        }
-        Ok(())
-    }
-
-    /// Appends statements that only compute. `jumps`: those of the loop around them.
-    fn computing_code(&mut self, body: &[Statement], ops: &mut Vec<Op>, jumps: &mut LoopJumps) -> Result<(), Refusal> {
-        for statement in body {
-            match statement {
-                Statement::Assign(name, e) => {
-                    let code = compile(e, &self.scope)?;
-                    let offset = ops.len();
-                    ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
-                    ops.push(Op::StoreLocal(self.scope.local(name)));
-                }
-                Statement::If(tests, other) => {
-                    let mut ends = Vec::new();
-                    for (test, then) in tests {
-                        let skip = push_test(ops, &compile(test, &self.scope)?);
-                        self.computing_code(then, ops, jumps)?;
-                        ends.push(ops.len());
-                        ops.push(Op::Pop);
-                        ops[skip] = Op::JumpIfZero(ops.len());
-                    }
-                    self.computing_code(other, ops, jumps)?;
-                    for end in ends {
-                        ops[end] = Op::Jump(ops.len());
-                    }
-                }
-                Statement::While(test, inner, place, _) => self.loop_code(test, inner, place, ops)?,
-                Statement::For(name, list, inner, place) => {
-                    let [count, last] = ["turn", "end"].map(|word| format!("({word} {})", self.temporaries));
-                    self.temporaries += 1;
-                    let (from, end, step) = range_of_loop(list)
-                        .ok_or_else(|| Refusal::new("'for' over a list in a loop", place.clone()))?;
-                    let at = |n: &str| PyExpr::Name(n.to_owned(), place.clone());
-                    let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(at(&last)));
-                    let next = PyExpr::Binary(PyOp::Add, Box::new(at(&count)), Box::new(PyExpr::Number(step)));
-                    let mut turn =
-                        vec![Statement::Assign(name.clone(), at(&count)), Statement::Assign(count.clone(), next)];
-                    turn.extend(inner.iter().cloned());
-                    // Python evaluates a range once, before the first turn.
-                    for (variable, value) in [(&count, &from), (&last, &end)] {
-                        let code = compile(value, &self.scope)?;
-                        let offset = ops.len();
-                        ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
-                        ops.push(Op::StoreLocal(self.scope.local(variable)));
-                    }
-                    self.loop_code(&test, &turn, place, ops)?;
-                }
-                Statement::Break(_) => {
-                    jumps.breaks.push(ops.len());
-                    ops.push(Op::Pop);
-                }
-                Statement::Continue(_) => {
-                    jumps.continues.push(ops.len());
-                    ops.push(Op::Pop);
-                }
-                // The names of `global` are known from the way; nothing else is left in a loop that only computes.
-                _ => {}
-            }
-        }
-        Ok(())
     }
 
     pub(super) fn successor(&mut self, list: &[PyModule]) -> Option<Vec<SuccessorModule>> {

@@ -2,8 +2,10 @@
 
 use std::ops::Range;
 
-use super::expression::{PyExpr, Refusal};
+use super::expression::PyExpr;
 use super::parser::parse;
+use super::pieces::{closing, split};
+use super::refusal::Refusal;
 use crate::dialect::text::Piece;
 
 /// Names of L-Py that mean the same as a shorter one. Source: its help card.
@@ -48,6 +50,7 @@ const ALIASES: [(&str, &str); 39] = [
     ("UpReflexion", "UpReflection"),
     ("HeadingReflexion", "HeadingReflection"),
 ];
+
 /// Names of several characters that are known without a declaration. Source: the same.
 const NAMES: [&str; 43] = [
     "@Dd",
@@ -94,6 +97,7 @@ const NAMES: [&str; 43] = [
     "UpReflection",
     "HeadingReflection",
 ];
+
 /// Commands whose parameters are objects of Python.
 const OBJECTS: [&str; 8] = [
     "SetContour",
@@ -192,42 +196,6 @@ pub(super) fn spell<'t>(piece: Piece<'t>, declared: &[String]) -> Result<Vec<Spe
         out.push(Spelled { name, params, range: at..end });
     }
     Ok(out)
-}
-
-/// Index of the parenthesis that closes one opened just before the text; `None` if it is never closed.
-pub(super) fn closing(text: &str) -> Option<usize> {
-    let mut depth = 0_usize;
-    for (i, c) in text.char_indices() {
-        match c {
-            '(' => depth += 1,
-            ')' if depth == 0 => return Some(i),
-            ')' => depth -= 1,
-            _ => {}
-        }
-    }
-    None
-}
-
-/// Parts between the commas outside of parentheses; none of an empty text.
-pub(super) fn split(piece: Piece<'_>) -> Vec<Piece<'_>> {
-    if piece.text.trim().is_empty() {
-        return Vec::new();
-    }
-    let mut out = Vec::new();
-    let (mut depth, mut from) = (0_usize, 0);
-    for (i, c) in piece.text.char_indices() {
-        match c {
-            '(' | '[' | '{' => depth += 1,
-            ')' | ']' | '}' => depth = depth.saturating_sub(1),
-            ',' if depth == 0 => {
-                out.push(piece.up_to(i).from(from).trimmed());
-                from = i + 1;
-            }
-            _ => {}
-        }
-    }
-    out.push(piece.from(from).trimmed());
-    out
 }
 
 /// The three numbers of a point `Vector3(x,y,z)` or `(x,y,z)`; any other parameter itself.
