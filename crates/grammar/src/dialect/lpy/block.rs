@@ -17,6 +17,7 @@ use super::refusal::{Refusal, indented_refusal, remedy_of};
 use super::resolve::resolve;
 use super::scope::{Scope, with_functions};
 use super::statement::{MAX_NESTING, Statement, assigned, noting_breaks, replaced};
+use super::strings::listed_modules;
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
@@ -166,17 +167,40 @@ impl Model<'_, '_> {
                     let why = Refusal::new("'def' within another block", piece.range());
                     return Err(why.remedy("write the function outside of the production"));
                 }
-                "try" | "with" | "class" | "raise" | "del" | "sproduce" | "nsproduce" | "lambda" => {
+                "sproduce" | "nsproduce" => {
+                    let modules = listed_modules(rest, &self.declared)?;
+                    let modules = modules.ok_or_else(|| {
+                        let why = Refusal::new(
+                            format!("'{}' of something other than a list of modules", word.text),
+                            piece.range(),
+                        );
+                        why.remedy("write the modules into it, nsproduce([F(1), Left(30)]), or behind 'nproduce'")
+                    })?;
+                    out.push(Statement::Produce(modules, word.text == "sproduce"));
+                }
+                "try" | "with" | "class" | "raise" | "del" | "lambda" => {
                     let why = Refusal::new(format!("'{}' in a production", word.text), piece.range());
                     return Err(Refusal { remedy: remedy_of(word.text), ..why });
                 }
                 _ => match own_lambda(piece) {
                     Some((name, function)) if nesting == 0 => self.add_own_function(name, function)?,
-                    _ => out.extend(assign_statement(piece)?),
+                    _ => match self.run_of(word, rest, piece)? {
+                        Some(call) => out.push(Statement::Run(call)),
+                        None => out.extend(assign_statement(piece)?),
+                    },
                 },
             }
         }
         Ok(out)
+    }
+
+    /// The call of a function of the model that a line is; `None` for any other line.
+    fn run_of(&self, word: Piece<'_>, rest: Piece<'_>, piece: Piece<'_>) -> Result<Option<PyExpr>, Refusal> {
+        let is_call = rest.text.strip_prefix('(').is_some_and(|t| closing(t).is_some_and(|end| end + 1 == t.len()));
+        if !is_call || !self.defined.contains(word.text) {
+            return Ok(None);
+        }
+        parse(piece).map(Some)
     }
 
     /// A test of a statement or of a production.

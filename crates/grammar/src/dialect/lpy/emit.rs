@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use super::expression::{DICTIONARY, MAX_OPS, NONE, PyExpr, PyOp, plain_name, range_of};
 use super::refusal::Refusal;
-use super::scope::{Scope, has_random};
+use super::scope::{RUN, Scope, has_random};
+use super::vectors::gives_vector;
 use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp, is_zero};
 
 /// A divisor larger than any number of a model: the remainder of a division by it cuts a number to an integer.
@@ -182,9 +183,7 @@ fn is_truth(e: &PyExpr) -> bool {
     match e {
         PyExpr::Number(n) => is_zero(*n) || is_zero(*n - 1.0),
         PyExpr::Not(_) => true,
-        PyExpr::Binary(op, ..) => {
-            matches!(op, PyOp::Eq | PyOp::Ne | PyOp::Lt | PyOp::Le | PyOp::Gt | PyOp::Ge)
-        }
+        PyExpr::Binary(op, ..) => op.compares(),
         PyExpr::And(a, b) | PyExpr::Or(a, b) => is_truth(a) && is_truth(b),
         PyExpr::Choice(_, a, b) => is_truth(a) && is_truth(b),
         PyExpr::Call(name, ..) => name == "bool",
@@ -397,11 +396,20 @@ fn emit_call(
             let why = Refusal::new("a dictionary '{..}' where a number is expected", range.clone());
             return Err(why.remedy("write the dictionary outside of the productions, and look up its values: d[key]"));
         }
-        _ if name.ends_with('=') => return Err(Refusal::new("an argument with a name", range.clone())),
-        _ => {
-            let why = scope.refused_functions.get(name).map_or_else(String::new, |why| format!(" ({why})"));
-            return Err(Refusal::new(format!("the function '{name}'{why}"), range.clone()));
+        _ if gives_vector(name) => {
+            let why = Refusal::new("a vector where a number is expected", range.clone());
+            return Err(why.remedy("write one of its coordinates, v.x"));
         }
+        _ if name.starts_with(RUN) => {
+            let called = name.strip_prefix(RUN).and_then(|own| scope.run_index(own));
+            let called = called.ok_or_else(|| scope.refused_call(name, range.clone()))?;
+            for arg in args {
+                emit(arg, scope, ops)?;
+            }
+            ops.push(Op::Call(called));
+        }
+        _ if name.ends_with('=') => return Err(Refusal::new("an argument with a name", range.clone())),
+        _ => return Err(scope.refused_call(name, range.clone())),
     }
     Ok(())
 }

@@ -70,6 +70,13 @@ pub(super) enum PyOp {
     Ge,
 }
 
+impl PyOp {
+    /// True for comparisons, whose values are 1 and 0.
+    pub fn compares(self) -> bool {
+        matches!(self, Self::Eq | Self::Ne | Self::Lt | Self::Le | Self::Gt | Self::Ge)
+    }
+}
+
 /// Changes of a list; all but `Set` are methods of Python, and `Set` is `q[i] = x`, also of a dictionary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ListChange {

@@ -10,7 +10,7 @@ use super::pieces::{FunctionHead, assignment, function_head, is_name};
 use super::refusal::Refusal;
 use super::resolve::{compile, resolve};
 use super::scope::{OwnFunction, Scope, has_random, with_functions};
-use super::statement::{MAX_NESTING, Statement, only_returns};
+use super::statement::{MAX_NESTING, Statement, hindrance};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
 
@@ -124,7 +124,7 @@ impl FunctionValue<'_> {
                     return Err(Refusal::new("'break' or 'continue' in a function with a value", place));
                 }
                 Statement::TurnEnd | Statement::LoopEnd | Statement::FunctionEnd(..) => {}
-                Statement::Global(_) | Statement::Produce(..) => {
+                Statement::Global(_) | Statement::Produce(..) | Statement::Run(_) => {
                     return Err(Refusal::new("a function that changes the model", self.place.clone()));
                 }
             }
@@ -185,12 +185,14 @@ impl Model<'_, '_> {
                 self.scope.functions.remove(&name);
                 self.bodies.remove(&name);
                 let why = match statements {
-                    Ok(list) if only_returns(&list) => {
-                        self.scope.defaults.insert(name.clone(), defaults);
-                        self.bodies.insert(name, (params, list));
-                        return;
-                    }
-                    Ok(_) => "it changes values of the model, or ends without a value".to_owned(),
+                    Ok(list) => match hindrance(&list) {
+                        None => {
+                            self.scope.defaults.insert(name.clone(), defaults);
+                            self.bodies.insert(name, (params, list));
+                            return;
+                        }
+                        Some(why) => why.to_owned(),
+                    },
                     Err(why) => format!("line {}: {}", self.reader.line_number(why.range.start), why.construct),
                 };
                 self.scope.refused_functions.insert(name, why);

@@ -103,7 +103,7 @@ impl Model<'_, '_> {
         now: &mut OpenWay,
     ) -> Result<(), Refusal> {
         let mut taken = Vec::new();
-        let PyExpr::List(items, _) = self.kept(list, &now.way, &mut taken) else {
+        let (PyExpr::List(items, _) | PyExpr::Call(_, items, _)) = self.kept(list, &now.way, &mut taken) else {
             return Err(Refusal::new("'for' over something other than a list", place));
         };
         if changes(body, name) {

@@ -22,9 +22,11 @@ mod resolve;
 mod rule;
 mod run_functions;
 mod scope;
+mod shapes;
 mod shared_lists;
 mod statement;
 mod strings;
+mod vectors;
 mod way;
 mod way_code;
 mod ways;
@@ -41,7 +43,8 @@ use self::rule::arities;
 use self::run_functions::RunFunctions;
 use self::scope::{OwnFunction, Scope};
 use self::statement::{GROUP, Statement};
-use crate::code::Op;
+use self::strings::ParamShape;
+use crate::code::{Bytecode, CalledFunction, Op};
 use crate::dialect::Reader;
 use crate::dialect::text::{Piece, lines};
 use crate::symbols::SymbolId;
@@ -80,6 +83,12 @@ struct Model<'r, 's> {
     temporaries: usize,
     /// Functions that are more than one expression, by name: their parameters and statements.
     bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,
+    /// Parameters of modules that have been made or met in heads, where the model has lists or vectors as parameters.
+    shapes: BTreeMap<String, Vec<Vec<ParamShape>>>,
+    /// Parameters of modules as far as their texts tell, of those with lists or vectors.
+    written_shapes: BTreeMap<String, Vec<Vec<ParamShape>>>,
+    /// Names of all functions of the model, also of those that stand further down.
+    defined: BTreeSet<String>,
     /// Lines of the functions of the model, by their names.
     definitions: BTreeMap<String, usize>,
     /// Lists of the model that have two names.
@@ -127,6 +136,9 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         initial: BTreeMap::new(),
         temporaries: 0,
         bodies: BTreeMap::new(),
+        shapes: BTreeMap::new(),
+        written_shapes: BTreeMap::new(),
+        defined: function_names(&list),
         definitions: BTreeMap::new(),
         shared_lists: BTreeSet::new(),
         own_functions: BTreeMap::new(),
@@ -151,6 +163,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     model.arities = arities(&plain, &model.declared);
     let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
     model.reader.palette = color::palette(&pieces);
+    model.find_shapes(&list);
     model.lines(&list);
     model.read_productions(&list);
     for (name, body, place) in std::mem::take(&mut model.run_later) {
@@ -165,6 +178,16 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         model.called_function(&name, block, &place);
     }
     model.finish(text);
+}
+
+/// Names of the functions that lines define outside of blocks.
+fn function_names(list: &[Line<'_>]) -> BTreeSet<String> {
+    let name = |line: &Line<'_>| {
+        let (word, rest) = line.piece.first_word(&[]);
+        let is_definition = word.text == "def" && line.indent == 0;
+        is_definition.then(|| rest.text.split('(').next().unwrap_or("").trim().to_owned())
+    };
+    list.iter().filter_map(name).collect()
 }
 
 impl Model<'_, '_> {
@@ -200,6 +223,17 @@ impl Model<'_, '_> {
         }
     }
 
+    /// Sets the code of the functions that run as code: none is added from here on.
+    fn set_run_code(&self) {
+        let functions = self.scope.run.borrow();
+        let called = functions.iter().map(|f| {
+            let code = Bytecode { ops: f.code.clone().unwrap_or_default(), ..Bytecode::default() };
+            CalledFunction { parameters: f.parameters, code, place: self.reader.place(f.place.clone()) }
+        });
+        // Nothing has set it before.
+        self.scope.run_code.get_or_init(|| called.collect());
+    }
+
     fn finish(mut self, text: &str) {
         if !self.has_axiom && self.refusals == 0 {
             let piece = Piece::new(0, &text[..text.find('\n').unwrap_or(text.len())]);
@@ -208,6 +242,7 @@ impl Model<'_, '_> {
             self.reader.session.error_help("L003", "the model has no axiom".into(), place, help);
         }
         self.keep_productions_of_direction();
+        self.set_run_code();
         // Values of the model first, wherever they are written, then the function that begins a run.
         append_code(&mut self.start, &self.functions.start);
         let [start, start_each, end_each] =

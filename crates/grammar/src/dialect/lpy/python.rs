@@ -10,7 +10,7 @@ use super::lines::{Line, block_after};
 use super::parser::{lambda, parse};
 use super::pieces::{assignment, heads_block, is_seed, split, statements_of_line};
 use super::refusal::{Refusal, indented_refusal, remedy_of};
-use super::resolve::{compile, resolve};
+use super::resolve::{compile, is_list_or_vector, resolve};
 use super::run_functions::CALLED_FUNCTIONS;
 use super::scope::has_random;
 use super::statement::Statement;
@@ -233,7 +233,7 @@ impl Model<'_, '_> {
         let is_shared = self.shared.iter().any(|s| s == name);
         let resolved = resolve(e, &self.scope, 0);
         if let Ok(list) = &resolved
-            && (matches!(list, PyExpr::List(..)) || is_dictionary(list))
+            && (is_list_or_vector(list) || is_dictionary(list))
             && !is_shared
             && !has_random(list, &self.scope)
         {

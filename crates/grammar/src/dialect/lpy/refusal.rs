@@ -29,7 +29,6 @@ pub(super) fn remedy_of(word: &str) -> Option<&'static str> {
         "try" | "with" => "write the statements of its block without it",
         "raise" | "del" => "leave it out",
         "class" => "hand its values on as parameters of modules",
-        "sproduce" | "nsproduce" => "write the modules themselves, behind 'produce' or 'nproduce'",
         _ => return None,
     })
 }

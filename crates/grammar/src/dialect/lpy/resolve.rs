@@ -1,21 +1,23 @@
 //! Expressions with the values of the names that they read.
 
+use std::cell::Cell;
 use std::ops::Range;
+use std::sync::Arc;
 
 use osier_base::convert::saturating_index;
 
 use super::dictionary::dictionary_of;
-use super::emit::{emit, folded, known_truth};
+use super::emit::{constant_of, emit, folded, known_truth};
 use super::expression::{
-    DICTIONARY, FLAT, IN, MAX_OPS, OF_NUMBERS, PyExpr, PyOp, SLICE, UNKNOWN, constant_name, is_dictionary, is_nothing,
-    plain_name, size_with, substitute, text_refusal, times_read,
+    DICTIONARY, FLAT, IN, MAX_OPS, OF_NUMBERS, PyExpr, PyOp, SLICE, UNKNOWN, constant_name, first_call, is_dictionary,
+    is_nothing, plain_name, range_of, size_with, substitute, text_refusal, times_read,
 };
 use super::lists::{
     combined, first_number, flat, index_of, is_one_of, item, numbers_of_range, one_of, slice, sorted, zipped,
 };
 use super::refusal::Refusal;
-use super::scope::{Scope, arguments, has_random};
-use super::{dictionary, lists};
+use super::scope::{RUN, RunFunction, Scope, arguments, has_random};
+use super::{dictionary, lists, vectors};
 use crate::code::{Bytecode, Op};
 
 /// Calls of functions of the model within one another that are written in: a function may call itself.
@@ -31,6 +33,9 @@ pub(super) fn compile(e: &PyExpr, scope: &Scope) -> Result<Bytecode, Refusal> {
     // A value without variables and random numbers becomes one number.
     if let Some(value) = crate::vm::constant_value(&code) {
         code.ops = vec![Op::Const(value)];
+    }
+    if code.ops.iter().any(|op| matches!(op, Op::Call(_))) {
+        code.functions = Some(Arc::clone(&scope.run_code));
     }
     Ok(code)
 }
@@ -67,11 +72,29 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 None => e.clone(),
             }
         }
-        PyExpr::Neg(a) => PyExpr::Neg(number(a)?),
+        PyExpr::Neg(a) => {
+            let a = number(a)?;
+            match vectors::negated(&a) {
+                Some(vector) => vector,
+                None => PyExpr::Neg(a),
+            }
+        }
         PyExpr::Not(a) => PyExpr::Not(sub(a)?),
         // Texts are equal or not; their order is not known.
-        PyExpr::Binary(op @ (PyOp::Eq | PyOp::Ne), a, b) => PyExpr::Binary(*op, sub(a)?, sub(b)?),
-        PyExpr::Binary(op, a, b) => combined(*op, number(a)?, number(b)?, scope)?,
+        PyExpr::Binary(op @ (PyOp::Eq | PyOp::Ne), a, b) => {
+            let (a, b) = (sub(a)?, sub(b)?);
+            match vectors::compared(*op, &a, &b) {
+                Some(test) => test,
+                None => PyExpr::Binary(*op, a, b),
+            }
+        }
+        PyExpr::Binary(op, a, b) => {
+            let (a, b) = (number(a)?, number(b)?);
+            match vectors::combined(*op, &a, &b, scope) {
+                Some(vector) => vector?,
+                None => combined(*op, a, b, scope)?,
+            }
+        }
         PyExpr::And(a, b) => PyExpr::And(sub(a)?, sub(b)?),
         PyExpr::Or(a, b) => PyExpr::Or(sub(a)?, sub(b)?),
         PyExpr::Choice(test, then, other) => {
@@ -79,7 +102,13 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             match known_truth(&test, scope) {
                 // The other side may be one that cannot be read: it computes with `None`, or its function calls itself for ever.
                 Some(holds) => return resolve(if holds { then } else { other }, scope, depth),
-                None => PyExpr::Choice(Box::new(test), sub(then)?, sub(other)?),
+                None => {
+                    let (then, other) = (sub(then)?, sub(other)?);
+                    match vectors::chosen(&test, &then, &other, scope) {
+                        Some(vector) => vector,
+                        None => PyExpr::Choice(Box::new(test), then, other),
+                    }
+                }
             }
         }
         PyExpr::Call(name, args, range) => return resolved_call(name, args, range, scope, depth),
@@ -122,6 +151,14 @@ fn as_number(e: PyExpr) -> Result<PyExpr, Refusal> {
     if let PyExpr::Text(value, range) = e { Err(text_refusal(value, range)) } else { Ok(e) }
 }
 
+/// A vector as the list of its coordinates; any other expression itself.
+fn as_list(e: PyExpr) -> PyExpr {
+    match vectors::coordinates_of(&e) {
+        Some(items) => PyExpr::List(items.to_vec(), range_of(&e)),
+        None => e,
+    }
+}
+
 /// As [`resolve`], of a call: a function of the model is replaced by its value, and what lists and dictionaries give is looked up.
 fn resolved_call(
     name: &str,
@@ -131,26 +168,21 @@ fn resolved_call(
     depth: usize,
 ) -> Result<PyExpr, Refusal> {
     let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
-    if let Some((params, body)) = scope.functions.get(name) {
-        count_call(name, range, scope, depth)?;
-        let args = arguments(params, scope.defaults.get(name), args).filter(|args| {
-            // An argument is written in as often as the body reads it, so that one which draws may be read once.
-            let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(body, p) <= 1;
-            params.iter().zip(args).all(is_drawn_once)
-        });
-        let args = args.ok_or_else(|| Refusal::new(format!("this call of '{name}'"), range.clone()))?;
-        let args: Vec<PyExpr> = args.into_iter().map(|a| folded(a, scope)).collect();
-        if size_with(body, params, &args) > MAX_OPS {
-            return Err(Refusal::new("an expression that grows too large", range.clone()));
-        }
-        let body = substitute(body, params, &args);
-        return resolve(&body, scope, depth + 1);
+    if scope.functions.contains_key(name) {
+        return function_value(name, args, range, scope, depth);
     }
     if OF_NUMBERS.contains(&name)
         && let Some(PyExpr::Text(value, range)) = args.iter().find(|a| matches!(a, PyExpr::Text(..)))
     {
         return Err(text_refusal(*value, range.clone()));
     }
+    if let Some(of_vectors) = vectors::function(name, &args, scope, range) {
+        return of_vectors;
+    }
+    // A vector is read as a list is.
+    let reads_list =
+        matches!(name, "sum" | "min" | "max" | "list" | "tuple" | "sorted" | "reversed" | "enumerate" | "zip" | IN);
+    let args = if reads_list { args.into_iter().map(as_list).collect() } else { args };
     if let Some(of_dictionary) = dictionary::method(name, &args, scope, range) {
         return of_dictionary;
     }
@@ -216,6 +248,98 @@ fn resolved_call(
     })
 }
 
+/// The value of a call of a function of the model, its arguments resolved: its expression with these, or a call of its code where it
+/// calls itself more often than expressions are written in.
+fn function_value(
+    name: &str,
+    args: Vec<PyExpr>,
+    range: &Range<usize>,
+    scope: &Scope,
+    depth: usize,
+) -> Result<PyExpr, Refusal> {
+    let Some((params, body)) = scope.functions.get(name) else {
+        return Err(scope.refused_call(name, range.clone()));
+    };
+    let args = arguments(params, scope.defaults.get(name), args);
+    let args = args.ok_or_else(|| Refusal::new(format!("this call of '{name}'"), range.clone()))?;
+    // Once its code is known, only calls with known numbers are written in.
+    let is_run = scope.run_index(name).is_some();
+    if is_run && args.iter().any(|a| constant_of(a, scope).is_none()) {
+        return call_of_code(name, args, range, scope);
+    }
+    if depth == 0 {
+        scope.has_too_many_calls.set(false);
+    }
+    let value = written_in(name, &args, range, scope, depth);
+    // One that calls itself may have become too large before its calls were too many.
+    let calls_itself = || first_call(body, &|called| called == name).is_some() && args.iter().all(is_number);
+    if value.is_err() && depth == 0 && (scope.has_too_many_calls.get() || calls_itself()) {
+        return call_of_code(name, args, range, scope);
+    }
+    value
+}
+
+/// The expression of a function with the arguments of a call in place of its parameters.
+fn written_in(
+    name: &str,
+    args: &[PyExpr],
+    range: &Range<usize>,
+    scope: &Scope,
+    depth: usize,
+) -> Result<PyExpr, Refusal> {
+    let Some((params, body)) = scope.functions.get(name) else {
+        return Err(scope.refused_call(name, range.clone()));
+    };
+    count_call(name, range, scope, depth)?;
+    // An argument is written in as often as the body reads it, so that one which draws may be read once.
+    let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(body, p) <= 1;
+    if !params.iter().zip(args).all(is_drawn_once) {
+        return Err(Refusal::new(format!("this call of '{name}'"), range.clone()));
+    }
+    let args: Vec<PyExpr> = args.iter().map(|a| folded(a.clone(), scope)).collect();
+    if size_with(body, params, &args) > MAX_OPS {
+        return Err(Refusal::new("an expression that grows too large", range.clone()));
+    }
+    resolve(&substitute(body, params, &args), scope, depth + 1)
+}
+
+/// False for lists, vectors and dictionaries.
+fn is_number(e: &PyExpr) -> bool {
+    !is_list_or_vector(e) && !is_dictionary(e)
+}
+
+/// A call of the code of a function, which is made by the first call. Its arguments are numbers.
+fn call_of_code(name: &str, args: Vec<PyExpr>, range: &Range<usize>, scope: &Scope) -> Result<PyExpr, Refusal> {
+    if !args.iter().all(is_number) {
+        let why = Refusal::new(format!("a list as an argument of the recursive function '{name}'"), range.clone());
+        return Err(why.remedy("hand its items on as numbers, or write the function with 'while' or 'for'"));
+    }
+    let Some((params, body)) = scope.functions.get(name) else {
+        return Err(scope.refused_call(name, range.clone()));
+    };
+    let at = scope.run_index(name).unwrap_or_else(|| {
+        // It is named before its code is made, so that its calls of itself find it.
+        let number = scope.run.borrow().len();
+        scope.run.borrow_mut().push(RunFunction {
+            name: name.to_owned(),
+            is_before_step: scope.is_before_step,
+            parameters: params.len(),
+            place: range.clone(),
+            code: Ok(Vec::new()),
+        });
+        let own = Scope { locals: params.clone(), calls: Cell::new(0), ..scope.clone() };
+        let code = compile(body, &own).map(|code| code.ops);
+        if let Some(function) = scope.run.borrow_mut().get_mut(number) {
+            function.code = code;
+        }
+        number
+    });
+    if let Some(Err(why)) = scope.run.borrow().get(at).map(|f| &f.code) {
+        return Err(why.clone());
+    }
+    Ok(PyExpr::Call(format!("{RUN}{name}"), args, range.clone()))
+}
+
 /// As [`resolve`], of `[value for name in list]`.
 fn resolved_each(
     value: &PyExpr,
@@ -229,8 +353,12 @@ fn resolved_each(
     if is_dictionary(&list) {
         list = resolve(&dictionary::keys_of(list), scope, depth)?;
     }
-    let PyExpr::List(items, _) = list else {
-        return Err(Refusal::new("'for' over something other than a list", range.clone()));
+    let items = match list {
+        PyExpr::List(items, _) => items,
+        other => match vectors::coordinates_of(&other) {
+            Some(items) => items.to_vec(),
+            None => return Err(Refusal::new("'for' over something other than a list", range.clone())),
+        },
     };
     let mut out = Vec::with_capacity(items.len());
     for item in items {
@@ -261,6 +389,7 @@ fn count_call(name: &str, range: &Range<usize>, scope: &Scope, depth: usize) -> 
     } else {
         return Ok(());
     };
+    scope.has_too_many_calls.set(true);
     let why = Refusal::new(construct, range.clone());
     Err(why.remedy("write it with 'while' or 'for', or call it with numbers that are known before the model runs"))
 }
@@ -279,6 +408,9 @@ fn list_of_model<'s>(e: &PyExpr, scope: &'s Scope) -> Option<&'s [PyExpr]> {
 
 /// An item of a list, or of the list that a choice gives: `list[i][1]` with a list of lists.
 fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    if let Some(items) = vectors::coordinates_of(list) {
+        return item(items, index, scope, range);
+    }
     match list {
         PyExpr::List(items, _) => item(items, index, scope, range),
         PyExpr::Call(name, pairs, _) if name == DICTIONARY => dictionary::value_of(pairs, index, None, scope, range),
@@ -293,19 +425,27 @@ fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -
     }
 }
 
-/// The arguments of a module, `*list` replaced by the items of the list.
-pub(super) fn spread(args: &[PyExpr], scope: &Scope) -> Result<Vec<PyExpr>, Refusal> {
-    let mut out = Vec::with_capacity(args.len());
-    for arg in args {
-        match arg {
-            PyExpr::Call(star, list, range) if star == "*" => {
-                match list.first().map(|l| resolve(l, scope, 0)).transpose()? {
-                    Some(PyExpr::List(items, _)) => out.extend(items),
-                    _ => return Err(Refusal::new("'*' before something other than a list", range.clone())),
-                }
-            }
-            _ => out.push(arg.clone()),
+/// True for a list or a vector.
+pub(super) fn is_list_or_vector(e: &PyExpr) -> bool {
+    matches!(e, PyExpr::List(..)) || vectors::coordinates_of(e).is_some()
+}
+
+/// False for an expression that is neither list nor vector whatever its names are; it need not be resolved.
+pub(super) fn may_be_list(e: &PyExpr, scope: &Scope) -> bool {
+    let of = |e: &PyExpr| may_be_list(e, scope);
+    match e {
+        PyExpr::List(..) | PyExpr::Change(..) | PyExpr::Index(..) | PyExpr::Each(..) => true,
+        PyExpr::Name(name, _) => scope.lists.contains_key(plain_name(name)),
+        PyExpr::Binary(PyOp::Add | PyOp::Sub | PyOp::Mul | PyOp::Div, a, b) => of(a) || of(b),
+        PyExpr::Neg(a) => of(a),
+        PyExpr::Choice(_, a, b) => of(a) && of(b),
+        PyExpr::Call(name, ..) => {
+            // `[[]]` is a list over several lists.
+            matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
+                || matches!(name.as_str(), "enumerate" | "zip" | ".keys" | ".values" | ".items" | ".copy" | "[[]]")
+                || vectors::gives_vector(name)
+                || scope.functions.contains_key(name)
         }
+        _ => false,
     }
-    Ok(out)
 }

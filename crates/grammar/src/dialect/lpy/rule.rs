@@ -7,9 +7,11 @@ use super::lines::{Line, block_after};
 use super::parser::parse;
 use super::pieces::{closing, colon, split};
 use super::refusal::Refusal;
-use super::resolve::{compile, spread};
+use super::resolve::compile;
+use super::shapes::{SpreadModule, spread};
 use super::statement::{GROUP, Statement, assigned};
-use super::strings::{PyModule, QUERIES, Spelled, frame_query, spell};
+use super::strings::{ParamShape, PyModule, QUERIES, Spelled, frame_query, spell};
+use super::vectors::vector;
 use super::way::Way;
 use super::{Model, Section};
 use crate::code::Expr;
@@ -209,7 +211,8 @@ impl Model<'_, '_> {
         // A way without modules still assigns variables of the model; the next production is tried after it.
         let applied: Vec<&Way> = ways.iter().filter(|w| w.produced || !w.written().is_empty()).collect();
         // A variable that only other ways set has no value: L-Py ends with an error on such a way.
-        names.retain(|name| !globals.contains(name) && !self.scope.locals.contains(name));
+        let is_of_head = |name: &String| self.rule_lists.iter().any(|(own, _)| own == name);
+        names.retain(|name| !globals.contains(name) && !self.scope.locals.contains(name) && !is_of_head(name));
         let unset: Vec<Option<&String>> =
             applied.iter().map(|way| names.iter().find(|name| way.misses(name))).collect();
         let is_any_whole = unset.iter().any(Option::is_none);
@@ -304,7 +307,10 @@ impl Model<'_, '_> {
         // `A(x, *args)` takes whatever number of parameters there is beyond the first: `star` in this reading of the head.
         let star = params.last().filter(|p| p.text.starts_with('*') && !p.text.starts_with("**"));
         let plain = if is_vector { &[][..] } else { &params[..params.len() - usize::from(star.is_some())] };
-        for p in plain {
+        let shape = self.shape_of(&s.name, plain.len());
+        let mut arity = 0;
+        for (p, shape) in plain.iter().zip(&shape) {
+            arity += shape.count();
             let (name, condition) = match p.text.find(" if ") {
                 Some(i) => (p.up_to(i).trimmed(), Some(p.from(i + " if ".len()).trimmed())),
                 None => (*p, None),
@@ -312,10 +318,41 @@ impl Model<'_, '_> {
             let mut chars = name.text.chars();
             let is_name = chars.next().is_some_and(|c| c.is_alphabetic() || c == '_')
                 && chars.all(|c| c.is_alphanumeric() || c == '_');
+            // A list or a vector has a name, and a parameter for each of its items.
+            if let (true, ParamShape::List(n) | ParamShape::Vector(n)) = (is_name, *shape) {
+                let names: Vec<String> = (0..n).map(|k| format!("{} ({k})", name.text)).collect();
+                let items = list(&names);
+                let value = match (*shape, items) {
+                    (ParamShape::Vector(_), PyExpr::List(items, range)) => vector(items, range),
+                    (_, items) => items,
+                };
+                let of_model = self.scope.lists.insert(name.text.to_owned(), value);
+                self.rule_lists.push((name.text.to_owned(), of_model));
+                self.scope.locals.extend(names);
+                conditions.extend(condition.map(|c| self.test(c)).transpose()?);
+                continue;
+            }
+            if *shape != ParamShape::Number {
+                let why = Refusal::new(format!("'{}' in place of a list or a vector", p.text), p.range());
+                return Err(
+                    why.remedy("give the parameter a name, and compare its items in a condition: v if v[0] > 2")
+                );
+            }
             // A name that an earlier parameter has is no new one, and is refused below.
             if is_name && !self.scope.locals.iter().any(|l| l == name.text) {
                 self.scope.locals.push(name.text.to_owned());
                 conditions.extend(condition.map(|c| self.test(c)).transpose()?);
+                continue;
+            }
+            // `x == 2` and `x != 2` are a name with a condition.
+            let test = if is_name || condition.is_some() { None } else { parse(name).ok() };
+            if let Some(PyExpr::Binary(op, left, _)) = &test
+                && let PyExpr::Name(own, _) = &**left
+                && op.compares()
+                && !self.scope.locals.contains(own)
+            {
+                self.scope.locals.push(own.clone());
+                conditions.extend(test);
                 continue;
             }
             // Without a new name only a constant is left, which the parameter must equal.
@@ -331,7 +368,6 @@ impl Model<'_, '_> {
             let own = Box::new(PyExpr::Name(hidden, p.range()));
             conditions.push(PyExpr::Binary(PyOp::Eq, own, Box::new(PyExpr::Number(value))));
         }
-        let mut arity = plain.len();
         let mut group = None;
         if is_vector {
             let name = params.first().map_or("(query)", |p| p.text);
@@ -341,10 +377,17 @@ impl Model<'_, '_> {
             group = Some((name.to_owned(), (0..self.star).map(|k| format!("{name} ({k})")).collect()));
         }
         if let Some((name, names)) = group {
-            let of_model = self.scope.lists.insert(name.clone(), list(&names));
+            let value = match list(&names) {
+                PyExpr::List(items, range) if is_vector => vector(items, range),
+                list => list,
+            };
+            let of_model = self.scope.lists.insert(name.clone(), value);
             self.rule_lists.push((name, of_model));
             arity += names.len();
             self.scope.locals.extend(names);
+        }
+        if star.is_none() && !is_vector {
+            self.check_shape(&s.name, &shape, &s.range)?;
         }
         let arity = u8::try_from(arity).map_err(|_| Refusal::new("more than 255 parameters", s.range.clone()))?;
         let symbol = self.symbol(&s.name).ok_or_else(|| Refusal::new("more than 65,535 symbols", s.range.clone()))?;
@@ -385,8 +428,14 @@ impl Model<'_, '_> {
         for m in list {
             let place = self.reader.place(m.range.clone());
             let mut args = Vec::new();
-            let spread = spread(&m.args, &self.scope);
-            for arg in &self.settle(spread)? {
+            let spread = match &m.shape {
+                Some(shape) => Ok(SpreadModule { args: m.args.clone(), shape: shape.clone() }),
+                None => spread(m, &self.scope),
+            };
+            let SpreadModule { args: numbers, shape } = self.settle(spread)?;
+            let is_known = self.check_shape(&m.name, &shape, &m.range);
+            self.settle(is_known)?;
+            for arg in &numbers {
                 let code = compile(arg, &self.scope);
                 args.push(self.settle(code)?.into_expr());
             }

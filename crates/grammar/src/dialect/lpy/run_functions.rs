@@ -5,12 +5,13 @@ use std::ops::Range;
 use super::Model;
 use super::assignment::unreadable_assignment;
 use super::emit::append_code;
-use super::expression::PyExpr;
+use super::expression::{PyExpr, range_of};
 use super::lines::Line;
 use super::pieces::{closing, is_seed, split, statements_of_line};
 use super::refusal::Refusal;
 use super::resolve::compile;
 use super::statement::Statement;
+use super::way_code::{LoopJumps, push_test};
 use crate::code::Op;
 use crate::dialect::text::Piece;
 
@@ -99,7 +100,7 @@ impl Model<'_, '_> {
         let statements = self.statements(&lines)?;
         let mut ops = Vec::new();
         let mut declared = Vec::new();
-        self.block_code(&statements, &mut declared, &mut ops)?;
+        self.block_code(&statements, &mut declared, &mut ops, &mut LoopJumps::default())?;
         // A function that does nothing but return is none.
         if ops.iter().all(|op| *op == Op::Jump(RETURN)) {
             ops.clear();
@@ -111,12 +112,14 @@ impl Model<'_, '_> {
         Ok(ops)
     }
 
-    /// Appends the code of statements of a function. Its local variables are kept apart from those of the model.
+    /// Appends the code of statements of a function. Its local variables are kept apart from those of the model. `jumps`: those of the
+    /// loop around them.
     fn block_code(
         &mut self,
         statements: &[Statement],
         declared: &mut Vec<String>,
         ops: &mut Vec<Op>,
+        jumps: &mut LoopJumps,
     ) -> Result<(), Refusal> {
         for statement in statements {
             match statement {
@@ -153,43 +156,69 @@ impl Model<'_, '_> {
                         append_code(ops, &code.ops);
                         let skip = ops.len();
                         ops.push(Op::Pop);
-                        self.block_code(then, declared, ops)?;
+                        self.block_code(then, declared, ops, jumps)?;
                         ends.push(ops.len());
                         ops.push(Op::Pop);
                         ops[skip] = Op::JumpIfZero(ops.len());
                     }
-                    self.block_code(other, declared, ops)?;
+                    self.block_code(other, declared, ops, jumps)?;
                     for end in ends {
                         ops[end] = Op::Jump(ops.len());
                     }
                 }
-                Statement::While(test, body, place, _) => {
-                    // test, JumpIfZero behind the loop, body, Jump to the test.
-                    let start = ops.len();
-                    ops.push(Op::Count(self.loop_places.len()));
-                    self.loop_places.push(self.reader.place(place.clone()));
-                    let code = compile(test, &self.scope)?;
-                    append_code(ops, &code.ops);
-                    let skip = ops.len();
+                Statement::While(test, body, place, _) => self.block_loop(test, body, place, declared, ops)?,
+                Statement::Break(_) => {
+                    jumps.breaks.push(ops.len());
                     ops.push(Op::Pop);
-                    self.block_code(body, declared, ops)?;
-                    ops.push(Op::Jump(start));
-                    ops[skip] = Op::JumpIfZero(ops.len());
                 }
-                Statement::Break(place) | Statement::Continue(place) => {
-                    let why = Refusal::new("'break' or 'continue' in a function that L-Py runs", place.clone());
-                    return Err(why.remedy("put the condition into the test of the loop"));
+                Statement::Continue(_) => {
+                    jumps.continues.push(ops.len());
+                    ops.push(Op::Pop);
                 }
                 Statement::TurnEnd | Statement::LoopEnd | Statement::FunctionEnd(..) => {}
-                Statement::For(_, _, _, place) => {
-                    let why = Refusal::new("'for' in a function that L-Py runs", place.clone());
-                    return Err(why.remedy("count with 'while'"));
+                Statement::For(name, list, body, place) => {
+                    let counted = self.counted_loop(name, list, body, place).ok_or_else(|| {
+                        let why = Refusal::new("'for' over a list in a function that L-Py runs", place.clone());
+                        why.remedy("count: for i in range(len(q))")
+                    })?;
+                    self.block_code(&counted.begin, declared, ops, &mut LoopJumps::default())?;
+                    self.block_loop(&counted.test, &counted.turn, place, declared, ops)?;
+                }
+                Statement::Run(e) => {
+                    let why = Refusal::new("a call of a function for its modules outside of a production", range_of(e));
+                    return Err(why.remedy("write what it computes here, and its modules into a production"));
                 }
                 Statement::Produce(modules, _) => {
                     let range = modules.first().map_or(0..0, |m| m.range.clone());
                     return Err(Refusal::new("'produce' outside of a production", range));
                 }
             }
+        }
+        Ok(())
+    }
+
+    /// Appends a loop: test, JumpIfZero behind the loop, body, Jump to the test.
+    fn block_loop(
+        &mut self,
+        test: &PyExpr,
+        body: &[Statement],
+        place: &Range<usize>,
+        declared: &mut Vec<String>,
+        ops: &mut Vec<Op>,
+    ) -> Result<(), Refusal> {
+        let start = ops.len();
+        ops.push(Op::Count(self.loop_places.len()));
+        self.loop_places.push(self.reader.place(place.clone()));
+        let skip = push_test(ops, &compile(test, &self.scope)?);
+        let mut jumps = LoopJumps::default();
+        self.block_code(body, declared, ops, &mut jumps)?;
+        for at in jumps.continues {
+            ops[at] = Op::Jump(start);
+        }
+        ops.push(Op::Jump(start));
+        ops[skip] = Op::JumpIfZero(ops.len());
+        for at in jumps.breaks {
+            ops[at] = Op::Jump(ops.len());
         }
         Ok(())
     }

@@ -1,10 +1,29 @@
 //! Names that expressions may use, and functions of the model.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+use std::rc::Rc;
+use std::sync::{Arc, OnceLock};
 
 use super::expression::{MAX_OPS, PyExpr, size_with, substitute, times_read, with_parts};
 use super::refusal::Refusal;
+use crate::code::{CalledFunction, Op};
+
+/// What the name of a call begins with that runs the code of a function; no function has such a name.
+pub(super) const RUN: &str = "run ";
+
+/// A function that runs as code.
+#[derive(Debug)]
+pub(super) struct RunFunction {
+    pub name: String,
+    /// As [`Scope::is_before_step`], where its calls stand.
+    pub is_before_step: bool,
+    pub parameters: usize,
+    /// Its first call.
+    pub place: Range<usize>,
+    pub code: Result<Vec<Op>, Refusal>,
+}
 
 /// Names that expressions may use.
 #[derive(Debug, Clone, Default)]
@@ -32,6 +51,12 @@ pub(super) struct Scope {
     pub is_backward: bool,
     /// Calls of functions in the expression that is resolved.
     pub calls: Cell<usize>,
+    /// The calls within one another, or all of them, were too many.
+    pub has_too_many_calls: Cell<bool>,
+    /// Functions that run as code, as they call themselves.
+    pub run: Rc<RefCell<Vec<RunFunction>>>,
+    /// The code of these functions, when the model is read.
+    pub run_code: Arc<OnceLock<Vec<CalledFunction>>>,
     /// The code is that of `StartEach`, which runs before the step: `Q` counts the steps that are completed.
     pub is_before_step: bool,
 }
@@ -56,6 +81,18 @@ impl Scope {
             self.globals.len() - 1
         });
         slot_number(i)
+    }
+
+    /// Index of a function among those that run as code.
+    pub fn run_index(&self, name: &str) -> Option<usize> {
+        let is_it = |f: &RunFunction| f.name == name && f.is_before_step == self.is_before_step;
+        self.run.borrow().iter().position(is_it)
+    }
+
+    /// The refusal of a call of a function that is not known, with the reason if the model has it.
+    pub fn refused_call(&self, name: &str, range: Range<usize>) -> Refusal {
+        let why = self.refused_functions.get(name).map_or_else(String::new, |why| format!(" ({why})"));
+        Refusal::new(format!("the function '{name}'{why}"), range)
     }
 
     /// Slot of a variable; `None` if it is none, or lies beyond 65,535.
@@ -102,7 +139,7 @@ fn draws<'s>(e: &PyExpr, scope: &'s Scope, seen: &mut Vec<&'s str>) -> bool {
             if own || args.iter().any(|e| draws(e, scope, seen)) {
                 return true;
             }
-            match scope.functions.get_key_value(name) {
+            match scope.functions.get_key_value(name.strip_prefix(RUN).unwrap_or(name)) {
                 Some((name, (_, body))) if !seen.contains(&name.as_str()) => {
                     seen.push(name);
                     draws(body, scope, seen)

@@ -31,8 +31,11 @@ pub(super) enum Statement {
     TurnEnd,
     /// Where a `break` goes on.
     LoopEnd,
-    /// Where the `return` of a function that a production calls goes on: variable of the value, function, place of the call.
-    FunctionEnd(String, String, Range<usize>),
+    /// A call of a function for the modules that it makes.
+    Run(PyExpr),
+    /// Where the `return` of a function that a production calls goes on: variable of the value, `None` for a function that is called for its
+    /// modules; function, place of the call.
+    FunctionEnd(Option<String>, String, Range<usize>),
     /// A function has a value, a production has none.
     Return(Option<PyExpr>, Range<usize>),
     Pass,
@@ -44,6 +47,7 @@ impl Statement {
         let all = |list: &[Self]| list.iter().map(|s| s.mapped(own, read)).collect::<Vec<_>>();
         match self {
             Self::Assign(name, e) => Self::Assign(own(name), read(e)),
+            Self::Run(e) => Self::Run(read(e)),
             Self::If(tests, other) => {
                 Self::If(tests.iter().map(|(test, then)| (read(test), all(then))).collect(), all(other))
             }
@@ -144,7 +148,9 @@ pub(super) fn noting_breaks(list: Vec<Statement>, name: &str) -> Vec<Statement> 
 pub(super) fn call_in(s: &Statement, is_one: &dyn Fn(&str) -> bool) -> Option<PyExpr> {
     let of = |e: &PyExpr| first_call(e, is_one).cloned();
     match s {
-        Statement::Assign(_, e) | Statement::Return(Some(e), _) | Statement::For(_, e, _, _) => of(e),
+        Statement::Assign(_, e) | Statement::Run(e) | Statement::Return(Some(e), _) | Statement::For(_, e, _, _) => {
+            of(e)
+        }
         Statement::If(tests, _) => tests.iter().find_map(|(test, _)| of(test)),
         Statement::Produce(modules, _) => modules.iter().flat_map(|m| &m.args).find_map(of),
         _ => None,
@@ -156,6 +162,7 @@ pub(super) fn without_call(s: &Statement, call: &PyExpr, by: &PyExpr) -> Stateme
     let read = |e: &PyExpr| exchanged(e, call, by);
     match s {
         Statement::Assign(name, e) => Statement::Assign(name.clone(), read(e)),
+        Statement::Run(e) => Statement::Run(read(e)),
         Statement::Return(Some(e), place) => Statement::Return(Some(read(e)), place.clone()),
         Statement::For(name, e, body, place) => Statement::For(name.clone(), read(e), body.clone(), place.clone()),
         Statement::If(tests, other) => {
@@ -173,7 +180,7 @@ pub(super) fn without_call(s: &Statement, call: &PyExpr, by: &PyExpr) -> Stateme
 fn append_expressions<'s>(statements: &'s [Statement], out: &mut Vec<&'s PyExpr>) {
     for s in statements {
         match s {
-            Statement::Assign(_, e) | Statement::Return(Some(e), _) => out.push(e),
+            Statement::Assign(_, e) | Statement::Run(e) | Statement::Return(Some(e), _) => out.push(e),
             Statement::If(tests, other) => {
                 for (test, then) in tests {
                     out.push(test);
@@ -240,18 +247,19 @@ pub(super) fn only_computes(statements: &[Statement]) -> bool {
     statements.iter().all(|s| match s {
         Statement::If(tests, other) => tests.iter().all(|(_, then)| only_computes(then)) && only_computes(other),
         Statement::For(_, _, body, _) | Statement::While(_, body, ..) => only_computes(body),
-        Statement::Produce(..) | Statement::Return(..) => false,
+        Statement::Produce(..) | Statement::Run(_) | Statement::Return(..) => false,
         Statement::Assign(_, e) => !is_change(e),
         _ => true,
     })
 }
 
-/// True if the statements of a function change nothing of the model, and each of its `return` has a value.
-pub(super) fn only_returns(statements: &[Statement]) -> bool {
-    statements.iter().all(|s| match s {
-        Statement::If(tests, other) => tests.iter().all(|(_, then)| only_returns(then)) && only_returns(other),
-        Statement::For(_, _, body, _) | Statement::While(_, body, ..) => only_returns(body),
-        Statement::Produce(..) | Statement::Global(_) | Statement::Return(None, _) => false,
-        _ => true,
+/// What a function does that no function does which a production may call; `None` if it may be called.
+pub(super) fn hindrance(statements: &[Statement]) -> Option<&'static str> {
+    statements.iter().find_map(|s| match s {
+        Statement::If(tests, other) => tests.iter().find_map(|(_, then)| hindrance(then)).or_else(|| hindrance(other)),
+        Statement::For(_, _, body, _) | Statement::While(_, body, ..) => hindrance(body),
+        Statement::Global(_) => Some("it changes values of the model"),
+        Statement::Produce(_, true) => Some("its 'produce' ends the production: write 'nproduce'"),
+        _ => None,
     })
 }

@@ -1,6 +1,7 @@
 //! The code that the steps of a way become.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::Model;
 use super::emit::append_code;
@@ -13,7 +14,7 @@ use super::way::{Step, Way};
 use crate::code::{Bytecode, Op, UnaryOp};
 
 /// Appends a test and a place for the jump where it is 0; returns that place.
-fn push_test(ops: &mut Vec<Op>, test: &Bytecode) -> usize {
+pub(super) fn push_test(ops: &mut Vec<Op>, test: &Bytecode) -> usize {
     append_code(ops, &test.ops);
     ops.push(Op::Pop);
     ops.len() - 1
@@ -35,12 +36,40 @@ fn range_of_loop(list: &PyExpr) -> Option<(PyExpr, PyExpr, f64)> {
 
 /// Jumps of a loop whose targets are known at its end.
 #[derive(Debug, Default)]
-struct LoopJumps {
-    breaks: Vec<usize>,
-    continues: Vec<usize>,
+pub(super) struct LoopJumps {
+    pub breaks: Vec<usize>,
+    pub continues: Vec<usize>,
+}
+
+/// A `for` over a range as a `while` that counts.
+pub(super) struct CountedLoop {
+    /// Sets the number of the turn and the end of the range: Python evaluates a range once, before the first turn.
+    pub begin: [Statement; 2],
+    pub test: PyExpr,
+    pub turn: Vec<Statement>,
 }
 
 impl Model<'_, '_> {
+    /// A `for` as a loop that counts; `None` for one over something other than a range with a positive step.
+    pub(super) fn counted_loop(
+        &mut self,
+        name: &str,
+        list: &PyExpr,
+        body: &[Statement],
+        place: &Range<usize>,
+    ) -> Option<CountedLoop> {
+        let [count, last] = ["turn", "end"].map(|word| format!("({word} {})", self.temporaries));
+        self.temporaries += 1;
+        let (from, end, step) = range_of_loop(list)?;
+        let at = |n: &str| PyExpr::Name(n.to_owned(), place.clone());
+        let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(at(&last)));
+        let next = PyExpr::Binary(PyOp::Add, Box::new(at(&count)), Box::new(PyExpr::Number(step)));
+        // Counted first, so that `continue` does not pass over it.
+        let mut turn = vec![Statement::Assign(name.to_owned(), at(&count)), Statement::Assign(count.clone(), next)];
+        turn.extend(body.iter().cloned());
+        Some(CountedLoop { begin: [Statement::Assign(count, from), Statement::Assign(last, end)], test, turn })
+    }
+
     /// Code of the steps of a way: a block before the condition, and the condition.
     pub(super) fn way_code(&mut self, way: &Way) -> Result<(Option<Bytecode>, Option<Bytecode>), Refusal> {
         // Only conditions, which draw nothing: one expression.
@@ -99,11 +128,13 @@ impl Model<'_, '_> {
         Ok((Some(self.bytecode(ops)), Some(condition)))
     }
 
-    /// Code with the places of its loops.
+    /// Code with the places of its loops and the functions that it calls.
     pub(super) fn bytecode(&self, ops: Vec<Op>) -> Bytecode {
         let has_loops = ops.iter().any(|op| matches!(op, Op::Count(_)));
         let places = if has_loops { self.loop_places.clone() } else { Vec::new() };
-        Bytecode { ops, places, ..Bytecode::default() }
+        let calls = ops.iter().any(|op| matches!(op, Op::Call(_)));
+        let functions = calls.then(|| Arc::clone(&self.scope.run_code));
+        Bytecode { ops, places, functions, ..Bytecode::default() }
     }
 
     /// Appends a loop: test, JumpIfZero to its end, body, Jump to the test.
@@ -160,23 +191,11 @@ impl Model<'_, '_> {
                 }
                 Statement::While(test, inner, place, _) => self.loop_code(test, inner, place, ops)?,
                 Statement::For(name, list, inner, place) => {
-                    let [count, last] = ["turn", "end"].map(|word| format!("({word} {})", self.temporaries));
-                    self.temporaries += 1;
-                    let (from, end, step) = range_of_loop(list)
+                    let counted = self
+                        .counted_loop(name, list, inner, place)
                         .ok_or_else(|| Refusal::new("'for' over a list in a loop", place.clone()))?;
-                    let at = |n: &str| PyExpr::Name(n.to_owned(), place.clone());
-                    let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(at(&last)));
-                    let next = PyExpr::Binary(PyOp::Add, Box::new(at(&count)), Box::new(PyExpr::Number(step)));
-                    let mut turn =
-                        vec![Statement::Assign(name.clone(), at(&count)), Statement::Assign(count.clone(), next)];
-                    turn.extend(inner.iter().cloned());
-                    // Python evaluates a range once, before the first turn.
-                    for (variable, value) in [(&count, &from), (&last, &end)] {
-                        let code = compile(value, &self.scope)?;
-                        append_code(ops, &code.ops);
-                        ops.push(Op::StoreLocal(self.scope.local(variable)));
-                    }
-                    self.loop_code(&test, &turn, place, ops)?;
+                    self.computing_code(&counted.begin, ops, jumps)?;
+                    self.loop_code(&counted.test, &counted.turn, place, ops)?;
                 }
                 Statement::Break(_) => {
                     jumps.breaks.push(ops.len());

@@ -1,12 +1,14 @@
 //! The ways through the statements of a production, in the order in which Python would take them.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use super::Model;
-use super::expression::{PyExpr, PyOp, first_call, is_change, is_written_out, model_name, plain_name, range_of};
+use super::expression::{PyExpr, first_call, is_change, is_written_out, model_name, range_of};
 use super::refusal::Refusal;
-use super::resolve::{compile, resolve, spread};
+use super::resolve::{compile, is_list_or_vector, may_be_list, resolve};
 use super::scope::{Scope, arguments, has_random};
+use super::shapes::spread;
 use super::shared_lists::HandedOn;
 use super::statement::{Statement, call_in, names_of, read_name, renamed, with_lists, without_call};
 use super::strings::PyModule;
@@ -22,6 +24,12 @@ const MAX_CALLS: usize = 256;
 
 /// Most modules of the successor of one way; a production that makes more is refused.
 const MAX_MODULES: usize = 1 << 20;
+
+/// The refusal of a call for the value of a function that may end without one.
+fn no_value(function: &str, place: Range<usize>) -> Refusal {
+    let why = Refusal::new(format!("the function '{function}', which may end without a value"), place);
+    why.remedy("end it by 'return' with a value, or call it on a line of its own for the modules that it makes")
+}
 
 impl Model<'_, '_> {
     /// Every way through statements, in the order in which Python would try them.
@@ -59,18 +67,29 @@ impl Model<'_, '_> {
         match with_lists(statement, &now.way.lists) {
             Statement::Pass | Statement::TurnEnd | Statement::LoopEnd => {}
             Statement::Global(names) => now.way.globals.extend(names),
-            Statement::Return(None, _) => return Ok(Some(now.ended())),
-            // The value of a function that the production calls; else the production has no value.
-            Statement::Return(Some(e), place) => {
-                let at = now.left.iter().rposition(|s| matches!(s, Statement::FunctionEnd(..)));
-                let at = at.ok_or_else(|| Refusal::new("'return' in a production", place))?;
-                let end = now.left.drain(at..).next();
-                if let Some(Statement::FunctionEnd(name, ..)) = end {
-                    now.left.push(Statement::Assign(name, e));
+            // The value of a function that the production calls; else the production ends, which has no value.
+            Statement::Return(value, place) => {
+                let end = now.left.iter().rposition(|s| matches!(s, Statement::FunctionEnd(..)));
+                let end = end.and_then(|at| now.left.drain(at..).next());
+                match (end, value) {
+                    (None, None) => return Ok(Some(now.ended())),
+                    (None, Some(_)) => return Err(Refusal::new("'return' in a production", place)),
+                    (Some(Statement::FunctionEnd(Some(name), ..)), Some(e)) => {
+                        now.left.push(Statement::Assign(name, e));
+                    }
+                    (Some(Statement::FunctionEnd(Some(_), function, place)), None) => {
+                        return Err(no_value(&function, place));
+                    }
+                    // What a function returns that is called for its modules is not used.
+                    (Some(_), _) => {}
                 }
             }
-            Statement::FunctionEnd(_, function, place) => {
-                return Err(Refusal::new(format!("the function '{function}', which may end without a value"), place));
+            Statement::Run(PyExpr::Call(name, _, place)) if !self.scope.functions.contains_key(&name) => {
+                return Err(self.scope.refused_call(&name, place));
+            }
+            Statement::Run(_) | Statement::FunctionEnd(None, ..) => {}
+            Statement::FunctionEnd(Some(_), function, place) => {
+                return Err(no_value(&function, place));
             }
             Statement::Assign(name, e) => self.assign(name, e, &handed_on, &mut now),
             Statement::Produce(modules, ends) => {
@@ -205,6 +224,9 @@ impl Model<'_, '_> {
             *next = without_call(next, &call, &value);
         }
         left.push(without_call(s, &call, &value));
+        // A call on a line of its own needs no value.
+        let is_run = matches!(s, Statement::Run(e) if *e == call);
+        let result = Some(result).filter(|_| !is_run);
         left.push(Statement::FunctionEnd(result, function.clone(), place.clone()));
         left.extend(body.iter().rev().map(|s| renamed(s, &names, &own)));
         let set = params.iter().zip(args).map(|(p, value)| {
@@ -220,10 +242,13 @@ impl Model<'_, '_> {
         for m in modules {
             let mut module = m.clone();
             // A list that cannot be read is refused where the successor is made.
-            if m.args.iter().any(|arg| matches!(arg, PyExpr::Call(star, ..) if star == "*"))
-                && let Ok(args) = spread(&m.args, &self.scope_of(way))
+            let is_spread =
+                |arg: &PyExpr| matches!(arg, PyExpr::Call(star, ..) if star == "*") || may_be_list(arg, &self.scope);
+            if m.args.iter().any(is_spread)
+                && let Ok(spread) = spread(m, &self.scope_of(way))
             {
-                module.args = args;
+                module.args = spread.args;
+                module.shape = Some(spread.shape);
             }
             for arg in &mut module.args {
                 let value = if self.calls_function(arg) { self.known_value(arg, way) } else { None };
@@ -241,31 +266,16 @@ impl Model<'_, '_> {
         }
     }
 
-    /// The list that an expression is; `None` for any other.
+    /// The list or vector that an expression is; `None` for any other.
     pub(super) fn list_of(&self, e: &PyExpr, way: &Way) -> Option<PyExpr> {
         if matches!(e, PyExpr::List(..)) {
             return Some(e.clone());
         }
-        let is_list = self.may_be_list(e) && matches!(resolve(&in_way(e, way), &self.scope, 0), Ok(PyExpr::List(..)));
+        let is_list = may_be_list(e, &self.scope)
+            && resolve(&in_way(e, way), &self.scope, 0).is_ok_and(|e| is_list_or_vector(&e));
         // The items keep the names of variables whose values are not known.
         let list = is_list.then(|| resolve(&with_known(e, way), &self.scope_of(way), 0).ok()).flatten();
-        list.filter(|e| matches!(e, PyExpr::List(..)))
-    }
-
-    /// False for an expression that is no list whatever its names are; it need not be resolved.
-    fn may_be_list(&self, e: &PyExpr) -> bool {
-        match e {
-            PyExpr::List(..) | PyExpr::Change(..) | PyExpr::Index(..) | PyExpr::Each(..) => true,
-            PyExpr::Name(name, _) => self.scope.lists.contains_key(plain_name(name)),
-            PyExpr::Binary(PyOp::Add | PyOp::Mul, a, b) => self.may_be_list(a) || self.may_be_list(b),
-            PyExpr::Call(name, ..) => {
-                // `[[]]` is a list over several lists.
-                matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
-                    || matches!(name.as_str(), "enumerate" | "zip" | ".keys" | ".values" | ".items" | ".copy" | "[[]]")
-                    || self.scope.functions.contains_key(name)
-            }
-            _ => false,
-        }
+        list.filter(is_list_or_vector)
     }
 
     /// The scope of the production with the variables that a way has assigned.
@@ -282,9 +292,16 @@ impl Model<'_, '_> {
         if is_written_out(e) || is_kept {
             return e.clone();
         }
-        if let Some(PyExpr::List(items, place)) = self.list_of(e, way) {
-            let items = items.iter().map(|e| self.kept(e, way, taken)).collect();
-            return PyExpr::List(items, place);
+        match self.list_of(e, way) {
+            Some(PyExpr::List(items, place)) => {
+                let items = items.iter().map(|e| self.kept(e, way, taken)).collect();
+                return PyExpr::List(items, place);
+            }
+            Some(PyExpr::Call(kind, items, place)) => {
+                let items = items.iter().map(|e| self.kept(e, way, taken)).collect();
+                return PyExpr::Call(kind, items, place);
+            }
+            _ => {}
         }
         let name = format!("(item {})", self.temporaries);
         self.temporaries += 1;
