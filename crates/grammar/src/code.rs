@@ -1,6 +1,6 @@
 //! Expressions and statements as code for a small stack machine.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::functions::FunctionTables;
 use super::print_format::PrintFormat;
@@ -131,6 +131,8 @@ pub(crate) enum Op {
     Or(usize),
     /// Pops; pushes 1 or 0.
     Bool,
+    /// Calls a function with the arguments on the stack, which its value replaces; index into [`Bytecode::functions`].
+    Call(usize),
     /// Counts a statement, or the test of a loop, against the budget, and ends a loop of too many iterations; index into
     /// [`Bytecode::places`].
     Count(usize),
@@ -147,6 +149,17 @@ pub(crate) struct Bytecode {
     pub elements: Vec<ElementAccess>,
     /// Operands of [`Op::Print`]; their `place` is an index into `places`.
     pub formats: Vec<PrintFormat>,
+    /// The functions that [`Op::Call`] calls, which are set when all of the grammar is read.
+    pub functions: Option<Arc<OnceLock<Vec<CalledFunction>>>>,
+}
+
+/// A function that runs as code of its own, as it calls itself. Its parameters are the local variables of its code.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct CalledFunction {
+    pub parameters: usize,
+    /// An expression, which leaves its value on the stack; its calls are of functions of the code that called it.
+    pub code: Bytecode,
+    pub place: SourcePlace,
 }
 
 /// An array of a `Define:` block; its elements are consecutive global variables, the last index changes fastest.
@@ -215,6 +228,7 @@ impl Bytecode {
         }));
         // All code of a grammar reads the same tables.
         self.tables = self.tables.take().or(code.tables);
+        self.functions = self.functions.take().or(code.functions);
         self.ops.extend(code.ops.into_iter().map(|op| match op {
             Op::Jump(t) => Op::Jump(t + shift),
             Op::JumpIfZero(t) => Op::JumpIfZero(t + shift),
@@ -238,6 +252,7 @@ impl Bytecode {
                 matches!(f, UnaryOp::Exp | UnaryOp::Log | UnaryOp::Sqrt | UnaryOp::Tan | UnaryOp::Asin | UnaryOp::Acos)
             }
             Op::Binary(f, _) => matches!(f, BinaryOp::Mul | BinaryOp::Div | BinaryOp::Pow),
+            Op::Call(_) => true,
             _ => false,
         };
         self.ops.iter().any(risky)

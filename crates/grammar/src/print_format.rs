@@ -2,8 +2,6 @@
 
 use osier_base::convert::to_usize;
 
-use super::code::is_zero;
-
 /// Characters that a single number takes at most: a wider or more precise field would only waste memory.
 const MAX_FIELD: usize = 64;
 
@@ -160,9 +158,9 @@ fn with_exponent(x: f64, precision: usize) -> String {
     format!("{digits}e{}{:02}", if power < 0 { '-' } else { '+' }, power.abs())
 }
 
-/// A finite number as C's `%g` prints it: `precision` significant digits, no trailing zeros.
+/// A finite number of at least 0 as C's `%g` prints it: `precision` significant digits, no trailing zeros.
 fn general(x: f64, precision: usize) -> String {
-    if is_zero(x) {
+    if x <= 0.0 {
         return "0".to_owned();
     }
     let scientific = with_exponent(x, precision - 1);

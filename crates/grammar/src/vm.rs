@@ -1,6 +1,6 @@
 //! The stack machine that runs expressions and statements.
 
-use super::code::{Bytecode, ElementAccess, Expr, Op, RandomFunction, TableFunction, is_zero, truth};
+use super::code::{Bytecode, CalledFunction, ElementAccess, Expr, Op, RandomFunction, TableFunction, is_zero, truth};
 use super::cpfg_random::CpfgRandom;
 use super::token::SourcePlace;
 use osier_base::math;
@@ -8,6 +8,9 @@ use osier_base::rng::{self, Key, Rng};
 
 /// Iterations of all loops in one run of a block before a loop counts as infinite (L044).
 const LOOP_LIMIT: u64 = 1_000_000;
+/// Calls of functions within one another before a function counts as one that calls itself without end (L044). Each takes some of the
+/// memory of its thread.
+const CALL_LIMIT: usize = 200;
 /// Bytes of output that a derivation keeps.
 const MAX_OUTPUT: usize = 1 << 20;
 /// Largest n of `biran(n, p)`, whose trials are drawn one by one; a larger n counts as this many.
@@ -106,6 +109,8 @@ impl RandomStreams {
 pub(crate) enum Halt {
     /// A loop that passes [`LOOP_LIMIT`] iterations (L044).
     Loop(SourcePlace),
+    /// A function that passes [`CALL_LIMIT`] calls within one another (L044).
+    Calls(SourcePlace),
     /// The derivation has run more statements than its limit allows (L051).
     Statements(SourcePlace),
     /// A string passes the limit on its modules (L051), or its receiver takes no more.
@@ -183,6 +188,8 @@ pub(crate) struct Vm {
     number: u64,
     key: Option<u64>,
     reseeded: Option<i64>,
+    /// Calls of functions that the present one is within.
+    depth: usize,
     pub warnings: RuntimeWarnings,
     pub statements: u64,
     pub statement_limit: u64,
@@ -210,6 +217,7 @@ impl Vm {
             number: 0,
             key: None,
             reseeded: None,
+            depth: 0,
             warnings: RuntimeWarnings::default(),
             statements: 0,
             statement_limit: u64::MAX,
@@ -291,6 +299,13 @@ impl Vm {
     /// Runs code; its value is what it leaves on the stack, or 0.
     pub fn run(&mut self, code: &Bytecode, locals: &mut [f64]) -> Result<f64, Halt> {
         self.stack.clear();
+        self.depth = 0;
+        let functions = code.functions.as_ref().and_then(|list| list.get()).map_or(&[][..], Vec::as_slice);
+        self.run_code(code, locals, functions)
+    }
+
+    /// As [`Self::run`], with what lies on the stack left there. `functions`: those that the code may call.
+    fn run_code(&mut self, code: &Bytecode, locals: &mut [f64], functions: &[CalledFunction]) -> Result<f64, Halt> {
         let mut pc = 0_usize;
         let mut iterations = 0_u64;
         // Results that the left side of `&&` or `||` has decided, with the place where the right side ends.
@@ -386,9 +401,29 @@ impl Vm {
                 Op::RestartDraws => self.number = 0,
                 Op::Stop => self.stopped = true,
                 Op::Print(k) => self.print(code, k),
+                Op::Call(k) => self.call(functions, k)?,
             }
         }
         Ok(self.pop())
+    }
+
+    /// Calls a function with the arguments on the stack, which its value replaces. A call counts as a statement.
+    fn call(&mut self, functions: &[CalledFunction], k: usize) -> Result<(), Halt> {
+        let Some(function) = functions.get(k) else { return Ok(()) };
+        self.statements += 1;
+        if self.statements > self.statement_limit {
+            return Err(Halt::Statements(function.place));
+        }
+        if self.depth >= CALL_LIMIT {
+            return Err(Halt::Calls(function.place));
+        }
+        let first = self.stack.len().saturating_sub(function.parameters);
+        let mut locals = self.stack.split_off(first);
+        self.depth += 1;
+        let value = self.run_code(&function.code, &mut locals, functions)?;
+        self.depth -= 1;
+        self.stack.push(value);
+        Ok(())
     }
 
     /// The left side of `&&` or `||` has decided: the right side, which ends at `end`, is skipped. cpfg computes it all the same,
@@ -602,6 +637,7 @@ pub(crate) fn constant_value(code: &Bytecode) -> Option<f64> {
                 | Op::Bounds(_)
                 | Op::Stop
                 | Op::Print(_)
+                | Op::Call(_)
         )
     };
     if code.ops.iter().any(needs) {

@@ -458,6 +458,12 @@ pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limi
             let d = Diagnostic::error("L044", "this loop does not end", place.span, "after 1,000,000 iterations");
             runtime_report(grammar, grammar.with_macro_chain(d.help("change what its condition tests"), place))
         }
+        Halt::Calls(place) => {
+            let message = "this function calls itself without end";
+            let d = Diagnostic::error("L044", message, place.span, "after 200 calls within one another");
+            let d = d.help("end it by a test of its parameters, or compute the value in a loop");
+            runtime_report(grammar, grammar.with_macro_chain(d, place))
+        }
         Halt::Statements(place) => {
             let message = format!("step {step} passes the budget of statements");
             let help = "raise it with --max-statements, or simplify the blocks";

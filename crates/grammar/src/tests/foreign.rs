@@ -343,7 +343,7 @@ fn models_of_lpy_may_hold_lists() {
         );
         try_read(&text).err().map_or_else(String::new, |e| e.to_string())
     };
-    assert!(said("B(q)").contains("a list or an index"), "{}", said("B(q)"));
+    assert!(said("F(q)").contains("a list or an index"), "{}", said("F(q)"));
     assert!(said("B(q[1])").contains("an index outside of its list"), "{}", said("B(q[1])"));
     assert!(said("B(r[0])").contains("L007"), "{}", said("B(r[0])"));
     assert!(said("B(sum(range(x)))").contains("a range that is not constant"), "{}", said("B(sum(range(x)))"));
@@ -503,7 +503,7 @@ fn productions_of_lpy_may_hold_lists() {
     let drawn = lpy(&model("  p = [randint(1,1000000), 0]\n  nproduce B(p[0],p[0])\n"));
     let (a, b) = drawn.split_once(',').unwrap_or_default();
     assert_eq!(a.trim_start_matches("B("), b.trim_end_matches(')'), "{drawn}");
-    let said = try_read(&format!("{}endlsystem\n", model("  p = [1, x]\n  nproduce B(p)\n")));
+    let said = try_read(&format!("{}endlsystem\n", model("  p = [1, x]\n  nproduce F(p)\n")));
     assert!(said.is_err_and(|e| e.to_string().contains("L007")));
 }
 
@@ -791,16 +791,160 @@ fn functions_of_lpy_may_call_themselves_with_known_numbers() {
     ] {
         assert_eq!(lpy(&model(rule)), wanted, "{rule}");
     }
-    for (rule, why) in [
-        ("produce B(fact(x))", "the recursive function 'fact', more than 24 calls within one another"),
-        ("produce B(up(1))", "the recursive function 'up', more than 24"),
-        ("produce B(fib(22))", "the recursive function 'fib', more than 10000 calls"),
+}
+
+#[test]
+fn functions_of_lpy_may_call_themselves_with_parameters() {
+    let head = "def fact(n):\n  if n <= 1: return 1\n  return n*fact(n-1)\n\
+                def fib(n): return n if n < 2 else fib(n-1)+fib(n-2)\n\
+                def down(n): return 0 if n <= 0 else 1+down(n-1)\n\
+                def gcd(a, b): return a if b == 0 else gcd(b, a % b)\n\
+                def up(n): return up(n+1)\n\
+                def deep(q, n): return q[0] if n < 1 else deep(q, n-1)\nk = down(30)\n";
+    let model = |rule: &str| format!("{head}Axiom: A(3)\nderivation length: 1\nproduction:\nA(x):\n  {rule}\n");
+    for (rule, wanted) in [
+        ("produce B(fact(x),fib(x+4),fact(4))", "B(6,13,24)"),
+        // Deeper than an expression is written in, with a parameter and with a number.
+        ("produce B(down(10*x),down(40),k)", "B(30,40,30)"),
+        ("produce B(gcd(14*x,35),fib(22))", "B(7,17711)"),
+        ("if fact(x) > 5: produce C(down(fact(x)))", "C(6)"),
+        ("for i in range(fact(x)-4): nproduce B(i)", "B(0)B(1)"),
     ] {
-        let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
-        assert!(
-            said.contains("L007") && said.contains(why) && said.contains("with 'while' or 'for'"),
-            "{rule}: {said}"
-        );
+        assert_eq!(lpy(&model(rule)), wanted, "{rule}");
+    }
+    // A function without an end is told where the model runs.
+    let (g, _) = read(&format!("{}endlsystem\n", model("produce B(up(x))")));
+    let said =
+        derive(&g, &DeriveOptions::default(), &Limits::default()).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L044") && said.contains("calls itself without end"), "{said}");
+    let said = try_read(&format!("{}endlsystem\n", model("produce B(deep([1, 2], x))")));
+    let said = said.err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("a list as an argument of the recursive function 'deep'"), "{said}");
+}
+
+#[test]
+fn functions_of_lpy_may_make_modules() {
+    let head = "module L, K\ndef leaf(n, last=2):\n  nproduce [L(n)]\n  if n > last: return\n  nproduce K\n\
+                def pair(n):\n  for i in range(2): leaf(n+i)\ndef twig(n):\n  if n > 0:\n    nproduce F(n)\n    twig(n-1)\n";
+    let model = |lines: &str| format!("{head}Axiom: A(2)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  pair(x)\n  produce B(x)\n", "[L(2)]K[L(3)]B(2)"),
+        ("  leaf(x, last=1)\n  leaf(x)\n", "[L(2)][L(2)]K"),
+        ("  if x > 1: leaf(0)\n  else: leaf(9)\n", "[L(0)]K"),
+        ("  twig(3)\n", "F(3)F(2)F(1)"),
+        // Modules of Python in a list.
+        (
+            "  nsproduce([F(x), ('L', x+1), SB(), Left(30), 'K', EB()])\n  nsproduce([])\n  sproduce([B(1)])\n",
+            "F(2)L(3)[+(30)K]B(1)",
+        ),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    for (lines, why) in [
+        ("  nproduce B(leaf(x))\n", "the function 'leaf', which may end without a value"),
+        ("  nsproduce([Leaf(1)])\n", "'Leaf(1)' as a module of a list"),
+        ("  nsproduce(x)\n", "'nsproduce' of something other than a list of modules"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
+    }
+}
+
+#[test]
+fn lists_of_lpy_may_be_mapped_and_filtered() {
+    let model = |lines: &str| format!("q = [1, 2, 3]\nAxiom: A(2)\nproduction:\nA(x):\n{lines}");
+    for (lines, wanted) in [
+        ("  nproduce B(*list(map(lambda v: v*x, q)))\n", "B(2,4,6)"),
+        ("  nproduce B(*map(lambda v, w: v+w, q, [10, 20]))\n", "B(11,22)"),
+        ("  for v in filter(lambda v: v > 1, q): nproduce B(v)\n", "B(2)B(3)"),
+        ("  nproduce B(sum(map(int, [1.5, 2.5])),len(list(filter(None, [0, 4, 5]))))\n", "B(3,2)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    for (lines, why) in [
+        ("  nproduce B(sum(map(lambda v: v+w, q)))\n", "the unknown name 'w'"),
+        ("  nproduce B(sum(map(lambda v, w: v+w, q)))\n", "'map' of other lists than its function has"),
+        ("  nproduce B(len(list(filter(lambda v: v > x, q))))\n", "a list with conditions"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
+    }
+}
+
+#[test]
+fn functions_that_lpy_runs_may_have_loops() {
+    let model = |loops: &str| {
+        format!(
+            "n = 0\ndef StartEach():\n  global n\n{loops}Axiom: A\nderivation length: 2\nproduction:\nA --> B(n)A\n"
+        )
+    };
+    for (loops, wanted) in [
+        // 1 + 2, then as much again.
+        ("  for i in range(1, 4):\n    if i == 3: break\n    n += i\n", "B(3)B(6)A"),
+        ("  for i in range(4):\n    if i == 2: continue\n    n += i\n", "B(4)B(8)A"),
+        ("  for i in range(0, 5, 2): n += i\n  while True:\n    n += 1\n    if n % 10 == 0: break\n", "B(10)B(20)A"),
+    ] {
+        assert_eq!(lpy(&model(loops)), wanted, "{loops}");
+    }
+}
+
+#[test]
+fn models_of_lpy_may_have_vectors() {
+    let head = "from openalea.plantgl.all import *\nv = Vector3(1,2,2)\n";
+    let model = |lines: &str| format!("{head}Axiom: A(2)\nproduction:\n{lines}");
+    for (lines, wanted) in [
+        ("A(x):\n  w = v*x + Vector3(0,0,1)\n  produce B(w.x,w.y,w[2],norm(v),len(w))\n", "B(2,4,5,3,3)"),
+        // 1*2 + 2*1 + 2*0; (1,2,2) x (0,0,1) = (2,-1,0).
+        ("A(x) --> B(dot(v,Vector3(x,1,0)),cross(v,Vector3(0,0,1)).y)\n", "B(4,-1)"),
+        ("A(x) --> OLineTo(-v/2)\n", "OLineTo(-0.5,-1,-1)"),
+        ("A(x):\n  w = v if x > 5 else Vector3(x,0,0)\n  if w != v: produce B(*w)\n", "B(2,0,0)"),
+        ("A(x):\n  for c in v: nproduce B(c)\n", "B(1)B(2)B(2)"),
+        ("A(x):\n  w = Vector2(x,1)\n  for i in range(2): w += Vector2(i,x)\n  produce B(w.x,w.y)\n", "B(3,5)"),
+    ] {
+        assert_eq!(lpy(&model(lines)), wanted, "{lines}");
+    }
+    for (lines, why) in [
+        ("A(x) --> F(v+1)\n", "this operation on a vector"),
+        ("A(x) --> B(v*v)\n", "a vector times a vector"),
+        ("A(x) --> B(Vector3(x,1).x)\n", "a 'Vector3' of 2 numbers"),
+        ("A(x) --> B(sqrt(v))\n", "a vector where a number is expected"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{lines}: {said}");
+    }
+}
+
+#[test]
+fn parameters_of_modules_of_lpy_may_be_lists_and_vectors() {
+    for (model, wanted) in [
+        // The middle of two points.
+        (
+            "Axiom: P(Vector2(0,0),1)E P(Vector2(4,2),1)\nproduction:\nP(a,s) < E > P(b,t) --> P((a+b)/2,s+t)\n",
+            "P(0,0,1)P(2,1,2)P(4,2,1)",
+        ),
+        ("Axiom: A([1,2],5)\nproduction:\nA(q,n) --> A([q[1],q[0]],n+len(q))\n", "A(2,1,7)"),
+        (
+            "p = [3, 4]\nAxiom: A(p)\nderivation length: 2\nproduction:\nA(q):\n  r = [k+1 for k in q]\n  produce A(r)\n",
+            "A(5,6)",
+        ),
+        ("Axiom: A([1,2])A([5,2])\nproduction:\nA(q if q[0] > 3) --> B(sum(q))\n", "A(1,2)B(7)"),
+        ("Axiom: P(1,2)P(1,3)\nproduction:\nP(v,s != 2) --> Q(v)\n", "P(1,2)Q(1)"),
+    ] {
+        assert_eq!(lpy(model), wanted, "{model}");
+    }
+    for (model, why) in [
+        (
+            "Axiom: A([1,2])\nproduction:\nA(q) --> A(q+[3])\n",
+            "the module 'A' with a list of 3 as its parameters, and with a list of 2",
+        ),
+        (
+            "Axiom: A([1,2])A(3,4)\nproduction:\nA(q) --> B\n",
+            "the module 'A' with a number, a number as its parameters",
+        ),
+        ("Axiom: A([[1],[2]])\nproduction:\nA(q) --> B\n", "a list of lists as a parameter"),
+    ] {
+        let said = try_read(&format!("{model}endlsystem\n")).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{model}: {said}");
     }
 }
 
@@ -1008,7 +1152,7 @@ fn more_functions_of_python_are_known_to_lpy() {
         ("produce B(sorted([x, 1])[0])", "'sorted'"),
         ("produce B(q.index(8))", "'index' of a value that its list does not have"),
         ("produce B(q.size)", "an attribute of 'q'"),
-        ("nsproduce(makestring('F'))", "'nsproduce' in a production"),
+        ("nsproduce(makestring('F'))", "'nsproduce' of something other than a list"),
         ("produce B(round(x,x))", "digits of 'round'"),
         ("produce B(len([0]*10000*10000))", "too many items"),
     ] {
@@ -1273,9 +1417,11 @@ fn indented_lines_of_lpy_go_on_with_modules_or_are_refused() {
 
 #[test]
 fn functions_of_lpy_that_cannot_be_read_are_refused_with_the_reason() {
-    let head = "n = 0\ndef inc():\n  global n\n  n = n + 1\n  return n\ndef safe(x):\n  try:\n    return x\n  except:\n    return 0\n";
+    let head = "n = 0\ndef inc():\n  global n\n  n = n + 1\n  return n\ndef safe(x):\n  try:\n    return x\n  except:\n    return 0\n\
+                def ends(x):\n  produce F(x)\n";
     for (call, why) in [
-        ("inc()", "the function 'inc' (it changes values of the model, or ends without a value)"),
+        ("inc()", "the function 'inc' (it changes values of the model)"),
+        ("ends(x)", "the function 'ends' (its 'produce' ends the production: write 'nproduce')"),
         ("safe(x)", "the function 'safe' (line 7: 'try' in a production)"),
     ] {
         let text = format!("{head}Axiom: A(1)\nderivation length: 1\nproduction:\nA(x) --> B({call})\nendlsystem\n");

@@ -3,7 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use super::expression::{PyExpr, PyOp, Scope, substitute};
+use super::expression::{PyExpr, PyOp, mentions};
+use super::scope::Scope;
 
 /// Nesting of an expression up to which its bounds are known.
 const MAX_DEPTH: usize = 32;
@@ -19,11 +20,6 @@ pub(super) struct Bounds {
     intervals: BTreeMap<String, Interval>,
     /// Variables with the expressions that they are equal to, as long as nothing in these has changed.
     equal: BTreeMap<String, PyExpr>,
-}
-
-/// True if an expression reads a name.
-pub(super) fn mentions(e: &PyExpr, name: &str) -> bool {
-    substitute(e, &[name.to_owned()], &[PyExpr::Number(0.0)]) != *e
 }
 
 fn call<'e>(e: &'e PyExpr, names: &[&str]) -> Option<&'e PyExpr> {

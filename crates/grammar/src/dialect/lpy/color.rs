@@ -2,42 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use super::strings::split;
-use super::{Model, Piece, assignment};
+use super::Model;
+use super::pieces::{assignment, split};
 use crate::code::Expr;
+use crate::dialect::text::Piece;
 use crate::token::SourcePlace;
 
 /// Indices from here on stand for the colours of `SetColor(red,green,blue)`, the last ones first.
 const FIRST_OWN: u8 = 128;
-
-impl Model<'_, '_> {
-    /// The index that stands for a colour of red, green and blue; L008 and `None` if they are not constant.
-    pub(super) fn color_index(&mut self, args: &[Expr], place: SourcePlace) -> Option<u8> {
-        let number = |arg: &Expr| match arg {
-            Expr::Const(value) => Some(*value),
-            Expr::Local(_) => None,
-            Expr::Code(code) => crate::vm::constant_value(code),
-        };
-        let index = match args {
-            [r, g, b, ..] => number(r).zip(number(g)).zip(number(b)).and_then(|((r, g), b)| {
-                let (rgb, palette) = ([r, g, b].map(byte), &mut self.reader.palette);
-                if let Some((index, _)) = palette.iter().find(|(i, c)| *i >= FIRST_OWN && *c == rgb) {
-                    return Some(*index);
-                }
-                let index = (FIRST_OWN..=u8::MAX).rev().find(|i| palette.iter().all(|(used, _)| used != i))?;
-                palette.push((index, rgb));
-                Some(index)
-            }),
-            _ => None,
-        };
-        if index.is_none() {
-            let message = "a colour of red, green and blue that is not constant".to_owned();
-            let help = "the colour stays as it is; write SetColor with an index, or with numbers";
-            self.reader.session.warning("L008", message, place, help);
-        }
-        index
-    }
-}
 
 /// Colours of the indices that a model sets: by `Color_1 = pgl.Material("Color_1", ambient = (65,45,15), diffuse = 3)` and
 /// `context.turtle.setMaterial(1, Color_1)`, or by both in one line.
@@ -108,6 +80,35 @@ fn channels(piece: Piece<'_>) -> Option<[f64; 3]> {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
 fn byte(value: f64) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
+}
+
+impl Model<'_, '_> {
+    /// The index that stands for a colour of red, green and blue; L008 and `None` if they are not constant.
+    pub(super) fn color_index(&mut self, args: &[Expr], place: SourcePlace) -> Option<u8> {
+        let number = |arg: &Expr| match arg {
+            Expr::Const(value) => Some(*value),
+            Expr::Local(_) => None,
+            Expr::Code(code) => crate::vm::constant_value(code),
+        };
+        let index = match args {
+            [r, g, b, ..] => number(r).zip(number(g)).zip(number(b)).and_then(|((r, g), b)| {
+                let (rgb, palette) = ([r, g, b].map(byte), &mut self.reader.palette);
+                if let Some((index, _)) = palette.iter().find(|(i, c)| *i >= FIRST_OWN && *c == rgb) {
+                    return Some(*index);
+                }
+                let index = (FIRST_OWN..=u8::MAX).rev().find(|i| palette.iter().all(|(used, _)| used != i))?;
+                palette.push((index, rgb));
+                Some(index)
+            }),
+            _ => None,
+        };
+        if index.is_none() {
+            let message = "a colour of red, green and blue that is not constant".to_owned();
+            let help = "the colour stays as it is; write SetColor with an index, or with numbers";
+            self.reader.session.warning("L008", message, place, help);
+        }
+        index
+    }
 }
 
 #[cfg(test)]

@@ -4,8 +4,10 @@ use std::ops::Range;
 
 use osier_base::convert::saturating_index;
 
-use super::expression::{DICTIONARY, MAX_LOOKUP, MAX_OPS};
-use super::expression::{PyExpr, PyOp, Refusal, Scope, constant_of, has_random, range_of, size_with};
+use super::emit::constant_of;
+use super::expression::{DICTIONARY, ListChange, MAX_LOOKUP, MAX_OPS, PyExpr, PyOp, range_of, size_with, text_number};
+use super::refusal::Refusal;
+use super::scope::{Scope, has_random};
 use crate::code::is_zero;
 
 /// One pair of a dictionary.
@@ -95,4 +97,49 @@ pub(super) fn method(
 pub(super) fn keys_of(dictionary: PyExpr) -> PyExpr {
     let range = range_of(&dictionary);
     PyExpr::Call(".keys".to_owned(), vec![dictionary], range)
+}
+
+/// `dict(a=1, b=2)`.
+pub(super) fn dictionary_of(args: &[PyExpr], range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let mut pairs = Vec::with_capacity(2 * args.len());
+    for arg in args {
+        let PyExpr::Call(key, value, place) = arg else {
+            return Err(Refusal::new("'dict' of something other than arguments with names", range.clone()));
+        };
+        let key = key.strip_suffix('=').zip(value.first());
+        let (key, value) = key.ok_or_else(|| Refusal::new("'dict' of this value", place.clone()))?;
+        pairs.extend([PyExpr::Text(text_number(key), place.clone()), value.clone()]);
+    }
+    Ok(PyExpr::Call(DICTIONARY.to_owned(), pairs, range.clone()))
+}
+
+/// The dictionary that a change leaves, from the resolved one before it and the resolved arguments: only a value is set.
+pub(super) fn changed(
+    change: ListChange,
+    before: &PyExpr,
+    args: &[PyExpr],
+    scope: &Scope,
+    range: &Range<usize>,
+) -> Result<PyExpr, Refusal> {
+    match (before, change, args) {
+        (PyExpr::Call(name, pairs, place), ListChange::Set, [key, value]) => {
+            Ok(PyExpr::Call(name.clone(), with_pair(pairs, key, value, scope)?, place.clone()))
+        }
+        _ => Err(change.refusal(range)),
+    }
+}
+
+/// The pairs of a dictionary with another value of a key, which is constant.
+fn with_pair(pairs: &[PyExpr], key: &PyExpr, value: &PyExpr, scope: &Scope) -> Result<Vec<PyExpr>, Refusal> {
+    let refused = || Refusal::new("a dictionary of keys that are not constant", range_of(key));
+    let number = constant_of(key, scope).ok_or_else(refused)?;
+    let mut out = pairs.to_vec();
+    let old = out
+        .chunks(2)
+        .position(|pair| pair.first().and_then(|own| constant_of(own, scope)).is_some_and(|own| is_zero(own - number)));
+    match old {
+        Some(k) => out[2 * k + 1] = value.clone(),
+        None => out.extend([key.clone(), value.clone()]),
+    }
+    Ok(out)
 }

@@ -1,12 +1,13 @@
 //! Names that a model gives to modules of Python and to what it takes from them.
 
 use super::Model;
-use super::expression::PyExpr;
-use super::strings::split;
+use super::expression::{PyExpr, constant_name};
+use super::pieces::split;
 use crate::dialect::text::{Piece, lines};
 
 /// Modules whose functions are known, by their names.
 const KNOWN: [&str; 4] = ["math", "random", "numpy", "numpy.random"];
+
 /// Functions of `math` and `random` of other than one parameter.
 const OF_SEVERAL: [(&str, usize); 10] = [
     ("random", 0),
@@ -77,7 +78,7 @@ impl Model<'_, '_> {
         let inner = list.text.strip_prefix('(').and_then(|t| t.strip_suffix(')'));
         let list = inner.map_or(list, |t| Piece::new(list.at + 1, t));
         for (name, other) in split(list).into_iter().filter_map(renamed) {
-            if let Some(value) = super::expression::constant_name(name.text) {
+            if let Some(value) = constant_name(name.text) {
                 self.scope.constants.insert(other.text.to_owned(), value);
                 continue;
             }

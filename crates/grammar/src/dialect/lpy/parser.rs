@@ -4,16 +4,24 @@ use std::ops::Range;
 
 use osier_base::convert::saturating_index;
 
-use super::expression::{DICTIONARY, FLAT, IN, NOTHING, OF_NUMBERS, SLICE};
-use super::expression::{PyExpr, PyOp, Refusal, substitute, text_number, text_refusal};
+use super::expression::{
+    DICTIONARY, FLAT, IN, NOTHING, OF_NUMBERS, PyExpr, PyOp, SLICE, substitute, text_number, text_refusal,
+};
+use super::lines::masked;
+use super::pieces::{colon, split};
+use super::refusal::Refusal;
+use super::vectors::AXES;
 use crate::dialect::text::Piece;
 
 /// Nesting of one expression; deeper ones are refused.
 const MAX_DEPTH: usize = 200;
+
 /// Height of the tree of one expression, which a row of operators raises, too: what reads it calls itself for each level.
 const MAX_HEIGHT: usize = 500;
+
 /// Methods that read a list or a dictionary; a call of one is that of a function with a point before its name.
 const METHODS: [&str; 6] = ["index", "get", "keys", "values", "items", "copy"];
+
 /// Operators and punctuation, longer ones first.
 const SIGNS: [&str; 26] = [
     "**", "//", "<=", ">=", "==", "!=", "<>", "->", "+", "-", "*", "/", "%", "<", ">", "(", ")", ",", "=", ".", "[",
@@ -65,7 +73,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             };
             // Texts are compared and handed on, no more: a number that no other text has stands for each. A backslash before a quote
             // belongs to no text; both are masked.
-            let [backslash, double, single] = [b'\\', b'"', b'\''].map(|b| char::from(super::masked(b)).to_string());
+            let [backslash, double, single] = [b'\\', b'"', b'\''].map(|b| char::from(masked(b)).to_string());
             let text = inner[..n].replace(&(backslash.clone() + &double), &double);
             let text = text.replace(&(backslash + &single), &single);
             out.push(PyToken { kind: PyTokenKind::Text(text_number(&text)), range: at..at + n + 2 });
@@ -129,6 +137,32 @@ pub(super) fn parse(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
         None => Ok(e),
         Some(t) => Err(Refusal::new(p.describe(t), t.range.clone())),
     }
+}
+
+/// `lambda x, y: e`: parameters and expression.
+pub(super) fn lambda(piece: Piece<'_>) -> Option<(Vec<String>, PyExpr)> {
+    let rest = piece.text.strip_prefix("lambda").map(|_| piece.from("lambda".len()))?;
+    let c = colon(rest)?;
+    let params: Vec<String> = split(rest.up_to(c).trimmed()).iter().map(|p| p.text.to_owned()).collect();
+    Some((params, parse(rest.from(c + 1).trimmed()).ok()?))
+}
+
+/// `[value for name in list]`; several names take each item apart.
+fn each_item(value: PyExpr, mut names: Vec<String>, list: PyExpr, place: &Range<usize>, range: Range<usize>) -> PyExpr {
+    let (value, name) = match names.pop() {
+        Some(name) if names.is_empty() => (value, name),
+        last => {
+            names.extend(last);
+            let item = format!("(item at {})", place.start);
+            let at = |k: usize| {
+                let item = Box::new(PyExpr::Name(item.clone(), place.clone()));
+                PyExpr::Index(item, Box::new(PyExpr::Number(f64::from(saturating_index(k)))), place.clone())
+            };
+            let parts: Vec<PyExpr> = (0..names.len()).map(at).collect();
+            (substitute(&value, &names, &parts), item)
+        }
+    };
+    PyExpr::Each(Box::new(value), name, Box::new(list), range)
 }
 
 impl PyParser {
@@ -477,13 +511,9 @@ impl PyParser {
                         }
                         return self.indexed(call);
                     }
-                    // A coordinate of a vector, which a query answers with.
-                    if let Some(PyTokenKind::Name(axis)) = self.tokens.get(self.i + 1).map(|t| &t.kind)
-                        && matches!(axis.as_str(), "x" | "y" | "z")
-                    {
-                        name = format!("{name}.{axis}");
-                        self.i += 2;
-                        continue;
+                    // A coordinate of a vector.
+                    if self.axis().is_some() {
+                        return self.indexed(PyExpr::Name(name, t.range));
                     }
                     if !matches!(name.as_str(), "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m") {
                         return Err(attribute_refusal(&name, self.here()));
@@ -563,31 +593,96 @@ impl PyParser {
             let nothing = PyExpr::Call(NOTHING.to_owned(), Vec::new(), range.clone());
             PyExpr::Choice(Box::new(test), Box::new(value), Box::new(nothing))
         });
-        // `for x, y in list` takes each item apart.
-        let (value, name) = match names.as_slice() {
-            [name] => (value, name.clone()),
-            _ => {
-                let item = format!("(item at {})", place.start);
-                let at = |k: usize| {
-                    let item = Box::new(PyExpr::Name(item.clone(), place.clone()));
-                    PyExpr::Index(item, Box::new(PyExpr::Number(f64::from(saturating_index(k)))), place.clone())
-                };
-                let parts: Vec<PyExpr> = (0..names.len()).map(at).collect();
-                (substitute(&value, &names, &parts), item)
-            }
-        };
-        let all = PyExpr::Each(Box::new(value), name, Box::new(list), range.clone());
+        let all = each_item(value, names, list, &place, range.clone());
         Ok(if is_nested { PyExpr::Call(FLAT.to_owned(), vec![all], range) } else { all })
     }
 
-    /// Indices behind a value.
+    /// The rest of `map(function, list)` or `filter(function, list)` as `[value for name in list]`; several lists of `map` are taken
+    /// side by side.
+    fn mapped(&mut self, is_filter: bool, range: Range<usize>) -> Result<PyExpr, Refusal> {
+        let place = self.here();
+        // A lambda has names and a value, a function its name alone.
+        let (mut names, mut value) = (Vec::new(), None);
+        let mut function = None;
+        if self.eat_word("lambda") {
+            while names.is_empty() || self.eat(",") {
+                let Some(name) = self.word().map(str::to_owned) else {
+                    return Err(Refusal::new("'lambda'", self.here()));
+                };
+                names.push(name);
+                self.i += 1;
+            }
+            if !self.eat(":") {
+                return Err(Refusal::new("'lambda' without ':'", self.here()));
+            }
+            value = Some(self.choice()?);
+        } else {
+            function = Some(self.choice()?);
+        }
+        let mut height = self.height;
+        let mut lists = Vec::new();
+        while self.eat(",") {
+            lists.push(self.choice()?);
+            height = height.max(self.height);
+        }
+        if lists.is_empty() || !self.eat(")") {
+            let what = self.tokens.get(self.i).map_or("an unclosed '('".to_owned(), |t| self.describe(t));
+            return Err(Refusal::new(what, self.here()));
+        }
+        self.grow(height)?;
+        if names.is_empty() {
+            names = (0..lists.len()).map(|k| format!("(item {k} of {})", place.start)).collect();
+        }
+        let items: Vec<PyExpr> = names.iter().map(|name| PyExpr::Name(name.clone(), place.clone())).collect();
+        // Without a function `filter` leaves out what fails a test.
+        let value = match (value, function) {
+            (Some(value), _) => value,
+            (None, Some(PyExpr::Name(name, at))) => PyExpr::Call(name, items.clone(), at),
+            (None, none) => match items.as_slice() {
+                [item] if is_filter && none == Some(PyExpr::none(place.clone())) => item.clone(),
+                _ => return Err(Refusal::new("this function of 'map' or 'filter'", place)),
+            },
+        };
+        if lists.len() != names.len() || (is_filter && lists.len() != 1) {
+            let what = format!("'{}' of other lists than its function has", if is_filter { "filter" } else { "map" });
+            return Err(Refusal::new(what, range));
+        }
+        let value = match items.as_slice() {
+            [item] if is_filter => {
+                let nothing = PyExpr::Call(NOTHING.to_owned(), Vec::new(), range.clone());
+                PyExpr::Choice(Box::new(value), Box::new(item.clone()), Box::new(nothing))
+            }
+            _ => value,
+        };
+        let list = match lists.pop() {
+            Some(list) if lists.is_empty() => list,
+            last => PyExpr::Call("zip".to_owned(), lists.into_iter().chain(last).collect(), range.clone()),
+        };
+        Ok(each_item(value, names, list, &place, range))
+    }
+
+    /// The coordinate that an attribute is, `.x`, if one follows.
+    fn axis(&self) -> Option<u32> {
+        let Some(PyTokenKind::Name(name)) = self.tokens.get(self.i + 1).map(|t| &t.kind) else { return None };
+        AXES.iter().position(|axis| axis == name).map(saturating_index)
+    }
+
+    /// Indices and coordinates behind a value.
     fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
         let mut out = value;
         let mut count = 0;
-        while self.sign() == Some("[") {
+        while matches!(self.sign(), Some("[" | ".")) {
             let place = self.here();
-            self.i += 1;
             let height = self.height;
+            // `v.x` is `v[0]`; other attributes are refused where the expression ends.
+            if self.sign() == Some(".") {
+                let Some(axis) = self.axis() else { break };
+                self.i += 2;
+                self.grow(height)?;
+                out = PyExpr::Index(Box::new(out), Box::new(PyExpr::Number(f64::from(axis))), place);
+                continue;
+            }
+            self.i += 1;
             let index = self.part(&place)?;
             self.grow(height)?;
             count += 1;
@@ -615,6 +710,9 @@ impl PyParser {
     }
 
     fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
+        if matches!(name.as_str(), "map" | "filter") {
+            return self.mapped(name == "filter", range);
+        }
         let (mut args, mut height) = (Vec::new(), 0_usize);
         while !self.eat(")") {
             // `f(x, k=3)`: the name is kept with its sign, which no function has.

@@ -1,48 +1,24 @@
-//! Productions: heads, and the code that each way through their statements becomes.
+//! Productions: their heads, and one production for each way through their statements.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
 
-use super::expression::{PyExpr, PyOp, Refusal, compile, has_random};
+use super::expression::{PyExpr, PyOp};
+use super::lines::{Line, block_after};
 use super::parser::parse;
+use super::pieces::{closing, colon, split};
+use super::refusal::Refusal;
+use super::resolve::compile;
+use super::shapes::{SpreadModule, spread};
 use super::statement::{GROUP, Statement, assigned};
-use super::strings::{PyModule, Spelled, spell};
-use super::ways::{Step, Way, names_of, spread};
-use super::{Line, Model, Section, block_after, colon, shifted, strings};
-use crate::code::{Bytecode, Expr, Op, UnaryOp};
+use super::strings::{ParamShape, PyModule, QUERIES, Spelled, frame_query, spell};
+use super::vectors::vector;
+use super::way::Way;
+use super::{Model, Section};
+use crate::code::Expr;
 use crate::dialect::text::Piece;
 use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
 use crate::token::SourcePlace;
 use crate::vm;
-
-/// Appends a test and a place for the jump where it is 0; returns that place.
-fn push_test(ops: &mut Vec<Op>, test: &Bytecode) -> usize {
-    let offset = ops.len();
-    ops.extend(test.ops.iter().map(|op| shifted(*op, offset)));
-    ops.push(Op::Pop);
-    ops.len() - 1
-}
-
-/// Beginning, end and positive step of a `range(..)`.
-fn range_of_loop(list: &PyExpr) -> Option<(PyExpr, PyExpr, f64)> {
-    let PyExpr::Call(name, args, _) = list else { return None };
-    if !name.ends_with("range") {
-        return None;
-    }
-    match args.as_slice() {
-        [end] => Some((PyExpr::Number(0.0), end.clone(), 1.0)),
-        [from, end] => Some((from.clone(), end.clone(), 1.0)),
-        [from, end, PyExpr::Number(step)] if *step > 0.0 => Some((from.clone(), end.clone(), *step)),
-        _ => None,
-    }
-}
-
-/// Jumps of a loop whose targets are known at its end.
-#[derive(Debug, Default)]
-struct LoopJumps {
-    breaks: Vec<usize>,
-    continues: Vec<usize>,
-}
 
 /// Predecessor and contexts of a production, before its statements.
 struct Head {
@@ -101,6 +77,35 @@ impl<'t> HeadParts<'t> {
         }
         parts
     }
+}
+
+/// Names of modules with the numbers of parameters that the text gives them; of texts without `*` among parameters none, as
+/// nothing asks for them.
+pub(super) fn arities(text: &str, declared: &[String]) -> BTreeSet<(String, usize)> {
+    let mut out = BTreeSet::new();
+    if !text.contains("(*") && !text.contains(",*") && !text.contains(", *") {
+        return out;
+    }
+    let single = text.chars().filter(char::is_ascii_alphabetic).map(|c| c.to_string()).collect::<BTreeSet<_>>();
+    for name in declared.iter().cloned().chain(single) {
+        for (i, _) in text.match_indices(name.as_str()) {
+            // A longer word is another name, unless it is a row of modules: those of single letters cannot be told from it.
+            let after = &text[i + name.len()..];
+            let is_word = |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
+            if name.len() > 1 && (is_word(text[..i].chars().next_back()) || is_word(after.chars().next())) {
+                continue;
+            }
+            let Some(inner) = after.strip_prefix('(') else {
+                continue;
+            };
+            let Some(close) = closing(inner) else { continue };
+            let params = split(Piece::new(0, &inner[..close]));
+            if !params.iter().any(|p| p.text.starts_with('*')) {
+                out.insert((name.clone(), params.len()));
+            }
+        }
+    }
+    out
 }
 
 impl Model<'_, '_> {
@@ -206,7 +211,8 @@ impl Model<'_, '_> {
         // A way without modules still assigns variables of the model; the next production is tried after it.
         let applied: Vec<&Way> = ways.iter().filter(|w| w.produced || !w.written().is_empty()).collect();
         // A variable that only other ways set has no value: L-Py ends with an error on such a way.
-        names.retain(|name| !globals.contains(name) && !self.scope.locals.contains(name));
+        let is_of_head = |name: &String| self.rule_lists.iter().any(|(own, _)| own == name);
+        names.retain(|name| !globals.contains(name) && !self.scope.locals.contains(name) && !is_of_head(name));
         let unset: Vec<Option<&String>> =
             applied.iter().map(|way| names.iter().find(|name| way.misses(name))).collect();
         let is_any_whole = unset.iter().any(Option::is_none);
@@ -280,7 +286,7 @@ impl Model<'_, '_> {
                     let why = Refusal::new("'*', which stands for any module", s.range);
                     return Err(why.remedy("write one production for each module that it stands for"));
                 }
-                "?R" | "?F" => return Err(strings::frame_query(&s.name, s.range)),
+                "?R" | "?F" => return Err(frame_query(&s.name, s.range)),
                 _ => out.push(ContextElement::Module(self.formal(&s, conditions)?)),
             }
         }
@@ -297,11 +303,14 @@ impl Model<'_, '_> {
             PyExpr::List(names.iter().map(|n| PyExpr::Name(n.clone(), s.range.clone())).collect(), s.range.clone())
         };
         // A query has three numbers, which one name holds as a vector: `?P(v)` has `v.x` and `v[0]`.
-        let is_vector = strings::QUERIES.contains(&s.name.as_str()) && params.len() < 3;
+        let is_vector = QUERIES.contains(&s.name.as_str()) && params.len() < 3;
         // `A(x, *args)` takes whatever number of parameters there is beyond the first: `star` in this reading of the head.
         let star = params.last().filter(|p| p.text.starts_with('*') && !p.text.starts_with("**"));
         let plain = if is_vector { &[][..] } else { &params[..params.len() - usize::from(star.is_some())] };
-        for p in plain {
+        let shape = self.shape_of(&s.name, plain.len());
+        let mut arity = 0;
+        for (p, shape) in plain.iter().zip(&shape) {
+            arity += shape.count();
             let (name, condition) = match p.text.find(" if ") {
                 Some(i) => (p.up_to(i).trimmed(), Some(p.from(i + " if ".len()).trimmed())),
                 None => (*p, None),
@@ -309,10 +318,41 @@ impl Model<'_, '_> {
             let mut chars = name.text.chars();
             let is_name = chars.next().is_some_and(|c| c.is_alphabetic() || c == '_')
                 && chars.all(|c| c.is_alphanumeric() || c == '_');
+            // A list or a vector has a name, and a parameter for each of its items.
+            if let (true, ParamShape::List(n) | ParamShape::Vector(n)) = (is_name, *shape) {
+                let names: Vec<String> = (0..n).map(|k| format!("{} ({k})", name.text)).collect();
+                let items = list(&names);
+                let value = match (*shape, items) {
+                    (ParamShape::Vector(_), PyExpr::List(items, range)) => vector(items, range),
+                    (_, items) => items,
+                };
+                let of_model = self.scope.lists.insert(name.text.to_owned(), value);
+                self.rule_lists.push((name.text.to_owned(), of_model));
+                self.scope.locals.extend(names);
+                conditions.extend(condition.map(|c| self.test(c)).transpose()?);
+                continue;
+            }
+            if *shape != ParamShape::Number {
+                let why = Refusal::new(format!("'{}' in place of a list or a vector", p.text), p.range());
+                return Err(
+                    why.remedy("give the parameter a name, and compare its items in a condition: v if v[0] > 2")
+                );
+            }
             // A name that an earlier parameter has is no new one, and is refused below.
             if is_name && !self.scope.locals.iter().any(|l| l == name.text) {
                 self.scope.locals.push(name.text.to_owned());
                 conditions.extend(condition.map(|c| self.test(c)).transpose()?);
+                continue;
+            }
+            // `x == 2` and `x != 2` are a name with a condition.
+            let test = if is_name || condition.is_some() { None } else { parse(name).ok() };
+            if let Some(PyExpr::Binary(op, left, _)) = &test
+                && let PyExpr::Name(own, _) = &**left
+                && op.compares()
+                && !self.scope.locals.contains(own)
+            {
+                self.scope.locals.push(own.clone());
+                conditions.extend(test);
                 continue;
             }
             // Without a new name only a constant is left, which the parameter must equal.
@@ -328,7 +368,6 @@ impl Model<'_, '_> {
             let own = Box::new(PyExpr::Name(hidden, p.range()));
             conditions.push(PyExpr::Binary(PyOp::Eq, own, Box::new(PyExpr::Number(value))));
         }
-        let mut arity = plain.len();
         let mut group = None;
         if is_vector {
             let name = params.first().map_or("(query)", |p| p.text);
@@ -338,10 +377,17 @@ impl Model<'_, '_> {
             group = Some((name.to_owned(), (0..self.star).map(|k| format!("{name} ({k})")).collect()));
         }
         if let Some((name, names)) = group {
-            let of_model = self.scope.lists.insert(name.clone(), list(&names));
+            let value = match list(&names) {
+                PyExpr::List(items, range) if is_vector => vector(items, range),
+                list => list,
+            };
+            let of_model = self.scope.lists.insert(name.clone(), value);
             self.rule_lists.push((name, of_model));
             arity += names.len();
             self.scope.locals.extend(names);
+        }
+        if star.is_none() && !is_vector {
+            self.check_shape(&s.name, &shape, &s.range)?;
         }
         let arity = u8::try_from(arity).map_err(|_| Refusal::new("more than 255 parameters", s.range.clone()))?;
         let symbol = self.symbol(&s.name).ok_or_else(|| Refusal::new("more than 65,535 symbols", s.range.clone()))?;
@@ -377,168 +423,19 @@ impl Model<'_, '_> {
         built
     }
 
-    /// Code of the steps of a way: a block before the condition, and the condition.
-    fn way_code(&mut self, way: &Way) -> Result<(Option<Bytecode>, Option<Bytecode>), Refusal> {
-        // Only conditions, which draw nothing: one expression.
-        let is_plain = |s: &Step| matches!(s, Step::Condition(e, _) if !has_random(e, &self.scope));
-        if way.steps.iter().all(is_plain) {
-            let test = |s: &Step| match s {
-                Step::Condition(e, true) => Some(e.clone()),
-                Step::Condition(e, false) => Some(PyExpr::Not(Box::new(e.clone()))),
-                Step::Assign(..) | Step::Loop(..) => None,
-            };
-            let all = way.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
-            return Ok((None, all.map(|e| compile(&e, &self.scope)).transpose()?));
-        }
-        // A block computes everything in order; a variable says whether all conditions held. Every way draws the same random
-        // numbers, as it is the same run of Python.
-        let result = self.scope.local("(applies)");
-        let mut ops = vec![Op::RestartDraws];
-        let mut failures = Vec::new();
-        for step in &way.steps {
-            let (e, store) = match step {
-                Step::Assign(name, e) => (e, Some(name)),
-                Step::Condition(e, _) => (e, None),
-                Step::Loop(test, body, place) => {
-                    self.loop_code(test, body, place, &mut ops)?;
-                    continue;
-                }
-            };
-            let code = compile(e, &self.scope)?;
-            let offset = ops.len();
-            ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
-            match (store, step) {
-                (Some(name), _) => ops.push(Op::StoreLocal(self.scope.local(name))),
-                (None, Step::Condition(_, wanted)) => {
-                    if !wanted {
-                        ops.push(Op::Unary(UnaryOp::Not));
-                    }
-                    failures.push(ops.len());
-                    ops.push(Op::Pop);
-                }
-                (None, Step::Assign(..) | Step::Loop(..)) => {}
-            }
-        }
-        // Until here they were local variables: only the way that is taken changes those of the model.
-        for name in way.written() {
-            let (local, global) = (self.scope.local(name), self.scope.global(name));
-            ops.extend([Op::Local(local), Op::StoreGlobal(global)]);
-        }
-        ops.extend([Op::Const(if way.produced { 1.0 } else { 0.0 }), Op::StoreLocal(result)]);
-        let jump = ops.len();
-        ops.push(Op::Pop);
-        for at in failures {
-            ops[at] = Op::JumpIfZero(ops.len());
-        }
-        ops.extend([Op::Const(0.0), Op::StoreLocal(result)]);
-        ops[jump] = Op::Jump(ops.len());
-        let condition = Bytecode { ops: vec![Op::Local(result)], ..Bytecode::default() };
-        Ok((Some(self.bytecode(ops)), Some(condition)))
-    }
-
-    /// Code with the places of its loops.
-    pub(super) fn bytecode(&self, ops: Vec<Op>) -> Bytecode {
-        let has_loops = ops.iter().any(|op| matches!(op, Op::Count(_)));
-        let places = if has_loops { self.loop_places.clone() } else { Vec::new() };
-        Bytecode { ops, places, ..Bytecode::default() }
-    }
-
-    /// Appends a loop: test, JumpIfZero to its end, body, Jump to the test.
-    fn loop_code(
-        &mut self,
-        test: &PyExpr,
-        body: &[Statement],
-        place: &Range<usize>,
-        ops: &mut Vec<Op>,
-    ) -> Result<(), Refusal> {
-        // Names that the body assigns exist before it, so that the test may read them.
-        for name in names_of(body).0 {
-            self.scope.local(&name);
-        }
-        let start = ops.len();
-        ops.push(Op::Count(self.loop_places.len()));
-        self.loop_places.push(self.reader.place(place.clone()));
-        let skip = push_test(ops, &compile(test, &self.scope)?);
-        let mut jumps = LoopJumps::default();
-        self.computing_code(body, ops, &mut jumps)?;
-        for at in jumps.continues {
-            ops[at] = Op::Jump(start);
-        }
-        ops.push(Op::Jump(start));
-        ops[skip] = Op::JumpIfZero(ops.len());
-        for at in jumps.breaks {
-            ops[at] = Op::Jump(ops.len());
-        }
-        Ok(())
-    }
-
-    /// Appends statements that only compute. `jumps`: those of the loop around them.
-    fn computing_code(&mut self, body: &[Statement], ops: &mut Vec<Op>, jumps: &mut LoopJumps) -> Result<(), Refusal> {
-        for statement in body {
-            match statement {
-                Statement::Assign(name, e) => {
-                    let code = compile(e, &self.scope)?;
-                    let offset = ops.len();
-                    ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
-                    ops.push(Op::StoreLocal(self.scope.local(name)));
-                }
-                Statement::If(tests, other) => {
-                    let mut ends = Vec::new();
-                    for (test, then) in tests {
-                        let skip = push_test(ops, &compile(test, &self.scope)?);
-                        self.computing_code(then, ops, jumps)?;
-                        ends.push(ops.len());
-                        ops.push(Op::Pop);
-                        ops[skip] = Op::JumpIfZero(ops.len());
-                    }
-                    self.computing_code(other, ops, jumps)?;
-                    for end in ends {
-                        ops[end] = Op::Jump(ops.len());
-                    }
-                }
-                Statement::While(test, inner, place, _) => self.loop_code(test, inner, place, ops)?,
-                Statement::For(name, list, inner, place) => {
-                    let [count, last] = ["turn", "end"].map(|word| format!("({word} {})", self.temporaries));
-                    self.temporaries += 1;
-                    let (from, end, step) = range_of_loop(list)
-                        .ok_or_else(|| Refusal::new("'for' over a list in a loop", place.clone()))?;
-                    let at = |n: &str| PyExpr::Name(n.to_owned(), place.clone());
-                    let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(at(&last)));
-                    let next = PyExpr::Binary(PyOp::Add, Box::new(at(&count)), Box::new(PyExpr::Number(step)));
-                    let mut turn =
-                        vec![Statement::Assign(name.clone(), at(&count)), Statement::Assign(count.clone(), next)];
-                    turn.extend(inner.iter().cloned());
-                    // Python evaluates a range once, before the first turn.
-                    for (variable, value) in [(&count, &from), (&last, &end)] {
-                        let code = compile(value, &self.scope)?;
-                        let offset = ops.len();
-                        ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
-                        ops.push(Op::StoreLocal(self.scope.local(variable)));
-                    }
-                    self.loop_code(&test, &turn, place, ops)?;
-                }
-                Statement::Break(_) => {
-                    jumps.breaks.push(ops.len());
-                    ops.push(Op::Pop);
-                }
-                Statement::Continue(_) => {
-                    jumps.continues.push(ops.len());
-                    ops.push(Op::Pop);
-                }
-                // The names of `global` are known from the way; nothing else is left in a loop that only computes.
-                _ => {}
-            }
-        }
-        Ok(())
-    }
-
     pub(super) fn successor(&mut self, list: &[PyModule]) -> Option<Vec<SuccessorModule>> {
         let mut out = Vec::with_capacity(list.len());
         for m in list {
             let place = self.reader.place(m.range.clone());
             let mut args = Vec::new();
-            let spread = spread(&m.args, &self.scope);
-            for arg in &self.settle(spread)? {
+            let spread = match &m.shape {
+                Some(shape) => Ok(SpreadModule { args: m.args.clone(), shape: shape.clone() }),
+                None => spread(m, &self.scope),
+            };
+            let SpreadModule { args: numbers, shape } = self.settle(spread)?;
+            let is_known = self.check_shape(&m.name, &shape, &m.range);
+            self.settle(is_known)?;
+            for arg in &numbers {
                 let code = compile(arg, &self.scope);
                 args.push(self.settle(code)?.into_expr());
             }

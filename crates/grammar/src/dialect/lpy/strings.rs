@@ -2,8 +2,10 @@
 
 use std::ops::Range;
 
-use super::expression::{PyExpr, Refusal};
+use super::expression::PyExpr;
 use super::parser::parse;
+use super::pieces::{closing, split};
+use super::refusal::Refusal;
 use crate::dialect::text::Piece;
 
 /// Names of L-Py that mean the same as a shorter one. Source: its help card.
@@ -48,6 +50,7 @@ const ALIASES: [(&str, &str); 39] = [
     ("UpReflexion", "UpReflection"),
     ("HeadingReflexion", "HeadingReflection"),
 ];
+
 /// Names of several characters that are known without a declaration. Source: the same.
 const NAMES: [&str; 43] = [
     "@Dd",
@@ -94,6 +97,7 @@ const NAMES: [&str; 43] = [
     "UpReflection",
     "HeadingReflection",
 ];
+
 /// Commands whose parameters are objects of Python.
 const OBJECTS: [&str; 8] = [
     "SetContour",
@@ -129,7 +133,38 @@ pub(super) struct Spelled<'t> {
 pub(super) struct PyModule {
     pub name: String,
     pub args: Vec<PyExpr>,
+    /// What its parameters were before lists and vectors became numbers; `None`: `args` has them as they are written.
+    pub shape: Option<Vec<ParamShape>>,
     pub range: Range<usize>,
+}
+
+/// What a parameter of a module is; of a list or a vector with the number of its items.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ParamShape {
+    Number,
+    List(usize),
+    Vector(usize),
+}
+
+impl ParamShape {
+    /// How many numbers it has.
+    pub fn count(self) -> usize {
+        match self {
+            Self::Number => 1,
+            Self::List(n) | Self::Vector(n) => n,
+        }
+    }
+}
+
+/// True for a command of the turtle, whose parameters are numbers or points.
+pub(super) fn is_command(name: &str) -> bool {
+    NAMES.contains(&name)
+        || OBJECTS.contains(&name)
+        || name.starts_with(['@', '~', '?'])
+        || matches!(
+            name,
+            "F" | "f" | "+" | "-" | "^" | "&" | "/" | "\\" | "|" | "_" | "!" | ";" | "," | "." | "{" | "}"
+        )
 }
 
 /// The length of the name at the beginning of a text, and the name: the longest that is known, else one character.
@@ -194,42 +229,6 @@ pub(super) fn spell<'t>(piece: Piece<'t>, declared: &[String]) -> Result<Vec<Spe
     Ok(out)
 }
 
-/// Index of the parenthesis that closes one opened just before the text; `None` if it is never closed.
-pub(super) fn closing(text: &str) -> Option<usize> {
-    let mut depth = 0_usize;
-    for (i, c) in text.char_indices() {
-        match c {
-            '(' => depth += 1,
-            ')' if depth == 0 => return Some(i),
-            ')' => depth -= 1,
-            _ => {}
-        }
-    }
-    None
-}
-
-/// Parts between the commas outside of parentheses; none of an empty text.
-pub(super) fn split(piece: Piece<'_>) -> Vec<Piece<'_>> {
-    if piece.text.trim().is_empty() {
-        return Vec::new();
-    }
-    let mut out = Vec::new();
-    let (mut depth, mut from) = (0_usize, 0);
-    for (i, c) in piece.text.char_indices() {
-        match c {
-            '(' | '[' | '{' => depth += 1,
-            ')' | ']' | '}' => depth = depth.saturating_sub(1),
-            ',' if depth == 0 => {
-                out.push(piece.up_to(i).from(from).trimmed());
-                from = i + 1;
-            }
-            _ => {}
-        }
-    }
-    out.push(piece.from(from).trimmed());
-    out
-}
-
 /// The three numbers of a point `Vector3(x,y,z)` or `(x,y,z)`; any other parameter itself.
 fn coordinates(piece: Piece<'_>) -> Vec<Piece<'_>> {
     let inner = piece.text.strip_prefix("Vector3").unwrap_or(piece.text);
@@ -256,6 +255,44 @@ fn argument(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
     }
 }
 
+/// Modules that a list of Python gives to `nsproduce`, `([F(1), ('Leaf', 2), SB()])`; `None` for anything else.
+pub(super) fn listed_modules(piece: Piece<'_>, declared: &[String]) -> Result<Option<Vec<PyModule>>, Refusal> {
+    let Some(inner) = within(piece, '(', ')').and_then(|list| within(list, '[', ']')) else { return Ok(None) };
+    let mut out = Vec::new();
+    for item in split(inner) {
+        // `('F', 1)` and `'F'` name the module by a text.
+        let parts = within(item, '(', ')').or_else(|| within(item, '[', ']')).map_or_else(|| vec![item], split);
+        let Some((name, params)) = parts.split_first().filter(|(name, _)| name.text.starts_with(['"', '\''])) else {
+            match modules(item, declared)?.as_slice() {
+                [module] => out.push(module.clone()),
+                _ => return Err(several_modules(item)),
+            }
+            continue;
+        };
+        let text = name.text.trim_matches(['"', '\'']);
+        let (length, known) = if text.is_empty() { (1, String::new()) } else { name_at(text, declared) };
+        if length != text.len() {
+            return Err(several_modules(item));
+        }
+        let args = params.iter().map(|p| argument(*p)).collect::<Result<Vec<_>, _>>()?;
+        out.push(PyModule { name: known, args, shape: None, range: item.range() });
+    }
+    Ok(Some(out))
+}
+
+/// What stands between two signs that a text begins and ends with.
+fn within(piece: Piece<'_>, open: char, close: char) -> Option<Piece<'_>> {
+    let piece = piece.trimmed();
+    let inner = piece.text.strip_prefix(open)?.strip_suffix(close)?;
+    Some(Piece::new(piece.at + open.len_utf8(), inner).trimmed())
+}
+
+/// The refusal of an item of a list of modules that is no single module.
+fn several_modules(item: Piece<'_>) -> Refusal {
+    let why = Refusal::new(format!("'{}' as a module of a list", item.text), item.range());
+    why.remedy("declare names of several letters: module Leaf; separate modules by commas")
+}
+
 /// Modules of a successor in their order; none if it is a single `*`, the empty string.
 pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyModule>, Refusal> {
     let spelled = spell(piece, declared)?;
@@ -271,17 +308,20 @@ pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyMod
         }
         // The turtle answers with three numbers, whatever the model gives.
         if QUERIES.contains(&s.name.as_str()) && s.params.as_ref().map_or(0, Vec::len) != 3 {
-            return Ok(PyModule { name: s.name, args: vec![PyExpr::Number(0.0); 3], range: s.range });
+            return Ok(PyModule { name: s.name, args: vec![PyExpr::Number(0.0); 3], shape: None, range: s.range });
         }
         // Parameters of these commands are objects that change only the surface of a drawing: they are left out.
         let is_object = OBJECTS.contains(&s.name.as_str()) || matches!(s.name.as_str(), "@g" | "@L");
         let args = match &s.params {
             Some(params) if !is_object => {
-                params.iter().flat_map(|p| coordinates(*p)).map(argument).collect::<Result<Vec<_>, _>>()?
+                // A point of a command is its coordinates; of another module it is one parameter.
+                let is_point = is_command(&s.name);
+                let parts = params.iter().flat_map(|p| if is_point { coordinates(*p) } else { vec![*p] });
+                parts.map(argument).collect::<Result<Vec<_>, _>>()?
             }
             _ => Vec::new(),
         };
-        Ok(PyModule { name: s.name, args, range: s.range })
+        Ok(PyModule { name: s.name, args, shape: None, range: s.range })
     };
     spelled.into_iter().map(module).collect()
 }

@@ -1,6 +1,6 @@
 //! Commands of the turtle by symbol, as in cpfg and "The Algorithmic Beauty of Plants".
 
-use super::dialects::DialectCommand;
+use super::dialect_commands::DialectCommand;
 
 /// What the turtle does for one symbol; parameters are read when it is performed.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,7 +1,5 @@
 //! Commands beyond the textbook: generalised cylinders, rings, patches, textures.
 
-use std::collections::BTreeMap;
-
 use glam::{DQuat, DVec3};
 
 use super::builder::{OrganSize, ProtoRange};
@@ -9,6 +7,7 @@ use super::cylinders::{CurveKind, CylinderOrigin, CylinderPoint, OpenCylinder, S
 use super::frame::TurtlePose;
 use super::interpreter::Turtle;
 use super::paint::Paint;
+use super::patches::{PatchBasis, TurtlePatch};
 use osier_base::math;
 use osier_base::units::radians;
 use osier_grammar::Module;
@@ -17,37 +16,6 @@ use osier_scene::MaterialId;
 
 /// Most quads along a side of a patch.
 const MAX_QUADS: f64 = 64.0;
-
-/// A Bezier, B-spline or cardinal patch whose control points the string sets.
-#[derive(Debug, Clone)]
-pub(super) struct TurtlePatch {
-    basis: PatchBasis,
-    points: [[DVec3; 4]; 4],
-}
-
-#[derive(Debug, Clone, Copy)]
-enum PatchBasis {
-    Bezier,
-    BSpline,
-    Cardinal,
-}
-
-impl PatchBasis {
-    /// Control points in Bezier form of the curve that four points of this basis define.
-    fn bezier(self, p: [DVec3; 4]) -> [DVec3; 4] {
-        match self {
-            Self::Bezier => p,
-            // The change of basis from uniform cubic B-splines, and below from Catmull-Rom splines, to Bezier form.
-            Self::BSpline => [
-                (p[0] + p[1] * 4.0 + p[2]) / 6.0,
-                (p[1] * 2.0 + p[2]) / 3.0,
-                (p[1] + p[2] * 2.0) / 3.0,
-                (p[1] + p[2] * 4.0 + p[3]) / 6.0,
-            ],
-            Self::Cardinal => [p[1], p[1] + (p[2] - p[0]) / 6.0, p[2] - (p[3] - p[1]) / 6.0, p[2]],
-        }
-    }
-}
 
 impl Turtle<'_> {
     /// Performs the command of `@G`, `@b` or `@P` with the second letter `c`; false if there is no such command.
@@ -290,9 +258,6 @@ impl Turtle<'_> {
         self.rare.texture.or(painted).unwrap_or(self.options.shape_material)
     }
 }
-
-/// Patches by the number that `@PS` gives.
-pub(super) type TurtlePatches = BTreeMap<u32, TurtlePatch>;
 
 /// The parameter of a command as a whole number; negative values become 0.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]

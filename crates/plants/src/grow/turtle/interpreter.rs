@@ -5,10 +5,10 @@ use glam::DVec3;
 use super::builder::{DrawnNode, NodeSite, OrganSize, PlantBuilder, ProtoRange, RawOrgan};
 use super::commands::Command;
 use super::cylinders::{CylinderState, OpenCylinder, TANGENT};
-use super::dialects::{DialectState, DialectTurtle, PendingNumber};
-use super::extended::TurtlePatches;
+use super::dialect_commands::{DialectState, DialectTurtle, PendingNumber};
 use super::frame::{TurtleFrame, TurtlePose};
 use super::options::TurtleOptions;
+use super::patches::TurtlePatches;
 use super::prototypes::{PolygonPrototype, PrototypeCache, TooManyPrototypes};
 use super::tropism;
 use osier_base::Result;
@@ -259,13 +259,13 @@ impl<'a> Turtle<'a> {
         for (e, t) in elasticity.iter_mut().zip(&options.tropisms) {
             *e = t.elasticity;
         }
-        let mut s = TurtleState {
+        let s = TurtleState {
             p: DVec3::ZERO,
-            frame: TurtleFrame::START,
+            frame: dialect.first_frame(),
             last: TurtleFrame::START,
-            width: options.width.max(MIN_WIDTH),
+            width: dialect.first_width(options.width.max(MIN_WIDTH)),
             scale: options.scale,
-            color: options.color,
+            color: dialect.first_color(options.color),
             painted: options.painted,
             turns: 0,
             attachment: Attachment { axis: None, parent: None, ordinal: 0 },
@@ -283,7 +283,6 @@ impl<'a> Turtle<'a> {
             elasticity,
             tropism_elasticity: options.old_elasticity,
         };
-        dialect.begin(&mut s);
         // In the dialects of papers only bound symbols and brackets are commands.
         let command = |i: u16, c: char| match bindings.action(i) {
             Some(TurtleAction::SameAs(other)) => Command::from_symbol(*other),

@@ -7,6 +7,7 @@ mod bound_actions;
 mod builder;
 mod commands;
 mod cylinders;
+mod dialect_commands;
 mod dialects;
 mod extended;
 mod frame;

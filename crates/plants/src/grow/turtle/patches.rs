@@ -1,4 +1,4 @@
-//! Meshes of surfaces from companion files: Bezier patches and triangles.
+//! Patches of the string and meshes of surfaces from companion files: Bezier patches and triangles.
 
 use std::collections::BTreeMap;
 
@@ -13,6 +13,40 @@ use osier_scene::{MaterialId, Mesh};
 /// Points nearer than this share of a surface's largest coordinate share one normal: patches meet up to the rounding of a text
 /// file.
 const WELD: f64 = 1e-5;
+
+/// A Bezier, B-spline or cardinal patch whose control points the string sets.
+#[derive(Debug, Clone)]
+pub(super) struct TurtlePatch {
+    pub basis: PatchBasis,
+    pub points: [[DVec3; 4]; 4],
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(super) enum PatchBasis {
+    Bezier,
+    BSpline,
+    Cardinal,
+}
+
+impl PatchBasis {
+    /// Control points in Bezier form of the curve that four points of this basis define.
+    pub fn bezier(self, p: [DVec3; 4]) -> [DVec3; 4] {
+        match self {
+            Self::Bezier => p,
+            // The change of basis from uniform cubic B-splines, and below from Catmull-Rom splines, to Bezier form.
+            Self::BSpline => [
+                (p[0] + p[1] * 4.0 + p[2]) / 6.0,
+                (p[1] * 2.0 + p[2]) / 3.0,
+                (p[1] + p[2] * 2.0) / 3.0,
+                (p[1] + p[2] * 4.0 + p[3]) / 6.0,
+            ],
+            Self::Cardinal => [p[1], p[1] + (p[2] - p[0]) / 6.0, p[2] - (p[3] - p[1]) / 6.0, p[2]],
+        }
+    }
+}
+
+/// Patches by the number that `@PS` gives.
+pub(super) type TurtlePatches = BTreeMap<u32, TurtlePatch>;
 
 /// The mesh of a surface in organ space, in turtle units at scale 1: `quads` quads along and across each patch, with smooth
 /// normals over patches that meet. Subsets have the colour of their patch, or that of the turtle; `texture` replaces both.

@@ -1,0 +1,159 @@
+//! Reads assignments, and changes of lists, which are assignments of the lists that they leave.
+
+use std::ops::Range;
+
+use osier_base::convert::saturating_index;
+
+use super::expression::{ListChange, OPERATORS, PyExpr, PyOp, mentions};
+use super::lines::Line;
+use super::parser::parse;
+use super::pieces::{assignment, bracketed, is_name, method_call, split};
+use super::refusal::Refusal;
+use super::statement::{GROUP, Statement};
+use crate::dialect::text::Piece;
+
+/// `name[index] = value`, or with an operator, `name[index] += value`.
+struct ItemChange<'t> {
+    name: Piece<'t>,
+    index: Piece<'t>,
+    /// More brackets follow, `name[index][1] = value`.
+    is_nested: bool,
+    op: Option<PyOp>,
+    value: Piece<'t>,
+}
+
+impl<'t> ItemChange<'t> {
+    fn new(piece: Piece<'t>) -> Option<Self> {
+        let open = piece.text.find('[')?;
+        let name = piece.up_to(open).trimmed();
+        if !is_name(name.text) {
+            return None;
+        }
+        let (index, mut rest) = bracketed(piece.from(open))?;
+        let is_nested = rest.text.starts_with('[');
+        while rest.text.starts_with('[') {
+            rest = bracketed(rest)?.1;
+        }
+        let op = OPERATORS.iter().find(|(sign, _)| rest.text.starts_with(sign)).copied();
+        let is_set = rest.text.starts_with('=') && !rest.text.starts_with("==");
+        let length = op.map_or(1, |(sign, _)| sign.len());
+        let value = rest.from(length).trimmed();
+        (op.is_some() || is_set).then_some(Self { name, index, is_nested, op: op.map(|(_, op)| op), value })
+    }
+}
+
+/// The assignments, of names and values, that a line makes which changes a list; `None` for any other line.
+pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>>, Refusal> {
+    let named = |name: Piece<'_>| PyExpr::Name(name.text.to_owned(), name.range());
+    let changed = |name: Piece<'_>, change: ListChange, args: Vec<PyExpr>| {
+        let args = std::iter::once(named(name)).chain(args).collect();
+        (name.text.to_owned(), PyExpr::Change(change, args, piece.range()))
+    };
+    let parsed = |args: Vec<Piece<'_>>| args.into_iter().map(parse).collect::<Result<Vec<_>, _>>();
+    if let Some(call) = method_call(piece)
+        && let Some(change) = ListChange::of_method(call.method)
+    {
+        return Ok(Some(vec![changed(call.name, change, parsed(call.args)?)]));
+    }
+    // `x = q.pop()`
+    let taken = assignment(piece).and_then(|(target, value)| Some((target, method_call(value)?)));
+    if let Some((target, call)) = taken.filter(|(target, call)| call.method == "pop" && is_name(target.text)) {
+        if target.text == call.name.text {
+            return Ok(None);
+        }
+        let args = parsed(call.args)?;
+        let index = args.first().cloned().unwrap_or(PyExpr::Number(-1.0));
+        let value = PyExpr::Index(Box::new(named(call.name)), Box::new(index), piece.range());
+        return Ok(Some(vec![(target.text.to_owned(), value), changed(call.name, ListChange::Pop, args)]));
+    }
+    let Some(item) = ItemChange::new(piece) else { return Ok(None) };
+    if item.is_nested {
+        let why = Refusal::new("a change of an item within a list of lists", piece.range());
+        return Err(why.remedy("change the inner list under a name of its own, then set the whole item: q[0] = p"));
+    }
+    let (index, value) = (parse(item.index)?, parse(item.value)?);
+    let old = || Box::new(PyExpr::Index(Box::new(named(item.name)), Box::new(index.clone()), piece.range()));
+    let value = item.op.map_or_else(|| value.clone(), |op| PyExpr::Binary(op, old(), Box::new(value.clone())));
+    Ok(Some(vec![changed(item.name, ListChange::Set, vec![index, value])]))
+}
+
+/// `list[k]`.
+pub(super) fn item_of(list: &PyExpr, k: u32, place: Range<usize>) -> PyExpr {
+    PyExpr::Index(Box::new(list.clone()), Box::new(PyExpr::Number(f64::from(k))), place)
+}
+
+/// Assignments of a production: `x = e`, `x = y = e`, `x, y = e, f`, `x, y = list`, `x += e`.
+pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
+    let refused = || {
+        let shown: String = piece.text.chars().take(40).collect();
+        Refusal::new(format!("'{shown}' in a production"), piece.range())
+    };
+    if let Some(number) = piece.text.strip_prefix("useGroup(").and_then(|n| n.strip_suffix(')')) {
+        let number = parse(Piece::new(piece.at + "useGroup(".len(), number))?;
+        return Ok(vec![Statement::Assign(GROUP.to_owned(), number)]);
+    }
+    if let Some(changes) = change_of(piece)? {
+        return Ok(changes.into_iter().map(|(name, e)| Statement::Assign(name, e)).collect());
+    }
+    for (sign, op) in OPERATORS {
+        if let Some(i) = piece.text.find(sign) {
+            let name = piece.up_to(i).trimmed();
+            let value = parse(piece.from(i + sign.len()).trimmed())?;
+            // `x += e` becomes `x = x + e`.
+            let old = PyExpr::Name(name.text.to_owned(), name.range());
+            let sum = PyExpr::Binary(op, Box::new(old), Box::new(value));
+            return Ok(vec![Statement::Assign(name.text.to_owned(), sum)]);
+        }
+    }
+    let (names, mut value) = assignment(piece).ok_or_else(refused)?;
+    let names = split(names);
+    // `x = y = e` takes the value once.
+    let mut others = Vec::new();
+    while let Some((other, last)) = assignment(value) {
+        if split(other).len() != 1 {
+            return Err(refused());
+        }
+        others.push(other);
+        value = last;
+    }
+    if !others.is_empty() {
+        let [first] = names.as_slice() else { return Err(refused()) };
+        let same = || PyExpr::Name(first.text.to_owned(), first.range());
+        let mut out = vec![Statement::Assign(first.text.to_owned(), parse(value)?)];
+        out.extend(others.iter().map(|name| Statement::Assign(name.text.to_owned(), same())));
+        return Ok(out);
+    }
+    let values = split(value);
+    let values = match values.as_slice() {
+        several if several.len() == names.len() => several.iter().map(|v| parse(*v)).collect::<Result<Vec<_>, _>>()?,
+        // `x, y = list`: one name for each item.
+        [list] => match parse(*list)? {
+            PyExpr::List(items, _) if items.len() == names.len() => items,
+            PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::List(..) => return Err(refused()),
+            list => (0..names.len()).map(|k| item_of(&list, saturating_index(k), piece.range())).collect(),
+        },
+        _ => return Err(refused()),
+    };
+    let mut out = Vec::with_capacity(values.len());
+    // Python takes all values first: those that read a name which an earlier one sets wait under names that no model has.
+    let reads_earlier =
+        |(k, value): (usize, &PyExpr)| names.iter().take(k).any(|name: &Piece<'_>| mentions(value, name.text));
+    if values.iter().enumerate().any(reads_earlier) {
+        let waiting = |k: usize| format!("(value {k} of {})", piece.at);
+        out.extend(values.into_iter().enumerate().map(|(k, value)| Statement::Assign(waiting(k), value)));
+        out.extend(names.iter().enumerate().map(|(k, name)| {
+            let value = PyExpr::Name(waiting(k), name.range());
+            Statement::Assign(name.text.to_owned(), value)
+        }));
+    } else {
+        out.extend(names.iter().zip(values).map(|(name, value)| Statement::Assign(name.text.to_owned(), value)));
+    }
+    Ok(out)
+}
+
+/// The name that a line of a function sets to a value that cannot be read, with the reason: only what uses the name is refused.
+pub(super) fn unreadable_assignment<'t>(line: &Line<'t>) -> Option<(&'t str, Refusal)> {
+    let (names, value) = assignment(line.piece)?;
+    let why = parse(value).err()?;
+    (split(names).len() == 1).then_some((names.text, why))
+}

@@ -1,0 +1,269 @@
+//! Functions of the model and of productions, and their values as expressions.
+
+use std::ops::Range;
+
+use super::Model;
+use super::expression::{PyExpr, first_call, is_change, is_written_out, of_model, size_with, substitute};
+use super::lines::{Line, block_after};
+use super::parser::{lambda, parse};
+use super::pieces::{FunctionHead, assignment, function_head, is_name};
+use super::refusal::Refusal;
+use super::resolve::{compile, resolve};
+use super::scope::{OwnFunction, Scope, has_random, with_functions};
+use super::statement::{MAX_NESTING, Statement, hindrance};
+use crate::code::is_zero;
+use crate::dialect::text::Piece;
+
+/// Upper limit on the statements that are followed through one function.
+const MAX_STATEMENTS: usize = 4_096;
+
+/// Value of an expression that is a number whatever the variables `names` of its function are.
+fn known_value(e: &PyExpr, names: &[String]) -> Option<f64> {
+    let scope = Scope { locals: names.to_vec(), has_none: true, ..Scope::default() };
+    crate::vm::constant_value(&compile(e, &scope).ok()?).filter(|v| !v.is_nan())
+}
+
+/// The value of a function of assignments, `if`, `for` and `return` as one expression.
+struct FunctionValue<'m> {
+    pub scope: &'m Scope,
+    pub place: Range<usize>,
+    /// Statements that were looked at.
+    pub count: usize,
+}
+
+impl FunctionValue<'_> {
+    /// `statements` with the next one last; `names` and `values` are the variables so far.
+    pub fn of(
+        &mut self,
+        mut statements: Vec<Statement>,
+        mut names: Vec<String>,
+        mut values: Vec<PyExpr>,
+        depth: usize,
+    ) -> Result<PyExpr, Refusal> {
+        while let Some(statement) = statements.pop() {
+            self.count += 1;
+            if self.count > MAX_STATEMENTS || depth > MAX_NESTING {
+                return Err(Refusal::new("a function that is too long", self.place.clone()));
+            }
+            match statement {
+                Statement::Pass => {}
+                Statement::Assign(_, e) if is_change(&e) => {
+                    return Err(Refusal::new("a list that changes in a function with a value", self.place.clone()));
+                }
+                Statement::Assign(name, e) => {
+                    let value = self.value(&e, &names, &values)?;
+                    if has_random(&value, self.scope) {
+                        return Err(Refusal::new("a random number in a variable of a function", self.place.clone()));
+                    }
+                    if let Some(i) = names.iter().position(|n| *n == name) {
+                        values[i] = value;
+                    } else {
+                        names.push(name);
+                        values.push(value);
+                    }
+                }
+                // Each branch is followed to the end of the function with the statements behind the `if`; the tests choose between the
+                // values. Tests of numbers alone, such as those of the variable of a loop, leave one branch.
+                Statement::If(tests, mut other) => {
+                    let mut undecided = Vec::new();
+                    for (test, then) in tests {
+                        let test = self.value(&test, &names, &values)?;
+                        match known_value(&test, &names) {
+                            Some(value) if is_zero(value) => {}
+                            Some(_) => {
+                                other = then;
+                                break;
+                            }
+                            None => undecided.push((test, then)),
+                        }
+                    }
+                    if undecided.is_empty() {
+                        statements.extend(other.into_iter().rev());
+                        continue;
+                    }
+                    let with = |body: Vec<Statement>| {
+                        let mut all = statements.clone();
+                        all.extend(body.into_iter().rev());
+                        all
+                    };
+                    let mut out = self.of(with(other), names.clone(), values.clone(), depth + 1)?;
+                    for (test, then) in undecided.into_iter().rev() {
+                        let then = self.of(with(then), names.clone(), values.clone(), depth + 1)?;
+                        out = PyExpr::Choice(Box::new(test), Box::new(then), Box::new(out));
+                    }
+                    return Ok(out);
+                }
+                Statement::For(name, list, body, _) => {
+                    let list = self.value(&list, &names, &values)?;
+                    let PyExpr::List(items, _) = resolve(&list, self.scope, 0)? else {
+                        return Err(Refusal::new("'for' over something other than a list", self.place.clone()));
+                    };
+                    if items.len().saturating_mul(body.len() + 1) > MAX_STATEMENTS {
+                        return Err(Refusal::new("'for' with too many turns", self.place.clone()));
+                    }
+                    // The loop is unrolled: statements are a stack, so that the last turn is pushed first.
+                    for item in items.into_iter().rev() {
+                        statements.extend(body.iter().rev().cloned());
+                        statements.push(Statement::Assign(name.clone(), item));
+                    }
+                }
+                Statement::Return(Some(e), _) => return self.value(&e, &names, &values),
+                Statement::Return(None, place) => return Err(Refusal::new("a function without a value", place)),
+                // Each test must be known, as in a loop that counts: the turns are written out.
+                Statement::While(test, body, place, turn) => {
+                    let now = self.value(&test, &names, &values)?;
+                    let known = known_value(&now, &names);
+                    let known =
+                        known.ok_or_else(|| Refusal::new("'while' in a function with a value", place.clone()))?;
+                    if !is_zero(known) {
+                        statements.push(Statement::While(test, body.clone(), place, turn + 1));
+                        statements.extend(body.into_iter().rev());
+                    }
+                }
+                Statement::Break(place) | Statement::Continue(place) => {
+                    return Err(Refusal::new("'break' or 'continue' in a function with a value", place));
+                }
+                Statement::TurnEnd | Statement::LoopEnd | Statement::FunctionEnd(..) => {}
+                Statement::Global(_) | Statement::Produce(..) | Statement::Run(_) => {
+                    return Err(Refusal::new("a function that changes the model", self.place.clone()));
+                }
+            }
+        }
+        Err(Refusal::new("a function without a value", self.place.clone()))
+    }
+
+    fn value(&self, e: &PyExpr, names: &[String], values: &[PyExpr]) -> Result<PyExpr, Refusal> {
+        if size_with(e, names, values) > MAX_STATEMENTS {
+            return Err(Refusal::new("an expression that grows too large", self.place.clone()));
+        }
+        Ok(substitute(e, names, values))
+    }
+}
+
+/// `name = lambda x: value`.
+pub(super) fn own_lambda(piece: Piece<'_>) -> Option<(Piece<'_>, OwnFunction)> {
+    let (name, value) = assignment(piece)?;
+    let (params, value) = lambda(value).filter(|_| is_name(name.text))?;
+    Some((name, OwnFunction { params, defaults: Vec::new(), value }))
+}
+
+impl Model<'_, '_> {
+    /// Reads a `def`. A function with a value is kept as an expression; another one is refused where it is called. The functions
+    /// that L-Py calls become blocks.
+    pub(super) fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
+        let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
+        // A function that rules call: its body stands behind the colon or in the block.
+        let Some(FunctionHead { params, body }) = function_head(rest) else { return };
+        // Python evaluates them once, where the function is defined.
+        let default = |value: Piece<'_>| {
+            let value = parse(value).and_then(|e| resolve(&e, &self.scope, 0)).ok();
+            value.filter(|e| !has_random(e, &self.scope))
+        };
+        let defaults: Vec<Option<PyExpr>> = params.iter().map(|(_, value)| value.and_then(default)).collect();
+        let params: Vec<String> = params.into_iter().map(|(name, _)| name).collect();
+        let inline = [Line { indent: 0, piece: body }];
+        let lines = if body.text.is_empty() { block } else { &inline };
+        let statements = self.statements(lines);
+        let value = statements.clone().and_then(|mut list| {
+            list.reverse();
+            let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
+            let mut function = FunctionValue { scope: &self.scope, place: range.clone(), count: 0 };
+            function.of(list, params.clone(), values, 0)
+        });
+        // An expression with a call of a function of statements is no more than its statements.
+        let value = value.ok().filter(|value| first_call(value, &|name| self.has_body(name)).is_none());
+        match value {
+            Some(value) => {
+                self.bodies.remove(&name);
+                self.scope.defaults.insert(name.clone(), defaults);
+                let value = of_model(&value, &params, &self.shared);
+                self.scope.functions.insert(name, (params, value));
+            }
+            // Productions that call a function of more than one expression run its statements. A call of one that could not be read
+            // is refused there.
+            None => {
+                self.scope.functions.remove(&name);
+                self.bodies.remove(&name);
+                let why = match statements {
+                    Ok(list) => match hindrance(&list) {
+                        None => {
+                            self.scope.defaults.insert(name.clone(), defaults);
+                            self.bodies.insert(name, (params, list));
+                            return;
+                        }
+                        Some(why) => why.to_owned(),
+                    },
+                    Err(why) => format!("line {}: {}", self.reader.line_number(why.range.start), why.construct),
+                };
+                self.scope.refused_functions.insert(name, why);
+            }
+        }
+    }
+
+    /// True for the name of a function that is more than one expression.
+    pub(super) fn has_body(&self, name: &str) -> bool {
+        self.bodies.contains_key(name) && !self.scope.functions.contains_key(name)
+    }
+
+    /// Reads those functions again, as statements, that call a function of statements which stands behind them.
+    pub(super) fn read_callers_again(&mut self, list: &[Line<'_>]) {
+        let calls_body = |model: &Self, name: &str| {
+            let value = model.scope.functions.get(name).map(|(_, value)| value);
+            value.is_some_and(|value| first_call(value, &|called| model.has_body(called)).is_some())
+        };
+        loop {
+            let caller = self.definitions.iter().find(|(name, _)| calls_body(self, name));
+            let Some((name, i)) = caller.map(|(name, i)| (name.clone(), *i)) else { return };
+            let Some(line) = list.get(i) else { return };
+            let (block, _) = block_after(list, i, line.indent);
+            let (_, rest) = line.piece.first_word(&['(', ':', '=']);
+            // Values of parameters are those where the function is defined.
+            let defaults = self.scope.defaults.get(&name).cloned().unwrap_or_default();
+            self.scope.functions.remove(&name);
+            self.function(rest, block, &line.piece.range());
+            self.scope.defaults.insert(name, defaults);
+        }
+    }
+
+    /// Reads a `def` of a production or a function: a value of its parameters and of the variables around it.
+    pub(super) fn own_function(
+        &mut self,
+        rest: Piece<'_>,
+        block: &[Line<'_>],
+        range: Range<usize>,
+    ) -> Result<(), Refusal> {
+        let refused = || {
+            let why = Refusal::new("a 'def' of a production that is more than a value", range.clone());
+            why.remedy("write the function outside of the production, with what it reads as parameters")
+        };
+        let head = function_head(rest).ok_or_else(refused)?;
+        let defaults = head.params.iter().map(|(_, value)| value.map(parse).transpose());
+        let defaults = defaults.collect::<Result<Vec<_>, _>>()?;
+        if defaults.iter().flatten().any(|e| !is_written_out(e)) {
+            return Err(refused());
+        }
+        let params: Vec<String> = head.params.into_iter().map(|(name, _)| name).collect();
+        let inline = [Line { indent: 0, piece: head.body }];
+        let lines: &[Line<'_>] = if head.body.text.is_empty() { block } else { &inline };
+        let list = self.statements(lines)?;
+        let with_others = |e: &PyExpr| with_functions(e, &self.own_functions, &self.scope);
+        let list = list.iter().rev().map(|s| s.mapped(&String::clone, &with_others)).collect();
+        // Other names than its parameters may be variables of the production, whose values are not known here.
+        let (functions, has_none) = (self.scope.functions.clone(), self.scope.has_none);
+        let scope = Scope { functions, has_none, ..Scope::default() };
+        let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
+        let mut function = FunctionValue { scope: &scope, place: range.clone(), count: 0 };
+        let value = function.of(list, params.clone(), values, 0).map_err(|_| refused())?;
+        let name = rest.text.split('(').next().unwrap_or("").trim();
+        self.add_own_function(rest.up_to(name.len()), OwnFunction { params, defaults, value })
+    }
+
+    /// Adds a function of a production. All its calls mean this one, so that a second one of its name is refused.
+    pub(super) fn add_own_function(&mut self, name: Piece<'_>, function: OwnFunction) -> Result<(), Refusal> {
+        if self.own_functions.insert(name.text.to_owned(), function).is_none() {
+            return Ok(());
+        }
+        let why = Refusal::new(format!("a second function '{}' of a production", name.text), name.range());
+        Err(why.remedy("give each function a name of its own"))
+    }
+}

@@ -1,0 +1,270 @@
+//! Headings of a model, and the items that have a value: axiom, derivation length, modules that contexts skip.
+
+use std::ops::Range;
+
+use super::lines::{Line, after_heading, block_after};
+use super::parser::parse;
+use super::pieces::{at_semicolons, colon, is_rule, split};
+use super::refusal::Refusal;
+use super::resolve::compile;
+use super::statement::{Statement, assigned, renamed};
+use super::strings::{PyModule, modules, spell};
+use super::way::Step;
+use super::{Model, Section};
+use crate::dialect::text::Piece;
+use crate::program::IgnoredSymbols;
+use crate::symbols::SymbolId;
+use crate::vm;
+
+impl Model<'_, '_> {
+    /// Values of the sliders that L-Py saves behind the model: `('name', 'Integer', 5, 1, 10)`, in older files without the type.
+    pub(super) fn parameters(&mut self, list: &[Line<'_>]) {
+        for line in list.iter().filter(|l| l.piece.text.starts_with("scalars")) {
+            for part in line.piece.text.split('(').skip(1) {
+                let fields: Vec<&str> =
+                    part.split([',', ')']).map(|f| f.trim().trim_matches(['\'', '"', ' '])).collect();
+                let number = |i: usize| {
+                    fields.get(i).and_then(|v| match *v {
+                        "True" => Some(1.0),
+                        "False" => Some(0.0),
+                        v => v.parse::<f64>().ok(),
+                    })
+                };
+                if let (Some(name), Some(value)) = (fields.first(), number(1).or_else(|| number(2))) {
+                    self.scope.constants.insert((*name).to_owned(), value);
+                }
+            }
+        }
+    }
+
+    /// Names that some rule or function declares `global`: they may change from step to step.
+    pub(super) fn shared_names(&mut self, list: &[Line<'_>]) {
+        for part in list.iter().flat_map(|line| at_semicolons(line.piece)) {
+            // It may stand behind the head of its block: `def Start(): global n`.
+            let at = part.text.rfind("global ").filter(|i| *i == 0 || part.up_to(*i).text.trim_end().ends_with(':'));
+            if let Some(at) = at {
+                self.shared.extend(split(part.from(at + "global ".len())).iter().map(|n| n.text.to_owned()));
+            }
+        }
+    }
+
+    /// Collects the names that `module` lines declare, wherever they stand in the file.
+    pub(super) fn declarations(&mut self, list: &[Line<'_>]) {
+        for line in list {
+            let (word, rest) = line.piece.first_word(&[]);
+            if word.text != "module" || rest.text.is_empty() {
+                continue;
+            }
+            let names = rest.before(':');
+            if rest.from(names.text.len()).text.contains("scale") {
+                let place = self.reader.place(line.piece.range());
+                let message = "the scale of a module has no effect".to_owned();
+                let help = "contexts see modules of every scale; name those that they skip by 'ignore:'";
+                self.reader.session.warning("L008", message, place, help);
+            }
+            for part in split(names) {
+                let name = part.text.split('(').next().unwrap_or("").trim();
+                if !name.is_empty() && !self.declared.iter().any(|d| d == name) {
+                    self.declared.push(name.to_owned());
+                }
+            }
+        }
+    }
+
+    pub(super) fn lines(&mut self, list: &[Line<'_>]) {
+        let mut i = 0;
+        while let Some(line) = list.get(i) {
+            let text = line.piece.text;
+            if text == "endlsystem" {
+                return;
+            }
+            i = self.line(list, i, *line);
+        }
+    }
+
+    /// Reads the line `i` and its block; returns the index of the next line.
+    fn line(&mut self, list: &[Line<'_>], i: usize, line: Line<'_>) -> usize {
+        let piece = line.piece;
+        let sections = [
+            (&["production"][..], Section::Rules),
+            (&["productions"], Section::Rules),
+            (&["decomposition"], Section::Decomposition),
+            (&["interpretation"], Section::Interpretation),
+            (&["homomorphism"], Section::Interpretation),
+        ];
+        // Headings of sections, then items with a value, then groups, rules and statements.
+        for (words, section) in sections {
+            if after_heading(piece, words).is_some_and(|rest| rest.text.is_empty()) {
+                self.section = section;
+                return i + 1;
+            }
+        }
+        if let Some(rest) = after_heading(piece, &["axiom"]) {
+            let (block, next) = block_after(list, i, line.indent);
+            self.axiom(rest, block);
+            return next;
+        }
+        if let Some(rest) = after_heading(piece, &["derivation", "length"]) {
+            // Python allows a semicolon behind a statement.
+            self.set_length(Piece::new(rest.at, rest.text.trim_end_matches([';', ' '])));
+            return i + 1;
+        }
+        if let Some(rest) = after_heading(piece, &["maximum", "depth"]) {
+            self.set_depth(rest);
+            return i + 1;
+        }
+        for (word, hides) in [("ignore", true), ("consider", false)] {
+            if let Some(rest) = after_heading(piece, &[word]) {
+                self.ignored(rest, hides);
+                return i + 1;
+            }
+        }
+        let (word, rest) = piece.first_word(&[':']);
+        match word.text {
+            "group" => {
+                let number = Piece::new(rest.at, rest.text.trim_matches([':', ' ']));
+                self.group = number.text.parse().unwrap_or(0.0);
+                return i + 1;
+            }
+            "endgroup" => {
+                self.group = 0.0;
+                return i + 1;
+            }
+            // Module names were read before; views do not change the string.
+            "module" | "initial_view" => return i + 1,
+            _ => {}
+        }
+        if self.section != Section::Header && is_rule(piece) {
+            self.productions.push((i, self.section, self.group));
+            return block_after(list, i, line.indent).1;
+        }
+        self.python(list, i, line)
+    }
+
+    /// Reads the productions. As in L-Py they see the values that names of the model have at its end, and functions behind them.
+    pub(super) fn read_productions(&mut self, list: &[Line<'_>]) {
+        let blocks: Vec<Range<usize>> = self.run_later.iter().map(|(_, body, _)| body.clone()).collect();
+        for body in blocks {
+            self.hide_unreadable(list.get(body).unwrap_or(&[]));
+        }
+        self.read_callers_again(list);
+        for (i, section, group) in std::mem::take(&mut self.productions) {
+            (self.section, self.group) = (section, group);
+            self.rule(list, i);
+        }
+        // The functions that L-Py runs do not know the variables of the last one.
+        self.scope.locals.clear();
+    }
+
+    fn constant(&mut self, value: Piece<'_>) -> Option<f64> {
+        // Shared names have the values that they begin with.
+        let mut scope = self.scope.clone();
+        scope.constants.extend(self.initial.clone());
+        let code = parse(value).and_then(|e| compile(&e, &scope));
+        let code = self.settle(code)?;
+        let number = vm::constant_value(&code).filter(|v| v.is_finite());
+        if number.is_none() {
+            self.refuse(&Refusal::new("a number that is not constant", value.range()));
+        }
+        number
+    }
+
+    /// The value of an expression of constants; `None` for any other.
+    pub(super) fn known_number(&self, value: Piece<'_>) -> Option<f64> {
+        let mut scope = self.scope.clone();
+        scope.constants.extend(self.initial.clone());
+        let code = parse(value).and_then(|e| compile(&e, &scope)).ok()?;
+        vm::constant_value(&code).filter(|v| v.is_finite())
+    }
+
+    /// As [`Self::constant`], cut to an integer with L008 if it is a fraction.
+    fn whole_number(&mut self, value: Piece<'_>) -> Option<f64> {
+        let n = self.constant(value)?;
+        if n.fract().abs() > 0.0 {
+            let message = format!("{n} is no whole number, {} is taken", n.trunc());
+            let place = self.reader.place(value.range());
+            self.reader.session.warning("L008", message, place, "write a whole number");
+        }
+        Some(n.trunc())
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
+    fn set_length(&mut self, value: Piece<'_>) {
+        let place = self.reader.place(value.range());
+        if let Some(n) = self.whole_number(value) {
+            self.reader.program.length = n.clamp(0.0, 1e6) as u32;
+            self.reader.program.length_place = Some(place);
+        }
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
+    fn set_depth(&mut self, value: Piece<'_>) {
+        let Some(n) = self.whole_number(value) else { return };
+        let depth = n.clamp(0.0, 1e6) as u32;
+        match self.section {
+            Section::Decomposition => self.reader.program.decomposition.depth = depth,
+            _ => self.reader.program.homomorphism.depth = depth,
+        }
+    }
+
+    fn ignored(&mut self, value: Piece<'_>, hides: bool) {
+        let spelled = spell(value, &self.declared);
+        let Some(list) = self.settle(spelled) else { return };
+        let list: Vec<SymbolId> = list.iter().filter(|s| s.name != ",").filter_map(|s| self.symbol(&s.name)).collect();
+        self.reader.program.ignored =
+            if hides { IgnoredSymbols::Listed(list) } else { IgnoredSymbols::AllExcept(list) };
+    }
+
+    /// `Axiom: modules`, or a block of `nproduce`.
+    fn axiom(&mut self, value: Piece<'_>, block: &[Line<'_>]) {
+        self.has_axiom = true;
+        let statements = if value.text.is_empty() {
+            self.statements(block)
+        } else {
+            self.modules_of(value, block).map(|m| vec![Statement::Produce(m, true)])
+        };
+        let Some(statements) = self.settle(statements) else { return };
+        // Variables of the block are none of the model.
+        let (mut names, mut globals) = (Vec::new(), Vec::new());
+        assigned(&statements, &mut names, &mut globals);
+        names.retain(|name| !globals.contains(name));
+        let own: Vec<String> = names.iter().map(|name| format!("{name} (axiom)")).collect();
+        let statements: Vec<Statement> = statements.iter().map(|s| renamed(s, &names, &own)).collect();
+        self.is_in_axiom = true;
+        let ways = self.ways(&statements);
+        self.is_in_axiom = false;
+        let Some(ways) = self.settle(ways) else { return };
+        let [way] = ways.as_slice() else {
+            return self.refuse(&Refusal::new("an axiom with 'if'", value.range()));
+        };
+        // What the axiom computes is computed before the first step.
+        for step in &way.steps {
+            match step {
+                Step::Assign(name, e) => self.global(name, e, value.range()),
+                Step::Loop(_, _, place) => {
+                    return self.refuse(&Refusal::new("a loop of the axiom whose turns are drawn", place.clone()));
+                }
+                Step::Condition(..) => {}
+            }
+        }
+        let successor = self.successor(&way.modules);
+        if let Some(successor) = successor {
+            self.reader.axiom(successor);
+        }
+    }
+
+    /// Modules of an axiom or a successor, which may go on in indented lines.
+    pub(super) fn modules_of(&self, first: Piece<'_>, block: &[Line<'_>]) -> Result<Vec<PyModule>, Refusal> {
+        let mut out = modules(first, &self.declared)?;
+        for line in block {
+            if colon(line.piece).is_some() {
+                let why = Refusal::new("an indented line behind a string of modules", line.piece.range());
+                return Err(why.remedy(
+                    "write a heading or a statement without blanks before it; an indented line goes on with modules",
+                ));
+            }
+            out.extend(modules(line.piece, &self.declared)?);
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,145 @@
+//! Lines of a model, without comments.
+
+use std::ops::Range;
+
+use crate::dialect::text::Piece;
+
+/// A line that is not blank; `indent` in columns.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Line<'t> {
+    pub indent: usize,
+    pub piece: Piece<'t>,
+}
+
+/// A line with its indentation; `None` for a blank one.
+pub(super) fn line_of(piece: Piece<'_>) -> Option<Line<'_>> {
+    let trimmed = piece.trimmed();
+    if trimmed.text.is_empty() {
+        return None;
+    }
+    let lead = &piece.text[..trimmed.at - piece.at];
+    // A tab reaches to the next multiple of 8, as in Python.
+    let indent = lead.chars().fold(0, |n, c| if c == '\t' { n / 8 * 8 + 8 } else { n + 1 });
+    Some(Line { indent, piece: trimmed })
+}
+
+/// Lines of a block after line `i`, which are indented more than it, and the index of the line after them.
+pub(super) fn block_after<'l, 't>(list: &'l [Line<'t>], i: usize, indent: usize) -> (&'l [Line<'t>], usize) {
+    let n = list.get(i + 1..).unwrap_or(&[]).iter().take_while(|l| l.indent > indent).count();
+    (&list[i + 1..i + 1 + n], i + 1 + n)
+}
+
+/// The text behind the colon of a heading such as `Axiom:`; any number of blanks may separate the words of the heading.
+pub(super) fn after_heading<'t>(piece: Piece<'t>, words: &[&str]) -> Option<Piece<'t>> {
+    let mut rest = piece;
+    for word in words {
+        let t = rest.trimmed();
+        if !t.text.get(..word.len())?.eq_ignore_ascii_case(word) {
+            return None;
+        }
+        rest = t.from(word.len());
+    }
+    let t = rest.trimmed();
+    t.text.starts_with(':').then(|| t.from(1).trimmed())
+}
+
+/// The first comment, or the text in quotes, that opens the file.
+pub(super) fn description(text: &str) -> String {
+    let first = text.trim_start();
+    let quoted = first.strip_prefix("\"\"\"").and_then(|t| t.split("\"\"\"").next());
+    let line = quoted.or_else(|| first.strip_prefix('#')).unwrap_or("");
+    line.trim().lines().next().unwrap_or("").trim_matches(['#', '-', '=', ' ']).to_owned()
+}
+
+/// Whether a text ends with the heading of an axiom, with nothing behind it.
+fn begins_axiom(text: &[u8]) -> bool {
+    let line = text.rsplit(|b| matches!(b, b'\n' | b'\r')).next().unwrap_or_default();
+    line.trim_ascii().strip_suffix(b":").is_some_and(|word| word.trim_ascii().eq_ignore_ascii_case(b"axiom"))
+}
+
+/// Signs that mean something outside of texts in quotes.
+const SIGNS: &[u8; 25] = b"()[]{}:;,=<>#*+-/%.&|!\"'\\";
+
+/// A byte of a text in quotes: signs become control characters, one for each, so that what looks for signs finds none in texts and
+/// different texts stay different.
+pub(super) fn masked(byte: u8) -> u8 {
+    // 0x01 to 0x08 and 0x0e to 0x1e, which are no whitespace.
+    let codes = (0x01..=0x08_u8).chain(0x0e..=0x1e);
+    SIGNS.iter().zip(codes).find(|(sign, _)| **sign == byte).map_or(byte, |(_, code)| code)
+}
+
+/// The text with comments, texts in triple quotes, line ends within parentheses and line ends behind a backslash replaced by
+/// blanks, so that all offsets stay; signs within other texts are [`masked`].
+pub(super) fn without_comments(text: &str) -> String {
+    let bytes = text.as_bytes();
+    let mut out: Vec<u8> = bytes.to_vec();
+    let (mut i, mut depth, mut list) = (0, 0_usize, 0_usize);
+    let blank = |out: &mut Vec<u8>, range: Range<usize>| {
+        if let Some(part) = out.get_mut(range) {
+            part.fill(b' ');
+        }
+    };
+    while let Some(&b) = bytes.get(i) {
+        let rest = &bytes[i..];
+        let triple = [&b"\"\"\""[..], &b"'''"[..]].into_iter().find(|q| rest.starts_with(q));
+        if let Some(quotes) = triple {
+            // Both quotes and what lies between; a text that is not closed reaches to the end of the file.
+            let inner = rest[3..].windows(3).position(|w| w == quotes).map_or(rest.len(), |n| n + 6);
+            blank(&mut out, i..i + inner);
+            i += inner;
+            continue;
+        }
+        match b {
+            // Early versions set the width with `#`, and their axioms begin with it; a comment there would leave no axiom.
+            b'#' if rest.starts_with(b"#(") && begins_axiom(&bytes[..i]) => out[i] = b'_',
+            b'#' => {
+                let end = rest.iter().position(|c| matches!(c, b'\n' | b'\r')).unwrap_or(rest.len());
+                blank(&mut out, i..i + end);
+                i += end;
+                continue;
+            }
+            b'"' | b'\'' => {
+                let length = quoted_length(rest);
+                out.iter_mut().skip(i + 1).take(length.saturating_sub(2)).for_each(|b| *b = masked(*b));
+                i += length;
+                continue;
+            }
+            b'\\' if matches!(bytes.get(i + 1), Some(b'\n' | b'\r')) => {
+                let n = if rest.get(1..3) == Some(b"\r\n") { 3 } else { 2 };
+                blank(&mut out, i..i + n);
+                i += n;
+                continue;
+            }
+            b'(' => depth += 1,
+            b')' => depth = depth.saturating_sub(1),
+            // A list or dictionary that is assigned to a name may span several lines. Its bracket stands behind a `=`, that of a branch
+            // or polygon does not.
+            b'[' | b'{' if list > 0 || bytes[..i].trim_ascii_end().ends_with(b"=") => list += 1,
+            b']' | b'}' => list = list.saturating_sub(1),
+            b'\n' | b'\r' if list > 0 && depth == 0 => out[i] = b' ',
+            // A heading that begins a line was not meant to be a parameter: the parenthesis before it lacks its partner.
+            b'\n' | b'\r' if depth > 0 => {
+                if rest.get(1).is_some_and(|c| matches!(c, b' ' | b'\t' | b')' | b'\n')) {
+                    out[i] = b' ';
+                } else {
+                    depth = 0;
+                }
+            }
+            _ => {}
+        }
+        i += 1;
+    }
+    String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
+}
+
+/// Length of a text in quotes at the beginning of some bytes, whose '#' is no comment; it ends at its quote or at the end of the line.
+fn quoted_length(bytes: &[u8]) -> usize {
+    let quote = bytes.first().copied();
+    let mut is_escaped = false;
+    let end = bytes.iter().skip(1).position(|c| {
+        let is_end = !is_escaped && (Some(*c) == quote || *c == b'\n');
+        is_escaped = !is_escaped && *c == b'\\';
+        is_end
+    });
+    end.map_or(bytes.len(), |n| n + 2)
+}

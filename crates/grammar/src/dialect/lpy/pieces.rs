@@ -1,0 +1,203 @@
+//! Parts of a line: what stands in parentheses, between commas, before a colon.
+
+use crate::dialect::text::Piece;
+
+/// Index of the parenthesis that closes one opened just before the text; `None` if it is never closed.
+pub(super) fn closing(text: &str) -> Option<usize> {
+    let mut depth = 0_usize;
+    for (i, c) in text.char_indices() {
+        match c {
+            '(' => depth += 1,
+            ')' if depth == 0 => return Some(i),
+            ')' => depth -= 1,
+            _ => {}
+        }
+    }
+    None
+}
+
+/// Parts between the commas outside of parentheses; none of an empty text.
+pub(super) fn split(piece: Piece<'_>) -> Vec<Piece<'_>> {
+    if piece.text.trim().is_empty() {
+        return Vec::new();
+    }
+    let mut out = Vec::new();
+    let (mut depth, mut from) = (0_usize, 0);
+    for (i, c) in piece.text.char_indices() {
+        match c {
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth = depth.saturating_sub(1),
+            ',' if depth == 0 => {
+                out.push(piece.up_to(i).from(from).trimmed());
+                from = i + 1;
+            }
+            _ => {}
+        }
+    }
+    out.push(piece.from(from).trimmed());
+    out
+}
+
+/// What stands in the bracket at the beginning of a text, and what stands behind it.
+pub(super) fn bracketed(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
+    let mut depth = 0_usize;
+    let close = piece.text.char_indices().find_map(|(i, c)| {
+        match c {
+            '[' | '(' => depth += 1,
+            ']' | ')' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        (c == ']' && depth == 0).then_some(i)
+    })?;
+    Some((piece.up_to(close).from(1).trimmed(), piece.from(close + 1).trimmed()))
+}
+
+/// Index of the first colon outside of parentheses.
+pub(super) fn colon(piece: Piece<'_>) -> Option<usize> {
+    let mut depth = 0_usize;
+    piece.text.char_indices().find_map(|(i, c)| {
+        depth = (depth + usize::from(c == '(')).saturating_sub(usize::from(c == ')'));
+        (c == ':' && depth == 0).then_some(i)
+    })
+}
+
+/// Index of the colon that ends the heading of a block, such as `for v in q[1:]:`: the first one outside of all brackets.
+pub(super) fn block_colon(piece: Piece<'_>) -> Option<usize> {
+    let mut depth = 0_usize;
+    piece.text.char_indices().find_map(|(i, c)| {
+        match c {
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        (c == ':' && depth == 0).then_some(i)
+    })
+}
+
+/// True for a name of Python.
+pub(super) fn is_name(text: &str) -> bool {
+    let mut chars = text.chars();
+    chars.next().is_some_and(|c| c.is_alphabetic() || c == '_') && chars.all(|c| c.is_alphanumeric() || c == '_')
+}
+
+/// `name = expression`; `None` for anything else.
+pub(super) fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
+    let i = piece.text.find('=')?;
+    let names = piece.up_to(i).trimmed();
+    // `(x, y) = e` is `x, y = e`.
+    let inner = names.text.strip_prefix('(').and_then(|t| t.strip_suffix(')'));
+    let names = inner.map_or(names, |t| Piece::new(names.at + 1, t).trimmed());
+    let value = piece.from(i + 1).trimmed();
+    (split(names).iter().all(|p| is_name(p.text)) && !names.text.is_empty() && !value.text.starts_with('='))
+        .then_some((names, value))
+}
+
+/// Parts of a line between the semicolons outside of brackets, without empty ones; those of texts are masked.
+pub(super) fn at_semicolons(piece: Piece<'_>) -> Vec<Piece<'_>> {
+    let (mut out, mut depth, mut from) = (Vec::new(), 0_usize, 0);
+    for (i, c) in piece.text.char_indices() {
+        match c {
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth = depth.saturating_sub(1),
+            ';' if depth == 0 => {
+                out.push(piece.up_to(i).from(from).trimmed());
+                from = i + 1;
+            }
+            _ => {}
+        }
+    }
+    out.push(piece.from(from).trimmed());
+    out.retain(|p| !p.text.is_empty());
+    out
+}
+
+/// True for a word that begins the heading of a block of Python.
+pub(super) fn heads_block(word: &str) -> bool {
+    matches!(word, "if" | "elif" | "else" | "for" | "while" | "def" | "class" | "try" | "except" | "finally" | "with")
+}
+
+/// The statements of a line, between its semicolons; one for a line that heads a block. The modules of `produce` reach to the end of
+/// the line, as `;` is one of them.
+pub(super) fn statements_of_line(piece: Piece<'_>) -> Vec<Piece<'_>> {
+    fn word(p: Piece<'_>) -> &str {
+        p.first_word(&['(', ':', '=', '[']).0.text
+    }
+    if heads_block(word(piece)) {
+        return vec![piece];
+    }
+    let mut parts = at_semicolons(piece);
+    let produce = parts.iter().position(|p| matches!(word(*p), "produce" | "nproduce"));
+    if let Some((k, at)) = produce.and_then(|k| Some((k, parts.get(k)?.at))) {
+        parts.truncate(k);
+        parts.push(piece.from(at - piece.at));
+    }
+    parts
+}
+
+/// A call of a method, `name.method(arguments)`.
+pub(super) struct MethodCall<'t> {
+    pub name: Piece<'t>,
+    pub method: &'t str,
+    pub args: Vec<Piece<'t>>,
+}
+
+pub(super) fn method_call(piece: Piece<'_>) -> Option<MethodCall<'_>> {
+    let dot = piece.text.find('.')?;
+    let name = piece.up_to(dot).trimmed();
+    let call = piece.from(dot + 1);
+    let open = call.text.find('(')?;
+    let inner = call.from(open + 1);
+    let close = closing(inner.text)?;
+    let is_whole = inner.from(close + 1).text.trim().is_empty();
+    let method = call.up_to(open).text.trim();
+    (is_name(name.text) && is_whole).then(|| MethodCall { name, method, args: split(inner.up_to(close)) })
+}
+
+/// The head of a function: its parameters, with the values that they have otherwise, and what stands behind its colon.
+pub(super) struct FunctionHead<'t> {
+    pub params: Vec<(String, Option<Piece<'t>>)>,
+    pub body: Piece<'t>,
+}
+
+/// Reads the head of a function from its name on, `f(x, k=3) -> float: return x`.
+pub(super) fn function_head(rest: Piece<'_>) -> Option<FunctionHead<'_>> {
+    let params = parameters_of(rest)?;
+    let inner = rest.from(rest.text.find('(')? + 1);
+    // `def f(x) -> float:` names what it gives.
+    let after = inner.from(closing(inner.text)? + 1).trimmed();
+    let given = after.text.strip_prefix("->").and_then(|t| t.find(':')).map_or(0, |c| c + "->".len());
+    let after = after.from(given);
+    let body = after.text.strip_prefix(':').map(|_| after.from(1).trimmed())?;
+    Some(FunctionHead { params, body })
+}
+
+/// Names of the parameters of a function from its head, `Start(lstring):`, with the values that they have otherwise, `f(x, k=3):`.
+pub(super) fn parameters_of(head: Piece<'_>) -> Option<Vec<(String, Option<Piece<'_>>)>> {
+    let inner = head.from(head.text.find('(')? + 1);
+    let list = split(inner.up_to(closing(inner.text)?));
+    let parameters = list.into_iter().map(|p| {
+        let value = p.text.find('=').map(|i| p.from(i + 1).trimmed());
+        // `x: float` names what it takes.
+        let name = p.text.split(['=', ':']).next().unwrap_or_default().trim();
+        (name.to_owned(), value)
+    });
+    Some(parameters.collect())
+}
+
+/// A production has an arrow, or ends its head with a colon; statements of Python do neither.
+pub(super) fn is_rule(piece: Piece<'_>) -> bool {
+    let (word, _) = piece.first_word(&['(', ':', '=']);
+    let is_python =
+        ["def", "class", "if", "for", "while", "try", "with", "else", "elif", "from", "import"].contains(&word.text);
+    piece.text.contains("-->")
+        || piece.text.contains("-static->")
+        || (!is_python && colon(piece).is_some() && assignment(piece).is_none())
+}
+
+/// True for `seed(3)`, `random.seed(3)` and the like.
+pub(super) fn is_seed(piece: Piece<'_>) -> bool {
+    let Some((name, _)) = piece.text.split_once('(') else { return false };
+    let name = name.trim_end();
+    let is_path = name.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '.'));
+    is_path && name.rsplit('.').next() == Some("seed")
+}

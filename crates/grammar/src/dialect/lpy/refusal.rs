@@ -1,0 +1,40 @@
+//! Why a model cannot be read.
+
+use std::ops::Range;
+
+use crate::dialect::text::Piece;
+
+/// Why a text cannot be read: what it contains that is more than rules and expressions, and where.
+#[derive(Debug, Clone)]
+pub(super) struct Refusal {
+    pub construct: String,
+    pub range: Range<usize>,
+    /// How to write it so that it can be read; `None`: the general advice.
+    pub remedy: Option<&'static str>,
+}
+
+impl Refusal {
+    pub fn new(construct: impl Into<String>, range: Range<usize>) -> Self {
+        Self { construct: construct.into(), range, remedy: None }
+    }
+
+    pub fn remedy(self, remedy: &'static str) -> Self {
+        Self { remedy: Some(remedy), ..self }
+    }
+}
+
+/// What to write instead of a statement of Python that is not read.
+pub(super) fn remedy_of(word: &str) -> Option<&'static str> {
+    Some(match word {
+        "try" | "with" => "write the statements of its block without it",
+        "raise" | "del" => "leave it out",
+        "class" => "hand its values on as parameters of modules",
+        _ => return None,
+    })
+}
+
+/// The refusal of a line that is indented more than the line before it, which heads no block.
+pub(super) fn indented_refusal(piece: Piece<'_>) -> Refusal {
+    let why = Refusal::new("an indented line behind a line that heads no block", piece.range());
+    why.remedy("begin it where the line before it begins")
+}

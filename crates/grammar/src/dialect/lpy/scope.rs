@@ -1,0 +1,195 @@
+//! Names that expressions may use, and functions of the model.
+
+use std::cell::{Cell, RefCell};
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+use std::rc::Rc;
+use std::sync::{Arc, OnceLock};
+
+use super::expression::{MAX_OPS, PyExpr, size_with, substitute, times_read, with_parts};
+use super::refusal::Refusal;
+use crate::code::{CalledFunction, Op};
+
+/// What the name of a call begins with that runs the code of a function; no function has such a name.
+pub(super) const RUN: &str = "run ";
+
+/// A function that runs as code.
+#[derive(Debug)]
+pub(super) struct RunFunction {
+    pub name: String,
+    /// As [`Scope::is_before_step`], where its calls stand.
+    pub is_before_step: bool,
+    pub parameters: usize,
+    /// Its first call.
+    pub place: Range<usize>,
+    pub code: Result<Vec<Op>, Refusal>,
+}
+
+/// Names that expressions may use.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Scope {
+    /// Variables and parameters of a rule; the position is the slot.
+    pub locals: Vec<String>,
+    /// Values of the model that are drawn once, before the first step; the position is the slot.
+    pub globals: Vec<String>,
+    pub constants: BTreeMap<String, f64>,
+    /// Names among the constants whose values are texts.
+    pub texts: BTreeSet<String>,
+    /// Lists that no statement changes, by name; an expression may index them or loop over them.
+    pub lists: BTreeMap<String, PyExpr>,
+    /// Names whose values are more than expressions.
+    pub unreadable: BTreeMap<String, Refusal>,
+    /// Functions whose body is one expression, by name: their parameters and the expression.
+    pub functions: BTreeMap<String, (Vec<String>, PyExpr)>,
+    /// Functions that cannot be read, with the reason.
+    pub refused_functions: BTreeMap<String, String>,
+    /// Values that parameters of functions have where a call gives none, by the name of the function.
+    pub defaults: BTreeMap<String, Vec<Option<PyExpr>>>,
+    /// The model has `None` or an empty text, which fail a test.
+    pub has_none: bool,
+    /// The model calls `backward()`.
+    pub is_backward: bool,
+    /// Calls of functions in the expression that is resolved.
+    pub calls: Cell<usize>,
+    /// The calls within one another, or all of them, were too many.
+    pub has_too_many_calls: Cell<bool>,
+    /// Functions that run as code, as they call themselves.
+    pub run: Rc<RefCell<Vec<RunFunction>>>,
+    /// The code of these functions, when the model is read.
+    pub run_code: Arc<OnceLock<Vec<CalledFunction>>>,
+    /// The code is that of `StartEach`, which runs before the step: `Q` counts the steps that are completed.
+    pub is_before_step: bool,
+}
+
+impl Scope {
+    /// Slot of a local variable, which is made if it is new.
+    pub fn local(&mut self, name: &str) -> u16 {
+        let found = self.locals.iter().position(|l| l == name);
+        let i = found.unwrap_or_else(|| {
+            self.locals.push(name.to_owned());
+            self.locals.len() - 1
+        });
+        // A way has at most MAX_STEPS (20,000) steps, each of which adds at most one variable to the parameters.
+        slot_number(i)
+    }
+
+    /// Slot of a variable of the model, which is made if it is new.
+    pub fn global(&mut self, name: &str) -> u16 {
+        let found = self.globals.iter().position(|g| g == name);
+        let i = found.unwrap_or_else(|| {
+            self.globals.push(name.to_owned());
+            self.globals.len() - 1
+        });
+        slot_number(i)
+    }
+
+    /// Index of a function among those that run as code.
+    pub fn run_index(&self, name: &str) -> Option<usize> {
+        let is_it = |f: &RunFunction| f.name == name && f.is_before_step == self.is_before_step;
+        self.run.borrow().iter().position(is_it)
+    }
+
+    /// The refusal of a call of a function that is not known, with the reason if the model has it.
+    pub fn refused_call(&self, name: &str, range: Range<usize>) -> Refusal {
+        let why = self.refused_functions.get(name).map_or_else(String::new, |why| format!(" ({why})"));
+        Refusal::new(format!("the function '{name}'{why}"), range)
+    }
+
+    /// Slot of a variable; `None` if it is none, or lies beyond 65,535.
+    pub fn slot(list: &[String], name: &str) -> Option<u16> {
+        list.iter().position(|l| l == name).and_then(|i| u16::try_from(i).ok())
+    }
+}
+
+/// The slot of the variable of an index; the last one beyond 65,535, where `Scope::slot` finds no variable, so that each use is refused.
+fn slot_number(i: usize) -> u16 {
+    u16::try_from(i).unwrap_or(u16::MAX)
+}
+
+/// True if the expression draws a random number, itself or in a function of the model that it calls.
+pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
+    draws(e, scope, &mut Vec::new())
+}
+
+/// As [`has_random`], without the functions `seen`: one may call itself.
+fn draws<'s>(e: &PyExpr, scope: &'s Scope, seen: &mut Vec<&'s str>) -> bool {
+    match e {
+        PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => false,
+        PyExpr::Neg(a) | PyExpr::Not(a) => draws(a, scope, seen),
+        PyExpr::Binary(_, a, b)
+        | PyExpr::And(a, b)
+        | PyExpr::Or(a, b)
+        | PyExpr::Index(a, b, _)
+        | PyExpr::Each(a, _, b, _) => draws(a, scope, seen) || draws(b, scope, seen),
+        PyExpr::Choice(a, b, c) => [a, b, c].into_iter().any(|e| draws(e, scope, seen)),
+        PyExpr::Change(_, items, _) | PyExpr::List(items, _) => items.iter().any(|e| draws(e, scope, seen)),
+        PyExpr::Call(name, args, _) => {
+            let own = matches!(
+                name.as_str(),
+                "random"
+                    | "choice"
+                    | "uniform"
+                    | "randint"
+                    | "randrange"
+                    | "gauss"
+                    | "normalvariate"
+                    | "normal"
+                    | "ran"
+            );
+            if own || args.iter().any(|e| draws(e, scope, seen)) {
+                return true;
+            }
+            match scope.functions.get_key_value(name.strip_prefix(RUN).unwrap_or(name)) {
+                Some((name, (_, body))) if !seen.contains(&name.as_str()) => {
+                    seen.push(name);
+                    draws(body, scope, seen)
+                }
+                _ => false,
+            }
+        }
+    }
+}
+
+/// A function that a production defines. Its value may read variables of the production.
+#[derive(Debug)]
+pub(super) struct OwnFunction {
+    pub params: Vec<String>,
+    /// Values that parameters have where a call gives none.
+    pub defaults: Vec<Option<PyExpr>>,
+    pub value: PyExpr,
+}
+
+/// The arguments of a call in the order of the parameters; `None` where one is missing or has none.
+pub(super) fn arguments(
+    params: &[String],
+    defaults: Option<&Vec<Option<PyExpr>>>,
+    args: Vec<PyExpr>,
+) -> Option<Vec<PyExpr>> {
+    let mut values = defaults.cloned().unwrap_or_default();
+    values.resize(params.len(), None);
+    for (k, arg) in args.into_iter().enumerate() {
+        let (k, value) = match arg {
+            PyExpr::Call(name, mut value, _) if name.ends_with('=') => {
+                (params.iter().position(|p| name.strip_suffix('=') == Some(p.as_str()))?, value.pop()?)
+            }
+            value => (k, value),
+        };
+        *values.get_mut(k)? = Some(value);
+    }
+    values.into_iter().collect()
+}
+
+/// An expression with the values of functions in place of their calls. A call that does not fit its function stays, and is refused as
+/// one of an unknown function.
+pub(super) fn with_functions(e: &PyExpr, functions: &BTreeMap<String, OwnFunction>, scope: &Scope) -> PyExpr {
+    let e = with_parts(e, &|a| with_functions(a, functions, scope));
+    let PyExpr::Call(name, args, _) = &e else { return e };
+    let Some(function) = functions.get(name) else { return e };
+    let OwnFunction { params, defaults, value } = function;
+    let Some(args) = arguments(params, Some(defaults), args.clone()) else { return e };
+    let is_drawn_once = |(p, a): (&String, &PyExpr)| !has_random(a, scope) || times_read(value, p) <= 1;
+    if size_with(value, params, &args) > MAX_OPS || !params.iter().zip(&args).all(is_drawn_once) {
+        return e;
+    }
+    substitute(value, params, &args)
+}

@@ -1,0 +1,205 @@
+//! Lists and vectors as parameters of modules. A module has numbers only: a list becomes its items, so that its length is the same
+//! wherever the model makes the module.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use super::Model;
+use super::expression::PyExpr;
+use super::lines::Line;
+use super::pieces::{closing, split};
+use super::refusal::Refusal;
+use super::resolve::{may_be_list, resolve};
+use super::scope::Scope;
+use super::strings::{ParamShape, PyModule, is_command};
+use super::vectors::{coordinates_of, dimension};
+use crate::dialect::text::Piece;
+
+/// What a line with a list or a vector as a parameter has.
+const LIST_BEGINNINGS: [&str; 7] = ["Vector", "([", ",[", ", [", "((", ",(", ", ("];
+
+/// The arguments of a module as numbers, and what they were.
+pub(super) struct SpreadModule {
+    pub args: Vec<PyExpr>,
+    pub shape: Vec<ParamShape>,
+}
+
+/// The arguments of a module with vectors, and lists of other modules than commands, replaced by their items, as `*list` is.
+pub(super) fn spread(module: &PyModule, scope: &Scope) -> Result<SpreadModule, Refusal> {
+    let mut out = SpreadModule { args: Vec::with_capacity(module.args.len()), shape: Vec::new() };
+    for arg in &module.args {
+        // Each item of `*list` is a parameter of its own.
+        if let PyExpr::Call(star, list, range) = arg
+            && star == "*"
+        {
+            let list = list.first().map(|l| resolve(l, scope, 0)).transpose()?;
+            let items = match &list {
+                Some(PyExpr::List(items, _)) => Some(items.as_slice()),
+                other => other.as_ref().and_then(coordinates_of),
+            };
+            let items = items.ok_or_else(|| Refusal::new("'*' before something other than a list", range.clone()))?;
+            out.shape.extend(items.iter().map(|_| ParamShape::Number));
+            out.args.extend_from_slice(items);
+            continue;
+        }
+        // What cannot be read is refused where its code is made.
+        let value = may_be_list(arg, scope).then(|| resolve(arg, scope, 0).ok()).flatten();
+        match value {
+            Some(PyExpr::List(items, _)) if !is_command(&module.name) => {
+                if let Some(PyExpr::List(_, range)) = items.iter().find(|e| matches!(e, PyExpr::List(..))) {
+                    let why = Refusal::new("a list of lists as a parameter of a module", range.clone());
+                    return Err(why.remedy("hand its lists on as parameters of their own"));
+                }
+                out.shape.push(ParamShape::List(items.len()));
+                out.args.extend(items);
+            }
+            other => match other.as_ref().and_then(coordinates_of) {
+                Some(items) => {
+                    out.shape.push(ParamShape::Vector(items.len()));
+                    out.args.extend_from_slice(items);
+                }
+                None => {
+                    out.shape.push(ParamShape::Number);
+                    out.args.push(arg.clone());
+                }
+            },
+        }
+    }
+    Ok(out)
+}
+
+/// Numbers of all parameters.
+fn count(shape: &[ParamShape]) -> usize {
+    shape.iter().map(|p| p.count()).sum()
+}
+
+/// Parameters in words.
+fn described(shape: &[ParamShape]) -> String {
+    let words = shape.iter().map(|p| match p {
+        ParamShape::Number => "a number".to_owned(),
+        ParamShape::List(n) => format!("a list of {n}"),
+        ParamShape::Vector(n) => format!("a vector of {n}"),
+    });
+    words.collect::<Vec<_>>().join(", ")
+}
+
+/// What a parameter is as far as its text tells: a list or vector that is written out. A name may be that of a number of a production.
+fn written_shape(piece: Piece<'_>) -> ParamShape {
+    let text = piece.text;
+    let is_whole = |open: usize| {
+        let inner = text.get(open + 1..).unwrap_or("");
+        closing(inner).is_some_and(|end| open + end + 2 == text.len())
+    };
+    if let Some(open) = text.find('(')
+        && let Some(n) = dimension(text.get(..open).unwrap_or(""))
+        && is_whole(open)
+    {
+        return ParamShape::Vector(n);
+    }
+    let items = match text.strip_prefix('[').and_then(|t| t.strip_suffix(']')) {
+        Some(inner) if !inner.contains([']', '[']) && !inner.contains(" for ") => {
+            split(Piece::new(piece.at + 1, inner)).len()
+        }
+        _ if text.starts_with('(') && is_whole(0) => {
+            // One value in parentheses is that value.
+            let n = split(piece.up_to(text.len() - 1).from(1)).len();
+            if n > 1 { n } else { 0 }
+        }
+        _ => 0,
+    };
+    if items > 0 { ParamShape::List(items) } else { ParamShape::Number }
+}
+
+impl Model<'_, '_> {
+    /// Notes the modules that the text gives lists or vectors, for the heads of productions: undeclared ones of small letters
+    /// aside, which look like functions.
+    pub(super) fn find_shapes(&mut self, list: &[Line<'_>]) {
+        let capitals = ('A'..='Z').map(String::from);
+        let mut names: BTreeSet<String> = self.declared.iter().cloned().chain(capitals).collect();
+        names.retain(|name| !is_command(name) && !self.defined.contains(name));
+        for line in list {
+            let text = line.piece.text;
+            if !LIST_BEGINNINGS.iter().any(|begin| text.contains(begin)) {
+                continue;
+            }
+            for name in &names {
+                for (i, _) in text.match_indices(name.as_str()) {
+                    // A longer word is another name, unless it is a row of modules of single letters.
+                    let before = text.get(..i).and_then(|t| t.chars().next_back());
+                    let ends_word = |c: char| c == '_' || c == '.' || c.is_ascii_digit() || c.is_lowercase();
+                    let is_word = before.is_some_and(|c| ends_word(c) || (name.len() > 1 && c.is_alphabetic()));
+                    let Some(inner) = text.get(i + name.len()..).and_then(|t| t.strip_prefix('(')) else { continue };
+                    let Some(end) = closing(inner).filter(|_| !is_word) else { continue };
+                    let at = line.piece.at + i + name.len() + 1;
+                    let params = split(Piece::new(at, inner.get(..end).unwrap_or("")));
+                    let shape: Vec<ParamShape> = params.iter().map(|p| written_shape(*p)).collect();
+                    if shape.iter().any(|p| *p != ParamShape::Number) {
+                        self.note_shape(name, shape);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Joins what the text tells of parameters with what it has told before of as many.
+    fn note_shape(&mut self, name: &str, shape: Vec<ParamShape>) {
+        let known = self.written_shapes.entry(name.to_owned()).or_default();
+        match known.iter_mut().find(|own| own.len() == shape.len()) {
+            Some(own) => {
+                for (own, new) in own.iter_mut().zip(shape).filter(|(own, _)| **own == ParamShape::Number) {
+                    *own = new;
+                }
+            }
+            None => known.push(shape),
+        }
+    }
+
+    /// What so many parameters of a module are.
+    pub(super) fn shape_of(&self, name: &str, parameters: usize) -> Vec<ParamShape> {
+        let mut known = self.shapes.get(name).into_iter().chain(self.written_shapes.get(name)).flatten();
+        let shape = known.find(|shape| shape.len() == parameters);
+        shape.cloned().unwrap_or_else(|| vec![ParamShape::Number; parameters])
+    }
+
+    /// Refuses parameters whose lists have another length than where the module was met before, and those that would be taken for
+    /// others: a vector and a number for four numbers.
+    pub(super) fn check_shape(
+        &mut self,
+        name: &str,
+        shape: &[ParamShape],
+        range: &Range<usize>,
+    ) -> Result<(), Refusal> {
+        // The turtle takes a point as its coordinates.
+        if is_command(name) {
+            return Ok(());
+        }
+        let is_plain = shape.iter().all(|p| *p == ParamShape::Number);
+        if is_plain && self.shapes.is_empty() && self.written_shapes.is_empty() {
+            return Ok(());
+        }
+        let known = self.shapes.entry(name.to_owned()).or_default();
+        let is_same = |own: &[ParamShape]| {
+            let is_list = |p: &ParamShape| *p != ParamShape::Number;
+            own.iter().zip(shape).all(|(a, b)| a.count() == b.count() && is_list(a) == is_list(b))
+        };
+        for own in known.iter() {
+            if own.len() == shape.len() && is_same(own) {
+                return Ok(());
+            }
+            if own.len() == shape.len() || count(own) == count(shape) {
+                let construct = format!(
+                    "the module '{name}' with {} as its parameters, and with {} elsewhere",
+                    described(shape),
+                    described(own)
+                );
+                let why = Refusal::new(construct, range.clone());
+                return Err(why.remedy(
+                    "give a list of a module one length, and write it out where the module is made first; other parameters need \
+                     another module",
+                ));
+            }
+        }
+        known.push(shape.to_vec());
+        Ok(())
+    }
+}

@@ -1,0 +1,168 @@
+//! Lists of two names. In Python a change of a list under one name is a change under the other: such a list, and one that another
+//! block has made, is not changed.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use super::Model;
+use super::expression::{PyExpr, PyOp, SLICE, is_change, range_of};
+use super::refusal::Refusal;
+use super::statement::Statement;
+use super::way::Way;
+
+/// Functions that read lists and keep none of them.
+const READERS: [&str; 21] = [
+    "len",
+    "sum",
+    "min",
+    "max",
+    "any",
+    "all",
+    "list",
+    "tuple",
+    "reversed",
+    "sorted",
+    "range",
+    "xrange",
+    "bool",
+    "in",
+    "enumerate",
+    "zip",
+    ".keys",
+    ".values",
+    ".items",
+    ".index",
+    ".copy",
+];
+
+/// True for `q + [..]` as the value of q, which `q += [..]` is, too: it changes the list.
+fn extends(name: &str, e: &PyExpr) -> bool {
+    let PyExpr::Binary(PyOp::Add, before, more) = e else { return false };
+    let is_own = matches!(&**before, PyExpr::Name(own, _) if own == name);
+    is_own && matches!(&**more, PyExpr::List(..) | PyExpr::Each(..))
+}
+
+/// What an assignment makes of lists that have names.
+#[derive(Debug, Default)]
+pub(super) struct HandedOn {
+    /// Names whose lists the value may be, or may hold as items.
+    names: BTreeSet<String>,
+    /// The value may be one of these lists itself.
+    is_same: bool,
+}
+
+impl HandedOn {
+    fn new(e: &PyExpr) -> Self {
+        let mut names = BTreeSet::new();
+        append_held(e, &mut names);
+        Self { names, is_same: !matches!(e, PyExpr::List(..)) && !is_change(e) }
+    }
+}
+
+fn append_held(e: &PyExpr, out: &mut BTreeSet<String>) {
+    match e {
+        PyExpr::Name(name, _) => {
+            out.insert(name.clone());
+        }
+        // A slice is a copy.
+        PyExpr::Index(_, part, _) if matches!(&**part, PyExpr::Call(name, ..) if name == SLICE) => {}
+        PyExpr::Index(list, _, _) => append_held(list, out),
+        PyExpr::Choice(_, a, b) | PyExpr::And(a, b) | PyExpr::Or(a, b) => {
+            append_held(a, out);
+            append_held(b, out);
+        }
+        PyExpr::List(items, _) => items.iter().for_each(|item| append_held(item, out)),
+        PyExpr::Each(value, _, list, _) => {
+            append_held(value, out);
+            append_held(list, out);
+        }
+        // The list before a change is the same list.
+        PyExpr::Change(_, args, _) => args.iter().skip(1).for_each(|arg| append_held(arg, out)),
+        PyExpr::Call(name, args, _) if !READERS.contains(&name.as_str()) => {
+            args.iter().for_each(|arg| append_held(arg, out));
+        }
+        _ => {}
+    }
+}
+
+/// The refusal of a change of a list.
+fn change_refusal(name: &str, why: &str, place: Range<usize>, remedy: &'static str) -> Refusal {
+    // Variables of axioms and functions have a number behind their names.
+    let name = name.split(" (").next().unwrap_or(name);
+    Refusal::new(format!("a change of the list '{name}', which {why}"), place).remedy(remedy)
+}
+
+/// What to write instead of a change of such a list.
+const COPY: &str = "make a copy under another name and change that one: p = list(q)";
+
+impl Model<'_, '_> {
+    /// What a statement hands on. Refuses a change of a list that the statements of the way have not made, or that has two names.
+    pub(super) fn handed_on(&self, statement: &Statement, way: &Way) -> Result<HandedOn, Refusal> {
+        let Statement::Assign(name, e) = statement else { return Ok(HandedOn::default()) };
+        self.check_change(name, e, way)?;
+        Ok(HandedOn::new(e))
+    }
+
+    fn check_change(&self, name: &str, e: &PyExpr, way: &Way) -> Result<(), Refusal> {
+        let is_change = is_change(e);
+        if !is_change && !extends(name, e) {
+            return Ok(());
+        }
+        let is_of_model = self.is_in_axiom && self.scope.lists.contains_key(name);
+        if is_change && !way.lists.contains_key(name) && !is_of_model {
+            return Err(change_refusal(name, "this block has not made", range_of(e), COPY));
+        }
+        if way.shared_lists.contains(name) || (is_of_model && self.shared_lists.contains(name)) {
+            return Err(change_refusal(name, "has two names", range_of(e), COPY));
+        }
+        Ok(())
+    }
+
+    /// Notes the lists that have two names after a list is assigned to a name.
+    pub(super) fn share_lists(&self, name: &str, handed_on: &HandedOn, way: &mut Way) {
+        let is_temporary = |name: &str| name.starts_with('(');
+        for other in handed_on.names.iter().filter(|other| *other != name) {
+            let is_list = way.lists.contains_key(other) || self.scope.lists.contains_key(other);
+            // Variables of this reader are read once: what they hand on has two names if it had before.
+            let is_read_again = !is_temporary(name) && !is_temporary(other);
+            if is_list && (is_read_again || way.shared_lists.contains(other)) {
+                way.shared_lists.insert(other.clone());
+                if handed_on.is_same {
+                    way.shared_lists.insert(name.to_owned());
+                }
+            }
+        }
+    }
+
+    /// As [`Self::check_change`], for a line of the model outside of blocks. True for a change of a value that cannot be read, which is
+    /// refused where it is used.
+    pub(super) fn check_change_of_model(&self, name: &str, e: &PyExpr) -> Result<bool, Refusal> {
+        let is_change = is_change(e);
+        if is_change && self.scope.unreadable.contains_key(name) {
+            return Ok(true);
+        }
+        if is_change && !self.scope.lists.contains_key(name) {
+            return Err(change_refusal(name, "is no list of known values", range_of(e), "begin with a list: q = []"));
+        }
+        if (is_change || extends(name, e)) && self.shared_lists.contains(name) {
+            return Err(change_refusal(name, "has two names", range_of(e), COPY));
+        }
+        Ok(false)
+    }
+
+    /// As [`Self::share_lists`], for a value of the model.
+    pub(super) fn share_lists_of_model(&mut self, name: &str, e: &PyExpr) {
+        let handed_on = HandedOn::new(e);
+        if !is_change(e) {
+            self.shared_lists.remove(name);
+        }
+        for other in handed_on.names {
+            if other != name && self.scope.lists.contains_key(&other) {
+                self.shared_lists.insert(other);
+                if handed_on.is_same {
+                    self.shared_lists.insert(name.to_owned());
+                }
+            }
+        }
+    }
+}

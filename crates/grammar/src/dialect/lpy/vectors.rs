@@ -1,0 +1,168 @@
+//! `Vector2`, `Vector3` and `Vector4` of PlantGL: calls of their names with as many numbers, which are computed number by number.
+
+use std::ops::Range;
+
+use osier_base::convert::saturating_index;
+
+use super::expression::{PyExpr, PyOp, range_of};
+use super::refusal::Refusal;
+use super::scope::{Scope, has_random};
+
+/// Names of the kinds of vectors, with the number of their coordinates.
+const KINDS: [(&str, usize); 3] = [("Vector2", 2), ("Vector3", 3), ("Vector4", 4)];
+/// Names of the coordinates.
+pub(super) const AXES: [&str; 4] = ["x", "y", "z", "w"];
+
+/// The coordinates of a resolved vector; `None` for any other expression.
+pub(super) fn coordinates_of(e: &PyExpr) -> Option<&[PyExpr]> {
+    let PyExpr::Call(name, items, _) = e else { return None };
+    KINDS.contains(&(name.as_str(), items.len())).then_some(items.as_slice())
+}
+
+/// True for a call that makes a vector, or gives one of others.
+pub(super) fn gives_vector(name: &str) -> bool {
+    dimension(name).is_some() || matches!(name, "cross" | "direction")
+}
+
+/// Number of coordinates of the vectors that a name makes.
+pub(super) fn dimension(name: &str) -> Option<usize> {
+    KINDS.iter().find(|(kind, _)| *kind == name).map(|(_, count)| *count)
+}
+
+/// The vector of some coordinates, of which there are 2 to 4.
+pub(super) fn vector(items: Vec<PyExpr>, range: Range<usize>) -> PyExpr {
+    let kind = KINDS.iter().find(|(_, count)| *count == items.len()).map_or("Vector3", |(kind, _)| kind);
+    PyExpr::Call(kind.to_owned(), items, range)
+}
+
+/// Two operands and an operator.
+fn binary(op: PyOp, a: &PyExpr, b: &PyExpr) -> PyExpr {
+    PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()))
+}
+
+/// What a function makes of its resolved arguments where these are vectors or it makes one; `None` for any other call.
+pub(super) fn function(
+    name: &str,
+    args: &[PyExpr],
+    scope: &Scope,
+    range: &Range<usize>,
+) -> Option<Result<PyExpr, Refusal>> {
+    if let Some(count) = dimension(name) {
+        return Some(made(name, count, args, range));
+    }
+    let vectors: Option<Vec<&[PyExpr]>> = args.iter().map(coordinates_of).collect();
+    let vectors = vectors.filter(|vectors| !vectors.is_empty())?;
+    if !matches!(name, "len" | "norm" | "normSquared" | "direction" | "dot" | "cross") {
+        return None;
+    }
+    // Each coordinate is read twice.
+    if args.iter().any(|a| has_random(a, scope)) {
+        return Some(Err(random_refusal(range)));
+    }
+    let dot = |a: &[PyExpr], b: &[PyExpr]| {
+        let products = a.iter().zip(b).map(|(a, b)| binary(PyOp::Mul, a, b));
+        products.reduce(|a, b| binary(PyOp::Add, &a, &b)).unwrap_or(PyExpr::Number(0.0))
+    };
+    let norm = |a: &[PyExpr]| PyExpr::Call("sqrt".to_owned(), vec![dot(a, a)], range.clone());
+    let value = match (name, vectors.as_slice()) {
+        ("len", &[a]) => PyExpr::Number(f64::from(saturating_index(a.len()))),
+        ("norm", &[a]) => norm(a),
+        ("normSquared", &[a]) => dot(a, a),
+        ("direction", &[a]) => {
+            let length = norm(a);
+            vector(a.iter().map(|c| binary(PyOp::Div, c, &length)).collect(), range.clone())
+        }
+        ("dot", &[a, b]) if a.len() == b.len() => dot(a, b),
+        ("cross", [[a, b, c], [d, e, f]]) => {
+            // Determinants of the other two coordinates of both.
+            let part = |a, b, c, d| binary(PyOp::Sub, &binary(PyOp::Mul, a, d), &binary(PyOp::Mul, b, c));
+            vector(vec![part(b, c, e, f), part(c, a, f, d), part(a, b, d, e)], range.clone())
+        }
+        _ => return Some(Err(Refusal::new(format!("this call of '{name}'"), range.clone()))),
+    };
+    Some(Ok(value))
+}
+
+/// `Vector3()`, `Vector3(x, y, z)`, `Vector3(point)`, `Vector3(plane, z)`.
+fn made(name: &str, count: usize, args: &[PyExpr], range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let mut items = Vec::with_capacity(count);
+    for arg in args {
+        match (coordinates_of(arg), arg) {
+            (Some(own), _) => items.extend_from_slice(own),
+            (None, PyExpr::List(own, _)) => items.extend_from_slice(own),
+            (None, own) => items.push(own.clone()),
+        }
+    }
+    if items.is_empty() {
+        items = vec![PyExpr::Number(0.0); count];
+    }
+    if items.len() != count {
+        let why = Refusal::new(format!("a '{name}' of {} numbers", items.len()), range.clone());
+        return Err(why.remedy("give it as many numbers as its name says"));
+    }
+    Ok(PyExpr::Call(name.to_owned(), items, range.clone()))
+}
+
+/// The refusal of a random number that a vector would draw more than once.
+fn random_refusal(range: &Range<usize>) -> Refusal {
+    let why = Refusal::new("a random number in an operation on vectors", range.clone());
+    why.remedy("assign it to a variable first")
+}
+
+/// An operation on resolved operands of which one is a vector; `None` if none is.
+pub(super) fn combined(op: PyOp, a: &PyExpr, b: &PyExpr, scope: &Scope) -> Option<Result<PyExpr, Refusal>> {
+    let (first, second) = (coordinates_of(a), coordinates_of(b));
+    let range = match (first, second) {
+        (Some(_), _) => range_of(a),
+        (_, Some(_)) => range_of(b),
+        _ => return None,
+    };
+    let each =
+        |items: &[PyExpr], of: &dyn Fn(&PyExpr) -> PyExpr| Ok(vector(items.iter().map(of).collect(), range.clone()));
+    Some(match (op, first, second) {
+        (PyOp::Add | PyOp::Sub, Some(a), Some(b)) if a.len() == b.len() => {
+            Ok(vector(a.iter().zip(b).map(|(a, b)| binary(op, a, b)).collect(), range.clone()))
+        }
+        (PyOp::Mul | PyOp::Div, Some(_), None) if has_random(b, scope) => Err(random_refusal(&range)),
+        (PyOp::Mul, None, Some(_)) if has_random(a, scope) => Err(random_refusal(&range)),
+        (PyOp::Mul | PyOp::Div, Some(a), None) => each(a, &|c| binary(op, c, b)),
+        (PyOp::Mul, None, Some(b)) => each(b, &|c| binary(op, a, c)),
+        (PyOp::Mul, Some(_), Some(_)) => {
+            let why = Refusal::new("a vector times a vector", range.clone());
+            Err(why.remedy("write dot(v, w) for a number, cross(v, w) for a vector"))
+        }
+        _ => {
+            let why = Refusal::new("this operation on a vector", range.clone());
+            Err(why.remedy("vectors of one length are added and subtracted, and multiplied and divided by numbers"))
+        }
+    })
+}
+
+/// `-v`; `None` for any other operand.
+pub(super) fn negated(a: &PyExpr) -> Option<PyExpr> {
+    let items = coordinates_of(a)?;
+    let negative = items.iter().map(|c| PyExpr::Neg(Box::new(c.clone()))).collect();
+    Some(vector(negative, range_of(a)))
+}
+
+/// `v == w` or `v != w` of two vectors; `None` for any other operands.
+pub(super) fn compared(op: PyOp, a: &PyExpr, b: &PyExpr) -> Option<PyExpr> {
+    let (a, b) = (coordinates_of(a)?, coordinates_of(b)?);
+    if a.len() != b.len() {
+        return Some(PyExpr::Number(if op == PyOp::Ne { 1.0 } else { 0.0 }));
+    }
+    let equal = a.iter().zip(b).map(|(a, b)| binary(PyOp::Eq, a, b));
+    let all = equal.reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)))?;
+    Some(if op == PyOp::Ne { PyExpr::Not(Box::new(all)) } else { all })
+}
+
+/// The vector that a choice between two resolved vectors is, its test drawing nothing; `None` for any other choice.
+pub(super) fn chosen(test: &PyExpr, then: &PyExpr, other: &PyExpr, scope: &Scope) -> Option<PyExpr> {
+    let (a, b) = (coordinates_of(then)?, coordinates_of(other)?);
+    if a.len() != b.len() || has_random(test, scope) {
+        return None;
+    }
+    let one =
+        |(a, b): (&PyExpr, &PyExpr)| PyExpr::Choice(Box::new(test.clone()), Box::new(a.clone()), Box::new(b.clone()));
+    Some(vector(a.iter().zip(b).map(one).collect(), range_of(then)))
+}

@@ -1,0 +1,130 @@
+//! A way through a production: what it computes, and what it makes.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+
+use super::bounds::Bounds;
+use super::expression::{PyExpr, UNKNOWN, mentions, substitute};
+use super::statement::{Statement, names_of, read_name};
+use super::strings::PyModule;
+
+/// Most statements of one way.
+pub(super) const MAX_STEPS: usize = 20_000;
+
+/// One step of a way through a production: an assignment, or a condition with the value it has on this way.
+#[derive(Debug, Clone)]
+pub(super) enum Step {
+    Assign(String, PyExpr),
+    Condition(PyExpr, bool),
+    /// A `while` loop of statements that only compute.
+    Loop(PyExpr, Vec<Statement>, Range<usize>),
+}
+
+impl Step {
+    pub fn assigns(&self, name: &str) -> bool {
+        match self {
+            Self::Assign(n, _) => n == name,
+            Self::Condition(..) => false,
+            Self::Loop(_, body, _) => names_of(body).0.iter().any(|n| n == name),
+        }
+    }
+
+    /// True if an expression reads a variable that the step assigns.
+    pub fn changes(&self, e: &PyExpr) -> bool {
+        match self {
+            Self::Assign(name, _) => mentions(e, name),
+            Self::Condition(..) => false,
+            Self::Loop(_, body, _) => names_of(body).0.iter().any(|name| mentions(e, name)),
+        }
+    }
+}
+
+/// A way through a production: what it computes, and what it makes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Way {
+    pub steps: Vec<Step>,
+    pub modules: Vec<PyModule>,
+    /// It makes modules, or ends by `produce`.
+    pub produced: bool,
+    /// Names declared `global` on the way.
+    pub globals: Vec<String>,
+    /// Variables that the way has assigned, with their values where these are numbers whatever the parameters are.
+    pub known: BTreeMap<String, Option<f64>>,
+    /// Variables that the way has set to lists, which stand where the names are read.
+    pub lists: BTreeMap<String, PyExpr>,
+    /// Those of them, and lists of the model, that have two names.
+    pub shared_lists: BTreeSet<String>,
+    /// What its conditions leave of the values of its variables.
+    pub bounds: Bounds,
+    /// How many functions it has called.
+    pub calls: usize,
+}
+
+impl Way {
+    /// Names declared `global` on the way that it also assigns.
+    pub fn written(&self) -> Vec<&String> {
+        let assigns = |name: &String| self.steps.iter().any(|s| s.assigns(name));
+        self.globals.iter().filter(|g| assigns(g)).collect()
+    }
+
+    /// True if it reads a variable that it does not set.
+    pub fn misses(&self, name: &str) -> bool {
+        let is_set = self.known.contains_key(name) || self.lists.contains_key(name);
+        let reads = |step: &Step| match step {
+            Step::Assign(_, e) | Step::Condition(e, _) => mentions(e, name),
+            Step::Loop(test, body, _) => mentions(test, name) || read_name(body, name),
+        };
+        let is_read =
+            || self.steps.iter().any(reads) || self.modules.iter().flat_map(|m| &m.args).any(|arg| mentions(arg, name));
+        !is_set && is_read()
+    }
+
+    /// Where its modules are written, for messages.
+    pub fn range(&self) -> Range<usize> {
+        self.modules.first().map_or(0..0, |m| m.range.clone())
+    }
+}
+
+/// An expression with the values of the variables of a way, which hide those of the model; [`UNKNOWN`] stands for one whose value
+/// is not known, so that what reads it is not constant.
+pub(super) fn in_way(e: &PyExpr, way: &Way) -> PyExpr {
+    let names: Vec<String> = way.known.keys().cloned().collect();
+    let unknown = || PyExpr::Name(UNKNOWN.to_owned(), 0..0);
+    let values: Vec<PyExpr> = way.known.values().map(|v| v.map_or_else(unknown, PyExpr::Number)).collect();
+    substitute(e, &names, &values)
+}
+
+/// An expression with the values of those variables of a way whose values are known.
+pub(super) fn with_known(e: &PyExpr, way: &Way) -> PyExpr {
+    let known = way.known.iter().filter_map(|(name, value)| Some((name.clone(), PyExpr::Number((*value)?))));
+    let (names, values): (Vec<String>, Vec<PyExpr>) = known.unzip();
+    substitute(e, &names, &values)
+}
+
+/// A way whose statements have not all been followed.
+#[derive(Debug, Clone)]
+pub(super) struct OpenWay {
+    pub way: Way,
+    /// The statements that are left, the next one last.
+    pub left: Vec<Statement>,
+}
+
+impl OpenWay {
+    /// Puts a block before the statements that are left.
+    pub fn run_next(&mut self, block: Vec<Statement>) {
+        self.left.extend(block.into_iter().rev());
+    }
+
+    /// Puts a turn of a `while` before the statements that are left, and the loop behind it.
+    pub fn repeat(&mut self, test: PyExpr, body: Vec<Statement>, place: Range<usize>, turn: u32) {
+        self.left.push(Statement::While(test, body.clone(), place, turn + 1));
+        self.left.push(Statement::TurnEnd);
+        self.run_next(body);
+    }
+
+    /// The way, whose statements end here.
+    pub fn ended(self) -> Way {
+        let produced = self.way.produced || !self.way.modules.is_empty();
+        Way { produced, ..self.way }
+    }
+}

@@ -1,0 +1,214 @@
+//! The code that the steps of a way become.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::Model;
+use super::emit::append_code;
+use super::expression::{PyExpr, PyOp};
+use super::refusal::Refusal;
+use super::resolve::compile;
+use super::scope::has_random;
+use super::statement::{Statement, names_of};
+use super::way::{Step, Way};
+use crate::code::{Bytecode, Op, UnaryOp};
+
+/// Appends a test and a place for the jump where it is 0; returns that place.
+pub(super) fn push_test(ops: &mut Vec<Op>, test: &Bytecode) -> usize {
+    append_code(ops, &test.ops);
+    ops.push(Op::Pop);
+    ops.len() - 1
+}
+
+/// Beginning, end and positive step of a `range(..)`.
+fn range_of_loop(list: &PyExpr) -> Option<(PyExpr, PyExpr, f64)> {
+    let PyExpr::Call(name, args, _) = list else { return None };
+    if !name.ends_with("range") {
+        return None;
+    }
+    match args.as_slice() {
+        [end] => Some((PyExpr::Number(0.0), end.clone(), 1.0)),
+        [from, end] => Some((from.clone(), end.clone(), 1.0)),
+        [from, end, PyExpr::Number(step)] if *step > 0.0 => Some((from.clone(), end.clone(), *step)),
+        _ => None,
+    }
+}
+
+/// Jumps of a loop whose targets are known at its end.
+#[derive(Debug, Default)]
+pub(super) struct LoopJumps {
+    pub breaks: Vec<usize>,
+    pub continues: Vec<usize>,
+}
+
+/// A `for` over a range as a `while` that counts.
+pub(super) struct CountedLoop {
+    /// Sets the number of the turn and the end of the range: Python evaluates a range once, before the first turn.
+    pub begin: [Statement; 2],
+    pub test: PyExpr,
+    pub turn: Vec<Statement>,
+}
+
+impl Model<'_, '_> {
+    /// A `for` as a loop that counts; `None` for one over something other than a range with a positive step.
+    pub(super) fn counted_loop(
+        &mut self,
+        name: &str,
+        list: &PyExpr,
+        body: &[Statement],
+        place: &Range<usize>,
+    ) -> Option<CountedLoop> {
+        let [count, last] = ["turn", "end"].map(|word| format!("({word} {})", self.temporaries));
+        self.temporaries += 1;
+        let (from, end, step) = range_of_loop(list)?;
+        let at = |n: &str| PyExpr::Name(n.to_owned(), place.clone());
+        let test = PyExpr::Binary(PyOp::Lt, Box::new(at(&count)), Box::new(at(&last)));
+        let next = PyExpr::Binary(PyOp::Add, Box::new(at(&count)), Box::new(PyExpr::Number(step)));
+        // Counted first, so that `continue` does not pass over it.
+        let mut turn = vec![Statement::Assign(name.to_owned(), at(&count)), Statement::Assign(count.clone(), next)];
+        turn.extend(body.iter().cloned());
+        Some(CountedLoop { begin: [Statement::Assign(count, from), Statement::Assign(last, end)], test, turn })
+    }
+
+    /// Code of the steps of a way: a block before the condition, and the condition.
+    pub(super) fn way_code(&mut self, way: &Way) -> Result<(Option<Bytecode>, Option<Bytecode>), Refusal> {
+        // Only conditions, which draw nothing: one expression.
+        let is_plain = |s: &Step| matches!(s, Step::Condition(e, _) if !has_random(e, &self.scope));
+        if way.steps.iter().all(is_plain) {
+            let test = |s: &Step| match s {
+                Step::Condition(e, true) => Some(e.clone()),
+                Step::Condition(e, false) => Some(PyExpr::Not(Box::new(e.clone()))),
+                Step::Assign(..) | Step::Loop(..) => None,
+            };
+            let all = way.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
+            return Ok((None, all.map(|e| compile(&e, &self.scope)).transpose()?));
+        }
+        // A block computes everything in order; a variable says whether all conditions held. Every way draws the same random
+        // numbers, as it is the same run of Python.
+        let result = self.scope.local("(applies)");
+        let mut ops = vec![Op::RestartDraws];
+        let mut failures = Vec::new();
+        for step in &way.steps {
+            let (e, store) = match step {
+                Step::Assign(name, e) => (e, Some(name)),
+                Step::Condition(e, _) => (e, None),
+                Step::Loop(test, body, place) => {
+                    self.loop_code(test, body, place, &mut ops)?;
+                    continue;
+                }
+            };
+            let code = compile(e, &self.scope)?;
+            append_code(&mut ops, &code.ops);
+            match (store, step) {
+                (Some(name), _) => ops.push(Op::StoreLocal(self.scope.local(name))),
+                (None, Step::Condition(_, wanted)) => {
+                    if !wanted {
+                        ops.push(Op::Unary(UnaryOp::Not));
+                    }
+                    failures.push(ops.len());
+                    ops.push(Op::Pop);
+                }
+                (None, Step::Assign(..) | Step::Loop(..)) => {}
+            }
+        }
+        // Until here they were local variables: only the way that is taken changes those of the model.
+        for name in way.written() {
+            let (local, global) = (self.scope.local(name), self.scope.global(name));
+            ops.extend([Op::Local(local), Op::StoreGlobal(global)]);
+        }
+        ops.extend([Op::Const(if way.produced { 1.0 } else { 0.0 }), Op::StoreLocal(result)]);
+        let jump = ops.len();
+        ops.push(Op::Pop);
+        for at in failures {
+            ops[at] = Op::JumpIfZero(ops.len());
+        }
+        ops.extend([Op::Const(0.0), Op::StoreLocal(result)]);
+        ops[jump] = Op::Jump(ops.len());
+        let condition = Bytecode { ops: vec![Op::Local(result)], ..Bytecode::default() };
+        Ok((Some(self.bytecode(ops)), Some(condition)))
+    }
+
+    /// Code with the places of its loops and the functions that it calls.
+    pub(super) fn bytecode(&self, ops: Vec<Op>) -> Bytecode {
+        let has_loops = ops.iter().any(|op| matches!(op, Op::Count(_)));
+        let places = if has_loops { self.loop_places.clone() } else { Vec::new() };
+        let calls = ops.iter().any(|op| matches!(op, Op::Call(_)));
+        let functions = calls.then(|| Arc::clone(&self.scope.run_code));
+        Bytecode { ops, places, functions, ..Bytecode::default() }
+    }
+
+    /// Appends a loop: test, JumpIfZero to its end, body, Jump to the test.
+    fn loop_code(
+        &mut self,
+        test: &PyExpr,
+        body: &[Statement],
+        place: &Range<usize>,
+        ops: &mut Vec<Op>,
+    ) -> Result<(), Refusal> {
+        // Names that the body assigns exist before it, so that the test may read them.
+        for name in names_of(body).0 {
+            self.scope.local(&name);
+        }
+        let start = ops.len();
+        ops.push(Op::Count(self.loop_places.len()));
+        self.loop_places.push(self.reader.place(place.clone()));
+        let skip = push_test(ops, &compile(test, &self.scope)?);
+        let mut jumps = LoopJumps::default();
+        self.computing_code(body, ops, &mut jumps)?;
+        for at in jumps.continues {
+            ops[at] = Op::Jump(start);
+        }
+        ops.push(Op::Jump(start));
+        ops[skip] = Op::JumpIfZero(ops.len());
+        for at in jumps.breaks {
+            ops[at] = Op::Jump(ops.len());
+        }
+        Ok(())
+    }
+
+    /// Appends statements that only compute. `jumps`: those of the loop around them.
+    fn computing_code(&mut self, body: &[Statement], ops: &mut Vec<Op>, jumps: &mut LoopJumps) -> Result<(), Refusal> {
+        for statement in body {
+            match statement {
+                Statement::Assign(name, e) => {
+                    let code = compile(e, &self.scope)?;
+                    append_code(ops, &code.ops);
+                    ops.push(Op::StoreLocal(self.scope.local(name)));
+                }
+                Statement::If(tests, other) => {
+                    let mut ends = Vec::new();
+                    for (test, then) in tests {
+                        let skip = push_test(ops, &compile(test, &self.scope)?);
+                        self.computing_code(then, ops, jumps)?;
+                        ends.push(ops.len());
+                        ops.push(Op::Pop);
+                        ops[skip] = Op::JumpIfZero(ops.len());
+                    }
+                    self.computing_code(other, ops, jumps)?;
+                    for end in ends {
+                        ops[end] = Op::Jump(ops.len());
+                    }
+                }
+                Statement::While(test, inner, place, _) => self.loop_code(test, inner, place, ops)?,
+                Statement::For(name, list, inner, place) => {
+                    let counted = self
+                        .counted_loop(name, list, inner, place)
+                        .ok_or_else(|| Refusal::new("'for' over a list in a loop", place.clone()))?;
+                    self.computing_code(&counted.begin, ops, jumps)?;
+                    self.loop_code(&counted.test, &counted.turn, place, ops)?;
+                }
+                Statement::Break(_) => {
+                    jumps.breaks.push(ops.len());
+                    ops.push(Op::Pop);
+                }
+                Statement::Continue(_) => {
+                    jumps.continues.push(ops.len());
+                    ops.push(Op::Pop);
+                }
+                // The names of `global` are known from the way; nothing else is left in a loop that only computes.
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
