@@ -34,7 +34,8 @@ fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<Grammar> {
 fn variants() -> Vec<TurtleOptions> {
     let points = vec![Vec3::ZERO, Vec3::new(0.2, 0.5, 0.0), Vec3::new(-0.2, 0.5, 0.0)];
     let mesh = Mesh { points, normals: vec![Vec3::Z; 3], triangles: vec![[0, 1, 2]], ..Default::default() };
-    let meshes = vec![Arc::new(mesh.with_material(0)); 2];
+    let mesh = Arc::new(mesh.with_material(0));
+    let meshes = vec![Arc::clone(&mesh), mesh];
     let organ = |c: char| (c, OrganSpec { name: format!("o{c}"), meshes: meshes.clone(), size: 0.1, petiole: 0.02 });
     let plain = TurtleOptions { organs: ('a'..='z').map(organ).collect(), ..TurtleOptions::default() };
     let with = |radii| TurtleOptions { radii, ..plain.clone() };
