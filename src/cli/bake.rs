@@ -82,7 +82,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         // The same warnings as after the bake that wrote the files, so that `--strict` and `--json` say the same.
         manifest.warnings.iter().for_each(|w| context.console.warning(&w.code, &w.message));
         context.console.note(&format!("\"{}\" is up to date", root.display()));
-        summary(context, &root, &recipe, &manifest, told, None)?;
+        let finished = FinishedBake { root: &root, manifest: &manifest, other_warnings: told, stages: None };
+        summary(context, &recipe, &finished)?;
         return Ok(context.strict(told > 0 || !manifest.warnings.is_empty()));
     }
     if !context.common.dry_run {
@@ -163,7 +164,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         let (word, about) = (format.word, format.about);
         context.console.note(&format!("note: format {word} has no file, since the scene has nothing for it ({about})"));
     }
-    summary(context, &root, &recipe, &manifest, told, Some(&timer.seconds()))?;
+    let stages = Some(timer.seconds());
+    summary(context, &recipe, &FinishedBake { root: &root, manifest: &manifest, other_warnings: told, stages })?;
     Ok(context.strict(told > 0 || !manifest.warnings.is_empty()))
 }
 
@@ -245,24 +247,27 @@ fn open(context: &Context, args: &Bake, hash: &str, root: &Path) -> Result<Folde
     Folder::open_with(root, options)
 }
 
-/// Prints the written folder, how to open it, and the duration of each stage; `stages` is `None` for a folder that was up
-/// to date. `told`: number of warnings that the manifest does not hold. The manifest is that in memory, since another process
-/// may already rewrite the folder.
-fn summary(
-    context: &Context,
-    root: &Path,
-    recipe: &Recipe,
-    m: &Manifest,
-    told: usize,
-    stages: Option<&[(String, f64)]>,
-) -> Result<()> {
+/// A folder that a bake has written or found up to date.
+struct FinishedBake<'a> {
+    root: &'a Path,
+    /// The manifest in memory, since another process may already rewrite the folder.
+    manifest: &'a Manifest,
+    /// Number of warnings that the manifest does not hold.
+    other_warnings: usize,
+    /// Name and seconds of each stage; `None` for a folder that was up to date.
+    stages: Option<Vec<(String, f64)>>,
+}
+
+/// Prints the written folder, how to open it, and the duration of each stage.
+fn summary(context: &Context, recipe: &Recipe, finished: &FinishedBake<'_>) -> Result<()> {
+    let (root, m, stages) = (finished.root, finished.manifest, finished.stages.as_deref());
     let files = m.expanded();
     let bytes: u64 = files.iter().map(|f| f.1).sum();
     if context.console.json {
         let value = json!({
             "folder": root.display().to_string(), "scene": m.scene.name, "hash": m.scene.hash, "seed": m.seed,
             "bake_hash": m.bake_hash, "files": files.len(), "bytes": bytes, "up_to_date": stages.is_none(),
-            "warnings": told + m.warnings.len(),
+            "warnings": finished.other_warnings + m.warnings.len(),
             "seconds": stages.map(|s| s.iter().cloned().collect::<std::collections::BTreeMap<_, _>>()),
         });
         return context.console.result(&format!("{value:#}\n"));

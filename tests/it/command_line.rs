@@ -30,7 +30,7 @@ fn file(dir: &TempDir, name: &str, text: impl AsRef<[u8]>) -> PathBuf {
 }
 
 /// A grammar that is grown with one warning: its tropism is not defined.
-const WARNS: &str = "Lsystem: w\nDerivation length: 1\nAxiom: @Ts(1,0.1) F\nendlsystem\n";
+const WARNS: &str = "Lsystem: w\nDerivation length: 1\nAxiom: @Ts(1,0.1) F ~l\nendlsystem\n";
 
 #[test]
 fn nothing_typed_gets_a_guide_of_ten_lines() {

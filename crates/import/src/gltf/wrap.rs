@@ -88,7 +88,7 @@ impl Span {
         self.count * (i64::from(texels) / self.grid)
     }
 
-    /// For each texel of the unfolded image the one that it shows of an image with `texels`.
+    /// For each texel of the unfolded image the one that it shows of an image with `texels`, 0 to `texels - 1`.
     fn sources(self, texels: u32, wrap: Wrap) -> Vec<usize> {
         let side = i64::from(texels);
         let first = self.start * (side / self.grid);
@@ -100,7 +100,7 @@ impl Span {
                 at.min(2 * side - 1 - at)
             }
         };
-        (first..first + self.length(texels)).map(|k| usize::try_from(source(k)).unwrap_or(0)).collect()
+        (first..first + self.length(texels)).filter_map(|k| usize::try_from(source(k)).ok()).collect()
     }
 
     /// A texture coordinate in the unfolded image.

@@ -190,9 +190,9 @@ impl PlantBuilder {
     /// A builder for a string of some number of modules, without which lists grow too.
     pub fn for_modules(count: u64) -> Self {
         /// Most nodes for which memory is set aside at first; the system hands it out when it is used.
-        const MOST_NODES: u64 = 1 << 21;
+        const MOST_NODES: usize = 1 << 21;
         let mut out = Self::default();
-        let nodes = usize::try_from(count.min(MOST_NODES)).unwrap_or(0);
+        let nodes = usize::try_from(count).map_or(MOST_NODES, |count| count.min(MOST_NODES));
         // Lists that could not be given memory at once grow as they need.
         if out.stored.list.try_reserve(nodes).is_ok() && out.axes.try_reserve(nodes / 4).is_ok() {
             out
