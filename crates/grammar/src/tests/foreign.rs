@@ -467,6 +467,23 @@ fn loops_of_lpy_may_go_over_lists_of_lists() {
     }
 }
 
+/// 256 ways through a loop of 1500 turns would take minutes and gigabytes.
+#[test]
+fn ways_of_lpy_through_long_loops_are_bounded_together() {
+    let model = |ifs: usize, turns: usize| {
+        let names: Vec<String> = (0..8).map(|i| format!("p{i}")).collect();
+        let tests: String = names[..ifs].iter().map(|p| format!("  if {p} > 0: x = x+{p}\n")).collect();
+        let head = names.join(",");
+        format!(
+            "Axiom: A(1,0,0,0,0,0,0,2)\nproduction:\nA({head}):\n  x = 0\n{tests}  for i in range({turns}): x = x+i\n  \
+             nproduce B(x)\n"
+        )
+    };
+    assert_eq!(lpy(&model(1, 4)), "B(7)");
+    let said = try_read(&format!("{}endlsystem\n", model(8, 1500))).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("too many statements on all ways"), "{said}");
+}
+
 #[test]
 fn assignments_of_lpy_may_change_by_any_operator() {
     // 3, 9, 9 // 4 = 2, 2 % 5 = 2, 2 / 4, 0.5 - 1, -0.5 + 3.

@@ -25,6 +25,12 @@ const MAX_CALLS: usize = 256;
 /// Most modules of the successor of one way; a production that makes more is refused.
 const MAX_MODULES: usize = 1 << 20;
 
+/// Most work on all ways through one production together: about a second. Own: the models of the tests take less than a hundredth of it.
+const MAX_WORK: usize = 1 << 22;
+
+/// Work that each statement of a way takes, beside that for each variable whose value is looked up.
+const STATEMENT_WORK: usize = 16;
+
 /// The refusal of a call for the value of a function that may end without one.
 fn no_value(function: &str, place: Range<usize>) -> Refusal {
     let why = Refusal::new(format!("the function '{function}', which may end without a value"), place);
@@ -35,11 +41,17 @@ impl Model<'_, '_> {
     /// Every way through statements, in the order in which Python would try them.
     pub(super) fn ways(&mut self, statements: &[Statement]) -> Result<Vec<Way>, Refusal> {
         let mut out = Vec::new();
+        let mut work = 0;
         let mut open = vec![OpenWay { way: Way::default(), left: statements.iter().rev().cloned().collect() }];
         while let Some(mut now) = open.pop() {
             let too_many = out.len() + open.len() > MAX_WAYS || now.way.steps.len() + now.left.len() > MAX_STEPS;
             if too_many || now.way.modules.len() > MAX_MODULES {
                 return Err(Refusal::new("a production with too many ways through it", now.way.range()));
+            }
+            work += STATEMENT_WORK + now.way.known.len();
+            if work > MAX_WORK {
+                let why = Refusal::new("a production with too many statements on all ways through it", now.way.range());
+                return Err(why.remedy("write fewer independent 'if's before a loop, or fewer turns of the loop"));
             }
             let ended = match now.left.pop() {
                 Some(statement) => self.follow(statement, now, &mut open)?,
