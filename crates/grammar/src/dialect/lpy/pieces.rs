@@ -16,20 +16,22 @@ pub(super) fn closing(text: &str) -> Option<usize> {
     None
 }
 
-/// Parts between the commas outside of parentheses; none of an empty text.
+/// Parts between the commas outside of brackets; none of an empty text.
 pub(super) fn split(piece: Piece<'_>) -> Vec<Piece<'_>> {
-    if piece.text.trim().is_empty() {
-        return Vec::new();
-    }
+    if piece.text.trim().is_empty() { Vec::new() } else { parts(piece, ',') }
+}
+
+/// Parts between the separators outside of brackets, at least one.
+fn parts(piece: Piece<'_>, separator: char) -> Vec<Piece<'_>> {
     let mut out = Vec::new();
     let (mut depth, mut from) = (0_usize, 0);
     for (i, c) in piece.text.char_indices() {
         match c {
             '(' | '[' | '{' => depth += 1,
             ')' | ']' | '}' => depth = depth.saturating_sub(1),
-            ',' if depth == 0 => {
+            c if c == separator && depth == 0 => {
                 out.push(piece.up_to(i).from(from).trimmed());
-                from = i + 1;
+                from = i + c.len_utf8();
             }
             _ => {}
         }
@@ -94,19 +96,7 @@ pub(super) fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
 
 /// Parts of a line between the semicolons outside of brackets, without empty ones; those of texts are masked.
 pub(super) fn at_semicolons(piece: Piece<'_>) -> Vec<Piece<'_>> {
-    let (mut out, mut depth, mut from) = (Vec::new(), 0_usize, 0);
-    for (i, c) in piece.text.char_indices() {
-        match c {
-            '(' | '[' | '{' => depth += 1,
-            ')' | ']' | '}' => depth = depth.saturating_sub(1),
-            ';' if depth == 0 => {
-                out.push(piece.up_to(i).from(from).trimmed());
-                from = i + 1;
-            }
-            _ => {}
-        }
-    }
-    out.push(piece.from(from).trimmed());
+    let mut out = parts(piece, ';');
     out.retain(|p| !p.text.is_empty());
     out
 }

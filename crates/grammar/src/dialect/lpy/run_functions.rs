@@ -212,14 +212,7 @@ impl Model<'_, '_> {
         let skip = push_test(ops, &compile(test, &self.scope)?);
         let mut jumps = LoopJumps::default();
         self.block_code(body, declared, ops, &mut jumps)?;
-        for at in jumps.continues {
-            ops[at] = Op::Jump(start);
-        }
-        ops.push(Op::Jump(start));
-        ops[skip] = Op::JumpIfZero(ops.len());
-        for at in jumps.breaks {
-            ops[at] = Op::Jump(ops.len());
-        }
+        jumps.close(ops, start, skip);
         Ok(())
     }
 

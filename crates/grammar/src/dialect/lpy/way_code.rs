@@ -41,6 +41,21 @@ pub(super) struct LoopJumps {
     pub continues: Vec<usize>,
 }
 
+impl LoopJumps {
+    /// Ends a loop: appends the jump to its test at `start`, and sets the targets of the jumps out of it. `skip`: index of that of
+    /// its test.
+    pub fn close(self, ops: &mut Vec<Op>, start: usize, skip: usize) {
+        for at in self.continues {
+            ops[at] = Op::Jump(start);
+        }
+        ops.push(Op::Jump(start));
+        ops[skip] = Op::JumpIfZero(ops.len());
+        for at in self.breaks {
+            ops[at] = Op::Jump(ops.len());
+        }
+    }
+}
+
 /// A `for` over a range as a `while` that counts.
 pub(super) struct CountedLoop {
     /// Sets the number of the turn and the end of the range: Python evaluates a range once, before the first turn.
@@ -155,14 +170,7 @@ impl Model<'_, '_> {
         let skip = push_test(ops, &compile(test, &self.scope)?);
         let mut jumps = LoopJumps::default();
         self.computing_code(body, ops, &mut jumps)?;
-        for at in jumps.continues {
-            ops[at] = Op::Jump(start);
-        }
-        ops.push(Op::Jump(start));
-        ops[skip] = Op::JumpIfZero(ops.len());
-        for at in jumps.breaks {
-            ops[at] = Op::Jump(ops.len());
-        }
+        jumps.close(ops, start, skip);
         Ok(())
     }
 

@@ -1,5 +1,7 @@
 //! Bending under the weight that a year adds, and righting by reaction wood.
 
+use std::ops::Range;
+
 use glam::{Quat, Vec3};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -303,55 +305,35 @@ impl Turning<'_> {
         for (k, i) in group.index[..count].iter().map(|i| *i as usize).enumerate() {
             let nodes = &self.nodes;
             let parent = nodes.parent[i] as usize;
-            let (own, q, base) = (self.turns[parent], nodes.q[i], nodes.p[parent]);
             let order = usize::from(nodes.order[i]);
             let length = nodes.length[i];
-            let [sine, cosine] = self.season.elevation[order];
             let load = &group.loads[k];
-            let bends = if load.bends { 1.0 } else { 0.0 };
-            let values = [
-                own.x,
-                own.y,
-                own.z,
-                own.w,
-                q.x,
-                q.y,
-                q.z,
-                q.w,
-                base.x,
-                base.y,
-                base.z,
-                length,
-                nodes.r[i],
-                self.habit.upright[order] * length,
-                sine,
-                cosine,
-                load.torque.x,
-                load.torque.z,
-                bends,
-            ];
-            for (row, value) in group.rows.iter_mut().zip(values) {
-                row[k] = value;
-            }
+            group.rotation.set(k, self.turns[parent]);
+            group.orientation.set(k, nodes.q[i]);
+            group.base.set(k, nodes.p[parent]);
+            group.length[k] = length;
+            group.radius[k] = nodes.r[i];
+            group.rate[k] = self.habit.upright[order] * length;
+            [group.sin_elevation[k], group.cos_elevation[k]] = self.season.elevation[order];
+            (group.torque_x[k], group.torque_z[k]) = (load.torque.x, load.torque.z);
+            group.is_bent[k] = if load.bends { 1.0 } else { 0.0 };
         }
         let arch = Arch::new();
         arch.dispatch(Carrying(&mut *group));
         // Bends are limited one by one, since large ones need an exponential.
         for (k, load) in group.loads[..count].iter().enumerate() {
-            group.bends[k] = if load.bends { limited(load.angle, group.carried[MOST][k]) / load.moment } else { 0.0 };
+            group.bends[k] = if load.bends { limited(load.angle, group.most[k]) / load.moment } else { 0.0 };
         }
         arch.dispatch(Righting(&mut *group));
         for (k, i) in group.index[..count].iter().map(|i| *i as usize).enumerate() {
-            let [ax, ay, az, aw, qx, qy, qz, qw, px, py, pz, level, sine, cosine] =
-                group.turned.each_ref().map(|row| row[k]);
-            let base_y = group.rows[BASE_Y][k];
+            let end = group.end.get(k);
             // What follows another formula is turned by itself.
-            let is_usual = level > LEVEL_EPSILON && sine >= LEAST_SINE && cosine >= 0.0;
-            let sinks = base_y >= LOWEST && py < LOWEST;
+            let is_usual = group.level[k] > LEVEL_EPSILON && group.sine[k] >= LEAST_SINE && group.cosine[k] >= 0.0;
+            let sinks = group.base.y[k] >= LOWEST && end.y < LOWEST;
             if is_usual && !sinks {
-                self.turns[i] = Quat::from_xyzw(ax, ay, az, aw);
-                self.nodes.q[i] = Quat::from_xyzw(qx, qy, qz, qw);
-                self.nodes.p[i] = Vec3::new(px, py, pz);
+                self.turns[i] = group.rotation.get(k);
+                self.nodes.q[i] = group.orientation.get(k);
+                self.nodes.p[i] = end;
             } else {
                 self.turn(i, &group.loads[k]);
             }
@@ -361,10 +343,72 @@ impl Turning<'_> {
 
 /// Most internodes that one instruction handles.
 const MOST_LANES: usize = 16;
-/// Row of the height of the base in [`TurningGroup::rows`].
-const BASE_Y: usize = 9;
-/// Row of the largest bend in [`TurningGroup::carried`].
-const MOST: usize = 4;
+
+/// A number of each internode of a group.
+type Row = [f32; MOST_LANES];
+
+/// A vector of each internode of a group.
+#[derive(Default)]
+struct VecRows {
+    x: Row,
+    y: Row,
+    z: Row,
+}
+
+impl VecRows {
+    fn set(&mut self, k: usize, v: Vec3) {
+        (self.x[k], self.y[k], self.z[k]) = (v.x, v.y, v.z);
+    }
+
+    fn get(&self, k: usize) -> Vec3 {
+        Vec3::new(self.x[k], self.y[k], self.z[k])
+    }
+
+    #[inline(always)]
+    fn load<S: Simd>(&self, simd: S, part: &Range<usize>) -> LaneVec<S> {
+        LaneVec { x: load(simd, &self.x, part), y: load(simd, &self.y, part), z: load(simd, &self.z, part) }
+    }
+
+    #[inline(always)]
+    fn store<S: Simd>(&mut self, v: LaneVec<S>, part: &Range<usize>) {
+        store(v.x, &mut self.x, part);
+        store(v.y, &mut self.y, part);
+        store(v.z, &mut self.z, part);
+    }
+}
+
+/// A quaternion of each internode of a group.
+#[derive(Default)]
+struct QuatRows {
+    x: Row,
+    y: Row,
+    z: Row,
+    w: Row,
+}
+
+impl QuatRows {
+    fn set(&mut self, k: usize, q: Quat) {
+        (self.x[k], self.y[k], self.z[k], self.w[k]) = (q.x, q.y, q.z, q.w);
+    }
+
+    fn get(&self, k: usize) -> Quat {
+        Quat::from_xyzw(self.x[k], self.y[k], self.z[k], self.w[k])
+    }
+
+    #[inline(always)]
+    fn load<S: Simd>(&self, simd: S, part: &Range<usize>) -> LaneQuat<S> {
+        let load = |row| load(simd, row, part);
+        LaneQuat { x: load(&self.x), y: load(&self.y), z: load(&self.z), w: load(&self.w) }
+    }
+
+    #[inline(always)]
+    fn store<S: Simd>(&mut self, q: LaneQuat<S>, part: &Range<usize>) {
+        store(q.x, &mut self.x, part);
+        store(q.y, &mut self.y, part);
+        store(q.z, &mut self.z, part);
+        store(q.w, &mut self.w, part);
+    }
+}
 
 /// Internodes of living branches.
 #[derive(Default)]
@@ -372,16 +416,33 @@ struct TurningGroup {
     index: [u32; MOST_LANES],
     loads: [Load; MOST_LANES],
     count: usize,
-    /// Rotation of the parent and own orientation (x, y, z, w), base (x, y, z), length, radius, rate of righting times length, sine and
-    /// cosine of the elevation that is sought, torque (x, z), and 1 if it bends.
-    rows: [[f32; MOST_LANES]; 19],
-    /// Orientation after the rotation of the parent (x, y, z, w), and the largest bend.
-    carried: [[f32; MOST_LANES]; 5],
+    /// Rotation of the parent; in the end that which children inherit.
+    rotation: QuatRows,
+    /// Orientation: before any turn, then with the rotation of the parent, in the end with all turns.
+    orientation: QuatRows,
+    base: VecRows,
+    end: VecRows,
+    length: Row,
+    radius: Row,
+    /// Rate of righting times length.
+    rate: Row,
+    /// The elevation that is sought.
+    sin_elevation: Row,
+    cos_elevation: Row,
+    /// Torque of the weight, N m; it has no part along y.
+    torque_x: Row,
+    torque_z: Row,
+    /// 1 if it bends, else 0.
+    is_bent: Row,
+    /// Largest bend, rad.
+    most: Row,
     /// Bend over the moment, rad / (N m).
-    bends: [f32; MOST_LANES],
-    /// Rotation that children inherit and orientation (x, y, z, w), end (x, y, z), squared length of the direction's level part, sine and
-    /// cosine of the deviation.
-    turned: [[f32; MOST_LANES]; 14],
+    bends: Row,
+    /// Squared length of the direction's level part.
+    level: Row,
+    /// The deviation from the direction that is sought.
+    sine: Row,
+    cosine: Row,
 }
 
 impl TurningGroup {
@@ -401,20 +462,17 @@ impl WithSimd for Carrying<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let TurningGroup { rows, carried, .. } = self.0;
+        let group = self.0;
         let lanes = S::F32_LANES.min(MOST_LANES);
         for first in (0..MOST_LANES).step_by(lanes) {
             let part = first..first + lanes;
-            let own = LaneQuat::load(simd, [&rows[0], &rows[1], &rows[2], &rows[3]], &part);
-            let q = own.times(LaneQuat::load(simd, [&rows[4], &rows[5], &rows[6], &rows[7]], &part));
+            let q = group.rotation.load(simd, &part).times(group.orientation.load(simd, &part));
             // The angle to hanging, and the share of it that a bend may use (`limited_bend`).
             let down = -q.y_axis().y;
             let angle = angle_of_magnitude(down.max(-down));
             let angle = down.select_lt(0.0, F32Lanes::from_scalar(simd, std::f32::consts::PI) - angle, angle);
-            let out = [q.x, q.y, q.z, q.w, angle * BEND_SHARE];
-            for (row, value) in carried.iter_mut().zip(out) {
-                value.partial_store(&mut row[part.clone()]);
-            }
+            group.orientation.store(q, &part);
+            store(angle * BEND_SHARE, &mut group.most, &part);
         }
     }
 }
@@ -427,21 +485,19 @@ impl WithSimd for Righting<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let TurningGroup { rows, carried, bends, turned, .. } = self.0;
+        let group = self.0;
         let lanes = S::F32_LANES.min(MOST_LANES);
         for first in (0..MOST_LANES).step_by(lanes) {
             let part = first..first + lanes;
-            let own = LaneQuat::load(simd, [&rows[0], &rows[1], &rows[2], &rows[3]], &part);
-            let q = LaneQuat::load(simd, [&carried[0], &carried[1], &carried[2], &carried[3]], &part);
-            let base_x = load(simd, &rows[8], &part);
-            let base_y = load(simd, &rows[BASE_Y], &part);
-            let base_z = load(simd, &rows[10], &part);
-            let length = load(simd, &rows[11], &part);
-            let r = load(simd, &rows[12], &part);
-            let rate = load(simd, &rows[13], &part);
-            let (sin_e, cos_e) = (load(simd, &rows[14], &part), load(simd, &rows[15], &part));
-            let (torque_x, torque_z) = (load(simd, &rows[16], &part), load(simd, &rows[17], &part));
-            let (is_bent, bend) = (load(simd, &rows[18], &part), load(simd, bends, &part));
+            let own = group.rotation.load(simd, &part);
+            let q = group.orientation.load(simd, &part);
+            let base = group.base.load(simd, &part);
+            let length = load(simd, &group.length, &part);
+            let r = load(simd, &group.radius, &part);
+            let rate = load(simd, &group.rate, &part);
+            let (sin_e, cos_e) = (load(simd, &group.sin_elevation, &part), load(simd, &group.cos_elevation, &part));
+            let (torque_x, torque_z) = (load(simd, &group.torque_x, &part), load(simd, &group.torque_z, &part));
+            let (is_bent, bend) = (load(simd, &group.is_bent, &part), load(simd, &group.bends, &part));
             let d = q.y_axis();
             let zero = F32Lanes::from_scalar(simd, 0.0);
             // The bend, without torsion.
@@ -489,25 +545,13 @@ impl WithSimd for Righting<'_> {
             let norm = F32Lanes::from_scalar(simd, 1.5) - (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w) * 0.5;
             let q = LaneQuat { x: q.x * norm, y: q.y * norm, z: q.z * norm, w: q.w * norm };
             let d = q.y_axis();
-            let out = [
-                own.x,
-                own.y,
-                own.z,
-                own.w,
-                q.x,
-                q.y,
-                q.z,
-                q.w,
-                base_x + d.x * length,
-                base_y + d.y * length,
-                base_z + d.z * length,
-                level,
-                sine,
-                cosine,
-            ];
-            for (row, value) in turned.iter_mut().zip(out) {
-                value.partial_store(&mut row[part.clone()]);
-            }
+            group.rotation.store(own, &part);
+            group.orientation.store(q, &part);
+            let end = LaneVec { x: base.x + d.x * length, y: base.y + d.y * length, z: base.z + d.z * length };
+            group.end.store(end, &part);
+            store(level, &mut group.level, &part);
+            store(sine, &mut group.sine, &part);
+            store(cosine, &mut group.cosine, &part);
         }
     }
 }
@@ -522,8 +566,13 @@ fn angle_of_magnitude<S: Simd>(cosine: F32Lanes<S>) -> F32Lanes<S> {
 
 /// Part of a row.
 #[inline(always)]
-fn load<S: Simd>(simd: S, row: &[f32; MOST_LANES], part: &std::ops::Range<usize>) -> F32Lanes<S> {
+fn load<S: Simd>(simd: S, row: &Row, part: &Range<usize>) -> F32Lanes<S> {
     F32Lanes::partial_load(simd, &row[part.clone()])
+}
+
+#[inline(always)]
+fn store<S: Simd>(value: F32Lanes<S>, row: &mut Row, part: &Range<usize>) {
+    value.partial_store(&mut row[part.clone()]);
 }
 
 /// A vector in each lane.
@@ -551,11 +600,6 @@ struct LaneQuat<S: Simd> {
 }
 
 impl<S: Simd> LaneQuat<S> {
-    #[inline(always)]
-    fn load(simd: S, [x, y, z, w]: [&[f32; MOST_LANES]; 4], part: &std::ops::Range<usize>) -> Self {
-        Self { x: load(simd, x, part), y: load(simd, y, part), z: load(simd, z, part), w: load(simd, w, part) }
-    }
-
     /// The product, in the order of operations of `Quat`.
     #[inline(always)]
     fn times(self, b: Self) -> Self {
