@@ -1,5 +1,5 @@
 """Renders a baked file with Cycles on the CPU, as the large picture in the README was made
-(frame 36, --samples 40 --sun 36,42 --exposure 0.2); the small ones are by osier preview.
+(--frame 36 --size 1200x675 --samples 64 --sun 36,46 --exposure 0.3 --through 0.3); the small ones are by osier preview.
 
     python render.py out/showcase/showcase.usda picture.png [--frame 36 [--until 72 --every 2]] [--size 800x800] [--samples 96]
                      [--eye x,y,z --target x,y,z --fov 35] [--plain] [--sun elevation,azimuth]

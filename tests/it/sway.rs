@@ -511,7 +511,9 @@ fn trees_of_the_showcase() -> String {
     // Tables begin at a line with a bracket.
     for table in text.split("\n[").enumerate().map(|(k, t)| if k == 0 { t.to_owned() } else { format!("\n[{t}") }) {
         let other = |name: &str| table.contains(&format!("plants.{name}")) || table.contains(&format!("\"{name}\""));
-        if !["poplar_twig", "grass", "tall_grass"].into_iter().any(other) && !table.starts_with("\n[ground]") {
+        if !["far_oak", "far_birch", "poplar_twig", "grass", "tall_grass"].into_iter().any(other)
+            && !table.starts_with("\n[ground]")
+        {
             kept.push_str(&table);
         }
     }
