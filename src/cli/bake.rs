@@ -27,18 +27,6 @@ use osier_export::{VERSION, registry};
 /// the same version.
 const SOURCES: &str = env!("OSIER_SOURCES");
 
-/// Formats that store only a part of a scene, and their folders in a bake. The format `unreal` warns by itself (X025).
-const FOLDERS: [(&str, &str); 8] = [
-    ("pc2", "cache/"),
-    ("obj", "obj/"),
-    ("ply", "cloud/"),
-    ("exr", "maps/"),
-    ("csv", "stats/"),
-    ("tracks", "tracks/"),
-    ("points", "points/"),
-    ("vdb", "vdb/"),
-];
-
 /// Runs `osier bake`, or a sweep if its flags ask for one; the result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     if args.output.as_deref() == Some(Path::new("-")) {
@@ -197,11 +185,10 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
 /// The formats of the recipe of which the bake has no file, since each of them stores things that a scene may lack.
 fn formats_without_files(recipe: &Recipe, manifest: &Manifest) -> Vec<&'static FormatInfo> {
     let files = manifest.expanded();
-    let has_files = |word: &str| {
-        let folder = FOLDERS.iter().find(|(format, _)| *format == word);
-        folder.is_none_or(|(_, folder)| files.iter().any(|file| file.0.starts_with(*folder)))
-    };
-    recipe.output.keys.formats.iter().map(|format| format.0).filter(|format| !has_files(format.word)).collect()
+    let is_in = |path: &str, folder: &str| path.split_once('/').is_some_and(|(first, _)| first == folder);
+    let lacks_files =
+        |format: &&FormatInfo| format.notes_missing_files && !files.iter().any(|file| is_in(&file.0, format.folder));
+    recipe.output.keys.formats.iter().map(|format| format.0).filter(lacks_files).collect()
 }
 
 /// The list of `--formats` as a value of the key `output.formats`.

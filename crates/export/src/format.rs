@@ -19,8 +19,13 @@ pub struct FormatInfo {
     pub word: &'static str,
     /// One line for listings: lower case, no full stop.
     pub about: &'static str,
-    /// Folder of a bake in which each file is named after the asset it holds, for the manifest's lists of files per asset.
-    pub asset_folder: Option<&'static str>,
+    /// Folder of a bake that holds its files, unique; a file that a program opens first may stand beside it.
+    pub folder: &'static str,
+    /// Whether each file in the folder is named after the asset it holds, for the manifest's lists of files per asset.
+    pub names_assets: bool,
+    /// Whether a bake without a file in the folder notes it: the format stores a part of a scene, of which a scene may have nothing,
+    /// and its exporter has no warning of its own.
+    pub notes_missing_files: bool,
     /// Single files that it can write: endings without the dot, each with one line for listings.
     pub endings: &'static [(&'static str, &'static str)],
     /// Whether a single file of the format refers to its textures as separate files beside it.

@@ -5,7 +5,7 @@
 //! Sources: Wavefront "Object Files (.obj)", version 3.0; "MTL material format", 1995.
 //!
 //! ```
-//! assert_eq!(osier_export::obj::FORMAT.asset_folder, Some("obj"));
+//! assert_eq!(osier_export::obj::FORMAT.folder, "obj");
 //! ```
 
 use std::sync::Arc;
@@ -25,7 +25,9 @@ use osier_scene::{Asset, Frame, Material, Scene, Trs, check_scene};
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "obj",
     about: "Wavefront meshes at rest",
-    asset_folder: Some("obj"),
+    folder: "obj",
+    names_assets: true,
+    notes_missing_files: true,
     endings: &[("obj", "Wavefront mesh with .mtl and pictures")],
     pictures_beside: true,
     memory_percent: 8,

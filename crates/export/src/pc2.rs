@@ -20,7 +20,9 @@ use osier_scene::{Asset, AssetFrame, Frame, MeshMotion, MeshObject, Scene, check
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "pc2",
     about: "point caches for the glb of profile blender, of plants with motion = \"cache\"",
-    asset_folder: Some("cache"),
+    folder: "cache",
+    names_assets: true,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
     memory_percent: 0,

@@ -5,7 +5,7 @@
 //! mesh, the points.
 //!
 //! ```
-//! assert_eq!(osier_export::ply::FORMAT.asset_folder, Some("cloud"));
+//! assert_eq!(osier_export::ply::FORMAT.folder, "cloud");
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -30,7 +30,9 @@ use osier_scene::{
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "ply",
     about: "point clouds, and instances as points",
-    asset_folder: Some("cloud"),
+    folder: "cloud",
+    names_assets: true,
+    notes_missing_files: true,
     endings: &[("ply", "points and leaves")],
     pictures_beside: false,
     memory_percent: 0,

@@ -21,7 +21,9 @@ const NO_PARENT: i32 = -1;
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "tracks",
     about: "binary records of drops, rain events, wet leaves and joints",
-    asset_folder: None,
+    folder: "tracks",
+    names_assets: false,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
     memory_percent: 0,

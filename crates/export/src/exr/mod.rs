@@ -47,7 +47,9 @@ pub(crate) const FIELD_KIND: &str = "exr.field";
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "exr",
     about: "height maps of bark, leaves, ground and terrain, deposition maps, maps of wet leaves",
-    asset_folder: None,
+    folder: "maps",
+    names_assets: false,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
     memory_percent: 0,

@@ -67,7 +67,9 @@ use osier_scene::{Asset, Frame, Scene, check_frame, check_scene, freeze};
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "glb",
     about: "glTF: the whole scene in one file per profile, optionally one per asset; animated",
-    asset_folder: Some("gltf"),
+    folder: "gltf",
+    names_assets: true,
+    notes_missing_files: false,
     endings: &[("glb", "glTF in one file, pictures inside"), ("gltf", "glTF as JSON, data and pictures beside it")],
     pictures_beside: false,
     memory_percent: 112,

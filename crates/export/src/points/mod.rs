@@ -30,7 +30,9 @@ const INSTANCE_ROW: u64 = 105;
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "points",
     about: "drops, catkins and joints as points with attributes: a CSV per table and frame",
-    asset_folder: None,
+    folder: "points",
+    names_assets: false,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
     memory_percent: 0,

@@ -54,7 +54,9 @@ const STREAK_NEAR_SHARE: f32 = 0.9;
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "pov",
     about: "a POV-Ray scene with an include file per frame; `povray render.ini` renders it",
-    asset_folder: None,
+    folder: "pov",
+    names_assets: false,
+    notes_missing_files: false,
     endings: &[("pov", "POV-Ray scene")],
     pictures_beside: true,
     memory_percent: 20,

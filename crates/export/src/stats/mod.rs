@@ -40,7 +40,9 @@ use osier_scene::{Frame, Scene, Table, largest};
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "csv",
     about: "statistics of flights and rain: tables, JSON and plots",
-    asset_folder: None,
+    folder: "stats",
+    names_assets: false,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
     memory_percent: 0,

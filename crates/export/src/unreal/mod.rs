@@ -4,7 +4,7 @@
 //! ```
 //! use osier_export::registry::by_word;
 //!
-//! assert_eq!(by_word("unreal").map(|f| f.asset_folder), Some(Some("unreal")));
+//! assert_eq!(by_word("unreal").map(|f| f.folder), Some("unreal"));
 //! ```
 
 use std::sync::Arc;
@@ -44,7 +44,10 @@ const NAMED_PLANTS: usize = 3;
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "unreal",
     about: "Unreal Engine: a USD file per plant, a Nanite assembly with joints, and a JSON file of its wind",
-    asset_folder: Some("unreal"),
+    folder: "unreal",
+    names_assets: true,
+    // X025 tells which plants have no file.
+    notes_missing_files: false,
     endings: &[],
     pictures_beside: false,
     memory_percent: 200,

@@ -68,7 +68,9 @@ pub(crate) const HAIRS: &str = "hairs";
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "usd",
     about: "USD: a root layer (.usda) and a payload (.usdc) per asset; animated",
-    asset_folder: Some("usd"),
+    folder: "usd",
+    names_assets: true,
+    notes_missing_files: false,
     endings: &[("usda", "USD as text"), ("usdc", "USD, binary"), ("usdz", "USD with pictures in one file")],
     pictures_beside: true,
     memory_percent: 7,

@@ -29,7 +29,9 @@ const VECTOR_CELL: u64 = 3;
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "vdb",
     about: "OpenVDB: wind, catkins in flight and at rest as voxel grids, a file per frame",
-    asset_folder: None,
+    folder: "vdb",
+    names_assets: false,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
     memory_percent: 0,
