@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use super::estimate::{AssetSize, EstimateInput, MergedSize};
 use super::file_target::{FileTarget, file_stem};
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::merge::{FlattenedAsset, PartRange, format_in_parallel};
 use super::text::TextBuffer;
 use super::textures::Textures;
@@ -30,6 +30,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     notes_missing_files: true,
     endings: &[("obj", "Wavefront mesh with .mtl and pictures")],
     pictures_beside: true,
+    textures: TextureUse::Written,
     memory_percent: 8,
     estimate,
     open: |job| vec![Box::new(ObjExporter::new(job.folder.clone(), Arc::clone(&job.textures), job.target()))],

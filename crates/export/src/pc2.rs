@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::gltf::submeshes::split_by_material;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::{Folder, Output};
@@ -25,6 +25,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Unused,
     memory_percent: 0,
     // Plants that grow have no joints, but points in every frame, as those with motion = "cache".
     estimate: |input| input.per_asset(|a| input.frames * a.deforming_vertices * 12),

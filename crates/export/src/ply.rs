@@ -15,7 +15,7 @@ use glam::Vec3;
 
 use super::estimate::{EstimateInput, MergedSize};
 use super::file_target::FileTarget;
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::merge::{FlattenedAsset, PartRange, format_in_parallel, transform_normal};
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::files::{Folder, Output};
@@ -35,6 +35,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     notes_missing_files: true,
     endings: &[("ply", "points and leaves")],
     pictures_beside: false,
+    textures: TextureUse::Unused,
     memory_percent: 0,
     estimate,
     open: |job| vec![Box::new(PlyExporter::new(job.folder.clone(), job.target()))],

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::world_joints::{WorldJoint, world_joints};
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::files::{Folder, Output};
@@ -26,6 +26,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Unused,
     memory_percent: 0,
     // Only joints: the number of records that simulations write is unknown before they run.
     estimate: |input| input.per_asset(|a| input.frames * a.joints * a.placements * 36),

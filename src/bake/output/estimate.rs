@@ -11,7 +11,7 @@ use crate::bake::scene::animated::AnimatedScene;
 use crate::recipe::Recipe;
 use osier_base::convert::{limit, saturating_index};
 use osier_export::estimate::{AssetSize, EstimateInput, GrowthFrames};
-use osier_export::format::FormatInfo;
+use osier_export::format::{FormatInfo, TextureUse};
 use osier_export::options::ExportOptions;
 use osier_scene::{AssetFrame, Pixels, Scene};
 
@@ -79,8 +79,11 @@ pub(crate) fn estimate_formats(
         ..BakeEstimate::default()
     };
     c.sizes = job.formats.iter().map(|f| (f.word, (f.estimate)(&input))).collect();
-    // A bake has one copy of the pictures for all formats; some formats of single files embed them or have none.
-    if !job.single || (pictures > 0 && job.formats.iter().any(|f| f.pictures_beside)) {
+    // A bake has one copy of the pictures for all formats; some formats embed them or have none.
+    let has_files = |f: &&FormatInfo| {
+        if job.single { pictures > 0 && f.pictures_beside } else { f.textures == TextureUse::Written }
+    };
+    if job.formats.iter().any(has_files) {
         c.sizes.push(("pictures", pictures));
     }
     let wind = estimate_wind_bytes(scene, job.frames);

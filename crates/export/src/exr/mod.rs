@@ -28,7 +28,7 @@ use half::f16;
 
 use self::sequences::SequenceWriter;
 use super::estimate::EstimateInput;
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::Error;
 use osier_base::files::Folder;
@@ -52,6 +52,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Read,
     memory_percent: 0,
     estimate,
     open: |job| vec![Box::new(ExrExporter::new(job.folder.clone(), job.options.exr))],

@@ -56,7 +56,7 @@ use self::light_leaves::LightLeaves;
 use self::tracks::ClipTracks;
 use super::estimate::{AssetSize, EstimateInput};
 use super::file_target::file_stem;
-use super::format::{ExportJob, FormatInfo};
+use super::format::{ExportJob, FormatInfo, TextureUse};
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::Folder;
@@ -72,6 +72,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     notes_missing_files: false,
     endings: &[("glb", "glTF in one file, pictures inside"), ("gltf", "glTF as JSON, data and pictures beside it")],
     pictures_beside: false,
+    textures: TextureUse::Written,
     memory_percent: 112,
     estimate,
     open,

@@ -10,7 +10,7 @@ pub(crate) mod options;
 pub use options::PointsOptions;
 
 use super::estimate::EstimateInput;
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::world_joints::{WorldJoint, world_joints};
 use super::{Exporter, Summary};
 use csv::csv_text;
@@ -35,6 +35,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Unused,
     memory_percent: 0,
     estimate,
     open: |job| vec![Box::new(PointsExporter::new(job.folder.clone(), job.options.points.clone()))],

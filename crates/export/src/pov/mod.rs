@@ -31,7 +31,7 @@ use self::objects::StreakView;
 use self::space::PovSpace;
 use super::estimate::{AssetSize, EstimateInput, sample_place};
 use super::file_target::{FileTarget, file_stem};
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::text::TextBuffer;
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
@@ -59,6 +59,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     notes_missing_files: false,
     endings: &[("pov", "POV-Ray scene")],
     pictures_beside: true,
+    textures: TextureUse::Written,
     memory_percent: 20,
     estimate,
     open: |job| {

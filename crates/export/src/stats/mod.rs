@@ -31,7 +31,7 @@ use std::sync::Arc;
 
 use serde_json::json;
 
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::{Exporter, Summary};
 use osier_base::files::Folder;
 use osier_scene::{Frame, Scene, Table, largest};
@@ -45,6 +45,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Unused,
     memory_percent: 0,
     estimate: |input| input.scene.tables.len() as u64 * input.frames * 200,
     open: |job| vec![Box::new(StatsExporter::new(job.folder.clone()))],

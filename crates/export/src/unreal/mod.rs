@@ -15,7 +15,7 @@ mod stage;
 mod wind;
 
 use super::estimate::EstimateInput;
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::textures::Textures;
 use super::up_axis::UpAxis;
 use super::usd::Tolerance;
@@ -50,6 +50,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     notes_missing_files: false,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Written,
     memory_percent: 200,
     estimate,
     open: |job| vec![Box::new(UnrealExporter::new(job.folder.clone(), Arc::clone(&job.textures)))],
