@@ -46,7 +46,11 @@ fn table(out: &Path) -> BTreeMap<String, Vec<f64>> {
     let mut columns: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for line in lines {
         for (name, value) in names.iter().zip(line.split(',')) {
-            columns.entry(name.clone()).or_default().push(value.parse().expect("a number"));
+            columns.entry(name.clone()).or_default().push(if value.is_empty() {
+                f64::NAN
+            } else {
+                value.parse().expect("a number")
+            });
         }
     }
     columns
@@ -217,6 +221,13 @@ fn tables_and_maps_count_everybody() {
     for (frame, deep) in columns["penetrations"].iter().enumerate() {
         let sum: f64 = states.iter().map(|s| columns[*s][frame]).sum();
         assert!((sum - 200.0).abs() < 0.5 && *deep < 0.5, "frame {frame}: {sum}");
+    }
+    // Means are of those that lie or fly; where none does, nothing is written.
+    for frame in 0..columns["grounded"].len() {
+        let lie = ["grounded", "on_wall", "corner"].iter().any(|s| columns[*s][frame] > 0.5);
+        let is_there = |name: &str| !columns[name][frame].is_nan();
+        assert!(["flight_time", "flight_distance", "flight_distance_50"].iter().all(|name| is_there(name) == lie));
+        assert_eq!(is_there("mean_speed"), columns["airborne"][frame] > 0.5, "frame {frame}");
     }
     let lying = last(&columns, "grounded") + last(&columns, "on_wall") + last(&columns, "corner");
     assert!(lying > 10.0 && last(&columns, "merges") > 3.0, "{columns:?}");
