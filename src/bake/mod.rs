@@ -36,6 +36,7 @@ use osier_base::diagnostic::Report;
 use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_export::Warning;
+use osier_export::format::TextureUse;
 use osier_export::manifest::{self, Manifest};
 use osier_export::textures::Textures;
 
@@ -47,6 +48,7 @@ use output::texture_size::limit_texture_sizes;
 use output::unselected::warn_of_unselected_grids;
 use scene::animated::AnimatedScene;
 use scene::assembly::{AssembledScene, SceneOptions};
+use scene::dry_run::without_unused_textures;
 
 /// Manifest and warnings of a bake whose files have all been written.
 #[derive(Debug)]
@@ -78,7 +80,8 @@ pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeCont
     }
     let mut report = warn_of_unselected_grids(recipe, frames);
     cache::ifs_leaves::load(recipe, folder.root(), context.limits);
-    let mut built = scene::assembly::assemble_scene(recipe, SceneOptions::default(), context)?;
+    let mut built =
+        scene::assembly::assemble_scene(&without_unused_textures(recipe), SceneOptions::default(), context)?;
     if let Some(why) = missing_frames(recipe, &built.animated, frames) {
         return Err(Error::input("S004", why));
     }
@@ -111,8 +114,8 @@ pub(crate) fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u
     })
 }
 
-/// Writes all files of an assembled scene, frame by frame, the manifest last; reduces its textures to the sizes that the camera
-/// needs. The manifest repeats the warnings of the assembly; those that are returned are of the exporters.
+/// Writes all files of an assembled scene, frame by frame, the manifest last; textures only where a format refers to them, reduced to
+/// the sizes that the camera needs. The manifest repeats the warnings of the assembly; those that are returned are of the exporters.
 /// # Errors
 /// `Export` and `Io` of what cannot be written, `Cancelled`.
 pub fn write_files(
@@ -125,9 +128,12 @@ pub fn write_files(
     let animated = &mut built.animated;
     // Previews and single files have the textures at their full size; a bake is made for its camera.
     limit_texture_sizes(recipe, Arc::make_mut(&mut animated.scene));
-    let textures = Arc::new(Textures::encode(&animated.scene)?);
-    textures.write(&animated.scene, folder, "textures/")?;
-    cache::ifs_leaves::store(recipe, folder)?;
+    let mut textures = Arc::default();
+    if recipe.output.texture_use() == TextureUse::Written {
+        textures = Arc::new(Textures::encode(&animated.scene)?);
+        textures.write(&animated.scene, folder, "textures/")?;
+        cache::ifs_leaves::store(recipe, folder)?;
+    }
     let mut writers = exporters::bake_exporters(folder, &textures, recipe, frames);
     let warnings = write_frames(animated, &mut writers, frames, context)?;
     manifest::write_places(folder, &animated.scene)?;

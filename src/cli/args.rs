@@ -166,8 +166,8 @@ pub struct Preview {
     /// mesh (.glb .gltf .obj) or folder of a bake.
     #[arg(value_name = "SOURCE")]
     pub source: String,
-    /// File to write [default: out/NAME.png, out/NAME.gif for a clip]; a clip may also be .apng or .png; NAME_####.png writes
-    /// a picture for each frame.
+    /// File to write, or - for standard output [default: out/NAME.png, out/NAME.gif for a clip]; a clip may also be .apng or
+    /// .png; NAME_####.png writes a picture for each frame.
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Width and height in pixels [default: 800x800; 320x320 per picture of a contact sheet, 480x480 for a clip].

@@ -12,12 +12,13 @@ use crate::bake::cache::ifs_leaves;
 use crate::bake::output::single_file::refuse_without_visible_plants;
 use crate::bake::output::unselected::warn_of_unselected_grids;
 use crate::bake::scene;
+use crate::bake::scene::dry_run::without_unused_textures;
 use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
-use osier_base::Result;
 use osier_base::diagnostic::nearest;
-use osier_base::files::{BakeCache, Folder, WriteOptions, check_writable, is_settled};
+use osier_base::files::{BakeCache, Folder, WriteOptions, check_writable, has_finished_files, is_settled};
+use osier_base::{Error, Result};
 use osier_export::format::FormatInfo;
 use osier_export::gltf::Profile;
 use osier_export::manifest::{self, Manifest};
@@ -26,18 +27,6 @@ use osier_export::{VERSION, registry};
 /// Hash of the sources from which this program was built: the output of a build with other sources is not up to date, even with
 /// the same version.
 const SOURCES: &str = env!("OSIER_SOURCES");
-
-/// Formats that store only a part of a scene, and their folders in a bake. The format `unreal` warns by itself (X025).
-const FOLDERS: [(&str, &str); 8] = [
-    ("pc2", "cache/"),
-    ("obj", "obj/"),
-    ("ply", "cloud/"),
-    ("exr", "maps/"),
-    ("csv", "stats/"),
-    ("tracks", "tracks/"),
-    ("points", "points/"),
-    ("vdb", "vdb/"),
-];
 
 /// Runs `osier bake`, or a sweep if its flags ask for one; the result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
@@ -93,42 +82,68 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             open(context, args, &hash, &root)?;
         }
     }
+    let request = RequestedBake { recipe: &recipe, frames: &frames, root: &root, hash: &hash, told };
+    match bake_frames(context, args, &request) {
+        Err(e @ Error::Cancelled { .. }) if !context.common.dry_run && has_finished_files(&root, &key(&hash)) => {
+            context.console.complain(&format!("{e}; finished files are kept, run again to go on"));
+            Ok(e.exit_code())
+        }
+        other => other,
+    }
+}
+
+/// A bake whose flags have been checked, into a folder that is not up to date.
+struct RequestedBake<'a> {
+    recipe: &'a Recipe,
+    /// Numbers of the frames to write; empty for a still scene.
+    frames: &'a [u32],
+    root: &'a Path,
+    /// Hash of the scene and its frames.
+    hash: &'a str,
+    /// Number of warnings so far.
+    told: usize,
+}
+
+/// Assembles the scene and writes its files, or prints their estimate; the result is the exit code.
+fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> Result<u8> {
+    let RequestedBake { recipe, frames, root, hash, told } = *request;
     let display = ProgressDisplay::new(&context.console);
     let timer = StageTimer::new(&display);
-    let memory = bake::lattice_memory(&recipe);
+    let memory = bake::lattice_memory(recipe);
     if context.common.dry_run && !memory.is_empty() {
         // The memory is printed even if the scene then exceeds a limit.
         context.console.note(&report::lattice_memory_text(&memory));
     }
-    let solids = bake::solids_in_cells(&recipe);
+    let solids = bake::solids_in_cells(recipe);
     if !solids.is_empty() {
         context.console.note(&report::solids_in_cells_text(&solids));
     }
     // Reuse results of an earlier bake into this folder: drawn leaves here, the spun-up wind by the cache below.
-    ifs_leaves::load(&recipe, &root, &context.limits);
-    let stores = !context.common.dry_run && stores_spin_up(&recipe);
-    let cache = if stores { Some(BakeCache::new(open(context, args, &hash, &root)?)) } else { None };
+    ifs_leaves::load(recipe, root, &context.limits);
+    let stores = !context.common.dry_run && stores_spin_up(recipe);
+    let cache = if stores { Some(BakeCache::new(open(context, args, hash, root)?)) } else { None };
     let work =
         BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timer, cache: cache.as_ref() };
     let parts = scene::SceneOptions::default();
+    let drawn = without_unused_textures(recipe);
     let dry = context.common.dry_run;
     let mut built = if dry {
-        scene::assemble_for_estimate(&recipe, parts, &work)?
+        scene::assemble_for_estimate(&drawn, parts, &work)?
     } else {
-        scene::assemble_scene(&recipe, parts, &work)?
+        scene::assemble_scene(&drawn, parts, &work)?
     };
     display.done();
     // Messages of the cache are printed after the progress bar has been removed.
     let messages = cache.iter().flat_map(BakeCache::take_messages);
     messages.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
-    if let Some(why) = bake::missing_frames(&recipe, &built.animated, &frames) {
+    if let Some(why) = bake::missing_frames(recipe, &built.animated, frames) {
         context.console.complain(&format!("--frames: {why}"));
         return Ok(2);
     }
     // The following checks may refuse the bake, and precede the first file of the output.
     refuse_without_visible_plants(&built.animated.scene)?;
-    let counts = built.counts(&recipe, &frames);
+    let counts = built.counts(recipe, frames);
     counts.check_limits(&context.limits)?;
     if context.common.dry_run {
         report::print_estimate(context, &root.display().to_string(), &counts)?;
@@ -145,9 +160,9 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     context.console.note(&format!("writing about {}", sizes(counts.bytes, &counts.sizes)));
     let folder = match &cache {
         Some(cache) => cache.folder().clone(),
-        None => open(context, args, &hash, &root)?,
+        None => open(context, args, hash, root)?,
     };
-    let written = bake::write_files(&recipe, &mut built, &frames, &folder, &work);
+    let written = bake::write_files(recipe, &mut built, frames, &folder, &work);
     display.done();
     let replaced = folder.replaced_changes();
     if let Some(first) = replaced.first() {
@@ -160,23 +175,22 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     for w in &export_warnings {
         context.console.warning(w.code, &w.message);
     }
-    for format in formats_without_files(&recipe, &manifest) {
+    for format in formats_without_files(recipe, &manifest) {
         let (word, about) = (format.word, format.about);
         context.console.note(&format!("note: format {word} has no file, since the scene has nothing for it ({about})"));
     }
     let stages = Some(timer.seconds());
-    summary(context, &recipe, &FinishedBake { root: &root, manifest: &manifest, other_warnings: told, stages })?;
+    summary(context, recipe, &FinishedBake { root, manifest: &manifest, other_warnings: told, stages })?;
     Ok(context.strict(told > 0 || !manifest.warnings.is_empty()))
 }
 
 /// The formats of the recipe of which the bake has no file, since each of them stores things that a scene may lack.
 fn formats_without_files(recipe: &Recipe, manifest: &Manifest) -> Vec<&'static FormatInfo> {
     let files = manifest.expanded();
-    let has_files = |word: &str| {
-        let folder = FOLDERS.iter().find(|(format, _)| *format == word);
-        folder.is_none_or(|(_, folder)| files.iter().any(|file| file.0.starts_with(*folder)))
-    };
-    recipe.output.keys.formats.iter().map(|format| format.0).filter(|format| !has_files(format.word)).collect()
+    let is_in = |path: &str, folder: &str| path.split_once('/').is_some_and(|(first, _)| first == folder);
+    let lacks_files =
+        |format: &&FormatInfo| format.notes_missing_files && !files.iter().any(|file| is_in(&file.0, format.folder));
+    recipe.output.keys.formats.iter().map(|format| format.0).filter(lacks_files).collect()
 }
 
 /// The list of `--formats` as a value of the key `output.formats`.

@@ -194,8 +194,6 @@ fn start(cli: Cli) -> u8 {
         seed: cli.common.seed,
         limits: limits.clone(),
     };
-    // Other commands have one file, or none.
-    let goes_on = matches!(&cli.command, Command::Bake(_)) && !cli.common.dry_run;
     let context = Context { common: cli.common, console, limits, cancel, sources };
     let done = match &cli.command {
         Command::Convert(a) => convert::run(&context, a),
@@ -210,11 +208,7 @@ fn start(cli: Cli) -> u8 {
         Command::Man => shell::man(&context),
     };
     done.unwrap_or_else(|e| {
-        if matches!(e, Error::Cancelled { .. }) && goes_on {
-            context.console.complain(&format!("{e}; finished files are kept, run again to go on"));
-        } else {
-            context.console.error(&e);
-        }
+        context.console.error(&e);
         e.exit_code()
     })
 }

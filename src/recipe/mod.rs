@@ -17,6 +17,7 @@ use std::sync::Arc;
 pub use companions::{Companions, OrganSurface, SurfaceForm};
 pub use given::{GivenKey, given_keys};
 pub use library::{Library, ReferencedFile};
+use osier_export::format::TextureUse;
 use osier_grammar::Grammar;
 use osier_ifs::Ifs;
 use osier_ifs::dynamics::SystemAnalysis;
@@ -463,6 +464,11 @@ impl OutputRecipe {
     /// Whether files for Unreal Engine are among the formats.
     pub fn writes_unreal(&self) -> bool {
         self.writes(&osier_export::unreal::FORMAT)
+    }
+
+    /// What the formats of a bake need of the textures of the scene.
+    pub fn texture_use(&self) -> TextureUse {
+        self.keys.formats.iter().map(|f| f.0.textures).max().unwrap_or(TextureUse::Unused)
     }
 
     /// Whether a format is among those of the key `formats`.

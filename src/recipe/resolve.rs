@@ -530,7 +530,7 @@ impl Resolver<'_> {
         // Grids of the wind are written without a format.
         if keys.formats.is_empty() && wind.grids.is_empty() {
             let span = span_of(root, &["output", "formats"]).unwrap_or(self.whole);
-            let text = "output.formats is empty: a bake writes textures and no scene";
+            let text = "output.formats is empty: a bake writes nothing of the scene";
             let d = Diagnostic::warning("S007", text, span, "no format");
             self.report.push(d.help("name formats, such as [\"usd\", \"glb\"], or leave the key out"));
         }

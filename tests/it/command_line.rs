@@ -271,6 +271,15 @@ fn an_artefact_goes_through_a_pipe_and_readers_may_leave() {
     assert!(ends(2, &["bake", SCENE, "-o", "-"]).1.contains("`osier grow SOURCE -o -`"));
     let piped = program::run(&["grow", SCENE, "-o", "-"]);
     assert_eq!((piped.status.code(), piped.stdout), (Some(0), fs::read(named).expect("glb")));
+    // Pictures and clips have the same bytes as in files, and messages stay on standard error.
+    for (name, more) in [("a.png", &["--size", "40"][..]), ("a.gif", &["--size", "32", "--turntable", "3"][..])] {
+        let path = dir.path().join(name);
+        let call = [&["preview", "koch.l", "--quality", "draft", "-o"][..], &[arg(&path)], more].concat();
+        ends(0, &call);
+        let piped = program::run(&call.iter().map(|a| if *a == arg(&path) { "-" } else { *a }).collect::<Vec<_>>());
+        assert_eq!((piped.status.code(), piped.stdout), (Some(0), fs::read(&path).expect("picture")), "{name}");
+        assert!(!Path::new(env!("CARGO_MANIFEST_DIR")).join("-").exists(), "no file has the name");
+    }
     let left = |args: &[&str]| {
         let mut child = osier(args).spawn().expect("starts");
         drop(child.stdout.take());

@@ -46,7 +46,11 @@ fn table(out: &Path) -> BTreeMap<String, Vec<f64>> {
     let mut columns: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for line in lines {
         for (name, value) in names.iter().zip(line.split(',')) {
-            columns.entry(name.clone()).or_default().push(value.parse().expect("a number"));
+            columns.entry(name.clone()).or_default().push(if value.is_empty() {
+                f64::NAN
+            } else {
+                value.parse().expect("a number")
+            });
         }
     }
     columns
@@ -180,6 +184,32 @@ fn each_column_of_the_table_has_a_name_of_its_own() {
     assert_eq!(names.len(), count, "{names:?}");
 }
 
+/// Textures are drawn for the formats that have them, and change nothing else.
+#[test]
+fn bakes_of_numbers_alone_have_no_textures() {
+    let dir = tempfile::tempdir().expect("dir");
+    let path = scene(dir.path(), "numbers", SCENE);
+    let short = ["--set", "frames.end=6", "--formats"];
+    let bake = |formats: &str| tree(&baked(dir.path(), formats, &path, &[&short[..], &[formats]].concat()));
+    let with = bake("usd,csv,exr,vdb");
+    let textures =
+        |files: &BTreeMap<String, Vec<u8>>| files.keys().filter(|path| path.starts_with("textures/")).count();
+    assert!(textures(&with) >= 4 && with.contains_key("maps/ground/height.exr"));
+    // Relief of the ground is a map of its own format, which refers to no texture.
+    for (formats, kept) in [("csv", "stats/flight.csv"), ("vdb", "vdb/"), ("exr", "maps/ground/height.exr")] {
+        let alone = bake(formats);
+        assert_eq!(textures(&alone), 0, "{formats}");
+        let mut same = with.iter().filter(|(path, _)| path.starts_with(kept)).peekable();
+        assert!(same.peek().is_some(), "{formats}");
+        // Tables have the same numbers; headers of other files hold the hash of the scene, which counts its formats.
+        assert!(same.all(|(path, bytes)| alone.get(path).is_some_and(|own| own == bytes || !path.ends_with(".csv"))));
+    }
+    let plan = osier(&["-n", "--json", "bake", path.to_str().expect("path"), "--formats", "csv,points"]);
+    let plan: serde_json::Value = serde_json::from_slice(&plan.stdout).expect("an estimate");
+    let sizes = &plan["would_make"]["sizes"];
+    assert!(sizes["points"].is_u64() && sizes["pictures"].is_null(), "{sizes}");
+}
+
 /// Nobody is lost, nobody is in anything, and the maps hold just those that lie.
 #[test]
 fn tables_and_maps_count_everybody() {
@@ -191,6 +221,13 @@ fn tables_and_maps_count_everybody() {
     for (frame, deep) in columns["penetrations"].iter().enumerate() {
         let sum: f64 = states.iter().map(|s| columns[*s][frame]).sum();
         assert!((sum - 200.0).abs() < 0.5 && *deep < 0.5, "frame {frame}: {sum}");
+    }
+    // Means are of those that lie or fly; where none does, nothing is written.
+    for frame in 0..columns["grounded"].len() {
+        let lie = ["grounded", "on_wall", "corner"].iter().any(|s| columns[*s][frame] > 0.5);
+        let is_there = |name: &str| !columns[name][frame].is_nan();
+        assert!(["flight_time", "flight_distance", "flight_distance_50"].iter().all(|name| is_there(name) == lie));
+        assert_eq!(is_there("mean_speed"), columns["airborne"][frame] > 0.5, "frame {frame}");
     }
     let lying = last(&columns, "grounded") + last(&columns, "on_wall") + last(&columns, "corner");
     assert!(lying > 10.0 && last(&columns, "merges") > 3.0, "{columns:?}");

@@ -84,7 +84,7 @@ fn an_obj_leaf_with_its_material_and_picture() {
     let corner = leaf.mesh.points.iter().position(|p| *p == Vec3::Y).expect("corner");
     assert_eq!(leaf.mesh.uvs[corner], Vec2::Y);
     let material = &leaf.materials[0];
-    assert_eq!((material.name.as_str(), material.base_color), ("green_leaf", [0.1, 0.5, 0.2]));
+    assert_eq!((material.name.as_str(), material.base_color), ("green_leaf", [1.0; 3]), "the picture has the colour");
     assert_eq!((material.alpha_cutoff, material.maps.color), (Some(0.5), Some(0)));
     let osier::scene::Pixels::U8(pixels) = &leaf.images[0].pixels else { panic!("8 bit") };
     assert_eq!(pixels, &[10, 20, 30, 0, 40, 50, 60, 255]);

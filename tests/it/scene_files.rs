@@ -521,7 +521,7 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     assert_eq!(hedge(9.0, "year = 4\nevery = 3\nuntil = 6"), ["plants.a.prune.0.every has no effect"]);
     assert_eq!(hedge(9.0, "year = 4\nevery = 3\nuntil = 7"), [""; 0]);
     let empty = "[plants.a]\ngrammar = \"rain-twig.l\"\n[output]\nformats = []\n";
-    assert_eq!(without_effect(empty), ["output.formats is empty: a bake writes textures and no scene"]);
+    assert_eq!(without_effect(empty), ["output.formats is empty: a bake writes nothing of the scene"]);
     let nowhere = "place = []\n[plants.a]\ngrammar = \"rain-twig.l\"\n";
     assert_eq!(without_effect(nowhere), ["`place` is empty: the scene shows none of its plants"]);
     let scattered = "[terrain]\n[[scatter]]\nplants = { a = 1 }\n";

@@ -405,6 +405,35 @@ fn the_height_maps_of_many_individuals_are_predicted() {
     assert!((0.7..1.4).contains(&share), "{share} of {written} bytes");
 }
 
+/// Ground of fine texels, coarse bark, leaves, and maps of catkins at rest beside no other map.
+#[test]
+fn textures_and_maps_of_presets_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    let seeds = "[frames]\nend = 12\n[ground]\nshow = false\n[catkin]\nhairs = 20\nlod = 2\n[flight]\ncount = 100\nsize = [6, 4, 6]\n\
+                 band = [0.02, 0.7]\nspin_up_s = 4\nmap_every = 4\n[wind]\nspeed = 1\n[output]\nformats = [\"exr\"]\n";
+    let file = temp.path().join("seeds.toml");
+    std::fs::write(&file, seeds).expect("scene");
+    for (scene, part, folder) in [
+        ("moss", "pictures", "textures"),
+        ("birch", "pictures", "textures"),
+        ("rain-twig", "pictures", "textures"),
+        ("moss", "exr", "maps"),
+        (arg(&file), "exr", "maps"),
+    ] {
+        let out = temp.path().join("out");
+        let formats = if part == "exr" { "exr" } else { "obj" };
+        let flags = ["bake", scene, "--formats", formats, "--force", "-o", arg(&out)];
+        let (said, _) = ends(0, &[&flags[..], &["-n", "--json"]].concat());
+        let predicted: Value = serde_json::from_str(&said).expect("JSON");
+        ends(0, &[&["-q"], &flags[..]].concat());
+        let files = crate::common::program::tree(&out.join(folder));
+        let written: u64 = files.values().map(|bytes| bytes.len() as u64).sum();
+        let share = predicted["would_make"]["sizes"][part].as_f64().expect("bytes") / written as f64;
+        assert!((1.0 / 1.2..1.2).contains(&share), "{scene}: {share} of {written} bytes of {part}");
+        std::fs::remove_dir_all(&out).expect("a folder");
+    }
+}
+
 #[test]
 fn the_joints_of_all_copies_are_predicted() {
     let temp = tempfile::tempdir().expect("temp");

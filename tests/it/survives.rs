@@ -244,6 +244,27 @@ fn two_bakes_in_one_folder_both_end_well_and_leave_the_bytes_of_one() {
     }
 }
 
+/// A sweep writes its tables after the last run, and a bake its first file after everything has grown.
+#[test]
+fn an_interrupted_run_without_files_does_not_tell_of_any() {
+    let dir = tempfile::tempdir().expect("dir");
+    let out = dir.path().join("out");
+    let calls: [&[&str]; 2] = [
+        &["bake", "catkins-wall", "-q", "--seeds", "1-40", "-o", arg(&out)],
+        // Minutes of spin-up, of which nothing is kept before its end.
+        &["bake", "catkins-wall", "-q", "--set", "flight.spin_up_s=3600", "-o", arg(&out)],
+    ];
+    for call in calls {
+        let child = osier(call).spawn().expect("osier starts");
+        std::thread::sleep(Duration::from_millis(900));
+        kill_process(Pid::from_child(&child), Signal::INT).expect("signal");
+        let (code, _, err) = said(&child.wait_with_output().expect("wait"));
+        assert_eq!(code, 130, "{err}");
+        assert!(err.contains("interrupted") && !err.contains("finished files"), "{call:?}: {err}");
+        assert!(tree(&out).keys().all(|path| path == ".osier"), "{call:?}");
+    }
+}
+
 #[test]
 fn signals_end_a_bake_soon_with_their_code_and_nothing_half_done() {
     let wanted = &undisturbed().0;

@@ -29,8 +29,8 @@ pub struct EstimateInput<'a> {
     pub wind_speed: f64,
     /// Estimated bytes of all images of the scene, each counted once as a PNG file.
     pub pictures: u64,
-    /// Texels of the height maps of all materials, in the sizes in which they are written.
-    pub height_texels: u64,
+    /// Estimated bytes of the height maps of all materials as half floats.
+    pub heights: u64,
     /// Options of all formats; the estimate of a format reads only those of the format.
     pub options: &'a ExportOptions,
     /// Whether the output is a single file with the whole scene at rest, instead of a bake.

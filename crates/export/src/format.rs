@@ -11,6 +11,17 @@ use super::file_target::FileTarget;
 use super::options::ExportOptions;
 use super::textures::Textures;
 
+/// What the files of a bake in a format need of the textures of its scene, in rising order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum TextureUse {
+    /// Nothing: they need not be drawn.
+    Unused,
+    /// Files of the format contain their texels; the files in `textures/` are not needed.
+    Read,
+    /// Files of the format, or the materials that the manifest lists for their importers, refer to the files in `textures/`.
+    Written,
+}
+
 /// Properties of a format: its word, the files that it can write, their estimated size, and how its exporters are opened.
 /// Each format has one as `FORMAT`.
 #[derive(Debug, Clone, Copy)]
@@ -19,12 +30,19 @@ pub struct FormatInfo {
     pub word: &'static str,
     /// One line for listings: lower case, no full stop.
     pub about: &'static str,
-    /// Folder of a bake in which each file is named after the asset it holds, for the manifest's lists of files per asset.
-    pub asset_folder: Option<&'static str>,
+    /// Folder of a bake that holds its files, unique; a file that a program opens first may stand beside it.
+    pub folder: &'static str,
+    /// Whether each file in the folder is named after the asset it holds, for the manifest's lists of files per asset.
+    pub names_assets: bool,
+    /// Whether a bake without a file in the folder notes it: the format stores a part of a scene, of which a scene may have nothing,
+    /// and its exporter has no warning of its own.
+    pub notes_missing_files: bool,
     /// Single files that it can write: endings without the dot, each with one line for listings.
     pub endings: &'static [(&'static str, &'static str)],
     /// Whether a single file of the format refers to its textures as separate files beside it.
     pub pictures_beside: bool,
+    /// What a bake in the format needs of the textures of its scene.
+    pub textures: TextureUse,
     /// Memory that the exporter holds until the end, percent of the bytes it writes; measured.
     pub memory_percent: u64,
     /// Estimates the bytes that the format will write, excluding textures in separate files.

@@ -5,14 +5,14 @@
 //! Sources: Wavefront "Object Files (.obj)", version 3.0; "MTL material format", 1995.
 //!
 //! ```
-//! assert_eq!(osier_export::obj::FORMAT.asset_folder, Some("obj"));
+//! assert_eq!(osier_export::obj::FORMAT.folder, "obj");
 //! ```
 
 use std::sync::Arc;
 
 use super::estimate::{AssetSize, EstimateInput, MergedSize};
 use super::file_target::{FileTarget, file_stem};
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::merge::{FlattenedAsset, PartRange, format_in_parallel};
 use super::text::TextBuffer;
 use super::textures::Textures;
@@ -25,9 +25,12 @@ use osier_scene::{Asset, Frame, Material, Scene, Trs, check_scene};
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "obj",
     about: "Wavefront meshes at rest",
-    asset_folder: Some("obj"),
+    folder: "obj",
+    names_assets: true,
+    notes_missing_files: true,
     endings: &[("obj", "Wavefront mesh with .mtl and pictures")],
     pictures_beside: true,
+    textures: TextureUse::Written,
     memory_percent: 8,
     estimate,
     open: |job| vec![Box::new(ObjExporter::new(job.folder.clone(), Arc::clone(&job.textures), job.target()))],

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::gltf::submeshes::split_by_material;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::{Folder, Output};
@@ -20,9 +20,12 @@ use osier_scene::{Asset, AssetFrame, Frame, MeshMotion, MeshObject, Scene, check
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "pc2",
     about: "point caches for the glb of profile blender, of plants with motion = \"cache\"",
-    asset_folder: Some("cache"),
+    folder: "cache",
+    names_assets: true,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Unused,
     memory_percent: 0,
     // Plants that grow have no joints, but points in every frame, as those with motion = "cache".
     estimate: |input| input.per_asset(|a| input.frames * a.deforming_vertices * 12),

@@ -5,34 +5,37 @@
 //! mesh, the points.
 //!
 //! ```
-//! assert_eq!(osier_export::ply::FORMAT.asset_folder, Some("cloud"));
+//! assert_eq!(osier_export::ply::FORMAT.folder, "cloud");
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::estimate::{EstimateInput, MergedSize};
 use super::file_target::FileTarget;
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::merge::{FlattenedAsset, PartRange, format_in_parallel, transform_normal};
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::files::{Folder, Output};
-use osier_base::units::{byte, srgb_from_linear};
+use osier_base::units::{byte, linear_from_srgb, srgb_from_linear};
 use osier_base::{Error, Result};
 use osier_scene::{
-    Asset, AssetFrame, AttributeData, Frame, InstancerMotion, Material, Mesh, Placement, Points, PointsFrame,
-    PointsNow, Scene, Trs, check_frame, check_scene, instance_states,
+    Asset, AssetFrame, AttributeData, Frame, Image, InstancerMotion, Material, Mesh, Pixels, Placement, Points,
+    PointsFrame, PointsNow, Scene, Trs, check_frame, check_scene, instance_states, pixel_at,
 };
 
 /// Registry entry of PLY: points and instances in a bake, a merged mesh in a single file.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "ply",
     about: "point clouds, and instances as points",
-    asset_folder: Some("cloud"),
+    folder: "cloud",
+    names_assets: true,
+    notes_missing_files: true,
     endings: &[("ply", "points and leaves")],
     pictures_beside: false,
+    textures: TextureUse::Unused,
     memory_percent: 0,
     estimate,
     open: |job| vec![Box::new(PlyExporter::new(job.folder.clone(), job.target()))],
@@ -419,25 +422,52 @@ impl<'a> VertexColors<'a> {
         vertex_colors
     }
 
-    /// The colour of each vertex: the flat colour of the last material, in the order of the file, whose faces use it, times the
-    /// vertex's own colour.
     fn colors(&self, mesh: &Mesh) -> Vec<[u8; 4]> {
-        // White for vertices that no face uses.
-        let mut colors = vec![[255_u8; 4]; mesh.points.len()];
-        let mut subsets: Vec<&osier_scene::Subset> = mesh.subsets.iter().collect();
-        subsets.sort_by_key(|s| self.rank.get(&s.material).copied().unwrap_or(usize::MAX));
-        for subset in subsets {
-            let [r, g, b] = base_color(&self.scene.materials, subset.material);
-            let flat = rgba([r, g, b, 1.0]);
-            for v in mesh.subset_triangles(subset).iter().flatten() {
-                let own = mesh.colors.get(*v as usize).map(|[x, y, z, _]| rgba([r * x, g * y, b * z, 1.0]));
-                if let Some(c) = colors.get_mut(*v as usize) {
-                    *c = own.unwrap_or(flat);
-                }
-            }
-        }
-        colors
+        mesh_colors(mesh, &self.scene.materials, &self.scene.images, &self.rank)
     }
+}
+
+/// The colour of each vertex: that of the last material, in the order of the file, whose faces use it, times the vertex's own
+/// colour. A material has its flat colour, or the texel at the vertex where its texture alone has the colour.
+fn mesh_colors(mesh: &Mesh, materials: &[Material], images: &[Image], rank: &BTreeMap<u32, usize>) -> Vec<[u8; 4]> {
+    // White for vertices that no face uses.
+    let mut colors = vec![[255_u8; 4]; mesh.points.len()];
+    let mut subsets: Vec<&osier_scene::Subset> = mesh.subsets.iter().collect();
+    subsets.sort_by_key(|s| rank.get(&s.material).copied().unwrap_or(usize::MAX));
+    for subset in subsets {
+        let [r, g, b] = base_color(materials, subset.material);
+        let flat = rgba([r, g, b, 1.0]);
+        let texture = sole_texture(materials, images, subset.material);
+        for v in mesh.subset_triangles(subset).iter().flatten().map(|v| *v as usize) {
+            let texel = texture.zip(mesh.uvs.get(v)).and_then(|(image, uv)| linear_texel(image, *uv));
+            let own = mesh.colors.get(v);
+            let Some(color) = colors.get_mut(v) else { continue };
+            *color = match (texel, own) {
+                (None, None) => flat,
+                (texel, own) => {
+                    let [r, g, b] = texel.unwrap_or([r, g, b]);
+                    let [x, y, z, _] = own.copied().unwrap_or([1.0; 4]);
+                    rgba([r * x, g * y, b * z, 1.0])
+                }
+            };
+        }
+    }
+    colors
+}
+
+/// The colour texture of a material whose flat colour is white, as that of an imported mesh. The flat colour of a drawn material is
+/// the mean of its texture, which says more than single texels do of a fine pattern.
+fn sole_texture<'a>(materials: &[Material], images: &'a [Image], id: u32) -> Option<&'a Image> {
+    let material = materials.get(id as usize).filter(|m| m.base_color.iter().all(|c| *c >= 1.0))?;
+    images.get(material.maps.color? as usize).filter(|image| image.channels >= 3)
+}
+
+/// Linear colour of an image at texture coordinates; `None` for one of 16 bits.
+fn linear_texel(image: &Image, uv: Vec2) -> Option<[f32; 3]> {
+    let Pixels::U8(samples) = &image.pixels else { return None };
+    let first = pixel_at(uv, [image.width, image.height]) * usize::from(image.channels);
+    let texel: [u8; 3] = samples.get(first..first + 3)?.try_into().ok()?;
+    Some(texel.map(|c| linear_from_srgb(f32::from(c) / 255.0)))
 }
 
 fn address(mesh: &Mesh) -> usize {
@@ -462,6 +492,28 @@ fn face_rows(ranges: &[PartRange<'_>]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use osier_scene::{ImageKind, MaterialClass};
+
+    /// A triangle of an imported mesh: its texture alone has its colours. A flat colour beside a texture is the mean of it.
+    #[test]
+    fn vertices_have_the_colour_of_an_imported_texture() {
+        let pixels = Pixels::U8(vec![255, 0, 0, 0, 0, 255, 0, 128, 0, 255, 255, 255]);
+        let image = Image { name: "a".into(), kind: ImageKind::Color, width: 2, height: 2, channels: 3, pixels };
+        let material = |base_color| {
+            let mut material = Material::plain("a".into(), MaterialClass::Leaf, base_color, 1.0);
+            material.maps.color = Some(0);
+            material
+        };
+        let mut mesh = Mesh {
+            points: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            uvs: vec![Vec2::new(0.1, 0.9), Vec2::new(0.9, 0.9), Vec2::new(1.1, 0.1)],
+            ..Mesh::default()
+        };
+        mesh.append_subset(0, vec![[0, 1, 2]]);
+        let colors = |base| mesh_colors(&mesh, &[material(base)], std::slice::from_ref(&image), &BTreeMap::new());
+        assert_eq!(colors([1.0; 3]), [[255, 0, 0, 255], [0, 0, 255, 255], [0, 128, 0, 255]]);
+        assert_eq!(colors([0.0, 1.0, 0.0]), [[0, 255, 0, 255]; 3]);
+    }
 
     #[test]
     fn minus_zero_is_written_as_zero() {

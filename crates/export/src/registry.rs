@@ -8,7 +8,7 @@
 //! ```
 //! use osier_export::registry::{FORMATS, by_ending, by_word};
 //!
-//! assert_eq!(by_word("usd").map(|f| f.asset_folder), Some(Some("usd")));
+//! assert_eq!(by_word("usd").map(|f| f.folder), Some("usd"));
 //! assert_eq!(by_ending("glb").map(|f| f.word), Some("glb"));
 //! assert!(FORMATS.iter().all(|f| !f.about.is_empty()));
 //! ```
@@ -52,6 +52,6 @@ mod tests {
         };
         assert!(unique(FORMATS.iter().map(|f| f.word).collect()));
         assert!(unique(endings().map(|(ending, _)| ending).collect()));
-        assert!(unique(FORMATS.iter().filter_map(|f| f.asset_folder).collect()));
+        assert!(unique(FORMATS.iter().map(|f| f.folder).collect()));
     }
 }

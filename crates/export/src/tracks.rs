@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::world_joints::{WorldJoint, world_joints};
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::files::{Folder, Output};
@@ -21,9 +21,12 @@ const NO_PARENT: i32 = -1;
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "tracks",
     about: "binary records of drops, rain events, wet leaves and joints",
-    asset_folder: None,
+    folder: "tracks",
+    names_assets: false,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Unused,
     memory_percent: 0,
     // Only joints: the number of records that simulations write is unknown before they run.
     estimate: |input| input.per_asset(|a| input.frames * a.joints * a.placements * 36),

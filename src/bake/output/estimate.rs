@@ -5,15 +5,16 @@ use std::sync::Arc;
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::output::bake_estimate::BakeEstimate;
 use crate::bake::output::exporters::export_options;
-use crate::bake::output::memory::{CarriedParts, decoded_bytes, predict_memory};
+use crate::bake::output::memory::{CarriedParts, predict_memory};
+use crate::bake::output::texture_bytes::{half_float_heights, png_bytes};
 use crate::bake::output::texture_size::texture_halvings;
 use crate::bake::scene::animated::AnimatedScene;
 use crate::recipe::Recipe;
 use osier_base::convert::{limit, saturating_index};
 use osier_export::estimate::{AssetSize, EstimateInput, GrowthFrames};
-use osier_export::format::FormatInfo;
+use osier_export::format::{FormatInfo, TextureUse};
 use osier_export::options::ExportOptions;
-use osier_scene::{AssetFrame, Pixels, Scene};
+use osier_scene::{AssetFrame, Scene};
 
 /// Estimates a bake that writes `frames` frames of the scene `stage` in all formats of the recipe.
 /// `weights`: number of assets that each of the first assets represents, itself included; 1 for assets beyond its end.
@@ -49,12 +50,9 @@ pub(crate) fn estimate_formats(
     let scene = &stage.scene;
     let assets = AssetSize::of_scene(scene, job.frames, job.weights);
     let halvings = if job.single { vec![0; scene.images.len()] } else { texture_halvings(recipe, scene) };
-    let pictures: u64 = scene.images.iter().zip(&halvings).map(|(i, n)| estimate_png_size(i) >> (2 * n)).sum();
-    let texels = |image: u32| {
-        let (image, halvings) = scene.images.get(image as usize).zip(halvings.get(image as usize))?;
-        Some((u64::from(image.width) * u64::from(image.height)) >> (2 * halvings))
-    };
-    let height_texels = scene.materials.iter().filter_map(|m| m.maps.height).filter_map(texels).sum();
+    let png = png_bytes(scene, &halvings);
+    let pictures = png.iter().sum();
+    let heights = half_float_heights(scene, &halvings, &png);
     let growth = ClipOfGrowth { stage, frames: job.frames };
     let input = EstimateInput {
         scene,
@@ -62,7 +60,7 @@ pub(crate) fn estimate_formats(
         frames: job.frames,
         wind_speed: leaf_wind_speed(recipe),
         pictures,
-        height_texels,
+        heights,
         options,
         single: job.single,
         growth: Some(&growth),
@@ -79,8 +77,11 @@ pub(crate) fn estimate_formats(
         ..BakeEstimate::default()
     };
     c.sizes = job.formats.iter().map(|f| (f.word, (f.estimate)(&input))).collect();
-    // A bake has one copy of the pictures for all formats; some formats of single files embed them or have none.
-    if !job.single || (pictures > 0 && job.formats.iter().any(|f| f.pictures_beside)) {
+    // A bake has one copy of the pictures for all formats; some formats embed them or have none.
+    let has_files = |f: &&FormatInfo| {
+        if job.single { pictures > 0 && f.pictures_beside } else { f.textures == TextureUse::Written }
+    };
+    if job.formats.iter().any(has_files) {
         c.sizes.push(("pictures", pictures));
     }
     let wind = estimate_wind_bytes(scene, job.frames);
@@ -132,13 +133,4 @@ fn leaf_wind_speed(recipe: &Recipe) -> f64 {
 /// Bytes of the exported planes and boxes of wind: three floats per sample.
 fn estimate_wind_bytes(scene: &Scene, frames: u64) -> u64 {
     scene.air.iter().map(|g| frames.div_ceil(u64::from(g.every.max(1))).saturating_mul(12 * g.count())).sum()
-}
-
-/// Bytes of an image as PNG. Own: PNG halves noise-like pictures of 8 bits about; of heights in 16 bits the lower half is noise,
-/// and 90 % is left.
-fn estimate_png_size(image: &osier_scene::Image) -> u64 {
-    match image.pixels {
-        Pixels::U8(_) => decoded_bytes(image) / 2,
-        Pixels::U16(_) => decoded_bytes(image) * 9 / 10,
-    }
 }

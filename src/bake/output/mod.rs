@@ -7,5 +7,6 @@ pub mod frame_loop;
 pub mod ifs_tables;
 pub(crate) mod memory;
 pub mod single_file;
+pub(crate) mod texture_bytes;
 pub mod texture_size;
 pub(crate) mod unselected;

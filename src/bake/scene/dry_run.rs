@@ -1,10 +1,13 @@
 //! Reduction of a recipe for estimates: everything that a bake makes is counted, but not drawn or simulated at full size.
 
+use std::borrow::Cow;
+
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::plant_materials::organ_names;
 use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::scene::WindSolver;
 use crate::recipe::{CARD, Growth, OrganRecipe, PlantRecipe, Recipe};
+use osier_export::format::TextureUse;
 use osier_scene::{Clip, Image, Pixels};
 
 /// Pixels along a side of maps that are only counted. Own: small, and within the range of the key `side`.
@@ -35,16 +38,33 @@ pub fn reduced_recipe(recipe: &Recipe) -> Recipe {
 /// the full recipe.
 pub fn with_small_maps(recipe: &Recipe) -> Recipe {
     let mut draft = recipe.clone();
-    draft.ground.side = draft.ground.side.min(REDUCED_SIDE);
+    reduce_ground_and_bark(&mut draft);
     for plant in &mut draft.plants {
-        plant.bark.side = plant.bark.side.min(REDUCED_SIDE);
-        plant.shoot.side = plant.shoot.side.min(REDUCED_SIDE);
         // Leaves of tables are drawn once for all plants, and their shape follows from the drawing.
         for organ in plant.organs.iter_mut().filter(|o| o.ifs.is_none()) {
             organ.keys.side = organ.keys.side.min(REDUCED_SIDE);
         }
     }
     draft
+}
+
+/// The recipe with small maps of ground and bark if no format of its bake has anything of textures. Leaves keep their size, since the
+/// manifest lists colours of seasons that are means of their maps; in rain, maps of leaves follow from those of the scene.
+pub fn without_unused_textures(recipe: &Recipe) -> Cow<'_, Recipe> {
+    if recipe.output.texture_use() > TextureUse::Unused || recipe.rain.is_some() {
+        return Cow::Borrowed(recipe);
+    }
+    let mut draft = recipe.clone();
+    reduce_ground_and_bark(&mut draft);
+    Cow::Owned(draft)
+}
+
+fn reduce_ground_and_bark(recipe: &mut Recipe) {
+    recipe.ground.side = recipe.ground.side.min(REDUCED_SIDE);
+    for plant in &mut recipe.plants {
+        plant.bark.side = plant.bark.side.min(REDUCED_SIDE);
+        plant.shoot.side = plant.shoot.side.min(REDUCED_SIDE);
+    }
 }
 
 /// The recipe with at most its first two frames, so that rain falls for one interval, and without its spin-up.

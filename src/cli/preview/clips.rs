@@ -7,7 +7,7 @@ use super::super::{Context, check_output};
 use super::flags::PreviewFlags;
 use super::sheets::outside_of;
 use super::source::{Variation, clip_of, ending, load};
-use super::{Outcome, OutputPicture, notes, numbered};
+use super::{Outcome, OutputPicture, is_to_pipe, notes, numbered};
 use crate::bake::BakeContext;
 use crate::scene_preview::{ClipContent, PreviewClip};
 use osier_base::Result;
@@ -15,7 +15,7 @@ use osier_preview::ClipFormat;
 
 /// Renders and writes a turntable or a range of frames, in the format that the ending of the output chooses.
 pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeContext<'_>) -> Result<Outcome> {
-    let format = match args.output.as_deref().map(ending).as_deref() {
+    let format = match args.output.as_deref().filter(|_| !is_to_pipe(args)).map(ending).as_deref() {
         None | Some("gif") => ClipFormat::Gif,
         Some("png" | "apng") => ClipFormat::Apng,
         Some(other) => {

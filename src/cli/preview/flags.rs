@@ -57,9 +57,6 @@ impl PreviewFlags {
         if !matches!(ending.as_str(), "" | "png" | "apng") {
             return Err(format!("a picture is written as .png, not as .{ending}"));
         }
-        if args.output.as_deref().is_some_and(|path| path.as_os_str() == "-") {
-            return Err("a preview is written to a file, not to standard output".into());
-        }
         if let Some(why) = args.output.as_deref().and_then(unreadable_name) {
             return Err(why);
         }

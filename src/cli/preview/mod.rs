@@ -5,6 +5,7 @@ mod flags;
 mod sheets;
 mod source;
 
+use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
@@ -33,8 +34,13 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             return Ok(2);
         }
     };
+    // A terminal would interpret bytes of a picture as control sequences.
+    if is_to_pipe(args) && std::io::stdout().is_terminal() {
+        context.console.complain("standard output is a terminal; redirect the picture: -o - > x.png");
+        return Ok(2);
+    }
     // A picture may take minutes.
-    if !context.common.dry_run {
+    if !context.common.dry_run && !is_to_pipe(args) {
         match &args.output {
             Some(output) => check_output(context, output, args.force)?,
             None => check_writable(Path::new("out"))?,
@@ -101,6 +107,11 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             Ok(2)
         }
     }
+}
+
+/// Whether the picture goes to standard output: `-o -`.
+fn is_to_pipe(args: &Preview) -> bool {
+    args.output.as_deref() == Some(Path::new("-"))
 }
 
 /// The first flag given that changes how a scene is made, if all sources are meshes or bakes, which are made already.
@@ -194,22 +205,26 @@ struct OutputPicture {
     folder: Folder,
     name: String,
     path: PathBuf,
+    /// Whether it is sent to standard output when it is complete.
+    to_pipe: bool,
 }
 
 impl OutputPicture {
-    /// Opens the folder of the output: that of `-o`, else `out` with the file `NAME.ENDING`; a folder in memory for a dry run.
+    /// Opens the folder of the output: that of `-o`, else `out` with the file `NAME.ENDING`; a folder in memory for standard output
+    /// and a dry run.
     fn new(context: &Context, args: &Preview, name: &str, ending: &str) -> Result<Self> {
         let path = args.output.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}.{ending}")));
         let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
         // A folder in memory has portable names only.
-        let (folder, name) = if context.common.dry_run {
+        let to_pipe = is_to_pipe(args) && !context.common.dry_run;
+        let (folder, name) = if context.common.dry_run || to_pipe {
             (Folder::memory(), format!("preview.{ending}"))
         } else {
             let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             (Folder::plain(parent, options)?, name)
         };
-        Ok(Self { folder, name, path })
+        Ok(Self { folder, name, path, to_pipe })
     }
 
     /// Writes a picture with title, hash and seed of its scene as PNG text chunks, and prints its path.
@@ -219,9 +234,12 @@ impl OutputPicture {
         self.finish(context, [picture.width, picture.height], 1)
     }
 
-    /// Closes the folder and prints the path, size and number of frames of the file.
+    /// Closes the folder, then sends the file to standard output or prints its path, size and number of frames.
     fn finish(&self, context: &Context, [width, height]: [u32; 2], frames: usize) -> Result<()> {
         self.folder.finish()?;
+        if self.to_pipe {
+            return context.console.artefact(&self.folder.take(&self.name).unwrap_or_default());
+        }
         if context.console.json {
             // In a dry run the names in the folder differ from those of the command line.
             let name = self.path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();

@@ -195,6 +195,15 @@ pub fn is_settled(root: &Path, key: &str) -> bool {
     journal.text.is_empty() || (journal.text == settled(files) && journal.files.values().flatten().all(is_own))
 }
 
+/// Whether a folder has a file that a run with this [`super::WriteOptions::key`] finished, which a later run with the same key keeps.
+pub fn has_finished_files(root: &Path, key: &str) -> bool {
+    let disk: Arc<dyn Disk> = Arc::new(SystemDisk);
+    let Ok(journal) = Journal::open(&disk, root) else { return false };
+    let key = key_digest(key);
+    let is_there = |path: &String| std::fs::symlink_metadata(root.join(path)).is_ok_and(|found| found.is_file());
+    journal.files().any(|(path, entries)| entries.iter().any(|e| e.key == key) && is_there(path))
+}
+
 /// The form of a key in a journal: the first 32 hex digits of its BLAKE3.
 pub(super) fn key_digest(key: &str) -> String {
     blake3::hash(key.as_bytes()).to_hex().chars().take(32).collect()
@@ -223,6 +232,18 @@ mod tests {
 
     fn entry(n: u64) -> JournalEntry {
         JournalEntry { key: key_digest("mine"), blake3: "a".repeat(64), bytes: n }
+    }
+
+    #[test]
+    fn a_run_goes_on_from_files_of_its_own_key_that_are_there() {
+        let dir = tempfile::tempdir().expect("dir");
+        let disk: Arc<dyn Disk> = Arc::new(SystemDisk);
+        assert!(!has_finished_files(dir.path(), "mine"), "no journal");
+        // The line of a file precedes the file.
+        Journal::open(&disk, dir.path()).expect("open").add("a", entry(1)).expect("add");
+        assert!(!has_finished_files(dir.path(), "mine"), "no file");
+        std::fs::write(dir.path().join("a"), "x").expect("write");
+        assert!(has_finished_files(dir.path(), "mine") && !has_finished_files(dir.path(), "of another scene"));
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub use cache::BakeCache;
 pub use file_system::{Disk, SystemDisk};
 pub use folder::{FileRecord, Folder, MANIFEST, WriteOptions};
 pub use inspect::{check_writable, hash_file, list_files, read_below};
-pub use journal::is_settled;
+pub use journal::{has_finished_files, is_settled};
 pub use number::{NumberError, number};
 pub use output::Output;
 pub use part_file::drop_parts;

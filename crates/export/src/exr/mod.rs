@@ -28,7 +28,7 @@ use half::f16;
 
 use self::sequences::SequenceWriter;
 use super::estimate::EstimateInput;
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::Error;
 use osier_base::files::Folder;
@@ -47,9 +47,12 @@ pub(crate) const FIELD_KIND: &str = "exr.field";
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "exr",
     about: "height maps of bark, leaves, ground and terrain, deposition maps, maps of wet leaves",
-    asset_folder: None,
+    folder: "maps",
+    names_assets: false,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Read,
     memory_percent: 0,
     estimate,
     open: |job| vec![Box::new(ExrExporter::new(job.folder.clone(), job.options.exr))],
@@ -61,9 +64,21 @@ fn estimate(input: &EstimateInput) -> u64 {
     // A tenth of a byte for each number of a texel, and 3.5 bytes for height and normal of a relief; atlases hold all once more.
     let files = if options.atlas { 2 } else { 1 };
     let sequences = (input.map_samples() + input.relief_texels() * 35) * input.frames.max(1) * files / 10;
-    // Height maps of half floats are compressed to about two thirds, the floats of a terrain hardly: measured.
+    // The floats of a terrain are hardly compressed: measured.
     let land = input.scene.land.as_ref().map_or(0, |land| land.heights.len() as u64);
-    sequences + input.height_texels * 13 / 10 + land * 4
+    let catkins = input.assets.iter().map(|a| a.weight * a.free_instances).sum();
+    let fields: u64 = input.scene.fields.iter().map(|field| estimate_field(field, catkins, input.frames)).sum();
+    sequences + input.heights + land * 4 + fields
+}
+
+/// Bytes of the files of a field. Own: measured on flights, a header of 700 bytes and two for each texel that holds something, of which
+/// steep faces have few. `most`: things that can lie in it.
+fn estimate_field(field: &Field, most: u64, frames: u64) -> u64 {
+    let texels = (field.width as u64).saturating_mul(field.height as u64);
+    let is_steep = field.along.y.abs().max(field.down.y.abs()) > 0.5 * field.along.length().min(field.down.length());
+    let filled = texels.min(most);
+    let files = field.every.map_or(0, |every| frames.div_ceil(u64::from(every.max(1)))) + 1;
+    files.saturating_mul(700 + if is_steep { filled / 2 } else { 2 * filled })
 }
 
 /// Writes height maps, terrain, fields and map sequences as EXR; [`write_sky`] writes the sky.

@@ -56,7 +56,7 @@ use self::light_leaves::LightLeaves;
 use self::tracks::ClipTracks;
 use super::estimate::{AssetSize, EstimateInput};
 use super::file_target::file_stem;
-use super::format::{ExportJob, FormatInfo};
+use super::format::{ExportJob, FormatInfo, TextureUse};
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::Folder;
@@ -67,9 +67,12 @@ use osier_scene::{Asset, Frame, Scene, check_frame, check_scene, freeze};
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "glb",
     about: "glTF: the whole scene in one file per profile, optionally one per asset; animated",
-    asset_folder: Some("gltf"),
+    folder: "gltf",
+    names_assets: true,
+    notes_missing_files: false,
     endings: &[("glb", "glTF in one file, pictures inside"), ("gltf", "glTF as JSON, data and pictures beside it")],
     pictures_beside: false,
+    textures: TextureUse::Written,
     memory_percent: 112,
     estimate,
     open,

@@ -149,7 +149,8 @@ fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
     let caches: Vec<String> = deforming.map(|m| cache_path(asset, m)).collect();
     let mine = |path: &str| {
         let named = path.split_once('/').is_some_and(|(folder, name)| {
-            FORMATS.iter().any(|f| f.asset_folder == Some(folder)) && name.split('.').next() == Some(asset.id.as_str())
+            FORMATS.iter().any(|f| f.names_assets && f.folder == folder)
+                && name.split('.').next() == Some(asset.id.as_str())
         });
         named || caches.iter().any(|cache| cache == path)
     };

@@ -10,7 +10,7 @@ pub(crate) mod options;
 pub use options::PointsOptions;
 
 use super::estimate::EstimateInput;
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::world_joints::{WorldJoint, world_joints};
 use super::{Exporter, Summary};
 use csv::csv_text;
@@ -30,9 +30,12 @@ const INSTANCE_ROW: u64 = 105;
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "points",
     about: "drops, catkins and joints as points with attributes: a CSV per table and frame",
-    asset_folder: None,
+    folder: "points",
+    names_assets: false,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Unused,
     memory_percent: 0,
     estimate,
     open: |job| vec![Box::new(PointsExporter::new(job.folder.clone(), job.options.points.clone()))],

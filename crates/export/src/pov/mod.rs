@@ -31,7 +31,7 @@ use self::objects::StreakView;
 use self::space::PovSpace;
 use super::estimate::{AssetSize, EstimateInput, sample_place};
 use super::file_target::{FileTarget, file_stem};
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::text::TextBuffer;
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
@@ -54,9 +54,12 @@ const STREAK_NEAR_SHARE: f32 = 0.9;
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "pov",
     about: "a POV-Ray scene with an include file per frame; `povray render.ini` renders it",
-    asset_folder: None,
+    folder: "pov",
+    names_assets: false,
+    notes_missing_files: false,
     endings: &[("pov", "POV-Ray scene")],
     pictures_beside: true,
+    textures: TextureUse::Written,
     memory_percent: 20,
     estimate,
     open: |job| {

@@ -31,7 +31,7 @@ use std::sync::Arc;
 
 use serde_json::json;
 
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::{Exporter, Summary};
 use osier_base::files::Folder;
 use osier_scene::{Frame, Scene, Table, largest};
@@ -40,9 +40,12 @@ use osier_scene::{Frame, Scene, Table, largest};
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "csv",
     about: "statistics of flights and rain: tables, JSON and plots",
-    asset_folder: None,
+    folder: "stats",
+    names_assets: false,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Unused,
     memory_percent: 0,
     estimate: |input| input.scene.tables.len() as u64 * input.frames * 200,
     open: |job| vec![Box::new(StatsExporter::new(job.folder.clone()))],
@@ -100,14 +103,14 @@ impl Exporter for StatsExporter {
     }
 }
 
-/// Summary of a table over all frames: pairs of a column's name and a value in its unit.
+/// Summary of a table over all frames: pairs of a column's name and a value in its unit. NaN and infinite values stand for none.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Whole {
     /// Values at the last frame of the columns that count events.
     pub totals: Vec<(String, f64)>,
     /// Values at the last frame of the other columns.
     pub last: Vec<(String, f64)>,
-    /// Means over the frames of the other columns.
+    /// Means of the other columns over the frames in which they have a value.
     pub mean: Vec<(String, f64)>,
     /// Largest values of the other columns.
     pub most: Vec<(String, f64)>,
@@ -125,17 +128,21 @@ impl Whole {
                 whole.totals.push((name.clone(), *value));
                 continue;
             }
-            let sum: f64 = rows.iter().filter_map(|(_, row)| row.get(i)).fold(0.0, |sum, v| sum + v);
+            let known = || rows.iter().filter_map(|(_, row)| row.get(i)).filter(|v| !v.is_nan());
+            let sum: f64 = known().fold(0.0, |sum, v| sum + v);
             whole.last.push((name.clone(), *value));
-            whole.mean.push((name.clone(), sum / rows.len() as f64));
+            whole.mean.push((name.clone(), sum / known().count() as f64));
             whole.most.push((name.clone(), most.get(i).copied().unwrap_or(*value)));
         }
         whole
     }
 }
 
-/// The shortest decimal that reads back equal; -0 as 0.
+/// The shortest decimal that reads back equal; -0 as 0, and nothing for NaN, a value that is not there.
 fn number(v: f64) -> String {
+    if v.is_nan() {
+        return String::new();
+    }
     // ryu writes whole numbers as `1.0`; the tables have them as `1`.
     let mut buffer = ryu::Buffer::new();
     let text = buffer.format(v + 0.0);

@@ -171,17 +171,24 @@ fn draw_line(out: &mut String, scale: &PanelScale, k: usize, line: &PlotLine) {
         let (x, low, high) = (scale.x(*x), scale.y(*least), scale.y(*most));
         let _ = writeln!(out, "<path d=\"M{x:.1} {low:.1}V{high:.1}\" stroke=\"{color}\" stroke-width=\"1\"/>");
     }
-    // A polyline of one point has no extent: a dot is drawn instead.
-    if let [[x, y]] = line.points[..] {
-        let _ = writeln!(out, "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{color}\"/>", scale.x(x), scale.y(y));
+    // A value that is not there interrupts the line.
+    for points in line.points.split(|[_, y]| y.is_nan()).filter(|points| !points.is_empty()) {
+        // A polyline of one point has no extent: a dot is drawn instead.
+        if let [[x, y]] = *points {
+            let (x, y) = (scale.x(x), scale.y(y));
+            let _ = writeln!(out, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{color}\"/>");
+        }
+        let points: Vec<String> =
+            points.iter().map(|[x, y]| format!("{:.1},{:.1}", scale.x(*x), scale.y(*y))).collect();
+        let _ = writeln!(
+            out,
+            "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\"/>",
+            points.join(" ")
+        );
     }
-    let points: Vec<String> =
-        line.points.iter().map(|[x, y]| format!("{:.1},{:.1}", scale.x(*x), scale.y(*y))).collect();
     let _ = writeln!(
         out,
-        "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\"/>\n\
-         <text x=\"{:.1}\" y=\"{:.1}\" fill=\"{color}\">{}</text>",
-        points.join(" "),
+        "<text x=\"{:.1}\" y=\"{:.1}\" fill=\"{color}\">{}</text>",
         WIDTH - RIGHT + 10.0,
         scale.top + 12.0 + 16.0 * k as f64,
         escape_xml(&line.label)
@@ -195,6 +202,16 @@ fn escape_xml(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn values_that_are_not_there_interrupt_a_line() {
+        let points = [1.0, f64::NAN, f64::NAN, 2.0, 3.0, f64::NAN].iter().zip(0..).map(|(y, x)| [f64::from(x), *y]);
+        let line = PlotLine { label: "time".into(), points: points.collect(), spread: Vec::new() };
+        let panel = PlotPanel { name: "Times".into(), lines: vec![line] };
+        let text = draw_panels("a", &PlotAxis::default(), &[panel]);
+        assert_eq!((text.matches("<polyline").count(), text.matches("<circle").count()), (2, 1), "{text}");
+        assert!(!text.contains("NaN"), "{text}");
+    }
 
     #[test]
     fn ticks_are_round_numbers() {

@@ -81,10 +81,10 @@ impl Spread {
 }
 
 impl Run {
-    /// The total of a column that counts events, or the value of another column at the last frame; `None` without the column.
+    /// The total of a column that counts events, or the value of another column at the last frame; `None` without the column or value.
     fn outcome(&self, name: &str) -> Option<f64> {
         let mut all = self.whole.totals.iter().chain(&self.whole.last);
-        all.find(|c| c.0 == name).map(|c| c.1)
+        all.find(|c| c.0 == name).map(|c| c.1).filter(|v| !v.is_nan())
     }
 
     fn numbers(&self) -> impl Iterator<Item = (String, f64)> + '_ {
@@ -183,7 +183,8 @@ impl Sweep {
         for group in self.groups() {
             let rows: Vec<BTreeMap<String, f64>> = group.iter().map(|run| run.numbers().collect()).collect();
             let numbers = names.iter().flat_map(|name| {
-                let values: Vec<f64> = rows.iter().filter_map(|row| row.get(name).copied()).collect();
+                let values: Vec<f64> =
+                    rows.iter().filter_map(|row| row.get(name).copied()).filter(|v| !v.is_nan()).collect();
                 if values.is_empty() {
                     return [String::new(), String::new()];
                 }
@@ -339,6 +340,21 @@ mod tests {
         let numbers: Vec<f64> = lines[1].split(',').map(|v| v.parse().expect("a number")).collect();
         assert_eq!(numbers, [2.0, 0.5, 2.0, 2.0, 0.0, 12.0, 8.0_f64.sqrt(), 6.0, 2.0_f64.sqrt()]);
         assert_eq!((lines.len(), lines[3]), (4, "0.5,\"[1, 2]\",1,2,0,4,0,2,0"));
+    }
+
+    /// A run in which nothing came to rest has no mean time; the others have.
+    #[test]
+    fn means_leave_out_runs_without_a_value() {
+        let mut sweep = sweep();
+        sweep.runs.truncate(2);
+        for (run, time) in sweep.runs.iter_mut().zip([f64::NAN, 3.0]) {
+            run.whole.last.push(("flight_time".into(), time));
+        }
+        let rows =
+            |text: String| text.lines().map(|l| l.rsplit(',').nth(1).unwrap_or("").to_owned()).collect::<Vec<_>>();
+        assert_eq!(rows(sweep.csv()), ["flight_time", "", "3"]);
+        assert!(sweep.means_csv().lines().nth(1).is_some_and(|row| row.contains(",3,0,")), "{}", sweep.means_csv());
+        assert_eq!(sweep.json()["runs"][0]["last"]["flight_time"], Value::Null);
     }
 
     /// The third run has one solid more, whose column stands before another of its own.

@@ -4,7 +4,7 @@
 //! ```
 //! use osier_export::registry::by_word;
 //!
-//! assert_eq!(by_word("unreal").map(|f| f.asset_folder), Some(Some("unreal")));
+//! assert_eq!(by_word("unreal").map(|f| f.folder), Some("unreal"));
 //! ```
 
 use std::sync::Arc;
@@ -15,7 +15,7 @@ mod stage;
 mod wind;
 
 use super::estimate::EstimateInput;
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::textures::Textures;
 use super::up_axis::UpAxis;
 use super::usd::Tolerance;
@@ -44,9 +44,13 @@ const NAMED_PLANTS: usize = 3;
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "unreal",
     about: "Unreal Engine: a USD file per plant, a Nanite assembly with joints, and a JSON file of its wind",
-    asset_folder: Some("unreal"),
+    folder: "unreal",
+    names_assets: true,
+    // X025 tells which plants have no file.
+    notes_missing_files: false,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Written,
     memory_percent: 200,
     estimate,
     open: |job| vec![Box::new(UnrealExporter::new(job.folder.clone(), Arc::clone(&job.textures)))],

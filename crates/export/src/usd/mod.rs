@@ -45,7 +45,7 @@ pub use options::{CopyStyle, Tolerance, UsdOptions};
 
 use super::estimate::{AssetSize, EstimateInput};
 use super::file_target::file_stem;
-use super::format::{ExportJob, FormatInfo};
+use super::format::{ExportJob, FormatInfo, TextureUse};
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning, exr};
 use byte_sink::{ByteSink, CountingSink};
@@ -68,9 +68,12 @@ pub(crate) const HAIRS: &str = "hairs";
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "usd",
     about: "USD: a root layer (.usda) and a payload (.usdc) per asset; animated",
-    asset_folder: Some("usd"),
+    folder: "usd",
+    names_assets: true,
+    notes_missing_files: false,
     endings: &[("usda", "USD as text"), ("usdc", "USD, binary"), ("usdz", "USD with pictures in one file")],
     pictures_beside: true,
+    textures: TextureUse::Written,
     memory_percent: 7,
     estimate,
     open: open_exporters,

@@ -10,7 +10,7 @@ mod tree;
 pub use options::VdbOptions;
 
 use super::estimate::EstimateInput;
-use super::format::FormatInfo;
+use super::format::{FormatInfo, TextureUse};
 use super::{Exporter, Summary};
 use file::{FilledGrid, MAX_VOXELS, too_many_voxels, vdb_bytes};
 use osier_base::Result;
@@ -29,9 +29,12 @@ const VECTOR_CELL: u64 = 3;
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "vdb",
     about: "OpenVDB: wind, catkins in flight and at rest as voxel grids, a file per frame",
-    asset_folder: None,
+    folder: "vdb",
+    names_assets: false,
+    notes_missing_files: true,
     endings: &[],
     pictures_beside: false,
+    textures: TextureUse::Unused,
     memory_percent: 0,
     estimate,
     open: |job| vec![Box::new(VdbExporter::new(job.folder.clone(), job.options.vdb))],

@@ -115,6 +115,9 @@ impl<'a> GltfMaterials<'a> {
             // The alpha of an opaque material says nothing; renderers that read it from the picture would show holes.
             let opaque = channels == 4 && material.alpha_cutoff.is_none();
             material.maps.color = self.store_map(context, image, MapUse::color([r, g, b, a], opaque), &name)?;
+            if material.maps.color.is_some() {
+                material.base_color = [1.0; 3];
+            }
         }
         if let Some(texture) = &pbr.metallic_roughness_texture
             && let Some((image, _)) = self.decoded_image(context, texture.index.value())?

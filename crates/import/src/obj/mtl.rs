@@ -370,6 +370,8 @@ impl<'l> ObjMaterials<'l> {
         if let Some(color) = color {
             material.alpha_cutoff = color.has_transparency().then_some(0.5);
             material.maps.color = Some(self.store_map(color, format!("{}_color", material.name), ImageKind::Color));
+            // The picture replaces the colour of the material, which does not tint it.
+            material.base_color = [1.0; 3];
         }
         // A grey image holds no normals.
         if let Some(normal) = normal.filter(|n| n.channels >= 3) {

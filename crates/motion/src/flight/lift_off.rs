@@ -58,7 +58,7 @@ impl FlightSimulation {
             sum += speed;
             self.lift_or_creep(d, *air, speed, t);
         }
-        self.counters.ground_wind = sum / deposits.len() as f64;
+        self.counters.ground_wind = Some(sum / deposits.len() as f64);
     }
 
     fn resting_deposits(&self) -> Vec<RestingDeposit> {

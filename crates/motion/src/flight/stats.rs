@@ -17,8 +17,8 @@ pub(super) struct EventCounters {
     pub left: u64,
     pub buried: u64,
     pub long_steps: u64,
-    /// Mean wind at 0.1 m over all deposits, m/s, of the last step.
-    pub ground_wind: f64,
+    /// Mean wind at 0.1 m over all deposits, m/s, of the last step that had any; `None` before.
+    pub ground_wind: Option<f64>,
 }
 
 /// Number of catkins by state at one time, and event counts until then.
@@ -55,18 +55,18 @@ pub struct FlightStats {
     pub recycled: u64,
     /// Exits from the box so far, those before recycling included, each member of a cluster counted.
     pub left: u64,
-    /// Mean speed of airborne catkins over the ground, m/s; 0 without any.
-    pub mean_speed: f64,
-    /// Largest speed of airborne catkins over the ground, m/s; 0 without any.
-    pub max_speed: f64,
-    /// Mean wind at 0.1 m over deposits in the last step that had any, m/s; 0 before.
-    pub ground_wind: f64,
-    /// Mean time from the release to the last deposition of deposited catkins, s.
-    pub flight_time: f64,
-    /// Mean horizontal distance of deposited catkins from their release, m.
-    pub flight_distance: f64,
-    /// Distance, m, that 10, 50 and 90 % of them do not exceed; 0 without deposits.
-    pub distance_quantiles: [f64; 3],
+    /// Mean speed of airborne catkins over the ground, m/s; `None` without any.
+    pub mean_speed: Option<f64>,
+    /// Largest speed of airborne catkins over the ground, m/s; `None` without any.
+    pub max_speed: Option<f64>,
+    /// Mean wind at 0.1 m over deposits in the last step that had any, m/s; `None` before.
+    pub ground_wind: Option<f64>,
+    /// Mean time from the release to the last deposition of deposited catkins, s; `None` without any.
+    pub flight_time: Option<f64>,
+    /// Mean horizontal distance of deposited catkins from their release, m; `None` without any.
+    pub flight_distance: Option<f64>,
+    /// Distance, m, that 10, 50 and 90 % of them do not exceed; `None` without deposits.
+    pub distance_quantiles: Option<[f64; 3]>,
     /// Deposited catkins that penetrate a surface by more than 0.1 mm.
     pub penetrations: u64,
     /// Catkins that start inside a solid and never fly.
@@ -148,7 +148,7 @@ pub(super) fn collect_stats(flights: &FlightSimulation) -> FlightStats {
         if c.state == CatkinState::Airborne {
             let speed = c.v.length();
             speeds += speed;
-            t.max_speed = t.max_speed.max(speed);
+            t.max_speed = Some(t.max_speed.map_or(speed, |most| most.max(speed)));
         }
         // Flight time and horizontal distance of each deposit, from its release.
         if c.state.is_deposited() {
@@ -158,14 +158,14 @@ pub(super) fn collect_stats(flights: &FlightSimulation) -> FlightStats {
         // A single is visible and in no cluster; clusters are counted below, from the map of clusters.
         t.singles += u64::from(c.state.is_seen() && !c.clustered);
     }
-    let mean = |sum: f64, n: u64| if n > 0 { sum / n as f64 } else { 0.0 };
+    let mean = |sum: f64, n: u64| (n > 0).then(|| sum / n as f64);
     t.clusters = flights.clusters.len() as u64;
     t.largest = flights.clusters.values().map(|c| c.members.len() as u64).max().unwrap_or(0);
     t.mean_speed = mean(speeds, t.airborne);
     let way = distances.iter().fold(0.0, |sum, d| sum + d);
     (t.flight_time, t.flight_distance) = (mean(time, t.deposited()), mean(way, t.deposited()));
     distances.sort_unstable_by(f64::total_cmp);
-    t.distance_quantiles = [0.1, 0.5, 0.9].map(|q| quantile(&distances, q));
+    t.distance_quantiles = (!distances.is_empty()).then(|| [0.1, 0.5, 0.9].map(|q| quantile(&distances, q)));
     t.penetrations = flights.count_penetrations();
     let e = &flights.counters;
     (t.merges, t.deposits, t.lift_offs, t.falls) = (e.merges, e.deposits, e.lift_offs, e.falls);

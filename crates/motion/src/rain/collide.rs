@@ -187,10 +187,10 @@ impl<'a> RainCollider<'a> {
         Self { leaves, wood, solids, hierarchy }
     }
 
-    /// The first hit of a drop of diameter `d`, m, on its path between two world positions. `ignore_leaf`: a leaf that it passes
-    /// through.
-    pub fn first_hit(&self, path: [DVec3; 2], d: f64, ignore_leaf: Option<usize>) -> Option<DropHit> {
-        let plant = self.first_plant_hit(path, d, ignore_leaf);
+    /// The first hit of a drop of diameter `d`, m, on its path between two world positions. `passes`: whether it passes through
+    /// a leaf, by the index of the leaf.
+    pub fn first_hit(&self, path: [DVec3; 2], d: f64, passes: impl Fn(usize) -> bool) -> Option<DropHit> {
+        let plant = self.first_plant_hit(path, d, passes);
         let solid = self.solids.first_hit(path, d).map(|t| DropHit::Solid { t });
         // The nearer of both; at a tie the leaf or the wood.
         match (plant, solid) {
@@ -202,7 +202,7 @@ impl<'a> RainCollider<'a> {
     }
 
     /// As [`RainCollider::first_hit`], of leaves and wood only.
-    fn first_plant_hit(&self, path: [DVec3; 2], d: f64, ignore_leaf: Option<usize>) -> Option<DropHit> {
+    fn first_plant_hit(&self, path: [DVec3; 2], d: f64, passes: impl Fn(usize) -> bool) -> Option<DropHit> {
         let bvh = self.hierarchy.bvh.as_ref()?;
         // Broad phase: primitives whose boxes overlap that of the path.
         let r = Vec3::splat(osier_base::math::narrow(d));
@@ -221,7 +221,7 @@ impl<'a> RainCollider<'a> {
         for i in candidates {
             let i = i as usize;
             let hit = match self.leaves.get(i) {
-                Some(_) if ignore_leaf == Some(i) => None,
+                Some(_) if passes(i) => None,
                 Some(leaf) => leaf.intersect_path(path, d).map(|hit| DropHit::Leaf { leaf: i, hit }),
                 None => {
                     let segment = i - self.leaves.len();
@@ -312,7 +312,7 @@ mod tests {
                 met =
                     met.or_else(|| {
                         RainCollider::new(&[moved], &[], &RainSolids::default(), &mut SweptHierarchy::default())
-                            .first_hit([p, next], 1e-3, None)
+                            .first_hit([p, next], 1e-3, |_| false)
                     });
                 (p, y) = (next, y + 0.03);
             }
@@ -348,8 +348,8 @@ mod tests {
             for _ in 0..50 {
                 let from = DVec3::new(draw.range(-1.0, 1.0), 1.0, draw.range(-1.0, 1.0));
                 let path = [from, from - DVec3::Y * draw.range(0.0, 2.0)];
-                let hit = fitted.first_hit(path, 2e-3, None);
-                assert_eq!(hit, rebuilt.first_hit(path, 2e-3, None));
+                let hit = fitted.first_hit(path, 2e-3, |_| false);
+                assert_eq!(hit, rebuilt.first_hit(path, 2e-3, |_| false));
                 hits += usize::from(hit.is_some());
             }
         }
@@ -363,7 +363,7 @@ mod tests {
         let solids = RainSolids::default();
         let mut hierarchy = SweptHierarchy::default();
         let collider = RainCollider::new(&[], &segments, &solids, &mut hierarchy);
-        let drop = |z: f64| collider.first_hit([DVec3::new(0.5, 0.1, z), DVec3::new(0.5, -0.1, z)], 1e-3, None);
+        let drop = |z: f64| collider.first_hit([DVec3::new(0.5, 0.1, z), DVec3::new(0.5, -0.1, z)], 1e-3, |_| false);
         assert!(
             matches!(drop(0.0), Some(DropHit::Wood { segment: 0, hit }) if (hit.t - 0.5).abs() < 1e-9 && (hit.fraction - 0.5).abs() < 1e-9)
         );

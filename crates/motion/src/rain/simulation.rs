@@ -456,6 +456,7 @@ impl RainSimulation {
             .collect();
         let collider = RainCollider::new(&moving, &wood, &self.solids, &mut self.hierarchy);
         let (t, ground, ground_top, g) = (self.t, &self.ground, self.ground_top, self.params.g);
+        let (leaves, end) = (&self.leaves, t + h);
         let advance = |drop: &FallingDrop| {
             // A drop that was emitted within the step falls only from then on. Velocity first, then position (semi-implicit Euler).
             let mut drop = *drop;
@@ -463,9 +464,22 @@ impl RainSimulation {
             drop.v = step_velocity(drop.v, drop.volume, g, drop.wind.velocity.as_dvec3(), h);
             let to = drop.p + drop.v * h;
             let ignored = drop.ignore_leaf.filter(|ignored| t < ignored.until).map(|ignored| ignored.leaf);
+            let mut with_holes: Vec<usize> = Vec::new();
             // A path above the highest ground cannot reach the ground.
             let landing = if to.y < ground_top { ground_crossing(&**ground, [drop.p, to]) } else { None };
-            let hit = collider.first_hit([drop.p, to], sphere_diameter(drop.volume), ignored);
+            // Through a hole of a leaf the path leads on, to the next thing on it.
+            let hit = loop {
+                let passes = |leaf: usize| ignored == Some(leaf) || with_holes.contains(&leaf);
+                match collider.first_hit([drop.p, to], sphere_diameter(drop.volume), passes) {
+                    Some(DropHit::Leaf { leaf, hit }) if leaves[leaf].struck_point(&hit).is_none() => {
+                        with_holes.push(leaf);
+                    }
+                    hit => break hit,
+                }
+            };
+            if let Some(leaf) = with_holes.last() {
+                drop.ignore_leaf = Some(IgnoredLeaf { leaf: *leaf, until: end + IGNORE_LEAF_TIME });
+            }
             // The first thing on the path stops the drop.
             let outcome = match (hit, landing) {
                 (Some(hit), landing) if landing.is_none_or(|fraction| hit.path_fraction() <= fraction) => {
@@ -537,14 +551,13 @@ impl RainSimulation {
         self.water_on_wood += drop.volume;
     }
 
-    /// Lets a drop strike a leaf: it falls through a hole, or transfers an impulse, may splash, and bounces or becomes a sessile
-    /// drop. The impulse on the leaf is the whole momentum that the drop has lost, the loss to its splash included.
+    /// Lets a drop strike a leaf: it transfers an impulse, may splash, and bounces or becomes a sessile drop. The impulse on the leaf
+    /// is the whole momentum that the drop has lost, the loss to its splash included.
     fn strike_leaf(&mut self, drop: &FallingDrop, i: usize, hit: &TriangleHit) {
         let (pose, leaf) = (self.poses[i], &self.leaves[i]);
-        let uv = leaf.blade.interpolate_uv(hit.triangle, hit.weights);
         let ignore_leaf = Some(IgnoredLeaf { leaf: i, until: self.t + IGNORE_LEAF_TIME });
-        let Some(surface) = leaf.point_at(uv).filter(|_| leaf.blade.is_solid(uv)) else {
-            // A hole of the alpha mask, or the very edge of a triangle at the margin, where no surface is found.
+        let Some((uv, surface)) = leaf.struck_point(hit) else {
+            // Paths through holes do not end at them.
             self.falling.push(FallingDrop { ignore_leaf, ..*drop });
             return;
         };

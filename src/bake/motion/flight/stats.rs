@@ -152,7 +152,7 @@ pub struct PlaceCounts<'a> {
     pub in_zones: &'a [u64],
 }
 
-/// Values of one row in the order of the columns of [`flight_table`].
+/// Values of one row in the order of the columns of [`flight_table`]; NaN for means without anything to take them of.
 pub fn flight_row(t: &FlightStats, at: PlaceCounts<'_>, lattice: Option<LatticeStats>) -> Vec<f64> {
     let counts = [
         t.pending,
@@ -168,8 +168,9 @@ pub fn flight_row(t: &FlightStats, at: PlaceCounts<'_>, lattice: Option<LatticeS
     ];
     let totals = [t.merges, t.deposits, t.lift_offs, t.falls, t.recycled, t.left, t.long_steps];
     let mut row: Vec<f64> = counts.iter().map(|v| *v as f64).collect();
-    row.extend([t.mean_speed, t.max_speed, t.ground_wind, t.flight_time, t.flight_distance]);
-    row.extend(t.distance_quantiles);
+    let means = [t.mean_speed, t.max_speed, t.ground_wind, t.flight_time, t.flight_distance];
+    let quantiles = t.distance_quantiles.map_or([None; 3], |all| all.map(Some));
+    row.extend(means.into_iter().chain(quantiles).map(|v| v.unwrap_or(f64::NAN)));
     row.extend(at.resting.iter().chain(at.landed).chain(at.in_zones).map(|v| *v as f64));
     row.extend(totals.iter().map(|v| *v as f64));
     row.extend(lattice.iter().flat_map(|h| [h.clamped_cells as f64, h.checkerboard, h.density_error]));
@@ -192,8 +193,8 @@ mod tests {
         let tally = FlightStats {
             pending: 1,
             penetrations: 10,
-            flight_distance: 15.0,
-            distance_quantiles: [5.0, 12.0, 31.0],
+            flight_distance: Some(15.0),
+            distance_quantiles: Some([5.0, 12.0, 31.0]),
             merges: 16,
             falls: 19,
             long_steps: 22,
@@ -210,6 +211,7 @@ mod tests {
             assert_eq!((of("merges"), of("long_steps"), of("at_wall")), (Some(16.0), Some(22.0), Some(7.0)));
             assert_eq!((of("falls"), of("landed_wall"), of("ground_yard")), (Some(19.0), Some(9.0), Some(4.0)));
             assert_eq!((of("flight_distance_10"), of("flight_distance_90")), (Some(5.0), Some(31.0)));
+            assert!(of("flight_time").is_some_and(f64::is_nan) && of("mean_speed").is_some_and(f64::is_nan));
             assert_eq!(of("wind_mass_error"), lattice.map(|h| h.density_error));
         }
     }

@@ -10,6 +10,7 @@ use crate::rain::leaf::surface::{LeafSurface, SurfacePoint};
 use crate::rain::leaf::wetness::WetnessGrid;
 use crate::rain::params::DropParams;
 use crate::rain::target::LeafPose;
+use crate::rain::triangle_hierarchy::TriangleHit;
 
 /// A leaf in the rain: its blade, the drops on it and where it is wet.
 #[derive(Debug, Clone)]
@@ -191,6 +192,13 @@ impl RainLeaf {
     /// The surface point at texture coordinates, in leaf space; `None` beyond the blade.
     pub fn point_at(&self, uv: DVec2) -> Option<SurfacePoint> {
         self.blade.point_at(uv, self.scale)
+    }
+
+    /// Texture coordinates and surface point at which a drop strikes; `None` in a hole of the alpha mask, or at the very edge of a
+    /// triangle at the margin, where no surface is found.
+    pub(crate) fn struck_point(&self, hit: &TriangleHit) -> Option<(DVec2, SurfacePoint)> {
+        let uv = self.blade.interpolate_uv(hit.triangle, hit.weights);
+        Some((uv, self.point_at(uv).filter(|_| self.blade.is_solid(uv))?))
     }
 
     /// The surface point under a drop, in leaf space; `None` beyond the blade.

@@ -14,6 +14,14 @@ pub struct AlphaMask {
     solid: Vec<bool>,
 }
 
+#[cfg(test)]
+impl AlphaMask {
+    /// The mask of a leaf that is one hole.
+    pub(crate) fn of_a_hole() -> Self {
+        Self { size: [1, 1], solid: vec![false] }
+    }
+}
+
 impl AlphaMask {
     /// The mask of the first material of a mesh whose color map has alpha and a cutoff. `None` if that map has no hole, or
     /// no material has such a map.

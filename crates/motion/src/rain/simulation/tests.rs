@@ -2,6 +2,7 @@ use glam::{DQuat, DVec2};
 
 use super::*;
 use crate::rain::emitter::{DropSizes, IntensityEnvelope, RainfallParams};
+use crate::rain::leaf::alpha_mask::AlphaMask;
 use crate::rain::leaf::surface::{LeafSurface, tests::flat};
 use crate::rain::leaf::veins::{VeinMap, tests::vein};
 use crate::rain::params::{DropParams, ImpactImpulseLaw};
@@ -68,6 +69,29 @@ fn slip_angle(volume: f64) -> f64 {
         }
     }
     90.0
+}
+
+/// A drop that falls through a hole is where it is without the leaf, at each step.
+#[test]
+fn a_hole_does_not_hold_a_drop_up() {
+    let blade = || LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade");
+    let with_hole = blade().with_maps(Some(AlphaMask::of_a_hole()), None);
+    let fall = |leaf: Option<LeafSurface>| -> Vec<DVec3> {
+        let tilts: &[f64] = if leaf.is_some() { &[0.0] } else { &[] };
+        let mut simulation = simulation(tilts, uniform_params(), None);
+        simulation.leaves.extend(leaf.map(|blade| RainLeaf::new(Arc::new(blade), 1.0, 0)));
+        simulation.leaves.drain(..tilts.len());
+        simulation.falling.push(FallingDrop::new(1, DVec3::new(0.003, 1.05, -0.04), DVec3::NEG_Y * 3.0, 1e-9));
+        let step = |_| {
+            simulation.step(0.004).expect("stiff");
+            simulation.falling.first().map(|drop| drop.p)
+        };
+        (0..12).map_while(step).collect()
+    };
+    let free = fall(None);
+    assert!(free.len() == 12 && free[11].y < 0.95, "{free:?}");
+    assert!(fall(Some(blade())).len() < 12, "a leaf without a hole stops it");
+    assert_eq!(fall(Some(with_hole)), free);
 }
 
 #[test]

@@ -1,0 +1,196 @@
+//! Bytes of a scene's textures and height maps as files, predicted without encoding them.
+
+use crate::bake::output::memory::decoded_bytes;
+use osier_base::convert::to_usize;
+use osier_export::textures;
+use osier_scene::{Image, Material, MaterialClass, Pixels, Scene};
+
+/// Rows of an image that are encoded to predict the bytes of all of them, and the number of equal bands they are taken from.
+/// Own: an eighth of a usual texture; more bands follow its content better, but have more first rows, which no filter shrinks.
+const SAMPLED_ROWS: u32 = 64;
+const BANDS: u32 = 4;
+
+/// Shares of the bytes of the samples that files of drawn maps have, in the order of [`Slot`], at three places of a scale. Measured on
+/// the presets.
+type Shares = [[f64; 3]; 4];
+
+/// Bark at sides of 64, 256 and 1024 texels: drawn at more texels it is smoother from one to the next.
+const BARK: Shares = [[0.38, 0.29, 0.15], [0.26, 0.27, 0.33], [0.52, 0.29, 0.15], [0.95, 0.85, 0.74]];
+/// Blades of leaves at the same sides.
+const LEAF: Shares = [[0.51, 0.48, 0.35], [0.44, 0.55, 0.48], [0.76, 0.68, 0.45], [0.95, 0.88, 0.81]];
+/// Ground at texels of [`GROUND_TEXELS_M`].
+const GROUND: Shares = [[0.09, 0.33, 0.58], [0.22, 0.67, 0.69], [0.05, 0.31, 0.63], [0.61, 0.79, 0.93]];
+const GROUND_TEXELS_M: [f64; 3] = [0.0004, 0.0015, 0.003];
+
+/// Bytes of a texel of height maps as half floats, which keep less of the noise of 16 bits than PNG does, at the places of [`BARK`]
+/// and [`GROUND`].
+const BARK_HALF_FLOATS: [f64; 3] = [1.75, 1.37, 1.11];
+const GROUND_HALF_FLOATS: [f64; 3] = [0.38, 1.06, 1.39];
+/// Bytes of other height maps as half floats per byte as PNG, measured on bark.
+const HALF_FLOATS_PER_PNG: f64 = 0.75;
+
+/// A map of a material.
+#[derive(Debug, Clone, Copy)]
+enum Slot {
+    Color,
+    Normal,
+    Roughness,
+    Height,
+}
+
+/// Predicts the bytes of the image at each index of [`Scene::images`] as PNG, after the `halvings` of it.
+pub(crate) fn png_bytes(scene: &Scene, halvings: &[u32]) -> Vec<u64> {
+    let mut uses: Vec<Option<(Slot, &Material)>> = vec![None; scene.images.len()];
+    for material in &scene.materials {
+        let maps = material.maps;
+        let slots = [
+            (maps.color, Slot::Color),
+            (maps.normal, Slot::Normal),
+            (maps.roughness, Slot::Roughness),
+            (maps.height, Slot::Height),
+        ];
+        for (image, slot) in slots {
+            if let Some(place) = image.and_then(|i| uses.get_mut(to_usize(i))) {
+                place.get_or_insert((slot, material));
+            }
+        }
+    }
+    let each = scene.images.iter().zip(uses).zip(halvings);
+    each.map(|((image, of), n)| {
+        let samples = decoded_bytes(image) >> (2 * n);
+        let drawn = || of.and_then(|(slot, material)| drawn_share(slot, material, image.width >> n));
+        sampled_share(image)
+            .or_else(drawn)
+            .map_or_else(|| default_bytes(image, samples), |share| scaled(samples, share))
+    })
+    .collect()
+}
+
+/// Predicts the bytes of the height maps of all materials as half floats, each material with a file of its own. `png`: of
+/// [`png_bytes`] for the same `halvings`.
+pub(crate) fn half_float_heights(scene: &Scene, halvings: &[u32], png: &[u64]) -> u64 {
+    let bytes = |material: &Material| {
+        let index = to_usize(material.maps.height?);
+        let (image, n) = scene.images.get(index).zip(halvings.get(index))?;
+        let [width, height] = [image.width, image.height].map(|side| u64::from(side >> n));
+        let per_texel = match material.class {
+            MaterialClass::Bark => Some(between(BARK_HALF_FLOATS, place_of_side(image.width >> n))),
+            MaterialClass::Ground => Some(between(GROUND_HALF_FLOATS, place_of_texel(material, image.width >> n))),
+            _ => None,
+        };
+        Some(match per_texel {
+            Some(bytes) => scaled(width * height, bytes),
+            None => scaled(*png.get(index)?, HALF_FLOATS_PER_PNG),
+        })
+    };
+    scene.materials.iter().filter_map(bytes).sum()
+}
+
+/// Share of the bytes of the samples that some rows of the image have as PNG; `None` for an image without its pixels, as most are in
+/// an estimate.
+fn sampled_share(image: &Image) -> Option<f64> {
+    let row = to_usize(image.width) * usize::from(image.channels);
+    let is_whole = |samples: usize| row > 0 && samples == row * to_usize(image.height);
+    let height = image.height.min(SAMPLED_ROWS);
+    let bands = if image.height > SAMPLED_ROWS { BANDS } else { 1 };
+    let rows = height / bands;
+    // Evenly spaced, the first at the top and the last at the bottom.
+    let first = |band: u32| to_usize((image.height - rows) / bands.saturating_sub(1).max(1) * band) * row;
+    let ranges = (0..bands).map(|band| first(band)..first(band) + to_usize(rows) * row);
+    let pixels = match &image.pixels {
+        Pixels::U8(all) if is_whole(all.len()) => {
+            Pixels::U8(ranges.filter_map(|range| all.get(range)).flatten().copied().collect())
+        }
+        Pixels::U16(all) if is_whole(all.len()) => {
+            Pixels::U16(ranges.filter_map(|range| all.get(range)).flatten().copied().collect())
+        }
+        _ => return None,
+    };
+    let part = Image { name: image.name.clone(), height: rows * bands, pixels, ..*image };
+    let png = textures::png(&part).ok()?;
+    Some(png.len() as f64 / decoded_bytes(&part).max(1) as f64)
+}
+
+/// Share of the bytes of the samples that the PNG of a drawn map of `side` texels has; `None` for materials that are not drawn.
+fn drawn_share(slot: Slot, material: &Material, side: u32) -> Option<f64> {
+    let (shares, place) = match material.class {
+        MaterialClass::Bark => (BARK, place_of_side(side)),
+        MaterialClass::Leaf => (LEAF, place_of_side(side)),
+        MaterialClass::Ground => (GROUND, place_of_texel(material, side)),
+        MaterialClass::Catkin | MaterialClass::Water => return None,
+    };
+    let [color, normal, roughness, height] = shares;
+    let row = match slot {
+        Slot::Color => color,
+        Slot::Normal => normal,
+        Slot::Roughness => roughness,
+        Slot::Height => height,
+    };
+    Some(between(row, place))
+}
+
+/// Place of a side on the scale of sides of 64, 256 and 1024 texels, which is logarithmic.
+fn place_of_side(side: u32) -> f64 {
+    (f64::from(side.max(1).ilog2()) - 6.0) / 2.0
+}
+
+/// Place of the texels of a ground of `side` texels on the scale of [`GROUND_TEXELS_M`].
+fn place_of_texel(material: &Material, side: u32) -> f64 {
+    let texel = f64::from(material.tile) / f64::from(side.max(1));
+    let [fine, middle, coarse] = GROUND_TEXELS_M;
+    if texel < middle { (texel - fine) / (middle - fine) } else { 1.0 + (texel - middle) / (coarse - middle) }
+}
+
+/// Value at a place from 0 to 2 between three values, linear; the first or the last beyond them.
+fn between([first, middle, last]: [f64; 3], place: f64) -> f64 {
+    let place = place.clamp(0.0, 2.0);
+    if place < 1.0 { first + (middle - first) * place } else { middle + (last - middle) * (place - 1.0) }
+}
+
+/// Bytes of an image of which nothing is known. Own: PNG halves noise-like pictures of 8 bits about; of heights in 16 bits the lower
+/// half is noise, and 90 % is left.
+fn default_bytes(image: &Image, samples: u64) -> u64 {
+    match image.pixels {
+        Pixels::U8(_) => samples / 2,
+        Pixels::U16(_) => samples * 9 / 10,
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bytes of a file, a share of at most a few")]
+fn scaled(bytes: u64, share: f64) -> u64 {
+    (bytes as f64 * share) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use osier_scene::ImageKind;
+
+    fn image(width: u32, height: u32, pixels: Vec<u8>) -> Image {
+        Image { name: "a".into(), kind: ImageKind::Color, width, height, channels: 3, pixels: Pixels::U8(pixels) }
+    }
+
+    /// An image of a half without noise: bands meet both halves.
+    #[test]
+    fn pixels_that_are_there_are_sampled() {
+        let mut rng = osier_base::rng::Rng::at(3, &["noise".into()]);
+        let noisy = (0..256 * 256 * 3).map(|i| if i < 256 * 128 * 3 { 7 } else { rng.next_u64().to_le_bytes()[2] });
+        let half = image(256, 256, noisy.collect());
+        let written = textures::png(&half).expect("png").len() as f64;
+        let share = sampled_share(&half).expect("pixels");
+        let predicted = share * decoded_bytes(&half) as f64;
+        assert!((predicted / written - 1.0).abs() < 0.1, "{predicted} of {written}");
+        assert!(sampled_share(&image(256, 256, Vec::new())).is_none(), "no pixels");
+        assert!(sampled_share(&image(3, 5, vec![9; 45])).is_some(), "fewer rows than are sampled");
+    }
+
+    #[test]
+    fn shares_are_linear_between_their_places() {
+        let at = |place: f64| between([1.0, 2.0, 4.0], place);
+        assert!(
+            [at(-1.0), at(0.5), at(1.5), at(9.0)].iter().zip([1.0, 1.5, 3.0, 4.0]).all(|(a, b)| (a - b).abs() < 1e-12)
+        );
+        let sides = [place_of_side(64), place_of_side(512), place_of_side(4096)];
+        assert!(sides.iter().zip([0.0, 1.5, 3.0]).all(|(a, b): (&f64, f64)| (a - b).abs() < 1e-12));
+    }
+}
