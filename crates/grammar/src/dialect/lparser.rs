@@ -299,7 +299,7 @@ impl<'t> File<'_, '_, 't> {
 
     fn finish(mut self, text: &str) {
         let Some(axiom) = self.axiom.take() else {
-            let piece = Piece::new(0, &text[..text.find('\n').unwrap_or(text.len())]);
+            let piece = Piece::new(0, &text[..text.find(['\n', '\r']).unwrap_or(text.len())]);
             let help =
                 "write recursion, angle, thickness and axiom, each on a line of its own, then rules such as A=F[+A]";
             return self.error("the file has no axiom".into(), piece, help);

@@ -812,6 +812,20 @@ fn functions_of_lpy_may_call_themselves_with_known_numbers() {
 }
 
 #[test]
+fn texts_in_quotes_of_lpy_end_with_their_line_whatever_ends_it() {
+    let unclosed = "Axiom: A(1)\nx = \"abc\nderivation length: 1\nproduction:\nA(n) --> F(n+x)\nendlsystem\n";
+    // A backslash joins the next line to the text, a parenthesis goes on behind a blank line.
+    let joined = "x = \"ab\\\nc\"\ny = max(1,\n\n  2)\nAxiom: A(1)\nderivation length: 1\nproduction:\n\
+                  A(n):\n  if x == \"abc\": produce B(y)\n  produce C(n)\n";
+    for end in ["\n", "\r\n", "\r"] {
+        let said = try_read(&unclosed.replace('\n', end)).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("line 2: a text in quotes that does not end"), "{end:?}: {said}");
+        assert!(said.contains(":2:5") && said.matches("error[").count() == 1, "{end:?}: {said}");
+        assert_eq!(lpy(&joined.replace('\n', end)), "B(2)", "{end:?}");
+    }
+}
+
+#[test]
 fn functions_of_lpy_may_call_themselves_with_parameters() {
     let head = "def fact(n):\n  if n <= 1: return 1\n  return n*fact(n-1)\n\
                 def fib(n): return n if n < 2 else fib(n-1)+fib(n-2)\n\

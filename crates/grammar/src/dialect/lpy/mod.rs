@@ -236,7 +236,7 @@ impl Model<'_, '_> {
 
     fn finish(mut self, text: &str) {
         if !self.has_axiom && self.refusals == 0 {
-            let piece = Piece::new(0, &text[..text.find('\n').unwrap_or(text.len())]);
+            let piece = Piece::new(0, &text[..text.find(['\n', '\r']).unwrap_or(text.len())]);
             let place = self.reader.place(piece.range());
             let help = "write: Axiom: F";
             self.reader.session.error_help("L003", "the model has no axiom".into(), place, help);
