@@ -855,6 +855,26 @@ fn functions_of_lpy_may_call_themselves_with_parameters() {
 }
 
 #[test]
+fn long_chains_of_functions_of_lpy_are_told_as_such() {
+    let said = |n: usize, last: &str, rule: &str| {
+        let chain: String = (0..n).map(|i| format!("def f{i}(x): return f{}(x)\n", i + 1)).collect();
+        let text = format!(
+            "{chain}def f{n}(x): return {last}\nAxiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n  {rule}\nendlsystem\n"
+        );
+        let run = |g: Grammar| derive(&g, &DeriveOptions::default(), &Limits::default()).map(|d| g.print(&d.modules));
+        try_read(&text).and_then(|(g, _)| run(g)).unwrap_or_else(|e| e.to_string())
+    };
+    assert_eq!(said(150, "x", "produce B(f0(x))"), "B(2)");
+    let deep = said(250, "x", "produce B(f0(x))");
+    assert!(deep.contains("L044") && deep.contains("more than 200 calls of functions within one another"), "{deep}");
+    // Lists are written into the calls.
+    assert_eq!(said(20, "x[1]", "produce B(f0([1, x]))"), "B(2)");
+    let list = said(40, "x[1]", "produce B(f0([1, x]))");
+    assert!(list.contains("L007") && list.contains("the function 'f24', more than 24 calls"), "{list}");
+    assert!(!deep.contains("itself") && !list.contains("recursive"), "{deep}{list}");
+}
+
+#[test]
 fn functions_of_lpy_may_make_modules() {
     let head = "module L, K\ndef leaf(n, last=2):\n  nproduce [L(n)]\n  if n > last: return\n  nproduce K\n\
                 def pair(n):\n  for i in range(2): leaf(n+i)\ndef twig(n):\n  if n > 0:\n    nproduce F(n)\n    twig(n-1)\n";
