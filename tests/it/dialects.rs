@@ -590,6 +590,9 @@ fn the_program_finds_out_what_a_file_is() {
     let short = write("short.y", b"axiom F\n");
     ends(0, &["check", "--dialect", "lparser", arg(&short)]);
     ends(1, &["check", "--dialect", "fractint", arg(&short)]);
+    // Entries may lack a name.
+    let unnamed = write("unnamed.l", b"{\n Angle 4\n Axiom F\n}\n{\n Angle 6\n Axiom F\n}\n");
+    ends(0, &["check", "--dialect", "fractint", arg(&unnamed)]);
 }
 
 /// Strings that models of L-Py derive, by hand.
