@@ -826,6 +826,27 @@ fn texts_in_quotes_of_lpy_end_with_their_line_whatever_ends_it() {
 }
 
 #[test]
+fn second_items_of_lpy_are_told_with_both_lines() {
+    let text = "Axiom: A(1)\nAxiom: B(1)\nderivation length: 2\nderivation length: 1\nignore: F\nconsider: B\nn = 0\n\
+                def Start():\n  global n\n  n = 5\ndef Start():\n  global n\n  n = n + 7\nproduction:\nB(x) --> C(n)\n\
+                decomposition:\nmaximum depth: 2\ninterpretation:\nmaximum depth: 3\nmaximum depth: 4\nendlsystem\n";
+    let (g, warnings) = read(text);
+    let told: Vec<&str> = warnings.iter().filter(|w| w.code == "L008").map(|w| w.message.as_str()).collect();
+    for wanted in [
+        "the axiom in line 2 replaces the one in line 1",
+        "the derivation length in line 4 replaces the one in line 3",
+        "the list of 'ignore:' or 'consider:' in line 6 replaces the one in line 5",
+        "Start in line 11 replaces the one in line 8",
+        "the depth of the interpretation in line 20 replaces the one in line 19",
+    ] {
+        assert!(told.contains(&wanted), "{wanted}: {told:?}");
+    }
+    assert_eq!(told.len(), 5, "{told:?}");
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(g.print(&d.modules), "C(7)");
+}
+
+#[test]
 fn functions_of_lpy_may_call_themselves_with_parameters() {
     let head = "def fact(n):\n  if n <= 1: return 1\n  return n*fact(n-1)\n\
                 def fib(n): return n if n < 2 else fib(n-1)+fib(n-2)\n\

@@ -16,6 +16,9 @@ use crate::program::IgnoredSymbols;
 use crate::symbols::SymbolId;
 use crate::vm;
 
+/// Help for items that stand twice.
+pub(super) const KEEP_ONE: &str = "keep one of them";
+
 impl Model<'_, '_> {
     /// Values of the sliders that L-Py saves behind the model: `('name', 'Integer', 5, 1, 10)`, in older files without the type.
     pub(super) fn parameters(&mut self, list: &[Line<'_>]) {
@@ -101,20 +104,29 @@ impl Model<'_, '_> {
         }
         if let Some(rest) = after_heading(piece, &["axiom"]) {
             let (block, next) = block_after(list, i, line.indent);
+            self.second("the axiom", piece, KEEP_ONE);
             self.axiom(rest, block);
             return next;
         }
         if let Some(rest) = after_heading(piece, &["derivation", "length"]) {
+            self.second("the derivation length", piece, KEEP_ONE);
             // Python allows a semicolon behind a statement.
             self.set_length(Piece::new(rest.at, rest.text.trim_end_matches([';', ' '])));
             return i + 1;
         }
         if let Some(rest) = after_heading(piece, &["maximum", "depth"]) {
+            let is_decomposition = self.section == Section::Decomposition;
+            let whose =
+                if is_decomposition { "the depth of the decomposition" } else { "the depth of the interpretation" };
+            self.second(whose, piece, KEEP_ONE);
             self.set_depth(rest);
             return i + 1;
         }
         for (word, hides) in [("ignore", true), ("consider", false)] {
             if let Some(rest) = after_heading(piece, &[word]) {
+                // One replaces the other whichever of the two words each has.
+                let help = "write one, before all productions: osier applies the last one to all, L-Py each to those behind it";
+                self.second("the list of 'ignore:' or 'consider:'", piece, help);
                 self.ignored(rest, hides);
                 return i + 1;
             }
