@@ -826,6 +826,28 @@ fn texts_in_quotes_of_lpy_end_with_their_line_whatever_ends_it() {
 }
 
 #[test]
+fn refused_functions_of_lpy_tell_what_to_write_instead() {
+    let saved = "def __initialiseContext__(context):\n\timport openalea.plantgl.all as pgl\n\twide = pgl.NurbsCurve2D(\n\t\t\
+                 ctrlPointList = pgl.Point3Array([(0, 0, 1),(0.5, 1, 1),(1, 0, 1)]) ,\n\t\t)\n\twide.name = \"wide\"\n\
+                 \tcontext[\"wide\"] = pgl.QuantisedFunction(wide)\n";
+    let said = |rule: &str| {
+        let text = format!(
+            "n = 0\ndef inc():\n  global n\n  n = n + 1\nAxiom: A(1)\nderivation length: 1\nproduction:\nA(x):\n  {rule}\nendlsystem\n{saved}"
+        );
+        try_read(&text).err().map_or_else(String::new, |e| e.to_string())
+    };
+    for (rule, construct, remedy) in [
+        ("produce F(wide(0.5))", "the function 'wide' (a curve of L-Py", "write the curve as a function"),
+        ("produce F(inc())", "the function 'inc' (it changes values", "write its 'global' and its assignments"),
+        ("produce F(makestring(x))", "the function 'makestring'", "write the modules themselves"),
+    ] {
+        let said = said(rule);
+        assert!(said.contains("L007") && said.contains(construct) && said.contains(remedy), "{rule}: {said}");
+    }
+    assert_eq!(said("produce F(x)"), "");
+}
+
+#[test]
 fn second_items_of_lpy_are_told_with_both_lines() {
     let text = "Axiom: A(1)\nAxiom: B(1)\nderivation length: 2\nderivation length: 1\nignore: F\nconsider: B\nn = 0\n\
                 def Start():\n  global n\n  n = 5\ndef Start():\n  global n\n  n = n + 7\nproduction:\nB(x) --> C(n)\n\

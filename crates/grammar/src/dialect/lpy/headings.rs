@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use super::lines::{Line, after_heading, block_after};
 use super::parser::parse;
-use super::pieces::{at_semicolons, colon, is_rule, split};
+use super::pieces::{assignment, at_semicolons, colon, is_name, is_rule, split};
 use super::refusal::Refusal;
 use super::resolve::compile;
+use super::scope::CURVE;
 use super::statement::{Statement, assigned, renamed};
 use super::strings::{PyModule, modules, spell};
 use super::way::Step;
@@ -36,6 +37,17 @@ impl Model<'_, '_> {
                 if let (Some(name), Some(value)) = (fields.first(), number(1).or_else(|| number(2))) {
                     self.scope.constants.insert((*name).to_owned(), value);
                 }
+            }
+        }
+    }
+
+    /// Curves of the model and of `__initialiseContext__`, where the editor of L-Py saves them: `w = pgl.NurbsCurve2D(..)`. A call of one is
+    /// refused as such.
+    pub(super) fn curves(&mut self, list: &[Line<'_>]) {
+        let kinds = ["NurbsCurve2D(", "BezierCurve2D(", "Polyline2D("];
+        for (name, value) in list.iter().filter_map(|line| assignment(line.piece)) {
+            if is_name(name.text) && kinds.iter().any(|kind| value.text.contains(kind)) {
+                self.scope.refused_functions.insert(name.text.to_owned(), CURVE.to_owned());
             }
         }
     }

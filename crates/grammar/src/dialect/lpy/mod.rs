@@ -162,6 +162,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     model.shared_names(&list);
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
+    model.curves(&list);
     model.declarations(&list);
     model.arities = arities(&plain, &model.declared);
     let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
