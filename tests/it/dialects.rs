@@ -330,6 +330,47 @@ fn files_of_lparser_are_drawn_as_their_commands_say() {
 }
 
 #[test]
+fn a_levelled_turtle_of_lparser_turns_to_the_other_side() {
+    let tip = |axiom: &str| {
+        let text = format!("1\n50\n1\n{axiom}\n@\n");
+        draw_steps(&read_bytes("l.ls", text.as_bytes(), ReadAs::default()).expect("read").0, None).last()
+    };
+    near(tip("&(60)+(90)F"), [0.0, 0.0, -1.0], "not levelled");
+    // `$` makes left = heading x vertical and up = heading x left, of which up is not below: turns about up have the other sense.
+    near(tip("&(60)$+(90)F"), [0.0, 0.0, 1.0], "levelled");
+    near(tip("[&(60)$]+(90)F"), [0.0, 0.0, -1.0], "a branch");
+    // Both have the length of the horizontal part, 1/2: the tangents of turns about them are halved. A turn about the one normalizes the other.
+    near(tip("&(30)$+(45)F"), [0.447_214, 0.774_597, 0.447_214], "left");
+    near(tip("&(30)$+(45)+(45)F"), [0.3, 0.519_615, 0.8], "left twice");
+    near(tip("&(30)$&(45)F"), [0.834_512, 0.550_990, 0.0], "down");
+    near(tip("&(30)$&(45)+(45)F"), [0.590_089, 0.389_609, 0.707_107], "down, then left");
+    near(tip("&(30)$>(360)+(45)F"), [0.353_553, 0.612_372, 0.707_107], "rolled, then left");
+    near(tip("$+(90)F"), [0.0, 0.0, -1.0], "vertical");
+}
+
+#[test]
+fn fractions_of_lparser_act_on_turns_numbers_and_thicknesses() {
+    let of = |recursion: f32, rest: &str| {
+        let text = format!("{recursion}\n90\n10\n{rest}\n@\n");
+        read_bytes("f.ls", text.as_bytes(), ReadAs::default()).expect("read")
+    };
+    let drawn = |recursion: f32, rest: &str| draw_steps(&of(recursion, rest).0, None);
+    // Turns of 90 and 45 degrees, steps of 1, 1 and 1/2.
+    near(drawn(1.5, "FA\nA=+FA").end(), [0.0, 0.646_447, -1.353_553], "turn");
+    // Numbers are reduced twice: 90 and 22.5 degrees, steps of 1, 1/2 and 1/8.
+    near(drawn(1.5, "FA\nA=+(90)F(50)A").end(), [0.0, 0.952_165, -0.615_485], "numbers");
+    // 1, .9 / 2 and again .9: the factor of the last step, .95, ends with what this step has made.
+    near(drawn(1.5, "AF\nA=F'A").end(), [0.0, 2.35, 0.0], "factors");
+    // A step of 1/2, half as thick for its length.
+    let thin = drawn(0.5, "A\nA=F").plant.nodes.r[0];
+    assert!((thin - 0.0125).abs() < 1e-6, "{thin}");
+    // What rules of segments make is drawn in full, which is told where the fraction acts on other rules.
+    near(drawn(1.5, "F\nF=FF").end(), [0.0, 4.0, 0.0], "segments");
+    let told = |rest: &str| of(1.5, rest).1.contains("acts on what the rule of 'F' makes, too");
+    assert!(told("FA\nF=FF\nA=+A") && !told("F\nF=FF") && !told("FA\nA=+A"));
+}
+
+#[test]
 fn widths_of_lparser_are_shares_of_the_length() {
     let plant = draw("lparser/factors.ls", "").plant;
     // Half of the length, times .7, times 2.
@@ -590,6 +631,9 @@ fn the_program_finds_out_what_a_file_is() {
     let short = write("short.y", b"axiom F\n");
     ends(0, &["check", "--dialect", "lparser", arg(&short)]);
     ends(1, &["check", "--dialect", "fractint", arg(&short)]);
+    // Entries may lack a name.
+    let unnamed = write("unnamed.l", b"{\n Angle 4\n Axiom F\n}\n{\n Angle 6\n Axiom F\n}\n");
+    ends(0, &["check", "--dialect", "fractint", arg(&unnamed)]);
 }
 
 /// Strings that models of L-Py derive, by hand.
@@ -1167,7 +1211,7 @@ fn converted_grammars_draw_the_same() {
     let mut names: Vec<String> = files.map(|f| f.expect("entry").file_name().to_string_lossy().into_owned()).collect();
     names.sort();
     let not_as_osier = ["numbers.ls", "random.ls"];
-    let not_as_cpfg = ["angles.ls", "gravity.ls", "numbers.ls", "random.ls", "fraction.ls"];
+    let not_as_cpfg = ["angles.ls", "gravity.ls", "numbers.ls", "random.ls", "fraction.ls", "level.ls"];
     for name in &names {
         let g = read(&format!("lparser/{name}"), "");
         if !not_as_osier.contains(&name.as_str()) {
@@ -1177,7 +1221,7 @@ fn converted_grammars_draw_the_same() {
             assert!(converts(&g, ConvertTo::Cpfg, name), "{name}");
         }
     }
-    for name in ["angles.ls", "gravity.ls", "numbers.ls", "fraction.ls"] {
+    for name in ["angles.ls", "gravity.ls", "numbers.ls", "fraction.ls", "level.ls"] {
         assert!(!converts(&read(&format!("lparser/{name}"), ""), ConvertTo::Cpfg, name), "{name}");
     }
     for (name, _) in LPY {

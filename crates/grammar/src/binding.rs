@@ -45,7 +45,7 @@ pub struct DialectSettings {
     pub min_thickness: f64,
     /// LParser: the number that stands for the length that steps begin with; 1 if `None`.
     pub unit: Option<f64>,
-    /// LParser: share, above 0 and below 1, of their length with which segments of the last step are drawn.
+    /// LParser: share, above 0 and below 1, with which what the last step makes is drawn.
     pub fraction: Option<f64>,
 }
 

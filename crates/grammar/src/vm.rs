@@ -8,13 +8,32 @@ use osier_base::rng::{self, Key, Rng};
 
 /// Iterations of all loops in one run of a block before a loop counts as infinite (L044).
 const LOOP_LIMIT: u64 = 1_000_000;
-/// Calls of functions within one another before a function counts as one that calls itself without end (L044). Each takes some of the
-/// memory of its thread.
+/// Most calls of functions within one another (L044). Each takes some of the memory of its thread.
 const CALL_LIMIT: usize = 200;
 /// Bytes of output that a derivation keeps.
 const MAX_OUTPUT: usize = 1 << 20;
 /// Largest n of `biran(n, p)`, whose trials are drawn one by one; a larger n counts as this many.
 const BIRAN_LIMIT: f64 = 1e6;
+
+/// Whether a function calls itself, by way of any others.
+fn calls_itself(functions: &[CalledFunction], k: usize) -> bool {
+    let mut seen = vec![false; functions.len()];
+    let mut open = vec![k];
+    while let Some(function) = open.pop().and_then(|one| functions.get(one)) {
+        for op in &function.code.ops {
+            let Op::Call(called) = *op else { continue };
+            if called == k {
+                return true;
+            }
+            if let Some(is_seen) = seen.get_mut(called)
+                && !std::mem::replace(is_seen, true)
+            {
+                open.push(called);
+            }
+        }
+    }
+    false
+}
 
 /// What random draws are for. It is a part of their address, so that draws for one purpose do not shift those of another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,8 +128,8 @@ impl RandomStreams {
 pub(crate) enum Halt {
     /// A loop that passes [`LOOP_LIMIT`] iterations (L044).
     Loop(SourcePlace),
-    /// A function that passes [`CALL_LIMIT`] calls within one another (L044).
-    Calls(SourcePlace),
+    /// A function that passes [`CALL_LIMIT`] calls within one another (L044), and whether it calls itself.
+    Calls(SourcePlace, bool),
     /// The derivation has run more statements than its limit allows (L051).
     Statements(SourcePlace),
     /// A string passes the limit on its modules (L051), or its receiver takes no more.
@@ -415,7 +434,7 @@ impl Vm {
             return Err(Halt::Statements(function.place));
         }
         if self.depth >= CALL_LIMIT {
-            return Err(Halt::Calls(function.place));
+            return Err(Halt::Calls(function.place, calls_itself(functions, k)));
         }
         let first = self.stack.len().saturating_sub(function.parameters);
         let mut locals = self.stack.split_off(first);

@@ -152,9 +152,9 @@ fn node(value: &Spanned<DeValue<'_>>, source: SourceId, report: &mut Report) -> 
     TomlNode { span, value }
 }
 
-/// A key as an element of the path of an override: in quotes if it holds a dot or an equals sign.
+/// A key as an element of the path of an override: in quotes if it is empty or holds a dot or an equals sign.
 pub fn path_element(key: &str) -> String {
-    if key.contains(['.', '=']) { format!("\"{key}\"") } else { key.to_owned() }
+    if key.is_empty() || key.contains(['.', '=']) { format!("\"{key}\"") } else { key.to_owned() }
 }
 
 /// Splits a text at the first `mark` outside quotes; `None` without one.
@@ -296,7 +296,8 @@ fn move_to(node: &mut TomlNode, span: Span) {
 
 fn put(table: &mut TomlTable, names: &[(&str, Span)], node: TomlNode) -> bool {
     let Some((&(name, span), rest)) = names.split_first() else { return false };
-    if name.is_empty() {
+    // An empty element; the quotes of an empty key have a place.
+    if span.start == span.end {
         return false;
     }
     let index = table.entries.iter().position(|e| e.key == name).unwrap_or_else(|| {
@@ -378,6 +379,11 @@ mod tests {
         assert_eq!((names, value(&t, "v1")), (vec!["plants", "v1.2"], None));
         let Some(TomlValue::Table(plants)) = value(&t, "plants") else { panic!("{t:?}") };
         assert_eq!(plants.entries[0].key, "a.b=c");
+        // A key may be empty, an element of a path may not.
+        let (t, r) = read("[plants.\"\"]\n", &[&format!("plants.{}.steps=2", path_element(""))]);
+        assert!(!r.has_errors() && value(&t, "plants..steps") == Some(&TomlValue::Integer(2)), "{r}");
+        let (_, r) = read("", &["plants..steps=2"]);
+        assert!(r.has_errors(), "{r}");
     }
 
     #[test]

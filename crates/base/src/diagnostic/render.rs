@@ -106,7 +106,7 @@ impl Excerpt {
             end = if end < bytes.len() { line_end(bytes, end + 1) } else { end };
         }
         // File line number of the excerpt's first line, from which the renderer counts.
-        let line = 1 + bytes.iter().take(start).filter(|b| **b == b'\n').count();
+        let line = 1 + (0..start.min(bytes.len())).filter(|i| is_line_end(bytes, *i)).count();
         let quoted = masked(text.get(start..end).unwrap_or_default());
         if quoted.split('\n').all(|line| line.len() <= MAX_QUOTED_LINE) {
             return Self { text: quoted, start, line, prefix: 0 };
@@ -129,7 +129,7 @@ impl Excerpt {
         let end = boundary((last + QUOTED_AROUND).min(line_end)).max(start);
         let before = if start > line_start { LEFT_OUT } else { "" };
         let after = if end < line_end { LEFT_OUT } else { "" };
-        let line = 1 + bytes.iter().take(start).filter(|b| **b == b'\n').count();
+        let line = 1 + (0..start.min(bytes.len())).filter(|i| is_line_end(bytes, *i)).count();
         let quoted = masked(text.get(start..end).unwrap_or_default());
         Self { text: format!("{before}{quoted}{after}"), start, line, prefix: before.len() }
     }
@@ -148,12 +148,21 @@ impl Excerpt {
     }
 }
 
+/// Whether a line ends with the byte `i`: LF, also that of CRLF, and a lone CR.
+fn is_line_end(bytes: &[u8], i: usize) -> bool {
+    match bytes.get(i) {
+        Some(b'\n') => true,
+        Some(b'\r') => bytes.get(i + 1) != Some(&b'\n'),
+        _ => false,
+    }
+}
+
 fn line_start(bytes: &[u8], at: usize) -> usize {
-    bytes.iter().take(at).rposition(|b| *b == b'\n').map_or(0, |i| i + 1)
+    (0..at.min(bytes.len())).rev().find(|i| is_line_end(bytes, *i)).map_or(0, |i| i + 1)
 }
 
 fn line_end(bytes: &[u8], at: usize) -> usize {
-    bytes.iter().skip(at).position(|b| *b == b'\n').map_or(bytes.len(), |i| at + i)
+    (at..bytes.len()).find(|i| is_line_end(bytes, *i)).unwrap_or(bytes.len())
 }
 
 fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -> String {
@@ -231,13 +240,22 @@ fn visible_lines(text: &str) -> String {
     text.split('\n').map(visible).collect::<Vec<_>>().join("\n")
 }
 
-/// Like [`visible`], but keeps every byte offset: hidden characters become the same number of question marks.
+/// Like [`visible`], but keeps every byte offset: hidden characters become the same number of question marks, and a lone CR between two
+/// lines becomes LF, at which alone the renderer ends a line.
 fn masked(text: &str) -> String {
+    let bytes = text.as_bytes();
     let is_masked = |c: char| is_hidden(c) && !matches!(c, '\n' | '\t' | '\r');
-    if !text.chars().any(is_masked) {
+    // A CR at the end of the text may belong to the CRLF that ends the excerpt.
+    let is_lone = |i: usize, c: char| c == '\r' && i + 1 < bytes.len() && is_line_end(bytes, i);
+    if !text.char_indices().any(|(i, c)| is_masked(c) || is_lone(i, c)) {
         return text.to_owned();
     }
-    text.chars().map(|c| if is_masked(c) { "?".repeat(c.len_utf8()) } else { c.to_string() }).collect()
+    let shown = |(i, c): (usize, char)| match c {
+        c if is_masked(c) => "?".repeat(c.len_utf8()),
+        c if is_lone(i, c) => "\n".to_owned(),
+        c => c.to_string(),
+    };
+    text.char_indices().map(shown).collect()
 }
 
 /// True for control characters, and for Unicode characters without width or that change the direction of text.
@@ -272,6 +290,21 @@ mod tests {
         let text: String = (1..=30).map(|i| format!("key{i} = {i} # \u{e9}\u{1F33F}\n")).collect();
         let text = text.replace("key17 = 17", "  lenght = 17");
         insta::assert_snapshot!(render(&report(&text, &[("lenght", "not a key")]), Style::Plain));
+    }
+
+    #[test]
+    fn lines_that_end_with_a_carriage_return_are_quoted_one_by_one() {
+        let shown = render(&report("a = 1\rb = 2\rc = 3\r", &[("b", "here")]), Style::Plain);
+        assert!(
+            shown.contains("scenes/a.toml:2:1") && shown.contains("2 | b = 2") && !shown.contains("c = 3"),
+            "{shown}"
+        );
+        // Those of CRLF are one line end.
+        let shown = render(&report("a = 1\r\nb = 2\r\nc = 3\r\n", &[("b", "here")]), Style::Plain);
+        assert!(
+            shown.contains("scenes/a.toml:2:1") && shown.contains("2 | b = 2") && !shown.contains("c = 3"),
+            "{shown}"
+        );
     }
 
     #[test]

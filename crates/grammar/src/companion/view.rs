@@ -320,7 +320,12 @@ impl ViewReader<'_, '_> {
         let keyword: String = key.to_lowercase().split_whitespace().collect::<Vec<_>>().join(" ");
         let values = self.expand(values);
         let line = Line { words: words(&values), span: whole };
+        let told = self.report.len();
         if self.turtle_line(&keyword, &line) || self.file_line(&keyword, &line) {
+            // A line whose values cannot be read was told as a whole.
+            if self.report.len() == told {
+                self.check_length(&keyword, &line);
+            }
             return;
         }
         self.ignored(whole, key.trim());
@@ -330,6 +335,36 @@ impl ViewReader<'_, '_> {
         let message = format!("'{}' of a view has no effect", shown(key));
         let d = Diagnostic::warning("L047", message, span, "ignored");
         self.report.push(d.help("lights, cameras and windows are set in the scene"));
+    }
+
+    /// L048 for words behind the values that a line takes.
+    fn check_length(&mut self, keyword: &str, line: &Line<'_>) {
+        let second = line.words.get(1);
+        let count = match keyword {
+            // A texture has parts with names; those of a tropism are told where they are read.
+            "texture" | "tropism" | "torque" => return,
+            "tropism direction" => 3,
+            "contour" => 2,
+            // Letter, file, scale, two numbers of quads, texture.
+            "surface" | "tsurface" => 2 + line.words.iter().skip(2).map_while(value_of).take(4).count(),
+            "function" => 1 + usize::from(second.and_then(count32).is_some()),
+            // A unit may follow the number.
+            "initial line width" | "line width increment" => {
+                1 + usize::from(second.is_some_and(|w| w.text.starts_with(|c: char| c.is_ascii_alphabetic())))
+            }
+            _ => 1,
+        };
+        let surplus: Vec<&str> = line.words.iter().skip(count).map(|w| w.text).collect();
+        self.unused(line, &surplus);
+    }
+
+    /// L048 for words of a line that have no effect. Punctuation alone, such as `;`, is not told.
+    fn unused(&mut self, line: &Line<'_>, words: &[&str]) {
+        if words.iter().any(|w| w.contains(|c: char| c.is_alphanumeric())) {
+            let message = format!("'{}' in this line of a view has no effect", shown(&words.join(" ")));
+            let d = Diagnostic::warning("L048", message, line.span, "here");
+            self.report.push(d.help("leave it out: the values before it are all that such a line takes"));
+        }
     }
 
     /// L048 for a line without the numbers that it needs.
@@ -464,6 +499,7 @@ impl ViewReader<'_, '_> {
             ViewTropism { dir: [0.0, 1.0, 0.0], angle: 0.0, intensity: 1.0, elasticity: 0.0, step: 0.0, torque };
         let mut part = 'T';
         let mut place = 0;
+        let mut unused = Vec::new();
         for word in &line.words {
             // `A:30` in one word, or `A:` and `30`.
             let (name, value) = match word.text.split_once(':') {
@@ -475,6 +511,9 @@ impl ViewReader<'_, '_> {
                 (part, place) = (name.to_ascii_uppercase(), 0);
             }
             if value.is_empty() {
+                if !"TAIES".contains(part) {
+                    unused.push(word.text);
+                }
                 continue;
             }
             let Some(number) = value.parse::<f64>().ok().filter(|v| v.is_finite()) else {
@@ -487,7 +526,7 @@ impl ViewReader<'_, '_> {
                 ('I', 0) => out.intensity = number.clamp(-1.0, 1.0),
                 ('E', 0) => out.elasticity = number,
                 ('S', 0) => out.step = number,
-                _ => {}
+                _ => unused.push(word.text),
             }
             place += 1;
         }
@@ -495,6 +534,7 @@ impl ViewReader<'_, '_> {
             self.damaged(line, "a direction T: other than 0 0 0");
             return None;
         }
+        self.unused(line, &unused);
         Some(out)
     }
 
@@ -664,7 +704,7 @@ mod tests {
     fn every_line_of_the_table_is_read() {
         let (view, report) = read(
             "/* a view */\n#define DEG 22.5\n#define TWICE DEG\nangle increment: TWICE\ninitial line width: 3 p // pixels\n\
-             line width increment: 0.5\nline style: cylinder\ntapered lines: off\ninitial color: 257 4\ncolor increment: -1\n\
+             line width increment: 0.5\nline style: cylinder\ntapered lines: off\ninitial color: 257\ncolor increment: -1\n\
              initial scale: 2\nscale multiplier: 0.5\ncontour sides: 12\ntwist of cylinders: on\n\
              tropism: T: 0.0,-1.0,0.0 A: 90 I: 0.5 E: 0.2 S: 0.01\ntorque: T: 1 0 0 E:0.3\n\
              tropism direction: 1 0 -1\ninitial elasticity: 0.22\nelasticity increment: 0.1\n\
@@ -728,6 +768,33 @@ mod tests {
             assert!(report.len() == 1 && report[0].code == "L048", "{line}: {report:?}");
             assert!(report[0].message.contains(wanted), "{line}: {}", report[0].message);
         }
+    }
+
+    #[test]
+    fn values_that_a_line_does_not_take_are_told() {
+        for (line, unused) in [
+            ("angle increment: 20 30", "'30'"),
+            ("angle factor: 8 turns", "'turns'"),
+            ("initial line width: 2 pixels 3", "'3'"),
+            ("line width increment: 0.5 0.7", "'0.7'"),
+            ("line style: cylinder 8", "'8'"),
+            ("initial color: 257 4", "'4'"),
+            ("tropism direction: 0 1 0 1", "'1'"),
+            ("tropism: T: 0 1 0 2 A: 30 40 X: 5", "'2 40 X: 5'"),
+            ("surface: l leaf.s 1 2 3 4 5 6", "'5 6'"),
+            ("tsurface: l leaf.ray wide", "'wide'"),
+            ("contour: 1 stem.con 2", "'2'"),
+            ("function: grow.func many", "'many'"),
+            ("function set: all.fset 5", "'5'"),
+        ] {
+            let (view, report) = read(line);
+            assert!(report.len() == 1 && report[0].code == "L048", "{line}: {report:?}");
+            assert_eq!(report[0].message, format!("{unused} in this line of a view has no effect"), "{line}");
+            // The values before them count.
+            assert_ne!(view, View::default(), "{line}");
+        }
+        let (_, report) = read("angle increment: 20 ;\ninitial line width: 2 p\nline width increment: 1 p\n");
+        assert_eq!(report, []);
     }
 
     #[test]

@@ -514,7 +514,10 @@ impl<'g> Writer<'g> {
             '<' => self.turn("/", angle, arities),
             '>' => self.turn("\\", angle, arities),
             '%' => self.image(symbol, arities, |_| Some("\\(180)".into())),
-            '$' => self.image(symbol, arities, |_| Some("@v".into())),
+            '$' => {
+                self.fault(symbol, "it mirrors the turns behind it, which no command of cpfg does");
+                None
+            }
             '\'' | '"' => {
                 self.notes.insert("widths do not follow the factors of the length".into());
                 let own = if c == '"' { "@Dd(0.9)" } else { "@Di(0.9)" };

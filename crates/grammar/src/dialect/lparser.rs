@@ -297,16 +297,40 @@ impl<'t> File<'_, '_, 't> {
         out
     }
 
+    /// The fraction of the recursion if it acts on what a rule makes: LParser draws what rules of segments and moves make in full. L008
+    /// where there are rules of both kinds.
+    fn fraction(&mut self, fraction: f64) -> f64 {
+        let is_full = |rule: &&Rule<'_>| "FfZz".contains(rule.symbol);
+        let full = self.rules.iter().find(is_full).map(|rule| (rule.symbol, rule.place));
+        let has_others = self.rules.iter().any(|rule| !is_full(&rule));
+        match full {
+            Some(_) if !has_others => 0.0,
+            Some((symbol, place)) if fraction > 0.0 => {
+                let message = format!(
+                    "the fraction of the recursion acts on what the rule of '{symbol}' makes, too, which LParser draws in full"
+                );
+                self.reader.session.warning(
+                    "L008",
+                    message,
+                    place,
+                    "write a whole recursion, or use another symbol for the rule",
+                );
+                fraction
+            }
+            _ => fraction,
+        }
+    }
+
     fn finish(mut self, text: &str) {
         let Some(axiom) = self.axiom.take() else {
-            let piece = Piece::new(0, &text[..text.find('\n').unwrap_or(text.len())]);
+            let piece = Piece::new(0, &text[..text.find(['\n', '\r']).unwrap_or(text.len())]);
             let help =
                 "write recursion, angle, thickness and axiom, each on a line of its own, then rules such as A=F[+A]";
             return self.error("the file has no axiom".into(), piece, help);
         };
-        // Recursion 3.4 derives 4 steps; the fraction .4 shortens what the last one draws.
+        // Recursion 3.4 derives 4 steps; the fraction .4 reduces what the last one draws.
         let recursion = self.recursion.unwrap_or(1.0).clamp(0.0, MAX_RECURSION);
-        let fraction = recursion - recursion.floor();
+        let fraction = self.fraction(recursion - recursion.floor());
         self.check_numbers(&axiom);
         let axiom = self.modules(&axiom);
         let mut made = BTreeSet::new();

@@ -812,6 +812,63 @@ fn functions_of_lpy_may_call_themselves_with_known_numbers() {
 }
 
 #[test]
+fn texts_in_quotes_of_lpy_end_with_their_line_whatever_ends_it() {
+    let unclosed = "Axiom: A(1)\nx = \"abc\nderivation length: 1\nproduction:\nA(n) --> F(n+x)\nendlsystem\n";
+    // A backslash joins the next line to the text, a parenthesis goes on behind a blank line.
+    let joined = "x = \"ab\\\nc\"\ny = max(1,\n\n  2)\nAxiom: A(1)\nderivation length: 1\nproduction:\n\
+                  A(n):\n  if x == \"abc\": produce B(y)\n  produce C(n)\n";
+    for end in ["\n", "\r\n", "\r"] {
+        let said = try_read(&unclosed.replace('\n', end)).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("line 2: a text in quotes that does not end"), "{end:?}: {said}");
+        assert!(said.contains(":2:5") && said.matches("error[").count() == 1, "{end:?}: {said}");
+        assert_eq!(lpy(&joined.replace('\n', end)), "B(2)", "{end:?}");
+    }
+}
+
+#[test]
+fn refused_functions_of_lpy_tell_what_to_write_instead() {
+    let saved = "def __initialiseContext__(context):\n\timport openalea.plantgl.all as pgl\n\twide = pgl.NurbsCurve2D(\n\t\t\
+                 ctrlPointList = pgl.Point3Array([(0, 0, 1),(0.5, 1, 1),(1, 0, 1)]) ,\n\t\t)\n\twide.name = \"wide\"\n\
+                 \tcontext[\"wide\"] = pgl.QuantisedFunction(wide)\n";
+    let said = |rule: &str| {
+        let text = format!(
+            "n = 0\ndef inc():\n  global n\n  n = n + 1\nAxiom: A(1)\nderivation length: 1\nproduction:\nA(x):\n  {rule}\nendlsystem\n{saved}"
+        );
+        try_read(&text).err().map_or_else(String::new, |e| e.to_string())
+    };
+    for (rule, construct, remedy) in [
+        ("produce F(wide(0.5))", "the function 'wide' (a curve of L-Py", "write the curve as a function"),
+        ("produce F(inc())", "the function 'inc' (it changes values", "write its 'global' and its assignments"),
+        ("produce F(makestring(x))", "the function 'makestring'", "write the modules themselves"),
+    ] {
+        let said = said(rule);
+        assert!(said.contains("L007") && said.contains(construct) && said.contains(remedy), "{rule}: {said}");
+    }
+    assert_eq!(said("produce F(x)"), "");
+}
+
+#[test]
+fn second_items_of_lpy_are_told_with_both_lines() {
+    let text = "Axiom: A(1)\nAxiom: B(1)\nderivation length: 2\nderivation length: 1\nignore: F\nconsider: B\nn = 0\n\
+                def Start():\n  global n\n  n = 5\ndef Start():\n  global n\n  n = n + 7\nproduction:\nB(x) --> C(n)\n\
+                decomposition:\nmaximum depth: 2\ninterpretation:\nmaximum depth: 3\nmaximum depth: 4\nendlsystem\n";
+    let (g, warnings) = read(text);
+    let told: Vec<&str> = warnings.iter().filter(|w| w.code == "L008").map(|w| w.message.as_str()).collect();
+    for wanted in [
+        "the axiom in line 2 replaces the one in line 1",
+        "the derivation length in line 4 replaces the one in line 3",
+        "the list of 'ignore:' or 'consider:' in line 6 replaces the one in line 5",
+        "Start in line 11 replaces the one in line 8",
+        "the depth of the interpretation in line 20 replaces the one in line 19",
+    ] {
+        assert!(told.contains(&wanted), "{wanted}: {told:?}");
+    }
+    assert_eq!(told.len(), 5, "{told:?}");
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(g.print(&d.modules), "C(7)");
+}
+
+#[test]
 fn functions_of_lpy_may_call_themselves_with_parameters() {
     let head = "def fact(n):\n  if n <= 1: return 1\n  return n*fact(n-1)\n\
                 def fib(n): return n if n < 2 else fib(n-1)+fib(n-2)\n\
@@ -838,6 +895,26 @@ fn functions_of_lpy_may_call_themselves_with_parameters() {
     let said = try_read(&format!("{}endlsystem\n", model("produce B(deep([1, 2], x))")));
     let said = said.err().map_or_else(String::new, |e| e.to_string());
     assert!(said.contains("L007") && said.contains("a list as an argument of the recursive function 'deep'"), "{said}");
+}
+
+#[test]
+fn long_chains_of_functions_of_lpy_are_told_as_such() {
+    let said = |n: usize, last: &str, rule: &str| {
+        let chain: String = (0..n).map(|i| format!("def f{i}(x): return f{}(x)\n", i + 1)).collect();
+        let text = format!(
+            "{chain}def f{n}(x): return {last}\nAxiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n  {rule}\nendlsystem\n"
+        );
+        let run = |g: Grammar| derive(&g, &DeriveOptions::default(), &Limits::default()).map(|d| g.print(&d.modules));
+        try_read(&text).and_then(|(g, _)| run(g)).unwrap_or_else(|e| e.to_string())
+    };
+    assert_eq!(said(150, "x", "produce B(f0(x))"), "B(2)");
+    let deep = said(250, "x", "produce B(f0(x))");
+    assert!(deep.contains("L044") && deep.contains("more than 200 calls of functions within one another"), "{deep}");
+    // Lists are written into the calls.
+    assert_eq!(said(20, "x[1]", "produce B(f0([1, x]))"), "B(2)");
+    let list = said(40, "x[1]", "produce B(f0([1, x]))");
+    assert!(list.contains("L007") && list.contains("the function 'f24', more than 24 calls"), "{list}");
+    assert!(!deep.contains("itself") && !list.contains("recursive"), "{deep}{list}");
 }
 
 #[test]

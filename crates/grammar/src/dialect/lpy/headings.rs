@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use super::lines::{Line, after_heading, block_after};
 use super::parser::parse;
-use super::pieces::{at_semicolons, colon, is_rule, split};
+use super::pieces::{assignment, at_semicolons, colon, is_name, is_rule, split};
 use super::refusal::Refusal;
 use super::resolve::compile;
+use super::scope::CURVE;
 use super::statement::{Statement, assigned, renamed};
 use super::strings::{PyModule, modules, spell};
 use super::way::Step;
@@ -15,6 +16,9 @@ use crate::dialect::text::Piece;
 use crate::program::IgnoredSymbols;
 use crate::symbols::SymbolId;
 use crate::vm;
+
+/// Help for items that stand twice.
+pub(super) const KEEP_ONE: &str = "keep one of them";
 
 impl Model<'_, '_> {
     /// Values of the sliders that L-Py saves behind the model: `('name', 'Integer', 5, 1, 10)`, in older files without the type.
@@ -33,6 +37,17 @@ impl Model<'_, '_> {
                 if let (Some(name), Some(value)) = (fields.first(), number(1).or_else(|| number(2))) {
                     self.scope.constants.insert((*name).to_owned(), value);
                 }
+            }
+        }
+    }
+
+    /// Curves of the model and of `__initialiseContext__`, where the editor of L-Py saves them: `w = pgl.NurbsCurve2D(..)`. A call of one is
+    /// refused as such.
+    pub(super) fn curves(&mut self, list: &[Line<'_>]) {
+        let kinds = ["NurbsCurve2D(", "BezierCurve2D(", "Polyline2D("];
+        for (name, value) in list.iter().filter_map(|line| assignment(line.piece)) {
+            if is_name(name.text) && kinds.iter().any(|kind| value.text.contains(kind)) {
+                self.scope.refused_functions.insert(name.text.to_owned(), CURVE.to_owned());
             }
         }
     }
@@ -101,20 +116,29 @@ impl Model<'_, '_> {
         }
         if let Some(rest) = after_heading(piece, &["axiom"]) {
             let (block, next) = block_after(list, i, line.indent);
+            self.second("the axiom", piece, KEEP_ONE);
             self.axiom(rest, block);
             return next;
         }
         if let Some(rest) = after_heading(piece, &["derivation", "length"]) {
+            self.second("the derivation length", piece, KEEP_ONE);
             // Python allows a semicolon behind a statement.
             self.set_length(Piece::new(rest.at, rest.text.trim_end_matches([';', ' '])));
             return i + 1;
         }
         if let Some(rest) = after_heading(piece, &["maximum", "depth"]) {
+            let is_decomposition = self.section == Section::Decomposition;
+            let whose =
+                if is_decomposition { "the depth of the decomposition" } else { "the depth of the interpretation" };
+            self.second(whose, piece, KEEP_ONE);
             self.set_depth(rest);
             return i + 1;
         }
         for (word, hides) in [("ignore", true), ("consider", false)] {
             if let Some(rest) = after_heading(piece, &[word]) {
+                // One replaces the other whichever of the two words each has.
+                let help = "write one, before all productions: osier applies the last one to all, L-Py each to those behind it";
+                self.second("the list of 'ignore:' or 'consider:'", piece, help);
                 self.ignored(rest, hides);
                 return i + 1;
             }

@@ -48,7 +48,7 @@ pub(super) fn description(text: &str) -> String {
     let first = text.trim_start();
     let quoted = first.strip_prefix("\"\"\"").and_then(|t| t.split("\"\"\"").next());
     let line = quoted.or_else(|| first.strip_prefix('#')).unwrap_or("");
-    line.trim().lines().next().unwrap_or("").trim_matches(['#', '-', '=', ' ']).to_owned()
+    line.trim().split(['\n', '\r']).next().unwrap_or("").trim_matches(['#', '-', '=', ' ']).to_owned()
 }
 
 /// Whether a text ends with the heading of an axiom, with nothing behind it.
@@ -68,8 +68,27 @@ pub(super) fn masked(byte: u8) -> u8 {
     SIGNS.iter().zip(codes).find(|(sign, _)| **sign == byte).map_or(byte, |(_, code)| code)
 }
 
+/// A byte in place of a backslash and the line end behind it, by which a text in quotes goes on in the next line; no part of the text.
+pub(super) const JOINED: u8 = 0x1f;
+
+/// Masks the signs of a text in quotes, and joins its lines.
+fn mask_text(text: &mut [u8]) {
+    let mut i = 0;
+    while let Some(rest) = text.get_mut(i..).filter(|rest| !rest.is_empty()) {
+        let is_joined = matches!(&*rest, [b'\\', b'\n' | b'\r', ..]);
+        // A backslash takes the character behind it with it.
+        let n = match &*rest {
+            [b'\\', b'\r', b'\n', ..] => 3,
+            [b'\\', _, ..] => 2,
+            _ => 1,
+        };
+        rest.iter_mut().take(n).for_each(|b| *b = if is_joined { JOINED } else { masked(*b) });
+        i += n;
+    }
+}
+
 /// The text with comments, texts in triple quotes, line ends within parentheses and line ends behind a backslash replaced by
-/// blanks, so that all offsets stay; signs within other texts are [`masked`].
+/// blanks, so that all offsets stay; signs within other texts are [`masked`], their lines [`JOINED`].
 pub(super) fn without_comments(text: &str) -> String {
     let bytes = text.as_bytes();
     let mut out: Vec<u8> = bytes.to_vec();
@@ -100,7 +119,7 @@ pub(super) fn without_comments(text: &str) -> String {
             }
             b'"' | b'\'' => {
                 let length = quoted_length(rest);
-                out.iter_mut().skip(i + 1).take(length.saturating_sub(2)).for_each(|b| *b = masked(*b));
+                mask_text(out.get_mut(i + 1..i + length - 1).unwrap_or_default());
                 i += length;
                 continue;
             }
@@ -119,7 +138,7 @@ pub(super) fn without_comments(text: &str) -> String {
             b'\n' | b'\r' if list > 0 && depth == 0 => out[i] = b' ',
             // A heading that begins a line was not meant to be a parameter: the parenthesis before it lacks its partner.
             b'\n' | b'\r' if depth > 0 => {
-                if rest.get(1).is_some_and(|c| matches!(c, b' ' | b'\t' | b')' | b'\n')) {
+                if rest.get(1).is_some_and(|c| matches!(c, b' ' | b'\t' | b')' | b'\n' | b'\r')) {
                     out[i] = b' ';
                 } else {
                     depth = 0;
@@ -132,14 +151,18 @@ pub(super) fn without_comments(text: &str) -> String {
     String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
 }
 
-/// Length of a text in quotes at the beginning of some bytes, whose '#' is no comment; it ends at its quote or at the end of the line.
+/// Length of a text in quotes at the beginning of some bytes, whose '#' is no comment; it ends at its quote or at the end of the line,
+/// unless a backslash stands before it.
 fn quoted_length(bytes: &[u8]) -> usize {
     let quote = bytes.first().copied();
-    let mut is_escaped = false;
-    let end = bytes.iter().skip(1).position(|c| {
-        let is_end = !is_escaped && (Some(*c) == quote || *c == b'\n');
-        is_escaped = !is_escaped && *c == b'\\';
-        is_end
-    });
-    end.map_or(bytes.len(), |n| n + 2)
+    let mut i = 1;
+    while let Some(rest) = bytes.get(i..).filter(|rest| !rest.is_empty()) {
+        i += match rest {
+            [b'\\', b'\r', b'\n', ..] => 3,
+            [b'\\', _, ..] => 2,
+            [c, ..] if Some(*c) == quote || matches!(c, b'\n' | b'\r') => return i + 1,
+            _ => 1,
+        };
+    }
+    bytes.len()
 }

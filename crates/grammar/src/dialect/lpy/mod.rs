@@ -67,6 +67,8 @@ struct Model<'r, 's> {
     /// The model calls `useGroup()`.
     uses_groups: bool,
     has_axiom: bool,
+    /// Lines of the items that a model has once, by their names.
+    given: BTreeMap<&'static str, usize>,
     /// The statements that are read are those of the axiom: their loops are written out.
     is_in_axiom: bool,
     /// Number of statements of Python that the model could not run without.
@@ -128,6 +130,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         group: 0.0,
         uses_groups: plain.contains("useGroup("),
         has_axiom: false,
+        given: BTreeMap::new(),
         is_in_axiom: false,
         refusals: 0,
         start: Vec::new(),
@@ -159,6 +162,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     model.shared_names(&list);
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
+    model.curves(&list);
     model.declarations(&list);
     model.arities = arities(&plain, &model.declared);
     let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
@@ -203,6 +207,15 @@ impl Model<'_, '_> {
         self.reader.session.error_help("L007", message, place, help);
     }
 
+    /// L008 for an item that stands twice, of which the last one counts, as in L-Py. `help`: what to do about it.
+    fn second(&mut self, item: &'static str, piece: Piece<'_>, help: &str) {
+        let line = self.reader.line_number(piece.at);
+        let Some(first) = self.given.insert(item, line) else { return };
+        let place = self.reader.place(piece.range());
+        let message = format!("{item} in line {line} replaces the one in line {first}");
+        self.reader.session.warning("L008", message, place, help);
+    }
+
     fn settle<T>(&mut self, result: Result<T, Refusal>) -> Option<T> {
         match result {
             Ok(value) => Some(value),
@@ -236,7 +249,7 @@ impl Model<'_, '_> {
 
     fn finish(mut self, text: &str) {
         if !self.has_axiom && self.refusals == 0 {
-            let piece = Piece::new(0, &text[..text.find('\n').unwrap_or(text.len())]);
+            let piece = Piece::new(0, &text[..text.find(['\n', '\r']).unwrap_or(text.len())]);
             let place = self.reader.place(piece.range());
             let help = "write: Axiom: F";
             self.reader.session.error_help("L003", "the model has no axiom".into(), place, help);

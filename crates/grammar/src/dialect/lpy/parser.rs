@@ -7,7 +7,7 @@ use osier_base::convert::saturating_index;
 use super::expression::{
     DICTIONARY, FLAT, IN, NOTHING, OF_NUMBERS, PyExpr, PyOp, SLICE, substitute, text_number, text_refusal,
 };
-use super::lines::masked;
+use super::lines::{JOINED, masked};
 use super::pieces::{colon, split};
 use super::refusal::Refusal;
 use super::vectors::AXES;
@@ -75,7 +75,7 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             // belongs to no text; both are masked.
             let [backslash, double, single] = [b'\\', b'"', b'\''].map(|b| char::from(masked(b)).to_string());
             let text = inner[..n].replace(&(backslash.clone() + &double), &double);
-            let text = text.replace(&(backslash + &single), &single);
+            let text = text.replace(&(backslash + &single), &single).replace(char::from(JOINED), "");
             out.push(PyToken { kind: PyTokenKind::Text(text_number(&text)), range: at..at + n + 2 });
             i += n + 2;
         } else if let Some(sign) = SIGNS.iter().find(|s| rest.starts_with(**s)) {

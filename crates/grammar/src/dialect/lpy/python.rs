@@ -6,6 +6,7 @@ use super::Model;
 use super::assignment::{assign_statement, change_of, unreadable_assignment};
 use super::emit::append_code;
 use super::expression::{PyExpr, first_call, is_dictionary, of_model};
+use super::headings::KEEP_ONE;
 use super::lines::{Line, block_after};
 use super::parser::{lambda, parse};
 use super::pieces::{assignment, heads_block, is_seed, split, statements_of_line};
@@ -56,7 +57,9 @@ impl Model<'_, '_> {
             }
             "def" => {
                 let name = rest.text.split('(').next().unwrap_or("").trim();
-                if CALLED_FUNCTIONS.contains(&name) {
+                if let Some(called) = CALLED_FUNCTIONS.into_iter().find(|called| *called == name) {
+                    self.second(called, piece, KEEP_ONE);
+                    self.run_later.retain(|(other, ..)| other != name);
                     self.hide_unreadable(block);
                     self.run_later.push((name.to_owned(), i + 1..next, range));
                 } else {

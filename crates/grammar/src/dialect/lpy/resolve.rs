@@ -1,6 +1,7 @@
 //! Expressions with the values of the names that they read.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -274,6 +275,10 @@ fn function_value(
     // One that calls itself may have become too large before its calls were too many.
     let calls_itself = || first_call(body, &|called| called == name).is_some() && args.iter().all(is_number);
     if value.is_err() && depth == 0 && (scope.has_too_many_calls.get() || calls_itself()) {
+        // Code takes numbers alone; of lists the error tells which call was one too many.
+        if !args.iter().all(is_number) && !is_recursive(name, scope) {
+            return value;
+        }
         return call_of_code(name, args, range, scope);
     }
     value
@@ -379,19 +384,55 @@ fn resolved_each(
     Ok(PyExpr::List(out, range.clone()))
 }
 
-/// Counts a call of a function of the model, `depth` within others. Fails where a function calls itself too often.
+/// Counts a call of a function of the model, `depth` within others. Fails where there are too many.
 fn count_call(name: &str, range: &Range<usize>, scope: &Scope, depth: usize) -> Result<(), Refusal> {
     scope.calls.set(if depth == 0 { 1 } else { scope.calls.get() + 1 });
     let construct = if depth >= MAX_CALL_DEPTH {
-        format!("the recursive function '{name}', more than {MAX_CALL_DEPTH} calls within one another")
+        format!("more than {MAX_CALL_DEPTH} calls within one another")
     } else if scope.calls.get() > MAX_CALLS {
-        format!("the recursive function '{name}', more than {MAX_CALLS} calls")
+        format!("more than {MAX_CALLS} calls in one expression")
     } else {
         return Ok(());
     };
     scope.has_too_many_calls.set(true);
-    let why = Refusal::new(construct, range.clone());
-    Err(why.remedy("write it with 'while' or 'for', or call it with numbers that are known before the model runs"))
+    let (what, remedy) = if is_recursive(name, scope) {
+        (
+            "recursive function",
+            "write it with 'while' or 'for', or call it with numbers that are known before the model runs",
+        )
+    } else {
+        (
+            "function",
+            "write several of the functions that call one another as one, or hand on numbers in place of lists",
+        )
+    };
+    let why = Refusal::new(format!("the {what} '{name}', {construct}"), range.clone());
+    Err(why.remedy(remedy))
+}
+
+/// Whether a function of the model calls itself, by way of any others.
+fn is_recursive(name: &str, scope: &Scope) -> bool {
+    let mut seen = BTreeSet::new();
+    let mut open = vec![name.to_owned()];
+    while let Some(one) = open.pop() {
+        let Some((_, body)) = scope.functions.get(&one) else { continue };
+        let called = RefCell::new(Vec::new());
+        // The search ends at none of the calls, so that it meets them all.
+        let note = |called_name: &str| {
+            called.borrow_mut().push(called_name.to_owned());
+            false
+        };
+        first_call(body, &note);
+        for next in called.into_inner() {
+            if next == name {
+                return true;
+            }
+            if seen.insert(next.clone()) {
+                open.push(next);
+            }
+        }
+    }
+    false
 }
 
 /// The items of a list that a name stands for.

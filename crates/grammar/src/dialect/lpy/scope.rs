@@ -13,6 +13,12 @@ use crate::code::{CalledFunction, Op};
 /// What the name of a call begins with that runs the code of a function; no function has such a name.
 pub(super) const RUN: &str = "run ";
 
+/// Why a call of a curve is refused that the editor of L-Py has saved behind the model, or that the model makes.
+pub(super) const CURVE: &str = "a curve of L-Py, which is not read";
+
+/// Why a call of a function with `global` is refused.
+pub(super) const CHANGES_VALUES: &str = "it changes values of the model";
+
 /// A function that runs as code.
 #[derive(Debug)]
 pub(super) struct RunFunction {
@@ -91,8 +97,19 @@ impl Scope {
 
     /// The refusal of a call of a function that is not known, with the reason if the model has it.
     pub fn refused_call(&self, name: &str, range: Range<usize>) -> Refusal {
-        let why = self.refused_functions.get(name).map_or_else(String::new, |why| format!(" ({why})"));
-        Refusal::new(format!("the function '{name}'{why}"), range)
+        let why = self.refused_functions.get(name).map(String::as_str);
+        let remedy = match (name, why) {
+            (_, Some(CURVE)) => {
+                Some("write the curve as a function of the model: def f(x): return .., with 'if' for each of its parts")
+            }
+            (_, Some(CHANGES_VALUES)) => {
+                Some("write its 'global' and its assignments into the production, or into StartEach() or EndEach()")
+            }
+            ("makestring", None) => Some("write the modules themselves, behind 'produce' or 'nproduce'"),
+            _ => None,
+        };
+        let why = why.map_or_else(String::new, |why| format!(" ({why})"));
+        Refusal { remedy, ..Refusal::new(format!("the function '{name}'{why}"), range) }
     }
 
     /// Slot of a variable; `None` if it is none, or lies beyond 65,535.

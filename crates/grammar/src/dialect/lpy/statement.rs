@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::expression::{PyExpr, exchanged, first_call, is_change, mentions, substitute};
+use super::scope::CHANGES_VALUES;
 use super::strings::PyModule;
 
 /// Variable with the number of the group of productions that is active, which no model can name.
@@ -258,7 +259,7 @@ pub(super) fn hindrance(statements: &[Statement]) -> Option<&'static str> {
     statements.iter().find_map(|s| match s {
         Statement::If(tests, other) => tests.iter().find_map(|(_, then)| hindrance(then)).or_else(|| hindrance(other)),
         Statement::For(_, _, body, _) | Statement::While(_, body, ..) => hindrance(body),
-        Statement::Global(_) => Some("it changes values of the model"),
+        Statement::Global(_) => Some(CHANGES_VALUES),
         Statement::Produce(_, true) => Some("its 'produce' ends the production: write 'nproduce'"),
         _ => None,
     })

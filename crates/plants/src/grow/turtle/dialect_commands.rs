@@ -122,6 +122,11 @@ pub(super) struct DialectState {
     pub angle: f64,
     /// LParser: diameter of a segment as a share of its length.
     pub thickness: f64,
+    /// LParser: `$` has made left and up anew, and with them the other sense of turns about up.
+    pub is_mirrored: bool,
+    /// LParser: lengths below 1 of left and up behind a `$`, about which it turns by less than the angle.
+    pub left_length: Option<f64>,
+    pub up_length: Option<f64>,
     /// L-Py: elasticity and direction of the tropism.
     pub elasticity: f64,
     pub tropism: DVec3,
@@ -160,6 +165,9 @@ impl DialectTurtle {
             length: 1.0,
             angle: 1.0,
             thickness: self.settings.thickness.unwrap_or(1.0),
+            is_mirrored: false,
+            left_length: None,
+            up_length: None,
             elasticity: 0.0,
             tropism: DVec3::Y,
             radius: LPY_RADIUS,
@@ -355,4 +363,6 @@ pub(super) struct PendingNumber {
     pub waiting: Option<WaitingCommand>,
     /// The characters after `(` so far; `None`: no number has begun.
     pub text: Option<String>,
+    /// Length, angle and thickness before the present row of modules of the last step, where the recursion has a fraction.
+    pub outside: Option<[f64; 3]>,
 }

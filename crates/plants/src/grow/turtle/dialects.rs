@@ -38,6 +38,19 @@ const FRAME_HEAD_WIDTH: f64 = 2.0;
 /// Most characters of a number of LParser.
 const MAX_NUMBER: usize = 64;
 
+/// Horizontal part of a heading up to which it is vertical, where `$` does nothing; as in [`TurtleFrame::level`].
+const VERTICAL: f64 = 1e-9;
+
+/// Cosine and sine of the turn of LParser by an angle with cosine `c` and sine `s` about an axis of a length: it normalizes what its
+/// matrix makes of a vector v across the axis a, c v + s a x v.
+/// Source: `Set_rot` and `L_draw` of LParser.
+fn about(c: f64, s: f64, length: Option<f64>) -> (f64, f64) {
+    let Some(length) = length else { return (c, s) };
+    let s = s * length;
+    let norm = math::sqrt(c * c + s * s);
+    (c / norm, s / norm)
+}
+
 impl Turtle<'_> {
     /// Reads numbers of LParser, which are characters of the string: a command waits for the module after it. True if the module
     /// was part of a number, or is a command that now waits.
@@ -56,6 +69,7 @@ impl Turtle<'_> {
             return true;
         }
         self.run_pending();
+        self.note_birth(m);
         // Grammars with `turtle: lparser` write numbers as parameters.
         match command {
             Some(command) if m.params.is_empty() => {
@@ -64,6 +78,42 @@ impl Turtle<'_> {
                 true
             }
             _ => false,
+        }
+    }
+
+    /// Notes where a row of modules begins and ends that the last step of a recursion with a fraction has made: what its commands do to
+    /// length, angle and thickness ends with it.
+    fn note_birth(&mut self, m: Module<'_>) {
+        if self.dialect.settings.fraction.is_none() {
+            return;
+        }
+        let is_last = m.birth == self.dialect.last_step;
+        match self.pending.outside {
+            None if is_last => {
+                let DialectState { length, angle, thickness, .. } = self.rare.dialect;
+                self.pending.outside = Some([length, angle, thickness]);
+            }
+            Some([length, angle, thickness]) if !is_last => {
+                self.pending.outside = None;
+                self.rare.dialect = DialectState { length, angle, thickness, ..self.rare.dialect };
+            }
+            _ => {}
+        }
+    }
+
+    /// The fraction of the recursion of LParser if a module is of the last step.
+    fn fraction(&self, m: Module<'_>) -> Option<f64> {
+        self.dialect.settings.fraction.filter(|_| m.birth == self.dialect.last_step)
+    }
+
+    /// Factor of a command of LParser; without a number it is `factor`, and a factor above 1 divides.
+    fn lparser_factor(&self, given: Option<f64>, factor: f64, m: Module<'_>) -> f64 {
+        // The fraction f leaves of a factor x: 1 + f (x - 1). It has acted on the number of the file before.
+        match (self.fraction(m), given) {
+            (None, _) => given.unwrap_or(factor),
+            (Some(f), Some(x)) => 1.0 + f * (f * x - 1.0),
+            (Some(f), None) if factor > 1.0 => 1.0 / (1.0 + f * (1.0 / factor - 1.0)),
+            (Some(f), None) => 1.0 + f * (factor - 1.0),
         }
     }
 
@@ -113,29 +163,55 @@ impl Turtle<'_> {
                     next => next,
                 });
             }
-            C::Yaw(sign) => self.dialect_turn(sign, given, TurtleFrame::yaw),
-            C::Pitch(sign) => self.dialect_turn(sign, given, TurtleFrame::pitch),
-            C::Roll(sign) => self.dialect_turn(sign, given, TurtleFrame::roll),
+            C::Yaw(sign) => {
+                let DialectState { is_mirrored, up_length, .. } = self.rare.dialect;
+                let sign = if is_mirrored { -sign } else { sign };
+                self.dialect_turn(sign, given, up_length, m, TurtleFrame::yaw);
+                self.set_unit_axes(true, false);
+            }
+            C::Pitch(sign) => {
+                let left_length = self.rare.dialect.left_length;
+                self.dialect_turn(sign, given, left_length, m, TurtleFrame::pitch);
+                self.set_unit_axes(false, true);
+            }
+            C::Roll(sign) => {
+                self.dialect_turn(sign, given, None, m, TurtleFrame::roll);
+                self.set_unit_axes(true, true);
+            }
             // (-1, 0) are cosine and sine of 180 degrees, exactly.
-            C::TurnAround => self.s.frame.yaw(-1.0, 0.0),
-            C::RollOver => self.s.frame.roll(-1.0, 0.0),
-            C::Level => self.s.frame.level(),
-            C::Random => self.random_turns(given.unwrap_or(RANDOM_DEG), m),
+            C::TurnAround => {
+                self.s.frame.yaw(-1.0, 0.0);
+                self.set_unit_axes(true, false);
+            }
+            C::RollOver => {
+                self.s.frame.roll(-1.0, 0.0);
+                self.set_unit_axes(true, true);
+            }
+            C::Level => self.level(),
+            C::Random => {
+                let most = given.map_or(RANDOM_DEG, |most| most * self.fraction(m).unwrap_or(1.0));
+                self.random_turns(most, m);
+            }
             C::Gravity => {
                 let h = self.s.frame.h;
+                let f = self.fraction(m).unwrap_or(1.0);
                 // The horizontal part of the unit heading is the cosine of its elevation.
-                let angle = given.unwrap_or(GRAVITY) * math::sqrt(h.x * h.x + h.z * h.z);
-                self.s.frame.pitch(math::cos(angle), math::sin(angle));
+                let angle = given.map_or(GRAVITY, |x| x * f * f) * math::sqrt(h.x * h.x + h.z * h.z);
+                let (c, s) = about(math::cos(angle), math::sin(angle), self.rare.dialect.left_length);
+                self.s.frame.pitch(c, s);
+                self.set_unit_axes(false, true);
                 self.count_turn();
             }
             C::Step { share, draws, adds_vertex } => self.lparser_step(given, share, draws, adds_vertex, m),
-            C::Length(factor) => self.rare.dialect.length *= given.unwrap_or(factor),
-            C::Angle(factor) => self.rare.dialect.angle *= given.unwrap_or(factor),
-            C::Thickness(factor) => self.rare.dialect.thickness *= given.unwrap_or(factor),
+            C::Length(factor) => self.rare.dialect.length *= self.lparser_factor(given, factor, m),
+            C::Angle(factor) => self.rare.dialect.angle *= self.lparser_factor(given, factor, m),
+            C::Thickness(factor) => self.rare.dialect.thickness *= self.lparser_factor(given, factor, m),
             C::ColorIndex(sign) => {
                 // Three numbers are an RGB colour, which has no index.
                 if m.params.len() < 3 {
                     let next = f64::from(self.s.color) + f64::from(sign);
+                    // The fraction of LParser acts on every number.
+                    let given = given.map(|index| index * self.fraction(m).unwrap_or(1.0));
                     self.set_color(color_index(given.unwrap_or(next)));
                 }
             }
@@ -162,12 +238,50 @@ impl Turtle<'_> {
         self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?')
     }
 
-    /// Turns by `sign` times the number, degrees; without a number by the present angle of turns.
-    fn dialect_turn(&mut self, sign: f64, given: Option<f64>, turn: fn(&mut TurtleFrame, f64, f64)) {
+    /// Turns by `sign` times the number, degrees; without a number by the present angle of turns. `axis`: length of the axis of the turn
+    /// if it is not 1.
+    fn dialect_turn(
+        &mut self,
+        sign: f64,
+        given: Option<f64>,
+        axis: Option<f64>,
+        m: Module<'_>,
+        turn: fn(&mut TurtleFrame, f64, f64),
+    ) {
         let degrees = given.unwrap_or(self.dialect.angle_deg * self.rare.dialect.angle);
+        // LParser takes the fraction of a number where it reads it, and again as of every turn.
+        let degrees = match (self.fraction(m), given) {
+            (None, _) => degrees,
+            (Some(f), None) => degrees * f,
+            (Some(f), Some(_)) => degrees * f * f,
+        };
         let a = radians(sign * degrees);
-        turn(&mut self.s.frame, math::cos(a), math::sin(a));
+        let (c, s) = about(math::cos(a), math::sin(a), axis);
+        turn(&mut self.s.frame, c, s);
         self.count_turn();
+    }
+
+    /// Rolls until left is horizontal. LParser makes left and up anew as products of heading and vertical, which have the length of the
+    /// horizontal part of the heading, and whose sense is not that of the frame in which it begins.
+    fn level(&mut self) {
+        self.s.frame.level();
+        let h = self.s.frame.h;
+        let horizontal = math::sqrt(h.x * h.x + h.z * h.z);
+        if self.dialect.kind == Dialect::LParser && horizontal > VERTICAL {
+            let dialect = &mut self.rare.dialect;
+            dialect.is_mirrored = true;
+            (dialect.left_length, dialect.up_length) = (Some(horizontal), Some(horizontal));
+        }
+    }
+
+    /// Notes the axes that LParser has normalized: those that a turn about another one has moved.
+    fn set_unit_axes(&mut self, left: bool, up: bool) {
+        if left && self.rare.dialect.left_length.is_some() {
+            self.rare.dialect.left_length = None;
+        }
+        if up && self.rare.dialect.up_length.is_some() {
+            self.rare.dialect.up_length = None;
+        }
     }
 
     /// Number of directions of Fractint's integer pointer: a full turn over its unit, rounded, at least 1.
@@ -205,22 +319,27 @@ impl Turtle<'_> {
         let turns: [fn(&mut TurtleFrame, f64, f64); 3] = [TurtleFrame::yaw, TurtleFrame::pitch, TurtleFrame::roll];
         for (k, turn) in (0_u64..).zip(turns) {
             let a = radians(most * (2.0 * self.bindings.draw(m.lineage(), k) - 1.0));
-            turn(&mut self.s.frame, math::cos(a), math::sin(a));
+            // Only the first one can meet an axis that is not of length 1: it normalizes left, the second one up.
+            let axis = self.rare.dialect.up_length.filter(|_| k == 0);
+            let (c, s) = about(math::cos(a), math::sin(a), axis);
+            turn(&mut self.s.frame, c, s);
             self.count_turn();
         }
+        self.set_unit_axes(true, true);
     }
 
     /// A step of LParser. The number is its length, in units of the file; without one it is `share` of the present length. If the
-    /// file asks for a fractional number of steps, segments made by the last step are shortened to that fraction.
+    /// file asks for a fractional number of steps, lengths and thicknesses of segments made by the last step are reduced to that fraction,
+    /// and lengths that a number gives twice.
     fn lparser_step(&mut self, given: Option<f64>, share: f64, draws: bool, adds_vertex: bool, m: Module<'_>) {
         self.close_segment();
         let DialectState { length, thickness, .. } = self.rare.dialect;
         let settings = self.dialect.settings;
-        let fraction = settings.fraction.filter(|_| m.birth == self.dialect.last_step).unwrap_or(1.0);
-        let step = given.map_or(share * length, |x| x / settings.unit.unwrap_or(1.0)) * fraction;
+        let fraction = self.fraction(m).unwrap_or(1.0);
+        let step = given.map_or(share * length, |x| x / settings.unit.unwrap_or(1.0) * fraction) * fraction;
         if draws {
             // Half steps are half as thick.
-            self.set_width((thickness * step.abs()).max(settings.min_thickness));
+            self.set_width((thickness * fraction * step.abs()).max(settings.min_thickness));
         }
         self.step(step, m, draws, adds_vertex);
     }
