@@ -504,12 +504,12 @@ fn a_new_folder_holds_what_its_scene_names() {
             "landscape",
             vec![
                 "new.toml",
-                "birch.l",
+                "ash.species",
+                "birch.species",
                 "grass.l",
-                "monopodial.ifs.toml",
+                "linden.species",
+                "maple.species",
                 "oak.species",
-                "pseudodichotomous.ifs.toml",
-                "sympodial.ifs.toml",
             ],
         ),
     ];

@@ -62,8 +62,6 @@ fn outputs_and_flags_that_would_mislead_are_refused() {
         let (_, err) = ends(2, &["preview", SPRIG, "--size", "16", "-o", arg(&file(name))]);
         assert!(err.contains("written as .png") && !file(name).exists(), "{err}");
     }
-    let (_, err) = ends(2, &["preview", SPRIG, "--size", "16", "-o", "-"]);
-    assert!(err.contains("standard output"), "{err}");
     // A picture of layers has neither camera nor frames, nor a sheet of seeds.
     for flag in [
         ["--view", "top"],

@@ -114,6 +114,15 @@ struct Shown<'a> {
 }
 
 impl Shown<'_> {
+    /// Placements of the asset.
+    fn copies(&self) -> usize {
+        stage().scene.placements.iter().filter(|p| p.asset == self.placement.asset).count()
+    }
+
+    fn is_copy_at_rest(&self) -> bool {
+        !self.asset.group.is_empty() && !self.asset.moves() && self.copies() > 1
+    }
+
     fn mesh(&self, i: usize, object: &MeshObject) -> Vec<Vec3> {
         let points = mesh_points(self.asset, object, i, self.frame);
         points.iter().map(|p| self.placement.transform.apply(*p)).collect()
@@ -125,6 +134,10 @@ impl Shown<'_> {
         for (i, object) in self.asset.meshes.iter().enumerate() {
             meshes.insert(key(&object.name), summary(&self.mesh(i, object)));
         }
+        // Leaves of copies at rest are instances within instances, which Blender shows without the name of their plant.
+        if self.is_copy_at_rest() {
+            return;
+        }
         for (i, instancer) in self.asset.instancers.iter().enumerate() {
             let states = instance_states(self.asset, instancer, i, self.frame);
             let pivots: Vec<Vec3> = states.positions.iter().map(|p| self.placement.transform.apply(*p)).collect();
@@ -135,19 +148,29 @@ impl Shown<'_> {
     /// Meshes material by material, the leaves on each joint as one mesh.
     fn gltf(&self, meshes: &mut Map<String, Value>) {
         // Copies at rest are a node each, with everything that the plant shows in one mesh.
-        let copies = stage().scene.placements.iter().filter(|p| p.asset == self.placement.asset).count();
-        if !self.asset.group.is_empty() && !self.asset.moves() && copies > 1 {
-            let written = |(i, o): (usize, &MeshObject)| {
+        if self.is_copy_at_rest() {
+            let bark = self.asset.meshes.iter().enumerate().flat_map(|(i, o)| {
                 let points = self.mesh(i, o);
                 per_material(&o.mesh).into_iter().map(move |v| points[v]).collect::<Vec<Vec3>>()
-            };
-            let points: Vec<Vec3> = self.asset.meshes.iter().enumerate().flat_map(written).collect();
+            });
+            let leaves = self.asset.instancers.iter().enumerate().flat_map(|(i, instancer)| {
+                let states = instance_states(self.asset, instancer, i, self.frame);
+                let vertices: Vec<Vec<usize>> = instancer.prototypes.iter().map(|p| per_material(&p.mesh)).collect();
+                (0..instancer.len())
+                    .flat_map(|k| {
+                        let proto = instancer.protos[k] as usize;
+                        let trs = self.placement.transform.then_inner(&instancer.transform(&states, k));
+                        vertices[proto].iter().map(move |v| trs.apply(instancer.prototypes[proto].mesh.points[*v]))
+                    })
+                    .collect::<Vec<Vec3>>()
+            });
+            let points: Vec<Vec3> = bark.chain(leaves).collect();
             meshes.insert(self.placement.name.clone(), summary(&points));
             return;
         }
         let key = |n: &str| format!("{}_{n}", self.placement.name);
         // Copies that sway have a skin each, as far as the file's budget of skins reaches.
-        let sways_as_copy = !self.asset.group.is_empty() && copies > 1;
+        let sways_as_copy = !self.asset.group.is_empty() && self.copies() > 1;
         for (i, object) in self.asset.meshes.iter().enumerate() {
             // A cache is written as the skin beside it.
             let points = match (&object.skin, &self.asset.skeleton) {
@@ -343,7 +366,8 @@ fn projected(scene: &Scene, frame: &Frame) -> Vec<u32> {
             hits[y as usize * SIZE.0 + x as usize] += 1;
         }
     };
-    for placement in scene.placements.iter().filter(|p| stage().motions[p.asset].is_some()) {
+    let shows = |p: &&Placement| stage().motions[p.asset].is_some() || !scene.assets[p.asset].instancers.is_empty();
+    for placement in scene.placements.iter().filter(shows) {
         let (asset, state) = (&scene.assets[placement.asset], &frame.assets[placement.asset]);
         let shown = Shown { placement, asset, frame: state };
         asset.meshes.iter().enumerate().flat_map(|(i, o)| shown.mesh(i, o)).for_each(&mut put);
