@@ -343,8 +343,9 @@ fn a_levelled_turtle_of_lparser_turns_to_the_other_side() {
     near(tip("&(30)$+(45)F"), [0.447_214, 0.774_597, 0.447_214], "left");
     near(tip("&(30)$+(45)+(45)F"), [0.3, 0.519_615, 0.8], "left twice");
     near(tip("&(30)$&(45)F"), [0.834_512, 0.550_990, 0.0], "down");
-    near(tip("&(30)$&(45)+(45)F"), [0.590_089, 0.389_609, 0.707_107], "down, then left");
-    near(tip("&(30)$>(360)+(45)F"), [0.353_553, 0.612_372, 0.707_107], "rolled, then left");
+    let h = std::f32::consts::FRAC_1_SQRT_2;
+    near(tip("&(30)$&(45)+(45)F"), [0.590_089, 0.389_609, h], "down, then left");
+    near(tip("&(30)$>(360)+(45)F"), [0.353_553, 0.612_372, h], "rolled, then left");
     near(tip("$+(90)F"), [0.0, 0.0, -1.0], "vertical");
 }
 
