@@ -10,16 +10,16 @@ use osier_scene::{Image, Material, MaterialClass, Pixels, Scene};
 const SAMPLED_ROWS: u32 = 64;
 const BANDS: u32 = 4;
 
-/// Shares of the bytes of the samples that files of drawn maps have, in the order of [`Slot`], at three places of a scale. Measured on
+/// Shares of the bytes of the samples that files of drawn maps have, in the order of [`MapKind`], at three places of a scale. Measured on
 /// the presets.
-type Shares = [[f64; 3]; 4];
+type FileShares = [[f64; 3]; 4];
 
 /// Bark at sides of 64, 256 and 1024 texels: drawn at more texels it is smoother from one to the next.
-const BARK: Shares = [[0.38, 0.29, 0.15], [0.26, 0.27, 0.33], [0.52, 0.29, 0.15], [0.95, 0.85, 0.74]];
+const BARK: FileShares = [[0.38, 0.29, 0.15], [0.26, 0.27, 0.33], [0.52, 0.29, 0.15], [0.95, 0.85, 0.74]];
 /// Blades of leaves at the same sides.
-const LEAF: Shares = [[0.51, 0.48, 0.35], [0.44, 0.55, 0.48], [0.76, 0.68, 0.45], [0.95, 0.88, 0.81]];
+const LEAF: FileShares = [[0.51, 0.48, 0.35], [0.44, 0.55, 0.48], [0.76, 0.68, 0.45], [0.95, 0.88, 0.81]];
 /// Ground at texels of [`GROUND_TEXELS_M`].
-const GROUND: Shares = [[0.09, 0.33, 0.58], [0.22, 0.67, 0.69], [0.05, 0.31, 0.63], [0.61, 0.79, 0.93]];
+const GROUND: FileShares = [[0.09, 0.33, 0.58], [0.22, 0.67, 0.69], [0.05, 0.31, 0.63], [0.61, 0.79, 0.93]];
 const GROUND_TEXELS_M: [f64; 3] = [0.0004, 0.0015, 0.003];
 
 /// Bytes of a texel of height maps as half floats, which keep less of the noise of 16 bits than PNG does, at the places of [`BARK`]
@@ -31,7 +31,7 @@ const HALF_FLOATS_PER_PNG: f64 = 0.75;
 
 /// A map of a material.
 #[derive(Debug, Clone, Copy)]
-enum Slot {
+enum MapKind {
     Color,
     Normal,
     Roughness,
@@ -40,25 +40,25 @@ enum Slot {
 
 /// Predicts the bytes of the image at each index of [`Scene::images`] as PNG, after the `halvings` of it.
 pub(crate) fn png_bytes(scene: &Scene, halvings: &[u32]) -> Vec<u64> {
-    let mut uses: Vec<Option<(Slot, &Material)>> = vec![None; scene.images.len()];
+    let mut uses: Vec<Option<(MapKind, &Material)>> = vec![None; scene.images.len()];
     for material in &scene.materials {
         let maps = material.maps;
         let slots = [
-            (maps.color, Slot::Color),
-            (maps.normal, Slot::Normal),
-            (maps.roughness, Slot::Roughness),
-            (maps.height, Slot::Height),
+            (maps.color, MapKind::Color),
+            (maps.normal, MapKind::Normal),
+            (maps.roughness, MapKind::Roughness),
+            (maps.height, MapKind::Height),
         ];
-        for (image, slot) in slots {
+        for (image, kind) in slots {
             if let Some(place) = image.and_then(|i| uses.get_mut(to_usize(i))) {
-                place.get_or_insert((slot, material));
+                place.get_or_insert((kind, material));
             }
         }
     }
     let each = scene.images.iter().zip(uses).zip(halvings);
     each.map(|((image, of), n)| {
         let samples = decoded_bytes(image) >> (2 * n);
-        let drawn = || of.and_then(|(slot, material)| drawn_share(slot, material, image.width >> n));
+        let drawn = || of.and_then(|(kind, material)| drawn_share(kind, material, image.width >> n));
         sampled_share(image)
             .or_else(drawn)
             .map_or_else(|| default_bytes(image, samples), |share| scaled(samples, share))
@@ -112,7 +112,7 @@ fn sampled_share(image: &Image) -> Option<f64> {
 }
 
 /// Share of the bytes of the samples that the PNG of a drawn map of `side` texels has; `None` for materials that are not drawn.
-fn drawn_share(slot: Slot, material: &Material, side: u32) -> Option<f64> {
+fn drawn_share(kind: MapKind, material: &Material, side: u32) -> Option<f64> {
     let (shares, place) = match material.class {
         MaterialClass::Bark => (BARK, place_of_side(side)),
         MaterialClass::Leaf => (LEAF, place_of_side(side)),
@@ -120,11 +120,11 @@ fn drawn_share(slot: Slot, material: &Material, side: u32) -> Option<f64> {
         MaterialClass::Catkin | MaterialClass::Water => return None,
     };
     let [color, normal, roughness, height] = shares;
-    let row = match slot {
-        Slot::Color => color,
-        Slot::Normal => normal,
-        Slot::Roughness => roughness,
-        Slot::Height => height,
+    let row = match kind {
+        MapKind::Color => color,
+        MapKind::Normal => normal,
+        MapKind::Roughness => roughness,
+        MapKind::Height => height,
     };
     Some(between(row, place))
 }

@@ -345,14 +345,14 @@ impl Turning<'_> {
 const MOST_LANES: usize = 16;
 
 /// A number of each internode of a group.
-type Row = [f32; MOST_LANES];
+type LaneRow = [f32; MOST_LANES];
 
 /// A vector of each internode of a group.
 #[derive(Default)]
 struct VecRows {
-    x: Row,
-    y: Row,
-    z: Row,
+    x: LaneRow,
+    y: LaneRow,
+    z: LaneRow,
 }
 
 impl VecRows {
@@ -380,10 +380,10 @@ impl VecRows {
 /// A quaternion of each internode of a group.
 #[derive(Default)]
 struct QuatRows {
-    x: Row,
-    y: Row,
-    z: Row,
-    w: Row,
+    x: LaneRow,
+    y: LaneRow,
+    z: LaneRow,
+    w: LaneRow,
 }
 
 impl QuatRows {
@@ -422,27 +422,27 @@ struct TurningGroup {
     orientation: QuatRows,
     base: VecRows,
     end: VecRows,
-    length: Row,
-    radius: Row,
+    length: LaneRow,
+    radius: LaneRow,
     /// Rate of righting times length.
-    rate: Row,
+    rate: LaneRow,
     /// The elevation that is sought.
-    sin_elevation: Row,
-    cos_elevation: Row,
+    sin_elevation: LaneRow,
+    cos_elevation: LaneRow,
     /// Torque of the weight, N m; it has no part along y.
-    torque_x: Row,
-    torque_z: Row,
+    torque_x: LaneRow,
+    torque_z: LaneRow,
     /// 1 if it bends, else 0.
-    is_bent: Row,
+    is_bent: LaneRow,
     /// Largest bend, rad.
-    most: Row,
+    most: LaneRow,
     /// Bend over the moment, rad / (N m).
-    bends: Row,
+    bends: LaneRow,
     /// Squared length of the direction's level part.
-    level: Row,
+    level: LaneRow,
     /// The deviation from the direction that is sought.
-    sine: Row,
-    cosine: Row,
+    sine: LaneRow,
+    cosine: LaneRow,
 }
 
 impl TurningGroup {
@@ -566,12 +566,12 @@ fn angle_of_magnitude<S: Simd>(cosine: F32Lanes<S>) -> F32Lanes<S> {
 
 /// Part of a row.
 #[inline(always)]
-fn load<S: Simd>(simd: S, row: &Row, part: &Range<usize>) -> F32Lanes<S> {
+fn load<S: Simd>(simd: S, row: &LaneRow, part: &Range<usize>) -> F32Lanes<S> {
     F32Lanes::partial_load(simd, &row[part.clone()])
 }
 
 #[inline(always)]
-fn store<S: Simd>(value: F32Lanes<S>, row: &mut Row, part: &Range<usize>) {
+fn store<S: Simd>(value: F32Lanes<S>, row: &mut LaneRow, part: &Range<usize>) {
     value.partial_store(&mut row[part.clone()]);
 }
 
