@@ -130,7 +130,7 @@ def equal_keys_keep_their_values() -> None:
     work()
     fields = part("session").session.fields
     assert len(fields) > 1000 and values(scene).wind__speed == 3.25
-    assert values(scene).plants__oak__set__HEIGHT > 0
+    assert values(scene).plants__poplar_twig__set__HEIGHT > 0
     began = time.perf_counter()
     part("properties").install(fields)
     MEASURED["keys"], MEASURED["seconds to register"] = len(fields), round(time.perf_counter() - began, 4)
@@ -205,7 +205,7 @@ def undo_of_the_first_bake_keeps_the_folder_of_the_scene() -> None:
 def every_panel_is_drawn() -> None:
     scene = choose("showcase")
     first = draw_all(part("panel"))
-    assert any("plants__oak__set__HEIGHT" in call for call in first), first[:50]
+    assert any("plants__poplar_twig__set__HEIGHT" in call for call in first), first[:50]
     scene.osier.group_choice = "wind"
     assert any("wind__speed" in call for call in draw_all(part("panel")))
     scene.osier.show_all = True
