@@ -276,6 +276,7 @@ impl Turtle<'_> {
 
     /// Notes the axes that LParser has normalized: those that a turn about another one has moved.
     fn set_unit_axes(&mut self, left: bool, up: bool) {
+        // Writing copies a state that branches share, so nothing is written where nothing changes.
         if left && self.rare.dialect.left_length.is_some() {
             self.rare.dialect.left_length = None;
         }
