@@ -168,6 +168,7 @@ fn the_species_have_their_marks() {
         ("beech", 18.5, 21.9, 0.80),
         ("birch", 23.9, 10.6, 0.34),
         ("poplar", 30.0, 6.4, 0.40),
+        ("cottonwood", 26.0, 17.5, 0.65),
         ("willow", 11.8, 14.5, 0.0),
         ("spruce", 29.8, 11.3, 0.48),
         ("pine", 20.9, 12.3, 0.40),
@@ -257,7 +258,7 @@ fn young_crowns_are_dense() {
 fn crowns_are_as_wide_as_their_stems_allow() {
     only_in_release!();
     let bounds = |name: &str| if matches!(name, "oak" | "beech") { 24.0..=29.0 } else { 20.0..=32.0 };
-    for name in ["oak", "beech", "linden", "ash", "cherry", "maple", "willow"] {
+    for name in ["oak", "beech", "linden", "ash", "cherry", "maple", "willow", "cottonwood"] {
         let ratio = mature_mean(name, |m| m.crown_width / m.dbh);
         assert!(mature_mean(name, |m| m.dbh) > 0.3, "{name}");
         assert!(bounds(name).contains(&ratio), "{name}: {ratio}");
@@ -276,6 +277,7 @@ fn stems_are_as_slender_as_those_of_their_species() {
         ("beech", 18.0..=30.0),
         ("birch", 50.0..=80.0),
         ("poplar", 50.0..=80.0),
+        ("cottonwood", 35.0..=50.0),
         ("spruce", 50.0..=80.0),
     ];
     for (name, range) in wanted {
@@ -300,7 +302,7 @@ fn branches_ramify_as_those_of_broadleaves() {
 #[test]
 fn crowns_have_the_leaf_area_of_trees_and_bear_it_outside() {
     only_in_release!();
-    for name in ["oak", "beech", "birch", "pine", "spruce", "apple", "ash", "linden", "willow"] {
+    for name in ["oak", "beech", "birch", "pine", "spruce", "apple", "ash", "linden", "willow", "cottonwood"] {
         let index = mature_mean(name, |m| m.leaf_area_index);
         // Stands of spruce bear more than broadleaves: their needles live for years and shade each other in clumps.
         let most = if name == "spruce" { 7.5 } else { 6.5 };
