@@ -18,9 +18,10 @@ install_debian() {
     have python3 || wanted+=(python3 python3-venv)
     have node || wanted+=(nodejs)
     have npm || wanted+=(npm)
-    # Blender's glTF importer needs numpy from the distribution's Python; bpy needs the X and GL libraries at load time.
+    # Blender's glTF importer needs numpy from the distribution's Python; bpy needs the X and GL libraries at load time, and Mesa's OpenGL on the
+    # processor to render with EEVEE.
     dpkg -s python3-numpy >/dev/null 2>&1 || wanted+=(python3-numpy)
-    for lib in libxkbcommon0 libxi6 libxfixes3 libxxf86vm1 libsm6 libgl1 libegl1 libxrender1; do
+    for lib in libxkbcommon0 libxi6 libxfixes3 libxxf86vm1 libsm6 libgl1 libegl1 libegl-mesa0 libgl1-mesa-dri libxrender1; do
         dpkg -s "$lib" >/dev/null 2>&1 || wanted+=("$lib")
     done
     if [ ${#wanted[@]} -gt 0 ]; then

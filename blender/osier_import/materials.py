@@ -85,7 +85,9 @@ def build(material: bpy.types.Material, bake: Bake, entry: dict[str, Any]) -> No
     tree.nodes.clear()
     if entry["class"] == "water":
         _water(tree)
-        _set(material, "use_raytrace_refraction", True)
+        # Of EEVEE, from 4.2 and before.
+        set_if_known(material, "use_raytrace_refraction", True)
+        set_if_known(material, "use_screen_refraction", True)
     else:
         _surface(tree, bake, entry)
     color = entry["base_color"]
@@ -128,7 +130,7 @@ def _value(socket: bpy.types.NodeSocket) -> Any:
         return getattr(value, "name", str(type(value)))
 
 
-def _set(target: Any, name: str, value: Any) -> None:
+def set_if_known(target: Any, name: str, value: Any) -> None:
     """Sets a property that not every version of Blender has."""
     if hasattr(target, name):
         setattr(target, name, value)

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Renders frames of a bake in Cycles, as the importer sets the scene up: pictures.py MANIFEST FOLDER WIDTHxHEIGHT FRAME...
+"""Renders frames of a bake, as the importer sets the scene up: pictures.py MANIFEST FOLDER WIDTHxHEIGHT ENGINE FRAME...
 
-Runs under bpy 4.2 or newer. Nothing is set by hand but the size of the picture and the number of samples. Writes FOLDER/cycles_FRAME.png.
+ENGINE is CYCLES, which the importer chooses, or the name that EEVEE has in this version of Blender (BLENDER_EEVEE in 5.0). Runs under bpy 4.2
+or newer. Nothing else is set by hand but the size of the picture and the number of samples. Writes FOLDER/ENGINE_FRAME.png.
 """
 
 import os
@@ -15,7 +16,7 @@ import osier_import
 
 
 def main() -> None:
-    manifest, folder, size, *frames = sys.argv[1:]
+    manifest, folder, size, engine, *frames = sys.argv[1:]
     bpy.ops.wm.read_factory_settings()
     osier_import.register()
     assert bpy.ops.import_scene.osier(filepath=manifest) == {"FINISHED"}
@@ -23,10 +24,12 @@ def main() -> None:
     scene.render.resolution_x, scene.render.resolution_y = map(int, size.split("x"))
     scene.render.resolution_percentage = 100
     scene.render.image_settings.file_format = "PNG"
-    scene.cycles.samples = 24
+    assert scene.render.engine == "CYCLES"
+    scene.render.engine = engine
+    scene.cycles.samples, scene.eevee.taa_render_samples = 24, 8
     for frame in map(int, frames):
         scene.frame_set(frame)
-        scene.render.filepath = os.path.join(folder, f"cycles_{frame}.png")
+        scene.render.filepath = os.path.join(folder, f"{engine}_{frame}.png")
         bpy.ops.render.render(write_still=True)
     sys.stdout.flush()
     # Blender 4.5 as a module may not end by itself while an add-on is registered.
