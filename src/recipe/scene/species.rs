@@ -148,10 +148,14 @@ impl ValueType for HabitValue<'_> {
         match &node.value {
             TomlValue::List(list) if key.arity != Arity::One => {
                 if !(least..=most).contains(&list.len()) {
-                    let wanted = if least == most { "two numbers" } else { "one to six numbers" };
+                    let (wanted, help) = if least == most {
+                        ("two numbers", "write 2 numbers")
+                    } else {
+                        ("one to six numbers", "write one number for each order of axes; the last one repeats")
+                    };
                     let text = format!("{name} has {} numbers, but must have {wanted}", list.len());
                     let d = Diagnostic::error("S003", text, node.span, wanted);
-                    return Err(Box::new(d.help("write one number for each order of axes; the last one repeats")));
+                    return Err(Box::new(d.help(help)));
                 }
                 list.iter().map(one).collect::<Result<_, _>>().map(Some)
             }
