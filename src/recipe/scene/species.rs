@@ -168,6 +168,11 @@ impl ValueType for HabitValue<'_> {
         let (key, defaults) = (self.0, self.defaults());
         let list = defaults.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         let (accepts, default, kind, value) = match key.arity {
+            Arity::One if key.is_count() => {
+                // A count is listed without decimals, so that input fields step by one.
+                let count = list.parse::<i64>().map_or_else(|_| json!(defaults[0]), |count| json!(count));
+                ("whole number", list, ValueKind::Whole, count)
+            }
             Arity::One => ("number", list, ValueKind::Number, json!(defaults[0])),
             Arity::Two => ("2 numbers", format!("[{list}]"), ValueKind::Vector, json!(defaults)),
             Arity::PerOrder => ("numbers by order of axes", format!("[{list}]"), ValueKind::List, json!(defaults)),
