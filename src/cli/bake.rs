@@ -308,6 +308,9 @@ fn summary(context: &Context, recipe: &Recipe, finished: &FinishedBake<'_>) -> R
     if let Some(path) = m.scene_glb(Profile::Web) {
         open("browsers", format!("drop {} onto a glTF viewer", shown(&path)));
     }
+    if let Some(path) = has(".engine.json") {
+        open("engines", format!("a .glb of each plant in {}, placed by {}", shown("gltf"), shown(path)));
+    }
     if has("render.ini").is_some() {
         open("POV-Ray", format!("cd {} && povray render.ini", report::shell_word(&shown("pov"))));
     }

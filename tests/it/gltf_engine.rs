@@ -315,6 +315,17 @@ fn the_table_places_what_the_scene_places() {
 }
 
 #[test]
+fn a_bake_for_engines_alone_says_where_its_files_are() {
+    let temp = tempfile::tempdir().expect("temp");
+    let out = temp.path().join("out");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_osier"));
+    command.args(["bake", "struck-twig", "--formats", "glb", "--frames", "1"]).arg("-o").arg(&out);
+    let said = clients::run(command.args(["--set", "output.gltf.profiles=[\"engine\"]"])).stdout;
+    let said = String::from_utf8_lossy(&said);
+    assert!(said.contains("  engines ") && said.contains("struck_twig.engine.json"), "{said}");
+}
+
+#[test]
 fn faulty_channels_are_refused() {
     let temp = tempfile::tempdir().expect("temp");
     let scene = temp.path().join("s.toml");
