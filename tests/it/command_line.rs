@@ -576,6 +576,29 @@ fn with_leaf(mesh: &str) -> String {
 }
 
 #[test]
+fn a_leaf_that_lies_on_its_side_is_told() {
+    let dir = folder();
+    file(&dir, "sprig.l", fs::read(GRAMMAR).expect("grammar"));
+    let cases = [
+        // As Blender exports a leaf that lies along its Y axis.
+        ("lying", ["-0.02 0 0", "0.02 0 0", "0.02 0.01 -0.08", "-0.02 0.01 -0.08"], "0.080 m along -Z"),
+        ("hanging", ["-0.02 0 0", "0.02 0 0", "0.02 -0.08 0", "-0.02 -0.08 0"], "0.080 m along -Y"),
+        ("upright", ["-0.02 0 0", "0.02 0 0", "0.02 0.08 0", "-0.02 0.08 0"], ""),
+        ("wide", ["-0.04 0 0", "0.04 0 0", "0.04 0.02 0", "-0.04 0.02 0"], ""),
+        ("flower", ["-0.04 0.01 0.04", "0.04 0.01 0.04", "0.04 0.01 -0.04", "-0.04 0.01 -0.04"], ""),
+    ];
+    for (name, corners, wanted) in cases {
+        let points: String = corners.iter().map(|c| format!("v {c}\n")).collect();
+        let mesh = format!("{name}.obj");
+        file(&dir, &mesh, points + "f 1 2 3 4\n");
+        let scene = file(&dir, &format!("{name}.toml"), with_leaf(&mesh));
+        let (_, err) = ends(0, &["check", arg(&scene)]);
+        assert_eq!(err.contains("warning[S044]"), !wanted.is_empty(), "{name}: {err}");
+        assert!(err.contains(wanted) && (wanted.is_empty() || err.contains(".toml:8:8")), "{name}: {err}");
+    }
+}
+
+#[test]
 fn every_broken_input_is_named_with_its_place_and_a_way_out() {
     let dir = folder();
     let grammar = |body: &str| format!("Lsystem: x\nDerivation length: 2\n{body}\nendlsystem\n");

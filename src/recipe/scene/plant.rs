@@ -136,6 +136,10 @@ keys! {
 /// Largest number of autumn colours of an organ, since each adds three materials.
 const MAX_AUTUMN_COLORS: usize = 12;
 
+/// Reach of a leaf along +Y, and to the side opposite of its longest, as a share of its longest reach, below which that is taken for
+/// its midrib. Own: blades three times as wide as long pass, and leaves that lie on their side with some curl do not.
+const SMALL_REACH: f32 = 0.25;
+
 /// Keys and tables of growth and appearance, which have no effect on a plant from a mesh.
 const GROWN: &[&str] = &[
     "grammar",
@@ -724,7 +728,9 @@ impl Resolver<'_> {
             Some(r) => {
                 let file = self.read(&r.text, r.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
                 let options = MeshImport { up: keys.mesh_up, scale: keys.mesh_scale, class: MaterialClass::Leaf };
-                Some(Arc::new(self.import(&file, options, r.span)?))
+                let mesh = self.import(&file, options, r.span)?;
+                self.check_midrib(&mesh, path, r.span);
+                Some(Arc::new(mesh))
             }
             None => None,
         };
@@ -737,6 +743,33 @@ impl Resolver<'_> {
             None => None,
         };
         Some(OrganRecipe { keys, ifs, mesh, surface, ..OrganRecipe::blade(letter) })
+    }
+
+    /// Reports S044 for a leaf that reaches much farther to a side than along +Y, where its midrib belongs: its `size` would be that
+    /// of its curl. Flowers and fruits, which reach as far to the opposite side, may be flat.
+    fn check_midrib(&mut self, leaf: &Imported, path: &str, span: Span) {
+        let b = leaf.mesh.bounds();
+        // Of each direction but +Y its name, how far the mesh reaches along it, and how far to the opposite side.
+        let directions = [
+            ("-X", -b.min.x, b.max.x),
+            ("+X", b.max.x, -b.min.x),
+            ("-Y", -b.min.y, b.max.y),
+            ("-Z", -b.min.z, b.max.z),
+            ("+Z", b.max.z, -b.min.z),
+        ];
+        let is_midrib = |(_, reach, behind): &(&str, f32, f32)| b.max.y.max(*behind) < SMALL_REACH * reach;
+        let longest = directions.into_iter().filter(is_midrib).max_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((name, reach, _)) = longest {
+            let up = b.max.y.max(0.0);
+            let text = format!(
+                "{path}.mesh reaches {reach:.3} m along {name}, and {up:.3} m along +Y, where its midrib belongs"
+            );
+            let d = Diagnostic::warning("S044", text, span, "this leaf lies on its side");
+            self.report.push(d.help(
+                "turn it in its file: base of the petiole at the origin, tip towards +Y, upper side towards +Z; a leaf that lies \
+                 along Y in Blender has these axes if it is exported without \"+Y Up\" (glTF), or with Y forward and Z up (OBJ)",
+            ));
+        }
     }
 
     /// Reports S003 for too many autumn colours, and for weights that do not fit them.
