@@ -232,6 +232,8 @@ impl Resolver<'_> {
             self.report_unmet(Some(table), &format!("solid.{i}"), &all);
         }
         for (i, (rod, keys)) in tables_of(root, "rod").into_iter().zip(&recipe.rods).enumerate() {
+            let carried = needs(&["on_at"], keys.on.is_some(), "a rod that carries it: on = \"NAME\"");
+            self.report_unmet(Some(rod), &format!("rod.{i}"), &[carried]);
             for (k, (table, load)) in tables_of(rod, "load").into_iter().zip(&keys.loads).enumerate() {
                 let mass = needs(&["show", "color"], load.kind == RodLoadKind::Mass, "kind = \"mass\"");
                 self.report_unmet(Some(table), &format!("rod.{i}.load.{k}"), &[mass]);

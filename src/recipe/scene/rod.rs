@@ -211,14 +211,12 @@ impl Resolver<'_> {
                 self.report.push(d.help("set it on the rod at the base"));
             }
         }
-        if keys.bending_stiffness.is_some() && table.get("elasticity_gpa").is_some() {
-            let d = Diagnostic::warning(
-                "S007",
-                "bending_stiffness replaces elasticity_gpa",
-                of("elasticity_gpa"),
-                "has no effect",
-            );
-            self.report.push(d.help("leave one of both out"));
+        for (stiffness, modulus) in [("bending_stiffness", "elasticity_gpa"), ("torsional_stiffness", "shear_ratio")] {
+            if table.get(stiffness).is_some() && table.get(modulus).is_some() {
+                let text = format!("{stiffness} replaces {modulus}");
+                let d = Diagnostic::warning("S007", text, of(modulus), "has no effect");
+                self.report.push(d.help("leave one of both out"));
+            }
         }
         // G/E that follows from the given stiffnesses must be within its range.
         // For a round cross-section EI = E pi r^4 / 4 and GJ = G pi r^4 / 2, hence E = 4 EI / (pi r^4) and G/E = 2 GJ / (pi r^4 E).
@@ -229,7 +227,9 @@ impl Resolver<'_> {
         if let Some(ratio) =
             keys.torsional_stiffness.map(|gj| 2.0 * gj / unit / young).filter(|q| !(0.02..=0.5).contains(q))
         {
-            let text = format!("GJ makes the shear modulus {ratio:.3} of Young's, but it must be 0.02 to 0.5");
+            let text = format!(
+                "torsional_stiffness makes the shear modulus {ratio:.3} of Young's, but it must be 0.02 to 0.5"
+            );
             let d = Diagnostic::error("S004", text, of("torsional_stiffness"), "outside its range");
             self.report.push(d.help(
                 "for a round rod torsional_stiffness is 2 bending_stiffness times that ratio: about 1/7 of it for wood",
