@@ -576,6 +576,19 @@ fn with_leaf(mesh: &str) -> String {
 }
 
 #[test]
+fn leaves_of_the_least_and_the_greatest_size_are_grown() {
+    for blade in ["lobed", "toothed", "deltoid", "elliptic", "palmate", "petal", "needles"] {
+        for size in ["0.001", "2"] {
+            let sets = [format!("leaf.blade={blade}"), format!("leaf.size={size}")];
+            let mut args = vec!["check", GRAMMAR];
+            args.extend(SMALL);
+            args.extend(sets.iter().flat_map(|set| ["--set", set.as_str()]));
+            ends(0, &args);
+        }
+    }
+}
+
+#[test]
 fn a_leaf_that_lies_on_its_side_is_told() {
     let dir = folder();
     file(&dir, "sprig.l", fs::read(GRAMMAR).expect("grammar"));
