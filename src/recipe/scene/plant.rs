@@ -140,6 +140,9 @@ const MAX_AUTUMN_COLORS: usize = 12;
 /// its midrib. Own: blades three times as wide as long pass, and leaves that lie on their side with some curl do not.
 const SMALL_REACH: f32 = 0.25;
 
+/// Reach of a tree behind its foot, as a share of its height, up to which it rises from there. Own: roots and a leaning trunk.
+const BURIED_SHARE: f32 = 0.1;
+
 /// Keys and tables of growth and appearance, which have no effect on a plant from a mesh.
 const GROWN: &[&str] = &[
     "grammar",
@@ -670,7 +673,27 @@ impl Resolver<'_> {
         let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
         let options = MeshImport { up: import.mesh_up, scale: import.mesh_scale, class: MaterialClass::Bark };
         let mesh = self.import(&file, options, reference.span)?;
+        self.check_upright(&mesh, path, reference.span, import.mesh_up);
         Some(((file.shown, mesh), import))
+    }
+
+    /// Reports S044 for a tree that rises along Z from its origin and reaches as far below the ground as above it: the up axis of its
+    /// file is the other one.
+    fn check_upright(&mut self, tree: &Imported, path: &str, span: Span, up: UpAxis) {
+        let b = tree.mesh.bounds();
+        let (below, height) = (-b.min.y, b.max.y);
+        // Of both directions of Z the name, how far the mesh reaches along it, and how far behind.
+        let is_trunk = |(_, reach, behind): &(&str, f32, f32)| *reach > height && *behind < BURIED_SHARE * reach;
+        let axes = [("+Z", b.max.z, -b.min.z), ("-Z", -b.min.z, b.max.z)];
+        let Some((name, reach, _)) = axes.into_iter().find(is_trunk).filter(|_| below > 0.5 * height) else { return };
+        let text = format!(
+            "{path}.mesh reaches {reach:.2} m along {name}, {height:.2} m above the ground and {below:.2} m below it"
+        );
+        let d = Diagnostic::warning("S044", text, span, "this tree lies on its side");
+        self.report.push(d.help(match up {
+            UpAxis::Y => "the file has Z up: write mesh_up = \"z\" in [plants.NAME.import]",
+            UpAxis::Z => "the file has Y up: leave `mesh_up` out of [plants.NAME.import]",
+        }));
     }
 
     /// Reads the IFS table of a bark's grain; the outer `None` after an error, the inner one without the key.
