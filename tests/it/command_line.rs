@@ -589,13 +589,16 @@ fn leaves_of_the_least_and_the_greatest_size_are_grown() {
 }
 
 #[test]
-fn a_leaf_that_lies_on_its_side_is_told() {
+fn a_leaf_that_lies_on_its_side_or_beside_its_base_is_told() {
     let dir = folder();
     file(&dir, "sprig.l", fs::read(GRAMMAR).expect("grammar"));
     let cases = [
         // As Blender exports a leaf that lies along its Y axis.
         ("lying", ["-0.02 0 0", "0.02 0 0", "0.02 0.01 -0.08", "-0.02 0.01 -0.08"], "0.080 m along -Z"),
         ("hanging", ["-0.02 0 0", "0.02 0 0", "0.02 -0.08 0", "-0.02 -0.08 0"], "0.080 m along -Y"),
+        ("centred", ["-0.02 -0.04 0", "0.02 -0.04 0", "0.02 0.04 0", "-0.02 0.04 0"], "0.040 m behind the origin"),
+        // A plane of Blender.
+        ("plane", ["-0.04 0 0.04", "0.04 0 0.04", "0.04 0 -0.04", "-0.04 0 -0.04"], "0.000 m of 0.080 m"),
         ("upright", ["-0.02 0 0", "0.02 0 0", "0.02 0.08 0", "-0.02 0.08 0"], ""),
         ("wide", ["-0.04 0 0", "0.04 0 0", "0.04 0.02 0", "-0.04 0.02 0"], ""),
         ("flower", ["-0.04 0.01 0.04", "0.04 0.01 0.04", "0.04 0.01 -0.04", "-0.04 0.01 -0.04"], ""),
@@ -605,7 +608,8 @@ fn a_leaf_that_lies_on_its_side_is_told() {
         let mesh = format!("{name}.obj");
         file(&dir, &mesh, points + "f 1 2 3 4\n");
         let scene = file(&dir, &format!("{name}.toml"), with_leaf(&mesh));
-        let (_, err) = ends(0, &["check", arg(&scene)]);
+        let size = if name == "flower" { "seed=1" } else { "plants.a.leaf.size=0.06" };
+        let (_, err) = ends(0, &["check", arg(&scene), "--set", size]);
         assert_eq!(err.contains("warning[S044]"), !wanted.is_empty(), "{name}: {err}");
         assert!(err.contains(wanted) && (wanted.is_empty() || err.contains(".toml:8:8")), "{name}: {err}");
     }
