@@ -246,7 +246,12 @@ impl Resolver<'_> {
         // A density estimation has limits only where there is one.
         let is_spread = recipe.picture.spread > 0.0;
         let spread = needs(&["spread_min_px", "spread_curve"], is_spread, "a density estimation: spread_px = 4");
-        self.report_unmet(table_at(root, &["picture"]), "picture", &[spread]);
+        let alone = needs(
+            &["points", "fit", "center", "span", "oversample", "spread_px"],
+            recipe.layers.is_empty(),
+            "the picture of a table alone: every [[layer]] has points and a place of its own",
+        );
+        self.report_unmet(table_at(root, &["picture"]), "picture", &[spread, alone]);
         let word = |color_by: ColorBy| [needs(&["prefix"], color_by == ColorBy::Word, "color_by = \"word\"")];
         for cloud in &recipe.clouds {
             let table = table_at(root, &["clouds", cloud.name.as_str()]);

@@ -472,6 +472,11 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "layer.0.prefix",
             "[[layer]]\nifs = \"fern_leaf.ifs\"\ncolor = \"#406030\"\n",
         ),
+        (
+            "[picture]\nspan = 2\n[[layer]]\nifs = \"fern_leaf.ifs\"\n",
+            "picture.span",
+            "[picture]\ngamma = 2\n[[layer]]\nifs = \"fern_leaf.ifs\"\n",
+        ),
         ("[picture]\nspread_min_px = 2\n", "picture.spread_min_px", "[picture]\nspread_px = 4\nspread_min_px = 2\n"),
         (
             "[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\non_at = 0.5\n",
