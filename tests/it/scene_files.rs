@@ -311,6 +311,11 @@ fn rods_are_read_and_their_faults_told() {
         let told = read(good, &[set]).expect_err(set);
         assert!(told.contains(code) && told.contains(words), "{set}: {told}");
     }
+    // A value that cannot be read is no missing one.
+    for set in ["rod.0.points=abc", "rod.0.load=[{keyframes=\"abc\"}]"] {
+        let told = read(good, &[set]).expect_err(set);
+        assert!(told.contains("S003") && !told.contains("S006"), "{set}: {told}");
+    }
 }
 
 #[test]

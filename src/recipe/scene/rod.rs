@@ -164,6 +164,9 @@ impl Resolver<'_> {
         };
         let keys = self.read_keys::<RodKeys>(table, &path);
         let of = |name: &str| table.get(name).map_or(node.span, |e| e.node.span);
+        if keys.points.is_empty() && table.holds("points") {
+            return None;
+        }
         // Points closer than 0.01 mm are taken for the same one: the axis has no direction between them.
         let apart = |p: &[[f64; 3]]| (0..3).map(|k| (p[1][k] - p[0][k]) * (p[1][k] - p[0][k])).sum::<f64>();
         if keys.points.len() < 2 || keys.points.windows(2).any(|p| apart(p) < 1e-10) {
@@ -312,6 +315,9 @@ impl Resolver<'_> {
             RodLoadKind::Wrench => 7,
             RodLoadKind::Mass => 2,
         };
+        if keys.keyframes.is_empty() && table.holds("keyframes") {
+            return None;
+        }
         if keys.keyframes.is_empty() {
             let text = format!("[[{path}]] has no keyframes");
             let span = table.get("kind").map_or(self.whole, |e| e.node.span);

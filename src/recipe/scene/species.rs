@@ -422,9 +422,13 @@ impl Resolver<'_> {
                 let d = Diagnostic::error("S003", text, node.span, "keep and solid");
                 self.report.push(d.help("leave out `keep` or `solid`, or write two cuts"));
             } else if keys.solid.is_empty() && keys.keep.len() != 2 {
-                let d = Diagnostic::error("S006", format!("[{path}] names nothing to keep"), node.span, "no box");
-                self.report
-                    .push(d.help("add keep = [[-1, 0, -1], [1, 1.8, 1]], two corners of a box, or solid = \"NAME\""));
+                // A value that could not be read has been reported.
+                let is_unread = keys.keep.is_empty() && (table.holds("keep") || table.holds("solid"));
+                if !is_unread {
+                    let d = Diagnostic::error("S006", format!("[{path}] names nothing to keep"), node.span, "no box");
+                    let help = "add keep = [[-1, 0, -1], [1, 1.8, 1]], two corners of a box, or solid = \"NAME\"";
+                    self.report.push(d.help(help));
+                }
             } else if !keys.solid.is_empty() && !self.solid_names.contains(&keys.solid) {
                 let text = format!("[{path}] names the solid \"{}\", which the scene does not have", keys.solid);
                 let d = Diagnostic::error("S005", text, node.span, "unknown solid");
