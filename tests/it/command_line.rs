@@ -576,6 +576,21 @@ fn with_leaf(mesh: &str) -> String {
 }
 
 #[test]
+fn a_bake_of_meshes_names_the_plants_too() {
+    let dir = folder();
+    let out = dir.path().join("out");
+    let bake = ["bake", SCENE, "--formats", "obj", "-o", arg(&out)];
+    let (said, _) = ends(0, &bake);
+    let files = fs::read_dir(out.join("obj")).expect("folder").flatten();
+    let meshes = files.filter(|f| f.path().extension().is_some_and(|e| e == "obj")).count();
+    assert!(meshes > 1 && said.contains(&format!("meshes at rest: {meshes} files in ")), "{said}");
+    let one = dir.path().join("one");
+    let (said, _) =
+        ends(0, &["bake", "struck-twig", "--formats", "obj", "-o", arg(&one), "--set", "ground.show=false"]);
+    assert!(said.contains("twig.obj"), "{said}");
+}
+
+#[test]
 fn leaves_of_the_least_and_the_greatest_size_are_grown() {
     for blade in ["lobed", "toothed", "deltoid", "elliptic", "palmate", "petal", "needles"] {
         for size in ["0.001", "2"] {
