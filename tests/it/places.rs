@@ -503,6 +503,11 @@ fn trees_round_solids_grow_on_the_terrain_that_is_shown() {
 #[test]
 fn a_new_folder_holds_what_its_scene_names() {
     let dir = tempfile::tempdir().expect("dir");
+    // Of a species its leaf and bark come with it.
+    let birch = dir.path().join("birch");
+    let (status, said) = osier(&["new", birch.to_str().expect("path"), "--from", "birch.species"]);
+    let text = fs::read_to_string(birch.join("birch.toml")).unwrap_or_default();
+    assert!(status == Some(0) && text.contains("[plants.birch.leaf]") && text.contains("scarred"), "{said}{text}");
     let cases = [
         ("tree", vec!["new.toml", "tree.shapes"]),
         ("oak-grown", vec!["new.toml", "oak.species"]),
