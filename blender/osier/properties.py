@@ -73,6 +73,9 @@ def _property(field: Field) -> Any:
         return FloatProperty(**common, **_range(field), step=_step(field), precision=_precision(field.value))
     if field.kind == "whole":
         return IntProperty(**common, **{k: int(v) for k, v in _range(field).items()})
+    if field.kind == "size":
+        # Each has itself as its number, as which files of an earlier version hold it.
+        return EnumProperty(**common, items=[(c, c, "", int(c)) for c in field.choices])
     if field.kind == "vector":
         return FloatVectorProperty(**common, **_range(field), size=len(field.value), subtype="XYZ" if len(field.value) == 3 else "NONE")
     if field.kind == "color":

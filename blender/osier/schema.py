@@ -114,7 +114,7 @@ def _field(path: str, option: dict[str, Any], given: dict[str, Any]) -> Field:
     value = given[path] if path in given else option["initial"]
     kind, value = _typed(option, value)
     return Field(
-        path, kind, value, option["min"], option["max"], option["step"], tuple(option["choices"]), option["unit"], option["help"],
+        path, kind, value, option["min"], option["max"], option["step"], tuple(map(str, option["choices"])), option["unit"], option["help"],
         option["basic"],
     )  # fmt: skip
 
@@ -125,6 +125,9 @@ def _typed(option: dict[str, Any], value: Any) -> tuple[str, Any]:
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if kind == "number" and number:
         return kind, float(value)
+    if kind == "whole" and option["choices"]:
+        # A field of a number would also take those between the sizes of pictures, which osier refuses.
+        return "size", str(value)
     if kind == "whole" and number and (option["max"] or 0) <= LARGEST and abs(value) <= LARGEST:
         return kind, int(value)
     if kind == "whole" and number and (option["max"] or 0) > LARGEST:
@@ -187,7 +190,7 @@ def value_text(field: Field, value: Any) -> str:
         return value if value.isdigit() and int(value) < 2**63 else toml(value)
     if field.kind == "choices":
         return toml([c for c in field.choices if c in value])
-    return value if field.kind == "toml" else toml(value)
+    return value if field.kind in ("toml", "size") else toml(value)
 
 
 def is_changed(field: Field, value: Any) -> bool:
@@ -208,7 +211,7 @@ def arguments(changed: list[tuple[Field, Any]]) -> list[str]:
     """
     flags = []
     for field, value in changed:
-        if not is_changed(field, value) or (field.kind in ("file", "seed", "toml") and value == ""):
+        if not is_changed(field, value) or (field.kind in ("file", "seed", "size", "toml") and value == ""):
             continue
         if field.kind == "file" and os.path.isabs(value):
             folder, value = os.path.split(value)

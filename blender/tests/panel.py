@@ -120,6 +120,7 @@ def values_have_the_ranges_of_the_scene() -> None:
     assert (field.value, field.minimum, field.maximum) == (1, 1, 15)
     refused(lambda: setattr(held, "plants__grass__motion", "unknown"))
     refused(lambda: setattr(held, "wind__speed", "fast"))
+    refused(lambda: setattr(held, "ground__side", "500"))
 
 
 def equal_keys_keep_their_values() -> None:
@@ -146,6 +147,7 @@ def only_changed_values_are_passed() -> None:
     held = values(scene)
     held.wind__speed = 6.34567
     held.ground__show = False
+    held.ground__side = "256"
     held.sky__zenith = (0.25, 0.5, 1.0)
     held.camera__eye = (1, 2.5, 3)
     held.plants__grass__motion = "cache"
@@ -156,7 +158,7 @@ def only_changed_values_are_passed() -> None:
     scene.osier.seed = str(2**64 - 1)
     wanted = {
         f'plants.grass.seed="{2**63}"', "place.0.seed=12",
-        "wind.speed=6.34567", "ground.show=false", "sky.zenith=[0.25, 0.5, 1]", "camera.eye=[1, 2.5, 3]", 'plants.grass.motion="cache"',
+        "wind.speed=6.34567", "ground.show=false", "ground.side=256", "sky.zenith=[0.25, 0.5, 1]", "camera.eye=[1, 2.5, 3]", 'plants.grass.motion="cache"',
         'title="A \\"quoted\\" name"', 'output.gltf.profiles=["blender", "web"]',
     }  # fmt: skip
     found = arguments(scene, fields)

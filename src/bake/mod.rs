@@ -134,7 +134,7 @@ pub fn write_files(
         textures.write(&animated.scene, folder, "textures/")?;
         cache::ifs_leaves::store(recipe, folder)?;
     }
-    let mut writers = exporters::bake_exporters(folder, &textures, recipe, frames);
+    let mut writers = exporters::bake_exporters(folder, &textures, recipe, animated, frames);
     let warnings = write_frames(animated, &mut writers, frames, context)?;
     manifest::write_places(folder, &animated.scene)?;
     if recipe.output.writes(&osier_export::usd::FORMAT) {

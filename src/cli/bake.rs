@@ -308,11 +308,18 @@ fn summary(context: &Context, recipe: &Recipe, finished: &FinishedBake<'_>) -> R
     if let Some(path) = m.scene_glb(Profile::Web) {
         open("browsers", format!("drop {} onto a glTF viewer", shown(&path)));
     }
+    if let Some(path) = has(".engine.json") {
+        open("engines", format!("a .glb of each plant in {}, placed by {}", shown("gltf"), shown(path)));
+    }
     if has("render.ini").is_some() {
         open("POV-Ray", format!("cd {} && povray render.ini", report::shell_word(&shown("pov"))));
     }
-    if let Some(path) = has(".obj") {
-        open("anything", format!("meshes at rest: {}", shown(path)));
+    // The ground is a file beside the plants, and sorts before most of them.
+    let meshes: Vec<&str> = files.iter().map(|f| f.0.as_str()).filter(|p| p.ends_with(".obj")).collect();
+    match meshes[..] {
+        [] => {}
+        [path] => open("anything", format!("meshes at rest: {}", shown(path))),
+        _ => open("anything", format!("meshes at rest: {} files in {}", meshes.len(), shown("obj"))),
     }
     for (folder, program, what) in RESULTS {
         if files.iter().any(|f| f.0.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))) {

@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::args::New;
 use super::report::shell_word;
-use super::{Context, SCENE_FLAGS};
+use super::{Context, SCENE_FLAGS, preset_list};
 use crate::presets::{self, Preset};
 use osier_base::Result;
 use osier_base::diagnostic::nearest;
@@ -157,11 +157,12 @@ fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
 /// Endings of presets that grow a plant, with the key of a plant that names such a file.
 const GROWN_BY: [(&str, &str); 3] = [(".l", "grammar"), (".shapes", "shapes"), (".species", "species")];
 
-/// The text of a preset's scene and the presets that it names; for the name of a grammar, of particle-shapes or of a species, a
-/// scene with one plant. `None` for an unknown preset.
+/// The text of a preset's scene and the presets that it names, for a species those of the scene that shows it, with its leaf and
+/// bark; for the name of a grammar, of particle-shapes or of another species, a scene with one plant. `None` for an unknown preset.
 fn scene_and_presets(from: &str, name: &str) -> Option<(String, Vec<&'static Preset>)> {
-    let bare = stem(from);
-    let asked_for = GROWN_BY.iter().find(|(ending, _)| from.ends_with(*ending));
+    let shown = from.strip_suffix(".species").and_then(preset_list::scene_of_species);
+    let bare = shown.unwrap_or_else(|| stem(from));
+    let asked_for = GROWN_BY.iter().find(|(ending, _)| shown.is_none() && from.ends_with(*ending));
     if let Some(scene) = presets::find(&format!("{bare}.toml")).filter(|_| asked_for.is_none()) {
         let mut named = Vec::new();
         if let Ok(table) = scene.text.parse::<toml::Table>() {

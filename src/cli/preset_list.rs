@@ -92,22 +92,28 @@ pub fn matching_species(words: &[String]) -> Vec<ListedSpecies> {
     species().into_iter().filter(|s| has_words(&format!("{} {}", s.name, s.about), words)).collect()
 }
 
+/// Name of the preset scene whose only plant is this species, without its ending.
+pub fn scene_of_species(name: &str) -> Option<&'static str> {
+    let grows_it_alone = |scene: &&Preset| {
+        // Presets have a uniform layout: the lines that say of a plant what it grows from; those of a scene with a second plant are
+        // two or more.
+        let key = |line: &&str| {
+            ["grammar = ", "species = ", "shapes = ", "ifs = ", "mesh = "].iter().any(|k| line.starts_with(k))
+        };
+        let mut sources = scene.text.lines().filter(key);
+        scene.name.ends_with(".toml")
+            && sources.next().is_some_and(|line| line.starts_with(&format!("species = \"{name}\"")))
+            && sources.next().is_none()
+    };
+    PRESETS.iter().find(grows_it_alone).and_then(|scene| scene.name.strip_suffix(".toml"))
+}
+
 fn species() -> Vec<ListedSpecies> {
     let listed = |preset: &'static Preset| {
         let name = preset.name.strip_suffix(".species")?;
         // Presets have a uniform layout: searching lines is enough to find a key.
         let age = preset.text.lines().find_map(|line| line.strip_prefix("age = ")?.trim().parse().ok());
-        let grows_it_alone = |scene: &&Preset| {
-            // The lines that say of a plant what it grows from: those of a scene with a second plant are two or more.
-            let key = |line: &&str| {
-                ["grammar = ", "species = ", "shapes = ", "ifs = ", "mesh = "].iter().any(|k| line.starts_with(k))
-            };
-            let mut sources = scene.text.lines().filter(key);
-            scene.name.ends_with(".toml")
-                && sources.next().is_some_and(|line| line.starts_with(&format!("species = \"{name}\"")))
-                && sources.next().is_none()
-        };
-        let scene = PRESETS.iter().find(grows_it_alone).and_then(|scene| scene.name.strip_suffix(".toml"));
+        let scene = scene_of_species(name);
         let default = f64::from(osier_plants::grow::years::Habit::default().age);
         Some(ListedSpecies { name, age: age.unwrap_or(default), about: presets::about(preset), scene })
     };

@@ -101,13 +101,15 @@ impl Resolver<'_> {
         for contour in &keys.contours {
             let Some(file) = &contour.file else { continue };
             // A key gives one contour its number: of a file that holds several, only the first is taken.
-            let read = finder.read_named(file).map(|file| finder.contours(&file)).unwrap_or_default();
+            let read =
+                finder.read_named(file, &[".con", ".cset"]).map(|file| finder.contours(&file)).unwrap_or_default();
             out.contours.extend(read.into_iter().next().map(|c| (contour.id, c)));
         }
         // Functions of the scene come after those of the view, which have the first numbers.
         for function in &keys.functions {
             let Some(file) = &function.file else { continue };
-            let mut read = finder.read_named(file).map(|file| finder.functions(&file)).unwrap_or_default();
+            let mut read =
+                finder.read_named(file, &[".func", ".fset"]).map(|file| finder.functions(&file)).unwrap_or_default();
             if function.samples > 0 {
                 read.iter_mut().for_each(|f| f.tabulate(function.samples));
             }
@@ -143,7 +145,7 @@ impl Finder<'_, '_> {
             // "none" refuses even a file of the same stem; "auto" is the default.
             Some("none") => return None,
             Some("auto") | None => {}
-            Some(_) => return self.read_named(key?),
+            Some(_) => return self.read_named(key?, endings),
         }
         // Nothing lies beside a preset.
         if self.grammar.shown.starts_with("preset:") {
@@ -169,10 +171,9 @@ impl Finder<'_, '_> {
         self.read_beside(&name, None)
     }
 
-    /// Reads a file that a key of the scene names; `None` after a diagnostic.
-    fn read_named(&mut self, key: &Reference) -> Option<ReferencedFile> {
-        let endings = [".v", ".map", ".mat", ".con", ".cset", ".func", ".fset"];
-        self.resolver.read(&key.text, key.span, "text-bytes", &endings)
+    /// Reads a file that a key of the scene names, with one of these endings; `None` after a diagnostic.
+    fn read_named(&mut self, key: &Reference, endings: &[&str]) -> Option<ReferencedFile> {
+        self.resolver.read(&key.text, key.span, "text-bytes", endings)
     }
 
     /// Reads a file beside the grammar; `None` after a diagnostic. `span`: position at which a companion names it.

@@ -232,6 +232,8 @@ impl Resolver<'_> {
             self.report_unmet(Some(table), &format!("solid.{i}"), &all);
         }
         for (i, (rod, keys)) in tables_of(root, "rod").into_iter().zip(&recipe.rods).enumerate() {
+            let carried = needs(&["on_at"], keys.on.is_some(), "a rod that carries it: on = \"NAME\"");
+            self.report_unmet(Some(rod), &format!("rod.{i}"), &[carried]);
             for (k, (table, load)) in tables_of(rod, "load").into_iter().zip(&keys.loads).enumerate() {
                 let mass = needs(&["show", "color"], load.kind == RodLoadKind::Mass, "kind = \"mass\"");
                 self.report_unmet(Some(table), &format!("rod.{i}.load.{k}"), &[mass]);
@@ -244,7 +246,12 @@ impl Resolver<'_> {
         // A density estimation has limits only where there is one.
         let is_spread = recipe.picture.spread > 0.0;
         let spread = needs(&["spread_min_px", "spread_curve"], is_spread, "a density estimation: spread_px = 4");
-        self.report_unmet(table_at(root, &["picture"]), "picture", &[spread]);
+        let alone = needs(
+            &["points", "fit", "center", "span", "oversample", "spread_px"],
+            recipe.layers.is_empty(),
+            "the picture of a table alone: every [[layer]] has points and a place of its own",
+        );
+        self.report_unmet(table_at(root, &["picture"]), "picture", &[spread, alone]);
         let word = |color_by: ColorBy| [needs(&["prefix"], color_by == ColorBy::Word, "color_by = \"word\"")];
         for cloud in &recipe.clouds {
             let table = table_at(root, &["clouds", cloud.name.as_str()]);

@@ -576,6 +576,61 @@ fn with_leaf(mesh: &str) -> String {
 }
 
 #[test]
+fn a_bake_of_meshes_names_the_plants_too() {
+    let dir = folder();
+    let out = dir.path().join("out");
+    let bake = ["bake", SCENE, "--formats", "obj", "-o", arg(&out)];
+    let (said, _) = ends(0, &bake);
+    let files = fs::read_dir(out.join("obj")).expect("folder").flatten();
+    let meshes = files.filter(|f| f.path().extension().is_some_and(|e| e == "obj")).count();
+    assert!(meshes > 1 && said.contains(&format!("meshes at rest: {meshes} files in ")), "{said}");
+    let one = dir.path().join("one");
+    let (said, _) =
+        ends(0, &["bake", "struck-twig", "--formats", "obj", "-o", arg(&one), "--set", "ground.show=false"]);
+    assert!(said.contains("twig.obj"), "{said}");
+}
+
+#[test]
+fn leaves_of_the_least_and_the_greatest_size_are_grown() {
+    for blade in ["lobed", "toothed", "deltoid", "elliptic", "palmate", "petal", "needles"] {
+        for size in ["0.001", "2"] {
+            let sets = [format!("leaf.blade={blade}"), format!("leaf.size={size}")];
+            let mut args = vec!["check", GRAMMAR];
+            args.extend(SMALL);
+            args.extend(sets.iter().flat_map(|set| ["--set", set.as_str()]));
+            ends(0, &args);
+        }
+    }
+}
+
+#[test]
+fn a_leaf_that_lies_on_its_side_or_beside_its_base_is_told() {
+    let dir = folder();
+    file(&dir, "sprig.l", fs::read(GRAMMAR).expect("grammar"));
+    let cases = [
+        // As Blender exports a leaf that lies along its Y axis.
+        ("lying", ["-0.02 0 0", "0.02 0 0", "0.02 0.01 -0.08", "-0.02 0.01 -0.08"], "0.080 m along -Z"),
+        ("hanging", ["-0.02 0 0", "0.02 0 0", "0.02 -0.08 0", "-0.02 -0.08 0"], "0.080 m along -Y"),
+        ("centred", ["-0.02 -0.04 0", "0.02 -0.04 0", "0.02 0.04 0", "-0.02 0.04 0"], "0.040 m behind the origin"),
+        // A plane of Blender.
+        ("plane", ["-0.04 0 0.04", "0.04 0 0.04", "0.04 0 -0.04", "-0.04 0 -0.04"], "0.000 m of 0.080 m"),
+        ("upright", ["-0.02 0 0", "0.02 0 0", "0.02 0.08 0", "-0.02 0.08 0"], ""),
+        ("wide", ["-0.04 0 0", "0.04 0 0", "0.04 0.02 0", "-0.04 0.02 0"], ""),
+        ("flower", ["-0.04 0.01 0.04", "0.04 0.01 0.04", "0.04 0.01 -0.04", "-0.04 0.01 -0.04"], ""),
+    ];
+    for (name, corners, wanted) in cases {
+        let points: String = corners.iter().map(|c| format!("v {c}\n")).collect();
+        let mesh = format!("{name}.obj");
+        file(&dir, &mesh, points + "f 1 2 3 4\n");
+        let scene = file(&dir, &format!("{name}.toml"), with_leaf(&mesh));
+        let size = if name == "flower" { "seed=1" } else { "plants.a.leaf.size=0.06" };
+        let (_, err) = ends(0, &["check", arg(&scene), "--set", size]);
+        assert_eq!(err.contains("warning[S044]"), !wanted.is_empty(), "{name}: {err}");
+        assert!(err.contains(wanted) && (wanted.is_empty() || err.contains(".toml:8:8")), "{name}: {err}");
+    }
+}
+
+#[test]
 fn every_broken_input_is_named_with_its_place_and_a_way_out() {
     let dir = folder();
     let grammar = |body: &str| format!("Lsystem: x\nDerivation length: 2\n{body}\nendlsystem\n");

@@ -276,6 +276,27 @@ fn damaged_colors_and_textures_are_told() {
     assert!(code == 1 && err.contains("S005") && err.contains("s.toml:4"), "{code} {err}");
 }
 
+/// A view that is no view, or a contour that is none, is refused at its key, whatever its lines may be taken for.
+#[test]
+fn a_key_takes_only_files_of_its_kind() {
+    let dir = tempfile::tempdir().expect("dir");
+    let grammar = "Lsystem: 1\nderivation length: 0\nAxiom: F\nendlsystem\n";
+    for (name, text) in [("a.l", grammar), ("b.v", "angle factor: 25\n"), ("b.con", "angle factor: 25\n")] {
+        fs::write(dir.path().join(name), text).expect("file");
+    }
+    let scene = dir.path().join("s.toml");
+    for (key, wanted) in [
+        ("view = \"b.con\"", "expected a file .v\n"),
+        ("colors = \"b.v\"", "expected a file .mat, .map\n"),
+        ("contours = [{ id = 1, file = \"b.v\" }]", "expected a file .con, .cset\n"),
+        ("functions = [{ file = \"b.con\" }]", "expected a file .func, .fset\n"),
+    ] {
+        fs::write(&scene, format!("[plants.a]\ngrammar = \"a.l\"\n[plants.a.turtle]\n{key}\n")).expect("scene");
+        let (code, _, err) = said(&run(&["check", arg(&scene)]));
+        assert!(code == 1 && err.contains("error[S005]") && err.contains(wanted), "{key}: {code} {err}");
+    }
+}
+
 #[test]
 fn a_plant_with_every_kind_of_companion_bakes() {
     let dir = tempfile::tempdir().expect("dir");

@@ -177,6 +177,43 @@ fn the_finest_level_moves_as_the_blender_profile_does() {
     assert!(way > 0.01, "it moves: {way} m");
 }
 
+/// Of each channel of rotation the times of its keys, and its values at the first and the last one.
+fn turns(player: &Player) -> Vec<(Vec<f32>, [glam::Vec4; 2])> {
+    let animation = &player.json["animations"][0];
+    let of = |c: &Value| {
+        let sampler = &animation["samplers"][index(&c["sampler"])];
+        let values = player.rows(index(&sampler["output"]));
+        let [first, last] = [values.first(), values.last()].map(|v| glam::Vec4::from_slice(v.expect("a key")));
+        (player.rows(index(&sampler["input"])).concat(), [first, last])
+    };
+    list(animation, "channels").iter().filter(|c| c["target"]["path"] == "rotation").map(of).collect()
+}
+
+#[test]
+fn a_clip_that_loops_ends_as_it_begins() {
+    let temp = tempfile::tempdir().expect("temp");
+    // Copies of one individual are ahead of each other by different numbers of frames.
+    for (profile, names) in [("engine", vec!["birch_1", "silk"]), ("web", vec!["grove"])] {
+        let folder = bake(temp.path(), profile, &["frames.end=48"]);
+        for name in names {
+            let turns = turns(&player(&folder.join(format!("{name}.{profile}.glb"))));
+            assert!(turns.len() > 10, "{profile}, {name}");
+            for (times, [first, last]) in turns {
+                assert_eq!((times.first(), times.last()), (Some(&0.0), Some(&2.0)), "{profile}, {name}");
+                // A quaternion and its negative are one rotation.
+                assert!(first.dot(last).abs() > 0.999_999, "{profile}, {name}: {first} {last}");
+            }
+        }
+    }
+    // Neither a clip that does not loop, nor frames for Blender, which repeats a range of them.
+    for (profile, name, sets) in [("engine", "birch_1", "sway.repeat=false"), ("blender", "grove", "seed=1")] {
+        let folder = bake(temp.path(), profile, &["frames.end=48", sets]);
+        for (times, _) in turns(&player(&folder.join(format!("{name}.{profile}.glb")))) {
+            assert_eq!(times.last(), Some(&(47.0 / 24.0)), "{profile}");
+        }
+    }
+}
+
 /// Leaves of one mesh, as `motion = "game"` has them, are thinned out as whole leaves with their stalks, each part with its material.
 #[test]
 fn merged_leaves_stay_whole() {
@@ -275,6 +312,17 @@ fn the_table_places_what_the_scene_places() {
     assert!(difference(1) < 0.01, "{:?}", birch[0]);
     let off = [0, 2, 3, 4, 5, 6, 7].map(difference).into_iter().fold(0.0, f32::max);
     assert!(birch[0].len() == 8 && off < 1e-5, "{:?}", birch[0]);
+}
+
+#[test]
+fn a_bake_for_engines_alone_says_where_its_files_are() {
+    let temp = tempfile::tempdir().expect("temp");
+    let out = temp.path().join("out");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_osier"));
+    command.args(["bake", "struck-twig", "--formats", "glb", "--frames", "1"]).arg("-o").arg(&out);
+    let said = clients::run(command.args(["--set", "output.gltf.profiles=[\"engine\"]"])).stdout;
+    let said = String::from_utf8_lossy(&said);
+    assert!(said.contains("  engines ") && said.contains("struck_twig.engine.json"), "{said}");
 }
 
 #[test]

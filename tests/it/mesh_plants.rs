@@ -208,12 +208,17 @@ fn what_is_wrong_is_told_with_its_place() {
         ("mesh = \"young-tree.obj\"\n[plants.t.bark]\nkind = \"smooth\"", "S007", "bark has no effect"),
         ("mesh = \"young-tree.obj\"\n[plants.t.import]\nleaf_pattern = \" | \"", "S003", "names no word"),
         ("mesh = \"young-tree.obj\"\n[plants.t.import]\nspacing = 0", "S004", "spacing is 0"),
+        ("mesh = \"young-tree.obj\"\n[plants.t.import]\nmesh_up = \"z\"", "S044", "m along -Z"),
         ("grammar = \"oak.l\"\n[plants.t.import]\nspacing = 1", "S007", "import has no effect"),
     ];
     for (text, code, part) in cases {
         let all = told(&format!("[plants.t]\n{text}\n"));
         assert!(all.iter().any(|(c, m)| c == code && m.contains(part)), "{text}: {all:?}");
     }
+    assert!(
+        told("[plants.t]\nmesh = \"young-tree.obj\"\n").iter().all(|(code, _)| code != "S044"),
+        "it stands upright"
+    );
 }
 
 #[test]

@@ -155,6 +155,9 @@ fn text_and_json_list_the_same_keys() {
     assert!((40..=90).contains(&basic), "{basic} basic keys");
     let speed = rows.iter().find(|row| row["path"] == "wind.speed").expect("wind.speed");
     assert_eq!((&speed["kind"], &speed["default"], &speed["unit"]), (&"number".into(), &4.5.into(), &"m/s".into()));
+    // A count of a species is refused with decimals, so its input field has none.
+    let stems = rows.iter().find(|row| row["path"] == "plants.NAME.habit.stems").expect("stems");
+    assert_eq!((&stems["kind"], &stems["default"], &stems["step"]), (&"whole".into(), &1.into(), &1.0.into()));
     let model = rows.iter().find(|row| row["path"] == "wind.model").expect("wind.model");
     assert!(model["choices"].as_array().is_some_and(|c| c.contains(&model["default"])), "{model}");
 }

@@ -379,6 +379,8 @@ fn each_fault_of_a_place_is_named_with_its_mend() {
             "warning[S007]",
             "plants.a.turtle has no effect on a species",
         ),
+        ("years", wood("[plants.a.habit]\nmaturity = [30]\n"), "error[S003]", "= help: write 2 numbers"),
+        ("orders", wood("[plants.a.habit]\nangle = []\n"), "error[S003]", "number for each order of axes"),
         ("segment", wood("[plants.a.skin]\nsegment = \"q\"\n"), "error[S003]", "its organs are \"l\""),
         (
             "shared",
@@ -426,6 +428,12 @@ fn each_fault_of_a_place_is_named_with_its_mend() {
         assert_eq!(status, Some(i32::from(code.starts_with("error"))), "{name}: {said}");
         assert!(said.contains(code) && said.contains(words), "{name}: {said}");
         assert!(said.contains(".toml:") || said.contains("empty.obj"), "{name} has no place: {said}");
+    }
+    // A fault of a region is told once, by the key that has it.
+    for region in ["ring = -3", "outline = [\"a\", 2]", "outline = [0, 2]"] {
+        let path = scene(dir.path(), "region", &format!("{TREE}[[place]]\n{region}\nspacing = 2\n"));
+        let (status, said) = osier(&["check", path.to_str().expect("path")]);
+        assert_eq!((status, said.matches("error[").count(), said.contains("along")), (Some(1), 1, false), "{said}");
     }
     // What only the terrain's heights tell.
     let wall = scene(dir.path(), "upright", "[terrain]\nfile = \"wall.obj\"\n");
@@ -495,6 +503,11 @@ fn trees_round_solids_grow_on_the_terrain_that_is_shown() {
 #[test]
 fn a_new_folder_holds_what_its_scene_names() {
     let dir = tempfile::tempdir().expect("dir");
+    // Of a species its leaf and bark come with it.
+    let birch = dir.path().join("birch");
+    let (status, said) = osier(&["new", birch.to_str().expect("path"), "--from", "birch.species"]);
+    let text = fs::read_to_string(birch.join("birch.toml")).unwrap_or_default();
+    assert!(status == Some(0) && text.contains("[plants.birch.leaf]") && text.contains("scarred"), "{said}{text}");
     let cases = [
         ("tree", vec!["new.toml", "tree.shapes"]),
         ("oak-grown", vec!["new.toml", "oak.species"]),

@@ -1,5 +1,7 @@
 //! What POV-Ray renders is a picture: light, not clipped, with things where they stand.
-#![allow(clippy::expect_used, reason = "a test fails by panicking")]
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "a test fails by panicking and writes its scene")]
+
+use std::process::Command;
 
 use crate::common::clients;
 use crate::common::picture::{Picture, Rect, luma};
@@ -37,6 +39,26 @@ fn the_synthetic_scene_makes_a_picture() {
     }
     let empty = Rect { x0: 0, y0: 15, x1: 18, y1: 50 };
     assert!(picture.share(empty, dark) < 0.01, "nothing stands in the open sky");
+}
+
+/// The scene of the page on formats that includes a plant, with another plant of its name.
+#[test]
+fn a_plant_is_included_in_a_scene_of_ones_own() {
+    let Some(povray) = clients::povray() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let sprig = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/sprig.toml");
+    let grow = ["-q", "grow", sprig, "-o", "oak.pov"];
+    clients::run(Command::new(env!("CARGO_BIN_EXE_osier")).current_dir(dir.path()).args(grow));
+    let page = include_str!("../../docs/formats.md");
+    let (_, rest) = page.split_once("```pov\n").expect("a scene of POV-Ray");
+    let (text, _) = rest.split_once("```").expect("its end");
+    // A sprig is a tenth as high as an oak.
+    std::fs::write(dir.path().join("own.pov"), text.replace("scale 0.01", "scale 0.1")).expect("scene");
+    pov::render(&povray, dir.path(), &["+Iown.pov", "+Oown.png", "+W160", "+H120", "-A"]);
+    let picture = Picture::open(&dir.path().join("own.png"));
+    let sky = picture.at(2, 2);
+    let drawn = picture.share(picture.all(), |c| (0..3).any(|i| (c[i] - sky[i]).abs() > 0.1));
+    assert!(drawn > 0.005, "{drawn} of the picture is plant");
 }
 
 /// A sheet that stands still, wet on one side: half of it is darker, and the frame's file says which half.

@@ -298,7 +298,7 @@ fn rods_are_read_and_their_faults_told() {
     let faults = [
         ("rod.0.points=[[0,0,0]]", "S006", "two points or more"),
         ("rod.1.on=b", "S005", "there is no rod \"b\" above this one"),
-        ("rod.0.torsional_stiffness=1e6", "S004", "GJ makes the shear modulus"),
+        ("rod.0.torsional_stiffness=1e6", "S004", "torsional_stiffness makes the shear modulus"),
         ("rod.0.radius=2", "S002", "has no key \"radius\""),
         ("rod.0.clamp=[{at=2}]", "S004", "must be 0 to 1"),
         ("rod.0.clamp=[{hold=\"guided\",line=[0,0,0]}]", "S004", "has no direction"),
@@ -310,6 +310,11 @@ fn rods_are_read_and_their_faults_told() {
     for (set, code, words) in faults {
         let told = read(good, &[set]).expect_err(set);
         assert!(told.contains(code) && told.contains(words), "{set}: {told}");
+    }
+    // A value that cannot be read is no missing one.
+    for set in ["rod.0.points=abc", "rod.0.load=[{keyframes=\"abc\"}]"] {
+        let told = read(good, &[set]).expect_err(set);
+        assert!(told.contains("S003") && !told.contains("S006"), "{set}: {told}");
     }
 }
 
@@ -472,7 +477,17 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "layer.0.prefix",
             "[[layer]]\nifs = \"fern_leaf.ifs\"\ncolor = \"#406030\"\n",
         ),
+        (
+            "[picture]\nspan = 2\n[[layer]]\nifs = \"fern_leaf.ifs\"\n",
+            "picture.span",
+            "[picture]\ngamma = 2\n[[layer]]\nifs = \"fern_leaf.ifs\"\n",
+        ),
         ("[picture]\nspread_min_px = 2\n", "picture.spread_min_px", "[picture]\nspread_px = 4\nspread_min_px = 2\n"),
+        (
+            "[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\non_at = 0.5\n",
+            "rod.0.on_at",
+            "[[rod]]\nname = \"b\"\npoints = [[0, 0, 0], [0, 1, 0]]\n[[rod]]\non = \"b\"\non_at = 0.5\npoints = [[0, 0.5, 0], [1, 1, 0]]\n",
+        ),
         ("[maps]\nresolution = 64\n", "maps", "[rain]\n[maps]\nresolution = 64\n"),
         ("[camera]\neye = [1, 2, 3]\ndistance = 2\n", "camera.distance", "[camera]\ndistance = 2\n"),
     ];
@@ -480,6 +495,9 @@ fn a_key_that_needs_another_value_is_told_without_it() {
         assert_eq!(without_effect(&format!("{plant}{without}")), [format!("{key} has no effect")], "{without}");
         assert_eq!(without_effect(&format!("{plant}{with}")), Vec::<String>::new(), "{with}");
     }
+    let stiff = "[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\ntorsional_stiffness = 0.06\n";
+    assert!(without_effect(stiff).is_empty());
+    assert_eq!(without_effect(&format!("{stiff}shear_ratio = 0.1\n")), ["torsional_stiffness replaces shear_ratio"]);
     let counted = format!("{plant}[output]\nformats = [\"usd\", \"csv\"]\n");
     let told = without_effect(&counted);
     assert!(matches!(&told[..], [one] if one.contains("neither rain nor catkins to count")), "{told:?}");

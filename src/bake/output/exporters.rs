@@ -19,6 +19,7 @@ pub fn bake_exporters(
     folder: &Folder,
     textures: &Arc<Textures>,
     recipe: &Recipe,
+    animated: &AnimatedScene,
     frames: &[u32],
 ) -> Vec<NamedExporter> {
     let mut options = export_options(recipe);
@@ -26,6 +27,7 @@ pub fn bake_exporters(
     options.usd.first = frames.first().copied();
     // Morph targets are spread over the frames that are written, which may be a selection.
     options.gltf.frames = Some(frames.len()).filter(|n| *n > 0);
+    options.gltf.loop_frames = loop_frames(recipe, animated);
     let job = ExportJob { folder: folder.clone(), textures: Arc::clone(textures), options: &options, file: None };
     let mut writers: Vec<NamedExporter> =
         recipe.output.keys.formats.iter().flat_map(|f| open_format_writers(f.0, &job)).collect();

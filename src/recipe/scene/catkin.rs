@@ -48,7 +48,7 @@ keys! {
         angles: HairAngles = "angles" OneOf(HairAngles::Signed);
         /// Distribution of inclinations: uniform in the angle ("tilt") or in the solid angle.
         polar: HairDistribution = "polar" OneOf(HairDistribution::Tilt);
-        /// Number of points of a spline along a hair; 0 keeps three straight sections.
+        /// Number of points of a spline along a hair; below 2 keeps three straight sections.
         smooth: u32 = "smooth" integer(0, 0, 16);
         /// Level of detail: 0 hairs as curves (ribbons in formats without curves), 1 tubes, 2 ribbons, 3 a third of the
         /// ribbons, 4 three crossed billboards, 5 one billboard.

@@ -178,6 +178,8 @@ impl Resolver<'_> {
             _ if !is_line => return Some(Vec::new()),
             (Some(size), _) => rectangle(size),
             (_, Some(radius)) => circle(radius),
+            // The value of an outline or a ring has a fault, which has been reported.
+            _ if region != "along" => return None,
             _ => keys.along.clone(),
         };
         let span = given.first().map_or(place, |entry| entry.node.span);

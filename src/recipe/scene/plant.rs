@@ -136,6 +136,20 @@ keys! {
 /// Largest number of autumn colours of an organ, since each adds three materials.
 const MAX_AUTUMN_COLORS: usize = 12;
 
+/// Reach of a leaf along +Y, and to the side opposite of its longest, as a share of its longest reach, below which that is taken for
+/// its midrib. Own: blades three times as wide as long pass, and leaves that lie on their side with some curl do not.
+const SMALL_REACH: f32 = 0.25;
+
+/// Reach along +Y, as a share of the largest extent, below which a mesh has no length to scale. Own: shallow flowers are deeper.
+const FLAT_SHARE: f32 = 0.1;
+
+/// Reach of a leaf behind its origin, as a share of that before it, above which its origin is not the base of the petiole. Own: the
+/// lobes of heart-shaped blades reach back by a third.
+const CENTRED_SHARE: f32 = 0.5;
+
+/// Reach of a tree behind its foot, as a share of its height, up to which it rises from there. Own: roots and a leaning trunk.
+const BURIED_SHARE: f32 = 0.1;
+
 /// Keys and tables of growth and appearance, which have no effect on a plant from a mesh.
 const GROWN: &[&str] = &[
     "grammar",
@@ -666,7 +680,27 @@ impl Resolver<'_> {
         let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
         let options = MeshImport { up: import.mesh_up, scale: import.mesh_scale, class: MaterialClass::Bark };
         let mesh = self.import(&file, options, reference.span)?;
+        self.check_upright(&mesh, path, reference.span, import.mesh_up);
         Some(((file.shown, mesh), import))
+    }
+
+    /// Reports S044 for a tree that rises along Z from its origin and reaches as far below the ground as above it: the up axis of its
+    /// file is the other one.
+    fn check_upright(&mut self, tree: &Imported, path: &str, span: Span, up: UpAxis) {
+        let b = tree.mesh.bounds();
+        let (below, height) = (-b.min.y, b.max.y);
+        // Of both directions of Z the name, how far the mesh reaches along it, and how far behind.
+        let is_trunk = |(_, reach, behind): &(&str, f32, f32)| *reach > height && *behind < BURIED_SHARE * reach;
+        let axes = [("+Z", b.max.z, -b.min.z), ("-Z", -b.min.z, b.max.z)];
+        let Some((name, reach, _)) = axes.into_iter().find(is_trunk).filter(|_| below > 0.5 * height) else { return };
+        let text = format!(
+            "{path}.mesh reaches {reach:.2} m along {name}, {height:.2} m above the ground and {below:.2} m below it"
+        );
+        let d = Diagnostic::warning("S044", text, span, "this tree lies on its side");
+        self.report.push(d.help(match up {
+            UpAxis::Y => "the file has Z up: write mesh_up = \"z\" in [plants.NAME.import]",
+            UpAxis::Z => "the file has Y up: leave `mesh_up` out of [plants.NAME.import]",
+        }));
     }
 
     /// Reads the IFS table of a bark's grain; the outer `None` after an error, the inner one without the key.
@@ -724,7 +758,9 @@ impl Resolver<'_> {
             Some(r) => {
                 let file = self.read(&r.text, r.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
                 let options = MeshImport { up: keys.mesh_up, scale: keys.mesh_scale, class: MaterialClass::Leaf };
-                Some(Arc::new(self.import(&file, options, r.span)?))
+                let mesh = self.import(&file, options, r.span)?;
+                self.check_midrib(&mesh, path, r.span, keys.size.is_some());
+                Some(Arc::new(mesh))
             }
             None => None,
         };
@@ -737,6 +773,44 @@ impl Resolver<'_> {
             None => None,
         };
         Some(OrganRecipe { keys, ifs, mesh, surface, ..OrganRecipe::blade(letter) })
+    }
+
+    /// Reports S044 for a leaf that reaches much farther to a side than along +Y, where its midrib belongs, or whose middle is at the
+    /// origin instead of its base: `size` would be that of its curl, or of half of it. Flowers and fruits, which reach as far to the
+    /// opposite side, may be flat unless they are `sized` by that key.
+    fn check_midrib(&mut self, leaf: &Imported, path: &str, span: Span, sized: bool) {
+        let b = leaf.mesh.bounds();
+        let (up, behind, extent) = (b.max.y.max(0.0), -b.min.y, b.size().max_element());
+        // Of each direction but +Y its name, how far the mesh reaches along it, and how far to the opposite side.
+        let directions = [
+            ("-X", -b.min.x, b.max.x),
+            ("+X", b.max.x, -b.min.x),
+            ("-Y", behind, b.max.y),
+            ("-Z", -b.min.z, b.max.z),
+            ("+Z", b.max.z, -b.min.z),
+        ];
+        let is_midrib = |(_, reach, behind): &(&str, f32, f32)| up.max(*behind) < SMALL_REACH * reach;
+        let longest = directions.into_iter().filter(is_midrib).max_by(|a, b| a.1.total_cmp(&b.1));
+        let turn = "turn it in its file: base of the petiole at the origin, tip towards +Y, upper side towards +Z; a leaf that \
+                    lies along Y in Blender has these axes if it is exported without \"+Y Up\" (glTF), or with Y forward and Z up (OBJ)";
+        let (text, label, help) = if let Some((name, reach, _)) = longest {
+            let text = format!(
+                "{path}.mesh reaches {reach:.3} m along {name}, and {up:.3} m along +Y, where its midrib belongs"
+            );
+            (text, "this leaf lies on its side", turn)
+        } else if sized && up < FLAT_SHARE * extent {
+            let text = format!("{path}.size is the reach of the mesh along +Y, which is {up:.3} m of {extent:.3} m");
+            (text, "this mesh is flat along Y", turn)
+        } else if behind > CENTRED_SHARE * up && 2.0 * (up + behind) > extent {
+            let text = format!(
+                "{path}.mesh reaches {behind:.3} m behind the origin, where the base of its petiole belongs, and {up:.3} m before it"
+            );
+            let help = "move it in its file until the base of the petiole is at the origin, which in Blender is that of the scene";
+            (text, "this leaf is not held at its base", help)
+        } else {
+            return;
+        };
+        self.report.push(Diagnostic::warning("S044", text, span, label).help(help));
     }
 
     /// Reports S003 for too many autumn colours, and for weights that do not fit them.

@@ -164,6 +164,9 @@ impl Resolver<'_> {
         };
         let keys = self.read_keys::<RodKeys>(table, &path);
         let of = |name: &str| table.get(name).map_or(node.span, |e| e.node.span);
+        if keys.points.is_empty() && table.holds("points") {
+            return None;
+        }
         // Points closer than 0.01 mm are taken for the same one: the axis has no direction between them.
         let apart = |p: &[[f64; 3]]| (0..3).map(|k| (p[1][k] - p[0][k]) * (p[1][k] - p[0][k])).sum::<f64>();
         if keys.points.len() < 2 || keys.points.windows(2).any(|p| apart(p) < 1e-10) {
@@ -211,14 +214,12 @@ impl Resolver<'_> {
                 self.report.push(d.help("set it on the rod at the base"));
             }
         }
-        if keys.bending_stiffness.is_some() && table.get("elasticity_gpa").is_some() {
-            let d = Diagnostic::warning(
-                "S007",
-                "bending_stiffness replaces elasticity_gpa",
-                of("elasticity_gpa"),
-                "has no effect",
-            );
-            self.report.push(d.help("leave one of both out"));
+        for (stiffness, modulus) in [("bending_stiffness", "elasticity_gpa"), ("torsional_stiffness", "shear_ratio")] {
+            if table.get(stiffness).is_some() && table.get(modulus).is_some() {
+                let text = format!("{stiffness} replaces {modulus}");
+                let d = Diagnostic::warning("S007", text, of(modulus), "has no effect");
+                self.report.push(d.help("leave one of both out"));
+            }
         }
         // G/E that follows from the given stiffnesses must be within its range.
         // For a round cross-section EI = E pi r^4 / 4 and GJ = G pi r^4 / 2, hence E = 4 EI / (pi r^4) and G/E = 2 GJ / (pi r^4 E).
@@ -229,7 +230,9 @@ impl Resolver<'_> {
         if let Some(ratio) =
             keys.torsional_stiffness.map(|gj| 2.0 * gj / unit / young).filter(|q| !(0.02..=0.5).contains(q))
         {
-            let text = format!("GJ makes the shear modulus {ratio:.3} of Young's, but it must be 0.02 to 0.5");
+            let text = format!(
+                "torsional_stiffness makes the shear modulus {ratio:.3} of Young's, but it must be 0.02 to 0.5"
+            );
             let d = Diagnostic::error("S004", text, of("torsional_stiffness"), "outside its range");
             self.report.push(d.help(
                 "for a round rod torsional_stiffness is 2 bending_stiffness times that ratio: about 1/7 of it for wood",
@@ -312,6 +315,9 @@ impl Resolver<'_> {
             RodLoadKind::Wrench => 7,
             RodLoadKind::Mass => 2,
         };
+        if keys.keyframes.is_empty() && table.holds("keyframes") {
+            return None;
+        }
         if keys.keyframes.is_empty() {
             let text = format!("[[{path}]] has no keyframes");
             let span = table.get("kind").map_or(self.whole, |e| e.node.span);

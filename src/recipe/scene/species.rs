@@ -148,10 +148,14 @@ impl ValueType for HabitValue<'_> {
         match &node.value {
             TomlValue::List(list) if key.arity != Arity::One => {
                 if !(least..=most).contains(&list.len()) {
-                    let wanted = if least == most { "two numbers" } else { "one to six numbers" };
+                    let (wanted, help) = if least == most {
+                        ("two numbers", "write 2 numbers")
+                    } else {
+                        ("one to six numbers", "write one number for each order of axes; the last one repeats")
+                    };
                     let text = format!("{name} has {} numbers, but must have {wanted}", list.len());
                     let d = Diagnostic::error("S003", text, node.span, wanted);
-                    return Err(Box::new(d.help("write one number for each order of axes; the last one repeats")));
+                    return Err(Box::new(d.help(help)));
                 }
                 list.iter().map(one).collect::<Result<_, _>>().map(Some)
             }
@@ -164,6 +168,11 @@ impl ValueType for HabitValue<'_> {
         let (key, defaults) = (self.0, self.defaults());
         let list = defaults.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         let (accepts, default, kind, value) = match key.arity {
+            Arity::One if key.is_count() => {
+                // A count is listed without decimals, so that input fields step by one.
+                let count = list.parse::<i64>().map_or_else(|_| json!(defaults[0]), |count| json!(count));
+                ("whole number", list, ValueKind::Whole, count)
+            }
             Arity::One => ("number", list, ValueKind::Number, json!(defaults[0])),
             Arity::Two => ("2 numbers", format!("[{list}]"), ValueKind::Vector, json!(defaults)),
             Arity::PerOrder => ("numbers by order of axes", format!("[{list}]"), ValueKind::List, json!(defaults)),
@@ -413,9 +422,13 @@ impl Resolver<'_> {
                 let d = Diagnostic::error("S003", text, node.span, "keep and solid");
                 self.report.push(d.help("leave out `keep` or `solid`, or write two cuts"));
             } else if keys.solid.is_empty() && keys.keep.len() != 2 {
-                let d = Diagnostic::error("S006", format!("[{path}] names nothing to keep"), node.span, "no box");
-                self.report
-                    .push(d.help("add keep = [[-1, 0, -1], [1, 1.8, 1]], two corners of a box, or solid = \"NAME\""));
+                // A value that could not be read has been reported.
+                let is_unread = keys.keep.is_empty() && (table.holds("keep") || table.holds("solid"));
+                if !is_unread {
+                    let d = Diagnostic::error("S006", format!("[{path}] names nothing to keep"), node.span, "no box");
+                    let help = "add keep = [[-1, 0, -1], [1, 1.8, 1]], two corners of a box, or solid = \"NAME\"";
+                    self.report.push(d.help(help));
+                }
             } else if !keys.solid.is_empty() && !self.solid_names.contains(&keys.solid) {
                 let text = format!("[{path}] names the solid \"{}\", which the scene does not have", keys.solid);
                 let d = Diagnostic::error("S005", text, node.span, "unknown solid");

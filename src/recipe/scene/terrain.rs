@@ -243,6 +243,9 @@ impl Resolver<'_> {
             self.in_order(table, &path, name, pair);
         }
         let span = table.get("plants").map_or(node.span, |e| e.node.span);
+        if keys.plants.is_empty() && table.holds("plants") {
+            return None;
+        }
         // A scatter must name its plants with their weights; a place may omit the only one.
         if keys.plants.is_empty() {
             let d = Diagnostic::error("S006", format!("[[{path}]] names no plant"), span, "no plants here");

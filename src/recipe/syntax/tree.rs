@@ -73,6 +73,17 @@ impl TomlTable {
     pub fn get(&self, key: &str) -> Option<&TomlEntry> {
         self.entries.iter().find(|e| e.key == key)
     }
+
+    /// Whether a key has a value that is not empty. If its reader gave an empty one, the value has a fault, which has been reported.
+    pub fn holds(&self, key: &str) -> bool {
+        match self.get(key).map(|e| &e.node.value) {
+            None => false,
+            Some(TomlValue::Text(text)) => !text.is_empty(),
+            Some(TomlValue::List(list)) => !list.is_empty(),
+            Some(TomlValue::Table(table)) => !table.entries.is_empty(),
+            Some(_) => true,
+        }
+    }
 }
 
 /// Parses a scene file; every syntax error becomes an S001, and the readable part is returned.

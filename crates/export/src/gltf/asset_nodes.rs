@@ -487,14 +487,16 @@ impl GltfDocument<'_> {
         let mut joints = Vec::new();
         let times = &self.input.tracks.times;
         let drop_keys = self.input.options.profile != Profile::Blender;
+        // The pose at each of `times`: a motion that repeats ends with its first one.
+        let keyed = poses.iter().chain(poses.first().filter(|_| self.input.tracks.repeats));
         for (k, &i) in selection.kept.iter().enumerate() {
             let joint = &skeleton.joints[i];
             check_finite(&joint.rest, || format!("asset {}, joint {}", asset.id, joint.name))?;
             let mut motion = NodeAnimation { rest: joint.rest, ..NodeAnimation::default() };
             let NodeAnimation { rest, channels } = &mut motion;
             // Keys of one channel over all frames; `keys` leaves out what interpolation gives within the tolerance.
-            let of = |f: &dyn Fn(&Trs) -> Vec3| poses.iter().map(|p| f(&p[i])).collect::<Vec<Vec3>>();
-            let turns: Vec<_> = poses.iter().map(|p| p[i].r).collect();
+            let of = |f: &dyn Fn(&Trs) -> Vec3| keyed.clone().map(|p| f(&p[i])).collect::<Vec<Vec3>>();
+            let turns: Vec<_> = keyed.clone().map(|p| p[i].r).collect();
             self.add_vector_keys(
                 keys::reduce_positions(times, &of(&|j| j.t), drop_keys),
                 "translation",

@@ -369,7 +369,7 @@ impl Exporter for GltfExporter {
     fn finish(&mut self) -> Result<Summary> {
         let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
         let mut tracks = std::mem::take(&mut self.tracks);
-        tracks.close();
+        tracks.close(scene.clip, &self.options);
         let LightLeaves { scene, warnings: mut told } = LightLeaves::of(&scene, &self.options)?;
         let input = GltfInput { scene: &scene, tracks: &tracks, textures: &self.textures, options: &self.options };
         let warnings = match &self.options.target {

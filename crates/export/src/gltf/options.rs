@@ -62,6 +62,9 @@ pub struct GltfOptions {
     pub frame: Option<u32>,
     /// Number of frames that will be written, from which shapes are spread over the clip; `None`: all frames of the clip.
     pub frames: Option<usize>,
+    /// Frames after which the motion of the scene repeats, if all that moves has joints. If the clip ends there, files of `web` and
+    /// `engine` have a further key at which the motion begins again.
+    pub loop_frames: Option<u32>,
     /// Width and height of the camera's picture, pixels; `None`: the camera has no ratio of them, viewers take that of their window.
     pub size: Option<[u32; 2]>,
     /// Most moving instances in a file; each is a node with animation channels.
@@ -159,6 +162,7 @@ impl Default for GltfOptions {
             target: GltfTarget::default(),
             frame: None,
             frames: None,
+            loop_frames: None,
             size: None,
             nodes: 500,
             skins: SKINS,

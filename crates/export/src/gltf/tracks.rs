@@ -4,11 +4,11 @@ use glam::{Quat, Vec3};
 
 use super::leaf_shapes::LeafShapes;
 use super::morph_shape::MorphShape;
-use super::options::{GltfOptions, INDEX_BYTES, VECTOR_BYTES};
+use super::options::{GltfOptions, INDEX_BYTES, Profile, VECTOR_BYTES};
 use osier_base::convert::limit;
 use osier_base::rng::mix64;
 use osier_scene::{
-    Asset, AssetFrame, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, Scene, Trs, instance_states,
+    Asset, AssetFrame, Clip, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, Scene, Trs, instance_states,
 };
 
 /// Shapes that a mesh has before any frame is left out, if all of its points are seen in each: bytes count, so that a mesh of which
@@ -39,9 +39,11 @@ const MOST_WAITING: usize = 8;
 /// The states of all assets at the frames of the clip, held until the file is written.
 #[derive(Debug, Default)]
 pub(super) struct ClipTracks {
-    /// Time of each frame, s, from the start of the clip.
+    /// Time of each frame, s, from the start of the clip; with `repeats` also that of the frame after the last.
     pub times: Vec<f32>,
-    /// Number of each frame in the clip, parallel to `times`.
+    /// Whether `times` ends with a time at which all joints have the poses of the first frame again.
+    pub repeats: bool,
+    /// Number of each frame in the clip.
     pub numbers: Vec<u32>,
     /// In the order of the scene's assets.
     pub assets: Vec<AssetTracks>,
@@ -350,13 +352,30 @@ impl ClipTracks {
         self.times.is_empty()
     }
 
-    /// Ends the clip with the frame that was added last.
-    pub(super) fn close(&mut self) {
+    /// Ends the clip with the frame that was added last, or, if it repeats, with the beginning of its next round.
+    pub(super) fn close(&mut self, clip: Clip, options: &GltfOptions) {
+        if let Some(end) = self.end_of_round(clip, options) {
+            self.times.push(end);
+            self.repeats = true;
+        }
         self.assets.iter_mut().flat_map(|a| a.meshes.iter_mut().chain(&mut a.curves)).for_each(MorphFrames::close);
         self.assets.iter_mut().filter_map(|a| a.leaves.as_mut()).for_each(LeafShapes::close);
         // Curves are the paths of catkins. Interpolated coarsely they would be other paths, so coarse ones are dropped; an
         // interpolated tree remains plausible.
         self.assets.iter_mut().flat_map(|a| &mut a.curves).for_each(MorphFrames::drop_if_coarse);
+    }
+
+    /// Time of the frame after the last, s, if the motion repeats there and the whole clip was added, at even distances. A player that
+    /// repeats an animation shows its last and its first key at one moment: without a key there the motion skips a frame in every
+    /// round, and the round is shorter than the clip. Blender repeats a range of frames instead.
+    fn end_of_round(&self, clip: Clip, options: &GltfOptions) -> Option<f32> {
+        let period = options.loop_frames.filter(|_| options.profile != Profile::Blender)? as usize;
+        let [first, second, ..] = *self.numbers.as_slice() else { return None };
+        let step = second.checked_sub(first)?;
+        let even = self.numbers.windows(2).all(|w| w[0].checked_add(step) == Some(w[1]));
+        let after = self.numbers.last()?.checked_add(step)?;
+        let whole = first == clip.start && after == clip.end.saturating_add(1) && clip.len().is_multiple_of(period);
+        (even && whole).then(|| osier_base::math::narrow(clip.seconds(after)))
     }
 
     /// Records the states of all assets at the next frame, and the time of that frame.
@@ -516,7 +535,6 @@ impl InstanceTrack {
 
 #[cfg(test)]
 mod tests {
-    use super::super::options::Profile;
     use super::*;
 
     /// Options with floats and normals in targets.

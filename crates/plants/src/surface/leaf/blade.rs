@@ -403,6 +403,22 @@ mod tests {
         }
     }
 
+    /// What the keys of a leaf allow: `size` of 1 mm to 2 m and `width` of 0.02 to 3 times as much.
+    #[test]
+    fn blades_of_any_size_are_sound() {
+        let all = [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::maple(), BladeSpec::elliptic(), BladeSpec::petal()];
+        for spec in all {
+            for (length, width) in [(0.001, 0.02), (0.001, 1.0), (0.004, 0.2), (2.0, 3.0)] {
+                let spec = BladeSpec { length, width: length * width, ..spec.clone() };
+                for detail in [BladeDetail::Close, BladeDetail::Light, BladeDetail::Crown] {
+                    let mesh = blade(&spec, 0, detail).expect("a size that scenes may have");
+                    assert!(mesh.points.iter().all(|p| p.is_finite()), "{:?} {length} {detail:?}", spec.form);
+                    assert!(mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-3), "{:?} {length}", spec.form);
+                }
+            }
+        }
+    }
+
     #[test]
     fn blades_are_sound_and_variants_differ() {
         for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar(), BladeSpec::maple()] {

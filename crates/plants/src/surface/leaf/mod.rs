@@ -74,9 +74,9 @@ pub struct BladeSpec {
     pub form: LeafForm,
     /// Teeth of the margin; a count of 0 leaves it entire.
     pub teeth: Teeth,
-    /// Length of the blade without the petiole, 0.001..2 m.
+    /// Length of the blade without the petiole, 1e-7..2 m: leaflets are a part of a leaf of a millimetre or more.
     pub length: f32,
-    /// Greatest width, 0.001..2 m.
+    /// Greatest width, 1e-7..6 m.
     pub width: f32,
     /// Side veins on each side of the midrib, 1..=16; lobed blades have one for each lobe instead.
     pub veins: u32,
@@ -221,8 +221,8 @@ impl BladeSpec {
             ("teeth", self.teeth.count as f32, 0.0, 60.0),
             ("depth of the teeth", self.teeth.depth, 0.0, 0.3),
             ("minor teeth", self.teeth.minor as f32, 0.0, 4.0),
-            ("length", self.length, 0.001, 2.0),
-            ("width", self.width, 0.001, 2.0),
+            ("length", self.length, 1e-7, 2.0),
+            ("width", self.width, 1e-7, 6.0),
             ("veins", self.veins as f32, 1.0, 16.0),
             ("vein angle", self.vein_angle, 0.3, 1.4),
             ("fold", self.fold, -1.2, 1.2),

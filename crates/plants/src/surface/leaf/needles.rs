@@ -27,11 +27,11 @@ const LAST_TWIG: f32 = 0.5;
 /// A piece of shoot with its needles. Lengths in m, angles in rad.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NeedleSpec {
-    /// Length of the piece, 0.005..2 m.
+    /// Length of the piece, 0.001..2 m.
     pub length: f32,
     /// Number of needles on the shoot and its twigs together, 2..4000.
     pub count: u32,
-    /// Length of a needle, 0.001..1 m.
+    /// Length of a needle, 1e-5..10 m.
     pub needle: f32,
     /// Width of a needle, 0.0002..0.02 m.
     pub width: f32,
@@ -39,7 +39,7 @@ pub struct NeedleSpec {
     pub angle: f32,
     /// Side twigs, alternately left and right, 0..24.
     pub twigs: u32,
-    /// Length of the longest side twig, 0.001..2 m.
+    /// Length of the longest side twig, 1e-5..4 m.
     pub twig: f32,
     /// Angle between shoot and side twigs, 0.05..2.2 rad.
     pub twig_angle: f32,
@@ -52,13 +52,13 @@ pub struct NeedleSpec {
 impl NeedleSpec {
     fn check(&self) -> Result<()> {
         let ranges = [
-            ("length", self.length, 0.005, 2.0, "m"),
+            ("length", self.length, 0.001, 2.0, "m"),
             ("count", self.count as f32, 2.0, 4000.0, ""),
-            ("needle", self.needle, 0.001, 1.0, "m"),
+            ("needle", self.needle, 1e-5, 10.0, "m"),
             ("width", self.width, 0.0002, 0.02, "m"),
             ("angle", self.angle, 0.1, 1.6, "rad"),
             ("twigs", self.twigs as f32, 0.0, 24.0, ""),
-            ("twig", self.twig, 0.001, 2.0, "m"),
+            ("twig", self.twig, 1e-5, 4.0, "m"),
             ("twig angle", self.twig_angle, 0.05, 2.2, "rad"),
         ];
         for (name, value, min, max, unit) in ranges {
