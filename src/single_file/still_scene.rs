@@ -27,7 +27,7 @@ impl<'r> StillScene<'r> {
     /// # Errors
     /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
     pub fn assemble(recipe: &'r Recipe, context: &BakeContext<'_>) -> Result<Self> {
-        Ok(Self { recipe, assembled: assemble_scene(recipe, SceneOptions { ground: false }, context)? })
+        Ok(Self { recipe, assembled: assemble_scene(recipe, SceneOptions::WITHOUT_GROUND, context)? })
     }
 
     /// As [`StillScene::assemble`] with the least work that [`StillScene::estimate`] needs; the scene cannot be
@@ -35,7 +35,7 @@ impl<'r> StillScene<'r> {
     /// # Errors
     /// As [`StillScene::assemble`].
     pub fn assemble_for_estimate(recipe: &'r Recipe, context: &BakeContext<'_>) -> Result<Self> {
-        Ok(Self { recipe, assembled: assemble_for_estimate(recipe, SceneOptions { ground: false }, context)? })
+        Ok(Self { recipe, assembled: assemble_for_estimate(recipe, SceneOptions::WITHOUT_GROUND, context)? })
     }
 
     /// Warnings from building the scene, without those of the recipe.
