@@ -179,7 +179,7 @@ fn start(cli: Cli) -> u8 {
         console.complain(&e);
         return 2;
     }
-    let _memory = match watch::watch(&limits, as_json) {
+    let _memory = match watch::watch(&limits, &cancel, as_json) {
         Ok(memory) => memory,
         Err(e) => {
             console.error(&e);
