@@ -434,6 +434,21 @@ fn textures_and_maps_of_presets_are_predicted() {
     }
 }
 
+/// Maps of leaves with a relief, and of leaves with drops alone.
+#[test]
+fn maps_of_leaves_in_rain_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    for (scene, frames, most) in [("wet-leaf", "frames.end=12", 1.1), ("rain-table-1", "frames.end=24", 1.35)] {
+        let out = temp.path().join(scene);
+        let flags = ["-q", "bake", scene, "--set", frames, "--formats", "exr", "-o", arg(&out)];
+        let (told, _) = ends(0, &[&flags[..], &["-n", "--json"]].concat());
+        let told: Value = serde_json::from_str(&told).expect("JSON");
+        ends(0, &flags);
+        let share = told["would_make"]["sizes"]["exr"].as_f64().expect("bytes") / bytes_in(&out.join("maps")) as f64;
+        assert!((1.0 / most..most).contains(&share), "{scene}: {share}");
+    }
+}
+
 #[test]
 fn the_joints_of_all_copies_are_predicted() {
     let temp = tempfile::tempdir().expect("temp");
