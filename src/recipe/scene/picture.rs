@@ -1,6 +1,6 @@
 //! `[picture]`: how an attractor becomes a picture.
 
-use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::resolve::Resolver;
 use crate::recipe::syntax::{ColorType, NumberArray, OneOf, OptionalKey, TomlTable, integer, number};
 use crate::recipe::syntax::{choices, keys};
 use osier_base::diagnostic::Diagnostic;
@@ -56,7 +56,7 @@ impl Resolver<'_> {
     pub(in crate::recipe) fn picture(&mut self, root: &TomlTable) -> PictureKeys {
         let keys: PictureKeys = self.section(root, "picture");
         if ![8, 16].contains(&keys.bits) {
-            let span = span_of(root, &["picture", "bits"]).unwrap_or(self.whole);
+            let span = self.place_of(root, &["picture", "bits"]);
             let text = format!("picture.bits is {}, but must be 8 or 16", keys.bits);
             let d = Diagnostic::error("S004", text, span, "8 or 16");
             self.report.push(d.help("PNG stores 8 or 16 bits per channel"));

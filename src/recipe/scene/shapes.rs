@@ -392,7 +392,7 @@ impl Resolver<'_> {
             let named = regions.iter().filter(|r| r.shape == RegionShape::Solid);
             for region in named.filter(|r| !self.solid_names.contains(&r.name)) {
                 let text = format!("{path}.{key} names the solid \"{}\", which the scene does not have", region.name);
-                let span = span_of(table, &[key]).unwrap_or(self.whole);
+                let span = self.place_of(table, &[key]);
                 let d = Diagnostic::error("S005", text, span, "unknown solid");
                 self.report.push(match nearest(&region.name, self.solid_names.iter().map(String::as_str)) {
                     Some(near) => d.help(format!("did you mean \"{near}\"?")),

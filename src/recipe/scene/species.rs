@@ -261,7 +261,7 @@ impl Resolver<'_> {
         let side = site.side.iter().map(|v| v * v).sum::<f64>();
         // Each component is within its range; only the length of the vector may be too large.
         if side > MAX_SIDE * MAX_SIDE {
-            let span = span_of(plant, &["site", "side"]).unwrap_or(self.whole);
+            let span = self.place_of(plant, &["site", "side"]);
             let d = Diagnostic::error("S003", format!("{path}.site.side is too long"), span, "too long");
             self.report.push(d.help(format!("give it a length of at most {MAX_SIDE}")));
         }
@@ -288,7 +288,7 @@ impl Resolver<'_> {
             return shares.map(|shares| shares.map(|share| share * species.age));
         }
         let key = if from.is_some() { ["site", "from"] } else { ["site", "to"] };
-        let span = span_of(plant, &key).unwrap_or(self.whole);
+        let span = self.place_of(plant, &key);
         if let Some(why) = blocked {
             self.has_no_effect(plant, path, &key, why);
             return None;
