@@ -28,9 +28,9 @@ keys! {
         points: Option<u32> = "points" OptionalKey(integer(20_000_000, 1, 1_000_000_000), "20 per pixel");
         /// Part of the attractor that is shown.
         fit: PictureFit = "fit" OneOf(PictureFit::View);
-        /// Centre of the picture in table units, instead of `fit`.
+        /// Centre of the picture in table units, instead of that of `fit`.
         center: Option<[f64; 2]> = "center" OptionalKey(NumberArray([0.0, 0.0], number(0.0, -1e12, 1e12, "")), "fitted");
-        /// Width of the picture in table units, with `center`.
+        /// Width of the picture in table units, instead of that of `fit`.
         span: Option<f64> = "span" OptionalKey(number(1.0, 1e-12, 1e12, ""), "fitted");
         /// Exposure: brightness of low densities.
         exposure: f64 = "exposure" number(16.0, 1e-6, 1e9, "");
