@@ -68,7 +68,7 @@ choices! {
 keys! {
     /// A region in plant space: an obstacle of growth, or an envelope that it is cut off at.
     RegionKeys at "plants.NAME.growth.obstacles" also "plants.NAME.growth.envelope" also "plants.NAME.fill.obstacles"
-    also "plants.NAME.fill.envelope" {
+    also "plants.NAME.fill.envelope" as list {
         /// Form of the region.
         shape: RegionShape = "shape" OneOf(RegionShape::Sphere);
         /// Its middle; of a capsule one end, of a cone the middle of its base.

@@ -61,7 +61,7 @@ keys! {
         until: f64 = "until" number(500.0, 0.0, 500.0, "yr");
     }
     /// A cut: what lies outside of a box or a solid is cut off at the start of a year.
-    PruneKeys at "plants.NAME.prune" {
+    PruneKeys at "plants.NAME.prune" as list {
         /// First year.
         year: u32 = "year" integer(10, 1, 500);
         /// Years from one cut to the next; 0 cuts once.
