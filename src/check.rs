@@ -1,7 +1,6 @@
 //! Validation of a scene without drawing or simulating it: all errors, and an estimate of what a bake would write.
 
 use crate::bake::output::single_file::refuse_without_visible_plants;
-use crate::bake::scene::dry_run::without_unused_textures;
 use crate::bake::scene::{SceneOptions, assemble_for_estimate};
 use crate::bake::{BakeContext, BakeEstimate};
 use crate::recipe::{GivenKey, Growth, Recipe, Request, given_keys, path_element, resolve};
@@ -111,7 +110,7 @@ fn check_into(request: &Request, with_notes: bool, context: &BakeContext<'_>, re
     if recipe.is_layered_picture() {
         return Ok(());
     }
-    let assembled = assemble_for_estimate(&without_unused_textures(&recipe), SceneOptions::default(), context)?;
+    let assembled = assemble_for_estimate(&recipe, SceneOptions::BAKE, context)?;
     result.report.extend(assembled.report.clone());
     // An empty list of frames means a still scene.
     let frames: Vec<u32> =

@@ -19,6 +19,7 @@ use crate::presets::{self, Preset, PresetKind};
 use crate::recipe::scene::no_grammar;
 use crate::recipe::{Library, Request, SingleSource};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
+use osier_base::files::name_of;
 use osier_base::limits::Limits;
 use osier_base::{Error, Result, files};
 use osier_grammar::{FileKind, Notation};
@@ -147,7 +148,7 @@ fn text_of(path: &Path, limits: &Limits) -> Result<Option<Vec<u8>>> {
 pub fn is_plane_drawing(source: &str, limits: &Limits) -> Result<bool> {
     let path = Path::new(split_entry(source).0);
     let Some(bytes) = text_of(path, limits)? else { return Ok(false) };
-    Ok(osier_grammar::detect(&file_name(path), &bytes) == FileKind::Grammar(Notation::Fractint))
+    Ok(osier_grammar::detect(&name_of(path), &bytes) == FileKind::Grammar(Notation::Fractint))
 }
 
 /// Sources of the L-systems of a file that holds several, `FILE#ENTRY`; the source itself for any other.
@@ -156,7 +157,7 @@ pub fn is_plane_drawing(source: &str, limits: &Limits) -> Result<bool> {
 pub fn entry_sources(source: &str, limits: &Limits) -> Result<Vec<String>> {
     let path = Path::new(source);
     let Some(bytes) = text_of(path, limits)? else { return Ok(vec![source.to_owned()]) };
-    let names = osier_grammar::entries(&file_name(path), &bytes);
+    let names = osier_grammar::entries(&name_of(path), &bytes);
     if names.len() < 2 {
         return Ok(vec![source.to_owned()]);
     }
@@ -178,12 +179,9 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     let bytes = files::read_input(path, options.limits.get("text-bytes"), TEXT_FLAG)?;
     let has_ending = |list: &[&str]| list.iter().any(|e| path.extension() == Some(OsStr::new(e)));
     if has_ending(&["shapes", "species"]) && options.dialect.is_none() {
-        return Ok(Request {
-            library: Library::new(path, search)?,
-            ..plant_request(&file_stem(path), &file_name(path))
-        });
+        return Ok(Request { library: Library::new(path, search)?, ..plant_request(&file_stem(path), &name_of(path)) });
     }
-    let kind = osier_grammar::detect(&file_name(path), &bytes);
+    let kind = osier_grammar::detect(&name_of(path), &bytes);
     let is_mesh_or_table = has_ending(&["obj", "glb", "gltf", "ifs", "flame"]);
     // Read as a scene, every line of a grammar would be an error. A scene may look like one by an arrow in a comment.
     let is_grammar = || options.dialect.is_some() || matches!(kind, FileKind::Grammar(_)) && !is_toml(&bytes);
@@ -213,17 +211,17 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     let content = if has_ending(&["toml"]) || is_mesh_or_table || source == "-" { None } else { content_of(&bytes) };
     match content {
         Some(Content::Shapes) => {
-            let request = Request::shapes(&file_stem(path), &file_name(path));
+            let request = Request::shapes(&file_stem(path), &name_of(path));
             return Ok(Request { library: Library::new(path, search)?, ..request });
         }
         Some(Content::Species) => {
-            let request = Request::species(&file_stem(path), &file_name(path));
+            let request = Request::species(&file_stem(path), &name_of(path));
             return Ok(Request { library: Library::new(path, search)?, ..request });
         }
         Some(Content::Table) | None => {}
     }
     if content == Some(Content::Table) || is_coefficient_table(path, &bytes) {
-        let file = file_name(path);
+        let file = name_of(path);
         let short = file.split('.').next().unwrap_or(&file);
         let request = table_request(&file, short, &bytes, options, table_use);
         return Ok(Request { library: Library::new(path, search)?, ..request });
@@ -307,7 +305,7 @@ fn table_request(file: &str, name: &str, bytes: &[u8], options: &SourceOptions, 
 
 /// The request for a scene of one plant of a grammar file, or of one of its L-systems.
 fn grammar_request(path: &Path, entry: Option<&str>, options: &SourceOptions) -> Result<Request> {
-    let file = file_name(path);
+    let file = name_of(path);
     let name = entry.map_or_else(|| file_stem(path), str::to_owned);
     let reference = entry.map_or_else(|| file.clone(), |e| format!("{file}#{e}"));
     Ok(Request { library: Library::new(path, &options.search)?, ..Request::bare(&name, &reference) })
@@ -398,8 +396,4 @@ fn find_preset(name: &str, options: &SourceOptions, table_use: TableUse) -> Resu
 
 fn file_stem(path: &Path) -> String {
     path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
-}
-
-fn file_name(path: &Path) -> String {
-    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }

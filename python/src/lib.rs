@@ -34,8 +34,9 @@ mod osier {
     /// Output goes to the standard output and error of the process. SIGINT and SIGTERM stop a bake without unfinished files: the
     /// code is then 130 or 143. A process may call it once.
     ///
-    /// The whole process ends, with that code or 1, if a signal has not stopped the run after 1.4 s, if a second one comes, and if the
-    /// memory of the process, that of Python included, exceeds the limit --max-memory.
+    /// A run stops, with code 1, when the memory of the process, that of Python included, exceeds the limit --max-memory. The whole
+    /// process ends, with the code of the run, if a run has not stopped 1.4 s after a signal or after it exceeded the limit, if a second
+    /// signal comes, and if the memory grows on by an eighth of the limit and 64 MB.
     #[pyfunction]
     #[pyo3(signature = (argv = None))]
     fn main(py: Python<'_>, argv: Option<Vec<OsString>>) -> PyResult<u8> {

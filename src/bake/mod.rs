@@ -48,7 +48,6 @@ use output::texture_size::limit_texture_sizes;
 use output::unselected::warn_of_unselected_grids;
 use scene::animated::AnimatedScene;
 use scene::assembly::{AssembledScene, SceneOptions};
-use scene::dry_run::without_unused_textures;
 
 /// Manifest and warnings of a bake whose files have all been written.
 #[derive(Debug)]
@@ -80,8 +79,7 @@ pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeCont
     }
     let mut report = warn_of_unselected_grids(recipe, frames);
     cache::ifs_leaves::load(recipe, folder.root(), context.limits);
-    let mut built =
-        scene::assembly::assemble_scene(&without_unused_textures(recipe), SceneOptions::default(), context)?;
+    let mut built = scene::assembly::assemble_scene(recipe, SceneOptions::BAKE, context)?;
     if let Some(why) = missing_frames(recipe, &built.animated, frames) {
         return Err(Error::input("S004", why));
     }

@@ -12,7 +12,6 @@ use crate::bake::cache::ifs_leaves;
 use crate::bake::output::single_file::refuse_without_visible_plants;
 use crate::bake::output::unselected::warn_of_unselected_grids;
 use crate::bake::scene;
-use crate::bake::scene::dry_run::without_unused_textures;
 use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
@@ -124,13 +123,11 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
     let cache = if stores { Some(BakeCache::new(open(context, args, hash, root)?)) } else { None };
     let work =
         BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timer, cache: cache.as_ref() };
-    let parts = scene::SceneOptions::default();
-    let drawn = without_unused_textures(recipe);
-    let dry = context.common.dry_run;
-    let mut built = if dry {
-        scene::assemble_for_estimate(&drawn, parts, &work)?
+    let parts = scene::SceneOptions::BAKE;
+    let mut built = if context.common.dry_run {
+        scene::assemble_for_estimate(recipe, parts, &work)?
     } else {
-        scene::assemble_scene(&drawn, parts, &work)?
+        scene::assemble_scene(recipe, parts, &work)?
     };
     display.done();
     // Messages of the cache are printed after the progress bar has been removed.

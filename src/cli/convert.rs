@@ -11,7 +11,7 @@ use crate::single_file::endings;
 use crate::source::find_scene;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
-use osier_base::files::{FileRecord, Folder, WriteOptions};
+use osier_base::files::{FileRecord, Folder, WriteOptions, folder_of, name_of};
 use osier_grammar::{ConvertTo, Grammar, convert};
 
 /// Runs `osier convert` on the first grammar of the source; the result is the exit code.
@@ -96,11 +96,9 @@ fn foreign_ending(output: &Path) -> Option<String> {
 
 /// Writes the text of a grammar into a file, whose folder is made if it is missing; returns the record of the file.
 fn write(context: &Context, args: &Convert, output: &Path, text: &str) -> Result<Vec<FileRecord>> {
-    let parent = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
-    let folder = Folder::plain(parent, options)?;
-    let name = output.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    folder.write(&name, "grammar", text.as_bytes())?;
+    let folder = Folder::plain(folder_of(output), options)?;
+    folder.write(&name_of(output), "grammar", text.as_bytes())?;
     folder.finish()?;
     Ok(folder.files())
 }

@@ -16,7 +16,7 @@ use crate::single_file::{
 use crate::source::{find_picture, find_scene};
 use osier_base::Result;
 use osier_base::diagnostic::Report;
-use osier_base::files::{FileRecord, Folder, WriteOptions};
+use osier_base::files::{FileRecord, Folder, WriteOptions, folder_of, name_of};
 use osier_export::format::FormatInfo;
 use osier_export::gltf::{self, Profile};
 use osier_export::usd;
@@ -29,7 +29,7 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     }
     let to_pipe = args.output == Path::new("-");
     // Standard output has no name with an ending: it gets a glb, the format that is a single binary file.
-    let name = if to_pipe { "stdout.glb".into() } else { file_name(&args.output) };
+    let name = if to_pipe { "stdout.glb".into() } else { name_of(&args.output) };
     let Some(format) = SingleFileFormat::of_file(&name) else {
         let known: Vec<String> = endings().map(|(e, _)| format!(".{e}")).collect();
         let why = format!("\"{}\" has no known ending; one of {}", args.output.display(), known.join(" "));
@@ -76,11 +76,7 @@ struct OutputFile<'a> {
     to_pipe: bool,
 }
 
-impl<'a> OutputFile<'a> {
-    fn parent(&self) -> &'a Path {
-        self.args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
-    }
-
+impl OutputFile<'_> {
     /// Opens the folder into which the file is written; a folder in memory for standard output.
     fn folder(&self, context: &Context) -> Result<Folder> {
         if self.to_pipe {
@@ -88,7 +84,7 @@ impl<'a> OutputFile<'a> {
         }
         let options =
             WriteOptions { force: self.args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
-        Folder::plain(self.parent(), options)
+        Folder::plain(folder_of(&self.args.output), options)
     }
 
     /// Prints what a dry run would write: as text, or with the counts of `would_make` as JSON.
@@ -107,7 +103,7 @@ impl<'a> OutputFile<'a> {
             return context.console.artefact(&folder.take(self.name).unwrap_or_default());
         }
         // Paths are printed as a user would type them, without "./".
-        let parent = self.parent();
+        let parent = folder_of(&self.args.output);
         let is_here = parent == Path::new(".");
         let path = |p: &str| if is_here { p.to_owned() } else { parent.join(p).display().to_string() };
         let files = folder.files();
@@ -167,7 +163,7 @@ fn write_scene(
     display.done();
     let export_warnings = written?;
     for w in &export_warnings {
-        context.console.note(&format!("warning[{}]: {}", w.code, w.message));
+        context.console.warning(w.code, &w.message);
     }
     output.finish(context, &folder)?;
     Ok(context.strict(warned || !export_warnings.is_empty()))
@@ -267,8 +263,4 @@ fn write_string(context: &Context, output: &OutputFile<'_>, recipe: &Recipe, war
     folder.write(output.name, "string", derived.text.as_bytes())?;
     output.finish(context, &folder)?;
     Ok(context.strict(warned))
-}
-
-fn file_name(path: &Path) -> String {
-    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::args::Info;
 use super::{Context, SCENE_FLAGS, report};
 use osier_base::diagnostic::visible;
-use osier_base::files::{MANIFEST, SearchPaths, read_input};
+use osier_base::files::{MANIFEST, SearchPaths, folder_of, name_of, read_input};
 use osier_base::limits::grouped;
 use osier_base::{Error, Result};
 use osier_export::gltf::Profile;
@@ -27,7 +27,7 @@ pub fn run(context: &Context, args: &Info) -> Result<u8> {
     let limit = context.limits.get("json-bytes");
     // A folder or its manifest means the whole bake, any other file only itself.
     if path.is_dir() || path.file_name().is_some_and(|n| n == MANIFEST) {
-        let root = if path.is_dir() { path } else { parent(path) };
+        let root = if path.is_dir() { path } else { folder_of(path) };
         if !root.join(MANIFEST).is_file() {
             let is_sweep = root.join("sweep.json").is_file();
             let root = root.display();
@@ -51,21 +51,17 @@ pub fn run(context: &Context, args: &Info) -> Result<u8> {
     describe_file(context, path)
 }
 
-fn parent(path: &Path) -> &Path {
-    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
 /// Folder of the bake to which a file belongs, and its path in it; `None` for other files. Bakes have files at most three
 /// folders deep.
 fn bake_of(path: &Path) -> Option<(PathBuf, String)> {
     let mut inside = path.file_name()?.to_string_lossy().into_owned();
-    let mut folder = parent(path);
+    let mut folder = folder_of(path);
     for _ in 0..3 {
         if folder.join(MANIFEST).is_file() {
             return Some((folder.to_path_buf(), inside));
         }
         inside = format!("{}/{inside}", folder.file_name()?.to_string_lossy());
-        folder = parent(folder);
+        folder = folder_of(folder);
     }
     None
 }
@@ -210,7 +206,7 @@ fn describe_file(context: &Context, path: &Path) -> Result<u8> {
         None
     };
     let size = mesh.as_ref().map(|m| m.bounds().size().to_array());
-    let file_name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let file_name = name_of(path);
     let notation = match osier_grammar::detect(&file_name, &bytes) {
         FileKind::Grammar(notation) if mesh.is_none() && std::str::from_utf8(&bytes).is_ok() => Some(notation.word()),
         _ => None,

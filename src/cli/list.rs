@@ -186,7 +186,11 @@ fn options_text(tables: &[TableInfo]) -> String {
         "Keys of a scene file (TOML). Values without a unit are in SI units; keys in degrees end in `_deg`.\n",
     );
     for table in tables {
-        let header = if table.path.is_empty() { String::new() } else { format!("[{}]  ", heading(table)) };
+        let header = match table.path {
+            "" => String::new(),
+            path if table.is_list => format!("[[{path}]]  "),
+            path => format!("[{path}]  "),
+        };
         out += &format!("\n{header}{}\n", table.about);
         for key in &table.keys {
             let default = &key.listing.default;
@@ -195,10 +199,6 @@ fn options_text(tables: &[TableInfo]) -> String {
         }
     }
     out
-}
-
-fn heading(table: &TableInfo) -> String {
-    if table.path == "place" { "[place]".into() } else { table.path.into() }
 }
 
 fn formats_text() -> String {

@@ -31,7 +31,7 @@ use crate::source::SourceOptions;
 use args::{Cli, Command, Common};
 use console::Console;
 use osier_base::Error;
-use osier_base::files::{Folder, WriteOptions, check_writable};
+use osier_base::files::{Folder, WriteOptions, check_writable, folder_of};
 use osier_base::limits::Limits;
 use osier_base::progress::Cancel;
 
@@ -179,7 +179,7 @@ fn start(cli: Cli) -> u8 {
         console.complain(&e);
         return 2;
     }
-    let _memory = match watch::watch(&limits, as_json) {
+    let _memory = match watch::watch(&limits, &cancel, as_json) {
         Ok(memory) => memory,
         Err(e) => {
             console.error(&e);
@@ -218,7 +218,7 @@ fn start(cli: Cli) -> u8 {
 /// # Errors
 /// `Io`, `Foreign`.
 fn check_output(context: &Context, output: &Path, force: bool) -> osier_base::Result<()> {
-    let parent = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let parent = folder_of(output);
     check_writable(parent)?;
     let name = output.file_name().and_then(|name| name.to_str()).filter(|_| output.is_file() && !force);
     let Some(name) = name else { return Ok(()) };

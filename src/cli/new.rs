@@ -10,12 +10,12 @@ use super::{Context, SCENE_FLAGS, preset_list};
 use crate::presets::{self, Preset};
 use osier_base::Result;
 use osier_base::diagnostic::nearest;
-use osier_base::files::{Folder, WriteOptions, safe_name};
+use osier_base::files::{Folder, WriteOptions, name_of, safe_name};
 
 /// Runs `osier new`; the result is the exit code. The folder receives the scene and the presets that it names:
 /// grammars, particle-shapes, species, coefficient tables.
 pub fn run(context: &Context, args: &New) -> Result<u8> {
-    let name = args.name.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = name_of(&args.name);
     if name.is_empty() {
         context.console.complain(&format!("\"{}\" is not the name of a folder", args.name.display()));
         return Ok(2);

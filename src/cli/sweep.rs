@@ -10,7 +10,7 @@ use super::args::Bake;
 use super::numbers::{self, swept_keys};
 use super::progress::ProgressDisplay;
 use crate::bake::motion::{FrameTime, table_rows};
-use crate::bake::scene::dry_run::with_small_maps;
+use crate::bake::scene::reduction::with_small_maps;
 use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;

@@ -1,4 +1,4 @@
-//! Termination of a run by signals, or when it exceeds the limit of memory.
+//! Termination of a run by signals, or when it exceeds the limit of memory: it is asked to stop, and ended if it does not.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use signal_hook::SigId;
 use super::events;
 use osier_base::Error;
 use osier_base::files::{drop_parts, read_input};
-use osier_base::limits::{Limits, grouped};
+use osier_base::limits::{Limits, memory_error};
 use osier_base::progress::Cancel;
 
 /// Time between a signal and forced exit, in which the work can stop and close its files.
@@ -19,6 +19,9 @@ const SHUTDOWN_TIME: Duration = Duration::from_millis(1400);
 const SIGNAL_INTERVAL: Duration = Duration::from_millis(20);
 /// Time between two measurements of memory. Shorter: reading `/proc` costs time; longer: a run exceeds its limit by more.
 const MEMORY_INTERVAL: Duration = Duration::from_millis(10);
+/// Bytes above the limit of memory that a run may take while it stops, beside an eighth of the limit. Own: loops look for requests ten
+/// times a second, in which few take more; the default limit leaves a quarter of the memory free.
+const MEMORY_MARGIN: u64 = 64 << 20;
 /// Time before the first measurement: an excess that the estimate predicts is refused earlier, with its reason.
 const FIRST_MEASUREMENT: Duration = Duration::from_millis(500);
 /// Most bytes of `/proc/self/status`, which lists processors and groups.
@@ -86,17 +89,18 @@ impl Drop for MemoryWatch {
     }
 }
 
-/// Starts a thread that ends the run when it takes more memory than its limit, which covers excesses that no estimate predicts.
-/// `as_json`: whether its error is a line of JSON.
+/// Starts a thread that requests cancellation when the run takes more memory than its limit, which covers excesses that no estimate
+/// predicts. It forces the exit when the run takes [`MEMORY_MARGIN`] and an eighth of the limit more; [`listen`] does if the work has
+/// not stopped within [`SHUTDOWN_TIME`]. `as_json`: whether the error of a forced exit is a line of JSON.
 /// # Errors
 /// `Limit` for a limit of 0, `Io` if the thread cannot be started.
-pub(super) fn watch(limits: &Limits, as_json: bool) -> std::result::Result<MemoryWatch, Error> {
+pub(super) fn watch(limits: &Limits, cancel: &Cancel, as_json: bool) -> std::result::Result<MemoryWatch, Error> {
     let most = limits.get("memory");
     if most == 0 {
-        return Err(limit_error(resident_bytes().unwrap_or(1), most));
+        return Err(memory_error(resident_bytes().unwrap_or(1), most));
     }
     let watch = MemoryWatch(Arc::default());
-    let is_over = Arc::clone(&watch.0);
+    let (is_over, cancel) = (Arc::clone(&watch.0), cancel.clone());
     let spawned = std::thread::Builder::new().name("memory".into()).spawn(move || {
         std::thread::sleep(FIRST_MEASUREMENT);
         while let Some(bytes) = resident_bytes() {
@@ -104,23 +108,15 @@ pub(super) fn watch(limits: &Limits, as_json: bool) -> std::result::Result<Memor
                 return;
             }
             if bytes > most {
-                end(limit_error(bytes, most), as_json);
+                cancel.request_for_memory(bytes, most);
+            }
+            if bytes > most.saturating_add(most / 8).saturating_add(MEMORY_MARGIN) {
+                end(memory_error(bytes, most), as_json);
             }
             std::thread::sleep(MEMORY_INTERVAL);
         }
     });
     spawned.map(|_| watch).map_err(|e| Error::io("start", "a thread", e))
-}
-
-fn limit_error(bytes: u64, most: u64) -> Error {
-    let name = "memory in use, in bytes,".into();
-    Error::Limit {
-        name,
-        wanted: grouped(bytes),
-        limit: grouped(most),
-        flag: "--max-memory".into(),
-        help: String::new(),
-    }
 }
 
 /// Resident memory of the process in bytes; `None` where the system does not report it.

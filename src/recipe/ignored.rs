@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 use super::resolve::Resolver;
 use super::scene::{
     BladeOutline, ColorBy, DropFriction, DropLever, DropMerge, DropShape, FlightRelease, ImpactModel, LatticeProfile,
-    OrganKeys, RainEnvelope, RainSize, RodLoadKind, SkinForm, SolidShape, SwayModel, SwayStart, WindKeys, WindModel,
-    why_in_place,
+    MAX_GROUND_TILE, OrganKeys, RainEnvelope, RainSize, RodLoadKind, SkinForm, SolidShape, SwayModel, SwayStart,
+    WindKeys, WindModel, why_in_place,
 };
 use super::syntax::{KeyTable as _, TomlTable, TomlValue, join};
 use super::{Growth, PlaceRecipe, PlantRecipe, Recipe};
@@ -104,6 +104,12 @@ impl Resolver<'_> {
             needs(&["maps"], recipe.rain.is_some(), "[rain]: these are maps of the water on leaves"),
         ];
         self.report_unmet(Some(root), "", &whole);
+        let ground = &recipe.ground;
+        // Beside a terrain the whole table has been reported; one that is not shown keeps its keys.
+        let has_edge = ground.tile >= ground.size || !ground.show || !has_ground;
+        let side = ground.size.min(MAX_GROUND_TILE);
+        let one_texture = format!("one texture over the whole ground: size = {side} and tile = {side}");
+        self.report_unmet(table_at(root, &["ground"]), "ground", &[needs(&["haze"], has_edge, &one_texture)]);
     }
 
     /// Warns of statistics of a scene that counts nothing.

@@ -67,27 +67,26 @@ impl Request {
 
     /// A scene with a single plant and no ground. `key`: the key of the plant that names its file.
     fn single_plant(name: &str, key: &str, reference: &str) -> Self {
-        // Names become quoted TOML strings: a file name may hold dots, spaces and quotes.
-        let plant = toml::Value::String(name.to_owned()).to_string();
-        let file = toml::Value::String(reference.to_owned()).to_string();
-        let text = format!("[plants.{plant}]\n{key} = {file}\n[ground]\nshow = false\n");
-        let bare = Some(SingleSource::Plant(name.into()));
-        Self { name: name.into(), shown: reference.into(), text, bare, ..Self::default() }
+        Self::single("plants", key, reference, SingleSource::Plant(name.into()))
     }
 
     /// A scene with a single attractor. `name`: the cloud; `reference`: the coefficient table.
     pub fn cloud(name: &str, reference: &str) -> Self {
-        let cloud = toml::Value::String(name.to_owned()).to_string();
-        let file = toml::Value::String(reference.to_owned()).to_string();
-        let text = format!("[clouds.{cloud}]\nifs = {file}\n[ground]\nshow = false\n");
-        let bare = Some(SingleSource::Cloud(name.into()));
-        Self { name: name.into(), shown: reference.into(), text, bare, ..Self::default() }
+        Self::single("clouds", "ifs", reference, SingleSource::Cloud(name.into()))
     }
 
     /// A scene with a single tree of a coefficient table. `name`: the plant; `reference`: the table.
     pub fn tree(name: &str, reference: &str) -> Self {
-        let bare = Some(SingleSource::Tree(name.into()));
-        Self { bare, ..Self::single_plant(name, "ifs", reference) }
+        Self::single("plants", "ifs", reference, SingleSource::Tree(name.into()))
+    }
+
+    /// A scene with the one table `table.NAME`, whose `key` is the file `reference`, and no ground.
+    fn single(table: &str, key: &str, reference: &str, bare: SingleSource) -> Self {
+        let (SingleSource::Plant(name) | SingleSource::Tree(name) | SingleSource::Cloud(name)) = &bare;
+        // Names become quoted TOML strings: a file name may hold dots, spaces and quotes.
+        let [own, file] = [name.as_str(), reference].map(|text| toml::Value::String(text.to_owned()).to_string());
+        let text = format!("[{table}.{own}]\n{key} = {file}\n[ground]\nshow = false\n");
+        Self { name: name.clone(), shown: reference.into(), text, bare: Some(bare), ..Self::default() }
     }
 }
 
@@ -348,6 +347,11 @@ impl Resolver<'_> {
         recipe
     }
 
+    /// Place of a value in a table of the scene, for messages; the beginning of the scene where no text gives it.
+    pub(in crate::recipe) fn place_of(&self, table: &TomlTable, path: &[&str]) -> Span {
+        span_of(table, path).unwrap_or(self.whole)
+    }
+
     /// Reads the table `name` below the top level; all defaults without it.
     pub(in crate::recipe) fn section<S: KeyTable>(&mut self, parent: &TomlTable, name: &str) -> S {
         self.section_at(parent, "", name)
@@ -421,7 +425,7 @@ impl Resolver<'_> {
         // A scene without an end is one still frame.
         let end = keys.end.unwrap_or(keys.start);
         if end < keys.start {
-            let span = span_of(root, &["frames", "end"]).unwrap_or(self.whole);
+            let span = self.place_of(root, &["frames", "end"]);
             let d = Diagnostic::error("S004", format!("frames.end is {end}, before frames.start"), span, "too small");
             self.report.push(d.help(format!("at least {}", keys.start)));
         }
@@ -522,14 +526,14 @@ impl Resolver<'_> {
         let useless: Vec<&str> =
             words.into_iter().filter(|word| clip.len() < 2 && clips_only.iter().any(|f| f.word == *word)).collect();
         if !useless.is_empty() {
-            let span = span_of(root, &["output", "formats"]).unwrap_or(self.whole);
+            let span = self.place_of(root, &["output", "formats"]);
             let text = format!("output.formats needs a clip for {}, but the scene has one frame", useless.join(", "));
             let d = Diagnostic::warning("S007", text, span, "has no effect");
             self.report.push(d.help("make it a clip: [frames] end = 48"));
         }
         // Grids of the wind are written without a format.
         if keys.formats.is_empty() && wind.grids.is_empty() {
-            let span = span_of(root, &["output", "formats"]).unwrap_or(self.whole);
+            let span = self.place_of(root, &["output", "formats"]);
             let text = "output.formats is empty: a bake writes nothing of the scene";
             let d = Diagnostic::warning("S007", text, span, "no format");
             self.report.push(d.help("name formats, such as [\"usd\", \"glb\"], or leave the key out"));
@@ -541,8 +545,9 @@ impl Resolver<'_> {
             usd: self.section_at(table, "output", "usd"),
             gltf: {
                 let keys = self.section_at(table, "output", "gltf");
-                let keys = self.check_gltf_frame(root, keys, clip);
-                self.check_gltf_channels(root, keys)
+                self.check_gltf_frame(root, &keys, clip);
+                self.check_gltf_profiles(root, &keys);
+                keys
             },
             points: self.section_at(table, "output", "points"),
             unreal: self.section_at(table, "output", "unreal"),
@@ -562,7 +567,7 @@ impl Resolver<'_> {
         ];
         for (format, table, key, is_empty) in lists {
             if is_empty && output.writes(format) {
-                let span = span_of(root, &["output", table, key]).unwrap_or(self.whole);
+                let span = self.place_of(root, &["output", table, key]);
                 let text = format!("output.{table}.{key} is empty: no file of \"{}\" is written", format.word);
                 let d = Diagnostic::warning("S007", text, span, "nothing to write");
                 self.report.push(d.help("leave the key out, or the format"));
@@ -577,19 +582,18 @@ impl Resolver<'_> {
     }
 
     /// Reports S004 if the frame that a still glTF shows is not one of the clip.
-    fn check_gltf_frame(&mut self, root: &TomlTable, keys: GltfKeys, clip: Clip) -> GltfKeys {
+    fn check_gltf_frame(&mut self, root: &TomlTable, keys: &GltfKeys, clip: Clip) {
         // Without the key the glTF has the first frame, which is always one of the clip.
         if let Some(frame) = keys.frame.filter(|f| !(clip.start..=clip.end).contains(f)) {
-            let span = span_of(root, &["output", "gltf", "frame"]).unwrap_or(self.whole);
+            let span = self.place_of(root, &["output", "gltf", "frame"]);
             let text = format!("output.gltf.frame is {frame}, but must be {} to {}", clip.start, clip.end);
             let d = Diagnostic::error("S004", text, span, "not in the clip");
             self.report.push(d.help("name a frame of the clip, or make it longer: [frames] end"));
         }
-        keys
     }
 
     /// Warns of keys whose profile is not written, and checks that `channels` has four words or one preset.
-    fn check_gltf_channels(&mut self, root: &TomlTable, keys: GltfKeys) -> GltfKeys {
+    fn check_gltf_profiles(&mut self, root: &TomlTable, keys: &GltfKeys) {
         for (key, profile) in [
             ("quantize", GltfProfile::Web),
             ("meshopt", GltfProfile::Web),
@@ -604,9 +608,9 @@ impl Resolver<'_> {
             }
         }
         if keys.channels.is_empty() {
-            return keys;
+            return;
         }
-        let span = span_of(root, &["output", "gltf", "channels"]).unwrap_or(self.whole);
+        let span = self.place_of(root, &["output", "gltf", "channels"]);
         let presets = keys.channels.iter().filter(|w| w.is_preset()).count();
         // Either four channels without a preset among them, or a single preset.
         if (keys.channels.len(), presets) != (4, 0) && (keys.channels.len(), presets) != (1, 1) {
@@ -619,7 +623,6 @@ impl Resolver<'_> {
             let d = Diagnostic::warning("S007", text, span, "has no effect");
             self.report.push(d.help("add the profile: [output.gltf] profiles = [\"engine\"]"));
         }
-        keys
     }
 }
 

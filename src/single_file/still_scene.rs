@@ -27,7 +27,7 @@ impl<'r> StillScene<'r> {
     /// # Errors
     /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
     pub fn assemble(recipe: &'r Recipe, context: &BakeContext<'_>) -> Result<Self> {
-        Ok(Self { recipe, assembled: assemble_scene(recipe, SceneOptions { ground: false }, context)? })
+        Ok(Self { recipe, assembled: assemble_scene(recipe, SceneOptions::WITHOUT_GROUND, context)? })
     }
 
     /// As [`StillScene::assemble`] with the least work that [`StillScene::estimate`] needs; the scene cannot be
@@ -35,7 +35,7 @@ impl<'r> StillScene<'r> {
     /// # Errors
     /// As [`StillScene::assemble`].
     pub fn assemble_for_estimate(recipe: &'r Recipe, context: &BakeContext<'_>) -> Result<Self> {
-        Ok(Self { recipe, assembled: assemble_for_estimate(recipe, SceneOptions { ground: false }, context)? })
+        Ok(Self { recipe, assembled: assemble_for_estimate(recipe, SceneOptions::WITHOUT_GROUND, context)? })
     }
 
     /// Warnings from building the scene, without those of the recipe.
@@ -53,7 +53,7 @@ impl<'r> StillScene<'r> {
     /// X030 if the file would hold nothing.
     pub fn estimate(&self, format: &'static FormatInfo, profile: Profile) -> Result<BakeEstimate> {
         refuse_empty(&self.assembled.animated, format.word)?;
-        Ok(estimate_file(&self.assembled, self.recipe, format, profile == Profile::Web))
+        Ok(estimate_file(&self.assembled, self.recipe, format, of_single_file(profile)))
     }
 
     /// Writes the scene into a folder; the ending of `name` chooses the format.
@@ -69,9 +69,16 @@ impl<'r> StillScene<'r> {
     ) -> Result<Vec<Warning>> {
         folder.check_name(name)?;
         let textures = Arc::new(Textures::encode(&self.assembled.animated.scene)?);
-        let is_web = profile == Profile::Web;
-        let exporter = exporters::file_exporter(folder.clone(), name, &textures, self.recipe, is_web)
+        let exporter = exporters::file_exporter(folder.clone(), name, &textures, self.recipe, of_single_file(profile))
             .ok_or_else(|| Error::export("X030", format!("no exporter writes \"{name}\"")))?;
         frame_loop::write_frames(&self.assembled.animated, &mut [exporter], &[], context)
+    }
+}
+
+/// The profile of a single file, which has no levels of detail: that of Blender in place of that of engines.
+fn of_single_file(profile: Profile) -> Profile {
+    match profile {
+        Profile::Blender | Profile::Engine => Profile::Blender,
+        Profile::Web => Profile::Web,
     }
 }

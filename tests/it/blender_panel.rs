@@ -92,6 +92,15 @@ fn a_wheel_in_a_clean_environment_is_the_program() {
     let output = Command::new(&own).args(["-c", twice]).output().expect("python");
     assert!(String::from_utf8_lossy(&output.stderr).contains("once in a process"), "{output:?}");
 
+    // A run that takes more memory than it may, which no estimate foresaw, ends without the process.
+    let over = format!(
+        "import osier; print('ends with', osier.main(['-q', 'preview', 'landscape', '--max-memory', '100M', '-o', '{}']))",
+        arg(&dir.path().join("l.png"))
+    );
+    let output = Command::new(&own).args(["-c", &over]).output().expect("python");
+    let said = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
+    assert!(said[0].contains("ends with 1") && said[1].contains("memory in use"), "{said:?}");
+
     // After a call the signals are those of Python again.
     let after = "import osier, os, signal, time\nosier.main(['list', 'limits'])\n\
                  try:\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(9)\n\

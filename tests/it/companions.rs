@@ -78,7 +78,7 @@ fn models_have_the_results_worked_out_by_hand() {
         }
         let (recipe, mut warned) = load(&file);
         let grown = individuals(&recipe).remove(0);
-        let scene = stage(&recipe, SceneOptions { ground: false });
+        let scene = stage(&recipe, SceneOptions::WITHOUT_GROUND);
         warned.extend(scene.report.diagnostics.iter().map(|d| d.code));
         let plant = &grown.plant;
         let (low, high, triangles) = shapes(plant);

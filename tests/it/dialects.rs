@@ -1135,6 +1135,15 @@ fn namesakes_and_faulty_entries_of_fractint_are_told() {
         "{told}"
     );
     assert!(told.contains("s.l#koch(2)"), "{told}");
+    // Entries without a name have the places of their braces; a name belongs to one brace.
+    let unnamed = dir.path().join("u.l");
+    let text = format!("Title\n{}{}{}", entry("", "F=FF"), entry("", "F=F+F"), entry("", "F=F-F"));
+    std::fs::write(&unnamed, text).expect("written");
+    let (names, told) = ends(0, &["list", arg(&unnamed)]);
+    assert!(names.contains("u.l#Title\n") && names.contains("u.l#(2)"), "{names}{told}");
+    let (_, told) = ends(0, &["check", arg(&unnamed)]);
+    assert!(told.contains("this L-system has no name, nor has that in line 12") && told.contains("u.l:7:2"), "{told}");
+    assert!(told.contains("write a name before each '{'") && !told.contains("\"\""), "{told}");
     // Each has its own drawing: the second one turns to the other side.
     let string = dir.path().join("s.txt");
     let drawn = |entry: &str| {

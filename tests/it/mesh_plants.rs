@@ -18,7 +18,7 @@ use osier::plant::Plant;
 use osier::recipe::{Library, Recipe, Request, resolve};
 use osier::scene::{Mesh, mesh_points};
 
-const STILL: SceneOptions = SceneOptions { ground: false };
+const STILL: SceneOptions = SceneOptions::WITHOUT_GROUND;
 
 fn scene(folder: &Path, text: &str) -> osier::Result<(Recipe, osier::diagnostic::Report)> {
     let library = Library::new(&folder.join("scene.toml"), &[]).expect("folder");

@@ -326,7 +326,7 @@ fn individuals_are_those_of_the_stage() {
     for preset in growing().filter(|p| !other_species(p)) {
         let mut recipe = grown::recipe(preset, Some(3), false);
         recipe.clip.end = recipe.clip.start;
-        let scene = grown::stage(&recipe, SceneOptions { ground: false }).animated.scene;
+        let scene = grown::stage(&recipe, SceneOptions::WITHOUT_GROUND).animated.scene;
         check_scene(&scene).unwrap_or_else(|e| panic!("{}: {e}", preset.name));
         let grown = grown::individuals(&recipe);
         assert_eq!(scene.assets.len(), grown.len(), "{}", preset.name);

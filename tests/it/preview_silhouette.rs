@@ -76,7 +76,7 @@ fn outlines_agree_with_povray_on_five_scenes() {
         [("oak.toml", 1, None), ("birch.toml", 3, None), ("poplar-twig.toml", 2, Some(40)), ("oak.toml", 8, Some(10))]
     {
         let preset = presets::find(name).expect("preset");
-        let stage = grown::stage(&grown::recipe(preset, Some(seed), false), SceneOptions { ground: false }).animated;
+        let stage = grown::stage(&grown::recipe(preset, Some(seed), false), SceneOptions::WITHOUT_GROUND).animated;
         let frame: Option<Frame> =
             frame.map(|n| motion::evaluate_frame(&stage.scene, &stage.motions, n, true).expect("a frame"));
         scenes.push((format!("{name} {seed}"), (*stage.scene).clone(), frame));

@@ -447,6 +447,7 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "[[place]]\nring = 9\ncount = 3\nclear = 2\njitter = 1\n",
         ),
         ("[terrain]\nsubdivisions = 3\n[ground]\nrelief = 2\n", "ground", "[ground]\nrelief = 2\n"),
+        ("[ground]\nhaze = 0.3\n", "ground.haze", "[ground]\nhaze = 0.3\nsize = 30\ntile = 30\n"),
         (
             "[terrain]\n[[scatter]]\nplants = { a = 1 }\ninner = 9\n",
             "scatter.0.inner",

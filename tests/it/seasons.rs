@@ -33,7 +33,7 @@ fn recipe(text: &str) -> Recipe {
 }
 
 fn assembled(text: &str) -> AssembledScene {
-    grown::stage(&recipe(text), SceneOptions { ground: false })
+    grown::stage(&recipe(text), SceneOptions::WITHOUT_GROUND)
 }
 
 /// The first plant of a scene.

@@ -434,6 +434,42 @@ fn textures_and_maps_of_presets_are_predicted() {
     }
 }
 
+/// Maps of leaves with a relief, and of leaves with drops alone.
+#[test]
+fn maps_of_leaves_in_rain_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    for (scene, frames, most) in [("wet-leaf", "frames.end=12", 1.1), ("rain-table-1", "frames.end=24", 1.35)] {
+        let out = temp.path().join(scene);
+        let flags = ["-q", "bake", scene, "--set", frames, "--formats", "exr", "-o", arg(&out)];
+        let (told, _) = ends(0, &[&flags[..], &["-n", "--json"]].concat());
+        let told: Value = serde_json::from_str(&told).expect("JSON");
+        ends(0, &flags);
+        let share = told["would_make"]["sizes"]["exr"].as_f64().expect("bytes") / bytes_in(&out.join("maps")) as f64;
+        assert!((1.0 / most..most).contains(&share), "{scene}: {share}");
+    }
+}
+
+/// Drops on leaves near the camera, in a clip and in a still scene.
+#[test]
+fn drops_on_leaves_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    for (frames, format, folder) in
+        [("frames.end=24", "usd", "usd"), ("frames.end=24", "pov", "pov"), ("frames.end=1", "obj", "obj")]
+    {
+        let out = temp.path().join(format);
+        let flags = ["-q", "bake", "rain-table-1", "--set", frames, "--formats", format, "-o", arg(&out)];
+        let (told, _) = ends(0, &[&flags[..], &["-n", "--json"]].concat());
+        let told: Value = serde_json::from_str(&told).expect("JSON");
+        ends(0, &flags);
+        // The prediction for POV-Ray holds the maps of leaves, which are beside its files.
+        let maps = if format == "pov" { bytes_in(&out.join("maps")) } else { 0 };
+        let written = (bytes_in(&out.join(folder)) + maps) as f64;
+        let share = told["would_make"]["sizes"][format].as_f64().expect("bytes") / written;
+        // The number of drops is a guess from the area of the leaves.
+        assert!((0.5..1.5).contains(&share), "{format}: {share} of {written} bytes");
+    }
+}
+
 #[test]
 fn the_joints_of_all_copies_are_predicted() {
     let temp = tempfile::tempdir().expect("temp");

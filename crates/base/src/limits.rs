@@ -123,6 +123,17 @@ impl Limits {
     }
 }
 
+/// `Limit` for `bytes` of memory in use where `limit` allows fewer.
+pub fn memory_error(bytes: u64, limit: u64) -> Error {
+    Error::Limit {
+        name: "memory in use, in bytes,".into(),
+        wanted: grouped(bytes),
+        limit: grouped(limit),
+        flag: "--max-memory".into(),
+        help: String::new(),
+    }
+}
+
 /// Linux's files with the limits of memory of the control groups in which a process runs, from the outermost group to its own, of
 /// both versions of control groups. `text`: of `/proc/self/cgroup`.
 /// # Examples

@@ -12,7 +12,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Debug;
 
-use osier_scene::{Asset, AssetFrame, InstancerMotion, MapSequence, Material, MeshMotion, Scene};
+use osier_scene::{Asset, AssetFrame, InstancerMotion, Material, MeshMotion, Scene};
 
 use super::options::ExportOptions;
 
@@ -74,13 +74,6 @@ impl EstimateInput<'_> {
         };
         let sequences = self.scene.map_sequences.iter().enumerate();
         sequences.filter(|(i, _)| has_relief(*i)).map(|(_, s)| s.texels() as u64).sum()
-    }
-
-    /// Numbers of one frame in all maps of every map sequence: texels times channels.
-    pub fn map_samples(&self) -> u64 {
-        // Normals have three channels, heights and weights one: numbers, not texels, decide on the bytes.
-        let channels = |s: &MapSequence| s.layers.iter().map(|l| l.encoding.channels() as u64).sum::<u64>();
-        self.scene.map_sequences.iter().map(|s| s.texels() as u64 * channels(s)).sum()
     }
 }
 

@@ -315,11 +315,17 @@ fn check_weight_sums(session: &mut ParseSession, program: &Program, rules: &Prod
 
 /// L055: contexts that name a symbol which contexts look past.
 fn check_ignored_contexts(session: &mut ParseSession, program: &Program) {
-    let ignored = program.ignored.flags(&program.symbols);
-    let item = if matches!(program.ignored, IgnoredSymbols::Listed(_)) { "Ignore" } else { "Consider" };
-    for element in program.productions().flat_map(|p| p.left.iter().chain(&p.right)) {
-        let ContextElement::Module(f) = element else { continue };
-        if ignored.get(usize::from(f.symbol)) == Some(&true) {
+    let of_system = program.ignored.flags(&program.symbols);
+    for p in program.productions().filter(|p| !p.is_context_free()) {
+        let own = p.ignored.as_ref().map(|ignored| ignored.flags(&program.symbols));
+        let flags = own.as_ref().unwrap_or(&of_system);
+        let is_list = matches!(p.ignored.as_ref().unwrap_or(&program.ignored), IgnoredSymbols::Listed(_));
+        let item = if is_list { "Ignore" } else { "Consider" };
+        for element in p.left.iter().chain(&p.right) {
+            let ContextElement::Module(f) = element else { continue };
+            if flags.get(usize::from(f.symbol)) != Some(&true) {
+                continue;
+            }
             let c = shown(program, f.symbol);
             let message = format!("this context never matches: {c} is hidden by '{item}:'");
             // `Ignore:` lists the hidden symbols, `Consider:` those that are seen.

@@ -47,6 +47,8 @@ pub(crate) struct Production {
     pub new_left: Vec<ContextElement>,
     /// What the new string must begin with, as far as it is made from its end: only in a program that is derived backward.
     pub new_right: Vec<ContextElement>,
+    /// The symbols that its contexts skip, if they are others than those of its L-system.
+    pub ignored: Option<IgnoredSymbols>,
     pub before: Option<Bytecode>,
     pub condition: Option<Bytecode>,
     pub after: Option<Bytecode>,
@@ -115,7 +117,7 @@ impl ProductionSet {
 }
 
 /// Symbols that context matching skips.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) enum IgnoredSymbols {
     #[default]
     Nothing,

@@ -128,8 +128,10 @@ impl RandomStreams {
 pub(crate) enum Halt {
     /// A loop that passes [`LOOP_LIMIT`] iterations (L044).
     Loop(SourcePlace),
-    /// A function that passes [`CALL_LIMIT`] calls within one another (L044), and whether it calls itself.
-    Calls(SourcePlace, bool),
+    /// A function that calls itself, by way of others too, and passes [`CALL_LIMIT`] calls within one another (L044).
+    Recursion(SourcePlace),
+    /// Another function that passes [`CALL_LIMIT`] calls within one another (L044).
+    NestedCalls(SourcePlace),
     /// The derivation has run more statements than its limit allows (L051).
     Statements(SourcePlace),
     /// A string passes the limit on its modules (L051), or its receiver takes no more.
@@ -434,7 +436,8 @@ impl Vm {
             return Err(Halt::Statements(function.place));
         }
         if self.depth >= CALL_LIMIT {
-            return Err(Halt::Calls(function.place, calls_itself(functions, k)));
+            let halt = if calls_itself(functions, k) { Halt::Recursion } else { Halt::NestedCalls };
+            return Err(halt(function.place));
         }
         let first = self.stack.len().saturating_sub(function.parameters);
         let mut locals = self.stack.split_off(first);

@@ -74,6 +74,11 @@ pub fn grow_plant(
 }
 
 impl GrownPlant {
+    /// A plant without a string, an imported mesh, an organ for its segments and changes over the clip.
+    fn new(plant: Plant, report: Report) -> Self {
+        Self { plant, report, modules: 0, imported: None, clip: None, segment: None, season: None }
+    }
+
     /// Shows the plant at its season, and gives its leaves the attributes of their crown.
     fn show_season(
         &mut self,
@@ -95,9 +100,7 @@ impl GrownPlant {
         }
         Ok(())
     }
-}
 
-impl GrownPlant {
     /// The plant for formats without frames: with the leaves of the first frame, or, if it grows, as old as the clip shows it; `None` if it
     /// is that already.
     /// # Errors
@@ -112,8 +115,7 @@ impl GrownPlant {
         };
         add_crown_attributes(&mut plant, recipe);
         let (imported, segment) = (self.imported.clone(), self.segment.clone());
-        let report = Report::default();
-        Ok(Some(Self { plant, report, modules: self.modules, imported, clip: None, segment, season: None }))
+        Ok(Some(Self { modules: self.modules, imported, segment, ..Self::new(plant, Report::default()) }))
     }
 }
 
@@ -146,28 +148,12 @@ fn grow_from_source(
             } else {
                 ifs::grow(stems, identity, &options, context.limits)?
             };
-            return Ok(GrownPlant {
-                plant,
-                report: Report::default(),
-                modules: 0,
-                imported: None,
-                segment: None,
-                clip: None,
-                season: None,
-            });
+            return Ok(GrownPlant::new(plant, Report::default()));
         }
         Growth::Shapes(keys) => {
             let (plant, warnings) = grow_shapes(keys, recipe, individual, set, site)?;
             let report = Report { diagnostics: warnings, ..Report::default() };
-            return Ok(GrownPlant {
-                plant,
-                report,
-                modules: 0,
-                imported: None,
-                segment: None,
-                clip: None,
-                season: None,
-            });
+            return Ok(GrownPlant::new(plant, report));
         }
         Growth::Species(_) => {
             // Species are grown before all other plants, since trees that stand together shade each other.
@@ -180,22 +166,14 @@ fn grow_from_source(
                 }
             };
             let report = Report { diagnostics: warnings, ..Report::default() };
-            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None, clip, season: None });
+            return Ok(GrownPlant { clip, ..GrownPlant::new(plant, report) });
         }
         Growth::Mesh(..) => {
             let imported = set.tree.clone();
             let tree = imported.as_deref().ok_or_else(|| Error::input("S005", "a mesh without its skeleton"))?;
             let mut plant = tree.individual(individual.id, individual.seed, &recipe.source);
             plant.materials = set.materials.iter().map(|m| m.name.clone()).collect();
-            return Ok(GrownPlant {
-                plant,
-                report: Report::default(),
-                modules: 0,
-                imported,
-                segment: None,
-                clip: None,
-                season: None,
-            });
+            return Ok(GrownPlant { imported, ..GrownPlant::new(plant, Report::default()) });
         }
     };
     // Derivation of the grammar's string, then its interpretation by the turtle.
@@ -208,7 +186,7 @@ fn grow_from_source(
     report.output.push_str(&output);
     let modules = derived.module_count();
     derived.warnings.into_iter().chain(warnings).for_each(|d| report.push(d));
-    Ok(GrownPlant { plant, report, modules, imported: None, segment: None, clip: None, season: None })
+    Ok(GrownPlant { modules, ..GrownPlant::new(plant, report) })
 }
 
 /// Derives the string of one individual. `set`: the organs of its plant, which queries about the turtle's position may need.

@@ -61,6 +61,10 @@ impl BuiltPlant {
         Self { asset, motion: None, clamped_angles: 0, motion_in_rain: PlantInRain::Still, diagnostics }
     }
 
+    fn moved_by(motion: impl AssetMotion + 'static, asset: Asset, diagnostics: Vec<Diagnostic>) -> Self {
+        Self { motion: Some(Arc::new(motion)), ..Self::without_motion(asset, diagnostics) }
+    }
+
     /// Adds the plant at rest with joints on its branches to the asset. A plant that changes over the clip is shown at one time of it.
     fn with_rig(
         mut self,
@@ -255,31 +259,26 @@ fn build_plant(
     transform: Trs,
     context: &BakeContext<'_>,
 ) -> Result<BuiltPlant> {
+    let seconds = recipe.clip.seconds(recipe.clip.end);
     // A plant that grows over the clip follows the clock of its growth and no wind.
     if let Some(clip) = &grown.clip {
-        let seconds = recipe.clip.seconds(recipe.clip.end);
         let BoundPlant { mut asset, bindings, .. } =
             build_bound_plant(grown, plant, materials, individual, None, context)?;
         YearsMotion::prepare(&mut asset, materials, clip);
         let motion = YearsMotion::new(clip.clone(), materials, &bindings, is_shown_by_segments(grown, plant), seconds);
-        let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
-        return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(asset, Vec::new()) });
+        return Ok(BuiltPlant::moved_by(motion, asset, Vec::new()));
     }
     if let Some(shares) = plant.keys.growth_clip.filter(|_| recipe.clip.len() > 1) {
-        let seconds = recipe.clip.seconds(recipe.clip.end);
         let (asset, motion) =
             build_growing_plant(grown, plant, materials, individual, GrowthClip { shares, seconds }, context)?;
-        let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
-        return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(asset, Vec::new()) });
+        return Ok(BuiltPlant::moved_by(motion, asset, Vec::new()));
     }
     // A plant whose leaves change over the clip follows no wind either.
     if let Some(season) = &grown.season {
         let BoundPlant { mut asset, .. } = build_bound_plant(grown, plant, materials, individual, None, context)?;
-        let seconds = recipe.clip.seconds(recipe.clip.end);
         let motion = SeasonMotion::new(&grown.plant, materials, season, seconds);
         motion.prepare(&mut asset);
-        let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
-        return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(asset, Vec::new()) });
+        return Ok(BuiltPlant::moved_by(motion, asset, Vec::new()));
     }
     let still = matches!(plant.keys.motion, BarkMotion::Still | BarkMotion::Static);
     let clock = FrameClock { fps: recipe.clip.fps(), first: recipe.clip.start };
@@ -301,8 +300,7 @@ fn build_plant(
     if let Some(wind) = wind.filter(|_| moves_on_rods) {
         let built = build_rods()?;
         let motion = RodPlantMotion::new(built.rods, built.binding, plant, wind, clock.fps);
-        let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
-        return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(built.asset, built.diagnostics) });
+        return Ok(BuiltPlant::moved_by(motion, built.asset, built.diagnostics));
     }
     // A still plant with rods keeps the petiole meshes that are built from them, but no joints.
     if plant.rods.is_some() {

@@ -38,18 +38,18 @@ pub fn bake_exporters(
     writers
 }
 
-/// Opens the exporter of a single file `name` in a folder; `None` for an unknown ending. `web`: glTF for browsers.
+/// Opens the exporter of a single file `name` in a folder; `None` for an unknown ending. `profile`: of a glTF.
 pub fn file_exporter(
     folder: Folder,
     name: &str,
     textures: &Arc<Textures>,
     recipe: &Recipe,
-    web: bool,
+    profile: gltf::Profile,
 ) -> Option<NamedExporter> {
     let (_, ending) = name.rsplit_once('.')?;
     let format = registry::by_ending(&ending.to_ascii_lowercase())?;
     let mut options = export_options(recipe);
-    options.gltf_profiles = vec![if web { gltf::Profile::Web } else { gltf::Profile::Blender }];
+    options.gltf_profiles = vec![profile];
     let job = ExportJob { folder, textures: Arc::clone(textures), options: &options, file: Some(name) };
     // A single file has one writer; formats of several profiles got one above.
     open_format_writers(format, &job).into_iter().next()

@@ -27,29 +27,29 @@ const POINT_BYTES: u64 = 50;
 const USD_POINT_BYTES: u64 = 26;
 /// Bytes for each vertex that frames carry: position, normal and velocity in the frame that is written and in the next, and the binding
 /// of the vertex to its branch. Runs with 0.24 to 2.9 million of them take 85 to 140 bytes each.
-const POSED_VERTEX: u64 = 120;
+const POSED_VERTEX_BYTES: u64 = 120;
 /// Additional bytes for each point of a cloud that morphs: velocities in two frames, and the positions half a frame before and after,
 /// from which they are found. Runs of 0.5 to 3 million points take 56 to 81 bytes each.
-const MORPHING_POINT: u64 = 70;
+const MORPHING_POINT_BYTES: u64 = 70;
 /// Bytes of trees that grow over the clip year by year, for each vertex and the same for each triangle of their bark: their internodes at
 /// the end of all years and in the frame that is written; and for each leaf that is seen at once: the leaves that follow each other there.
 /// Runs with 27,000 to 590,000 vertices and triangles and 15,000 to 365,000 leaves are told within a quarter.
-const GROWING_ELEMENT: u64 = 380;
-const GROWING_LEAF: u64 = 440;
+const GROWING_ELEMENT_BYTES: u64 = 380;
+const GROWING_LEAF_BYTES: u64 = 440;
 /// Bytes for each texel of the maps of rain.
 const TEXEL_BYTES: u64 = 150;
 
 /// Bytes for each triangle of an imported terrain beside its mesh: the mesh of the file, the triangles by which heights are
 /// found, and their index.
-const TERRAIN_TRIANGLE: u64 = 70;
+const TERRAIN_TRIANGLE_BYTES: u64 = 70;
 
 /// Bytes for each catkin in flight beside its instance: its state and that at the start of the clip, the grid of contacts, its row in the
 /// frame that is written and in the next. Runs of 200,000 and of a million take 1,080 to 1,500 bytes each; the value lies between.
-const CATKIN: u64 = 1160;
+const CATKIN_BYTES: u64 = 1160;
 
 /// Bytes of the record of rain at each frame: for a leaf its pose, its water and its place on the plant; for a drop in the air.
-const RECORDED_LEAF: u64 = 350;
-const RECORDED_DROP: u64 = 96;
+const RECORDED_LEAF_BYTES: u64 = 350;
+const RECORDED_DROP_BYTES: u64 = 96;
 
 /// Bytes for each cell of a volume of vectors (centre, velocity in two frames, packed copy), and of a sparse volume of scalars.
 const VOXEL_BYTES: u64 = 70;
@@ -85,16 +85,16 @@ pub fn predict_memory(
     // Rain is simulated as a whole before the first frame is written.
     let recorded = match &recipe.rain {
         Some(_) if counts.frames > 1 => {
-            let leaves = RECORDED_LEAF.saturating_mul(counts.instances);
-            counts.frames.saturating_mul(leaves.saturating_add(RECORDED_DROP.saturating_mul(counts.points)))
+            let leaves = RECORDED_LEAF_BYTES.saturating_mul(counts.instances);
+            counts.frames.saturating_mul(leaves.saturating_add(RECORDED_DROP_BYTES.saturating_mul(counts.points)))
         }
         _ => 0,
     };
     let morphs = recipe.clouds.iter().filter(|cloud| cloud.morph.is_some());
     let morphing_points: u64 = morphs.map(|cloud| u64::from(cloud.keys.points)).sum();
-    let posed = POSED_VERTEX.saturating_mul(carried.posed_vertices);
-    let moved = posed.saturating_add(MORPHING_POINT.saturating_mul(morphing_points));
-    let years = GROWING_ELEMENT.saturating_mul(carried.growing_elements);
+    let posed = POSED_VERTEX_BYTES.saturating_mul(carried.posed_vertices);
+    let moved = posed.saturating_add(MORPHING_POINT_BYTES.saturating_mul(morphing_points));
+    let years = GROWING_ELEMENT_BYTES.saturating_mul(carried.growing_elements);
     let mut parts = vec![
         ("program", PROGRAM_BYTES + THREAD_BYTES * osier_base::par::threads() as u64),
         ("pictures", scene.images.iter().map(decoded_bytes).sum::<u64>() / 10 * PICTURE_BYTE_TENTHS),
@@ -102,13 +102,16 @@ pub fn predict_memory(
         ("instances", INSTANCE_BYTES.saturating_mul(counts.instances)),
         ("points", point.saturating_mul(counts.points)),
         ("frames", if counts.frames > 1 { moved } else { 0 }),
-        ("years of trees", years.saturating_add(GROWING_LEAF.saturating_mul(carried.growing_leaves))),
+        ("years of trees", years.saturating_add(GROWING_LEAF_BYTES.saturating_mul(carried.growing_leaves))),
         ("writers", writers),
         ("maps of rain", TEXEL_BYTES * texels),
         ("record of rain", recorded),
-        ("flights", CATKIN.saturating_mul(recipe.flight.as_ref().map_or(0, |flight| u64::from(flight.keys.count)))),
+        (
+            "flights",
+            CATKIN_BYTES.saturating_mul(recipe.flight.as_ref().map_or(0, |flight| u64::from(flight.keys.count))),
+        ),
         ("volumes", volumes),
-        ("terrain", TERRAIN_TRIANGLE.saturating_mul(terrain_triangles(recipe))),
+        ("terrain", TERRAIN_TRIANGLE_BYTES.saturating_mul(terrain_triangles(recipe))),
     ];
     parts.extend(lattice_memory(recipe));
     parts.retain(|p| p.1 > 0);

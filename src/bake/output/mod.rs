@@ -4,7 +4,6 @@ pub mod bake_estimate;
 pub mod estimate;
 pub mod exporters;
 pub mod frame_loop;
-pub mod ifs_tables;
 pub(crate) mod memory;
 pub mod single_file;
 pub(crate) mod texture_bytes;

@@ -12,10 +12,15 @@ use osier_export::format::FormatInfo;
 use osier_export::gltf::Profile;
 use osier_scene::{Asset, AssetKind, Scene};
 
-/// Estimates the file that `osier grow` will write in a format. `web`: glTF for browsers.
-pub fn estimate_file(built: &AssembledScene, recipe: &Recipe, format: &'static FormatInfo, web: bool) -> BakeEstimate {
+/// Estimates the file that `osier grow` will write in a format; `profile`: of a glTF.
+pub fn estimate_file(
+    built: &AssembledScene,
+    recipe: &Recipe,
+    format: &'static FormatInfo,
+    profile: Profile,
+) -> BakeEstimate {
     let mut options = export_options(recipe);
-    options.gltf_profiles = vec![if web { Profile::Web } else { Profile::Blender }];
+    options.gltf_profiles = vec![profile];
     let job = EstimateJob { formats: &[format], frames: 0, weights: &built.weights, single: true };
     BakeEstimate { modules: built.modules, ..estimate_formats(&built.animated, recipe, &options, &job) }
 }

@@ -2,6 +2,7 @@
 
 use crate::bake::output::memory::decoded_bytes;
 use osier_base::convert::to_usize;
+use osier_base::math;
 use osier_export::textures;
 use osier_scene::{Image, Material, MaterialClass, Pixels, Scene};
 
@@ -10,22 +11,23 @@ use osier_scene::{Image, Material, MaterialClass, Pixels, Scene};
 const SAMPLED_ROWS: u32 = 64;
 const BANDS: u32 = 4;
 
-/// Shares of the bytes of the samples that files of drawn maps have, in the order of [`MapKind`], at three places of a scale. Measured on
-/// the presets.
-type FileShares = [[f64; 3]; 4];
+/// Shares of the bytes of the samples that the PNG of a drawn map has, at both ends of the range of its texels: bark and leaves at
+/// sides of 64 and 1024 texels, ground at texels of 0.4 and 3 mm. Measured on the presets, whose textures they predict within a sixth.
+struct FileShares {
+    /// Colour and roughness.
+    color: [f64; 2],
+    normal: [f64; 2],
+    height: [f64; 2],
+}
 
-/// Bark at sides of 64, 256 and 1024 texels: drawn at more texels it is smoother from one to the next.
-const BARK: FileShares = [[0.38, 0.29, 0.15], [0.26, 0.27, 0.33], [0.52, 0.29, 0.15], [0.95, 0.85, 0.74]];
-/// Blades of leaves at the same sides.
-const LEAF: FileShares = [[0.51, 0.48, 0.35], [0.44, 0.55, 0.48], [0.76, 0.68, 0.45], [0.95, 0.88, 0.81]];
-/// Ground at texels of [`GROUND_TEXELS_M`].
-const GROUND: FileShares = [[0.09, 0.33, 0.58], [0.22, 0.67, 0.69], [0.05, 0.31, 0.63], [0.61, 0.79, 0.93]];
-const GROUND_TEXELS_M: [f64; 3] = [0.0004, 0.0015, 0.003];
+/// Bark drawn at more texels is smoother from one to the next.
+const BARK: FileShares = FileShares { color: [0.42, 0.15], normal: [0.22, 0.33], height: [0.95, 0.74] };
+const LEAF: FileShares = FileShares { color: [0.56, 0.38], normal: [0.47, 0.52], height: [0.95, 0.81] };
+const GROUND: FileShares = FileShares { color: [0.09, 0.60], normal: [0.24, 0.70], height: [0.62, 0.93] };
 
-/// Bytes of a texel of height maps as half floats, which keep less of the noise of 16 bits than PNG does, at the places of [`BARK`]
-/// and [`GROUND`].
-const BARK_HALF_FLOATS: [f64; 3] = [1.75, 1.37, 1.11];
-const GROUND_HALF_FLOATS: [f64; 3] = [0.38, 1.06, 1.39];
+/// Bytes of a texel of height maps as half floats, which keep less of the noise of 16 bits than PNG does, at the same ends.
+const BARK_HALF_FLOATS: [f64; 2] = [1.75, 1.11];
+const GROUND_HALF_FLOATS: [f64; 2] = [0.38, 1.39];
 /// Bytes of other height maps as half floats per byte as PNG, measured on bark.
 const HALF_FLOATS_PER_PNG: f64 = 0.75;
 
@@ -119,32 +121,30 @@ fn drawn_share(kind: MapKind, material: &Material, side: u32) -> Option<f64> {
         MaterialClass::Ground => (GROUND, place_of_texel(material, side)),
         MaterialClass::Catkin | MaterialClass::Water => return None,
     };
-    let [color, normal, roughness, height] = shares;
-    let row = match kind {
-        MapKind::Color => color,
-        MapKind::Normal => normal,
-        MapKind::Roughness => roughness,
-        MapKind::Height => height,
+    let ends = match kind {
+        MapKind::Color | MapKind::Roughness => shares.color,
+        MapKind::Normal => shares.normal,
+        MapKind::Height => shares.height,
     };
-    Some(between(row, place))
+    Some(between(ends, place))
 }
 
-/// Place of a side on the scale of sides of 64, 256 and 1024 texels, which is logarithmic.
+/// Place of a side between 64 and 1024 texels, 0 to 1 on a logarithmic scale.
 fn place_of_side(side: u32) -> f64 {
-    (f64::from(side.max(1).ilog2()) - 6.0) / 2.0
+    (f64::from(side.max(1).ilog2()) - 6.0) / 4.0
 }
 
-/// Place of the texels of a ground of `side` texels on the scale of [`GROUND_TEXELS_M`].
+/// Place of the texels of a ground of `side` texels between 0.4 and 3 mm, 0 to 1 on a logarithmic scale.
 fn place_of_texel(material: &Material, side: u32) -> f64 {
+    const FINE: f64 = 0.0004;
+    const COARSE: f64 = 0.003;
     let texel = f64::from(material.tile) / f64::from(side.max(1));
-    let [fine, middle, coarse] = GROUND_TEXELS_M;
-    if texel < middle { (texel - fine) / (middle - fine) } else { 1.0 + (texel - middle) / (coarse - middle) }
+    math::ln(texel / FINE) / math::ln(COARSE / FINE)
 }
 
-/// Value at a place from 0 to 2 between three values, linear; the first or the last beyond them.
-fn between([first, middle, last]: [f64; 3], place: f64) -> f64 {
-    let place = place.clamp(0.0, 2.0);
-    if place < 1.0 { first + (middle - first) * place } else { middle + (last - middle) * (place - 1.0) }
+/// Value at a place from 0 to 1 between two values, linear; the nearer of them beyond.
+fn between([first, last]: [f64; 2], place: f64) -> f64 {
+    first + (last - first) * place.clamp(0.0, 1.0)
 }
 
 /// Bytes of an image of which nothing is known. Own: PNG halves noise-like pictures of 8 bits about; of heights in 16 bits the lower
@@ -185,12 +185,10 @@ mod tests {
     }
 
     #[test]
-    fn shares_are_linear_between_their_places() {
-        let at = |place: f64| between([1.0, 2.0, 4.0], place);
-        assert!(
-            [at(-1.0), at(0.5), at(1.5), at(9.0)].iter().zip([1.0, 1.5, 3.0, 4.0]).all(|(a, b)| (a - b).abs() < 1e-12)
-        );
-        let sides = [place_of_side(64), place_of_side(512), place_of_side(4096)];
-        assert!(sides.iter().zip([0.0, 1.5, 3.0]).all(|(a, b): (&f64, f64)| (a - b).abs() < 1e-12));
+    fn shares_are_linear_between_their_ends() {
+        let at = |place: f64| between([1.0, 3.0], place);
+        assert!([at(-1.0), at(0.25), at(9.0)].iter().zip([1.0, 1.5, 3.0]).all(|(a, b)| (a - b).abs() < 1e-12));
+        let sides = [place_of_side(64), place_of_side(256), place_of_side(4096)];
+        assert!(sides.iter().zip([0.0, 0.5, 1.5]).all(|(a, b): (&f64, f64)| (a - b).abs() < 1e-12));
     }
 }

@@ -1,5 +1,6 @@
 //! Assembles the scene of a recipe: assets in the order in which files list them, each with its motion, camera and light.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use crate::bake::BakeContext;
@@ -23,8 +24,8 @@ use crate::bake::output::estimate::estimate;
 use crate::bake::scene::animated::AnimatedScene;
 use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::camera_light::{scene_camera, scene_sky, scene_sun};
-use crate::bake::scene::dry_run;
 use crate::bake::scene::layout::{SceneLayout, added_asset_ids, lay_out_scene};
+use crate::bake::scene::reduction;
 use crate::bake::scene::scatter::sink_feet;
 use crate::bake::wind::lattice::{check_lattice, lattice_solids};
 use crate::bake::wind::needs::WindNeeds;
@@ -44,11 +45,21 @@ pub struct SceneOptions {
     /// Whether the ground or the terrain becomes an asset. Plants stand on a terrain either way; without the ground they keep the
     /// heights of their places, as with `[ground] show = false`.
     pub ground: bool,
+    /// Whether maps of ground and bark that no format of the bake has are drawn at their full size. Previews and single files show
+    /// them; a bake does not.
+    pub unused_textures: bool,
+}
+
+impl SceneOptions {
+    /// Those of a bake and of its estimate.
+    pub const BAKE: Self = Self { ground: true, unused_textures: false };
+    /// Those of a still file of the plants alone.
+    pub const WITHOUT_GROUND: Self = Self { ground: false, unused_textures: true };
 }
 
 impl Default for SceneOptions {
     fn default() -> Self {
-        Self { ground: true }
+        Self { ground: true, unused_textures: true }
     }
 }
 
@@ -82,7 +93,7 @@ impl AssembledScene {
 /// # Errors
 /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
 pub fn assemble_scene(recipe: &Recipe, parts: SceneOptions, context: &BakeContext<'_>) -> Result<AssembledScene> {
-    assemble(recipe, None, parts, None, context)
+    assemble(&with_drawn_textures(recipe, parts), None, parts, None, context)
 }
 
 /// As [`assemble_scene`]; `observer` receives all samples that parts of the scene take of its wind, in later frames too.
@@ -94,7 +105,7 @@ pub fn assemble_observed_scene(
     observer: Arc<dyn WindObserver>,
     context: &BakeContext<'_>,
 ) -> Result<AssembledScene> {
-    assemble(recipe, None, parts, Some(observer), context)
+    assemble(&with_drawn_textures(recipe, parts), None, parts, Some(observer), context)
 }
 
 /// As [`assemble_scene`] for an estimate: maps are not drawn; wind, rain and motions are not simulated. The scene can be
@@ -106,7 +117,13 @@ pub fn assemble_for_estimate(
     parts: SceneOptions,
     context: &BakeContext<'_>,
 ) -> Result<AssembledScene> {
-    assemble(&dry_run::reduced_recipe(recipe), Some(recipe), parts, None, context)
+    let full = with_drawn_textures(recipe, parts);
+    assemble(&reduction::reduced_recipe(&full), Some(&full), parts, None, context)
+}
+
+/// The recipe, or its copy without the textures that `parts` leaves out.
+fn with_drawn_textures(recipe: &Recipe, parts: SceneOptions) -> Cow<'_, Recipe> {
+    if parts.unused_textures { Cow::Borrowed(recipe) } else { reduction::without_unused_textures(recipe) }
 }
 
 /// Common part of the functions above. `full`: in an estimate, the recipe of which `recipe` is a reduction; else `None`.
@@ -128,7 +145,7 @@ fn assemble(
     let SceneLayout { plants: mut layout, terrain, report: layout_report } = lay_out_scene(recipe, context)?;
     check_individuals(recipe, &layout)?;
     let weights = if estimating {
-        dry_run::sample_individuals_of_each_plant(&mut layout, recipe.plants.len())
+        reduction::sample_individuals_of_each_plant(&mut layout, recipe.plants.len())
     } else {
         Vec::new()
     };
@@ -143,7 +160,7 @@ fn assemble(
         || {
             let mut sets = plant_material_sets(recipe, &layout, context)?;
             let full_plants = full.iter().flat_map(|m| &m.plants);
-            sets.iter_mut().zip(full_plants).for_each(|(set, plant)| dry_run::restore_image_sizes(set, plant));
+            sets.iter_mut().zip(full_plants).for_each(|(set, plant)| reduction::restore_image_sizes(set, plant));
             context.progress.stage("growing", layout.individuals.len() as u64);
             let mut grown = grow_plants(recipe, &layout, terrain.as_ref(), &sets, context)?;
             add_worn_colors(recipe, &layout, &mut sets, &mut grown.0)?;
@@ -154,7 +171,7 @@ fn assemble(
                 .as_ref()
                 .map(|ground| {
                     let mut set = ground_materials(&ground.shape, &recipe.ground, recipe.sky.horizon)?;
-                    full.iter().for_each(|m| dry_run::restore_ground_sizes(&mut set, m.ground.side));
+                    full.iter().for_each(|m| reduction::restore_ground_sizes(&mut set, m.ground.side));
                     Ok::<_, Error>((set, ground.shape.mesh()?))
                 })
                 .transpose()
@@ -201,7 +218,7 @@ fn assemble(
 
     // Rain reads the assets of the plants as they were just built, and takes leaves with water maps out of them. An estimate
     // simulates one frame of it, from the first drop.
-    let short_recipe = full.map(dry_run::recipe_cut_to_first_interval);
+    let short_recipe = full.map(reduction::recipe_cut_to_first_interval);
     let rain_recipe = short_recipe.as_ref().unwrap_or(recipe);
     let rain_ground = match (&terrain, &ground) {
         (Some(terrain), _) if recipe.rain.is_some() => RainGround::Terrain(terrain.clone()),

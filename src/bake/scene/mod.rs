@@ -4,9 +4,9 @@ pub mod animated;
 pub mod assembly;
 pub(crate) mod builder;
 pub mod camera_light;
-pub(crate) mod dry_run;
 pub mod layout;
 pub mod plant_layout;
+pub(crate) mod reduction;
 pub(crate) mod scatter;
 
 pub use animated::AnimatedScene;

@@ -20,7 +20,7 @@ use crate::single_file::canvas_image;
 use crate::source::{entry_sources, is_plane_drawing};
 use flags::PreviewFlags;
 use osier_base::Result;
-use osier_base::files::{FileRecord, Folder, WriteOptions, check_writable};
+use osier_base::files::{FileRecord, Folder, WriteOptions, check_writable, folder_of, name_of};
 use osier_export::{GENERATOR, textures};
 use osier_preview::{Picture, Quality};
 use osier_scene::Scene;
@@ -214,15 +214,13 @@ impl OutputPicture {
     /// and a dry run.
     fn new(context: &Context, args: &Preview, name: &str, ending: &str) -> Result<Self> {
         let path = args.output.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}.{ending}")));
-        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
         // A folder in memory has portable names only.
         let to_pipe = is_to_pipe(args) && !context.common.dry_run;
         let (folder, name) = if context.common.dry_run || to_pipe {
             (Folder::memory(), format!("preview.{ending}"))
         } else {
-            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            (Folder::plain(parent, options)?, name)
+            (Folder::plain(folder_of(&path), options)?, name_of(&path))
         };
         Ok(Self { folder, name, path, to_pipe })
     }
@@ -242,7 +240,7 @@ impl OutputPicture {
         }
         if context.console.json {
             // In a dry run the names in the folder differ from those of the command line.
-            let name = self.path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            let name = name_of(&self.path);
             let path = |f: &FileRecord| match f.frame.and_then(|number| numbered(&name, number)) {
                 Some(name) => self.path.with_file_name(name).display().to_string(),
                 None => self.path.display().to_string(),

@@ -109,6 +109,8 @@ pub fn entries(
                     first.get_or_insert(scene);
                 }
                 Err(e @ (Error::Input(_) | Error::Limit { .. })) => {
+                    // An excess of memory, too, is a limit, but ends the run.
+                    work.cancel.check()?;
                     // The last failure is returned, and so reported, if no entry can be drawn.
                     if let Some(e) = failure.replace(e) {
                         context.console.error(&e);

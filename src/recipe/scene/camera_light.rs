@@ -1,6 +1,6 @@
 //! `[camera]`, `[sun]`, `[sky]` and `[fog]`.
 
-use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::resolve::Resolver;
 use crate::recipe::syntax::keys;
 use crate::recipe::syntax::{ColorType, OptionalKey, SunDirection, TomlTable, degrees, number, point};
 use osier_base::diagnostic::Diagnostic;
@@ -64,7 +64,7 @@ impl Resolver<'_> {
         let keys: CameraKeys = self.section(root, "camera");
         let is_same = |(eye, target): ([f64; 3], [f64; 3])| eye.iter().zip(target).all(|(a, b)| (a - b).abs() <= 0.0);
         if keys.eye.zip(keys.target).is_some_and(is_same) {
-            let span = span_of(root, &["camera", "target"]).unwrap_or(self.whole);
+            let span = self.place_of(root, &["camera", "target"]);
             let d = Diagnostic::error("S004", "camera.target is the position of the camera", span, "no direction");
             self.report.push(d.help("name another point, or leave `target` out to look at the plants"));
         }

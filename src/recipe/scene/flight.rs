@@ -152,7 +152,7 @@ keys! {
         map_blur: f64 = "map_blur" number(0.0, 0.0, 10.0, "m");
     }
     /// A rectangle on the ground. The table of the flight counts the depositions in it, in a column `ground_<name>`.
-    FlightZoneKeys at "flight.zone" {
+    FlightZoneKeys at "flight.zone" as list {
         /// Name of its column.
         name: String = "name" StringType("zone");
         /// Its extent along x.

@@ -3,6 +3,9 @@
 use crate::recipe::syntax::keys;
 use crate::recipe::syntax::{BooleanType, ColorType, OptionalKey, PowerOfTwo, number};
 
+/// Largest repeat of the textures, m.
+pub(in crate::recipe) const MAX_GROUND_TILE: f64 = 1000.0;
+
 keys! {
     /// Ground: a disc around the plants.
     GroundKeys at "ground" {
@@ -21,7 +24,7 @@ keys! {
         /// Fraction of grass and moss.
         cover: f64 = "cover" number(0.62, 0.0, 1.0, "");
         /// Size of one repeat of the textures; at `size` or more one texture covers the whole ground.
-        tile: f64 = "tile" number(12.0, 0.01, 1000.0, "m");
+        tile: f64 = "tile" number(12.0, 0.01, MAX_GROUND_TILE, "m");
         /// With one texture: fraction of the sky colour at the edge, which softens the horizon.
         haze: f64 = "haze" number(0.8, 0.0, 1.0, "");
         /// Side length of the textures in pixels.

@@ -14,7 +14,7 @@ use osier_base::diagnostic::Diagnostic;
 keys! {
     /// A layer of a composite picture, above the layers before it: the points of a table, or without `ifs` a rectangle
     /// (`osier grow NAME -o NAME.png`).
-    LayerKeys at "layer" {
+    LayerKeys at "layer" as list {
         /// Coefficient table whose attractor the layer shows.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
         /// Which system of the table; the first without a name.

@@ -1,7 +1,7 @@
 //! `[maps]`: maps of wet leaves.
 
 use crate::recipe::Recipe;
-use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::resolve::Resolver;
 use crate::recipe::syntax::KeyTable;
 use crate::recipe::syntax::keys;
 use crate::recipe::syntax::{BooleanType, TomlTable, integer, number};
@@ -33,7 +33,7 @@ impl Resolver<'_> {
         // Each leaf in an atlas has a border that separates it from its neighbours.
         let most = ATLAS - 2 * BORDER;
         if keys.atlas && keys.resolution as usize > most {
-            let span = span_of(root, &["maps", "resolution"]).unwrap_or(self.whole);
+            let span = self.place_of(root, &["maps", "resolution"]);
             let text = format!("maps.resolution is {}, but with atlas must be at most {most}", keys.resolution);
             let d = Diagnostic::error("S004", text, span, "larger than an atlas");
             self.report.push(d.help("lower the resolution, or leave out `atlas = true`"));

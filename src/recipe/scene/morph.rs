@@ -50,7 +50,7 @@ keys! {
         weights: MorphWeights = "weights" OneOf(MorphWeights::Follow);
     }
     /// A table at a time. Keys are in order of time; all tables have the same number of maps.
-    MorphKeyframe at "clouds.NAME.morph.key" {
+    MorphKeyframe at "clouds.NAME.morph.key" as list {
         /// The coefficient table.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
         /// Which system of the table; the first without a name.

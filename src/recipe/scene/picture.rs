@@ -1,6 +1,6 @@
 //! `[picture]`: how an attractor becomes a picture.
 
-use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::resolve::Resolver;
 use crate::recipe::syntax::{ColorType, NumberArray, OneOf, OptionalKey, TomlTable, integer, number};
 use crate::recipe::syntax::{choices, keys};
 use osier_base::diagnostic::Diagnostic;
@@ -28,9 +28,9 @@ keys! {
         points: Option<u32> = "points" OptionalKey(integer(20_000_000, 1, 1_000_000_000), "20 per pixel");
         /// Part of the attractor that is shown.
         fit: PictureFit = "fit" OneOf(PictureFit::View);
-        /// Centre of the picture in table units, instead of `fit`.
+        /// Centre of the picture in table units, instead of that of `fit`.
         center: Option<[f64; 2]> = "center" OptionalKey(NumberArray([0.0, 0.0], number(0.0, -1e12, 1e12, "")), "fitted");
-        /// Width of the picture in table units, with `center`.
+        /// Width of the picture in table units, instead of that of `fit`.
         span: Option<f64> = "span" OptionalKey(number(1.0, 1e-12, 1e12, ""), "fitted");
         /// Exposure: brightness of low densities.
         exposure: f64 = "exposure" number(16.0, 1e-6, 1e9, "");
@@ -56,7 +56,7 @@ impl Resolver<'_> {
     pub(in crate::recipe) fn picture(&mut self, root: &TomlTable) -> PictureKeys {
         let keys: PictureKeys = self.section(root, "picture");
         if ![8, 16].contains(&keys.bits) {
-            let span = span_of(root, &["picture", "bits"]).unwrap_or(self.whole);
+            let span = self.place_of(root, &["picture", "bits"]);
             let text = format!("picture.bits is {}, but must be 8 or 16", keys.bits);
             let d = Diagnostic::error("S004", text, span, "8 or 16");
             self.report.push(d.help("PNG stores 8 or 16 bits per channel"));

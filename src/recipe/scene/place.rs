@@ -27,7 +27,7 @@ choices! {
 
 keys! {
     /// Places plants in the scene.
-    PlaceKeys at "place" {
+    PlaceKeys at "place" as list {
         /// Name of the plant, as in `[plants.NAME]`.
         plant: String = "plant" StringType(""), basic;
         /// Position; with `count` the centre of the group. Y is a height, see `height_from`.

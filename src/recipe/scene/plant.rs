@@ -520,7 +520,7 @@ impl Resolver<'_> {
         if known && rest.is_none() {
             return;
         }
-        let span = span_of(plant, &["skin", "segment"]).unwrap_or(self.whole);
+        let span = self.place_of(plant, &["skin", "segment"]);
         let text = format!("{path}.skin.segment names the organ \"{}\", which the plant does not have", skin.segment);
         let names: Vec<String> =
             organs.iter().filter(|o| o.letter != CARD).map(|o| format!("\"{}\"", o.letter)).collect();
@@ -553,7 +553,7 @@ impl Resolver<'_> {
             let word = word_of(keys.motion);
             let text =
                 format!("rain falls through the leaves of {path}: motion = \"{word}\" merges them into one mesh");
-            let span = span_of(plant, &["motion"]).unwrap_or(self.whole);
+            let span = self.place_of(plant, &["motion"]);
             let d = Diagnostic::warning("S007", text, span, "no single leaves");
             self.report.push(d.help("take motion = \"skin\" or \"cache\" for leaves that drops meet"));
         }
@@ -591,7 +591,7 @@ impl Resolver<'_> {
             _ => return,
         };
         if span.changes() && keys.season.is_some() {
-            let place = span_of(plant, &["season"]).unwrap_or(self.whole);
+            let place = self.place_of(plant, &["season"]);
             let text = format!("{path}.season does not change over the clip");
             let d = Diagnostic::warning("S007", text, place, "the second season has no effect");
             self.report.push(d.help(format!("because {why}")));
@@ -615,7 +615,7 @@ impl Resolver<'_> {
     /// Warns with S007 that `key`, a path within the plant's table, has no effect. `path`: of that table in the scene; `why`:
     /// the reason, worded to follow "because".
     pub(super) fn has_no_effect(&mut self, plant: &TomlTable, path: &str, key: &[&str], why: &str) {
-        let span = span_of(plant, key).unwrap_or(self.whole);
+        let span = self.place_of(plant, key);
         let text = format!("{path}.{} has no effect", key.join("."));
         self.report.push(Diagnostic::warning("S007", text, span, "has no effect").help(format!("because {why}")));
     }
@@ -644,7 +644,7 @@ impl Resolver<'_> {
         };
         // No warning if branchlets were not requested.
         if tree.twigs {
-            let span = span_of(plant, &["tree", "twigs"]).unwrap_or(self.whole);
+            let span = self.place_of(plant, &["tree", "twigs"]);
             let d = Diagnostic::warning("S007", format!("{path}.tree.twigs has no effect"), span, "has no effect");
             self.report.push(d.help(format!("the tree has no instanced twigs, because {why}")));
         }
@@ -668,7 +668,7 @@ impl Resolver<'_> {
         let import: ImportedMeshKeys = self.section_at(table, path, "import");
         // Every name contains the empty word, so that all of the mesh would be leaves.
         if words(&import.leaf_pattern).is_empty() {
-            let span = span_of(table, &["import", "leaf_pattern"]).unwrap_or(self.whole);
+            let span = self.place_of(table, &["import", "leaf_pattern"]);
             let text = format!("{path}.import.leaf_pattern names no word");
             let d = Diagnostic::error("S003", text, span, "no word");
             self.report.push(d.help(

@@ -182,7 +182,7 @@ keys! {
         length: f64 = "length_mm" millimetres(3.0, 0.1, 100.0);
     }
     /// A sessile drop at the first frame.
-    SessileDropKeys at "rain.lying" {
+    SessileDropKeys at "rain.lying" as list {
         /// Index of the leaf, from 0 over all plants in the order of placement.
         leaf: u32 = "leaf" integer(0, 0, 1_000_000);
         /// Position: u across the leaf, v from base to tip.

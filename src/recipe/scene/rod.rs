@@ -58,7 +58,7 @@ choices! {
 
 keys! {
     /// An elastic rod: a pole, a twig, a petiole. Its base is fixed unless a `[[rod.clamp]]` says otherwise.
-    RodKeys at "rod" {
+    RodKeys at "rod" as list {
         /// Name, to which other rods refer by `on`.
         name: String = "name" StringType("");
         /// Points of the axis from base to tip, interpolated by a smooth curve.
@@ -102,7 +102,7 @@ keys! {
         color: [f32; 3] = "color" ColorType("#8a6f4d");
     }
     /// A boundary condition of a rod.
-    RodClampKeys at "rod.clamp" {
+    RodClampKeys at "rod.clamp" as list {
         /// Position along the rod: 0 is the base, 1 the tip.
         at: f64 = "at" number(0.0, 0.0, 1.0, "");
         /// Type: position and direction fixed ("fixed"), position fixed ("pinned"), or guided along a line ("guided").
@@ -117,7 +117,7 @@ keys! {
         turn_keyframes: Vec<Vec<f64>> = "turn_keyframes" timed_degrees();
     }
     /// A load at a point of a rod.
-    RodLoadKeys at "rod.load" {
+    RodLoadKeys at "rod.load" as list {
         /// Position along the rod: 0 is the base, 1 the tip.
         at: f64 = "at" number(1.0, 0.0, 1.0, "");
         /// Type: force (N), wrench (force and moment), mass (kg), or impulse ("blow", N s).

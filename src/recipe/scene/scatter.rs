@@ -7,7 +7,7 @@ use crate::recipe::syntax::{
 
 keys! {
     /// Scatters plants over the terrain. Each `[[scatter]]` keeps clear of earlier ones and does not move them.
-    ScatterKeys at "scatter" {
+    ScatterKeys at "scatter" as list {
         /// Plants with weights: { oak = 2, birch = 1 }.
         plants: Vec<(String, f64)> = "plants" NamedNumbers;
         /// Smallest distance between two plants.

@@ -68,7 +68,7 @@ choices! {
 keys! {
     /// A region in plant space: an obstacle of growth, or an envelope that it is cut off at.
     RegionKeys at "plants.NAME.growth.obstacles" also "plants.NAME.growth.envelope" also "plants.NAME.fill.obstacles"
-    also "plants.NAME.fill.envelope" {
+    also "plants.NAME.fill.envelope" as list {
         /// Form of the region.
         shape: RegionShape = "shape" OneOf(RegionShape::Sphere);
         /// Its middle; of a capsule one end, of a cone the middle of its base.
@@ -392,7 +392,7 @@ impl Resolver<'_> {
             let named = regions.iter().filter(|r| r.shape == RegionShape::Solid);
             for region in named.filter(|r| !self.solid_names.contains(&r.name)) {
                 let text = format!("{path}.{key} names the solid \"{}\", which the scene does not have", region.name);
-                let span = span_of(table, &[key]).unwrap_or(self.whole);
+                let span = self.place_of(table, &[key]);
                 let d = Diagnostic::error("S005", text, span, "unknown solid");
                 self.report.push(match nearest(&region.name, self.solid_names.iter().map(String::as_str)) {
                     Some(near) => d.help(format!("did you mean \"{near}\"?")),

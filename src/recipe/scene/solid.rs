@@ -21,7 +21,7 @@ choices! {
 
 keys! {
     /// A solid: an obstacle for wind, rain and catkins.
-    SolidKeys at "solid" {
+    SolidKeys at "solid" as list {
         /// Name, also of its deposition maps.
         name: String = "name" StringType("");
         /// Geometric form.

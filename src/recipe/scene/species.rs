@@ -61,7 +61,7 @@ keys! {
         until: f64 = "until" number(500.0, 0.0, 500.0, "yr");
     }
     /// A cut: what lies outside of a box or a solid is cut off at the start of a year.
-    PruneKeys at "plants.NAME.prune" {
+    PruneKeys at "plants.NAME.prune" as list {
         /// First year.
         year: u32 = "year" integer(10, 1, 500);
         /// Years from one cut to the next; 0 cuts once.
@@ -270,7 +270,7 @@ impl Resolver<'_> {
         let side = site.side.iter().map(|v| v * v).sum::<f64>();
         // Each component is within its range; only the length of the vector may be too large.
         if side > MAX_SIDE * MAX_SIDE {
-            let span = span_of(plant, &["site", "side"]).unwrap_or(self.whole);
+            let span = self.place_of(plant, &["site", "side"]);
             let d = Diagnostic::error("S003", format!("{path}.site.side is too long"), span, "too long");
             self.report.push(d.help(format!("give it a length of at most {MAX_SIDE}")));
         }
@@ -297,7 +297,7 @@ impl Resolver<'_> {
             return shares.map(|shares| shares.map(|share| share * species.age));
         }
         let key = if from.is_some() { ["site", "from"] } else { ["site", "to"] };
-        let span = span_of(plant, &key).unwrap_or(self.whole);
+        let span = self.place_of(plant, &key);
         if let Some(why) = blocked {
             self.has_no_effect(plant, path, &key, why);
             return None;

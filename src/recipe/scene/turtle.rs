@@ -66,21 +66,21 @@ keys! {
         functions: Vec<FunctionKeys> = "functions" InlineTables::<FunctionKeys>(std::marker::PhantomData);
     }
     /// A contour of generalised cylinders.
-    ContourKeys at "plants.NAME.turtle.contours" {
+    ContourKeys at "plants.NAME.turtle.contours" as list {
         /// Number of the contour, by which '@#' selects it.
         id: u32 = "id" integer(1, 1, 100_000);
         /// Its file.
         file: Option<Reference> = "file" FileReference(".con");
     }
     /// A function for 'func', or a set of them.
-    FunctionKeys at "plants.NAME.turtle.functions" {
+    FunctionKeys at "plants.NAME.turtle.functions" as list {
         /// Its file.
         file: Option<Reference> = "file" FileReference(".func, .fset");
         /// Number of samples of its table; 0 takes the number of the file.
         samples: u32 = "samples" integer(0, 0, 100_000);
     }
     /// A tropism that turns the heading towards a direction.
-    TropismKeys at "plants.NAME.turtle.tropisms" {
+    TropismKeys at "plants.NAME.turtle.tropisms" as list {
         /// Direction towards which the heading turns; normalised.
         dir: [f64; 3] = "dir" NumberArray([0.0, 1.0, 0.0], number(0.0, -1e6, 1e6, ""));
         /// Angle to `dir` that the heading seeks.

@@ -253,7 +253,7 @@ impl Resolver<'_> {
         let Some(curve) = curve else { return sway };
         for (key, asked) in [("repeat", sway.repeat == Some(true)), ("loop", sway.loop_duration.is_some())] {
             if asked {
-                let at = span_of(root, &["sway", key]).unwrap_or(self.whole);
+                let at = self.place_of(root, &["sway", key]);
                 let text = format!("sway.{key} requests a loop, but a wind with wind.lattice.{curve} does not repeat");
                 let d = Diagnostic::error("S004", text, at, "not with a curve");
                 self.report.push(d.help("leave one of them out"));

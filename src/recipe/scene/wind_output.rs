@@ -27,7 +27,7 @@ keys! {
         size: [f64; 3] = "size" NumberArray([35.0; 3], number(35.0, 0.5, 1e4, "m"));
     }
     /// Plane on which wind velocities are written as EXR files.
-    WindSliceKeys at "output.wind.slice" {
+    WindSliceKeys at "output.wind.slice" as list {
         /// Axis normal to the plane.
         across: SliceAxis = "across" OneOf(SliceAxis::Y);
         /// Position on that axis.

@@ -60,6 +60,8 @@ pub struct TableInfo {
     pub path: &'static str,
     /// Paths of further tables with the same keys.
     pub also: &'static [&'static str],
+    /// Whether a scene may have several of it, as `[[PATH]]`.
+    pub is_list: bool,
     /// Purpose of the table, one sentence or two.
     pub about: String,
     /// Its keys, in the order of declaration.
@@ -78,6 +80,8 @@ pub trait KeyTable: Sized + RecipePart {
     const PATH: &'static str;
     /// Paths of further tables with the same keys.
     const ALSO: &'static [&'static str];
+    /// Whether [`Self::PATH`] names a list of tables.
+    const IS_LIST: bool = false;
     /// Purpose of the table, one sentence or two.
     fn about() -> String;
     /// Its keys, in the order of declaration.
@@ -258,6 +262,16 @@ pub fn finite_number(name: &str, node: &TomlNode) -> Result<f64, Fault> {
     }
 }
 
+/// Whether a table of `keys!` is declared `as list`.
+macro_rules! is_list {
+    () => {
+        false
+    };
+    (list) => {
+        true
+    };
+}
+
 /// Whether a key of `keys!` has the mark `basic`.
 macro_rules! is_basic {
     () => {
@@ -271,7 +285,7 @@ macro_rules! is_basic {
 /// Declares the struct of a table together with its keys: a line of help, the field, the key and its value type, and `basic`
 /// after keys that are usually changed first.
 macro_rules! keys {
-    ($($(#[doc = $about:literal])+ $name:ident at $path:literal $(also $also:literal)* {
+    ($($(#[doc = $about:literal])+ $name:ident at $path:literal $(also $also:literal)* $(as $form:ident)? {
         $($(#[doc = $help:literal])+ $field:ident : $type:ty = $key:literal $kind:expr $(, $mark:ident)?;)*
     })+) => {$(
         $(#[doc = $about])+
@@ -283,6 +297,7 @@ macro_rules! keys {
         impl $crate::recipe::syntax::KeyTable for $name {
             const PATH: &'static str = $path;
             const ALSO: &'static [&'static str] = &[$($also),*];
+            const IS_LIST: bool = $crate::recipe::syntax::is_list!($($form)?);
             fn about() -> String {
                 concat!($($about),+).trim().to_owned()
             }
@@ -334,4 +349,4 @@ macro_rules! choices {
     )+};
 }
 
-pub(in crate::recipe) use {choices, is_basic, keys};
+pub(in crate::recipe) use {choices, is_basic, is_list, keys};

@@ -11,7 +11,7 @@ mod value_types;
 pub use digest::Digest;
 pub use form::{ValueForm, ValueKind};
 pub use key::{Fault, KeyInfo, KeyListing, KeyTable, RecipePart, TableInfo, TableReader, ValueType};
-pub(super) use key::{choices, finite_number, is_basic, join, keys, outside, wrong};
+pub(super) use key::{choices, finite_number, is_basic, is_list, join, keys, outside, wrong};
 pub use registry::Registry;
 pub(super) use registry::{digest_field, list_table, recipe};
 pub use tree::path_element;

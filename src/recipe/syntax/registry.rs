@@ -33,7 +33,13 @@ plain_parts!(String, char, usize);
 /// Appends the table of `S`, unless `tables` has one of its path.
 pub fn list_table<S: KeyTable>(tables: &mut Vec<TableInfo>) {
     if tables.iter().all(|t| t.path != S::PATH) {
-        tables.push(TableInfo { path: S::PATH, also: S::ALSO, about: S::about(), keys: S::keys() });
+        tables.push(TableInfo {
+            path: S::PATH,
+            also: S::ALSO,
+            is_list: S::IS_LIST,
+            about: S::about(),
+            keys: S::keys(),
+        });
     }
 }
 

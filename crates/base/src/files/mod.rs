@@ -16,6 +16,7 @@
 //! ```
 
 mod cache;
+mod file_path;
 mod file_system;
 mod folder;
 mod generator;
@@ -31,6 +32,7 @@ mod text;
 mod unique_names;
 
 pub use cache::BakeCache;
+pub use file_path::{folder_of, name_of};
 pub use file_system::{Disk, SystemDisk};
 pub use folder::{FileRecord, Folder, MANIFEST, WriteOptions};
 pub use inspect::{check_writable, hash_file, list_files, read_below};

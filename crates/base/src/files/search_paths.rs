@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::file_path::folder_of;
 use super::file_system::{open_regular, read_limited};
 use crate::{Error, Result};
 
@@ -92,7 +93,7 @@ impl SearchPaths {
     /// # Errors
     /// `Io` if one of them is not there.
     pub fn new(opened: &Path, search: &[PathBuf]) -> Result<Self> {
-        let folder = opened.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder_of(opened);
         let canonical = |p: &Path| p.canonicalize().map_err(|e| Error::io("open", p, e));
         let folders = std::iter::once(folder).chain(search.iter().map(PathBuf::as_path)).map(canonical);
         Ok(Self { folders: folders.collect::<Result<_>>()? })
@@ -112,7 +113,7 @@ impl SearchPaths {
         let outside = || ReadError::Outside { reference: reference.into() };
         let missing = || ReadError::Missing { reference: reference.into() };
         let failed = |source| ReadError::Io { reference: reference.into(), source };
-        let folder = from.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder_of(from);
         let beside = folder.canonicalize().ok().filter(|f| self.holds(f));
         let mut refusal = missing();
         // Beside the referring file first; the first folder, that of the opened file, is no search folder.
@@ -155,7 +156,7 @@ impl SearchPaths {
     /// Empty if the folder is outside the search paths or has more than 10,000 entries.
     pub fn names_beside(&self, from: &Path, ending: &str) -> Vec<String> {
         const MOST: usize = 10_000;
-        let folder = from.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder_of(from);
         let Some(entries) =
             folder.canonicalize().ok().filter(|f| self.holds(f)).and_then(|f| std::fs::read_dir(f).ok())
         else {

@@ -100,7 +100,7 @@ fn estimate(input: &EstimateInput) -> u64 {
         let moving = written(input.frames) * (instances + bark + a.moving_curve_points * 120);
         let posed = written(a.posed_frames(input.frames)) * (a.moving_vertices * 70 + a.joints * 170);
         // A vertex of a mesh whose frames are whole, with its share of two triangles: measured on drops.
-        let varying = written(input.frames) * a.varying_vertices * 65;
+        let varying = written(input.frames) * a.varying_vertices * 110;
         a.weight * (still + points + moving + posed + varying)
     };
     let assets: u64 = input.assets.iter().zip(instances_of_growth(input)).map(of_asset).sum();

@@ -129,7 +129,7 @@ fn estimate(input: &EstimateInput) -> u64 {
         let leaves = growth_estimate::whole(leaf * (a.posed_frames(frames) * a.instances) as f64);
         let posed = a.posed_frames(frames) * (a.deforming_vertices * 24 + a.joints * 34) + leaves;
         // Points, normals, velocities, indices and attributes of meshes whose frames are whole: measured on drops.
-        let varying = a.varying_vertices * frames * 52;
+        let varying = a.varying_vertices * frames * 46;
         let points = a.points * POINT_BYTES + a.moving_points * frames * POINT_SAMPLE_BYTES;
         a.weight * (still + hairs + tracks + varying + points + posed)
     };

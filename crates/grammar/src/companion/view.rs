@@ -341,8 +341,15 @@ impl ViewReader<'_, '_> {
     fn check_length(&mut self, keyword: &str, line: &Line<'_>) {
         let second = line.words.get(1);
         let count = match keyword {
-            // A texture has parts with names; those of a tropism are told where they are read.
-            "texture" | "tropism" | "torque" => return,
+            // Filters and environments, `H:` and the like, are left to the renderer.
+            "texture" => {
+                let file = texture_file(&line.words);
+                let others = line.words.iter().enumerate().filter(|(i, _)| !file.contains(i));
+                let surplus: Vec<&str> = others.map(|(_, word)| word.text).collect();
+                return self.unused(line, &surplus);
+            }
+            // The parts of a tropism are told where they are read.
+            "tropism" | "torque" => return,
             "tropism direction" => 3,
             "contour" => 2,
             // Letter, file, scale, two numbers of quads, texture.
@@ -363,7 +370,7 @@ impl ViewReader<'_, '_> {
         if words.iter().any(|w| w.contains(|c: char| c.is_alphanumeric())) {
             let message = format!("'{}' in this line of a view has no effect", shown(&words.join(" ")));
             let d = Diagnostic::warning("L048", message, line.span, "here");
-            self.report.push(d.help("leave it out: the values before it are all that such a line takes"));
+            self.report.push(d.help("leave it out: the other values are all that such a line takes"));
         }
     }
 
@@ -561,10 +568,8 @@ impl ViewReader<'_, '_> {
                 self.view.triangles.extend(surface);
             }
             "texture" => {
-                // `F: name` among other parts, or only the name.
-                let at = line.words.iter().position(|w| w.text == "F:").map_or(0, |i| i + 1);
-                let joined = line.words.iter().find_map(|w| w.text.strip_prefix("F:").filter(|f| !f.is_empty()));
-                match joined.or_else(|| line.words.get(at).map(|w| w.text)) {
+                let words = line.words.get(texture_file(&line.words)).unwrap_or_default();
+                match words.last().map(|w| w.text.strip_prefix("F:").unwrap_or(w.text)).filter(|f| !f.is_empty()) {
                     Some(file) => self.view.textures.push(file_of(file, line, None)),
                     None => self.damaged(line, "the file of a texture"),
                 }
@@ -649,6 +654,15 @@ fn value_of(word: &Word<'_>) -> Option<f64> {
     Some(value).filter(|v| v.is_finite())
 }
 
+/// Indices of the words that name the file of a texture: `F: name` or `F:name` among other parts, or only the name.
+fn texture_file(words: &[Word<'_>]) -> std::ops::Range<usize> {
+    match words.iter().enumerate().find(|(_, w)| w.text.starts_with("F:")) {
+        Some((i, w)) if w.text == "F:" => i..words.len().min(i + 2),
+        Some((i, _)) => i..i + 1,
+        None => 0..words.len().min(1),
+    }
+}
+
 /// A colour index, modulo 256.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "reduced to 0..256 before the cast")]
 fn byte(value: f64) -> u8 {
@@ -708,7 +722,7 @@ mod tests {
              initial scale: 2\nscale multiplier: 0.5\ncontour sides: 12\ntwist of cylinders: on\n\
              tropism: T: 0.0,-1.0,0.0 A: 90 I: 0.5 E: 0.2 S: 0.01\ntorque: T: 1 0 0 E:0.3\n\
              tropism direction: 1 0 -1\ninitial elasticity: 0.22\nelasticity increment: 0.1\n\
-             surface: l leaf.s 0.5 4 6 1\ntsurface: p petal.ray 2\ntexture: F: bark.png H: l\ncontour: 2 stem.con\n\
+             surface: l leaf.s 0.5 4 6 1\ntsurface: p petal.ray 2\ntexture: F: bark.png\ncontour: 2 stem.con\n\
              function: grow.func 50\nfunction set: all.fset\n",
         );
         assert_eq!(report, []);
@@ -786,6 +800,9 @@ mod tests {
             ("contour: 1 stem.con 2", "'2'"),
             ("function: grow.func many", "'many'"),
             ("function set: all.fset 5", "'5'"),
+            ("texture: F: bark.png H: l E: d", "'H: l E: d'"),
+            ("texture: H: l F:bark.png", "'H: l'"),
+            ("texture: bark.png 2", "'2'"),
         ] {
             let (view, report) = read(line);
             assert!(report.len() == 1 && report[0].code == "L048", "{line}: {report:?}");

@@ -59,6 +59,7 @@ pub(super) fn production(
         right,
         new_left: Vec::new(),
         new_right: Vec::new(),
+        ignored: None,
         before,
         condition,
         after,

@@ -458,14 +458,14 @@ pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limi
             let d = Diagnostic::error("L044", "this loop does not end", place.span, "after 1,000,000 iterations");
             runtime_report(grammar, grammar.with_macro_chain(d.help("change what its condition tests"), place))
         }
-        Halt::Calls(place, true) => {
+        Halt::Recursion(place) => {
             let message = "this function calls itself without end";
             let d = Diagnostic::error("L044", message, place.span, "after 200 calls within one another");
             let d = d.help("end it by a test of its parameters, or compute the value in a loop");
             runtime_report(grammar, grammar.with_macro_chain(d, place))
         }
         // A long chain of functions, or one that does not call itself within one that does.
-        Halt::Calls(place, false) => {
+        Halt::NestedCalls(place) => {
             let message = "more than 200 calls of functions within one another";
             let d = Diagnostic::error("L044", message, place.span, "the last of them");
             let d = d.help("end functions that call themselves by a test, or write several of the others as one");

@@ -94,6 +94,8 @@ pub(super) struct PlannedProduction<'p> {
     pub weight: Weight<'p>,
     pub registers: RegisterCode,
     pub template: Template<'p>,
+    /// Per symbol: true if its contexts skip it; `None` if they skip those of its L-system.
+    pub ignored: Option<Vec<bool>>,
     /// One predecessor, no contexts, no blocks: whether it applies depends only on its condition.
     pub is_simple: bool,
     /// Computing the successor's parameters has no effect but their values.
@@ -337,6 +339,7 @@ impl<'p> RewritePlan<'p> {
             weight,
             registers,
             template,
+            ignored: p.ignored.as_ref().map(|ignored| ignored.flags(&program.symbols)),
             is_simple,
             is_pure,
         }

@@ -226,6 +226,8 @@ impl<'p> Rewriter<'p> {
         let right = self.followers.as_ref().map_or(at + p.predecessor.len(), |f| f.context_from);
         // Contexts: to the left of the first module, to the right of the last one.
         let brackets = self.settings.brackets;
+        let ignored = planned.ignored.as_deref().unwrap_or(view.ignored);
+        let view = &ContextView { ignored, ..*view };
         if !view.matches_left(brackets, &p.left, at, locals) || !view.matches_right(brackets, &p.right, right, locals) {
             return Ok(false);
         }

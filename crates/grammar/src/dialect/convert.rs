@@ -219,6 +219,17 @@ impl<'g> Writer<'g> {
         }
     }
 
+    /// L061 at a production whose contexts skip other symbols than those of other productions.
+    fn list_fault(&mut self, p: &Production) {
+        let message = "this production cannot be written in the notation of cpfg: it has another list of 'ignore:' or \
+                       'consider:' than others with contexts";
+        let help = "write one list, before all productions; osier draws the model as it is";
+        let d = Diagnostic::error("L061", message, p.place.span, "here").help(help);
+        if !self.faults.contains(&d) {
+            self.faults.push(d);
+        }
+    }
+
     /// L061 at a parenthesis of LParser that holds no whole number of a command of its rule.
     fn parenthesis_fault(&mut self, parenthesis: &SuccessorModule) {
         let shown = self.shown(parenthesis.symbol);
@@ -672,6 +683,9 @@ impl<'g> Writer<'g> {
         let mut out = String::new();
         if let Some(ContextElement::Module(f)) = p.new_left.first().or(p.new_right.first()) {
             self.fault(f.symbol, "it is a context of the new string");
+        }
+        if p.ignored.is_some() {
+            self.list_fault(p);
         }
         if !p.left.is_empty() {
             let _ = write!(out, "{} < ", self.context(&p.left));

@@ -110,7 +110,10 @@ fn blocks<'t>(text: &'t str, to_first_system: bool, outside: &mut Option<Piece<'
             if to_first_system && out.last().is_some_and(Entry::has_axiom) {
                 return out;
             }
-            let name = if before.text.is_empty() { title } else { before };
+            // Without either, an empty name has the place of the brace.
+            let is_titled = before.text.is_empty() && !title.text.is_empty();
+            let name = if is_titled { title } else { before };
+            title = Piece::new(0, "");
             let comment = line.text.split_once(';').map_or("", |(_, c)| c.trim());
             out.push(Entry { name, lines: Vec::new(), comment, number: 1 });
             is_open = true;
@@ -237,12 +240,14 @@ fn warn_of_namesakes(reader: &mut Reader<'_>, list: &[Entry<'_>], entry: &Entry<
     let others = list.iter().filter(|e| e.name.text.eq_ignore_ascii_case(entry.name.text) && e.number != entry.number);
     let lines: Vec<String> = others.clone().map(|e| reader.line_number(e.name.at).to_string()).collect();
     let Some(other) = others.clone().next() else { return };
-    let message = format!("the name \"{}\" is used again in line {}", entry.name.text, lines.join(", "));
-    let help = format!(
-        "rename one of them; \"{file}#{}\" is this one, \"{file}#{}\" the other",
-        entry.own_name(),
-        other.own_name()
-    );
+    let lines = lines.join(", ");
+    let (message, mend) = if entry.name.text.is_empty() {
+        (format!("this L-system has no name, nor has that in line {lines}"), "write a name before each '{'")
+    } else {
+        (format!("the name \"{}\" is used again in line {lines}", entry.name.text), "rename one of them")
+    };
+    let (own, others) = (entry.own_name(), other.own_name());
+    let help = format!("{mend}; \"{file}#{own}\" is this one, \"{file}#{others}\" the other");
     let d = Diagnostic::warning("L062", message, reader.place(entry.name.range()).span, "this one is drawn")
         .label(reader.place(other.name.range()).span, "the other one")
         .help(help);

@@ -192,6 +192,7 @@ impl<'s> Reader<'s> {
             right: Vec::new(),
             new_left: Vec::new(),
             new_right: Vec::new(),
+            ignored: None,
             before: None,
             condition: None,
             after: None,

@@ -869,6 +869,31 @@ fn second_items_of_lpy_are_told_with_both_lines() {
 }
 
 #[test]
+fn lists_of_lpy_hold_for_the_productions_behind_them() {
+    let head = "Axiom: AFBAFCAFD\nderivation length: 1\n";
+    let derived = |rules: &str| {
+        let (g, warnings) = read(&format!("{head}{rules}endlsystem\n"));
+        let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+        let told: Vec<String> = warnings.iter().filter(|w| w.code == "L008").map(|w| w.message.clone()).collect();
+        (g.print(&d.modules), told, convert(&g, ConvertTo::Cpfg).map(|c| c.text))
+    };
+    // The first production sees the F; for the third all symbols but D and F are hidden.
+    let (string, told, converted) =
+        derived("production:\nA > C --> X\nignore: F\nA > B --> Y\nconsider: DF\nA > FD --> Z\n");
+    assert_eq!((string.as_str(), told), ("YFBAFCZFD", Vec::new()));
+    let fault = converted.expect_err("two lists").to_string();
+    assert!(fault.contains("L061") && fault.contains("another list of 'ignore:'"), "{fault}");
+    // One list before all contexts is that of a file of cpfg, too.
+    let (string, told, converted) = derived("production:\nF --> G\nignore: F\nA > C --> X\nA > B --> Y\n");
+    assert_eq!((string.as_str(), told), ("YGBXGCAGD", Vec::new()));
+    let text = converted.expect("one list");
+    assert!(text.contains("Ignore: F"), "{text}");
+    let (string, told, _) = derived("production:\nA > B --> Y\nignore: F\n");
+    assert_eq!((string.as_str(), told.len()), ("AFBAFCAFD", 1));
+    assert!(told[0].contains("no production follows it"), "{told:?}");
+}
+
+#[test]
 fn functions_of_lpy_may_call_themselves_with_parameters() {
     let head = "def fact(n):\n  if n <= 1: return 1\n  return n*fact(n-1)\n\
                 def fib(n): return n if n < 2 else fib(n-1)+fib(n-2)\n\

@@ -6,11 +6,12 @@ use glam::Vec3;
 use super::scene_leaf::SceneLeaf;
 use crate::bake::scene::camera_light::ScreenScale;
 use crate::recipe::Recipe;
+use crate::recipe::scene::RainSize;
 use osier_base::convert::to_usize;
 use osier_base::math;
 use osier_base::physics::GRAVITY;
 use osier_motion::rain::{DropDetail, RainEmitter};
-use osier_scene::{Asset, Mesh};
+use osier_scene::{Asset, Mesh, MeshMotion, MeshObject};
 
 /// Constants of the estimate, measured on the tutorial's sapling in 5 to 60 mm/h and on a storm over an oak.
 mod tuning {
@@ -23,17 +24,23 @@ mod tuning {
     pub(super) const EXPOSED_SHARE: f64 = 0.3;
     /// Longest time that a drop stays on its leaf before it runs off or joins another, s.
     pub(super) const MAX_RESIDENCE_TIME: f64 = 4.0;
-    /// Radius of a typical drop on a leaf, m.
+    /// Radius of a typical drop on a leaf in natural rain, m.
     pub(super) const DROP_RADIUS: f64 = 1e-3;
+    /// The same in rain of drops of one size, divided by their diameter: that of half a sphere, which takes the volume of a whole one.
+    pub(super) const RADIUS_PER_DIAMETER: f64 = 0.63;
 }
 
 /// Expected contents of a frame, averaged over the clip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ExpectedDrops {
     /// Drops between the emitter and the ground, or a leaf.
     airborne: usize,
     /// Vertices of the meshes of drops on leaves.
     vertices: usize,
+    /// Triangles of these meshes.
+    triangles: usize,
+    /// World position of a leaf, m.
+    leaf: Vec3,
 }
 
 impl ExpectedDrops {
@@ -60,20 +67,31 @@ impl ExpectedDrops {
         let meshed = lying.min(keys.map_or(0.0, |k| f64::from(k.max_drop_meshes)));
         let n = leaves.len().max(1) as f64;
         let distance = leaves.iter().map(|f| picture.distance(f.position)).sum::<f64>() / n;
-        let of_one = DropDetail::at_distance(tuning::DROP_RADIUS, distance).typical_vertices();
-        Self { airborne: count(airborne), vertices: count(meshed * f64::from(of_one)) }
+        let radius = match keys {
+            Some(keys) if keys.size != RainSize::Natural => tuning::RADIUS_PER_DIAMETER * keys.diameter,
+            _ => tuning::DROP_RADIUS,
+        };
+        let [vertices, triangles] = DropDetail::at_distance(radius, distance).typical_size().map(|n| count(meshed * n));
+        let leaf = leaves.first().map_or(Vec3::ZERO, |leaf| leaf.position.as_vec3());
+        Self { airborne: count(airborne), vertices, triangles, leaf }
     }
 
-    /// Extends the asset of drops of an estimate to as many points and vertices, all at the origin: only their number counts.
+    /// Extends the asset of drops of an estimate to as many points and vertices, all at one place: only their number counts.
     pub(super) fn fill(self, asset: &mut Asset) {
         for cloud in &mut asset.points {
             cloud.positions.resize(self.airborne.max(cloud.positions.len()), Vec3::ZERO);
             cloud.widths.resize(cloud.positions.len(), 0.0);
         }
+        // The frame that was simulated may have no drop on a leaf, for which a still scene has no mesh.
+        if asset.meshes.is_empty() && self.vertices > 0 {
+            let (name, mesh) = ("drops".into(), Mesh::default());
+            asset.meshes.push(MeshObject { name, mesh, motion: MeshMotion::Still, skin: None });
+        }
         for object in &mut asset.meshes {
             let mesh = &mut object.mesh;
             if mesh.points.len() < self.vertices {
-                *mesh = Mesh { points: vec![Vec3::ZERO; self.vertices], ..Mesh::default() };
+                let points = vec![self.leaf; self.vertices];
+                *mesh = Mesh { points, triangles: vec![[0; 3]; self.triangles], ..Mesh::default() };
             }
         }
     }

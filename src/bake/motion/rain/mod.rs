@@ -269,7 +269,7 @@ fn simulate_rain(
 
     // Targets: leaf blades on plants that rods or the wind move, or on static ones.
     let scene_leaves = scene_leaves(assets, materials, images, transforms, &plant_motions, report);
-    let picture = ScreenScale::new(recipe, bounds_at_rest(assets, transforms));
+    let picture = ScreenScale::new(recipe, rest_bounds(assets, transforms).fold(Bounds::default(), Bounds::union));
     let mapped_leaves = select_mapped_leaves(recipe, &scene_leaves, &picture);
     let steps = steps_per_frame(rain, recipe, &plant_motions);
     // The simulation's clock starts with the spin-up, that of the wind with the clip.
@@ -394,22 +394,19 @@ fn still_plant(of: &RainedPlant<'_>) -> Box<dyn RainPlant> {
     Box::new(StillRainPlant::new(&leaves, segments))
 }
 
-/// World bounds of the plants at rest, m.
-fn bounds_at_rest(assets: &[Asset], transforms: &[Trs]) -> Bounds {
+/// World bounds of each plant at rest, m.
+fn rest_bounds<'a>(assets: &'a [Asset], transforms: &'a [Trs]) -> impl Iterator<Item = Bounds> + 'a {
     let rest = AssetFrame::default();
-    assets.iter().zip(transforms).fold(Bounds::default(), |all, (asset, trs)| {
+    assets.iter().zip(transforms).map(move |(asset, trs)| {
         let corners = osier_scene::asset_bounds(asset, &rest).corners();
-        all.union(Bounds::of(corners.map(|c| trs.apply(c))))
+        Bounds::of(corners.map(|c| trs.apply(c)))
     })
 }
 
 /// World bounds of the plants, m; those that the wind moves are bounded over their sway.
 fn plant_bounds(assets: &[Asset], transforms: &[Trs], recorders: &[RainedPlantRecorder]) -> Bounds {
-    let rest = AssetFrame::default();
-    assets.iter().zip(transforms).zip(recorders).fold(Bounds::default(), |all, ((asset, trs), recorder)| {
-        let corners = osier_scene::asset_bounds(asset, &rest).corners();
-        all.union(recorder.bounds_in_wind(Bounds::of(corners.map(|c| trs.apply(c)))))
-    })
+    let bounds = rest_bounds(assets, transforms).zip(recorders).map(|(rest, recorder)| recorder.bounds_in_wind(rest));
+    bounds.fold(Bounds::default(), Bounds::union)
 }
 
 /// Time, s, that the smallest drops take from 1 m above plants of this `height`, m, to their foot: 2 m/s on Earth, and terminal

@@ -11,14 +11,16 @@ use super::scope::CURVE;
 use super::statement::{Statement, assigned, renamed};
 use super::strings::{PyModule, modules, spell};
 use super::way::Step;
-use super::{Model, Section};
+use super::{Model, ProductionLine, Section};
 use crate::dialect::text::Piece;
-use crate::program::IgnoredSymbols;
+use crate::program::{IgnoredSymbols, Production};
 use crate::symbols::SymbolId;
 use crate::vm;
 
 /// Help for items that stand twice.
 pub(super) const KEEP_ONE: &str = "keep one of them";
+/// Name of the item that names what contexts skip.
+const LIST: &str = "the list of 'ignore:' or 'consider:'";
 
 impl Model<'_, '_> {
     /// Values of the sliders that L-Py saves behind the model: `('name', 'Integer', 5, 1, 10)`, in older files without the type.
@@ -136,10 +138,13 @@ impl Model<'_, '_> {
         }
         for (word, hides) in [("ignore", true), ("consider", false)] {
             if let Some(rest) = after_heading(piece, &[word]) {
-                // One replaces the other whichever of the two words each has.
-                let help = "write one, before all productions: osier applies the last one to all, L-Py each to those behind it";
-                self.second("the list of 'ignore:' or 'consider:'", piece, help);
+                // One replaces the other whichever of the two words each has, for the productions behind it.
+                if let Some((_, true)) = self.ignored_line {
+                    self.given.remove(LIST);
+                }
+                self.second(LIST, piece, "write all symbols in one line: a list is for the productions behind it");
                 self.ignored(rest, hides);
+                self.ignored_line = Some((piece.range(), false));
                 return i + 1;
             }
         }
@@ -159,7 +164,11 @@ impl Model<'_, '_> {
             _ => {}
         }
         if self.section != Section::Header && is_rule(piece) {
-            self.productions.push((i, self.section, self.group));
+            if let Some((_, is_used)) = &mut self.ignored_line {
+                *is_used = true;
+            }
+            let (section, group) = (self.section, self.group);
+            self.productions.push(ProductionLine { index: i, section, group, ignored: self.ignored.clone() });
             return block_after(list, i, line.indent).1;
         }
         self.python(list, i, line)
@@ -172,9 +181,19 @@ impl Model<'_, '_> {
             self.hide_unreadable(list.get(body).unwrap_or(&[]));
         }
         self.read_callers_again(list);
-        for (i, section, group) in std::mem::take(&mut self.productions) {
-            (self.section, self.group) = (section, group);
-            self.rule(list, i);
+        if let Some((line, false)) = self.ignored_line.clone() {
+            let place = self.reader.place(line);
+            let message = "this list has no effect, since no production follows it".to_owned();
+            self.reader.session.warning(
+                "L008",
+                message,
+                place,
+                "move it before the productions whose contexts it is for",
+            );
+        }
+        for ProductionLine { index, section, group, ignored } in std::mem::take(&mut self.productions) {
+            (self.section, self.group, self.ignored) = (section, group, ignored);
+            self.rule(list, index);
         }
         // The functions that L-Py runs do not know the variables of the last one.
         self.scope.locals.clear();
@@ -235,8 +254,26 @@ impl Model<'_, '_> {
         let spelled = spell(value, &self.declared);
         let Some(list) = self.settle(spelled) else { return };
         let list: Vec<SymbolId> = list.iter().filter(|s| s.name != ",").filter_map(|s| self.symbol(&s.name)).collect();
-        self.reader.program.ignored =
-            if hides { IgnoredSymbols::Listed(list) } else { IgnoredSymbols::AllExcept(list) };
+        self.ignored = if hides { IgnoredSymbols::Listed(list) } else { IgnoredSymbols::AllExcept(list) };
+    }
+
+    /// Makes the list of all productions with contexts that of the program if it is the same, as it is where it stands before all of
+    /// them.
+    pub(super) fn share_ignored_symbols(&mut self) {
+        let program = &mut self.reader.program;
+        let sets = [&mut program.rules, &mut program.decomposition, &mut program.homomorphism];
+        let mut all: Vec<&mut Production> = sets.into_iter().flat_map(|set| &mut set.list).collect();
+        let mut lists = all.iter().filter(|p| !p.is_context_free()).map(|p| p.ignored.as_ref());
+        let first = lists.next().unwrap_or(Some(&self.ignored)).cloned();
+        let is_one = lists.all(|list| list == first.as_ref());
+        for p in &mut all {
+            if is_one || p.is_context_free() {
+                p.ignored = None;
+            }
+        }
+        if is_one {
+            program.ignored = first.unwrap_or_default();
+        }
     }
 
     /// `Axiom: modules`, or a block of `nproduce`.

@@ -71,17 +71,21 @@ pub(super) fn masked(byte: u8) -> u8 {
 /// A byte in place of a backslash and the line end behind it, by which a text in quotes goes on in the next line; no part of the text.
 pub(super) const JOINED: u8 = 0x1f;
 
+/// Number of bytes of the character that begins `text`, a rest of a text in quotes, with the backslash before it.
+fn quoted_character(text: &[u8]) -> usize {
+    match text {
+        [b'\\', b'\r', b'\n', ..] => 3,
+        [b'\\', _, ..] => 2,
+        _ => 1,
+    }
+}
+
 /// Masks the signs of a text in quotes, and joins its lines.
 fn mask_text(text: &mut [u8]) {
     let mut i = 0;
     while let Some(rest) = text.get_mut(i..).filter(|rest| !rest.is_empty()) {
         let is_joined = matches!(&*rest, [b'\\', b'\n' | b'\r', ..]);
-        // A backslash takes the character behind it with it.
-        let n = match &*rest {
-            [b'\\', b'\r', b'\n', ..] => 3,
-            [b'\\', _, ..] => 2,
-            _ => 1,
-        };
+        let n = quoted_character(rest);
         rest.iter_mut().take(n).for_each(|b| *b = if is_joined { JOINED } else { masked(*b) });
         i += n;
     }
@@ -157,12 +161,10 @@ fn quoted_length(bytes: &[u8]) -> usize {
     let quote = bytes.first().copied();
     let mut i = 1;
     while let Some(rest) = bytes.get(i..).filter(|rest| !rest.is_empty()) {
-        i += match rest {
-            [b'\\', b'\r', b'\n', ..] => 3,
-            [b'\\', _, ..] => 2,
-            [c, ..] if Some(*c) == quote || matches!(c, b'\n' | b'\r') => return i + 1,
-            _ => 1,
-        };
+        if rest.first().copied() == quote || matches!(rest, [b'\n' | b'\r', ..]) {
+            return i + 1;
+        }
+        i += quoted_character(rest);
     }
     bytes.len()
 }

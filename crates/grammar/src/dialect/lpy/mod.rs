@@ -47,6 +47,7 @@ use self::strings::ParamShape;
 use crate::code::{Bytecode, CalledFunction, Op};
 use crate::dialect::Reader;
 use crate::dialect::text::{Piece, lines};
+use crate::program::IgnoredSymbols;
 use crate::symbols::SymbolId;
 use crate::token::SourcePlace;
 
@@ -56,6 +57,15 @@ enum Section {
     Rules,
     Decomposition,
     Interpretation,
+}
+
+/// The line of a production, and what of the lines before holds for it.
+#[derive(Debug)]
+struct ProductionLine {
+    index: usize,
+    section: Section,
+    group: f64,
+    ignored: IgnoredSymbols,
 }
 
 struct Model<'r, 's> {
@@ -108,8 +118,12 @@ struct Model<'r, 's> {
     /// Lines of the functions that L-Py runs, which are read when all values of the model are known: name, first and last line
     /// of the body, place.
     run_later: Vec<(String, Range<usize>, Range<usize>)>,
-    /// Lines of the productions, which are read when all values and functions of the model are known, with their section and group.
-    productions: Vec<(usize, Section, f64)>,
+    /// What contexts skip: the last list of `ignore` or `consider` before the line that is read.
+    ignored: IgnoredSymbols,
+    /// The line of that list, and whether a production follows it.
+    ignored_line: Option<(Range<usize>, bool)>,
+    /// Productions, which are read when all values and functions of the model are known.
+    productions: Vec<ProductionLine>,
     /// Parameters of the function that is read, which L-Py runs: the string, and what was drawn.
     run_parameters: Vec<String>,
     /// `backward()` was called, or `forward()`; `None`: neither.
@@ -150,6 +164,8 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         rule_lists: Vec::new(),
         arities: BTreeSet::new(),
         run_later: Vec::new(),
+        ignored: IgnoredSymbols::Nothing,
+        ignored_line: None,
         productions: Vec::new(),
         run_parameters: Vec::new(),
         direction: None,
@@ -255,6 +271,7 @@ impl Model<'_, '_> {
             self.reader.session.error_help("L003", "the model has no axiom".into(), place, help);
         }
         self.keep_productions_of_direction();
+        self.share_ignored_symbols();
         self.set_run_code();
         // Values of the model first, wherever they are written, then the function that begins a run.
         append_code(&mut self.start, &self.functions.start);

@@ -408,6 +408,7 @@ impl Model<'_, '_> {
                     right: head.right.clone(),
                     new_left: head.new_left.clone(),
                     new_right: head.new_right.clone(),
+                    ignored: Some(self.ignored.clone()),
                     before,
                     condition,
                     after: None,

@@ -1,4 +1,4 @@
-//! Reduction of a recipe for estimates: everything that a bake makes is counted, but not drawn or simulated at full size.
+//! Reductions of a recipe: for estimates, which count everything that a bake makes, and for runs that write no textures.
 
 use std::borrow::Cow;
 
