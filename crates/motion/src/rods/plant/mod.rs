@@ -87,6 +87,8 @@ pub struct RodPlant {
     name: String,
     /// Frame rate, frames per second, and number of the first frame, for messages.
     clock: (f64, u32),
+    /// Time of the first frame, s, for messages.
+    clip_start: f64,
 }
 
 impl RodPlant {
@@ -156,6 +158,7 @@ impl RodPlant {
             hangs_at_rest: posed,
             name: name.into(),
             clock: (24.0, 1),
+            clip_start: 0.0,
         };
         all.wood = all.build_wood_ends(plant, stand);
         all
@@ -167,10 +170,16 @@ impl RodPlant {
         Self { wind, ..self }
     }
 
-    /// Sets frame rate, frames per second, and number of the first frame, at time 0, for messages.
+    /// Sets frame rate, frames per second, and number of the first frame, for messages.
     #[must_use]
     pub fn with_frame_numbering(self, fps: f64, first: u32) -> Self {
         Self { clock: (fps, first), ..self }
+    }
+
+    /// Sets the time of the first frame, s, for messages; 0 unless steps count from an earlier start, as those of rain do.
+    #[must_use]
+    pub fn with_clip_start(self, seconds: f64) -> Self {
+        Self { clip_start: seconds, ..self }
     }
 
     /// The rods of all stems and stalks that bend, in their present pose.
@@ -515,7 +524,7 @@ impl RainPlant for RodPlant {
         }
         let (fps, first) = self.clock;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "frames of a clip")]
-        let frame = first + (t * fps).floor().max(0.0) as u32;
+        let frame = first + ((t - self.clip_start) * fps).floor().max(0.0) as u32;
         Err(Error::Simulation { frame, quantity: format!("rods of \"{}\"", self.name) })
     }
 }

@@ -115,6 +115,21 @@ fn steps_resolve_how_fast_gusts_turn_blades() {
 }
 
 #[test]
+fn a_step_that_diverges_names_its_frame_of_the_clip() {
+    // Steps count from the beginning of rain, two seconds before frame 101.
+    let mut rod_plant = rod_plant(&Trs::IDENTITY).with_frame_numbering(24.0, 101).with_clip_start(2.0);
+    let place = rod_plant.leaf_pose(0).position;
+    let fails_in = |t: f64| {
+        rod_plant.apply_impulse(0, place, DVec3::X * 1e9);
+        match rod_plant.step(t, 1.0 / 192.0) {
+            Err(osier_base::Error::Simulation { frame, .. }) => frame,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!([1.0, 2.0, 2.51].map(fails_in), [101, 101, 113]);
+}
+
+#[test]
 fn plant_hangs_in_its_grown_pose_at_any_placement() {
     let turned = Trs {
         t: Vec3::new(2.0, -1.0, 0.5),
