@@ -167,6 +167,26 @@ fn catkins_without_a_start_are_counted_with_the_mend() {
     assert!((last(&columns, "airborne") - 1.0).abs() < 0.5 && (last(&columns, "exited") - 3.0).abs() < 0.5);
 }
 
+/// A plant without branches has no twig that releases catkins, which is told.
+#[test]
+fn plants_without_twigs_release_nothing_with_a_warning() {
+    let dir = tempfile::tempdir().expect("dir");
+    for (name, branch, warns) in [("pole", "", true), ("tree", "[&(50) !(0.01) F(0.4)]", false)] {
+        let grammar =
+            format!("Lsystem: plant\nDerivation length: 0\nAxiom: !(0.03) F(0.8) {branch} F(0.3)\nendlsystem\n");
+        std::fs::write(dir.path().join(format!("{name}.l")), grammar).expect("grammar");
+        let text = format!(
+            "[frames]\nend = 2\n[plants.p]\ngrammar = \"{name}.l\"\n[[place]]\nplant = \"p\"\n[catkin]\nhairs = 20\n\
+             lod = 2\n[flight]\ncount = 9\nrelease = \"canopy\"\n"
+        );
+        let path = scene(dir.path(), name, &text);
+        let run = osier(&["check", path.to_str().expect("path")]);
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(run.status.success(), "{said}");
+        assert_eq!(said.contains("S026") && said.contains("has a twig"), warns, "{name}: {said}");
+    }
+}
+
 /// Catkins alone are a scene. A solid and a zone may have the names of columns that the table has without them.
 #[test]
 fn each_column_of_the_table_has_a_name_of_its_own() {

@@ -285,6 +285,19 @@ fn rain_is_read_and_its_faults_told() {
         let text = e.to_string();
         assert!(text.contains(code) && text.contains(said), "{set}: {text}");
     }
+    for (rows, code, said) in [
+        ("[[]]", "S003", "has 0 numbers, but must have 2"),
+        ("[[], [1, 2]]", "S003", "has 0 numbers, but must have 2"),
+        ("[[0, 1], [2]]", "S003", "has 1 numbers, but must have 2"),
+        ("[[0, 1, 5]]", "S003", "has 3 numbers, but must have 2"),
+        ("[[0, 1], [0, 2]]", "S006", "rising times"),
+        ("[[0, -1], [1, 2]]", "S004", "is -1, but must be 0 or more"),
+    ] {
+        let keyframes = format!("rain.envelope_keyframes={rows}");
+        let Err(e) = read(&good, &["rain.envelope=keys", keyframes.as_str()]) else { panic!("{rows} accepted") };
+        let text = e.to_string();
+        assert!(text.contains(code) && text.contains(said), "{rows}: {text}");
+    }
     let bare = read("[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\n[rain]\n", &[]).expect_err("nothing to fall on");
     assert!(bare.to_string().contains("needs a plant to fall on"), "{bare}");
 }

@@ -501,8 +501,8 @@ impl RodPlantMotion {
     /// Places rods in a wind, in which they spin up before the clip unless they start from rest.
     pub fn new(rods: RodPlant, binding: RodBinding, recipe: &PlantRecipe, wind: &PlantWind, fps: f64) -> Self {
         let start = rods.with_wind(Some(Arc::clone(&wind.rod_wind)));
-        let steps_per_frame =
-            recipe.rods.as_ref().and_then(|k| k.substeps).unwrap_or_else(|| start.steps_per_frame(fps));
+        let automatic = || start.steps_per_frame(fps, Some(&*wind.rod_wind));
+        let steps_per_frame = recipe.rods.as_ref().and_then(|k| k.substeps).unwrap_or_else(automatic);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds of steps")]
         let spin_up_steps =
             if wind.rods_from_rest { 0 } else { (PLANT_SPIN_UP_SECONDS * fps).round() as u32 * steps_per_frame };

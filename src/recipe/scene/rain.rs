@@ -230,19 +230,25 @@ impl Resolver<'_> {
         // The preset replaces defaults, but no keys that the scene gives.
         apply_paper_defaults(&mut rain, table);
         self.check_contact_angles(&rain.drop, table);
-        // Times must rise strictly: two factors at one time would have no interpolation.
-        if rain.keys.envelope == RainEnvelope::Keys
-            && (rain.keys.envelope_keyframes.is_empty()
-                || rain.keys.envelope_keyframes.windows(2).any(|k| k[1][0] <= k[0][0]))
-        {
+        if rain.keys.envelope == RainEnvelope::Keys {
+            let rows = &rain.keys.envelope_keyframes;
             let span = table.get("envelope_keyframes").map_or(entry.key_span, |e| e.node.span);
-            let d = Diagnostic::error(
-                "S006",
-                "`envelope = \"keys\"` needs rising times with factors",
-                span,
-                "these do not",
-            );
-            self.report.push(d.help("write envelope_keyframes = [[0, 0], [2, 1], [5, 0]]"));
+            // Times must rise strictly: two factors at one time would have no interpolation.
+            let fault = if let Some(row) = rows.iter().find(|row| row.len() != 2) {
+                let text = format!("a keyframe of rain.envelope_keyframes has {} numbers, but must have 2", row.len());
+                Some(Diagnostic::error("S003", text, span, "keys of 2 numbers"))
+            } else if rows.is_empty() || rows.windows(2).any(|k| k[1][0] <= k[0][0]) {
+                let text = "`envelope = \"keys\"` needs rising times with factors";
+                Some(Diagnostic::error("S006", text, span, "these do not"))
+            } else {
+                rows.iter().find(|row| row[1] < 0.0).map(|row| {
+                    let text = format!("a factor of rain.envelope_keyframes is {}, but must be 0 or more", row[1]);
+                    Diagnostic::error("S004", text, span, "at least 0")
+                })
+            };
+            let help =
+                "write envelope_keyframes = [[0, 0], [2, 1], [5, 0]]: seconds from the first frame, then a factor";
+            fault.into_iter().for_each(|d| self.report.push(d.help(help)));
         }
         Some(rain)
     }

@@ -92,7 +92,7 @@ keys! {
         /// Time integrator; connected rods use that of the lowest rod.
         integrator: RodIntegrator = "integrator" OneOf(RodIntegrator::Xpbd);
         /// Time steps per frame; connected rods use those of the lowest rod.
-        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 200_000), "8 to 64, from the lowest natural frequency");
+        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 200_000), "8, more below 24 frames per second, or as many as the lowest natural frequency needs");
         /// Effect of gravity: the drawn pose is in equilibrium ("posed"), no self-weight ("compensated"), or the drawn pose
         /// is the rest shape ("droop"). Connected rods use that of the lowest rod.
         gravity: RodGravity = "gravity" OneOf(RodGravity::Posed);

@@ -24,7 +24,7 @@ keys! {
         /// Number of cross-sections of a petiole.
         petiole_sections: u32 = "petiole_sections" integer(5, 3, 16);
         /// Time steps per frame.
-        substeps: Option<u32> = "substeps" OptionalKey(integer(16, 1, 10_000), "8 to 64, from the lowest natural frequencies");
+        substeps: Option<u32> = "substeps" OptionalKey(integer(16, 1, 10_000), "8, more below 24 frames per second, or as many as the lowest natural frequencies need");
         /// Largest number of leaves with a petiole of their own; further leaves are rigidly attached.
         max_leaves: u32 = "max_leaves" integer(400, 0, 100_000);
         /// Largest number of cross-sections of the plant; further twigs are rigidly attached.

@@ -124,7 +124,11 @@ pub const CODES: &[Code] = &[
     row("S023", Warning, "the density of the lattice wind has a checkerboard pattern"),
     row("S024", Error, "the lattice wind diverges"),
     row("S025", Error, "the stored state belongs to another lattice wind"),
-    row("S026", Warning, "catkins that would be released inside solids or outside of the domain are omitted"),
+    row(
+        "S026",
+        Warning,
+        "catkins that would be released inside solids, outside of the domain or from no twig are omitted",
+    ),
     row("S027", Warning, "catkins move by more than a lattice cell per step"),
     row("S030", Error, "solids block the inflow of the lattice wind"),
     row("S031", Warning, "a solid is too few cells of the lattice high"),

@@ -9,7 +9,9 @@ use crate::rods::prism::{
 };
 use crate::rods::solver::assemble::{AttachedBaseState, SpringAssembly};
 use crate::rods::solver::block::{BlockRow, PredecessorPair, solve_block_system};
-use crate::rods::tuning::{CLAMP_STIFFNESS_FACTOR, MAX_VISIBLE_HZ, STEP_COUNT_RANGE, STEP_PHASE};
+use crate::rods::tuning::{
+    CLAMP_STIFFNESS_FACTOR, MAX_VISIBLE_HZ, MIN_STEPS_PER_FRAME, MIN_STEPS_PER_SECOND, STEP_PHASE,
+};
 use osier_base::math;
 use osier_scene::plant::NONE;
 
@@ -370,13 +372,15 @@ impl RodSystem {
         self.dampings[rod].hertz
     }
 
-    /// Number of substeps per frame, 8 to 64, that resolve the fastest visible mode at `fps` frames per second.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    /// Number of substeps per frame at `fps` frames per second: at least 8, no longer than 1/192 s, and so many that they resolve the
+    /// fastest visible mode.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 8, saturates")]
     pub fn steps_per_frame(&self, fps: f64) -> u32 {
         // h = STEP_PHASE / w of the fastest visible fundamental.
         let fastest = self.dampings.iter().fold(0.0, |m: f64, k| m.max(k.hertz)).min(MAX_VISIBLE_HZ);
-        (std::f64::consts::TAU * fastest / (STEP_PHASE * fps)).ceil().clamp(STEP_COUNT_RANGE[0], STEP_COUNT_RANGE[1])
-            as u32
+        let resolving = (std::f64::consts::TAU * fastest / (STEP_PHASE * fps)).ceil();
+        // Rounded, so that 23.976 frames per second have as many as 24.
+        resolving.max((MIN_STEPS_PER_SECOND / fps).round()).max(MIN_STEPS_PER_FRAME) as u32
     }
 
     /// Torsional stiffness of the material over that of the rod: 1 unless its intervals are long.

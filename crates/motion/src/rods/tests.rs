@@ -312,6 +312,33 @@ fn energy_decays_at_the_damping_ratio() {
     }
 }
 
+#[test]
+fn low_frame_rates_have_no_longer_time_steps() {
+    // A rod of less than 2 Hz swings for four seconds: longer steps damp it and slow it down.
+    let tip_after_four_seconds = |fps: u32| {
+        let clip = RecordingParams {
+            frames: 4 * fps + 1,
+            first: 1,
+            fps: f64::from(fps),
+            steps: None,
+            integrator: Integrator::Xpbd,
+            acts: Vec::new(),
+            wind: None,
+            ground: &-2.0_f64,
+            name: "rod".into(),
+        };
+        let poses = rod_released_from_deflection(0.01).record_clip(&clip, &Cancel::default()).expect("a clip");
+        poses.last().expect("frames").sections[8].0
+    };
+    let known = tip_after_four_seconds(24);
+    for fps in [1, 2, 6, 12] {
+        let tip = tip_after_four_seconds(fps);
+        assert!((tip - known).length() < 1e-5, "{tip} at {fps} frames per second for {known}");
+    }
+    let rods = rod_released_from_deflection(0.01);
+    assert_eq!([1000.0, 24_000.0 / 1001.0, 0.1].map(|fps| rods.steps_per_frame(fps)), [8, 8, 1920]);
+}
+
 /// A curved horizontal twig with the weight of a leaf at its tip.
 fn twig() -> RodSystem {
     let rod = RodDescription {

@@ -97,6 +97,12 @@ fn start_flight(
         report.push(Diagnostic::about("S026", text).help(help));
     }
 
+    if flight.keys.release == FlightRelease::Canopy && playback.is_empty() {
+        let text = "no plant that releases catkins has a twig: none flies";
+        let help = "stems without branches release none: name plants with branches in flight.canopy, or take another \
+             flight.release";
+        report.push(Diagnostic::about("S026", text).help(help));
+    }
     if playback.outside_start_count() > 0 {
         let count = playback.outside_start_count();
         let text = format!(

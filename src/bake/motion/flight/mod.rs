@@ -167,6 +167,11 @@ impl FlightPlayback {
         })
     }
 
+    /// Whether it has no catkin, not even one that waits for its release.
+    pub fn is_empty(&self) -> bool {
+        self.start.is_empty()
+    }
+
     /// Number of catkins for which no start outside of solids was found.
     pub fn enclosed_start_count(&self) -> u64 {
         self.start.stats().buried

@@ -271,7 +271,7 @@ fn simulate_rain(
     let scene_leaves = scene_leaves(assets, materials, images, transforms, &plant_motions, report);
     let picture = ScreenScale::new(recipe, rest_bounds(assets, transforms).fold(Bounds::default(), Bounds::union));
     let mapped_leaves = select_mapped_leaves(recipe, &scene_leaves, &picture);
-    let steps = steps_per_frame(rain, recipe, &plant_motions);
+    let steps = steps_per_frame(rain, recipe, &plant_motions, wind.as_deref());
     // The simulation's clock starts with the spin-up, that of the wind with the clip.
     let step = 1.0 / (recipe.clip.fps() * f64::from(steps));
     let lead = spin_up_steps(rain, step) as f64 * step;
@@ -438,13 +438,14 @@ fn default_substeps(fps: f64) -> u32 {
     ((DEFAULT_STEPS_PER_SECOND / fps).round() as u32).max(DEFAULT_SUBSTEPS)
 }
 
-/// Time steps per frame: those of the key `substeps`, else as many as the stiffest rods need, at least [`default_substeps`].
-fn steps_per_frame(rain: &RainRecipe, recipe: &Recipe, plant_motions: &[PlantInRain]) -> u32 {
+/// Time steps per frame: those of the key `substeps`, else as many as the stiffest rods need in the wind, at least
+/// [`default_substeps`].
+fn steps_per_frame(rain: &RainRecipe, recipe: &Recipe, plant_motions: &[PlantInRain], wind: Option<&dyn Wind>) -> u32 {
     let fps = recipe.clip.fps();
     let needed = plant_motions
         .iter()
         .filter_map(PlantInRain::rods)
-        .fold(default_substeps(fps), |m, (rods, _)| m.max(rods.steps_per_frame(fps)));
+        .fold(default_substeps(fps), |m, (rods, _)| m.max(rods.steps_per_frame(fps, wind)));
     rain.keys.substeps.unwrap_or(needed)
 }
 

@@ -160,7 +160,8 @@ pub(super) fn plant_in_rain(
         PlantInRain::Rods { rods, binding } => {
             // Without wind the rods stay in the equilibrium in which they begin.
             let steps = if wind.is_some() { clock.rod_spin_up_steps } else { 0 };
-            let mut rods = if wind.is_some() { rods.with_wind(wind) } else { *rods };
+            let rods = rods.with_clip_start(clock.lead);
+            let mut rods = if wind.is_some() { rods.with_wind(wind) } else { rods };
             for left in (1..=steps).rev() {
                 rods.step(-f64::from(left) * clock.step, clock.step)?;
             }

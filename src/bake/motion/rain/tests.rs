@@ -60,7 +60,7 @@ fn low_frame_rates_have_no_longer_time_steps() {
     let steps = |more: &str| {
         let text = format!("{SCENE}{more}").replace("end = 8", "end = 8\nfps = 12");
         let recipe = resolve(&Request { name: "test".into(), text, ..Request::default() }).expect("a scene").0;
-        steps_per_frame(recipe.rain.as_ref().expect("rain"), &recipe, &[])
+        steps_per_frame(recipe.rain.as_ref().expect("rain"), &recipe, &[], None)
     };
     assert_eq!((steps(""), steps("substeps = 5\n")), (16, 5));
 }

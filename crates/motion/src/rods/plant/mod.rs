@@ -16,9 +16,10 @@ use self::rigid_blade::{OrientedLeafSheet, VortexShedding};
 use crate::rain::{LeafPose, RainPlant, WoodSegment};
 use crate::rods::StepFailure;
 use crate::rods::prism::{CornerRigidMotion, Matrix9, SectionFrame, Vector9, corner_dot};
+use crate::rods::record::AIR_DENSITY;
 use crate::rods::system::{AttachedBody, RodSystem, solve_matrix9};
-use crate::rods::tuning::MAX_STEP_HALVINGS;
-use osier_base::{Error, Result};
+use crate::rods::tuning::{MAX_STEP_HALVINGS, PEAK_WIND, STEP_PHASE};
+use osier_base::{Error, Result, math};
 use osier_scene::Trs;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_wind::Wind;
@@ -73,6 +74,8 @@ pub struct RodPlant {
     fixed: Vec<bool>,
     drags: Vec<f64>,
     leaf_drag: f64,
+    /// Mass of leaves per one-sided area, kg/m^2.
+    leaf_mass: f64,
     wind: Option<Arc<dyn Wind>>,
     /// Impulses, N s, and forces, N, of the next step: section, world position, vector.
     impulses: Vec<(usize, DVec3, DVec3)>,
@@ -84,6 +87,8 @@ pub struct RodPlant {
     name: String,
     /// Frame rate, frames per second, and number of the first frame, for messages.
     clock: (f64, u32),
+    /// Time of the first frame, s, for messages.
+    clip_start: f64,
 }
 
 impl RodPlant {
@@ -137,6 +142,7 @@ impl RodPlant {
         let mut all = Self {
             drags: vec![params.wood.drag; layout.rods.len()],
             leaf_drag: params.wood.leaf_drag,
+            leaf_mass: params.wood.leaf_mass,
             axes: layout.axes,
             scale: f64::from(stand.s.x),
             leaves,
@@ -152,6 +158,7 @@ impl RodPlant {
             hangs_at_rest: posed,
             name: name.into(),
             clock: (24.0, 1),
+            clip_start: 0.0,
         };
         all.wood = all.build_wood_ends(plant, stand);
         all
@@ -163,10 +170,16 @@ impl RodPlant {
         Self { wind, ..self }
     }
 
-    /// Sets frame rate, frames per second, and number of the first frame, at time 0, for messages.
+    /// Sets frame rate, frames per second, and number of the first frame, for messages.
     #[must_use]
     pub fn with_frame_numbering(self, fps: f64, first: u32) -> Self {
         Self { clock: (fps, first), ..self }
+    }
+
+    /// Sets the time of the first frame, s, for messages; 0 unless steps count from an earlier start, as those of rain do.
+    #[must_use]
+    pub fn with_clip_start(self, seconds: f64) -> Self {
+        Self { clip_start: seconds, ..self }
     }
 
     /// The rods of all stems and stalks that bend, in their present pose.
@@ -184,9 +197,31 @@ impl RodPlant {
         self.hangs_at_rest
     }
 
-    /// Number of substeps per frame at `fps` frames per second; 1 if no part of the plant bends.
-    pub fn steps_per_frame(&self, fps: f64) -> u32 {
-        if self.rods.is_empty() { 1 } else { self.rods.steps_per_frame(fps) }
+    /// Number of substeps per frame at `fps` frames per second in a wind; 1 if no part of the plant bends. The force of the air on
+    /// blades is explicit: steps also resolve how fast gusts turn them.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, saturates")]
+    pub fn steps_per_frame(&self, fps: f64, wind: Option<&dyn Wind>) -> u32 {
+        if self.rods.is_empty() {
+            return 1;
+        }
+        let turning = wind.map_or(0.0, |wind| self.fastest_blade_turn(wind));
+        self.rods.steps_per_frame(fps).max((turning / (STEP_PHASE * fps)).ceil() as u32)
+    }
+
+    /// Largest angular frequency, rad/s, at which a blade swings about its foot downwind of it in gusts, as a weather vane does.
+    fn fastest_blade_turn(&self, wind: &dyn Wind) -> f64 {
+        let square = |leaf: &RodPlantLeaf| {
+            let (sheet, scale) = (&leaf.sheet, leaf.scale);
+            let speed = PEAK_WIND * f64::from(wind.mean_at(leaf.now.position.as_vec3()).length());
+            // The normal force rho/2 C A u^2 2 sin(a) acts at the centroid; the blade turns about its foot (Steiner).
+            let arm = sheet.centroid.length() * scale;
+            let inertia =
+                sheet.inertia(self.leaf_mass, scale).x_axis.x + self.leaf_mass * sheet.area * scale * scale * arm * arm;
+            let torque = AIR_DENSITY * self.leaf_drag * sheet.facing * scale * scale * speed * speed * arm;
+            if inertia > 0.0 { torque / inertia } else { 0.0 }
+        };
+        let moving = self.leaves.iter().filter(|leaf| leaf.section.is_some());
+        math::sqrt(moving.map(square).fold(0.0, f64::max))
     }
 
     /// Index of the section that a leaf is rigid with; `None` on rigid wood.
@@ -489,7 +524,7 @@ impl RainPlant for RodPlant {
         }
         let (fps, first) = self.clock;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "frames of a clip")]
-        let frame = first + (t * fps).floor().max(0.0) as u32;
+        let frame = first + ((t - self.clip_start) * fps).floor().max(0.0) as u32;
         Err(Error::Simulation { frame, quantity: format!("rods of \"{}\"", self.name) })
     }
 }

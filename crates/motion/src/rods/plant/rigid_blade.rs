@@ -23,7 +23,7 @@ pub struct RigidBlade {
     /// Unit normal of the blade in leaf space.
     normal: DVec3,
     /// Projected area along the normal, m^2.
-    facing: f64,
+    pub facing: f64,
     /// Effective width and length, m: of a rectangle with the same second moments.
     extent: [f64; 2],
 }

@@ -101,6 +101,35 @@ fn run_steps(rod_plant: &mut RodPlant, seconds: f64, h: f64, mut each: impl FnMu
 }
 
 #[test]
+fn steps_resolve_how_fast_gusts_turn_blades() {
+    let rod_plant = rod_plant(&Trs::IDENTITY);
+    let steps = |wind: Option<f32>| {
+        let wind = wind.map(|speed| UniformWind(Vec3::X * speed));
+        rod_plant.steps_per_frame(24.0, wind.as_ref().map(|wind| wind as &dyn Wind))
+    };
+    assert_eq!(steps(Some(2.0)), steps(None), "a breeze is slower than the petioles");
+    // A plate of 7 cm that turns about its end in gusts of 1.8 times 30 m/s: w^2 = 3/2 rho C u^2 / (0.2 kg/m^2 c).
+    let w = osier_base::math::sqrt(1.5 * 1.225 * 0.4 * (1.8 * 30.0) * (1.8 * 30.0) / (0.2 * 0.07));
+    assert!((w - 391.3).abs() < 0.1 && steps(None) < 41);
+    assert_eq!(steps(Some(30.0)), 41, "0.4 rad a step");
+}
+
+#[test]
+fn a_step_that_diverges_names_its_frame_of_the_clip() {
+    // Steps count from the beginning of rain, two seconds before frame 101.
+    let mut rod_plant = rod_plant(&Trs::IDENTITY).with_frame_numbering(24.0, 101).with_clip_start(2.0);
+    let place = rod_plant.leaf_pose(0).position;
+    let fails_in = |t: f64| {
+        rod_plant.apply_impulse(0, place, DVec3::X * 1e9);
+        match rod_plant.step(t, 1.0 / 192.0) {
+            Err(osier_base::Error::Simulation { frame, .. }) => frame,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!([1.0, 2.0, 2.51].map(fails_in), [101, 101, 113]);
+}
+
+#[test]
 fn plant_hangs_in_its_grown_pose_at_any_placement() {
     let turned = Trs {
         t: Vec3::new(2.0, -1.0, 0.5),
