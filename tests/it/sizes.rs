@@ -449,6 +449,19 @@ fn maps_of_leaves_in_rain_are_predicted() {
     }
 }
 
+/// PLY has a file for each frame with the leaves that the plant has by then.
+#[test]
+fn the_leaves_of_a_growing_plant_in_ply_are_predicted() {
+    let temp = tempfile::tempdir().expect("temp");
+    let out = temp.path().join("out");
+    let flags = ["-q", "bake", "vine", "--set", "frames.end=40", "--formats", "ply", "-o", arg(&out)];
+    let (told, _) = ends(0, &[&flags[..], &["-n", "--json"]].concat());
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    ends(0, &flags);
+    let share = told["would_make"]["sizes"]["ply"].as_f64().expect("bytes") / bytes_in(&out.join("cloud")) as f64;
+    assert!((0.85..1.15).contains(&share), "{share}");
+}
+
 /// Drops on leaves near the camera, in a clip and in a still scene.
 #[test]
 fn drops_on_leaves_are_predicted() {

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
-use super::estimate::{EstimateInput, MergedSize};
+use super::estimate::{AssetSize, EstimateInput, MergedSize};
 use super::file_target::FileTarget;
 use super::format::{FormatInfo, TextureUse};
 use super::merge::{FlattenedAsset, PartRange, format_in_parallel, transform_normal};
@@ -46,10 +46,11 @@ fn estimate(input: &EstimateInput) -> u64 {
     if !input.single {
         // Points, and instances that move freely, have a file for each frame, or one in a still scene.
         let frames = input.frames.max(1);
-        return input.per_asset(|a| {
+        let of_asset = |(a, shown): (&AssetSize, Option<u64>)| {
             let still = (a.instances - a.free_instances) * 60 + (a.points - a.moving_points) * 22;
-            still + frames * (a.free_instances * 52 + a.moving_points * 22)
-        });
+            a.weight * (still + frames * (shown.unwrap_or(a.free_instances) * 52 + a.moving_points * 22))
+        };
+        return input.assets.iter().zip(input.instances_of_growth()).map(of_asset).sum();
     }
     let size = MergedSize::of(input.scene);
     let points = if size.triangles == 0 { size.points * 22 } else { 0 };

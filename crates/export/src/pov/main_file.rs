@@ -5,10 +5,10 @@ use std::collections::BTreeSet;
 use super::material::string_literal;
 use super::objects::write_union;
 use super::space::PovSpace;
-use super::{PovOptions, camera_light, scene_bounds};
+use super::{PovOptions, camera_light};
 use crate::text::{Decimal, TextBuffer};
 use crate::{GENERATOR, file_target::FileTarget};
-use osier_scene::{AssetKind, Placement, Scene};
+use osier_scene::{AssetKind, Placement, Scene, scene_bounds};
 
 /// The text of the scene file. `includes`: folder of the include files, with its `/`; `written`:
 /// frames that have a file, ascending.

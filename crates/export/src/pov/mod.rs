@@ -29,19 +29,15 @@ use std::sync::Arc;
 use self::assets::PovAsset;
 use self::objects::StreakView;
 use self::space::PovSpace;
-use super::estimate::{AssetSize, EstimateInput, sample_place};
+use super::estimate::{AssetSize, EstimateInput};
 use super::file_target::{FileTarget, file_stem};
 use super::format::{FormatInfo, TextureUse};
 use super::text::TextBuffer;
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::Folder;
-use osier_base::par::par_map;
 use osier_base::{Error, Result};
-use osier_scene::{
-    Asset, AssetFrame, Frame, Instancer, InstancerMotion, Scene, check_frame, check_scene, instance_states,
-    scene_bounds,
-};
+use osier_scene::{Asset, AssetFrame, Frame, Instancer, Scene, check_frame, check_scene};
 
 /// Instances of a frame beyond which POV-Ray's parsing is slow enough for a warning (X013).
 const SLOW_FRAME_INSTANCES: usize = 500_000;
@@ -68,11 +64,6 @@ pub const FORMAT: FormatInfo = FormatInfo {
     },
 };
 
-/// Frames of the clip at which the instances of a plant that grows are counted, and of all plants while there is one for each. Own:
-/// the mean of five is within a tenth of that of all frames.
-const GROWTH_FRAMES: usize = 5;
-const GROWTH_FRAMES_OF_ALL: usize = 24;
-
 /// Estimate from bytes per line of the include files, and bytes per texel of maps as measured on leaves in rain.
 fn estimate(input: &EstimateInput) -> u64 {
     let step = u64::from(input.options.pov.step.max(1));
@@ -96,59 +87,17 @@ fn estimate(input: &EstimateInput) -> u64 {
         // Instances on joints have a line each where frames show them in their own states.
         let stated = a.joints > 0 && (a.deforming_vertices > 0 || water);
         let instances = free + if stated { a.instances.saturating_sub(a.free_instances) * 170 } else { 0 };
-        let bark = if is_deforming(a) { a.deforming_vertices * 58 } else { 0 };
+        let bark = if a.deforms() { a.deforming_vertices * 58 } else { 0 };
         let moving = written(input.frames) * (instances + bark + a.moving_curve_points * 120);
         let posed = written(a.posed_frames(input.frames)) * (a.moving_vertices * 70 + a.joints * 170);
         // A vertex of a mesh whose frames are whole, with its share of two triangles: measured on drops.
         let varying = written(input.frames) * a.varying_vertices * 110;
         a.weight * (still + points + moving + posed + varying)
     };
-    let assets: u64 = input.assets.iter().zip(instances_of_growth(input)).map(of_asset).sum();
+    let assets: u64 = input.assets.iter().zip(input.instances_of_growth()).map(of_asset).sum();
     // A height and a weight of each map sequence: a tenth of a byte a texel each, and 1.5 bytes for the height of a relief.
     let maps = (input.map_texels() * 2 + input.relief_texels() * 15) / 10;
     assets + maps * written(input.frames.max(1)).max(1)
-}
-
-/// Whether frames carry the points of an asset's meshes without joints, as those of plants that grow do.
-fn is_deforming(size: &AssetSize) -> bool {
-    size.joints == 0 && size.deforming_vertices > 0
-}
-
-/// For each asset the mean number of freely moving instances that its frames show; `None` for an asset that does not grow.
-fn instances_of_growth(input: &EstimateInput) -> Vec<Option<u64>> {
-    let (scene, frames) = (input.scene, input.frames);
-    let mut means = vec![None; input.assets.len()];
-    let Some(source) = input.growth.filter(|_| frames > 0) else { return means };
-    let growing: Vec<usize> = (0..input.assets.len()).filter(|i| is_deforming(&input.assets[*i])).collect();
-    let count = (GROWTH_FRAMES_OF_ALL / growing.len().max(1)).clamp(1, GROWTH_FRAMES);
-    let jobs: Vec<usize> = (0..growing.len() * count).collect();
-    let found = par_map(&jobs, |job| {
-        let (plant, k) = (job / count, job % count);
-        let asset = growing[plant];
-        let frame = source.frame(asset, frame_at(sample_place(plant, k, count), frames))?;
-        Some(shown_instances(&scene.assets[asset], &frame))
-    });
-    for (asset, of_asset) in growing.iter().zip(found.chunks(count)) {
-        let sum: Option<u64> = of_asset.iter().copied().sum();
-        means[*asset] = sum.map(|sum| sum / count as u64);
-    }
-    means
-}
-
-/// Index of the frame at a share of the clip below 1.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, below the number of frames")]
-fn frame_at(place: f64, frames: u64) -> u64 {
-    (place * frames as f64) as u64
-}
-
-/// Number of instances that move freely and are shown in a frame of an asset.
-fn shown_instances(asset: &Asset, frame: &AssetFrame) -> u64 {
-    let free = asset.instancers.iter().enumerate().filter(|(_, instancer)| instancer.motion == InstancerMotion::Free);
-    let shown = free.map(|(i, instancer)| {
-        let state = instance_states(asset, instancer, i, frame);
-        (0..instancer.len()).filter(|k| state.is_alive(*k)).count() as u64
-    });
-    shown.sum()
 }
 
 /// Writes a scene for POV-Ray: a main file, include files (one for each written frame), textures and maps of coats.
