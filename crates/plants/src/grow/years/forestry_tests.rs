@@ -237,6 +237,7 @@ fn curtains_of_willows_have_no_level_hem() {
 fn young_crowns_are_dense() {
     only_in_release!();
     for (name, least) in [
+        ("larch", 2.0),
         ("cypress", 27.0),
         ("poplar", 25.0),
         ("willow", 2.0),
