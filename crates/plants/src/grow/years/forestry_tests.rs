@@ -238,6 +238,7 @@ fn young_crowns_are_dense() {
     only_in_release!();
     for (name, least) in [
         ("larch", 2.0),
+        ("thuja", 11.0),
         ("cypress", 27.0),
         ("poplar", 25.0),
         ("willow", 2.0),
