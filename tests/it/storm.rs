@@ -130,6 +130,25 @@ impl Crown {
 
 const RAIN: Storm = Storm { rains: true, substeps: 8, seed: 3, more: "" };
 
+/// Leaves without mass sway with their twigs; in rain and on rods they would have any speed.
+#[test]
+fn leaves_without_mass_are_rained_on() {
+    let dir = tempfile::tempdir().expect("dir");
+    let grammar =
+        "Lsystem: leaf\nDerivation length: 0\nAxiom: !(0.01) F(0.4) [&(60) !(0.006) F(0.2) ~l(1)]\nendlsystem\n";
+    fs::write(dir.path().join("leaf.l"), grammar).expect("grammar");
+    for (name, rods) in [("sway", ""), ("rods", "[plants.p.rods]\n")] {
+        let text = format!(
+            "[frames]\nend = 6\n[plants.p]\ngrammar = \"leaf.l\"\n[plants.p.leaf]\nblade = \"elliptic\"\nsize = 0.1\n\
+             [plants.p.wood]\nleaf_mass = 0\n{rods}[[place]]\nplant = \"p\"\n[maps]\nmax_mapped_leaves = 0\n[wind]\n\
+             speed = 6\n[rain]\nrate_mm_per_h = 60\n[[rain.lying]]\nleaf = 0\n"
+        );
+        let (file, out) = (dir.path().join(format!("{name}.toml")), dir.path().join(name));
+        fs::write(&file, text).expect("scene");
+        ends(0, &["-q", "bake", arg(&file), "-o", arg(&out), "--formats", "csv"]);
+    }
+}
+
 /// The wind moves the crown; where drops strike, leaves nod; water lies on them and weighs down their twigs.
 #[test]
 fn drops_shake_load_and_wet_a_plant_that_sways() {

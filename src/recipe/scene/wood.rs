@@ -44,7 +44,7 @@ keys! {
         stiffness: f64 = "stiffness" number(1.0, 0.05, 20.0, ""), basic;
         /// Density of green wood.
         density: f64 = "density" number(900.0, 100.0, 1500.0, "kg/m^3");
-        /// Mass of leaves per square metre of one side.
+        /// Mass of leaves per square metre of one side. Leaves in rain and on rods move as those of 0.01 at least.
         leaf_mass: f64 = "leaf_mass" number(0.2, 0.0, 2.0, "kg/m^2");
         /// Drag coefficient of wood.
         drag: f64 = "drag" number(1.1, 0.0, 3.0, "");

@@ -43,6 +43,10 @@ pub(crate) const TWIG_STATIONS: usize = 16;
 pub(crate) const THICK_WOOD: (f64, f64) = (8.0e9, 0.05);
 pub(crate) const THIN_WOOD: (f64, f64) = (5.0e9, 0.005);
 
+/// Least mass of leaves that swing by themselves, per one-sided area, kg/m^2. Own: a tenth of a thin leaf's. Lower: steps must be
+/// shorter; higher: thin leaves are too slow.
+pub(crate) const MIN_MOVING_LEAF_MASS: f64 = 0.01;
+
 /// Time steps per second, at least: a tenth of the period of visible modes.
 pub(crate) const STEPS_PER_SECOND: f64 = 120.0;
 

@@ -1,6 +1,6 @@
 //! Material of wood and leaves.
 
-use crate::sway::tuning::{THICK_WOOD, THIN_WOOD};
+use crate::sway::tuning::{MIN_MOVING_LEAF_MASS, THICK_WOOD, THIN_WOOD};
 
 /// Density of air at sea level, kg/m^3, in the drag of branches and leaves.
 pub const AIR_DENSITY: f64 = osier_base::physics::AIR_DENSITY;
@@ -53,6 +53,12 @@ impl Default for WoodParams {
 }
 
 impl WoodParams {
+    /// Mass of leaves per one-sided area where they swing by themselves, in rain and on rods, kg/m^2: that of very thin leaves at
+    /// least, since the air and drops would throw a blade without mass at any speed.
+    pub fn moving_leaf_mass(&self) -> f64 {
+        self.leaf_mass.max(MIN_MOVING_LEAF_MASS)
+    }
+
     /// Bending stiffness E I of a round section, N m^2: I = pi r^4 / 4.
     pub fn rigidity(&self, r: f64) -> f64 {
         self.elasticity_at(r) * std::f64::consts::FRAC_PI_4 * r * r * r * r

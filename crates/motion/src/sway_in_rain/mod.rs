@@ -102,7 +102,8 @@ impl SwayingRainPlant {
     pub fn new(inputs: SwayInRain<'_>) -> Self {
         let SwayInRain { plant, elements, params, leaves, poses, lead, gravity } = inputs;
         let stand = params.stand;
-        let petiole_damping = params.wood.damping * damping_ratio(0, true);
+        let (petiole_damping, leaf_mass) =
+            (params.wood.damping * damping_ratio(0, true), params.wood.moving_leaf_mass());
         // Leaves of one organ share a mesh: compute its integrals once.
         let mut blades: Vec<(*const Mesh, RigidBlade)> = Vec::new();
         let mut blade_of = |mesh: &Mesh| {
@@ -120,7 +121,7 @@ impl SwayingRainPlant {
             .map(|leaf| RainedLeaf {
                 lever: bend_lever(elements, elements.locate(leaf.axis, leaf.s)),
                 rest: leaf.rest,
-                nod: PetioleNod::new(&blade_of(leaf.blade), params.wood.leaf_mass, leaf.scale * scale, petiole_damping),
+                nod: PetioleNod::new(&blade_of(leaf.blade), leaf_mass, leaf.scale * scale, petiole_damping),
                 water: 0.0,
                 water_center: DVec3::ZERO,
             })

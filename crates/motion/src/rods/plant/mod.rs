@@ -97,6 +97,7 @@ impl RodPlant {
     pub fn new(plant: &Plant, stand: &Trs, params: &RodPlantParams, name: &str) -> Self {
         let layout = RodPlantLayout::new(plant, stand, params);
         let rods = RodSystem::new(&layout.rods, &layout.holds);
+        let leaf_mass = params.wood.moving_leaf_mass();
         let sheets: Vec<RigidBlade> = plant.protos.iter().map(|p| RigidBlade::from_mesh(&p.mesh)).collect();
         let mut leaves = Vec::with_capacity(layout.leaves.len());
         let (mut own, mut water) = (Vec::new(), Vec::new());
@@ -111,9 +112,9 @@ impl RodPlant {
                 (turn.conjugate() * (attachment.pivot - frame.p), (turn.conjugate() * attachment.q).normalize());
             if let Some(section) = section {
                 let r = glam::DMat3::from_quat(q);
-                let inertia = r * sheet.inertia(params.wood.leaf_mass, attachment.scale) * r.transpose();
+                let inertia = r * sheet.inertia(leaf_mass, attachment.scale) * r.transpose();
                 let at = p + q * (sheet.centroid * attachment.scale);
-                let mass = params.wood.leaf_mass * sheet.area * attachment.scale * attachment.scale;
+                let mass = leaf_mass * sheet.area * attachment.scale * attachment.scale;
                 own.push(AttachedBody { section, at, mass, inertia, of_plant: true, reach: 0.0 });
             }
             let none = glam::DMat3::ZERO;
@@ -142,7 +143,7 @@ impl RodPlant {
         let mut all = Self {
             drags: vec![params.wood.drag; layout.rods.len()],
             leaf_drag: params.wood.leaf_drag,
-            leaf_mass: params.wood.leaf_mass,
+            leaf_mass,
             axes: layout.axes,
             scale: f64::from(stand.s.x),
             leaves,
