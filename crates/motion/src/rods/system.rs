@@ -372,7 +372,7 @@ impl RodSystem {
         self.dampings[rod].hertz
     }
 
-    /// Number of substeps per frame at `fps` frames per second: at least 8, no longer than 1/192 s, and so many that they resolve the
+    /// Number of substeps per frame at `fps` frames per second: at least 8, of about 1/192 s or less, and so many that they resolve the
     /// fastest visible mode.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 8, saturates")]
     pub fn steps_per_frame(&self, fps: f64) -> u32 {
