@@ -17,6 +17,11 @@ const LIFT_ALL_YEAR: u32 = 8;
 /// Least and greatest height below which branches of an axis are removed, as a share of the clear stem: drawn for each axis, low
 /// ones more often, so that no crown ends level.
 const LIFT_ALL_SHARE: [f64; 2] = [0.6, 1.9];
+/// Number of limbs above a low limb with which it is compared.
+const LIMBS_ABOVE: usize = 4;
+/// Share of the mean tips of the limbs above below which a limb stands alone: where the tips of the next one are at its height, and the
+/// increase for each height of the tree by which they are higher.
+const LONE_SHARE: [f32; 2] = [0.3, 6.0];
 /// Length of the axis below a dead tip in which a side axis may become the leader, m.
 const SUCCESSION_REACH: f32 = 2.0;
 /// Most dormant buds of a node.
@@ -42,8 +47,19 @@ const BISECTIONS: usize = 16;
 /// Shortest internode that a cut leaves, as a share of its length.
 const SHORTEST_STUB: f32 = 0.02;
 
+/// A branch of the stem.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Limb {
+    /// Its first node.
+    pub first: u32,
+    /// Number of its open tips.
+    pub tips: u32,
+    /// Mean height of its tips above the tree's base, m.
+    pub height: f32,
+}
+
 impl Tree {
-    /// Makes this year's cuts and, on one-stemmed trees, removes branches below the clear stem.
+    /// Makes this year's cuts and, on one-stemmed trees, removes branches below the clear stem and limbs that stand alone above it.
     pub fn cut(&mut self, season: &Season) {
         let prunes: Vec<Prune> = self.prunes.iter().filter(|p| p.happens(season.year)).cloned().collect();
         for prune in &prunes {
@@ -58,6 +74,9 @@ impl Tree {
         }
         if season.clear_stem > 0.0 {
             self.lift_crown(season);
+            if season.year > LIFT_ALL_YEAR {
+                self.shed_lone_limbs();
+            }
         }
         if !self.losses.is_empty() {
             let nodes = &self.nodes;
@@ -155,13 +174,74 @@ impl Tree {
                 any = true;
             }
         }
-        // What stands on a removed branch falls with it.
-        for i in 0..if any { self.nodes.len() } else { 0 } {
+        if any {
+            self.fall_with_carriers();
+        }
+    }
+
+    /// Lets what stands on a removed branch fall with it.
+    fn fall_with_carriers(&mut self) {
+        for i in 0..self.nodes.len() {
             let carrier = self.nodes.flags.get(self.nodes.parent[i] as usize).copied().unwrap_or(0);
             if carrier & flag::FALLEN != 0 && self.nodes.flags[i] & flag::FALLEN == 0 {
                 self.fall(i);
             }
         }
+    }
+
+    /// Removes limbs that stand alone below the crown: from the lowest on, those that bear few tips against the [`LIMBS_ABOVE`] limbs
+    /// above them. The farther below the next one a limb is, the more it has to bear. Own: the crown shades what lives on below it.
+    fn shed_lone_limbs(&mut self) {
+        let limbs = self.limbs();
+        let top = limbs.iter().fold(0.0_f32, |top, limb| top.max(limb.height));
+        let this_year = self.year as f32;
+        let mut any = false;
+        for (k, limb) in limbs.iter().enumerate() {
+            let Some(above) = limbs.get(k + 1..k + 1 + LIMBS_ABOVE) else { break };
+            let first = limb.first as usize;
+            if this_year - self.nodes.birth[first] < self.habit.shed_age {
+                continue;
+            }
+            let mean = above.iter().map(|limb| limb.tips as f32).sum::<f32>() / LIMBS_ABOVE as f32;
+            let gap = above.first().map_or(0.0, |next| next.height - limb.height) / top.max(1e-6);
+            if limb.tips as f32 >= mean * (LONE_SHARE[0] + LONE_SHARE[1] * gap) {
+                break;
+            }
+            self.remove(first);
+            any = true;
+        }
+        if any {
+            self.fall_with_carriers();
+        }
+    }
+
+    /// The living limbs of the stem that bear open tips, from the lowest to the highest.
+    pub fn limbs(&self) -> Vec<Limb> {
+        let nodes = &self.nodes;
+        let mut limbs: Vec<Limb> = Vec::new();
+        // Number of the limb that each node belongs to.
+        let mut of_node = vec![NONE; nodes.len()];
+        for i in (0..nodes.len()).filter(|i| nodes.lives(*i)) {
+            let Some(&order) = nodes.order.get(nodes.parent[i] as usize) else { continue };
+            of_node[i] = if order == 0 && nodes.order[i] > 0 {
+                limbs.push(Limb { first: index_of(i), tips: 0, height: 0.0 });
+                index_of(limbs.len() - 1)
+            } else {
+                of_node[nodes.parent[i] as usize]
+            };
+            if nodes.grows(i)
+                && let Some(limb) = limbs.get_mut(of_node[i] as usize)
+            {
+                limb.tips += 1;
+                limb.height += nodes.p[i].y;
+            }
+        }
+        limbs.retain(|limb| limb.tips > 0);
+        for limb in &mut limbs {
+            limb.height /= limb.tips as f32;
+        }
+        limbs.sort_by(|a, b| a.height.total_cmp(&b.height).then(a.first.cmp(&b.first)));
+        limbs
     }
 
     /// Height below which the branches of an axis are removed, as a share of the clear stem; drawn once for each axis.

@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 
 use glam::Vec3;
 
+use super::season::Season;
 use super::tree::flag;
 use super::{GrownTree, Keep, Measures, PlantOptions, Prune, Site, TreeSpec, grow, grow_through};
 use crate::surface::{SkinOptions, skin};
@@ -189,6 +190,29 @@ fn the_species_have_their_marks() {
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// After the cuts of a year no weak limb stands alone under a crown: the lowest one bears its part of the tips.
+#[test]
+fn no_weak_limb_stands_alone_below_the_crown() {
+    only_in_release!();
+    let mut faults = Vec::new();
+    for name in ["oak", "maple"] {
+        for mut grown in grow_all(&seeds(name, 50.0, 1..=4), &Site::default()) {
+            let tree = &mut grown.tree;
+            tree.cut(&Season::new(&tree.habit, tree.year + 1));
+            let limbs = tree.limbs();
+            // Limbs of the last few years have not shown yet what they will bear.
+            let old = |first: u32| tree.year as f32 - tree.nodes.birth[first as usize] >= tree.habit.shed_age;
+            let lowest = limbs.iter().position(|limb| old(limb.first)).expect("an old limb");
+            let above = mean(limbs[lowest + 1..lowest + 5].iter().map(|limb| limb.tips as f32));
+            let share = limbs[lowest].tips as f32 / above;
+            if share < 0.29 {
+                faults.push(format!("{name}: {share}"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{faults:?}");
 }
 
 /// In summer, no species shows threads without leaves.
