@@ -31,7 +31,7 @@ make oak-seeds.png oak --seeds 0-5 --size 300x330
 make silk-tree-seeds.png silk-tree --seeds 0-15 --columns 4 --size 230x230
 make landscape.png landscape --size 1200x675
 make catkins-street.png catkins-street --frame 200 --size 1200x675
-make storm-oak.png storm-oak --frame 12 --set frames.end=13 --size 1200x700 $(eye 6.6,3.0,8.2 0.6,3.9,0.6)
+make storm-oak.png storm-oak --frame 24 --size 1200x675
 make fig9.png fig9 --size 1200x675
 make meadow.gif meadow --frames 1-96:4 --size 400x225
 make struck-twig.gif struck-twig --frames 1-72:2 --size 320x320
