@@ -40,7 +40,7 @@ fn forest(count: u32, individuals: u32) -> (f64, u64) {
     let folder = Folder::open(dir.path()).expect("folder");
     let textures = Arc::new(Textures::encode(&built.animated.scene).expect("pictures"));
     textures.write(&built.animated.scene, &folder, "textures/").expect("pictures");
-    let mut writers = exporters::bake_exporters(&folder, &textures, &recipe, &[]);
+    let mut writers = exporters::bake_exporters(&folder, &textures, &recipe, &built.animated, &[]);
     frame_loop::write_frames(&built.animated, &mut writers, &[], &work).expect("files");
     folder.finish().expect("files");
     (start.elapsed().as_secs_f64(), folder.files().iter().map(|f| f.bytes).sum())
