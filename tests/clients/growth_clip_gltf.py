@@ -26,15 +26,18 @@ def evaluated(graph, source):
     return points.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3], triangles.reshape(-1, 3)
 
 
-def shown(points, triangles):
-    """Which triangles have an area."""
+def shown(points, triangles, least):
+    """Triangles of which twice the area is above a least one, m^2."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
-    return triangles[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9]
+    return triangles[np.linalg.norm(np.cross(b - a, c - a), axis=1) > least]
 
 
 def seen(points, triangles):
-    """Points of triangles that have an area."""
-    return points[np.unique(shown(points, triangles))]
+    """Points of triangles that can be seen: of a shoot of 0.1 m, those wider than a tenth of a millimetre.
+
+    Branches that have died thin out to threads, which the shapes of glTF may leave out a frame earlier or later than USD.
+    """
+    return points[np.unique(shown(points, triangles, 1e-5))]
 
 
 def farthest(points, others):
@@ -62,7 +65,7 @@ def main():
         graph = bpy.context.evaluated_depsgraph_get()
         bark = seen(*evaluated(graph, next(o for o in ours if "bark" in o.name)))
         leaves, triangles = evaluated(graph, next(o for o in ours if "leaves" in o.name))
-        blades = shown(leaves, triangles)
+        blades = shown(leaves, triangles, 1e-9)
         scene.frame_set(number)
         graph = bpy.context.evaluated_depsgraph_get()
         wanted = seen(*evaluated(graph, theirs[0]))

@@ -596,7 +596,7 @@ fn a_tree_under_the_eaves_does_not_grow_through_the_roof() {
     let inside = points.iter().filter(in_roof).count();
     // Wood that thickens may sink into the edge of the eaves.
     assert!(
-        points.len() > 5000 && inside * 1000 <= points.len(),
+        points.len() > 5000 && inside * 400 <= points.len(),
         "{inside} of {} points are in the roof",
         points.len()
     );
