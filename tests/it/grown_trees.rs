@@ -595,11 +595,7 @@ fn a_tree_under_the_eaves_does_not_grow_through_the_roof() {
     let in_roof = |p: &&Vec3| slabs.iter().any(|slab| slab.nearest(**p).distance < -0.03);
     let inside = points.iter().filter(in_roof).count();
     // Wood that thickens may sink into the edge of the eaves.
-    assert!(
-        points.len() > 5000 && inside * 400 <= points.len(),
-        "{inside} of {} points are in the roof",
-        points.len()
-    );
+    assert!(points.len() > 5000 && inside * 400 <= points.len(), "{inside} of {} points are in the roof", points.len());
 }
 
 #[test]

@@ -610,7 +610,7 @@ fn a_swaying_oak_of_sixty_years_is_four_megabytes_for_engines() {
 fn merged_leaves(folder: &Path, leaves_mb: u32) -> (f32, usize, u64, String) {
     let file = folder.join(format!("oak_{leaves_mb}.glb"));
     let key = format!("output.gltf.leaves_mb={leaves_mb}");
-    let arguments = ["grow", "oak-grown", "--set", "plants.oak.age=14", "--set", &key, "-o", arg(&file)];
+    let arguments = ["grow", "oak-grown", "--set", "plants.oak.age=12", "--set", &key, "-o", arg(&file)];
     let run = Command::new(env!("CARGO_BIN_EXE_osier")).args(arguments).output().expect("osier runs");
     let said = String::from_utf8_lossy(&run.stderr).into_owned();
     assert!(run.status.success(), "{said}");

@@ -358,8 +358,9 @@ fn peak(folder: &Path, args: &[&str]) -> f64 {
     let status = format!("/proc/{}/status", child.id());
     let mut most = 0.0_f64;
     while child.try_wait().expect("waits").is_none() {
-        let text = fs::read_to_string(&status).unwrap_or_default();
-        let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:"));
+        // For a moment after its start the child still has the memory, and the name, of this process.
+        let text = fs::read_to_string(&status).ok().filter(|text| text.starts_with("Name:\tosier\n"));
+        let line = text.iter().flat_map(|text| text.lines()).find_map(|l| l.strip_prefix("VmHWM:"));
         let kib = line.and_then(|l| l.trim().strip_suffix("kB")?.trim().parse::<f64>().ok());
         most = most.max(kib.unwrap_or(0.0) * 1024.0);
         std::thread::sleep(Duration::from_millis(2));

@@ -50,6 +50,9 @@ const CATKIN_BYTES: u64 = 1160;
 /// Bytes of the record of rain at each frame: for a leaf its pose, its water and its place on the plant; for a drop in the air.
 const RECORDED_LEAF_BYTES: u64 = 350;
 const RECORDED_DROP_BYTES: u64 = 96;
+/// Bytes of the simulation of rain for each leaf, whatever the number of frames: its mesh in the search for hits, its motion and its water.
+/// Storms over oaks with 21,000 to 56,000 leaves are told within a tenth.
+const RAINED_LEAF_BYTES: u64 = 1200;
 
 /// Bytes for each cell of a volume of vectors (centre, velocity in two frames, packed copy), and of a sparse volume of scalars.
 const VOXEL_BYTES: u64 = 70;
@@ -86,7 +89,8 @@ pub fn predict_memory(
     let recorded = match &recipe.rain {
         Some(_) if counts.frames > 1 => {
             let leaves = RECORDED_LEAF_BYTES.saturating_mul(counts.instances);
-            counts.frames.saturating_mul(leaves.saturating_add(RECORDED_DROP_BYTES.saturating_mul(counts.points)))
+            let frame = leaves.saturating_add(RECORDED_DROP_BYTES.saturating_mul(counts.points));
+            counts.frames.saturating_mul(frame).saturating_add(RAINED_LEAF_BYTES.saturating_mul(counts.instances))
         }
         _ => 0,
     };
