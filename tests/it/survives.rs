@@ -257,7 +257,7 @@ fn an_interrupted_run_without_files_does_not_tell_of_any() {
     for call in calls {
         let child = osier(call).spawn().expect("osier starts");
         // Neither call leaves a trace by which its progress could be seen. Both run for many times this delay, and the
-        // handler of the signal is installed within its first hundredth.
+        // handler of the signal is installed within its first twentieth.
         std::thread::sleep(Duration::from_secs(2));
         kill_process(Pid::from_child(&child), Signal::INT).expect("signal");
         let (code, _, err) = said(&child.wait_with_output().expect("wait"));
