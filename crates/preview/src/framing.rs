@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use osier_base::geometry::Bounds;
-use osier_base::math;
+use osier_base::math::{self, narrow};
 use osier_base::units::radians_f32;
 use osier_scene::{AssetFrame, AssetKind, Camera, Frame, Prototype, Scene, instance_states, mesh_points};
 
@@ -11,6 +11,9 @@ use osier_scene::{AssetFrame, AssetKind, Camera, Frame, Prototype, Scene, instan
 const MAX_POINTS: usize = 60_000;
 /// Fraction of the half width and half height of the picture that the subject fills; the rest is margin.
 const FILL: f32 = 0.90;
+/// Least height of the camera of [`CameraView::Portrait`] over the lowest point of its subject, as a share of the subject's height.
+/// Lower: grass and the relief of the ground hide the foot of a tree. Higher: wide trees lose the low horizon.
+const LEAST_EYE_HEIGHT: f32 = 0.12;
 
 /// Direction from which a fitted camera looks at its subject.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,22 +31,26 @@ pub enum CameraView {
 }
 
 impl CameraView {
-    /// Unit vector from the subject to the camera. `bounds`: of the subject.
-    fn direction_to_camera(self, bounds: Bounds) -> Vec3 {
-        let (azimuth, elevation) = match self {
-            Self::Angles { azimuth, elevation } => (azimuth, elevation),
+    /// Azimuth and elevation of the camera as seen from the subject, degrees. `bounds`: of the subject.
+    fn angles(self, bounds: Bounds) -> [f32; 2] {
+        match self {
+            Self::Angles { azimuth, elevation } => [azimuth, elevation],
             Self::Portrait => {
                 let size = bounds.size();
                 // 0 for subjects at least half as high as wide, 1 for a flat one.
                 let flatness = 1.0 - (size.y / (size.x.max(size.z) * 0.5).max(1e-9)).min(1.0);
-                (28.0, -6.0 + 44.0 * flatness)
+                [28.0, -6.0 + 44.0 * flatness]
             }
-        };
-        // The elevation stays just below 90 degrees, where the camera would have no upward direction; in a view from above at
-        // azimuth 0, -Z is at the top of the picture.
-        let (a, e) = (radians_f32(azimuth), radians_f32(elevation.clamp(-89.9, 89.9)));
-        Vec3::new(math::cos_f32(e) * math::sin_f32(a), math::sin_f32(e), math::cos_f32(e) * math::cos_f32(a))
+        }
     }
+}
+
+/// Unit vector from the subject to a camera at two angles, degrees.
+fn direction_to_camera([azimuth, elevation]: [f32; 2]) -> Vec3 {
+    // The elevation stays just below 90 degrees, where the camera would have no upward direction; in a view from above at
+    // azimuth 0, -Z is at the top of the picture.
+    let (a, e) = (radians_f32(azimuth), radians_f32(elevation.clamp(-89.9, 89.9)));
+    Vec3::new(math::cos_f32(e) * math::sin_f32(a), math::sin_f32(e), math::cos_f32(e) * math::cos_f32(a))
 }
 
 /// The part of a scene that a camera frames: sample points in the world of everything but the ground.
@@ -135,11 +142,32 @@ impl Subject {
     }
 
     /// A camera that shows the whole subject as large as possible. `aspect`: width over height; `vfov`: vertical
-    /// field of view, rad.
+    /// field of view, rad. The camera of [`CameraView::Portrait`] looks up from below only as far as it stays above the subject's foot.
+    pub fn camera(&self, view: CameraView, aspect: f32, vfov: f32) -> Camera {
+        let [azimuth, elevation] = view.angles(self.bounds);
+        let mut camera = self.fitted(direction_to_camera([azimuth, elevation]), aspect, vfov);
+        if view != CameraView::Portrait {
+            return camera;
+        }
+        let least = self.bounds.min.y + LEAST_EYE_HEIGHT * self.bounds.size().y;
+        // A narrow picture of a wide subject is taken from far away, where a view from below starts under the ground. Another elevation
+        // changes the distance a little, so that the second round meets the height within a percent.
+        for _ in 0..2 {
+            if camera.eye.y >= least {
+                break;
+            }
+            let rise = least - camera.target.y;
+            let level = (camera.eye.distance_squared(camera.target) - rise * rise).max(0.0).sqrt();
+            let raised = math::atan2(rise.into(), level.into()).to_degrees();
+            camera = self.fitted(direction_to_camera([azimuth, narrow(raised)]), aspect, vfov);
+        }
+        camera
+    }
+
+    /// A camera in the direction `to_camera` from the subject, as near as the whole subject allows.
     /// Own: for a fixed direction each point needs a distance, and the largest of them is taken; the target is then
     /// moved until opposite margins are equal.
-    pub fn camera(&self, view: CameraView, aspect: f32, vfov: f32) -> Camera {
-        let to_camera = view.direction_to_camera(self.bounds);
+    fn fitted(&self, to_camera: Vec3, aspect: f32, vfov: f32) -> Camera {
         let mut camera =
             Camera { eye: self.bounds.center() + to_camera, target: self.bounds.center(), vfov, roll: 0.0 };
         let [right, up, back] = camera.axes();
@@ -209,6 +237,22 @@ mod tests {
             let worst = worst.fold(0.0, f32::max);
             assert!((0.85..=0.91).contains(&worst), "{view:?} fills {worst}");
         }
+    }
+
+    #[test]
+    fn narrow_pictures_of_wide_trees_are_taken_from_above_the_ground() {
+        // A crown twice as wide as high: from -6 degrees a narrow picture is taken from under the ground.
+        let crown = (0..64).map(|i| {
+            let a = i as f32 * 0.1;
+            Vec3::new(5.0 * math::cos_f32(a), 1.0 + 4.0 * (i % 5) as f32 / 4.0, 5.0 * math::sin_f32(a))
+        });
+        let s = subject(crown.chain([Vec3::ZERO]).collect());
+        let eye = |aspect: f32| s.camera(CameraView::Portrait, aspect, 0.7).eye;
+        let below = s.fitted(direction_to_camera([28.0, -6.0]), 0.5, 0.7).eye;
+        assert!(below.y < 0.0, "{below}");
+        assert!((eye(0.5).y - 0.6).abs() < 0.05, "{}", eye(0.5));
+        // A wide picture needs no change.
+        assert_eq!(eye(2.0), s.fitted(direction_to_camera([28.0, -6.0]), 2.0, 0.7).eye);
     }
 
     #[test]
