@@ -52,7 +52,7 @@ draw tree-models tree-models --seed 1 --view front
 draw textbook-plants textbook-plants --seed 1 --view front
 draw grass grass --seed 1 $studio
 draw rain-twig rain-leaves --frame 1 --set frames.end=2
-draw catkin catkin --view front
+draw catkin catkin --background "#2a2f36" $(eye 0.012,0.026,0.062 0,0.0125,0)
 draw anabaena anabaena --seed 1 $(eye 0.12,0.36,1.2 0.12,0.34,0)
 draw koch koch --view front
 draw dragon dragon --view front

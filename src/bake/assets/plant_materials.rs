@@ -255,6 +255,7 @@ fn build_leaf_blades(
         BladeDetail::Hero => leaf::BladeDetail::Hero,
         BladeDetail::Light => leaf::BladeDetail::Light,
         BladeDetail::Crown => leaf::BladeDetail::Crown,
+        BladeDetail::Distant => leaf::BladeDetail::Distant,
     };
     let shape = BladeSpec { petiole_length: if bare { 0.0 } else { spec.petiole_length }, ..spec.clone() };
     let compound = leaf::CompoundSpec { leaflets: keys.leaflets, leaflet_length: narrow(keys.leaflet_length) };
@@ -303,7 +304,7 @@ fn build_needle_shoots(
         twigs: keys.twigs,
         twig: narrow(keys.twig_length * length),
         twig_angle: narrow(keys.twig_angle),
-        coarse: keys.detail == BladeDetail::Crown,
+        coarse: matches!(keys.detail, BladeDetail::Crown | BladeDetail::Distant),
         seed: mix64(&[seed, word(plant), word(name)]),
     };
     // Each variant has different random needles; subset 0 is the needles, the other the wood of the shoot.

@@ -35,6 +35,8 @@ choices! {
         Light = "light",
         /// For crowns of many thousand leaves: 20 to 50 points.
         Crown = "crown",
+        /// For trees in the distance: 9 points, without veins and petiole.
+        Distant = "distant",
         /// For plants near the camera: every tooth, 100 to 250 points.
         Hero = "hero",
         /// For pictures of a few leaves: a smooth margin, thousands of points, a map of its relief.
@@ -110,8 +112,8 @@ keys! {
         color2: Option<[f32; 3]> = "color2" OptionalKey(ColorType("#86a05a"), OWN), basic;
         /// Number of different meshes, which vary in fold, curl and proportions.
         variants: u32 = "variants" integer(4, 1, 32);
-        /// Resolution of the mesh: "crown" for trees with many thousand leaves, "light", "hero" for close-ups, "close" with
-        /// a relief map.
+        /// Resolution of the mesh: "crown" for trees with many thousand leaves, "distant" for trees in the distance, "light",
+        /// "hero" for close-ups, "close" with a relief map.
         detail: BladeDetail = "detail" OneOf(BladeDetail::Light);
         /// Side length of the textures in pixels.
         side: u32 = "side" integer(512, 16, 4096);

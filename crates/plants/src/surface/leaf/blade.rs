@@ -26,10 +26,14 @@ pub enum BladeDetail {
     Light,
     /// For crowns of many thousand leaves: 20 to 50 points, with a straight margin between veins and bays.
     Crown,
+    /// For trees in the distance: 9 points, without veins and petiole, of the same area.
+    Distant,
 }
 
 /// Most points of one side's margin of a [`BladeDetail::Crown`] blade: crowns bear 10^5 leaves.
 const MAX_CROWN_MARGIN_POINTS: usize = 12;
+/// The same of a [`BladeDetail::Distant`] blade: base, tip and three between them still tell an oak's from a maple's.
+const MAX_DISTANT_MARGIN_POINTS: usize = 5;
 
 /// Levels of subdivision of a [`BladeDetail::Close`] blade: each level cuts every triangle into four.
 const SUBDIVISIONS: u32 = 2;
@@ -40,7 +44,7 @@ impl BladeDetail {
         match self {
             Self::Close => (8, true),
             Self::Hero => (2, true),
-            Self::Light | Self::Crown => (1, false),
+            Self::Light | Self::Crown | Self::Distant => (1, false),
         }
     }
 
@@ -49,18 +53,24 @@ impl BladeDetail {
         match self {
             Self::Close | Self::Hero => &[0.34, 0.68],
             Self::Light => &[0.5],
-            Self::Crown => &[],
+            Self::Crown | Self::Distant => &[],
         }
     }
 
-    /// Sides of the petiole, rings along it, rings below the blade.
-    fn petiole(self) -> (u32, u32, u32) {
+    /// Sides of the petiole, rings along it, rings below the blade; `None` without one.
+    fn petiole(self) -> Option<(u32, u32, u32)> {
         match self {
-            Self::Close => (12, 10, 12),
-            Self::Hero => (5, 4, 4),
-            Self::Light => (3, 2, 1),
-            Self::Crown => (3, 1, 1),
+            Self::Close => Some((12, 10, 12)),
+            Self::Hero => Some((5, 4, 4)),
+            Self::Light => Some((3, 2, 1)),
+            Self::Crown => Some((3, 1, 1)),
+            Self::Distant => None,
         }
+    }
+
+    /// Whether a compound leaf has a stalk.
+    pub(super) fn has_stalk(self) -> bool {
+        self.petiole().is_some()
     }
 }
 
@@ -103,10 +113,13 @@ pub fn blade(spec: &BladeSpec, variant: u64, detail: BladeDetail) -> Result<Mesh
     // Outline and veins in the plane; for crowns with a margin of few points.
     let (smooth, teeth) = detail.margin();
     let mut outline = BladeOutline::new(spec, smooth, teeth);
-    if detail == BladeDetail::Crown {
-        outline.halves.iter_mut().for_each(|half| half.simplify(MAX_CROWN_MARGIN_POINTS));
+    let mut variation = BladeVariation::new(spec, variant);
+    match detail {
+        BladeDetail::Crown => outline.halves.iter_mut().for_each(|half| half.simplify(MAX_CROWN_MARGIN_POINTS)),
+        // What the margin loses in area, the blade gains in width: crowns stay as dense.
+        BladeDetail::Distant => variation.stretch[0] *= outline.simplify_whole(MAX_DISTANT_MARGIN_POINTS),
+        BladeDetail::Close | BladeDetail::Hero | BladeDetail::Light => {}
     }
-    let variation = BladeVariation::new(spec, variant);
     // Triangulate the plane once; deform the points, so that all variants share topology and texture coordinates.
     let flat = triangulate_blade(&outline, detail);
     let mut mesh = Mesh {
@@ -215,8 +228,9 @@ fn add_half(
         flat.add_cell(&corners, reversed);
         (from, along, below) = (root, vein.at, above);
     }
-    let corners: Vec<u32> =
-        midrib[from..].iter().chain(margin[along..last].iter().rev()).chain(below.iter().rev()).copied().collect();
+    // Without side veins this is the only cell: the midrib begins with the base, which is left out of the margin.
+    let back = margin[along..last].iter().rev().filter(|i| **i != base);
+    let corners: Vec<u32> = midrib[from..].iter().chain(back).chain(below.iter().rev()).copied().collect();
     flat.add_cell(&corners, reversed);
 }
 
@@ -294,7 +308,7 @@ fn tilt_normals_to_faces(mesh: &mut Mesh) {
 
 /// A tube from the pivot to the blade and on below the midrib, thinning out; closed at both ends.
 fn petiole(spec: &BladeSpec, variation: &BladeVariation, outline: &BladeOutline, detail: BladeDetail, mesh: &mut Mesh) {
-    let (sides, steps, under) = detail.petiole();
+    let Some((sides, steps, under)) = detail.petiole() else { return };
     let r = spec.petiole_radius;
     // Centreline with radii: the sagging petiole, thicker at its base, then along the underside of the midrib.
     let mut path: Vec<(Vec3, f32)> = Vec::new();
@@ -403,6 +417,31 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_distant_blade_has_the_area_of_a_light_one() {
+        for spec in
+            [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar(), BladeSpec::maple(), BladeSpec::elliptic()]
+        {
+            let mut outline = BladeOutline::new(&spec, 1, false);
+            let (light, _) = area(&spec, BladeDetail::Light);
+            let widening = outline.simplify_whole(MAX_DISTANT_MARGIN_POINTS);
+            let flat = triangulate_blade(&outline, BladeDetail::Distant);
+            assert_eq!((flat.points.len(), flat.triangles.len()), (9, 8), "{:?}", spec.form);
+            let twice = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|i| flat.points[i as usize]);
+                (b - a).perp_dot(c - a)
+            };
+            assert!(flat.triangles.iter().all(|t| twice(t) > 0.0), "{:?}: every cell faces up", spec.form);
+            let distant: f32 = 0.5 * widening * flat.triangles.iter().map(twice).sum::<f32>();
+            assert!((distant / light - 1.0).abs() < 1e-3, "{:?}: {distant} of {light}", spec.form);
+            // Palmate blades lose most: their bays are as deep as their lobes are long.
+            assert!((0.6..1.6).contains(&widening), "{:?}: {widening}", spec.form);
+            let mesh =
+                blade(&BladeSpec { petiole_length: 0.05, ..spec.clone() }, 0, BladeDetail::Distant).expect("a blade");
+            assert_eq!(mesh.points.len(), 9, "no petiole");
+        }
+    }
+
     /// What the keys of a leaf allow: `size` of 1 mm to 2 m and `width` of 0.02 to 3 times as much.
     #[test]
     fn blades_of_any_size_are_sound() {
@@ -410,7 +449,7 @@ mod tests {
         for spec in all {
             for (length, width) in [(0.001, 0.02), (0.001, 1.0), (0.004, 0.2), (2.0, 3.0)] {
                 let spec = BladeSpec { length, width: length * width, ..spec.clone() };
-                for detail in [BladeDetail::Close, BladeDetail::Light, BladeDetail::Crown] {
+                for detail in [BladeDetail::Close, BladeDetail::Light, BladeDetail::Crown, BladeDetail::Distant] {
                     let mesh = blade(&spec, 0, detail).expect("a size that scenes may have");
                     assert!(mesh.points.iter().all(|p| p.is_finite()), "{:?} {length} {detail:?}", spec.form);
                     assert!(mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-3), "{:?} {length}", spec.form);
@@ -427,6 +466,7 @@ mod tests {
                 (BladeDetail::Hero, 60..=280),
                 (BladeDetail::Light, 20..=100),
                 (BladeDetail::Crown, 20..=50),
+                (BladeDetail::Distant, 9..=9),
             ];
             for (detail, counts) in all {
                 let (a, b) = (blade(&spec, 0, detail).expect("a"), blade(&spec, 1, detail).expect("b"));

@@ -64,7 +64,9 @@ pub fn compound_leaf(spec: &BladeSpec, compound: &CompoundSpec, variant: u64, de
     let stalk = if odd { whole - longest } else { whole - 0.6 * longest }.max(0.3 * whole);
     let at = |t: f32| Vec3::new(0.0, stalk * t, -SAG * stalk * t * t);
     let mut mesh = Mesh::default();
-    push_stalk(&mut mesh, at, spec.petiole_radius);
+    if detail.has_stalk() {
+        push_stalk(&mut mesh, at, spec.petiole_radius);
+    }
     let pairs = compound.leaflets / 2;
     let first = (FIRST_PAIR * whole / stalk).min(0.8);
     let last = if odd { 1.0 - 0.5 * (1.0 - first) / pairs as f32 } else { 1.0 };

@@ -76,6 +76,24 @@ impl BladeOutline {
         Self { halves, midrib, frame: (low - pad, high - low + pad * 2.0) }
     }
 
+    /// Removes the side veins, all points of the midrib but its ends and its middle, and points of the margins until each has at most
+    /// `most`. Returns the former area over the present one.
+    pub fn simplify_whole(&mut self, most: usize) -> f32 {
+        let area = |halves: &[BladeHalf; 2]| {
+            let [right, left] =
+                halves.each_ref().map(|h| h.margin.windows(2).map(|w| w[0].perp_dot(w[1])).sum::<f32>());
+            0.5 * (right - left)
+        };
+        let former = area(&self.halves);
+        for half in &mut self.halves {
+            half.veins.clear();
+            half.simplify(most);
+        }
+        let tip = self.midrib.last().copied().unwrap_or_default();
+        self.midrib = vec![0.0, 0.5 * tip, tip];
+        former / area(&self.halves)
+    }
+
     /// Texture coordinates of a point of the flat blade: 0 to 1 over [`Self::frame`].
     pub fn uv(&self, p: Vec2) -> Vec2 {
         (p - self.frame.0) / self.frame.1
