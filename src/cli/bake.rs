@@ -140,7 +140,7 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
     }
     // The following checks may refuse the bake, and precede the first file of the output.
     refuse_without_visible_plants(&built.animated.scene)?;
-    let counts = built.counts(recipe, frames);
+    let counts = built.estimate(recipe, frames);
     counts.check_limits(&context.limits)?;
     if context.common.dry_run {
         report::print_estimate(context, &root.display().to_string(), &counts)?;

@@ -442,7 +442,7 @@ impl Resolver<'_> {
     }
 
     /// Reports S004 if `count` items of `each` bytes would take more memory than the limit `memory`.
-    pub(in crate::recipe) fn memory(&mut self, key: &str, count: u64, each: u64, span: Option<Span>) {
+    pub(in crate::recipe) fn check_memory(&mut self, key: &str, count: u64, each: u64, span: Option<Span>) {
         let what = format!("memory of {key} = {count}, in bytes,");
         // A product beyond 64 bits saturates, which only an unlimited setting allows.
         if let Err(e) = self.request.limits.check("memory", count.saturating_mul(each), &what) {

@@ -67,7 +67,7 @@ pub fn grow_species(
         let first = job.first().and_then(|i| species_of(recipe, &layout.individuals[*i]));
         let site = first.map_or_else(Site::default, |species| site(&species.site, solids));
         let spans: Vec<Option<ClipSpan>> =
-            job.iter().map(|i| clip_span(recipe, &layout.individuals[*i], oldest(recipe, layout, job))).collect();
+            job.iter().map(|i| clip_span(recipe, &layout.individuals[*i], oldest_age(recipe, layout, job))).collect();
         grow_recorded(&specs, &spans, &site, limits)
     });
     for (job, trees) in jobs.iter().zip(grown) {
@@ -86,7 +86,7 @@ fn species_of<'a>(recipe: &'a Recipe, individual: &Individual) -> Option<&'a Spe
 }
 
 /// Greatest age of the trees of a job, years.
-fn oldest(recipe: &Recipe, layout: &PlantLayout, job: &[usize]) -> f64 {
+fn oldest_age(recipe: &Recipe, layout: &PlantLayout, job: &[usize]) -> f64 {
     let ages = job.iter().filter_map(|i| species_of(recipe, &layout.individuals[*i])).map(|species| species.age);
     ages.fold(0.0, f64::max)
 }

@@ -81,7 +81,7 @@ pub struct AssembledScene {
 
 impl AssembledScene {
     /// Predicts the counts and bytes of a bake of these frames; no frames for a still scene.
-    pub fn counts(&self, recipe: &Recipe, frames: &[u32]) -> BakeEstimate {
+    pub fn estimate(&self, recipe: &Recipe, frames: &[u32]) -> BakeEstimate {
         let mut counts = estimate(&self.animated, recipe, frames.len() as u64, &self.weights);
         counts.memory.extend(Some(("recorded wind", self.wind.recorded_bytes())).filter(|part| part.1 > 0));
         BakeEstimate { modules: self.modules, ..counts }

@@ -176,7 +176,7 @@ impl Resolver<'_> {
         let mut keys = self.read_keys::<FlightKeys>(table, "flight");
         apply_paper_defaults(&mut keys, table);
         self.limit("catkins", u64::from(keys.count), span_of(root, &["flight", "count"]));
-        self.memory("flight.count", u64::from(keys.count), CATKIN, span_of(root, &["flight", "count"]));
+        self.check_memory("flight.count", u64::from(keys.count), CATKIN, span_of(root, &["flight", "count"]));
         for (name, pair) in [("band", keys.band), ("scale", keys.scale)] {
             self.in_order(table, "flight", name, pair);
         }

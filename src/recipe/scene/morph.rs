@@ -106,7 +106,12 @@ impl Resolver<'_> {
         let MorphTable { table, span } = table;
         let path = join(path, "morph");
         self.limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
-        self.memory(&format!("clouds.{name}.points"), u64::from(keys.points), super::attractor::POINT, Some(span));
+        self.check_memory(
+            &format!("clouds.{name}.points"),
+            u64::from(keys.points),
+            super::attractor::POINT,
+            Some(span),
+        );
         // Only errors from here on concern the morph; those of other tables must not end its checks.
         let reported = self.report.diagnostics.len();
         let morph = self.read_keys::<MorphKeys>(table, &path);

@@ -7,7 +7,7 @@
 
 use glam::Vec3;
 
-use super::cells::{Cells, cell_center};
+use super::cells::{CellGeometry, cell_center};
 use super::grid::LatticeGrid;
 use super::stencil::{Q, VELOCITIES};
 use super::tuning::SURFACE_SLACK;
@@ -25,7 +25,7 @@ pub(super) struct HalfLinkCutMask {
 
 impl HalfLinkCutMask {
     /// Tests the half links of all air cells. `solid`: whether each cell is solid.
-    pub(super) fn find(grid: &LatticeGrid, cells: Cells, solids: &[Solid], solid: &[bool]) -> Self {
+    pub(super) fn find(grid: &LatticeGrid, cells: CellGeometry, solids: &[Solid], solid: &[bool]) -> Self {
         let half = narrow(cells.spacing / 2.0);
         let slack = narrow(SURFACE_SLACK * cells.spacing);
         let planes: Vec<usize> = (0..grid.n[2]).collect();

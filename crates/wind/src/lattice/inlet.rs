@@ -209,7 +209,7 @@ impl InletWind {
     }
 
     /// Whether the direction of the mean wind changes.
-    pub(super) fn turns(&self) -> bool {
+    pub(super) fn direction_varies(&self) -> bool {
         !self.options.direction_curve.is_empty()
     }
 

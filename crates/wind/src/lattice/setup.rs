@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::cells::Cells;
+use super::cells::CellGeometry;
 use super::domain::{Domain, FaceCondition};
 use super::ground::GroundModel;
 use super::inlet::{InletOptions, InletWind, WindProfile, direction_at};
@@ -209,8 +209,8 @@ impl LatticeSetup {
         (snapshot - f64::from(self.lead_frames)) / self.fps
     }
 
-    pub(super) fn cells(&self) -> Cells {
-        Cells { origin: self.origin, spacing: self.spacing }
+    pub(super) fn cells(&self) -> CellGeometry {
+        CellGeometry { origin: self.origin, spacing: self.spacing }
     }
 
     pub(super) fn cell_count(&self) -> u64 {
