@@ -56,7 +56,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             return Ok(2);
         }
     };
-    // Told before anything is simulated: the selection and the recipe tell which grids have no frame.
+    // Report before anything is simulated: the selection and the recipe determine which grids have no frame.
     let unselected = warn_of_unselected_grids(&recipe, &frames);
     context.console.report(&unselected);
     // The default folder is named after the scene.
@@ -181,7 +181,7 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
     Ok(context.strict(told > 0 || !manifest.warnings.is_empty()))
 }
 
-/// The formats of the recipe of which the bake has no file, since each of them stores things that a scene may lack.
+/// Formats of the recipe without a file in the bake, because the scene has nothing that they store.
 fn formats_without_files(recipe: &Recipe, manifest: &Manifest) -> Vec<&'static FormatInfo> {
     let files = manifest.expanded();
     let is_in = |path: &str, folder: &str| path.split_once('/').is_some_and(|(first, _)| first == folder);

@@ -63,7 +63,7 @@ pub fn run(context: &Context, args: &Convert) -> Result<u8> {
         return Ok(context.strict(warned));
     };
     let path = output.display().to_string();
-    // A dry run tells the file that would be written.
+    // A dry run names the file that would be written.
     let files = if context.common.dry_run {
         let blake3 = blake3::hash(converted.text.as_bytes()).to_hex().to_string();
         vec![FileRecord {

@@ -448,7 +448,7 @@ impl Vm {
         Ok(())
     }
 
-    /// The left side of `&&` or `||` has decided: the right side, which ends at `end`, is skipped. cpfg computes it all the same,
+    /// The left side of `&&` or `||` has decided: the right side, which ends at `end`, is skipped. cpfg computes it anyway,
     /// which matters to its draws.
     fn decide(&mut self, value: f64, end: usize, pc: &mut usize, decided: &mut Vec<(usize, f64)>) {
         if self.cpfg.is_some() {

@@ -24,7 +24,7 @@ use osier_base::math;
 pub enum ColorMode {
     /// The map applied last.
     Map,
-    /// The last so many maps, 1 to 4, newest first.
+    /// By the last maps, 1 to 4 of them, newest first.
     Prefix(u32),
     /// The colour coordinate in the palette.
     Coord,

@@ -108,7 +108,7 @@ impl YearsMotion {
     }
 }
 
-/// The parts of so many leaves, which are in the order of their appearance.
+/// Divides `leaves` leaves, in the order of their appearance, into ranges.
 fn leaf_parts(leaves: usize) -> Vec<Range<usize>> {
     let parts = (leaves / LEAST_LEAVES).clamp(1, LEAF_PARTS);
     (0..parts).map(|k| leaves * k / parts..leaves * (k + 1) / parts).collect()

@@ -243,7 +243,7 @@ fn assemble(
     let canopy = Canopy::of_scene(recipe, &layout, &grown, &builder);
     let flight = add_catkins(recipe, &obstacles, &scene_wind, canopy, &mut builder, context, &mut report)?;
     let rod_wind = scene_wind.field(WindUser::Rods);
-    // What a rod lets go falls to the ground beneath; without any it ends at y = 0.
+    // Bodies released by rods fall to the ground beneath, or to y = 0 without a ground.
     let rod_ground: Box<dyn GroundHeight> = match (&terrain, &ground) {
         (Some(terrain), _) if !recipe.rods.is_empty() => Box::new(RainGround::Terrain(terrain.clone())),
         (_, Some(ground)) => Box::new(RainGround::Waves(ground.shape.clone(), ground.center)),

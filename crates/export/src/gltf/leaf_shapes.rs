@@ -508,7 +508,7 @@ fn simple_blades(asset: &Asset, label: &str) -> Result<Vec<Vec<Mesh>>> {
     asset.instancers.iter().map(of_instancer).collect()
 }
 
-/// What the options allow for so many frames.
+/// Leaves and shapes that the options allow for `frames` frames.
 fn leaf_budget(frames: usize, options: &GltfOptions) -> LeafBudget {
     let intervals = frames.saturating_sub(1).max(1);
     let shortest = intervals.div_ceil(MOST_SHAPES - 1);
@@ -530,7 +530,7 @@ fn leaf_budget(frames: usize, options: &GltfOptions) -> LeafBudget {
     }
 }
 
-/// Estimated bytes of the mesh of so many growing leaves over so many frames.
+/// Estimated bytes of the mesh of `leaves` growing leaves over `frames` frames.
 pub(super) fn estimate(leaves: u64, frames: u64, options: &GltfOptions) -> u64 {
     let LeafBudget { strides: [shortest, longest], vertex, entry, file, .. } = leaf_budget(limit(frames), options);
     let bytes = |stride: usize| {
@@ -572,7 +572,7 @@ mod tests {
         }
     }
 
-    /// A plant of so many leaves, squares of 1 m x 1 m.
+    /// A plant of `leaves` leaves, squares of 1 m x 1 m.
     fn plant(leaves: u32) -> Asset {
         let points = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vec3::new(x, y, 0.0)).to_vec();
         let square =

@@ -64,7 +64,7 @@ fn flame(item: &TableItem, name: &str) -> String {
 /// Coefficients of a map as a flame file has them: column by column, with y down.
 fn coefs(map: &Affine) -> String {
     let [a, b, c, d, e, f] = {
-        // y down again: F w F, columns first.
+        // Back to y down: F w F with the reflection F = diag(1, -1, 1); listed column by column.
         let turned = map.conjugated(DVec3::new(1.0, -1.0, 1.0), DVec3::ZERO).coefficients(2);
         std::array::from_fn(|i| turned.get(i).copied().unwrap_or(0.0))
     };

@@ -40,7 +40,7 @@ pub struct TableItem {
     pub system: Ifs,
     /// Weight of each map, as it is drawn; sum 1.
     pub weights: Vec<f64>,
-    /// What a picture of it shows, where the system does not say: flames need it.
+    /// View of a picture, for systems that have none: flames need one.
     pub view: Option<PictureView>,
 }
 

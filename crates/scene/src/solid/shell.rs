@@ -179,7 +179,7 @@ fn square_distance(b: &Aabb, at: Vec3) -> f32 {
     (low - at).max(at - high).max(Vec3::ZERO).length_squared()
 }
 
-/// What the edges of a mesh tell about it.
+/// Properties of a mesh that follow from its edges.
 #[derive(Debug, Clone, Copy)]
 struct EdgeCount {
     /// Number of edges that belong to an odd number of triangles.

@@ -16,7 +16,7 @@ use osier_base::math::narrow;
 use osier_base::par;
 use osier_scene::solid::Solid;
 
-/// Which half links surfaces cut.
+/// Half links between cells that surfaces cut.
 #[derive(Debug, Clone, Default)]
 pub(super) struct HalfLinkCutMask {
     /// By cell, x fastest: bit i is set if a surface cuts the half link in direction i. Empty if none is cut.

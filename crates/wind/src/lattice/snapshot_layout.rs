@@ -12,7 +12,7 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_scene::solid::{Solid, Solids};
 
-/// What interpolation between eight cells has to mind.
+/// Which surfaces lie between the eight cells of an interpolation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum NearSurface {
     /// None of the cells is solid.

@@ -36,7 +36,7 @@ impl VoxelReport {
     pub(super) fn warnings(&self) -> Vec<LatticeWarning> {
         let mut warnings = Vec::new();
         let mut warn = |code, text: String| warnings.push(LatticeWarning { code, text });
-        // What disturbs the flow of the whole box.
+        // Warnings about the flow of the whole box.
         if self.crowded {
             warn(
                 "S021",
@@ -61,7 +61,7 @@ impl VoxelReport {
                 format!("{} air cells are enclosed by solids and count as solid: no wind blows there", self.filled);
             warn("S021", text);
         }
-        // What disturbs the flow about single solids.
+        // Warnings about the flow around single solids.
         for (name, cells) in &self.coarse {
             let finer = format!("wind.lattice.dx to 1/{MIN_CELLS_PER_HEIGHT} of its height or less");
             warn(

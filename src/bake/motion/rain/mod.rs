@@ -723,7 +723,7 @@ struct PlantMotionInRain {
     rain: Arc<RainPlayback>,
     /// Index of the plant's asset.
     plant: usize,
-    /// What carries points of the plant.
+    /// Motion of points of the plant.
     carrier: PointCarrier,
 }
 

@@ -42,7 +42,7 @@ impl PlantInRain {
         }
     }
 
-    /// What carries points of the plant through the clip.
+    /// The motion of points of the plant over the clip.
     pub(super) fn point_carrier(&self) -> PointCarrier {
         match self {
             Self::Still => PointCarrier::Still,
@@ -57,7 +57,7 @@ impl PlantInRain {
     }
 }
 
-/// What carries points of a plant in the rain, such as the ends of twigs.
+/// Motion of points of a plant in the rain, such as the ends of twigs.
 #[derive(Debug)]
 pub(super) enum PointCarrier {
     /// Nothing: the plant does not move.

@@ -325,7 +325,7 @@ fn emit_call(
             ops.push(Op::Unary(UnaryOp::Log));
             scaled(ops, std::f64::consts::LOG10_E);
         }
-        // To so many digits behind the point.
+        // Rounded to this number of decimals.
         ("round", [a, digits]) => {
             let digits = constant_of(digits, scope).filter(|d| d.fract().abs() <= 0.0 && d.abs() <= 15.0);
             let digits =
@@ -414,13 +414,13 @@ fn emit_call(
     Ok(())
 }
 
-/// Appends code behind other code, its jumps moved with it.
+/// Appends code after other code, its jumps moved with it.
 pub(super) fn append_code(ops: &mut Vec<Op>, code: &[Op]) {
     let offset = ops.len();
     ops.extend(code.iter().map(|op| shifted(*op, offset)));
 }
 
-/// An instruction moved behind others.
+/// An instruction moved after others.
 fn shifted(op: Op, by: usize) -> Op {
     match op {
         Op::Jump(t) => Op::Jump(t + by),

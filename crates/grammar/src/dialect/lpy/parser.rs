@@ -619,6 +619,7 @@ impl PyParser {
         } else {
             function = Some(self.choice()?);
         }
+        // The lists after the function, up to the parenthesis.
         let mut height = self.height;
         let mut lists = Vec::new();
         while self.eat(",") {
@@ -630,6 +631,7 @@ impl PyParser {
             return Err(Refusal::new(what, self.here()));
         }
         self.grow(height)?;
+        // A function gets names of its own for the items, and its call as the value.
         if names.is_empty() {
             names = (0..lists.len()).map(|k| format!("(item {k} of {})", place.start)).collect();
         }
@@ -647,6 +649,7 @@ impl PyParser {
             let what = format!("'{}' of other lists than its function has", if is_filter { "filter" } else { "map" });
             return Err(Refusal::new(what, range));
         }
+        // `filter` keeps the item where the value holds, and nothing elsewhere.
         let value = match items.as_slice() {
             [item] if is_filter => {
                 let nothing = PyExpr::Call(NOTHING.to_owned(), Vec::new(), range.clone());
@@ -654,6 +657,7 @@ impl PyParser {
             }
             _ => value,
         };
+        // Several lists are zipped.
         let list = match lists.pop() {
             Some(list) if lists.is_empty() => list,
             last => PyExpr::Call("zip".to_owned(), lists.into_iter().chain(last).collect(), range.clone()),
@@ -667,7 +671,7 @@ impl PyParser {
         AXES.iter().position(|axis| axis == name).map(saturating_index)
     }
 
-    /// Indices and coordinates behind a value.
+    /// Indices and coordinates after a value.
     fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
         let mut out = value;
         let mut count = 0;

@@ -111,6 +111,7 @@ impl RodPlant {
             let (turn, blade) = (world_rotation(&frame), blades[usize::from(organ.proto)]);
             let (p, q) =
                 (turn.conjugate() * (attachment.pivot - frame.p), (turn.conjugate() * attachment.q).normalize());
+            // The blade is a rigid body on the section, with its mass at its centroid.
             if let Some(section) = section {
                 let r = glam::DMat3::from_quat(q);
                 let inertia = r * blade.inertia(leaf_mass, attachment.scale) * r.transpose();
@@ -118,6 +119,7 @@ impl RodPlant {
                 let mass = leaf_mass * blade.area * attachment.scale * attachment.scale;
                 own.push(AttachedBody { section, at, mass, inertia, of_plant: true, reach: 0.0 });
             }
+            // A body without mass, which becomes the water on the leaf.
             let none = glam::DMat3::ZERO;
             water.push(AttachedBody {
                 section: section.unwrap_or(0),
@@ -137,6 +139,7 @@ impl RodPlant {
         rods.gravity = -DVec3::Y * params.gravity;
         let posed = rods.is_empty() || rods.find_rest_shape_by_residual();
         rods.weightless = !posed;
+        // Bodies by section, and which sections a clamp holds.
         let mut on = vec![Vec::new(); rods.len()];
         rods.bodies().iter().enumerate().for_each(|(k, b)| on[b.section].push(k));
         let mut fixed = vec![false; rods.len()];

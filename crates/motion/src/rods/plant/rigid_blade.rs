@@ -71,7 +71,7 @@ fn outer_square(a: DVec3) -> DMat3 {
     DMat3::from_cols(a * a.x, a * a.y, a * a.z)
 }
 
-/// A leaf sheet at its place in the world, for aerodynamic forces.
+/// A leaf blade at its place in the world, for aerodynamic forces.
 #[derive(Debug, Clone, Copy)]
 pub struct OrientedBlade<'a> {
     /// Area, centroid and extent in leaf space.

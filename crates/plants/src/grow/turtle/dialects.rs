@@ -320,7 +320,7 @@ impl Turtle<'_> {
         let turns: [fn(&mut TurtleFrame, f64, f64); 3] = [TurtleFrame::yaw, TurtleFrame::pitch, TurtleFrame::roll];
         for (k, turn) in (0_u64..).zip(turns) {
             let a = radians(most * (2.0 * self.bindings.draw(m.lineage(), k) - 1.0));
-            // Only the first one can meet an axis that is not of length 1: it normalizes left, the second one up.
+            // Only the first turn can find an axis whose length is not 1: it normalizes the left vector, the second turn the up vector.
             let axis = self.rare.dialect.up_length.filter(|_| k == 0);
             let (c, s) = about(math::cos(a), math::sin(a), axis);
             turn(&mut self.s.frame, c, s);
@@ -539,7 +539,7 @@ impl Turtle<'_> {
                 self.set_width(first + (last - first) * (done * step / length).min(1.0));
             }
         }
-        // What is left of the length, all of it without a tropism.
+        // The rest of the length; all of it without a tropism.
         let rest = length - whole * step;
         if rest > LPY_EPSILON || whole < 1.0 {
             self.close_segment();
@@ -553,7 +553,7 @@ impl Turtle<'_> {
         }
     }
 
-    /// Sets the radius of L-Py. A negative one is told and leaves the present one.
+    /// Sets the radius of L-Py. A negative one is reported and leaves the present one.
     fn set_radius(&mut self, radius: f64, m: Module<'_>) {
         if radius < -LPY_EPSILON {
             let message = format!("a radius of {radius:.6} is negative, and is not set");

@@ -327,7 +327,7 @@ impl Turning<'_> {
         arch.dispatch(Righting(&mut *group));
         for (k, i) in group.index[..count].iter().map(|i| *i as usize).enumerate() {
             let end = group.end.get(k);
-            // What follows another formula is turned by itself.
+            // Axes that need another formula are turned one by one.
             let is_usual = group.level[k] > LEVEL_EPSILON && group.sine[k] >= LEAST_SINE && group.cosine[k] >= 0.0;
             let sinks = group.base.y[k] >= LOWEST && end.y < LOWEST;
             if is_usual && !sinks {

@@ -112,7 +112,7 @@ fn write_tube(tube: &TubeInputs<'_>, out: &mut TubeWriter<'_>) {
     let mut below = write_start(tube, ridges.as_ref(), out);
     for (k, ring) in tube.rings.iter().enumerate() {
         let first = out.ring(&tube.point_ring(ring, v_scale), tube.circle);
-        // The last ring stays round: its cap, and branches that go on from it, join it there.
+        // The last ring stays round: its cap, and branches that continue from it, join it there.
         if let Some(ridges) = ridges.as_ref().filter(|_| k + 1 < tube.rings.len()) {
             ridges.shape(tube, ring, first, false, out);
         }
@@ -145,7 +145,7 @@ fn write_start(tube: &TubeInputs<'_>, ridges: Option<&Ridges>, out: &mut TubeWri
 fn write_end(tube: &TubeInputs<'_>, ring: &Ring, below: u32, out: &mut TubeWriter<'_>) {
     let n = tube.params.sides;
     let base = tube.point_ring(ring, v_scale(tube.context.options, &tube.params));
-    // The ring shifted along its tangent, for domes and tips; v goes on as on the wall.
+    // The ring shifted along its tangent, for domes and tips; v continues as on the wall.
     let raised = |height: f32, v: f32| PointRing {
         c: base.c + ring.t * (height * ring.r),
         uv: [base.uv[0], base.uv[1], base.uv[2] + v],

@@ -458,7 +458,7 @@ mod tests {
 
     #[test]
     fn a_disc_takes_nothing_from_its_surroundings() {
-        // What stands inside does not depend on how far the disc reaches, away from its rim.
+        // Positions away from the rim do not depend on the radius of the disc.
         let land = land();
         let of = |radius| {
             let disc = ScatterDisc { at: [0.0; 2], radius, inner: 0.0, fade: 0.0 };
