@@ -431,11 +431,11 @@ impl Resolver<'_> {
         }
         // After this error the clip is one frame long, so that the rest of the scene can be checked.
         let clip = Clip { start: keys.start, end: end.max(keys.start), fps: keys.fps };
-        self.limit("frames", clip.len() as u64, span_of(root, &["frames", "end"]));
+        self.check_limit("frames", clip.len() as u64, span_of(root, &["frames", "end"]));
         clip
     }
 
-    pub(in crate::recipe) fn limit(&mut self, name: &str, wanted: u64, span: Option<Span>) {
+    pub(in crate::recipe) fn check_limit(&mut self, name: &str, wanted: u64, span: Option<Span>) {
         if let Err(e) = self.request.limits.check(name, wanted, &format!("the number of {name}")) {
             self.report.push(Diagnostic::error("S004", e.to_string(), span.unwrap_or(self.whole), "over the limit"));
         }

@@ -21,7 +21,7 @@ pub struct RiggedPlant {
 /// Changes of a plant over a clip that are not caused by wind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ClipChange {
-    /// Nothing.
+    /// No change.
     #[default]
     None,
     /// The plant grows; its rig is grown up.

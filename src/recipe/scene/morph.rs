@@ -105,7 +105,7 @@ impl Resolver<'_> {
         let NamedTable { name, path, id } = of;
         let MorphTable { table, span } = table;
         let path = join(path, "morph");
-        self.limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
+        self.check_limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
         self.check_memory(
             &format!("clouds.{name}.points"),
             u64::from(keys.points),

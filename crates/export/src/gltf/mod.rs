@@ -277,7 +277,7 @@ impl GltfExporter {
             Ok(more) => {
                 let mut more = more.unwrap_or_default();
                 more.retain(|w| !self.options.assets || w.code != "X002");
-                // So have those of plants that grow their leaves (X003).
+                // They have also reported the leaves of growing plants (X003).
                 more.retain(|w| warnings.iter().all(|told: &Warning| told.message != w.message));
                 warnings.append(&mut more);
             }

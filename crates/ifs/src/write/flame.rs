@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{TableItem, decimal, lost, millionths, names, share};
+use super::{TableItem, decimal, loss_diagnostic, millionths, names, share};
 use crate::affine::Affine;
 use crate::{Ifs, PictureView};
 use osier_base::diagnostic::Diagnostic;
@@ -94,5 +94,5 @@ fn lost_features(ifs: &Ifs) -> Option<Diagnostic> {
         ("radii of branches", ifs.maps.iter().any(|m| m.radius.is_some())),
         ("colors of single maps", ifs.maps.iter().any(|m| m.color.is_some())),
     ];
-    lost(ifs, "a flame", &features)
+    loss_diagnostic(ifs, "a flame", &features)
 }

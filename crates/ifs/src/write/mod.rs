@@ -121,7 +121,7 @@ fn plain(name: &str) -> String {
 }
 
 /// I011 for what a file cannot hold; `None` if it holds all of the system.
-fn lost(ifs: &Ifs, format: &str, features: &[(&str, bool)]) -> Option<Diagnostic> {
+fn loss_diagnostic(ifs: &Ifs, format: &str, features: &[(&str, bool)]) -> Option<Diagnostic> {
     let gone: Vec<&str> = features.iter().filter(|f| f.1).map(|f| f.0).collect();
     (!gone.is_empty()).then(|| {
         let text = format!("\"{}\": {format} cannot hold {}", ifs.name, gone.join(", "));

@@ -39,7 +39,7 @@ impl CellGeometry {
         margin: f32,
         z: usize,
     ) -> Option<[Range<usize>; 2]> {
-        let bounds = solid.bounds().grown(margin);
+        let bounds = solid.bounds().expanded(margin);
         let is_land = matches!(solid.form, Form::Land(_));
         let range = |a: usize| {
             // Cell k has its centre at k + 1/2.

@@ -40,7 +40,7 @@ impl HalfLinkCutMask {
                             continue;
                         }
                         let center = cell_center(cells, [x, y, *z]);
-                        let around = Bounds { min: center, max: center }.grown(half + slack);
+                        let around = Bounds { min: center, max: center }.expanded(half + slack);
                         if body.may_touch(around) {
                             plane[x + grid.n[0] * y] |= cut_halves(body, center, half, slack);
                         }

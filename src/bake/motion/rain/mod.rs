@@ -631,7 +631,7 @@ impl RainPlayback {
             colors: Vec::new(),
             attributes: Vec::new(),
             moving: moves,
-            reach: plants.grown(0.6),
+            reach: plants.expanded(0.6),
         };
         Asset {
             id: RAIN_ID.into(),

@@ -36,7 +36,7 @@ pub(super) fn wet_exposed_surfaces(
     builder: &mut SceneBuilder,
     context: &BakeContext<'_>,
 ) -> Result<()> {
-    let sheltered = solids.grown(SHELTER_REACH);
+    let sheltered = solids.expanded(SHELTER_REACH);
     let mut uses = vec![WetDryFaces::default(); builder.materials.len()];
     let mut wet_faces: BTreeMap<[usize; 2], Vec<bool>> = BTreeMap::new();
 

@@ -22,14 +22,14 @@ pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &TubePlans, layo
     // Reuse the old buffers: a skin of a million points costs more in page faults than in arithmetic.
     let old = std::mem::take(&mut skin.mesh);
     skin.mesh = Mesh {
-        points: sized(old.points, points),
-        normals: sized(old.normals, points),
-        uvs: sized(old.uvs, points),
-        triangles: sized(old.triangles, triangles),
+        points: resized(old.points, points),
+        normals: resized(old.normals, points),
+        uvs: resized(old.uvs, points),
+        triangles: resized(old.triangles, triangles),
         subsets: subsets(&layout.subsets),
         ..Mesh::default()
     };
-    skin.bindings = sized(std::mem::take(&mut skin.bindings), points);
+    skin.bindings = resized(std::mem::take(&mut skin.bindings), points);
     let context = SkinContext { plant, options, plans, params: &layout.params, circles: &circles };
     let mut tasks = split_arrays(&layout.tubes, &mut skin.mesh, &mut skin.bindings);
     par_each(&mut tasks, |(tubes, out)| {
@@ -41,7 +41,7 @@ pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &TubePlans, layo
 }
 
 /// The buffer with `n` entries. The caller overwrites them all, so old entries are not cleared.
-fn sized<T: bytemuck::Zeroable + Clone>(mut buffer: Vec<T>, n: usize) -> Vec<T> {
+fn resized<T: bytemuck::Zeroable + Clone>(mut buffer: Vec<T>, n: usize) -> Vec<T> {
     if buffer.capacity() < n {
         drop(buffer);
         return bytemuck::zeroed_vec(n);
