@@ -123,6 +123,7 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
     let cache = if stores { Some(BakeCache::new(open(context, args, hash, root)?)) } else { None };
     let work =
         BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timer, cache: cache.as_ref() };
+    // Assemble the scene; a dry run grows a sample and simulates nothing.
     let parts = scene::SceneOptions::BAKE;
     let mut built = if context.common.dry_run {
         scene::assemble_for_estimate(recipe, parts, &work)?
@@ -154,6 +155,7 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
         ));
         return Ok(2);
     }
+    // Write the files, and report what the user should know of them.
     context.console.note(&format!("writing about {}", sizes(counts.bytes, &counts.sizes)));
     let folder = match &cache {
         Some(cache) => cache.folder().clone(),

@@ -50,6 +50,7 @@ impl FunctionValue<'_> {
                 Statement::Assign(_, e) if is_change(&e) => {
                     return Err(Refusal::new("a list that changes in a function with a value", self.place.clone()));
                 }
+                // A variable stands for its expression, which is copied to each use: it must draw no random number.
                 Statement::Assign(name, e) => {
                     let value = self.value(&e, &names, &values)?;
                     if has_random(&value, self.scope) {

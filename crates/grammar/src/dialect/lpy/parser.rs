@@ -442,6 +442,7 @@ impl PyParser {
         Ok(PyExpr::Binary(PyOp::Pow, Box::new(base), Box::new(exponent)))
     }
 
+    /// A number, text, name, call, list, dictionary or expression in parentheses, with the indices and coordinates after it.
     fn atom(&mut self) -> Result<PyExpr, Refusal> {
         let Some(t) = self.tokens.get(self.i).cloned() else {
             return Err(Refusal::new("an unfinished expression", self.here()));
@@ -465,6 +466,7 @@ impl PyParser {
                 Err(Refusal::new(what, self.here()))
             }
             PyTokenKind::Sign("[") if self.eat("]") => Ok(PyExpr::List(Vec::new(), t.range)),
+            // A list that is written out, or `[value for name in list]`.
             PyTokenKind::Sign("[") => {
                 let e = self.choice()?;
                 let list = if self.word() == Some("for") {
@@ -478,6 +480,7 @@ impl PyParser {
                 };
                 self.indexed(list)
             }
+            // A dictionary is a call whose arguments are keys and values in turns.
             PyTokenKind::Sign("{") => {
                 let (mut pairs, mut height) = (Vec::new(), 0_usize);
                 while !self.eat("}") {

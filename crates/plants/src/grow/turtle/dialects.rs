@@ -402,6 +402,7 @@ impl Turtle<'_> {
                     self.set_end_radius(3, m);
                 }
             }
+            // Turns without a step: towards a point, or to a frame that is given.
             C::PointAt(relative) => {
                 let to = self.target(m, relative) - self.s.p;
                 if let Some(h) = to.try_normalize() {
@@ -414,6 +415,7 @@ impl Turtle<'_> {
                 let up = (m.params.len() != 3).then(|| world(v[3], v[4], v[5]));
                 self.s.frame.set(world(v[0], v[1], v[2]), up, &last);
             }
+            // Shapes, whose sizes are parameters and default to the width of the line.
             C::Sphere | C::Circle => {
                 self.close_segment();
                 let radius = given.unwrap_or(0.5 * self.s.width / scale.abs().max(1e-300));
@@ -429,6 +431,7 @@ impl Turtle<'_> {
                 }
             }
             C::Frame => self.draw_frame(given.unwrap_or(1.0), m),
+            // The tropism, which turns all following steps.
             C::Elasticity => {
                 let value = given.unwrap_or(0.0);
                 if (0.0..=1.0).contains(&value) {
