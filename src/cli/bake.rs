@@ -62,7 +62,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     // The default folder is named after the scene.
     let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(&recipe.name));
     // Those of the scene's text and of the selection, which the manifest does not hold.
-    let told = warnings.diagnostics.len() + unselected.diagnostics.len();
+    let warning_count = warnings.diagnostics.len() + unselected.diagnostics.len();
     let hash = recipe.hash_of_frames(&frames);
     if !context.common.dry_run
         && let Some(manifest) = current(context, &root, &hash)
@@ -70,9 +70,9 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         // The same warnings as after the bake that wrote the files, so that `--strict` and `--json` say the same.
         manifest.warnings.iter().for_each(|w| context.console.warning(&w.code, &w.message));
         context.console.note(&format!("\"{}\" is up to date", root.display()));
-        let finished = FinishedBake { root: &root, manifest: &manifest, other_warnings: told, stages: None };
+        let finished = FinishedBake { root: &root, manifest: &manifest, other_warnings: warning_count, stages: None };
         summary(context, &recipe, &finished)?;
-        return Ok(context.strict(told > 0 || !manifest.warnings.is_empty()));
+        return Ok(context.strict(warning_count > 0 || !manifest.warnings.is_empty()));
     }
     if !context.common.dry_run {
         check_writable(&root)?;
@@ -81,7 +81,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             open(context, args, &hash, &root)?;
         }
     }
-    let request = RequestedBake { recipe: &recipe, frames: &frames, root: &root, hash: &hash, told };
+    let request = RequestedBake { recipe: &recipe, frames: &frames, root: &root, hash: &hash, warning_count };
     match bake_frames(context, args, &request) {
         Err(e @ Error::Cancelled { .. }) if !context.common.dry_run && has_finished_files(&root, &key(&hash)) => {
             context.console.complain(&format!("{e}; finished files are kept, run again to go on"));
@@ -100,12 +100,12 @@ struct RequestedBake<'a> {
     /// Hash of the scene and its frames.
     hash: &'a str,
     /// Number of warnings so far.
-    told: usize,
+    warning_count: usize,
 }
 
 /// Assembles the scene and writes its files, or prints their estimate; the result is the exit code.
 fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> Result<u8> {
-    let RequestedBake { recipe, frames, root, hash, told } = *request;
+    let RequestedBake { recipe, frames, root, hash, warning_count } = *request;
     let display = ProgressDisplay::new(&context.console);
     let timer = StageTimer::new(&display);
     let memory = bake::lattice_memory(recipe);
@@ -145,7 +145,7 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
     counts.check_limits(&context.limits)?;
     if context.common.dry_run {
         report::print_estimate(context, &root.display().to_string(), &counts)?;
-        return Ok(context.strict(told > 0 || !built.report.diagnostics.is_empty()));
+        return Ok(context.strict(warning_count > 0 || !built.report.diagnostics.is_empty()));
     }
     if counts.bytes > report::CONFIRM_BYTES && !args.force {
         let (size, most) = (report::byte_size(counts.bytes), report::byte_size(report::CONFIRM_BYTES));
@@ -179,8 +179,8 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
         context.console.note(&format!("note: format {word} has no file, since the scene has nothing for it ({about})"));
     }
     let stages = Some(timer.seconds());
-    summary(context, recipe, &FinishedBake { root, manifest: &manifest, other_warnings: told, stages })?;
-    Ok(context.strict(told > 0 || !manifest.warnings.is_empty()))
+    summary(context, recipe, &FinishedBake { root, manifest: &manifest, other_warnings: warning_count, stages })?;
+    Ok(context.strict(warning_count > 0 || !manifest.warnings.is_empty()))
 }
 
 /// Formats of the recipe without a file in the bake, because the scene has nothing that they store.

@@ -236,13 +236,13 @@ fn plant_options(recipe: &PlantRecipe, set: &MaterialSet) -> PlantOptions {
 pub(crate) fn shared_individuals(recipe: &Recipe, layout: &PlantLayout) -> Vec<Diagnostic> {
     let mut copies = vec![0_usize; layout.individuals.len()];
     layout.instances.iter().for_each(|s| copies[s.individual] += 1);
-    let mut told = vec![false; recipe.plants.len()];
+    let mut reported = vec![false; recipe.plants.len()];
     let mut out = Vec::new();
     for (individual, copies) in layout.individuals.iter().zip(copies) {
         let Some(plant) = recipe.plants.get(individual.plant) else { continue };
         // Two copies of one individual would show the obstacles and cuts of the first place at the second.
         let bound = grows_in_place(plant, individual.together);
-        if bound && copies > 1 && !std::mem::replace(&mut told[individual.plant], true) {
+        if bound && copies > 1 && !std::mem::replace(&mut reported[individual.plant], true) {
             let text = format!(
                 "plant \"{}\" grows for its own place but stands in {copies} places as one individual",
                 plant.name

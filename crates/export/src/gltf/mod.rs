@@ -278,7 +278,7 @@ impl GltfExporter {
                 let mut more = more.unwrap_or_default();
                 more.retain(|w| !self.options.assets || w.code != "X002");
                 // They have also reported the leaves of growing plants (X003).
-                more.retain(|w| warnings.iter().all(|told: &Warning| told.message != w.message));
+                more.retain(|w| warnings.iter().all(|known: &Warning| known.message != w.message));
                 warnings.append(&mut more);
             }
             // The files of the assets are complete by now: a scene too large for one file costs only that file.
@@ -371,7 +371,7 @@ impl Exporter for GltfExporter {
         let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
         let mut tracks = std::mem::take(&mut self.tracks);
         tracks.close(scene.clip, &self.options);
-        let LightLeaves { scene, warnings: mut told } = LightLeaves::of(&scene, &self.options)?;
+        let LightLeaves { scene, warnings: mut all_warnings } = LightLeaves::of(&scene, &self.options)?;
         let input = GltfInput { scene: &scene, tracks: &tracks, textures: &self.textures, options: &self.options };
         let warnings = match &self.options.target {
             GltfTarget::Bake => self.write_bake(input)?,
@@ -385,8 +385,8 @@ impl Exporter for GltfExporter {
             GltfTarget::Gltf(path) => self.write_gltf(input, path)?,
         };
         let still = warn_unanimated(&scene, &tracks).filter(|_| !tracks.is_still());
-        told.extend(warnings.into_iter().chain(still));
-        Ok(Summary { warnings: told })
+        all_warnings.extend(warnings.into_iter().chain(still));
+        Ok(Summary { warnings: all_warnings })
     }
 }
 

@@ -320,10 +320,10 @@ impl ViewReader<'_, '_> {
         let keyword: String = key.to_lowercase().split_whitespace().collect::<Vec<_>>().join(" ");
         let values = self.expand(values);
         let line = Line { words: words(&values), span: whole };
-        let told = self.report.len();
+        let before = self.report.len();
         if self.turtle_line(&keyword, &line) || self.file_line(&keyword, &line) {
             // A line whose values cannot be read was reported as a whole.
-            if self.report.len() == told {
+            if self.report.len() == before {
                 self.check_length(&keyword, &line);
             }
             return;
