@@ -330,7 +330,7 @@ impl System<'_, '_> {
                 // A note, not a fault: the number divides the circle in any case.
                 if !(3.0..=50.0).contains(&n) {
                     let message = format!("angle {n}: Fractint takes 3 to 50 directions");
-                    self.limit(message, value, "osier draws it all the same");
+                    self.limit(message, value, "osier draws it anyway");
                 }
                 if n.fract().abs() > 0.0 {
                     let place = self.reader.place(value.range());
