@@ -478,7 +478,7 @@ fn a_dead_tip_gets_a_new_leader() {
     tree.nodes.vigour = vec![3.0, 3.0, 0.0, 2.0, 1.0, 1.0, 1.0];
     tree.year = 5;
     tree.sum_light(true);
-    tree.let_fall();
+    tree.shed_dead_wood();
     assert!(!tree.nodes.lives(2));
     assert!(tree.replace_leaders());
     tree.sum_light_again();
