@@ -115,8 +115,8 @@ fn check_into(request: &Request, with_notes: bool, context: &BakeContext<'_>, re
     // An empty list of frames means a still scene.
     let frames: Vec<u32> =
         if recipe.clip.len() > 1 { (recipe.clip.start..=recipe.clip.end).collect() } else { Vec::new() };
-    let estimate = result.estimate.insert(assembled.counts(&recipe, &frames));
+    let estimate = result.estimate.insert(assembled.estimate(&recipe, &frames));
     refuse_without_visible_plants(&assembled.animated.scene)?;
-    // The memory that a bake may take is that of the machine that bakes: the estimate tells what it would be.
+    // The limit of memory depends on the machine that bakes, so the estimate reports memory without checking it.
     estimate.check_size(context.limits)
 }

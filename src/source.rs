@@ -191,7 +191,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
             .help(help)
             .into());
     }
-    // A notation is refused for a scene below; read as a grammar, the scene would be told that it is none.
+    // A notation is refused for a scene below; read as a grammar, the scene would be reported as a faulty grammar.
     let has_notation = options.dialect.is_some() && !(has_ending(&["toml"]) && is_toml(&bytes));
     match kind {
         // A file with the ending of a grammar is read as one, so that its errors are those of a grammar.
@@ -254,7 +254,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     })
 }
 
-/// What a file is whose name has the ending of a picture or of a file of other programs, and what to do with it.
+/// For a name with the ending of a picture or of a file of another program: what the file is, and what to do with it.
 fn kind_without_scene(path: &Path) -> Option<(&'static str, &'static str)> {
     let ending = path.extension()?.to_string_lossy().to_ascii_lowercase();
     match ending.as_str() {

@@ -84,7 +84,7 @@ pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeCont
         return Err(Error::input("S004", why));
     }
     refuse_without_visible_plants(&built.animated.scene)?;
-    built.counts(recipe, frames).check_limits(context.limits)?;
+    built.estimate(recipe, frames).check_limits(context.limits)?;
     let (manifest, warnings) = write_files(recipe, &mut built, frames, folder, context)?;
     report.extend(built.report);
     Ok(Baked { manifest, report, warnings })

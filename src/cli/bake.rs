@@ -56,13 +56,13 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             return Ok(2);
         }
     };
-    // Told before anything is simulated: the selection and the recipe tell which grids have no frame.
+    // Report before anything is simulated: the selection and the recipe determine which grids have no frame.
     let unselected = warn_of_unselected_grids(&recipe, &frames);
     context.console.report(&unselected);
     // The default folder is named after the scene.
     let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(&recipe.name));
     // Those of the scene's text and of the selection, which the manifest does not hold.
-    let told = warnings.diagnostics.len() + unselected.diagnostics.len();
+    let warning_count = warnings.diagnostics.len() + unselected.diagnostics.len();
     let hash = recipe.hash_of_frames(&frames);
     if !context.common.dry_run
         && let Some(manifest) = current(context, &root, &hash)
@@ -70,9 +70,9 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         // The same warnings as after the bake that wrote the files, so that `--strict` and `--json` say the same.
         manifest.warnings.iter().for_each(|w| context.console.warning(&w.code, &w.message));
         context.console.note(&format!("\"{}\" is up to date", root.display()));
-        let finished = FinishedBake { root: &root, manifest: &manifest, other_warnings: told, stages: None };
+        let finished = FinishedBake { root: &root, manifest: &manifest, other_warnings: warning_count, stages: None };
         summary(context, &recipe, &finished)?;
-        return Ok(context.strict(told > 0 || !manifest.warnings.is_empty()));
+        return Ok(context.strict(warning_count > 0 || !manifest.warnings.is_empty()));
     }
     if !context.common.dry_run {
         check_writable(&root)?;
@@ -81,7 +81,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             open(context, args, &hash, &root)?;
         }
     }
-    let request = RequestedBake { recipe: &recipe, frames: &frames, root: &root, hash: &hash, told };
+    let request = RequestedBake { recipe: &recipe, frames: &frames, root: &root, hash: &hash, warning_count };
     match bake_frames(context, args, &request) {
         Err(e @ Error::Cancelled { .. }) if !context.common.dry_run && has_finished_files(&root, &key(&hash)) => {
             context.console.complain(&format!("{e}; finished files are kept, run again to go on"));
@@ -100,12 +100,12 @@ struct RequestedBake<'a> {
     /// Hash of the scene and its frames.
     hash: &'a str,
     /// Number of warnings so far.
-    told: usize,
+    warning_count: usize,
 }
 
 /// Assembles the scene and writes its files, or prints their estimate; the result is the exit code.
 fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> Result<u8> {
-    let RequestedBake { recipe, frames, root, hash, told } = *request;
+    let RequestedBake { recipe, frames, root, hash, warning_count } = *request;
     let display = ProgressDisplay::new(&context.console);
     let timer = StageTimer::new(&display);
     let memory = bake::lattice_memory(recipe);
@@ -123,6 +123,7 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
     let cache = if stores { Some(BakeCache::new(open(context, args, hash, root)?)) } else { None };
     let work =
         BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timer, cache: cache.as_ref() };
+    // Assemble the scene; a dry run grows a sample and simulates nothing.
     let parts = scene::SceneOptions::BAKE;
     let mut built = if context.common.dry_run {
         scene::assemble_for_estimate(recipe, parts, &work)?
@@ -140,11 +141,11 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
     }
     // The following checks may refuse the bake, and precede the first file of the output.
     refuse_without_visible_plants(&built.animated.scene)?;
-    let counts = built.counts(recipe, frames);
+    let counts = built.estimate(recipe, frames);
     counts.check_limits(&context.limits)?;
     if context.common.dry_run {
         report::print_estimate(context, &root.display().to_string(), &counts)?;
-        return Ok(context.strict(told > 0 || !built.report.diagnostics.is_empty()));
+        return Ok(context.strict(warning_count > 0 || !built.report.diagnostics.is_empty()));
     }
     if counts.bytes > report::CONFIRM_BYTES && !args.force {
         let (size, most) = (report::byte_size(counts.bytes), report::byte_size(report::CONFIRM_BYTES));
@@ -154,6 +155,7 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
         ));
         return Ok(2);
     }
+    // Write the files, and report what the user should know of them.
     context.console.note(&format!("writing about {}", sizes(counts.bytes, &counts.sizes)));
     let folder = match &cache {
         Some(cache) => cache.folder().clone(),
@@ -177,11 +179,11 @@ fn bake_frames(context: &Context, args: &Bake, request: &RequestedBake<'_>) -> R
         context.console.note(&format!("note: format {word} has no file, since the scene has nothing for it ({about})"));
     }
     let stages = Some(timer.seconds());
-    summary(context, recipe, &FinishedBake { root, manifest: &manifest, other_warnings: told, stages })?;
-    Ok(context.strict(told > 0 || !manifest.warnings.is_empty()))
+    summary(context, recipe, &FinishedBake { root, manifest: &manifest, other_warnings: warning_count, stages })?;
+    Ok(context.strict(warning_count > 0 || !manifest.warnings.is_empty()))
 }
 
-/// The formats of the recipe of which the bake has no file, since each of them stores things that a scene may lack.
+/// Formats of the recipe without a file in the bake, because the scene has nothing that they store.
 fn formats_without_files(recipe: &Recipe, manifest: &Manifest) -> Vec<&'static FormatInfo> {
     let files = manifest.expanded();
     let is_in = |path: &str, folder: &str| path.split_once('/').is_some_and(|(first, _)| first == folder);

@@ -31,6 +31,7 @@ pub fn run(context: &Context, args: &Convert) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
+    // Read the source, and convert its first grammar.
     let (recipe, warnings) = resolve(&find_scene(&args.file, &context.sources)?)?;
     context.console.report(&warnings);
     let mut grammars =
@@ -53,6 +54,7 @@ pub fn run(context: &Context, args: &Convert) -> Result<u8> {
         context.console.note(note);
     }
     let warned = !warnings.diagnostics.is_empty() || !converted.notes.is_empty();
+    // Without a file the text goes to standard output.
     let Some(output) = args.output.as_deref().filter(|path| *path != Path::new("-")) else {
         if context.console.json {
             let value = json!({ "text": converted.text, "notes": converted.notes });
@@ -63,7 +65,7 @@ pub fn run(context: &Context, args: &Convert) -> Result<u8> {
         return Ok(context.strict(warned));
     };
     let path = output.display().to_string();
-    // A dry run tells the file that would be written.
+    // A dry run names the file that would be written.
     let files = if context.common.dry_run {
         let blake3 = blake3::hash(converted.text.as_bytes()).to_hex().to_string();
         vec![FileRecord {

@@ -206,6 +206,7 @@ fn describe_file(context: &Context, path: &Path) -> Result<u8> {
         None
     };
     let size = mesh.as_ref().map(|m| m.bounds().size().to_array());
+    // Other files may be grammars of any notation, or files with several L-systems or tables.
     let file_name = name_of(path);
     let notation = match osier_grammar::detect(&file_name, &bytes) {
         FileKind::Grammar(notation) if mesh.is_none() && std::str::from_utf8(&bytes).is_ok() => Some(notation.word()),
@@ -221,6 +222,7 @@ fn describe_file(context: &Context, path: &Path) -> Result<u8> {
         context.console.result(&format!("{value:#}\n"))?;
         return Ok(context.strict(warned));
     }
+    // As text, only the lines that apply to the file.
     let shown = visible(&path.display().to_string());
     let mut out = format!("{shown}  {}\nblake3 {hash}\n", report::byte_size(bytes.len() as u64));
     if let (Some(m), Some([x, y, z])) = (mesh, size) {

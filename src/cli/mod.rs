@@ -94,7 +94,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
             let _ = e.print();
             2
         }
-        Err(help) => printed(help.print()),
+        Err(help) => help_exit_code(help.print()),
     }
 }
 
@@ -124,8 +124,8 @@ fn with_help_flag(mut args: Vec<OsString>) -> Vec<OsString> {
     args
 }
 
-/// Exit code after help was printed on standard output: 0, also for a reader that has gone, or that of the error, which is told.
-fn printed(result: std::io::Result<()>) -> u8 {
+/// Exit code after printing help on standard output: 0, also if the reader has closed the pipe; else that of the error, which is printed.
+fn help_exit_code(result: std::io::Result<()>) -> u8 {
     use std::io::Write as _;
     match result.and_then(|()| std::io::stdout().flush()) {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {

@@ -15,6 +15,7 @@ use osier_base::files::{Folder, WriteOptions, name_of, safe_name};
 /// Runs `osier new`; the result is the exit code. The folder receives the scene and the presets that it names:
 /// grammars, particle-shapes, species, coefficient tables.
 pub fn run(context: &Context, args: &New) -> Result<u8> {
+    // Refuse names of files, and flags that a copied scene would not keep.
     let name = name_of(&args.name);
     if name.is_empty() {
         context.console.complain(&format!("\"{}\" is not the name of a folder", args.name.display()));
@@ -34,6 +35,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
+    // Choose the preset: the one of `--from`, or the grammar that fits the words of `--grammar` best.
     let from = match &args.grammar {
         None => args.from.as_str(),
         Some(words) => {
@@ -68,6 +70,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.complain(&why);
         return Ok(1);
     };
+    // The files of the folder: the scene, and the presets that it names.
     let scene_name = format!("{}.toml", safe_name(&name));
     let mut files: Vec<(String, String)> = vec![(scene_name.clone(), scene)];
     files.extend(named.iter().map(|p| (p.name.to_owned(), p.text.to_owned())));
@@ -80,6 +83,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
     if !context.common.dry_run {
         write(&args.name, &files)?;
     }
+    // Report the files and the next command.
     let path = |f: &str| args.name.join(f).display().to_string();
     let paths: Vec<String> = files.iter().map(|(f, _)| path(f)).collect();
     if context.console.json {

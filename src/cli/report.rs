@@ -39,7 +39,7 @@ pub fn estimate_text(c: &BakeEstimate) -> String {
         row("instances", c.instances),
         row("points", c.points),
         row("joints", c.joints),
-        row("frames", frames_of(c)),
+        row("frames", written_frames(c)),
         format!("  {:12} about {}\n", "size", byte_size(c.bytes)),
     ]
     .concat()
@@ -49,7 +49,7 @@ pub fn estimate_text(c: &BakeEstimate) -> String {
 }
 
 /// Number of frames that are written; a still scene is one.
-fn frames_of(c: &BakeEstimate) -> u64 {
+fn written_frames(c: &BakeEstimate) -> u64 {
     c.frames.max(1)
 }
 
@@ -83,7 +83,7 @@ pub fn estimate_json(c: &BakeEstimate) -> Value {
     json!({
         "assets": c.assets, "placements": c.placements, "modules": c.modules, "vertices": c.vertices,
         "triangles": c.triangles, "instances": c.instances, "points": c.points, "joints": c.joints,
-        "frames": frames_of(c),
+        "frames": written_frames(c),
         "bytes": c.bytes,
         "memory": by_name(&c.memory),
         "sizes": by_name(&c.sizes),

@@ -86,14 +86,14 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let display = ProgressDisplay::new(&context.console);
     display.stage("running", frames);
     let mut all = Sweep { title: first.general.title.clone(), keys, ..Sweep::default() };
-    let (mut of_runs, mut told) = (Report::default(), Vec::new());
+    let (mut of_runs, mut run_warnings) = (Report::default(), Vec::new());
     for (recipe, planned) in recipes.iter().zip(runs) {
         let SimulatedRun { scene, whole, maps, report, measured } = simulate(context, recipe, &display)?;
         of_runs.extend(report);
         // The numbers in these messages differ from run to run: the first of each code is printed.
         for warning in measured {
-            if told.iter().all(|earlier: &Warning| earlier.code != warning.code) {
-                told.push(warning);
+            if run_warnings.iter().all(|earlier: &Warning| earlier.code != warning.code) {
+                run_warnings.push(warning);
             }
         }
         // Runs with the same values are consecutive; their statistics begin with the first.
@@ -115,8 +115,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     }
     display.done();
     context.console.report(&of_runs);
-    told.iter().for_each(|w| context.console.warning(w.code, &w.message));
-    warned |= !of_runs.diagnostics.is_empty() || !told.is_empty();
+    run_warnings.iter().for_each(|w| context.console.warning(w.code, &w.message));
+    warned |= !of_runs.diagnostics.is_empty() || !run_warnings.is_empty();
     write(context, args, &root, &all)?;
     print_means(context, &root, &all)?;
     Ok(context.strict(warned))

@@ -128,7 +128,7 @@ fn resident_bytes() -> Option<u64> {
 }
 
 /// Exits the process with the code of an error, even while other threads work or block, as in a write to a full pipe. `as_json`: whether
-/// the error is told as a line of JSON.
+/// the error is printed as a line of JSON.
 fn end(why: Error, as_json: bool) -> ! {
     // `process::exit` runs no destructors, so unfinished files are removed here.
     drop_parts();

@@ -45,9 +45,9 @@ const NONE: &[&str] = &[];
 const OF_LAYER_TABLES: &[&str] = &["system", "weights", "points", "color_by", "prefix", "colors", "exposure", "gamma"];
 /// Largest share of a plane that equal discs cover, pi / sqrt 12.
 const DENSEST_DISCS: f64 = 0.906_9;
-/// What keys of the sway model need.
+/// Requirement of keys of the sway model.
 const SWAYING: &str = "a plant that sways: leave [plants.NAME.rods] out";
-/// What latitudes of plants need.
+/// Requirement of latitudes of plants.
 const DATED: &str = "a season that is a date: season = \"10-20\"";
 
 impl Resolver<'_> {

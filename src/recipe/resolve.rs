@@ -127,7 +127,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     resolver.report.into_result(recipe)
 }
 
-/// Whether the scene has rain that falls: `[rain]` without `falls = false`. A value that is no flag is told where the keys of rain are
+/// Whether the scene has rain that falls: `[rain]` without `falls = false`. A value that is no flag is reported where the keys of rain are
 /// read.
 fn drops_fall(root: &TomlTable) -> bool {
     let Some(TomlValue::Table(rain)) = root.get("rain").map(|entry| &entry.node.value) else { return false };
@@ -144,7 +144,7 @@ fn suggest_other_places(report: &mut Report) {
     }
     let tables = super::options();
     for d in report.diagnostics.iter_mut().filter(|d| d.code == "S002") {
-        // Only message and help tell the case, in the words of `syntax::key::unknown`.
+        // Only the message and the help, as `syntax::key::unknown` writes them, show that this is an unknown key.
         let Some(known) = d.help.as_ref().filter(|help| help.starts_with("known here: ")) else { continue };
         let Some((_, name)) = d.message.strip_suffix('"').and_then(|m| m.rsplit_once('"')) else { continue };
         let mut places: Vec<String> = Vec::new();
@@ -217,7 +217,7 @@ fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry)
     // A key of the scene has precedence over a key of the plant, and that over a #define of its grammar.
     let first = path.split('.').next().unwrap_or_default();
     let top = registry.names::<SceneKeys>().contains(&first);
-    // Where other keys go: a table has no #defines.
+    // The table that all other keys belong to; a coefficient table has no #defines.
     let (plant, others) = match bare {
         SingleSource::Plant(name) => (path_element(name), "set"),
         SingleSource::Tree(name) => (path_element(name), "tree"),
@@ -431,18 +431,18 @@ impl Resolver<'_> {
         }
         // After this error the clip is one frame long, so that the rest of the scene can be checked.
         let clip = Clip { start: keys.start, end: end.max(keys.start), fps: keys.fps };
-        self.limit("frames", clip.len() as u64, span_of(root, &["frames", "end"]));
+        self.check_limit("frames", clip.len() as u64, span_of(root, &["frames", "end"]));
         clip
     }
 
-    pub(in crate::recipe) fn limit(&mut self, name: &str, wanted: u64, span: Option<Span>) {
+    pub(in crate::recipe) fn check_limit(&mut self, name: &str, wanted: u64, span: Option<Span>) {
         if let Err(e) = self.request.limits.check(name, wanted, &format!("the number of {name}")) {
             self.report.push(Diagnostic::error("S004", e.to_string(), span.unwrap_or(self.whole), "over the limit"));
         }
     }
 
     /// Reports S004 if `count` items of `each` bytes would take more memory than the limit `memory`.
-    pub(in crate::recipe) fn memory(&mut self, key: &str, count: u64, each: u64, span: Option<Span>) {
+    pub(in crate::recipe) fn check_memory(&mut self, key: &str, count: u64, each: u64, span: Option<Span>) {
         let what = format!("memory of {key} = {count}, in bytes,");
         // A product beyond 64 bits saturates, which only an unlimited setting allows.
         if let Err(e) = self.request.limits.check("memory", count.saturating_mul(each), &what) {

@@ -300,7 +300,7 @@ fn is_land(name: &str, manifest: &Manifest) -> bool {
     asset.is_some_and(|a| a.kind == AssetKind::Terrain.word())
 }
 
-/// Gives materials what glTF does not tell: bark does not transmit light, water refracts.
+/// Sets properties that glTF does not hold: bark does not transmit light, water refracts.
 fn set_materials(materials: &mut [Material], manifest: &Manifest) {
     const CLASSES: [MaterialClass; 5] =
         [MaterialClass::Bark, MaterialClass::Leaf, MaterialClass::Catkin, MaterialClass::Water, MaterialClass::Ground];

@@ -38,10 +38,10 @@ impl Bounds {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// The box grown by `d` on every side; an empty box stays empty.
+    /// The box expanded by `d` on every side; an empty box stays empty.
     #[must_use]
     #[inline]
-    pub fn grown(self, d: f32) -> Self {
+    pub fn expanded(self, d: f32) -> Self {
         if self.is_empty() { self } else { Self { min: self.min - Vec3::splat(d), max: self.max + Vec3::splat(d) } }
     }
 
@@ -121,7 +121,7 @@ mod tests {
     fn bounds_grow() {
         let b = Bounds::of([Vec3::ZERO, Vec3::new(1.0, -2.0, 3.0)]);
         assert_eq!(b.size(), Vec3::new(1.0, 2.0, 3.0));
-        assert!(Bounds::default().grown(1.0).is_empty());
+        assert!(Bounds::default().expanded(1.0).is_empty());
         assert_eq!(b.corners().len(), 8);
     }
 }

@@ -32,7 +32,7 @@ impl Cancel {
 
     /// Asks to stop, since the process takes `bytes` of memory, more than its `limit`; no other call withdraws it.
     pub fn request_for_memory(&self, bytes: u64, limit: u64) {
-        // The first excess is the one that is told.
+        // The first excess is the one that is reported.
         self.memory.get_or_init(|| [bytes, limit]);
     }
 

@@ -193,7 +193,7 @@ impl Rng {
     /// positive. One draw.
     #[inline]
     pub fn pick(&mut self, weights: &[f64]) -> usize {
-        pick_at(self.unit_f64(), weights)
+        weighted_index(self.unit_f64(), weights)
     }
 
     /// Fisher-Yates shuffle from the end. `len - 1` draws.
@@ -238,7 +238,7 @@ impl Shares {
 
 /// Index that [`Rng::pick`] picks where its draw is `unit`, 0 to below 1.
 #[inline]
-pub fn pick_at(unit: f64, weights: &[f64]) -> usize {
+pub fn weighted_index(unit: f64, weights: &[f64]) -> usize {
     // Inverse of the cumulative distribution; negative weights and NaN count as 0.
     let total = weights.iter().fold(0.0, |t, w| t + w.max(0.0));
     let target = unit * total;

@@ -216,7 +216,7 @@ pub(super) fn merge_asset(asset: &Asset) -> Result<Mesh> {
 }
 
 /// Colour and occlusion of leaves at every vertex of a flattened asset, as attributes of four numbers; none if no instancer has
-/// them. What is no leaf is white and not occluded. Normals are bent already.
+/// them. Vertices of other parts are white and not occluded. Normals are bent already.
 fn leaf_attributes(flattened: &FlattenedAsset<'_>) -> Vec<Attribute> {
     let mut all = Vec::new();
     for (name, other) in [(LEAF_COLOR, WHITE), (CANOPY_OCCLUSION, [0.0; 4])] {

@@ -71,7 +71,7 @@ fn hidden_geometry(asset: &Asset) -> [u64; 2] {
     sum
 }
 
-/// Bytes of a file of so many vertices, of which `mapped` have texture coordinates; indices of faces take more with their number.
+/// Bytes of a file of `vertices` vertices, `mapped` of them with texture coordinates; larger indices of faces take more digits.
 fn file_bytes(vertices: u64, mapped: u64, triangles: u64) -> u64 {
     // Decimal digits of the largest index.
     let digits = vertices.max(1).ilog10() + 1;

@@ -17,7 +17,7 @@ pub enum Dialect {
     Abop,
     /// Commands of the L-systems of Fractint, which draw lines in the plane x-y.
     Fractint,
-    /// Commands of LParser's files; the numbers behind `turtle: lparser` set their defaults ([`DialectSettings`]).
+    /// Commands of LParser's files; the numbers after `turtle: lparser` set their defaults ([`DialectSettings`]).
     LParser,
     /// Commands of L-Py, whose symbols may have long names.
     LPy,
@@ -34,7 +34,7 @@ impl Dialect {
     }
 }
 
-/// Numbers behind the name of the turtle, as in `turtle: lparser angle = 20 thickness = 30`; percentages become shares.
+/// Numbers after the name of the turtle, as in `turtle: lparser angle = 20 thickness = 30`; percentages become shares.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DialectSettings {
     /// Turn of commands without a number, degrees.

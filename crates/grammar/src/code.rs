@@ -338,7 +338,7 @@ impl BinaryOp {
             Self::Add => a + b,
             Self::Sub => a - b,
             Self::Mul => a * b,
-            // A division by zero has a value, so that the derivation goes on with a warning.
+            // A division by zero has a value, so that the derivation continues with a warning.
             Self::Div if is_zero(b) => return (a, true),
             Self::Div => a / b,
             Self::Rem => return remainder(a, b),

@@ -77,7 +77,7 @@ fn note_idle_symbols(session: &mut ParseSession, program: &Program) {
             let c = symbol(t.symbol);
             let is_command = DRAWN_SYMBOLS.contains(c) && !program.overrides_cpfg(c);
             if is_command && matches!(c, '@' | '~' | '?') {
-                // What follows belongs to the command.
+                // The next symbol belongs to the command.
                 let second = rest.next().map(|t| symbol(t.symbol));
                 let mut ahead = rest.clone();
                 let third = ahead.next().map(|t| symbol(t.symbol));
@@ -166,7 +166,7 @@ const MAX_ARITY_LABELS: usize = 4;
 /// L023: predecessors and contexts whose number of parameters is never made.
 fn check_arities(session: &mut ParseSession, program: &Program) {
     let made = made_kinds(program);
-    // Symbols that nothing at all makes are the business of L030, as are kinds made only behind them.
+    // Symbols that nothing at all makes are the business of L030, as are kinds made only after them.
     for p in program.productions() {
         for f in p.predecessor.iter().chain(context_modules(p)) {
             let arity = usize::from(f.arity);
@@ -259,7 +259,7 @@ fn check_unused_weights(session: &mut ParseSession, program: &Program, rules: &P
 }
 
 /// L056: in a deterministic grammar a last production without condition is what applies where no other does. With a seed it
-/// competes with them all the same, and is drawn as often.
+/// competes with them like any other, and is drawn as often.
 fn check_defaults(session: &mut ParseSession, program: &Program, rules: &ProductionSet) {
     let mut groups: BTreeMap<(SymbolId, u8), Vec<&Production>> = BTreeMap::new();
     for p in &rules.list {

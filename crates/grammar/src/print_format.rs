@@ -86,7 +86,7 @@ impl PrintFormat {
     }
 }
 
-/// What follows a `%` up to its letter; `None` if there is no such letter.
+/// Flags, width and precision after a `%`, up to its letter; `None` if there is no letter.
 fn number_field(chars: &mut std::iter::Peekable<std::str::Chars<'_>>) -> Option<NumberField> {
     let mut ahead = chars.clone();
     let mut field = NumberField { left: false, zeros: false, plus: false, width: 0, precision: None, conversion: 'g' };

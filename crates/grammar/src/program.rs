@@ -43,9 +43,9 @@ pub(crate) struct Production {
     pub left: Vec<ContextElement>,
     pub predecessor: Vec<FormalModule>,
     pub right: Vec<ContextElement>,
-    /// What the new string, as far as it is made, must end with: a left context that sees what this step made.
+    /// Left context in the new string: modules that the part made so far in this step must end with.
     pub new_left: Vec<ContextElement>,
-    /// What the new string must begin with, as far as it is made from its end: only in a program that is derived backward.
+    /// Right context in the new string, which is made from its end: only in a program that is derived backward.
     pub new_right: Vec<ContextElement>,
     /// The symbols that its contexts skip, if they are others than those of its L-system.
     pub ignored: Option<IgnoredSymbols>,

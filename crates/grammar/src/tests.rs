@@ -98,7 +98,7 @@ fn functions_of_companion_files_are_read_by_number_and_name() {
     let d = derive(&g, &DeriveOptions::default(), &limits).expect("derives");
     // A name counts as it is written, too, unless a variable has it.
     assert_eq!(g.print(&d.modules), "V(2.5)V(4)V(1.5)V(0)V(1)V(5)V(7)V(7)V(2.5)V(9)");
-    // In a block the locations of a call move behind those before it.
+    // In a block the locations of a call move after those before it.
     let (g, _) = read("Lsystem: 1\nderivation length: 1\nAxiom: A\nA : {x = 1; y = func(3,x);} --> B(y)\nendlsystem");
     let d = derive(&g, &DeriveOptions::default(), &limits).expect("derives");
     assert_eq!(g.print(&d.modules), "B(0)");

@@ -448,7 +448,7 @@ impl Vm {
         Ok(())
     }
 
-    /// The left side of `&&` or `||` has decided: the right side, which ends at `end`, is skipped. cpfg computes it all the same,
+    /// The left side of `&&` or `||` has decided: the right side, which ends at `end`, is skipped. cpfg computes it anyway,
     /// which matters to its draws.
     fn decide(&mut self, value: f64, end: usize, pc: &mut usize, decided: &mut Vec<(usize, f64)>) {
         if self.cpfg.is_some() {
@@ -581,7 +581,7 @@ impl Vm {
         let shares: Vec<f64> = pairs.iter().skip(1).step_by(2).copied().collect();
         // One draw, whatever the number of values; with the random numbers of cpfg, from the generator of its functions.
         let i = match &mut self.cpfg {
-            Some(cpfg) => rng::pick_at(cpfg.uniform(), &shares),
+            Some(cpfg) => rng::weighted_index(cpfg.uniform(), &shares),
             None => self.next_stream().pick(&shares),
         };
         self.stack.push(pairs.get(2 * i).copied().unwrap_or(0.0));

@@ -4,7 +4,7 @@
 //! ```
 //! use glam::DVec3;
 //! use osier_base::limits::Limits;
-//! use osier_ifs::cloud::{DrawRequest, cloud, voxels};
+//! use osier_ifs::cloud::{DrawRequest, cloud, thin_to_voxels};
 //! use osier_ifs::color::{ColorLabels, ColorMode};
 //! use osier_ifs::game::{InstructionSet, extent};
 //! use osier_ifs::{dynamics::study, read::read, weights::WeightRule};
@@ -19,7 +19,7 @@
 //! let mut points = cloud(&request, &labels, &extent, DVec3::ZERO, 2.0);
 //! assert_eq!(points.positions.len(), 10_000);
 //! // Thinned to one point per cube, each with the number of points that it stands for.
-//! let counts = voxels(&mut points, 0.25);
+//! let counts = thin_to_voxels(&mut points, 0.25);
 //! assert_eq!(counts.iter().sum::<u32>(), 10_000);
 //! # Ok::<(), osier_base::Error>(())
 //! ```
@@ -219,7 +219,7 @@ fn retain<T>(list: &mut Vec<T>, kept: &[bool]) {
 }
 
 /// Keeps the first point of every cube of the given size; returns how many points each one stands for.
-pub fn voxels(cloud: &mut AttractorPoints, size: f32) -> Vec<u32> {
+pub fn thin_to_voxels(cloud: &mut AttractorPoints, size: f32) -> Vec<u32> {
     #[allow(clippy::cast_possible_truncation, reason = "saturates far beyond any scene")]
     let cell = |p: &Vec3| (*p / size).floor().to_array().map(|v| v as i64);
     // Sorted by cell, then by index: the first of each group is the first point drawn in that cell.

@@ -24,7 +24,7 @@ use osier_base::math;
 pub enum ColorMode {
     /// The map applied last.
     Map,
-    /// The last so many maps, 1 to 4, newest first.
+    /// By the last maps, 1 to 4 of them, newest first.
     Prefix(u32),
     /// The colour coordinate in the palette.
     Coord,
@@ -69,9 +69,9 @@ pub struct ColorLabels {
     maps: u32,
     /// m^(k-1): place value of the newest of k letters of m maps.
     top: u32,
-    /// By map: what is kept of the coordinate and what is added; the last row is for jumps.
+    /// By map: factor on the coordinate and the value added to it; the last row is for jumps.
     pull: Vec<(f32, f32)>,
-    /// By map: what it makes of an order.
+    /// By map: its effect on the branching order.
     orders: Vec<Branching>,
     lanes: LaneHistory,
 }

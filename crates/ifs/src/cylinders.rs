@@ -115,7 +115,7 @@ pub(super) struct Cylinder {
     pub newest: usize,
     /// Label of its points where that does not depend on them.
     pub label: u32,
-    /// What is kept of a point's colour coordinate, and what is added.
+    /// Factor on a point's colour coordinate, and the value added to it.
     pub pull: (f32, f32),
     /// Sum of the shares up to and with this one.
     end: f64,

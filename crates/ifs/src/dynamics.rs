@@ -72,7 +72,7 @@ impl SystemAnalysis {
 /// Studies a system under a rule of weights.
 /// Source: [zhao-zhang] definition 2, of which a contractive system asks max norm < 1.
 /// Differs: contraction on average is enough (E1 <= -1e-3, or a negative exponent): a quarter of the tables in
-/// circulation holds a map that stretches and has an attractor all the same.
+/// circulation holds a map that stretches and nevertheless has an attractor.
 pub fn study(ifs: &Ifs, rule: WeightRule) -> SystemAnalysis {
     let (mut shares, mut diagnostics) = probabilities(ifs, rule);
     // With a chaos matrix the maps form a Markov chain; their long-run shares are its stationary distribution.

@@ -26,7 +26,7 @@ pub enum WeightRule {
     Moran,
     /// The same for every map, whatever the weights of the file.
     Equal,
-    /// As Fractint draws: a running sum, of which the last map takes the rest.
+    /// As Fractint draws: a running sum of the weights; the last map takes the rest.
     Fractint,
 }
 

@@ -17,7 +17,7 @@ const CHANNELS: [&str; 6] = ["Y", "height", "Z", "displacement", "R", "G"];
 /// Unit of the values of a height map: fractions of a range that is still to be given, or lengths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeightUnit {
-    /// Fractions of the range from black (0) to white (1), of which a picture of whole numbers has so many steps.
+    /// Fractions of the range from black (0) to white (1). A picture of whole numbers has this number of steps.
     Fraction {
         /// Number of steps from black to white: 255 or 65,535.
         steps: u32,

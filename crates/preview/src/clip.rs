@@ -47,7 +47,7 @@ enum ClipEncoder<W: Write> {
 /// Largest difference of a channel between a pixel and its colour of the palette; a palette lacks colours that are farther off.
 /// Own: chosen by eye; three times the noise of dithering.
 const FAR: u8 = 24;
-/// Of so many pixels of a frame one may lack its colour. Own: chosen on clips of growth and of autumn; those that sway keep their
+/// Pixels of a frame of which one may lack its colour. Own: chosen on clips of growth and of autumn; those that sway keep their
 /// palette.
 const PIXELS_PER_LACK: usize = 500;
 
@@ -85,7 +85,7 @@ pub struct ClipTiming {
 fn apng_delay(rate: u32, base: u32) -> Result<(u16, u16)> {
     let most = u64::from(u16::MAX);
     let (num, den) = (u64::from(base), u64::from(rate));
-    // The larger number becomes about the largest of 16 bits, of which the other has as many digits as it can.
+    // Scale the larger number to about the largest of 16 bits, so that the other keeps as many digits as possible.
     let (num, den) = if num.max(den) <= most {
         (num, den)
     } else if num >= den {
@@ -214,7 +214,7 @@ impl Palette {
         let (indices, lacks) = self.nearest(picture);
         match self.allowed {
             None => {
-                // What the fitted colours leave out of their own picture is no reason for others.
+                // The colours that the fitted palette lacks in its own picture are no reason to choose another palette.
                 self.allowed = Some(3 * lacks + picture.pixels.len() / PIXELS_PER_LACK);
                 indices
             }

@@ -119,7 +119,7 @@ pub fn asset_bounds(asset: &Asset, frame: &AssetFrame) -> Bounds {
     for (i, cloud) in asset.points.iter().enumerate() {
         let now = cloud.at(frame.points(i));
         for (p, w) in now.positions.iter().zip(now.widths).filter(|(_, w)| **w > 0.0) {
-            b = b.union(Bounds::of([*p]).grown(w * 0.5));
+            b = b.union(Bounds::of([*p]).expanded(w * 0.5));
         }
     }
     for (i, curves) in asset.curves.iter().enumerate() {
@@ -128,7 +128,7 @@ pub fn asset_bounds(asset: &Asset, frame: &AssetFrame) -> Bounds {
             CurvesFrame::Same => &curves.points,
         };
         for (p, w) in points.iter().zip(&curves.widths) {
-            b = b.union(Bounds::of([*p]).grown(w * 0.5));
+            b = b.union(Bounds::of([*p]).expanded(w * 0.5));
         }
     }
     b

@@ -1,4 +1,4 @@
-//! What changes.
+//! Frames: the state of everything that changes over the clip.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Repeated things.
+//! Instancers: prototypes, and the copies of them with their positions, orientations and scales.
 
 use glam::{Quat, Vec3};
 
@@ -21,7 +21,7 @@ pub struct Prototype {
     pub others: Vec<Self>,
 }
 
-/// What a prototype consists of where curves are drawn.
+/// A prototype in formats that draw curves.
 #[derive(Debug, Clone)]
 pub struct Fine {
     /// Triangles of the parts that are no hairs.

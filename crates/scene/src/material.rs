@@ -153,7 +153,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// Whether both images are equal but for their names.
+    /// Whether both images are equal except for their names.
     pub fn has_same_pixels(&self, other: &Self) -> bool {
         let layout = |image: &Self| (image.kind, image.width, image.height, image.channels);
         layout(self) == layout(other) && self.pixels == other.pixels

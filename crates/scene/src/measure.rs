@@ -39,12 +39,12 @@ pub struct Watch {
 impl Table {
     /// Warnings of a run in which `most` was the largest value of each column.
     pub fn warnings(&self, most: &[f64]) -> Vec<(&'static str, String)> {
-        let told = |w: &Watch| {
+        let warning = |w: &Watch| {
             let value = most.get(w.column).copied().filter(|v| *v > w.above)?;
             let shown = if value >= 1.0 { format!("{value:.0}") } else { format!("{value:.1e}") };
             Some((w.code, w.text.replace("{}", &shown)))
         };
-        self.watches.iter().filter_map(told).collect()
+        self.watches.iter().filter_map(warning).collect()
     }
 }
 

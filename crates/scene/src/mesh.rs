@@ -98,7 +98,7 @@ impl Mesh {
 
     /// Whether no triangle of each point has an area while the points of the mesh are at `points`: such a point is not seen.
     pub fn unseen_points(&self, points: &[Vec3]) -> Vec<bool> {
-        /// Width of a triangle whose corners are on one line but for rounding, as a share of their distance from the origin.
+        /// Width of a triangle whose corners are on one line except for rounding, as a share of their distance from the origin.
         const ROUNDING: f32 = 1e-6;
         let mut unseen = vec![true; points.len()];
         for t in &self.triangles {

@@ -110,7 +110,7 @@ impl Curves {
 
     /// Box of the curves at rest, grown by half of their widths.
     pub fn bounds(&self) -> Bounds {
-        let one = |(p, w): (&Vec3, &f32)| Bounds::of([*p]).grown(w * 0.5);
+        let one = |(p, w): (&Vec3, &f32)| Bounds::of([*p]).expanded(w * 0.5);
         self.points.iter().zip(&self.widths).map(one).fold(Bounds::default(), Bounds::union)
     }
 }

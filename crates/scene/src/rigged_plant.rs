@@ -14,14 +14,14 @@ pub struct RiggedPlant {
     pub meshes: Vec<MeshObject>,
     /// Leaves at rest, each on a joint of [`Self::skeleton`], those of an axis in order along it.
     pub instancers: Vec<Instancer>,
-    /// What the clip changes of the plant beside its sway, of which this is one moment.
+    /// Changes of the plant over the clip other than sway; the rig is the plant at one time of the clip.
     pub change: ClipChange,
 }
 
-/// What a clip changes of a plant that wind does not.
+/// Changes of a plant over a clip that are not caused by wind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ClipChange {
-    /// Nothing.
+    /// No change.
     #[default]
     None,
     /// The plant grows; its rig is grown up.

@@ -189,7 +189,7 @@ mod tests {
         let mean = |w: &SineWind| (0..40_000_u32).map(|k| w.speed(f64::from(k) * 0.1)).sum::<f64>() / 40_000.0;
         let w = wind(false, None);
         assert!((mean(&w) / 10.0 - 1.0).abs() < 0.03, "{}", mean(&w));
-        // The printed line has another one, of which it tells as well.
+        // The printed line has another mean, which it reports too.
         let printed = wind(true, None);
         let told = f64::from(printed.mean_at(Vec3::Y).x);
         assert!((mean(&printed) / told - 1.0).abs() < 0.02 && told > 11.9, "{} {told}", mean(&printed));

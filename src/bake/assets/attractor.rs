@@ -18,7 +18,7 @@ use osier_base::limits::grouped;
 use osier_base::math::narrow;
 use osier_base::{Error, Result};
 use osier_ifs::affine::{Affine, turn_z};
-use osier_ifs::cloud::{AttractorPoints, DrawRequest, cloud, drop_hidden, voxels};
+use osier_ifs::cloud::{AttractorPoints, DrawRequest, cloud, drop_hidden, thin_to_voxels};
 use osier_ifs::color::ColorLabels;
 use osier_ifs::game::{Escapes, InstructionSet};
 use osier_ifs::histogram::{Histogram, PictureWindow, histogram};
@@ -111,7 +111,7 @@ fn build_attractor(
     check_escapes(recipe, cloud.escapes)?;
     // Points of one voxel are merged into one that carries their number; morph points must keep their order.
     let thin = keys.voxel > 0.0 && morph.is_none();
-    let density = if thin { voxels(&mut cloud, narrow(keys.voxel)) } else { Vec::new() };
+    let density = if thin { thin_to_voxels(&mut cloud, narrow(keys.voxel)) } else { Vec::new() };
     let default_width = size.max_element() * scale / SIZE_PER_POINT_WIDTH;
     let width = narrow(keys.point.unwrap_or(default_width)).max(1e-9);
     let color = mean_color(&cloud);

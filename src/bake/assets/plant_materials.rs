@@ -85,7 +85,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         }
         let grain = table.as_deref().map(|t| ifs_leaf::bark_grain(t, keys.side)).transpose()?;
         let mut surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
-        if bears_blades(plant) {
+        if axes_are_blades(plant) {
             turn_into_grass_material(&mut surface.material);
         }
         set.add(surface.material, surface.images)?;
@@ -132,7 +132,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
 }
 
 /// Whether the axes of a plant are blades of grass.
-fn bears_blades(plant: &PlantRecipe) -> bool {
+fn axes_are_blades(plant: &PlantRecipe) -> bool {
     matches!(&plant.growth, Growth::Shapes(keys) if keys.blade_width.is_some())
 }
 

@@ -45,7 +45,7 @@ pub(crate) fn grow_shapes(
 ) -> Result<(Plant, Vec<Diagnostic>)> {
     let params = shape_params(keys, site);
     let identity = (individual.id, individual.seed);
-    particle_shapes::grow(&params, identity, leaf(set), &shape_materials(recipe, set))
+    particle_shapes::grow(&params, identity, leaf_organ(set), &shape_materials(recipe, set))
 }
 
 /// Adds twigs and leaves to a grown plant if its recipe has `[plants.NAME.fill]`; returns the warnings.
@@ -58,10 +58,10 @@ pub(crate) fn fill_with_twigs(
     site: GrowthSite<'_>,
 ) -> Result<Vec<Diagnostic>> {
     let Some(keys) = &recipe.fill else { return Ok(Vec::new()) };
-    particle_shapes::fill(plant, &shape_params(keys, site), leaf(set), &shape_materials(recipe, set))
+    particle_shapes::fill(plant, &shape_params(keys, site), leaf_organ(set), &shape_materials(recipe, set))
 }
 
-fn leaf(set: &MaterialSet) -> Option<&OrganSpec> {
+fn leaf_organ(set: &MaterialSet) -> Option<&OrganSpec> {
     set.organs.get(&'l')
 }
 

@@ -67,7 +67,7 @@ pub fn grow_species(
         let first = job.first().and_then(|i| species_of(recipe, &layout.individuals[*i]));
         let site = first.map_or_else(Site::default, |species| site(&species.site, solids));
         let spans: Vec<Option<ClipSpan>> =
-            job.iter().map(|i| clip_span(recipe, &layout.individuals[*i], oldest(recipe, layout, job))).collect();
+            job.iter().map(|i| clip_span(recipe, &layout.individuals[*i], oldest_age(recipe, layout, job))).collect();
         grow_recorded(&specs, &spans, &site, limits)
     });
     for (job, trees) in jobs.iter().zip(grown) {
@@ -86,7 +86,7 @@ fn species_of<'a>(recipe: &'a Recipe, individual: &Individual) -> Option<&'a Spe
 }
 
 /// Greatest age of the trees of a job, years.
-fn oldest(recipe: &Recipe, layout: &PlantLayout, job: &[usize]) -> f64 {
+fn oldest_age(recipe: &Recipe, layout: &PlantLayout, job: &[usize]) -> f64 {
     let ages = job.iter().filter_map(|i| species_of(recipe, &layout.individuals[*i])).map(|species| species.age);
     ages.fold(0.0, f64::max)
 }
@@ -236,13 +236,13 @@ fn plant_options(recipe: &PlantRecipe, set: &MaterialSet) -> PlantOptions {
 pub(crate) fn shared_individuals(recipe: &Recipe, layout: &PlantLayout) -> Vec<Diagnostic> {
     let mut copies = vec![0_usize; layout.individuals.len()];
     layout.instances.iter().for_each(|s| copies[s.individual] += 1);
-    let mut told = vec![false; recipe.plants.len()];
+    let mut reported = vec![false; recipe.plants.len()];
     let mut out = Vec::new();
     for (individual, copies) in layout.individuals.iter().zip(copies) {
         let Some(plant) = recipe.plants.get(individual.plant) else { continue };
         // Two copies of one individual would show the obstacles and cuts of the first place at the second.
         let bound = grows_in_place(plant, individual.together);
-        if bound && copies > 1 && !std::mem::replace(&mut told[individual.plant], true) {
+        if bound && copies > 1 && !std::mem::replace(&mut reported[individual.plant], true) {
             let text = format!(
                 "plant \"{}\" grows for its own place but stands in {copies} places as one individual",
                 plant.name

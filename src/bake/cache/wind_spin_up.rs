@@ -40,7 +40,7 @@ fn load(
     limits: &Limits,
 ) -> std::result::Result<bool, &'static str> {
     // The file holds the state and two short lines.
-    let most = lattice.bytes().saturating_add(limits.get("text-bytes"));
+    let most = lattice.memory_bytes().saturating_add(limits.get("text-bytes"));
     let Some(bytes) = read_below(folder.root(), path, most, "").map_err(|_| "cannot be read")? else {
         return Ok(false);
     };

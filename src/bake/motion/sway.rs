@@ -213,7 +213,7 @@ impl SwayMotion {
     }
 
     /// Leaves and nodes at a time of the clip, in the wind without drops. The meshes of `asset` are not read.
-    pub fn places(&self, asset: &Asset, time: FrameTime) -> PosedPlant {
+    pub fn pose_in_wind(&self, asset: &Asset, time: FrameTime) -> PosedPlant {
         let sample = self.sample(time);
         let frame = AssetFrame { pose: self.rig.pose(&self.elements, &sample.bends[1]), ..AssetFrame::default() };
         let skeleton = self.body.pose(&self.elements, &sample.bends[1]);

@@ -67,7 +67,7 @@ impl YearsMotion {
     ) -> Self {
         Self {
             bindings: bindings.iter().map(|(axis, s)| GrowthBinding { axis: *axis, s: *s }).collect(),
-            organs: organs_by_instancer(&clip.plant, materials).iter().flat_map(|list| divided(list)).collect(),
+            organs: organs_by_instancer(&clip.plant, materials).iter().flat_map(|list| divide_leaves(list)).collect(),
             segments: if by_segments { segment_middles(&clip.plant) } else { Vec::new() },
             clip,
             seconds,
@@ -108,14 +108,14 @@ impl YearsMotion {
     }
 }
 
-/// The parts of so many leaves, which are in the order of their appearance.
+/// Divides `leaves` leaves, in the order of their appearance, into ranges.
 fn leaf_parts(leaves: usize) -> Vec<Range<usize>> {
     let parts = (leaves / LEAST_LEAVES).clamp(1, LEAF_PARTS);
     (0..parts).map(|k| leaves * k / parts..leaves * (k + 1) / parts).collect()
 }
 
-/// The leaves of each part.
-fn divided(leaves: &[usize]) -> Vec<Vec<usize>> {
+/// The leaves of each range of [`leaf_parts`].
+fn divide_leaves(leaves: &[usize]) -> Vec<Vec<usize>> {
     leaf_parts(leaves.len()).into_iter().map(|range| leaves[range].to_vec()).collect()
 }
 

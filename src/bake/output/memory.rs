@@ -33,7 +33,7 @@ const POSED_VERTEX_BYTES: u64 = 120;
 const MORPHING_POINT_BYTES: u64 = 70;
 /// Bytes of trees that grow over the clip year by year, for each vertex and the same for each triangle of their bark: their internodes at
 /// the end of all years and in the frame that is written; and for each leaf that is seen at once: the leaves that follow each other there.
-/// Runs with 27,000 to 590,000 vertices and triangles and 15,000 to 365,000 leaves are told within a quarter.
+/// Runs with 27,000 to 590,000 vertices and triangles and 15,000 to 365,000 leaves are predicted within a quarter.
 const GROWING_ELEMENT_BYTES: u64 = 380;
 const GROWING_LEAF_BYTES: u64 = 440;
 /// Bytes for each texel of the maps of rain.
@@ -51,7 +51,7 @@ const CATKIN_BYTES: u64 = 1160;
 const RECORDED_LEAF_BYTES: u64 = 350;
 const RECORDED_DROP_BYTES: u64 = 96;
 /// Bytes of the simulation of rain for each leaf, whatever the number of frames: its mesh in the search for hits, its motion and its water.
-/// Storms over oaks with 21,000 to 56,000 leaves are told within a tenth.
+/// Storms over oaks with 21,000 to 56,000 leaves are predicted within a tenth.
 const RAINED_LEAF_BYTES: u64 = 1200;
 
 /// Bytes for each cell of a volume of vectors (centre, velocity in two frames, packed copy), and of a sparse volume of scalars.

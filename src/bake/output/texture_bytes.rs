@@ -63,7 +63,7 @@ pub(crate) fn png_bytes(scene: &Scene, halvings: &[u32]) -> Vec<u64> {
         let drawn = || of.and_then(|(kind, material)| drawn_share(kind, material, image.width >> n));
         sampled_share(image)
             .or_else(drawn)
-            .map_or_else(|| default_bytes(image, samples), |share| scaled(samples, share))
+            .map_or_else(|| default_bytes(image, samples), |share| bytes_share(samples, share))
     })
     .collect()
 }
@@ -76,13 +76,13 @@ pub(crate) fn half_float_heights(scene: &Scene, halvings: &[u32], png: &[u64]) -
         let (image, n) = scene.images.get(index).zip(halvings.get(index))?;
         let [width, height] = [image.width, image.height].map(|side| u64::from(side >> n));
         let per_texel = match material.class {
-            MaterialClass::Bark => Some(between(BARK_HALF_FLOATS, place_of_side(image.width >> n))),
-            MaterialClass::Ground => Some(between(GROUND_HALF_FLOATS, place_of_texel(material, image.width >> n))),
+            MaterialClass::Bark => Some(lerp_clamped(BARK_HALF_FLOATS, side_fraction(image.width >> n))),
+            MaterialClass::Ground => Some(lerp_clamped(GROUND_HALF_FLOATS, texel_fraction(material, image.width >> n))),
             _ => None,
         };
         Some(match per_texel {
-            Some(bytes) => scaled(width * height, bytes),
-            None => scaled(*png.get(index)?, HALF_FLOATS_PER_PNG),
+            Some(bytes) => bytes_share(width * height, bytes),
+            None => bytes_share(*png.get(index)?, HALF_FLOATS_PER_PNG),
         })
     };
     scene.materials.iter().filter_map(bytes).sum()
@@ -116,9 +116,9 @@ fn sampled_share(image: &Image) -> Option<f64> {
 /// Share of the bytes of the samples that the PNG of a drawn map of `side` texels has; `None` for materials that are not drawn.
 fn drawn_share(kind: MapKind, material: &Material, side: u32) -> Option<f64> {
     let (shares, place) = match material.class {
-        MaterialClass::Bark => (BARK, place_of_side(side)),
-        MaterialClass::Leaf => (LEAF, place_of_side(side)),
-        MaterialClass::Ground => (GROUND, place_of_texel(material, side)),
+        MaterialClass::Bark => (BARK, side_fraction(side)),
+        MaterialClass::Leaf => (LEAF, side_fraction(side)),
+        MaterialClass::Ground => (GROUND, texel_fraction(material, side)),
         MaterialClass::Catkin | MaterialClass::Water => return None,
     };
     let ends = match kind {
@@ -126,24 +126,24 @@ fn drawn_share(kind: MapKind, material: &Material, side: u32) -> Option<f64> {
         MapKind::Normal => shares.normal,
         MapKind::Height => shares.height,
     };
-    Some(between(ends, place))
+    Some(lerp_clamped(ends, place))
 }
 
-/// Place of a side between 64 and 1024 texels, 0 to 1 on a logarithmic scale.
-fn place_of_side(side: u32) -> f64 {
+/// Position of a side between 64 and 1024 texels, 0 to 1 on a logarithmic scale.
+fn side_fraction(side: u32) -> f64 {
     (f64::from(side.max(1).ilog2()) - 6.0) / 4.0
 }
 
-/// Place of the texels of a ground of `side` texels between 0.4 and 3 mm, 0 to 1 on a logarithmic scale.
-fn place_of_texel(material: &Material, side: u32) -> f64 {
+/// Position of the texel size of a ground of `side` texels between 0.4 and 3 mm, 0 to 1 on a logarithmic scale.
+fn texel_fraction(material: &Material, side: u32) -> f64 {
     const FINE: f64 = 0.0004;
     const COARSE: f64 = 0.003;
     let texel = f64::from(material.tile) / f64::from(side.max(1));
     math::ln(texel / FINE) / math::ln(COARSE / FINE)
 }
 
-/// Value at a place from 0 to 1 between two values, linear; the nearer of them beyond.
-fn between([first, last]: [f64; 2], place: f64) -> f64 {
+/// Linear interpolation between two values at `place`, which is clamped to 0 to 1.
+fn lerp_clamped([first, last]: [f64; 2], place: f64) -> f64 {
     first + (last - first) * place.clamp(0.0, 1.0)
 }
 
@@ -157,7 +157,7 @@ fn default_bytes(image: &Image, samples: u64) -> u64 {
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bytes of a file, a share of at most a few")]
-fn scaled(bytes: u64, share: f64) -> u64 {
+fn bytes_share(bytes: u64, share: f64) -> u64 {
     (bytes as f64 * share) as u64
 }
 
@@ -186,9 +186,9 @@ mod tests {
 
     #[test]
     fn shares_are_linear_between_their_ends() {
-        let at = |place: f64| between([1.0, 3.0], place);
+        let at = |place: f64| lerp_clamped([1.0, 3.0], place);
         assert!([at(-1.0), at(0.25), at(9.0)].iter().zip([1.0, 1.5, 3.0]).all(|(a, b)| (a - b).abs() < 1e-12));
-        let sides = [place_of_side(64), place_of_side(256), place_of_side(4096)];
+        let sides = [side_fraction(64), side_fraction(256), side_fraction(4096)];
         assert!(sides.iter().zip([0.0, 0.5, 1.5]).all(|(a, b): (&f64, f64)| (a - b).abs() < 1e-12));
     }
 }

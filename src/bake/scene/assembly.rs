@@ -81,7 +81,7 @@ pub struct AssembledScene {
 
 impl AssembledScene {
     /// Predicts the counts and bytes of a bake of these frames; no frames for a still scene.
-    pub fn counts(&self, recipe: &Recipe, frames: &[u32]) -> BakeEstimate {
+    pub fn estimate(&self, recipe: &Recipe, frames: &[u32]) -> BakeEstimate {
         let mut counts = estimate(&self.animated, recipe, frames.len() as u64, &self.weights);
         counts.memory.extend(Some(("recorded wind", self.wind.recorded_bytes())).filter(|part| part.1 > 0));
         BakeEstimate { modules: self.modules, ..counts }
@@ -243,7 +243,7 @@ fn assemble(
     let canopy = Canopy::of_scene(recipe, &layout, &grown, &builder);
     let flight = add_catkins(recipe, &obstacles, &scene_wind, canopy, &mut builder, context, &mut report)?;
     let rod_wind = scene_wind.field(WindUser::Rods);
-    // What a rod lets go falls to the ground beneath; without any it ends at y = 0.
+    // Bodies released by rods fall to the ground beneath, or to y = 0 without a ground.
     let rod_ground: Box<dyn GroundHeight> = match (&terrain, &ground) {
         (Some(terrain), _) if !recipe.rods.is_empty() => Box::new(RainGround::Terrain(terrain.clone())),
         (_, Some(ground)) => Box::new(RainGround::Waves(ground.shape.clone(), ground.center)),

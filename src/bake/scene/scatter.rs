@@ -175,7 +175,7 @@ pub(crate) fn footprint_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
     let ridged = if skin.buttresses > 1 { RIDGE_REACH } else { 1.0 };
     let flare = 1.0 + ridged * narrow(skin.flare);
     let height = plant.nodes.p.iter().fold(0.0_f32, |most, p| most.max(p.y));
-    // What falls during a clip of growth has no parent either, but an order above 0.
+    // Wood that falls during a clip of growth has no parent either, but an order above 0.
     let roots = plant.axes.iter().filter(|a| a.parent == NONE && a.order == 0).map(|a| a.first as usize);
     roots.fold(0.0_f32, |most, i| {
         let (Some(p), Some(r)) = (plant.nodes.p.get(i), plant.nodes.r.get(i)) else { return most };

@@ -49,7 +49,7 @@ fn reaches_a_center(land: &LandForm, options: &LatticeOptions) -> bool {
     // Coordinates of the centres along a horizontal axis, in whose middle the box has its base.
     let centers =
         |n: u32, middle: f64| (0..n).map(move |i| narrow(middle + (f64::from(i) + 0.5 - f64::from(n) / 2.0) * spacing));
-    // Most lands are told by their highest point, without a look at the columns of cells.
+    // The highest point decides for most lands, without a look at the columns of cells.
     f64::from(land.height_range()[1]) > lowest_centers
         && centers(options.cells[0], base.x).any(|x| {
             centers(options.cells[2], base.z).any(|z| f64::from(land.height(Vec2::new(x, z))) > lowest_centers)

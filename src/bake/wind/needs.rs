@@ -79,9 +79,9 @@ fn moving_plant_bounds(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlan
         if own.is_empty() {
             return None;
         }
-        let world = Bounds::of(own.grown(LEAF_MARGIN).corners().map(|c| transform.apply(c)));
+        let world = Bounds::of(own.expanded(LEAF_MARGIN).corners().map(|c| transform.apply(c)));
         let lean = LEAN_MARGIN * narrow(recipe.sway.exaggerate.max(1.0)) * world.size().y;
-        Some(world.grown(lean.min(world.size().y)).corners())
+        Some(world.expanded(lean.min(world.size().y)).corners())
     });
     Bounds::of(corners.flatten())
 }
@@ -94,7 +94,7 @@ fn rod_bounds(recipe: &Recipe) -> Bounds {
     };
     let corners = recipe.rods.iter().flat_map(|rod| {
         let points = rod.keys.points.iter().map(|p| Vec3::from_array(p.map(narrow)));
-        Bounds::of(points).grown(narrow(length(&rod.keys.points))).corners()
+        Bounds::of(points).expanded(narrow(length(&rod.keys.points))).corners()
     });
     Bounds::of(corners)
 }

@@ -40,6 +40,7 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
     {
         return Ok(refused);
     }
+    // Load the scene, and check the frames and its motion again with what is known now.
     let scene = load(context, args, &args.source, flags.options.quality, with_motion, &Variation::default(), work)?;
     context.console.report(scene.report());
     let content = match args.turntable {
@@ -55,6 +56,7 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
             scene.name()
         )));
     }
+    // Write numbered pictures, if the name of the output has a `####`, else one file.
     let clip = PreviewClip::new(&scene, &flags.options, content)?;
     let target = OutputPicture::new(context, args, scene.name(), "gif")?;
     if let Some(pattern) = numbered_pictures(context, args) {

@@ -40,7 +40,7 @@ impl PreviewFlags {
         if sweeps.len() > 2 || (sweeps.len() == 2 && !seeds.is_empty()) {
             return Err("a contact sheet has two axes: give two --sweep, or --seeds and one --sweep".into());
         }
-        // Other columns would break the rows of a grid, of which the title names both axes.
+        // Other columns would break the rows of a grid, whose title names both axes.
         let has_two_axes = sweeps.len() + usize::from(!seeds.is_empty()) == 2;
         if has_two_axes && args.columns.is_some() {
             return Err("--columns: a sheet of two axes has a column for each value of the first --sweep".into());

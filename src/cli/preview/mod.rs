@@ -146,7 +146,7 @@ fn flag_unfit_for_layers(args: &Preview) -> Option<&'static str> {
     given.iter().find(|flag| flag.1).map(|flag| flag.0)
 }
 
-/// The first flag given for a clip or a comparison, of which the sheet of a file's L-systems is neither.
+/// The first given flag that is for clips or comparisons; a sheet of the L-systems of a file is neither.
 fn flag_unfit_for_entries(args: &Preview) -> Option<&'static str> {
     let given = [
         ("--frames", args.frames.is_some()),

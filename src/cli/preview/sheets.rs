@@ -58,7 +58,7 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
 /// Pictures of a contact sheet of entries whose scenes are in memory at a time.
 const ENTRIES_AT_A_TIME: usize = 4;
 
-/// What makes such a picture cheap, unless the command line sets the key: its lines are a few pixels wide, on which neither bark
+/// Settings that make such a picture cheap, unless the command line sets the key: its lines are a few pixels wide, on which neither bark
 /// maps nor the sides of a tube are seen.
 const ENTRY_SETTINGS: [&str; 4] = ["bark.side=16", "skin.edge=10", "skin.sides=3", "skin.turn_deg=85"];
 
@@ -134,7 +134,7 @@ pub fn entries(
     Ok(Outcome::Written { warned })
 }
 
-/// Why a sheet of so many pictures cannot be made; `None` if it can.
+/// The reason for which a sheet of `cells` pictures cannot be made; `None` if it can.
 fn refused(cells: usize, columns: usize, flags: &PreviewFlags, context: &Context) -> Option<Outcome> {
     if cells as u64 > MAX_CELLS {
         let why = format!("a contact sheet of {cells} pictures; at most {MAX_CELLS} are possible");
@@ -196,7 +196,7 @@ fn sheet_of(
     // The first cell is loaded before the others, so that an error of the file is reported once.
     let mut scenes = vec![load_cell(&cells[0])?];
     scenes.extend(par_map(cells.get(1..).unwrap_or_default(), load_cell).into_iter().collect::<Result<Vec<_>>>()?);
-    // The cells have most warnings in common, of which each is printed once.
+    // The cells have most warnings in common; print each once.
     let mut found = Report::default();
     scenes.iter().for_each(|scene| found.extend(scene.report().clone()));
     context.console.report(&found);

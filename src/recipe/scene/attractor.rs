@@ -137,8 +137,8 @@ impl Resolver<'_> {
         keys: AttractorKeys,
     ) -> Option<AttractorRecipe> {
         let NamedTable { name, path, id } = of;
-        self.limit("points", u64::from(keys.points), Some(span));
-        self.memory(&format!("{path}.points"), u64::from(keys.points), POINT, Some(span));
+        self.check_limit("points", u64::from(keys.points), Some(span));
+        self.check_memory(&format!("{path}.points"), u64::from(keys.points), POINT, Some(span));
         let Some(reference) = &keys.ifs else {
             let d = Diagnostic::error("S006", format!("[{path}] names no table"), span, "no ifs here");
             self.report.push(d.help("add ifs = \"NAME.ifs\"; `osier list presets` shows those in the binary"));

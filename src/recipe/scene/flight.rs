@@ -175,8 +175,8 @@ impl Resolver<'_> {
         let table = self.table(root, "", "flight")?;
         let mut keys = self.read_keys::<FlightKeys>(table, "flight");
         apply_paper_defaults(&mut keys, table);
-        self.limit("catkins", u64::from(keys.count), span_of(root, &["flight", "count"]));
-        self.memory("flight.count", u64::from(keys.count), CATKIN, span_of(root, &["flight", "count"]));
+        self.check_limit("catkins", u64::from(keys.count), span_of(root, &["flight", "count"]));
+        self.check_memory("flight.count", u64::from(keys.count), CATKIN, span_of(root, &["flight", "count"]));
         for (name, pair) in [("band", keys.band), ("scale", keys.scale)] {
             self.in_order(table, "flight", name, pair);
         }
@@ -299,7 +299,7 @@ impl Resolver<'_> {
             self.report.push(d.help("write x, y, z in metres on each of its lines"));
             return None;
         }
-        self.limit("catkins", starts.len() as u64, Some(reference.span));
+        self.check_limit("catkins", starts.len() as u64, Some(reference.span));
         Some(starts)
     }
 

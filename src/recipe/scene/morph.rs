@@ -105,8 +105,13 @@ impl Resolver<'_> {
         let NamedTable { name, path, id } = of;
         let MorphTable { table, span } = table;
         let path = join(path, "morph");
-        self.limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
-        self.memory(&format!("clouds.{name}.points"), u64::from(keys.points), super::attractor::POINT, Some(span));
+        self.check_limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
+        self.check_memory(
+            &format!("clouds.{name}.points"),
+            u64::from(keys.points),
+            super::attractor::POINT,
+            Some(span),
+        );
         // Only errors from here on concern the morph; those of other tables must not end its checks.
         let reported = self.report.diagnostics.len();
         let morph = self.read_keys::<MorphKeys>(table, &path);

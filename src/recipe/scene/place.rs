@@ -326,7 +326,7 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     ((b[0] - a[0]) * (b[0] - a[0]) + (b[2] - a[2]) * (b[2] - a[2])).sqrt()
 }
 
-fn between(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
+fn lerp(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
     [0, 1, 2].map(|i| a[i] + (b[i] - a[i]) * share)
 }
 
@@ -359,7 +359,7 @@ fn by_spacing(corners: &[[f64; 3]], spacing: f64, closed: bool) -> Vec<[f64; 3]>
     let mut out = Vec::new();
     for side in corners.windows(2).filter(|w| distance(w[0], w[1]) > 0.0) {
         let steps = whole(distance(side[0], side[1]) / spacing).max(1);
-        out.extend((0..steps).map(|k| between(side[0], side[1], f64::from(k) / f64::from(steps))));
+        out.extend((0..steps).map(|k| lerp(side[0], side[1], f64::from(k) / f64::from(steps))));
     }
     // On a closed line the last corner is the first one.
     out.extend(corners.last().filter(|_| !closed));
@@ -371,7 +371,7 @@ fn at_length(corners: &[[f64; 3]], mut rest: f64) -> [f64; 3] {
     for side in corners.windows(2) {
         let side_length = distance(side[0], side[1]);
         if rest <= side_length && side_length > 0.0 {
-            return between(side[0], side[1], rest / side_length);
+            return lerp(side[0], side[1], rest / side_length);
         }
         rest -= side_length;
     }

@@ -434,7 +434,7 @@ impl Resolver<'_> {
                 species_flare(table, &species.habit.habit, &mut skin);
                 let blocked = self.why_no_growth_clip(&keys);
                 species.clip = self.species_clip(&species, table, &path, keys.growth_clip, blocked);
-                // With `growth_clip` this has been told.
+                // With `growth_clip` this has been reported.
                 if species.clip.is_some() && keys.growth_clip.is_none() && rods.is_some() {
                     self.has_no_effect(table, &path, &["rods"], "the tree grows over the clip and does not sway");
                 }
@@ -922,7 +922,7 @@ impl Resolver<'_> {
         match self.imported(file, options) {
             Ok(imported) => Some(imported),
             Err(Error::Input(mut faults)) => {
-                // An error about the whole file is told at the reference to it.
+                // An error about the whole file is reported at the reference to it.
                 let is_whole = |d: &Diagnostic| d.labels.is_empty() && d.severity == Severity::Error;
                 let all = std::mem::take(&mut faults.diagnostics);
                 let (whole, placed): (Vec<_>, Vec<_>) = all.into_iter().partition(is_whole);

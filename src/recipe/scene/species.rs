@@ -363,15 +363,15 @@ impl Resolver<'_> {
         places: &[PlaceRecipe],
     ) {
         let mut first: Option<(&PlantRecipe, &SiteKeys)> = None;
-        let mut told: Vec<&str> = Vec::new();
+        let mut reported: Vec<&str> = Vec::new();
         for plant in places.iter().filter(|p| p.keys.together).filter_map(|p| plants.get(p.plant)) {
             let Growth::Species(species) = &plant.growth else { continue };
             // Every plant is compared with the first; there is one diagnostic per plant, however many places name it.
             let (other, site) = *first.get_or_insert((plant, &species.site));
-            if site.has_sky_of(&species.site) || told.contains(&plant.name.as_str()) {
+            if site.has_sky_of(&species.site) || reported.contains(&plant.name.as_str()) {
                 continue;
             }
-            told.push(&plant.name);
+            reported.push(&plant.name);
             // A plant without a site has that of all defaults; its own table is then the place.
             let span = |name: &str| {
                 let site = span_of(root, &["plants", name, "site"]);

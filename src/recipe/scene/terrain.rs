@@ -108,7 +108,7 @@ impl Resolver<'_> {
             self.ignore_terrain_keys(table, OF_FILES, "only a terrain of a file has it: file = \"hills.png\"");
             // Heights along a side are 2^n + 1; a mesh with stride s has (2^n / s)^2 cells of two triangles.
             let side = u64::from(most / keys.stride.max(1));
-            self.limit("triangles", 2 * side * side, span_of(root, &["terrain", "subdivisions"]));
+            self.check_limit("triangles", 2 * side * side, span_of(root, &["terrain", "subdivisions"]));
             return Some(TerrainRecipe { keys, file: None, texture });
         };
         let endings = [".png", ".exr", ".obj", ".glb", ".gltf"];
@@ -170,7 +170,7 @@ impl Resolver<'_> {
         let stride = keys.stride.max(1) as usize;
         // Within one cell along a side of the resulting number, which is rounded if the stride does not divide the map.
         let cells = |n: usize| ((n - 1) / stride).max(1) as u64;
-        self.limit("triangles", 2 * cells(map.width) * cells(map.height), Some(span));
+        self.check_limit("triangles", 2 * cells(map.width) * cells(map.height), Some(span));
         Some(TerrainFile::Map(std::sync::Arc::new(map)))
     }
 

@@ -101,7 +101,7 @@ pub fn parse(text: &str, source: SourceId, report: &mut Report) -> TomlTable {
     table(document.get_ref(), source, report)
 }
 
-/// What mends a syntax error of a scene, by the parser's message and the name of the file.
+/// Help for a syntax error of a scene, by the parser's message and the name of the file.
 fn syntax_help(message: &str, name: &str) -> &'static str {
     if message.contains("escaped value") || message.contains("unicode") {
         return "in \"quotes\" a backslash begins an escape: write '/' between folders, or the text in 'single quotes'";
@@ -220,7 +220,7 @@ pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Repor
     }
 }
 
-/// What mends the path of an override that leads nowhere.
+/// Help for the path of an override that leads nowhere.
 fn path_help(root: &TomlTable, names: &[(&str, Span)]) -> String {
     let Some((at, elements)) = list_on_path(root, names) else {
         return "separate path elements by '.'; list elements are numbered from 0".to_owned();
@@ -231,7 +231,7 @@ fn path_help(root: &TomlTable, names: &[(&str, Span)]) -> String {
     let list = join(0..at);
     match names.get(at) {
         Some((name, _)) if name.parse::<usize>().is_err() => {
-            // An element that has this name, as a wall of [[solid]], has a number all the same.
+            // An element that has this name, such as a wall of [[solid]], can also be addressed by its number.
             match elements.iter().position(|element| has_name(element, name)) {
                 Some(i) if names.len() > at + 1 => {
                     let key = join(at + 1..names.len());
@@ -437,7 +437,7 @@ mod tests {
         assert_eq!(help("place.0.at.3=3"), "place.0.at has 3 elements, numbered from 0");
         assert!(help("place.count=3").ends_with("numbered from 0: place.0.count"), "{}", help("place.count=3"));
         assert!(help("place.0.at.0.x=3").starts_with("separate path elements"));
-        // A name is not the number that a path needs, and tells which it is.
+        // A path needs a number instead of a name; the help gives the number of the element with that name.
         let walls = "[[solid]]\nname = \"wall\"\n[[solid]]\nname = \"house\"\nsize = [1, 2, 3]\n";
         let help = |set: &str| read(walls, &[set]).1.diagnostics[0].help.clone().unwrap_or_default();
         assert!(

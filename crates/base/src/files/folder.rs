@@ -375,7 +375,7 @@ impl Folder {
         }
         // A file is ours by the journal, or, where the journal was lost, by the generator's name in the file itself.
         let is_claimed = replaceable && self.claims(state, path)?;
-        // Lengths tell most changes; `has_other_content` finds the others, once per file, when it is begun.
+        // Lengths show most changes; `has_other_content` finds the others, once per file, when it is begun.
         let is_changed = |journal: &Journal| journal.entries(path).all(|e| e.bytes != found.len());
         if is_claimed && found.is_file() && path != MANIFEST && state.journal.as_ref().is_some_and(is_changed) {
             state.replaced_changes.insert(path.to_owned());
@@ -413,7 +413,7 @@ impl Folder {
     }
 
     /// Refuses to list files that a bake under another key has replaced or removed meanwhile, as both manifests would then be
-    /// wrong of some files. A file that someone else removed is told by the manifest.
+    /// wrong of some files. The check of the manifest reports files that someone else removed.
     fn check_finished(&self) -> Result<()> {
         let mut state = self.state();
         // As it is on disk: another bake adds its lines, and at its end takes out those of this one.

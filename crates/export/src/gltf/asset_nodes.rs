@@ -101,6 +101,7 @@ impl GltfDocument<'_> {
         // The meshes of a skin share its inverse bind matrices, and with them one cube.
         let skinned = source.meshes.iter().filter(|o| selection.is_some() && is_skinned(o));
         let cube = self.quantized_cube(skinned.flat_map(|o| o.mesh.points.iter().copied()));
+        // Meshes: those in levels of detail together, all others as nodes of their own.
         let has_levels = self.has_levels(source);
         if has_levels {
             self.add_levels(&mut nodes, source, selection.as_ref())?;
@@ -111,6 +112,7 @@ impl GltfDocument<'_> {
             }
             self.add_mesh_object(&mut nodes, source, object, selection.as_ref().zip(Some(cube)), shapes)?;
         }
+        // Instances: nodes that move freely, nodes below joints, or instances at rest; growing leaves follow as one mesh.
         for (i, instancer) in source.instancers.iter().enumerate() {
             let label = format!("asset {}, instancer {}", source.id, instancer.name);
             if tracks.leaves.as_ref().is_some_and(|leaves| leaves.holds(i)) && !input.tracks.is_still() {
@@ -135,6 +137,7 @@ impl GltfDocument<'_> {
         if let Some(leaves) = tracks.leaves.as_ref().filter(|_| !input.tracks.is_still()) {
             self.add_growing_leaves(&mut nodes, source, leaves)?;
         }
+        // Point clouds that do not move.
         for cloud in source.points.iter().filter(|c| !c.moving || input.tracks.is_still()) {
             if let Some(mesh) = self.add_point_cloud(cloud, &format!("asset {}, points {}", source.id, cloud.name))? {
                 nodes.templates.push(NodeTemplate::new(&cloud.name, "points", mesh, NodeParent::Placement));

@@ -57,7 +57,7 @@ impl GltfDocument<'_> {
             *placements_of_group.entry(group).or_default() += 1;
         }
         // Static assets with several placements always share. Swaying ones are ranked by the number of placements of their plant,
-        // then by distance from the camera, whose bits order as the squared distances do, as those are not negative.
+        // then by distance from the camera. The bits of floats that are not negative sort as the floats do.
         let mut copies = BTreeSet::new();
         let mut swaying = Vec::new();
         for (i, p) in placements.iter().enumerate() {

@@ -210,7 +210,7 @@ struct Blade<'a> {
 impl LeafShapes {
     /// `None` for an asset whose moving leaves are few enough for a node each, or none.
     pub(super) fn new(asset: &Asset, scene: &Scene, options: &GltfOptions) -> Option<Self> {
-        let held: Vec<bool> = asset.instancers.iter().map(|i| grows(asset, i, &scene.materials)).collect();
+        let held: Vec<bool> = asset.instancers.iter().map(|i| is_growing_foliage(asset, i, &scene.materials)).collect();
         let leaves: usize = asset.instancers.iter().zip(&held).filter(|(_, held)| **held).map(|(i, _)| i.len()).sum();
         let all =
             asset.instancers.iter().filter(|i| i.motion == InstancerMotion::Free).map(Instancer::len).sum::<usize>();
@@ -484,7 +484,7 @@ fn keeps_its_area(from: &Trs, to: &Trs, longest: f32) -> bool {
 
 /// Whether the instances of an instancer are leaves that growth moves, and whose colours do not change over the clip. A plant that
 /// grows has no joints, and all of its instancers are free; in the rain those of leaves with maps are free as well.
-fn grows(asset: &Asset, instancer: &Instancer, materials: &[Material]) -> bool {
+fn is_growing_foliage(asset: &Asset, instancer: &Instancer, materials: &[Material]) -> bool {
     // Twigs of needles have some wood.
     let is_leaf = |mesh: &Mesh| area_of_bark(mesh, materials) < 0.5 * area(mesh);
     asset.kind == AssetKind::Plant
@@ -508,7 +508,7 @@ fn simple_blades(asset: &Asset, label: &str) -> Result<Vec<Vec<Mesh>>> {
     asset.instancers.iter().map(of_instancer).collect()
 }
 
-/// What the options allow for so many frames.
+/// Leaves and shapes that the options allow for `frames` frames.
 fn leaf_budget(frames: usize, options: &GltfOptions) -> LeafBudget {
     let intervals = frames.saturating_sub(1).max(1);
     let shortest = intervals.div_ceil(MOST_SHAPES - 1);
@@ -530,7 +530,7 @@ fn leaf_budget(frames: usize, options: &GltfOptions) -> LeafBudget {
     }
 }
 
-/// Estimated bytes of the mesh of so many growing leaves over so many frames.
+/// Estimated bytes of the mesh of `leaves` growing leaves over `frames` frames.
 pub(super) fn estimate(leaves: u64, frames: u64, options: &GltfOptions) -> u64 {
     let LeafBudget { strides: [shortest, longest], vertex, entry, file, .. } = leaf_budget(limit(frames), options);
     let bytes = |stride: usize| {
@@ -572,7 +572,7 @@ mod tests {
         }
     }
 
-    /// A plant of so many leaves, squares of 1 m x 1 m.
+    /// A plant of `leaves` leaves, squares of 1 m x 1 m.
     fn plant(leaves: u32) -> Asset {
         let points = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vec3::new(x, y, 0.0)).to_vec();
         let square =
@@ -700,7 +700,7 @@ mod tests {
                 .extend([(0.0, 0.0), (width, 0.0), (width, -1.0), (0.0, -1.0)].map(|(x, y)| Vec3::new(x, y, 0.0)));
             mesh.normals.extend([Vec3::Z; 4]);
             mesh.append_subset(1, vec![[first, first + 1, first + 2], [first, first + 2, first + 3]]);
-            grows(&tree, &tree.instancers[0], &materials)
+            is_growing_foliage(&tree, &tree.instancers[0], &materials)
         };
         assert_eq!([0.0, 0.1, 0.9, 1.1].map(grows_with_bark), [true, true, true, false]);
     }

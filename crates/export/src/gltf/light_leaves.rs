@@ -114,12 +114,12 @@ fn sum_over_instances(instancer: &Instancer, of: impl Fn(&Mesh) -> u64) -> u64 {
     living.filter_map(|i| numbers.get(instancer.protos[i] as usize)).sum()
 }
 
-/// Bytes of a blade of so many triangles: a strip of n triangles has n + 2 vertices.
+/// Bytes of a blade of `triangles` triangles: a strip of n triangles has n + 2 vertices.
 fn blade_bytes(triangles: u64) -> u64 {
     (triangles + 2) * VERTEX_BYTES + triangles * TRIANGLE_BYTES
 }
 
-/// Most triangles of a blade within so many bytes: the inverse of [`blade_bytes`], at least [`FEWEST`].
+/// Most triangles of a blade within `bytes`: the inverse of [`blade_bytes`], at least [`FEWEST`].
 fn triangles_within(bytes: u64) -> u64 {
     (bytes.saturating_sub(2 * VERTEX_BYTES) / (VERTEX_BYTES + TRIANGLE_BYTES)).max(FEWEST)
 }

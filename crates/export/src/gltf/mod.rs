@@ -132,7 +132,7 @@ fn estimate(input: &EstimateInput) -> u64 {
             let triangles = a.triangles + instance_triangles;
             // A plant that grows has no levels of detail.
             let is_plant = !grows && (a.joints > 0 || a.instance_triangles > 0);
-            // Placements that stand have a mesh beside that of the others, with attributes for shaders.
+            // Placements at rest have a mesh of their own, with attributes for shaders.
             let meshes: u64 = if (1..a.placements).contains(standing) { 2 } else { 1 };
             let shaded = if *standing > 0 { a.vertices } else { 0 };
             let still = match profile {
@@ -187,8 +187,8 @@ fn estimate(input: &EstimateInput) -> u64 {
     input.options.gltf_profiles.iter().map(profile_bytes).sum()
 }
 
-/// For each asset the number of its placements that sway in the scene and stand still in the file, whose budget of skins goes to the
-/// plants with few placements first. They share a mesh, beside that of the placements that sway.
+/// By asset, the number of placements that sway in the scene but are written at rest, because the budget of skins is spent: plants
+/// with few placements get skins first. The placements at rest share one mesh, apart from that of the swaying ones.
 fn standing_copies(input: &EstimateInput) -> Vec<u64> {
     let options = &input.options.gltf;
     let moves = input.frames > 0 && options.frame.is_none();
@@ -199,7 +199,7 @@ fn standing_copies(input: &EstimateInput) -> Vec<u64> {
     for (a, asset) in assets().filter(|(a, asset)| sways(a) && !asset.group.is_empty()) {
         *groups.entry(asset.group.as_str()).or_default() += a.weight * a.placements;
     }
-    // Skins are dealt out from the smallest group on; what a group does not get stands.
+    // Give skins to the smallest groups first; placements without a skin are written at rest.
     let mut by_count: Vec<(u64, &str)> = groups.iter().map(|(group, count)| (*count, *group)).collect();
     by_count.sort_unstable();
     let mut skins = options.skins as u64;
@@ -277,8 +277,8 @@ impl GltfExporter {
             Ok(more) => {
                 let mut more = more.unwrap_or_default();
                 more.retain(|w| !self.options.assets || w.code != "X002");
-                // So have those of plants that grow their leaves (X003).
-                more.retain(|w| warnings.iter().all(|told: &Warning| told.message != w.message));
+                // They have also reported the leaves of growing plants (X003).
+                more.retain(|w| warnings.iter().all(|known: &Warning| known.message != w.message));
                 warnings.append(&mut more);
             }
             // The files of the assets are complete by now: a scene too large for one file costs only that file.
@@ -371,7 +371,7 @@ impl Exporter for GltfExporter {
         let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
         let mut tracks = std::mem::take(&mut self.tracks);
         tracks.close(scene.clip, &self.options);
-        let LightLeaves { scene, warnings: mut told } = LightLeaves::of(&scene, &self.options)?;
+        let LightLeaves { scene, warnings: mut all_warnings } = LightLeaves::of(&scene, &self.options)?;
         let input = GltfInput { scene: &scene, tracks: &tracks, textures: &self.textures, options: &self.options };
         let warnings = match &self.options.target {
             GltfTarget::Bake => self.write_bake(input)?,
@@ -385,8 +385,8 @@ impl Exporter for GltfExporter {
             GltfTarget::Gltf(path) => self.write_gltf(input, path)?,
         };
         let still = warn_unanimated(&scene, &tracks).filter(|_| !tracks.is_still());
-        told.extend(warnings.into_iter().chain(still));
-        Ok(Summary { warnings: told })
+        all_warnings.extend(warnings.into_iter().chain(still));
+        Ok(Summary { warnings: all_warnings })
     }
 }
 

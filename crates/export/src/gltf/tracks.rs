@@ -437,7 +437,7 @@ impl AssetTracks {
             leaves.push(asset, frame);
         }
         if let Some(skeleton) = &asset.skeleton {
-            // A frame without a pose shows the skeleton at rest; the track needs an entry all the same, one for each key time.
+            // A frame without a pose shows the skeleton at rest; the track still needs one entry for each key time.
             let posed = frame.pose.len() == skeleton.joints.len();
             self.poses.push(if posed { frame.pose.clone() } else { skeleton.rest_pose() });
         }
@@ -544,7 +544,7 @@ mod tests {
 
     #[test]
     fn frames_are_kept_where_interpolation_does_not_restore_them() {
-        // A mesh of so many points that its targets fill the budget.
+        // A mesh with enough points for its targets to fill the budget.
         let rest = vec![Vec3::Y * 4.0; 80_000].into_iter().chain([Vec3::ZERO]).collect::<Vec<_>>();
         let keys = |rest: &[Vec3], frames: usize, place: fn(f32) -> f32| {
             let at = |i: usize| place(i as f32 / (frames - 1) as f32);
@@ -583,7 +583,7 @@ mod tests {
         let steps = |t: f32| (t * 7.3).min(1.0) + (t * 3.1 - 1.0).clamp(0.0, 2.0);
         let kept = keys(&rest, 240, steps);
         assert!(kept.frames.len() < 32 && kept.error < 0.02, "{:?} {}", kept.frames, kept.error);
-        // What moves too irregularly is shown all the same, and known to be coarse.
+        // Motion that is too irregular for the budget is written anyway, and its error is stated as coarse.
         let sway = |t: f32| 3.0 + osier_base::math::sin_f32(90.0 * t);
         let kept = keys(&rest, 120, sway);
         assert!(kept.is_coarse() && (8..=MORPH_TARGETS + 1).contains(&kept.frames.len()), "{:?}", kept.frames);
@@ -615,11 +615,11 @@ mod tests {
         };
         // A mesh whose frames are kept where they are needed, and one whose frames are kept at equal distances.
         for points in [80_000, 600_000] {
-            // What moves evenly in time is restored.
+            // Interpolation restores a motion of constant speed.
             let even = morph(points, &|i: usize| 4.0 * numbers[i] as f32 / 600.0);
             assert!(even.frames.len() < numbers.len() && even.error < 0.0022, "{:?} {}", even.frames, even.error);
-            // What moves by the same way from each frame to the next does not: the stated error is that of a reader, who
-            // interpolates in time.
+            // A motion of equal steps from frame to frame is not restored where frames are missing: the stated error is that
+            // of readers, which interpolate in time.
             let by_frame = |i: usize| 4.0 * i as f32 / numbers.len() as f32;
             let kept = morph(points, &by_frame);
             assert!(kept.frames.len() < numbers.len(), "{:?}", kept.frames);

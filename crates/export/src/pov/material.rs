@@ -109,7 +109,7 @@ fn write_coat_finish(text: &mut TextBuffer, m: &Material) {
     text.put(" specular 0.7 roughness 0.005 reflection { 0.02, 0.35 falloff 4 } conserve_energy");
 }
 
-/// Whether two materials are equal but for their names and coats.
+/// Whether two materials are equal except for their names and coats.
 fn equal_but_for_name(a: &Material, b: &Material) -> bool {
     // Bits make equality total; -1 represents a missing cutoff, as cutoffs are never negative.
     let numbers = |m: &Material| {

@@ -195,7 +195,7 @@ impl PovExporter {
         let assets = self.assets(scene);
         let moving = assets.iter().filter(|p| p.asset.moves());
         let now = moving.map(|p| (p, frame.and_then(|f| f.assets.get(p.index)).unwrap_or(&rest)));
-        // A complete file needs no text, but a frame that may cause warnings is formatted all the same.
+        // A file that is complete already needs no text; frames that may cause warnings are formatted anyway.
         if file.is_none() && !is_heavy(now.clone()) {
             return Ok(());
         }

@@ -197,7 +197,7 @@ pub(super) fn write_curves(
     text.lines(points, |t, i, p| {
         let before = joins[i] && points[i - 1] != *p;
         let after = joins.get(i + 1) == Some(&true) && points[i + 1] != *p;
-        // A point without segments of a length is omitted: POV-Ray rejects cones of length 0.
+        // Omit a point whose segments have length 0: POV-Ray rejects cones of length 0.
         if radius(i) > 0.0 && (before || after) {
             t.put("sphere{");
             space.write_point(t, *p);

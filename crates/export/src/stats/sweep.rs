@@ -372,7 +372,7 @@ mod tests {
         assert_eq!(lines[2], "0.5,0.5,1,2,0,20,0,10,0,7,0");
     }
 
-    /// What a run does not have is null and has no point, not 0.
+    /// A value that a run lacks is null and has no point in the plot; it is not 0.
     #[test]
     fn columns_that_runs_lack_are_null() {
         let mut sweep = sweep();

@@ -37,7 +37,7 @@ const JOINT: u64 = 400;
 const TWIG: u64 = 500;
 const TWIG_VERTEX: u64 = 22;
 
-/// Plants that a warning names; of more it tells the number.
+/// Plants that a warning names; it gives the number of the others.
 const NAMED_PLANTS: usize = 3;
 
 /// Registry entry of Unreal Engine: two files per plant with a rig, at rest.

@@ -28,6 +28,6 @@ pub(crate) fn sequential_ids(n: usize) -> Vec<i64> {
 
 /// Extent of points with widths: the box of spheres of those diameters.
 pub(crate) fn points_extent(points: &[Vec3], widths: &[f32]) -> [[f32; 3]; 2] {
-    let spheres = points.iter().zip(widths).map(|(p, w)| Bounds::of([*p]).grown(w * 0.5));
+    let spheres = points.iter().zip(widths).map(|(p, w)| Bounds::of([*p]).expanded(w * 0.5));
     extent_corners(&spheres.fold(Bounds::default(), Bounds::union))
 }

@@ -164,7 +164,7 @@ fn define_texture(writer: &mut dyn LayerWriter, network: &str, picture: &Texture
     }
     let (scale, bias) = match picture.name {
         "normal" => (Some(2.0), Some(-1.0)),
-        // Bark lies about its surface, so that wood stays as thick as it is; other reliefs rise from theirs.
+        // Displace bark both inwards and outwards, so that the wood keeps its mean radius; other reliefs only rise.
         "height" if picture.material.class == MaterialClass::Bark => {
             let height = picture.material.height_range;
             (Some(height), Some(-0.5 * height))

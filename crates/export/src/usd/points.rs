@@ -97,7 +97,7 @@ struct AnimatedCurves {
 fn curves_extent(points: &[Vec3], widths: &[f32]) -> [[f32; 3]; 2] {
     // A box around the points by the largest radius is conservative: every curve lies inside, thin ones not tightly.
     let widest = widths.iter().fold(0.0_f32, |a, b| a.max(*b));
-    extent_corners(&Bounds::of(points.iter().copied()).grown(widest * 0.5))
+    extent_corners(&Bounds::of(points.iter().copied()).expanded(widest * 0.5))
 }
 
 /// Defines curves in their rest state. Returns the prim that takes their time samples, if they move.

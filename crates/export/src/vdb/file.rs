@@ -163,7 +163,7 @@ impl<'a> GridEncoder<'a> {
             let message = format!("vdb/{}, grid {}, frame {frame}: {bad} is not finite", grid.file, grid.name);
             return Err(Error::export("X001", message));
         }
-        // Vectors turn with the axes of the stage.
+        // Rotate vectors to the axes of the stage.
         if components == 3 {
             for vector in leaves.iter_mut().flat_map(|l| l.values.chunks_exact_mut(3)) {
                 vector.copy_from_slice(&options.up.stage_vec(glam::Vec3::from_slice(vector)).to_array());

@@ -19,7 +19,7 @@ struct Condition<'t> {
 }
 
 impl Condition<'_> {
-    /// Passes `text` and the blanks behind it, if it comes next.
+    /// Passes `text` and the blanks after it, if it comes next.
     fn take(&mut self, text: &str) -> bool {
         let rest = self.rest.strip_prefix(text).map(str::trim_start);
         self.rest = rest.unwrap_or(self.rest);

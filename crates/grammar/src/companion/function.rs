@@ -92,7 +92,7 @@ fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
     None
 }
 
-/// The points behind `points:`, one a line, with an optional multiplicity.
+/// The points after `points:`, one a line, with an optional multiplicity.
 fn points(reader: &mut Reader<'_>) -> Option<Vec<[f64; 2]>> {
     let count = reader.count("the number of points")?;
     let mut points = Vec::new();

@@ -203,7 +203,7 @@ fn triangle(reader: &mut Reader<'_>) -> Option<SurfaceTriangle> {
         return None;
     }
     reader.take();
-    // A number behind the word is a material, which is skipped.
+    // A number after the word is a material, which is skipped.
     let (mut points, mut normals, mut uvs) = ([[0.0; 3]; 3], [[0.0; 3]; 3], [[0.0; 2]; 3]);
     let mut textured = true;
     if reader.peek().zip(reader.peek_at(1)).is_some_and(|(a, b)| a.line != b.line) {

@@ -34,14 +34,14 @@ pub struct FileLine {
     pub file: String,
     /// The whole line, for messages.
     pub span: Span,
-    /// Number behind or before the name: samples of a function, number of a contour.
+    /// Number after or before the name: samples of a function, number of a contour.
     pub number: Option<u32>,
 }
 
 /// A line of the view that gives a letter its surface.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurfaceLine {
-    /// Letter that draws the surface where it stands behind `~`.
+    /// Letter that draws the surface where it stands after `~`.
     pub letter: char,
     /// File of the surface, relative to the view; its `number` is `None`.
     pub file: FileLine,
@@ -95,7 +95,7 @@ pub struct View {
     pub sides: Option<u32>,
     /// Whether generalised cylinders turn with the turtle.
     pub twist: Option<bool>,
-    /// Whether what stands behind a `%` of the final string is drawn.
+    /// Whether what stands after a `%` of the final string is drawn.
     pub past_cut: Option<bool>,
     /// Tropisms and torques in the order of the file.
     pub tropisms: Vec<ViewTropism>,
@@ -320,10 +320,10 @@ impl ViewReader<'_, '_> {
         let keyword: String = key.to_lowercase().split_whitespace().collect::<Vec<_>>().join(" ");
         let values = self.expand(values);
         let line = Line { words: words(&values), span: whole };
-        let told = self.report.len();
+        let before = self.report.len();
         if self.turtle_line(&keyword, &line) || self.file_line(&keyword, &line) {
-            // A line whose values cannot be read was told as a whole.
-            if self.report.len() == told {
+            // A line whose values cannot be read was reported as a whole.
+            if self.report.len() == before {
                 self.check_length(&keyword, &line);
             }
             return;
@@ -337,7 +337,7 @@ impl ViewReader<'_, '_> {
         self.report.push(d.help("lights, cameras and windows are set in the scene"));
     }
 
-    /// L048 for words behind the values that a line takes.
+    /// L048 for words after the values that a line takes.
     fn check_length(&mut self, keyword: &str, line: &Line<'_>) {
         let second = line.words.get(1);
         let count = match keyword {
@@ -348,7 +348,7 @@ impl ViewReader<'_, '_> {
                 let surplus: Vec<&str> = others.map(|(_, word)| word.text).collect();
                 return self.unused(line, &surplus);
             }
-            // The parts of a tropism are told where they are read.
+            // The parts of a tropism are reported where they are read.
             "tropism" | "torque" => return,
             "tropism direction" => 3,
             "contour" => 2,
@@ -365,7 +365,7 @@ impl ViewReader<'_, '_> {
         self.unused(line, &surplus);
     }
 
-    /// L048 for words of a line that have no effect. Punctuation alone, such as `;`, is not told.
+    /// L048 for words of a line that have no effect. Punctuation alone, such as `;`, is not reported.
     fn unused(&mut self, line: &Line<'_>, words: &[&str]) {
         if words.iter().any(|w| w.contains(|c: char| c.is_alphanumeric())) {
             let message = format!("'{}' in this line of a view has no effect", shown(&words.join(" ")));
@@ -616,7 +616,7 @@ impl ViewReader<'_, '_> {
             self.damaged(line, "a scale above 0");
             return None;
         }
-        // One number behind the scale is the texture.
+        // One number after the scale is the texture.
         let (quads, texture) = match numbers.get(1..).unwrap_or_default() {
             [texture] => (None, Some(texture)),
             [i, j, more @ ..] => (Some([sides(*i), sides(*j)]), more.first()),
@@ -645,7 +645,7 @@ fn value_of(word: &Word<'_>) -> Option<f64> {
     let value = match (text.split_once('/'), text.split_once('*')) {
         (Some((a, b)), _) => part(a)? / part(b)?,
         (_, Some((a, b))) => part(a)? * part(b)?,
-        // What follows a number, such as `;` or a unit, does not count.
+        // Text after a number, such as `;` or a unit, is ignored.
         _ => {
             let end = text.find(|c: char| !c.is_ascii_digit() && !".+-eE".contains(c)).unwrap_or(text.len());
             part(text[..end].trim_end_matches(['.', '+', '-', 'e', 'E']))?
@@ -878,7 +878,7 @@ mod tests {
             let (view, report) = read(&format!("polygonization level: {level}\n"));
             assert_eq!((view.sides, report.len()), (sides, usize::from(sides.is_none())), "{level}: {report:?}");
         }
-        // One number behind the scale of a surface is its texture.
+        // One number after the scale of a surface is its texture.
         let (view, _) = read("surface: l leaf.s 0.5 2\nsurface: m leaf.s 0.5 3 4\nsurface: n leaf.s 0.5 3 4 1\n");
         let found: Vec<_> = view.surfaces.iter().map(|s| (s.quads, s.texture)).collect();
         assert_eq!(found, [(None, Some(2)), (Some([3, 4]), None), (Some([3, 4]), Some(1))]);

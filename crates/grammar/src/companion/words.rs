@@ -9,7 +9,7 @@ const MAX_MULTIPLICITY: usize = 8;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Word<'a> {
     pub text: &'a str,
-    /// Bytes of the text: first, and the one behind the last.
+    /// Bytes of the text: first, and the one after the last.
     pub at: (usize, usize),
     /// Line number, from 0.
     pub line: usize,
@@ -35,7 +35,7 @@ impl Word<'_> {
 pub(super) fn words(text: &str) -> Vec<Word<'_>> {
     let mut out = Vec::new();
     let (mut start, mut line) = (None, 0);
-    // A line end behind the text closes its last word.
+    // A line end after the text closes its last word.
     for (i, c) in text.char_indices().chain([(text.len(), '\n')]) {
         if c.is_whitespace() || c == ',' {
             if let Some(first) = start.take() {
@@ -144,7 +144,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// At most 24 characters of a word, with `..` behind a longer one, for messages.
+/// At most 24 characters of a word, with `..` after a longer one, for messages.
 pub(super) fn shown(word: &str) -> String {
     let mut out: String = word.chars().take(24).collect();
     if out.len() < word.len() {

@@ -408,7 +408,7 @@ impl ExpressionCompiler<'_, '_> {
                 Some(PendingOperator::Binary(op, _, place)) => self.emit_binary(op, place),
                 Some(PendingOperator::Short(jump, _)) => {
                     // The right side of `&&` or `||` is complete: reduce its value to 0 or 1 and let the jump land
-                    // behind it.
+                    // after it.
                     self.code.ops.push(Op::Bool);
                     self.patch_jump(jump);
                 }

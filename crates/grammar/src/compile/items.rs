@@ -38,7 +38,7 @@ const FOREIGN_ITEMS: [(&[&str], &str); 5] = [
 /// Lines of each L-system of a file. One begins with its heading: `Lsystem`, `ring Lsystem`, or both on two lines.
 fn split_systems(lines: Vec<LogicalLine>) -> Vec<Vec<LogicalLine>> {
     let mut systems: Vec<Vec<LogicalLine>> = Vec::new();
-    // What the last system has so far.
+    // The parts of the last L-system that have been read.
     let (mut has_ended, mut has_heading, mut has_items) = (false, false, false);
     for line in lines {
         let key = line.keyword.map(|k| k.0);
@@ -77,7 +77,7 @@ impl CompilerContext {
     }
 }
 
-/// Program of a file, with the L-systems behind the first one as subsystems; `label` is the text behind `Lsystem:`.
+/// Program of a file, with the L-systems after the first one as subsystems; `label` is the text after `Lsystem:`.
 #[derive(Debug)]
 pub(crate) struct ParsedGrammar {
     pub program: Program,
@@ -109,7 +109,7 @@ pub(super) struct ItemParser<'r> {
     ended: bool,
     /// A production beyond [`MAX_PRODUCTIONS`] was reported.
     has_too_many: bool,
-    /// Place of the last line, behind which `endlsystem` is suggested.
+    /// Place of the last line, after which `endlsystem` is suggested.
     end: Option<SourcePlace>,
 }
 
@@ -347,7 +347,7 @@ impl ItemParser<'_> {
             self.session.error_help("L001", message, cursor.place(), ARRAYS_HELP);
             return None;
         }
-        // All elements are global variables behind those of the blocks.
+        // All elements are global variables after those of the blocks.
         let elements = sizes.iter().fold(1_usize, |n, s| n.saturating_mul(*s as usize));
         let used = self.variable_count();
         let first = u16::try_from(used).ok().filter(|_| used.saturating_add(elements) <= MAX_ARRAY_ELEMENTS as usize);
@@ -688,7 +688,7 @@ impl ItemParser<'_> {
             match t.kind {
                 TokenKind::Char('(') => depth += 1,
                 TokenKind::Char(')') => depth = depth.saturating_sub(1),
-                // Behind these a condition or a block stands, whose signs are no arrows.
+                // After these a condition or a block stands, whose signs are no arrows.
                 TokenKind::Char(':' | '{') if depth == 0 => return None,
                 _ if depth > 0 => {}
                 TokenKind::Char('\u{2192}' | '\u{27f6}' | '\u{21d2}') => return Some(t.place),
@@ -707,7 +707,7 @@ impl ItemParser<'_> {
         matches!(token.map(|t| t.kind), Some(TokenKind::Ident(n)) if self.session.names.get(n) == word)
     }
 
-    /// What a grammar has instead of an item of another notation that a line begins with: `angle: 25`, `angle = 25`, `angle 25`.
+    /// The item of grammars that corresponds to an item of another notation at the start of a line: `angle: 25`, `angle = 25`, `angle 25`.
     fn foreign_item(&self, line: &LogicalLine) -> Option<&'static str> {
         let [first, sign, ..] = &line.tokens[..] else { return None };
         let TokenKind::Ident(n) = first.kind else { return None };
@@ -784,7 +784,7 @@ impl ItemParser<'_> {
         if !self.ended {
             let help = "add a last line 'endlsystem'";
             let mut d = Diagnostic::error("L003", "the L-system has no 'endlsystem'", at.span, "here").help(help);
-            // The missing line goes behind the last one.
+            // The missing line goes after the last one.
             if let Some(end) = self.end {
                 let behind = Span { start: end.span.end, ..end.span };
                 d = with_fix(d, SourcePlace { span: behind, ..end }, "\nendlsystem");

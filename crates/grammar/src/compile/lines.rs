@@ -226,7 +226,7 @@ impl LineSplitter<'_> {
         false
     }
 
-    /// Before lines without tokens: do the indented lines behind them go on with this logical line? They do not if they are a
+    /// Before lines without tokens: do the indented lines after them continue with this logical line? They do not if they are a
     /// production of their own, whose arrow may stand on a later line than its predecessor. `is_item`: a keyword begins the line.
     /// If they do, the lines without tokens are passed over.
     fn continues_behind_blank_lines(&mut self, is_item: bool) -> bool {

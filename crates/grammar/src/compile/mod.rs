@@ -198,7 +198,7 @@ impl<'r> Compiler<'r> {
     }
 }
 
-/// Slot behind the last variable of a table; `None` after an error if the table is full.
+/// Slot after the last variable of a table; `None` after an error if the table is full.
 fn next_slot(session: &mut ParseSession, variables: &[u32], place: SourcePlace) -> Option<u16> {
     let slot = u16::try_from(variables.len()).ok();
     if slot.is_none() {
@@ -239,7 +239,7 @@ pub(super) fn is_arrow(tokens: &[Token], i: usize) -> bool {
     }
 }
 
-/// Compiles an expression that must fill the whole list of tokens; L001 for tokens behind it.
+/// Compiles an expression that must fill the whole list of tokens; L001 for tokens after it.
 fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: SourcePlace) -> Option<Bytecode> {
     let mut cursor = TokenCursor::new(tokens, place);
     let code = expression::compile_expression(compiler, &mut cursor)?;

@@ -39,7 +39,7 @@ pub(super) fn production(
     let before = block(compiler, head.before)?;
     let condition = statement::condition(compiler, head.condition, place)?;
     let after = block(compiler, head.after)?;
-    // The arrow is three tokens. Behind the successor a ":" begins the weight.
+    // The arrow is three tokens. After the successor a ":" begins the weight.
     let tail = line.tokens.get(arrow + 3..).unwrap_or(&[]);
     let arrow_place = line.tokens.get(arrow).map_or(place, |t| t.place);
     let (successor, rest) = successor::successor(compiler, symbols, tail, arrow_place)?;

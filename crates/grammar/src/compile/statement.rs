@@ -231,7 +231,7 @@ impl BlockCompiler<'_, '_> {
                 ends.into_iter().for_each(|e| self.patch_jump(e));
                 Some(())
             }
-            // End of a `while` body: back to the condition; a failed condition lands behind that jump.
+            // End of a `while` body: back to the condition; a failed condition lands after that jump.
             Some(OpenBrace::While(start, jump)) => {
                 self.code.ops.push(Op::Jump(start));
                 self.patch_jump(jump);
@@ -263,7 +263,7 @@ impl BlockCompiler<'_, '_> {
         if next.is_some_and(|t| t.is('[')) {
             return self.element_statement(cursor, name, place);
         }
-        // What is no assignment is an expression, whose value is dropped.
+        // A statement that is no assignment is an expression, whose value is dropped.
         let follows = |c: char| cursor.peek_at(2).is_some_and(|t| t.glued && t.is(c));
         let is_equality = next.is_some_and(|t| t.is('=')) && follows('=');
         let doubled = ['+', '-'].iter().any(|c| next.is_some_and(|t| t.is(*c)) && follows(*c));

@@ -29,7 +29,7 @@ struct SuccessorCompiler<'c, 'r, 's> {
     out: Vec<SuccessorModule>,
     repeats: Vec<OpenRepeat>,
     star: Option<SourcePlace>,
-    /// False at the beginning and behind a `repeat`, where no module precedes that parameters could belong to.
+    /// False at the beginning and after a `repeat`, where no module precedes that parameters could belong to.
     accepts_parameters: bool,
 }
 

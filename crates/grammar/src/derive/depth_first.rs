@@ -251,7 +251,7 @@ impl DerivationCounts {
     }
 }
 
-/// Derives each module to the last step before it goes on to the next one, so that strings of single steps are never stored.
+/// Derives each module to the last step before it continues to the next one, so that strings of single steps are never stored.
 pub(super) struct DepthFirst<'p> {
     pub job: DepthFirstJob<'p>,
     pub axiom: Template<'p>,
@@ -368,7 +368,7 @@ impl<'p> DepthFirst<'p> {
                         counts.work += 1;
                         Some(next(production))
                     }
-                    // What does not apply in the next step never will: parameters do not change.
+                    // A production that does not apply in the next step never will: parameters do not change.
                     (None, Some(tests)) if group.is_stationary && frame.birth < self.job.length => {
                         counts.add_work(self.job.max_work)?;
                         let first = tests.iter().position(|t| t.is_none_or(|t| t.holds(module.params)));
@@ -377,7 +377,7 @@ impl<'p> DepthFirst<'p> {
                     _ => apply_next(rewriter, counts, &self.job, &self.globals, module, active.group)?,
                 };
                 let Some(Applied { production, step, has_variables }) = applied else { continue };
-                // What stands before the module is emitted first, then comes what is made of the module.
+                // Emit the modules before this one first, then the modules that are made of it.
                 if frame.emitted < active.index {
                     let params = &self.pool[frame.params..];
                     let block = Block::new(template, params, axiom_lineages, frame.parent, frame.birth);

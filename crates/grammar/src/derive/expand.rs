@@ -282,12 +282,12 @@ impl Derivation<'_> {
 }
 
 /// The branches of the final string that an interpretation leaves out. In a model of L-Py with productions of interpretation these are
-/// the parts behind a `%`; cpfg removes them only when the next step begins, and draws them until then.
+/// the parts after a `%`; cpfg removes them only when the next step begins, and draws them until then.
 struct CutBranches {
     /// `%` of L-Py; `None` where nothing is left out.
     cut: Option<SymbolId>,
     brackets: Brackets,
-    /// Number of branches that are open behind the `%` in force.
+    /// Number of branches that are open after the `%` in force.
     open: Option<u32>,
 }
 

@@ -12,6 +12,7 @@ use crate::vm::{DrawPurpose, Halt};
 impl Derivation<'_> {
     /// Rewrites the string in the order of cpfg; true if any production was applied.
     pub(super) fn rewrite_in_order(&mut self, step: u32) -> Result<bool, Halt> {
+        // Contexts need the partners of brackets.
         let decomposition = &self.plans.decomposition;
         let looks_around = self.plans.rules.needs_partners() || decomposition.needs_partners();
         let partner = if looks_around { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
@@ -41,6 +42,7 @@ impl Derivation<'_> {
         out.clear();
         let (mut changed, mut i) = (false, 0);
         while i < view.modules.len() {
+            // Modules of another L-system of the file have its productions and its ignored symbols.
             if let Some(system) = systems.get(i) {
                 rewriter.change_plan(self.plans.rules.of(*system));
                 expander.change_plan(decomposition.of(*system));
@@ -61,6 +63,7 @@ impl Derivation<'_> {
             if reads_made {
                 rewriter.made.give_back(out);
             }
+            // Make the successor; a module to which no production applies is its own.
             successor.clear();
             let mut taken = 1;
             match selected? {
@@ -71,10 +74,11 @@ impl Derivation<'_> {
                 }
                 None => successor.push(module),
             }
+            // Decompose the successor at once, before the next module is rewritten.
             if decomposition.is_empty() {
                 out.extend(&successor, 0..successor.len());
             } else {
-                // Both parts run on one machine, whose random numbers and variables go on.
+                // Both parts run on one machine, whose random numbers and variables continue.
                 std::mem::swap(&mut rewriter.vm, expander.vm());
                 expander.expand_successor(&successor, &view, i..i + taken, &mut |m| {
                     out.push(m);

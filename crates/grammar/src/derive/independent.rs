@@ -432,7 +432,7 @@ mod tests {
         both(8, "B --> B [ + C ] B - B\nC --> C + C\nA(x) --> B");
         let (_, steps) = both(40, "A(x) : x<12 --> A(x+1) A(x+1) F\nA(x) : x>=12 && x<20 --> A(x+1)");
         assert_eq!(steps, 21);
-        // Conditions on one parameter: from either side, in file order, with productions behind one that always applies.
+        // Conditions on one parameter: from either side, in file order, with productions after one that always applies.
         both_with("", 13, "A(x) : 3<x --> A(0)\nA(x) : x==1 --> A(x+1) B A(4)\nA(x) --> A(x+1) A(1)\nA(x) : x<9 --> C");
         both_with("", 13, "A(x) : x!=2 --> A(x+1) A(2) A(1/x)\nA(x) : 2>=x --> A(5) B\nB : Q<4 --> B A(1)");
     }

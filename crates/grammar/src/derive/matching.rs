@@ -88,7 +88,7 @@ impl MadeString {
         made.matches_right(brackets, context, 0, locals)
     }
 
-    /// What is made, with the ignored symbols and borders of `view`. Its ends are not joined.
+    /// The new string, with the ignored symbols and borders of `view`. Its ends are not joined.
     fn seen_from<'a>(&'a self, view: &ContextView<'a>) -> ContextView<'a> {
         ContextView { modules: &self.modules, partner: &self.partner, is_ring: false, ..*view }
     }
@@ -156,7 +156,7 @@ impl ContextView<'_> {
         if self.is_ring { from + self.modules.len() } else { self.modules.len() }
     }
 
-    /// Index of a position, which counts on behind the end of a ring.
+    /// Index of a position, which counts on after the end of a ring.
     #[inline]
     fn index(&self, position: usize) -> usize {
         if self.is_reversed {

@@ -260,7 +260,7 @@ impl<'g> Derivation<'g> {
             self.ask(turtle.as_deref_mut())?;
             self.run_block(blocks.end_each.as_ref(), step)?;
             self.steps_done = step;
-            // Start of the run of steps without change that is still going on, for the warning L054. Such a run begins behind a
+            // Start of the run of steps without change that is still going on, for the warning L054. Such a run begins after a
             // step that cuts branches.
             self.unchanged_since = match (changed, has_cut) {
                 (true, _) => None,
@@ -391,7 +391,7 @@ impl<'g> Derivation<'g> {
         match (self.main_production().filter(|_| grows), error) {
             (Some(p), osier_base::Error::Input(mut report)) => {
                 if let Some(mut d) = report.diagnostics.pop() {
-                    // The cause first; that the derivation goes this far is told behind it.
+                    // The cause comes first, then how far the derivation goes.
                     d.labels.insert(0, (p.place.span, "this production makes most of them".to_owned()));
                     report.push(d);
                 }

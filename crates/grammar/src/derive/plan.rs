@@ -120,7 +120,7 @@ pub(super) struct ProductionGroup {
     pub is_stationary: bool,
     /// The only production, if it applies to every module of the group.
     pub always: Option<u32>,
-    /// Of each production what it tests (`None`: it always applies), if no condition looks at more than one parameter and the
+    /// The test of each production (`None`: it always applies), if no condition looks at more than one parameter and the
     /// first production that applies is taken.
     pub tests: Option<Vec<Option<ParameterTest>>>,
     /// Constant weights of the productions, if all of them apply to every module of the group.

@@ -265,7 +265,7 @@ fn limit_error(
     let steps = options.steps.unwrap_or(grammar.program.length);
     let limit = limits.get("modules");
     let count = |step: u32| saturating_sum(&m.counts_after(step));
-    // A string that shrinks again is told of with the first step in which it is too long.
+    // For a string that shrinks again, report the first step in which it is too long.
     let (step, wanted) = match count(steps) {
         wanted if wanted > u128::from(limit) => (steps, wanted),
         _ => (first_over, count(first_over)),

@@ -196,7 +196,7 @@ impl<'p> Rewriter<'p> {
     }
 
     /// Tests a production with contexts or blocks at `module`, the module of index `at`. Local variables hold its parameters
-    /// afterwards if it applies. The block behind the condition runs later, if the production is applied.
+    /// afterwards if it applies. The block after the condition runs later, if the production is applied.
     fn applies(
         &mut self,
         production: u32,
@@ -245,7 +245,7 @@ impl<'p> Rewriter<'p> {
         self.condition_holds(production)
     }
 
-    /// Runs the block behind the condition of the production that is applied: those of the others have no effect.
+    /// Runs the block after the condition of the production that is applied: those of the others have no effect.
     fn run_after(&mut self, production: u32) -> Result<(), Halt> {
         let planned = self.planned(production);
         if let Some(code) = &planned.source.after {

@@ -223,7 +223,7 @@ impl<'p> SystemRuns<'p> {
 struct RewrittenRange {
     /// Whether any production was applied.
     changed: bool,
-    /// Index behind its last module: a predecessor of several modules may reach beyond the end that was asked for.
+    /// Index after its last module: a predecessor of several modules may reach beyond the end that was asked for.
     end: usize,
 }
 

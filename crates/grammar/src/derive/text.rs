@@ -68,7 +68,7 @@ pub(super) fn repeated_text(plan: &RewritePlan<'_>, axiom: &Template<'_>, steps:
     let columns = to_usize(steps) + 1;
     let parts = plan.productions.len() * columns;
     let mut out = String::with_capacity(osier_base::convert::limit(modules));
-    // Where the text of a production with so many steps left was written first.
+    // By production and number of steps left: where its text was written first.
     let mut known: Vec<Option<Range<usize>>> = vec![None; parts];
     let open = |production, template, left, start| OpenPart { production, template, left, next: 0, written: 0, start };
     let mut stack: Vec<OpenPart<'_>> = vec![open(None, axiom, steps, 0)];

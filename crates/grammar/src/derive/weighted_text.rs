@@ -50,7 +50,7 @@ struct DividedText<'p> {
     whole: TextPiece<'p>,
     /// Of each active module: the text between it and the active module before it.
     before: Vec<TextPiece<'p>>,
-    /// Text behind the last active module.
+    /// Text after the last active module.
     rest: TextPiece<'p>,
 }
 
@@ -116,6 +116,7 @@ pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result
     let templates = || plan.productions.iter().map(|p| &p.template).chain([&run.axiom]);
     let Some(texts) = templates().map(DividedText::new).collect::<Option<Vec<_>>>() else { return Ok(String::new()) };
     let templates: Vec<&Template<'_>> = templates().collect();
+    // The tables by which the productions of each step are chosen.
     let steps: Vec<StepChoices> = (1..=length).map(|step| run.rewriter.step_choices(step)).collect();
     let mut out: Vec<u8> = Vec::with_capacity(expected + SHORT);
     // The axiom is the first open block; its lineages are known.
@@ -125,6 +126,7 @@ pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result
         choices.extend(draw(plan, step, &run.axiom.active, |i| run.axiom_lineages[i]));
     }
     run.counts.modules = (run.axiom.symbols.len() - if length > 0 { run.axiom.active.len() } else { 0 }) as u64;
+    // Depth first: write the text of a block up to a module that is rewritten, then the block that replaces the module.
     let mut stack = vec![OpenBlock { text: axiom, birth: 0, next: 0, choices: 0 }];
     while let Some(block) = stack.last_mut() {
         let text = &texts[block.text];
@@ -156,6 +158,7 @@ pub(super) fn weighted_text(run: &mut DepthFirst<'_>, expected: usize) -> Result
             run.rewriter.begin_step(step, &[]);
             return Err(if run.counts.modules > job.max_modules { Halt::Modules } else { Halt::Work });
         }
+        // Open the block of the production, with the choices of its modules; or close this one after its last module.
         match opened {
             Some(DrawnProduction { lineage: parent, production }) => {
                 let production = to_usize(production);

@@ -104,7 +104,7 @@ struct Writer<'g> {
     notes: BTreeSet<String>,
 }
 
-/// A module of a string, and the texts of the numbers between the parentheses behind it.
+/// A module of a string, and the texts of the numbers between the parentheses after it.
 struct NumberedModule<'m> {
     module: &'m SuccessorModule,
     numbers: Vec<String>,
@@ -133,7 +133,7 @@ impl<'g> Writer<'g> {
         std::iter::once(&program.axiom).chain(successors).any(|list| list.iter().any(|m| self.c(m.symbol) == '['))
     }
 
-    /// Whether the strings of a model of L-Py with an interpretation may hold a `%`, behind which it draws nothing.
+    /// Whether the strings of a model of L-Py with an interpretation may hold a `%`, after which it draws nothing.
     fn interprets_cuts(&self) -> bool {
         let program = &self.grammar.program;
         let made = program.rules.list.iter().chain(&program.decomposition.list).map(|p| &p.successor);
@@ -250,8 +250,8 @@ impl<'g> Writer<'g> {
         out
     }
 
-    /// Modules with the texts of the numbers behind them, which in files of LParser are characters of the string; and the first
-    /// parenthesis that stands behind no module or lacks its partner.
+    /// Modules with the texts of the numbers after them, which in files of LParser are characters of the string; and the first
+    /// parenthesis that stands after no module or lacks its partner.
     fn with_numbers<'m>(
         &self,
         modules: &'m [SuccessorModule],
@@ -723,6 +723,8 @@ impl<'g> Writer<'g> {
         out
     }
 
+    /// The program as the text of a grammar, in the order of its items: comments, settings, `Start`, axiom, productions,
+    /// decompositions, homomorphisms.
     fn grammar_text(&mut self) -> String {
         self.spell_symbols();
         let program = &self.grammar.program;
@@ -737,6 +739,7 @@ impl<'g> Writer<'g> {
             }
         }
         let _ = writeln!(out, "Lsystem: 1\nderivation length: {}", program.length);
+        // The notation of osier keeps the turtle of the other program, with its settings.
         if self.to == ConvertTo::Osier {
             let settings = self.settings;
             let turtle = if self.dialect == Dialect::LParser { "lparser" } else { "fractint" };
@@ -759,6 +762,7 @@ impl<'g> Writer<'g> {
             let names: Vec<&str> = list.iter().map(|s| self.name(*s)).collect();
             let _ = writeln!(out, "{item}: {}", names.join(" "));
         }
+        // Values that the model computes before the first step.
         if let Some(start) = &program.blocks.start {
             match block(start) {
                 Some(text) => {
@@ -767,6 +771,7 @@ impl<'g> Writer<'g> {
                 None => self.fault(0, "a value of the model"),
             }
         }
+        // Axiom, productions, and the decompositions of each step.
         let axiom = self.string(&program.axiom);
         let _ = writeln!(out, "Axiom: {}{axiom}", self.beginning());
         for p in &program.rules.list {
@@ -825,7 +830,7 @@ impl<'g> Writer<'g> {
             out.push(format!("{head} --> {}", self.successor(&p.successor)).trim_end().to_owned());
             self.level = None;
         }
-        // What no production expands is the image of the symbol, else its command.
+        // A symbol that no production expands becomes its image, else its command.
         for (symbol, letter) in &letters {
             let own = self.name(*symbol).to_owned();
             let arities: BTreeSet<usize> = made.iter().filter(|m| m.symbol == *symbol).map(|m| m.args.len()).collect();
@@ -867,7 +872,7 @@ fn local(slot: u16) -> String {
     format!("p{slot}")
 }
 
-/// A parameter as text; empty where it has none, of which [`Writer::check_arguments`] tells.
+/// A parameter as text; empty where it cannot be written, which [`Writer::check_arguments`] reports.
 fn argument(e: &Expr) -> String {
     match e {
         Expr::Const(c) => format!("{c}"),
@@ -944,7 +949,7 @@ fn run(ops: &[Op], from: usize, to: usize, stack: &mut Vec<String>) -> Option<()
             Op::Bool => {}
             Op::JumpIfZero(other) => {
                 let condition = stack.pop()?;
-                // `a ? b : c` compiles to: a, jump if zero to c, b, jump behind c, c.
+                // `a ? b : c` compiles to: a, jump if zero to c, b, jump after c, c.
                 let Some(Op::Jump(end)) = ops.get(other.checked_sub(1)?) else { return None };
                 run(ops, i, other - 1, stack)?;
                 let then = stack.pop()?;

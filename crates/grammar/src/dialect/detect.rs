@@ -73,7 +73,7 @@ fn is_l_plus_c(line: &str) -> bool {
     (line.starts_with("#include") && line.contains("lpfgall")) || (line.starts_with("module ") && line.ends_with(';'))
 }
 
-/// True if the derivation length ends with the semicolon of L+C, and so does the axiom: Python allows one behind a number, too.
+/// True if the derivation length ends with the semicolon of L+C, and so does the axiom: Python allows one after a number, too.
 fn ends_as_l_plus_c(text: &str) -> bool {
     let is_axiom = |line: &str| {
         strip_word(line, "axiom").is_some_and(|rest| rest.trim_start().starts_with(':')) && !line.ends_with([';', ':'])

@@ -36,7 +36,7 @@ impl Entry<'_> {
         !self.is_comment() && self.lines.iter().any(|l| value_of(*l, "axiom").is_some())
     }
 
-    /// An entry with an axiom or, so that its absence is told, with an angle: any other, such as `comment { .. }`, is text.
+    /// True for an entry with an axiom, or with an angle, so that a missing axiom is reported; any other entry is text.
     fn is_system(&self) -> bool {
         self.has_axiom() || !self.is_comment() && self.lines.iter().any(|l| is_angle(*l))
     }
@@ -46,7 +46,7 @@ impl Entry<'_> {
     }
 }
 
-/// The first word of a line, which a blank or `=` ends, and the value behind it and an optional `=`.
+/// The first word of a line, which a blank or `=` ends, and the value after it and an optional `=`.
 fn word_and_value(line: Piece<'_>) -> (Piece<'_>, Piece<'_>) {
     let (word, rest) = line.first_word(&['=']);
     (word, if rest.text.starts_with('=') { rest.from(1).trimmed() } else { rest })
@@ -103,7 +103,7 @@ fn blocks<'t>(text: &'t str, to_first_system: bool, outside: &mut Option<Piece<'
     let mut title = Piece::new(0, "");
     for line in lines(text) {
         let code = line.before(';');
-        // A brace behind an item, such as `Angle 6 {`, belongs to its line.
+        // A brace after an item, such as `Angle 6 {`, belongs to its line.
         if let Some(brace) = code.text.find('{').filter(|brace| !(is_open && is_item(code.up_to(*brace)))) {
             // The name stands before the brace, or on the line before as its only text.
             let before = code.up_to(brace).trimmed();
@@ -166,7 +166,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str, file: &str, wanted: Opti
     }
     let entry = select(reader, &list, file, wanted);
     if let Some(line) = outside {
-        // A sheet, which reads all entries, tells it once: with the entry that follows.
+        // A sheet reads all entries; it reports this once, with the entry that follows.
         let next = list.iter().find(|e| e.name.at > line.at).or(list.last());
         if entry.is_none_or(|e| next.is_some_and(|n| n.name.at == e.name.at)) {
             let message = format!("'{}' stands outside of all braces and is left out", line.text);
@@ -330,7 +330,7 @@ impl System<'_, '_> {
                 // A note, not a fault: the number divides the circle in any case.
                 if !(3.0..=50.0).contains(&n) {
                     let message = format!("angle {n}: Fractint takes 3 to 50 directions");
-                    self.limit(message, value, "osier draws it all the same");
+                    self.limit(message, value, "osier draws it anyway");
                 }
                 if n.fract().abs() > 0.0 {
                     let place = self.reader.place(value.range());

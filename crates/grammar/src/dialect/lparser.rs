@@ -13,7 +13,7 @@ const IGNORED: [&str; 9] =
     ["mutation", "shape", "poly_limit", "switch_yz", "closed_form", "user_form", "rand", "trope", "output"];
 /// Commands of the turtle, and the characters of numbers. Any other character without a rule becomes `_`.
 const COMMANDS: &str = "+-&^<>|%$~tFZfzg.[]{}\"';:?!c()0123456789";
-/// Commands that take a number behind them.
+/// Commands that take a number after them.
 const NUMBERED: &str = "+-&^<>~tFZfzg\"';:?!c";
 /// The number that stands for the length of a step in files of bare lines; in those of keywords it is 1. Source: LParser 4 begins
 /// with steps of 100, and the same trees have leaves of `f(20)` there and of `f(.2)` in LParser 5.
@@ -40,7 +40,7 @@ struct File<'r, 's, 't> {
     /// Symbols that have a rule.
     ruled: BTreeSet<char>,
     length_place: SourcePlace,
-    /// A number before the axiom is missing: what the lines behind it mean is unknown.
+    /// A number before the axiom is missing: what the lines after it mean is unknown.
     is_stopped: bool,
 }
 
@@ -99,7 +99,7 @@ impl<'t> File<'_, '_, 't> {
             "angle" => self.angle.is_some(),
             "thickness" => self.thickness.is_some(),
             "min_thickness" => self.min_thickness > 0.0,
-            // A second line of a bare axiom goes on with it; one with the keyword replaces it.
+            // A second line of a bare axiom continues it; one with the keyword replaces it.
             "axiom" => self.axiom.take().is_some(),
             _ => false,
         };
@@ -135,7 +135,7 @@ impl<'t> File<'_, '_, 't> {
             return self.rule(rule);
         }
         if self.axiom.is_some() {
-            // A long rule may go on in the next line, which LParser does not read.
+            // A long rule may continue in the next line, which LParser does not read.
             let place = self.reader.place(line.range());
             let before = if self.rules.is_empty() { "axiom" } else { "rule" };
             let message = format!("this line is no rule, and goes on with the {before} before it");

@@ -68,7 +68,7 @@ impl<'t> Piece<'t> {
         self.at..self.at + self.text.len()
     }
 
-    /// Splits behind the first word, which whitespace or one of `ends` ends; the rest is trimmed and keeps that character of `ends`.
+    /// Splits after the first word, which whitespace or one of `ends` ends; the rest is trimmed and keeps that character of `ends`.
     pub fn first_word(self, ends: &[char]) -> (Self, Self) {
         let t = self.trimmed();
         let end = t.text.find(|c: char| c.is_whitespace() || ends.contains(&c)).unwrap_or(t.text.len());

@@ -13,7 +13,7 @@ pub struct Define {
     pub written: String,
     /// Place of the name in its `#define`.
     pub span: Span,
-    /// Where its replacement stands in the grammar; empty, behind the name, without one.
+    /// Where its replacement stands in the grammar; empty, after the name, without one.
     pub value_span: Span,
     /// The comment after it on the same line, without comment signs.
     pub comment: String,

@@ -214,7 +214,7 @@ impl Preprocessor<'_> {
         let (value, written) = (text_of(extent(body)), text_of(own));
         let value_span = own.unwrap_or(Span { start: place.span.end, ..place.span });
         let end = line.last().map_or(place.span.end, |t| t.place.span.end);
-        // The comment behind a definition on its line describes it in `osier list options`.
+        // The comment after a definition on its line describes it in `osier list options`.
         let behind = |c: &&Span| c.source == place.span.source && c.start >= end && !slice(end, c.start).contains('\n');
         // Comments are sorted by source and place, since each file is read as a whole.
         let source = place.span.source;

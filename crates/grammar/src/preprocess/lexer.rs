@@ -115,7 +115,7 @@ fn warn_of_joined_lines(session: &mut ParseSession, source: SourceId, text: &str
 }
 
 /// Is the text a list of modules rather than words? Words have several small letters in a row, outside the parentheses of
-/// parameters. `touches`: no blank stands behind the `//`, and either none stands before it or a module in the text has
+/// parameters. `touches`: no blank stands after the `//`, and either none stands before it or a module in the text has
 /// parameters. Few write comments in this way.
 fn looks_like_modules(text: &str, touches: bool) -> bool {
     let (mut depth, mut small, mut has_turns, mut has_symbols) = (0_u32, 0_u32, false, false);
@@ -169,7 +169,7 @@ struct Lexer<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum RuleState {
     Elsewhere,
-    /// Behind so many characters of `-->`.
+    /// After this number of characters of `-->`.
     Arrow(u8),
     Successor,
 }

@@ -27,7 +27,7 @@ struct MacroDefinition {
     body: Rc<[Token]>,
 }
 
-/// What a frame of the reading stack is.
+/// Kind of a frame of the reading stack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum FrameKind {
     /// A file; the number of open `#if` when it began.

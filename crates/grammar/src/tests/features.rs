@@ -169,7 +169,7 @@ fn utf_16_is_told_once() {
 
 #[test]
 fn a_step_that_changes_a_global_alone_is_not_the_last() {
-    // The block of a production that loses counts the steps; it wins in the third.
+    // The block runs even where its condition fails, and counts the steps; the production applies in the third.
     assert_eq!(steps(5, "A", "Start: { n = 0; }\nA : { n = n+1; } n >= 3 --> B(n)"), "B(3)");
 }
 
@@ -202,7 +202,7 @@ fn other_l_systems_of_the_file_rewrite_what_stands_between_their_borders() {
 
 #[test]
 fn a_production_of_a_sub_l_system_may_wait_for_its_step() {
-    // Nothing is rewritten in steps 1 to 4; the derivation goes on, as another L-system of the file counts its steps.
+    // Nothing is rewritten in steps 1 to 4; the derivation continues, as another L-system of the file counts its steps.
     let second = "Lsystem: 2\nderivation length: 1\nAxiom: A\n";
     let sub = |rules: &str| {
         string(&format!("Lsystem: 1\nderivation length: 8\nAxiom: ?(2)A$\nendlsystem\n{second}{rules}\nendlsystem\n"))
@@ -355,11 +355,11 @@ fn each_sentence_about_matching_holds() {
 
 #[test]
 fn blanks_stars_and_lines_mean_what_they_should() {
-    // `*` alone: empty successor, empty context, true condition; the condition may be left out behind a block.
+    // `*` alone: empty successor, empty context, true condition; the condition may be left out after a block.
     assert_eq!(steps(1, "AB", "* < A > * : * --> *"), "B");
     assert_eq!(steps(1, "A(3)", "A(x) : {y=x;} * {z=y+1;} --> B(z)"), "B(4)");
     assert_eq!(steps(1, "A(3)", "A(x) : {y=x;} --> B(y)"), "B(3)");
-    // A production goes on behind an indented line end, and in an open group.
+    // A production continues after an indented line end, and in an open group.
     assert_eq!(steps(1, "A", "A --> B\n\tC\nB --> D"), "BC");
     assert_eq!(steps(1, "A", "A --> B(1,\n2)C"), "B(1,2)C");
     // Length 0 is the axiom; blanks in keywords and their case do not count.

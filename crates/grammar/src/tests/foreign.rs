@@ -21,12 +21,12 @@ fn choices_are_those_of_cpfg() {
     let rules = "A --> B : 1\nA --> C : 3";
     let seed = "Seed: 5\n";
     assert_eq!(one_step(seed, &"A".repeat(30), rules), "BBBBCBBCCCBCCCCBCBCCCCCCCBCCBC");
-    // Every module takes a number: the fifth chooses C, but for the bracket in its place; the sixth chooses B.
+    // Every module takes a random number, brackets too: the fifth number chooses C, the sixth B.
     assert_eq!(one_step(seed, "AAAAA", rules), "BBBBC");
     assert_eq!(one_step(seed, "AAAA[A]", rules), "BBBB[B]");
     // A predecessor of two modules takes one number.
     assert_eq!(one_step(seed, "XYAAAA", &format!("XY --> Z\n{rules}")), "ZBBBC");
-    // Steps go on in the same numbers: the first takes five, the sixth to tenth are B B C C C.
+    // Steps continue in the same numbers: the first takes five, the sixth to tenth are B B C C C.
     let text = format!("Lsystem: 1\nSeed: 1\nderivation length: 2\nAxiom: NNNNN\nN --> A\n{rules}\nendlsystem\n");
     assert_eq!(as_cpfg(&text), "BBCCC");
 }
@@ -136,7 +136,7 @@ fn printf_writes_to_the_output() {
     assert!(warnings.is_empty() || warnings.iter().all(|w| w.code != "L008"), "{warnings:?}");
     let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
     assert_eq!(d.output, "0,0,Step   1: 0.25\n1,1,Step   2: 0.5\ndone\n");
-    // Too few and too many values are told; an endless output is cut.
+    // Too few and too many values are reported; an endless output is cut.
     let (_, warnings) =
         read("Lsystem: 1\nEnd: { printf(\"%d %d\", 1); }\nderivation length: 1\nAxiom: A\nendlsystem\n");
     assert!(warnings.iter().any(|w| w.code == "L008" && w.message.contains("takes 2 values, got 1")));
@@ -199,7 +199,7 @@ fn lpy(text: &str) -> String {
 
 #[test]
 fn models_of_lpy_may_count_in_variables_of_their_own() {
-    // n is 1 at the start; each step adds 1 before it and 10 behind it: the steps see 2 and 13.
+    // n is 1 at the start; each step adds 1 before it and 10 after it: the steps see 2 and 13.
     let model = "n = 0\nsteps = 2\n\ndef Start():\n    global n\n    print(\"begin\")\n    n = 1\n\ndef StartEach():\n    global n\n    n += 1\n\n\
                  def EndEach():\n    global n\n    if n > 100:\n        n = 0\n    else:\n        n = n + 10\n\n\
                  Axiom: A\nderivation length: steps\nproduction:\nA --> B(n)A\n";
@@ -209,10 +209,10 @@ fn models_of_lpy_may_count_in_variables_of_their_own() {
     let rule = "c = 5\nAxiom: A(1)A(0)A(1)\nderivation length: 1\nproduction:\nA(x):\n  global c\n  c = c + 1\n  if x > 0:\n    \
                 produce B(c)\n  else:\n    produce C(c)\n";
     assert_eq!(lpy(rule), "B(6)C(7)B(8)");
-    // One that makes nothing counts all the same, and the next rule is tried.
+    // One that makes nothing counts as well, and the next rule is tried.
     let idle = "k = 0\nAxiom: A A A\nderivation length: 1\nproduction:\nA:\n  global k\n  k = k + 1\nA --> B(k)\n";
     assert_eq!(lpy(idle), "B(1)B(2)B(3)");
-    // A shared name keeps the value that items need, and functions of time are told where a rule needs them.
+    // A shared name keeps the value that items need, and functions of time are reported where a rule needs them.
     let timed = "import time as t\nn = 2\nstamp = 0\ndef Start():\n  global stamp, n\n  stamp = t.time()\n  n = 2\n\
                  Axiom: A\nderivation length: n\nproduction:\nA --> A B\n";
     assert_eq!(lpy(timed), "ABB");
@@ -285,7 +285,7 @@ fn models_of_lpy_may_declare_values_that_others_can_set() {
                  Axiom: A(n)\nderivation length: b+3\nproduction:\nA(x) --> +(turn[1])F(a)A(x+b)\n";
     // Two steps from A(3).
     assert_eq!(lpy(model), "+(20)F(6)+(20)F(6)A(1)");
-    // The slider that L-Py saved behind the model has set n.
+    // The slider that L-Py saved after the model has set n.
     let saved = "extern(n = 3)\nAxiom: A(n)\nproduction:\nB --> C\nendlsystem\n\
                  def __initialiseContext__(context):\n\tscalars = [('n', 'Integer', 5, 0, 10)]\n";
     assert_eq!(lpy(saved), "A(5)");
@@ -814,7 +814,7 @@ fn functions_of_lpy_may_call_themselves_with_known_numbers() {
 #[test]
 fn texts_in_quotes_of_lpy_end_with_their_line_whatever_ends_it() {
     let unclosed = "Axiom: A(1)\nx = \"abc\nderivation length: 1\nproduction:\nA(n) --> F(n+x)\nendlsystem\n";
-    // A backslash joins the next line to the text, a parenthesis goes on behind a blank line.
+    // A backslash joins the next line to the text, a parenthesis continues after a blank line.
     let joined = "x = \"ab\\\nc\"\ny = max(1,\n\n  2)\nAxiom: A(1)\nderivation length: 1\nproduction:\n\
                   A(n):\n  if x == \"abc\": produce B(y)\n  produce C(n)\n";
     for end in ["\n", "\r\n", "\r"] {
@@ -912,7 +912,7 @@ fn functions_of_lpy_may_call_themselves_with_parameters() {
     ] {
         assert_eq!(lpy(&model(rule)), wanted, "{rule}");
     }
-    // A function without an end is told where the model runs.
+    // A function that does not end is reported at the place that runs it.
     let (g, _) = read(&format!("{}endlsystem\n", model("produce B(up(x))")));
     let said =
         derive(&g, &DeriveOptions::default(), &Limits::default()).err().map_or_else(String::new, |e| e.to_string());
@@ -1428,7 +1428,7 @@ fn loops_of_lpy_may_have_an_end_that_is_drawn() {
     }
     assert!(seen[0] + seen[1] == 0 && seen[2..].iter().all(|n| *n > 0), "{seen:?}");
     assert_eq!(model("A(x):\n  for i in range(min(int(x), 5)):\n    nproduce B\n"), "BBB".repeat(40));
-    // Nothing is known of x: the file is told how many turns are read.
+    // Nothing is known of x: the error names the number of turns that are read.
     let unknown =
         "Axiom: A(2)A(70)A(0)\nproduction:\nA(x):\n  for i in range(x):\n    nproduce B\n  produce C\nendlsystem\n";
     let (g, warnings) = read(unknown);

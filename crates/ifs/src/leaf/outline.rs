@@ -12,7 +12,7 @@ pub fn rings(field: &[f32], n: usize) -> Vec<Vec<DVec2>> {
         _ => 0.0,
     };
     let size = n.cast_signed();
-    // Where a ring goes on from the edge of a cell: edges are named by their cell and 0 left, 1 top.
+    // Where a ring continues from the edge of a cell: edges are named by their cell and 0 left, 1 top.
     let mut next = std::collections::BTreeMap::new();
     for y in -1..size {
         for x in -1..size {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{TableItem, decimal, lost, millionths, names, share};
+use super::{TableItem, decimal, loss_diagnostic, millionths, names, share};
 use crate::affine::Affine;
 use crate::{Ifs, PictureView};
 use osier_base::diagnostic::Diagnostic;
@@ -64,7 +64,7 @@ fn flame(item: &TableItem, name: &str) -> String {
 /// Coefficients of a map as a flame file has them: column by column, with y down.
 fn coefs(map: &Affine) -> String {
     let [a, b, c, d, e, f] = {
-        // y down again: F w F, columns first.
+        // Back to y down: F w F with the reflection F = diag(1, -1, 1); listed column by column.
         let turned = map.conjugated(DVec3::new(1.0, -1.0, 1.0), DVec3::ZERO).coefficients(2);
         std::array::from_fn(|i| turned.get(i).copied().unwrap_or(0.0))
     };
@@ -94,5 +94,5 @@ fn lost_features(ifs: &Ifs) -> Option<Diagnostic> {
         ("radii of branches", ifs.maps.iter().any(|m| m.radius.is_some())),
         ("colors of single maps", ifs.maps.iter().any(|m| m.color.is_some())),
     ];
-    lost(ifs, "a flame", &features)
+    loss_diagnostic(ifs, "a flame", &features)
 }

@@ -1,6 +1,6 @@
 //! Fractint's `.ifs`.
 
-use super::{TableItem, decimal, lost, millionths, names, share};
+use super::{TableItem, decimal, loss_diagnostic, millionths, names, share};
 use crate::Ifs;
 use osier_base::diagnostic::Diagnostic;
 
@@ -55,5 +55,5 @@ fn lost_features(ifs: &Ifs) -> Option<Diagnostic> {
         ("shares of points shown", ifs.maps.iter().any(|m| m.opacity < 1.0)),
         ("the view", ifs.view.is_some()),
     ];
-    lost(ifs, "a .ifs file", &features)
+    loss_diagnostic(ifs, "a .ifs file", &features)
 }

@@ -40,7 +40,7 @@ pub struct TableItem {
     pub system: Ifs,
     /// Weight of each map, as it is drawn; sum 1.
     pub weights: Vec<f64>,
-    /// What a picture of it shows, where the system does not say: flames need it.
+    /// View of a picture, for systems that have none: flames need one.
     pub view: Option<PictureView>,
 }
 
@@ -121,7 +121,7 @@ fn plain(name: &str) -> String {
 }
 
 /// I011 for what a file cannot hold; `None` if it holds all of the system.
-fn lost(ifs: &Ifs, format: &str, features: &[(&str, bool)]) -> Option<Diagnostic> {
+fn loss_diagnostic(ifs: &Ifs, format: &str, features: &[(&str, bool)]) -> Option<Diagnostic> {
     let gone: Vec<&str> = features.iter().filter(|f| f.1).map(|f| f.0).collect();
     (!gone.is_empty()).then(|| {
         let text = format!("\"{}\": {format} cannot hold {}", ifs.name, gone.join(", "));

@@ -151,7 +151,7 @@ impl GltfDocument {
         let translucencies = entries(top, "materials").filter_map(|(i, m)| Some((i, translucency(m)?))).collect();
         let compressed_views =
             entries(top, "bufferViews").filter_map(|(i, v)| Some((i, compressed_view(v)?))).collect();
-        // What is left is validated by the `gltf` crate.
+        // The `gltf` crate validates the rest.
         let stripped = serde_json::to_vec(&value)
             .map_err(|e| context.error_about_file("X010", format_args!("is damaged: {e}")))?;
         drop(value);

@@ -106,7 +106,7 @@ fn bound_pose(
     };
     let joint_from_bound = values.first_chunk::<16>().map_or(Mat4::IDENTITY, Mat4::from_cols_array);
     let pose = world_from_joint * joint_from_bound;
-    // The product of a matrix and its inverse is the identity but for rounding.
+    // The product of a matrix and its inverse is the identity except for rounding.
     Ok(if pose.abs_diff_eq(Mat4::IDENTITY, 1e-5) { Mat4::IDENTITY } else { pose })
 }
 

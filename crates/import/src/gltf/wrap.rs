@@ -127,6 +127,7 @@ pub(super) fn unfold(
     let mut too_large = Vec::new();
     for (number, (material, wraps)) in materials.iter_mut().zip(wraps).enumerate() {
         let number = table_index(number);
+        // Find the span that the texture coordinates cover, in whole images; spans of one image need no unfolding.
         let Maps { color, roughness, normal, .. } = material.maps;
         let given = [(color, wraps.color), (roughness, wraps.roughness), (normal, wraps.normal)];
         let maps: Vec<(u32, [Wrap; 2])> = given.iter().filter_map(|(map, wrap)| Some(((*map)?, *wrap))).collect();
@@ -159,6 +160,7 @@ pub(super) fn unfold(
             continue;
         }
         spent = total;
+        // Replace each map by its unfolded image; materials with the same image, spans and wraps share it.
         for (slot, wrap) in [
             (&mut material.maps.color, wraps.color),
             (&mut material.maps.roughness, wraps.roughness),
@@ -179,12 +181,14 @@ pub(super) fn unfold(
             unfolded.insert(key, index);
             *slot = Some(index);
         }
+        // Map the coordinates of the material's parts to the unfolded images.
         for uv in parts.iter_mut().filter(|part| part.material == number).flat_map(|part| &mut part.uvs) {
             // Spans count v downwards, as glTF does.
             let [u, v] = [across.map(f64::from(uv.x)), 1.0 - down.map(1.0 - f64::from(uv.y))];
             *uv = Vec2::new(math::narrow(u), math::narrow(v));
         }
     }
+    // The images that were replaced may have no user left.
     if !unfolded.is_empty() {
         remove_unused(materials, images);
     }

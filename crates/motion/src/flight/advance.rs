@@ -131,7 +131,7 @@ impl FlightSimulation {
                 let landing = path.sweep(solids);
                 c.travel += landing.at - c.x;
                 (c.x, c.v) = (landing.at, v);
-                // What comes down beyond an open side has left the box before.
+                // A catkin that would land beyond an open side has left the box before.
                 if !options.is_past_an_open_side(c.x) && c.land_on(&landing) {
                     landed.extend(c.resting_place());
                 }

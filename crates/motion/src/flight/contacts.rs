@@ -300,7 +300,7 @@ impl FlightSimulation {
         }
         let widest = rests.map(|c| c.radius).fold(0.0, f32::max);
         let bounds =
-            Bounds::of(self.catkins.iter().filter(|c| c.state.is_deposited()).map(|c| c.x.as_vec3())).grown(widest);
+            Bounds::of(self.catkins.iter().filter(|c| c.state.is_deposited()).map(|c| c.x.as_vec3())).expanded(widest);
         let chunks: Vec<&[Catkin]> = self.catkins.chunks(super::CATKINS_PER_TASK).collect();
         let found = par_map(&chunks, |chunk| {
             let mut pairs = Vec::new();

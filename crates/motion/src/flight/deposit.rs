@@ -123,7 +123,7 @@ impl FlightSimulation {
             if landing.contact.is_none() {
                 self.counters.falls += cluster.members.len() as u64;
                 cluster.state = CatkinState::Airborne;
-                // Their flight goes on: it lasts until the next deposition.
+                // Their flight continues: it lasts until the next deposition.
                 cluster.members.iter().for_each(|id| self.catkin_mut(*id).rested = -1.0);
             }
             self.clusters.insert(root, cluster);

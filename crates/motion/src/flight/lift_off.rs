@@ -177,7 +177,7 @@ mod tests {
     use osier_scene::solid::Solids;
     use osier_wind::UniformWind;
 
-    /// What is released or lifts off tumbles in the wind at its place, not in calm air or in that of its last flight.
+    /// A catkin that is released or lifts off tumbles in the wind at its position, not in calm air or in the wind of its last flight.
     #[test]
     fn flights_begin_in_the_wind_at_their_place() {
         let start = CatkinStart { at: DVec3::new(0.0, 5.0, 0.0), wait: ReleaseCondition::Until(0.0) };

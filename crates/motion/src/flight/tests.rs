@@ -119,7 +119,7 @@ fn across_sides(places: [DVec3; 2]) -> FlightSimulation {
     FlightSimulation::new(options, Arc::new(Solids::new(Vec::new(), true)), &starts)
 }
 
-/// What falls on a deposit beyond a periodic side joins it there.
+/// A catkin that falls on a deposit beyond a periodic side joins it there.
 #[test]
 fn contacts_with_deposits_reach_across_periodic_sides() {
     let radius = f64::from(FlightParams::default().kinds[0].radius);
@@ -500,7 +500,7 @@ fn a_cluster_that_falls_off_a_wall_has_not_ended_its_flight() {
     let mut all = FlightSimulation::new(options, Arc::new(Solids::new(vec![wall], true)), &starts);
     let wind = UniformWind(Vec3::X);
     let mut was_on_wall = false;
-    // Nothing lies yet, of which there were a mean.
+    // No catkin has been deposited, so that there is no mean.
     let start = all.stats();
     assert_eq!([start.flight_time, start.flight_distance, start.ground_wind], [None; 3]);
     assert_eq!(start.distance_quantiles, None);

@@ -130,7 +130,7 @@ impl FlightSimulation {
                 match c.state {
                     // The angular velocity is set above, from its cluster.
                     CatkinState::Airborne if c.clustered => c.q = rotate_by(c.q, c.omega * tumble.dt),
-                    // What lifts off or reenters does so at the end of the step.
+                    // Catkins lift off and re-enter at the end of the step.
                     CatkinState::Airborne if !c.begins_flight => tumble.tumble(c),
                     _ => {
                         c.omega *= tumble.rest;

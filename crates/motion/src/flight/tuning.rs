@@ -99,8 +99,8 @@ pub(crate) const CREEP_SHARE: f64 = 0.3;
 /// Updraft at lift-off over the excess of the wind above the threshold. Lower: catkins hop; higher: they fly off.
 pub(crate) const UPDRAFT_SHARE: f64 = 0.5;
 
-/// Height that every lift-off reaches in calm air, over the radius. Lower: lift-offs that nobody sees are counted, the
-/// more, the shorter the time step.
+/// Height that every lift-off reaches in calm air, over the radius. Lower: invisible lift-offs are counted, more of them
+/// with shorter time steps.
 pub(crate) const MIN_HOP: f64 = 2.0;
 
 /// Decay time of the updraft after a lift-off, s. Longer: lifted catkins rise out of sight; shorter: they drop at

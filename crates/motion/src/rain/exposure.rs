@@ -14,7 +14,7 @@ use osier_wind::Wind;
 
 /// A point of a surface at which the rain that it catches is computed.
 #[derive(Debug, Clone, Copy)]
-pub struct SurfacePoint {
+pub struct ExposedPoint {
     /// Position in the world, m.
     pub position: Vec3,
     /// Unit normal that points away from the body.
@@ -72,7 +72,7 @@ impl RainExposure {
 
     /// Water that each place catches per area and time over the rainfall on level ground in the open: 1 on level ground, 0 where
     /// no drop comes, above 1 where wind drives rain against a wall.
-    pub fn catch_ratios(&self, points: &[SurfacePoint]) -> Vec<f32> {
+    pub fn catch_ratios(&self, points: &[ExposedPoint]) -> Vec<f32> {
         let mut ratios = vec![0.0; points.len()];
         let wind = self.wind.as_deref();
         // Positions slightly outside of the surface, which would shelter itself otherwise.
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn walls_and_ground_catch_what_slanting_rain_brings() {
-        let at = |x: f32, y: f32, normal| SurfacePoint { position: Vec3::new(x, y, 0.0), normal };
+        let at = |x: f32, y: f32, normal| ExposedPoint { position: Vec3::new(x, y, 0.0), normal };
         let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-3);
         // In calm air level faces in the open catch the rainfall, walls and places under the roof nothing, a slope its cosine.
         let slope = Vec3::new(0.6, 0.8, 0.0);

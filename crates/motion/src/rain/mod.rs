@@ -79,7 +79,7 @@ pub use drops::spherical_cap::{CapDeformation, CapHeightRule, SphericalCap, Unde
 pub use drops::surface_drop::DropCap;
 pub use emitter::{DropSizes, IntensityEnvelope, RainEmitter, RainfallParams};
 pub use event::{DropEventKind, RainEvent};
-pub use exposure::{RainExposure, SurfacePoint};
+pub use exposure::{ExposedPoint, RainExposure};
 pub use fall::{EmittedDrop, sphere_diameter, sphere_volume};
 pub use frame::{AirborneDrop, LeafMapInput, PendantDrop, RainFrame, SessileDrop};
 pub use ground::GroundHeight;

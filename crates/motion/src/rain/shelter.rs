@@ -27,7 +27,7 @@ impl Shelter {
     /// Shelter by solids and by ground from drops that fall under gravity `g`, m/s^2. Costs nothing in scenes in which both lie below
     /// the positions of the drops.
     pub(crate) fn new(solids: RainSolids, ground: Arc<dyn GroundHeight>, g: f64) -> Self {
-        let top = solids.heights().map_or(f64::NEG_INFINITY, |[_, high]| high).max(ground.max_height());
+        let top = solids.height_range().map_or(f64::NEG_INFINITY, |[_, high]| high).max(ground.max_height());
         Self { solids, ground, top, g }
     }
 

@@ -586,7 +586,7 @@ impl RainSimulation {
         });
         let recoil = drop.v * (WATER_DENSITY * splashed.volume) - splashed.momentum;
         let impulse = outcome.impulse + recoil;
-        // What the leaf receives, exaggerated or not.
+        // The impulse on the leaf, with the artistic factor.
         let applied = impulse * self.params.impulse_factor;
         target.apply_impulse(leaf_on_plant, point, applied);
         let max_impulse = applied.length();

@@ -51,7 +51,7 @@ impl RainSolids {
     }
 
     /// Height of the lowest and of the highest point, m; `None` without solids.
-    pub fn heights(&self) -> Option<[f64; 2]> {
+    pub fn height_range(&self) -> Option<[f64; 2]> {
         self.faces.as_ref().map(|_| self.bounds.map(|p| p.y))
     }
 
@@ -84,7 +84,7 @@ mod tests {
         let points = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[x, z]| at + Vec3::new(x, 0.1 * x, z));
         let mesh = Mesh { points: points.to_vec(), triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
         let solids = RainSolids::new([&mesh]).expect("few points");
-        assert_eq!(solids.heights().map(|h| h.map(|y| (y * 10.0).round())), Some([70.0, 74.0]));
+        assert_eq!(solids.height_range().map(|h| h.map(|y| (y * 10.0).round())), Some([70.0, 74.0]));
         let velocity = DVec3::new(3.0, -6.0, 0.5);
         for i in 0..4000_u32 {
             let share = DVec3::new(f64::from(i % 63) / 63.0, 0.0, f64::from(i / 63) / 64.0) * 3.9 + 0.05;

@@ -81,7 +81,7 @@ pub struct RodSystemPose {
 
 impl RecordingParams<'_> {
     /// Whether the attached body of this index had a mass at a key until time `t`, s.
-    fn has_carried(&self, body: usize, t: f64) -> bool {
+    fn had_mass_before(&self, body: usize, t: f64) -> bool {
         let carries = |keys: &Keyframes<1>| keys.0.iter().any(|(at, [mass])| *at <= t && *mass > 0.0);
         self.acts.iter().any(|act| matches!(act, Actuation::Mass(b, keys) if *b == body && carries(keys)))
     }
@@ -320,7 +320,7 @@ impl RodSystem {
                 }
                 // Released in this step: it starts with the velocity of its point of attachment. A weight whose mass has not
                 // begun yet stays where it will hang.
-                None if body.mass <= 0.0 && clip.has_carried(i, t) => {
+                None if body.mass <= 0.0 && clip.had_mass_before(i, t) => {
                     let (f, (v, spin)) = (self.section_frame(body.section), self.section_rigid_velocity(body.section));
                     let arm = f.matrix() * body.at;
                     let p = f.p + arm;

@@ -174,7 +174,7 @@ impl BendTrack {
         Self::from_frames(frames, mean, &before, clip)
     }
 
-    /// Records a clip by the equations of [zhao-zhang].
+    /// Records a clip by the equations of [zhao-zhang] as they are printed.
     /// # Errors
     /// As [`BendTrack::record`].
     pub fn record_as_printed(

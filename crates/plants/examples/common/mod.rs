@@ -21,7 +21,7 @@ impl Checksum {
         Self(0xCBF2_9CE4_8422_2325)
     }
 
-    /// Adds a value with all its numbers, whose texts tell their bits.
+    /// Adds a value with all its numbers, printed so that equal texts mean equal bits.
     pub fn add(&mut self, value: &impl Debug) {
         write!(self, "{value:?}").expect("a checksum takes any text");
     }

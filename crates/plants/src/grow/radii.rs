@@ -75,7 +75,7 @@ pub fn pipe(plant: &mut Plant, options: &Pipe) {
 /// Powers of one exponent. Results are kept, because few different twigs make most of a plant.
 struct CachedPower {
     exponent: f64,
-    /// Bits of a base, and its power, at the place that the bits tell.
+    /// Cache: the bits of a base and its power, at an index that follows from the bits.
     known: Vec<(u64, f64)>,
 }
 

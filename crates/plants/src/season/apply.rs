@@ -203,7 +203,7 @@ fn bud_growth(burst: f32) -> f32 {
     if burst > 1.0 { 0.0 } else { burst }
 }
 
-/// For each organ of a plant the number of its kind and its calendar; `None` for what is no leaf.
+/// For each organ of a plant the number of its kind and its calendar; `None` for other organs.
 fn calendars(plant: &Plant, at: &PlantSeason<'_>) -> Vec<Option<(usize, LeafCalendar)>> {
     let light = crown_light(&crown_leaves(plant));
     let kinds: Vec<Option<usize>> =

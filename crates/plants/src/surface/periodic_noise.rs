@@ -131,7 +131,7 @@ impl FractalNoise {
         sum / total
     }
 
-    /// Values at (x, y) for all x of `xs`, which ascend: [`FractalNoise::at`] but for rounding, several times faster.
+    /// Values at (x, y) for all x of `xs`, which ascend: [`FractalNoise::at`] except for rounding, several times faster.
     pub fn row(&self, xs: &[f32], y: f32) -> Vec<f32> {
         let mut out = vec![0.0; xs.len()];
         let octaves = || self.octaves.iter().zip(std::iter::successors(Some(1.0_f32), |w| Some(w * 0.5)));

@@ -81,7 +81,7 @@ fn check_arrays(plant: &Plant) -> Result<()> {
     if lengths.iter().any(|&l| l != n.p.len()) {
         return Err(Error::export("X001", "plant: node arrays of different lengths"));
     }
-    // One pass over all columns tells whether anything is wrong; what it is follows only then.
+    // One pass over all columns finds out whether anything is wrong; only then is the fault searched.
     let is_sound = |i: usize| {
         n.p[i].is_finite()
             && n.q[i].is_finite()

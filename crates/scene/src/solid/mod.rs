@@ -59,7 +59,7 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// The axis-aligned box around it; of a land only that over its rectangle, beyond which it goes on.
+    /// The axis-aligned box around it; of a land only that over its rectangle, beyond which it continues.
     #[inline]
     pub fn bounds(&self) -> Bounds {
         match &self.form {

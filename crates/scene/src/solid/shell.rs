@@ -119,7 +119,7 @@ impl Shell {
 
     /// Whether a segment meets one of the triangles; see [`segment_meets`] for `slack`, m.
     pub(super) fn meets(&self, [from, to]: [Vec3; 2], slack: f32) -> bool {
-        let within = Bounds { min: from.min(to), max: from.max(to) }.grown(slack);
+        let within = Bounds { min: from.min(to), max: from.max(to) }.expanded(slack);
         let mut met = false;
         self.each_in_box(within, |triangle| {
             met = segment_meets(triangle, [from, to], slack);
@@ -179,7 +179,7 @@ fn square_distance(b: &Aabb, at: Vec3) -> f32 {
     (low - at).max(at - high).max(Vec3::ZERO).length_squared()
 }
 
-/// What the edges of a mesh tell about it.
+/// Properties of a mesh that follow from its edges.
 #[derive(Debug, Clone, Copy)]
 struct EdgeCount {
     /// Number of edges that belong to an odd number of triangles.

@@ -9,7 +9,7 @@ use osier_scene::solid::{Form, Solid};
 
 /// Position of the cells in the world and their size; the [`LatticeGrid`] holds their number.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Cells {
+pub(super) struct CellGeometry {
     /// Lowest corner of the box, m.
     pub origin: DVec3,
     /// Length of a cell's edge, m.
@@ -17,14 +17,14 @@ pub(super) struct Cells {
 }
 
 /// Centre of a cell in the world, m; [0, 0, 0] is the cell at the lowest corner.
-pub(super) fn cell_center(cells: Cells, cell: [usize; 3]) -> Vec3 {
+pub(super) fn cell_center(cells: CellGeometry, cell: [usize; 3]) -> Vec3 {
     let offset = DVec3::new(cell[0] as f64 + 0.5, cell[1] as f64 + 0.5, cell[2] as f64 + 0.5);
     (cells.origin + offset * cells.spacing).as_vec3()
 }
 
-impl Cells {
+impl CellGeometry {
     /// Height of the top of a solid over the bottom of the box, or over its lowest point if that is higher, cells.
-    pub(super) fn height_of(self, solid: &Solid) -> f64 {
+    pub(super) fn height_in_cells(self, solid: &Solid) -> f64 {
         let bounds = solid.bounds();
         (f64::from(bounds.max.y) - f64::from(bounds.min.y).max(self.origin.y)) / self.spacing
     }
@@ -39,7 +39,7 @@ impl Cells {
         margin: f32,
         z: usize,
     ) -> Option<[Range<usize>; 2]> {
-        let bounds = solid.bounds().grown(margin);
+        let bounds = solid.bounds().expanded(margin);
         let is_land = matches!(solid.form, Form::Land(_));
         let range = |a: usize| {
             // Cell k has its centre at k + 1/2.

@@ -38,7 +38,7 @@ impl LatticeSolver {
         let Some((stats, warnings, flow)) = parse_state(bytes) else { return Err(checkpoint_mismatch_error()) };
         self.resume(flow)?;
         self.stats = stats;
-        // The state tells of its steps only: its solids may have had other names, which do not change the flow.
+        // Keep only warnings about the steps: the solids of the checkpoint may have had other names, which do not change the flow.
         let is_of_steps = |warning: &LatticeWarning| CODES_OF_STEPS.contains(&warning.code);
         self.warnings.retain(|warning| !is_of_steps(warning));
         self.warnings.extend(warnings.into_iter().filter(is_of_steps));

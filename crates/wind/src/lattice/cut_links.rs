@@ -7,7 +7,7 @@
 
 use glam::Vec3;
 
-use super::cells::{Cells, cell_center};
+use super::cells::{CellGeometry, cell_center};
 use super::grid::LatticeGrid;
 use super::stencil::{Q, VELOCITIES};
 use super::tuning::SURFACE_SLACK;
@@ -16,7 +16,7 @@ use osier_base::math::narrow;
 use osier_base::par;
 use osier_scene::solid::Solid;
 
-/// Which half links surfaces cut.
+/// Half links between cells that surfaces cut.
 #[derive(Debug, Clone, Default)]
 pub(super) struct HalfLinkCutMask {
     /// By cell, x fastest: bit i is set if a surface cuts the half link in direction i. Empty if none is cut.
@@ -25,7 +25,7 @@ pub(super) struct HalfLinkCutMask {
 
 impl HalfLinkCutMask {
     /// Tests the half links of all air cells. `solid`: whether each cell is solid.
-    pub(super) fn find(grid: &LatticeGrid, cells: Cells, solids: &[Solid], solid: &[bool]) -> Self {
+    pub(super) fn find(grid: &LatticeGrid, cells: CellGeometry, solids: &[Solid], solid: &[bool]) -> Self {
         let half = narrow(cells.spacing / 2.0);
         let slack = narrow(SURFACE_SLACK * cells.spacing);
         let planes: Vec<usize> = (0..grid.n[2]).collect();
@@ -40,7 +40,7 @@ impl HalfLinkCutMask {
                             continue;
                         }
                         let center = cell_center(cells, [x, y, *z]);
-                        let around = Bounds { min: center, max: center }.grown(half + slack);
+                        let around = Bounds { min: center, max: center }.expanded(half + slack);
                         if body.may_touch(around) {
                             plane[x + grid.n[0] * y] |= cut_halves(body, center, half, slack);
                         }

@@ -87,7 +87,7 @@ pub(super) struct ExchangeLists {
     pub nonequilibrium: bool,
 }
 
-/// What a step leaves to the boundaries of the next.
+/// Values that a step stores for the boundaries of the next one.
 #[derive(Debug, Clone)]
 pub(super) struct ExchangeBuffers {
     pub populations: Vec<f32>,

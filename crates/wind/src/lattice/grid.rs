@@ -176,7 +176,7 @@ impl std::fmt::Debug for Populations {
     }
 }
 
-/// Zeroed memory of so many `f32`. Anonymous pages are zero already, and huge pages make the step a fifth faster.
+/// Zeroed memory of `elements` `f32`. Anonymous pages are zero already, and huge pages make the step a fifth faster.
 #[cfg(target_os = "linux")]
 fn allocate_zeroed(elements: usize) -> Result<PopulationMemory> {
     let out_of_memory = |e| osier_base::Error::io("allocate memory for", "the lattice wind", e);

@@ -113,7 +113,7 @@ pub struct InletWind {
     gusts: Arc<RwLock<BTreeMap<i64, f64>>>,
 }
 
-/// What all positions have in common at one time.
+/// Time-dependent values that are the same at all positions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct InletState {
     direction: DVec3,
@@ -209,7 +209,7 @@ impl InletWind {
     }
 
     /// Whether the direction of the mean wind changes.
-    pub(super) fn turns(&self) -> bool {
+    pub(super) fn direction_varies(&self) -> bool {
         !self.options.direction_curve.is_empty()
     }
 
@@ -264,7 +264,7 @@ impl InletWind {
         (0..intervals).map(integral).sum()
     }
 
-    /// What all positions have in common at time `t`, s. `gust`: [`InletWind::gust_factor`] at that time.
+    /// Values at time `t`, s, that are the same at all positions. `gust`: [`InletWind::gust_factor`] at that time.
     pub(super) fn state_at(&self, t: f64, gust: f64) -> InletState {
         InletState {
             direction: self.direction(t),
@@ -514,7 +514,7 @@ pub(super) struct InletNodes {
     modes: Vec<[Vec<f32>; 2]>,
 }
 
-/// What all inlet nodes have in common in one step.
+/// Values of one step that are the same at all inlet nodes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct InletStep {
     /// Time since the first frame, s.
@@ -574,7 +574,7 @@ impl InletNodes {
         (&self.shear, [step.direction[0] * step.mean_factor, step.direction[2] * step.mean_factor])
     }
 
-    /// What all nodes have in common at time `t`, s. `ramp`: share of the full inflow during spin-up.
+    /// Values at time `t`, s, that are the same at all nodes. `ramp`: share of the full inflow during spin-up.
     pub(super) fn prepare_step(inlet: &InletWind, t: f64, ramp: f64) -> InletStep {
         let mean_factor = narrow(inlet.gust_factor(t) * ramp);
         InletStep { time: t, ramp, mean_factor, direction: inlet.direction(t).to_array().map(narrow) }

@@ -12,7 +12,7 @@ use osier_scene::solid::{Form, Solid};
 pub(super) fn check_joined_sides(options: &LatticeOptions, solids: &[Solid]) -> Result<()> {
     let low = options.origin();
     let high = low + DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
-    // What ends within half a cell of a side reaches no cell centre beyond it.
+    // A solid that ends within half a cell of a side reaches no cell centre beyond it.
     let slack = options.spacing / 2.0;
     let joined = [0, 2].into_iter().zip(options.periodic_sides()).filter(|(_, joined)| *joined);
     for (axis, _) in joined {
@@ -20,7 +20,7 @@ pub(super) fn check_joined_sides(options: &LatticeOptions, solids: &[Solid]) -> 
             let bounds = solid.bounds();
             let (from, to) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
             let reaches = |side: f64| from[axis] < side - slack && to[axis] > side + slack;
-            // Most solids cross no side, which their bounds tell without a look at the triangles.
+            // Most solids cross no side; their bounds show that without a look at the triangles.
             if !reaches(low[axis]) && !reaches(high[axis]) {
                 continue;
             }

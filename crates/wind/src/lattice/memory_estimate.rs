@@ -91,7 +91,7 @@ mod tests {
             let estimate = LatticeMemory::estimate(&options);
             let lattice = LatticeSolver::new(&options, &[], &Limits::default()).expect("lattice");
             // Snapshots are allocated with the frames.
-            let (estimate, held) = (estimate.total() - estimate.snapshots, lattice.bytes());
+            let (estimate, held) = (estimate.total() - estimate.snapshots, lattice.memory_bytes());
             println!("lattice: estimate {estimate} bytes, holds {held}");
             assert!(held <= estimate && 10 * held > 8 * estimate, "estimate {estimate}, holds {held}");
         }

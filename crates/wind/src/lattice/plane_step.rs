@@ -193,7 +193,7 @@ impl PlaneStep<'_> {
                 for i in 0..Q {
                     g[i] = F32Lanes::new(simd, read[if ODD { opposite(i) } else { i }]);
                 }
-                // What arrives through faces -x and +x, which the row halo holds and not the arrays.
+                // Insert the populations that arrive through faces -x and +x: the row halo holds them, not the arrays.
                 if b == next_end {
                     for end in tables.row_ends[next..].iter().take_while(|end| end.block == b) {
                         row_halo.insert_into_lanes(simd, *end, &mut g);

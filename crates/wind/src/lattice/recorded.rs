@@ -117,7 +117,7 @@ impl RecordedWind {
     }
 
     /// Bytes of memory that the velocities of all recorded frames and their mean take, with their halo.
-    pub fn bytes(&self) -> u64 {
+    pub fn memory_bytes(&self) -> u64 {
         (self.frames.len() * self.grid.value_count() + self.mean.len()) as u64 * BYTES_PER_VELOCITY
     }
 
@@ -164,7 +164,7 @@ impl RecordedWind {
 /// as [`RecordedWind::mean`]. A loop counts without its fade into the frames before time 0.
 fn mean_velocities(frames: &[Vec<[f32; 3]>], fps: f64, inlet: &InletWind) -> Vec<[f32; 3]> {
     let factors: f64 = (0..frames.len()).map(|k| inlet.speed_factor(k as f64 / fps)).sum();
-    let has_mean = !inlet.turns() && factors > MIN_MEAN_SPEED * frames.len() as f64;
+    let has_mean = !inlet.direction_varies() && factors > MIN_MEAN_SPEED * frames.len() as f64;
     let Some(first) = frames.first().filter(|_| has_mean) else { return Vec::new() };
     let mut mean = vec![[0.0_f32; 3]; first.len()];
     for frame in frames {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::cells::Cells;
+use super::cells::CellGeometry;
 use super::domain::{Domain, FaceCondition};
 use super::ground::GroundModel;
 use super::inlet::{InletOptions, InletWind, WindProfile, direction_at};
@@ -209,8 +209,8 @@ impl LatticeSetup {
         (snapshot - f64::from(self.lead_frames)) / self.fps
     }
 
-    pub(super) fn cells(&self) -> Cells {
-        Cells { origin: self.origin, spacing: self.spacing }
+    pub(super) fn cells(&self) -> CellGeometry {
+        CellGeometry { origin: self.origin, spacing: self.spacing }
     }
 
     pub(super) fn cell_count(&self) -> u64 {
@@ -354,7 +354,7 @@ fn warn_of_unresolved_turbulence(inlet: &InletWind, spacing: f64) -> Option<Latt
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few, or refused")]
 fn steps_per_frame(options: &LatticeOptions, peak: f64, warnings: &mut Vec<LatticeWarning>) -> Result<u32> {
     let cells_per_frame = peak / (options.fps * options.spacing);
-    // 1e-9: a quotient that is an integer but for rounding counts as that integer.
+    // 1e-9: a quotient that is an integer except for rounding counts as that integer.
     let needed = (cells_per_frame / TARGET_SPEED - 1e-9).ceil().max(1.0);
     let steps = options.steps_per_frame.unwrap_or(needed.min(1e6) as u32).max(1);
     let speed = cells_per_frame / f64::from(steps);

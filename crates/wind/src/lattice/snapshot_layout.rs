@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use super::cells::Cells;
+use super::cells::CellGeometry;
 use super::domain::{Domain, FaceCondition};
 use super::inlet::InletWind;
 use super::tuning::{OUTSIDE_BLEND_CELLS, RECORDING_MARGIN};
@@ -12,7 +12,7 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_scene::solid::{Solid, Solids};
 
-/// What interpolation between eight cells has to mind.
+/// Which surfaces lie between the eight cells of an interpolation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum NearSurface {
     /// None of the cells is solid.
@@ -79,8 +79,8 @@ impl CellRange {
 
 impl SnapshotLayout {
     /// `solids`: all that stand in the wind.
-    pub(super) fn new(domain: &Domain, cells: Cells, solids: &[Solid], inlet: Arc<InletWind>) -> Self {
-        let (n, Cells { origin, spacing }) = (domain.grid.n, cells);
+    pub(super) fn new(domain: &Domain, cells: CellGeometry, solids: &[Solid], inlet: Arc<InletWind>) -> Self {
+        let (n, CellGeometry { origin, spacing }) = (domain.grid.n, cells);
         let periodic = [0, 2, 4].map(|f| domain.faces[f] == FaceCondition::Periodic);
         let ground = matches!(domain.faces[2], FaceCondition::Wall(_) | FaceCondition::Rough);
         let has_cuts = !domain.cuts.halves().is_empty();

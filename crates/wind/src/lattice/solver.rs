@@ -457,7 +457,7 @@ impl LatticeSolver {
     }
 
     /// Bytes of memory that it holds, without snapshots.
-    pub fn bytes(&self) -> u64 {
+    pub fn memory_bytes(&self) -> u64 {
         LatticeGrid::population_bytes(self.setup.n)
             + self.flow.exchange.memory_bytes() as u64
             + 3 * self.flow.domain.solid.len() as u64

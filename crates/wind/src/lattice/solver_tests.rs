@@ -627,7 +627,7 @@ fn recording_matches_snapshots_and_loops() {
         let o = LatticeOptions { lead_frames: if repeats { lead } else { 12 }, ..o.clone() };
         let recorded =
             RecordedWind::record(&mut new_solver(&o, &wall_solids()), take, limits, &Silent, &Cancel::default())?;
-        assert_eq!(recorded.bytes(), take.predicted_bytes(&o));
+        assert_eq!(recorded.memory_bytes(), take.predicted_bytes(&o));
         Ok::<_, Error>(recorded)
     };
     let once = record(false, &Limits::default()).expect("recorded");

@@ -42,7 +42,7 @@ use osier_base::par;
 /// Fewest planes of a chunk: two at each seam.
 const MIN_CHUNK: usize = 4;
 
-/// What the open faces of one step follow.
+/// Conditions at the open faces in one step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BoundaryInputs<'a> {
     /// Velocity by component at each inlet node, cells per step, in the order of [`OpenBoundary::inlet_positions`].
@@ -368,13 +368,13 @@ struct Chunk<'a> {
     odd_planes: Range<usize>,
 }
 
-/// What a chunk did: clamped cells of even and odd steps, and diagnostics of the snapshot's planes.
+/// Result of a chunk: clamped cells of even and odd steps, and diagnostics of the snapshot's planes.
 struct ChunkResult {
     clamped: [u64; 2],
     diagnostics: Vec<(usize, PlaneDiagnostics)>,
 }
 
-/// What the ghosts of the odd step after an even one are computed from, beside open cells.
+/// Input of the ghosts of the odd step after an even one, besides open cells.
 #[derive(Clone, Copy)]
 struct OddStepInputs<'a> {
     open_boundary: &'a OpenBoundary,

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use glam::DVec3;
 
 use super::blockage::blocked_row_share;
-use super::cells::{Cells, cell_center};
+use super::cells::{CellGeometry, cell_center};
 use super::domain::Domain;
 use super::grid::LatticeGrid;
 use super::report::LatticeWarning;
@@ -36,7 +36,7 @@ impl VoxelReport {
     pub(super) fn warnings(&self) -> Vec<LatticeWarning> {
         let mut warnings = Vec::new();
         let mut warn = |code, text: String| warnings.push(LatticeWarning { code, text });
-        // What disturbs the flow of the whole box.
+        // Warnings about the flow of the whole box.
         if self.crowded {
             warn(
                 "S021",
@@ -61,7 +61,7 @@ impl VoxelReport {
                 format!("{} air cells are enclosed by solids and count as solid: no wind blows there", self.filled);
             warn("S021", text);
         }
-        // What disturbs the flow about single solids.
+        // Warnings about the flow around single solids.
         for (name, cells) in &self.coarse {
             let finer = format!("wind.lattice.dx to 1/{MIN_CELLS_PER_HEIGHT} of its height or less");
             warn(
@@ -79,7 +79,7 @@ impl VoxelReport {
 }
 
 /// Whether each cell is solid, x fastest: its centre is inside a solid.
-pub(super) fn voxelize(grid: &LatticeGrid, cells: Cells, solids: &[Solid]) -> Vec<bool> {
+pub(super) fn voxelize(grid: &LatticeGrid, cells: CellGeometry, solids: &[Solid]) -> Vec<bool> {
     let planes: Vec<usize> = (0..grid.n[2]).collect();
     // One task per plane; within the plane each solid tests the cells inside its bounds.
     let planes = par::par_map(&planes, |z| {
@@ -100,8 +100,13 @@ pub(super) fn voxelize(grid: &LatticeGrid, cells: Cells, solids: &[Solid]) -> Ve
 
 /// Makes enclosed air solid, then checks the clearance of open faces and the blockage of the cross-section. `along`: axis that
 /// the wind is most parallel to.
-pub(super) fn fill_and_check_solids(domain: &mut Domain, solids: &[Solid], cells: Cells, along: usize) -> VoxelReport {
-    let Cells { origin, spacing } = cells;
+pub(super) fn fill_and_check_solids(
+    domain: &mut Domain,
+    solids: &[Solid],
+    cells: CellGeometry,
+    along: usize,
+) -> VoxelReport {
+    let CellGeometry { origin, spacing } = cells;
     let filled = fill_enclosed_air(domain);
     // Clearance: terrain has to reach the faces, obstacles must not.
     let obstacles: Vec<Solid> = solids.iter().filter(|s| !matches!(s.form, Form::Land(_))).cloned().collect();
@@ -119,7 +124,7 @@ pub(super) fn fill_and_check_solids(domain: &mut Domain, solids: &[Solid], cells
     });
     let blocked = blocked_row_share(domain, along);
     let solid = domain.solid.iter().filter(|s| **s).count();
-    let bounded = obstacles.iter().map(|s| (s.name.clone(), cells.height_of(s)));
+    let bounded = obstacles.iter().map(|s| (s.name.clone(), cells.height_in_cells(s)));
     // Heights of whole cells may be rounded. What ends below the base of the box is not in the air.
     let coarse =
         bounded.filter(|(_, height)| *height > 0.0 && *height < f64::from(MIN_CELLS_PER_HEIGHT) - 0.01).collect();

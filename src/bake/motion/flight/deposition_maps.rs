@@ -218,7 +218,7 @@ mod tests {
         let roof = &maps.fields[1];
         assert!(roof.corner.distance(Vec3::new(-5.35, 8.0, -4.28)) < 1e-4, "{}", roof.corner);
         assert!((roof.along.length() - 10.7).abs() < 1e-4 && (roof.down.length() - 8.56).abs() < 1e-4);
-        // What sticks under it is not on the back wall, to which that face looks.
+        // A deposit on the underside does not count for the back wall, which that face looks towards.
         let wall = RestingPlace {
             position: glam::DVec3::new(0.0, 4.6, 4.1),
             mass: 1e-6,

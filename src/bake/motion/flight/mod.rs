@@ -301,17 +301,17 @@ impl FlightPlayback {
         let before = state.twigs.take().map_or_else(|| twigs_at(state.frames), Ok)?;
         let after = twigs_at(state.frames + 1)?;
         for k in 0..substeps {
-            self.hang_pending(state, [&before, &after], f64::from(k) / f64::from(substeps));
+            self.move_pending_with_twigs(state, [&before, &after], f64::from(k) / f64::from(substeps));
             self.advance_substep(state, wind);
         }
         // The frame shows those that still wait where their twigs are at its end, not at the beginning of its last step.
-        self.hang_pending(state, [&before, &after], 1.0);
+        self.move_pending_with_twigs(state, [&before, &after], 1.0);
         state.twigs = Some(after);
         Ok(())
     }
 
     /// Moves catkins that wait to where their twigs are at a share, 0 to 1, of the time between two frames.
-    fn hang_pending(&self, state: &mut FlightState, twigs: [&TwigPositions; 2], share: f64) {
+    fn move_pending_with_twigs(&self, state: &mut FlightState, twigs: [&TwigPositions; 2], share: f64) {
         let duration = 1.0 / state.simulation.options().fps;
         let site = |id: u32| self.sites.get(to_usize(id))?.catkin_between_frames(twigs, share, duration);
         state.simulation.move_pending(site);

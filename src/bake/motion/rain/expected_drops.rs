@@ -71,9 +71,10 @@ impl ExpectedDrops {
             Some(keys) if keys.size != RainSize::Natural => tuning::RADIUS_PER_DIAMETER * keys.diameter,
             _ => tuning::DROP_RADIUS,
         };
-        let [vertices, triangles] = DropDetail::at_distance(radius, distance).typical_size().map(|n| count(meshed * n));
+        let [vertices, triangles] =
+            DropDetail::at_distance(radius, distance).typical_size().map(|n| to_count(meshed * n));
         let leaf = leaves.first().map_or(Vec3::ZERO, |leaf| leaf.position.as_vec3());
-        Self { airborne: count(airborne), vertices, triangles, leaf }
+        Self { airborne: to_count(airborne), vertices, triangles, leaf }
     }
 
     /// Extends the asset of drops of an estimate to as many points and vertices, all at one place: only their number counts.
@@ -98,6 +99,6 @@ impl ExpectedDrops {
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating, never negative")]
-fn count(x: f64) -> usize {
+fn to_count(x: f64) -> usize {
     to_usize(x as u32)
 }

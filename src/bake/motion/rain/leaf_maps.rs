@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::bake::motion::rain::chart_textures;
-use crate::bake::motion::rain::scene_leaf::{LeafInstanceIndex, LeafWithMaps, SceneLeaf, WETNESS};
+use crate::bake::motion::rain::scene_leaf::{LeafInstanceIndex, SceneLeaf, SelectedLeaf, WETNESS};
 use crate::recipe::Recipe;
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
@@ -47,7 +47,7 @@ pub struct SeparatedLeaves {
 /// map size share one.
 pub fn build_uv_rasters(
     leaves: &[SceneLeaf],
-    mapped_leaves: &[LeafWithMaps],
+    mapped_leaves: &[SelectedLeaf],
     assets: &[Asset],
     materials: &[Material],
     images: &[Image],
@@ -98,7 +98,7 @@ pub fn add_leaf_maps(
     materials: &mut Vec<Material>,
     images: &[Image],
     leaves: &[SceneLeaf],
-    mapped_leaves: &[LeafWithMaps],
+    mapped_leaves: &[SelectedLeaf],
     recipe: &Recipe,
 ) -> Result<AddedLeafMaps> {
     // Number of each leaf on its plant, which names its mesh and maps.

@@ -300,7 +300,7 @@ fn simulate_rain(
     let fall_time = longest_fall(height, rain.keys.gravity).min(rainfall.duration);
     let lowest = f64::from(bounds.min.y);
     // In scenes without a ground, drops end below the lowest point of plants and solids.
-    let ground = ground.into_height(solids.heights().map_or(lowest, |[low, _]| low.min(lowest)));
+    let ground = ground.into_height(solids.height_range().map_or(lowest, |[low, _]| low.min(lowest)));
     let wet_film = (rain.wet.film > 0.0).then(|| WetFilm {
         cover: narrow(rain.wet.film),
         exposure: RainExposure::new(&rainfall, wind.clone(), solids.clone(), Arc::clone(&ground)),
@@ -631,7 +631,7 @@ impl RainPlayback {
             colors: Vec::new(),
             attributes: Vec::new(),
             moving: moves,
-            reach: plants.grown(0.6),
+            reach: plants.expanded(0.6),
         };
         Asset {
             id: RAIN_ID.into(),
@@ -723,7 +723,7 @@ struct PlantMotionInRain {
     rain: Arc<RainPlayback>,
     /// Index of the plant's asset.
     plant: usize,
-    /// What carries points of the plant.
+    /// Motion of points of the plant.
     carrier: PointCarrier,
 }
 

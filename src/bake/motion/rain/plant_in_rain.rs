@@ -42,7 +42,7 @@ impl PlantInRain {
         }
     }
 
-    /// What carries points of the plant through the clip.
+    /// The motion of points of the plant over the clip.
     pub(super) fn point_carrier(&self) -> PointCarrier {
         match self {
             Self::Still => PointCarrier::Still,
@@ -57,7 +57,7 @@ impl PlantInRain {
     }
 }
 
-/// What carries points of a plant in the rain, such as the ends of twigs.
+/// Motion of points of a plant in the rain, such as the ends of twigs.
 #[derive(Debug)]
 pub(super) enum PointCarrier {
     /// Nothing: the plant does not move.
@@ -219,7 +219,7 @@ impl SwayRecorder {
     /// Frame of the asset with the leaf poses of the simulation; leaves on which no drop can lie keep those of the wind.
     fn frame(&self, asset: &Asset, plant: &dyn RainPlant, drop_bends: Vec<[f32; 2]>, time: FrameTime) -> AssetFrame {
         let RecordedWindPoses { motion, leafage, transform, instances: of_leaves, .. } = &self.wind;
-        let mut instances = motion.places(leafage, time).instances;
+        let mut instances = motion.pose_in_wind(leafage, time).instances;
         let back = transform.r.as_dquat().normalize().conjugate();
         let scale = f64::from(transform.s.x);
         for state in &mut instances {
@@ -259,10 +259,10 @@ impl WindPoses for RecordedWindPoses {
     fn at_frame(&self, frame: i64) -> WindPose {
         let frame = if self.motion.repeats() { frame } else { played_back_before(frame, self.motion.frame_count()) };
         let time = FrameTime { seconds: frame as f64 * self.step, step: self.step };
-        let places = self.motion.places(&self.leafage, time);
+        let pose = self.motion.pose_in_wind(&self.leafage, time);
         let turn = self.transform.r.as_dquat().normalize();
         let place = |of: &LeafInstanceIndex| {
-            let state = &places.instances[of.instancer];
+            let state = &pose.instances[of.instancer];
             let orientation: DQuat = state.orientations[of.instance].as_dquat();
             LeafPlace {
                 position: self.transform.apply(state.positions[of.instance]).as_dvec3(),
@@ -270,7 +270,7 @@ impl WindPoses for RecordedWindPoses {
             }
         };
         let node = |p: &Vec3| -> DVec3 { self.transform.apply(*p).as_dvec3() };
-        WindPose { leaves: self.instances.iter().map(place).collect(), nodes: places.nodes.iter().map(node).collect() }
+        WindPose { leaves: self.instances.iter().map(place).collect(), nodes: pose.nodes.iter().map(node).collect() }
     }
 }
 

@@ -124,7 +124,7 @@ fn chart_diagnostic(plant: &str, leaf: &str, surface: Option<&LeafSurface>) -> O
 
 /// A leaf selected for water maps, with their resolution.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct LeafWithMaps {
+pub(crate) struct SelectedLeaf {
     /// Index into the scene's list of [`SceneLeaf`].
     pub(crate) leaf: usize,
     /// Texels along a side of its maps.
@@ -135,14 +135,14 @@ pub(crate) struct LeafWithMaps {
 const MIN_MAP_SIDE: usize = 32;
 
 /// The leaves nearest to the camera, at most `maps.max_mapped_leaves`, in the order of the scene.
-pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf], picture: &ScreenScale) -> Vec<LeafWithMaps> {
+pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf], picture: &ScreenScale) -> Vec<SelectedLeaf> {
     let mut order: Vec<usize> = (0..leaves.len()).collect();
     let distance = |leaf: usize| picture.distance(leaves[leaf].position);
     order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b)));
     // The selected leaves return to the order of the scene, so that names do not depend on the camera.
     order.truncate(to_usize(recipe.maps.max_mapped_leaves));
     order.sort_unstable();
-    order.into_iter().map(|leaf| LeafWithMaps { leaf, side: map_side(recipe, &leaves[leaf], picture) }).collect()
+    order.into_iter().map(|leaf| SelectedLeaf { leaf, side: map_side(recipe, &leaves[leaf], picture) }).collect()
 }
 
 /// Side of a leaf's maps, texels: its size in the camera's picture times the key `texels_per_pixel`, rounded up to a power of

@@ -10,7 +10,7 @@ use crate::bake::scene::builder::SceneBuilder;
 use osier_base::Result;
 use osier_base::convert::to_usize;
 use osier_base::geometry::Bounds;
-use osier_motion::rain::{RainExposure, SurfacePoint};
+use osier_motion::rain::{ExposedPoint, RainExposure};
 use osier_scene::{Material, MaterialClass, MaterialId, Mesh, MeshMotion, MeshObject, Subset, Trs};
 
 /// Share of the rainfall on open level ground above which a surface is wet. Own: rain that has lasted for minutes wets all that
@@ -36,7 +36,7 @@ pub(super) fn wet_exposed_surfaces(
     builder: &mut SceneBuilder,
     context: &BakeContext<'_>,
 ) -> Result<()> {
-    let sheltered = solids.grown(SHELTER_REACH);
+    let sheltered = solids.expanded(SHELTER_REACH);
     let mut uses = vec![WetDryFaces::default(); builder.materials.len()];
     let mut wet_faces: BTreeMap<[usize; 2], Vec<bool>> = BTreeMap::new();
 
@@ -118,8 +118,8 @@ impl WorldSurface<'_> {
     /// Catch ratios (rain per area relative to open level ground) of a range of vertices; a vertex without a normal gets the +Y
     /// of its mesh.
     fn catch_ratios(&self, mesh: &Mesh, vertices: std::ops::Range<usize>) -> Vec<f32> {
-        let points: Vec<SurfacePoint> = vertices
-            .map(|i| SurfacePoint {
+        let points: Vec<ExposedPoint> = vertices
+            .map(|i| ExposedPoint {
                 position: self.transform.apply(mesh.points[i]),
                 normal: (self.transform.r * mesh.normals.get(i).copied().unwrap_or(Vec3::Y)).normalize_or_zero(),
             })

@@ -427,7 +427,7 @@ impl LayerWriter for UsdcWriter {
         let value = self.value_rep(&value, &|| format!("{path}, frame {time}"))?;
         let Some(samples) = self.attrs.get_mut(attr.0) else { return Ok(()) };
         let n = samples.values.len();
-        // The run of consecutive times goes on, or becomes a list of indices at the first gap.
+        // The run of consecutive times continues, or becomes a list of indices at the first gap.
         match &mut samples.times {
             SampleTimes::Consecutive(first) if n == 0 => *first = time_index,
             SampleTimes::Consecutive(first) if *first + n == time_index => {}

@@ -78,7 +78,7 @@ impl Model<'_, '_> {
                 continue;
             }
             let piece = parts.first().copied().unwrap_or(line.piece);
-            // The lines indented deeper, and where the block goes on after them.
+            // The lines indented deeper, and where the block continues after them.
             let (inner, next) = block_after(block, i, line.indent);
             let (word, rest) = piece.first_word(&['(', ':', '=', '[']);
             // A block may stand on the line of its heading.
@@ -96,12 +96,12 @@ impl Model<'_, '_> {
                 return Err(indented_refusal(inner.piece));
             }
             match word.text {
-                // The modules may go on in indented lines.
+                // The modules may continue in indented lines.
                 _ if is_produce => {
                     let modules = self.modules_of(rest, inner)?;
                     out.push(Statement::Produce(modules, word.text == "produce"));
                 }
-                // What these do does not reach the string of modules.
+                // These statements do not affect the string of modules.
                 "pass" | "print" | "assert" => out.push(Statement::Pass),
                 // A text alone describes a function.
                 _ if piece.text.starts_with(['"', '\'']) => {}
@@ -217,6 +217,7 @@ impl Model<'_, '_> {
         place: Range<usize>,
     ) -> Result<Statement, Refusal> {
         let refused = || Refusal::new("'for' over something other than range(..)", head.range());
+        // Divide the head at `in` into targets and list.
         let (name, rest) = head.first_word(&[]);
         let (word, list) = rest.first_word(&[]);
         let (targets, list) = if word.text == "in" {
@@ -226,6 +227,7 @@ impl Model<'_, '_> {
             (head.up_to(at).trimmed(), head.from(at + " in ".len()))
         };
         let list = parse(list.trimmed()).map_err(|_| refused())?;
+        // `enumerate` gives its first target the number of the turn, from a start on.
         let parts = parts_of(targets);
         let (number, target, list) = match (list, parts.as_slice()) {
             (PyExpr::Call(function, lists, _), [number, value]) if function == "enumerate" => {
@@ -241,6 +243,7 @@ impl Model<'_, '_> {
             }
             (list, _) => (None, targets, list),
         };
+        // A loop over a dictionary is one over its keys.
         let list = match resolve(&list, &self.scope, 0) {
             Ok(e) if is_dictionary(&e) => keys_of(list),
             _ => list,
@@ -252,12 +255,14 @@ impl Model<'_, '_> {
             let first = substitute(e, std::slice::from_ref(&count), &[PyExpr::Number(0.0)]);
             matches!(resolve(&first, scope, 0), Ok(PyExpr::List(..)))
         };
+        // A single target that takes numbers needs no assignment: the loop itself sets it.
         if number.is_none()
             && parts_of(target).len() == 1
             && !is_list(&item_at(&list, &index, &head.range()), &self.scope)
         {
             return Ok(Statement::For(target.text.to_owned(), list, body, place));
         }
+        // Otherwise loop over the number of the turn, and begin each turn with assignments of the items to the targets.
         let list = self.named_list(list, &mut format!("(list {})", head.at));
         let turns = PyExpr::Call("range".to_owned(), vec![length_of(&list, head.range())], head.range());
         let mut turn = Vec::new();

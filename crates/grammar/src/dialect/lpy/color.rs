@@ -1,4 +1,4 @@
-//! Colours that L-Py saves behind a model.
+//! Colours that L-Py saves after a model.
 
 use std::collections::BTreeMap;
 

@@ -35,6 +35,7 @@ pub(super) fn folded(e: PyExpr, scope: &Scope) -> PyExpr {
     }
 }
 
+/// Appends the code that leaves the value of an expression on the stack of the machine.
 pub(super) fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
     if ops.len() > MAX_OPS {
         return Err(Refusal::new("an expression that grows too large", range_of(e)));
@@ -236,6 +237,8 @@ fn rounded(a: &PyExpr, range: &Range<usize>) -> PyExpr {
     PyExpr::Choice(Box::new(is_above_even), floor(a.clone()), floor(up))
 }
 
+/// Appends the code of a call of a function of Python or L-Py: an operation of the machine, or an expression of such operations. The
+/// arguments are resolved.
 fn emit_call(
     name: &str,
     args: &[PyExpr],
@@ -247,6 +250,7 @@ fn emit_call(
         |ops: &mut Vec<Op>, factor: f64| ops.extend([Op::Const(factor), Op::Binary(BinaryOp::Mul, usize::MAX)]);
     let one = |name: &str| UnaryOp::named(name);
     match (name, args) {
+        // Angles are radians in Python, degrees in the operations of the machine.
         ("sin" | "cos" | "tan", [a]) => {
             emit(a, scope, ops)?;
             scaled(ops, DEGREES);
@@ -271,6 +275,7 @@ fn emit_call(
             emit(a, scope, ops)?;
             scaled(ops, DEGREES);
         }
+        // Functions that the machine has, and conversions.
         ("sqrt" | "exp" | "log" | "floor" | "ceil" | "fabs", [a]) => {
             emit(a, scope, ops)?;
             ops.extend(one(name).map(Op::Unary));
@@ -305,6 +310,7 @@ fn emit_call(
             emit(b, scope, ops)?;
             ops.push(Op::Binary(BinaryOp::Pow, usize::MAX));
         }
+        // Nested choices between two operands. These occur twice in the code, so that they must draw no random number.
         ("min" | "max", [first, rest @ ..]) if !rest.is_empty() => {
             if args.iter().any(|a| has_random(a, scope)) {
                 return Err(Refusal::new(format!("a random number in '{name}'"), range.clone()));
@@ -325,7 +331,7 @@ fn emit_call(
             ops.push(Op::Unary(UnaryOp::Log));
             scaled(ops, std::f64::consts::LOG10_E);
         }
-        // To so many digits behind the point.
+        // Rounded to this number of decimals.
         ("round", [a, digits]) => {
             let digits = constant_of(digits, scope).filter(|d| d.fract().abs() <= 0.0 && d.abs() <= 15.0);
             let digits =
@@ -336,6 +342,7 @@ fn emit_call(
             let whole = PyExpr::Call("round".to_owned(), vec![larger], range.clone());
             emit(&PyExpr::Binary(PyOp::Div, Box::new(whole), unit()), scope, ops)?;
         }
+        // Functions that the machine lacks, by their definitions.
         ("hypot" | "fmod" | "sinh" | "cosh" | "tanh", _) if !args.iter().any(|a| has_random(a, scope)) => {
             let call = |name: &str, a: PyExpr| Box::new(PyExpr::Call(name.to_owned(), vec![a], range.clone()));
             let two = |op: PyOp, a: &PyExpr, b: &PyExpr| PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()));
@@ -364,6 +371,7 @@ fn emit_call(
         ("getIterationNb", []) => {
             ops.extend([Op::Step, Op::Const(1.0), Op::Binary(BinaryOp::Sub, usize::MAX)]);
         }
+        // Random numbers.
         ("random", []) => ops.extend([Op::Const(1.0), Op::Random(RandomFunction::Ran)]),
         ("ran", [a]) => {
             emit(a, scope, ops)?;
@@ -392,6 +400,7 @@ fn emit_call(
             emit(b, scope, ops)?;
             ops.push(Op::Random(RandomFunction::Nran));
         }
+        // Values that are no numbers, functions that run as code, and functions that are not known.
         _ if name == DICTIONARY => {
             let why = Refusal::new("a dictionary '{..}' where a number is expected", range.clone());
             return Err(why.remedy("write the dictionary outside of the productions, and look up its values: d[key]"));
@@ -414,13 +423,13 @@ fn emit_call(
     Ok(())
 }
 
-/// Appends code behind other code, its jumps moved with it.
+/// Appends code after other code, its jumps moved with it.
 pub(super) fn append_code(ops: &mut Vec<Op>, code: &[Op]) {
     let offset = ops.len();
     ops.extend(code.iter().map(|op| shifted(*op, offset)));
 }
 
-/// An instruction moved behind others.
+/// An instruction moved after others.
 fn shifted(op: Op, by: usize) -> Op {
     match op {
         Op::Jump(t) => Op::Jump(t + by),

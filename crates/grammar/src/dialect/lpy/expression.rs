@@ -145,7 +145,7 @@ pub(super) const NOTHING: &str = "[]";
 /// Name of the call that stands for the items of the lists of a list, `[.. for a in q for b in a]`.
 pub(super) const FLAT: &str = "[[]]";
 
-/// What names of the model begin with in functions, whose callers may have variables of these names.
+/// Prefix of names of the model inside functions, because callers may have variables of the same names.
 const OF_MODEL: &str = "::";
 
 /// Functions whose arguments are numbers, which no text is.

@@ -50,6 +50,7 @@ impl FunctionValue<'_> {
                 Statement::Assign(_, e) if is_change(&e) => {
                     return Err(Refusal::new("a list that changes in a function with a value", self.place.clone()));
                 }
+                // A variable stands for its expression, which is copied to each use: it must draw no random number.
                 Statement::Assign(name, e) => {
                     let value = self.value(&e, &names, &values)?;
                     if has_random(&value, self.scope) {
@@ -62,7 +63,7 @@ impl FunctionValue<'_> {
                         values.push(value);
                     }
                 }
-                // Each branch is followed to the end of the function with the statements behind the `if`; the tests choose between the
+                // Each branch is followed to the end of the function with the statements after the `if`; the tests choose between the
                 // values. Tests of numbers alone, such as those of the variable of a loop, leave one branch.
                 Statement::If(tests, mut other) => {
                     let mut undecided = Vec::new();
@@ -152,7 +153,7 @@ impl Model<'_, '_> {
     /// that L-Py calls become blocks.
     pub(super) fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
-        // A function that rules call: its body stands behind the colon or in the block.
+        // A function that rules call: its body stands after the colon or in the block.
         let Some(FunctionHead { params, body }) = function_head(rest) else { return };
         // Python evaluates them once, where the function is defined.
         let default = |value: Piece<'_>| {
@@ -205,7 +206,7 @@ impl Model<'_, '_> {
         self.bodies.contains_key(name) && !self.scope.functions.contains_key(name)
     }
 
-    /// Reads those functions again, as statements, that call a function of statements which stands behind them.
+    /// Reads those functions again, as statements, that call a function of statements which stands after them.
     pub(super) fn read_callers_again(&mut self, list: &[Line<'_>]) {
         let calls_body = |model: &Self, name: &str| {
             let value = model.scope.functions.get(name).map(|(_, value)| value);

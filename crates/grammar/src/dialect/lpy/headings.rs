@@ -23,7 +23,7 @@ pub(super) const KEEP_ONE: &str = "keep one of them";
 const LIST: &str = "the list of 'ignore:' or 'consider:'";
 
 impl Model<'_, '_> {
-    /// Values of the sliders that L-Py saves behind the model: `('name', 'Integer', 5, 1, 10)`, in older files without the type.
+    /// Values of the sliders that L-Py saves after the model: `('name', 'Integer', 5, 1, 10)`, in older files without the type.
     pub(super) fn parameters(&mut self, list: &[Line<'_>]) {
         for line in list.iter().filter(|l| l.piece.text.starts_with("scalars")) {
             for part in line.piece.text.split('(').skip(1) {
@@ -57,7 +57,7 @@ impl Model<'_, '_> {
     /// Names that some rule or function declares `global`: they may change from step to step.
     pub(super) fn shared_names(&mut self, list: &[Line<'_>]) {
         for part in list.iter().flat_map(|line| at_semicolons(line.piece)) {
-            // It may stand behind the head of its block: `def Start(): global n`.
+            // It may stand after the head of its block: `def Start(): global n`.
             let at = part.text.rfind("global ").filter(|i| *i == 0 || part.up_to(*i).text.trim_end().ends_with(':'));
             if let Some(at) = at {
                 self.shared.extend(split(part.from(at + "global ".len())).iter().map(|n| n.text.to_owned()));
@@ -124,7 +124,7 @@ impl Model<'_, '_> {
         }
         if let Some(rest) = after_heading(piece, &["derivation", "length"]) {
             self.second("the derivation length", piece, KEEP_ONE);
-            // Python allows a semicolon behind a statement.
+            // Python allows a semicolon after a statement.
             self.set_length(Piece::new(rest.at, rest.text.trim_end_matches([';', ' '])));
             return i + 1;
         }
@@ -138,7 +138,7 @@ impl Model<'_, '_> {
         }
         for (word, hides) in [("ignore", true), ("consider", false)] {
             if let Some(rest) = after_heading(piece, &[word]) {
-                // One replaces the other whichever of the two words each has, for the productions behind it.
+                // One replaces the other whichever of the two words each has, for the productions after it.
                 if let Some((_, true)) = self.ignored_line {
                     self.given.remove(LIST);
                 }
@@ -174,7 +174,7 @@ impl Model<'_, '_> {
         self.python(list, i, line)
     }
 
-    /// Reads the productions. As in L-Py they see the values that names of the model have at its end, and functions behind them.
+    /// Reads the productions. As in L-Py they see the values that names of the model have at its end, and functions after them.
     pub(super) fn read_productions(&mut self, list: &[Line<'_>]) {
         let blocks: Vec<Range<usize>> = self.run_later.iter().map(|(_, body, _)| body.clone()).collect();
         for body in blocks {
@@ -298,7 +298,7 @@ impl Model<'_, '_> {
         let [way] = ways.as_slice() else {
             return self.refuse(&Refusal::new("an axiom with 'if'", value.range()));
         };
-        // What the axiom computes is computed before the first step.
+        // The computations of the axiom run before the first step.
         for step in &way.steps {
             match step {
                 Step::Assign(name, e) => self.global(name, e, value.range()),
@@ -314,7 +314,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Modules of an axiom or a successor, which may go on in indented lines.
+    /// Modules of an axiom or a successor, which may continue in indented lines.
     pub(super) fn modules_of(&self, first: Piece<'_>, block: &[Line<'_>]) -> Result<Vec<PyModule>, Refusal> {
         let mut out = modules(first, &self.declared)?;
         for line in block {

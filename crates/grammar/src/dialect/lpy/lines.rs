@@ -29,7 +29,7 @@ pub(super) fn block_after<'l, 't>(list: &'l [Line<'t>], i: usize, indent: usize)
     (&list[i + 1..i + 1 + n], i + 1 + n)
 }
 
-/// The text behind the colon of a heading such as `Axiom:`; any number of blanks may separate the words of the heading.
+/// The text after the colon of a heading such as `Axiom:`; any number of blanks may separate the words of the heading.
 pub(super) fn after_heading<'t>(piece: Piece<'t>, words: &[&str]) -> Option<Piece<'t>> {
     let mut rest = piece;
     for word in words {
@@ -51,7 +51,7 @@ pub(super) fn description(text: &str) -> String {
     line.trim().split(['\n', '\r']).next().unwrap_or("").trim_matches(['#', '-', '=', ' ']).to_owned()
 }
 
-/// Whether a text ends with the heading of an axiom, with nothing behind it.
+/// Whether a text ends with the heading of an axiom, with nothing after it.
 fn begins_axiom(text: &[u8]) -> bool {
     let line = text.rsplit(|b| matches!(b, b'\n' | b'\r')).next().unwrap_or_default();
     line.trim_ascii().strip_suffix(b":").is_some_and(|word| word.trim_ascii().eq_ignore_ascii_case(b"axiom"))
@@ -68,7 +68,7 @@ pub(super) fn masked(byte: u8) -> u8 {
     SIGNS.iter().zip(codes).find(|(sign, _)| **sign == byte).map_or(byte, |(_, code)| code)
 }
 
-/// A byte in place of a backslash and the line end behind it, by which a text in quotes goes on in the next line; no part of the text.
+/// A byte in place of a backslash and the line end after it, by which a text in quotes continues in the next line; no part of the text.
 pub(super) const JOINED: u8 = 0x1f;
 
 /// Number of bytes of the character that begins `text`, a rest of a text in quotes, with the backslash before it.
@@ -91,7 +91,7 @@ fn mask_text(text: &mut [u8]) {
     }
 }
 
-/// The text with comments, texts in triple quotes, line ends within parentheses and line ends behind a backslash replaced by
+/// The text with comments, texts in triple quotes, line ends within parentheses and line ends after a backslash replaced by
 /// blanks, so that all offsets stay; signs within other texts are [`masked`], their lines [`JOINED`].
 pub(super) fn without_comments(text: &str) -> String {
     let bytes = text.as_bytes();
@@ -135,7 +135,7 @@ pub(super) fn without_comments(text: &str) -> String {
             }
             b'(' => depth += 1,
             b')' => depth = depth.saturating_sub(1),
-            // A list or dictionary that is assigned to a name may span several lines. Its bracket stands behind a `=`, that of a branch
+            // A list or dictionary that is assigned to a name may span several lines. Its bracket stands after a `=`, that of a branch
             // or polygon does not.
             b'[' | b'{' if list > 0 || bytes[..i].trim_ascii_end().ends_with(b"=") => list += 1,
             b']' | b'}' => list = list.saturating_sub(1),

@@ -1,4 +1,4 @@
-//! What is read of lists, and the lists that changes leave.
+//! Operations on lists: reading items, and the lists that result from changes.
 
 use std::ops::Range;
 

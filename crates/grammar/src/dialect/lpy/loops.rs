@@ -144,7 +144,7 @@ impl Model<'_, '_> {
         now.left.push(Statement::Assign(last, end));
     }
 
-    /// A loop over `range(end)` as so many turns as there may be, each inside a condition that the loop gets that far.
+    /// Unrolls a loop over `range(end)` to its largest number of turns, each inside the condition that the loop gets that far.
     fn bounded_loop(
         &mut self,
         name: &String,
@@ -174,7 +174,7 @@ impl Model<'_, '_> {
         now.left.append(&mut inner);
     }
 
-    /// The ways behind the test of a `while`, the first to try first. `turn`: how many turns lie behind it.
+    /// The ways after the test of a `while`, the first to try first. `turn`: how many turns lie after it.
     pub(super) fn while_loop(
         &mut self,
         test: PyExpr,

@@ -97,7 +97,7 @@ struct Model<'r, 's> {
     bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,
     /// Parameters of modules that have been made or met in heads, where the model has lists or vectors as parameters.
     shapes: BTreeMap<String, Vec<Vec<ParamShape>>>,
-    /// Parameters of modules as far as their texts tell, of those with lists or vectors.
+    /// Written shapes of the parameters of modules that have lists or vectors.
     written_shapes: BTreeMap<String, Vec<Vec<ParamShape>>>,
     /// Names of all functions of the model, also of those that stand further down.
     defined: BTreeSet<String>,
@@ -132,6 +132,7 @@ struct Model<'r, 's> {
 
 /// Reads a model of L-Py into the reader's program: sections, rules, and values computed outside of rules.
 pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
+    // Remove comments and import aliases, and divide the text into lines.
     reader.description = description(text);
     let plain = imports::without_aliases(&without_comments(text));
     let list: Vec<Line<'_>> = lines(&plain).filter_map(line_of).collect();
@@ -173,6 +174,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     if model.uses_groups {
         model.scope.global(GROUP);
     }
+    // Properties of the whole text, on which the reading of its lines depends.
     model.scope.has_none = ["None", "''", "\"\"", ".get("].iter().any(|text| plain.contains(text));
     model.scope.is_backward = plain.contains("backward()");
     model.shared_names(&list);
@@ -183,9 +185,11 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     model.arities = arities(&plain, &model.declared);
     let pieces: Vec<Piece<'_>> = list.iter().map(|l| l.piece).collect();
     model.reader.palette = color::palette(&pieces);
+    // Then the shapes of parameters, the lines in order, and the productions, which see all values of the model.
     model.find_shapes(&list);
     model.lines(&list);
     model.read_productions(&list);
+    // Functions that L-Py calls itself, such as `StartEach`, come last: they may use all names.
     for (name, body, place) in std::mem::take(&mut model.run_later) {
         // The body may stand on the line of the head: `def Start(): backward()`.
         let head = body.start.checked_sub(1).and_then(|i| list.get(i)).map(|l| l.piece);
@@ -223,7 +227,7 @@ impl Model<'_, '_> {
         self.reader.session.error_help("L007", message, place, help);
     }
 
-    /// L008 for an item that stands twice, of which the last one counts, as in L-Py. `help`: what to do about it.
+    /// Reports L008 for an item that occurs twice; the last one counts, as in L-Py. `help`: what to do about it.
     fn second(&mut self, item: &'static str, piece: Piece<'_>, help: &str) {
         let line = self.reader.line_number(piece.at);
         let Some(first) = self.given.insert(item, line) else { return };

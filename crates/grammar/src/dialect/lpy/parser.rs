@@ -442,6 +442,7 @@ impl PyParser {
         Ok(PyExpr::Binary(PyOp::Pow, Box::new(base), Box::new(exponent)))
     }
 
+    /// A number, text, name, call, list, dictionary or expression in parentheses, with the indices and coordinates after it.
     fn atom(&mut self) -> Result<PyExpr, Refusal> {
         let Some(t) = self.tokens.get(self.i).cloned() else {
             return Err(Refusal::new("an unfinished expression", self.here()));
@@ -465,6 +466,7 @@ impl PyParser {
                 Err(Refusal::new(what, self.here()))
             }
             PyTokenKind::Sign("[") if self.eat("]") => Ok(PyExpr::List(Vec::new(), t.range)),
+            // A list that is written out, or `[value for name in list]`.
             PyTokenKind::Sign("[") => {
                 let e = self.choice()?;
                 let list = if self.word() == Some("for") {
@@ -478,6 +480,7 @@ impl PyParser {
                 };
                 self.indexed(list)
             }
+            // A dictionary is a call whose arguments are keys and values in turns.
             PyTokenKind::Sign("{") => {
                 let (mut pairs, mut height) = (Vec::new(), 0_usize);
                 while !self.eat("}") {
@@ -619,6 +622,7 @@ impl PyParser {
         } else {
             function = Some(self.choice()?);
         }
+        // The lists after the function, up to the parenthesis.
         let mut height = self.height;
         let mut lists = Vec::new();
         while self.eat(",") {
@@ -630,6 +634,7 @@ impl PyParser {
             return Err(Refusal::new(what, self.here()));
         }
         self.grow(height)?;
+        // A function gets names of its own for the items, and its call as the value.
         if names.is_empty() {
             names = (0..lists.len()).map(|k| format!("(item {k} of {})", place.start)).collect();
         }
@@ -647,6 +652,7 @@ impl PyParser {
             let what = format!("'{}' of other lists than its function has", if is_filter { "filter" } else { "map" });
             return Err(Refusal::new(what, range));
         }
+        // `filter` keeps the item where the value holds, and nothing elsewhere.
         let value = match items.as_slice() {
             [item] if is_filter => {
                 let nothing = PyExpr::Call(NOTHING.to_owned(), Vec::new(), range.clone());
@@ -654,6 +660,7 @@ impl PyParser {
             }
             _ => value,
         };
+        // Several lists are zipped.
         let list = match lists.pop() {
             Some(list) if lists.is_empty() => list,
             last => PyExpr::Call("zip".to_owned(), lists.into_iter().chain(last).collect(), range.clone()),
@@ -667,7 +674,7 @@ impl PyParser {
         AXES.iter().position(|axis| axis == name).map(saturating_index)
     }
 
-    /// Indices and coordinates behind a value.
+    /// Indices and coordinates after a value.
     fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
         let mut out = value;
         let mut count = 0;

@@ -40,7 +40,7 @@ fn parts(piece: Piece<'_>, separator: char) -> Vec<Piece<'_>> {
     out
 }
 
-/// What stands in the bracket at the beginning of a text, and what stands behind it.
+/// What stands in the bracket at the beginning of a text, and what stands after it.
 pub(super) fn bracketed(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let mut depth = 0_usize;
     let close = piece.text.char_indices().find_map(|(i, c)| {
@@ -143,7 +143,7 @@ pub(super) fn method_call(piece: Piece<'_>) -> Option<MethodCall<'_>> {
     (is_name(name.text) && is_whole).then(|| MethodCall { name, method, args: split(inner.up_to(close)) })
 }
 
-/// The head of a function: its parameters, with the values that they have otherwise, and what stands behind its colon.
+/// The head of a function: its parameters, with the values that they have otherwise, and what stands after its colon.
 pub(super) struct FunctionHead<'t> {
     pub params: Vec<(String, Option<Piece<'t>>)>,
     pub body: Piece<'t>,

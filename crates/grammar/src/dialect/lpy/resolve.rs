@@ -47,6 +47,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
     let number = |a: &PyExpr| resolve(a, scope, depth).and_then(as_number).map(Box::new);
     Ok(match e {
         PyExpr::Number(_) | PyExpr::Text(..) => e.clone(),
+        // A name is a variable, a value or list of the model, or a constant such as `pi`; local variables hide all others.
         PyExpr::Name(name, range) => {
             let is_local = name == UNKNOWN || scope.locals.contains(name);
             let name = plain_name(name);
@@ -73,6 +74,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 None => e.clone(),
             }
         }
+        // Arithmetic of numbers, or of vectors, which `vectors` does by coordinate.
         PyExpr::Neg(a) => {
             let a = number(a)?;
             match vectors::negated(&a) {
@@ -101,7 +103,8 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::Choice(test, then, other) => {
             let test = resolve(test, scope, depth)?;
             match known_truth(&test, scope) {
-                // The other side may be one that cannot be read: it computes with `None`, or its function calls itself for ever.
+                // Resolve only the chosen side. The other may be one that cannot be read: it computes with `None`, or its function
+                // calls itself for ever.
                 Some(holds) => return resolve(if holds { then } else { other }, scope, depth),
                 None => {
                     let (then, other) = (sub(then)?, sub(other)?);
@@ -113,6 +116,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             }
         }
         PyExpr::Call(name, args, range) => return resolved_call(name, args, range, scope, depth),
+        // A change of a list or dictionary, such as `append`, is the new list or dictionary.
         PyExpr::Change(change, args, range) => {
             let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
             match args.split_first() {
@@ -169,14 +173,17 @@ fn resolved_call(
     depth: usize,
 ) -> Result<PyExpr, Refusal> {
     let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
+    // Functions of the model hide those of Python with the same name.
     if scope.functions.contains_key(name) {
         return function_value(name, args, range, scope, depth);
     }
+    // Refuse texts where Python takes numbers only.
     if OF_NUMBERS.contains(&name)
         && let Some(PyExpr::Text(value, range)) = args.iter().find(|a| matches!(a, PyExpr::Text(..)))
     {
         return Err(text_refusal(*value, range.clone()));
     }
+    // Functions of vectors, of sequences, of dictionaries, in this order.
     if let Some(of_vectors) = vectors::function(name, &args, scope, range) {
         return of_vectors;
     }
@@ -187,6 +194,8 @@ fn resolved_call(
     if let Some(of_dictionary) = dictionary::method(name, &args, scope, range) {
         return of_dictionary;
     }
+    // Functions whose result follows from the items of their lists become numbers, lists or expressions of the items; any other
+    // call stays a call, which becomes code or is refused later.
     Ok(match (name, args.as_slice()) {
         ("range" | "xrange" | "arange", _) => numbers_of_range(&args, scope, range)?,
         ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(saturating_index(items.len()))),
@@ -275,7 +284,7 @@ fn function_value(
     // One that calls itself may have become too large before its calls were too many.
     let calls_itself = || first_call(body, &|called| called == name).is_some() && args.iter().all(is_number);
     if value.is_err() && depth == 0 && (scope.has_too_many_calls.get() || calls_itself()) {
-        // Code takes numbers alone; of lists the error tells which call was one too many.
+        // Code takes numbers only; for lists the error names the call that was one too many.
         if !args.iter().all(is_number) && !is_recursive(name, scope) {
             return value;
         }

@@ -362,7 +362,7 @@ impl Model<'_, '_> {
             let Some(value) = constant else {
                 return Err(Refusal::new(format!("'{}' as the name of a parameter", p.text), p.range()));
             };
-            // The constant gets a variable that no model can name, so that slots go on in the order of the parameters.
+            // The constant gets a variable that no model can name, so that slots continue in the order of the parameters.
             let hidden = format!("(parameter {})", self.scope.locals.len());
             self.scope.locals.push(hidden.clone());
             let own = Box::new(PyExpr::Name(hidden, p.range()));

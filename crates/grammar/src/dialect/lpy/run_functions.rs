@@ -19,7 +19,7 @@ use crate::dialect::text::Piece;
 pub(super) const CALLED_FUNCTIONS: [&str; 7] =
     ["Start", "StartEach", "EndEach", "End", "StartInterpretation", "EndInterpretation", "PostDraw"];
 
-/// What the refusal of a function says that gives another string than it was given.
+/// Text of the refusal of a function that returns another string than it was given.
 const OTHER_STRING: &str = "a function that returns another string";
 
 /// Target of the jump of a `return`, until the end of its function is known.
@@ -55,7 +55,7 @@ impl Model<'_, '_> {
                 let range = if why.range.is_empty() { range.clone() } else { why.range };
                 self.refuse(&Refusal { construct, range, remedy: why.remedy });
             }
-            // The other functions run behind the last step, and around drawings.
+            // The other functions run after the last step, and around drawings.
             _ => {
                 let place = self.reader.place(range.clone());
                 let message = format!("the function '{name}' is not run");
@@ -166,6 +166,7 @@ impl Model<'_, '_> {
                         ops[end] = Op::Jump(ops.len());
                     }
                 }
+                // `break` and `continue` are jumps whose targets the loop around them sets.
                 Statement::While(test, body, place, _) => self.block_loop(test, body, place, declared, ops)?,
                 Statement::Break(_) => {
                     jumps.breaks.push(ops.len());
@@ -175,7 +176,9 @@ impl Model<'_, '_> {
                     jumps.continues.push(ops.len());
                     ops.push(Op::Pop);
                 }
+                // Only productions have these: ends of turns, loops and functions that are written out.
                 Statement::TurnEnd | Statement::LoopEnd | Statement::FunctionEnd(..) => {}
+                // A loop over numbers that can be counted becomes a `while` loop.
                 Statement::For(name, list, body, place) => {
                     let counted = self.counted_loop(name, list, body, place).ok_or_else(|| {
                         let why = Refusal::new("'for' over a list in a function that L-Py runs", place.clone());
@@ -184,6 +187,7 @@ impl Model<'_, '_> {
                     self.block_code(&counted.begin, declared, ops, &mut LoopJumps::default())?;
                     self.block_loop(&counted.test, &counted.turn, place, declared, ops)?;
                 }
+                // Modules are made by productions alone.
                 Statement::Run(e) => {
                     let why = Refusal::new("a call of a function for its modules outside of a production", range_of(e));
                     return Err(why.remedy("write what it computes here, and its modules into a production"));
@@ -197,7 +201,7 @@ impl Model<'_, '_> {
         Ok(())
     }
 
-    /// Appends a loop: test, JumpIfZero behind the loop, body, Jump to the test.
+    /// Appends a loop: test, JumpIfZero after the loop, body, Jump to the test.
     fn block_loop(
         &mut self,
         test: &PyExpr,
@@ -219,7 +223,7 @@ impl Model<'_, '_> {
     /// Reads a line that sets the turtle, such as `context().turtle.setAngleIncrement(90)`; false for any other. L008 for a setting
     /// that has no effect.
     pub(super) fn turtle_setting(&mut self, piece: Piece<'_>) -> bool {
-        // The value of a method stands in parentheses, that of a member behind '='.
+        // The value of a method stands in parentheses, that of a member after '='.
         let value = |method: &str, member: &str| {
             if let Some(i) = piece.text.find(method) {
                 let call = piece.from(i + method.len()).trimmed();

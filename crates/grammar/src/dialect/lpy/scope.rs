@@ -10,10 +10,10 @@ use super::expression::{MAX_OPS, PyExpr, size_with, substitute, times_read, with
 use super::refusal::Refusal;
 use crate::code::{CalledFunction, Op};
 
-/// What the name of a call begins with that runs the code of a function; no function has such a name.
+/// Prefix of the name of a call that runs the code of a function. No function of a model has such a name, as it holds a blank.
 pub(super) const RUN: &str = "run ";
 
-/// Why a call of a curve is refused that the editor of L-Py has saved behind the model, or that the model makes.
+/// Reason for which calls of curves are refused: curves saved by the editor of L-Py after the model, or made by the model.
 pub(super) const CURVE: &str = "a curve of L-Py, which is not read";
 
 /// Why a call of a function with `global` is refused.

@@ -15,7 +15,7 @@ use super::strings::{ParamShape, PyModule, is_command};
 use super::vectors::{coordinates_of, dimension};
 use crate::dialect::text::Piece;
 
-/// What a line with a list or a vector as a parameter has.
+/// One of these texts occurs in each line that has a list or a vector as a parameter.
 const LIST_BEGINNINGS: [&str; 7] = ["Vector", "([", ",[", ", [", "((", ",(", ", ("];
 
 /// The arguments of a module as numbers, and what they were.
@@ -42,7 +42,7 @@ pub(super) fn spread(module: &PyModule, scope: &Scope) -> Result<SpreadModule, R
             out.args.extend_from_slice(items);
             continue;
         }
-        // What cannot be read is refused where its code is made.
+        // A value that cannot be read is refused where its code is made.
         let value = may_be_list(arg, scope).then(|| resolve(arg, scope, 0).ok()).flatten();
         match value {
             Some(PyExpr::List(items, _)) if !is_command(&module.name) => {
@@ -83,7 +83,7 @@ fn described(shape: &[ParamShape]) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// What a parameter is as far as its text tells: a list or vector that is written out. A name may be that of a number of a production.
+/// Shape of a parameter by its text alone: a list or vector that is written out. A name may be that of a number of a production.
 fn written_shape(piece: Piece<'_>) -> ParamShape {
     let text = piece.text;
     let is_whole = |open: usize| {
@@ -141,7 +141,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Joins what the text tells of parameters with what it has told before of as many.
+    /// Merges the written shape of parameters with that of earlier modules of the same name and number of parameters.
     fn note_shape(&mut self, name: &str, shape: Vec<ParamShape>) {
         let known = self.written_shapes.entry(name.to_owned()).or_default();
         match known.iter_mut().find(|own| own.len() == shape.len()) {
@@ -154,7 +154,7 @@ impl Model<'_, '_> {
         }
     }
 
-    /// What so many parameters of a module are.
+    /// Shapes of the parameters of a module with this number of them.
     pub(super) fn shape_of(&self, name: &str, parameters: usize) -> Vec<ParamShape> {
         let mut known = self.shapes.get(name).into_iter().chain(self.written_shapes.get(name)).flatten();
         let shape = known.find(|shape| shape.len() == parameters);

@@ -42,7 +42,7 @@ fn extends(name: &str, e: &PyExpr) -> bool {
     is_own && matches!(&**more, PyExpr::List(..) | PyExpr::Each(..))
 }
 
-/// What an assignment makes of lists that have names.
+/// Named lists that the value of an assignment may share.
 #[derive(Debug, Default)]
 pub(super) struct HandedOn {
     /// Names whose lists the value may be, or may hold as items.
@@ -87,16 +87,16 @@ fn append_held(e: &PyExpr, out: &mut BTreeSet<String>) {
 
 /// The refusal of a change of a list.
 fn change_refusal(name: &str, why: &str, place: Range<usize>, remedy: &'static str) -> Refusal {
-    // Variables of axioms and functions have a number behind their names.
+    // Variables of axioms and functions have a number after their names.
     let name = name.split(" (").next().unwrap_or(name);
     Refusal::new(format!("a change of the list '{name}', which {why}"), place).remedy(remedy)
 }
 
-/// What to write instead of a change of such a list.
+/// Help for a change of such a list.
 const COPY: &str = "make a copy under another name and change that one: p = list(q)";
 
 impl Model<'_, '_> {
-    /// What a statement hands on. Refuses a change of a list that the statements of the way have not made, or that has two names.
+    /// The lists that a statement shares. Refuses a change of a list that the statements of the way have not made, or that has two names.
     pub(super) fn handed_on(&self, statement: &Statement, way: &Way) -> Result<HandedOn, Refusal> {
         let Statement::Assign(name, e) = statement else { return Ok(HandedOn::default()) };
         self.check_change(name, e, way)?;

@@ -24,17 +24,17 @@ pub(super) enum Statement {
     Produce(Vec<PyModule>, bool),
     /// Names whose assignments change variables of the model.
     Global(Vec<String>),
-    /// Test, body, place of the heading, and how many turns lie behind it where it is written out turn by turn.
+    /// Test, body, place of the heading, and how many turns lie after it where it is written out turn by turn.
     While(PyExpr, Vec<Statement>, Range<usize>, u32),
     Break(Range<usize>),
     Continue(Range<usize>),
-    /// Where a `continue` goes on in a loop that is written out turn by turn.
+    /// Where a `continue` continues in a loop that is written out turn by turn.
     TurnEnd,
-    /// Where a `break` goes on.
+    /// Where a `break` continues.
     LoopEnd,
     /// A call of a function for the modules that it makes.
     Run(PyExpr),
-    /// Where the `return` of a function that a production calls goes on: variable of the value, `None` for a function that is called for its
+    /// Where the `return` of a function called by a production continues: variable of the value, `None` for a function called for its
     /// modules; function, place of the call.
     FunctionEnd(Option<String>, String, Range<usize>),
     /// A function has a value, a production has none.
@@ -254,7 +254,7 @@ pub(super) fn only_computes(statements: &[Statement]) -> bool {
     })
 }
 
-/// What a function does that no function does which a production may call; `None` if it may be called.
+/// Reason for which productions may not call a function; `None` if they may.
 pub(super) fn hindrance(statements: &[Statement]) -> Option<&'static str> {
     statements.iter().find_map(|s| match s {
         Statement::If(tests, other) => tests.iter().find_map(|(_, then)| hindrance(then)).or_else(|| hindrance(other)),

@@ -40,7 +40,7 @@ fn binary(op: PyOp, a: &PyExpr, b: &PyExpr) -> PyExpr {
     PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()))
 }
 
-/// What a function makes of its resolved arguments where these are vectors or it makes one; `None` for any other call.
+/// Result of a function with resolved arguments if these are vectors or the result is one; `None` for any other call.
 pub(super) fn function(
     name: &str,
     args: &[PyExpr],

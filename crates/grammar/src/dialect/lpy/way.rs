@@ -54,7 +54,7 @@ pub(super) struct Way {
     pub lists: BTreeMap<String, PyExpr>,
     /// Those of them, and lists of the model, that have two names.
     pub shared_lists: BTreeSet<String>,
-    /// What its conditions leave of the values of its variables.
+    /// Ranges of its variables under its conditions.
     pub bounds: Bounds,
     /// How many functions it has called.
     pub calls: usize,
@@ -115,7 +115,7 @@ impl OpenWay {
         self.left.extend(block.into_iter().rev());
     }
 
-    /// Puts a turn of a `while` before the statements that are left, and the loop behind it.
+    /// Puts a turn of a `while` before the statements that are left, and the loop after it.
     pub fn repeat(&mut self, test: PyExpr, body: Vec<Statement>, place: Range<usize>, turn: u32) {
         self.left.push(Statement::While(test, body.clone(), place, turn + 1));
         self.left.push(Statement::TurnEnd);

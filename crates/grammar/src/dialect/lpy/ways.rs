@@ -62,7 +62,7 @@ impl Model<'_, '_> {
         Ok(out)
     }
 
-    /// Follows one statement of a way, and adds the ways that go on behind it to the open ones, the first to try last. The way itself
+    /// Follows one statement of a way, and adds the ways that continue after it to the open ones, the first to try last. The way itself
     /// if it ends there.
     fn follow(
         &mut self,
@@ -74,7 +74,7 @@ impl Model<'_, '_> {
             open.push(now);
             return Ok(None);
         }
-        // What an assignment hands on is known by names, before lists take their place.
+        // Find the lists that the assignment shares by their names, before lists take the place of names.
         let handed_on = self.handed_on(&statement, &now.way)?;
         match with_lists(statement, &now.way.lists) {
             Statement::Pass | Statement::TurnEnd | Statement::LoopEnd => {}
@@ -92,7 +92,7 @@ impl Model<'_, '_> {
                     (Some(Statement::FunctionEnd(Some(_), function, place)), None) => {
                         return Err(no_value(&function, place));
                     }
-                    // What a function returns that is called for its modules is not used.
+                    // The value of a function that is called for its modules is not used.
                     (Some(_), _) => {}
                 }
             }
@@ -158,12 +158,12 @@ impl Model<'_, '_> {
         now.way.steps.push(Step::Assign(name, e));
     }
 
-    /// The ways behind an `if`, the first to try first.
+    /// The ways after an `if`, the first to try first.
     fn branches(&self, tests: Vec<(PyExpr, Vec<Statement>)>, other: Vec<Statement>, mut now: OpenWay) -> Vec<OpenWay> {
         let mut out = Vec::new();
         for (test, then) in tests {
             // Tests of numbers alone, such as those of the variable of a loop, leave one way; so do those that conditions before have
-            // decided, but what draws is tested all the same.
+            // decided, but tests that draw random numbers are made anyway.
             let test = with_known(&test, &now.way);
             let draws = has_random(&test, &self.scope);
             let known = self.known_value(&test, &now.way).map(|value| !is_zero(value));

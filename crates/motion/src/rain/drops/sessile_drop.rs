@@ -35,7 +35,7 @@ impl RainLeaf {
         let start = self.surface_under(drop);
         match start {
             Some(start) => {
-                let end = self.run(drop, start, cap, attraction, constants, step, result);
+                let end = self.run_drop(drop, start, cap, attraction, constants, step, result);
                 drop.set_located_surface(Some(end));
             }
             None => self.detach_whole(drop, step, self.clamped_blade_point(drop), drop.v, result),
@@ -49,7 +49,7 @@ impl RainLeaf {
     /// Runs a drop for the step in segments of constant force. Each ends where the drop stops, where it chooses a new heading, or
     /// after a fraction of its radius, so that the drop passes neither the margin nor the end of the step unnoticed. `start`: the
     /// surface under the drop. Returns the last surface under it on the upper or lower side.
-    fn run(
+    fn run_drop(
         &self,
         drop: &mut LeafDrop,
         start: SurfacePoint,

@@ -138,7 +138,7 @@ impl RainLeaf {
             let point = step.world_point(local);
             let m = WATER_DENSITY * drop.volume;
             // The weight acts through the attached mass; only the difference that the paper adds needs a separate force.
-            let excess = DVec3::NEG_Y * (m * step.params.g * (self.load_factor(local, step) - 1.0));
+            let excess = DVec3::NEG_Y * (m * step.params.g * (self.lever_factor(local, step) - 1.0));
             if excess != DVec3::ZERO {
                 result.forces.push(PointForce { point, force: excess });
             }
@@ -150,13 +150,13 @@ impl RainLeaf {
         // Reactions become forces over the next step: the same impulse, without a jolt of the leaf.
         for PointImpulse { point, impulse } in std::mem::take(&mut result.reactions) {
             let local = step.pose.orientation.inverse() * (point - step.pose.position);
-            result.forces.push(PointForce { point, force: impulse * (self.load_factor(local, step) / step.h) });
+            result.forces.push(PointForce { point, force: impulse * (self.lever_factor(local, step) / step.h) });
         }
     }
 
     /// Factor on the loads at a point of leaf space. The point of application already contains the lever arm; the paper
     /// multiplies by the arm once more.
-    fn load_factor(&self, local: DVec3, step: &LeafStep<'_>) -> f64 {
+    fn lever_factor(&self, local: DVec3, step: &LeafStep<'_>) -> f64 {
         match step.params.lever {
             DropWeightTorque::Physical => 1.0,
             DropWeightTorque::Paper(most) => (local.length() / self.leaf_reach()).min(most),

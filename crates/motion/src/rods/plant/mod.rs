@@ -12,7 +12,7 @@ use glam::{DQuat, DVec3, Vec3};
 pub use self::layout::RodPlantParams;
 use self::layout::{AxisMotion, RodPlantLayout};
 pub(crate) use self::rigid_blade::RigidBlade;
-use self::rigid_blade::{OrientedLeafSheet, VortexShedding};
+use self::rigid_blade::{OrientedBlade, VortexShedding};
 use crate::rain::{LeafPose, RainPlant, WoodSegment};
 use crate::rods::StepFailure;
 use crate::rods::prism::{CornerRigidMotion, Matrix9, SectionFrame, Vector9, corner_dot};
@@ -38,7 +38,7 @@ struct RodPlantLeaf {
     p: DVec3,
     q: DQuat,
     scale: f64,
-    sheet: RigidBlade,
+    blade: RigidBlade,
     eddies: VortexShedding,
     now: LeafPose,
 }
@@ -98,7 +98,8 @@ impl RodPlant {
         let layout = RodPlantLayout::new(plant, stand, params);
         let rods = RodSystem::new(&layout.rods, &layout.holds);
         let leaf_mass = params.wood.moving_leaf_mass();
-        let sheets: Vec<RigidBlade> = plant.protos.iter().map(|p| RigidBlade::from_mesh(&p.mesh)).collect();
+        let blades: Vec<RigidBlade> = plant.protos.iter().map(|p| RigidBlade::from_mesh(&p.mesh)).collect();
+        // Attach each leaf to a section: the tip of its petiole, or its axis. `p` and `q` are its pose in the section's frame.
         let mut leaves = Vec::with_capacity(layout.leaves.len());
         let (mut own, mut water) = (Vec::new(), Vec::new());
         for (organ, attachment) in plant.organs.iter().zip(&layout.leaves) {
@@ -107,16 +108,18 @@ impl RodPlant {
                 (None, host) => host.map(|(rod, at)| rods.section_at_arc_length(rod, at)),
             };
             let frame = section.map_or(WORLD_FRAME, |s| rods.section_frame(s));
-            let (turn, sheet) = (world_rotation(&frame), sheets[usize::from(organ.proto)]);
+            let (turn, blade) = (world_rotation(&frame), blades[usize::from(organ.proto)]);
             let (p, q) =
                 (turn.conjugate() * (attachment.pivot - frame.p), (turn.conjugate() * attachment.q).normalize());
+            // The blade is a rigid body on the section, with its mass at its centroid.
             if let Some(section) = section {
                 let r = glam::DMat3::from_quat(q);
-                let inertia = r * sheet.inertia(leaf_mass, attachment.scale) * r.transpose();
-                let at = p + q * (sheet.centroid * attachment.scale);
-                let mass = leaf_mass * sheet.area * attachment.scale * attachment.scale;
+                let inertia = r * blade.inertia(leaf_mass, attachment.scale) * r.transpose();
+                let at = p + q * (blade.centroid * attachment.scale);
+                let mass = leaf_mass * blade.area * attachment.scale * attachment.scale;
                 own.push(AttachedBody { section, at, mass, inertia, of_plant: true, reach: 0.0 });
             }
+            // A body without mass, which becomes the water on the leaf.
             let none = glam::DMat3::ZERO;
             water.push(AttachedBody {
                 section: section.unwrap_or(0),
@@ -128,7 +131,7 @@ impl RodPlant {
             });
             let now = LeafPose::at_rest(attachment.pivot, attachment.q);
             let (scale, eddies) = (attachment.scale, VortexShedding::new(organ.id));
-            leaves.push(RodPlantLeaf { section, stalk: attachment.stalk, p, q, scale, sheet, eddies, now });
+            leaves.push(RodPlantLeaf { section, stalk: attachment.stalk, p, q, scale, blade, eddies, now });
         }
         // Water bodies come first, so that body k is the water on leaf k; then the blades.
         let mut rods = if rods.is_empty() { rods } else { rods.with_added_bodies(water).with_added_bodies(own) };
@@ -136,6 +139,7 @@ impl RodPlant {
         rods.gravity = -DVec3::Y * params.gravity;
         let posed = rods.is_empty() || rods.find_rest_shape_by_residual();
         rods.weightless = !posed;
+        // Bodies by section, and which sections a clamp holds.
         let mut on = vec![Vec::new(); rods.len()];
         rods.bodies().iter().enumerate().for_each(|(k, b)| on[b.section].push(k));
         let mut fixed = vec![false; rods.len()];
@@ -212,13 +216,13 @@ impl RodPlant {
     /// Largest angular frequency, rad/s, at which a blade swings about its foot downwind of it in gusts, as a weather vane does.
     fn fastest_blade_turn(&self, wind: &dyn Wind) -> f64 {
         let square = |leaf: &RodPlantLeaf| {
-            let (sheet, scale) = (&leaf.sheet, leaf.scale);
+            let (blade, scale) = (&leaf.blade, leaf.scale);
             let speed = PEAK_WIND * f64::from(wind.mean_at(leaf.now.position.as_vec3()).length());
             // The normal force rho/2 C A u^2 2 sin(a) acts at the centroid; the blade turns about its foot (Steiner).
-            let arm = sheet.centroid.length() * scale;
+            let arm = blade.centroid.length() * scale;
             let inertia =
-                sheet.inertia(self.leaf_mass, scale).x_axis.x + self.leaf_mass * sheet.area * scale * scale * arm * arm;
-            let torque = AIR_DENSITY * self.leaf_drag * sheet.facing * scale * scale * speed * speed * arm;
+                blade.inertia(self.leaf_mass, scale).x_axis.x + self.leaf_mass * blade.area * scale * scale * arm * arm;
+            let torque = AIR_DENSITY * self.leaf_drag * blade.facing * scale * scale * speed * speed * arm;
             if inertia > 0.0 { torque / inertia } else { 0.0 }
         };
         let moving = self.leaves.iter().filter(|leaf| leaf.section.is_some());
@@ -385,7 +389,7 @@ impl RodPlant {
             let frame = rods.section_frame(section);
             let turn = world_rotation(&frame);
             let q = turn * leaf.q;
-            (frame.p + turn * leaf.p + q * (leaf.sheet.centroid * leaf.scale), q)
+            (frame.p + turn * leaf.p + q * (leaf.blade.centroid * leaf.scale), q)
         };
         let held: Vec<(usize, (DVec3, DQuat))> =
             leaves.iter().filter_map(|l| l.section.map(|s| (s, centroid(l, s)))).collect();
@@ -398,7 +402,7 @@ impl RodPlant {
             let arm = *p - rods.section_frame(*section).p;
             // The wind relative to the centroid of the blade, which is rigid with its section.
             let relative = air.as_dvec3() - v - spin.cross(arm);
-            let plate = OrientedLeafSheet { sheet: &leaf.sheet, q: *q, scale: leaf.scale, drag: *leaf_drag };
+            let plate = OrientedBlade { blade: &leaf.blade, q: *q, scale: leaf.scale, drag: *leaf_drag };
             let (force, at) = leaf.eddies.wind_force(&plate, relative, h);
             rods.add_wrench(*section, force, (arm + at).cross(force));
         }

@@ -71,11 +71,11 @@ fn outer_square(a: DVec3) -> DMat3 {
     DMat3::from_cols(a * a.x, a * a.y, a * a.z)
 }
 
-/// A leaf sheet at its place in the world, for aerodynamic forces.
+/// A leaf blade at its place in the world, for aerodynamic forces.
 #[derive(Debug, Clone, Copy)]
-pub struct OrientedLeafSheet<'a> {
+pub struct OrientedBlade<'a> {
     /// Area, centroid and extent in leaf space.
-    pub sheet: &'a RigidBlade,
+    pub blade: &'a RigidBlade,
     /// Rotation from leaf space to the world.
     pub q: DQuat,
     /// Factor on lengths in leaf space.
@@ -104,21 +104,21 @@ impl VortexShedding {
     /// Aerodynamic force on a blade, N, and its point of action relative to the centroid, m. `wind`: velocity relative
     /// to the centroid, m/s; `h`: time until the next call, s.
     /// Own: a plate whose normal force grows with the sine of the angle of attack and saturates.
-    pub fn wind_force(&mut self, blade: &OrientedLeafSheet<'_>, wind: DVec3, h: f64) -> (DVec3, DVec3) {
-        let OrientedLeafSheet { sheet, q, scale, drag } = *blade;
+    pub fn wind_force(&mut self, oriented: &OrientedBlade<'_>, wind: DVec3, h: f64) -> (DVec3, DVec3) {
+        let OrientedBlade { blade, q, scale, drag } = *oriented;
         let speed = wind.length();
         if speed < 1e-6 {
             return (DVec3::ZERO, DVec3::ZERO);
         }
-        let normal = q * sheet.normal;
-        let [wide, long] = sheet.extent.map(|e| e * scale);
+        let normal = q * blade.normal;
+        let [wide, long] = blade.extent.map(|e| e * scale);
         // Vortices shed in this step, at the frequency St u / w; the noise runs at twice that rate.
         self.passed += h * STROUHAL_NUMBER * speed / wide.max(1e-4);
         let noise = |k: u32| f64::from(self.noise.with_seed_offset(k).at(2.0 * self.passed));
         let sine = normal.dot(wind) / speed;
         // Normal-force coefficient 2 sin(a) / (1 + sin^2(a)), plus buffeting; skin friction acts along the blade.
         let across = 2.0 * sine / (1.0 + sine * sine) + BUFFET_COEFFICIENT * noise(0);
-        let pressure = 0.5 * AIR_DENSITY * sheet.facing * scale * scale * speed * speed;
+        let pressure = 0.5 * AIR_DENSITY * blade.facing * scale * scale * speed * speed;
         let along = wind - normal * (sine * speed);
         let force = pressure * (drag * across * normal + SKIN_FRICTION * along / speed);
         // Centre of pressure: a quarter chord upstream in a flow along the blade, at the centroid in a normal flow,
@@ -144,17 +144,17 @@ mod tests {
 
     #[test]
     fn plate_mesh_has_the_area_and_inertia_of_a_plate() {
-        let sheet = RigidBlade::from_mesh(&plate());
-        assert!((sheet.area - 0.004).abs() < 1e-9 && (sheet.centroid - DVec3::Y * 0.05).length() < 1e-8);
-        let m = 0.2 * sheet.area * 4.0;
-        let i = sheet.inertia(0.2, 2.0);
+        let blade = RigidBlade::from_mesh(&plate());
+        assert!((blade.area - 0.004).abs() < 1e-9 && (blade.centroid - DVec3::Y * 0.05).length() < 1e-8);
+        let m = 0.2 * blade.area * 4.0;
+        let i = blade.inertia(0.2, 2.0);
         let [w2, l2] = [0.08 * 0.08, 0.2 * 0.2];
         for (got, wanted) in
             [(i.x_axis.x, m * l2 / 12.0), (i.y_axis.y, m * w2 / 12.0), (i.z_axis.z, m * (l2 + w2) / 12.0)]
         {
             assert!((got / wanted - 1.0).abs() < 1e-6, "{got} {wanted}");
         }
-        assert!((sheet.extent[0] - 0.04).abs() < 1e-7 && (sheet.extent[1] - 0.1).abs() < 1e-7);
+        assert!((blade.extent[0] - 0.04).abs() < 1e-7 && (blade.extent[1] - 0.1).abs() < 1e-7);
     }
 
     #[test]
@@ -172,11 +172,11 @@ mod tests {
 
     #[test]
     fn wind_force_acts_across_a_plate_and_vanishes_edge_on() {
-        let sheet = RigidBlade::from_mesh(&plate());
+        let blade = RigidBlade::from_mesh(&plate());
         let mean = |wind: DVec3| {
             let mut eddies = VortexShedding::new(5);
-            let blade = OrientedLeafSheet { sheet: &sheet, q: DQuat::IDENTITY, scale: 1.0, drag: 1.1 };
-            let all = (0..4000).map(|_| eddies.wind_force(&blade, wind, 0.02));
+            let oriented = OrientedBlade { blade: &blade, q: DQuat::IDENTITY, scale: 1.0, drag: 1.1 };
+            let all = (0..4000).map(|_| eddies.wind_force(&oriented, wind, 0.02));
             all.fold((DVec3::ZERO, DVec3::ZERO), |s, f| (s.0 + f.0 / 4000.0, s.1 + f.1 / 4000.0))
         };
         let (broad, at) = mean(DVec3::Z * 3.0);

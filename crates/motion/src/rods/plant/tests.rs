@@ -312,7 +312,7 @@ fn a_repeated_step_starts_from_the_state_before_it() {
     let poses = |plant: &RodPlant| (0..6).map(|leaf| plant.leaf_pose(leaf)).collect::<Vec<_>>();
     assert_ne!(poses(&failing), poses(&whole));
     assert_eq!(poses(&failing), poses(&halved));
-    // Vortices and restoring springs, too, go on from the same state.
+    // Vortices and restoring springs, too, continue from the same state.
     for k in 1..40 {
         let t = t + f64::from(k) * h;
         failing.step(t, h).expect("steps");

@@ -226,7 +226,7 @@ fn map_rotation(map: &Affine) -> glam::Quat {
     glam::Quat::from_mat3(&glam::Mat3::from_cols(column(x), column(y), column(x.cross(y)))).normalize()
 }
 
-/// What the placement of organs reads of a tree whose axes are in the plant.
+/// Input of the placement of organs on a tree whose axes are in the plant.
 #[derive(Debug, Clone, Copy)]
 struct GrownTree<'a> {
     stems: &'a TreeSystem,
@@ -281,7 +281,7 @@ struct AxisSite {
     s: f32,
 }
 
-/// What [`leaf_organ`] reads of a leaf beside its site.
+/// Properties of a leaf that [`leaf_organ`] needs besides its site.
 struct LeafCopy<'a> {
     stems: &'a TreeSystem,
     /// The word whose growth was cut here.

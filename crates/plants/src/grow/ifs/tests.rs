@@ -202,7 +202,7 @@ fn cards_stand_where_the_fine_tree_grows_on() {
     }
 }
 
-/// Positions of all leaves of a tree, those of its twigs where their copies stand.
+/// Positions of all leaves of a tree; leaves of twigs once for each copy of the twig.
 fn leaves_of(tree: &Plant, twigs: &[branchlets::Branchlet]) -> Vec<Vec3> {
     let first = tree.protos.len() - twigs.len();
     let mut all = Vec::new();

@@ -145,7 +145,7 @@ fn chain_centerline(
 ) -> Centerline {
     let mut points: Vec<DVec3> = chain.nodes.iter().map(|n| graph.nodes[*n as usize].p).collect();
     let attachment = chain.parent.map(|(parent, at)| ParentAttachment::find(&lines[parent], at, &points));
-    // What lies within the parent's wood is no part of the centreline.
+    // Points inside the parent's wood are no part of the centreline.
     let inside = |p: &DVec3| attachment.is_some_and(|s| s.p.distance(*p) < f64::from(s.r));
     let hidden = points.iter().take_while(|p| inside(p)).count().min(points.len() - 1);
     points.drain(..hidden);

@@ -536,7 +536,7 @@ fn axes_slide_along_solids_and_end_at_the_envelope() {
     let plant = grown(&cut, 3);
     assert!(plant.nodes.p.iter().all(|n| ball.distance(n.as_dvec3()) < 1e-5));
     assert!(plant.axes.iter().filter(|a| a.end == AxisEnd::Cut).count() > 3);
-    // An envelope beside the plant cuts nothing, which is told.
+    // An envelope that does not contain the plant cuts nothing, which is reported.
     let told = |p: &ShapeParams| grow(p, (7, 3), None, &materials()).expect("grows").1;
     assert!(told(&cut).is_empty());
     cut.limits.envelope = Some(Region::Sphere { center: DVec3::X * 50.0, radius: 1.0 });

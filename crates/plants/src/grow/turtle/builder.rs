@@ -540,7 +540,7 @@ impl GrowthClock {
     }
 }
 
-/// What the frame of a node follows from.
+/// Data from which the frame of a node is computed.
 #[derive(Debug, Clone, Copy)]
 struct FrameSource {
     /// Directions of the segments that end and begin at the node.

@@ -320,7 +320,7 @@ impl Turtle<'_> {
         let turns: [fn(&mut TurtleFrame, f64, f64); 3] = [TurtleFrame::yaw, TurtleFrame::pitch, TurtleFrame::roll];
         for (k, turn) in (0_u64..).zip(turns) {
             let a = radians(most * (2.0 * self.bindings.draw(m.lineage(), k) - 1.0));
-            // Only the first one can meet an axis that is not of length 1: it normalizes left, the second one up.
+            // Only the first turn can find an axis whose length is not 1: it normalizes the left vector, the second turn the up vector.
             let axis = self.rare.dialect.up_length.filter(|_| k == 0);
             let (c, s) = about(math::cos(a), math::sin(a), axis);
             turn(&mut self.s.frame, c, s);
@@ -402,6 +402,7 @@ impl Turtle<'_> {
                     self.set_end_radius(3, m);
                 }
             }
+            // Turns without a step: towards a point, or to a frame that is given.
             C::PointAt(relative) => {
                 let to = self.target(m, relative) - self.s.p;
                 if let Some(h) = to.try_normalize() {
@@ -414,6 +415,7 @@ impl Turtle<'_> {
                 let up = (m.params.len() != 3).then(|| world(v[3], v[4], v[5]));
                 self.s.frame.set(world(v[0], v[1], v[2]), up, &last);
             }
+            // Shapes, whose sizes are parameters and default to the width of the line.
             C::Sphere | C::Circle => {
                 self.close_segment();
                 let radius = given.unwrap_or(0.5 * self.s.width / scale.abs().max(1e-300));
@@ -429,6 +431,7 @@ impl Turtle<'_> {
                 }
             }
             C::Frame => self.draw_frame(given.unwrap_or(1.0), m),
+            // The tropism, which turns all following steps.
             C::Elasticity => {
                 let value = given.unwrap_or(0.0);
                 if (0.0..=1.0).contains(&value) {
@@ -539,7 +542,7 @@ impl Turtle<'_> {
                 self.set_width(first + (last - first) * (done * step / length).min(1.0));
             }
         }
-        // What is left of the length, all of it without a tropism.
+        // The rest of the length; all of it without a tropism.
         let rest = length - whole * step;
         if rest > LPY_EPSILON || whole < 1.0 {
             self.close_segment();
@@ -553,7 +556,7 @@ impl Turtle<'_> {
         }
     }
 
-    /// Sets the radius of L-Py. A negative one is told and leaves the present one.
+    /// Sets the radius of L-Py. A negative one is reported and leaves the present one.
     fn set_radius(&mut self, radius: f64, m: Module<'_>) {
         if radius < -LPY_EPSILON {
             let message = format!("a radius of {radius:.6} is negative, and is not set");

@@ -61,7 +61,7 @@ pub(super) struct RareState {
     /// Material of the texture that shapes take; `None`: no texture.
     pub(super) texture: Option<osier_scene::MaterialId>,
     pub(super) cylinder: CylinderState,
-    /// What the commands of other programs change.
+    /// State that only the commands of other programs change.
     pub(super) dialect: DialectState,
     elasticity: [f64; tropism::MAX_TROPISMS],
     tropism_elasticity: f64,
@@ -73,7 +73,7 @@ pub(super) struct Branched<T> {
     value: T,
     /// Number of open brackets.
     depth: usize,
-    /// What branches that have changed it return to, and their depths.
+    /// Values to restore at the ends of branches that have changed it, with the depths of the branches.
     saved: Vec<(usize, T)>,
 }
 
@@ -237,7 +237,7 @@ pub(super) struct Turtle<'a> {
     pub(super) asked: bool,
     /// Answers to the queries so far, in their order, and the bounds of what was drawn; positions are in turtle units.
     pub(super) answers: TurtleAnswers,
-    /// What each open sub-L-system returns to.
+    /// State that each open sub-L-system returns to.
     subsystems: Vec<OuterSize>,
 }
 

@@ -1,4 +1,4 @@
-//! What is drawn, command by command.
+//! Drawings of single commands of the turtle.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -276,13 +276,13 @@ fn oddities_are_told() {
     assert_eq!(code("@Gs@#(7)f@Ge"), ["L048"]);
     assert_eq!(code("@PD(1,2,2)@Tx(3)F"), ["L048"; 2]);
     assert_eq!(code("F@SF"), ["L043!"]);
-    // Commands for rayshade are told and left out.
+    // Commands for rayshade are reported and left out.
     for axiom in ["F@I(1)F", "F@JF", "F@moF", "F@mo(2,2,2)F"] {
         assert_eq!(code(axiom), ["L008"], "{axiom}");
         assert_eq!(draw(axiom).nodes.len(), 3, "{axiom}");
     }
     assert_eq!(code("@Ts(3,1)F"), ["L048"]);
-    // A parameter is told once for each time that it stands in the string.
+    // A parameter is reported once for each of its occurrences in the string.
     let text = "Lsystem: 1\nderivation length: 0\nAxiom: @Ts(log(0),1)F\nendlsystem";
     let (_, told) = try_draw(text, &TurtleOptions::default()).expect("draws");
     assert!(told.iter().any(|d| d.code == "L041" && !d.message.contains("times")), "{told:?}");

@@ -121,7 +121,7 @@ impl Tree {
             }
             let total = scratch.main[i] + scratch.side[i];
             let wood = scratch.wood[i] + nodes.length[i];
-            // What bears leaves interrupts the bare stretch; a fork has interrupted it already (`BORNE_TWICE`).
+            // An internode with leaves interrupts the bare stretch; a fork has interrupted it already (`BORNE_TWICE`).
             let years = year - nodes.birth[i];
             let leafy = habit.leaf_area_shoot > 0.0 && years < habit.leaf_years + 1.0;
             let bears = nodes.flags[i] & flag::OPEN != 0 || leafy;

@@ -319,15 +319,15 @@ impl Turning<'_> {
             group.is_bent[k] = if load.bends { 1.0 } else { 0.0 };
         }
         let arch = Arch::new();
-        arch.dispatch(Carrying(&mut *group));
+        arch.dispatch(BendKernel(&mut *group));
         // Bends are limited one by one, since large ones need an exponential.
         for (k, load) in group.loads[..count].iter().enumerate() {
             group.bends[k] = if load.bends { limited(load.angle, group.most[k]) / load.moment } else { 0.0 };
         }
-        arch.dispatch(Righting(&mut *group));
+        arch.dispatch(RightingKernel(&mut *group));
         for (k, i) in group.index[..count].iter().map(|i| *i as usize).enumerate() {
             let end = group.end.get(k);
-            // What follows another formula is turned by itself.
+            // Axes that need another formula are turned one by one.
             let is_usual = group.level[k] > LEVEL_EPSILON && group.sine[k] >= LEAST_SINE && group.cosine[k] >= 0.0;
             let sinks = group.base.y[k] >= LOWEST && end.y < LOWEST;
             if is_usual && !sinks {
@@ -455,9 +455,9 @@ impl TurningGroup {
 }
 
 /// The operations of [`Turning::turn`] up to the bend, in the same order, so that they have the same bits.
-struct Carrying<'a>(&'a mut TurningGroup);
+struct BendKernel<'a>(&'a mut TurningGroup);
 
-impl WithSimd for Carrying<'_> {
+impl WithSimd for BendKernel<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -478,9 +478,9 @@ impl WithSimd for Carrying<'_> {
 }
 
 /// The operations of [`Turning::turn`] from the bend on, in the same order.
-struct Righting<'a>(&'a mut TurningGroup);
+struct RightingKernel<'a>(&'a mut TurningGroup);
 
-impl WithSimd for Righting<'_> {
+impl WithSimd for RightingKernel<'_> {
     type Output = ();
 
     #[inline(always)]

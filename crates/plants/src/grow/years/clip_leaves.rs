@@ -384,7 +384,7 @@ impl LeafSlots {
             LeafSite::Along { node } => {
                 let i = node as usize;
                 let (q, id) = (wood.q[i], TreeFoliage::shoot_leaf_id(tree, i, k));
-                // What a cut leaves of an internode keeps its leaves in their places: `beyond` is what it took away.
+                // The rest of an internode that was cut keeps its leaves in place; `beyond` is the length that was cut off.
                 let (whole, length) = (self.whole_lengths[i], wood.length[i]);
                 let was_cut = whole > tree.nodes.length[i] && age >= tree.nodes.birth[i];
                 let reach = if was_cut { whole } else { length };

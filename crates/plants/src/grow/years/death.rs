@@ -92,7 +92,7 @@ impl Tree {
             if self.nodes.flags[i] & flag::FALLEN != 0 {
                 severed[i] = true;
             } else if carrier_lost {
-                self.fall(i);
+                self.mark_fallen(i);
                 severed[i] = true;
             } else if !prune.keep.holds(self.base, self.nodes.p[i]) {
                 let base = self.base;
@@ -144,10 +144,10 @@ impl Tree {
             nodes.lost[nodes.parent[i] as usize] += self.habit.pipe_memory * nodes.area[i];
             self.losses.push(Loss { at: nodes.parent[i], light: nodes.gathered[i] });
         }
-        self.fall(i);
+        self.mark_fallen(i);
     }
 
-    fn fall(&mut self, i: usize) {
+    fn mark_fallen(&mut self, i: usize) {
         self.nodes.flags[i] |= flag::FALLEN;
         self.fallen += 1;
     }
@@ -184,7 +184,7 @@ impl Tree {
         for i in 0..self.nodes.len() {
             let carrier = self.nodes.flags.get(self.nodes.parent[i] as usize).copied().unwrap_or(0);
             if carrier & flag::FALLEN != 0 && self.nodes.flags[i] & flag::FALLEN == 0 {
-                self.fall(i);
+                self.mark_fallen(i);
             }
         }
     }
@@ -251,7 +251,7 @@ impl Tree {
     }
 
     /// Passes death on to the wood that dead wood bears, and lets dead wood fall once it has stood long enough.
-    pub fn let_fall(&mut self) {
+    pub fn shed_dead_wood(&mut self) {
         let linger = self.habit.linger;
         let year = self.year as f32;
         // The stems of a dead tree stay.
@@ -271,7 +271,7 @@ impl Tree {
             // Wood that would stand for less than a year falls in the year of its death: bare twigs do not hang in summer crowns.
             let stands = linger * (nodes.r[i] / LINGER_RADIUS).min(LINGER_MAX);
             if carrier & flag::FALLEN != 0 || dead && year - f32::from(nodes.death[i]) + 1.0 > stands {
-                self.fall(i);
+                self.mark_fallen(i);
             }
         }
     }

@@ -435,7 +435,7 @@ fn a_hedge_lives_under_its_cuts() {
     }
 }
 
-/// What an oak becomes without one of the rules.
+/// An oak without one of the rules grows worse in the way that the rule prevents.
 #[test]
 fn each_rule_does_what_it_is_for() {
     only_in_release!();
@@ -497,7 +497,7 @@ fn outside(plant: &Plant, axis: &Axis, p: Vec3) -> f32 {
     (nodes.start..nodes.end - 1).map(segment).fold(f32::MAX, f32::min)
 }
 
-/// The limbs of an oak bend sharply; branches begin inside of them all the same.
+/// Branches begin inside the wood of their limb, even where the limbs of an oak bend sharply.
 #[test]
 fn branches_begin_inside_of_bent_limbs() {
     only_in_release!();

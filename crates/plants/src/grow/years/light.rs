@@ -130,7 +130,7 @@ impl Grid {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_CELLS")]
     pub fn over(bounds: Bounds) -> Self {
         let cell = cell_side(bounds.size());
-        let around = bounds.grown(MARGIN.max(cell));
+        let around = bounds.expanded(MARGIN.max(cell));
         let low = (around.min / cell).floor();
         let high = (around.max / cell).ceil();
         let count = |v: f32| (v as usize).max(1);

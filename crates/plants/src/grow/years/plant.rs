@@ -151,7 +151,7 @@ pub(super) struct NodeSite {
     pub s: f32,
 }
 
-/// What the builder reads of a tree that is shown in a clip, by node.
+/// Data of a tree in a clip that the builder needs, by node.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ClipNodes {
     /// True for a node that falls before the end of the clip. It begins a separate tube, since its parent grows thicker than it

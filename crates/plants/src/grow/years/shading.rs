@@ -60,7 +60,7 @@ impl Neighbours {
 /// in the scene.
 pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>, anchor: Vec3) -> Bounds {
     let Some(solids) = solids else { return bounds };
-    let reach = bounds.grown(SHADE_REACH);
+    let reach = bounds.expanded(SHADE_REACH);
     solids.list().iter().filter(|s| !matches!(s.form, Form::Land(_))).fold(bounds, |all, solid| {
         let b = solid.bounds();
         let (min, max) = ((b.min - anchor).max(reach.min), (b.max - anchor).min(reach.max));
@@ -74,7 +74,7 @@ pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>, ancho
 pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -> Vec<u32> {
     let mut cells = Vec::new();
     let Some(solids) = solids else { return cells };
-    let boxes: Vec<Bounds> = solids.list().iter().map(|s| s.bounds().grown(OPAQUE_REACH * grid.cell)).collect();
+    let boxes: Vec<Bounds> = solids.list().iter().map(|s| s.bounds().expanded(OPAQUE_REACH * grid.cell)).collect();
     let [nx, ny, nz] = grid.size;
     for y in 0..ny {
         for z in 0..nz {

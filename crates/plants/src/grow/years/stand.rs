@@ -122,7 +122,7 @@ impl Tree {
         self.note_darkness();
 
         // Wood on dead wood dies too; axes without a tip get a new leader; dormant buds wake for next year.
-        self.let_fall();
+        self.shed_dead_wood();
         if self.replace_leaders() {
             self.sum_light_again();
         }

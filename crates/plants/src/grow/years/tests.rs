@@ -226,7 +226,7 @@ fn areas_of_pipes_add_up_at_forks() {
         sums[nodes.parent[i] as usize] += power(nodes.r[i]);
     }
     assert!(nodes.len() > 300);
-    // What ended at the ground bears neither a tip nor a branch.
+    // Wood that ended at the ground bears neither a tip nor a branch.
     let bears = |i: usize| nodes.lives(i) && (nodes.grows(i) || sums[i] > 0.0);
     for (i, sum) in sums.iter().enumerate().filter(|(i, _)| bears(*i)) {
         let tip = if nodes.grows(i) { power(spec.habit.tip_radius) } else { 0.0 };
@@ -478,7 +478,7 @@ fn a_dead_tip_gets_a_new_leader() {
     tree.nodes.vigour = vec![3.0, 3.0, 0.0, 2.0, 1.0, 1.0, 1.0];
     tree.year = 5;
     tree.sum_light(true);
-    tree.let_fall();
+    tree.shed_dead_wood();
     assert!(!tree.nodes.lives(2));
     assert!(tree.replace_leaders());
     tree.sum_light_again();
@@ -527,7 +527,7 @@ fn a_plant_has_the_wood_and_the_leaf_area_of_its_tree() {
     let mean = plant.organs.iter().map(|o| f64::from(o.scale) * f64::from(o.scale)).sum::<f64>();
     let model = f64::from(grown.measures().leaf_area);
     assert!((mean / model - 1.0).abs() < 0.02, "{mean} {model}");
-    // Wood: the length of axes is that of the internodes, but for the nodes that straight pieces leave out.
+    // Wood: the length of axes is that of the internodes, except for nodes that straight pieces leave out.
     let nodes = &grown.tree.nodes;
     let wood: f32 = (0..nodes.len()).filter(|i| nodes.flags[*i] & flag::FALLEN == 0).map(|i| nodes.length[i]).sum();
     let length: f32 = plant.axes.iter().map(|a| a.length).sum();

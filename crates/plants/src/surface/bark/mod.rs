@@ -33,7 +33,7 @@ pub enum BarkRelief {
 pub struct BarkSpec {
     /// What the cracks enclose.
     pub relief: BarkRelief,
-    /// Plates around and up a tile, 1..=64; of ridges the number is that of the waves of their furrows.
+    /// Plates around and up a tile, 1..=64; of ridged bark the waves of its furrows.
     pub plates: [u32; 2],
     /// Largest displacement of plates, fibres and marks across and up, shares of the tile, 0..0.5.
     pub warp: [f32; 2],

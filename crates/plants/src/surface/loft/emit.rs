@@ -22,14 +22,14 @@ pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &TubePlans, layo
     // Reuse the old buffers: a skin of a million points costs more in page faults than in arithmetic.
     let old = std::mem::take(&mut skin.mesh);
     skin.mesh = Mesh {
-        points: sized(old.points, points),
-        normals: sized(old.normals, points),
-        uvs: sized(old.uvs, points),
-        triangles: sized(old.triangles, triangles),
+        points: resized(old.points, points),
+        normals: resized(old.normals, points),
+        uvs: resized(old.uvs, points),
+        triangles: resized(old.triangles, triangles),
         subsets: subsets(&layout.subsets),
         ..Mesh::default()
     };
-    skin.bindings = sized(std::mem::take(&mut skin.bindings), points);
+    skin.bindings = resized(std::mem::take(&mut skin.bindings), points);
     let context = SkinContext { plant, options, plans, params: &layout.params, circles: &circles };
     let mut tasks = split_arrays(&layout.tubes, &mut skin.mesh, &mut skin.bindings);
     par_each(&mut tasks, |(tubes, out)| {
@@ -41,7 +41,7 @@ pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &TubePlans, layo
 }
 
 /// The buffer with `n` entries. The caller overwrites them all, so old entries are not cleared.
-fn sized<T: bytemuck::Zeroable + Clone>(mut buffer: Vec<T>, n: usize) -> Vec<T> {
+fn resized<T: bytemuck::Zeroable + Clone>(mut buffer: Vec<T>, n: usize) -> Vec<T> {
     if buffer.capacity() < n {
         drop(buffer);
         return bytemuck::zeroed_vec(n);
@@ -112,7 +112,7 @@ fn write_tube(tube: &TubeInputs<'_>, out: &mut TubeWriter<'_>) {
     let mut below = write_start(tube, ridges.as_ref(), out);
     for (k, ring) in tube.rings.iter().enumerate() {
         let first = out.ring(&tube.point_ring(ring, v_scale), tube.circle);
-        // The last ring stays round: its cap, and branches that go on from it, join it there.
+        // The last ring stays round: its cap, and branches that continue from it, join it there.
         if let Some(ridges) = ridges.as_ref().filter(|_| k + 1 < tube.rings.len()) {
             ridges.shape(tube, ring, first, false, out);
         }
@@ -145,7 +145,7 @@ fn write_start(tube: &TubeInputs<'_>, ridges: Option<&Ridges>, out: &mut TubeWri
 fn write_end(tube: &TubeInputs<'_>, ring: &Ring, below: u32, out: &mut TubeWriter<'_>) {
     let n = tube.params.sides;
     let base = tube.point_ring(ring, v_scale(tube.context.options, &tube.params));
-    // The ring shifted along its tangent, for domes and tips; v goes on as on the wall.
+    // The ring shifted along its tangent, for domes and tips; v continues as on the wall.
     let raised = |height: f32, v: f32| PointRing {
         c: base.c + ring.t * (height * ring.r),
         uv: [base.uv[0], base.uv[1], base.uv[2] + v],

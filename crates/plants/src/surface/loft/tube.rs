@@ -1,4 +1,4 @@
-//! What the writing of one tube reads, and the rings and discs that all tubes share.
+//! Input of the mesh of one tube, and the rings and discs that all tubes share.
 
 use glam::{Vec2, Vec3};
 

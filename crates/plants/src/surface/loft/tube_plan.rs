@@ -257,7 +257,7 @@ impl TubePlanner<'_> {
         }
     }
 
-    /// Centreline of a branch that goes on from its parent's tip: it begins with the parent's last ring and bends into
+    /// Centreline of a branch that continues from its parent's tip: it begins with the parent's last ring and bends into
     /// its own course. Returns the tangent of that ring, or none if the branch is too thin or turns too sharply.
     fn continuation_curve(&self, parent: &Axis, curve: &mut Vec<CurvePoint>) -> Option<Vec3> {
         let last = self.plant.nodes_of(parent).end - 1;

@@ -40,7 +40,7 @@ impl Terrain {
         let across = ((columns - 1 + stride / 2) / stride).max((columns - 1).div_ceil(rows - 1));
         let along = (rows - 1) * across / (columns - 1);
         let kept = [across + 1, along + 1];
-        // What is left of the map along z, in samples times `across`: half of it lies before the first row.
+        // The rest of the map along z, in samples times `across`; half of it lies before the first row.
         let rest = (rows - 1) * across - along * (columns - 1);
         // Depth over width: that of the map if nothing is left.
         let [z, x] = if rest == 0 { [rows - 1, columns - 1] } else { [along, across] };

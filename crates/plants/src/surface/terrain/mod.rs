@@ -145,8 +145,8 @@ impl Terrain {
         self.size[axis] * (i as f32 / (self.counts[axis] - 1) as f32 - 0.5) + self.center[axis]
     }
 
-    /// Shares of the way from -x to +x and from -z to +z at (x, z); outside of 0 to 1 beyond the land.
-    pub(crate) fn shares(&self, [x, z]: [f32; 2]) -> [f32; 2] {
+    /// Position of (x, z) on the land, 0 to 1 from -x to +x and from -z to +z; outside of 0 to 1 beyond the land.
+    pub(crate) fn relative_position(&self, [x, z]: [f32; 2]) -> [f32; 2] {
         [(x - self.center[0]) / self.size[0] + 0.5, (z - self.center[1]) / self.size[1] + 0.5]
     }
 
@@ -192,7 +192,7 @@ impl Terrain {
             let i = (u as usize).min(cells - 1);
             (i * self.stride, u - i as f32)
         };
-        let [u, v] = self.shares([x, z]);
+        let [u, v] = self.relative_position([x, z]);
         let ((i, f), (j, g)) = (across(self.counts[0], u), across(self.counts[1], v));
         let [a, b, c, d] = self.corners(i, j);
         // The plane of the triangle that holds the point: h + f dx + g dz, from the corner heights.

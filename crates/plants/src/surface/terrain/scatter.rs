@@ -229,7 +229,7 @@ fn candidate_position(cells: &ScatterGrid, land: &Terrain, cell: usize, rng: &mu
 
 /// Share, 0 to 1, of the positions at (x, z) that get a point: the product of density, mask, the fading rim of the disc and patches.
 fn used_share(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
-    let [x, y] = land.shares(at);
+    let [x, y] = land.relative_position(at);
     let mut share = params.density * params.mask.as_ref().map_or(1.0, |mask| mask.at(x, y));
     if let Some(d) = params.disc {
         let away = math::sqrt_f32(distance_squared(at, d.at));
@@ -458,7 +458,7 @@ mod tests {
 
     #[test]
     fn a_disc_takes_nothing_from_its_surroundings() {
-        // What stands inside does not depend on how far the disc reaches, away from its rim.
+        // Positions away from the rim do not depend on the radius of the disc.
         let land = land();
         let of = |radius| {
             let disc = ScatterDisc { at: [0.0; 2], radius, inner: 0.0, fade: 0.0 };
