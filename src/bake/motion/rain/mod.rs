@@ -59,6 +59,9 @@ const DEFAULT_SUBSTEPS: u32 = 8;
 const DEFAULT_STEPS_PER_SECOND: f64 = 192.0;
 /// Bytes of recorded drops that count as one key of the limit `motion-keys`.
 const BYTES_PER_KEY: u64 = 64;
+/// Gravity below which a message about too many drops names it, m/s^2. Own: that of the Moon, under which drops fall 2.5 times as
+/// slowly as on Earth, is 1.62.
+const SLOW_GRAVITY: f64 = 1.6;
 /// Name of the quantity counted against the limit `motion-keys`, for its message.
 const LIMITED_QUANTITY: &str = "the number of leaves and raindrops times frames";
 /// Index of refraction of the material of drops.
@@ -295,9 +298,9 @@ fn simulate_rain(
     let clip = recipe.clip;
     let frames = clip.len() as u64;
     // An estimate simulates the first interval of the whole clip's rain: the total number of drops belongs to all of it.
-    let rainfall = params::rainfall_params(rain, full.unwrap_or(recipe));
+    let whole = full.unwrap_or(recipe);
+    let rainfall = params::rainfall_params(rain, whole);
     let height = f64::from(bounds.size().y);
-    let fall_time = longest_fall(height, rain.keys.gravity).min(rainfall.duration);
     let lowest = f64::from(bounds.min.y);
     // In scenes without a ground, drops end below the lowest point of plants and solids.
     let ground = ground.into_height(solids.heights().map_or(lowest, |[low, _]| low.min(lowest)));
@@ -308,7 +311,15 @@ fn simulate_rain(
     });
     let emitter = rain.keys.falls.then(|| RainEmitter::new(rainfall, bounds, wind.clone()));
     let (rate, area) = (emitter.as_ref().map(RainEmitter::rate), emitter.as_ref().map(RainEmitter::area));
-    check_memory(&emitter, fall_time, frames, scene_leaves.len(), context)?;
+    RainCost {
+        drop_rate: emitter.as_ref().map_or(0.0, RainEmitter::mean_drop_rate),
+        fall_time: longest_fall(height, rain.keys.gravity),
+        duration: whole.clip.len() as f64 / whole.clip.fps() + whole.rain.as_ref().map_or(0.0, |r| r.keys.spin_up),
+        step,
+        frames: whole.clip.len() as u64,
+        leaves: scene_leaves.len(),
+    }
+    .check(rain, context)?;
     let expected = full.zip(emitter.as_ref()).map(|(f, e)| ExpectedDrops::new(e, height, &scene_leaves, f, &picture));
     let leaves = scene_leaves.iter().enumerate().map(|(i, f)| {
         let leaf = RainLeaf::new(Arc::clone(&f.surface), f.scale, i as u64);
@@ -415,20 +426,57 @@ fn longest_fall(height: f64, gravity: f64) -> f64 {
     (height + 1.0) / (2.0 * osier_base::math::sqrt(gravity / osier_base::physics::GRAVITY))
 }
 
-/// Checks the memory of leaf poses and airborne drops over all frames before anything is simulated. Drops on leaves are counted as
-/// they are recorded ([`record_frames`]). `fall_time`: for which drops are in the air, s.
-fn check_memory(
-    emitter: &Option<RainEmitter>,
+/// What the rain of a bake takes, predicted before anything is simulated. Drops on leaves are counted as they are recorded
+/// ([`record_frames`]).
+#[derive(Debug, Clone, Copy)]
+struct RainCost {
+    /// Mean number of drops that are emitted per second.
+    drop_rate: f64,
+    /// Longest time for which a drop is in the air, s.
     fall_time: f64,
+    /// Duration of spin-up and clip, s.
+    duration: f64,
+    /// Time step, s.
+    step: f64,
+    /// Number of frames of the clip.
     frames: u64,
+    /// Number of leaves that drops can strike.
     leaves: usize,
-    context: &BakeContext<'_>,
-) -> Result<()> {
-    // Drops in the air at once: emission rate times the fall time; 96 bytes each.
-    let falling = emitter.as_ref().map_or(0.0, RainEmitter::mean_drop_rate) * fall_time * 96.0;
-    let drops = (falling + (leaves * size_of::<LeafPose>()) as f64) * frames as f64 / BYTES_PER_KEY as f64;
+}
+
+impl RainCost {
+    /// Time for which drops fall within the simulation, s.
+    fn time_in_air(&self) -> f64 {
+        self.fall_time.min(self.duration)
+    }
+
+    /// Recorded leaf poses and airborne drops of all frames, in units of [`BYTES_PER_KEY`].
+    fn recorded_keys(&self) -> f64 {
+        // Drops in the air at once: emission rate times the fall time; 96 bytes each.
+        let falling = self.drop_rate * self.time_in_air() * 96.0;
+        (falling + (self.leaves * size_of::<LeafPose>()) as f64) * self.frames as f64 / BYTES_PER_KEY as f64
+    }
+
+    /// Drops in the air, added up over all time steps. Their number rises evenly until the first ones land, then stays.
+    fn drop_steps(&self) -> f64 {
+        let rise = self.time_in_air();
+        self.drop_rate * rise * (self.duration - 0.5 * rise) / self.step
+    }
+
+    /// Compares the record with the limit `motion-keys` and the work with `drop-steps`.
+    /// # Errors
+    /// `Limit`.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "compared, saturating")]
-    context.limits.check("motion-keys", drops as u64, LIMITED_QUANTITY)
+    fn check(&self, rain: &RainRecipe, context: &BakeContext<'_>) -> Result<()> {
+        let amount = if rain.keys.total.is_some() { "rain.total" } else { "rain.rate_mm_per_h" };
+        // Under little gravity drops fall slowly, and the wind carries them from far away.
+        let slow = if rain.keys.gravity < SLOW_GRAVITY { ", or raise rain.gravity" } else { "" };
+        let record = format!("lower {amount} or the number of frames{slow}");
+        context.limits.check_with_help("motion-keys", self.recorded_keys() as u64, LIMITED_QUANTITY, &record)?;
+        let work = format!("lower {amount}, wind.speed or rain.spin_up_s{slow}");
+        let what = "the number of raindrops in the air times time steps";
+        context.limits.check_with_help("drop-steps", self.drop_steps() as u64, what, &work)
+    }
 }
 
 /// Time steps per frame where rods need no more.

@@ -1,4 +1,4 @@
-use super::{default_substeps, longest_fall, steps_per_frame};
+use super::{RainCost, default_substeps, longest_fall, steps_per_frame};
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
 use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_scene};
@@ -68,6 +68,25 @@ fn low_frame_rates_have_no_longer_time_steps() {
 #[test]
 fn drops_fall_longer_under_less_gravity() {
     assert!((longest_fall(9.0, 9.81) - 5.0).abs() < 1e-12 && (longest_fall(9.0, 9.81 / 4.0) - 10.0).abs() < 1e-12);
+}
+
+#[test]
+fn the_work_of_drops_in_the_air_is_held_to_a_limit() {
+    let cost = RainCost { drop_rate: 100.0, fall_time: 2.0, duration: 10.0, step: 0.01, frames: 24, leaves: 3 };
+    // 200 drops are in the air at once, after two seconds in which their number rises; none lands within one second.
+    assert!((cost.drop_steps() - 200.0 * 9.0 * 100.0).abs() < 1e-6, "{}", cost.drop_steps());
+    let short = RainCost { duration: 1.0, ..cost };
+    assert!((short.drop_steps() - 50.0 * 100.0).abs() < 1e-6, "{}", short.drop_steps());
+    // Where drops fall slowly, the wind carries them from far away: more are in the air than a bake could ever move.
+    let storm = "gravity = 0.01\n[wind]\nmodel = \"gust\"\nspeed = 6\n";
+    let mut limits = Limits::default();
+    limits.set("drop-steps", "100M").expect("a limit");
+    limits.set("motion-keys", "none").expect("a limit");
+    let said = within(&limits, storm).err().map(|e| e.to_string()).expect("too much");
+    assert!(said.contains("raindrops in the air times time steps") && said.contains("--max-drop-steps"), "{said}");
+    assert!(said.contains("lower rain.rate_mm_per_h, wind.speed or rain.spin_up_s, or raise rain.gravity"), "{said}");
+    let said = within(&limits, &format!("total = 90_000_000\n{storm}")).err().map(|e| e.to_string()).expect("too much");
+    assert!(said.contains("lower rain.total"), "{said}");
 }
 
 #[test]
