@@ -144,6 +144,8 @@ struct SimulatedRain {
     wet_film: Option<WetFilm>,
     /// Expected contents of a frame, averaged over the whole clip; only in an estimate of falling rain.
     expected: Option<ExpectedDrops>,
+    /// Numbers of leaves that drops can strike, by plant asset.
+    leaf_counts: Vec<u64>,
 }
 
 /// A film of water that earlier rain has left on the surfaces that it reached.
@@ -162,6 +164,8 @@ pub(crate) struct AddedRain {
     pub(crate) map_sequences: Vec<MapSequence>,
     /// Statistics, one row per frame; `None` in a still scene.
     pub(crate) table: Option<Table>,
+    /// Numbers of leaves that drops can strike, by plant asset.
+    pub(crate) leaf_counts: Vec<u64>,
     wet_film: Option<WetFilm>,
 }
 
@@ -256,6 +260,7 @@ pub(crate) fn add_rain(
     Ok(AddedRain {
         map_sequences: simulated.map_sequences,
         table: moves.then_some(simulated.table),
+        leaf_counts: simulated.leaf_counts,
         wet_film: simulated.wet_film,
     })
 }
@@ -272,6 +277,8 @@ fn simulate_rain(
 
     // Targets: leaf blades on plants that rods or the wind move, or on static ones.
     let scene_leaves = scene_leaves(assets, materials, images, transforms, &plant_motions, report);
+    let mut leaf_counts = vec![0_u64; assets.len()];
+    scene_leaves.iter().for_each(|leaf| leaf_counts[leaf.instance.asset] += 1);
     let picture = ScreenScale::new(recipe, rest_bounds(assets, transforms).fold(Bounds::default(), Bounds::union));
     let mapped_leaves = select_mapped_leaves(recipe, &scene_leaves, &picture);
     let steps = steps_per_frame(rain, recipe, &plant_motions, wind.as_deref());
@@ -385,6 +392,7 @@ fn simulate_rain(
         table,
         wet_film,
         expected,
+        leaf_counts,
     })
 }
 

@@ -1,7 +1,7 @@
 use super::{RainCost, default_substeps, longest_fall, steps_per_frame};
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
-use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_scene};
+use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_for_estimate, assemble_scene};
 use crate::recipe::{Request, resolve};
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Silent};
@@ -50,6 +50,25 @@ fn what_a_clip_of_drops_keeps_is_held_to_the_limit() {
         let said = refused(keys, more).expect("too much");
         assert!(said.contains("leaves and raindrops times frames") && said.contains("--max-motion-keys"), "{said}");
     }
+}
+
+/// Catkins are instances, too, but no drop strikes them.
+#[test]
+fn memory_of_rain_is_predicted_for_the_leaves_that_drops_strike() {
+    let record = |more: &str| {
+        let request = Request { name: "test".into(), text: format!("{SCENE}{more}"), ..Request::default() };
+        let (recipe, _) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
+        let (limits, cancel) = (Limits::default(), Cancel::default());
+        let context = BakeContext { limits: &limits, cancel: &cancel, progress: &Silent, cache: None };
+        let built = assemble_for_estimate(&recipe, SceneOptions::default(), &context).expect("an estimate");
+        let counts = built.counts(&recipe, &[1, 2, 3, 4, 5, 6, 7, 8]);
+        let bytes = counts.memory.iter().find(|part| part.0 == "record of rain").expect("a record of rain").1;
+        (built.rained_leaves, counts.instances, bytes)
+    };
+    let (leaves, instances, bytes) = record("");
+    let (with_catkins, more_instances, same) = record("[catkin]\nlod = 3\n[flight]\ncount = 500\nrelease = \"sky\"\n");
+    assert_eq!((leaves, with_catkins), (6, 6));
+    assert!(more_instances == instances + 500 && bytes == same, "{instances} {more_instances}: {bytes} {same}");
 }
 
 #[test]
