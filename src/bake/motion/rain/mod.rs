@@ -35,7 +35,7 @@ use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
 use crate::recipe::scene::{RainRecipe, SwayStart};
 use osier_base::Result;
-use osier_base::convert::{index, limit, to_usize};
+use osier_base::convert::{index, limit, saturating_index, to_usize};
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
@@ -287,8 +287,17 @@ fn simulate_rain(
     let lead = spin_up_steps(rain, step) as f64 * step;
     let wind = wind.map(|wind| Arc::new(ShiftedWind { wind, lead }) as Arc<dyn Wind>);
     let starts_from_rest = recipe.sway.start == SwayStart::Rest;
-    let rod_spin_up_steps = if full.is_some() || starts_from_rest { 0 } else { rod_spin_up_steps(step) };
-    let clock = RainClock { fps: recipe.clip.fps(), lead, step, rod_spin_up_steps, gravity: rain.keys.gravity };
+    // A trial of plants that start at rest reads the wind at no time at which the rain does not.
+    let simulated_steps = spin_up_steps(rain, step) + u64::from(steps) * (recipe.clip.len() as u64).saturating_sub(1);
+    let trial_steps = if starts_from_rest { saturating_index(limit(simulated_steps)) } else { u32::MAX };
+    let clock = RainClock {
+        fps: recipe.clip.fps(),
+        lead,
+        step,
+        rod_spin_up_steps: if full.is_some() { 0 } else { rod_spin_up_steps(step).min(trial_steps) },
+        rods_start_at_rest: starts_from_rest,
+        gravity: rain.keys.gravity,
+    };
     // For each plant a target, which drops hit and load, and a recorder, which turns its state into frames of the asset.
     let (mut targets, mut recorders) = (Vec::new(), Vec::new());
     for (k, motion) in plant_motions.into_iter().enumerate() {
@@ -422,7 +431,7 @@ fn rest_bounds<'a>(assets: &'a [Asset], transforms: &'a [Trs]) -> impl Iterator<
     })
 }
 
-/// World bounds of the plants, m; those that the wind moves are bounded over their sway.
+/// World bounds of the plants, m; those that the wind moves are bounded over their motion.
 fn plant_bounds(assets: &[Asset], transforms: &[Trs], recorders: &[RainedPlantRecorder]) -> Bounds {
     let bounds = rest_bounds(assets, transforms).zip(recorders).map(|(rest, recorder)| recorder.bounds_in_wind(rest));
     bounds.fold(Bounds::default(), Bounds::union)

@@ -213,6 +213,23 @@ fn leaves_on_rods_give_way() {
     assert!(moved);
 }
 
+/// Rain is emitted for where the plants are in the wind. Falling drops are framed by the bounds of the plants.
+#[test]
+fn rain_falls_where_the_wind_bends_plants_on_rods() {
+    let reach = |more: &str| {
+        let built = built(&format!("[plants.twig.rods]\ncompliance = 10\n{more}"));
+        let rain = built.animated.scene.assets.iter().find(|asset| asset.id == "rain").expect("rain");
+        rain.points.first().expect("falling drops").reach
+    };
+    let wind = "[wind]\nmodel = \"uniform\"\nspeed = 25\n";
+    let calm = reach("");
+    for more in [wind.to_owned(), format!("{wind}[sway]\nstart = \"rest\"\n")] {
+        let bent = reach(&more);
+        let beyond = (bent.max - calm.max).max(calm.min - bent.min);
+        assert!(beyond.max_element() > 0.02, "{more}: {beyond}");
+    }
+}
+
 #[test]
 fn height_maps_hold_relief_and_water_and_water_maps_the_water() {
     let more = "falls = false\n[[rain.lying]]\nleaf = 0\nat = [0.5, 0.5]\nvolume_mm3 = 3\n";
