@@ -343,6 +343,7 @@ impl Resolver<'_> {
         // The hash covers all fields above and must be computed last.
         recipe.moves = clip.len() > 1 && recipe.blows();
         recipe.hash = hash(&recipe, &self.inputs);
+        self.check_lattice(root, &recipe);
         self.report_ignored_keys(root, &recipe);
         recipe
     }

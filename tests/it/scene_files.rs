@@ -94,6 +94,28 @@ fn a_picture_has_the_bits_of_a_png() {
 }
 
 #[test]
+fn time_steps_that_do_not_fit_a_lattice_wind_are_told_with_their_line() {
+    let scene = |keys: &str| {
+        format!(
+            "[frames]\nend = 4\n[plants.oak]\ngrammar = \"oak.l\"\n[wind]\nmodel = \"lattice\"\nspeed = 20\n\
+             [wind.lattice]\ncells = [16, 16, 16]\n{keys}\n"
+        )
+    };
+    for (keys, line, text) in [
+        ("steps = 1", 10, "wind.lattice.steps is 1, but this wind needs 24 or more per frame"),
+        ("smagorinsky = 0", 10, "wind.lattice.smagorinsky is 0, but the relaxation time is only 0.5005 steps"),
+        ("smagorinsky = 0\ntau_floor = 0.503", 11, "the relaxation time is only 0.503 steps"),
+    ] {
+        let said = read(&scene(keys), &[]).expect_err("does not fit");
+        assert!(said.contains("S004") && said.contains(text), "{said}");
+        assert!(said.contains(&format!("scenes/test.toml:{line}:")), "{said}");
+    }
+    for keys in ["steps = 24", "smagorinsky = 0\ntau_floor = 0.505", "solver = \"analytic\"\nsteps = 1"] {
+        assert!(read(&scene(keys), &[]).is_ok(), "{keys}");
+    }
+}
+
+#[test]
 fn an_empty_table_of_plants_is_no_plant() {
     let said = read("[plants]\n", &[]).expect_err("no plants");
     assert!(said.contains("S006") && said.contains("the scene has no plants"), "{said}");
