@@ -116,6 +116,15 @@ fn time_steps_that_do_not_fit_a_lattice_wind_are_told_with_their_line() {
 }
 
 #[test]
+fn a_picture_has_whole_pixels() {
+    let size = |size: &str| read(&format!("{GOOD}[output.pov]\nsize = {size}\n"), &[]);
+    assert!(size("[960, 720]").is_ok());
+    let said = size("[960.5, 720]").expect_err("half a pixel");
+    assert!(said.contains("S004") && said.contains("output.pov.size is 960.5 by 720 pixels"), "{said}");
+    assert!(said.contains("scenes/test.toml:27:8") && said.contains("write size = [961, 720]"), "{said}");
+}
+
+#[test]
 fn an_empty_table_of_plants_is_no_plant() {
     let said = read("[plants]\n", &[]).expect_err("no plants");
     assert!(said.contains("S006") && said.contains("the scene has no plants"), "{said}");
@@ -524,6 +533,11 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "rod.0.on_at",
             "[[rod]]\nname = \"b\"\npoints = [[0, 0, 0], [0, 1, 0]]\n[[rod]]\non = \"b\"\non_at = 0.5\npoints = [[0, 0.5, 0], [1, 1, 0]]\n",
         ),
+        (
+            "[terrain]\nsubdivisions = 3\n[[scatter]]\nplants = { a = 1 }\nclear = 3\n",
+            "scatter.0.clear",
+            "[terrain]\nsubdivisions = 3\n[[place]]\nplant = \"a\"\n[[scatter]]\nplants = { a = 1 }\nclear = 3\n",
+        ),
         ("[maps]\nresolution = 64\n", "maps", "[rain]\n[maps]\nresolution = 64\n"),
         ("[camera]\neye = [1, 2, 3]\ndistance = 2\n", "camera.distance", "[camera]\ndistance = 2\n"),
     ];
@@ -555,6 +569,12 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     let site = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.site]\nlatitude = 20\n";
     assert_eq!(without_effect(site), ["plants.a.site.latitude has no effect"]);
     assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());
+    let solid = "[[solid]]\nsize = [1, 1, 1]\n";
+    let bush = "[plants.a]\nshapes = \"bush.shapes\"\n[plants.a.growth]\nsolids = true\n";
+    for (text, table) in [(site.replace("latitude = 20", "solids = true").as_str(), "site"), (bush, "growth")] {
+        assert_eq!(without_effect(text), [format!("plants.a.{table}.solids has no effect")]);
+        assert!(without_effect(&format!("{text}{solid}")).is_empty(), "{table}");
+    }
     // Latitudes without a date, in the scene, in a plant and beside another one.
     let hazel = "[plants.a]\nspecies = \"hazel\"\nage = 2\n";
     assert_eq!(without_effect(&format!("season = 0.8\nlatitude = 20\n{hazel}")), ["latitude has no effect"]);
