@@ -5,54 +5,24 @@ use std::process::Command;
 
 use glam::Vec3;
 use osier::bake::BakeContext;
-use osier::bake::motion::{self, FrameTime, PointOnAxis};
+use osier::bake::motion::{FrameTime, PointOnAxis};
 use osier::bake::scene::{self, AssembledScene, SceneOptions};
 use osier::limits::Limits;
 use osier::presets::PRESETS;
 use osier::progress::{Cancel, Silent};
-use osier::recipe::{Growth, Recipe, Request, resolve};
+use osier::recipe::Growth;
 use osier::scene::plant::Plant;
 use osier::scene::{Asset, AssetFrame, Frame, InstancerFrame, MeshFrame, asset_bounds};
 use osier::solid::{Form, Prism, Solid};
 use serde_json::Value;
 
+use crate::common::clients;
 use crate::common::program::{arg, ends};
-use crate::common::{clients, grown};
-
-fn request(text: &str) -> Request {
-    Request { name: "s".into(), shown: "s.toml".into(), text: text.into(), ..Request::default() }
-}
-
-fn recipe(text: &str) -> Recipe {
-    let mut recipe = resolve(&request(text)).unwrap_or_else(|e| panic!("{e}")).0;
-    grown::small(&mut recipe);
-    recipe
-}
-
-fn assembled(text: &str) -> AssembledScene {
-    grown::stage(&recipe(text), SceneOptions::default())
-}
-
-fn evaluated(scene: &AssembledScene, numbers: &[u32]) -> Vec<Frame> {
-    let animated = &scene.animated;
-    let frame = |n: &u32| motion::evaluate_frame(&animated.scene, &animated.motions, *n, false).expect("a frame");
-    numbers.iter().map(frame).collect()
-}
+use crate::common::scene_text::{assembled, complaint, evaluated, recipe};
 
 /// The plants of a scene, in the order of their places.
 fn trees(text: &str) -> Vec<Asset> {
     assembled(text).animated.scene.assets.iter().filter(|a| a.group == "a").cloned().collect()
-}
-
-/// What resolving and assembling a scene complains of.
-fn complaint(text: &str) -> String {
-    let recipe = match resolve(&request(text)) {
-        Ok((recipe, report)) if report.diagnostics.is_empty() => recipe,
-        Ok((_, report)) => return format!("{}", osier::Error::Input(Box::new(report))),
-        Err(e) => return e.to_string(),
-    };
-    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
-    scene::assemble_scene(&recipe, SceneOptions::default(), &work).map_or_else(|e| e.to_string(), |_| String::new())
 }
 
 /// Points of a tree's bark, in its own space.

@@ -4,15 +4,18 @@
 use osier::Error;
 use osier::recipe::{Recipe, Request, options, resolve};
 
-fn read(text: &str, set: &[&str]) -> Result<Recipe, String> {
-    let request = Request {
+fn request(text: &str, set: &[&str]) -> Request {
+    Request {
         name: "Test Scene".into(),
         shown: "scenes/test.toml".into(),
         text: text.into(),
         set: set.iter().map(|s| (*s).to_owned()).collect(),
         ..Request::default()
-    };
-    match resolve(&request) {
+    }
+}
+
+fn read(text: &str, set: &[&str]) -> Result<Recipe, String> {
+    match resolve(&request(text, set)) {
         Ok((recipe, _)) => Ok(recipe),
         Err(Error::Input(report)) => Err(report.to_string()),
         Err(e) => panic!("{e}"),
@@ -390,8 +393,7 @@ fn a_value_without_a_define_of_its_name_is_an_error_where_the_scene_has_it() {
 
 /// Messages of the warnings S007 about a scene.
 fn without_effect(text: &str) -> Vec<String> {
-    let request = Request { name: "s".into(), shown: "s.toml".into(), text: text.into(), ..Request::default() };
-    match resolve(&request) {
+    match resolve(&request(text, &[])) {
         Ok((_, report)) => report.diagnostics.into_iter().filter(|d| d.code == "S007").map(|d| d.message).collect(),
         Err(e) => panic!("{text}: {e}"),
     }
