@@ -47,6 +47,11 @@ def build_all(bake: Bake, token: str, existing: dict[str, bpy.types.Material], k
     return built
 
 
+def remove_unused(items: Iterable[bpy.types.Material]) -> None:
+    """Removes the materials that no object has, as that of dead wood of a tree without any: Blender would show them with 0 users."""
+    bpy.data.batch_remove([material for material in items if material.users == 0])
+
+
 def originals(items: Iterable[bpy.types.Material]) -> dict[str, bpy.types.Material]:
     """The materials of an import by their names in the bake. Copies that the user has made have the identifier of their original, but
     neither its name nor, once they are changed, its nodes.

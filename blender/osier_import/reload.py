@@ -64,6 +64,8 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
     if unwanted:
         notes.append(f"{len(unwanted)} objects that were deleted stay deleted: import the bake again to see them")
     _replace(collection, temporary, old, old_groups, objects, before.added(["collections"]), unwanted)
+    # Earlier materials may be without users because the user wants it so.
+    materials.remove_unused(m for m in placeholders.values() if m not in mine.values())
     notes += _set_view(bake, token, collection, scenes)
     for same in [c for c in marked(bpy.data.collections, token, "osier_hash") if c == collection or c["osier_manifest"] == bake.path]:
         stage.mark(same, bake, token, names)

@@ -84,6 +84,7 @@ def import_bake(context: bpy.types.Context, bake: Bake, into: str, look: str) ->
         notes = list(bake.notes)
         built = materials.build_all(bake, token, {}, notes)
         objects = build(context, scene, bake, collection, built, token)
+        materials.remove_unused(built.values())
         if bake.view:
             sky = world.build_world(bake)
             sky["osier_bake"] = token

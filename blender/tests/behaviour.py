@@ -150,9 +150,10 @@ def colors_at_points_are_seen(manifest: str, _other: str, folder: pathlib.Path) 
     path.write_text(json.dumps(data))
     load(str(path))
     made = {m["osier_id"].split(":", 1)[1]: m.node_tree.nodes for m in bpy.data.materials if "osier_id" in m}
-    for material in data["materials"]:
-        reads = "osier own color" in made[material["name"]]
-        assert reads == material["params"]["vertex_colors"], material["name"]
+    entries = {material["name"]: material for material in data["materials"]}
+    assert any(entries[name]["class"] == "leaf" for name in made), made
+    for name, nodes in made.items():
+        assert ("osier own color" in nodes) == entries[name]["params"]["vertex_colors"], name
 
 
 def leaves_without_maps_of_water_are_told(manifest: str, other: str, folder: pathlib.Path) -> None:
@@ -408,10 +409,27 @@ def new_materials_reload(manifest: str, _other: str, folder: pathlib.Path) -> No
     fresh()
     path, data = changed_copy(manifest, folder / "new_material")
     load(str(path))
-    added = {**data["materials"][0], "name": "added"}
-    path.write_text(json.dumps({**data, "bake_hash": "1" * 64, "materials": [*data["materials"], added]}))
+    # One that the user has removed is built again, as is one that the earlier bake did not have.
+    name = next(m.name for m in bpy.data.materials if "osier_id" in m)
+    bpy.data.materials.remove(bpy.data.materials[name])
+    path.write_text(json.dumps({**data, "bake_hash": "1" * 64}))
     assert bpy.ops.osier.reload() == {"FINISHED"}
-    assert "osier surface" in bpy.data.materials["added"].node_tree.nodes
+    assert "osier surface" in bpy.data.materials[name].node_tree.nodes and bpy.data.materials[name].users > 0
+
+
+def materials_without_users_are_left_out(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    path, data = changed_copy(manifest, folder / "unused_material")
+    unused = {**data["materials"][0], "name": "unused"}
+    path.write_text(json.dumps({**data, "materials": [*data["materials"], unused]}))
+    load(str(path))
+    assert "unused" not in bpy.data.materials
+    before = sorted(m.name for m in bpy.data.materials)
+    assert all(m.users for m in bpy.data.materials if "osier_id" in m), before
+    more = [*data["materials"], unused, {**unused, "name": "also_unused"}]
+    path.write_text(json.dumps({**data, "bake_hash": "1" * 64, "materials": more}))
+    assert bpy.ops.osier.reload() == {"FINISHED"}
+    assert sorted(m.name for m in bpy.data.materials) == before, before
 
 
 def linked_bakes_stay(manifest: str, _other: str, folder: pathlib.Path) -> None:
@@ -550,6 +568,7 @@ def main() -> None:
         projects_reload_where_they_are,
         another_name_of_the_scene_keeps_the_objects,
         new_materials_reload,
+        materials_without_users_are_left_out,
         linked_bakes_stay,
         names_of_materials_that_are_too_long_are_told,
         files_open_again,

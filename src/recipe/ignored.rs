@@ -75,7 +75,9 @@ impl Resolver<'_> {
         self.report_unmet(Some(root), "", &[latitude]);
         for plant in &recipe.plants {
             if let Some(table) = table_at(root, &["plants", plant.name.as_str()]) {
-                self.ignored_in_plant(table, &format!("plants.{}", plant.name), plant);
+                let path = format!("plants.{}", plant.name);
+                self.ignored_in_plant(table, &path, plant);
+                self.report_missing_solids(table, &path, plant, recipe);
             }
         }
     }
@@ -247,7 +249,10 @@ impl Resolver<'_> {
         }
         for (i, (table, scatter)) in tables_of(root, "scatter").into_iter().zip(&recipe.scatters).enumerate() {
             let disc = needs(&["at", "inner", "fade"], scatter.keys.radius.is_some(), "a disc: add radius = 50");
-            self.report_unmet(Some(table), &format!("scatter.{i}"), &[disc]);
+            let is_later = i > 0 || !recipe.places.is_empty();
+            let earlier =
+                needs(&["clear"], is_later, "earlier plants: a [[place]], or another [[scatter]] before this one");
+            self.report_unmet(Some(table), &format!("scatter.{i}"), &[disc, earlier]);
         }
         // A density estimation has limits only where there is one.
         let is_spread = recipe.picture.spread > 0.0;
@@ -331,6 +336,23 @@ impl Resolver<'_> {
             let text = format!("{path}: {} copies cannot keep a spacing of {spacing} m in their region", keys.count);
             let d = Diagnostic::warning("S007", text, entry.key_span, format!("has room for {most} at most"));
             self.report.push(d.help("they stand nearer to each other: lower count or spacing, or enlarge the region"));
+        }
+    }
+
+    /// Warns of `solids = true` in a scene without any.
+    fn report_missing_solids(&mut self, table: &TomlTable, path: &str, plant: &PlantRecipe, recipe: &Recipe) {
+        let has_solids = !recipe.solids.is_empty();
+        // A tree that grows in light is shaded by the land, too.
+        let of_species = match &plant.growth {
+            Growth::Species(species) => species.site.solids && recipe.terrain.is_none(),
+            _ => false,
+        };
+        let of_shapes = matches!(&plant.growth, Growth::Shapes(keys) if keys.solids);
+        let of_twigs = plant.fill.as_ref().is_some_and(|keys| keys.solids);
+        for (name, asks) in [("site", of_species), ("growth", of_shapes), ("fill", of_twigs)] {
+            // Only the scene's own key is told: files of shapes are for scenes with and without solids.
+            let solids = needs(&["solids"], has_solids || !asks, "obstacles: add a [[solid]]");
+            self.report_unmet(table_at(table, &[name]), &join(path, name), &[solids]);
         }
     }
 

@@ -1,7 +1,8 @@
 //! Resolves the text of a scene, with overrides and referenced files, into a [`Recipe`].
 
 use super::scene::{
-    FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlantKeys, SceneKeys, SeasonSpan, WindModel, solid_names,
+    FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlantKeys, PovKeys, SceneKeys, SeasonSpan, WindModel,
+    solid_names,
 };
 use super::syntax::{
     Digest, KeyTable, Registry, TomlEntry, TomlTable, TomlValue, apply_override, join, parse, path_element, wrong,
@@ -343,6 +344,7 @@ impl Resolver<'_> {
         // The hash covers all fields above and must be computed last.
         recipe.moves = clip.len() > 1 && recipe.blows();
         recipe.hash = hash(&recipe, &self.inputs);
+        self.check_lattice(root, &recipe);
         self.report_ignored_keys(root, &recipe);
         recipe
     }
@@ -540,7 +542,11 @@ impl Resolver<'_> {
         }
         let output = OutputRecipe {
             keys,
-            pov: self.section_at(table, "output", "pov"),
+            pov: {
+                let keys: PovKeys = self.section_at(table, "output", "pov");
+                self.check_pov_size(root, &keys);
+                keys
+            },
             photons: self.photons(table),
             usd: self.section_at(table, "output", "usd"),
             gltf: {
@@ -579,6 +585,17 @@ impl Resolver<'_> {
     fn photons(&mut self, output: &TomlTable) -> Option<PhotonKeys> {
         let Some(TomlValue::Table(pov)) = output.get("pov").map(|e| &e.node.value) else { return None };
         pov.get("photons").map(|_| self.section_at(pov, "output.pov", "photons"))
+    }
+
+    /// Reports S004 for a fraction of a pixel.
+    fn check_pov_size(&mut self, root: &TomlTable, keys: &PovKeys) {
+        if keys.size.iter().any(|side| side.fract().abs() > 0.0) {
+            let [width, height] = keys.size;
+            let text = format!("output.pov.size is {width} by {height} pixels, but must be whole numbers");
+            let at = self.place_of(root, &["output", "pov", "size"]);
+            let d = Diagnostic::error("S004", text, at, "whole numbers");
+            self.report.push(d.help(format!("write size = [{}, {}]", width.round(), height.round())));
+        }
     }
 
     /// Reports S004 if the frame that a still glTF shows is not one of the clip.

@@ -40,6 +40,12 @@ fn read(name: &str, entry: &str) -> Grammar {
     read_bytes(name, &bytes(name), read_as).unwrap_or_else(|e| panic!("{name} {entry}: {e}")).0
 }
 
+/// A text that must be read, by the notation that its name and content tell.
+fn read_text(name: &str, text: &[u8]) -> Grammar {
+    let read = read_bytes(name, text, ReadAs::default());
+    read.unwrap_or_else(|e| panic!("{name}: {}: {e}", String::from_utf8_lossy(text))).0
+}
+
 /// What a text is refused with.
 fn refused(name: &str, text: &str) -> String {
     match read_bytes(name, text.as_bytes(), ReadAs::default()) {
@@ -183,7 +189,7 @@ fn strings_of_fractint_are_lower_case_and_commands_take_their_numbers() {
     assert!(colours.nodes.color.iter().all(|c| c & osier::plant::PAINTED != 0));
     // A command without a number leaves the index, which begins with 15; 0 is passed over; ';' and ',' stand for '<' and '>'.
     let last = |text: &str| {
-        let (g, _) = read_bytes("c.l", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{text}: {e}"));
+        let g = read_text("c.l", text.as_bytes());
         draw_steps(&g, Some(0)).plant.nodes.color.last().map(|c| c & 0xff)
     };
     for (commands, index) in [("<F", 15), (">F", 15), ("<3F", 18), (">3F", 12), (">15F", 255), ("C255F<1F", 1)] {
@@ -312,7 +318,7 @@ fn files_of_lparser_are_drawn_as_their_commands_say() {
     // To the left: left, -Z, sinks to where up, -X, was not, and up turns to -Z, where the pitch leads.
     let rolled = |axiom: &str| {
         let text = format!("1\n50\n1\n{axiom}\n@\n");
-        draw_steps(&read_bytes("r.ls", text.as_bytes(), ReadAs::default()).expect("read").0, None).last()
+        draw_steps(&read_text("r.ls", text.as_bytes()), None).last()
     };
     near(rolled("<(90)^(90)F"), [0.0, 0.0, -1.0], "left");
     near(rolled(">(90)^(90)F"), [0.0, 0.0, 1.0], "right");
@@ -333,7 +339,7 @@ fn files_of_lparser_are_drawn_as_their_commands_say() {
 fn a_levelled_turtle_of_lparser_turns_to_the_other_side() {
     let tip = |axiom: &str| {
         let text = format!("1\n50\n1\n{axiom}\n@\n");
-        draw_steps(&read_bytes("l.ls", text.as_bytes(), ReadAs::default()).expect("read").0, None).last()
+        draw_steps(&read_text("l.ls", text.as_bytes()), None).last()
     };
     near(tip("&(60)+(90)F"), [0.0, 0.0, -1.0], "not levelled");
     // `$` makes left = heading x vertical and up = heading x left, of which up is not below: turns about up have the other sense.
@@ -379,7 +385,7 @@ fn widths_of_lparser_are_shares_of_the_length() {
     assert!((plant.nodes.r[6] - 0.35).abs() < 1e-6, "{:?}", plant.nodes.r);
     // A half step is half as thick, and no segment is thinner than the least.
     let radii = |text: &str| {
-        let (g, _) = read_bytes("x.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        let g = read_text("x.ls", text.as_bytes());
         draw_steps(&g, None).plant.nodes.r
     };
     let halved = radii("1\n45\n40\nZ\n@\n");
@@ -392,7 +398,7 @@ fn widths_of_lparser_are_shares_of_the_length() {
     let saved = "Axiom: F\nproduction:\nendlsystem\ndef __initialiseContext__(context):\n\timport openalea.plantgl.all as pgl\n\
                  \tColor_2 = pgl.Material(\"Color_2\" , ambient = (20,30,4) , diffuse = 2 , )\n\
                  \tcontext.turtle.setMaterial(2,Color_2)\n";
-    let (model, _) = read_bytes("m.lpy", saved.as_bytes(), ReadAs::default()).expect("read");
+    let model = read_text("m.lpy", saved.as_bytes());
     assert_eq!(model.palette(), [(2, [40, 60, 8])]);
     let bent = draw("lparser/gravity.ls", "").plant;
     let n = bent.nodes.p.len();
@@ -409,7 +415,7 @@ fn lengths_of_lparser_are_percent_of_a_step_in_files_of_bare_lines() {
     let old = "2\n30\n10\nA\nA=F[--->F(40)][z(150)F]A\n@\n";
     let new = "recursion 2\nangle 30\nthickness 10\naxiom A\nrule A = F[--->F(.4)][z(1.5)F]A\n";
     let nodes = |text: &str| {
-        let (g, _) = read_bytes("x.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        let g = read_text("x.ls", text.as_bytes());
         assert_eq!(g.notation(), Notation::LParser);
         for to in [ConvertTo::Osier, ConvertTo::Cpfg] {
             assert!(converts(&g, to, "lengths"));
@@ -494,14 +500,14 @@ fn polygons_of_lparser_begin_at_the_turtle_and_take_corners_of_moves() {
     ];
     for (polygon, count) in cases {
         let text = format!("1\n90\n10\nF{polygon}\n@\n");
-        let (g, _) = read_bytes("p.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        let g = read_text("p.ls", text.as_bytes());
         let mut found = corners(&g);
         found.sort_unstable();
         assert_eq!(found.as_slice(), count, "{polygon}");
         for to in [ConvertTo::Osier, ConvertTo::Cpfg] {
             assert!(converts(&g, to, polygon), "{polygon}");
             let text = convert(&g, to).expect("converted").text;
-            let (again, _) = read_bytes("again.l", text.as_bytes(), ReadAs::default()).expect("read");
+            let again = read_text("again.l", text.as_bytes());
             let mut found = corners(&again);
             found.sort_unstable();
             assert_eq!(found.as_slice(), count, "{polygon} as {to:?}");
@@ -529,7 +535,7 @@ fn random_turns_of_lparser_belong_to_their_modules() {
 fn random_turns_of_lparser_without_a_number_take_any_direction() {
     let heights = |command: &str| {
         let text = format!("1\n30\n20\n{}\n@\n", format!("[{command}F]").repeat(40));
-        let (g, _) = read_bytes("r.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        let g = read_text("r.ls", text.as_bytes());
         let p = draw_steps(&g, None).plant.nodes.p;
         assert!(p.len() > 40);
         p.iter().map(|p| p.y).collect::<Vec<f32>>()
@@ -560,7 +566,7 @@ fn bare_lines_of_lparser_end_at_their_first_blank() {
 fn models_of_early_versions_of_l_py_are_read() {
     // `#` set the width; behind anything else it begins a comment.
     let model = |axiom: &str| format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");
-    let of = |axiom: &str| read_bytes("m.lpy", model(axiom).as_bytes(), ReadAs::default()).expect("read").0;
+    let of = |axiom: &str| read_text("m.lpy", model(axiom).as_bytes());
     let plant = draw_steps(&of("#(0.05)F(1) #(0.2)F"), None).plant;
     assert_eq!((plant.nodes.p.len(), plant.nodes.r[0]), (2, 0.05));
     // The frame is three arrows: heading, left and up, which are +Y, +Z and +X of the world.
@@ -704,7 +710,7 @@ fn models_of_lpy_are_drawn_by_its_turtle() {
         ("F(1,0.4)F(1,0.2)", &[0.1, 0.4, 0.2]),
         ("F(1)LineTo(0,0,3,0.4)", &[0.1, 0.1, 0.4]),
     ] {
-        let (g, _) = read_bytes("m.lpy", model(axiom).as_bytes(), ReadAs::default()).expect("read");
+        let g = read_text("m.lpy", model(axiom).as_bytes());
         let r = draw_steps(&g, None).plant.nodes.r;
         assert!(near_all(&r, want), "{axiom}: {r:?}");
     }
@@ -726,7 +732,7 @@ fn models_of_lpy_are_drawn_by_its_turtle() {
 fn tropisms_of_lpy_bend_before_each_step() {
     let drawn = |axiom: &str| {
         let text = format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");
-        draw_steps(&read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read").0, None)
+        draw_steps(&read_text("m.lpy", text.as_bytes()), None)
     };
     // Left is +Z. Upwards unless the model says otherwise: half of 90 degrees; all of 120.
     let half = std::f32::consts::FRAC_1_SQRT_2;
@@ -745,7 +751,7 @@ fn tropisms_of_lpy_bend_before_each_step() {
     assert!(near_all(&path.plant.nodes.r, &[0.1, 0.2, 0.3]), "{:?}", path.plant.nodes.r);
     // A path of a million steps is told.
     let long = b"Axiom: Elasticity(0.5)+(90)nF(1,0.000001)\nderivation length: 0\nproduction:\nendlsystem\n";
-    let (g, _) = read_bytes("m.lpy", long, ReadAs::default()).expect("read");
+    let g = read_text("m.lpy", long);
     let derived = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
     let (_, told) = grow(&g, &derived, &TurtleOptions::default(), &Limits::default()).expect("drawn");
     assert!(told.iter().any(|d| d.code == "L008" && d.message.contains("more than 100000 steps")), "{told:?}");
@@ -757,7 +763,7 @@ fn tropisms_of_lpy_bend_before_each_step() {
 fn scales_of_lpy_multiply_what_is_drawn_behind_them() {
     let model = |axiom: &str| {
         let text = format!("Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n");
-        read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{axiom}: {e}")).0
+        read_text("m.lpy", text.as_bytes())
     };
     for (axiom, radii) in [
         ("_(0.2)@D(2)F(1)", &[0.4, 0.4][..]),
@@ -792,7 +798,7 @@ fn interpretations_of_lpy_leave_out_what_is_cut() {
         let text = format!(
             "Axiom: S(1)[+(90)S(2)%S(4)[S(8)]S(16)]S(32)%S(64)\nderivation length: 0\nproduction:\n{rules}\nendlsystem\n"
         );
-        read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{rules}: {e}")).0
+        read_text("m.lpy", text.as_bytes())
     };
     let length = |g: &Grammar| draw_steps(g, None).plant.axes.iter().map(|a| a.length).sum::<f32>();
     // 1 + 2 + 32 are left, also where a production looks at what stands before a module.
@@ -805,7 +811,7 @@ fn interpretations_of_lpy_leave_out_what_is_cut() {
     }
     // Without an interpretation L-Py draws all of it: 1 + 2 + 4 + 8.
     let plain = "Axiom: F(1)[+(90)F(2)%F(4)]F(8)\nderivation length: 0\nproduction:\nendlsystem\n";
-    let (g, _) = read_bytes("m.lpy", plain.as_bytes(), ReadAs::default()).expect("read");
+    let g = read_text("m.lpy", plain.as_bytes());
     assert!((length(&g) - 15.0).abs() < 1e-4, "{}", length(&g));
 }
 
@@ -843,7 +849,7 @@ fn python_that_is_more_than_rules_is_refused_by_name() {
 /// A model of L-Py after `steps` steps.
 fn lpy_string(axiom: &str, steps: u32, rules: &str) -> String {
     let text = format!("module B\nAxiom: {axiom}\nderivation length: {steps}\nproduction:\n{rules}\nendlsystem\n");
-    let (g, _) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{rules}: {e}"));
+    let g = read_text("m.lpy", text.as_bytes());
     let options = DeriveOptions { seed: 5, ..DeriveOptions::default() };
     let turtle = TurtleOptions::default();
     let derived = osier::grow::turtle::derive(&g, &options, &turtle, &Limits::default()).expect("derives");
@@ -902,10 +908,10 @@ fn loops_of_lpy_run_as_those_of_python() {
     assert_eq!(lpy_string("A(0,'side')A(0,'main')", 1, texts).split("A(1").collect::<Vec<_>>().len(), 3);
     let later = "def StartEach():\n  global k\n  'counts'\n  k += 1\nk = 4\nAxiom: A\nderivation length: 2\nproduction:\n\
                  A --> F(k)A\nendlsystem\n";
-    let (g, _) = read_bytes("m.lpy", later.as_bytes(), ReadAs::default()).expect("read");
+    let g = read_text("m.lpy", later.as_bytes());
     assert_eq!(draw_steps(&g, None).string, "F(5)F(6)A");
     let endless = "Axiom: A\nderivation length: 1\nproduction:\nA:\n  i = 0\n  while i < 1:\n    x = 2\n  produce F\nendlsystem\n";
-    let (g, _) = read_bytes("m.lpy", endless.as_bytes(), ReadAs::default()).expect("read");
+    let g = read_text("m.lpy", endless.as_bytes());
     let why = derive(&g, &DeriveOptions::default(), &Limits::default()).expect_err("endless").to_string();
     assert!(why.contains("L044") && why.contains("m.lpy:6:3"), "{why}");
 }
@@ -948,8 +954,7 @@ fn texts_of_lpy_are_no_numbers() {
         let said = refused("m.lpy", &model(value));
         assert!(said.contains("a text where a number is expected") && said.contains("m.lpy:5:"), "{value}: {said}");
     }
-    let (g, _) = read_bytes("m.lpy", model("1 if k == side and side != 'right' else 2").as_bytes(), ReadAs::default())
-        .expect("read");
+    let g = read_text("m.lpy", model("1 if k == side and side != 'right' else 2").as_bytes());
     assert_eq!(draw_steps(&g, None).string, "F(1)");
 }
 
@@ -980,7 +985,7 @@ fn groups_of_lpy_are_active_in_their_steps() {
         )
     };
     let string = |each: &str| {
-        let (g, _) = read_bytes("m.lpy", model(each).as_bytes(), ReadAs::default()).expect("read");
+        let g = read_text("m.lpy", model(each).as_bytes());
         draw_steps(&g, None).string
     };
     // The productions outside of groups apply in every step.
@@ -997,7 +1002,7 @@ fn groups_of_lpy_are_active_in_their_steps() {
 fn choices_of_lpy_take_each_item_as_often() {
     let text = "from random import *\nAxiom: A\nderivation length: 1\nproduction:\nA:\n  for i in range(900):\n    nproduce \
                 B(choice([10,20,30]))\n  produce\nendlsystem\n";
-    let (g, _) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read");
+    let g = read_text("m.lpy", text.as_bytes());
     let string = draw_steps(&g, None).string;
     // 300 of each, with a standard deviation of 14.
     for value in ["B(10)", "B(20)", "B(30)"] {
@@ -1025,7 +1030,7 @@ fn contexts_of_the_new_string_are_told_in_grammars_of_cpfg() {
 fn backward_string(axiom: &str, rules: &str) -> String {
     let head = "def Start(): backward()";
     let text = format!("{head}\nAxiom: {axiom}\nderivation length: 1\nproduction:\n{rules}\nendlsystem\n");
-    let (g, _) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read");
+    let g = read_text("m.lpy", text.as_bytes());
     draw_steps(&g, None).string
 }
 
@@ -1042,7 +1047,7 @@ fn models_of_lpy_are_rewritten_from_their_end() {
     assert_eq!(backward_string("A[C]B", "A >> [C]B --> D"), "D[C]B");
     // The result does not depend on the number of threads or on where the direction is set.
     let text = "def StartEach():\n  backward()\nAxiom: AAC\nderivation length: 2\nproduction:\nC --> BC\nA >> B --> B\nendlsystem\n";
-    let (g, _) = read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read");
+    let g = read_text("m.lpy", text.as_bytes());
     assert_eq!(draw_steps(&g, None).string, "BBBBC");
     // A production for the other direction is passed over, and told.
     let (_, told) = read_bytes(
@@ -1081,7 +1086,7 @@ fn interpretations_that_refer_to_themselves_are_converted_level_by_level() {
         let text = format!(
             "Axiom: {axiom}\nderivation length: 0\nproduction:\ninterpretation:\nmaximum depth: {depth}\n{rules}\nendlsystem\n"
         );
-        read_bytes("m.lpy", text.as_bytes(), ReadAs::default()).expect("read").0
+        read_text("m.lpy", text.as_bytes())
     };
     let halves = "F(x) --> F(x/2)+(30)F(x/2)";
     for (depth, segments) in [(1, 2), (2, 4), (3, 8), (10, 1024)] {
@@ -1111,7 +1116,7 @@ fn parameters_without_words_in_cpfg_are_refused_by_name() {
             "m.lpy:1:12",
         ),
     ] {
-        let (g, _) = read_bytes(name, text.as_bytes(), ReadAs::default()).expect("read");
+        let g = read_text(name, text.as_bytes());
         for to in [ConvertTo::Cpfg, ConvertTo::Osier] {
             let Err(Error::Input(report)) = convert(&g, to) else { panic!("{text} is converted") };
             let said = render(&report, Style::Plain);
@@ -1251,13 +1256,13 @@ fn converted_grammars_draw_the_same() {
     // Each pointer of Fractint turns by its own commands; cpfg has one.
     for (axiom, is_written) in [("F\\30+F/45F", true), ("D+\\30D|D", true), ("M\\30D-D", true), ("F+D\\30F", false)] {
         let text = format!("Turns {{\nAngle 12\nAxiom {axiom}\n}}\n");
-        let (g, _) = read_bytes("t.l", text.as_bytes(), ReadAs::default()).expect("read");
+        let g = read_text("t.l", text.as_bytes());
         assert_eq!(converts(&g, ConvertTo::Cpfg, axiom), is_written, "{axiom}");
     }
     // Numbers of LParser whose command stands in another rule have no place in a module.
     for rules in ["+AF\nA=(80)", "+(AF\nA=80)", "F(30"] {
         let text = format!("1\n45\n10\n{rules}\n@\n");
-        let (g, _) = read_bytes("n.ls", text.as_bytes(), ReadAs::default()).expect("read");
+        let g = read_text("n.ls", text.as_bytes());
         for to in [ConvertTo::Osier, ConvertTo::Cpfg] {
             assert!(!converts(&g, to, rules), "{rules}");
         }
@@ -1268,14 +1273,14 @@ fn converted_grammars_draw_the_same() {
     // A drawing that branches becomes a tree, which stands in the ground.
     for (rule, count) in [("F=F[+F]F", 1), ("F=F+F", 0)] {
         let text = format!("Twig {{\nAngle 12\nAxiom F\n{rule}\n}}\n");
-        let (g, _) = read_bytes("b.l", text.as_bytes(), ReadAs::default()).expect("read");
+        let g = read_text("b.l", text.as_bytes());
         let notes = convert(&g, ConvertTo::Cpfg).expect("converted").notes;
         assert_eq!(notes.iter().filter(|n| n.contains("skin.bury")).count(), count, "{rule}: {notes:?}");
         assert!(convert(&g, ConvertTo::Osier).expect("converted").notes.is_empty());
     }
     // A roll at the end of a rule, which is a backslash in cpfg, joins no lines.
     let rolls = "Axiom: FA/\nderivation length: 2\nproduction:\nA --> B//\nB --> F^F/\nendlsystem\n";
-    let (g, _) = read_bytes("m.lpy", rolls.as_bytes(), ReadAs::default()).expect("read");
+    let g = read_text("m.lpy", rolls.as_bytes());
     assert!(converts(&g, ConvertTo::Cpfg, "rolls"));
     assert!(!converts(&read("lpy/scale.lpy", ""), ConvertTo::Cpfg, "scale"));
     assert!(!converts(&read("lpy/random.lpy", ""), ConvertTo::Cpfg, "random"));
@@ -1413,7 +1418,7 @@ fn the_program_draws_the_numbers_of_cpfg_and_prints_what_a_grammar_prints() {
 fn a_comma_means_nothing_in_fractint() {
     // Old files end rules with quotes and commas.
     let text = "Curve { Angle 6\nAxiom F\nF=F+F\",\n,=F\n}\n";
-    let (grammar, _) = read_bytes("curve.l", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{e}"));
+    let grammar = read_text("curve.l", text.as_bytes());
     let d =
         derive(&grammar, &DeriveOptions { steps: Some(1), ..Default::default() }, &Limits::default()).expect("derives");
     let (plant, _) = grow(&grammar, &d, &TurtleOptions::default(), &Limits::default()).expect("draws");

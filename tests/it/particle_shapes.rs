@@ -5,49 +5,16 @@ use std::fs;
 use std::path::Path;
 
 use glam::Vec3;
-use osier::bake::scene::{AssembledScene, SceneOptions};
-use osier::bake::{BakeContext, motion, scene};
-use osier::limits::Limits;
+use osier::bake::scene::SceneOptions;
 use osier::presets::find;
-use osier::progress::{Cancel, Silent};
-use osier::recipe::{Library, Recipe, Request, resolve};
-use osier::scene::{AssetFrame, Frame, InstancerMotion, MeshMotion, asset_bounds};
+use osier::recipe::{Library, Request, resolve};
+use osier::scene::{AssetFrame, InstancerMotion, MeshMotion, asset_bounds};
 use osier::solid::{Form, Prism, Solid};
 use serde_json::Value;
 
 use crate::common::program::{arg, ends};
+use crate::common::scene_text::{assembled, complaint, evaluated, recipe, request};
 use crate::common::{clients, grown};
-
-fn request(name: &str, text: &str) -> Request {
-    Request { name: name.into(), shown: format!("{name}.toml"), text: text.into(), ..Request::default() }
-}
-
-fn recipe(text: &str) -> Recipe {
-    let mut recipe = resolve(&request("s", text)).unwrap_or_else(|e| panic!("{e}")).0;
-    grown::small(&mut recipe);
-    recipe
-}
-
-fn assembled(text: &str) -> AssembledScene {
-    grown::stage(&recipe(text), SceneOptions::default())
-}
-
-fn evaluated(scene: &AssembledScene, numbers: &[u32]) -> Vec<Frame> {
-    let animated = &scene.animated;
-    let frame = |n: &u32| motion::evaluate_frame(&animated.scene, &animated.motions, *n, false).expect("a frame");
-    numbers.iter().map(frame).collect()
-}
-
-/// What resolving and assembling a scene complains of.
-fn complaint(text: &str) -> String {
-    let recipe = match resolve(&request("s", text)) {
-        Ok((recipe, report)) if report.diagnostics.is_empty() => recipe,
-        Ok((_, report)) => return format!("{}", osier::Error::Input(Box::new(report))),
-        Err(e) => return e.to_string(),
-    };
-    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
-    scene::assemble_scene(&recipe, SceneOptions::default(), &work).map_or_else(|e| e.to_string(), |_| String::new())
-}
 
 #[test]
 fn the_tree_has_the_nodes_and_leaves_of_its_table_at_every_seed() {
@@ -75,7 +42,7 @@ fn a_table_of_the_scene_lies_over_the_file_and_faults_name_their_own() {
         let path = dir.path().join("s.toml");
         let text = format!("[plants.a]\nshapes = \"stick.shapes\"\n{growth}[ground]\nshow = false\n");
         let library = Library::new(&path, &[]).expect("library");
-        let recipe = resolve(&Request { library, ..request("s", &text) }).expect("scene").0;
+        let recipe = resolve(&Request { library, ..request(&text) }).expect("scene").0;
         let scene = grown::stage(&recipe, SceneOptions::default()).animated.scene;
         asset_bounds(&scene.assets[0], &AssetFrame::default()).max.y
     };

@@ -4,15 +4,18 @@
 use osier::Error;
 use osier::recipe::{Recipe, Request, options, resolve};
 
-fn read(text: &str, set: &[&str]) -> Result<Recipe, String> {
-    let request = Request {
+fn request(text: &str, set: &[&str]) -> Request {
+    Request {
         name: "Test Scene".into(),
         shown: "scenes/test.toml".into(),
         text: text.into(),
         set: set.iter().map(|s| (*s).to_owned()).collect(),
         ..Request::default()
-    };
-    match resolve(&request) {
+    }
+}
+
+fn read(text: &str, set: &[&str]) -> Result<Recipe, String> {
+    match resolve(&request(text, set)) {
         Ok((recipe, _)) => Ok(recipe),
         Err(Error::Input(report)) => Err(report.to_string()),
         Err(e) => panic!("{e}"),
@@ -91,6 +94,37 @@ fn a_picture_has_the_bits_of_a_png() {
     assert_eq!(read(text, &["picture.bits=16"]).expect("16 bits").picture.bits, 16);
     let said = read(text, &["picture.bits=12"]).expect_err("12 bits");
     assert!(said.contains("S004") && said.contains("must be 8 or 16"), "{said}");
+}
+
+#[test]
+fn time_steps_that_do_not_fit_a_lattice_wind_are_told_with_their_line() {
+    let scene = |keys: &str| {
+        format!(
+            "[frames]\nend = 4\n[plants.oak]\ngrammar = \"oak.l\"\n[wind]\nmodel = \"lattice\"\nspeed = 20\n\
+             [wind.lattice]\ncells = [16, 16, 16]\n{keys}\n"
+        )
+    };
+    for (keys, line, text) in [
+        ("steps = 1", 10, "wind.lattice.steps is 1, but this wind needs 24 or more per frame"),
+        ("smagorinsky = 0", 10, "wind.lattice.smagorinsky is 0, but the relaxation time is only 0.5005 steps"),
+        ("smagorinsky = 0\ntau_floor = 0.503", 11, "the relaxation time is only 0.503 steps"),
+    ] {
+        let said = read(&scene(keys), &[]).expect_err("does not fit");
+        assert!(said.contains("S004") && said.contains(text), "{said}");
+        assert!(said.contains(&format!("scenes/test.toml:{line}:")), "{said}");
+    }
+    for keys in ["steps = 24", "smagorinsky = 0\ntau_floor = 0.505", "solver = \"analytic\"\nsteps = 1"] {
+        assert!(read(&scene(keys), &[]).is_ok(), "{keys}");
+    }
+}
+
+#[test]
+fn a_picture_has_whole_pixels() {
+    let size = |size: &str| read(&format!("{GOOD}[output.pov]\nsize = {size}\n"), &[]);
+    assert!(size("[960, 720]").is_ok());
+    let said = size("[960.5, 720]").expect_err("half a pixel");
+    assert!(said.contains("S004") && said.contains("output.pov.size is 960.5 by 720 pixels"), "{said}");
+    assert!(said.contains("scenes/test.toml:27:8") && said.contains("write size = [961, 720]"), "{said}");
 }
 
 #[test]
@@ -359,8 +393,7 @@ fn a_value_without_a_define_of_its_name_is_an_error_where_the_scene_has_it() {
 
 /// Messages of the warnings S007 about a scene.
 fn without_effect(text: &str) -> Vec<String> {
-    let request = Request { name: "s".into(), shown: "s.toml".into(), text: text.into(), ..Request::default() };
-    match resolve(&request) {
+    match resolve(&request(text, &[])) {
         Ok((_, report)) => report.diagnostics.into_iter().filter(|d| d.code == "S007").map(|d| d.message).collect(),
         Err(e) => panic!("{text}: {e}"),
     }
@@ -502,6 +535,11 @@ fn a_key_that_needs_another_value_is_told_without_it() {
             "rod.0.on_at",
             "[[rod]]\nname = \"b\"\npoints = [[0, 0, 0], [0, 1, 0]]\n[[rod]]\non = \"b\"\non_at = 0.5\npoints = [[0, 0.5, 0], [1, 1, 0]]\n",
         ),
+        (
+            "[terrain]\nsubdivisions = 3\n[[scatter]]\nplants = { a = 1 }\nclear = 3\n",
+            "scatter.0.clear",
+            "[terrain]\nsubdivisions = 3\n[[place]]\nplant = \"a\"\n[[scatter]]\nplants = { a = 1 }\nclear = 3\n",
+        ),
         ("[maps]\nresolution = 64\n", "maps", "[rain]\n[maps]\nresolution = 64\n"),
         ("[camera]\neye = [1, 2, 3]\ndistance = 2\n", "camera.distance", "[camera]\ndistance = 2\n"),
     ];
@@ -533,6 +571,12 @@ fn a_key_that_needs_another_value_is_told_without_it() {
     let site = "[plants.a]\nspecies = \"hazel\"\nage = 2\n[plants.a.site]\nlatitude = 20\n";
     assert_eq!(without_effect(site), ["plants.a.site.latitude has no effect"]);
     assert!(without_effect(&format!("{site}direct = 0.4\n")).is_empty());
+    let solid = "[[solid]]\nsize = [1, 1, 1]\n";
+    let bush = "[plants.a]\nshapes = \"bush.shapes\"\n[plants.a.growth]\nsolids = true\n";
+    for (text, table) in [(site.replace("latitude = 20", "solids = true").as_str(), "site"), (bush, "growth")] {
+        assert_eq!(without_effect(text), [format!("plants.a.{table}.solids has no effect")]);
+        assert!(without_effect(&format!("{text}{solid}")).is_empty(), "{table}");
+    }
     // Latitudes without a date, in the scene, in a plant and beside another one.
     let hazel = "[plants.a]\nspecies = \"hazel\"\nage = 2\n";
     assert_eq!(without_effect(&format!("season = 0.8\nlatitude = 20\n{hazel}")), ["latitude has no effect"]);

@@ -191,8 +191,8 @@ speed = 6
 show = false
 "#;
     let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
-    let far = |start: &str| {
-        let set = vec![format!("sway.start={start}")];
+    let far = |start: &str, fps: &str| {
+        let set = vec![format!("sway.start={start}"), format!("frames.fps={fps}")];
         let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
         let recipe = resolve(&request).expect("scene").0;
         let stage = assemble_scene(&recipe, SceneOptions::default(), &work).expect("stage").animated;
@@ -201,7 +201,11 @@ show = false
         let moved = frame.assets[0].pose.iter().zip(rest).map(|(now, joint)| now.t.distance(joint.rest.t));
         moved.fold(0.0, f32::max)
     };
-    assert!(far("rest") < 1e-6 && far("moving") > 2e-3, "{} {}", far("rest"), far("moving"));
+    let [rest, moving] = ["rest", "moving"].map(|start| far(start, "24"));
+    assert!(rest < 1e-6 && moving > 2e-3, "{rest} {moving}");
+    // Also where a frame lasts longer than twice the spin-up of two seconds.
+    let slow = far("moving", "0.24");
+    assert!(slow > 2e-3, "{slow}");
 }
 
 #[test]

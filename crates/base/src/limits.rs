@@ -23,6 +23,7 @@ pub const LIMITS: &[Limit] = &[
     row("catkins", 100_000_000, "catkins of a flight"),
     row("cells", 200_000_000, "cells of the lattice wind"),
     row("cloud-points", 20_000_000_000, "points of an animated attractor times frames"),
+    row("drop-steps", 5_000_000_000, "raindrops in the air times time steps of a clip and its spin-up"),
     row("entries", 2000, "L-systems of one file that are checked in turn"),
     row("frames", 1_000_000, "frames of a clip"),
     row("image-bytes", 512 << 20, "bytes of one decoded image"),
@@ -113,13 +114,19 @@ impl Limits {
     /// # Errors
     /// `Limit` naming the flag that lifts it.
     pub fn check(&self, name: &str, wanted: u64, what: &str) -> Result<()> {
+        self.check_with_help(name, wanted, what, "")
+    }
+
+    /// [`Limits::check`] with what helps beside the flag, as a request without a full stop.
+    /// # Errors
+    /// `Limit` naming the flag that lifts it and the help.
+    pub fn check_with_help(&self, name: &str, wanted: u64, what: &str, help: &str) -> Result<()> {
         let limit = self.get(name);
         if wanted <= limit {
             return Ok(());
         }
-        let wanted = grouped(wanted);
-        let (flag, help) = (format!("--max-{name}"), String::new());
-        Err(Error::Limit { name: what.to_owned(), wanted, limit: grouped(limit), flag, help })
+        let (flag, help) = (format!("--max-{name}"), help.to_owned());
+        Err(Error::Limit { name: what.to_owned(), wanted: grouped(wanted), limit: grouped(limit), flag, help })
     }
 }
 

@@ -36,8 +36,9 @@ pub use gradient_noise::TimeNoise;
 pub use gust_wind::{GustWind, GustWindOptions, fit_gust_length};
 pub use land::WindOverLand;
 pub use lattice::{
-    GroundCondition, InletOptions, InletWind, InterpolatedWind, LatticeMemory, LatticeOptions, LatticeSolver,
-    LatticeStats, LatticeWarning, RecordedWind, RecordingOptions, SideCondition, WindProfile, WindSnapshot,
+    GroundCondition, InletOptions, InletWind, InterpolatedWind, LatticeFault, LatticeMemory, LatticeOptions,
+    LatticeSolver, LatticeStats, LatticeWarning, RecordedWind, RecordingOptions, SideCondition, WindProfile,
+    WindSnapshot, lattice_fault,
 };
 pub use sine_wind::{SineWind, SineWindOptions};
 

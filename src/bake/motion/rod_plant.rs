@@ -503,9 +503,10 @@ impl RodPlantMotion {
         let start = rods.with_wind(Some(Arc::clone(&wind.rod_wind)));
         let automatic = || start.steps_per_frame(fps, Some(&*wind.rod_wind));
         let steps_per_frame = recipe.rods.as_ref().and_then(|k| k.substeps).unwrap_or_else(automatic);
+        // In steps, not in frames: frames may be longer than the spin-up.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds of steps")]
-        let spin_up_steps =
-            if wind.rods_from_rest { 0 } else { (PLANT_SPIN_UP_SECONDS * fps).round() as u32 * steps_per_frame };
+        let spin_up_steps = (PLANT_SPIN_UP_SECONDS * fps * f64::from(steps_per_frame)).round() as u32;
+        let spin_up_steps = if wind.rods_from_rest { 0 } else { spin_up_steps };
         Self { start, binding, fps, steps_per_frame, spin_up_steps, state: Mutex::new(None) }
     }
 

@@ -18,13 +18,20 @@ use osier_scene::{AssetFrame, Scene};
 
 /// Estimates a bake that writes `frames` frames of the scene `stage` in all formats of the recipe.
 /// `weights`: number of assets that each of the first assets represents, itself included; 1 for assets beyond its end.
-pub fn estimate(stage: &AnimatedScene, recipe: &Recipe, frames: u64, weights: &[u64]) -> BakeEstimate {
+/// `rained_leaves`: number of leaves of all plants that drops of rain can strike.
+pub fn estimate(
+    stage: &AnimatedScene,
+    recipe: &Recipe,
+    frames: u64,
+    weights: &[u64],
+    rained_leaves: u64,
+) -> BakeEstimate {
     let formats: Vec<&FormatInfo> = recipe.output.keys.formats.iter().map(|f| f.0).collect();
     estimate_formats(
         stage,
         recipe,
         &export_options(recipe),
-        &EstimateJob { formats: &formats, frames, weights, single: false },
+        &EstimateJob { formats: &formats, frames, weights, rained_leaves, single: false },
     )
 }
 
@@ -36,6 +43,8 @@ pub(crate) struct EstimateJob<'a> {
     pub(crate) frames: u64,
     /// Number of assets that each of the first assets represents, itself included.
     pub(crate) weights: &'a [u64],
+    /// Leaves of all plants that drops of rain can strike.
+    pub(crate) rained_leaves: u64,
     /// Whether one file holds the whole scene, as `osier grow` writes it, instead of a bake's folder.
     pub(crate) single: bool,
 }
@@ -97,6 +106,7 @@ pub(crate) fn estimate_formats(
         posed_vertices: posed.map(|(asset, _)| asset.weight * asset.deforming_vertices).sum(),
         growing_elements: years().map(|asset| asset.weight * (asset.vertices + asset.triangles)).sum(),
         growing_leaves: years().map(|asset| asset.weight * asset.instances).sum(),
+        rained_leaves: job.rained_leaves,
     };
     c.memory = predict_memory(scene, job.formats, recipe, &c, carried);
     c

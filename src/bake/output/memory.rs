@@ -67,6 +67,8 @@ pub struct CarriedParts {
     pub growing_elements: u64,
     /// Leaves of these trees that are seen at once.
     pub growing_leaves: u64,
+    /// Leaves that drops of rain can strike.
+    pub rained_leaves: u64,
 }
 
 /// Bytes of memory at the peak of a run, by purpose. `counts`: the counts and file sizes of the run; `carried`: what its frames carry.
@@ -88,9 +90,9 @@ pub fn predict_memory(
     // Rain is simulated as a whole before the first frame is written.
     let recorded = match &recipe.rain {
         Some(_) if counts.frames > 1 => {
-            let leaves = RECORDED_LEAF_BYTES.saturating_mul(counts.instances);
+            let leaves = RECORDED_LEAF_BYTES.saturating_mul(carried.rained_leaves);
             let frame = leaves.saturating_add(RECORDED_DROP_BYTES.saturating_mul(counts.points));
-            counts.frames.saturating_mul(frame).saturating_add(RAINED_LEAF_BYTES.saturating_mul(counts.instances))
+            counts.frames.saturating_mul(frame).saturating_add(RAINED_LEAF_BYTES.saturating_mul(carried.rained_leaves))
         }
         _ => 0,
     };

@@ -21,7 +21,13 @@ pub fn estimate_file(
 ) -> BakeEstimate {
     let mut options = export_options(recipe);
     options.gltf_profiles = vec![profile];
-    let job = EstimateJob { formats: &[format], frames: 0, weights: &built.weights, single: true };
+    let job = EstimateJob {
+        formats: &[format],
+        frames: 0,
+        weights: &built.weights,
+        rained_leaves: built.rained_leaves,
+        single: true,
+    };
     BakeEstimate { modules: built.modules, ..estimate_formats(&built.animated, recipe, &options, &job) }
 }
 

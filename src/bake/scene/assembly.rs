@@ -75,6 +75,8 @@ pub struct AssembledScene {
     /// In an estimate, the number of individuals that each of the first assets represents; empty in a scene that can be
     /// written.
     pub weights: Vec<u64>,
+    /// Number of leaves of all plants that drops of rain can strike; 0 without rain.
+    pub rained_leaves: u64,
     /// The wind of the scene, which all of its parts share.
     pub wind: Arc<SceneWind>,
 }
@@ -82,7 +84,7 @@ pub struct AssembledScene {
 impl AssembledScene {
     /// Predicts the counts and bytes of a bake of these frames; no frames for a still scene.
     pub fn estimate(&self, recipe: &Recipe, frames: &[u32]) -> BakeEstimate {
-        let mut counts = estimate(&self.animated, recipe, frames.len() as u64, &self.weights);
+        let mut counts = estimate(&self.animated, recipe, frames.len() as u64, &self.weights, self.rained_leaves);
         counts.memory.extend(Some(("recorded wind", self.wind.recorded_bytes())).filter(|part| part.1 > 0));
         BakeEstimate { modules: self.modules, ..counts }
     }
@@ -269,6 +271,7 @@ fn assemble(
         add_terrain(terrain, of, recipe.general.seed, &mut builder)?;
     }
     rain.add_wet_film(&mut builder, context)?;
+    let rained_leaves = rain.leaf_counts.iter().enumerate().map(|(i, leaves)| leaves * weight(i)).sum();
     builder.make_material_names_unique();
     builder.make_image_names_unique()?;
     let mut camera = camera.unwrap_or_else(|| scene_camera(recipe, &builder.assets, &builder.placements));
@@ -303,6 +306,7 @@ fn assemble(
         report,
         modules,
         weights,
+        rained_leaves,
         wind: scene_wind,
     })
 }

@@ -8,19 +8,19 @@ use crate::bake::BakeContext;
 use crate::bake::assets::obstacles::{Obstacles, reads_lattice_wind};
 use crate::bake::cache::wind_spin_up;
 use crate::bake::wind::needs::WindNeeds;
-use crate::recipe::scene::{LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, SolidShape, WindSolver};
+use crate::recipe::scene::{SolidShape, WindSolver};
 use crate::recipe::{Recipe, SolidRecipe};
 use osier_base::diagnostic::{Diagnostic, Report, codes};
 use osier_base::files::BakeCache;
 use osier_base::geometry::Bounds;
 use osier_base::limits::{Limits, grouped};
-use osier_base::math::{cos, narrow, sin};
+use osier_base::math::narrow;
 use osier_base::progress::{Cancel, Progress, Silent};
 use osier_base::{Error, Result};
 use osier_scene::solid::{Form, LandForm, Solid};
 use osier_wind::{
-    GroundCondition, InletOptions, InletWind, InterpolatedWind, LatticeMemory, LatticeOptions, LatticeSolver,
-    LatticeStats, LatticeWarning, RecordingOptions, SideCondition, Wind, WindProfile, WindSnapshot,
+    InletWind, InterpolatedWind, LatticeMemory, LatticeOptions, LatticeSolver, LatticeStats, LatticeWarning,
+    RecordingOptions, Wind, WindSnapshot,
 };
 
 /// Solids around which a recipe's lattice wind flows, the land included if it reaches the centre of a cell; empty for every other
@@ -34,7 +34,7 @@ pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> 
     let side = 2.0 * (x.max(z) * recipe.lattice.cell_size + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
     // Lower land, such as the waves of a ground, is the bottom of the box with its wall stress: bounce-back at the links that it
     // cuts would slow the wind as smooth ground does.
-    let options = lattice_options(recipe);
+    let options = recipe.lattice_options();
     let is_met = |solid: &&Solid| match &solid.form {
         Form::Land(land) => reaches_a_center(land, &options),
         Form::Prism(_) | Form::Shell(_) => true,
@@ -56,61 +56,9 @@ fn reaches_a_center(land: &LandForm, options: &LatticeOptions) -> bool {
         })
 }
 
-/// Options of the solver from the keys of `[wind]` and `[wind.lattice]`.
-pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
-    let (wind, keys) = (&recipe.wind, &recipe.lattice);
-    let direction = DVec3::new(cos(wind.direction), 0.0, -sin(wind.direction));
-    // cos(90 degrees) is 6e-17 in floating point: set such components to zero, so that the wind is exactly along an axis.
-    let direction = DVec3::from_array(direction.to_array().map(|d| if d.abs() < 1e-12 { 0.0 } else { d })).normalize();
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers from 8 to 4096")]
-    let cells = keys.cells.map(|n| n as u32);
-    LatticeOptions {
-        cells,
-        spacing: keys.cell_size,
-        base_center: DVec3::from_array(keys.at),
-        inlet: InletOptions {
-            direction,
-            speed: wind.speed,
-            speed_curve: keys.speed_curve.clone(),
-            direction_curve: keys.direction_changes(),
-            profile: match keys.profile {
-                LatticeProfile::Log => WindProfile::Log(keys.roughness),
-                LatticeProfile::Power => WindProfile::Power(keys.exponent),
-                LatticeProfile::Uniform => WindProfile::Uniform,
-                LatticeProfile::Table => WindProfile::Table(keys.profile_table.clone()),
-            },
-            reference_height: keys.reference_height,
-            gust_strength: keys.gust,
-            gust_period: keys.gust_period,
-            turbulence: keys.turbulence,
-            turbulence_length: keys.turbulence_length,
-            turbulence_modes: keys.modes,
-            seed: recipe.general.seed,
-        },
-        viscosity: keys.viscosity,
-        fps: recipe.clip.fps(),
-        steps_per_frame: keys.steps,
-        smagorinsky: keys.smagorinsky,
-        tau_floor: keys.tau_floor,
-        ground: match keys.ground {
-            LatticeGround::Rough => GroundCondition::Rough(keys.roughness),
-            LatticeGround::Smooth => GroundCondition::Smooth,
-        },
-        sides: match keys.sides {
-            LatticeSides::Auto => SideCondition::Auto,
-            LatticeSides::Slip => SideCondition::Slip,
-            LatticeSides::Open => SideCondition::Open,
-        },
-        outlet_nonequilibrium: keys.outlet == LatticeOutlet::Nonequilibrium,
-        sponge_cells: keys.sponge,
-        spin_up: keys.spin_up,
-        lead_frames: 0,
-    }
-}
-
 /// The analytic replacement of a lattice wind: profile and gusts of its inlet in the whole domain, unaffected by solids.
 pub fn analytic_inlet(recipe: &Recipe, land: Option<Arc<LandForm>>) -> InletWind {
-    let options = lattice_options(recipe);
+    let options = recipe.lattice_options();
     let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
     let origin = options.base_center - DVec3::new(size.x, 0.0, size.z) / 2.0;
     InletWind::new(options.inlet, origin, options.spacing, options.cells, [false; 3]).over_land(land)
@@ -151,7 +99,7 @@ impl LatticePlan {
             Some(frames) => RecordingOptions::loop_lead(frames, fps),
             None => region_lead.max(if reads_box { box_lead } else { 0 }),
         };
-        let options = LatticeOptions { lead_frames, ..lattice_options(recipe) };
+        let options = LatticeOptions { lead_frames, ..recipe.lattice_options() };
         let (lead, repeats) = (lead_frames, loop_frames.is_some());
         let whole = RecordingOptions { bounds: Bounds::of([]), lead, frames, fps, repeats };
         let region = RecordingOptions { bounds: needs.region, ..whole };
@@ -327,7 +275,7 @@ pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
     if !reads_lattice_wind(recipe) || recipe.lattice.solver != WindSolver::Lbm || !recipe.wind.blows() {
         return Vec::new();
     }
-    let m = LatticeMemory::estimate(&lattice_options(recipe));
+    let m = LatticeMemory::estimate(&recipe.lattice_options());
     vec![
         ("air", m.populations),
         ("snapshots", m.snapshots),
@@ -375,7 +323,7 @@ pub fn check_lattice(recipe: &Recipe, solids: &[Solid], context: &BakeContext<'_
     if lattice_memory(recipe).is_empty() {
         return Ok(());
     }
-    let options = lattice_options(recipe);
+    let options = recipe.lattice_options();
     if LatticeMemory::estimate(&options).total() > MAX_CHECKED_BYTES {
         push_warnings(&LatticeSolver::check_options(&options, solids, context.limits)?, report);
     } else {

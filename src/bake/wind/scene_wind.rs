@@ -12,8 +12,7 @@ use crate::bake::BakeContext;
 use crate::bake::cache::wind_spin_up;
 use crate::bake::wind::analytic::formula_wind;
 use crate::bake::wind::lattice::{
-    LatticeConfig, LatticePlan, SteppedLattice, analytic_inlet, lattice_options, report_land_below_lattice,
-    report_warnings,
+    LatticeConfig, LatticePlan, SteppedLattice, analytic_inlet, report_land_below_lattice, report_warnings,
 };
 use crate::bake::wind::needs::WindNeeds;
 use crate::recipe::Recipe;
@@ -108,7 +107,7 @@ impl SceneWind {
         };
         let uses_lattice = full.unwrap_or(recipe).has_lattice_wind() && recipe.wind.blows();
         if let Some(land) = surroundings.land.as_ref().filter(|_| uses_lattice && !needs.is_empty()) {
-            report_land_below_lattice(&lattice_options(full.unwrap_or(recipe)), land, report);
+            report_land_below_lattice(&full.unwrap_or(recipe).lattice_options(), land, report);
         }
         let scale = narrow(recipe.wind.scale);
         let mut winds = analytic_winds(recipe, surroundings.land.as_ref());

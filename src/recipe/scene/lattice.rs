@@ -1,7 +1,18 @@
 //! `[wind.lattice]`: the lattice Boltzmann wind.
 
-use crate::recipe::syntax::{BooleanType, NumberArray, OneOf, OptionalKey, RisingPairs, integer, number, point};
+use glam::DVec3;
+
+use crate::recipe::Recipe;
+use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::syntax::{
+    BooleanType, NumberArray, OneOf, OptionalKey, RisingPairs, TomlTable, integer, number, point,
+};
 use crate::recipe::syntax::{choices, keys};
+use osier_base::diagnostic::Diagnostic;
+use osier_base::math::{cos, sin};
+use osier_wind::{
+    GroundCondition, InletOptions, LatticeFault, LatticeOptions, SideCondition, WindProfile, lattice_fault,
+};
 
 choices! {
     /// Solver of a lattice wind.
@@ -118,5 +129,89 @@ keys! {
         /// Whether a bake stores the state after spin-up in `wind/` of its folder (60 bytes per cell), from which later
         /// bakes start.
         keep: bool = "keep" BooleanType(false);
+    }
+}
+
+impl Recipe {
+    /// Options of the solver from the keys of `[wind]` and `[wind.lattice]`.
+    pub fn lattice_options(&self) -> LatticeOptions {
+        let (wind, keys) = (&self.wind, &self.lattice);
+        let direction = DVec3::new(cos(wind.direction), 0.0, -sin(wind.direction));
+        // cos(90 degrees) is 6e-17 in floating point: set such components to zero, so that the wind is exactly along an axis.
+        let direction =
+            DVec3::from_array(direction.to_array().map(|d| if d.abs() < 1e-12 { 0.0 } else { d })).normalize();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers from 8 to 4096")]
+        let cells = keys.cells.map(|n| n as u32);
+        LatticeOptions {
+            cells,
+            spacing: keys.cell_size,
+            base_center: DVec3::from_array(keys.at),
+            inlet: InletOptions {
+                direction,
+                speed: wind.speed,
+                speed_curve: keys.speed_curve.clone(),
+                direction_curve: keys.direction_changes(),
+                profile: match keys.profile {
+                    LatticeProfile::Log => WindProfile::Log(keys.roughness),
+                    LatticeProfile::Power => WindProfile::Power(keys.exponent),
+                    LatticeProfile::Uniform => WindProfile::Uniform,
+                    LatticeProfile::Table => WindProfile::Table(keys.profile_table.clone()),
+                },
+                reference_height: keys.reference_height,
+                gust_strength: keys.gust,
+                gust_period: keys.gust_period,
+                turbulence: keys.turbulence,
+                turbulence_length: keys.turbulence_length,
+                turbulence_modes: keys.modes,
+                seed: self.general.seed,
+            },
+            viscosity: keys.viscosity,
+            fps: self.clip.fps(),
+            steps_per_frame: keys.steps,
+            smagorinsky: keys.smagorinsky,
+            tau_floor: keys.tau_floor,
+            ground: match keys.ground {
+                LatticeGround::Rough => GroundCondition::Rough(keys.roughness),
+                LatticeGround::Smooth => GroundCondition::Smooth,
+            },
+            sides: match keys.sides {
+                LatticeSides::Auto => SideCondition::Auto,
+                LatticeSides::Slip => SideCondition::Slip,
+                LatticeSides::Open => SideCondition::Open,
+            },
+            outlet_nonequilibrium: keys.outlet == LatticeOutlet::Nonequilibrium,
+            sponge_cells: keys.sponge,
+            spin_up: keys.spin_up,
+            lead_frames: 0,
+        }
+    }
+}
+
+impl Resolver<'_> {
+    /// S004 for a number of time steps or a relaxation time that does not fit the wind of a lattice. A scene with other errors is not
+    /// checked, since its recipe lacks what could not be read.
+    pub(in crate::recipe) fn check_lattice(&mut self, root: &TomlTable, recipe: &Recipe) {
+        let is_simulated = recipe.has_lattice_wind() && recipe.lattice.solver == WindSolver::Lbm;
+        // A still scene reads the wind in the spin-up of a flight only.
+        if self.report.has_errors() || !is_simulated || recipe.clip.len() < 2 && recipe.flight.is_none() {
+            return;
+        }
+        let place = |key: &str| span_of(root, &["wind", "lattice", key]);
+        let d = match lattice_fault(&recipe.lattice_options()) {
+            None => return,
+            Some(LatticeFault::TimeSteps { steps, needed }) => {
+                let text = format!("wind.lattice.steps is {steps}, but this wind needs {needed} or more per frame");
+                let at = place("steps").unwrap_or(self.whole);
+                let help = "leave steps out: their number follows from the speed of the wind";
+                Diagnostic::error("S004", text, at, format!("must be {needed} or more")).help(help)
+            }
+            Some(LatticeFault::RelaxationTime { tau, least }) => {
+                let text = format!("wind.lattice.smagorinsky is 0, but the relaxation time is only {tau} steps");
+                let at = place("tau_floor").or_else(|| place("smagorinsky")).unwrap_or(self.whole);
+                let help = format!("write tau_floor = {least}, or leave smagorinsky out");
+                Diagnostic::error("S004", text, at, format!("must be {least} or more")).help(help)
+            }
+        };
+        self.report.push(d);
     }
 }

@@ -26,7 +26,7 @@ choices! {
     LeafSeasons {
         /// As `seasons` if a year has at least 12 frames, else as `summer`, since leaves that change faster flicker.
         Auto = "auto",
-        /// Leaves that live less than two years unfold in spring and fall in autumn.
+        /// Leaves that live one year unfold in spring and fall in autumn; longer-lived ones stay over winter.
         Seasons = "seasons",
         /// Leaves stay all year.
         Summer = "summer",

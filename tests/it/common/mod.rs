@@ -9,5 +9,6 @@ pub mod grown;
 pub mod picture;
 pub mod pov;
 pub mod program;
+pub mod scene_text;
 pub mod synthetic;
 pub mod track_records;

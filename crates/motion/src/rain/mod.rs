@@ -89,7 +89,7 @@ pub use leaf::relief::MaterialHeightMap;
 pub use leaf::surface::LeafSurface;
 pub use leaf::veins::VeinMap;
 pub use maps::{CapOnLeaf, LeafMaps, LeafWaterMaps, TexelCounters, UvRaster};
-pub use mesh::{DropDetail, DropMesh};
+pub use mesh::{DropDetail, DropMesh, DropMeshSize};
 pub use params::{DropParams, DropWeightTorque, FrictionModel, ImpactImpulseLaw, MergeRule, capillary_length};
 pub use simulation::{ImpactMomentum, LeafOnPlant, LeafWetSpot, RainConfig, RainSimulation, WaterBudget};
 pub use solids::RainSolids;

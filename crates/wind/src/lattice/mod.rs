@@ -49,6 +49,6 @@ pub use inlet::{InletOptions, InletWind, WindProfile};
 pub use memory_estimate::LatticeMemory;
 pub use recorded::{RecordedWind, RecordingOptions};
 pub use report::{LatticeStats, LatticeWarning};
-pub use setup::{GroundCondition, LatticeOptions, SideCondition};
+pub use setup::{GroundCondition, LatticeFault, LatticeOptions, SideCondition, lattice_fault};
 pub use snapshot::{InterpolatedWind, WindSnapshot};
 pub use solver::LatticeSolver;

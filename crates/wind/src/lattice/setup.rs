@@ -156,6 +156,71 @@ fn range_error(name: &str, value: f64, min: f64, max: f64, unit: &'static str) -
     Error::Range { name: name.to_owned(), value, min, max, unit }
 }
 
+/// A key of a lattice wind that does not fit the others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LatticeFault {
+    /// Too few time steps: the wind would cross too many cells in one.
+    TimeSteps {
+        /// Those asked for, per frame.
+        steps: u32,
+        /// Least number per frame.
+        needed: f64,
+    },
+    /// Too short a relaxation time for a flow without eddy viscosity.
+    RelaxationTime {
+        /// The relaxation time, steps.
+        tau: f64,
+        /// Least relaxation time, steps.
+        least: f64,
+    },
+}
+
+impl From<LatticeFault> for Error {
+    fn from(fault: LatticeFault) -> Self {
+        match fault {
+            LatticeFault::TimeSteps { steps, needed } => {
+                range_error("wind.lattice.steps", f64::from(steps), needed, 1e6, "steps per frame for this wind")
+            }
+            LatticeFault::RelaxationTime { tau, least } => {
+                range_error("wind.lattice.tau_floor without smagorinsky", tau, least, 1.0, "steps")
+            }
+        }
+    }
+}
+
+/// The first key of the options that does not fit their wind, for messages before a solver is made; `None` if all do.
+pub fn lattice_fault(options: &LatticeOptions) -> Option<LatticeFault> {
+    let height = f64::from(options.cells[1]) * options.spacing;
+    let (origin, periodic) = (options.origin(), periodic_axes(options));
+    let inlet = InletWind::new(options.inlet.clone(), origin, options.spacing, options.cells, periodic);
+    time_step(options, inlet.peak_speed(height), &mut Vec::new()).err()
+}
+
+/// Time step and relaxation time.
+struct TimeStep {
+    /// Steps per frame.
+    steps: u32,
+    /// Time step, s.
+    dt: f64,
+    /// Relaxation time of the kinematic viscosity, steps.
+    tau: f64,
+}
+
+/// Time step and relaxation time of the options. `peak`: largest speed of the inflow, m/s.
+fn time_step(
+    options: &LatticeOptions,
+    peak: f64,
+    warnings: &mut Vec<LatticeWarning>,
+) -> std::result::Result<TimeStep, LatticeFault> {
+    let steps = steps_per_frame(options, peak, warnings)?;
+    let dt = 1.0 / (options.fps * f64::from(steps));
+    let tau = (0.5 + 3.0 * options.viscosity * dt / (options.spacing * options.spacing)).max(options.tau_floor);
+    if options.smagorinsky <= 0.0 && tau < MIN_TAU_WITHOUT_EDDIES {
+        return Err(LatticeFault::RelaxationTime { tau, least: MIN_TAU_WITHOUT_EDDIES });
+    }
+    Ok(TimeStep { steps, dt, tau })
+}
+
 impl LatticeSetup {
     /// Converts the options to lattice units. Fails with `Range` if options contradict each other.
     pub(super) fn new(options: &LatticeOptions) -> Result<(Self, Vec<LatticeWarning>)> {
@@ -175,18 +240,7 @@ impl LatticeSetup {
         let peak = inlet.peak_speed(size.y);
         let mut warnings: Vec<LatticeWarning> =
             warn_of_unresolved_turbulence(&inlet, options.spacing).into_iter().collect();
-        let steps = steps_per_frame(options, peak, &mut warnings)?;
-        let dt = 1.0 / (options.fps * f64::from(steps));
-        let tau = (0.5 + 3.0 * options.viscosity * dt / (options.spacing * options.spacing)).max(options.tau_floor);
-        if options.smagorinsky <= 0.0 && tau < MIN_TAU_WITHOUT_EDDIES {
-            return Err(range_error(
-                "wind.lattice.tau_floor without smagorinsky",
-                tau,
-                MIN_TAU_WITHOUT_EDDIES,
-                1.0,
-                "steps",
-            ));
-        }
+        let TimeStep { steps, dt, tau } = time_step(options, peak, &mut warnings)?;
         let ground = match options.ground {
             GroundCondition::Rough(z0) => {
                 let (speed, height) = inlet.speed_and_height_in_cells(dt);
@@ -352,14 +406,18 @@ fn warn_of_unresolved_turbulence(inlet: &InletWind, spacing: f64) -> Option<Latt
 /// Steps per frame: those asked for, or the fewest at which the wind passes no more than [`TARGET_SPEED`] cells per step.
 /// `peak`: largest speed of the inflow, m/s.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few, or refused")]
-fn steps_per_frame(options: &LatticeOptions, peak: f64, warnings: &mut Vec<LatticeWarning>) -> Result<u32> {
+fn steps_per_frame(
+    options: &LatticeOptions,
+    peak: f64,
+    warnings: &mut Vec<LatticeWarning>,
+) -> std::result::Result<u32, LatticeFault> {
     let cells_per_frame = peak / (options.fps * options.spacing);
     // 1e-9: a quotient that is an integer except for rounding counts as that integer.
     let needed = (cells_per_frame / TARGET_SPEED - 1e-9).ceil().max(1.0);
     let steps = options.steps_per_frame.unwrap_or(needed.min(1e6) as u32).max(1);
     let speed = cells_per_frame / f64::from(steps);
     if speed > REFUSED_SPEED {
-        return Err(range_error("wind.lattice.steps", f64::from(steps), needed, 1e6, "steps per frame for this wind"));
+        return Err(LatticeFault::TimeSteps { steps, needed });
     }
     if speed > WARN_SPEED {
         let text = format!(

@@ -21,7 +21,6 @@ use crate::bake::motion::flight::trajectories::Trajectories;
 use crate::bake::motion::flight::volumes::FlightVolumes;
 use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
 use crate::bake::scene::builder::CATKINS_ID;
-use crate::bake::wind::lattice::lattice_options;
 use crate::bake::wind::scene_wind::{SceneWind, WindUser};
 use crate::recipe::scene::{FlightBoundary, FlightKeys, FlightRelease, FlightZoneKeys, WindModel};
 use crate::recipe::{FlightRecipe, Recipe};
@@ -517,7 +516,7 @@ fn side_boundaries(scene: &FlightSetup<'_>) -> [SideBoundary; 2] {
     // are recycled, which keeps their number, and others leave.
     let keys = &scene.flight.keys;
     let lattice = scene.cell_size.is_some();
-    let periodic = if lattice { lattice_options(scene.recipe).periodic_sides() } else { [false; 2] };
+    let periodic = if lattice { scene.recipe.lattice_options().periodic_sides() } else { [false; 2] };
     let open = if keys.release == FlightRelease::Sky { FlightBoundary::Recycle } else { FlightBoundary::Exit };
     let own = [keys.sides_x, keys.sides_z];
     std::array::from_fn(|axis| {

@@ -71,10 +71,14 @@ impl ExpectedDrops {
             Some(keys) if keys.size != RainSize::Natural => tuning::RADIUS_PER_DIAMETER * keys.diameter,
             _ => tuning::DROP_RADIUS,
         };
-        let [vertices, triangles] =
-            DropDetail::at_distance(radius, distance).typical_size().map(|n| to_count(meshed * n));
+        let size = DropDetail::at_distance(radius, distance).typical_size(radius);
         let leaf = leaves.first().map_or(Vec3::ZERO, |leaf| leaf.position.as_vec3());
-        Self { airborne: to_count(airborne), vertices, triangles, leaf }
+        Self {
+            airborne: to_count(airborne),
+            vertices: to_count(meshed * size.vertices),
+            triangles: to_count(meshed * size.triangles),
+            leaf,
+        }
     }
 
     /// Extends the asset of drops of an estimate to as many points and vertices, all at one place: only their number counts.

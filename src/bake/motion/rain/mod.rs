@@ -35,7 +35,7 @@ use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
 use crate::recipe::scene::{RainRecipe, SwayStart};
 use osier_base::Result;
-use osier_base::convert::{index, limit, to_usize};
+use osier_base::convert::{index, limit, saturating_index, to_usize};
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
@@ -59,6 +59,9 @@ const DEFAULT_SUBSTEPS: u32 = 8;
 const DEFAULT_STEPS_PER_SECOND: f64 = 192.0;
 /// Bytes of recorded drops that count as one key of the limit `motion-keys`.
 const BYTES_PER_KEY: u64 = 64;
+/// Gravity below which a message about too many drops names it, m/s^2. Own: that of the Moon, under which drops fall 2.5 times as
+/// slowly as on Earth, is 1.62.
+const SLOW_GRAVITY: f64 = 1.6;
 /// Name of the quantity counted against the limit `motion-keys`, for its message.
 const LIMITED_QUANTITY: &str = "the number of leaves and raindrops times frames";
 /// Index of refraction of the material of drops.
@@ -141,6 +144,8 @@ struct SimulatedRain {
     wet_film: Option<WetFilm>,
     /// Expected contents of a frame, averaged over the whole clip; only in an estimate of falling rain.
     expected: Option<ExpectedDrops>,
+    /// Numbers of leaves that drops can strike, by plant asset.
+    leaf_counts: Vec<u64>,
 }
 
 /// A film of water that earlier rain has left on the surfaces that it reached.
@@ -159,6 +164,8 @@ pub(crate) struct AddedRain {
     pub(crate) map_sequences: Vec<MapSequence>,
     /// Statistics, one row per frame; `None` in a still scene.
     pub(crate) table: Option<Table>,
+    /// Numbers of leaves that drops can strike, by plant asset.
+    pub(crate) leaf_counts: Vec<u64>,
     wet_film: Option<WetFilm>,
 }
 
@@ -253,6 +260,7 @@ pub(crate) fn add_rain(
     Ok(AddedRain {
         map_sequences: simulated.map_sequences,
         table: moves.then_some(simulated.table),
+        leaf_counts: simulated.leaf_counts,
         wet_film: simulated.wet_film,
     })
 }
@@ -269,6 +277,8 @@ fn simulate_rain(
 
     // Targets: leaf blades on plants that rods or the wind move, or on static ones.
     let scene_leaves = scene_leaves(assets, materials, images, transforms, &plant_motions, report);
+    let mut leaf_counts = vec![0_u64; assets.len()];
+    scene_leaves.iter().for_each(|leaf| leaf_counts[leaf.instance.asset] += 1);
     let picture = ScreenScale::new(recipe, rest_bounds(assets, transforms).fold(Bounds::default(), Bounds::union));
     let mapped_leaves = select_mapped_leaves(recipe, &scene_leaves, &picture);
     let steps = steps_per_frame(rain, recipe, &plant_motions, wind.as_deref());
@@ -277,8 +287,17 @@ fn simulate_rain(
     let lead = spin_up_steps(rain, step) as f64 * step;
     let wind = wind.map(|wind| Arc::new(ShiftedWind { wind, lead }) as Arc<dyn Wind>);
     let starts_from_rest = recipe.sway.start == SwayStart::Rest;
-    let rod_spin_up_steps = if full.is_some() || starts_from_rest { 0 } else { rod_spin_up_steps(step) };
-    let clock = RainClock { fps: recipe.clip.fps(), lead, step, rod_spin_up_steps, gravity: rain.keys.gravity };
+    // A trial of plants that start at rest reads the wind at no time at which the rain does not.
+    let simulated_steps = spin_up_steps(rain, step) + u64::from(steps) * (recipe.clip.len() as u64).saturating_sub(1);
+    let trial_steps = if starts_from_rest { saturating_index(limit(simulated_steps)) } else { u32::MAX };
+    let clock = RainClock {
+        fps: recipe.clip.fps(),
+        lead,
+        step,
+        rod_spin_up_steps: if full.is_some() { 0 } else { rod_spin_up_steps(step).min(trial_steps) },
+        rods_start_at_rest: starts_from_rest,
+        gravity: rain.keys.gravity,
+    };
     // For each plant a target, which drops hit and load, and a recorder, which turns its state into frames of the asset.
     let (mut targets, mut recorders) = (Vec::new(), Vec::new());
     for (k, motion) in plant_motions.into_iter().enumerate() {
@@ -295,9 +314,9 @@ fn simulate_rain(
     let clip = recipe.clip;
     let frames = clip.len() as u64;
     // An estimate simulates the first interval of the whole clip's rain: the total number of drops belongs to all of it.
-    let rainfall = params::rainfall_params(rain, full.unwrap_or(recipe));
+    let whole = full.unwrap_or(recipe);
+    let rainfall = params::rainfall_params(rain, whole);
     let height = f64::from(bounds.size().y);
-    let fall_time = longest_fall(height, rain.keys.gravity).min(rainfall.duration);
     let lowest = f64::from(bounds.min.y);
     // In scenes without a ground, drops end below the lowest point of plants and solids.
     let ground = ground.into_height(solids.height_range().map_or(lowest, |[low, _]| low.min(lowest)));
@@ -308,7 +327,15 @@ fn simulate_rain(
     });
     let emitter = rain.keys.falls.then(|| RainEmitter::new(rainfall, bounds, wind.clone()));
     let (rate, area) = (emitter.as_ref().map(RainEmitter::rate), emitter.as_ref().map(RainEmitter::area));
-    check_memory(&emitter, fall_time, frames, scene_leaves.len(), context)?;
+    RainCost {
+        drop_rate: emitter.as_ref().map_or(0.0, RainEmitter::mean_drop_rate),
+        fall_time: longest_fall(height, rain.keys.gravity),
+        duration: whole.clip.len() as f64 / whole.clip.fps() + whole.rain.as_ref().map_or(0.0, |r| r.keys.spin_up),
+        step,
+        frames: whole.clip.len() as u64,
+        leaves: scene_leaves.len(),
+    }
+    .check(rain, context)?;
     let expected = full.zip(emitter.as_ref()).map(|(f, e)| ExpectedDrops::new(e, height, &scene_leaves, f, &picture));
     let leaves = scene_leaves.iter().enumerate().map(|(i, f)| {
         let leaf = RainLeaf::new(Arc::clone(&f.surface), f.scale, i as u64);
@@ -374,6 +401,7 @@ fn simulate_rain(
         table,
         wet_film,
         expected,
+        leaf_counts,
     })
 }
 
@@ -403,7 +431,7 @@ fn rest_bounds<'a>(assets: &'a [Asset], transforms: &'a [Trs]) -> impl Iterator<
     })
 }
 
-/// World bounds of the plants, m; those that the wind moves are bounded over their sway.
+/// World bounds of the plants, m; those that the wind moves are bounded over their motion.
 fn plant_bounds(assets: &[Asset], transforms: &[Trs], recorders: &[RainedPlantRecorder]) -> Bounds {
     let bounds = rest_bounds(assets, transforms).zip(recorders).map(|(rest, recorder)| recorder.bounds_in_wind(rest));
     bounds.fold(Bounds::default(), Bounds::union)
@@ -415,20 +443,57 @@ fn longest_fall(height: f64, gravity: f64) -> f64 {
     (height + 1.0) / (2.0 * osier_base::math::sqrt(gravity / osier_base::physics::GRAVITY))
 }
 
-/// Checks the memory of leaf poses and airborne drops over all frames before anything is simulated. Drops on leaves are counted as
-/// they are recorded ([`record_frames`]). `fall_time`: for which drops are in the air, s.
-fn check_memory(
-    emitter: &Option<RainEmitter>,
+/// What the rain of a bake takes, predicted before anything is simulated. Drops on leaves are counted as they are recorded
+/// ([`record_frames`]).
+#[derive(Debug, Clone, Copy)]
+struct RainCost {
+    /// Mean number of drops that are emitted per second.
+    drop_rate: f64,
+    /// Longest time for which a drop is in the air, s.
     fall_time: f64,
+    /// Duration of spin-up and clip, s.
+    duration: f64,
+    /// Time step, s.
+    step: f64,
+    /// Number of frames of the clip.
     frames: u64,
+    /// Number of leaves that drops can strike.
     leaves: usize,
-    context: &BakeContext<'_>,
-) -> Result<()> {
-    // Drops in the air at once: emission rate times the fall time; 96 bytes each.
-    let falling = emitter.as_ref().map_or(0.0, RainEmitter::mean_drop_rate) * fall_time * 96.0;
-    let drops = (falling + (leaves * size_of::<LeafPose>()) as f64) * frames as f64 / BYTES_PER_KEY as f64;
+}
+
+impl RainCost {
+    /// Time for which drops fall within the simulation, s.
+    fn time_in_air(&self) -> f64 {
+        self.fall_time.min(self.duration)
+    }
+
+    /// Recorded leaf poses and airborne drops of all frames, in units of [`BYTES_PER_KEY`].
+    fn recorded_keys(&self) -> f64 {
+        // Drops in the air at once: emission rate times the fall time; 96 bytes each.
+        let falling = self.drop_rate * self.time_in_air() * 96.0;
+        (falling + (self.leaves * size_of::<LeafPose>()) as f64) * self.frames as f64 / BYTES_PER_KEY as f64
+    }
+
+    /// Drops in the air, added up over all time steps. Their number rises evenly until the first ones land, then stays.
+    fn drop_steps(&self) -> f64 {
+        let rise = self.time_in_air();
+        self.drop_rate * rise * (self.duration - 0.5 * rise) / self.step
+    }
+
+    /// Compares the record with the limit `motion-keys` and the work with `drop-steps`.
+    /// # Errors
+    /// `Limit`.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "compared, saturating")]
-    context.limits.check("motion-keys", drops as u64, LIMITED_QUANTITY)
+    fn check(&self, rain: &RainRecipe, context: &BakeContext<'_>) -> Result<()> {
+        let amount = if rain.keys.total.is_some() { "rain.total" } else { "rain.rate_mm_per_h" };
+        // Under little gravity drops fall slowly, and the wind carries them from far away.
+        let slow = if rain.keys.gravity < SLOW_GRAVITY { ", or raise rain.gravity" } else { "" };
+        let record = format!("lower {amount} or the number of frames{slow}");
+        context.limits.check_with_help("motion-keys", self.recorded_keys() as u64, LIMITED_QUANTITY, &record)?;
+        let work = format!("lower {amount}, wind.speed or rain.spin_up_s{slow}");
+        let what = "the number of raindrops in the air times time steps";
+        context.limits.check_with_help("drop-steps", self.drop_steps() as u64, what, &work)
+    }
 }
 
 /// Time steps per frame where rods need no more.

@@ -92,8 +92,11 @@ pub(super) struct RainClock {
     pub(super) lead: f64,
     /// Time step of rain and rods, s.
     pub(super) step: f64,
-    /// Number of steps that plants on rods spin up in the wind before the rain begins.
+    /// Number of steps that plants on rods spin up in the wind before the rain begins; 0 in an estimate.
     pub(super) rod_spin_up_steps: u32,
+    /// Whether plants on rods begin at rest: these steps are then the first ones of the rain, taken to see how far the wind bends the
+    /// plants.
+    pub(super) rods_start_at_rest: bool,
     /// Gravitational acceleration, m/s^2.
     pub(super) gravity: f64,
 }
@@ -101,8 +104,36 @@ pub(super) struct RainClock {
 /// Turns the simulated state of one plant into frames of its asset.
 pub(super) enum RainedPlantRecorder {
     Still,
-    Rods(RodBinding),
+    Rods {
+        binding: RodBinding,
+        /// Motion of leaves and wood in the wind of the spin-up.
+        motion: SweptBounds,
+    },
     Sway(SwayRecorder),
+}
+
+/// Bounds of points of a plant that the wind moves, world space, m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SweptBounds {
+    /// At rest.
+    rest: Bounds,
+    /// Over the motion.
+    swept: Bounds,
+}
+
+impl SweptBounds {
+    /// Bounds of the whole plant at rest, extended by as far as the points move beyond theirs.
+    fn extend(&self, at_rest: Bounds) -> Bounds {
+        let Self { rest, swept } = self;
+        if rest.is_empty() || swept.is_empty() {
+            return at_rest;
+        }
+        // Blades reach beyond their pivots by as much in the wind as at rest.
+        Bounds {
+            min: at_rest.min - (rest.min - swept.min).max(Vec3::ZERO),
+            max: at_rest.max + (swept.max - rest.max).max(Vec3::ZERO),
+        }
+    }
 }
 
 /// Recorder of a swaying plant, whose leaves wind and drops have moved.
@@ -113,29 +144,28 @@ pub(super) struct SwayRecorder {
 }
 
 impl RainedPlantRecorder {
-    /// World bounds of the plant during the clip, m: those at rest, extended by as far as leaf pivots and nodes sway beyond
-    /// theirs.
+    /// World bounds of the plant in the wind, m: those at rest, extended by as far as leaf pivots and wood sway beyond theirs,
+    /// during the clip by the sway model, during the spin-up on rods.
     pub(super) fn bounds_in_wind(&self, at_rest: Bounds) -> Bounds {
-        let Self::Sway(recorder) = self else { return at_rest };
+        let recorder = match self {
+            Self::Still => return at_rest,
+            Self::Rods { motion, .. } => return motion.extend(at_rest),
+            Self::Sway(recorder) => recorder,
+        };
         let frames = recorder.wind.motion.frame_count();
         let swept =
             (0..frames).step_by(frames.div_ceil(SAMPLED_FRAMES).max(1)).fold(Bounds::default(), |swept, frame| {
                 let WindPose { leaves, nodes } = recorder.wind.at_frame(frame.cast_signed() as i64);
                 swept.union(Bounds::of(leaves.iter().map(|leaf| leaf.position).chain(nodes).map(|p| p.as_vec3())))
             });
-        // Blades reach beyond their pivots by as much in the wind as at rest.
-        let rest = recorder.rest_bounds;
-        Bounds {
-            min: at_rest.min - (rest.min - swept.min).max(Vec3::ZERO),
-            max: at_rest.max + (swept.max - rest.max).max(Vec3::ZERO),
-        }
+        SweptBounds { rest: recorder.rest_bounds, swept }.extend(at_rest)
     }
 
     /// Frame of the plant's asset in the present state of the simulation; `None` for a plant that does not move.
     pub(super) fn frame(&self, asset: &Asset, plant: &dyn RainPlant, time: FrameTime) -> Option<AssetFrame> {
         match self {
             Self::Still => None,
-            Self::Rods(binding) => plant.posed_rods().map(|rods| binding.pose_asset(asset, rods, plant)),
+            Self::Rods { binding, .. } => plant.posed_rods().map(|rods| binding.pose_asset(asset, rods, plant)),
             Self::Sway(recorder) => plant.drop_bends().map(|bends| recorder.frame(asset, plant, bends, time)),
         }
     }
@@ -143,6 +173,18 @@ impl RainedPlantRecorder {
 
 /// Number of frames of the wind sampled to bound a plant's sway. Own: a gust lasts longer than a sixteenth of a clip.
 const SAMPLED_FRAMES: usize = 16;
+
+/// Steps of the spin-up of rods from one measurement of their bounds to the next. Own: a step is 1/192 s or less, a branch takes
+/// longer than eight to cross its path.
+const STEPS_PER_BOUNDS: u32 = 8;
+
+/// Bounds of the leaf pivots and wood of a plant, world space, m.
+fn leaf_and_wood_bounds(plant: &RodPlant) -> Bounds {
+    let mut wood = Vec::new();
+    plant.wood_segments(&mut wood);
+    let pivots = (0..plant.leaf_count()).map(|leaf| plant.leaf_pose(leaf).position);
+    Bounds::of(pivots.chain(wood.iter().flat_map(|segment| segment.ends)).map(|p| p.as_vec3()))
+}
 
 /// The collision target of a plant for drops, and the recorder of its frames. `still` makes the target of a plant that does not
 /// move.
@@ -162,10 +204,17 @@ pub(super) fn plant_in_rain(
             let steps = if wind.is_some() { clock.rod_spin_up_steps } else { 0 };
             let rods = rods.with_clip_start(clock.lead);
             let mut rods = if wind.is_some() { rods.with_wind(wind) } else { rods };
+            let at_rest = clock.rods_start_at_rest.then(|| rods.clone());
+            let rest = leaf_and_wood_bounds(&rods);
+            let mut motion = SweptBounds { rest, swept: rest };
             for left in (1..=steps).rev() {
-                rods.step(-f64::from(left) * clock.step, clock.step)?;
+                let t = if clock.rods_start_at_rest { f64::from(steps - left) } else { -f64::from(left) } * clock.step;
+                rods.step(t, clock.step)?;
+                if (left - 1).is_multiple_of(STEPS_PER_BOUNDS) {
+                    motion.swept = motion.swept.union(leaf_and_wood_bounds(&rods));
+                }
             }
-            (Box::new(rods), RainedPlantRecorder::Rods(binding))
+            (Box::new(at_rest.unwrap_or(rods)), RainedPlantRecorder::Rods { binding, motion })
         }
         PlantInRain::Sway(motion) => {
             let pivot = |of_leaf: &&SceneLeaf| of_leaf.position.as_vec3();

@@ -1,7 +1,7 @@
-use super::{default_substeps, longest_fall, steps_per_frame};
+use super::{RainCost, default_substeps, longest_fall, steps_per_frame};
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
-use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_scene};
+use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_for_estimate, assemble_scene};
 use crate::recipe::{Request, resolve};
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Silent};
@@ -52,6 +52,25 @@ fn what_a_clip_of_drops_keeps_is_held_to_the_limit() {
     }
 }
 
+/// Catkins are instances, too, but no drop strikes them.
+#[test]
+fn memory_of_rain_is_predicted_for_the_leaves_that_drops_strike() {
+    let record = |more: &str| {
+        let request = Request { name: "test".into(), text: format!("{SCENE}{more}"), ..Request::default() };
+        let (recipe, _) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
+        let (limits, cancel) = (Limits::default(), Cancel::default());
+        let context = BakeContext { limits: &limits, cancel: &cancel, progress: &Silent, cache: None };
+        let built = assemble_for_estimate(&recipe, SceneOptions::default(), &context).expect("an estimate");
+        let counts = built.counts(&recipe, &[1, 2, 3, 4, 5, 6, 7, 8]);
+        let bytes = counts.memory.iter().find(|part| part.0 == "record of rain").expect("a record of rain").1;
+        (built.rained_leaves, counts.instances, bytes)
+    };
+    let (leaves, instances, bytes) = record("");
+    let (with_catkins, more_instances, same) = record("[catkin]\nlod = 3\n[flight]\ncount = 500\nrelease = \"sky\"\n");
+    assert_eq!((leaves, with_catkins), (6, 6));
+    assert!(more_instances == instances + 500 && bytes == same, "{instances} {more_instances}: {bytes} {same}");
+}
+
 #[test]
 fn low_frame_rates_have_no_longer_time_steps() {
     for (fps, steps) in [(1000.0, 8), (60.0, 8), (24.0, 8), (24_000.0 / 1001.0, 8), (12.0, 16), (4.0, 48), (1.0, 192)] {
@@ -68,6 +87,25 @@ fn low_frame_rates_have_no_longer_time_steps() {
 #[test]
 fn drops_fall_longer_under_less_gravity() {
     assert!((longest_fall(9.0, 9.81) - 5.0).abs() < 1e-12 && (longest_fall(9.0, 9.81 / 4.0) - 10.0).abs() < 1e-12);
+}
+
+#[test]
+fn the_work_of_drops_in_the_air_is_held_to_a_limit() {
+    let cost = RainCost { drop_rate: 100.0, fall_time: 2.0, duration: 10.0, step: 0.01, frames: 24, leaves: 3 };
+    // 200 drops are in the air at once, after two seconds in which their number rises; none lands within one second.
+    assert!((cost.drop_steps() - 200.0 * 9.0 * 100.0).abs() < 1e-6, "{}", cost.drop_steps());
+    let short = RainCost { duration: 1.0, ..cost };
+    assert!((short.drop_steps() - 50.0 * 100.0).abs() < 1e-6, "{}", short.drop_steps());
+    // Where drops fall slowly, the wind carries them from far away: more are in the air than a bake could ever move.
+    let storm = "gravity = 0.01\n[wind]\nmodel = \"gust\"\nspeed = 6\n";
+    let mut limits = Limits::default();
+    limits.set("drop-steps", "100M").expect("a limit");
+    limits.set("motion-keys", "none").expect("a limit");
+    let said = within(&limits, storm).err().map(|e| e.to_string()).expect("too much");
+    assert!(said.contains("raindrops in the air times time steps") && said.contains("--max-drop-steps"), "{said}");
+    assert!(said.contains("lower rain.rate_mm_per_h, wind.speed or rain.spin_up_s, or raise rain.gravity"), "{said}");
+    let said = within(&limits, &format!("total = 90_000_000\n{storm}")).err().map(|e| e.to_string()).expect("too much");
+    assert!(said.contains("lower rain.total"), "{said}");
 }
 
 #[test]
@@ -173,6 +211,23 @@ fn leaves_on_rods_give_way() {
     check_frame(scene, &b).expect("sound");
     let moved = a.assets[0].pose.iter().zip(&b.assets[0].pose).any(|(a, b)| a.t.distance(b.t) > 1e-6);
     assert!(moved);
+}
+
+/// Rain is emitted for where the plants are in the wind. Falling drops are framed by the bounds of the plants.
+#[test]
+fn rain_falls_where_the_wind_bends_plants_on_rods() {
+    let reach = |more: &str| {
+        let built = built(&format!("[plants.twig.rods]\ncompliance = 10\n{more}"));
+        let rain = built.animated.scene.assets.iter().find(|asset| asset.id == "rain").expect("rain");
+        rain.points.first().expect("falling drops").reach
+    };
+    let wind = "[wind]\nmodel = \"uniform\"\nspeed = 25\n";
+    let calm = reach("");
+    for more in [wind.to_owned(), format!("{wind}[sway]\nstart = \"rest\"\n")] {
+        let bent = reach(&more);
+        let beyond = (bent.max - calm.max).max(calm.min - bent.min);
+        assert!(beyond.max_element() > 0.02, "{more}: {beyond}");
+    }
 }
 
 #[test]

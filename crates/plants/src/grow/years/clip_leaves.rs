@@ -31,15 +31,17 @@ const LATEST_SPRING: f32 = 0.55;
 const TURNING: f32 = 0.25;
 /// Frames between the fall of a leaf and the next one in its place, so that no motion blur joins them.
 const FRAMES_BETWEEN: f64 = 2.0;
-/// Leaves that live longer than this are not shed in autumn, years.
-const DECIDUOUS_YEARS: f32 = 1.5;
+/// Leaves that live longer than this stay over winter, years: `leaf_years` are rounded up, and the tree of each age bears as many years
+/// of leaves.
+const DECIDUOUS_YEARS: f32 = 1.0;
 /// Age of the fall of a leaf that outlives the record.
 const STAYS: f32 = f32::INFINITY;
 
 /// Whether the leaves of a clip follow the seasons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ClipLeaves {
-    /// They unfold in spring and fall in autumn, on species whose leaves live at most 1.5 years.
+    /// They unfold in spring and fall in autumn, on species whose leaves live one year; those of others (`leaf_years` above 1) fall at the
+    /// end of their last year, when new ones have unfolded.
     Seasons,
     /// Crowns are in leaf all year: tips keep their leaves as they grow.
     Summer,

@@ -19,9 +19,15 @@ const LIFT_ALL_YEAR: u32 = 8;
 const LIFT_ALL_SHARE: [f64; 2] = [0.6, 1.9];
 /// Number of limbs above a low limb with which it is compared.
 const LIMBS_ABOVE: usize = 4;
-/// Share of the mean tips of the limbs above below which a limb stands alone: where the tips of the next one are at its height, and the
-/// increase for each height of the tree by which they are higher.
-const LONE_SHARE: [f32; 2] = [0.3, 6.0];
+/// The number of tips below which a limb stands alone, as a share of the mean of the limbs above it.
+struct LoneShare {
+    /// Share where the tips of the next limb are as high as its own.
+    level: f32,
+    /// Increase of the share for a gap below the next limb that is as high as the tree.
+    per_gap: f32,
+}
+
+const LONE_SHARE: LoneShare = LoneShare { level: 0.3, per_gap: 6.0 };
 /// Length of the axis below a dead tip in which a side axis may become the leader, m.
 const SUCCESSION_REACH: f32 = 2.0;
 /// Most dormant buds of a node.
@@ -204,7 +210,7 @@ impl Tree {
             }
             let mean = above.iter().map(|limb| limb.tips as f32).sum::<f32>() / LIMBS_ABOVE as f32;
             let gap = above.first().map_or(0.0, |next| next.height - limb.height) / top.max(1e-6);
-            if limb.tips as f32 >= mean * (LONE_SHARE[0] + LONE_SHARE[1] * gap) {
+            if limb.tips as f32 >= mean * (LONE_SHARE.level + LONE_SHARE.per_gap * gap) {
                 break;
             }
             self.remove(first);
