@@ -185,9 +185,9 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     let is_mesh_or_table = has_ending(&["obj", "glb", "gltf", "ifs", "flame"]);
     // Read as a scene, every line of a grammar would be an error. A scene may look like one by an arrow in a comment.
     let is_grammar = || options.dialect.is_some() || matches!(kind, FileKind::Grammar(_)) && !is_toml(&bytes);
-    if source == "-" && is_grammar() {
+    if (source == "-" || !path.is_file()) && is_grammar() {
         let help = "save it in a file: osier grow FILE.l -o FILE.glb";
-        return Err(Diagnostic::about("S001", "grammars are not read from standard input, only scenes")
+        return Err(Diagnostic::about("S001", "grammars are not read from standard input and pipes, only scenes")
             .help(help)
             .into());
     }

@@ -87,6 +87,13 @@ impl Console {
         }
     }
 
+    /// Tells that the result is not printed as JSON, where standard output takes the file itself.
+    pub fn note_unprinted_json(&self) {
+        if self.json {
+            self.note("note: --json has no effect with -o -, where standard output is the file");
+        }
+    }
+
     /// Prints a warning without a position in a file, unless quiet.
     pub fn warning(&self, code: &str, message: &str) {
         if self.events {

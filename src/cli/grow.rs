@@ -100,6 +100,7 @@ impl OutputFile<'_> {
     fn finish(&self, context: &Context, folder: &Folder) -> Result<()> {
         folder.finish()?;
         if self.to_pipe {
+            context.console.note_unprinted_json();
             return context.console.artefact(&folder.take(self.name).unwrap_or_default());
         }
         // Paths are printed as a user would type them, without "./".

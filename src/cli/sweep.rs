@@ -244,8 +244,8 @@ fn print_means(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
     let mut lines: Vec<Vec<String>> = vec![heads.collect()];
     lines.extend(means.iter().map(|m| {
         let with_spread = |s: &Spread| {
-            // One run has no deviation.
-            if m.count > 1 { format!("{} ± {}", rounded(s.mean), rounded(s.deviation)) } else { rounded(s.mean) }
+            // One value has no deviation.
+            s.deviation.map_or_else(|| rounded(s.mean), |d| format!("{} ± {}", rounded(s.mean), rounded(d)))
         };
         let numbers = m.outcome.iter().map(|s| s.as_ref().map_or_else(|| "-".to_owned(), with_spread));
         m.values.iter().cloned().chain([m.count.to_string()]).chain(numbers).collect()

@@ -138,6 +138,27 @@ fn drops_fall(root: &TomlTable) -> bool {
 /// Places of a key that a help names at most; of more it names the listing that shows them.
 const MAX_PLACES: usize = 4;
 
+/// Words in the names that other programs give to pictures of a surface.
+const PICTURE_WORDS: [&str; 6] = ["texture", "image", "picture", "map", "albedo", "diffuse"];
+
+/// What to do with a picture that a table of bark or of a leaf was given; `None` for other keys. `table`: its path.
+fn picture_help(table: &str, name: &str) -> Option<&'static str> {
+    let name = name.to_ascii_lowercase();
+    if !PICTURE_WORDS.iter().any(|word| name.contains(word)) {
+        return None;
+    }
+    match table.rsplit('.').next() {
+        Some("bark" | "shoot") => {
+            Some("osier paints bark; pictures of your own come with the mesh of a whole tree (`mesh` of the plant)")
+        }
+        Some("leaf") => Some("osier paints blades; pictures of your own come with the mesh of a leaf (`mesh`)"),
+        _ if table.contains(".organs.") => {
+            Some("osier paints blades; pictures of your own come with the mesh of an organ (`mesh`)")
+        }
+        _ => None,
+    }
+}
+
 /// If an unknown key without a similar one beside it is a key or a table at other places, names these in the help.
 fn suggest_other_places(report: &mut Report) {
     if report.diagnostics.iter().all(|d| d.code != "S002") {
@@ -148,21 +169,32 @@ fn suggest_other_places(report: &mut Report) {
         // Only the message and the help, as `syntax::key::unknown` writes them, show that this is an unknown key.
         let Some(known) = d.help.as_ref().filter(|help| help.starts_with("known here: ")) else { continue };
         let Some((_, name)) = d.message.strip_suffix('"').and_then(|m| m.rsplit_once('"')) else { continue };
+        let table_path = d.message.strip_prefix('[').and_then(|m| m.split(']').next());
+        if let Some(help) = table_path.and_then(|path| picture_help(path, name)) {
+            d.help = Some(format!("{help}; {known}"));
+            continue;
+        }
         let mut places: Vec<String> = Vec::new();
         for table in &tables {
             let has_key = table.keys.iter().any(|key| key.name == name);
             for path in std::iter::once(&table.path).chain(table.also) {
                 places.extend(has_key.then(|| join(path, name)));
-                places.extend((path.rsplit('.').next() == Some(name)).then(|| (*path).to_owned()));
+                places.extend((path.rsplit('.').next() == Some(name)).then(|| format!("[{path}]")));
             }
         }
         // Places in the same part of the scene are the likeliest.
-        let part = d.message.strip_prefix('[').and_then(|m| m.split(['.', ']']).next());
-        if places.iter().any(|place| place.split('.').next() == part) {
-            places.retain(|place| place.split('.').next() == part);
+        let part_of = |place: &str| place.trim_start_matches('[').split(['.', ']']).next().map(str::to_owned);
+        let part = table_path.and_then(part_of);
+        if places.iter().any(|place| part_of(place) == part) {
+            places.retain(|place| part_of(place) == part);
         }
+        let is_species = |span: &Span| report.sources.name(span.source).ends_with(".species");
         let help = match places.len() {
             0 => continue,
+            // The keys of a species stand in its file without a table, and its file has no other table.
+            1..=MAX_PLACES if d.labels.first().is_some_and(|label| is_species(&label.0)) => {
+                format!("{} stands in a scene, not in the file of a species; {known}", places.join(" or "))
+            }
             1..=MAX_PLACES => format!("did you mean {}? {known}", places.join(" or ")),
             _ => format!("`osier list options {name}` shows the tables that have it; {known}"),
         };

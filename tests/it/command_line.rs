@@ -280,6 +280,13 @@ fn an_artefact_goes_through_a_pipe_and_readers_may_leave() {
         assert_eq!((piped.status.code(), piped.stdout), (Some(0), fs::read(&path).expect("picture")), "{name}");
         assert!(!Path::new(env!("CARGO_MANIFEST_DIR")).join("-").exists(), "no file has the name");
     }
+    for call in [&["grow", SCENE, "-o", "-", "--json"][..], &["preview", "koch.l", "--size", "40", "-o", "-", "--json"]]
+    {
+        let run = program::run(call);
+        let err = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(run.status.success() && err.contains("--json has no effect with -o -"), "{err}");
+        assert!(!run.stdout.ends_with(b"}\n"), "{call:?}: the file alone");
+    }
     let left = |args: &[&str]| {
         let mut child = osier(args).spawn().expect("starts");
         drop(child.stdout.take());

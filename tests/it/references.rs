@@ -6,7 +6,7 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
-use crate::common::program::{arg, ends};
+use crate::common::program::{OSIER, arg, ends};
 use osier::files::{ReadError, SearchPaths};
 
 struct Place {
@@ -57,6 +57,33 @@ fn a_link_that_leads_out_does_not_become_the_preset_of_its_name() {
     fs::remove_file(&link).expect("remove");
     symlink("sub/oak.species", &link).expect("link");
     ends(0, &["check", arg(&scene)]);
+}
+
+/// A grammar that is opened by a link may lie anywhere: the user named it. Files that it includes are found beside the link.
+#[test]
+fn a_link_that_is_opened_may_lead_out() {
+    let p = place();
+    let grammar = "#include \"size.h\"\nLsystem: 1\nderivation length: 1\nAxiom: A\nA --> F(SIZE)\nendlsystem\n";
+    fs::write(p.top.join("library/plant.l"), grammar).expect("file");
+    fs::write(p.top.join("scene/size.h"), "#define SIZE 3\n").expect("file");
+    let link = p.top.join("scene/plant.l");
+    symlink(p.top.join("library/plant.l"), &link).expect("link");
+    let (out, _) = ends(0, &["check", "--string", arg(&link)]);
+    assert!(out.starts_with("F(3)\n"), "{out}");
+    let scene = p.top.join("scene/plant.toml");
+    fs::write(&scene, "[plants.plant]\ngrammar = \"plant.l\"\n").expect("scene");
+    let (_, err) = ends(1, &["check", arg(&scene)]);
+    assert!(err.contains("\"plant.l\" leads out"), "{err}");
+}
+
+/// The text of a pipe can be read once, and the grammar would be read again as a reference of its scene.
+#[test]
+fn a_grammar_in_a_pipe_is_told_to_be_saved() {
+    let grammar = r"Lsystem: 1\nderivation length: 1\nAxiom: F\nendlsystem\n";
+    let command = format!("printf '{grammar}' | '{OSIER}' check /dev/stdin");
+    let run = std::process::Command::new("sh").args(["-c", &command]).output().expect("run");
+    let err = String::from_utf8_lossy(&run.stderr);
+    assert!(err.contains("S001") && err.contains("pipes") && err.contains("save it in a file"), "{err}");
 }
 
 #[test]

@@ -192,7 +192,16 @@ fn a_key_of_another_table_is_told_with_its_place() {
     for (set, told) in [
         ("formats=[\"obj\"]", "did you mean output.formats? known here: "),
         ("plants.oak.angle_deg=30", "plants.NAME.turtle.angle_deg"),
-        ("leaf.roughness=1", "did you mean plants.NAME.leaf or rain.lying.leaf? known here: "),
+        ("leaf.roughness=1", "did you mean [plants.NAME.leaf] or rain.lying.leaf? known here: "),
+        ("plants.oak.bark.fog=1", "did you mean [fog]? known here: "),
+        (
+            "plants.oak.bark.texture=\"b.png\"",
+            "osier paints bark; pictures of your own come with the mesh of a whole tree",
+        ),
+        (
+            "plants.oak.leaf.image=\"l.png\"",
+            "osier paints blades; pictures of your own come with the mesh of a leaf (`mesh`); ",
+        ),
         ("ground.at=[0, 0, 0]", "`osier list options at` shows the tables that have it; known here: "),
     ] {
         let said = read(GOOD, &[set]).expect_err(set);
@@ -200,6 +209,24 @@ fn a_key_of_another_table_is_told_with_its_place() {
     }
     let said = read(GOOD, &["xyzzy=1"]).expect_err("a key that no table has");
     assert!(said.contains("help: known here: "), "{said}");
+}
+
+/// The file of a species has keys alone; `habit` and `leaf` are tables of scenes.
+#[test]
+#[allow(clippy::disallowed_methods, reason = "tests set up the disk themselves")]
+fn a_table_in_the_file_of_a_species_is_told_to_stand_in_a_scene() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = dir.path().join("elm.species");
+    for (text, place) in
+        [("[habit]\nvigour = 2\n", "[plants.NAME.habit]"), ("leaf = \"a.obj\"\n", "[plants.NAME.leaf]")]
+    {
+        std::fs::write(&file, format!("# an elm\n{text}")).expect("file");
+        let (_, err) = crate::common::program::ends(1, &["check", crate::common::program::arg(&file)]);
+        assert!(
+            err.contains(&format!("help: {place} stands in a scene, not in the file of a species; known here: ")),
+            "{err}"
+        );
+    }
 }
 
 #[test]
@@ -219,6 +246,8 @@ fn keys_without_their_unit_and_of_other_programs_are_named() {
         ("[camera]\nlook_at = [1, 2, 3]\n", "did you mean \"target\"?"),
         ("[[solid]]\nlocation = [1, 2, 3]\n", "did you mean \"at\"?"),
         ("[light]\n", "did you mean \"sun\"?"),
+        ("[wind]\nkind = \"lattice\"\n", "did you mean \"model\"?"),
+        ("[[solid]]\ntype = \"wall\"\n", "did you mean \"shape\"?"),
         ("[plants.oak]\npreset = \"oak\"\n", "did you mean \"grammar\"?"),
     ] {
         let said = read(&format!("[plants.k]\ngrammar = \"koch.l\"\n{text}"), &[]).expect_err(text);

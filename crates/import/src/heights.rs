@@ -14,6 +14,11 @@ const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// Names of the channel that holds heights, in the order in which they are looked for; case is ignored.
 const CHANNELS: [&str; 6] = ["Y", "height", "Z", "displacement", "R", "G"];
 
+/// Numbers that programs for maps write where an elevation model has no height; -10,000 is -9999 in 16 bits.
+const NO_DATA: [f32; 5] = [-9_999.0, -10_000.0, -32_767.0, -32_768.0, -99_999.0];
+/// From this magnitude on numbers are no heights in any unit: marks such as -3.4e38 and 1e20. Own.
+const NO_HEIGHT: f32 = 1e9;
+
 /// Unit of the values of a height map: fractions of a range that is still to be given, or lengths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeightUnit {
@@ -46,8 +51,8 @@ pub(crate) fn is_exr(bytes: &[u8]) -> bool {
 /// Reads a height map from a PNG (the mean of its colours as they are stored) or an EXR (its channel Y, height, Z, displacement, R
 /// or G, or the only one that it has).
 /// # Errors
-/// `Input` with X001 for a value that is not finite, X010 for a file that is damaged, of another format, over a limit, or smaller
-/// than 2 x 2 pixels.
+/// `Input` with X001 for a value that is not finite, X010 for a file that is damaged, of another format, over a limit, smaller than
+/// 2 x 2 pixels, or with numbers that mark pixels without a height.
 pub fn read_heights(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Result<HeightMap> {
     let context = ImportContext::new(path, bytes, options);
     let map = if is_exr(bytes) { from_exr(&context, bytes) } else { from_picture(&context, bytes) };
@@ -67,10 +72,37 @@ fn check(context: &ImportContext<'_>, map: HeightMap) -> ImportResult<HeightMap>
             "{bad} heights are not finite numbers, the first ({}) at pixel {x}, {y} from the top left",
             map.values[i]
         );
-        let help = "fill gaps of the elevation model before export; programs for maps call it \"fill no data\"";
-        return Err(Box::new(context.error_in_file("X001", message).help(help)));
+        return Err(Box::new(context.error_in_file("X001", message).help(FILL_GAPS)));
+    }
+    if let Some(mark) = no_data_mark(&map) {
+        let is_mark = |v: &f32| v.to_bits() == mark.to_bits();
+        let count = map.values.iter().filter(|v| is_mark(v)).count();
+        let first = map.values.iter().position(is_mark).unwrap_or(0);
+        let (x, y) = (first % map.width, first / map.width);
+        let shown = if mark.abs() < NO_HEIGHT { mark.to_string() } else { format!("{mark:e}") };
+        let message = format_args!(
+            "{count} heights are {shown}, which marks pixels without a height, the first at pixel {x}, {y} from the top left"
+        );
+        return Err(Box::new(context.error_in_file("X010", message).help(FILL_GAPS)));
     }
     Ok(map)
+}
+
+/// What to do with an elevation model that has pixels without a height.
+const FILL_GAPS: &str = "fill gaps of the elevation model before export; programs for maps call it \"fill no data\"";
+
+/// The number that marks pixels without a height in a map, if it has one. -9999 is a height where others come near to it.
+fn no_data_mark(map: &HeightMap) -> Option<f32> {
+    if map.unit != HeightUnit::Values {
+        return None;
+    }
+    let huge = map.values.iter().copied().find(|v| v.abs() >= NO_HEIGHT);
+    huge.or_else(|| {
+        NO_DATA.into_iter().find(|mark| {
+            let is_mark = |v: &f32| v.to_bits() == mark.to_bits();
+            map.values.iter().any(is_mark) && !map.values.iter().any(|v| *v < mark / 2.0 && !is_mark(v))
+        })
+    })
 }
 
 /// Heights of a PNG (a JPEG where one is allowed), 0 black to 1 white: the mean of its colours as they are stored, without alpha.
@@ -220,6 +252,21 @@ mod tests {
         assert_eq!(heights(&exr_of(2, 2, &[of("elevation", [1.0; 4])])).expect("only one").values, [1.0; 4]);
         let none = heights(&exr_of(2, 2, &[of("mask", [1.0; 4]), of("snow", [1.0; 4])]));
         assert!(none.expect_err("no heights").contains("it has mask, snow"));
+    }
+
+    /// Elevation models mark their gaps by numbers, which would be holes of kilometres.
+    #[test]
+    fn marks_of_missing_heights_are_told() {
+        let of = |v: [f32; 4]| heights(&exr_of(2, 2, &[("Y", FlatSamples::F32(v.to_vec()))]));
+        for mark in [-9_999.0, -10_000.0, -32_768.0, f32::MIN, 1e20] {
+            let said = of([210.5, 285.0, mark, mark]).expect_err("a gap");
+            assert!(
+                said.starts_with("X010 ") && said.contains("2 heights are ") && said.contains("pixel 0, 1"),
+                "{said}"
+            );
+        }
+        // The floor of a deep sea is no gap.
+        assert!(of([-9_999.0, -9_998.0, -9_000.0, 5.0]).is_ok() && of([-9_000.0, 0.0, 8_848.0, 9_999.0]).is_ok());
     }
 
     #[test]

@@ -236,6 +236,7 @@ impl OutputPicture {
     fn finish(&self, context: &Context, [width, height]: [u32; 2], frames: usize) -> Result<()> {
         self.folder.finish()?;
         if self.to_pipe {
+            context.console.note_unprinted_json();
             return context.console.artefact(&self.folder.take(&self.name).unwrap_or_default());
         }
         if context.console.json {

@@ -153,8 +153,9 @@ fn renamed(entry: &super::tree::TomlEntry, path: &str, key: &RenamedKey) -> Diag
 }
 
 /// Names of other programs for keys, each with the keys of scenes that stand for it in some table.
-const OTHER_NAMES: [(&str, &[&str]); 13] = [
+const OTHER_NAMES: [(&str, &[&str]); 15] = [
     ("angle", &["angle_deg", "vfov_deg"]),
+    ("kind", &["model", "shape"]),
     ("light", &["sun"]),
     ("lights", &["sun"]),
     ("location", &["eye", "at"]),
@@ -167,6 +168,7 @@ const OTHER_NAMES: [(&str, &[&str]); 13] = [
     ("rotate", &["turn_deg"]),
     ("rotation", &["turn_deg"]),
     ("translate", &["at"]),
+    ("type", &["kind", "model", "shape"]),
 ];
 
 /// The known name that stands for a name of other programs.

@@ -81,11 +81,13 @@ pub struct ReferencedFile {
     pub bytes: Vec<u8>,
 }
 
-/// The folders from which references may be read; links that lead out of all of them are refused.
+/// The folders from which references may be read; links that lead out of all of them are refused, except one that the user has opened.
 #[derive(Debug, Clone, Default)]
 pub struct SearchPaths {
     /// The folder of the opened file, then the search folders, all canonical.
     folders: Vec<PathBuf>,
+    /// The opened file, canonical, if it is there. The scene around a lone grammar names it, and it may be a link that leads out.
+    opened: Option<PathBuf>,
 }
 
 impl SearchPaths {
@@ -96,7 +98,8 @@ impl SearchPaths {
         let folder = folder_of(opened);
         let canonical = |p: &Path| p.canonicalize().map_err(|e| Error::io("open", p, e));
         let folders = std::iter::once(folder).chain(search.iter().map(PathBuf::as_path)).map(canonical);
-        Ok(Self { folders: folders.collect::<Result<_>>()? })
+        let opened_file = opened.canonicalize().ok().filter(|file| file.is_file());
+        Ok(Self { folders: folders.collect::<Result<_>>()?, opened: opened_file })
     }
 
     /// No folder at all: for texts that are not files, such as presets.
@@ -126,7 +129,7 @@ impl SearchPaths {
                 Err(e) if matches!(e.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {}
                 Err(e) => return Err(failed(e)),
                 // The canonical path resolves links, so that a link inside a folder cannot lead out of it.
-                Ok(real) if !self.holds(&real) => refusal = outside(),
+                Ok(real) if !self.holds(&real) && self.opened.as_ref() != Some(&real) => refusal = outside(),
                 Ok(real) => {
                     let file = open_regular(&real, false).map_err(failed)?;
                     let too_long = || ReadError::TooLong { reference: reference.into(), limit };
@@ -136,7 +139,8 @@ impl SearchPaths {
                         return Err(too_long());
                     }
                     let bytes = read_limited(file, limit).map_err(failed)?.ok_or_else(too_long)?;
-                    return Ok(ReferencedFile { path: real, bytes });
+                    // References in an opened link are resolved beside the link.
+                    return Ok(ReferencedFile { path: if self.holds(&real) { real } else { path }, bytes });
                 }
             }
         }

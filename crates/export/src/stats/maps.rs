@@ -39,10 +39,10 @@ impl MapStatistics {
         }
     }
 
-    /// Standard deviation of each texel over the runs, with n - 1 in the denominator; 0 for a single run.
-    pub fn deviation(&self) -> Vec<f32> {
-        let freedom = f64::from(self.count.saturating_sub(1).max(1));
-        self.squares.iter().map(|s| narrow((s / freedom).sqrt())).collect()
+    /// Standard deviation of each texel over the runs, with n - 1 in the denominator; `None` for a single run.
+    pub fn deviation(&self) -> Option<Vec<f32>> {
+        let freedom = f64::from(self.count.checked_sub(1).filter(|n| *n > 0)?);
+        Some(self.squares.iter().map(|s| narrow((s / freedom).sqrt())).collect())
     }
 
     /// Mean of each texel over the runs, row by row; 0 before the first run.
@@ -55,12 +55,13 @@ impl MapStatistics {
         self.mean.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Writes `<folder>/<name>_mean.exr`, `<name>_deviation.exr` and, for viewing, `<name>_mean.png`: from white (0) to dark red
+    /// Writes `<folder>/<name>_mean.exr`, of several runs `<name>_deviation.exr`, and, for viewing, `<name>_mean.png`: from white (0) to dark red
     /// (`brightest`, 1/m^2), on a square-root scale.
     /// # Errors
     /// `Io`; X012 for a map beyond the sizes of an image.
     pub fn write(&self, folder: &Folder, path: &str, brightest: f64) -> Result<()> {
-        for (statistic, values) in [("mean", self.mean()), ("deviation", self.deviation())] {
+        let deviation = self.deviation().map(|values| ("deviation", values));
+        for (statistic, values) in std::iter::once(("mean", self.mean())).chain(deviation) {
             let comment = json!({
                 "map": self.field.what, "name": self.field.name, "statistic": statistic, "runs": self.count,
                 "unit": self.field.unit, "texel_area_m2": self.field.texel_area(),
@@ -139,9 +140,9 @@ mod tests {
         }
         assert_eq!(map.mean(), [5.0, 1.0]);
         // Squared deviations 9 + 1 + 16 = 26, over n - 1 = 2.
-        assert_eq!(map.deviation(), [13.0_f32.sqrt(), 0.0]);
+        assert_eq!(map.deviation(), Some(vec![13.0_f32.sqrt(), 0.0]));
         let mut single = MapStatistics::new(field());
         single.add(&[7.0, 1.0]);
-        assert_eq!(single.deviation(), [0.0, 0.0]);
+        assert_eq!(single.deviation(), None);
     }
 }

@@ -60,8 +60,8 @@ pub struct Spread {
     pub least: f64,
     /// Largest value of any seed.
     pub most: f64,
-    /// Standard deviation with n - 1 in the denominator; 0 for a single run.
-    pub deviation: f64,
+    /// Standard deviation with n - 1 in the denominator; a single value has none.
+    pub deviation: Option<f64>,
 }
 
 impl Spread {
@@ -75,7 +75,7 @@ impl Spread {
             mean,
             least: values.iter().copied().fold(f64::INFINITY, f64::min),
             most: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            deviation: (squares / (count - 1.0).max(1.0)).sqrt(),
+            deviation: (values.len() > 1).then(|| (squares / (count - 1.0)).sqrt()),
         }
     }
 }
@@ -119,8 +119,8 @@ impl Sweep {
     }
 
     /// Writes `sweep.csv` (a row for each run), `means.csv` (a row for each choice of values), `sweep.json`, `sweep.svg` if there
-    /// are keys and runs, and `maps/<choice>/` with mean and standard deviation of each map over the seeds; `<choice>` consists
-    /// of the number of a choice and its values.
+    /// are keys and runs, and `maps/<choice>/` with the mean of each map over the seeds and, of several seeds, the standard deviation;
+    /// `<choice>` consists of the number of a choice and its values.
     /// # Errors
     /// `Io`; X012 for a map beyond the sizes of an image.
     pub fn write(&self, folder: &Folder) -> Result<()> {
@@ -173,7 +173,7 @@ impl Sweep {
     }
 
     /// For each choice of values the number of its runs, then mean and standard deviation of each column of `sweep.csv` over
-    /// them.
+    /// them. The deviation of a single value is empty.
     fn means_csv(&self) -> String {
         let names = self.columns();
         let columns = names.iter().flat_map(|name| [name.clone(), format!("{name}_deviation")]);
@@ -189,7 +189,7 @@ impl Sweep {
                     return [String::new(), String::new()];
                 }
                 let spread = Spread::of(&values);
-                [number(spread.mean), number(spread.deviation)]
+                [number(spread.mean), spread.deviation.map_or_else(String::new, number)]
             });
             let values = group[0].values.iter().map(|v| csv_cell(v));
             let all: Vec<String> = values.chain([group.len().to_string()]).chain(numbers).collect();
@@ -308,10 +308,13 @@ mod tests {
     fn seeds_are_averaged_and_choices_are_not() {
         let means = sweep().means();
         assert_eq!(means.iter().map(|m| m.count).collect::<Vec<_>>(), [2, 1, 1]);
-        let spread = |mean, least, most, deviation| Spread { mean, least, most, deviation };
+        let spread = |mean, least, most, deviation| Spread { mean, least, most, deviation: Some(deviation) };
         // Two values 4 apart: each 2 from the mean, and the sum of squares 8 over n - 1 = 1.
         let wanted = [spread(12.0, 10.0, 14.0, 8.0_f64.sqrt()), spread(2.0, 2.0, 2.0, 0.0)];
         assert_eq!(means[0].outcome, wanted.map(Some));
+        // One seed does not tell how far others lie apart.
+        assert_eq!(means[1].outcome[0].map(|s| (s.mean, s.deviation)), Some((20.0, None)));
+        assert_eq!(sweep().json()["means"][1]["outcome"]["exited"]["deviation"], Value::Null);
     }
 
     #[test]
@@ -339,7 +342,7 @@ mod tests {
         // Values 10 and 14: mean 12, deviation sqrt(8); of their halves half of both.
         let numbers: Vec<f64> = lines[1].split(',').map(|v| v.parse().expect("a number")).collect();
         assert_eq!(numbers, [2.0, 0.5, 2.0, 2.0, 0.0, 12.0, 8.0_f64.sqrt(), 6.0, 2.0_f64.sqrt()]);
-        assert_eq!((lines.len(), lines[3]), (4, "0.5,\"[1, 2]\",1,2,0,4,0,2,0"));
+        assert_eq!((lines.len(), lines[3]), (4, "0.5,\"[1, 2]\",1,2,,4,,2,"));
     }
 
     /// A run in which nothing came to rest has no mean time; the others have.
@@ -353,7 +356,7 @@ mod tests {
         let rows =
             |text: String| text.lines().map(|l| l.rsplit(',').nth(1).unwrap_or("").to_owned()).collect::<Vec<_>>();
         assert_eq!(rows(sweep.csv()), ["flight_time", "", "3"]);
-        assert!(sweep.means_csv().lines().nth(1).is_some_and(|row| row.contains(",3,0,")), "{}", sweep.means_csv());
+        assert!(sweep.means_csv().lines().nth(1).is_some_and(|row| row.contains(",3,,")), "{}", sweep.means_csv());
         assert_eq!(sweep.json()["runs"][0]["last"]["flight_time"], Value::Null);
     }
 
@@ -369,7 +372,7 @@ mod tests {
         let text = sweep.means_csv();
         let lines: Vec<&str> = text.lines().collect();
         assert!(lines[0].ends_with(",at_land,at_land_deviation") && lines[1].ends_with(",,"), "{text}");
-        assert_eq!(lines[2], "0.5,0.5,1,2,0,20,0,10,0,7,0");
+        assert_eq!(lines[2], "0.5,0.5,1,2,,20,,10,,7,");
     }
 
     /// A value that a run lacks is null and has no point in the plot; it is not 0.
