@@ -61,7 +61,7 @@ fn memory_of_rain_is_predicted_for_the_leaves_that_drops_strike() {
         let (limits, cancel) = (Limits::default(), Cancel::default());
         let context = BakeContext { limits: &limits, cancel: &cancel, progress: &Silent, cache: None };
         let built = assemble_for_estimate(&recipe, SceneOptions::default(), &context).expect("an estimate");
-        let counts = built.counts(&recipe, &[1, 2, 3, 4, 5, 6, 7, 8]);
+        let counts = built.estimate(&recipe, &[1, 2, 3, 4, 5, 6, 7, 8]);
         let bytes = counts.memory.iter().find(|part| part.0 == "record of rain").expect("a record of rain").1;
         (built.rained_leaves, counts.instances, bytes)
     };
