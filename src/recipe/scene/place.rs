@@ -94,10 +94,7 @@ impl Resolver<'_> {
             self.report.push(d.help("leave `place` out for one copy of each plant, or add [[place]]"));
         }
         // Plants with errors count as declared: a place may name them.
-        let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
-            Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
-            _ => Vec::new(),
-        };
+        let declared = root.table("plants").map(TomlTable::names).unwrap_or_default();
         list.iter().enumerate().filter_map(|(i, node)| self.place(i, node, plants, &declared)).collect()
     }
 

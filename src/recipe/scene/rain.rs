@@ -296,7 +296,7 @@ fn apply_paper_defaults(rain: &mut RainRecipe, table: &TomlTable) {
     }
     let said = |section: &str, key: &str| {
         // A key with the default as its value counts as given.
-        let at = if section.is_empty() { Some(table) } else { subtable(table, section) };
+        let at = if section.is_empty() { Some(table) } else { table.table(section) };
         at.is_some_and(|t| t.get(key).is_some())
     };
     macro_rules! unless {
@@ -314,12 +314,5 @@ fn apply_paper_defaults(rain: &mut RainRecipe, table: &TomlTable) {
         "drop" "friction_coefficient": rain.drop.friction_coefficient => 0.3;
         "drop" "merge": rain.drop.merge => DropMerge::Paper;
         "drop" "lever": rain.drop.lever => DropLever::Paper;
-    }
-}
-
-fn subtable<'t>(table: &'t TomlTable, name: &str) -> Option<&'t TomlTable> {
-    match &table.get(name)?.node.value {
-        TomlValue::Table(t) => Some(t),
-        _ => None,
     }
 }
