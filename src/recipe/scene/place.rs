@@ -137,8 +137,11 @@ impl Resolver<'_> {
                 // The only plant may have errors, which have been reported.
                 return (!plants.is_empty()).then_some(0);
             }
-            let d = Diagnostic::error("S006", "this place names no plant", span, "no plant here");
-            self.report.push(d.help("add plant = \"NAME\""));
+            // A value that is no text has been reported.
+            if !table.holds("plant") {
+                let d = Diagnostic::error("S006", "this place names no plant", span, "no plant here");
+                self.report.push(d.help("add plant = \"NAME\""));
+            }
         } else {
             let d = Diagnostic::error("S005", format!("there is no plant \"{}\"", keys.plant), span, "unknown plant");
             self.report.push(match nearest(&keys.plant, declared.iter().copied()) {

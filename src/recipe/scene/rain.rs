@@ -230,8 +230,10 @@ impl Resolver<'_> {
         // The preset replaces defaults, but no keys that the scene gives.
         apply_paper_defaults(&mut rain, table);
         self.check_contact_angles(&rain.drop, table);
-        if rain.keys.envelope == RainEnvelope::Keys {
-            let rows = &rain.keys.envelope_keyframes;
+        // Rows that could not be read have been reported.
+        let rows = &rain.keys.envelope_keyframes;
+        let is_read = !rows.is_empty() || !table.holds("envelope_keyframes");
+        if rain.keys.envelope == RainEnvelope::Keys && is_read {
             let span = table.get("envelope_keyframes").map_or(entry.key_span, |e| e.node.span);
             // Times must rise strictly: two factors at one time would have no interpolation.
             let fault = if let Some(row) = rows.iter().find(|row| row.len() != 2) {

@@ -165,7 +165,9 @@ impl Resolver<'_> {
                 "whole numbers",
             ));
         }
-        if keys.profile == LatticeProfile::Table && keys.profile_table.is_empty() {
+        // A table that could not be read has been reported.
+        let has_table = !keys.profile_table.is_empty() || table.holds("profile_table");
+        if keys.profile == LatticeProfile::Table && !has_table {
             let at = span("profile").unwrap_or(self.whole);
             let d = Diagnostic::error("S006", "profile = \"table\" has no table", at, "heights and factors");
             self.report.push(d.help("add profile_table = [[0, 0], [10, 1]]"));
