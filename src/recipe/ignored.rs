@@ -8,7 +8,7 @@ use super::scene::{
     MAX_GROUND_TILE, OrganKeys, RainEnvelope, RainSize, RodLoadKind, SkinForm, SolidShape, SwayModel, SwayStart,
     WindKeys, WindModel, why_in_place,
 };
-use super::syntax::{KeyTable as _, TomlTable, TomlValue, join};
+use super::syntax::{KeyTable as _, TomlTable, join};
 use super::{Growth, PlaceRecipe, PlantRecipe, Recipe};
 use osier_base::diagnostic::Diagnostic;
 use osier_grammar::Notation;
@@ -63,7 +63,7 @@ impl Resolver<'_> {
         self.ignored_in_rain(root, recipe);
         self.ignored_in_flight(root, recipe);
         self.ignored_in_objects(root, recipe);
-        for (i, (table, place)) in tables_of(root, "place").into_iter().zip(&recipe.places).enumerate() {
+        for (i, (table, place)) in root.tables("place").into_iter().zip(&recipe.places).enumerate() {
             self.ignored_in_place(table, &format!("place.{i}"), place, recipe.plants.get(place.plant));
         }
         let has_grammar = recipe.plants.iter().any(|plant| matches!(plant.growth, Growth::Grammar(_)));
@@ -134,7 +134,7 @@ impl Resolver<'_> {
         self.report_unmet(Some(root), "", &[clip]);
         let wind = table_at(root, &["wind"]);
         self.ignored_in_model(wind, "wind", &recipe.wind);
-        let added = wind.map(|table| tables_of(table, "add")).unwrap_or_default();
+        let added = wind.map(|table| table.tables("add")).unwrap_or_default();
         for (i, (table, keys)) in added.into_iter().zip(&recipe.added).enumerate() {
             self.ignored_in_model(Some(table), &format!("wind.add.{i}"), keys);
         }
@@ -230,7 +230,7 @@ impl Resolver<'_> {
     /// Solids, loads of rods, scatters, the picture, attractors and layers.
     fn ignored_in_objects(&mut self, root: &TomlTable, recipe: &Recipe) {
         // A mesh brings its own size and materials; a block or house is described by keys.
-        for (i, (table, solid)) in tables_of(root, "solid").into_iter().zip(&recipe.solids).enumerate() {
+        for (i, (table, solid)) in root.tables("solid").into_iter().zip(&recipe.solids).enumerate() {
             let is_mesh = solid.keys.shape == SolidShape::Mesh;
             let all = [
                 needs(&["mesh_scale", "mesh_up"], is_mesh, "shape = \"mesh\""),
@@ -239,15 +239,15 @@ impl Resolver<'_> {
             ];
             self.report_unmet(Some(table), &format!("solid.{i}"), &all);
         }
-        for (i, (rod, keys)) in tables_of(root, "rod").into_iter().zip(&recipe.rods).enumerate() {
+        for (i, (rod, keys)) in root.tables("rod").into_iter().zip(&recipe.rods).enumerate() {
             let carried = needs(&["on_at"], keys.on.is_some(), "a rod that carries it: on = \"NAME\"");
             self.report_unmet(Some(rod), &format!("rod.{i}"), &[carried]);
-            for (k, (table, load)) in tables_of(rod, "load").into_iter().zip(&keys.loads).enumerate() {
+            for (k, (table, load)) in rod.tables("load").into_iter().zip(&keys.loads).enumerate() {
                 let mass = needs(&["show", "color"], load.kind == RodLoadKind::Mass, "kind = \"mass\"");
                 self.report_unmet(Some(table), &format!("rod.{i}.load.{k}"), &[mass]);
             }
         }
-        for (i, (table, scatter)) in tables_of(root, "scatter").into_iter().zip(&recipe.scatters).enumerate() {
+        for (i, (table, scatter)) in root.tables("scatter").into_iter().zip(&recipe.scatters).enumerate() {
             let disc = needs(&["at", "inner", "fade"], scatter.keys.radius.is_some(), "a disc: add radius = 50");
             let is_later = i > 0 || !recipe.places.is_empty();
             let earlier =
@@ -268,7 +268,7 @@ impl Resolver<'_> {
             let table = table_at(root, &["clouds", cloud.name.as_str()]);
             self.report_unmet(table, &format!("clouds.{}", cloud.name), &word(cloud.keys.color_by));
         }
-        for (i, (table, layer)) in tables_of(root, "layer").into_iter().zip(&recipe.layers).enumerate() {
+        for (i, (table, layer)) in root.tables("layer").into_iter().zip(&recipe.layers).enumerate() {
             let (has_table, keys) = (layer.cloud.is_some(), &layer.keys);
             // A layer is a rectangle with a gradient, or an attractor, whose one colour replaces those by position or word.
             let is_by_word = keys.color.is_some() || keys.color_by == ColorBy::Word;
@@ -391,7 +391,7 @@ impl Resolver<'_> {
                 needs(&["clip_leaves"], species.clip.is_some(), "a tree that grows over the clip: from = 5"),
             ];
             self.report_unmet(table_at(table, &["site"]), &join(path, "site"), &site);
-            for (i, (table, cut)) in tables_of(table, "prune").into_iter().zip(&species.prunes).enumerate() {
+            for (i, (table, cut)) in table.tables("prune").into_iter().zip(&species.prunes).enumerate() {
                 // An age with a fraction shows a part of the year that follows the full ones.
                 let lives_to_see =
                     format!("a tree that reaches year {}: a greater `age`, or an earlier `year`", cut.year);
@@ -488,14 +488,5 @@ fn is_dated(plant: &PlantRecipe) -> bool {
 
 /// The table at `path` below another one; `None` where there is none.
 fn table_at<'t>(root: &'t TomlTable, path: &[&str]) -> Option<&'t TomlTable> {
-    path.iter().try_fold(root, |table, name| match &table.get(name)?.node.value {
-        TomlValue::Table(below) => Some(below),
-        _ => None,
-    })
-}
-
-/// The tables of a list below another table; empty without the list.
-fn tables_of<'t>(root: &'t TomlTable, name: &str) -> Vec<&'t TomlTable> {
-    let Some(TomlValue::List(list)) = root.get(name).map(|entry| &entry.node.value) else { return Vec::new() };
-    list.iter().filter_map(|node| if let TomlValue::Table(table) = &node.value { Some(table) } else { None }).collect()
+    path.iter().try_fold(root, |table, name| table.table(name))
 }

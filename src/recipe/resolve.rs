@@ -131,7 +131,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
 /// Whether the scene has rain that falls: `[rain]` without `falls = false`. A value that is no flag is reported where the keys of rain are
 /// read.
 fn drops_fall(root: &TomlTable) -> bool {
-    let Some(TomlValue::Table(rain)) = root.get("rain").map(|entry| &entry.node.value) else { return false };
+    let Some(rain) = root.table("rain") else { return false };
     !matches!(rain.get("falls").map(|entry| &entry.node.value), Some(TomlValue::Flag(false)))
 }
 
@@ -204,7 +204,7 @@ fn suggest_other_places(report: &mut Report) {
 
 /// If a plant that nothing grows is one of overrides alone, its name is misspelt: names the plants of the scene in the help.
 fn suggest_plants(root: &TomlTable, report: &mut Report) {
-    let Some(TomlValue::Table(plants)) = root.get("plants").map(|entry| &entry.node.value) else { return };
+    let Some(plants) = root.table("plants") else { return };
     let is_override = |e: &TomlEntry| report.sources.name(e.key_span.source) == "--set";
     let own: Vec<&str> = plants.entries.iter().filter(|e| !is_override(e)).map(|e| e.key.as_str()).collect();
     let added: Vec<&TomlEntry> = plants.entries.iter().filter(|e| is_override(e)).collect();
@@ -615,7 +615,7 @@ impl Resolver<'_> {
 
     /// Reads `[output.pov.photons]`; `None` without the table.
     fn photons(&mut self, output: &TomlTable) -> Option<PhotonKeys> {
-        let Some(TomlValue::Table(pov)) = output.get("pov").map(|e| &e.node.value) else { return None };
+        let pov = output.table("pov")?;
         pov.get("photons").map(|_| self.section_at(pov, "output.pov", "photons"))
     }
 

@@ -394,6 +394,31 @@ fn rods_are_read_and_their_faults_told() {
     }
 }
 
+/// A value that cannot be read is told once, not as a missing one, too.
+#[test]
+fn a_value_with_a_fault_is_no_missing_one() {
+    let plants = "[frames]\nend = 4\n[plants.oak]\ngrammar = \"oak.l\"\n[plants.ash]\ngrammar = \"oak.l\"\n";
+    for (lines, code, words) in [
+        ("[[place]]\nplant = 3\n", "S003", "place.0.plant is a whole number, but must be a text"),
+        (
+            "[rain]\nenvelope = \"keys\"\nenvelope_keyframes = [[0, \"a\"]]\n",
+            "S003",
+            "rain.envelope_keyframes is a text",
+        ),
+        (
+            "[wind]\nmodel = \"lattice\"\n[wind.lattice]\nprofile = \"table\"\nprofile_table = [[0, 0], [0, 1]]\n",
+            "S004",
+            "wind.lattice.profile_table: the first number of a pair is not above that of the pair before",
+        ),
+    ] {
+        let said = read(&format!("{plants}{lines}"), &[]).expect_err(lines);
+        assert!(said.contains(code) && said.contains(words), "{said}");
+        assert!(said.matches("error[").count() == 1, "{said}");
+    }
+    let missing = read(&format!("{plants}[[place]]\n"), &[]).expect_err("no plant");
+    assert!(missing.contains("this place names no plant"), "{missing}");
+}
+
 #[test]
 fn a_key_of_an_earlier_version_is_named_by_its_present_name() {
     let rod = "[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\n";

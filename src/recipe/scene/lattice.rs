@@ -10,6 +10,7 @@ use crate::recipe::syntax::{
 use crate::recipe::syntax::{choices, keys};
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{cos, sin};
+use osier_base::physics::AIR_VISCOSITY;
 use osier_wind::{
     GroundCondition, InletOptions, LatticeFault, LatticeOptions, SideCondition, WindProfile, lattice_fault,
 };
@@ -83,7 +84,7 @@ keys! {
         /// Bottom centre of the domain, on the ground.
         at: [f64; 3] = "at" point([0.0; 3]);
         /// Kinematic viscosity; `tau_floor` usually imposes a larger one.
-        viscosity: f64 = "nu" number(1.5e-5, 0.0, 0.01, "m^2/s");
+        viscosity: f64 = "nu" number(AIR_VISCOSITY, 0.0, 0.01, "m^2/s");
         /// Time steps per frame.
         steps: Option<u32> = "steps" OptionalKey(integer(2, 1, 10_000), "from the wind speed");
         /// Smagorinsky constant of the eddy viscosity; 0 requires tau_floor = 0.505.

@@ -94,10 +94,7 @@ impl Resolver<'_> {
             self.report.push(d.help("leave `place` out for one copy of each plant, or add [[place]]"));
         }
         // Plants with errors count as declared: a place may name them.
-        let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
-            Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
-            _ => Vec::new(),
-        };
+        let declared = root.table("plants").map(TomlTable::names).unwrap_or_default();
         list.iter().enumerate().filter_map(|(i, node)| self.place(i, node, plants, &declared)).collect()
     }
 
@@ -140,8 +137,11 @@ impl Resolver<'_> {
                 // The only plant may have errors, which have been reported.
                 return (!plants.is_empty()).then_some(0);
             }
-            let d = Diagnostic::error("S006", "this place names no plant", span, "no plant here");
-            self.report.push(d.help("add plant = \"NAME\""));
+            // A value that is no text has been reported.
+            if !table.holds("plant") {
+                let d = Diagnostic::error("S006", "this place names no plant", span, "no plant here");
+                self.report.push(d.help("add plant = \"NAME\""));
+            }
         } else {
             let d = Diagnostic::error("S005", format!("there is no plant \"{}\"", keys.plant), span, "unknown plant");
             self.report.push(match nearest(&keys.plant, declared.iter().copied()) {

@@ -220,7 +220,7 @@ fn species_flare(plant: &TomlTable, habit: &Habit, skin: &mut SkinKeys) {
 
 /// Whether the scene sets this key of a plant's skin.
 fn is_in_skin(plant: &TomlTable, key: &str) -> bool {
-    matches!(plant.get("skin").map(|e| &e.node.value), Some(TomlValue::Table(t)) if t.get(key).is_some())
+    plant.table("skin").is_some_and(|skin| skin.get(key).is_some())
 }
 
 /// Diagnostic for a file that is not a grammar: L007 for Houdini's notation, S005 for others.
@@ -714,7 +714,7 @@ impl Resolver<'_> {
 
     /// Sets kind and map size of the bark of thin axes, unless the scene gives them.
     fn shoot_defaults(&self, plant: &TomlTable, shoot: &mut BarkKeys) {
-        let given = |key: &str| matches!(plant.get("shoot").map(|e| &e.node.value), Some(TomlValue::Table(t)) if t.get(key).is_some());
+        let given = |key: &str| plant.table("shoot").is_some_and(|shoot| shoot.get(key).is_some());
         if !given("kind") {
             shoot.kind = BarkKind::Shoot;
         }
@@ -887,7 +887,7 @@ impl Resolver<'_> {
 
     /// L002 for each value in `set` without a `#define` of its name. Notations without `#define`s get S007.
     fn check_set(&mut self, grammar: &Grammar, plant: &TomlTable) {
-        let Some(TomlValue::Table(set)) = plant.get("set").map(|entry| &entry.node.value) else { return };
+        let Some(set) = plant.table("set") else { return };
         let has_defines = !matches!(grammar.notation(), Notation::Fractint | Notation::LParser | Notation::LPy);
         let known: Vec<&str> = grammar.defines().iter().map(|d| d.name.as_str()).collect();
         for entry in set.entries.iter().filter(|entry| !known.contains(&entry.key.as_str())) {

@@ -230,8 +230,10 @@ impl Resolver<'_> {
         // The preset replaces defaults, but no keys that the scene gives.
         apply_paper_defaults(&mut rain, table);
         self.check_contact_angles(&rain.drop, table);
-        if rain.keys.envelope == RainEnvelope::Keys {
-            let rows = &rain.keys.envelope_keyframes;
+        // Rows that could not be read have been reported.
+        let rows = &rain.keys.envelope_keyframes;
+        let is_read = !rows.is_empty() || !table.holds("envelope_keyframes");
+        if rain.keys.envelope == RainEnvelope::Keys && is_read {
             let span = table.get("envelope_keyframes").map_or(entry.key_span, |e| e.node.span);
             // Times must rise strictly: two factors at one time would have no interpolation.
             let fault = if let Some(row) = rows.iter().find(|row| row.len() != 2) {
@@ -296,7 +298,7 @@ fn apply_paper_defaults(rain: &mut RainRecipe, table: &TomlTable) {
     }
     let said = |section: &str, key: &str| {
         // A key with the default as its value counts as given.
-        let at = if section.is_empty() { Some(table) } else { subtable(table, section) };
+        let at = if section.is_empty() { Some(table) } else { table.table(section) };
         at.is_some_and(|t| t.get(key).is_some())
     };
     macro_rules! unless {
@@ -314,12 +316,5 @@ fn apply_paper_defaults(rain: &mut RainRecipe, table: &TomlTable) {
         "drop" "friction_coefficient": rain.drop.friction_coefficient => 0.3;
         "drop" "merge": rain.drop.merge => DropMerge::Paper;
         "drop" "lever": rain.drop.lever => DropLever::Paper;
-    }
-}
-
-fn subtable<'t>(table: &'t TomlTable, name: &str) -> Option<&'t TomlTable> {
-    match &table.get(name)?.node.value {
-        TomlValue::Table(t) => Some(t),
-        _ => None,
     }
 }

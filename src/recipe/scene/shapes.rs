@@ -417,8 +417,7 @@ fn keys_of_shape(shape: RegionShape) -> &'static [&'static str] {
 
 /// The key `name` of every `[[solid]]`, read before the solids are resolved; reports nothing.
 pub(in crate::recipe) fn solid_names(root: &TomlTable) -> Vec<String> {
-    let Some(TomlValue::List(list)) = root.get("solid").map(|e| &e.node.value) else { return Vec::new() };
-    let tables = list.iter().filter_map(|node| if let TomlValue::Table(t) = &node.value { Some(t) } else { None });
+    let tables = root.tables("solid").into_iter();
     // Errors of solids are reported when these are resolved.
     tables.map(|t| SolidKeys::read(Some(t), "solid", &mut Report::default()).name).collect()
 }

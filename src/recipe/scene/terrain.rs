@@ -300,10 +300,7 @@ impl Resolver<'_> {
         plants: &[PlantRecipe],
     ) -> Option<Vec<(usize, f64)>> {
         // Names in the text: `plants` holds only those without errors.
-        let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
-            Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
-            _ => Vec::new(),
-        };
+        let declared = root.table("plants").map(TomlTable::names).unwrap_or_default();
         self.check_some_weight(path, named, span);
         let mut out = Vec::new();
         for (name, weight) in named {

@@ -72,10 +72,7 @@ impl Resolver<'_> {
     /// Reads `[wind]` and every `[[wind.add]]`, with Beaufort numbers converted to speeds.
     pub(in crate::recipe) fn wind(&mut self, root: &TomlTable) -> (WindKeys, Vec<WindKeys>) {
         let keys = self.section(root, "wind");
-        let table = match root.get("wind").map(|e| &e.node.value) {
-            Some(TomlValue::Table(t)) => Some(t),
-            _ => None,
-        };
+        let table = root.table("wind");
         let keys = self.resolve_speed(keys, "wind", table);
         let Some(entry) = table.and_then(|t| t.get("add")) else { return (keys, Vec::new()) };
         let TomlValue::List(list) = &entry.node.value else {
@@ -138,15 +135,9 @@ impl Resolver<'_> {
     /// Reads `[wind.lattice]`. Its curves and presets also set speed and direction of `wind`.
     pub(in crate::recipe) fn lattice(&mut self, root: &TomlTable, wind: &mut WindKeys) -> LatticeKeys {
         let empty = TomlTable::default();
-        let parent = match root.get("wind").map(|e| &e.node.value) {
-            Some(TomlValue::Table(t)) => t,
-            _ => &empty,
-        };
+        let parent = root.table("wind").unwrap_or(&empty);
         let mut keys: LatticeKeys = self.section_at(parent, "wind", "lattice");
-        let table = match parent.get("lattice").map(|e| &e.node.value) {
-            Some(TomlValue::Table(t)) => t,
-            _ => &empty,
-        };
+        let table = parent.table("lattice").unwrap_or(&empty);
         // Without a lattice wind the table has no effect, but its keys are checked.
         if wind.model != WindModel::Lattice {
             if let Some(entry) = parent.get("lattice") {
@@ -174,7 +165,9 @@ impl Resolver<'_> {
                 "whole numbers",
             ));
         }
-        if keys.profile == LatticeProfile::Table && keys.profile_table.is_empty() {
+        // A table that could not be read has been reported.
+        let has_table = !keys.profile_table.is_empty() || table.holds("profile_table");
+        if keys.profile == LatticeProfile::Table && !has_table {
             let at = span("profile").unwrap_or(self.whole);
             let d = Diagnostic::error("S006", "profile = \"table\" has no table", at, "heights and factors");
             self.report.push(d.help("add profile_table = [[0, 0], [10, 1]]"));
@@ -274,14 +267,10 @@ impl Resolver<'_> {
         clip: Clip,
     ) -> WindOutputRecipe {
         let empty = TomlTable::default();
-        let parent = match root.get("output").map(|e| &e.node.value) {
-            Some(TomlValue::Table(t)) => t,
-            _ => &empty,
-        };
+        let parent = root.table("output").unwrap_or(&empty);
         let keys: WindOutputKeys = self.section_at(parent, "output", "wind");
-        let table = match parent.get("wind").map(|e| &e.node.value) {
-            Some(TomlValue::Table(t)) => t,
-            _ => return WindOutputRecipe { keys, slices: Vec::new(), grids: Vec::new() },
+        let Some(table) = parent.table("wind") else {
+            return WindOutputRecipe { keys, slices: Vec::new(), grids: Vec::new() };
         };
         // The domain is that of the lattice, else of the flight, else `size` around the origin.
         let on_lattice = wind.model == WindModel::Lattice;
@@ -327,10 +316,7 @@ impl Resolver<'_> {
         clip: Clip,
     ) -> VdbRecipe {
         let empty = TomlTable::default();
-        let parent = match root.get("output").map(|e| &e.node.value) {
-            Some(TomlValue::Table(t)) => t,
-            _ => &empty,
-        };
+        let parent = root.table("output").unwrap_or(&empty);
         let keys: VdbKeys = self.section_at(parent, "output", "vdb");
         let on_lattice = wind.model == WindModel::Lattice;
         let domain = SampledDomain::new(on_lattice.then_some(lattice), flight_size, size, keys.cell);
@@ -417,7 +403,7 @@ impl Resolver<'_> {
         clip: &Clip,
     ) {
         let Some(frames) = sway.loop_frames(clip) else { return };
-        let Some(TomlValue::Table(first)) = root.get("wind").map(|e| &e.node.value) else { return };
+        let Some(first) = root.table("wind") else { return };
         let added: &[TomlNode] = match first.get("add").map(|e| &e.node.value) {
             Some(TomlValue::List(list)) => list,
             _ => &[],

@@ -74,6 +74,27 @@ impl TomlTable {
         self.entries.iter().find(|e| e.key == key)
     }
 
+    /// The table at a key; `None` where there is none, or another value.
+    pub fn table(&self, key: &str) -> Option<&Self> {
+        match &self.get(key)?.node.value {
+            TomlValue::Table(table) => Some(table),
+            _ => None,
+        }
+    }
+
+    /// The tables of the list at a key; empty where there is none.
+    pub fn tables(&self, key: &str) -> Vec<&Self> {
+        let Some(TomlValue::List(list)) = self.get(key).map(|entry| &entry.node.value) else { return Vec::new() };
+        list.iter()
+            .filter_map(|node| if let TomlValue::Table(table) = &node.value { Some(table) } else { None })
+            .collect()
+    }
+
+    /// Names of all keys, in the order of the entries.
+    pub fn names(&self) -> Vec<&str> {
+        self.entries.iter().map(|entry| entry.key.as_str()).collect()
+    }
+
     /// Whether a key has a value that is not empty. If its reader gave an empty one, the value has a fault, which has been reported.
     pub fn holds(&self, key: &str) -> bool {
         match self.get(key).map(|e| &e.node.value) {

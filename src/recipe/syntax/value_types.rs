@@ -622,7 +622,9 @@ impl ValueType for RisingPairs {
         let pair = NumberArray([0.0; 2], self.0);
         let rows: Vec<[f64; 2]> = list.iter().map(|n| pair.read(name, n)).collect::<Result<_, _>>()?;
         if let Some((late, _)) = list.iter().skip(1).zip(rows.windows(2)).find(|(_, w)| w[0][0] >= w[1][0]) {
-            return Err(outside(name, late, "not above the pair before", "pairs that rise"));
+            let text = format!("{name}: the first number of a pair is not above that of the pair before");
+            let d = Diagnostic::error("S004", text, late.span, "must be above that of the pair before");
+            return Err(Box::new(d.help("write pairs with rising first numbers, such as [[0, 0.5], [10, 1]]")));
         }
         Ok(rows)
     }

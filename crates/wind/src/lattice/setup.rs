@@ -12,6 +12,7 @@ use super::tuning::{
     REFUSED_SPEED, SLOW_SPEED, SPIN_UP_SOUND_CROSSINGS, SPONGE_CELLS, SPONGE_DEPTH, TARGET_SPEED, WARN_SPEED,
 };
 use osier_base::math::{cos, narrow};
+use osier_base::physics::AIR_VISCOSITY;
 use osier_base::rng;
 use osier_base::{Error, Result};
 
@@ -91,7 +92,7 @@ impl Default for LatticeOptions {
                 turbulence_modes: 24,
                 seed: 0,
             },
-            viscosity: 1.5e-5,
+            viscosity: AIR_VISCOSITY,
             fps: 24.0,
             steps_per_frame: None,
             smagorinsky: 0.16,
