@@ -226,6 +226,8 @@ fn standard_output_holds_results_and_nothing_else() {
         "{said}{told}"
     );
     assert_eq!(ends(0, &["bake", SCENE, "-q", "-o", arg(&dir.path().join("hush"))]), (String::new(), String::new()));
+    // Nor does a check print its estimate; its string is what was asked for.
+    assert_eq!(ends(0, &["check", SCENE, "-q"]), (String::new(), String::new()));
 }
 
 #[test]
