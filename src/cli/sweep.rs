@@ -92,10 +92,12 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         let SimulatedRun { scene, whole, maps, report, measured } =
             simulate(context, recipe, &display).map_err(|e| of_run(e, &all.keys, &planned))?;
         of_runs.extend(report);
-        // The numbers in these messages differ from run to run: the first of each code is printed.
-        for warning in measured {
-            if told.iter().all(|earlier: &Warning| earlier.code != warning.code) {
-                told.push(warning);
+        // The numbers in these messages differ from run to run: the first of each code is printed, with its run.
+        for Warning { code, message } in measured {
+            if told.iter().all(|earlier: &Warning| earlier.code != code) {
+                let run = run_name(&all.keys, &planned);
+                let message = format!("{message} (first in the run with {run}; sweep.csv has the numbers of all runs)");
+                told.push(Warning { code, message });
             }
         }
         // Runs with the same values are consecutive; their statistics begin with the first.
@@ -186,14 +188,19 @@ fn check_choices(
     Ok(())
 }
 
+/// Values and seed of a run for messages: `wind.speed=4, seed 2`.
+fn run_name(keys: &[String], run: &PlannedRun) -> String {
+    let values = keys.iter().zip(&run.values).map(|(key, value)| format!("{key}={value}"));
+    values.chain(run.seed.map(|seed| format!("seed {seed}"))).collect::<Vec<_>>().join(", ")
+}
+
 /// Adds the values of a run to the message of a fault that its scene shows.
 fn of_run(error: Error, keys: &[String], run: &PlannedRun) -> Error {
     match error {
         Error::Input(mut report) => {
-            let values = keys.iter().zip(&run.values).map(|(key, value)| format!("{key}={value}"));
-            let values: Vec<String> = values.chain(run.seed.map(|seed| format!("seed {seed}"))).collect();
+            let values = run_name(keys, run);
             for d in report.diagnostics.iter_mut().filter(|d| d.severity == Severity::Error) {
-                d.message = format!("{}; in the run with {}", d.message, values.join(", "));
+                d.message = format!("{}; in the run with {values}", d.message);
             }
             Error::Input(report)
         }

@@ -381,6 +381,7 @@ fn a_lattice_says_how_it_did() {
     let run = osier(&["bake", path, "-o", swept.to_str().expect("path"), "--seeds", "5", "--strict"]);
     let said = String::from_utf8_lossy(&run.stderr).into_owned();
     assert!(run.status.code() == Some(3) && said.contains("S027"), "{said}");
+    assert!(said.contains("(first in the run with seed 5; sweep.csv has the numbers of all runs)"), "{said}");
     // Without a key there is no plot, and none is listed.
     let listed = String::from_utf8_lossy(&run.stdout).into_owned();
     assert!(listed.contains("sweep.json, maps/\n") && !swept.join("sweep.svg").exists(), "{listed}");
