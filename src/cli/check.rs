@@ -109,7 +109,7 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
         }
         match (&found.estimate, &found.failure) {
             (_, Some(e)) => context.console.error(e),
-            (Some(estimate), _) => {
+            (Some(estimate), _) if !context.console.quiet => {
                 let knobs = knobs::as_text(&found.parameters);
                 context.console.result(&format!("{file}\n{}{knobs}", report::estimate_text(estimate)))?;
             }

@@ -31,6 +31,7 @@ use crate::source::SourceOptions;
 use args::{Cli, Command, Common};
 use console::Console;
 use osier_base::Error;
+use osier_base::diagnostic::visible;
 use osier_base::files::{Folder, WriteOptions, check_writable, folder_of};
 use osier_base::limits::Limits;
 use osier_base::progress::Cancel;
@@ -86,12 +87,20 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
         let _ = std::io::stderr().write_all(args::GUIDE.as_bytes());
         return 2;
     }
+    let unreadable = args.iter().filter(|a| a.to_str().is_none()).map(|a| visible(&a.to_string_lossy()));
+    let unreadable: Vec<String> = unreadable.map(|a| format!("\"{a}\"")).collect();
     match Cli::try_parse_from(list::with_entries(with_help_flag(args))) {
         Ok(cli) => guarded(cli),
         // Help and version are printed on standard output and are successes; all else is a usage error.
         Err(mut e) if e.use_stderr() => {
             advise_on_flag(&mut e);
             let _ = e.print();
+            // The message above does not say which argument it is.
+            if e.kind() == clap::error::ErrorKind::InvalidUtf8 {
+                use std::io::Write as _;
+                let names = unreadable.join(", ");
+                let _ = writeln!(std::io::stderr(), "help: {names}: write names of files in UTF-8; rename such a file");
+            }
             2
         }
         Err(help) => help_exit_code(help.print()),

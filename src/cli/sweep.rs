@@ -14,10 +14,10 @@ use crate::bake::scene::reduction::with_small_maps;
 use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
-use osier_base::Result;
-use osier_base::diagnostic::Report;
+use osier_base::diagnostic::{Report, Severity};
 use osier_base::files::{Folder, WriteOptions, check_writable};
 use osier_base::progress::{Progress as _, Silent};
+use osier_base::{Error, Result};
 use osier_export::stats::{MapStatistics, Run, Spread, Sweep, Whole};
 use osier_export::{VERSION, Warning};
 use osier_scene::{Scene, largest};
@@ -84,16 +84,20 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let hashes: Vec<&str> = recipes.iter().map(|r| r.hash.as_str()).collect();
     check_target(context, args, &root, &hashes, !keys.is_empty())?;
     let display = ProgressDisplay::new(&context.console);
+    check_choices(context, &keys, &recipes, &runs, &display)?;
     display.stage("running", frames);
     let mut all = Sweep { title: first.general.title.clone(), keys, ..Sweep::default() };
     let (mut of_runs, mut run_warnings) = (Report::default(), Vec::new());
     for (recipe, planned) in recipes.iter().zip(runs) {
-        let SimulatedRun { scene, whole, maps, report, measured } = simulate(context, recipe, &display)?;
+        let SimulatedRun { scene, whole, maps, report, measured } =
+            simulate(context, recipe, &display).map_err(|e| of_run(e, &all.keys, &planned))?;
         of_runs.extend(report);
-        // The numbers in these messages differ from run to run: the first of each code is printed.
-        for warning in measured {
-            if run_warnings.iter().all(|earlier: &Warning| earlier.code != warning.code) {
-                run_warnings.push(warning);
+        // The numbers in these messages differ from run to run: the first of each code is printed, with its run.
+        for Warning { code, message } in measured {
+            if run_warnings.iter().all(|earlier: &Warning| earlier.code != code) {
+                let run = run_name(&all.keys, &planned);
+                let message = format!("{message} (first in the run with {run}; sweep.csv has the numbers of all runs)");
+                run_warnings.push(Warning { code, message });
             }
         }
         // Runs with the same values are consecutive; their statistics begin with the first.
@@ -156,6 +160,52 @@ fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
     };
     let runs = combinations.iter().flat_map(with_seeds).collect();
     Ok(SweepPlan { keys: sweeps.into_iter().map(|s| s.key).collect(), runs })
+}
+
+/// Assembles the scene of each choice of values as for an estimate, so that a fault which depends on a late value, such as a solid
+/// across a side of the lattice wind in one of its directions, costs no simulation.
+/// # Errors
+/// Those of the assembly, with the values of the run.
+fn check_choices(
+    context: &Context,
+    keys: &[String],
+    recipes: &[Recipe],
+    runs: &[PlannedRun],
+    display: &ProgressDisplay,
+) -> Result<()> {
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
+    display.stage("checking", recipes.len() as u64);
+    let mut checked: Option<&[String]> = None;
+    for (recipe, planned) in recipes.iter().zip(runs) {
+        // Runs with the same values are consecutive; they differ in their seeds.
+        if checked != Some(planned.values.as_slice()) {
+            checked = Some(planned.values.as_slice());
+            scene::assemble_for_estimate(recipe, scene::SceneOptions::BAKE, &work)
+                .map_err(|e| of_run(e, keys, planned))?;
+        }
+        display.advance(1);
+    }
+    Ok(())
+}
+
+/// Values and seed of a run for messages: `wind.speed=4, seed 2`.
+fn run_name(keys: &[String], run: &PlannedRun) -> String {
+    let values = keys.iter().zip(&run.values).map(|(key, value)| format!("{key}={value}"));
+    values.chain(run.seed.map(|seed| format!("seed {seed}"))).collect::<Vec<_>>().join(", ")
+}
+
+/// Adds the values of a run to the message of a fault that its scene shows.
+fn of_run(error: Error, keys: &[String], run: &PlannedRun) -> Error {
+    match error {
+        Error::Input(mut report) => {
+            let values = run_name(keys, run);
+            for d in report.diagnostics.iter_mut().filter(|d| d.severity == Severity::Error) {
+                d.message = format!("{}; in the run with {values}", d.message);
+            }
+            Error::Input(report)
+        }
+        other => other,
+    }
 }
 
 /// Results that a sweep keeps of one run.

@@ -29,6 +29,16 @@ fn file(dir: &TempDir, name: &str, text: impl AsRef<[u8]>) -> PathBuf {
     path
 }
 
+/// Such names come with archives of other systems; one of many arguments of a script is hard to find.
+#[test]
+fn an_argument_that_is_not_utf_8_is_named() {
+    use std::os::unix::ffi::OsStrExt as _;
+    let mut command = osier(&["check", SCENE]);
+    command.arg(std::ffi::OsStr::from_bytes(b"pl\xe4nt.l"));
+    let (code, _, err) = said(&command.output().expect("runs"));
+    assert!(code == 2 && err.contains("help: \"pl\u{fffd}nt.l\": write names of files in UTF-8"), "{err}");
+}
+
 /// A grammar that is grown with one warning: its tropism is not defined.
 const WARNS: &str = "Lsystem: w\nDerivation length: 1\nAxiom: @Ts(1,0.1) F ~l\nendlsystem\n";
 
@@ -226,6 +236,8 @@ fn standard_output_holds_results_and_nothing_else() {
         "{said}{told}"
     );
     assert_eq!(ends(0, &["bake", SCENE, "-q", "-o", arg(&dir.path().join("hush"))]), (String::new(), String::new()));
+    // Nor does a check print its estimate; its string is what was asked for.
+    assert_eq!(ends(0, &["check", SCENE, "-q"]), (String::new(), String::new()));
 }
 
 #[test]

@@ -230,6 +230,8 @@ fn faults_of_fractint_are_told_with_their_places() {
     let (_, warnings) = read_bytes("a.l", limits.as_bytes(), ReadAs::default()).expect("read");
     assert_eq!(warnings.matches("warning[L060]").count(), 2, "{warnings}");
     assert!(refused("a.l", "A {\n Axiom F\n}\n").contains("no angle"));
+    let text = refused("a.l", "A {\n Angle x\n Axiom F\n}\n");
+    assert!(text.contains("the angle 'x' is not a number") && !text.contains("no angle"), "{text}");
     // A brace behind an item is a fault of its line, and begins no entry.
     let text = of(" Angle 6 {");
     assert!(text.contains("unexpected '{'") && text.contains("a.l:"), "{text}");

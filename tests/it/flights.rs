@@ -381,6 +381,7 @@ fn a_lattice_says_how_it_did() {
     let run = osier(&["bake", path, "-o", swept.to_str().expect("path"), "--seeds", "5", "--strict"]);
     let said = String::from_utf8_lossy(&run.stderr).into_owned();
     assert!(run.status.code() == Some(3) && said.contains("S027"), "{said}");
+    assert!(said.contains("(first in the run with seed 5; sweep.csv has the numbers of all runs)"), "{said}");
     // Without a key there is no plot, and none is listed.
     let listed = String::from_utf8_lossy(&run.stdout).into_owned();
     assert!(listed.contains("sweep.json, maps/\n") && !swept.join("sweep.svg").exists(), "{listed}");
@@ -480,6 +481,20 @@ fn runs_of_a_sweep_may_differ_in_columns() {
         assert_eq!(all.iter().map(count).sum::<u32>(), 200, "{text}");
     }
     assert_eq!((rows[1][at("at_land")], rows[2][at("at_land")].parse::<u32>().is_ok()), ("", true), "{text}");
+}
+
+/// At its second place the wall crosses one of two sides that are joined: that is told before the first run, and of which run.
+#[test]
+fn a_fault_of_a_late_value_of_a_sweep_costs_no_run() {
+    let dir = tempfile::tempdir().expect("dir");
+    let lattice = "model = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\nspin_up_s = 0.5\n";
+    let text = SCENE.replace("end = 48", "end = 2").replace("speed = 2\n", lattice);
+    let (path, out) = (scene(dir.path(), "moved", &text), dir.path().join("sweep"));
+    let [path, folder] = [&path, &out].map(|p| p.to_str().expect("path"));
+    let run = osier(&["bake", path, "-o", folder, "--sweep", "solid.0.at.2=0,2"]);
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.code() == Some(1) && said.contains("S039") && !out.exists(), "{said}");
+    assert!(said.contains("; in the run with solid.0.at.2=2") && !said.contains("running"), "{said}");
 }
 
 /// Every choice of values with every seed is a row, that of a bake with the same; means go over the seeds.

@@ -345,6 +345,8 @@ impl System<'_, '_> {
             _ => {
                 let message = format!("the angle '{}' is not a number of directions", value.text);
                 self.error(message, value, "Angle 6 divides the circle into 6 directions");
+                // There is an angle: its fault alone is told.
+                self.angle.get_or_insert(1.0);
             }
         }
     }

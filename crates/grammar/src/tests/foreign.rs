@@ -221,6 +221,12 @@ fn models_of_lpy_may_count_in_variables_of_their_own() {
 }
 
 #[test]
+fn whole_numbers_of_lpy_may_have_other_bases() {
+    let text = "w = 0x1F\nAxiom: F(w)\nderivation length: 1\nproduction:\nF(x) --> F(x + 0b101)F(0o17)F(0X_ff)\n";
+    assert_eq!(lpy(text), "F(36)F(15)F(255)");
+}
+
+#[test]
 fn functions_that_lpy_runs_end_at_return() {
     let model = |head: &str| format!("n = 0\n{head}Axiom: A\nderivation length: 4\nproduction:\nA --> B(n)A\n");
     let count = "def StartEach(lstring):\n  global n\n  if n > 1:\n    return lstring\n  n = n + 1\n";

@@ -57,9 +57,14 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
         }
         // A number may begin with its point: `.5`.
         if c.is_ascii_digit() || (c == '.' && rest[1..].starts_with(|d: char| d.is_ascii_digit())) {
-            let n = number_length(rest);
-            let value = rest[..n].replace('_', "").parse::<f64>();
-            let value = value.map_err(|_| Refusal::new(format!("the number '{}'", &rest[..n]), at..at + n))?;
+            let (n, value) = match number_of_base(rest) {
+                Some(whole) => whole,
+                None => {
+                    let n = number_length(rest);
+                    let value = rest[..n].replace('_', "").parse::<f64>();
+                    (n, value.map_err(|_| Refusal::new(format!("the number '{}'", &rest[..n]), at..at + n))?)
+                }
+            };
             out.push(PyToken { kind: PyTokenKind::Number(value), range: at..at + n });
             i += n;
         } else if c.is_alphabetic() || c == '_' {
@@ -86,6 +91,20 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
         }
     }
     Ok(out)
+}
+
+/// Length and value of the whole number of another base at the beginning of a text: `0xff`, `0o17`, `0b101`.
+fn number_of_base(text: &str) -> Option<(usize, f64)> {
+    let base = match text.get(..2)? {
+        "0x" | "0X" => 16,
+        "0o" | "0O" => 8,
+        "0b" | "0B" => 2,
+        _ => return None,
+    };
+    let digits = text.get(2..)?;
+    let n = digits.find(|d: char| !d.is_digit(base) && d != '_').unwrap_or(digits.len());
+    let value = u32::from_str_radix(&digits[..n].replace('_', ""), base).ok()?;
+    Some((n + 2, f64::from(value)))
 }
 
 /// Length of the number at the beginning of a text.
