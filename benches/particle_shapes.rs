@@ -7,7 +7,7 @@ use std::time::Instant;
 use osier::bake::assets::growth_site::GrowthSite;
 use osier::bake::assets::plant_growth::grow_plant;
 use osier::bake::assets::plant_materials::plant_materials;
-use osier::bake::assets::skin_options::skin_options;
+use osier::bake::assets::skin_options::{BarkTiles, skin_options};
 use osier::bake::scene::layout::lay_out_scene;
 use osier::bake::{BakeContext, scene::plant_layout::Individual};
 use osier::limits::Limits;
@@ -59,7 +59,7 @@ fn main() {
         if !set.is_empty() {
             continue;
         }
-        let options = skin_options(&recipe.plants[0].skin, [0.5; 2], &work);
+        let options = skin_options(&recipe.plants[0].skin, BarkTiles { bark: [0.5; 2], shoot: [0.5; 2] }, &work);
         let mut skin = PlantSkin::default();
         let lofted = on_threads(1, || best(|| skin_into(&plant, &options, &mut skin).expect("skin")));
         println!("  its skin: {} vertices, {:.2} ms", skin.mesh.points.len(), lofted * 1e3);

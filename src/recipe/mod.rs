@@ -193,6 +193,15 @@ impl RecipePart for Clip {
     }
 }
 
+/// Pictures that cover a bark instead of a painted pattern.
+#[derive(Debug, Clone)]
+pub struct BarkPictures {
+    /// Colour, sRGB.
+    pub color: Image,
+    /// Tangent-space normals, green up the stem; `None` for an even surface.
+    pub normal: Option<Image>,
+}
+
 recipe! {
     /// A plant of `[plants.NAME]`, of which places and scatters have copies.
     PlantRecipe {
@@ -227,6 +236,8 @@ recipe! {
             source: String;
             /// IFS tables whose density is the grain of bark and of shoot; `None` without the key `ifs`.
             grains: [Option<Arc<Ifs>>; 2];
+            /// Pictures that cover bark and shoot; `None` without the key `texture`.
+            bark_pictures: [Option<BarkPictures>; 2];
         }
     }
 }

@@ -148,9 +148,7 @@ fn picture_help(table: &str, name: &str) -> Option<&'static str> {
         return None;
     }
     match table.rsplit('.').next() {
-        Some("bark" | "shoot") => {
-            Some("osier paints bark; pictures of your own come with the mesh of a whole tree (`mesh` of the plant)")
-        }
+        Some("bark" | "shoot") => Some("a picture of your own is `texture`, its normal map `normal_texture`"),
         Some("leaf") => Some("osier paints blades; pictures of your own come with the mesh of a leaf (`mesh`)"),
         _ if table.contains(".organs.") => {
             Some("osier paints blades; pictures of your own come with the mesh of an organ (`mesh`)")

@@ -3,6 +3,7 @@
 mod common;
 
 mod attractors;
+mod bark_pictures;
 mod blender_import;
 mod blender_panel;
 mod catkin_model;

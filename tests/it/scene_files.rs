@@ -195,8 +195,8 @@ fn a_key_of_another_table_is_told_with_its_place() {
         ("leaf.roughness=1", "did you mean [plants.NAME.leaf] or rain.lying.leaf? known here: "),
         ("plants.oak.bark.fog=1", "did you mean [fog]? known here: "),
         (
-            "plants.oak.bark.texture=\"b.png\"",
-            "osier paints bark; pictures of your own come with the mesh of a whole tree",
+            "plants.oak.bark.image=\"b.png\"",
+            "a picture of your own is `texture`, its normal map `normal_texture`; known here: ",
         ),
         (
             "plants.oak.leaf.image=\"l.png\"",

@@ -6,7 +6,7 @@ use crate::bake::BakeContext;
 use crate::bake::assets::branchlets::{branch_skin_options, branchlet_mesh};
 use crate::bake::assets::ifs_tree::ifs_tree_options;
 use crate::bake::assets::material_set::MaterialSet;
-use crate::bake::assets::skin_options::bark_tiles;
+use crate::bake::assets::skin_options::BarkTiles;
 use crate::recipe::PlantRecipe;
 use crate::recipe::scene::IfsTreeKeys;
 use osier_base::Result;
@@ -47,7 +47,7 @@ pub fn build_billboards(
     let scale = keys.height / words::height(&stems.system, &stems.letters, stems.trunk);
     let radius = keys.radius.unwrap_or(stems.radius * scale);
     let jobs: Vec<(SubtreeClass, u32)> = classes.iter().flat_map(|c| (0..variants).map(|v| (*c, v))).collect();
-    let tiles = bark_tiles(&set.materials);
+    let tiles = BarkTiles::of(set);
     let meshes: Vec<Mesh> = par_map(&jobs, |(class, variant)| {
         context.cancel.check()?;
         let options = TreeOptions {
@@ -87,7 +87,7 @@ fn subtree_mesh(
     plant: &PlantRecipe,
     options: &TreeOptions,
     individual: (u32, u64),
-    tiles: [f32; 2],
+    tiles: BarkTiles,
     context: &BakeContext<'_>,
 ) -> Result<Mesh> {
     let grown = ifs::grow(stems, individual, options, context.limits)?;

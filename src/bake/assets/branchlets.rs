@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::bake::BakeContext;
-use crate::bake::assets::skin_options::skin_options;
+use crate::bake::assets::skin_options::{BarkTiles, skin_options};
 use crate::recipe::PlantRecipe;
 use osier_base::Result;
 use osier_base::par::par_map;
@@ -14,14 +14,14 @@ use osier_plants::surface::{SkinOptions, skin};
 use osier_scene::plant::Plant;
 use osier_scene::{Mesh, Trs};
 
-/// Builds the meshes of a tree's branchlet prototypes. `tiles`: as for [`skin_options`].
+/// Builds the meshes of a tree's branchlet prototypes. `tiles`: of the tree's bark.
 /// # Errors
 /// `Limit` for the vertices of one branchlet or of all together, `Cancelled`.
 pub fn skin_branchlets(
     tree: &mut Plant,
     twigs: &[Branchlet],
     recipe: &PlantRecipe,
-    tiles: [f32; 2],
+    tiles: BarkTiles,
     context: &BakeContext<'_>,
 ) -> Result<()> {
     let options = branch_skin_options(recipe, tiles, context);
@@ -38,7 +38,7 @@ pub fn skin_branchlets(
 }
 
 /// Skin options of a plant without root flare and buried foot, for meshes of single branches.
-pub(crate) fn branch_skin_options(recipe: &PlantRecipe, tiles: [f32; 2], context: &BakeContext<'_>) -> SkinOptions {
+pub(crate) fn branch_skin_options(recipe: &PlantRecipe, tiles: BarkTiles, context: &BakeContext<'_>) -> SkinOptions {
     SkinOptions { flare: 0.0, bury: 0.0, ..skin_options(&recipe.skin, tiles, context) }
 }
 

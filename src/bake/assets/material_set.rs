@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::bake::assets::season_materials::SeasonMaterials;
+use crate::bake::assets::skin_options::BarkTiles;
 use osier_base::Result;
 use osier_base::convert::index;
 use osier_plants::grow::ifs::SubtreeBillboards;
@@ -57,8 +58,8 @@ impl MaterialSet {
 pub struct PlantMaterials {
     /// Index in the scene of the plant's material 0.
     pub first_material: u32,
-    /// Width of one repeat of the maps of bark and of shoots, m.
-    pub tiles: [f32; 2],
+    /// Size of one repeat of the maps of bark and of shoots.
+    pub tiles: BarkTiles,
     /// Names of the organs, parallel to the recipe's; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
     pub organ_names: Vec<String>,
     /// Materials of the plant by the colour indices that the turtle has given its axes.

@@ -13,7 +13,7 @@ use crate::bake::assets::skin_options::SHOOT;
 use crate::recipe::scene::CatkinKeys;
 use crate::recipe::scene::words;
 use crate::recipe::scene::{BarkKeys, BarkKind, BladeDetail, BladeOutline, ImportedMeshKeys, OrganKeys};
-use crate::recipe::{CARD, Growth, KeyTable as _, OrganRecipe, PlantRecipe, SurfaceForm};
+use crate::recipe::{BarkPictures, CARD, Growth, KeyTable as _, OrganRecipe, PlantRecipe, SurfaceForm};
 use osier_base::convert::{index, to_usize};
 use osier_base::files::Names;
 use osier_base::math::narrow;
@@ -24,6 +24,7 @@ use osier_import::Imported;
 use osier_plants::grow::ifs::branchlets::NAME as BRANCHLET;
 use osier_plants::grow::mesh;
 use osier_plants::grow::turtle::{OrganSpec, STALK, patch_mesh, triangle_mesh};
+use osier_plants::surface::SurfaceMaterial;
 use osier_plants::surface::bark::{BarkSpec, bark};
 use osier_plants::surface::catkin;
 use osier_plants::surface::leaf::{self, BladeSpec, LeafColors, LeafForm, Teeth};
@@ -51,6 +52,10 @@ const MAX_EXTENT: f32 = 1e9;
 /// Linear colour of the bark of plants coloured by a colour file: none of their axes shows it.
 const PLAIN_BARK: [f32; 3] = [0.2, 0.12, 0.06];
 
+/// Roughness of a bark of pictures, which do not give it, and its width without the key `tile`, m. Own: as of furrowed bark.
+const BARK_ROUGHNESS: f32 = 0.85;
+const BARK_TILE: f32 = 0.5;
+
 /// Roughness of surfaces with a texture of a view file, which does not give it. Own: as of leaves.
 const SURFACE_ROUGHNESS: f32 = 0.5;
 
@@ -72,7 +77,10 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
     // Two materials of every plant: bark, and the bark of thin shoots; a tuft of hairs has hair in place of the latter.
     let tuft = matches!(&plant.growth, Growth::Grammar(grammar) if grammar.is_tuft());
     let [bark_grain, shoot_grain] = &plant.grains;
-    for (keys, table, part) in [(&plant.bark, bark_grain, "bark"), (&plant.shoot, shoot_grain, "shoot")] {
+    let [bark_pictures, shoot_pictures] = &plant.bark_pictures;
+    let barks =
+        [(&plant.bark, bark_grain, bark_pictures, "bark"), (&plant.shoot, shoot_grain, shoot_pictures, "shoot")];
+    for (keys, table, pictures, part) in barks {
         let name = format!("{}_{part}", plant.id);
         if tuft && part == "shoot" {
             set.add(catkin::hair_material(&name), Vec::new())?;
@@ -84,7 +92,10 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
             continue;
         }
         let grain = table.as_deref().map(|t| ifs_leaf::bark_grain(t, keys.side)).transpose()?;
-        let mut surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
+        let mut surface = match pictures {
+            Some(pictures) => textured_bark(keys, pictures, name),
+            None => bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?,
+        };
         if axes_are_blades(plant) {
             turn_into_grass_material(&mut surface.material);
         }
@@ -454,6 +465,16 @@ fn add_texture(set: &mut MaterialSet, picture: &Image, name: &str) -> Result<u32
     material.double_sided = true;
     material.maps.color = Some(0);
     set.add(material, vec![Image { name: format!("{name}_color"), ..picture.clone() }])
+}
+
+/// A bark of pictures.
+fn textured_bark(keys: &BarkKeys, pictures: &BarkPictures, name: String) -> SurfaceMaterial {
+    let mut images = vec![Image { name: format!("{name}_color"), ..pictures.color.clone() }];
+    images.extend(pictures.normal.clone().map(|normal| Image { name: format!("{name}_normal"), ..normal }));
+    let mut material = Material::plain(name, MaterialClass::Bark, PLAIN_BARK, BARK_ROUGHNESS);
+    material.tile = keys.tile.map_or(BARK_TILE, narrow);
+    (material.maps.color, material.maps.normal) = (Some(0), pictures.normal.as_ref().map(|_| 1));
+    SurfaceMaterial { material, images }
 }
 
 /// Parameters of a bark: those of its kind, overridden by the keys that are set.

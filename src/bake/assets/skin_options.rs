@@ -1,9 +1,10 @@
 //! Options of the bark's mesh, and the indices of its two materials.
 
 use crate::bake::BakeContext;
+use crate::bake::assets::material_set::MaterialSet;
 use crate::recipe::scene::{BarkUv, SkinKeys};
+use osier_base::convert::to_usize;
 use osier_plants::surface::{SkinOptions, UvMode};
-use osier_scene::Material;
 
 /// Index of the bark material in the list of a plant.
 pub const BARK: u16 = 0;
@@ -16,20 +17,38 @@ pub const SHOOT_RADIUS: f32 = 0.008;
 /// points would be nine tenths of every frame; from twenty metres on they are thinner than a pixel.
 pub const GROWTH_CONES: f32 = 0.012;
 
-/// Width and height of one repeat of the maps of bark and shoots, m, among the materials of a plant.
-pub fn bark_tiles(materials: &[Material]) -> [f32; 2] {
-    [BARK, SHOOT].map(|i| materials.get(usize::from(i)).map_or(0.5, |m| m.tile))
+/// Size of one repeat of the maps of a plant's bark and shoots.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct BarkTiles {
+    /// Width and height of those of bark, m.
+    pub bark: [f32; 2],
+    /// The same of those of shoots.
+    pub shoot: [f32; 2],
 }
 
-/// Options of the bark's mesh from `[plants.NAME.skin]`; `tiles`: those of [`bark_tiles`].
-pub fn skin_options(keys: &SkinKeys, tiles: [f32; 2], context: &BakeContext<'_>) -> SkinOptions {
+impl BarkTiles {
+    /// Those of the materials of a plant.
+    pub fn of(set: &MaterialSet) -> Self {
+        let [bark, shoot] = [BARK, SHOOT].map(|i| {
+            let Some(material) = set.materials.get(usize::from(i)) else { return [0.5; 2] };
+            // Painted maps are square; pictures of the user need not be.
+            let picture = material.maps.color.and_then(|i| set.images.get(to_usize(i)));
+            let proportion = picture.map_or(1.0, |picture| picture.height as f32 / picture.width as f32);
+            [material.tile, material.tile * proportion]
+        });
+        Self { bark, shoot }
+    }
+}
+
+/// Options of the bark's mesh from `[plants.NAME.skin]`.
+pub fn skin_options(keys: &SkinKeys, tiles: BarkTiles, context: &BakeContext<'_>) -> SkinOptions {
     let defaults = SkinOptions::default();
     SkinOptions {
         sides: (keys.sides, defaults.sides.1),
         turn: osier_base::math::narrow(keys.turn),
         edge: osier_base::math::narrow(keys.edge),
-        tile: [tiles[0]; 2],
-        shoot_tile: [tiles[1]; 2],
+        tile: tiles.bark,
+        shoot_tile: tiles.shoot,
         uv: if keys.uv == BarkUv::Metric { UvMode::Metric } else { UvMode::Conformal },
         flare: osier_base::math::narrow(keys.flare),
         flare_height: osier_base::math::narrow(keys.flare_height),

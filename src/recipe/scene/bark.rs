@@ -54,6 +54,11 @@ keys! {
     BarkKeys at "plants.NAME.bark" also "plants.NAME.shoot" {
         /// Pattern of the bark, which sets the defaults below.
         kind: BarkKind = "kind" OneOf(BarkKind::Furrowed), basic;
+        /// Picture that covers the bark instead of a painted pattern; it should repeat without seams. It is `tile` wide, and as high
+        /// as its sides demand.
+        texture: Option<Reference> = "texture" FileReference(".png, .jpg, .jpeg");
+        /// With `texture`: normal map of the same bark, green up the stem (OpenGL).
+        normal_texture: Option<Reference> = "normal_texture" FileReference(".png, .jpg, .jpeg");
         /// Coefficient table (2D) whose density is tiled as relief and tint.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
         /// System of the table; empty selects the first.

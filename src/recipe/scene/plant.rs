@@ -11,7 +11,7 @@ use crate::recipe::syntax::{
 };
 use crate::recipe::syntax::{Digest as _, KeyTable};
 use crate::recipe::syntax::{choices, keys};
-use crate::recipe::{CARD, Companions, Growth, OrganRecipe, PlantRecipe, ReferencedFile};
+use crate::recipe::{BarkPictures, CARD, Companions, Growth, OrganRecipe, PlantRecipe, ReferencedFile};
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Severity, Sources, Span, nearest};
 use osier_base::files::Names;
@@ -20,7 +20,7 @@ use osier_ifs::stems::{TreeSystem, sheared};
 use osier_ifs::{Ifs, leaf};
 use osier_import::Imported;
 use osier_plants::grow::years::Habit;
-use osier_scene::MaterialClass;
+use osier_scene::{Image, ImageKind, MaterialClass};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -326,6 +326,8 @@ impl Resolver<'_> {
         self.settle_forms(table, &path, &mut keys, &mut skin);
         // From here on `?` ends the plant after a diagnostic.
         let grains = [self.bark_grain_table(&bark)?, self.bark_grain_table(&shoot)?];
+        let bark_pictures =
+            [self.bark_pictures(table, &path, "bark", &bark)?, self.bark_pictures(table, &path, "shoot", &shoot)?];
         for (name, file, help) in [
             ("import", &keys.mesh, "it sets how a mesh is read: name one with mesh = \"FILE\""),
             ("growth", &keys.shapes, "it sets how particle-shapes grow: name a file with shapes = \"FILE.shapes\""),
@@ -489,6 +491,7 @@ impl Resolver<'_> {
             bark,
             shoot,
             grains,
+            bark_pictures,
             skin,
             wood,
             rods,
@@ -710,6 +713,64 @@ impl Resolver<'_> {
             Some(r) => Some(Some(Arc::new(self.plane_table(r, &bark.system, "bark is tiled")?))),
             None => Some(None),
         }
+    }
+
+    /// Reads the pictures of the bark in the table `name` of a plant, and warns of keys that have no effect with them or without; the
+    /// outer `None` after an error, the inner one without the key.
+    #[allow(clippy::option_option, reason = "a picture that fails is not the same as no picture")]
+    fn bark_pictures(
+        &mut self,
+        plant: &TomlTable,
+        path: &str,
+        name: &str,
+        keys: &BarkKeys,
+    ) -> Option<Option<BarkPictures>> {
+        let table = plant.table(name);
+        let Some(texture) = &keys.texture else {
+            if let Some(entry) = table.and_then(|table| table.get("normal_texture")) {
+                let text = format!("{path}.{name}.normal_texture has no effect");
+                let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
+                self.report.push(d.help("it belongs to a picture: name that too, with texture = \"FILE\""));
+            }
+            return Some(None);
+        };
+        // One warning for all: a texture often replaces the bark of a scene that has many of them.
+        let given = |key: &&str| table.is_some_and(|table| table.get(key).is_some());
+        let ignored: Vec<&str> = ["kind", "ifs", "system", "color", "color2", "depth_mm", "patches", "side"]
+            .into_iter()
+            .filter(given)
+            .collect();
+        if !ignored.is_empty() {
+            let text = format!(
+                "{} of {path}.{name} have no effect: its texture replaces the painted bark",
+                ignored.join(", ")
+            );
+            self.report.push(Diagnostic::warning("S007", text, texture.span, "this picture").help("leave them out"));
+        }
+        let color = self.bark_picture(texture)?;
+        let normal = match &keys.normal_texture {
+            Some(reference) => {
+                let picture = self.bark_picture(reference)?;
+                if picture.channels == 1 {
+                    let text = format!("{path}.{name}.normal_texture is grey: \"{}\"", reference.text);
+                    let d = Diagnostic::error("S003", text, reference.span, "no normal map");
+                    self.report.push(d.help(
+                        "a normal map has directions as red, green and blue; a height map has to be converted to one",
+                    ));
+                    return None;
+                }
+                Some(Image { kind: ImageKind::Data, ..picture })
+            }
+            None => None,
+        };
+        Some(Some(BarkPictures { color, normal }))
+    }
+
+    /// Reads a picture of a bark; `None` after an error.
+    fn bark_picture(&mut self, reference: &Reference) -> Option<Image> {
+        let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".png", ".jpg", ".jpeg"])?;
+        let picture = osier_import::read_picture(&file.path, &file.bytes, &self.ground_import(1.0));
+        self.held_at(picture, reference.span)
     }
 
     /// Sets kind and map size of the bark of thin axes, unless the scene gives them.

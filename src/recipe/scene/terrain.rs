@@ -183,7 +183,7 @@ impl Resolver<'_> {
     }
 
     /// Import options of height maps, pictures and meshes of the ground. `scale`: metres per unit.
-    fn ground_import(&self, scale: f32) -> osier_import::ImportOptions<'_> {
+    pub(in crate::recipe) fn ground_import(&self, scale: f32) -> osier_import::ImportOptions<'_> {
         osier_import::ImportOptions {
             roots: self.request.library.roots(),
             limits: &self.request.limits,
@@ -194,7 +194,7 @@ impl Resolver<'_> {
     }
 
     /// The content of a file, or `None` after its errors have been reported at the reference to it.
-    fn held_at<T>(&mut self, read: osier_base::Result<T>, span: Span) -> Option<T> {
+    pub(in crate::recipe) fn held_at<T>(&mut self, read: osier_base::Result<T>, span: Span) -> Option<T> {
         match read {
             Ok(held) => Some(held),
             Err(osier_base::Error::Input(mut faults)) => {

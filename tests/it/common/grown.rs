@@ -9,7 +9,7 @@ use osier::bake::assets::plant_growth::grow_plant;
 use osier::bake::assets::plant_materials::plant_materials;
 use osier::bake::assets::plant_mesh::build_plant_asset;
 use osier::bake::assets::seasons::add_season_materials;
-use osier::bake::assets::skin_options::{bark_tiles, skin_options};
+use osier::bake::assets::skin_options::{BarkTiles, skin_options};
 use osier::bake::assets::species_growth::grow_species;
 use osier::bake::scene::layout::lay_out_scene;
 use osier::bake::scene::{AssembledScene, SceneOptions, assemble_scene};
@@ -90,7 +90,7 @@ pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
         add_season_materials(&mut look, keys, recipe.general.seed).expect("colours");
         let grown = with_work(|w| grow_plant(keys, individual, &look, site, w)).expect("plant");
         let kind = PlantMaterials {
-            tiles: bark_tiles(&look.materials),
+            tiles: BarkTiles::of(&look),
             organ_names: look.names.clone(),
             ..PlantMaterials::default()
         };
