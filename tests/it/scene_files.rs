@@ -415,6 +415,12 @@ fn a_value_with_a_fault_is_no_missing_one() {
         assert!(said.contains(code) && said.contains(words), "{said}");
         assert!(said.matches("error[").count() == 1, "{said}");
     }
+    let rod = "[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\n[[rod.load]]\nkind = 3\nkeyframes = [[0, 0.001]]\n";
+    let morph = "[clouds.f]\n[clouds.f.morph]\nkey = [{ ifs = 3, at = 0 }, { ifs = \"fern_bud.ifs.toml\", at = 1 }]\n";
+    for text in [rod, morph] {
+        let said = read(&format!("[frames]\nend = 48\n{text}"), &[]).expect_err(text);
+        assert!(said.contains("S003") && said.matches("error[").count() == 1, "{said}");
+    }
     let missing = read(&format!("{plants}[[place]]\n"), &[]).expect_err("no plant");
     assert!(missing.contains("this place names no plant"), "{missing}");
 }

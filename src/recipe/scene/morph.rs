@@ -202,6 +202,10 @@ impl Resolver<'_> {
             return None;
         };
         let key = self.read_keys::<MorphKeyframe>(table, path);
+        // A value that is no file name has been reported.
+        if key.ifs.is_none() && table.get("ifs").is_some() {
+            return None;
+        }
         let of = |name: &str| table.get(name).map_or(node.span, |e| e.node.span);
         let (at, ifs, turns) = (of("at"), of("ifs"), of("turns"));
         // A keyframe with the file and system of an earlier one does not read them again.

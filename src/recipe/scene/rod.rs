@@ -308,7 +308,12 @@ impl Resolver<'_> {
     }
 
     fn rod_load(&mut self, table: &TomlTable, path: &str) -> Option<RodLoadKeys> {
+        let before = self.report.diagnostics.len();
         let keys = self.read_keys::<RodLoadKeys>(table, path);
+        // A kind that could not be read decides no number of numbers.
+        if self.report.diagnostics.iter().skip(before).any(|d| d.code != "S002") {
+            return None;
+        }
         // Numbers of a keyframe: the time and a vector; the time, a force and a torque; or the time and a mass.
         let count = match keys.kind {
             RodLoadKind::Force | RodLoadKind::Blow => 4,
