@@ -222,7 +222,7 @@ fn rain_falls_where_the_wind_bends_plants_on_rods() {
         rain.points.first().expect("falling drops").reach
     };
     let wind = "[wind]\nmodel = \"uniform\"\nspeed = 25\n";
-    let calm = reach("");
+    let calm = reach("[wind]\nmodel = \"calm\"\n");
     for more in [wind.to_owned(), format!("{wind}[sway]\nstart = \"rest\"\n")] {
         let bent = reach(&more);
         let beyond = (bent.max - calm.max).max(calm.min - bent.min);
