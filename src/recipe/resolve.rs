@@ -349,7 +349,7 @@ impl Resolver<'_> {
             clouds,
             catkin: root.get("catkin").map(|_| self.section(root, "catkin")),
             layers,
-            picture: self.picture(root),
+            picture: self.section(root, "picture"),
             places,
             ground: self.section(root, "ground"),
             terrain: self.terrain(root),

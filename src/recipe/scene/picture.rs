@@ -1,9 +1,7 @@
 //! `[picture]`: how an attractor becomes a picture.
 
-use crate::recipe::resolve::Resolver;
-use crate::recipe::syntax::{ColorType, NumberArray, OneOf, OptionalKey, TomlTable, integer, number};
+use crate::recipe::syntax::{ColorType, NumberArray, OneOf, OptionalKey, PngBits, integer, number};
 use crate::recipe::syntax::{choices, keys};
-use osier_base::diagnostic::Diagnostic;
 
 choices! {
     /// Part of an attractor that fills the picture.
@@ -46,21 +44,7 @@ keys! {
         spread_min: f64 = "spread_min_px" number(0.0, 0.0, 64.0, "pixels");
         /// How fast the radius decreases with the density.
         spread_curve: f64 = "spread_curve" number(0.4, 0.0, 4.0, "");
-        /// Bits per channel of a PNG: 8 or 16.
-        bits: u32 = "bits" integer(8, 8, 16);
-    }
-}
-
-impl Resolver<'_> {
-    /// Reads `[picture]`; S004 for a number of bits that no PNG has.
-    pub(in crate::recipe) fn picture(&mut self, root: &TomlTable) -> PictureKeys {
-        let keys: PictureKeys = self.section(root, "picture");
-        if ![8, 16].contains(&keys.bits) {
-            let span = self.place_of(root, &["picture", "bits"]);
-            let text = format!("picture.bits is {}, but must be 8 or 16", keys.bits);
-            let d = Diagnostic::error("S004", text, span, "8 or 16");
-            self.report.push(d.help("PNG stores 8 or 16 bits per channel"));
-        }
-        keys
+        /// Bits per channel of a PNG.
+        bits: u32 = "bits" PngBits;
     }
 }

@@ -295,6 +295,38 @@ impl ValueType for PowerOfTwo {
     }
 }
 
+/// Bits per channel of a PNG: 8 by default, or 16.
+#[derive(Debug, Clone, Copy)]
+pub struct PngBits;
+
+impl PngBits {
+    const ALL: [u32; 2] = [8, 16];
+}
+
+impl ValueType for PngBits {
+    type Value = u32;
+    fn fallback(&self) -> u32 {
+        Self::ALL[0]
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<u32, Fault> {
+        let TomlValue::Integer(i) = node.value else { return Err(wrong(name, node, "a whole number")) };
+        let bits = Self::ALL.into_iter().find(|bits| i64::from(*bits) == i);
+        bits.ok_or_else(|| outside(name, node, &i.to_string(), "8 or 16"))
+    }
+    fn listing(&self) -> KeyListing {
+        let form = ValueForm::new(ValueKind::Whole, json!(Self::ALL[0])).within(8.0, 16.0);
+        KeyListing {
+            accepts: "8 or 16".into(),
+            default: Self::ALL[0].to_string(),
+            unit: "",
+            form: form.of_choices(Self::ALL.map(|bits| json!(bits))),
+        }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
+}
+
 /// A seed: a whole number, or text of digits where it exceeds 63 bits.
 #[derive(Debug, Clone, Copy)]
 pub struct SeedType(pub u64);
