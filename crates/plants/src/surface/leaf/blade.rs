@@ -372,6 +372,7 @@ fn petiole(spec: &BladeSpec, variation: &BladeVariation, outline: &BladeOutline,
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::surface::leaf::LeafForm;
 
     fn area(spec: &BladeSpec, detail: BladeDetail) -> (f32, f32) {
         let (smooth, teeth) = detail.margin();
@@ -414,6 +415,28 @@ mod tests {
             };
             let crown: f32 = 0.5 * flat.triangles.iter().map(twice).sum::<f32>();
             assert!((crown / light - 1.0).abs() < 0.12, "{:?}: {crown} of {light}", spec.form);
+        }
+    }
+
+    /// Where the margin crossed a vein, parts of the blade lay over each other.
+    #[test]
+    fn cells_of_crown_blades_cover_their_outline_once() {
+        for (lobes, depth) in [(3, 0.3), (4, 0.4), (5, 0.35), (5, 0.5), (7, 0.6)] {
+            for seed in 0..8 {
+                let spec = BladeSpec { seed, ..BladeSpec::oak() };
+                let spec = BladeSpec { form: LeafForm::Lobed { lobes, depth }, ..spec };
+                let mut outline = BladeOutline::new(&spec, 1, false);
+                outline.halves.iter_mut().for_each(|half| half.simplify(MAX_CROWN_MARGIN_POINTS));
+                let flat = triangulate_blade(&outline, BladeDetail::Crown);
+                let twice = |t: &[u32; 3]| {
+                    let [a, b, c] = t.map(|i| flat.points[i as usize]);
+                    (b - a).perp_dot(c - a)
+                };
+                let covered: f32 = flat.triangles.iter().map(|t| twice(t).abs()).sum();
+                let polygon = |h: &BladeHalf| h.margin.windows(2).fold(0.0, |s, w| s + w[0].perp_dot(w[1]));
+                let whole = polygon(&outline.halves[0]) - polygon(&outline.halves[1]);
+                assert!((covered / whole - 1.0).abs() < 1e-3, "{lobes} {depth} {seed}: {covered} of {whole}");
+            }
         }
     }
 

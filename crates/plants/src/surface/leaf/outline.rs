@@ -34,12 +34,21 @@ pub(super) struct BladeHalf {
 }
 
 impl BladeHalf {
-    /// Removes the points of the margin that change its shape least, except those where a vein ends, until `most` are left.
+    /// Removes veins whose straight line crosses the margin, as that of a bent vein beside a deep bay does. Then removes the
+    /// points of the margin that change its shape least, until `most` are left, except those where a vein ends and those without which
+    /// the margin would cross a vein.
     /// Source: Visvalingam and Whyatt 1993, "Line generalisation by repeated elimination of points".
     pub fn simplify(&mut self, most: usize) {
+        let edges = || self.margin.windows(2);
+        self.veins.retain(|v| edges().all(|edge| !cross(edge[0], edge[1], v.root, v.tip)));
         while self.margin.len() > most {
             // Visvalingam's measure: the area of the triangle with both neighbours.
-            let fixed = |i: usize| self.veins.iter().any(|v| v.at == i);
+            let fixed = |i: usize| {
+                let [from, to] = [i - 1, i + 1];
+                let is_cut =
+                    |v: &Vein| v.at != from && v.at != to && cross(self.margin[from], self.margin[to], v.root, v.tip);
+                self.veins.iter().any(|v| v.at == i || is_cut(v))
+            };
             let area = |i: usize| {
                 let [a, b, c] = [i - 1, i, i + 1].map(|k| self.margin[k]);
                 (b - a).perp_dot(c - a).abs()
@@ -50,6 +59,12 @@ impl BladeHalf {
             self.veins.iter_mut().filter(|v| v.at > least).for_each(|v| v.at -= 1);
         }
     }
+}
+
+/// Whether the line from `a` to `b` crosses that from `c` to `d`; lines that touch do not.
+fn cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> bool {
+    let side = |p: Vec2, q: Vec2, r: Vec2| (q - p).perp_dot(r - p);
+    side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
 }
 
 /// Margin and veins of a flat blade.
@@ -471,10 +486,5 @@ mod tests {
             }
             assert!((o.frame.1.x / 1.04 / spec.width - 1.0).abs() < 0.15, "{:?} {}", spec.form, o.frame.1);
         }
-    }
-
-    fn cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> bool {
-        let side = |p: Vec2, q: Vec2, r: Vec2| (q - p).perp_dot(r - p);
-        side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
     }
 }
