@@ -249,6 +249,9 @@ fn scene_snippets_resolve() {
     std::fs::copy(root().join("grammars/koch.l"), folder.join("mine.l")).expect("copy");
     let map = image::ImageBuffer::<image::Luma<u16>, _>::from_vec(2, 2, vec![9_u16, 0, 500, 60_000]).expect("fits");
     map.save(folder.join("mine.png")).expect("picture");
+    for name in ["bark.png", "bark-normal.png"] {
+        image::RgbImage::from_pixel(2, 2, image::Rgb([128, 128, 255])).save(folder.join(name)).expect("picture");
+    }
     let mut seen = 0;
     for block in blocks().iter().filter(|b| b.tag == "toml") {
         let oak = "\n[plants.oak]\ngrammar = \"oak.l\"\n";
