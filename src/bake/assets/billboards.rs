@@ -47,7 +47,7 @@ pub fn build_billboards(
     let scale = keys.height / words::height(&stems.system, &stems.letters, stems.trunk);
     let radius = keys.radius.unwrap_or(stems.radius * scale);
     let jobs: Vec<(SubtreeClass, u32)> = classes.iter().flat_map(|c| (0..variants).map(|v| (*c, v))).collect();
-    let tiles = BarkTiles::of(set);
+    let tiles = set.bark_tiles();
     let meshes: Vec<Mesh> = par_map(&jobs, |(class, variant)| {
         context.cancel.check()?;
         let options = TreeOptions {

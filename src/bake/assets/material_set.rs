@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::bake::assets::season_materials::SeasonMaterials;
-use crate::bake::assets::skin_options::BarkTiles;
+use crate::bake::assets::skin_options::{BARK, BarkTiles, SHOOT};
 use osier_base::Result;
-use osier_base::convert::index;
+use osier_base::convert::{index, to_usize};
 use osier_plants::grow::ifs::SubtreeBillboards;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::turtle::OrganSpec;
@@ -50,6 +50,18 @@ impl MaterialSet {
         self.images.extend(images);
         self.materials.push(material);
         index(self.materials.len() - 1, "materials of a plant")
+    }
+
+    /// Size of one repeat of the maps of bark and shoots.
+    pub fn bark_tiles(&self) -> BarkTiles {
+        let [bark, shoot] = [BARK, SHOOT].map(|i| {
+            let Some(material) = self.materials.get(usize::from(i)) else { return [0.5; 2] };
+            // Painted maps are square; pictures of the user need not be.
+            let picture = material.maps.color.and_then(|i| self.images.get(to_usize(i)));
+            let proportion = picture.map_or(1.0, |picture| picture.height as f32 / picture.width as f32);
+            [material.tile, material.tile * proportion]
+        });
+        BarkTiles { bark, shoot }
     }
 }
 

@@ -12,7 +12,7 @@ use crate::bake::assets::ifs_tree::ifs_tree_options;
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::seasons::{SeasonClip, season_clip, show_season};
 use crate::bake::assets::shape_growth::{fill_with_twigs, grow_shapes};
-use crate::bake::assets::skin_options::{BARK, BarkTiles, SHOOT, SHOOT_RADIUS};
+use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
 use crate::bake::assets::species_growth::{death_warning, species_clip, species_plant};
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
@@ -143,7 +143,7 @@ fn grow_from_source(
             let identity = (individual.id, individual.seed);
             let plant = if keys.twigs {
                 let (mut tree, twigs) = ifs::branchlets::grow(stems, identity, &options, context.limits)?;
-                branchlets::skin_branchlets(&mut tree, &twigs, recipe, BarkTiles::of(set), context)?;
+                branchlets::skin_branchlets(&mut tree, &twigs, recipe, set.bark_tiles(), context)?;
                 tree
             } else {
                 ifs::grow(stems, identity, &options, context.limits)?

@@ -1,9 +1,7 @@
 //! Options of the bark's mesh, and the indices of its two materials.
 
 use crate::bake::BakeContext;
-use crate::bake::assets::material_set::MaterialSet;
 use crate::recipe::scene::{BarkUv, SkinKeys};
-use osier_base::convert::to_usize;
 use osier_plants::surface::{SkinOptions, UvMode};
 
 /// Index of the bark material in the list of a plant.
@@ -24,20 +22,6 @@ pub struct BarkTiles {
     pub bark: [f32; 2],
     /// The same of those of shoots.
     pub shoot: [f32; 2],
-}
-
-impl BarkTiles {
-    /// Those of the materials of a plant.
-    pub fn of(set: &MaterialSet) -> Self {
-        let [bark, shoot] = [BARK, SHOOT].map(|i| {
-            let Some(material) = set.materials.get(usize::from(i)) else { return [0.5; 2] };
-            // Painted maps are square; pictures of the user need not be.
-            let picture = material.maps.color.and_then(|i| set.images.get(to_usize(i)));
-            let proportion = picture.map_or(1.0, |picture| picture.height as f32 / picture.width as f32);
-            [material.tile, material.tile * proportion]
-        });
-        Self { bark, shoot }
-    }
 }
 
 /// Options of the bark's mesh from `[plants.NAME.skin]`.

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::bake::assets::material_set::{MaterialSet, PlantMaterials, image_indices_mut};
-use crate::bake::assets::skin_options::BarkTiles;
 use crate::bake::motion::AssetMotion;
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
@@ -99,7 +98,7 @@ impl SceneBuilder {
     /// # Errors
     /// `TooMany` beyond 2^32 materials or images.
     pub(crate) fn add_materials(&mut self, set: MaterialSet) -> Result<PlantMaterials> {
-        let tiles = BarkTiles::of(&set);
+        let tiles = set.bark_tiles();
         let (organ_names, paints) = (set.names, set.paints);
         let first_material = index(self.materials.len(), "materials of a scene")?;
         let first_image = index(self.images.len(), "images of a scene")?;

@@ -9,7 +9,7 @@ use osier::bake::assets::plant_growth::grow_plant;
 use osier::bake::assets::plant_materials::plant_materials;
 use osier::bake::assets::plant_mesh::build_plant_asset;
 use osier::bake::assets::seasons::add_season_materials;
-use osier::bake::assets::skin_options::{BarkTiles, skin_options};
+use osier::bake::assets::skin_options::skin_options;
 use osier::bake::assets::species_growth::grow_species;
 use osier::bake::scene::layout::lay_out_scene;
 use osier::bake::scene::{AssembledScene, SceneOptions, assemble_scene};
@@ -89,11 +89,8 @@ pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
         let mut look = with_work(|w| plant_materials(keys, recipe.general.seed, w)).expect("look");
         add_season_materials(&mut look, keys, recipe.general.seed).expect("colours");
         let grown = with_work(|w| grow_plant(keys, individual, &look, site, w)).expect("plant");
-        let kind = PlantMaterials {
-            tiles: BarkTiles::of(&look),
-            organ_names: look.names.clone(),
-            ..PlantMaterials::default()
-        };
+        let kind =
+            PlantMaterials { tiles: look.bark_tiles(), organ_names: look.names.clone(), ..PlantMaterials::default() };
         let skin = with_work(|w| skin(&grown.plant, &skin_options(&keys.skin, kind.tiles, w))).expect("skin");
         let asset = with_work(|w| build_plant_asset(&grown, keys, &kind, individual, None, w)).expect("asset").0;
         let leans = matches!(keys.growth, Growth::Shapes(_) | Growth::Species(_));
