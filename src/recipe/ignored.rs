@@ -350,7 +350,7 @@ impl Resolver<'_> {
         let of_shapes = matches!(&plant.growth, Growth::Shapes(keys) if keys.solids);
         let of_twigs = plant.fill.as_ref().is_some_and(|keys| keys.solids);
         for (name, asks) in [("site", of_species), ("growth", of_shapes), ("fill", of_twigs)] {
-            // Only the scene's own key is told: files of shapes are for scenes with and without solids.
+            // Only the scene's own key is reported: files of shapes are for scenes with and without solids.
             let solids = needs(&["solids"], has_solids || !asks, "obstacles: add a [[solid]]");
             self.report_unmet(table_at(table, &[name]), &join(path, name), &[solids]);
         }

@@ -459,13 +459,17 @@ fn a_still_flight_meets_the_air_behind_a_wall() {
     assert!(still.len() > 1000 && still == cloud("clip", "end = 2", "catkins.catkins.0001.ply"));
 }
 
+/// The scene in a lattice wind, for two frames.
+fn in_lattice_wind() -> String {
+    let lattice = "model = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\nspin_up_s = 0.5\n";
+    SCENE.replace("end = 48", "end = 2").replace("speed = 2\n", lattice)
+}
+
 /// A wavy ground is a solid with columns of its own; a wall of four cells is warned of once.
 #[test]
 fn runs_of_a_sweep_may_differ_in_columns() {
     let dir = tempfile::tempdir().expect("dir");
-    let lattice = "model = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\nspin_up_s = 0.5\n";
-    let text = SCENE.replace("end = 48", "end = 2").replace("speed = 2\n", lattice);
-    let (path, out) = (scene(dir.path(), "waves", &text), dir.path().join("sweep"));
+    let (path, out) = (scene(dir.path(), "waves", &in_lattice_wind()), dir.path().join("sweep"));
     let [path, folder] = [&path, &out].map(|p| p.to_str().expect("path"));
     let run = osier(&["bake", path, "-o", folder, "--sweep", "ground.relief=0,0.1"]);
     let said = String::from_utf8_lossy(&run.stderr).into_owned();
@@ -483,13 +487,11 @@ fn runs_of_a_sweep_may_differ_in_columns() {
     assert_eq!((rows[1][at("at_land")], rows[2][at("at_land")].parse::<u32>().is_ok()), ("", true), "{text}");
 }
 
-/// At its second place the wall crosses one of two sides that are joined: that is told before the first run, and of which run.
+/// At its second place the wall crosses one of two periodic sides: the error comes before the first run and names its run.
 #[test]
 fn a_fault_of_a_late_value_of_a_sweep_costs_no_run() {
     let dir = tempfile::tempdir().expect("dir");
-    let lattice = "model = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\nspin_up_s = 0.5\n";
-    let text = SCENE.replace("end = 48", "end = 2").replace("speed = 2\n", lattice);
-    let (path, out) = (scene(dir.path(), "moved", &text), dir.path().join("sweep"));
+    let (path, out) = (scene(dir.path(), "moved", &in_lattice_wind()), dir.path().join("sweep"));
     let [path, folder] = [&path, &out].map(|p| p.to_str().expect("path"));
     let run = osier(&["bake", path, "-o", folder, "--sweep", "solid.0.at.2=0,2"]);
     let said = String::from_utf8_lossy(&run.stderr).into_owned();

@@ -52,8 +52,9 @@ const MAX_EXTENT: f32 = 1e9;
 /// Linear colour of the bark of plants coloured by a colour file: none of their axes shows it.
 const PLAIN_BARK: [f32; 3] = [0.2, 0.12, 0.06];
 
-/// Roughness of a bark of pictures, which do not give it, and its width without the key `tile`, m. Own: as of furrowed bark.
+/// Roughness of a bark of pictures, which do not give it. Own: between the cracks and the ridges of furrowed bark.
 const BARK_ROUGHNESS: f32 = 0.85;
+/// Width of the picture of a bark without the key `tile`, m. Own: as of furrowed bark.
 const BARK_TILE: f32 = 0.5;
 
 /// Roughness of surfaces with a texture of a view file, which does not give it. Own: as of leaves.
@@ -471,7 +472,8 @@ fn add_texture(set: &mut MaterialSet, picture: &Image, name: &str) -> Result<u32
 fn textured_bark(keys: &BarkKeys, pictures: &BarkPictures, name: String) -> SurfaceMaterial {
     let mut images = vec![Image { name: format!("{name}_color"), ..pictures.color.clone() }];
     images.extend(pictures.normal.clone().map(|normal| Image { name: format!("{name}_normal"), ..normal }));
-    let mut material = Material::plain(name, MaterialClass::Bark, PLAIN_BARK, BARK_ROUGHNESS);
+    // White, as of imported meshes: PLY then takes the colours of vertices from the picture.
+    let mut material = Material::plain(name, MaterialClass::Bark, [1.0; 3], BARK_ROUGHNESS);
     material.tile = keys.tile.map_or(BARK_TILE, narrow);
     (material.maps.color, material.maps.normal) = (Some(0), pictures.normal.as_ref().map(|_| 1));
     SurfaceMaterial { material, images }

@@ -747,10 +747,10 @@ impl Resolver<'_> {
             );
             self.report.push(Diagnostic::warning("S007", text, texture.span, "this picture").help("leave them out"));
         }
-        let color = self.bark_picture(texture)?;
+        let color = self.picture(texture)?;
         let normal = match &keys.normal_texture {
             Some(reference) => {
-                let picture = self.bark_picture(reference)?;
+                let picture = self.picture(reference)?;
                 if picture.channels == 1 {
                     let text = format!("{path}.{name}.normal_texture is grey: \"{}\"", reference.text);
                     let d = Diagnostic::error("S003", text, reference.span, "no normal map");
@@ -764,13 +764,6 @@ impl Resolver<'_> {
             None => None,
         };
         Some(Some(BarkPictures { color, normal }))
-    }
-
-    /// Reads a picture of a bark; `None` after an error.
-    fn bark_picture(&mut self, reference: &Reference) -> Option<Image> {
-        let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".png", ".jpg", ".jpeg"])?;
-        let picture = osier_import::read_picture(&file.path, &file.bytes, &self.ground_import(1.0));
-        self.held_at(picture, reference.span)
     }
 
     /// Sets kind and map size of the bark of thin axes, unless the scene gives them.

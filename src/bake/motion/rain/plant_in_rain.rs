@@ -208,8 +208,8 @@ pub(super) fn plant_in_rain(
             let rest = leaf_and_wood_bounds(&rods);
             let mut motion = SweptBounds { rest, swept: rest };
             for left in (1..=steps).rev() {
-                let t = if clock.rods_start_at_rest { f64::from(steps - left) } else { -f64::from(left) } * clock.step;
-                rods.step(t, clock.step)?;
+                let number = if clock.rods_start_at_rest { f64::from(steps - left) } else { -f64::from(left) };
+                rods.step(number * clock.step, clock.step)?;
                 if (left - 1).is_multiple_of(STEPS_PER_BOUNDS) {
                     motion.swept = motion.swept.union(leaf_and_wood_bounds(&rods));
                 }

@@ -32,7 +32,7 @@ pub enum BladeDetail {
 
 /// Most points of one side's margin of a [`BladeDetail::Crown`] blade: crowns bear 10^5 leaves.
 const MAX_CROWN_MARGIN_POINTS: usize = 12;
-/// The same of a [`BladeDetail::Distant`] blade: base, tip and three between them still tell an oak's from a maple's.
+/// The same of a [`BladeDetail::Distant`] blade: base, tip and three points between them. Own: by eye, in a wood from 60 m on.
 const MAX_DISTANT_MARGIN_POINTS: usize = 5;
 
 /// Levels of subdivision of a [`BladeDetail::Close`] blade: each level cuts every triangle into four.
@@ -117,7 +117,7 @@ pub fn blade(spec: &BladeSpec, variant: u64, detail: BladeDetail) -> Result<Mesh
     match detail {
         BladeDetail::Crown => outline.halves.iter_mut().for_each(|half| half.simplify(MAX_CROWN_MARGIN_POINTS)),
         // What the margin loses in area, the blade gains in width: crowns stay as dense.
-        BladeDetail::Distant => variation.stretch[0] *= outline.simplify_whole(MAX_DISTANT_MARGIN_POINTS),
+        BladeDetail::Distant => variation.stretch[0] *= outline.simplify_without_veins(MAX_DISTANT_MARGIN_POINTS),
         BladeDetail::Close | BladeDetail::Hero | BladeDetail::Light => {}
     }
     // Triangulate the plane once; deform the points, so that all variants share topology and texture coordinates.
@@ -447,7 +447,7 @@ mod tests {
         {
             let mut outline = BladeOutline::new(&spec, 1, false);
             let (light, _) = area(&spec, BladeDetail::Light);
-            let widening = outline.simplify_whole(MAX_DISTANT_MARGIN_POINTS);
+            let widening = outline.simplify_without_veins(MAX_DISTANT_MARGIN_POINTS);
             let flat = triangulate_blade(&outline, BladeDetail::Distant);
             assert_eq!((flat.points.len(), flat.triangles.len()), (9, 8), "{:?}", spec.form);
             let twice = |t: &[u32; 3]| {

@@ -93,7 +93,7 @@ impl BladeOutline {
 
     /// Removes the side veins, all points of the midrib but its ends and its middle, and points of the margins until each has at most
     /// `most`. Returns the former area over the present one.
-    pub fn simplify_whole(&mut self, most: usize) -> f32 {
+    pub fn simplify_without_veins(&mut self, most: usize) -> f32 {
         let area = |halves: &[BladeHalf; 2]| {
             let [right, left] =
                 halves.each_ref().map(|h| h.margin.windows(2).map(|w| w[0].perp_dot(w[1])).sum::<f32>());
