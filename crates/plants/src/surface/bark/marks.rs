@@ -39,7 +39,7 @@ pub(super) struct MarkPattern {
 impl MarkPattern {
     pub fn new(kind: BarkMarks, seed: u64) -> Self {
         let (small, large) = match kind {
-            BarkMarks::Cracks => ([22, 12], [4, 4]),
+            BarkMarks::Cracks => ([16, 34], [4, 4]),
             BarkMarks::Dashes => ([7, 44], [2, 3]),
             BarkMarks::Scars => ([7, 64], [4, 5]),
             BarkMarks::Diamonds => ([16, 14], [4, 3]),
@@ -164,6 +164,6 @@ fn length(v: [f32; 2], scale: [f32; 2]) -> f32 {
 }
 
 /// A number in [0, 1) from some bits of a hash.
-fn unit_hash(id: u64, shift: u32) -> f32 {
+pub(super) fn unit_hash(id: u64, shift: u32) -> f32 {
     ((id >> shift) & 0xFFFF) as f32 / 65_536.0
 }

@@ -1,4 +1,4 @@
-//! Bark as tiling maps: plates between cracks, fibres, marks. Colours and proportions of the species are chosen by eye.
+//! Bark as tiling maps: plates or ridges between cracks, fibres, marks. Colours and proportions of the species are chosen by eye.
 //!
 //! ```
 //! use osier_plants::surface::bark::{BarkSpec, bark};
@@ -13,6 +13,7 @@
 
 mod marks;
 mod paint;
+mod relief;
 
 pub use marks::BarkMarks;
 pub use paint::bark;
@@ -33,13 +34,16 @@ pub enum BarkRelief {
 pub struct BarkSpec {
     /// What the cracks enclose.
     pub relief: BarkRelief,
-    /// Plates around and up a tile, 1..=64; of ridged bark the waves of its furrows.
+    /// Plates around and up a tile, 1..=64; of ridged bark the ridges around a tile, and those by which they move aside over its
+    /// height.
     pub plates: [u32; 2],
+    /// Weight of the scales that plates consist of, in height and tint, 0..1; 0: plates are even. Ridges have none.
+    pub scales: f32,
     /// Largest displacement of plates, fibres and marks across and up, shares of the tile, 0..0.5.
     pub warp: [f32; 2],
     /// Weights in the height: plates, fibres, coarse noise; 0..1.
     pub weights: [f32; 3],
-    /// Width of the cracks' shoulders, shares of a plate, 0.01..1.
+    /// Width of the cracks' shoulders, shares of a plate or of the height of a ridge, 0.01..1.
     pub gap: f32,
     /// Colour in the cracks.
     pub crack: [f32; 3],
@@ -90,11 +94,44 @@ impl BarkGrain {
 }
 
 impl BarkSpec {
-    /// Willow, linden: long plates between deep vertical furrows.
+    /// Ash, linden, maple, willow: a net of long ridges that part and join again.
     pub fn furrowed() -> Self {
+        Self {
+            relief: BarkRelief::Ridges,
+            plates: [17, 2],
+            warp: [0.02, 0.03],
+            weights: [0.72, 0.14, 0.14],
+            gap: 0.60,
+            crack: [0.040, 0.031, 0.023],
+            depth: 0.016,
+            tile: 1.0,
+            ridge: [0.235, 0.202, 0.160],
+            ..Self::plates()
+        }
+    }
+
+    /// Oak: broader grey-brown ridges, broken by cracks across, between deep furrows.
+    pub fn ridged() -> Self {
+        Self {
+            plates: [14, 2],
+            weights: [0.76, 0.12, 0.12],
+            gap: 0.46,
+            crack: [0.026, 0.021, 0.017],
+            ridge: [0.225, 0.198, 0.166],
+            patch: ([0.165, 0.175, 0.120], 0.25),
+            mark: [0.045, 0.037, 0.029],
+            depth: 0.022,
+            seed: 18,
+            ..Self::furrowed()
+        }
+    }
+
+    /// What kinds with closed plates have in common.
+    fn plates() -> Self {
         Self {
             relief: BarkRelief::Plates,
             plates: [12, 2],
+            scales: 0.0,
             warp: [0.035, 0.07],
             weights: [0.75, 0.15, 0.10],
             gap: 0.24,
@@ -111,36 +148,22 @@ impl BarkSpec {
         }
     }
 
-    /// Oak: grey-brown ridges that part and join again between deep vertical furrows.
-    pub fn ridged() -> Self {
-        Self {
-            relief: BarkRelief::Ridges,
-            plates: [17, 3],
-            warp: [0.016, 0.05],
-            weights: [0.78, 0.14, 0.08],
-            gap: 0.12,
-            crack: [0.026, 0.021, 0.017],
-            ridge: [0.225, 0.198, 0.166],
-            patch: ([0.165, 0.175, 0.120], 0.25),
-            mark: [0.045, 0.037, 0.029],
-            depth: 0.022,
-            tile: 1.0,
-            seed: 18,
-            ..Self::furrowed()
-        }
-    }
-
-    /// Pine: broad plates, red-brown.
+    /// Pine: broad red-brown plates of many scales.
     pub fn plated() -> Self {
         Self {
-            plates: [8, 6],
-            weights: [0.85, 0.05, 0.10],
-            gap: 0.08,
-            crack: [0.035, 0.020, 0.012],
-            ridge: [0.250, 0.120, 0.065],
-            depth: 0.015,
+            plates: [7, 4],
+            scales: 0.5,
+            warp: [0.055, 0.06],
+            weights: [0.80, 0.07, 0.13],
+            gap: 0.24,
+            crack: [0.040, 0.026, 0.018],
+            ridge: [0.270, 0.165, 0.110],
+            patch: ([0.175, 0.160, 0.135], 0.35),
+            marks: BarkMarks::None,
+            depth: 0.016,
+            tile: 0.7,
             seed: 12,
-            ..Self::furrowed()
+            ..Self::plates()
         }
     }
 
@@ -155,7 +178,7 @@ impl BarkSpec {
             marks: BarkMarks::None,
             depth: 0.001,
             seed: 13,
-            ..Self::furrowed()
+            ..Self::plates()
         }
     }
 
@@ -190,13 +213,21 @@ impl BarkSpec {
             depth: 0.0015,
             roughness: [0.80, 0.55],
             seed: 14,
-            ..Self::furrowed()
+            ..Self::plates()
         }
     }
 
     /// Bark in long narrow strips, as junipers and vines have.
     pub fn stringy() -> Self {
-        Self { plates: [24, 2], weights: [0.50, 0.45, 0.05], gap: 0.25, depth: 0.005, ..Self::furrowed() }
+        Self {
+            plates: [34, 1],
+            weights: [0.55, 0.35, 0.10],
+            gap: 0.60,
+            depth: 0.006,
+            tile: 0.5,
+            marks: BarkMarks::None,
+            ..Self::furrowed()
+        }
     }
 
     /// Poplar, aspen: pale grey-green, smooth, with rows of dark diamonds and shallow furrows.
@@ -213,7 +244,7 @@ impl BarkSpec {
             depth: 0.003,
             roughness: [0.85, 0.62],
             seed: 15,
-            ..Self::furrowed()
+            ..Self::plates()
         }
     }
 
@@ -231,7 +262,7 @@ impl BarkSpec {
             depth: 0.0006,
             roughness: [0.75, 0.60],
             seed: 16,
-            ..Self::furrowed()
+            ..Self::plates()
         }
     }
 
@@ -249,7 +280,7 @@ impl BarkSpec {
             tile: 0.18,
             roughness: [0.46, 0.34],
             seed: 17,
-            ..Self::furrowed()
+            ..Self::plates()
         }
     }
 
@@ -271,6 +302,7 @@ impl BarkSpec {
             ("weight of the plates", self.weights[0], 0.0, 1.0, ""),
             ("weight of the fibres", self.weights[1], 0.0, 1.0, ""),
             ("weight of the noise", self.weights[2], 0.0, 1.0, ""),
+            ("scales", self.scales, 0.0, 1.0, ""),
             ("gap", self.gap, 0.01, 1.0, ""),
             ("share of patches", self.patch.1, 0.0, 1.0, ""),
             ("warp across", self.warp[0], 0.0, 0.5, "of the tile"),

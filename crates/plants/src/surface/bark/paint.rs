@@ -3,9 +3,10 @@
 use glam::Vec3;
 
 use super::marks::MarkPattern;
-use super::{BarkGrain, BarkRelief, BarkSpec};
+use super::relief::{Relief, ReliefPattern};
+use super::{BarkGrain, BarkMarks, BarkRelief, BarkSpec};
 use crate::surface::material::square_map;
-use crate::surface::periodic_noise::{CellularNoise, FractalNoise, pixel_centres};
+use crate::surface::periodic_noise::{FractalNoise, pixel_centres};
 use crate::surface::{SurfaceMaterial, pixels};
 use osier_base::Result;
 use osier_base::math::{self, smoothstep};
@@ -13,46 +14,9 @@ use osier_base::par::par_map;
 use osier_base::units::byte;
 use osier_scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
 
-/// Weight of the second family of furrows: at more than 1 they are narrower than those of the first.
-const SECOND_FURROWS: f32 = 1.1;
-/// Octaves of the noise whose zero lines are furrows: with three, ridges have ragged edges.
-const FURROW_OCTAVES: u32 = 3;
-
-/// The pattern that divides a bark by cracks.
-enum ReliefPattern {
-    /// Cracks on the borders of cells.
-    Plates(CellularNoise),
-    /// Furrows along the zero lines of two noises.
-    Ridges([FractalNoise; 2]),
-}
-
-impl ReliefPattern {
-    fn new(spec: &BarkSpec, seeds: [u64; 2]) -> Self {
-        let [nx, ny] = spec.plates;
-        match spec.relief {
-            BarkRelief::Plates => Self::Plates(CellularNoise::new(seeds[0], spec.plates, 0.9)),
-            // Waves of different lengths: where the furrows of both families meet, ridges part and join.
-            BarkRelief::Ridges => Self::Ridges([
-                FractalNoise::new(seeds[0], [nx, ny], FURROW_OCTAVES),
-                FractalNoise::new(seeds[1], [nx.saturating_sub(2).max(1), ny.div_ceil(2)], FURROW_OCTAVES),
-            ]),
-        }
-    }
-
-    /// Height at (x, y): 0 in a crack, 1 beyond its shoulder, whose width is `gap`.
-    fn at(&self, x: f32, y: f32, gap: f32) -> f32 {
-        // Distance from the nearest crack, without unit.
-        let distance = match self {
-            // f2 - f1 of cellular noise is 0 on the cell borders.
-            Self::Plates(cells) => {
-                let near = cells.at(x, y);
-                near.f2 - near.f1
-            }
-            Self::Ridges([a, b]) => a.at(x, y).abs().min(SECOND_FURROWS * b.at(x, y).abs()),
-        };
-        smoothstep(0.02, 0.02 + gap, distance)
-    }
-}
+/// Weights of the scales of plates in height and tint, of which `BarkSpec::scales` is a share.
+const SCALE_RELIEF: f32 = 0.5;
+const SCALE_TINT: f32 = 0.9;
 
 /// The noises of a bark, tabulated; their seeds are derived from that of the bark and differ.
 struct BarkNoise {
@@ -71,7 +35,7 @@ impl BarkNoise {
         let [nx, ny] = spec.plates;
         Self {
             warp: [FractalNoise::new(s(0), [4, 2], 6), FractalNoise::new(s(1), [4, 2], 6)],
-            relief: ReliefPattern::new(spec, [s(2), s(7)]),
+            relief: ReliefPattern::new(spec, if spec.relief == BarkRelief::Plates { s(2) } else { s(8) }),
             fibre: FractalNoise::new(s(3), [8 * nx, ny], 4),
             coarse: FractalNoise::new(s(4), [6, 6], 5),
             tint: FractalNoise::new(s(5), [3, 3], 4),
@@ -154,9 +118,11 @@ fn sample_row(spec: &BarkSpec, t: &BarkNoise, grain: Option<&BarkGrain>, row: us
     let y = 1.0 - (row as f32 + 0.5) / spec.side as f32;
     let [a, b] = [&t.warp[0], &t.warp[1]].map(|noise| noise.row(&xs, y));
     let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.row(&xs, y));
+    let relief = t.relief.row(&xs, y);
     let unwarped = |i: usize| BarkNoiseSample { warp: [a[i], b[i]], coarse: coarse[i], tint: tint[i], patch: patch[i] };
     let one = |(i, x): (usize, &f32)| {
-        let base = sample(spec, t, [*x, y], &unwarped(i));
+        let place = displaced(spec, [*x, y], unwarped(i).warp);
+        let base = sample(spec, t, relief.at(i, place, spec.gap), place, &unwarped(i));
         let at = |g: &BarkGrain| g.at(GRAIN_REPEATS * x + 0.05 * unwarped(i).warp[0], y + 0.12 * unwarped(i).warp[1]);
         match grain {
             Some(g) => base.with_grain(at(g)),
@@ -174,26 +140,34 @@ struct BarkNoiseSample {
     patch: f32,
 }
 
-/// Height, tint, patch and mark of the texel at (x, y) of the unit square.
-fn sample(spec: &BarkSpec, t: &BarkNoise, [x, y]: [f32; 2], unwarped: &BarkNoiseSample) -> BarkTexel {
-    // Domain warping: plates, fibres and marks are looked up at displaced coordinates.
-    let (wx, wy) = (x + spec.warp[0] * unwarped.warp[0], y + spec.warp[1] * unwarped.warp[1]);
-    let plate = t.relief.at(wx, wy, spec.gap);
-    let fibre = t.fibre.at(wx, wy);
+/// Domain warping: where relief, fibres and marks of the texel at (x, y) of the unit square are looked up.
+fn displaced(spec: &BarkSpec, [x, y]: [f32; 2], warp: [f32; 2]) -> [f32; 2] {
+    [x + spec.warp[0] * warp[0], y + spec.warp[1] * warp[1]]
+}
+
+/// Height, tint, patch and mark of a texel. `place`: where the noises are looked up.
+fn sample(spec: &BarkSpec, t: &BarkNoise, relief: Relief, [x, y]: [f32; 2], unwarped: &BarkNoiseSample) -> BarkTexel {
+    let Relief { ground, scale } = relief;
+    let fibre = t.fibre.at(x, y);
     let coarse = unwarped.coarse;
     let [k1, k2, k3] = spec.weights;
     // Weighted sum; the power 0.6 flattens the tops of the plates.
-    let height = k1 * power_06(plate) + k2 * (0.5 + 0.5 * fibre) + k3 * (0.5 + 0.5 * coarse);
+    let height = k1 * power_06(ground) + k2 * (0.5 + 0.5 * fibre) + k3 * (0.5 + 0.5 * coarse);
+    // Scales lie on plates, not in the cracks.
+    let scale = spec.scales * scale;
+    let height = height + SCALE_RELIEF * scale * ground;
     // Without plates there is nothing to crack.
-    let cracked = if k1 > 0.0 { math::lerp(1.0, 0.25 + 0.75 * plate, (k1 * 4.0).min(1.0)) } else { 1.0 };
-    let mark = t.marks.at(wx, wy);
+    let cracked = if k1 > 0.0 { math::lerp(1.0, 0.25 + 0.75 * ground, (k1 * 4.0).min(1.0)) } else { 1.0 };
+    let mark = t.marks.at(x, y);
+    // Cracks across go through ridges and end at furrows.
+    let cut = if spec.marks == BarkMarks::Cracks && spec.relief == BarkRelief::Ridges { ground } else { 1.0 };
     // Lichen and weathering where a coarse noise exceeds a threshold.
     let patch = smoothstep(0.05, 0.45, unwarped.patch) * spec.patch.1;
     BarkTexel {
-        height: height * cracked + 0.4 * mark.height,
-        tint: 1.0 + 0.25 * unwarped.tint + 0.10 * fibre,
+        height: height * cracked + 0.4 * mark.height * cut,
+        tint: 1.0 + 0.25 * unwarped.tint + 0.10 * fibre + SCALE_TINT * scale,
         patch,
-        mark: mark.color,
+        mark: mark.color * cut,
     }
 }
 
@@ -237,6 +211,7 @@ mod tests {
             ("ridged", BarkSpec::ridged()),
             ("scarred", BarkSpec::scarred()),
             ("plated", BarkSpec::plated()),
+            ("stringy", BarkSpec::stringy()),
             ("smooth", BarkSpec::smooth()),
             ("birch", BarkSpec::birch()),
             ("poplar", BarkSpec::poplar()),
@@ -249,7 +224,9 @@ mod tests {
     fn point(spec: &BarkSpec, t: &BarkNoise, x: f32, y: f32) -> BarkTexel {
         let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.at(x, y));
         let warp = [t.warp[0].at(x, y), t.warp[1].at(x, y)];
-        sample(spec, t, [x, y], &BarkNoiseSample { warp, coarse, tint, patch })
+        let place = displaced(spec, [x, y], warp);
+        let relief = t.relief.row(&[x], y).at(0, place, spec.gap);
+        sample(spec, t, relief, place, &BarkNoiseSample { warp, coarse, tint, patch })
     }
 
     #[test]
