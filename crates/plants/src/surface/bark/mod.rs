@@ -113,9 +113,9 @@ impl BarkSpec {
     /// Oak: broader grey-brown ridges, broken by cracks across, between deep furrows.
     pub fn ridged() -> Self {
         Self {
-            plates: [14, 2],
+            plates: [16, 2],
             weights: [0.76, 0.12, 0.12],
-            gap: 0.46,
+            gap: 0.66,
             crack: [0.026, 0.021, 0.017],
             ridge: [0.225, 0.198, 0.166],
             patch: ([0.165, 0.175, 0.120], 0.25),
@@ -151,12 +151,12 @@ impl BarkSpec {
     /// Pine: broad red-brown plates of many scales.
     pub fn plated() -> Self {
         Self {
-            plates: [7, 4],
-            scales: 0.5,
-            warp: [0.055, 0.06],
-            weights: [0.80, 0.07, 0.13],
-            gap: 0.24,
-            crack: [0.040, 0.026, 0.018],
+            plates: [8, 3],
+            scales: 0.6,
+            warp: [0.065, 0.06],
+            weights: [0.70, 0.10, 0.20],
+            gap: 0.34,
+            crack: [0.078, 0.046, 0.030],
             ridge: [0.270, 0.165, 0.110],
             patch: ([0.175, 0.160, 0.135], 0.35),
             marks: BarkMarks::None,
