@@ -6,7 +6,7 @@ use super::light::LightField;
 use super::season::Season;
 use super::site::Prune;
 use super::tree::{Bud, CutThrough, Loss, NONE, Purpose, Tree, flag, index_of};
-use osier_base::math::{GOLDEN_ANGLE_F32, narrow};
+use osier_base::math::GOLDEN_ANGLE_F32;
 use osier_base::noise;
 
 /// Radius of dead wood that stands for `linger` years, m.
@@ -16,7 +16,7 @@ const LINGER_MAX: f32 = 1.5;
 /// Year of the tree's life after which low branches of all axes are removed, not only those of the stem.
 const LIFT_ALL_YEAR: u32 = 8;
 /// Least and greatest height below which branches of an axis are removed, as a share of the clear stem, so that no crown ends level.
-const LIFT_ALL_SHARE: [f64; 2] = [0.6, 1.9];
+const LIFT_ALL_SHARE: [f32; 2] = [0.35, 2.2];
 /// Distance over which that height varies from place to place, m: the curtain below a limb ends higher or lower as a whole.
 const HEM_LENGTH: f32 = 2.2;
 /// Numbers of [`HEM_LENGTH`] after which that height repeats itself: more than any crown has.
@@ -24,7 +24,7 @@ const HEM_PERIOD: [i32; 2] = [256, 256];
 /// Contrast of that height: its noise, of a magnitude below 1, seldom goes beyond a half.
 const HEM_CONTRAST: f32 = 1.6;
 /// Weight of the place in that height against a draw for each axis.
-const HEM_WEIGHT: f32 = 0.65;
+const HEM_WEIGHT: f32 = 0.7;
 /// Number of limbs above a low limb with which it is compared.
 const LIMBS_ABOVE: usize = 4;
 /// The number of tips below which a limb stands alone, as a share of the mean of the limbs above it.
@@ -170,7 +170,7 @@ impl Tree {
     /// the share of the clear stem that is drawn for their axis.
     fn lift_crown(&mut self, season: &Season) {
         let lift = season.clear_stem;
-        let highest = if season.year > LIFT_ALL_YEAR { narrow(LIFT_ALL_SHARE[1]) * lift } else { f32::NEG_INFINITY };
+        let highest = if season.year > LIFT_ALL_YEAR { LIFT_ALL_SHARE[1] * lift } else { f32::NEG_INFINITY };
         // Higher nodes are neither the first internode of a low branch nor hang low enough.
         let reach = lift.max(highest) + self.habit.internode.iter().copied().fold(0.0, f32::max);
         let mut any = false;
@@ -260,14 +260,14 @@ impl Tree {
         limbs
     }
 
-    /// Height below which a node is removed, as a share of the clear stem, by its place and by a draw for its axis. Both are low more
+    /// Height below which a node is removed, as a share of the clear stem, by its place and by a draw for its axis, which is low more
     /// often than high.
     fn lift_share(&self, i: usize) -> f32 {
         let p = self.nodes.p[i] / HEM_LENGTH;
         let place = (0.5 + 0.5 * HEM_CONTRAST * noise::gradient2(self.key, [p.x, p.z], HEM_PERIOD)).clamp(0.0, 1.0);
         let draw = self.draw(self.axis_ids[self.nodes.axis[i] as usize], Purpose::Lift).unit_f32();
-        let part = HEM_WEIGHT * place * place + (1.0 - HEM_WEIGHT) * draw * draw;
-        narrow(LIFT_ALL_SHARE[0]) + narrow(LIFT_ALL_SHARE[1] - LIFT_ALL_SHARE[0]) * part
+        let part = HEM_WEIGHT * place + (1.0 - HEM_WEIGHT) * draw * draw;
+        LIFT_ALL_SHARE[0] + (LIFT_ALL_SHARE[1] - LIFT_ALL_SHARE[0]) * part
     }
 
     /// Passes death on to the wood that dead wood bears, and lets dead wood fall once it has stood long enough.
