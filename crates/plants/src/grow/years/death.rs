@@ -21,8 +21,8 @@ const LIFT_ALL_SHARE: [f32; 2] = [0.35, 2.2];
 const HEM_LENGTH: f32 = 2.2;
 /// Numbers of [`HEM_LENGTH`] after which that height repeats itself: more than any crown has.
 const HEM_PERIOD: [i32; 2] = [256, 256];
-/// Contrast of that height: its noise, of a magnitude below 1, seldom goes beyond a half.
-const HEM_CONTRAST: f32 = 1.6;
+/// Contrast of that height: its noise, of a magnitude below 1, is mostly below 0.4.
+const HEM_CONTRAST: f32 = 2.4;
 /// Weight of the place in that height against a draw for each axis.
 const HEM_WEIGHT: f32 = 0.7;
 /// Number of limbs above a low limb with which it is compared.
