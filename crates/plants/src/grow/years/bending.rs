@@ -6,7 +6,7 @@ use glam::{Quat, Vec3};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::habit::Habit;
-use super::season::{GRAVITY, Season};
+use super::season::GRAVITY;
 use super::shoots::{LEVEL_EPSILON, raised};
 use super::tree::{NONE, Nodes, Tree, flag, index_of, y_axis};
 use osier_base::math;
@@ -33,9 +33,9 @@ const LOWEST: f32 = 0.1;
 impl Tree {
     /// Bends the wood under the weight added this year and moves all that it bears.
     /// Source: [jirasek] for wood laid on a bent branch, which keeps it bent: only the growth of the moment bends.
-    pub fn bend(&mut self, season: &Season) {
+    pub fn bend(&mut self) {
         self.sum_weights();
-        self.turn_wood(season);
+        self.turn_wood();
     }
 
     /// First moments along x and z of the mass from each internode on, about its base, kg m.
@@ -67,8 +67,8 @@ impl Tree {
     }
 
     /// Turns each internode about its base by bending and righting; children inherit the rotation.
-    fn turn_wood(&mut self, season: &Season) {
-        let mut wood = self.turning(season);
+    fn turn_wood(&mut self) {
+        let mut wood = self.turning();
         let count = wood.nodes.len();
         let mut window = Window::default();
         let mut group = TurningGroup::default();
@@ -90,13 +90,13 @@ impl Tree {
         }
     }
 
-    fn turning<'a>(&'a mut self, season: &'a Season) -> Turning<'a> {
+    fn turning(&mut self) -> Turning<'_> {
         let scratch = &mut self.scratch;
         // Each of them is set before a child reads it.
         scratch.turn.resize(self.nodes.len(), Quat::IDENTITY);
         Turning {
             habit: &self.habit,
-            season,
+            elevations: &self.axis_elevations,
             nodes: &mut self.nodes,
             turns: &mut scratch.turn,
             weights: &scratch.weight,
@@ -106,9 +106,9 @@ impl Tree {
 
     /// [`Self::bend`] without lanes.
     #[cfg(test)]
-    pub fn bend_one_by_one(&mut self, season: &Season) {
+    pub fn bend_one_by_one(&mut self) {
         self.sum_weights();
-        let mut wood = self.turning(season);
+        let mut wood = self.turning();
         for i in 0..wood.nodes.len() {
             wood.turns[i] = Quat::IDENTITY;
             if wood.nodes.flags[i] & flag::FALLEN == 0 {
@@ -209,7 +209,8 @@ struct Load {
 /// Internodes that turn, with what turns them.
 struct Turning<'a> {
     habit: &'a Habit,
-    season: &'a Season,
+    /// Sine and cosine of the elevation that each axis turns to.
+    elevations: &'a [[f32; 2]],
     nodes: &'a mut Nodes,
     turns: &'a mut [Quat],
     weights: &'a [Vec3],
@@ -276,7 +277,8 @@ impl Turning<'_> {
                 turn = (load.torque - d * d.dot(load.torque)) * (limited_bend(load.angle, d) / load.moment);
             }
             if rate > 0.0 {
-                turn += righting(d, self.season, order, rate * length, nodes.r[i]);
+                let elevation = (order > 0).then(|| self.elevations[nodes.axis[i] as usize]);
+                turn += righting(d, elevation, rate * length, nodes.r[i]);
             }
             let turn = small_rotation(turn);
             own = turn * own;
@@ -314,7 +316,7 @@ impl Turning<'_> {
             group.length[k] = length;
             group.radius[k] = nodes.r[i];
             group.rate[k] = self.habit.upright[order] * length;
-            [group.sin_elevation[k], group.cos_elevation[k]] = self.season.elevation[order];
+            [group.sin_elevation[k], group.cos_elevation[k]] = self.elevations[nodes.axis[i] as usize];
             (group.torque_x[k], group.torque_z[k]) = (load.torque.x, load.torque.z);
             group.is_bent[k] = if load.bends { 1.0 } else { 0.0 };
         }
@@ -656,8 +658,8 @@ fn limited(angle: f32, most: f32) -> f32 {
 /// The turn by reaction wood towards the elevation of the axis, as a rotation vector; the trunk's is upright.
 /// Own: deviation x upright x l x min(0.01 / max(r, 0.003), 1.5), at most 0.2 rad.
 #[inline]
-fn righting(d: Vec3, season: &Season, order: usize, rate: f32, r: f32) -> Vec3 {
-    let wanted = if order == 0 { Vec3::Y } else { raised(d, season.elevation[order]) };
+fn righting(d: Vec3, elevation: Option<[f32; 2]>, rate: f32, r: f32) -> Vec3 {
+    let wanted = elevation.map_or(Vec3::Y, |elevation| raised(d, elevation));
     let about = d.cross(wanted);
     let sine = about.length();
     if sine < LEAST_SINE {

@@ -6,7 +6,8 @@ use super::light::LightField;
 use super::season::Season;
 use super::site::Prune;
 use super::tree::{Bud, CutThrough, Loss, NONE, Purpose, Tree, flag, index_of};
-use osier_base::math::{GOLDEN_ANGLE_F32, narrow};
+use osier_base::math::GOLDEN_ANGLE_F32;
+use osier_base::noise;
 
 /// Radius of dead wood that stands for `linger` years, m.
 const LINGER_RADIUS: f32 = 0.02;
@@ -14,9 +15,16 @@ const LINGER_RADIUS: f32 = 0.02;
 const LINGER_MAX: f32 = 1.5;
 /// Year of the tree's life after which low branches of all axes are removed, not only those of the stem.
 const LIFT_ALL_YEAR: u32 = 8;
-/// Least and greatest height below which branches of an axis are removed, as a share of the clear stem: drawn for each axis, low
-/// ones more often, so that no crown ends level.
-const LIFT_ALL_SHARE: [f64; 2] = [0.6, 1.9];
+/// Least and greatest height below which branches of an axis are removed, as a share of the clear stem, so that no crown ends level.
+const LIFT_ALL_SHARE: [f32; 2] = [0.35, 2.2];
+/// Distance over which that height varies from place to place, m: the curtain below a limb ends higher or lower as a whole.
+const HEM_LENGTH: f32 = 2.2;
+/// Numbers of [`HEM_LENGTH`] after which that height repeats itself: more than any crown has.
+const HEM_PERIOD: [i32; 2] = [256, 256];
+/// Contrast of that height: its noise, of a magnitude below 1, is mostly below 0.4.
+const HEM_CONTRAST: f32 = 2.4;
+/// Weight of the place in that height against a draw for each axis.
+const HEM_WEIGHT: f32 = 0.7;
 /// Number of limbs above a low limb with which it is compared.
 const LIMBS_ABOVE: usize = 4;
 /// The number of tips below which a limb stands alone, as a share of the mean of the limbs above it.
@@ -162,7 +170,7 @@ impl Tree {
     /// the share of the clear stem that is drawn for their axis.
     fn lift_crown(&mut self, season: &Season) {
         let lift = season.clear_stem;
-        let highest = if season.year > LIFT_ALL_YEAR { narrow(LIFT_ALL_SHARE[1]) * lift } else { f32::NEG_INFINITY };
+        let highest = if season.year > LIFT_ALL_YEAR { LIFT_ALL_SHARE[1] * lift } else { f32::NEG_INFINITY };
         // Higher nodes are neither the first internode of a low branch nor hang low enough.
         let reach = lift.max(highest) + self.habit.internode.iter().copied().fold(0.0, f32::max);
         let mut any = false;
@@ -173,8 +181,10 @@ impl Tree {
             }
             let parent = nodes.parent[i] as usize;
             let on_stem = nodes.flags[i] & flag::MAIN == 0 && nodes.order[parent] == 0 && nodes.s[parent] < lift;
-            let low = nodes.order[i] > 0 && nodes.p[i].y < highest && nodes.flags[parent] & flag::FALLEN == 0;
-            let hangs = low && nodes.p[i].y < lift * self.lift_share(self.axis_ids[nodes.axis[i] as usize]);
+            // Limbs that rise from the stem stay: what hangs from them is cut.
+            let sinks = nodes.order[i] > 0 && nodes.p[i].y < nodes.p[parent].y;
+            let low = sinks && nodes.p[i].y < highest && nodes.flags[parent] & flag::FALLEN == 0;
+            let hangs = low && nodes.p[i].y < lift * self.lift_share(i);
             if on_stem || hangs {
                 self.remove(i);
                 any = true;
@@ -250,10 +260,14 @@ impl Tree {
         limbs
     }
 
-    /// Height below which the branches of an axis are removed, as a share of the clear stem; drawn once for each axis.
-    fn lift_share(&self, axis_id: u64) -> f32 {
-        let u = self.draw(axis_id, Purpose::Lift).unit_f64();
-        narrow(LIFT_ALL_SHARE[0] + (LIFT_ALL_SHARE[1] - LIFT_ALL_SHARE[0]) * u * u)
+    /// Height below which a node is removed, as a share of the clear stem, by its place and by a draw for its axis, which is low more
+    /// often than high.
+    fn lift_share(&self, i: usize) -> f32 {
+        let p = self.nodes.p[i] / HEM_LENGTH;
+        let place = (0.5 + 0.5 * HEM_CONTRAST * noise::gradient2(self.key, [p.x, p.z], HEM_PERIOD)).clamp(0.0, 1.0);
+        let draw = self.draw(self.axis_ids[self.nodes.axis[i] as usize], Purpose::Lift).unit_f32();
+        let part = HEM_WEIGHT * place + (1.0 - HEM_WEIGHT) * draw * draw;
+        LIFT_ALL_SHARE[0] + (LIFT_ALL_SHARE[1] - LIFT_ALL_SHARE[0]) * part
     }
 
     /// Passes death on to the wood that dead wood bears, and lets dead wood fall once it has stood long enough.
@@ -284,7 +298,7 @@ impl Tree {
 
     /// Gives a new leader to each axis whose tip died: the living side axis with the largest vigour within [`SUCCESSION_REACH`]
     /// below becomes its continuation, and the order of its whole subtree falls by one. Returns whether any axis got one.
-    pub fn replace_leaders(&mut self) -> bool {
+    pub fn replace_leaders(&mut self, season: &Season) -> bool {
         // Mark the nodes below each dead tip with the number of its event.
         let nodes = &self.nodes;
         let mut below = vec![NONE; nodes.len()];
@@ -325,18 +339,18 @@ impl Tree {
             any = true;
         }
         if any {
-            self.promote(&leader_at);
+            self.promote(&leader_at, season);
         }
         any
     }
 
     /// Makes side axes the continuations of their parents. `leader_at`: the new continuation by node.
-    fn promote(&mut self, leader_at: &[u32]) {
-        let nodes = &mut self.nodes;
+    fn promote(&mut self, leader_at: &[u32], season: &Season) {
         // Orders by which to lower a node and arc length to add to it, passed on from parents to children.
-        let mut down = vec![0_u8; nodes.len()];
-        let mut ahead = vec![0.0_f32; nodes.len()];
-        for i in 0..nodes.len() {
+        let mut down = vec![0_u8; self.nodes.len()];
+        let mut ahead = vec![0.0_f32; self.nodes.len()];
+        for i in 0..self.nodes.len() {
+            let nodes = &mut self.nodes;
             let parent = nodes.parent[i] as usize;
             let Some(&leader) = leader_at.get(parent) else { continue };
             let was_main = nodes.flags[i] & flag::MAIN != 0;
@@ -354,6 +368,11 @@ impl Tree {
             }
             nodes.order[i] = nodes.order[i].saturating_sub(down[i]);
             nodes.s[i] += ahead[i];
+            // An axis whose order falls turns to the elevation of its new order.
+            if down[i] > 0 {
+                let (axis, order) = (nodes.axis[i] as usize, usize::from(nodes.order[i]));
+                self.axis_elevations[axis] = self.axis_elevation(self.axis_ids[axis], order, season);
+            }
         }
     }
 

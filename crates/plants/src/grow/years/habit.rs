@@ -179,7 +179,7 @@ habit! {
     acrotony: f32 = [1.0], "", 0.0 to 5.0, "Exponent of the preference for buds near the end of a shoot.";
     angle: PerOrder = [0.0, 60.0, 50.0, 45.0], "deg", 0.0 to 150.0, "Angle at which a branch leaves its parent in a young tree.";
     angle_old: PerOrder = [0.0, 60.0, 50.0, 45.0], "deg", 0.0 to 150.0, "Angle at which a branch leaves its parent in an old tree.";
-    angle_var: f32 = [8.0], "deg", 0.0 to 40.0, "Standard deviation of that angle.";
+    angle_var: f32 = [8.0], "deg", 0.0 to 40.0, "Standard deviation of that angle; the axis stays lower or higher by as much.";
     planar: PerOrder = [0.0], "", 0.0 to 1.0, "How far side branches lie in one plane with their parent.";
     elevation: PerOrder = [90.0, 35.0, 20.0, 10.0], "deg", -90.0 to 90.0, "Angle above the horizon that an axis turns to.";
     elevation_rate: PerOrder = [0.0], "1/m", 0.0 to 10.0, "How fast it turns to its elevation while it grows.";

@@ -26,6 +26,10 @@ const SHORT_LENGTH: f32 = 0.8;
 const LONG_ENOUGH: [f32; 2] = [1.2, 2.0];
 /// Standard deviation of the kink where a side bud takes over from a dead apex, as a share of the angle of branches.
 const KINK_DEVIATION: f32 = 0.2;
+/// Deviation of the elevation of an axis from that of its order, as a share of the deviation of the angle at which it left its parent.
+const ELEVATION_SPREAD: f32 = 1.0;
+/// Largest deviation of that angle, in standard deviations, that the elevation follows.
+const DEVIATION_MAX: f32 = 2.5;
 /// Range of the angle at which a shoot leaves its parent, degrees.
 const LEAVE_RANGE: [f32; 2] = [5.0, 150.0];
 /// Deviation of the azimuth of buds, degrees.
@@ -205,6 +209,7 @@ impl Tree {
             Some(bud) => {
                 let id = self.axis_of_bud(bud);
                 self.axis_ids.push(id);
+                self.axis_elevations.push(self.axis_elevation(id, order, season));
                 (index_of(self.axis_ids.len() - 1), 0, self.first_azimuth(id))
             }
             None => {
@@ -222,7 +227,7 @@ impl Tree {
         let count = f32::from(shoot.count);
         let length = shoot.length / count;
         let light = self.scratch.cell.get(from).map_or(Vec3::Y, |cell| field.in_cell(*cell).from);
-        let turns = Turns::new(&self.habit, season, order, length, light);
+        let turns = Turns::new(&self.habit, order, self.axis_elevations[axis as usize], length, light);
         let axis_id = self.axis_ids[axis as usize];
         let mut parent = from;
         let mut at = self.nodes.p[from];
@@ -313,9 +318,9 @@ impl Tree {
     fn leaving_frame(&self, bud: &Bud, order: usize, season: &Season) -> Quat {
         let q = self.nodes.q[bud.node as usize];
         let d = y_axis(q);
-        let mut draw = self.draw(self.axis_of_bud(bud), Purpose::Leave);
         let range = LEAVE_RANGE.map(f32::to_radians);
-        let angle = (season.angle[order] + season.angle_var * normal(&mut draw)).clamp(range[0], range[1]);
+        let deviation = season.angle_var * self.leaving_deviation(self.axis_of_bud(bud));
+        let angle = (season.angle[order] + deviation).clamp(range[0], range[1]);
         // The vector across the parent, flattened towards the level plane.
         let across = q * Vec3::new(math::cos_f32(bud.azimuth), 0.0, math::sin_f32(bud.azimuth));
         let upright = Vec3::Y - d * d.y;
@@ -330,6 +335,26 @@ impl Tree {
         // The roll reference is level, so that two ranks of buds lie level.
         let level = math::normalize_or(Vec3::Y.cross(out), math::perpendicular(out));
         Quat::from_mat3(&glam::Mat3::from_cols(level, out, level.cross(out))).normalize()
+    }
+
+    /// How far the angle at which an axis leaves its parent is from the mean, in standard deviations.
+    fn leaving_deviation(&self, axis_id: u64) -> f32 {
+        normal(&mut self.draw(axis_id, Purpose::Leave))
+    }
+
+    /// Sine and cosine of the elevation that an axis of an order turns to.
+    /// Own: an axis that leaves its parent at a wider angle than others stays lower than they do, by as much; axes near the vertical
+    /// keep close to it. With one elevation for all, the limbs of a tree would become parallel.
+    pub(super) fn axis_elevation(&self, axis_id: u64, order: usize, season: &Season) -> [f32; 2] {
+        let [sine, cosine] = season.elevation[order];
+        let spread = season.angle_var * ELEVATION_SPREAD * cosine;
+        if order == 0 || spread <= 0.0 {
+            return [sine, cosine];
+        }
+        // The tangent of the angle by which it is lower; to the right angle it never comes.
+        let lower = spread * self.leaving_deviation(axis_id).clamp(-DEVIATION_MAX, DEVIATION_MAX);
+        let per_length = 1.0 / (1.0 + lower * lower).sqrt();
+        [(sine - lower * cosine) * per_length, ((cosine + lower * sine) * per_length).max(0.0)]
     }
 
     /// Frame of the continuation of a tip: that of the tip or, where its apex dies and a side bud takes over, one with a kink.
@@ -487,11 +512,11 @@ struct Turns {
 }
 
 impl Turns {
-    fn new(habit: &Habit, season: &Season, order: usize, length: f32, light: Vec3) -> Self {
+    fn new(habit: &Habit, order: usize, elevation: [f32; 2], length: f32, light: Vec3) -> Self {
         Self {
             wander: habit.wander[order] * length.sqrt(),
             rise: 1.0 - math::exp_f32(-habit.elevation_rate[order] * length),
-            elevation: season.elevation[order],
+            elevation,
             light: light * (habit.phototropism[order] * length),
         }
     }

@@ -123,7 +123,7 @@ impl Tree {
 
         // Wood on dead wood dies too; axes without a tip get a new leader; dormant buds wake for next year.
         self.shed_dead_wood();
-        if self.replace_leaders() {
+        if self.replace_leaders(&season) {
             self.sum_light_again();
         }
         self.wake_buds(field, &season);
@@ -132,7 +132,7 @@ impl Tree {
         self.share_vigour(&season);
         self.shoot(&season, field, obstacles, limits)?;
         self.thicken(&season);
-        self.bend(&season);
+        self.bend();
         self.sprout();
         Ok(())
     }

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use super::light::{CellMarks, LightField};
 use super::season::Season;
 use super::stand::Stand;
-use super::tree::{Bud, NONE, Node, Tree, flag, y_axis};
+use super::tree::{Bud, NONE, Node, Tree, flag, index_of, y_axis};
 use super::*;
 use crate::grow::turtle::OrganSpec;
 use osier_base::math;
@@ -68,10 +68,10 @@ fn wood_turns_in_lanes_as_it_does_one_by_one() {
     for age in [6, 25, 40] {
         let grown = grow_one(&spec(f64::from(age)));
         let season = Season::new(&habit(), age + 1);
-        let bent = |bend: fn(&mut Tree, &Season)| {
+        let bent = |bend: fn(&mut Tree)| {
             let mut grown = grown.clone();
             grown.tree.thicken(&season);
-            bend(&mut grown.tree, &season);
+            bend(&mut grown.tree);
             (bits(&grown), grown.tree.scratch.turn)
         };
         let (lanes, one_by_one) = (bent(Tree::bend), bent(Tree::bend_one_by_one));
@@ -246,18 +246,17 @@ fn a_cantilever_bends_as_a_beam_and_only_under_added_load() {
     let nodes: Vec<_> =
         (0..COUNT).map(|i| if i == 0 { (NONE, 0, false, at(i)) } else { (u32::from(i) - 1, 0, true, at(i)) }).collect();
     let mut tree = hand_made(&habit, &nodes);
-    let season = Season::new(&habit, 1);
     // Wood laid without bending, as the first year of a shoot: its moment is known, so that it adds none.
     tree.habit.set("sag", &[0.0]).expect("sets");
-    tree.bend(&season);
+    tree.bend();
     tree.habit.set("sag", &[1.0]).expect("sets");
     let before = tree.nodes.q.clone();
-    tree.bend(&season);
+    tree.bend();
     let far = usize::from(COUNT) - 1;
     assert!(tree.nodes.q.iter().zip(&before).all(|(a, b)| (*a - *b).length() < 1e-6), "no load, no bend");
     // A leaf of 250 g at the tip: the angle there is P L^2 / (2 E I).
     tree.nodes.flags[far] |= flag::OPEN;
-    tree.bend(&season);
+    tree.bend();
     let load = 0.25 * 9.81;
     let length = f64::from(LENGTH) * f64::from(COUNT);
     let stiffness = 6e9 * std::f64::consts::FRAC_PI_4 * 1e-8;
@@ -480,7 +479,8 @@ fn a_dead_tip_gets_a_new_leader() {
     tree.sum_light(true);
     tree.shed_dead_wood();
     assert!(!tree.nodes.lives(2));
-    assert!(tree.replace_leaders());
+    let season = Season::new(&habit, 5);
+    assert!(tree.replace_leaders(&season));
     tree.sum_light_again();
     let order = |i: usize| tree.nodes.order[i];
     assert_eq!((order(3), order(5), order(6), order(4)), (0, 0, 1, 1));
@@ -488,12 +488,90 @@ fn a_dead_tip_gets_a_new_leader() {
     assert!((tree.scratch.main[1] - 2.0).abs() < 1e-6 && (tree.scratch.side[1] - 1.0).abs() < 1e-6);
 }
 
+/// The limbs of a stem keep the deviations of the angles at which they left it: with one elevation for all they would be parallel.
+#[test]
+fn limbs_that_leave_at_wider_angles_stay_lower() {
+    let mut habit = habit();
+    for (key, value) in [("angle_var", 15.0), ("elevation", 40.0)] {
+        habit.set(key, &[value]).expect("sets");
+    }
+    let elevations = |habit: &Habit| {
+        let tree = Tree::new("limbs", habit, 1, 1, Vec3::ZERO);
+        let season = Season::new(habit, 1);
+        let of = |id: u64| {
+            let [sine, cosine] = tree.axis_elevation(id, 1, &season);
+            assert!((sine * sine + cosine * cosine - 1.0).abs() < 1e-5 && cosine >= 0.0);
+            math::atan2(f64::from(sine), f64::from(cosine)).to_degrees()
+        };
+        (0..400).map(of).collect::<Vec<f64>>()
+    };
+    let deviation = |values: &[f64]| {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (mean, (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / values.len() as f64).sqrt())
+    };
+    // 15 degrees times the cosine of 40 degrees.
+    let (mean, spread) = deviation(&elevations(&habit));
+    assert!((mean - 40.0).abs() < 1.5 && (spread - 11.5).abs() < 1.5, "{mean} {spread}");
+    // Axes near the vertical keep close to it.
+    habit.set("elevation", &[84.0]).expect("sets");
+    let (mean, spread) = deviation(&elevations(&habit));
+    assert!((mean - 84.0).abs() < 0.5 && spread < 2.0, "{mean} {spread}");
+    // And limbs do grow so: between stem and end they rise at different angles.
+    let mut spec = spec(20.0);
+    for (key, value) in [("angle_var", 15.0), ("elevation_rate", 0.5), ("wander", 0.0), ("phototropism", 0.0)] {
+        spec.habit.set(key, &[value]).expect("sets");
+    }
+    let tree = grow_one(&spec).tree;
+    let nodes = &tree.nodes;
+    let limb_ends = (0..nodes.len()).filter(|i| nodes.grows(*i) && nodes.order[*i] == 1 && nodes.s[*i] > 1.5);
+    let rises: Vec<f64> =
+        limb_ends.map(|i| f64::from(nodes.direction(i).y.clamp(-1.0, 1.0)).asin().to_degrees()).collect();
+    let (mean, spread) = deviation(&rises);
+    assert!(rises.len() > 5 && spread > 6.0, "{mean} {spread} {}", rises.len());
+}
+
+/// Crown lifting cuts what hangs below the clear stem, and leaves the limbs that rise above it.
+#[test]
+fn crown_lifting_spares_rising_limbs() {
+    const LIMBS: u16 = 20;
+    let mut habit = habit();
+    habit.set("clear_stem", &[2.0]).expect("sets");
+    habit.set("clear_rate", &[1.0]).expect("sets");
+    // A stem with limbs at 2.2 m: each rises at first, and its end hangs down to 1 m.
+    let mut nodes = vec![(NONE, 0, false, Vec3::Y * 2.2), (0, 0, true, Vec3::Y * 3.0)];
+    for k in 0..LIMBS {
+        let around = f32::from(k) * math::GOLDEN_ANGLE_F32;
+        let out = Vec3::new(math::cos_f32(around), 0.0, math::sin_f32(around));
+        let first = u32::try_from(nodes.len()).expect("few");
+        nodes.push((0, 1, false, out + Vec3::Y * 2.3));
+        nodes.push((first, 1, true, out * 2.0 + Vec3::Y * 2.5));
+        nodes.push((first + 1, 1, true, out * 2.5 + Vec3::Y * 1.0));
+    }
+    let mut tree = hand_made(&habit, &nodes);
+    tree.axis_ids = (0..=u64::from(LIMBS)).collect();
+    for i in 0..nodes.len() {
+        tree.nodes.s[i] = tree.nodes.p[i].y;
+        tree.nodes.axis[i] = index_of(i.saturating_sub(2) / 3 + usize::from(i > 1));
+    }
+    tree.cut(&Season::new(&habit, 20));
+    let fallen = |i: &usize| tree.nodes.flags[*i] & flag::FALLEN != 0;
+    let ends = (0..usize::from(LIMBS)).map(|k| 3 * k + 4);
+    assert_eq!((0..nodes.len()).filter(fallen).collect::<Vec<_>>(), ends.collect::<Vec<_>>());
+}
+
 #[test]
 fn a_cut_wakes_dormant_buds() {
-    let keep = Keep::Box { min: Vec3::new(-9.0, -1.0, -9.0), max: Vec3::new(9.0, 2.0, 9.0) };
+    // Most of the crown is cut off, so that what is left has lost more than half of its light.
+    let keep = Keep::Box { min: Vec3::new(-0.8, -1.0, -0.8), max: Vec3::new(0.8, 2.0, 0.8) };
     let cut = TreeSpec { prunes: vec![Prune { year: 16, every: 0, until: 0, keep }], ..spec(16.0) };
-    let woken = |spec: &TreeSpec| grow_one(spec).tree.nodes.woken.iter().map(|w| usize::from(*w)).sum::<usize>();
-    let (with, without) = (woken(&cut), woken(&TreeSpec { prunes: Vec::new(), ..cut.clone() }));
+    // On the stem between the clear stem and the cut.
+    let woken = |spec: &TreeSpec| {
+        let nodes = grow_one(spec).tree.nodes;
+        let on_stem = |i: &usize| nodes.order[*i] == 0 && (1.0..2.0).contains(&nodes.p[*i].y);
+        (0..nodes.len()).filter(on_stem).map(|i| usize::from(nodes.woken[i])).sum::<usize>()
+    };
+    let all = |spec: &TreeSpec| (1..=8).map(|seed| woken(&TreeSpec { seed, ..spec.clone() })).sum::<usize>();
+    let (with, without) = (all(&cut), all(&TreeSpec { prunes: Vec::new(), ..cut.clone() }));
     assert!(with > without + 2, "{with} {without}");
     let grown = grow_one(&TreeSpec { age: 20.0, ..cut });
     assert!(grown.died().is_none() && grown.measures().height > 2.0, "{:?}", grown.measures());

@@ -279,6 +279,8 @@ pub(super) struct Tree {
     pub part: f32,
     pub nodes: Nodes,
     pub axis_ids: Vec<u64>,
+    /// Sine and cosine of the elevation that each axis turns to, by index as [`Self::axis_ids`].
+    pub axis_elevations: Vec<[f32; 2]>,
     pub buds: Vec<Bud>,
     pub neighbours: Option<Neighbours>,
     pub prunes: Vec<Prune>,
@@ -327,6 +329,7 @@ impl Tree {
             part: 1.0,
             nodes: Nodes::default(),
             axis_ids: Vec::new(),
+            axis_elevations: Vec::new(),
             buds: Vec::new(),
             neighbours: None,
             prunes: Vec::new(),
@@ -365,7 +368,9 @@ impl Tree {
         // Multiples of the golden ratio spread the late ones over the disc and over the years.
         let late = (f32::from(i) * GOLDEN_SHARE).fract() - SPROUT_AT_ONCE;
         let sprouts = (habit.stem_years * (late / (1.0 - SPROUT_AT_ONCE)).max(0.0)).ceil();
+        let elevation = self.habit.elevation[0].to_radians();
         self.axis_ids.push(id);
+        self.axis_elevations.push([math::sin_f32(elevation), math::cos_f32(elevation)]);
         self.nodes.push(Node {
             parent: NONE,
             axis: u32::from(i),
