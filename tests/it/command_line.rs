@@ -885,7 +885,7 @@ fn info_describes_presets() {
     // A file of the name has precedence.
     fs::write(dir.path().join("oak"), "notes").expect("file");
     let (out, _) = in_folder(0, &["info", "oak"]);
-    assert!(out.starts_with("oak  5 B"), "{out}");
+    assert!(out.starts_with("oak  5 bytes"), "{out}");
 }
 
 #[test]

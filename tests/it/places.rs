@@ -20,6 +20,10 @@ use serde_json::Value;
 use crate::common::grown;
 use crate::common::picture::vertex_colors_of_ply;
 use osier::bake::scene::SceneOptions;
+use osier::export::Exporter as _;
+use osier::export::file_target::FileTarget;
+use osier::export::ply::PlyExporter;
+use osier::files::Folder;
 use osier::recipe::{Library, Recipe, Request, resolve};
 
 /// A tree of a few hundred triangles.
@@ -616,10 +620,13 @@ fn vertices_of_a_terrain_have_the_colors_of_its_picture() {
         [pixels().map(|(x, y)| color(x, y).0).collect(), pixels().map(|(x, y)| [grey(x, y).0[0]; 3]).collect()];
     for (picture, pictured) in ["land.png", "grey.png"].into_iter().zip(pictured) {
         let text = format!("{TREE}[terrain]\nsubdivisions = 4\nsize = 40\ntexture = \"{picture}\"\n");
-        let (path, file) = (scene(dir.path(), "land", &text), dir.path().join("land.ply"));
-        let (code, said) = osier(&["grow", path.to_str().expect("path"), "-o", file.to_str().expect("path")]);
-        assert_eq!(code, Some(0), "{said}");
-        let found = vertex_colors_of_ply(&fs::read(&file).expect("ply"));
+        let built = grown::stage(&recipe(dir.path(), &text), SceneOptions::default());
+        // `osier grow` leaves the ground out; a caller of the library may write the whole scene.
+        let folder = Folder::memory();
+        let mut ply = PlyExporter::new(folder.clone(), FileTarget::Single("land.ply".into()));
+        ply.begin(&built.animated.scene).expect("written");
+        ply.finish().expect("finished");
+        let found = vertex_colors_of_ply(&folder.take("land.ply").expect("ply"));
         let pictured: BTreeSet<[u8; 3]> = pictured;
         // The tree adds a colour or two of its own.
         assert!(found.intersection(&pictured).count() > 10, "{picture}: {found:?}");
