@@ -364,19 +364,27 @@ fn is_coefficient_table(path: &Path, bytes: &[u8]) -> bool {
     matches!(ending.as_str(), "ifs" | "flame") || (ending == "toml" && has_ifs_table())
 }
 
-/// The request for a preset: `oak` is the scene `oak.toml`, else the grammar `oak.l` and so on; a given ending selects one.
-fn find_preset(name: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {
+/// The preset that a source names, as commands that take a source find it: `oak` is the scene `oak.toml`, else the grammar `oak.l` and
+/// so on; a given ending selects one. `None` for any other name.
+pub fn named_preset(name: &str) -> Option<&'static Preset> {
     let endings = ["", ".toml", ".l", ".shapes", ".species", ".ifs.toml", ".ifs"];
-    let Some(preset) = endings.iter().find_map(|e| presets::find(&format!("{name}{e}"))) else {
-        if Path::new(name).is_dir() {
-            return Err(folder_error(name));
-        }
-        let names = presets::PRESETS.iter().map(|p| p.name.split('.').next().unwrap_or(p.name));
-        let hint = match nearest(name, names) {
-            Some(near) => format!("no such file or preset; did you mean \"{near}\"?"),
-            None => "no such file or preset; `osier list presets` shows the presets".into(),
-        };
-        return Err(Error::io("open", name, std::io::Error::new(std::io::ErrorKind::NotFound, hint)));
+    endings.iter().find_map(|ending| presets::find(&format!("{name}{ending}")))
+}
+
+/// The error for a name that is neither a file nor a preset: it proposes the nearest preset.
+pub(crate) fn no_such_source(name: &str) -> Error {
+    let names = presets::PRESETS.iter().map(|p| p.name.split('.').next().unwrap_or(p.name));
+    let hint = match nearest(name, names) {
+        Some(near) => format!("no such file or preset; did you mean \"{near}\"?"),
+        None => "no such file or preset; `osier list presets` shows the presets".into(),
+    };
+    Error::io("open", name, std::io::Error::new(std::io::ErrorKind::NotFound, hint))
+}
+
+/// The request for a preset, found as by [`named_preset`].
+fn find_preset(name: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {
+    let Some(preset) = named_preset(name) else {
+        return Err(if Path::new(name).is_dir() { folder_error(name) } else { no_such_source(name) });
     };
     // `bush.ifs.toml` is the plant "bush".
     let stem = preset.name.split('.').next().unwrap_or(preset.name);

@@ -318,7 +318,7 @@ pub struct New {
 /// Arguments of `osier info`.
 #[derive(Debug, Args)]
 pub struct Info {
-    /// Folder of a bake, one file of it, a mesh, a grammar or any other file.
+    /// Folder of a bake, one file of it, a mesh, a grammar, any other file, or a preset.
     #[arg(value_name = "PATH")]
     pub path: PathBuf,
 }

@@ -1,4 +1,4 @@
-//! `osier info`: description and verification of a bake, and description of single files.
+//! `osier info`: description and verification of a bake, and description of single files and presets.
 
 use std::path::{Path, PathBuf};
 
@@ -6,6 +6,8 @@ use serde_json::json;
 
 use super::args::Info;
 use super::{Context, SCENE_FLAGS, report};
+use crate::presets::{self, Preset, PresetKind};
+use crate::source::{named_preset, no_such_source};
 use osier_base::diagnostic::visible;
 use osier_base::files::{MANIFEST, SearchPaths, folder_of, name_of, read_input};
 use osier_base::limits::grouped;
@@ -16,8 +18,8 @@ use osier_grammar::FileKind;
 use osier_import as import;
 use osier_scene::MaterialClass;
 
-/// Runs `osier info` on a bake, one of its files or any other file; the result is the exit code: 1 for an incomplete bake, 3 for
-/// warnings of a mesh under `--strict`.
+/// Runs `osier info` on a bake, one of its files, any other file or a preset; the result is the exit code: 1 for an incomplete bake, 3
+/// for warnings of a mesh under `--strict`.
 pub fn run(context: &Context, args: &Info) -> Result<u8> {
     let path = args.path.as_path();
     if let Some(flag) = context.scene_flag(&SCENE_FLAGS) {
@@ -47,6 +49,11 @@ pub fn run(context: &Context, args: &Info) -> Result<u8> {
         && bake.manifest.expanded().iter().any(|file| file.0 == inside)
     {
         return describe_bake(context, &bake, Some(&inside));
+    }
+    // A bare name without a file is that of a preset, as in the commands that take a scene.
+    if let Some(name) = path.to_str().filter(|name| !path.exists() && !name.contains(['/', '\\'])) {
+        let preset = named_preset(name).ok_or_else(|| no_such_source(name))?;
+        return describe_preset(context, name, preset);
     }
     describe_file(context, path)
 }
@@ -172,6 +179,46 @@ fn report_verification(context: &Context, found: &Verification) {
     } else {
         context.console.note("bake again to repair it");
     }
+}
+
+/// Describes a preset, which is compiled into the program: its kind, size and first sentence, and the commands that take it. `name`: as
+/// it was given, without its ending or with it.
+fn describe_preset(context: &Context, name: &str, preset: &Preset) -> Result<u8> {
+    let bytes = preset.text.len();
+    let hash = blake3::hash(preset.text.as_bytes()).to_hex().to_string();
+    let (kind, about) = (presets::kind(preset), presets::about(preset));
+    if context.console.json {
+        let value =
+            json!({ "preset": preset.name, "kind": kind.word(), "about": about, "bytes": bytes, "blake3": hash });
+        context.console.result(&format!("{value:#}\n"))?;
+        return Ok(0);
+    }
+    let (what, uses) = match kind {
+        PresetKind::Species | PresetKind::Scene => (
+            "scene",
+            format!(
+                "`osier preview {name}` shows it, `osier bake {name}` bakes it; `osier new FOLDER --from {name}` copies its files"
+            ),
+        ),
+        PresetKind::Grammar => ("grammar", format!("`osier preview {name}` shows it; scenes name it as grammar")),
+        PresetKind::Shapes => {
+            ("particle-shapes", format!("`osier preview {name}` shows them; scenes name them as shapes"))
+        }
+        PresetKind::Habit => ("species", format!("`osier preview {name}` shows it; scenes name it as species")),
+        PresetKind::IfsTable => {
+            ("coefficient table", format!("`osier preview {name}` shows it; scenes name it as ifs"))
+        }
+        PresetKind::Mesh => ("mesh", format!("`osier preview {name}` shows it; scenes name it as mesh")),
+    };
+    let size = report::byte_size(bytes as u64);
+    let bake = Path::new("out").join(name);
+    let text = format!("{}  preset ({what}), {size}\nblake3 {hash}\n{about}\n", preset.name);
+    context.console.result(&text)?;
+    context.console.note(&format!("\"{name}\" is a preset, whose file is in the program; {uses}"));
+    if bake.join(MANIFEST).is_file() {
+        context.console.note(&format!("a bake of that name: `osier info {}`", bake.display()));
+    }
+    Ok(0)
 }
 
 /// Describes a file outside of bakes: its size and hash, extents of a mesh, notation and entries of a grammar.

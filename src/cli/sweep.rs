@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::Context;
 use super::args::Bake;
@@ -15,10 +15,10 @@ use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
 use osier_base::diagnostic::{Report, Severity};
-use osier_base::files::{Folder, WriteOptions, check_writable};
+use osier_base::files::{Folder, WriteOptions, check_writable, read_below};
 use osier_base::progress::{Progress as _, Silent};
 use osier_base::{Error, Result};
-use osier_export::stats::{MapStatistics, Run, Spread, Sweep, Whole};
+use osier_export::stats::{MapStatistics, MissingRun, Run, Spread, Sweep, Whole};
 use osier_export::{VERSION, Warning};
 use osier_scene::{Scene, largest};
 
@@ -82,20 +82,28 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     }
     // The runs may take hours, and their table is written after the last one.
     let hashes: Vec<&str> = recipes.iter().map(|r| r.hash.as_str()).collect();
-    check_target(context, args, &root, &hashes, !keys.is_empty())?;
+    check_target(args, &root, &hashes, !keys.is_empty())?;
     let display = ProgressDisplay::new(&context.console);
     check_choices(context, &keys, &recipes, &runs, &display)?;
     display.stage("running", frames);
     let mut all = Sweep { title: first.general.title.clone(), keys, ..Sweep::default() };
     let (mut of_runs, mut run_warnings) = (Report::default(), Vec::new());
-    for (recipe, planned) in recipes.iter().zip(runs) {
-        let SimulatedRun { scene, whole, maps, report, measured } =
-            simulate(context, recipe, &display).map_err(|e| of_run(e, &all.keys, &planned))?;
+    let mut ended_by: Option<Error> = None;
+    for (recipe, planned) in recipes.iter().zip(&runs) {
+        let simulated = match simulate(context, recipe, &display) {
+            Ok(simulated) => simulated,
+            // A signal or an error ends the sweep; the runs before it are kept.
+            Err(e) => {
+                ended_by = Some(of_run(e, &all.keys, planned));
+                break;
+            }
+        };
+        let SimulatedRun { scene, whole, maps, report, measured } = simulated;
         of_runs.extend(report);
         // The numbers in these messages differ from run to run: the first of each code is printed, with its run.
         for Warning { code, message } in measured {
             if run_warnings.iter().all(|earlier: &Warning| earlier.code != code) {
-                let run = run_name(&all.keys, &planned);
+                let run = run_name(&all.keys, planned);
                 let message = format!("{message} (first in the run with {run}; sweep.csv has the numbers of all runs)");
                 run_warnings.push(Warning { code, message });
             }
@@ -115,13 +123,24 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
                 all.outcome.push(name);
             }
         }
-        all.runs.push(Run { values: planned.values, seed: recipe.general.seed, hash: recipe.hash.clone(), whole });
+        let values = planned.values.clone();
+        all.runs.push(Run { values, seed: recipe.general.seed, hash: recipe.hash.clone(), whole });
     }
     display.done();
     context.console.report(&of_runs);
     run_warnings.iter().for_each(|w| context.console.warning(w.code, &w.message));
     warned |= !of_runs.diagnostics.is_empty() || !run_warnings.is_empty();
-    write(context, args, &root, &all)?;
+    if let Some(error) = ended_by {
+        let missing = recipes.iter().zip(&runs).skip(all.runs.len());
+        let of_planned = |(recipe, run): (&Recipe, &PlannedRun)| MissingRun {
+            values: run.values.clone(),
+            seed: recipe.general.seed,
+        };
+        all.missing = missing.map(of_planned).collect();
+        keep_part(context, args, &root, &all, &runs);
+        return Err(error);
+    }
+    write(args, &root, &all)?;
     print_means(context, &root, &all)?;
     Ok(context.strict(warned))
 }
@@ -251,33 +270,64 @@ fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Re
 /// Refuses a folder that cannot be written, or in which a file of the sweep would overwrite one that osier did not write.
 /// # Errors
 /// `Io`, `Foreign`.
-fn check_target(context: &Context, args: &Bake, root: &Path, hashes: &[&str], has_plot: bool) -> Result<()> {
+fn check_target(args: &Bake, root: &Path, hashes: &[&str], has_plot: bool) -> Result<()> {
     check_writable(root)?;
     if !root.is_dir() {
         return Ok(());
     }
-    let folder = open(context, args, root, hashes)?;
+    let folder = open(args, root, hashes)?;
     let mut files = ["sweep.csv", "means.csv", "sweep.json"].into_iter().chain(has_plot.then_some("sweep.svg"));
     files.try_for_each(|name| folder.check_name(name))
 }
 
-/// Opens the folder of a sweep; `hashes`: of the scenes of all runs.
-fn open(context: &Context, args: &Bake, root: &Path, hashes: &[&str]) -> Result<Folder> {
+/// Opens the folder of a sweep; `hashes`: of the scenes of all runs. A signal ends the simulation and not the writing of its results:
+/// these few files are written within the time that it leaves.
+fn open(args: &Bake, root: &Path, hashes: &[&str]) -> Result<Folder> {
     let options = WriteOptions {
         // The key of the folder covers all runs: one changed value makes another sweep.
         key: format!("{VERSION} {}", hashes.join(" ")),
         force: args.force,
-        cancel: context.cancel.clone(),
         ..WriteOptions::default()
     };
     Folder::open_with(root, options)
 }
 
-fn write(context: &Context, args: &Bake, root: &Path, all: &Sweep) -> Result<()> {
+fn write(args: &Bake, root: &Path, all: &Sweep) -> Result<()> {
     let hashes: Vec<&str> = all.runs.iter().map(|r| r.hash.as_str()).collect();
-    let folder = open(context, args, root, &hashes)?;
+    let folder = open(args, root, &hashes)?;
     all.write(&folder)?;
     folder.finish()
+}
+
+/// Writes the tables of the finished runs of a sweep that a signal or an error has ended, and tells which they are and which are
+/// missing. `runs`: all that were planned. A failure is told, too; the error that ended the sweep counts more.
+fn keep_part(context: &Context, args: &Bake, root: &Path, part: &Sweep, runs: &[PlannedRun]) {
+    let (done, folder) = (part.runs.len(), root.display());
+    let Some((last, next)) = done.checked_sub(1).and_then(|i| runs.get(i)).zip(runs.get(done)) else {
+        return context.console.note("no run of the sweep was finished, so that nothing is kept");
+    };
+    if holds_runs(context, root, part) {
+        return context.console.note(&format!("the finished runs are already in the tables of \"{folder}\""));
+    }
+    let text = match write(args, root, part) {
+        Ok(()) => format!(
+            "kept in \"{folder}\": {done} of {} runs, to the one with {}; missing are those from {} on, which sweep.json lists: \
+             run them with an -o of their own",
+            runs.len(),
+            run_name(&part.keys, last),
+            run_name(&part.keys, next),
+        ),
+        Err(e) => format!("the finished runs of the sweep are not kept: {e}"),
+    };
+    context.console.note(&text);
+}
+
+/// Whether the tables of an earlier sweep in a folder have all runs of this one, whose part is then not written over them.
+fn holds_runs(context: &Context, root: &Path, part: &Sweep) -> bool {
+    let Ok(Some(bytes)) = read_below(root, "sweep.json", context.limits.get("json-bytes"), "") else { return false };
+    let Ok(earlier) = serde_json::from_slice::<Value>(&bytes) else { return false };
+    let runs = earlier["runs"].as_array().map(Vec::as_slice).unwrap_or_default();
+    part.runs.iter().all(|run| runs.iter().any(|r| r["scene"] == run.hash.as_str()))
 }
 
 /// Prints the means over the seeds as a table; as JSON only the folder and the numbers of runs and of choices.

@@ -4,9 +4,9 @@ use std::f64::consts::PI;
 
 use super::resolve::Resolver;
 use super::scene::{
-    BladeOutline, ColorBy, DropFriction, DropLever, DropMerge, DropShape, FlightRelease, ImpactModel, LatticeProfile,
-    MAX_GROUND_TILE, OrganKeys, RainEnvelope, RainSize, RodLoadKind, SkinForm, SolidShape, SwayModel, SwayStart,
-    WindKeys, WindModel, why_in_place,
+    BladeOutline, CatkinKeys, ColorBy, DropFriction, DropLever, DropMerge, DropShape, FlightRelease, ImpactModel,
+    LatticeProfile, MAX_GROUND_TILE, OrganKeys, RainEnvelope, RainSize, RodLoadKind, SHOOT_RADIUS, SkinForm,
+    SolidShape, SwayModel, SwayStart, WindKeys, WindModel, why_in_place,
 };
 use super::syntax::{KeyTable as _, TomlTable, join};
 use super::{Growth, PlaceRecipe, PlantRecipe, Recipe};
@@ -411,6 +411,7 @@ impl Resolver<'_> {
         if matches!(plant.growth, Growth::Mesh(..)) {
             return;
         }
+        self.report_hidden_bark(table, path, plant);
         // A form that does not fit the scene has been reported.
         let skin = table_at(table, &["skin"]);
         let has_form = skin.is_some_and(|t| t.get("form").is_some());
@@ -425,6 +426,33 @@ impl Resolver<'_> {
                 let letter = entry.key.chars().next().unwrap_or_default();
                 self.ignored_in_organ(organs, &entry.key, letter, &join(path, "organs"), plant);
             }
+        }
+    }
+
+    /// Warns of the keys of bark that a plant does not show: hairs of a tuft have a material of their own, and a colour file colours all
+    /// that its grammar draws. There is one warning for each of the two tables, with a place for every key.
+    fn report_hidden_bark(&mut self, table: &TomlTable, path: &str, plant: &PlantRecipe) {
+        let Growth::Grammar(grammar) = &plant.growth else { return };
+        let (is_colored, is_tuft) = (plant.companions.colors.is_some(), grammar.is_tuft());
+        // Hairs of a larger radius have the material of thick axes, which is the bark.
+        let hair_radius =
+            plant.turtle.width.map_or(CatkinKeys::defaults().hair_radius, |width| 0.5 * width * plant.turtle.unit);
+        let is_thin = is_tuft && hair_radius < f64::from(SHOOT_RADIUS);
+        for (name, is_hidden) in [("bark", is_colored || is_thin), ("shoot", is_colored || is_tuft)] {
+            let Some(bark) = table_at(table, &[name]).filter(|bark| is_hidden && !bark.entries.is_empty()) else {
+                continue;
+            };
+            let verb = if bark.entries.len() == 1 { "has" } else { "have" };
+            let text = format!("{} of {path}.{name} {verb} no effect", bark.names().join(", "));
+            let mut d = Diagnostic::warning("S007", text, bark.entries[0].key_span, "has no effect");
+            for entry in &bark.entries[1..] {
+                d = d.label(entry.key_span, "has no effect");
+            }
+            self.report.push(d.help(if is_colored {
+                "the colour file of the grammar colours all axes: leave these keys out, or change that file"
+            } else {
+                "the plant is a tuft, whose hairs are white: leave these keys out"
+            }));
         }
     }
 

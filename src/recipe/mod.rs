@@ -7,6 +7,7 @@
 mod companions;
 mod given;
 mod ignored;
+mod key_places;
 mod library;
 mod resolve;
 pub mod scene;
@@ -16,6 +17,7 @@ use std::sync::Arc;
 
 pub use companions::{Companions, OrganSurface, SurfaceForm};
 pub use given::{GivenKey, given_keys};
+pub use key_places::KeyPlaces;
 pub use library::{Library, ReferencedFile};
 use osier_export::format::TextureUse;
 use osier_grammar::Grammar;
@@ -97,6 +99,8 @@ recipe! {
             moves: bool;
             /// BLAKE3 of all fields that are not derived and of the bytes of all files read, 64 hex digits.
             hash: String;
+            /// Places of the keys in the scene's text, for messages.
+            places_of_keys: KeyPlaces;
         }
     }
 }

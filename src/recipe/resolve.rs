@@ -7,7 +7,9 @@ use super::scene::{
 use super::syntax::{
     Digest, KeyTable, Registry, TomlEntry, TomlTable, TomlValue, apply_override, join, parse, path_element, wrong,
 };
-use super::{Growth, Library, OutputRecipe, PlantRecipe, Recipe, ReferencedFile, VdbRecipe, WindOutputRecipe};
+use super::{
+    Growth, KeyPlaces, Library, OutputRecipe, PlantRecipe, Recipe, ReferencedFile, VdbRecipe, WindOutputRecipe,
+};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::files::{Encoding, Names, ReadError, decode, safe_name};
 use osier_base::limits::Limits;
@@ -370,6 +372,7 @@ impl Resolver<'_> {
             sway,
             output: self.output(root, clip, vdb, wind_output),
             hash: String::new(),
+            places_of_keys: KeyPlaces::new(&self.report.sources, root),
         };
         // The hash covers all fields above and must be computed last.
         recipe.moves = clip.len() > 1 && recipe.blows();
@@ -514,11 +517,12 @@ impl Resolver<'_> {
         if !is_named && !endings.iter().any(|e| reference.to_ascii_lowercase().ends_with(e)) {
             // The name of a preset without its ending, as `osier bake` takes it.
             let mut names = endings.iter().map(|ending| format!("{reference}{ending}"));
+            let wanted = endings.join(", ");
             let help = match names.find(|name| crate::presets::find(name).is_some()) {
                 Some(name) => format!("did you mean the preset \"{name}\"?"),
-                None => format!("expected a file {}", endings.join(", ")),
+                None => format!("expected a file {wanted}"),
             };
-            fail(format!("\"{reference}\" has another ending"), help);
+            fail(format!("\"{reference}\" has another ending than {wanted}"), help);
             return None;
         }
         match self.request.library.find(reference, self.request.limits.get(limit)) {

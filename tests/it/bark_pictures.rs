@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
+use crate::common::picture::vertex_colors_of_ply;
 use crate::common::program::{arg, ends};
 
 const POST: &str = "Lsystem: 1\nderivation length: 1\nAxiom: !(0.2)F(2)\nendlsystem\n";
@@ -79,23 +80,8 @@ fn vertices_of_a_ply_have_the_colors_of_the_picture() {
     write_post(dir.path(), "texture = \"tall.png\"");
     let file = dir.path().join("post.ply");
     ends(0, &["grow", arg(&dir.path().join("post.toml")), "-o", arg(&file)]);
-    let bytes = fs::read(&file).expect("ply");
-    let end = b"end_header\n";
-    let start = bytes.windows(end.len()).position(|w| w == end).expect("a header") + end.len();
-    let header = String::from_utf8_lossy(&bytes[..start]).into_owned();
-    let of_vertices = header.split("element face").next().expect("vertices");
-    let count: usize = of_vertices
-        .lines()
-        .find_map(|l| l.strip_prefix("element vertex "))
-        .expect("vertices")
-        .parse()
-        .expect("a number");
-    // The colour comes last: four bytes after numbers of four bytes each.
-    let row = 4 * of_vertices.matches("property float").count() + 4;
-    assert_eq!(of_vertices.matches("property uchar").count(), 4, "{header}");
+    let colors = vertex_colors_of_ply(&fs::read(&file).expect("ply"));
     let pictured: BTreeSet<[u8; 3]> = (0..8).flat_map(|x| (0..16).map(move |y| color_at(x, y).0)).collect();
-    let colors: BTreeSet<[u8; 3]> =
-        bytes[start..start + count * row].chunks(row).map(|v| [v[row - 4], v[row - 3], v[row - 2]]).collect();
     assert!(colors.len() > 4 && colors.is_subset(&pictured), "{colors:?}");
 }
 

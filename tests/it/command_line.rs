@@ -862,6 +862,32 @@ fn info_names_what_was_deleted_or_changed_and_a_bake_mends_it() {
     }
 }
 
+/// A name without a file is that of a preset, as in the commands that take a scene.
+#[test]
+fn info_describes_presets() {
+    let dir = folder();
+    let in_folder = |code: i32, args: &[&str]| {
+        let output = osier(args).current_dir(dir.path()).output().expect("osier runs");
+        let (got, out, err) = said(&output);
+        assert_eq!(got, code, "{args:?}\n{out}\n{err}");
+        (out, err)
+    };
+    for (name, kind) in [("oak", "oak.toml  preset (scene)"), ("oak.l", "oak.l  preset (grammar)")] {
+        let (out, err) = in_folder(0, &["info", name]);
+        assert!(out.starts_with(kind) && out.contains("\nblake3 ") && out.lines().count() == 3, "{out}");
+        assert!(err.contains(&format!("\"{name}\" is a preset")) && err.contains("osier preview oak"), "{err}");
+    }
+    let (out, _) = in_folder(0, &["info", "oak", "--json"]);
+    let told: serde_json::Value = serde_json::from_str(&out).expect("json");
+    assert_eq!((&told["preset"], &told["kind"]), (&"oak.toml".into(), &"species".into()), "{out}");
+    let (_, err) = in_folder(1, &["info", "oakk"]);
+    assert!(err.contains("no such file or preset; did you mean \"oak\"?"), "{err}");
+    // A file of the name has precedence.
+    fs::write(dir.path().join("oak"), "notes").expect("file");
+    let (out, _) = in_folder(0, &["info", "oak"]);
+    assert!(out.starts_with("oak  5 bytes"), "{out}");
+}
+
 #[test]
 fn limits_refuse_before_anything_is_written() {
     let dir = folder();

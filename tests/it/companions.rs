@@ -26,7 +26,10 @@ fn color_map() -> Vec<u8> {
 }
 
 fn load(file: &Path) -> (Recipe, Vec<&'static str>) {
-    let options = SourceOptions { set: vec!["bark.side=16".into()], ..SourceOptions::default() };
+    // A small bark is drawn quickly; a plant with a colour file has none.
+    let is_colored = file.with_extension("map").exists();
+    let set = if is_colored { Vec::new() } else { vec!["bark.side=16".into()] };
+    let options = SourceOptions { set, ..SourceOptions::default() };
     let request = find_scene(arg(file), &options).expect("a request");
     let (recipe, report) = resolve(&request).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
     (recipe, report.diagnostics.iter().map(|d| d.code).collect())
@@ -187,6 +190,33 @@ fn a_curve_of_two_colors_has_both_in_every_format() {
     let pixels = image::open(&picture).expect("picture").into_rgb8();
     let more = |a: usize, b: usize| pixels.pixels().filter(|p| i32::from(p[a]) > 2 * i32::from(p[b]) + 40).count();
     assert!(more(2, 0) > 50 && more(0, 2) > 50, "{} blue, {} red", more(2, 0), more(0, 2));
+}
+
+/// The colour file, and the hairs of a tuft, leave nothing to see of bark.
+#[test]
+fn keys_of_a_bark_that_is_not_shown_are_reported() {
+    let dir = tempfile::tempdir().expect("dir");
+    two_colored(dir.path());
+    let said = |plant: &str| {
+        let scene = dir.path().join("scene.toml");
+        fs::write(&scene, format!("[plants.p]\n{plant}")).expect("scene");
+        ends(0, &["check", arg(&scene)]).1
+    };
+    let shoot = "[plants.p.shoot]\nside = 32\n";
+    let colored = said(&format!("grammar = \"two.l\"\n[plants.p.bark]\nkind = \"smooth\"\ntile = 0.1\n{shoot}"));
+    assert!(
+        colored.contains("kind, tile of plants.p.bark have no effect") && colored.contains("scene.toml:4:1"),
+        "{colored}"
+    );
+    assert!(colored.contains("side of plants.p.shoot has no effect") && colored.contains("colour file"), "{colored}");
+    let tuft = said(&format!("grammar = \"catkin.l\"\n[plants.p.bark]\ndepth_mm = 1\n{shoot}"));
+    assert!(tuft.contains("depth_mm of plants.p.bark") && tuft.contains("side of plants.p.shoot"), "{tuft}");
+    assert!(tuft.contains("is a tuft"), "{tuft}");
+    // Hairs with a radius of a metre have the bark of thick axes.
+    let thick = said("grammar = \"catkin.l\"\n[plants.p.turtle]\nwidth = 2\n[plants.p.bark]\ndepth_mm = 1\n");
+    assert!(!thick.contains("S007"), "{thick}");
+    let plain = said(&format!("grammar = \"oak.l\"\n[plants.p.bark]\ndepth_mm = 1\n{shoot}"));
+    assert!(!plain.contains("S007"), "{plain}");
 }
 
 #[test]

@@ -242,10 +242,14 @@ fn faults_of_fractint_are_told_with_their_places() {
         ("Koch (\n Angle 6\n Axiom F\n F=F+F\n)\n", "stand in braces, which this one lacks", "a.l:2:2"),
         ("Koch {\n Angle 6\n F=F+F\n}\n", "the L-system has no axiom", "a.l:1:1"),
         ("Koch { Angle 6 Axiom F F=F+F }\n", "unexpected 'Axiom F F=F+F' after the value", "a.l:1:16"),
+        ("Koch { Angle 6, Axiom F, F=F+F }\n", "'Axiom F' stands behind a comma", "a.l:1:17"),
+        ("Koch {\n Angle 6, Axiom F\n F=F+F\n}\n", "'Axiom F' stands behind a comma", "a.l:2:11"),
+        ("Koch {\n F=F+F, Axiom F, Angle 6\n}\n", "'Axiom F' stands behind a comma", "a.l:2:9"),
     ] {
         let text = refused("a.l", file);
         assert!(text.contains("error[L061]") && text.contains(told) && text.contains(at), "{file}: {text}");
         assert!(!text.contains("Houdini") && !text.contains("L002"), "{file}: {text}");
+        assert!(!file.contains(',') || text.matches("error[").count() == 1, "{file}: {text}");
     }
     // Cameras of POV-Ray have an angle, too.
     assert_eq!(detect("a.pov", b"camera {\n angle 45\n}\n"), FileKind::Other);

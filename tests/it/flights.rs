@@ -499,6 +499,47 @@ fn a_fault_of_a_late_value_of_a_sweep_costs_no_run() {
     assert!(said.contains("; in the run with solid.0.at.2=2") && !said.contains("running"), "{said}");
 }
 
+/// The runs that were finished before a signal are whole rows, equal to those of a sweep of them alone.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_sweep_keeps_its_finished_runs() {
+    use rustix::process::{Pid, Signal, kill_process};
+    use std::io::{BufRead as _, BufReader};
+    let dir = tempfile::tempdir().expect("dir");
+    // A run has 24 frames; none of so many is the last when the signal comes.
+    let path = scene(dir.path(), "swept", &SCENE.replace("end = 48", "end = 24"));
+    let (path, out) = (path.to_str().expect("path"), dir.path().join("sweep"));
+    let bake = ["bake", path, "-o", out.to_str().expect("path"), "--progress", "json", "--seeds", "1-200"];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_osier"));
+    let mut child = command.args(bake).stderr(std::process::Stdio::piped()).spawn().expect("osier runs");
+    let mut lines = BufReader::new(child.stderr.take().expect("stderr")).lines().map(|line| line.expect("text"));
+    // The third run has begun when 50 frames are done.
+    let frames_done = |line: &str| {
+        let event: serde_json::Value = serde_json::from_str(line).expect("json");
+        if event["stage"] == "running" { event["done"].as_u64() } else { None }
+    };
+    let mut said: Vec<String> = Vec::new();
+    while said.last().and_then(|line| frames_done(line)).is_none_or(|done| done < 50) {
+        said.push(lines.next().expect("progress"));
+    }
+    kill_process(Pid::from_child(&child), Signal::INT).expect("signal");
+    said.extend(lines);
+    assert_eq!(child.wait().expect("ends").code(), Some(130), "{said:?}");
+    let text = std::fs::read_to_string(out.join("sweep.csv")).expect("table");
+    let done = text.lines().count() - 1;
+    assert!((2..200).contains(&done), "{text}");
+    let kept = format!("{done} of 200 runs, to the one with seed {done}; missing are those from seed {} on", done + 1);
+    assert!(said.iter().any(|line| line.contains(&kept)), "{said:?}");
+    let told: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("sweep.json")).expect("json")).expect("json");
+    let lengths = ["runs", "missing"].map(|name| told[name].as_array().expect("a list").len());
+    assert_eq!(lengths, [done, 200 - done]);
+    let (alone, seeds) = (dir.path().join("alone"), format!("1-{done}"));
+    let run = osier(&["bake", path, "-o", alone.to_str().expect("path"), "--seeds", &seeds]);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    assert_eq!(text, std::fs::read_to_string(alone.join("sweep.csv")).expect("table"));
+}
+
 /// Every choice of values with every seed is a row, that of a bake with the same; means go over the seeds.
 #[test]
 fn a_sweep_is_a_row_for_each_run() {

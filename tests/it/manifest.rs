@@ -104,6 +104,29 @@ fn keys_stand_in_order_and_sequences_are_grouped() {
     assert_eq!(m.materials[0].slots["color"], "textures/bark_color.png");
 }
 
+/// A plant has a bark, shoots and dead wood, whether they show or not.
+#[test]
+fn materials_that_nothing_has_are_left_out() {
+    let (mut scene, _) = synthetic::scene();
+    let names = |scene: &osier::scene::Scene| -> Vec<String> {
+        manifest::build(scene, &[], &[], &Settings::default()).materials.into_iter().map(|m| m.name).collect()
+    };
+    let all = names(&scene);
+    let unused = osier::scene::Material { name: "dead".into(), ..scene.materials[0].clone() };
+    scene.materials.insert(0, unused);
+    // All ids but that of the new material, which nothing has, are one higher.
+    for object in scene.assets.iter_mut().flat_map(|a| &mut a.meshes) {
+        object.mesh.subsets.iter_mut().for_each(|s| s.material += 1);
+    }
+    for prototype in scene.assets.iter_mut().flat_map(|a| &mut a.instancers).flat_map(|i| &mut i.prototypes) {
+        prototype.mesh.subsets.iter_mut().for_each(|s| s.material += 1);
+    }
+    scene.assets.iter_mut().flat_map(|a| &mut a.points).for_each(|p| p.material += 1);
+    scene.assets.iter_mut().flat_map(|a| &mut a.curves).for_each(|c| c.material += 1);
+    assert_eq!(names(&scene), all);
+    assert!(all.contains(&"water".to_owned()), "drops that only some frames have: {all:?}");
+}
+
 #[test]
 fn materials_of_colored_points_say_so() {
     let (mut scene, _) = synthetic::scene();

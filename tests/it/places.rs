@@ -7,6 +7,7 @@
     reason = "tests run the program and read its files, whose numbers are small and known"
 )]
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -17,7 +18,12 @@ use osier::scene::AssetKind;
 use serde_json::Value;
 
 use crate::common::grown;
+use crate::common::picture::vertex_colors_of_ply;
 use osier::bake::scene::SceneOptions;
+use osier::export::Exporter as _;
+use osier::export::file_target::FileTarget;
+use osier::export::ply::PlyExporter;
+use osier::files::Folder;
 use osier::recipe::{Library, Recipe, Request, resolve};
 
 /// A tree of a few hundred triangles.
@@ -599,4 +605,31 @@ fn pictures_of_files_that_name_a_material_alike_stay_apart() {
     assert_eq!(files, ["textures/wall_color.png", "textures/wall_color_2.png", "textures/wall_color.png"]);
     let color = |file: &str| image::open(out.join(file)).expect("png").to_rgb8().get_pixel(0, 0).0;
     assert_eq!([color(files[0]), color(files[1])], [[200, 20, 20], [20, 20, 200]]);
+}
+
+/// PLY has no textures: the vertices of a terrain have the colours of its picture, also of a grey one.
+#[test]
+fn vertices_of_a_terrain_have_the_colors_of_its_picture() {
+    let dir = tempfile::tempdir().expect("dir");
+    let color = |x: u32, y: u32| Rgb([40 + 50 * x as u8, 10 + 60 * y as u8, 90]);
+    ImageBuffer::<Rgb<u8>, Vec<u8>>::from_fn(4, 4, color).save(dir.path().join("land.png")).expect("png");
+    let grey = |x: u32, y: u32| Luma([20 + 50 * x as u8 + 10 * y as u8]);
+    ImageBuffer::<Luma<u8>, Vec<u8>>::from_fn(4, 4, grey).save(dir.path().join("grey.png")).expect("png");
+    let pixels = || (0..4).flat_map(|x| (0..4).map(move |y| (x, y)));
+    let pictured =
+        [pixels().map(|(x, y)| color(x, y).0).collect(), pixels().map(|(x, y)| [grey(x, y).0[0]; 3]).collect()];
+    for (picture, pictured) in ["land.png", "grey.png"].into_iter().zip(pictured) {
+        let text = format!("{TREE}[terrain]\nsubdivisions = 4\nsize = 40\ntexture = \"{picture}\"\n");
+        let built = grown::stage(&recipe(dir.path(), &text), SceneOptions::default());
+        // `osier grow` leaves the ground out; a caller of the library may write the whole scene.
+        let folder = Folder::memory();
+        let mut ply = PlyExporter::new(folder.clone(), FileTarget::Single("land.ply".into()));
+        ply.begin(&built.animated.scene).expect("written");
+        ply.finish().expect("finished");
+        let found = vertex_colors_of_ply(&folder.take("land.ply").expect("ply"));
+        let pictured: BTreeSet<[u8; 3]> = pictured;
+        // The tree adds a colour or two of its own.
+        assert!(found.intersection(&pictured).count() > 10, "{picture}: {found:?}");
+        assert!(found.difference(&pictured).count() < 6, "{picture}: {found:?}");
+    }
 }

@@ -110,6 +110,27 @@ fn leaves_without_maps_tell_their_wetness() {
     assert!(told.iter().all(|w| (0.3..0.9).contains(w)), "{told:?}");
 }
 
+/// Wet leaves keep the materials of their payload; those of its other prims, which share the materials of the scene, are inactive.
+#[test]
+fn a_stage_composes_no_material_without_a_prim() {
+    let dir = tempfile::tempdir().expect("dir");
+    let out = dir.path().join("out");
+    let set = ["--set", "frames.end=2", "--set", "maps.resolution=64", "--formats", "usd"];
+    ends(0, &[&["-q", "bake", "wet-leaf", "-o", arg(&out)], &set[..]].concat());
+    let stage = fs::read_to_string(out.join("wet_leaf.usda")).expect("stage");
+    for material in ["leaf_leaf", "leaf_shoot", "level_leaf", "level_shoot"] {
+        let head = stage.split(&format!("over \"{material}\"")).nth(1).and_then(|rest| rest.split('{').next());
+        assert!(head.is_some_and(|head| head.contains("active = false")), "{material}: {stage}");
+    }
+    assert!(!stage.contains("over \"leaf_l0000\""), "{stage}");
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("JSON");
+    let names: Vec<&str> =
+        manifest["materials"].as_array().expect("a list").iter().map(|m| m["name"].as_str().expect("name")).collect();
+    // No axis is thick enough for a bark.
+    assert!(names.contains(&"leaf_shoot") && names.contains(&"water") && !names.contains(&"leaf_bark"), "{names:?}");
+}
+
 /// A wet leaf keeps its own colour, roughness and relief under a film of water, as far as Blender reads USD; drops refract.
 #[test]
 fn blender_sees_a_film_of_water_on_wet_leaves() {

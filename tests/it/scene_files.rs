@@ -268,6 +268,29 @@ fn values_that_miss_by_little_are_told_what_to_write() {
     }
 }
 
+/// Each message has the place of the fault and says what to write.
+#[test]
+fn frequent_slips_are_told_with_place_and_mend() {
+    let oak = "[plants.a]\nspecies = \"oak\"\n";
+    for (more, place, told) in [
+        ("[[plants.a.prune]]\nyear = 3\nsolid = \"wall\"\n", "5:9", "give a [[solid]] this name"),
+        ("season = [\"11-01\"]\n", "3:10", "has 1 value, but must have 2"),
+        ("twigs = \"oak.species\"\n", "3:9", "has another ending than .shapes"),
+        ("[plants.b]\nspecies = \"\"\n", "4:11", "plants.b.species is empty"),
+        ("[plants.a.organs.leafy]\nsize = 1\n", "3:18", "not one letter"),
+        ("[place]\nplant = \"a\"\n", "3:1", "two pairs of brackets begin one of several"),
+        ("[wind]\nspeed = \"fast\"\n", "4:9", "write a number; `osier list options wind.speed` shows"),
+        ("species = \"ash\"\n", "3:1", "leave out one of the two"),
+    ] {
+        let said = read(&format!("{oak}{more}"), &[]).expect_err(more);
+        assert!(said.contains(told) && said.contains(&format!("scenes/test.toml:{place}")), "{more}: {said}");
+    }
+    let said = read("[[plants]]\nspecies = \"oak\"\n", &[]).expect_err("a list");
+    assert!(said.contains("write one pair of brackets: [plants], or [plants.NAME]"), "{said}");
+    let said = read("[plants.a]\ngrammar = \"oak.l\"\nset = { CROOK = \"x\" }\n", &[]).expect_err("a text");
+    assert!(said.contains("write a number without quotes") && said.contains(":3:17"), "{said}");
+}
+
 #[test]
 fn numbers_with_units_are_told_to_stand_alone() {
     for value in ["10 km/h", "10km/h", "-1.5 m/s", "2,5m"] {

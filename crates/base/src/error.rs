@@ -11,7 +11,7 @@ pub enum Error {
     #[error("{0}")]
     Input(Box<Report>),
     /// A system call on a file or folder failed.
-    #[error("cannot {action} \"{}\": {source}", path.display())]
+    #[error("cannot {action} \"{}\": {source}{}", path.display(), io_remedy(action, source))]
     Io {
         /// What was attempted, as a verb: "open", "write", "rename".
         action: &'static str,
@@ -147,6 +147,20 @@ fn remedies(flag: &str, help: &str) -> String {
     }
 }
 
+/// Clause of a message about a failed system call: what the user can do about it; empty where nothing is known.
+fn io_remedy(action: &str, source: &std::io::Error) -> &'static str {
+    use std::io::ErrorKind as K;
+    let reads = matches!(action, "open" | "read");
+    match source.kind() {
+        K::PermissionDenied if reads => "; allow yourself to read it, or name a copy that you may read",
+        K::PermissionDenied => "; allow yourself to write there, or choose another folder with -o",
+        K::ReadOnlyFilesystem => "; choose a folder on another disk with -o",
+        K::StorageFull | K::QuotaExceeded => "; free some space, or choose a folder on another disk with -o",
+        K::NotADirectory if !reads => "; choose another folder with -o",
+        _ => "",
+    }
+}
+
 /// 1 for an absent input, 75 (EX_TEMPFAIL) for errors that may pass, 74 (EX_IOERR) for the others; see sysexits.h.
 fn io_code(action: &str, source: &std::io::Error) -> u8 {
     match source.kind() {
@@ -190,6 +204,22 @@ mod tests {
         assert_eq!(told("--max-points", "use fewer"), both);
         assert_eq!(told("--max-points", ""), "points would be 9, the limit is 8; raise it with --max-points");
         assert_eq!(told("", "use fewer"), "points would be 9, the limit is 8; use fewer");
+    }
+
+    #[test]
+    fn failed_calls_tell_a_remedy() {
+        use std::io::ErrorKind as K;
+        let told = |action, kind: K| Error::io(action, "out/oak.glb", kind.into()).to_string();
+        let denied = told("create", K::PermissionDenied);
+        assert!(
+            denied.starts_with("cannot create \"out/oak.glb\": permission denied; allow yourself to write"),
+            "{denied}"
+        );
+        assert!(told("open", K::PermissionDenied).ends_with("that you may read"), "{denied}");
+        for kind in [K::PermissionDenied, K::ReadOnlyFilesystem, K::StorageFull, K::QuotaExceeded, K::NotADirectory] {
+            assert!(told("write", kind).ends_with("with -o"), "{kind:?}");
+        }
+        assert_eq!(told("open", K::NotFound), "cannot open \"out/oak.glb\": entity not found");
     }
 
     #[test]

@@ -460,14 +460,18 @@ fn mesh_colors(mesh: &Mesh, materials: &[Material], images: &[Image], rank: &BTr
 /// the mean of its texture, which says more than single texels do of a fine pattern.
 fn sole_texture<'a>(materials: &[Material], images: &'a [Image], id: u32) -> Option<&'a Image> {
     let material = materials.get(id as usize).filter(|m| m.base_color.iter().all(|c| *c >= 1.0))?;
-    images.get(material.maps.color? as usize).filter(|image| image.channels >= 3)
+    images.get(material.maps.color? as usize)
 }
 
-/// Linear colour of an image at texture coordinates; `None` for one of 16 bits.
+/// Linear colour of an image at texture coordinates; `None` for one of 16 bits. An image of one or two channels is grey.
 fn linear_texel(image: &Image, uv: Vec2) -> Option<[f32; 3]> {
     let Pixels::U8(samples) = &image.pixels else { return None };
-    let first = pixel_at(uv, [image.width, image.height]) * usize::from(image.channels);
-    let texel: [u8; 3] = samples.get(first..first + 3)?.try_into().ok()?;
+    let channels = usize::from(image.channels);
+    let first = pixel_at(uv, [image.width, image.height]) * channels;
+    let texel: [u8; 3] = match channels {
+        1 | 2 => [*samples.get(first)?; 3],
+        _ => samples.get(first..first + 3)?.try_into().ok()?,
+    };
     Some(texel.map(|c| linear_from_srgb(f32::from(c) / 255.0)))
 }
 
@@ -514,6 +518,9 @@ mod tests {
         let colors = |base| mesh_colors(&mesh, &[material(base)], std::slice::from_ref(&image), &BTreeMap::new());
         assert_eq!(colors([1.0; 3]), [[255, 0, 0, 255], [0, 0, 255, 255], [0, 128, 0, 255]]);
         assert_eq!(colors([0.0, 1.0, 0.0]), [[0, 255, 0, 255]; 3]);
+        let grey = Image { channels: 1, pixels: Pixels::U8(vec![10, 20, 30, 40]), ..image.clone() };
+        let greys = mesh_colors(&mesh, &[material([1.0; 3])], &[grey], &BTreeMap::new());
+        assert_eq!(greys, [[10, 10, 10, 255], [20, 20, 20, 255], [30, 30, 30, 255]]);
     }
 
     #[test]

@@ -164,6 +164,42 @@ impl Scene {
         [0, 1, 2].map(|k| osier_base::math::narrow(f64::from(material.base_color[k]) * mean[k]))
     }
 
+    /// Whether each material is on some surface, point or curve of an asset at any frame, parallel to [`Scene::materials`]. A plant without
+    /// thick axes has a bark all the same, and one that lives a material of dead wood.
+    pub fn used_materials(&self) -> Vec<bool> {
+        let mut used = vec![false; self.materials.len()];
+        let mut mark = |id: MaterialId| {
+            if let Some(flag) = used.get_mut(id as usize) {
+                *flag = true;
+            }
+        };
+        let mark_mesh = |mesh: &Mesh, mark: &mut dyn FnMut(MaterialId)| {
+            mesh.subsets.iter().for_each(|subset| mark(subset.material));
+        };
+        // Plants have their meshes once more with other joints, and prototypes at other levels of detail.
+        let rigged = || self.assets.iter().filter_map(|a| a.rigged.as_deref());
+        let objects = self.assets.iter().flat_map(|a| &a.meshes).chain(rigged().flat_map(|r| &r.meshes));
+        objects.for_each(|object| mark_mesh(&object.mesh, &mut mark));
+        let instancers = self.assets.iter().flat_map(|a| &a.instancers).chain(rigged().flat_map(|r| &r.instancers));
+        for prototype in instancers.flat_map(|i| &i.prototypes).flat_map(|p| std::iter::once(p).chain(&p.others)) {
+            mark_mesh(&prototype.mesh, &mut mark);
+            if let Some(fine) = &prototype.fine {
+                mark_mesh(&fine.mesh, &mut mark);
+                mark(fine.curves.material);
+            }
+        }
+        for asset in &self.assets {
+            asset.points.iter().for_each(|points| mark(points.material));
+            asset.curves.iter().for_each(|curves| mark(curves.material));
+        }
+        // A mesh that frames replace is one of water, which may have no drop at rest.
+        let is_replaced = self.assets.iter().flat_map(|a| &a.meshes).any(|m| m.motion == MeshMotion::Varying);
+        for (flag, material) in used.iter_mut().zip(&self.materials) {
+            *flag |= is_replaced && material.class == MaterialClass::Water;
+        }
+        used
+    }
+
     /// Whether the texture coordinates of a face with the material are farther than 0.01 outside of the square from 0 to 1, so that
     /// the face shows a repeat of its textures.
     pub fn repeats_textures(&self, id: MaterialId) -> bool {

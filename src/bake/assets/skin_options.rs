@@ -1,6 +1,7 @@
 //! Options of the bark's mesh, and the indices of its two materials.
 
 use crate::bake::BakeContext;
+pub use crate::recipe::scene::SHOOT_RADIUS;
 use crate::recipe::scene::{BarkUv, SkinKeys};
 use osier_plants::surface::{SkinOptions, UvMode};
 
@@ -8,8 +9,6 @@ use osier_plants::surface::{SkinOptions, UvMode};
 pub const BARK: u16 = 0;
 /// Index of the material of thin axes (shoots) in the list of a plant.
 pub const SHOOT: u16 = 1;
-/// Axes whose radius at the base is below this have the shoot material, m.
-pub const SHOOT_RADIUS: f32 = 0.008;
 
 /// Radius below which axes of a species that grows over the clip are cones, m, without its key. Own: nine tenths of an oak's axes, whose
 /// points would be nine tenths of every frame; from twenty metres on they are thinner than a pixel.

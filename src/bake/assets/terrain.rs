@@ -130,7 +130,8 @@ fn terrain_materials(terrain: &Terrain, recipe: &TerrainRecipe, seed: u64) -> Re
     if let Some(picture) = &recipe.texture {
         let mut image = picture.clone();
         image.name = format!("{NAME}_color");
-        let plain = Material::plain(NAME.into(), MaterialClass::Ground, [0.5; 3], TEXTURED_ROUGHNESS);
+        // White, as of imported meshes: PLY then takes the colours of vertices from the picture.
+        let plain = Material::plain(NAME.into(), MaterialClass::Ground, [1.0; 3], TEXTURED_ROUGHNESS);
         let maps = Maps { color: Some(0), ..plain.maps };
         set.add(Material { tile: terrain.size[0], maps, ..plain }, vec![image])?;
         return Ok(set);

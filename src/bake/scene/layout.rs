@@ -55,7 +55,8 @@ pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<Scene
     if beyond > 0 {
         let text = format!("{beyond} plants of [[place]] stand beyond the edge of the terrain or over a hole in it");
         let help = "move them, or make the terrain larger; they stand at the height of its nearest edge";
-        report.push(Diagnostic::about("S037", text).help(help));
+        let d = Diagnostic::about("S037", text).help(help);
+        report.extend(recipe.places_of_keys.report_at("place", d, "these plants"));
     }
     scatter::scatter_plants(recipe, &land, &mut layout, context, &mut report)?;
     name_assets(recipe, &mut layout);

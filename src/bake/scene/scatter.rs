@@ -58,10 +58,12 @@ pub(crate) fn scatter_plants(
         // A density or a largest number of 0 asks for none.
         if spots.is_empty() && recipe_entry.keys.max_count > 0 && recipe_entry.keys.density > 0.0 {
             let help = "its altitude, slope, disc and mask allow none, or earlier plants are too near everywhere";
-            report.push(Diagnostic::about("S007", format!("scatter.{entry} places no plant")).help(help));
+            let d = Diagnostic::about("S007", format!("scatter.{entry} places no plant")).help(help);
+            report.extend(recipe.places_of_keys.report_at(&format!("scatter.{entry}"), d, "no plant"));
         }
         let count = layout.instances.len().saturating_add(spots.len());
-        context.limits.check("instances", count as u64, "the number of placements")?;
+        let placed = context.limits.check("instances", count as u64, "the number of placements");
+        placed.map_err(|e| recipe.places_of_keys.limit_at(&format!("scatter.{entry}.density"), e))?;
         // Individuals of each plant, as indices into the layout's.
         let mut grown: Vec<Vec<usize>> = Vec::new();
         for (plant, _) in &recipe_entry.plants {

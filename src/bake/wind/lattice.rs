@@ -153,7 +153,8 @@ impl LatticePlan {
 }
 
 /// Warning S034 if land within the box of a lattice lies more than a cell below its base, under which there is no air.
-pub fn report_land_below_lattice(options: &LatticeOptions, land: &LandForm, report: &mut Report) {
+pub fn report_land_below_lattice(recipe: &Recipe, land: &LandForm, report: &mut Report) {
+    let options = recipe.lattice_options();
     let [x, _, z] = options.cells.map(|n| f64::from(n) * options.spacing);
     let (base, spacing) = (options.base_center, options.spacing);
     let along = |size: f64, n: u32, middle: f64| (0..=n).map(move |i| middle - size / 2.0 + f64::from(i) * spacing);
@@ -168,7 +169,8 @@ pub fn report_land_below_lattice(options: &LatticeOptions, land: &LandForm, repo
             base.y
         );
         let help = format!("set the second number of wind.lattice.at to {:.1}, and add cells upwards", lowest.floor());
-        report.push(Diagnostic::about("S034", text).help(help));
+        let d = Diagnostic::about("S034", text).help(help);
+        report.extend(recipe.places_of_keys.report_at("wind.lattice.at", d, "the base of this box"));
     }
 }
 

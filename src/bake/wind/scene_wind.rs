@@ -107,7 +107,7 @@ impl SceneWind {
         };
         let uses_lattice = full.unwrap_or(recipe).has_lattice_wind() && recipe.wind.blows();
         if let Some(land) = surroundings.land.as_ref().filter(|_| uses_lattice && !needs.is_empty()) {
-            report_land_below_lattice(&full.unwrap_or(recipe).lattice_options(), land, report);
+            report_land_below_lattice(full.unwrap_or(recipe), land, report);
         }
         let scale = narrow(recipe.wind.scale);
         let mut winds = analytic_winds(recipe, surroundings.land.as_ref());

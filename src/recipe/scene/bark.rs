@@ -9,6 +9,9 @@ use crate::recipe::syntax::{choices, keys};
 /// Words that listings show in place of a default that the key `kind` decides.
 const KIND: &str = "by kind";
 
+/// Radius at the base, m, below which axes have the bark of `[plants.NAME.shoot]`. Own: about the width of a pencil.
+pub const SHOOT_RADIUS: f32 = 0.008;
+
 choices! {
     /// Pattern of the procedural bark.
     BarkKind {

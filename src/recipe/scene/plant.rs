@@ -427,6 +427,11 @@ impl Resolver<'_> {
             }
             (None, None) if keys.species.is_some() => {
                 let reference = keys.species.as_ref()?;
+                if reference.text.is_empty() {
+                    let d = Diagnostic::error("S005", format!("{path}.species is empty"), reference.span, "no species");
+                    self.report.push(d.help("name a preset, such as species = \"oak\", or a file; `osier list species` lists those in the program"));
+                    return None;
+                }
                 // The ending may be left out: species = "oak".
                 let is_named = self.request.bare.is_some() && reference.text.contains('.');
                 let has_ending = is_named || reference.text.to_ascii_lowercase().ends_with(".species");
@@ -794,7 +799,7 @@ impl Resolver<'_> {
                             "S003",
                             format!("organ \"{}\" is not a single letter", e.key),
                             e.key_span,
-                            "",
+                            "not one letter",
                         );
                         self.report.push(d.help("organs are named by the one letter that follows '~' in the grammar"));
                     }

@@ -154,7 +154,8 @@ impl ValueType for SeasonType {
         match list.as_slice() {
             [first, last] => Ok(SeasonSpan { first: Self::time(name, first)?, last: Self::time(name, last)? }),
             _ => {
-                let text = format!("{name} has {} values, but must have 2", list.len());
+                let values = if list.len() == 1 { "value" } else { "values" };
+                let text = format!("{name} has {} {values}, but must have 2", list.len());
                 let d = Diagnostic::error("S003", text, node.span, "two seasons");
                 Err(Box::new(d.help("write the seasons of the first and the last frame, or one season without a list")))
             }

@@ -431,7 +431,7 @@ impl Resolver<'_> {
                 }
             } else if !keys.solid.is_empty() && !self.solid_names.contains(&keys.solid) {
                 let text = format!("[{path}] names the solid \"{}\", which the scene does not have", keys.solid);
-                let d = Diagnostic::error("S005", text, node.span, "unknown solid");
+                let d = Diagnostic::error("S005", text, self.place_of(table, &["solid"]), "unknown solid");
                 self.report.push(match nearest(&keys.solid, self.solid_names.iter().map(String::as_str)) {
                     Some(near) => d.help(format!("did you mean \"{near}\"?")),
                     None => d.help("give a [[solid]] this name"),

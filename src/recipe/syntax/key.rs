@@ -231,7 +231,15 @@ pub fn wrong(name: &str, node: &TomlNode, wanted: &str) -> Fault {
         TomlValue::Table(table) if wanted.starts_with("a list: ") && has_only_indices(table) => d.help(format!(
             "an override changes elements that the scene has; give the whole list: --set '{name}=[{{ KEY = VALUE }}]'"
         )),
-        _ => d.help("`osier list options` shows every key with type and default"),
+        TomlValue::List(_) if wanted == "a table" && !name.contains('.') => {
+            d.help(format!("write one pair of brackets: [{name}], or [{name}.NAME] for one of several"))
+        }
+        TomlValue::Table(_) if wanted.starts_with("a list: write ") => {
+            d.help("two pairs of brackets begin one of several such tables, even if there is only one")
+        }
+        // Names of #defines are no keys of the listing.
+        _ if name.contains(".set.") => d.help(format!("write {wanted} without quotes")),
+        _ => d.help(format!("write {wanted}; `osier list options {name}` shows what the key takes, and its default")),
     })
 }
 

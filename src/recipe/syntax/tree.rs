@@ -127,6 +127,9 @@ fn syntax_help(message: &str, name: &str) -> &'static str {
     if message.contains("escaped value") || message.contains("unicode") {
         return "in \"quotes\" a backslash begins an escape: write '/' between folders, or the text in 'single quotes'";
     }
+    if message.starts_with("duplicate key") {
+        return "a key stands once in a table, and a table once in a scene: leave out one of the two; of several plants each has a name of its own";
+    }
     // `5cm`, `0,5`, `(1, 2, 3)`, `yes`.
     if message.starts_with("string values must be quoted") || message.starts_with("unexpected key or value") {
         return "write texts in \"quotes\", numbers as 0.5 and without a unit, lists as [1, 2, 3], and true or false";

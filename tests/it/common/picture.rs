@@ -1,8 +1,13 @@
 //! What a rendered picture holds: tests ask it instead of looking at it.
 #![allow(dead_code, reason = "each test file uses its own share")]
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small test numbers")]
-#![allow(clippy::disallowed_methods, reason = "a test may compute as it likes")]
+#![allow(
+    clippy::expect_used,
+    clippy::disallowed_methods,
+    reason = "a test fails by panicking and computes as it likes"
+)]
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use glam::Vec3;
@@ -28,6 +33,20 @@ pub struct Rect {
 /// Brightness of a stored colour.
 pub fn luma(c: [f32; 3]) -> f32 {
     0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]
+}
+
+/// The colours of the vertices of a PLY, which come last in their rows: four bytes after numbers of four bytes each.
+pub fn vertex_colors_of_ply(bytes: &[u8]) -> BTreeSet<[u8; 3]> {
+    let end = b"end_header\n";
+    let start = bytes.windows(end.len()).position(|w| w == end).expect("a header") + end.len();
+    let header = String::from_utf8_lossy(&bytes[..start]).into_owned();
+    let of_vertices = header.split("element face").next().expect("vertices");
+    let count = of_vertices.lines().find_map(|l| l.strip_prefix("element vertex ")).expect("vertices");
+    let count: usize = count.parse().expect("a number");
+    let row = 4 * of_vertices.matches("property float").count() + 4;
+    assert_eq!(of_vertices.matches("property uchar").count(), 4, "{header}");
+    let rows = bytes[start..start + count * row].chunks(row);
+    rows.map(|v| [v[row - 4], v[row - 3], v[row - 2]]).collect()
 }
 
 impl Picture {

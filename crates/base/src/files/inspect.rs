@@ -43,7 +43,7 @@ pub fn list_files(root: &Path) -> Result<Vec<String>> {
 /// Succeeds if a folder can be made or written at `root`, of which nothing need exist; makes nothing. It is for work that takes long
 /// before it writes, which may still fail then.
 /// # Errors
-/// `Io` if a part of the path is a file, or if the system forbids this process to write there.
+/// `Io` if a part of the path is a file, or if the system forbids this process to write there; its message names that file or folder.
 /// # Examples
 /// ```
 /// let here = std::env::temp_dir();
@@ -53,18 +53,27 @@ pub fn check_writable(root: &Path) -> Result<()> {
     // The parent of a bare name is the current folder, which `ancestors` spells as an empty path.
     let named = |path: &Path| -> PathBuf { if path.as_os_str().is_empty() { ".".into() } else { path.into() } };
     let Some(nearest) = root.ancestors().map(named).find(|path| path.exists()) else { return Ok(()) };
+    // The message names the part of the path that is in the way, which may be far above `root`.
+    let failed = |kind: io::ErrorKind, why: &str| {
+        if nearest == named(root) && nearest.is_dir() {
+            return Error::io("write to", nearest.as_path(), kind.into());
+        }
+        Error::io("create", root, io::Error::new(kind, format!("{why} \"{}\"", nearest.display())))
+    };
     if !nearest.is_dir() {
-        return Err(Error::io("create", root, io::ErrorKind::NotADirectory.into()));
+        return Err(failed(io::ErrorKind::NotADirectory, "not a directory:"));
     }
     #[cfg(unix)]
     {
         use rustix::fs::{Access, access};
         use rustix::io::Errno;
         // Other errors are left to the write itself, which may succeed where the question has no answer.
-        if let Err(denied @ (Errno::ACCESS | Errno::ROFS)) =
-            access(nearest.as_path(), Access::WRITE_OK | Access::EXEC_OK)
-        {
-            return Err(Error::io("create", root, denied.into()));
+        match access(nearest.as_path(), Access::WRITE_OK | Access::EXEC_OK) {
+            Err(Errno::ACCESS) => {
+                return Err(failed(io::ErrorKind::PermissionDenied, "you have no permission to write in"));
+            }
+            Err(Errno::ROFS) => return Err(failed(io::ErrorKind::ReadOnlyFilesystem, "read-only disk:")),
+            _ => {}
         }
     }
     Ok(())
@@ -100,5 +109,38 @@ fn open_below(root: &Path, relative: &str) -> Result<Option<fs::File>> {
         // A link, a folder or a device in its place counts as an absent file.
         Err(_) if !fs::symlink_metadata(&path).is_ok_and(|m| m.is_file()) => Ok(None),
         Err(e) => Err(Error::io("open", path, e)),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::disallowed_methods, reason = "tests look at the disk themselves")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_part_of_a_path_that_is_in_the_way_is_named() {
+        let dir = tempfile::tempdir().expect("dir");
+        let wall = dir.path().join("wall");
+        fs::write(&wall, "a file").expect("write");
+        let said = check_writable(&wall.join("a/b")).expect_err("a file").to_string();
+        let ending = format!(": not a directory: \"{}\"; choose another folder with -o", wall.display());
+        assert!(said.starts_with("cannot create ") && said.ends_with(&ending), "{said}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn folders_that_may_not_be_written_are_told_with_what_to_do() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let dir = tempfile::tempdir().expect("dir");
+        let closed = dir.path().join("closed");
+        fs::create_dir(&closed).expect("folder");
+        fs::set_permissions(&closed, fs::Permissions::from_mode(0o555)).expect("permissions");
+        // The superuser may write everywhere, so that nothing can be tested.
+        let Err(denied) = check_writable(&closed) else { return };
+        let (closed, below) = (closed.display(), check_writable(&closed.join("a")).expect_err("denied").to_string());
+        let remedy = "allow yourself to write there, or choose another folder with -o";
+        assert_eq!(denied.to_string(), format!("cannot write to \"{closed}\": permission denied; {remedy}"));
+        let why = format!("you have no permission to write in \"{closed}\"; {remedy}");
+        assert!(below.starts_with("cannot create ") && below.ends_with(&why), "{below}");
     }
 }

@@ -73,7 +73,7 @@ pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings
         view: Some(view_entry(scene, &paths, settings)),
         assets: scene.assets.iter().map(|a| asset_entry(scene, a, &paths)).collect(),
         places: places_entry(scene, &paths),
-        materials: (0..).zip(&scene.materials).map(|(id, m)| material_entry(scene, id, m, [&paths, &maps])).collect(),
+        materials: material_entries(scene, [&paths, &maps]),
         files: Vec::new(),
         bake_hash: String::new(),
         warnings: warnings.iter().map(|w| WarningEntry { code: w.code.into(), message: w.message.clone() }).collect(),
@@ -199,6 +199,12 @@ fn has_vertex_colors(scene: &Scene, id: MaterialId) -> bool {
     let clouds = scene.assets.iter().flat_map(|a| &a.points).filter(|p| p.material == id).map(|p| p.colors.is_empty());
     let mut plain = meshes.chain(clouds).peekable();
     plain.peek().is_some() && !plain.any(|is_plain| is_plain)
+}
+
+/// The materials that something in the scene has; `files`: the two lists of [`material_entry`].
+fn material_entries(scene: &Scene, files: [&[&str]; 2]) -> Vec<MaterialEntry> {
+    let all = (0..).zip(&scene.materials).zip(scene.used_materials()).filter(|(_, is_used)| *is_used);
+    all.map(|((id, material), _)| material_entry(scene, id, material, files)).collect()
 }
 
 /// `paths`: of all files, and `maps`: of those that can be maps of a material.

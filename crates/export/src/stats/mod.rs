@@ -24,7 +24,7 @@ mod plot;
 mod sweep;
 
 pub use maps::MapStatistics;
-pub use sweep::{Mean, Run, Spread, Sweep};
+pub use sweep::{Mean, MissingRun, Run, Spread, Sweep};
 
 use std::fmt::Write as _;
 use std::sync::Arc;

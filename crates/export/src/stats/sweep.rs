@@ -23,8 +23,19 @@ pub struct Sweep {
     pub outcome: Vec<String>,
     /// In the order in which they were simulated.
     pub runs: Vec<Run>,
+    /// Runs that an interruption or an error has kept from being simulated, in their order; empty for a whole sweep.
+    pub missing: Vec<MissingRun>,
     /// Maps at the last frame over the seeds, for each choice of values in the order of [`Sweep::means`].
     pub maps: Vec<Vec<MapStatistics>>,
+}
+
+/// A run of a sweep that was not simulated.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MissingRun {
+    /// A value for each of [`Sweep::keys`], in their order, as it would be written into the scene.
+    pub values: Vec<String>,
+    /// Seed of the run.
+    pub seed: u64,
 }
 
 /// One simulation of a sweep: its parameters and the summary of its results.
@@ -217,10 +228,16 @@ impl Sweep {
                 names.zip(m.outcome.iter().map(|s| s.as_ref().map_or(Value::Null, spread))).collect();
             json!({ "values": values(&m.values), "runs": m.count, "outcome": outcome })
         };
-        json!({
+        let mut told = json!({
             "title": self.title, "keys": self.keys, "runs": self.runs.iter().map(run).collect::<Vec<_>>(),
             "means": self.means().iter().map(mean).collect::<Vec<_>>(),
-        })
+        });
+        // Only a part of a sweep has this field.
+        if !self.missing.is_empty() {
+            let row = |m: &MissingRun| json!({ "values": values(&m.values), "seed": m.seed.to_string() });
+            told["missing"] = self.missing.iter().map(row).collect();
+        }
+        told
     }
 
     /// A panel for each column of the outcome, over the first key, with a line for each choice of the other keys.
@@ -300,8 +317,18 @@ mod tests {
                 run(["0.5", "0.5"], 1, 20.0),
                 run(["0.5", "[1, 2]"], 1, 4.0),
             ],
+            missing: Vec::new(),
             maps: Vec::new(),
         }
+    }
+
+    #[test]
+    fn a_part_of_a_sweep_lists_the_runs_that_it_lacks() {
+        let mut part = sweep();
+        assert_eq!(part.json().get("missing"), None);
+        part.missing.push(MissingRun { values: vec!["3".into(), "0.5".into()], seed: 7 });
+        let wanted = json!([{ "values": { "solid.0.size.1": "3", "flight.humidity": "0.5" }, "seed": "7" }]);
+        assert_eq!(part.json()["missing"], wanted);
     }
 
     #[test]

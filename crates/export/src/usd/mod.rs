@@ -477,10 +477,23 @@ fn rebind_materials(
     let own = |b: &MaterialBinding| {
         b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.coat.is_some())
     };
-    if !bindings.is_empty() && !bindings.iter().any(own) {
-        // No prim is bound to the materials of the payload any more, so they need not be composed.
+    // Materials of the payload that none of its prims is bound to any more need not be composed.
+    let kept: BTreeSet<u32> = bindings.iter().filter(|b| own(b)).map(|b| b.material).collect();
+    let inactive = |layer: &mut LayerBuilder, path: &str| {
         let meta = PrimMetadata { over: true, inactive: true, ..PrimMetadata::default() };
-        layer.writer.define_prim(&format!("{path}/mtl"), "", &meta)?;
+        layer.writer.define_prim(path, "", &meta)
+    };
+    let scope = format!("{path}/mtl");
+    if kept.is_empty() && !bindings.is_empty() {
+        inactive(layer, &scope)?;
+    } else if bindings.iter().any(|b| !kept.contains(&b.material)) {
+        layer.writer.define_prim(&scope, "", &PrimMetadata { over: true, ..PrimMetadata::default() })?;
+        let mut unused: Vec<u32> = bindings.iter().map(|b| b.material).filter(|m| !kept.contains(m)).collect();
+        unused.sort_unstable();
+        unused.dedup();
+        for name in unused.iter().filter_map(|m| Some(&cx.scene.materials.get(*m as usize)?.name)) {
+            inactive(layer, &format!("{scope}/{}", safe_name(name)))?;
+        }
     }
     // Bindings share ancestors, each of which is defined once.
     let mut defined = BTreeSet::new();

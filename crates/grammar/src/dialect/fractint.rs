@@ -36,14 +36,27 @@ impl Entry<'_> {
         !self.is_comment() && self.lines.iter().any(|l| value_of(*l, "axiom").is_some())
     }
 
-    /// True for an entry with an axiom, or with an angle, so that a missing axiom is reported; any other entry is text.
+    /// True for an entry with an axiom, or with an angle, so that a missing axiom is reported; any other entry is text. Items between
+    /// commas count, too, so that the commas are reported.
     fn is_system(&self) -> bool {
-        self.has_axiom() || !self.is_comment() && self.lines.iter().any(|l| is_angle(*l))
+        let is_mark = |item: Piece<'_>| is_angle(item) || value_of(item, "axiom").is_some();
+        !self.is_comment() && self.lines.iter().flat_map(|l| between_commas(*l)).any(is_mark)
     }
 
     fn is_comment(&self) -> bool {
         self.name.text.eq_ignore_ascii_case("comment")
     }
+}
+
+/// The parts of a line between its commas, trimmed. In a rule a comma is a symbol without meaning.
+fn between_commas(line: Piece<'_>) -> impl Iterator<Item = Piece<'_>> {
+    let mut rest = Some(line);
+    std::iter::from_fn(move || {
+        let now = rest?;
+        let part = now.before(',');
+        rest = (part.text.len() < now.text.len()).then(|| now.from(part.text.len() + 1));
+        Some(part.trimmed())
+    })
 }
 
 /// The first word of a line, which a blank or `=` ends, and the value after it and an optional `=`.
@@ -282,6 +295,12 @@ impl System<'_, '_> {
         if line.text.chars().count() > MAX_COLUMNS {
             let message = format!("line of more than {MAX_COLUMNS} columns, of which Fractint reads no more");
             self.limit(message, line, "osier reads all of it; give parts of it a symbol of their own");
+        }
+        if let Some(second) = between_commas(line).skip(1).find(|item| is_item(*item)) {
+            let message = format!("'{}' stands behind a comma, on the line of another item", second.text);
+            self.error(message, second, "write each item on a line of its own, without commas between them");
+            // Each is read, so that none is reported as missing.
+            return between_commas(line).for_each(|item| self.line(item));
         }
         let (word, rest) = word_and_value(line);
         if word.text.is_empty() {

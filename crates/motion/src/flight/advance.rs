@@ -72,7 +72,7 @@ impl FlightSimulation {
             return;
         }
         let leaving = WindRelease { rate: self.options.release_rate, speed: self.options.release_speed };
-        let dt = self.options.time_step();
+        let dt = self.time_step();
         // The wind is sampled only at ripe catkins that wait for it; releases by time need none.
         let due = |c: &Catkin| match c.wait {
             ReleaseCondition::Until(when) => t >= when,
@@ -95,8 +95,8 @@ impl FlightSimulation {
 
     /// Advances airborne singles and deposits those that touch a surface.
     pub(super) fn advance_singles(&mut self, wind: &dyn Wind, t: f64) {
+        let dt = self.time_step();
         let (options, solids) = (&self.options, &*self.solids);
-        let dt = options.time_step();
         let mut chunks: Vec<&mut [Catkin]> = self.catkins.chunks_mut(CATKINS_PER_TASK).collect();
         let landed = osier_base::par::par_map_mut(&mut chunks, |chunk| {
             // Members of clusters move with their cluster, in `advance_clusters`.
@@ -180,7 +180,7 @@ impl FlightSimulation {
         wind: &dyn Wind,
         t: f64,
     ) -> SweepResult {
-        let dt = self.options.time_step();
+        let dt = self.time_step();
         // Contract first: offsets must be final before the wind is sampled at the members.
         cluster.contract_in_flight(dt, |id| self.catkin(id).mass);
         probe.which.clear();
@@ -237,7 +237,7 @@ impl FlightSimulation {
         let whole = inertia + glam::Mat3::IDENTITY * (trace * 1e-3);
         let wanted = (whole.inverse() * momentum).clamp_length_max(MAX_CLUSTER_SPIN);
         // Relax towards the target rate exactly, for any step.
-        let share = 1.0 - osier_base::math::exp_f32(-narrow(self.options.time_step()) / CLUSTER_SPIN_TIME);
+        let share = 1.0 - osier_base::math::exp_f32(-narrow(self.time_step()) / CLUSTER_SPIN_TIME);
         cluster.omega + (wanted - cluster.omega) * share
     }
 }
@@ -288,8 +288,10 @@ mod tests {
     #[test]
     fn settling_matches_the_closed_form() {
         let still = Field(|_, _| Vec3::ZERO);
-        for gravity in [9.81, 1.62] {
-            let mut flight = one(FlightParams { gravity, ..plain() }, DVec3::new(0.0, 20.0, 0.0));
+        // The last flight begins with two steps of 5 ms, which are shorter than all others.
+        for (gravity, first_interval, substeps) in [(9.81, 0.0, 1), (1.62, 0.0, 1), (9.81, 0.01, 2)] {
+            let options = FlightParams { gravity, first_interval, substeps, ..plain() };
+            let mut flight = one(options, DVec3::new(0.0, 20.0, 0.0));
             let (fall, tau) = (0.24, 0.24 / gravity);
             for _ in 0..48 {
                 flight.advance(&still);
@@ -299,7 +301,9 @@ mod tests {
                 assert!((c.v.y + fall * (1.0 - left)).abs() < 1e-5 * fall);
                 assert!((c.x.y - 20.0 + fall * (t - tau * (1.0 - left))).abs() < 1e-5, "{}", c.x.y);
             }
-            let left = exp(-2.0 / tau);
+            let seconds = if first_interval > 0.0 { first_interval + 46.0 / 48.0 } else { 2.0 };
+            assert!((flight.seconds() - seconds).abs() < 1e-12, "{} s", flight.seconds());
+            let left = exp(-seconds / tau);
             assert!((flight.catkins[0].v.y + fall * (1.0 - left)).abs() < 1e-7, "{gravity}");
         }
     }

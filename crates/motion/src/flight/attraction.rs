@@ -40,7 +40,7 @@ impl FlightSimulation {
     /// Moves attracted singles over this step, subdivided at the ticks in it.
     pub(super) fn attract_singles(&mut self, t: f64) {
         // Split the step at ticks: targets are constant in between.
-        let (tick, end) = (ATTRACTION_TICK, t + self.options.time_step());
+        let (tick, end) = (ATTRACTION_TICK, t + self.time_step());
         let mut now = t;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks of a clip")]
         let mut next = ((t - SAME_TIME) / tick).ceil().max(0.0) as u64;
@@ -132,7 +132,7 @@ impl FlightSimulation {
             Some(if loses_contact { follow_surface(&self.solids, at, c.radius, way) } else { at })
         });
         for (id, at) in drawn.into_iter().zip(moved) {
-            let step = self.options.time_step();
+            let step = self.time_step();
             let solids = std::sync::Arc::clone(&self.solids);
             let c = self.catkin_mut(id);
             // The target moved or changed its state: choose another at the next tick.

@@ -46,7 +46,7 @@ impl FlightSimulation {
 
     /// Counts airborne catkins whose step is longer than [`super::FlightParams::longest_step`].
     fn count_long_steps(&mut self) {
-        let (dt, longest) = (self.options.time_step(), self.options.longest_step);
+        let (dt, longest) = (self.time_step(), self.options.longest_step);
         if longest.is_finite() {
             let long = |c: &&Catkin| c.state == CatkinState::Airborne && c.v.length() * dt > longest;
             self.counters.long_steps += self.catkins.iter().filter(long).count() as u64;
@@ -85,11 +85,13 @@ impl FlightSimulation {
         let cluster = self.clusters.remove(&root);
         let x = cluster.as_ref().map_or_else(|| self.catkin(root).x, |c| c.x);
         let members = cluster.map_or_else(|| vec![root], |c| c.members);
-        let dt = self.options.time_step();
+        let dt = self.time_step();
         // Recycling starts at the first whole frame after the exit. Of frame rates such as 29.97 times carry rounding errors, which must
         // not make the end of a frame a part of the next.
-        let frames = ((t + dt) * self.options.fps - 1e-6).ceil();
-        let back = (frames + HIDDEN_FRAMES - 1.0) / self.options.fps;
+        // A shorter first interval moves all frames.
+        let first = self.options.first_interval;
+        let frames = ((t + dt - first) * self.options.fps - 1e-6).ceil();
+        let back = first + (frames + HIDDEN_FRAMES - 1.0) / self.options.fps;
         // The boundary condition of the side that it crossed decides whether it is recycled. A cluster crosses with its centre,
         // while some of its members are still inside.
         let inside = self.options.inside;
@@ -108,7 +110,7 @@ impl FlightSimulation {
 
     /// Recycles exited catkins: at the first hidden frame they move to the inflow, one frame later they become airborne.
     fn reenter_recycled(&mut self, t: f64) {
-        let now = t + self.options.time_step();
+        let now = t + self.time_step();
         let frame = 1.0 / self.options.fps;
         let wind = self.mean_wind;
         let (inside, edges) = (self.options.inside, self.options.edges);
@@ -155,7 +157,7 @@ impl Catkin {
         self.travel = DVec3::ZERO;
         (self.moved, self.free, self.begins_flight) = (false, true, true);
         self.rested = -1.0;
-        self.lag = VelocityDecay::for_settling_speed(self.fall, options);
+        self.lag = VelocityDecay::for_settling_speed(self.fall, options, options.time_step());
         self.lift = 0.0;
     }
 }

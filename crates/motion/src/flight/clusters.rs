@@ -61,8 +61,8 @@ impl CatkinCluster {
         }
     }
 
-    /// Cluster of the catkins `all`, ascending by index, in one state, held together by `bonds`.
-    pub fn from_members(all: &[&Catkin], bonds: Vec<ClusterBond>, options: &FlightParams) -> Self {
+    /// Cluster of the catkins `all`, ascending by index, in one state, held together by `bonds`. `dt`: length of the step, s.
+    pub fn from_members(all: &[&Catkin], bonds: Vec<ClusterBond>, options: &FlightParams, dt: f64) -> Self {
         // Mass-weighted centre, and n^beta times the mean settling speed of the members.
         let mass: f64 = all.iter().fold(0.0, |sum, c| sum + c.mass);
         let x = all.iter().fold(DVec3::ZERO, |sum, c| sum + c.x * c.mass) / mass;
@@ -75,7 +75,7 @@ impl CatkinCluster {
             mass,
             fall,
             sum_of_fall_speeds,
-            lag: VelocityDecay::for_settling_speed(fall, options),
+            lag: VelocityDecay::for_settling_speed(fall, options, dt),
             bonds,
             ..Self::from_single(all[0])
         }
@@ -270,7 +270,7 @@ impl FlightSimulation {
         whole.bonds.push(ClusterBond { ends: [i, j], left });
         let n = whole.members.len() as f64;
         whole.fall = whole.sum_of_fall_speeds / n * pow(n, self.options.beta);
-        whole.lag = VelocityDecay::for_settling_speed(whole.fall, &self.options);
+        whole.lag = VelocityDecay::for_settling_speed(whole.fall, &self.options, self.time_step());
         let root = a.min(b);
         let mut landed = Vec::new();
         // All members take over the state of the merged body.
@@ -338,7 +338,7 @@ impl FlightSimulation {
 
     /// Contracts deposited clusters whose bonds are still longer than their final length; all members stay on the surface.
     pub(super) fn contract_resting_clusters(&mut self) {
-        let dt = self.options.time_step();
+        let dt = self.time_step();
         let drawing = |c: &CatkinCluster| c.state.is_deposited() && c.is_contracting();
         let roots: Vec<u32> = self.clusters.iter().filter(|(_, c)| drawing(c)).map(|(root, _)| *root).collect();
         for root in roots {

@@ -87,7 +87,7 @@ impl FlightSimulation {
         let places: Vec<Vec3> = sliding.iter().map(|id| self.catkin(*id).x.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         wind.sample(&places, t, &mut air);
-        let dt = self.options.time_step();
+        let dt = self.time_step();
         for (id, air) in sliding.into_iter().zip(air) {
             let c = self.catkin(id);
             let fall = self.clusters.get(&id).map_or(c.fall, |k| k.fall);
@@ -112,7 +112,7 @@ impl FlightSimulation {
         if way.length_squared() < 1e-18 {
             return;
         }
-        let dt = self.options.time_step();
+        let dt = self.time_step();
         // A cluster slides as a body; without contact it falls off.
         if let Some(cluster) = self.clusters.get(&root) {
             let moved = self.sweep_cluster(cluster, way);

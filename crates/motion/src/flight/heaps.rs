@@ -181,7 +181,7 @@ impl FlightSimulation {
 
     /// Relaxes one cluster; `None` if no member sinks and no bond breaks.
     fn relaxed_heap(&self, cluster: &CatkinCluster) -> Option<RelaxedHeap> {
-        let dt = self.options.time_step();
+        let dt = self.time_step();
         // A member sinks at the settling speed that it has as a single, reduced by the wall's humidity in a corner.
         let way = |id: &u32| {
             let c = self.catkin(*id);
@@ -222,7 +222,7 @@ impl FlightSimulation {
             }
             if members.len() > 1 {
                 let all: Vec<&Catkin> = members.iter().map(|id| self.catkin(*id)).collect();
-                let part = CatkinCluster::from_members(&all, bonds, &self.options);
+                let part = CatkinCluster::from_members(&all, bonds, &self.options, self.time_step());
                 self.clusters.insert(members[0], part);
             }
         }

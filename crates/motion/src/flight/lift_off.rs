@@ -107,11 +107,11 @@ impl FlightSimulation {
         if speed > least && self.lifts_in_this_step(d.root, self.options.lift_rate * (speed / least - 1.0)) {
             let fall = self.clusters.get(&d.root).map_or_else(|| self.catkin(d.root).fall, |c| c.fall);
             let rise = updraft_to_height(MIN_HOP * d.radius, fall) + UPDRAFT_SHARE * (speed - least);
-            self.take_off(d.root, fall + rise, t + self.options.time_step());
+            self.take_off(d.root, fall + rise, t + self.time_step());
         } else if d.count == 1 && !d.wall && speed > least / 2.0 {
             // Along the surface, in the direction of the wind over it.
             let along = (air - d.normal * air.dot(d.normal)).normalize_or_zero().as_dvec3();
-            self.slide_deposit(d.root, along * (CREEP_SHARE * (1.0 - d.humidity) * speed * self.options.time_step()));
+            self.slide_deposit(d.root, along * (CREEP_SHARE * (1.0 - d.humidity) * speed * self.time_step()));
         } else if !d.wall {
             self.stop_creeping(d.root);
         }
@@ -120,7 +120,7 @@ impl FlightSimulation {
     /// Advances a deposit's random lift-off by a step at the given rate, 1/s, and returns whether it takes place.
     fn lifts_in_this_step(&mut self, root: u32, rate: f64) -> bool {
         // The integral of the rate until the lift-off is exponentially distributed, whatever the time step.
-        let (seed, dt) = (self.options.seed, self.options.time_step());
+        let (seed, dt) = (self.options.seed, self.time_step());
         let c = self.catkin_mut(root);
         if c.lift_exposure <= 0.0 {
             let address = ["flight".into(), c.id.into(), c.generation.into(), c.hops.into(), "lift".into()];

@@ -58,6 +58,7 @@ pub use stats::FlightStats;
 use clusters::CatkinClusters;
 use contacts::ContactGrid;
 use near_surface::NearSurfaceWind;
+use particles::VelocityDecay;
 use present_states::PresentStates;
 
 /// Catkins per task: large enough that scheduling costs nothing, small enough for the L2 cache.
@@ -170,7 +171,12 @@ impl FlightSimulation {
 
     /// Time since the start, s.
     pub fn seconds(&self) -> f64 {
-        self.step as f64 * self.options.time_step()
+        self.options.start_of_step(self.step)
+    }
+
+    /// Length of the present step, s.
+    fn time_step(&self) -> f64 {
+        self.options.length_of_step(self.step)
     }
 
     /// The parameters that the simulation was created with.
@@ -190,7 +196,8 @@ impl FlightSimulation {
         }
     }
 
-    /// Advances by one step of [`FlightParams::time_step`] seconds. Samples `wind` at the beginning and the middle of the step.
+    /// Advances by one step of [`FlightParams::time_step`] seconds, in a shorter first interval by less. Samples `wind` at the beginning
+    /// and the middle of the step.
     pub fn advance(&mut self, wind: &dyn Wind) {
         let t = self.seconds();
         let solids = Arc::clone(&self.solids);
@@ -215,6 +222,20 @@ impl FlightSimulation {
         self.apply_side_boundaries(t);
         self.tumble_all();
         self.step += 1;
+        if self.options.is_shorter(self.step - 1) && !self.options.is_shorter(self.step) {
+            self.renew_velocity_decays();
+        }
+    }
+
+    /// Computes the decay of velocities over a step anew, after the length of the steps has changed.
+    fn renew_velocity_decays(&mut self) {
+        let dt = self.time_step();
+        for c in &mut self.catkins {
+            c.lag = VelocityDecay::for_settling_speed(c.fall, &self.options, dt);
+        }
+        for cluster in self.clusters.values_mut() {
+            cluster.lag = VelocityDecay::for_settling_speed(cluster.fall, &self.options, dt);
+        }
     }
 
     /// Sorts catkins by location (cells of 2 m, rows along x): samples of the wind and contact tests then hit the

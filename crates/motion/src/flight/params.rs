@@ -87,6 +87,9 @@ pub struct FlightParams {
     pub fps: f64,
     /// Time steps per frame, >= 1.
     pub substeps: u32,
+    /// Duration, s, of the first interval between two frames, which has as many steps as the others; 0 for one that is as long as they.
+    /// A spin-up that is not a whole number of frames begins with a shorter one.
+    pub first_interval: f64,
     /// Box of the simulated air in the world, m.
     pub inside: Bounds,
     /// Boundary condition of the sides across x, and across z.
@@ -154,6 +157,7 @@ impl Default for FlightParams {
             seed: 0,
             fps: 24.0,
             substeps: 1,
+            first_interval: 0.0,
             inside: Bounds { min: Vec3::new(-17.5, 0.0, -17.5), max: Vec3::new(17.5, 35.0, 17.5) },
             edges: [SideBoundary::Recycle; 2],
             band: [0.3, 0.95],
@@ -188,9 +192,29 @@ impl Default for FlightParams {
 }
 
 impl FlightParams {
-    /// Length of a step, s: that of a frame over `substeps`.
+    /// Length of a step, s: that of a frame over `substeps`. Those of the first interval may be shorter.
     pub fn time_step(&self) -> f64 {
         1.0 / (self.fps * f64::from(self.substeps.max(1)))
+    }
+
+    /// Whether the step of this number, counted from 0, lies in a first interval that is shorter than the others.
+    pub(super) fn is_shorter(&self, step: u64) -> bool {
+        self.first_interval > 0.0 && step < u64::from(self.substeps.max(1))
+    }
+
+    /// Length, s, of the step of this number, counted from 0.
+    pub(super) fn length_of_step(&self, step: u64) -> f64 {
+        if self.is_shorter(step) { self.first_interval / f64::from(self.substeps.max(1)) } else { self.time_step() }
+    }
+
+    /// Time, s, at which the step of this number begins.
+    pub(super) fn start_of_step(&self, step: u64) -> f64 {
+        if self.is_shorter(step) {
+            return step as f64 * self.length_of_step(step);
+        }
+        // Of a whole number of frames the second term alone, so that times are multiples of the step.
+        let steps_before = if self.first_interval > 0.0 { u64::from(self.substeps.max(1)) } else { 0 };
+        self.first_interval + (step - steps_before) as f64 * self.time_step()
     }
 
     /// Velocity relaxation time v_s / g of a body with settling speed `fall`, m/s, in s; 0 without inertia.

@@ -127,13 +127,13 @@ pub(super) struct VelocityDecay {
 }
 
 impl VelocityDecay {
-    /// Factors for a body with settling speed `fall`, m/s; 0 without inertia, so that it follows the wind at once.
-    pub fn for_settling_speed(fall: f64, options: &FlightParams) -> Self {
+    /// Factors for a body with settling speed `fall`, m/s, over a step of `dt` s; 0 without inertia, so that it follows the wind at once.
+    pub fn for_settling_speed(fall: f64, options: &FlightParams, dt: f64) -> Self {
         if !options.inertia {
             return Self { whole: 0.0, half: 0.0 };
         }
         // Linear drag: dv/dt = (u - v) / tau has the solution u - v = (u0 - v0) exp(-t/tau), exact for any step.
-        let (tau, dt) = (options.relaxation_time(fall), options.time_step());
+        let tau = options.relaxation_time(fall);
         Self { whole: exp(-dt / tau), half: exp(-dt / (2.0 * tau)) }
     }
 }
@@ -172,7 +172,7 @@ impl Catkin {
             radius: base * narrow(scale),
             mass: options.mass * scale * scale,
             fall,
-            lag: VelocityDecay::for_settling_speed(fall, options),
+            lag: VelocityDecay::for_settling_speed(fall, options, options.length_of_step(0)),
             lift: 0.0,
             lifted: 0.0,
             normal: Vec3::Y,

@@ -55,7 +55,8 @@ impl TumbleStep {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     fn new(flights: &FlightSimulation) -> Self {
         let options = &flights.options;
-        let (dt, flutter) = (narrow(options.time_step()), narrow(options.flutter));
+        let step = flights.time_step();
+        let (dt, flutter) = (narrow(step), narrow(options.flutter));
         let keeps = |time: f32| osier_base::math::exp_f32(-dt / time);
         // Ornstein-Uhlenbeck step: keep exp(-dt/T), add sqrt(1 - keep^2) times the strength.
         let pair = |time: f32, strength: f32| {
@@ -63,7 +64,7 @@ impl TumbleStep {
             [keep, strength * flutter * osier_base::math::sqrt_f32(1.0 - keep * keep)]
         };
         // 1e-6: a step as long as the longest is not divided for rounding.
-        let parts = (options.time_step() / MAX_TUMBLE_STEP - 1e-6).ceil().clamp(1.0, 1000.0) as u16;
+        let parts = (step / MAX_TUMBLE_STEP - 1e-6).ceil().clamp(1.0, 1000.0) as u16;
         Self {
             dt,
             parts,
@@ -76,7 +77,7 @@ impl TumbleStep {
             time_per_speed: narrow(options.relaxation_time(1.0)),
             key: flutter_seed(options.seed),
             step: flights.step,
-            now: flights.seconds() + options.time_step(),
+            now: flights.seconds() + step,
         }
     }
 

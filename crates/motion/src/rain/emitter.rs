@@ -91,6 +91,8 @@ pub struct RainEmitter {
     mean_volume: f64,
     /// Mean area of the source regions over diameters and the clip, m^2.
     area: f64,
+    /// Mean over emitted drops of the time that a drop takes to fall by a metre at its terminal speed, s/m.
+    time_per_metre: f64,
     /// Solids and ground that keep rain from parts of the emission plane; `None` if there are none.
     shelter: Option<Shelter>,
     /// The epoch of the last slice; none before the first.
@@ -130,6 +132,10 @@ impl RainEmitter {
         let areas = tracer.mean_areas([params.spin_up, params.duration], |t| intensity_factor(&params, t));
         let area_of = |class: &usize| areas.get(*class).copied().unwrap_or(0.0);
         let area = classes.iter().map(area_of).sum::<f64>() / classes.len().max(1) as f64;
+        // Of each diameter as many drops are emitted as its area has shares of the sum.
+        let time_of = |(d, class): (&f64, &usize)| area_of(class) / terminal_speed(*d, params.g);
+        let times = diameters.iter().zip(&classes).map(time_of).sum::<f64>();
+        let time_per_metre = times / classes.iter().map(area_of).sum::<f64>().max(f64::MIN_POSITIVE);
         // Number flux from the rainfall rate: volume per area and time over the mean volume of a drop.
         let integral = envelope_integral_of_clip(&params);
         let flux = match params.total {
@@ -148,6 +154,7 @@ impl RainEmitter {
             mean_factor,
             mean_volume,
             area,
+            time_per_metre,
             shelter: None,
             epoch: None,
             next_slice: 0,
@@ -174,6 +181,11 @@ impl RainEmitter {
     /// Mean area of the source regions over diameters and the clip, m^2.
     pub fn area(&self) -> f64 {
         self.area
+    }
+
+    /// Mean over emitted drops of the time, s, that a drop takes to fall to the height `foot`, m, at its terminal speed.
+    pub fn mean_fall_time(&self, foot: f64) -> f64 {
+        (self.tracer.emission_plane_y() - foot).max(0.0) * self.time_per_metre
     }
 
     /// Mean of the envelope's factor over the clip.
@@ -504,6 +516,20 @@ mod tests {
         drop(emitter.emit_until(8.0));
         let count = emitter.emit_until(10.0).len();
         assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt(), "{count}");
+    }
+
+    /// Drops of one size need one time; natural rain has smaller drops, which take longer, and larger ones.
+    #[test]
+    fn drops_fall_in_the_mean_time_of_their_sizes() {
+        let time = |size: DropSizes, g: f64| {
+            let emitter = RainEmitter::new(RainfallParams { size, g, ..rainfall() }, bounds(), None);
+            emitter.mean_fall_time(emitter.tracer.emission_plane_y() - 1.0)
+        };
+        let large = time(DropSizes::Fixed(4e-3), 9.81);
+        assert!((large * terminal_speed(4e-3, 9.81) - 1.0).abs() < 1e-12, "{large}");
+        assert!((time(DropSizes::Fixed(4e-3), 9.81 / 4.0) / large - 2.0).abs() < 1e-9);
+        let natural = time(DropSizes::MarshallPalmer, 9.81);
+        assert!((1.5 * large..0.5).contains(&natural), "{natural}");
     }
 
     /// The rate of a total number of drops is that of the water which falls: 40,000 drops of 2 mm on 1 m^2 in 10 s.

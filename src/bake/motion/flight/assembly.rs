@@ -78,7 +78,8 @@ fn start_flight(
     let domain = flight_domain(recipe, flight.keys.size, obstacles);
     let points = f64::from(flight.keys.count) * (flight.keys.trails * recipe.clip.fps()).round();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "far below 2^53")]
-    context.limits.check("vertices", points as u64, "the number of points of flight.trails")?;
+    let drawn = context.limits.check("vertices", points as u64, "the number of points of flight.trails");
+    drawn.map_err(|e| recipe.places_of_keys.limit_at("flight.trails", e))?;
 
     // A wavy ground is sampled over a square around the origin that holds the box, wherever a lattice places it.
     let reach = domain.min.abs().max(domain.max.abs());
@@ -89,19 +90,21 @@ fn start_flight(
     let playback = FlightPlayback::new(&scene, wind, canopy, models)?;
     if playback.enclosed_start_count() > 0 {
         let text = format!("{} catkins found no place to start outside of solids", playback.enclosed_start_count());
-        let help = match flight.keys.release {
-            FlightRelease::Sky | FlightRelease::Rain => "raise flight.band, or make room between the solids",
-            FlightRelease::Canopy => "keep solids and ground clear of the twigs' ends",
-            FlightRelease::Points => "move these positions of flight.points out of solids and ground",
+        let (key, help) = match flight.keys.release {
+            FlightRelease::Sky | FlightRelease::Rain => ("band", "raise flight.band, or make room between the solids"),
+            FlightRelease::Canopy => ("canopy", "keep solids and ground clear of the twigs' ends"),
+            FlightRelease::Points => ("points", "move these positions of flight.points out of solids and ground"),
         };
-        report.push(Diagnostic::about("S026", text).help(help));
+        let d = Diagnostic::about("S026", text).help(help);
+        report.extend(recipe.places_of_keys.report_at(&format!("flight.{key}"), d, "catkins start here"));
     }
 
     if flight.keys.release == FlightRelease::Canopy && playback.is_empty() {
         let text = "no plant that releases catkins has a twig: none flies";
         let help = "stems without branches release none: name plants with branches in flight.canopy, or take another \
              flight.release";
-        report.push(Diagnostic::about("S026", text).help(help));
+        let d = Diagnostic::about("S026", text).help(help);
+        report.extend(recipe.places_of_keys.report_at("flight.canopy", d, "none of these has twigs"));
     }
     if playback.outside_start_count() > 0 {
         let count = playback.outside_start_count();
@@ -110,7 +113,13 @@ fn start_flight(
         );
         let help =
             "enlarge flight.size, which lies around the origin, or place a lattice wind over them with wind.lattice.at";
-        report.push(Diagnostic::about("S026", text).help(help));
+        let d = Diagnostic::about("S026", text).help(help);
+        // A report keeps one warning of a code at a place: without the key, the table may be that of the warning above.
+        if recipe.places_of_keys.sets("flight.size") {
+            report.extend(recipe.places_of_keys.report_at("flight.size", d, "the domain of the flight"));
+        } else {
+            report.push(d);
+        }
     }
 
     warn_of_places_outside(flight, scene.solids.list(), domain, report);

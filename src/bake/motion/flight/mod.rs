@@ -61,8 +61,8 @@ pub struct FlightPlayback {
     canopy: Canopy,
     /// Twig of each catkin, by id; empty if catkins do not start at twigs.
     sites: Vec<CatkinSite>,
-    /// Frames simulated before the first of the clip.
-    spin_up: u64,
+    /// Flight before the first frame of the clip.
+    spin_up: SpinUp,
     deposits: DepositionMaps,
     /// Declarations of the voxel grids, and which catkins each counts.
     volumes: FlightVolumes,
@@ -120,11 +120,11 @@ impl FlightPlayback {
     ) -> Result<Self> {
         let keys = &scene.flight.keys;
         let params = flight_params(scene, models);
-        let spin_up = spin_up_frames(scene.flight, scene.recipe);
+        let spin_up = SpinUp::new(keys.spin_up, params.fps);
         // Catkins of a canopy start where its twigs are at the beginning of the spin-up.
         let (starts, sites) = match keys.release {
             FlightRelease::Canopy => {
-                let twigs = canopy.positions(frame_time(-spin_up.cast_signed(), params.fps))?;
+                let twigs = canopy.positions(frame_time(-spin_up.frames.cast_signed(), params.fps))?;
                 canopy.draw_catkin_starts(keys.count, keys.ripening, scene.recipe.general.seed, &twigs)
             }
             _ => (sky_and_point_releases(scene, &params), Vec::new()),
@@ -244,7 +244,7 @@ impl FlightPlayback {
     /// spin-up.
     fn clip_frame(&self, simulated: u64) -> i64 {
         // Both numbers are below 2^32, so that the casts keep their values.
-        simulated.cast_signed() - self.spin_up.cast_signed()
+        simulated.cast_signed() - self.spin_up.frames.cast_signed()
     }
 
     fn stats_row(&self, state: &FlightState) -> Vec<f64> {
@@ -260,7 +260,7 @@ impl FlightPlayback {
     /// Steps the simulation to frame `number` of the clip, from the start if it has passed it, and evaluates its state there.
     fn with_state_at<R>(&self, number: u64, evaluate: impl FnOnce(&mut FlightState) -> R) -> Result<R> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let target = self.spin_up + number;
+        let target = self.spin_up.frames + number;
         // The simulation cannot step back: an earlier frame starts it again, spin-up included.
         if state.frames > target {
             state.simulation = self.start.clone();
@@ -277,7 +277,7 @@ impl FlightPlayback {
         while state.frames < target {
             // The clock of the simulation starts with the spin-up, that of the wind with the clip.
             let wind = self.wind.wind_until_next_frame(WindUser::Flight, self.clip_frame(state.frames))?;
-            let lead = self.spin_up as f64 / state.simulation.options().fps;
+            let lead = self.spin_up.seconds(state.simulation.options().fps);
             self.advance_frame(&mut state, &ShiftedWind { wind, lead })?;
             state.frames += 1;
             self.lower_drawn_deposits(&mut state);
@@ -299,8 +299,11 @@ impl FlightPlayback {
         let twigs_at = |frame: u64| self.canopy.positions(frame_time(self.clip_frame(frame), fps));
         let before = state.twigs.take().map_or_else(|| twigs_at(state.frames), Ok)?;
         let after = twigs_at(state.frames + 1)?;
+        // Of a shorter first interval only the last part is simulated.
+        let simulated = if state.frames == 0 { self.spin_up.first_share(fps) } else { 1.0 };
         for k in 0..substeps {
-            self.move_pending_with_twigs(state, [&before, &after], f64::from(k) / f64::from(substeps));
+            let share = 1.0 - simulated + simulated * (f64::from(k) / f64::from(substeps));
+            self.move_pending_with_twigs(state, [&before, &after], share);
             self.advance_substep(state, wind);
         }
         // The frame shows those that still wait where their twigs are at its end, not at the beginning of its last step.
@@ -456,10 +459,38 @@ fn new_trajectories(scene: &FlightSetup<'_>, params: &FlightParams) -> Option<Tr
     (frames > 0).then(|| Trajectories::new(frames + 1, size.x.min(size.z) / 2.0))
 }
 
-/// Frames of the spin-up, simulated before the first frame of the clip.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
-fn spin_up_frames(flight: &FlightRecipe, recipe: &Recipe) -> u64 {
-    (flight.keys.spin_up * recipe.clip.fps()).round() as u64
+/// The flight before the first frame of the clip: intervals between frames, of which the first is shorter than the others unless the
+/// spin-up is a whole number of frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct SpinUp {
+    /// Number of intervals.
+    frames: u64,
+    /// Duration of the first one, s; 0 if it is as long as the others.
+    first: f64,
+}
+
+impl SpinUp {
+    /// A spin-up of `seconds`, 0 or more, at a frame rate, frames per second.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
+    fn new(seconds: f64, fps: f64) -> Self {
+        let exact = seconds * fps;
+        // Rounding errors of frame rates such as 29.97 make no interval of their own.
+        let frames = (exact - 1e-6).ceil().max(0.0);
+        let first = (exact - (frames - 1.0)) / fps;
+        let is_whole = frames < 1.0 || (exact - frames).abs() < 1e-6;
+        Self { frames: frames as u64, first: if is_whole { 0.0 } else { first } }
+    }
+
+    /// Duration, s.
+    fn seconds(self, fps: f64) -> f64 {
+        let whole = if self.first > 0.0 { self.frames - 1 } else { self.frames };
+        self.first + whole as f64 / fps
+    }
+
+    /// Duration of the first interval, as a share of that between two frames.
+    fn first_share(self, fps: f64) -> f64 {
+        if self.first > 0.0 { self.first * fps } else { 1.0 }
+    }
 }
 
 /// Parameters of the simulation from the keys of `[flight]`.
@@ -472,6 +503,7 @@ fn flight_params(scene: &FlightSetup<'_>, models: &[CatkinModel]) -> FlightParam
         seed: recipe.general.seed,
         fps: recipe.clip.fps(),
         substeps: keys.substeps,
+        first_interval: SpinUp::new(keys.spin_up, recipe.clip.fps()).first,
         inside: scene.domain,
         edges: side_boundaries(scene),
         band: keys.band,
@@ -550,5 +582,24 @@ fn sky_and_point_releases(scene: &FlightSetup<'_>, params: &FlightParams) -> Vec
             flight.starts.iter().map(start).collect()
         }
         FlightRelease::Canopy => Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The same time at any frame rate; whole frames have no shorter interval.
+    #[test]
+    fn a_spin_up_lasts_as_long_at_any_frame_rate() {
+        for fps in [1.0, 12.0, 24_000.0 / 1001.0, 24.0, 25.0, 60.0] {
+            for seconds in [0.0, 0.3, 0.45, 2.0, 12.0, 3600.0] {
+                let spin_up = SpinUp::new(seconds, fps);
+                assert!((spin_up.seconds(fps) - seconds).abs() < 1e-6, "{spin_up:?} for {seconds} s at {fps}");
+                assert!((0.0..1.0 / fps).contains(&spin_up.first), "{spin_up:?} for {seconds} s at {fps}");
+            }
+        }
+        assert_eq!(SpinUp::new(2.0, 24.0), SpinUp { frames: 48, first: 0.0 });
+        assert_eq!(SpinUp::new(0.4, 1.0).frames, 1);
     }
 }

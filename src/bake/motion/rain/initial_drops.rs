@@ -2,14 +2,20 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::recipe::KeyPlaces;
 use crate::recipe::scene::SessileDropKeys;
+use osier_base::diagnostic::Diagnostic;
 use osier_base::{Error, Result};
 use osier_motion::rain::{RainLeaf, RainSimulation};
 
 /// Checks that every initial drop lies on a leaf's blade.
 /// # Errors
-/// S004, with the key that is wrong.
-pub fn check_initial_drops(lying: &[SessileDropKeys], leaves: &[RainLeaf]) -> Result<()> {
+/// S004, with the key that is wrong and its place.
+pub fn check_initial_drops(lying: &[SessileDropKeys], leaves: &[RainLeaf], places: &KeyPlaces) -> Result<()> {
+    let refuse = |key: String, text: String, help: &str| {
+        let d = Diagnostic::about("S004", text).help(help);
+        Err(Error::Input(Box::new(places.report_at(&key, d, "this drop"))))
+    };
     for (i, drop) in lying.iter().enumerate() {
         let Some(leaf) = leaves.get(drop.leaf as usize) else {
             let text = format!(
@@ -17,15 +23,14 @@ pub fn check_initial_drops(lying: &[SessileDropKeys], leaves: &[RainLeaf]) -> Re
                 drop.leaf,
                 leaves.len()
             );
-            return Err(Error::input("S004", text));
+            return refuse(format!("rain.lying.{i}.leaf"), text, "name a leaf of a lower number");
         };
         let uv = DVec2::from_array(drop.at);
         if leaf.point_at(uv).is_none() || !leaf.blade.is_solid(uv) {
-            let text = format!(
-                "rain.lying.{i}.at is [{}, {}], where leaf {} has no blade; [0.5, 0.5] is the middle of its picture",
-                drop.at[0], drop.at[1], drop.leaf
-            );
-            return Err(Error::input("S004", text));
+            let text =
+                format!("rain.lying.{i}.at is [{}, {}], where leaf {} has no blade", drop.at[0], drop.at[1], drop.leaf);
+            let help = "move the drop onto the blade: [0.5, 0.5] is the middle of its picture";
+            return refuse(format!("rain.lying.{i}.at"), text, help);
         }
     }
     Ok(())

@@ -32,8 +32,8 @@ use crate::bake::motion::{AssetMotion, CarriedPoints, FrameTime, PointOnAxis, Ta
 use crate::bake::scene::builder::{RAIN_ID, SceneBuilder};
 use crate::bake::scene::camera_light::ScreenScale;
 use crate::bake::scene::plant_layout::PlantLayout;
-use crate::recipe::Recipe;
 use crate::recipe::scene::{RainRecipe, SwayStart};
+use crate::recipe::{KeyPlaces, Recipe};
 use osier_base::Result;
 use osier_base::convert::{index, limit, saturating_index, to_usize};
 use osier_base::diagnostic::{Diagnostic, Report};
@@ -326,16 +326,18 @@ fn simulate_rain(
         solids: solids.bounds(),
     });
     let emitter = rain.keys.falls.then(|| RainEmitter::new(rainfall, bounds, wind.clone()));
+    let center = bounds.center();
+    let foot = ground.height(f64::from(center.x), f64::from(center.z));
     let (rate, area) = (emitter.as_ref().map(RainEmitter::rate), emitter.as_ref().map(RainEmitter::area));
     RainCost {
         drop_rate: emitter.as_ref().map_or(0.0, RainEmitter::mean_drop_rate),
-        fall_time: longest_fall(height, rain.keys.gravity),
+        fall_time: emitter.as_ref().map_or(0.0, |emitter| emitter.mean_fall_time(foot)),
         duration: whole.clip.len() as f64 / whole.clip.fps() + whole.rain.as_ref().map_or(0.0, |r| r.keys.spin_up),
         step,
         frames: whole.clip.len() as u64,
         leaves: scene_leaves.len(),
     }
-    .check(rain, context)?;
+    .check(rain, &recipe.places_of_keys, context)?;
     let expected = full.zip(emitter.as_ref()).map(|(f, e)| ExpectedDrops::new(e, height, &scene_leaves, f, &picture));
     let leaves = scene_leaves.iter().enumerate().map(|(i, f)| {
         let leaf = RainLeaf::new(Arc::clone(&f.surface), f.scale, i as u64);
@@ -346,7 +348,7 @@ fn simulate_rain(
     let mut simulation = RainSimulation::new(config);
     // The simulation changes its leaves; dry copies are the start of maps and meshes in each frame.
     let dry_leaves = simulation.leaves().to_vec();
-    initial_drops::check_initial_drops(&rain.lying, &dry_leaves)?;
+    initial_drops::check_initial_drops(&rain.lying, &dry_leaves, &recipe.places_of_keys)?;
     let RecordedRain { frames: rain_frames, mut plants } =
         record_frames(&mut simulation, rain, recipe, steps, assets, &recorders, &scene_leaves, context)?;
 
@@ -368,7 +370,8 @@ fn simulate_rain(
         mapped_leaves.iter().zip(rasters).map(|(mapped, raster)| MappedLeaf { leaf: mapped.leaf, raster }).collect();
     let (slots, capacity) = drop_records::assign_point_slots(&rain_frames);
     let max_drops = to_usize(rain.keys.max_drop_meshes);
-    report_hidden_drops(&rain_frames, max_drops, report);
+    let most = rain_frames.iter().map(|frame| frame.sessile.len() + frame.pendant.len()).max().unwrap_or(0);
+    report_hidden_drops(most, max_drops, &recipe.places_of_keys, report);
     let playback = RainPlayback {
         shown: MeshedDropSelection { max_drops, picture },
         shapes: pendant_families_by_radius(&rain_frames, params.g),
@@ -437,19 +440,13 @@ fn plant_bounds(assets: &[Asset], transforms: &[Trs], recorders: &[RainedPlantRe
     bounds.fold(Bounds::default(), Bounds::union)
 }
 
-/// Time, s, that the smallest drops take from 1 m above plants of this `height`, m, to their foot: 2 m/s on Earth, and terminal
-/// speeds grow with the square root of gravity, m/s^2.
-fn longest_fall(height: f64, gravity: f64) -> f64 {
-    (height + 1.0) / (2.0 * osier_base::math::sqrt(gravity / osier_base::physics::GRAVITY))
-}
-
 /// What the rain of a bake takes, predicted before anything is simulated. Drops on leaves are counted as they are recorded
 /// ([`record_frames`]).
 #[derive(Debug, Clone, Copy)]
 struct RainCost {
     /// Mean number of drops that are emitted per second.
     drop_rate: f64,
-    /// Longest time for which a drop is in the air, s.
+    /// Mean time that a drop takes from the emitter to the ground, s; drops that leaves catch take less.
     fall_time: f64,
     /// Duration of spin-up and clip, s.
     duration: f64,
@@ -482,18 +479,26 @@ impl RainCost {
 
     /// Compares the record with the limit `motion-keys` and the work with `drop-steps`.
     /// # Errors
-    /// `Limit`.
+    /// S004 at the key that sets the amount of rain; `Limit` if the scene has no such key.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "compared, saturating")]
-    fn check(&self, rain: &RainRecipe, context: &BakeContext<'_>) -> Result<()> {
-        let amount = if rain.keys.total.is_some() { "rain.total" } else { "rain.rate_mm_per_h" };
+    fn check(&self, rain: &RainRecipe, places: &KeyPlaces, context: &BakeContext<'_>) -> Result<()> {
+        let amount = amount_key(rain);
         // Under little gravity drops fall slowly, and the wind carries them from far away.
         let slow = if rain.keys.gravity < SLOW_GRAVITY { ", or raise rain.gravity" } else { "" };
         let record = format!("lower {amount} or the number of frames{slow}");
-        context.limits.check_with_help("motion-keys", self.recorded_keys() as u64, LIMITED_QUANTITY, &record)?;
+        let keys = self.recorded_keys() as u64;
+        let recorded = context.limits.check_with_help("motion-keys", keys, LIMITED_QUANTITY, &record);
+        recorded.map_err(|e| places.limit_at(amount, e))?;
         let work = format!("lower {amount}, wind.speed or rain.spin_up_s{slow}");
         let what = "the number of raindrops in the air times time steps";
-        context.limits.check_with_help("drop-steps", self.drop_steps() as u64, what, &work)
+        let steps = context.limits.check_with_help("drop-steps", self.drop_steps() as u64, what, &work);
+        steps.map_err(|e| places.limit_at(amount, e))
     }
+}
+
+/// The key that sets how much rain falls.
+fn amount_key(rain: &RainRecipe) -> &'static str {
+    if rain.keys.total.is_some() { "rain.total" } else { "rain.rate_mm_per_h" }
 }
 
 /// Time steps per frame where rods need no more.
@@ -573,7 +578,10 @@ fn record_frames(
         simulation.check_impact_momentum(number)?;
         let rain_frame = RainFrame::capture(simulation);
         recorded_bytes += rain_frame.memory_bytes();
-        context.limits.check("motion-keys", recorded_bytes / BYTES_PER_KEY, LIMITED_QUANTITY)?;
+        let (keys, amount) = (recorded_bytes / BYTES_PER_KEY, amount_key(rain));
+        let help = format!("lower {amount} or the number of frames");
+        let recorded = context.limits.check_with_help("motion-keys", keys, LIMITED_QUANTITY, &help);
+        recorded.map_err(|e| recipe.places_of_keys.limit_at(amount, e))?;
         let time = FrameTime { seconds: frame as f64 / fps, step: fps.recip() };
         for (k, (target, recorder)) in simulation.plants().iter().zip(recorders).enumerate() {
             plants[k].extend(recorder.frame(&assets[k], &**target, time));
@@ -589,13 +597,22 @@ fn record_frames(
     Ok(RecordedRain { frames: rain_frames, plants })
 }
 
-/// Warning X024 if some frame has more drops on leaves than it shows as meshes.
-fn report_hidden_drops(frames: &[RainFrame], max_drops: usize, report: &mut Report) {
-    let most = frames.iter().map(|frame| frame.sessile.len() + frame.pendant.len()).max().unwrap_or(0);
-    if most > max_drops {
-        let text = format!("up to {most} drops are on leaves at a frame, of which {max_drops} are shown as meshes");
-        report.push(Diagnostic::about("X024", text).help("the others wet their leaves; raise rain.max_drop_meshes"));
+/// Warning X024 if `most` drops, the largest number on leaves at a frame, are more than a frame shows as meshes. A scene that sets that
+/// number has chosen it and gets a note.
+fn report_hidden_drops(most: usize, max_drops: usize, places: &KeyPlaces, report: &mut Report) {
+    const KEY: &str = "rain.max_drop_meshes";
+    if most <= max_drops {
+        return;
     }
+    let text = format!("up to {most} drops are on leaves at a frame, of which {max_drops} are shown as meshes");
+    if places.sets(KEY) {
+        report.output += &format!("note: {text}; {KEY} = {most} shows all\n");
+        return;
+    }
+    let help = format!(
+        "the others wet their leaves; {KEY} = {most} shows all, and a scene with {KEY} = {max_drops} gets no warning"
+    );
+    report.extend(places.report_at("rain", Diagnostic::about("X024", text).help(help), "rain of so many drops"));
 }
 
 /// Shapes of pendant drops for every radius that occurs in the clip, by the bits of the radius; `g` in m/s^2.

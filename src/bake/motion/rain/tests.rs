@@ -1,8 +1,9 @@
-use super::{RainCost, default_substeps, longest_fall, steps_per_frame};
+use super::{RainCost, default_substeps, report_hidden_drops, steps_per_frame};
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
 use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_for_estimate, assemble_scene};
 use crate::recipe::{Request, resolve};
+use osier_base::diagnostic::Report;
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Silent};
 use osier_scene::{ColumnValues, Frame, InstancerFrame, MeshFrame, MeshMotion, PointsFrame, check_frame, check_scene};
@@ -84,9 +85,48 @@ fn low_frame_rates_have_no_longer_time_steps() {
     assert_eq!((steps(""), steps("substeps = 5\n")), (16, 5));
 }
 
+/// A scene that sets the number of meshes has chosen which drops it hides.
 #[test]
-fn drops_fall_longer_under_less_gravity() {
-    assert!((longest_fall(9.0, 9.81) - 5.0).abs() < 1e-12 && (longest_fall(9.0, 9.81 / 4.0) - 10.0).abs() < 1e-12);
+fn hidden_drops_are_a_warning_unless_the_scene_sets_their_number() {
+    let said = |more: &str, most: usize| {
+        let request = Request { name: "test".into(), text: format!("{SCENE}{more}"), ..Request::default() };
+        let recipe = resolve(&request).expect("a scene").0;
+        let mut report = Report::default();
+        report_hidden_drops(most, 250, &recipe.places_of_keys, &mut report);
+        (report.diagnostics.iter().map(|d| (d.code, d.labels.len())).collect::<Vec<_>>(), report.output)
+    };
+    assert_eq!(said("", 250), (vec![], String::new()));
+    assert_eq!(said("", 300), (vec![("X024", 1)], String::new()));
+    let (none, note) = said("max_drop_meshes = 250\n", 300);
+    assert!(none.is_empty() && note.contains("up to 300 drops") && note.contains("= 300 shows all"), "{note}");
+}
+
+/// Prediction and truth of the drops in the air, summed over the steps of a clip.
+#[test]
+fn the_work_of_drops_in_the_air_is_predicted() {
+    // As a bake moves them: 192 steps of frames of a second, of which the record holds each eighth.
+    let most = |text: &str| {
+        let mut limits = Limits::default();
+        limits.set("drop-steps", "1").expect("a limit");
+        let told = within(&limits, text).err().map(|e| e.to_string()).expect("over the limit");
+        let number = told.split("would be ").nth(1).and_then(|t| t.split(", the limit").next()).expect("a number");
+        number.replace(',', "").parse::<f64>().expect("a number")
+    };
+    for more in ["", "size_distribution = \"fixed\"\nsize_mm = 4\n", "[wind]\nmodel = \"gust\"\nspeed = 4\n"] {
+        let more = format!("substeps = 8\n{more}");
+        let built = built(&more);
+        let rain = built.animated.scene.assets.iter().position(|a| a.id == "rain").expect("rain");
+        let in_air = |number: u32| {
+            let PointsFrame::State { widths, .. } = at(&built, number).assets[rain].points(0).clone() else { return 0 };
+            widths.iter().filter(|w| **w > 0.0).count()
+        };
+        // The mean of the frames, in which the rain is steady, over the steps of spin-up and clip.
+        let mean = (1..=8).map(in_air).sum::<usize>() as f64 / 8.0;
+        let (duration, fall) = (1.5 + 8.0 / 24.0, 0.3);
+        let truth = mean * (duration - 0.5 * fall) * 192.0;
+        let ratio = most(&more) / truth;
+        assert!((0.8..1.6).contains(&ratio), "{more}: {ratio}");
+    }
 }
 
 #[test]
@@ -105,7 +145,8 @@ fn the_work_of_drops_in_the_air_is_held_to_a_limit() {
     assert!(said.contains("raindrops in the air times time steps") && said.contains("--max-drop-steps"), "{said}");
     assert!(said.contains("lower rain.rate_mm_per_h, wind.speed or rain.spin_up_s, or raise rain.gravity"), "{said}");
     let said = within(&limits, &format!("total = 90_000_000\n{storm}")).err().map(|e| e.to_string()).expect("too much");
-    assert!(said.contains("lower rain.total"), "{said}");
+    // The error has the place of the key.
+    assert!(said.contains("lower rain.total") && said.contains("S004") && said.contains(":22:9"), "{said}");
 }
 
 #[test]
