@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use osier_base::convert::saturating_index;
 
-use super::expression::{ListChange, OPERATORS, PyExpr, PyOp, mentions};
+use super::expression::{ListChange, OPERATORS, PyExpr, PyOp, is_joined_text, joined_text_refusal, mentions};
 use super::lines::Line;
 use super::parser::parse;
 use super::pieces::{assignment, bracketed, is_name, method_call, split};
@@ -92,6 +92,9 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
         let number = parse(Piece::new(piece.at + "useGroup(".len(), number))?;
         return Ok(vec![Statement::Assign(GROUP.to_owned(), number)]);
     }
+    if piece.text.replace(' ', "") == "Stop()" {
+        return Ok(vec![Statement::Stop(piece.range())]);
+    }
     if let Some(changes) = change_of(piece)? {
         return Ok(changes.into_iter().map(|(name, e)| Statement::Assign(name, e)).collect());
     }
@@ -154,6 +157,10 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
 /// The name that a line of a function sets to a value that cannot be read, with the reason: only what uses the name is refused.
 pub(super) fn unreadable_assignment<'t>(line: &Line<'t>) -> Option<(&'t str, Refusal)> {
     let (names, value) = assignment(line.piece)?;
-    let why = parse(value).err()?;
+    let why = match parse(value) {
+        Err(why) => why,
+        Ok(e) if is_joined_text(&e) => joined_text_refusal(value.range()),
+        Ok(_) => return None,
+    };
     (split(names).len() == 1).then_some((names.text, why))
 }

@@ -18,7 +18,7 @@ use super::lists::{
 };
 use super::refusal::Refusal;
 use super::scope::{RUN, RunFunction, Scope, arguments, has_random};
-use super::{dictionary, lists, vectors};
+use super::{curves, dictionary, lists, vectors};
 use crate::code::{Bytecode, Op};
 
 /// Calls of functions of the model within one another that are written in: a function may call itself.
@@ -32,8 +32,9 @@ pub(super) fn compile(e: &PyExpr, scope: &Scope) -> Result<Bytecode, Refusal> {
     let mut code = Bytecode::default();
     emit(&resolved, scope, &mut code.ops)?;
     // A value without variables and random numbers becomes one number.
+    code = scope.with_tables(code);
     if let Some(value) = crate::vm::constant_value(&code) {
-        code.ops = vec![Op::Const(value)];
+        code = Bytecode { ops: vec![Op::Const(value)], ..Bytecode::default() };
     }
     if code.ops.iter().any(|op| matches!(op, Op::Call(_))) {
         code.functions = Some(Arc::clone(&scope.run_code));
@@ -177,6 +178,15 @@ fn resolved_call(
     if scope.functions.contains_key(name) {
         return function_value(name, args, range, scope, depth);
     }
+    if let Some(of_curves) = curves::made(name, &args, range, scope) {
+        return of_curves;
+    }
+    if let Some(call) = curves::applied(name, &args, range, scope) {
+        return call;
+    }
+    if let Some(why) = scope.unreadable.get(name) {
+        return Err(why.clone());
+    }
     // Refuse texts where Python takes numbers only.
     if OF_NUMBERS.contains(&name)
         && let Some(PyExpr::Text(value, range)) = args.iter().find(|a| matches!(a, PyExpr::Text(..)))
@@ -208,6 +218,8 @@ fn resolved_call(
         }
         ("bool", [PyExpr::List(items, _)]) => PyExpr::Number(if items.is_empty() { 0.0 } else { 1.0 }),
         ("list" | "tuple" | ".copy", [list @ PyExpr::List(..)]) => list.clone(),
+        // A copy of a number, a text, a list or a vector is the same value.
+        ("copy" | "deepcopy", [value]) => value.clone(),
         ("dict", _) => dictionary_of(&args, range)?,
         ("isForward", []) => PyExpr::Number(if scope.is_backward { 0.0 } else { 1.0 }),
         (".index", [PyExpr::List(items, _), value]) => index_of(value, items, scope, range)?,
@@ -492,6 +504,7 @@ pub(super) fn may_be_list(e: &PyExpr, scope: &Scope) -> bool {
         PyExpr::Call(name, ..) => {
             // `[[]]` is a list over several lists.
             matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
+                || matches!(name.as_str(), "copy" | "deepcopy")
                 || matches!(name.as_str(), "enumerate" | "zip" | ".keys" | ".values" | ".items" | ".copy" | "[[]]")
                 || vectors::gives_vector(name)
                 || scope.functions.contains_key(name)

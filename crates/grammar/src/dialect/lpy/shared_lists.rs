@@ -11,7 +11,9 @@ use super::statement::Statement;
 use super::way::Way;
 
 /// Functions that read lists and keep none of them.
-const READERS: [&str; 21] = [
+const READERS: [&str; 23] = [
+    "copy",
+    "deepcopy",
     "len",
     "sum",
     "min",

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::Model;
-use super::expression::{PyExpr, first_call, is_change, is_written_out, model_name, range_of};
+use super::expression::{PyExpr, first_call, is_change, is_joined_text, is_written_out, model_name, range_of};
 use super::refusal::Refusal;
 use super::resolve::{compile, is_list_or_vector, may_be_list, resolve};
 use super::scope::{Scope, arguments, has_random};
@@ -35,6 +35,58 @@ const STATEMENT_WORK: usize = 16;
 fn no_value(function: &str, place: Range<usize>) -> Refusal {
     let why = Refusal::new(format!("the function '{function}', which may end without a value"), place);
     why.remedy("end it by 'return' with a value, or call it on a line of its own for the modules that it makes")
+}
+
+/// True if an expression reads a part whatever its tests give: the part is no side of a choice, and no later operand of `and`, `or`.
+fn always_reads(e: &PyExpr, part: &PyExpr) -> bool {
+    let of = |e: &PyExpr| always_reads(e, part);
+    e == part
+        || match e {
+            PyExpr::Neg(a) | PyExpr::Not(a) | PyExpr::And(a, _) | PyExpr::Or(a, _) | PyExpr::Choice(a, ..) => of(a),
+            PyExpr::Binary(_, a, b) | PyExpr::Index(a, b, _) => of(a) || of(b),
+            PyExpr::Call(_, args, _) | PyExpr::Change(_, args, _) | PyExpr::List(args, _) => args.iter().any(of),
+            PyExpr::Each(_, _, list, _) => of(list),
+            PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => false,
+        }
+}
+
+/// Refuses a call of a function that changes values of the model where only a test decides on the call: it is run before the statement.
+fn check_change_of_values(s: &Statement, call: &PyExpr, function: &str, place: &Range<usize>) -> Result<(), Refusal> {
+    let is_run = match s {
+        Statement::Assign(_, e) | Statement::Run(e) | Statement::Return(Some(e), _) | Statement::For(_, e, _, _) => {
+            always_reads(e, call)
+        }
+        Statement::If(tests, _) => tests.first().is_some_and(|(test, _)| always_reads(test, call)),
+        Statement::Produce(modules, _) => modules.iter().flat_map(|m| &m.args).any(|arg| always_reads(arg, call)),
+        _ => false,
+    };
+    if is_run {
+        return Ok(());
+    }
+    let why = Refusal::new(
+        format!("a call of '{function}', which changes values of the model, behind a test"),
+        place.clone(),
+    );
+    Err(why.remedy("write the call on a line of its own, k = f(), into the block of an 'if'"))
+}
+
+/// Refuses a call of a function that changes values of the model where the production has variables of their names.
+fn check_own_names(
+    globals: &[String],
+    function: &str,
+    place: &Range<usize>,
+    way: &Way,
+    left: &[Statement],
+) -> Result<(), Refusal> {
+    let (assigned, declared) = names_of(left);
+    let is_own = |name: &&String| {
+        let is_set = way.known.contains_key(*name) || way.lists.contains_key(*name) || assigned.contains(name);
+        is_set && !way.globals.contains(name) && !declared.contains(name)
+    };
+    let Some(name) = globals.iter().find(is_own) else { return Ok(()) };
+    let why = format!("a call of '{function}', which changes a '{name}' that this production has, too");
+    let why = Refusal::new(why, place.clone());
+    Err(why.remedy("give the variable of the production another name, or declare it 'global'"))
 }
 
 impl Model<'_, '_> {
@@ -79,6 +131,12 @@ impl Model<'_, '_> {
         match with_lists(statement, &now.way.lists) {
             Statement::Pass | Statement::TurnEnd | Statement::LoopEnd => {}
             Statement::Global(names) => now.way.globals.extend(names),
+            Statement::Stop(place) => {
+                let why = Refusal::new("'Stop()' in a production", place);
+                return Err(why.remedy(
+                    "call it in StartEach() or EndEach(), which may test a variable that the production sets",
+                ));
+            }
             // The value of a function that the production calls; else the production ends, which has no value.
             Statement::Return(value, place) => {
                 let end = now.left.iter().rposition(|s| matches!(s, Statement::FunctionEnd(..)));
@@ -135,6 +193,12 @@ impl Model<'_, '_> {
 
     /// Assigns a value or a list to a variable of a way.
     fn assign(&mut self, name: String, e: PyExpr, handed_on: &HandedOn, now: &mut OpenWay) {
+        // A text that is put together has no value here; what needs one is refused where it reads the name.
+        if is_joined_text(&e) {
+            now.way.known.remove(&name);
+            now.way.lists.insert(name, e);
+            return;
+        }
         let list = self.list_of(&e, &now.way).filter(|_| !now.way.globals.contains(&name));
         if let Some(list) = list {
             let mut taken = Vec::new();
@@ -212,7 +276,13 @@ impl Model<'_, '_> {
         }
         let args = arguments(&params, self.scope.defaults.get(function), args.clone());
         let args = args.ok_or_else(|| Refusal::new(format!("this call of '{function}'"), place.clone()))?;
-        let mut names = names_of(&body).0;
+        let (mut names, globals) = names_of(&body);
+        // Variables of the model that the function changes keep their names.
+        names.retain(|name| !globals.contains(name));
+        if !globals.is_empty() {
+            check_change_of_values(s, &call, function, place)?;
+            check_own_names(&globals, function, place, way, left)?;
+        }
         names.extend(params.iter().cloned());
         let number = self.temporaries;
         self.temporaries += 1;
