@@ -89,8 +89,9 @@ impl Spline {
         let t = if t > 0.0 { t.min(1.0) } else { 0.0 };
         let u = t * self.spans() as f64;
         // The last span whose start is not beyond u; the end of the domain belongs to the last one.
-        let k = (self.degree..self.degree + self.spans()).rev().find(|k| self.knots.get(*k).is_some_and(|s| *s <= u));
-        let Some(k) = k else { return [0.0; 3] };
+        let starts = self.knots.get(self.degree..self.degree + self.spans()).unwrap_or(&[]);
+        let Some(k) = starts.partition_point(|start| *start <= u).checked_sub(1) else { return [0.0; 3] };
+        let k = k + self.degree;
         let mut d: Vec<[f64; 3]> = self.points.get(k - self.degree..=k).map(<[_]>::to_vec).unwrap_or_default();
         for r in 1..=self.degree {
             for j in (r..=self.degree).rev() {

@@ -1009,6 +1009,65 @@ fn vectors_of_lpy_have_angles_and_copies() {
 }
 
 #[test]
+fn objects_of_lpy_are_numbers_for_their_attributes() {
+    let class = "class State:\n  \"\"\" of an apex \"\"\"\n  kind = 7\n  def __init__(self, age=0, order=0):\n    self.age = age\n    \
+                 self.order = order\n    self.limit = 2+self.order\n  def __str__(self):\n    return str(self.age)\n";
+    let model = |axiom: &str, steps: u32, rules: &str| {
+        format!(
+            "{class}from copy import deepcopy\nmodule Apex, Node\nAxiom: {axiom}\nderivation length: {steps}\nproduction:\n{rules}"
+        )
+    };
+    // Attributes: kind, age, order, limit. Age is 1.5 after the first step, and 2 in the second one.
+    let grows = "Apex(p):\n  p.age += 0.5\n  if p.age >= p.limit:\n    produce Node(p.order)[Apex(State(0,p.order+1))]Apex(p)\n  produce Apex(p)\n";
+    assert_eq!(lpy(&model("Apex(State(age=1))", 1, grows)), "Apex(7,1.5,0,2)");
+    assert_eq!(lpy(&model("Apex(State(age=1))", 2, grows)), "Node(0)[Apex(7,0,1,3)]Apex(7,2,0,2)");
+    // Attributes given by name, objects that modules hand on, copies, an attribute with the name of a coordinate.
+    let set = "Axiom: A(ParameterSet(Q=2,x=1))\nderivation length: 2\nproduction:\nA(d) --> B(d)[C(deepcopy(d))]\nB(d) --> D(d.Q+1,d.x)\n\
+               C(d):\n  e = deepcopy(d)\n  e.Q = 5\n  produce D(d.Q,e.Q)\n";
+    assert_eq!(lpy(set), "D(3,1)[D(2,5)]");
+    // A function changes the object that it is given; an object of the model is read.
+    let changed = "P = ParameterSet(rate=3)\ndef grow(d):\n  d.Q *= P.rate\nAxiom: I(ParameterSet(Q=2))\nderivation length: 2\nproduction:\n\
+                   I(d):\n  grow(d)\n  produce I(d)\n";
+    assert_eq!(lpy(changed), "I(18)");
+    // As a context, and in an interpretation.
+    let seen = "Axiom: I(ParameterSet(Q=2))A\nderivation length: 1\nproduction:\nI(d) < A --> F(d.Q)\ninterpretation:\nI(d) --> f(d.Q)\n";
+    assert_eq!(lpy(seen), "I(2)F(2)");
+    for (rules, why) in [
+        ("Apex(p):\n  p.age += 1\n  produce Apex(p)Node(p)\n", "the object 'p' in two places"),
+        ("Apex(p):\n  nproduce Apex(p)\n  p.age += 1\n", "the object 'p' in two places"),
+        ("Apex(p):\n  p.age += 1\n  if p.age > 9: produce Apex(p)\n", "a change of 'p' on a way that makes no modules"),
+        ("Apex(p):\n  p.size = 1\n  produce Apex(p)\n", "an attribute 'size' that this value does not have"),
+        ("Apex(p) --> Node(p.size)\n", "an attribute 'size' that this value does not have"),
+        ("Apex(p) --> Node(1+p)\n", "an object where a number is expected"),
+        ("Apex(p) --> Node(State(1,2,3))\n", "this call of the class 'State'"),
+        ("Apex(p) --> Apex(ParameterSet(a=1,b=2,c=3,d=4))\n", "with an object of 4 attributes as its parameters"),
+    ] {
+        let text = format!("{}endlsystem\n", model("Apex(State())", 1, rules));
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{rules}: {said}");
+    }
+    let other = "class S:\n  def __init__(self):\n    self.a = 1\n  def grow(self):\n    self.a += 1\nAxiom: A(S())\nproduction:\nA(s) --> A(s)\nendlsystem\n";
+    let said = try_read(other).err().map_or_else(String::new, |e| e.to_string());
+    assert!(
+        said.contains("L007") && said.contains("the function 'S' (line 4: the function 'grow' of a class)"),
+        "{said}"
+    );
+}
+
+#[test]
+fn items_of_lists_and_dictionaries_of_lpy_may_be_taken_out() {
+    let model = |head: &str, rule: &str| {
+        lpy(&format!("{head}Axiom: A(1)A(0)\nderivation length: 1\nproduction:\nA(x):\n  {rule}\n"))
+    };
+    let head = "kinds = {0: {'l': 2, 'a': 30}, 1: {'l': 1, 'a': 45}}\nrows = [[1,2],[3,4]]\nq = [5,6,7]\ndel q[1]\nfirst, *rest = [1,2,3]\n";
+    assert_eq!(model(head, "p = kinds[x]\n  produce B(p['l'],p['a'])"), "B(1,45)B(2,30)");
+    // The index is that of the assignment.
+    assert_eq!(model(head, "p = rows[x]\n  x = 0\n  produce B(p[0],p[1],x)"), "B(3,4,0)B(1,2,0)");
+    assert_eq!(model(head, "produce B(q[0],q[1],len(q),first,rest[0],len(rest))"), "B(5,7,2,1,2,2)B(5,7,2,1,2,2)");
+    assert_eq!(model("", "r = [x,8,9]\n  del r[0]\n  *a, b = r\n  produce B(a[0],b,len(a))"), "B(8,9,1)B(8,9,1)");
+}
+
+#[test]
 fn second_items_of_lpy_are_told_with_both_lines() {
     let text = "Axiom: A(1)\nAxiom: B(1)\nderivation length: 2\nderivation length: 1\nignore: F\nconsider: B\nn = 0\n\
                 def Start():\n  global n\n  n = 5\ndef Start():\n  global n\n  n = n + 7\nproduction:\nB(x) --> C(n)\n\
@@ -1432,7 +1491,7 @@ fn more_functions_of_python_are_known_to_lpy() {
         ("produce B(len(q*x))", "that is not constant"),
         ("produce B(sorted([x, 1])[0])", "'sorted'"),
         ("produce B(q.index(8))", "'index' of a value that its list does not have"),
-        ("produce B(q.size)", "an attribute of 'q'"),
+        ("produce B(q.size)", "an attribute 'size' that this value does not have"),
         ("nsproduce(q)", "'nsproduce' of something other than a list"),
         ("produce B(round(x,x))", "digits of 'round'"),
         ("produce B(len([0]*10000*10000))", "too many items"),

@@ -192,6 +192,7 @@ impl Model<'_, '_> {
                     let modules = modules.into_iter().map(|m| self.in_declared_order(m)).collect::<Result<_, _>>()?;
                     out.push(Statement::Produce(modules, word.text == "sproduce"));
                 }
+                "del" if rest.text.contains('[') => out.extend(assign_statement(piece)?),
                 "try" | "with" | "class" | "raise" | "del" | "lambda" => {
                     let why = Refusal::new(format!("'{}' in a production", word.text), piece.range());
                     return Err(Refusal { remedy: remedy_of(word.text), ..why });

@@ -25,6 +25,8 @@ use crate::token::SourcePlace;
 const MAX_CURVES: usize = 4_096;
 /// Most points of a curve. Own: the time that a spline of more takes would be noticed.
 const MAX_POINTS: usize = 4_096;
+/// Most points of all curves together: about a second for measuring them.
+const MAX_ALL_POINTS: usize = 65_536;
 /// Most points of a Bézier curve, whose degree is one less: its arithmetic grows with their square.
 const MAX_BEZIER_POINTS: usize = 64;
 
@@ -67,14 +69,15 @@ impl Curves {
         Arc::clone(&self.tables)
     }
 
-    /// The number that stands for a curve, which is added unless it is known; `None` beyond [`MAX_CURVES`].
+    /// The number that stands for a curve, which is added unless it is known; `None` beyond [`MAX_CURVES`] and [`MAX_ALL_POINTS`].
     fn number(&mut self, curve: Curve) -> Option<f64> {
         let at = self.list.iter().position(|known| *known == curve).unwrap_or(self.list.len());
         let id = FIRST_CURVE + f64::from(saturating_index(at));
         if at < self.list.len() {
             return Some(id);
         }
-        if at >= MAX_CURVES {
+        let points: usize = self.list.iter().map(|known| known.points.len()).sum();
+        if at >= MAX_CURVES || points + curve.points.len() > MAX_ALL_POINTS {
             return None;
         }
         let spline = match curve.kind {
@@ -140,7 +143,9 @@ pub(super) fn made(
 
 fn text_of(curve: Curve, range: &Range<usize>, scope: &Scope) -> Result<PyExpr, Refusal> {
     let number = scope.curves.borrow_mut().number(curve);
-    let number = number.ok_or_else(|| Refusal::new(format!("more than {MAX_CURVES} curves"), range.clone()))?;
+    let number = number.ok_or_else(|| {
+        Refusal::new(format!("more than {MAX_CURVES} curves, or {MAX_ALL_POINTS} points of them"), range.clone())
+    })?;
     Ok(PyExpr::Text(number, range.clone()))
 }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::curves::call_place;
 use super::expression::{
-    APPLY, DICTIONARY, MAX_OPS, NONE, PyExpr, PyOp, is_joined_text, joined_text_refusal, plain_name, range_of,
+    APPLY, DICTIONARY, MAX_OPS, NONE, OBJECT, PyExpr, PyOp, is_joined_text, joined_text_refusal, plain_name, range_of,
 };
 use super::refusal::Refusal;
 use super::scope::{RUN, Scope, has_random};
@@ -413,6 +413,10 @@ fn emit_call(
         // Values that are no numbers, functions that run as code, and functions that are not known.
         _ if is_joined_text(&PyExpr::Call(name.to_owned(), args.to_vec(), range.clone())) => {
             return Err(joined_text_refusal(range.clone()));
+        }
+        _ if name == OBJECT => {
+            let why = Refusal::new("an object where a number is expected", range.clone());
+            return Err(why.remedy("read one of its attributes: p.age"));
         }
         _ if name == DICTIONARY => {
             let why = Refusal::new("a dictionary '{..}' where a number is expected", range.clone());

@@ -144,6 +144,12 @@ pub(super) const JOINED_TEXT: &str = "(text)";
 /// Name of the call of a function that a variable or a text holds: the function, then its argument. No function has it.
 pub(super) const APPLY: &str = "(apply)";
 
+/// Name of the call that stands for an object: its arguments are calls of its attributes with their values. No function has it.
+pub(super) const OBJECT: &str = "(object)";
+
+/// Prefix of the name of the call that stands for an attribute, `p.age` as `(.)age` of p.
+pub(super) const ATTRIBUTE: &str = "(.)";
+
 /// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
 pub(super) const DICTIONARY: &str = "{..}";
 
@@ -224,6 +230,11 @@ pub(super) fn joined_text_refusal(range: Range<usize>) -> Refusal {
     why.remedy(
         "compare texts that are written out, or hand on a number; messages may only be printed and shown by Label",
     )
+}
+
+/// True for an object.
+pub(super) fn is_object(e: &PyExpr) -> bool {
+    matches!(e, PyExpr::Call(name, ..) if name == OBJECT)
 }
 
 /// True for a dictionary.

@@ -15,6 +15,7 @@ mod imports;
 mod lines;
 mod lists;
 mod loops;
+mod objects;
 mod parser;
 mod pieces;
 mod python;
@@ -104,6 +105,8 @@ struct Model<'r, 's> {
     bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,
     /// Parameters of modules that have been made or met in heads, where the model has lists or vectors as parameters.
     shapes: BTreeMap<String, Vec<Vec<ParamShape>>>,
+    /// Attributes of objects that some line of the model sets.
+    changed_attributes: BTreeSet<String>,
     /// Written shapes of the parameters of modules that have lists or vectors.
     written_shapes: BTreeMap<String, Vec<Vec<ParamShape>>>,
     /// Names of all functions of the model, also of those that stand further down.
@@ -166,6 +169,7 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
         temporaries: 0,
         bodies: BTreeMap::new(),
         shapes: BTreeMap::new(),
+        changed_attributes: BTreeSet::new(),
         written_shapes: BTreeMap::new(),
         defined: function_names(&list),
         definitions: BTreeMap::new(),
@@ -191,6 +195,7 @@ pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
     model.shared_names(&list);
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
+    model.classes(&list);
     model.curves(&list);
     model.declarations(&list);
     model.arities = arities(&plain, &model.declared);

@@ -5,8 +5,8 @@ use std::ops::Range;
 use osier_base::convert::saturating_index;
 
 use super::expression::{
-    DICTIONARY, FLAT, IN, JOINED_TEXT, NOTHING, OF_NUMBERS, PyExpr, PyOp, SLICE, is_joined_text, is_none, range_of,
-    substitute, text_number, text_refusal,
+    ATTRIBUTE, DICTIONARY, FLAT, IN, JOINED_TEXT, NOTHING, OF_NUMBERS, PyExpr, PyOp, SLICE, is_joined_text, is_none,
+    range_of, substitute, text_number, text_refusal,
 };
 use super::lines::{JOINED, masked};
 use super::pieces::{assignment, colon, split};
@@ -590,6 +590,14 @@ impl PyParser {
                     if self.axis().is_some() {
                         return self.indexed(PyExpr::Name(name, t.range));
                     }
+                    let is_module = matches!(
+                        name.as_str(),
+                        "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m" | "pgl" | "copy"
+                    );
+                    if !is_module && let Some(field) = self.attribute() {
+                        let object = PyExpr::Name(name, t.range.clone());
+                        return self.indexed(PyExpr::Call(field, vec![object], t.range));
+                    }
                     if !matches!(
                         name.as_str(),
                         "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m" | "pgl" | "copy"
@@ -749,6 +757,22 @@ impl PyParser {
         AXES.iter().position(|axis| axis == name).map(saturating_index)
     }
 
+    /// Takes an attribute that follows, which is not called: the name of the call that stands for it.
+    fn attribute(&mut self) -> Option<String> {
+        let rest = self.tokens.get(self.i..)?;
+        let (Some(PyTokenKind::Sign(".")), Some(PyTokenKind::Name(field))) =
+            (rest.first().map(|t| &t.kind), rest.get(1).map(|t| &t.kind))
+        else {
+            return None;
+        };
+        if matches!(rest.get(2).map(|t| &t.kind), Some(PyTokenKind::Sign("(" | "."))) {
+            return None;
+        }
+        let name = format!("{ATTRIBUTE}{field}");
+        self.i += 2;
+        Some(name)
+    }
+
     /// Indices and coordinates after a value.
     fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
         let mut out = value;
@@ -758,7 +782,12 @@ impl PyParser {
             let height = self.height;
             // `v.x` is `v[0]`; other attributes are refused where the expression ends.
             if self.sign() == Some(".") {
-                let Some(axis) = self.axis() else { break };
+                let Some(axis) = self.axis() else {
+                    let Some(field) = self.attribute() else { break };
+                    self.grow(height)?;
+                    out = PyExpr::Call(field, vec![out], place);
+                    continue;
+                };
                 self.i += 2;
                 self.grow(height)?;
                 out = PyExpr::Index(Box::new(out), Box::new(PyExpr::Number(f64::from(axis))), place);

@@ -98,7 +98,10 @@ impl Model<'_, '_> {
                 }
                 return end;
             }
-            "class" | "try" | "with" | "raise" | "del" => {
+            // Read before; one that cannot be read is refused where an object is made.
+            "class" => return next,
+            "del" if rest.text.contains('[') => {}
+            "try" | "with" | "raise" | "del" => {
                 let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
                 self.refuse(&Refusal { remedy: remedy_of(word.text), ..why });
                 return next;
@@ -162,6 +165,19 @@ impl Model<'_, '_> {
                 }
             }
             let (names, values) = (split(names), split(value));
+            if names.iter().any(|name| name.text.starts_with('*')) {
+                match assign_statement(piece) {
+                    Ok(statements) => {
+                        for statement in statements {
+                            if let Statement::Assign(name, e) = statement {
+                                self.global(&name, &e, value.range());
+                            }
+                        }
+                    }
+                    Err(why) => self.refuse(&why),
+                }
+                return next;
+            }
             if let ([name], Some(Lambda { params, defaults, value })) = (names.as_slice(), lambda(value)) {
                 let defaults = defaults.into_iter().map(|d| d.and_then(|d| self.default_value(d))).collect();
                 self.scope.defaults.insert(name.text.to_owned(), defaults);

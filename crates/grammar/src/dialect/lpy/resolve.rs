@@ -10,15 +10,16 @@ use osier_base::convert::saturating_index;
 use super::dictionary::dictionary_of;
 use super::emit::{constant_of, emit, folded, known_truth};
 use super::expression::{
-    DICTIONARY, FLAT, IN, MAX_OPS, OF_NUMBERS, PyExpr, PyOp, SLICE, UNKNOWN, constant_name, first_call, is_dictionary,
-    is_nothing, plain_name, range_of, size_with, substitute, text_refusal, times_read,
+    ATTRIBUTE, DICTIONARY, FLAT, IN, MAX_OPS, OBJECT, OF_NUMBERS, PyExpr, PyOp, SLICE, UNKNOWN, constant_name,
+    first_call, is_dictionary, is_nothing, is_object, plain_name, range_of, size_with, substitute, text_refusal,
+    times_read,
 };
 use super::lists::{
     combined, first_number, flat, index_of, is_one_of, item, numbers_of_range, one_of, slice, sorted, zipped,
 };
 use super::refusal::Refusal;
 use super::scope::{RUN, RunFunction, Scope, arguments, has_random};
-use super::{curves, dictionary, lists, vectors};
+use super::{curves, dictionary, lists, objects, vectors};
 use crate::code::{Bytecode, Op};
 
 /// Calls of functions of the model within one another that are written in: a function may call itself.
@@ -116,6 +117,10 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 }
             }
         }
+        PyExpr::Call(name, args, range) if name == OBJECT => {
+            let args = args.iter().map(|a| resolved_pair(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
+            PyExpr::Call(name.clone(), args, range.clone())
+        }
         PyExpr::Call(name, args, range) => return resolved_call(name, args, range, scope, depth),
         // A change of a list or dictionary, such as `append`, is the new list or dictionary.
         PyExpr::Change(change, args, range) => {
@@ -124,6 +129,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 Some((before, rest)) if is_dictionary(before) => {
                     dictionary::changed(*change, before, rest, scope, range)?
                 }
+                Some((before, rest)) if is_object(before) => objects::with_attribute(before, rest, range)?,
                 Some((before, rest)) => lists::changed(*change, before, rest, scope, range)?,
                 None => return Err(change.refusal(range)),
             }
@@ -152,6 +158,13 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
     })
 }
 
+/// An attribute of an object with its resolved value.
+fn resolved_pair(pair: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr, Refusal> {
+    let PyExpr::Call(field, value, range) = pair else { return resolve(pair, scope, depth) };
+    let value = value.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
+    Ok(PyExpr::Call(field.clone(), value, range.clone()))
+}
+
 /// A resolved operand that must be a number: a text is refused.
 fn as_number(e: PyExpr) -> Result<PyExpr, Refusal> {
     if let PyExpr::Text(value, range) = e { Err(text_refusal(value, range)) } else { Ok(e) }
@@ -174,6 +187,12 @@ fn resolved_call(
     depth: usize,
 ) -> Result<PyExpr, Refusal> {
     let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
+    if let (Some(field), [object]) = (name.strip_prefix(ATTRIBUTE), args.as_slice()) {
+        return objects::attribute(object, field, range);
+    }
+    if let Some(object) = objects::made(name, &args, range, scope) {
+        return object;
+    }
     // Functions of the model hide those of Python with the same name.
     if scope.functions.contains_key(name) {
         return function_value(name, args, range, scope, depth);
@@ -473,6 +492,11 @@ fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -
     if let Some(items) = vectors::coordinates_of(list) {
         return item(items, index, scope, range);
     }
+    if is_object(list)
+        && let Some(field) = objects::axis_name(index)
+    {
+        return objects::attribute(list, field, range);
+    }
     match list {
         PyExpr::List(items, _) => item(items, index, scope, range),
         PyExpr::Call(name, pairs, _) if name == DICTIONARY => dictionary::value_of(pairs, index, None, scope, range),
@@ -489,7 +513,7 @@ fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -
 
 /// True for a list or a vector.
 pub(super) fn is_list_or_vector(e: &PyExpr) -> bool {
-    matches!(e, PyExpr::List(..)) || vectors::coordinates_of(e).is_some()
+    matches!(e, PyExpr::List(..)) || vectors::coordinates_of(e).is_some() || is_object(e)
 }
 
 /// False for an expression that is neither list nor vector whatever its names are; it need not be resolved.
@@ -508,6 +532,9 @@ pub(super) fn may_be_list(e: &PyExpr, scope: &Scope) -> bool {
                 || matches!(name.as_str(), "enumerate" | "zip" | ".keys" | ".values" | ".items" | ".copy" | "[[]]")
                 || vectors::gives_vector(name)
                 || scope.functions.contains_key(name)
+                || name == OBJECT
+                || name == "ParameterSet"
+                || scope.classes.contains_key(name)
         }
         _ => false,
     }

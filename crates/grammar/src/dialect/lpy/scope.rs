@@ -10,7 +10,9 @@ use osier_base::diagnostic::SourceId;
 
 use super::curves::Curves;
 use super::expression::{MAX_OPS, PyExpr, size_with, substitute, times_read, with_parts};
+use super::objects::Class;
 use super::refusal::Refusal;
+use super::strings::ParamShape;
 use crate::code::{Bytecode, CalledFunction, Op};
 
 /// Prefix of the name of a call that runs the code of a function. No function of a model has such a name, as it holds a blank.
@@ -62,6 +64,10 @@ pub(super) struct Scope {
     pub run_code: Arc<OnceLock<Vec<CalledFunction>>>,
     /// Curves of the model, and those saved behind it.
     pub curves: Rc<RefCell<Curves>>,
+    /// Classes of the model whose objects hold values.
+    pub classes: BTreeMap<String, Class>,
+    /// Names of the attributes of the kinds of objects that modules have as parameters.
+    pub kinds: Rc<RefCell<Vec<Vec<String>>>>,
     /// The text of the model, for places; `None`: a scope without a model.
     pub source: Option<SourceId>,
     /// The code is that of `StartEach`, which runs before the step: `Q` counts the steps that are completed.
@@ -105,6 +111,21 @@ impl Scope {
         };
         let why = why.map_or_else(String::new, |why| format!(" ({why})"));
         Refusal { remedy, ..Refusal::new(format!("the function '{name}'{why}"), range) }
+    }
+
+    /// The shape of a parameter that is an object with these attributes.
+    pub fn object_shape(&self, fields: &[String]) -> ParamShape {
+        let kinds = &mut self.kinds.borrow_mut();
+        let kind = kinds.iter().position(|own| own == fields).unwrap_or_else(|| {
+            kinds.push(fields.to_vec());
+            kinds.len() - 1
+        });
+        ParamShape::Object { kind, count: fields.len() }
+    }
+
+    /// The attributes of a kind of objects.
+    pub fn fields(&self, kind: usize) -> Vec<String> {
+        self.kinds.borrow().get(kind).cloned().unwrap_or_default()
     }
 
     /// Code with the tables of the curves that it reads, and the places of its calls behind its own.

@@ -140,6 +140,11 @@ pub(super) enum ParamShape {
     Number,
     List(usize),
     Vector(usize),
+    /// An object: the number of its kind, which has these attributes.
+    Object {
+        kind: usize,
+        count: usize,
+    },
 }
 
 impl ParamShape {
@@ -147,7 +152,7 @@ impl ParamShape {
     pub fn count(self) -> usize {
         match self {
             Self::Number => 1,
-            Self::List(n) | Self::Vector(n) => n,
+            Self::List(n) | Self::Vector(n) | Self::Object { count: n, .. } => n,
         }
     }
 }

@@ -4,13 +4,16 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::Model;
-use super::expression::{PyExpr, first_call, is_change, is_joined_text, is_written_out, model_name, range_of};
+use super::expression::{
+    PyExpr, first_call, is_change, is_dictionary, is_joined_text, is_object, is_written_out, model_name, range_of,
+};
+use super::objects::{fields_of, object_of, values_of};
 use super::refusal::Refusal;
 use super::resolve::{compile, is_list_or_vector, may_be_list, resolve};
 use super::scope::{Scope, arguments, has_random};
 use super::shapes::spread;
 use super::shared_lists::HandedOn;
-use super::statement::{Statement, call_in, names_of, read_name, renamed, with_lists, without_call};
+use super::statement::{Statement, call_in, changes, names_of, read_name, renamed, with_lists, without_call};
 use super::strings::PyModule;
 use super::way::{MAX_STEPS, OpenWay, Step, Way, in_way, with_known};
 use crate::code::is_zero;
@@ -35,6 +38,20 @@ const STATEMENT_WORK: usize = 16;
 fn no_value(function: &str, place: Range<usize>) -> Refusal {
     let why = Refusal::new(format!("the function '{function}', which may end without a value"), place);
     why.remedy("end it by 'return' with a value, or call it on a line of its own for the modules that it makes")
+}
+
+/// True for a choice between lists, or between dictionaries, whose items are numbers, texts and lists of them.
+fn is_choice_of_lists(e: &PyExpr) -> bool {
+    fn is_side(e: &PyExpr) -> bool {
+        let is_plain = |e: &PyExpr| is_written_out(e) || is_dictionary(e);
+        match e {
+            PyExpr::Choice(_, a, b) => is_side(a) && is_side(b),
+            PyExpr::Call(_, items, _) if is_dictionary(e) => items.iter().all(is_plain),
+            PyExpr::List(items, _) => items.iter().all(is_plain),
+            _ => false,
+        }
+    }
+    matches!(e, PyExpr::Choice(..)) && is_side(e)
 }
 
 /// True if an expression reads a part whatever its tests give: the part is no side of a choice, and no later operand of `and`, `or`.
@@ -128,6 +145,7 @@ impl Model<'_, '_> {
         }
         // Find the lists that the assignment shares by their names, before lists take the place of names.
         let handed_on = self.handed_on(&statement, &now.way)?;
+        self.note_objects_of(&statement, &mut now.way);
         match with_lists(statement, &now.way.lists) {
             Statement::Pass | Statement::TurnEnd | Statement::LoopEnd => {}
             Statement::Global(names) => now.way.globals.extend(names),
@@ -214,12 +232,38 @@ impl Model<'_, '_> {
             now.run_next(taken);
             return;
         }
+        // One of several lists or dictionaries, `p = q[k]`, with the index taken now: it may change before the name is read.
+        if let Some((taken, choice)) = self.one_of_lists(&e, &now.way) {
+            now.way.known.remove(&name);
+            now.way.lists.insert(name, choice);
+            now.run_next(vec![taken]);
+            return;
+        }
         now.way.lists.remove(&name);
         let value = self.known_value(&e, &now.way);
         let e = value.filter(|_| self.calls_function(&e)).map_or(e, PyExpr::Number);
         now.way.known.insert(name.clone(), value);
         now.way.bounds.assign(&name, &e, &self.scope);
         now.way.steps.push(Step::Assign(name, e));
+    }
+
+    /// The choice between lists or dictionaries that an index which is not known gives, and the assignment of the index to a variable of
+    /// this reader; `None` for any other expression.
+    fn one_of_lists(&mut self, e: &PyExpr, way: &Way) -> Option<(Statement, PyExpr)> {
+        let PyExpr::Index(list, index, place) = e else { return None };
+        if matches!(**index, PyExpr::Call(..)) || !may_be_list(list, &self.scope) {
+            return None;
+        }
+        let name = format!("(item {})", self.temporaries);
+        let taken = PyExpr::Name(name.clone(), range_of(index));
+        let mut scope = self.scope_of(way);
+        scope.locals.push(name.clone());
+        let value = resolve(&PyExpr::Index(list.clone(), Box::new(taken), place.clone()), &scope, 0).ok()?;
+        if !is_choice_of_lists(&value) {
+            return None;
+        }
+        self.temporaries += 1;
+        Some((Statement::Assign(name, (**index).clone()), value))
     }
 
     /// The ways after an `if`, the first to try first.
@@ -287,6 +331,22 @@ impl Model<'_, '_> {
         let number = self.temporaries;
         self.temporaries += 1;
         let mut own: Vec<String> = names.iter().map(|name| format!("{name} ({number})")).collect();
+        // An object that the function changes is that of the caller, under its name.
+        let mut is_same = vec![false; params.len()];
+        for ((k, param), arg) in params.iter().enumerate().zip(&args) {
+            let value = if let PyExpr::Name(name, _) = arg {
+                way.lists.get(name).or_else(|| self.scope.lists.get(name)).filter(|e| is_object(e)).map(|_| name)
+            } else {
+                None
+            };
+            if let Some(name) = value
+                && changes(&body, param)
+                && let Some(at) = names.iter().position(|n| n == param)
+            {
+                own[at] = name.clone();
+                is_same[k] = true;
+            }
+        }
         // The function reads values of the model where the production has variables of their names.
         let others = self.scope.locals.iter().chain(way.known.keys()).chain(way.lists.keys());
         let others: BTreeSet<&String> =
@@ -311,7 +371,7 @@ impl Model<'_, '_> {
         let result = Some(result).filter(|_| !is_run);
         left.push(Statement::FunctionEnd(result, function.clone(), place.clone()));
         left.extend(body.iter().rev().map(|s| renamed(s, &names, &own)));
-        let set = params.iter().zip(args).map(|(p, value)| {
+        let set = params.iter().zip(args).zip(is_same).filter(|(_, is_same)| !is_same).map(|((p, value), _)| {
             let name = names.iter().position(|n| n == p).and_then(|i| own.get(i)).unwrap_or(p);
             Statement::Assign(name.clone(), value)
         });
@@ -378,6 +438,12 @@ impl Model<'_, '_> {
             Some(PyExpr::List(items, place)) => {
                 let items = items.iter().map(|e| self.kept(e, way, taken)).collect();
                 return PyExpr::List(items, place);
+            }
+            Some(object) if is_object(&object) => {
+                let fields = fields_of(&object).unwrap_or_default();
+                let values = values_of(&object).unwrap_or_default();
+                let values = values.into_iter().map(|e| self.kept(e, way, taken)).collect();
+                return object_of(&fields, values, &range_of(&object));
             }
             Some(PyExpr::Call(kind, items, place)) => {
                 let items = items.iter().map(|e| self.kept(e, way, taken)).collect();
