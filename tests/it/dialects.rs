@@ -828,7 +828,7 @@ fn python_that_is_more_than_rules_is_refused_by_name() {
     };
     for (rules, construct) in [
         ("A(x):\n  try:\n    x += 1\n  produce F", "'try' in a production"),
-        ("A(x):\n  produce F(x.length)", "an attribute of 'x'"),
+        ("A(x):\n  produce F(x.length)", "an attribute 'length'"),
         ("A(x) --> F([1,2])", "a list or an index"),
         ("A(x) --> F(foo(x))", "the function 'foo'"),
         ("A(x) --> F(y)", "the unknown name 'y'"),
@@ -836,7 +836,10 @@ fn python_that_is_more_than_rules_is_refused_by_name() {
         ("?F(f) --> F", "the query '?F'"),
         ("A(**rest) --> F", "'**rest' as the name of a parameter"),
         ("A(x) --> F(**x)", "'**', arguments by name"),
-        ("class P:\n  pass", "'class' outside of a production"),
+        (
+            "class P:\n  def grow(self): return 1\nA(x) --> F(P())",
+            "the function 'P' (line 5: the function 'grow' of a class)",
+        ),
     ] {
         let text = of(rules);
         assert!(

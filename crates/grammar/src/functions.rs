@@ -44,6 +44,21 @@ impl Spline {
             points.extend(first);
         }
         let degree = points.len().saturating_sub(1).min(3);
+        Self::of_degree(points, degree, ends)
+    }
+
+    /// The Bézier curve of its control points, whose degree is one less than their number.
+    pub fn bezier(points: &[[f64; 3]]) -> Self {
+        Self::of_degree(points.to_vec(), points.len().saturating_sub(1), SplineEnds::Clamped)
+    }
+
+    /// Straight lines from point to point, each over an equal share of the parameter.
+    pub fn polyline(points: &[[f64; 3]]) -> Self {
+        Self::of_degree(points.to_vec(), points.len().saturating_sub(1).min(1), SplineEnds::Clamped)
+    }
+
+    /// A spline with uniform knots, which are clamped or go on beyond both ends.
+    fn of_degree(points: Vec<[f64; 3]>, degree: usize, ends: SplineEnds) -> Self {
         let count = points.len() + degree + 1;
         let last = points.len().saturating_sub(degree) as f64;
         // Uniform knots, whose domain begins at 0; clamped ones stop at the ends of the domain.
@@ -52,6 +67,16 @@ impl Spline {
             if ends == SplineEnds::Clamped { k.clamp(0.0, last) } else { k }
         };
         Self { knots: (0..count).map(knot).collect(), points, degree }
+    }
+
+    /// Number of polynomial pieces, lines of a polyline.
+    pub fn pieces(&self) -> usize {
+        self.spans()
+    }
+
+    /// The curve with other control points, one for each of its own.
+    pub fn with_points(&self, of: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
+        Self { points: self.points.iter().map(|p| of(*p)).collect(), ..self.clone() }
     }
 
     /// Number of polynomial pieces.
@@ -64,8 +89,9 @@ impl Spline {
         let t = if t > 0.0 { t.min(1.0) } else { 0.0 };
         let u = t * self.spans() as f64;
         // The last span whose start is not beyond u; the end of the domain belongs to the last one.
-        let k = (self.degree..self.degree + self.spans()).rev().find(|k| self.knots.get(*k).is_some_and(|s| *s <= u));
-        let Some(k) = k else { return [0.0; 3] };
+        let starts = self.knots.get(self.degree..self.degree + self.spans()).unwrap_or(&[]);
+        let Some(k) = starts.partition_point(|start| *start <= u).checked_sub(1) else { return [0.0; 3] };
+        let k = k + self.degree;
         let mut d: Vec<[f64; 3]> = self.points.get(k - self.degree..=k).map(<[_]>::to_vec).unwrap_or_default();
         for r in 1..=self.degree {
             for j in (r..=self.degree).rev() {
@@ -100,6 +126,8 @@ pub struct DataFunction {
     spline: Spline,
     /// Values at equal distances of x, interpolated linearly; empty: the spline itself is solved for x.
     samples: Vec<f64>,
+    /// True for a graph whose abscissas need not go from 0 to 1.
+    is_graph: bool,
 }
 
 impl DataFunction {
@@ -107,7 +135,7 @@ impl DataFunction {
     /// `function: FILE n` asks for.
     pub fn new(points: &[[f64; 2]], samples: usize) -> Self {
         let points: Vec<[f64; 3]> = points.iter().map(|p| [p[0], p[1], 0.0]).collect();
-        let mut function = Self { spline: Spline::new(&points, SplineEnds::Clamped), samples: Vec::new() };
+        let mut function = Self { spline: Spline::new(&points, SplineEnds::Clamped), ..Self::default() };
         if samples >= 2 {
             let value = |i: usize| function.solve(i as f64 / (samples - 1) as f64);
             function.samples = (0..samples).map(value).collect();
@@ -115,8 +143,16 @@ impl DataFunction {
         function
     }
 
-    /// y where the abscissa of the spline is `x`, which is clamped to 0..1.
+    /// The function whose graph is a curve with abscissas that grow; x is clamped to those of its ends.
+    pub fn of_graph(spline: Spline) -> Self {
+        Self { spline, is_graph: true, ..Self::default() }
+    }
+
+    /// y where the abscissa of the spline is `x`, which is clamped to 0..1, or to the ends of a graph. NaN counts as 0.
     pub fn value(&self, x: f64) -> f64 {
+        if self.is_graph {
+            return self.solve(if x.is_nan() { 0.0 } else { x });
+        }
         let x = if x > 0.0 { x.min(1.0) } else { 0.0 };
         let Some(last) = self.samples.len().checked_sub(1).filter(|n| *n > 0) else { return self.solve(x) };
         let at = x * last as f64;
@@ -216,6 +252,11 @@ impl FunctionTables {
         Some(self.curves.get(&number(id)?)?.spline.at(t))
     }
 
+    /// Curve `id`; `None` if there is no such curve.
+    pub fn spline(&self, id: f64) -> Option<&Spline> {
+        Some(&self.curves.get(&number(id)?)?.spline)
+    }
+
     /// Length of curve `id` in the units of its control points, computed once; `None` if there is no such curve.
     pub fn curve_length(&self, id: f64) -> Option<f64> {
         Some(self.curves.get(&number(id)?)?.length)
@@ -263,6 +304,23 @@ mod tests {
         // (1 - 4 - 1)/6 and (1 + 4 - 1)/6.
         near(first[0], -4.0 / 6.0);
         near(first[1], 4.0 / 6.0);
+    }
+
+    #[test]
+    fn curves_of_other_degrees_are_those_of_their_definitions() {
+        // Binomials 1 4 6 4 1 over 16 at t = 1/2: y = (4 + 4) / 16 of the second and fourth point.
+        let bezier = Spline::bezier(&[[0.0; 3], [1.0, 1.0, 0.0], [2.0, 0.0, 0.0], [3.0, 1.0, 0.0], [4.0, 0.0, 0.0]]);
+        near(bezier.at(0.5)[0], 2.0);
+        near(bezier.at(0.5)[1], 0.5);
+        // Two lines of lengths 1 and 3, each over half of the parameter.
+        let line = Spline::polyline(&[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 3.0, 0.0]]);
+        assert_eq!((line.at(0.25), line.at(0.75)), ([0.5, 0.0, 0.0], [1.0, 1.5, 0.0]));
+        near(line.length(), 4.0);
+        // A graph is clamped to its own ends.
+        let graph = DataFunction::of_graph(Spline::polyline(&[[-1.0, 2.0, 0.0], [3.0, 4.0, 0.0]]));
+        near(graph.value(1.0), 3.0);
+        near(graph.value(-9.0), 2.0);
+        near(graph.value(9.0), 4.0);
     }
 
     #[test]

@@ -9,6 +9,7 @@ use osier_base::math::narrow;
 
 use super::binding::{Dialect, TurtleAction, TurtleBindings};
 use super::code::Expr;
+use super::functions::Spline;
 use super::modules::{Module, ModuleString};
 use super::notation::Notation;
 use super::preprocess::Define;
@@ -51,6 +52,16 @@ impl Grammar {
     /// Colours, sRGB, that the file itself gives to colour indices.
     pub fn palette(&self) -> &[(u8, [u8; 3])] {
         &self.palette
+    }
+
+    /// The curve of the file that a parameter stands for; `None` if it stands for none.
+    pub fn curve(&self, id: f64) -> Option<&Spline> {
+        self.program.curves.spline(id)
+    }
+
+    /// Value at `x` of the function whose graph is such a curve, in a plane; `None` if there is none.
+    pub fn curve_value(&self, id: f64, x: f64) -> Option<f64> {
+        self.program.curves.value(id, x)
     }
 
     /// The comment that opens the file.

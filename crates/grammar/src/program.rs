@@ -1,7 +1,10 @@
 //! A grammar after compilation: symbols are numbers, expressions are code.
 
+use std::sync::Arc;
+
 use super::binding::{Dialect, TurtleBindings};
 use super::code::{Bytecode, Expr};
+use super::functions::FunctionTables;
 use super::modules::ModuleString;
 use super::symbols::{SymbolId, Symbols};
 use super::token::SourcePlace;
@@ -196,6 +199,8 @@ pub(crate) struct Program {
     pub homomorphism: ProductionSet,
     /// The other L-systems of the file.
     pub subsystems: Vec<SubSystem>,
+    /// Curves that the file itself makes, by the numbers that stand for them in parameters (L-Py).
+    pub curves: Arc<FunctionTables>,
 }
 
 impl Program {

@@ -579,9 +579,21 @@ impl<'g> Writer<'g> {
         let is_command = name.starts_with(['@', '~', '?'])
             || ["SetWidth", "SetColor", "nF", "iRollL", "iRollR", "Frame", "InterpolateColors", "SectionResolution"]
                 .contains(&name)
-            || ["Line", "OLine", "Move", "Pinpoint", "Texture", "Euler", "SetContour", "SetGuide", "EndGuide"]
-                .iter()
-                .any(|p| name.starts_with(p))
+            || [
+                "Line",
+                "OLine",
+                "Move",
+                "Pinpoint",
+                "Position",
+                "Texture",
+                "Euler",
+                "SetContour",
+                "SetGuide",
+                "EndGuide",
+                "Sweep",
+            ]
+            .iter()
+            .any(|p| name.starts_with(p))
             || name.ends_with("Reflection");
         if !is_command {
             return None;

@@ -843,14 +843,228 @@ fn refused_functions_of_lpy_tell_what_to_write_instead() {
         try_read(&text).err().map_or_else(String::new, |e| e.to_string())
     };
     for (rule, construct, remedy) in [
-        ("produce F(wide(0.5))", "the function 'wide' (a curve of L-Py", "write the curve as a function"),
-        ("produce F(inc())", "the function 'inc' (it changes values", "write its 'global' and its assignments"),
+        ("produce F(wide(0.5)+wide)", "a curve where a number is expected", "call it, f(x)"),
+        ("produce F(wide())", "a call of 'wide' with 0 arguments", "takes one number"),
+        ("produce F(inc())", "the function 'inc', which may end without a value", "end it by 'return'"),
         ("produce F(makestring(x))", "the function 'makestring'", "write the modules themselves"),
     ] {
         let said = said(rule);
         assert!(said.contains("L007") && said.contains(construct) && said.contains(remedy), "{rule}: {said}");
     }
     assert_eq!(said("produce F(x)"), "");
+}
+
+/// What the editor of L-Py saves behind a model: `line` is 1 + 2x, `arch` the curve of Bézier with the control ordinates 0 1 1 0,
+/// `heavy` has a weight, `road` lies in space.
+const SAVED_CURVES: &str = "endlsystem\n###### INITIALISATION ######\n\n__lpy_code_version__ = 1.1\n\n\
+    def __initialiseContext__(context):\n\timport openalea.plantgl.all as pgl\n\tline = pgl.NurbsCurve2D(\t\n\t    \
+    ctrlPointList = pgl.Point3Array([(0, 1, 1),(0.2, 1.4, 1),(0.7, 2.4, 1),(1, 3, 1)]) , \n\t    )\n\tline.name = \"line\"\n\
+    \tfunctions = [('arch', NurbsCurve2D(Point3Array([Vector3(0,0,1),Vector3(0,1,1),Vector3(1,1,1),Vector3(1,0,1)])))]\n\
+    \theavy = pgl.NurbsCurve2D(pgl.Point3Array([(0, 1, 1),(1, 4, 2)]))\n\
+    \troad = pgl.Polyline([(0,0,0),(1,1,1)])\n\
+    \tcontext[\"line\"] = pgl.QuantisedFunction(line)\n";
+
+/// Final string of a model of L-Py with these curves behind it; of a model that is refused the message.
+fn with_curves(text: &str) -> String {
+    let text = format!("{text}{SAVED_CURVES}");
+    match try_read(&text) {
+        Ok(_) => string(&text),
+        Err(why) => why.to_string(),
+    }
+}
+
+#[test]
+fn functions_that_the_editor_of_lpy_saves_have_values() {
+    let model = |head: &str, axiom: &str, rule: &str| {
+        with_curves(&format!("{head}Axiom: {axiom}\nderivation length: 1\nproduction:\n{rule}\n"))
+    };
+    // 1 + 2x; beyond its ends the function keeps the values there. The arch is 3/4 high at its middle: 3 (1/8) + 3 (1/8).
+    assert_eq!(model("", "A(0.25)", "A(x) --> F(line(x),line(-3),line(7))"), "F(1.5,1,3)");
+    assert_eq!(model("", "A(0.5)", "A(x) --> F(arch(x))"), "F(0.75)");
+    // Handed on: as a parameter of a module, of a function, and through a variable.
+    assert_eq!(model("", "A(line)A(arch)", "A(f) --> F(f(0.5))"), "F(2)F(0.75)");
+    assert_eq!(model("def twice(f,x): return 2*f(x)\n", "A(1)", "A(x) --> F(twice(line,x))"), "F(6)");
+    assert_eq!(model("", "A(0)", "A(x):\n  f = line if x > 0 else arch\n  produce F(f(0.5))"), "F(0.75)");
+    // Made by the model: a curve, points, and a curve of a function of the model.
+    let own = "from openalea.plantgl.all import *\ndef f(u): return (u,u*u)\np = Polyline2D([f(u) for u in range(3)])\n\
+               s = QuantisedFunction(BezierCurve2D([(0,0,1),(0,1,1),(1,1,1),(1,0,1)]))\nq = QuantisedFunction([(0,1),(4,9)])\n\
+               g = lambda t: s(t)\n";
+    assert_eq!(model(own, "A(1.5)", "A(x) --> F(p(x),g(0.5),q(1))"), "F(2.5,0.75,3)");
+    for (rule, why) in [
+        ("A(x) --> F(line)B(2*line)", "a curve where a number is expected"),
+        ("A(x) --> F(heavy(x))", "a 'NurbsCurve2D' of other points, or of weights other than 1"),
+        ("A(x) --> F(road(x))", "a call of 'road', a curve in space"),
+        ("A(x) --> F(line(x,2))", "a call of 'line' with 2 arguments"),
+        (
+            "A(x):\n  c = Polyline2D([(0,0),(1,x)])\n  produce SetGuide(c,1)",
+            "a 'Polyline2D' of points that are not constant",
+        ),
+    ] {
+        let said = model("", "A(1)", rule);
+        assert!(said.contains("L007") && said.contains(why), "{rule}: {said}");
+    }
+    // A number that stands for no function is told where it is called.
+    let text = format!("Axiom: A(3)\nderivation length: 1\nproduction:\nA(f) --> F(f(1))\n{SAVED_CURVES}");
+    let (g, _) = read(&text);
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert!(g.print(&d.modules) == "F(0)" && d.warnings.iter().any(|w| w.code == "L048"), "{:?}", d.warnings);
+}
+
+#[test]
+fn functions_of_lpy_may_change_values_of_the_model() {
+    let model = |rule: &str| {
+        format!(
+            "n = 0\nm = 5\ndef next(k=1):\n  global n\n  n += k\n  return n\ndef note(x):\n  global m\n  m = x\n\
+             Axiom: A(1)A(2)\nderivation length: 1\nproduction:\n{rule}\n"
+        )
+    };
+    // The modules are rewritten from left to right; two calls of a production run in their order.
+    assert_eq!(lpy(&model("A(x):\n  k = next()\n  produce B(x,k)")), "B(1,1)B(2,2)");
+    assert_eq!(lpy(&model("A(x) --> B(next(),next(10))")), "B(1,11)B(12,22)");
+    assert_eq!(lpy(&model("A(x):\n  if next() > 1:\n    produce B(n)\n  produce C(n)")), "C(1)B(2)");
+    assert_eq!(lpy(&model("A(x):\n  note(10*x)\n  produce B(m)")), "B(10)B(20)");
+    // Only what a way runs is changed.
+    assert_eq!(lpy(&model("A(x):\n  if x > 1:\n    k = next(7)\n  produce B(n)")), "B(0)B(7)");
+    for (rule, why) in [
+        ("A(x):\n  k = next() if x > 1 else 0\n  produce B(k)", "changes values of the model, behind a test"),
+        ("A(x):\n  n = 3\n  k = next()\n  produce B(k)", "changes a 'n' that this production has, too"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{rule}: {said}");
+    }
+}
+
+#[test]
+fn functions_of_lpy_have_values_for_parameters_that_a_call_leaves_out() {
+    let model =
+        |head: &str, rule: &str| lpy(&format!("b = 3\n{head}Axiom: A(2)\nderivation length: 1\nproduction:\n{rule}\n"));
+    assert_eq!(model("f = lambda x, k=b: x*k\n", "A(x) --> B(f(x),f(x,5),f(x,k=1))"), "B(6,10,2)");
+    assert_eq!(model("", "A(x):\n  f = lambda y, k=4: y*k+x\n  produce B(f(1),f(1,k=0))"), "B(6,2)");
+}
+
+#[test]
+fn modules_of_lpy_may_have_parameters_by_name() {
+    let model = |rule: &str| {
+        format!(
+            "module Leaf(size, age)\nmodule Bud\nAxiom: Leaf(2, age=1)\nderivation length: 1\nproduction:\n{rule}\n"
+        )
+    };
+    assert_eq!(lpy(&model("Leaf(s,a) --> Leaf(age=s,size=a)new('Bud',s)")), "Leaf(1,2)Bud(2)");
+    for (rule, why) in [
+        ("Leaf(s,a) --> Leaf(s,b=a)", "which are others than it declares"),
+        ("Leaf(s,a) --> Bud(b=a)", "which no 'module' line declares"),
+        ("Leaf(s,a) --> new(s,2)", "'new' of a name that is not written out"),
+    ] {
+        let said = try_read(&format!("{}endlsystem\n", model(rule))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{rule}: {said}");
+    }
+}
+
+#[test]
+fn texts_of_lpy_that_are_put_together_are_only_shown() {
+    let model =
+        |lines: &str| format!("names = ['a','b']\nAxiom: A(2)\nderivation length: 1\nproduction:\nA(x):\n{lines}");
+    let lines = "  m = f\"x is {x}\"\n  n = 'a' + str(x)\n  o = '%d of %d' % (x, 3)\n  p = '{}'.format(x)\n  print(m)\n  \
+                 produce B(x)[@L(n, 12)]\n";
+    assert_eq!(lpy(&model(lines)), "B(2)[@L]");
+    // Letters before other texts change nothing.
+    assert_eq!(lpy(&model("  m = r'a'\n  produce B(1 if m == u'a' and f'a' == 'a' else 2)\n")), "B(1)");
+    for lines in ["  m = f'{x}'\n  produce B(m)\n", "  if 'a' + str(x) == 'a2': produce B\n"] {
+        let said = try_read(&format!("{}endlsystem\n", model(lines))).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains("a text that is put together"), "{lines}: {said}");
+    }
+}
+
+#[test]
+fn strings_of_lpy_are_read_where_they_are_written_out() {
+    let model = |rule: &str| {
+        format!("module Leaf\npattern = 'F(1)[+(30)Leaf]'\nAxiom: A\nderivation length: 1\nproduction:\nA:\n  {rule}\n")
+    };
+    assert_eq!(lpy(&model("nsproduce(makestring(pattern))\n  produce A")), "F(1)[+(30)Leaf]A");
+    assert_eq!(lpy(&model("sproduce(Lstring(\"F(2)-F\"))")), "F(2)-F");
+    let said = try_read(&format!("{}endlsystem\n", model("sproduce(makestring(pattern+'F'))")));
+    let said = said.err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("made from something other than a text"), "{said}");
+}
+
+#[test]
+fn models_of_lpy_may_stop() {
+    // The third step is the last one: getIterationNb() counts from 0.
+    let model = "def StartEach():\n  if getIterationNb() == 2: Stop()\nAxiom: A\nderivation length: 9\nproduction:\nA --> F A\n";
+    assert_eq!(lpy(model), "FFFA");
+    let said = try_read("Axiom: A\nproduction:\nA:\n  Stop()\n  produce F\nendlsystem\n");
+    let said = said.err().map_or_else(String::new, |e| e.to_string());
+    assert!(
+        said.contains("L007") && said.contains("'Stop()' in a production") && said.contains("call it in StartEach"),
+        "{said}"
+    );
+}
+
+#[test]
+fn vectors_of_lpy_have_angles_and_copies() {
+    let rule = "from copy import deepcopy\nq = [1,2]\np = deepcopy(q)\np[0] = 7\nAxiom: A(Vector3(0,0,2))\nderivation length: 1\nproduction:\n\
+                A(v):\n  w = deepcopy(v)\n  d = degrees(angle(v, Vector3(3,0,0)))\n  e = degrees(angle(Vector2(1,0),Vector2(0,-2)))\n  \
+                produce B(round(d), round(e), w.z, q[0], p[0])\n";
+    assert_eq!(lpy(rule), "B(90,-90,2,1,7)");
+}
+
+#[test]
+fn objects_of_lpy_are_numbers_for_their_attributes() {
+    let class = "class State:\n  \"\"\" of an apex \"\"\"\n  kind = 7\n  def __init__(self, age=0, order=0):\n    self.age = age\n    \
+                 self.order = order\n    self.limit = 2+self.order\n  def __str__(self):\n    return str(self.age)\n";
+    let model = |axiom: &str, steps: u32, rules: &str| {
+        format!(
+            "{class}from copy import deepcopy\nmodule Apex, Node\nAxiom: {axiom}\nderivation length: {steps}\nproduction:\n{rules}"
+        )
+    };
+    // Attributes: kind, age, order, limit. Age is 1.5 after the first step, and 2 in the second one.
+    let grows = "Apex(p):\n  p.age += 0.5\n  if p.age >= p.limit:\n    produce Node(p.order)[Apex(State(0,p.order+1))]Apex(p)\n  produce Apex(p)\n";
+    assert_eq!(lpy(&model("Apex(State(age=1))", 1, grows)), "Apex(7,1.5,0,2)");
+    assert_eq!(lpy(&model("Apex(State(age=1))", 2, grows)), "Node(0)[Apex(7,0,1,3)]Apex(7,2,0,2)");
+    // Attributes given by name, objects that modules hand on, copies, an attribute with the name of a coordinate.
+    let set = "Axiom: A(ParameterSet(Q=2,x=1))\nderivation length: 2\nproduction:\nA(d) --> B(d)[C(deepcopy(d))]\nB(d) --> D(d.Q+1,d.x)\n\
+               C(d):\n  e = deepcopy(d)\n  e.Q = 5\n  produce D(d.Q,e.Q)\n";
+    assert_eq!(lpy(set), "D(3,1)[D(2,5)]");
+    // A function changes the object that it is given; an object of the model is read.
+    let changed = "P = ParameterSet(rate=3)\ndef grow(d):\n  d.Q *= P.rate\nAxiom: I(ParameterSet(Q=2))\nderivation length: 2\nproduction:\n\
+                   I(d):\n  grow(d)\n  produce I(d)\n";
+    assert_eq!(lpy(changed), "I(18)");
+    // As a context, and in an interpretation.
+    let seen = "Axiom: I(ParameterSet(Q=2))A\nderivation length: 1\nproduction:\nI(d) < A --> F(d.Q)\ninterpretation:\nI(d) --> f(d.Q)\n";
+    assert_eq!(lpy(seen), "I(2)F(2)");
+    for (rules, why) in [
+        ("Apex(p):\n  p.age += 1\n  produce Apex(p)Node(p)\n", "the object 'p' in two places"),
+        ("Apex(p):\n  nproduce Apex(p)\n  p.age += 1\n", "the object 'p' in two places"),
+        ("Apex(p):\n  p.age += 1\n  if p.age > 9: produce Apex(p)\n", "a change of 'p' on a way that makes no modules"),
+        ("Apex(p):\n  p.size = 1\n  produce Apex(p)\n", "an attribute 'size' that this value does not have"),
+        ("Apex(p) --> Node(p.size)\n", "an attribute 'size' that this value does not have"),
+        ("Apex(p) --> Node(1+p)\n", "an object where a number is expected"),
+        ("Apex(p) --> Node(State(1,2,3))\n", "this call of the class 'State'"),
+        ("Apex(p) --> Apex(ParameterSet(a=1,b=2,c=3,d=4))\n", "with an object of 4 attributes as its parameters"),
+    ] {
+        let text = format!("{}endlsystem\n", model("Apex(State())", 1, rules));
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L007") && said.contains(why), "{rules}: {said}");
+    }
+    let other = "class S:\n  def __init__(self):\n    self.a = 1\n  def grow(self):\n    self.a += 1\nAxiom: A(S())\nproduction:\nA(s) --> A(s)\nendlsystem\n";
+    let said = try_read(other).err().map_or_else(String::new, |e| e.to_string());
+    assert!(
+        said.contains("L007") && said.contains("the function 'S' (line 4: the function 'grow' of a class)"),
+        "{said}"
+    );
+}
+
+#[test]
+fn items_of_lists_and_dictionaries_of_lpy_may_be_taken_out() {
+    let model = |head: &str, rule: &str| {
+        lpy(&format!("{head}Axiom: A(1)A(0)\nderivation length: 1\nproduction:\nA(x):\n  {rule}\n"))
+    };
+    let head = "kinds = {0: {'l': 2, 'a': 30}, 1: {'l': 1, 'a': 45}}\nrows = [[1,2],[3,4]]\nq = [5,6,7]\ndel q[1]\nfirst, *rest = [1,2,3]\n";
+    assert_eq!(model(head, "p = kinds[x]\n  produce B(p['l'],p['a'])"), "B(1,45)B(2,30)");
+    // The index is that of the assignment.
+    assert_eq!(model(head, "p = rows[x]\n  x = 0\n  produce B(p[0],p[1],x)"), "B(3,4,0)B(1,2,0)");
+    assert_eq!(model(head, "produce B(q[0],q[1],len(q),first,rest[0],len(rest))"), "B(5,7,2,1,2,2)B(5,7,2,1,2,2)");
+    assert_eq!(model("", "r = [x,8,9]\n  del r[0]\n  *a, b = r\n  produce B(a[0],b,len(a))"), "B(8,9,1)B(8,9,1)");
 }
 
 #[test]
@@ -1277,8 +1491,8 @@ fn more_functions_of_python_are_known_to_lpy() {
         ("produce B(len(q*x))", "that is not constant"),
         ("produce B(sorted([x, 1])[0])", "'sorted'"),
         ("produce B(q.index(8))", "'index' of a value that its list does not have"),
-        ("produce B(q.size)", "an attribute of 'q'"),
-        ("nsproduce(makestring('F'))", "'nsproduce' of something other than a list"),
+        ("produce B(q.size)", "an attribute 'size' that this value does not have"),
+        ("nsproduce(q)", "'nsproduce' of something other than a list"),
         ("produce B(round(x,x))", "digits of 'round'"),
         ("produce B(len([0]*10000*10000))", "too many items"),
     ] {
@@ -1543,10 +1757,9 @@ fn indented_lines_of_lpy_go_on_with_modules_or_are_refused() {
 
 #[test]
 fn functions_of_lpy_that_cannot_be_read_are_refused_with_the_reason() {
-    let head = "n = 0\ndef inc():\n  global n\n  n = n + 1\n  return n\ndef safe(x):\n  try:\n    return x\n  except:\n    return 0\n\
+    let head = "n = 0\n\n\n\n\ndef safe(x):\n  try:\n    return x\n  except:\n    return 0\n\
                 def ends(x):\n  produce F(x)\n";
     for (call, why) in [
-        ("inc()", "the function 'inc' (it changes values of the model)"),
         ("ends(x)", "the function 'ends' (its 'produce' ends the production: write 'nproduce')"),
         ("safe(x)", "the function 'safe' (line 7: 'try' in a production)"),
     ] {

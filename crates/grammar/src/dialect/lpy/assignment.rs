@@ -4,8 +4,11 @@ use std::ops::Range;
 
 use osier_base::convert::saturating_index;
 
-use super::expression::{ListChange, OPERATORS, PyExpr, PyOp, mentions};
+use super::expression::{
+    ATTRIBUTE, ListChange, NOTHING, OPERATORS, PyExpr, PyOp, SLICE, is_joined_text, joined_text_refusal, mentions,
+};
 use super::lines::Line;
+use super::objects::{AttributeTarget, attribute_target};
 use super::parser::parse;
 use super::pieces::{assignment, bracketed, is_name, method_call, split};
 use super::refusal::Refusal;
@@ -49,6 +52,15 @@ pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>
         let args = std::iter::once(named(name)).chain(args).collect();
         (name.text.to_owned(), PyExpr::Change(change, args, piece.range()))
     };
+    // `del q[0]` takes an item out, as `q.pop(0)` does.
+    if let Some(taken) = piece.text.strip_prefix("del ").map(|_| piece.from("del ".len()).trimmed()) {
+        let open = taken.text.find('[').filter(|open| is_name(taken.up_to(*open).trimmed().text));
+        let inner = open
+            .and_then(|open| Some((open, bracketed(taken.from(open))?)))
+            .filter(|(_, (_, rest))| rest.text.is_empty());
+        let Some((open, (index, _))) = inner else { return Ok(None) };
+        return Ok(Some(vec![changed(taken.up_to(open).trimmed(), ListChange::Pop, vec![parse(index)?])]));
+    }
     let parsed = |args: Vec<Piece<'_>>| args.into_iter().map(parse).collect::<Result<Vec<_>, _>>();
     if let Some(call) = method_call(piece)
         && let Some(change) = ListChange::of_method(call.method)
@@ -65,6 +77,14 @@ pub(super) fn change_of(piece: Piece<'_>) -> Result<Option<Vec<(String, PyExpr)>
         let index = args.first().cloned().unwrap_or(PyExpr::Number(-1.0));
         let value = PyExpr::Index(Box::new(named(call.name)), Box::new(index), piece.range());
         return Ok(Some(vec![(target.text.to_owned(), value), changed(call.name, ListChange::Pop, args)]));
+    }
+    if let Some(AttributeTarget { object, field, rest }) = attribute_target(piece) {
+        let op = OPERATORS.iter().find(|(sign, _)| rest.text.starts_with(sign)).copied();
+        let value = parse(rest.from(op.map_or(1, |(sign, _)| sign.len())).trimmed())?;
+        let old = || Box::new(PyExpr::Call(format!("{ATTRIBUTE}{field}"), vec![named(object)], piece.range()));
+        let value = op.map_or_else(|| value.clone(), |(_, op)| PyExpr::Binary(op, old(), Box::new(value.clone())));
+        let key = PyExpr::Call(format!("{field}="), Vec::new(), piece.range());
+        return Ok(Some(vec![changed(object, ListChange::Set, vec![key, value])]));
     }
     let Some(item) = ItemChange::new(piece) else { return Ok(None) };
     if item.is_nested {
@@ -91,6 +111,9 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
     if let Some(number) = piece.text.strip_prefix("useGroup(").and_then(|n| n.strip_suffix(')')) {
         let number = parse(Piece::new(piece.at + "useGroup(".len(), number))?;
         return Ok(vec![Statement::Assign(GROUP.to_owned(), number)]);
+    }
+    if piece.text.replace(' ', "") == "Stop()" {
+        return Ok(vec![Statement::Stop(piece.range())]);
     }
     if let Some(changes) = change_of(piece)? {
         return Ok(changes.into_iter().map(|(name, e)| Statement::Assign(name, e)).collect());
@@ -124,6 +147,9 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
         return Ok(out);
     }
     let values = split(value);
+    if let Some(at) = names.iter().position(|name| name.text.starts_with('*')) {
+        return starred(&names, at, value, piece.range());
+    }
     let values = match values.as_slice() {
         several if several.len() == names.len() => several.iter().map(|v| parse(*v)).collect::<Result<Vec<_>, _>>()?,
         // `x, y = list`: one name for each item.
@@ -151,9 +177,35 @@ pub(super) fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refus
     Ok(out)
 }
 
+/// `first, *rest = q`: the name behind the star takes the items that the others leave.
+fn starred(names: &[Piece<'_>], at: usize, value: Piece<'_>, place: Range<usize>) -> Result<Vec<Statement>, Refusal> {
+    let list = parse(value)?;
+    let after = names.len() - at - 1;
+    let number = |k: usize| PyExpr::Number(f64::from(saturating_index(k)));
+    let none = || PyExpr::Call(NOTHING.to_owned(), Vec::new(), place.clone());
+    let indexed = |index: PyExpr| PyExpr::Index(Box::new(list.clone()), Box::new(index), place.clone());
+    let value = |k: usize| match k.cmp(&at) {
+        std::cmp::Ordering::Less => indexed(number(k)),
+        // Counted from the end.
+        std::cmp::Ordering::Greater => indexed(PyExpr::Neg(Box::new(number(names.len() - k)))),
+        std::cmp::Ordering::Equal => {
+            let end = if after == 0 { none() } else { PyExpr::Neg(Box::new(number(after))) };
+            indexed(PyExpr::Call(SLICE.to_owned(), vec![number(at), end], place.clone()))
+        }
+    };
+    let assign = |(k, name): (usize, &Piece<'_>)| {
+        Statement::Assign(name.text.trim_start_matches('*').trim().to_owned(), value(k))
+    };
+    Ok(names.iter().enumerate().map(assign).collect())
+}
+
 /// The name that a line of a function sets to a value that cannot be read, with the reason: only what uses the name is refused.
 pub(super) fn unreadable_assignment<'t>(line: &Line<'t>) -> Option<(&'t str, Refusal)> {
     let (names, value) = assignment(line.piece)?;
-    let why = parse(value).err()?;
+    let why = match parse(value) {
+        Err(why) => why,
+        Ok(e) if is_joined_text(&e) => joined_text_refusal(value.range()),
+        Ok(_) => return None,
+    };
     (split(names).len() == 1).then_some((names.text, why))
 }

@@ -17,9 +17,19 @@ use super::refusal::{Refusal, indented_refusal, remedy_of};
 use super::resolve::resolve;
 use super::scope::{Scope, with_functions};
 use super::statement::{MAX_NESTING, Statement, assigned, noting_breaks, replaced};
-use super::strings::listed_modules;
+use super::strings::{PyModule, listed_modules, modules};
 use crate::code::is_zero;
 use crate::dialect::text::Piece;
+
+/// What a call that makes a string of modules is given: `'F'` of `(makestring('F'))`; `None` for any other text.
+fn string_text(piece: Piece<'_>) -> Option<Piece<'_>> {
+    let inner = piece.trimmed();
+    let inner = inner.text.strip_prefix('(').and_then(|t| t.strip_suffix(')')).map(|t| Piece::new(inner.at + 1, t))?;
+    let call = inner.trimmed();
+    let name = ["makestring", "Lstring", "AxialTree"].into_iter().find(|name| call.text.starts_with(name))?;
+    let args = call.from(name.len()).trimmed();
+    args.text.strip_prefix('(').and_then(|t| t.strip_suffix(')')).map(|t| Piece::new(args.at + 1, t).trimmed())
+}
 
 /// The names of `x, y` or `(x, y)`.
 fn parts_of(targets: Piece<'_>) -> Vec<Piece<'_>> {
@@ -168,16 +178,21 @@ impl Model<'_, '_> {
                     return Err(why.remedy("write the function outside of the production"));
                 }
                 "sproduce" | "nsproduce" => {
-                    let modules = listed_modules(rest, &self.declared)?;
+                    let modules = self.made_string(rest)?;
                     let modules = modules.ok_or_else(|| {
                         let why = Refusal::new(
                             format!("'{}' of something other than a list of modules", word.text),
                             piece.range(),
                         );
-                        why.remedy("write the modules into it, nsproduce([F(1), Left(30)]), or behind 'nproduce'")
+                        why.remedy(
+                            "write the modules into it, nsproduce([F(1), Left(30)]) or makestring('F(1)+(30)'), or behind \
+                             'nproduce'",
+                        )
                     })?;
+                    let modules = modules.into_iter().map(|m| self.in_declared_order(m)).collect::<Result<_, _>>()?;
                     out.push(Statement::Produce(modules, word.text == "sproduce"));
                 }
+                "del" if rest.text.contains('[') => out.extend(assign_statement(piece)?),
                 "try" | "with" | "class" | "raise" | "del" | "lambda" => {
                     let why = Refusal::new(format!("'{}' in a production", word.text), piece.range());
                     return Err(Refusal { remedy: remedy_of(word.text), ..why });
@@ -192,6 +207,20 @@ impl Model<'_, '_> {
             }
         }
         Ok(out)
+    }
+
+    /// The modules that a list, or `makestring('F(1)')` of a text of the model, gives to `nsproduce`; `None` for anything else.
+    fn made_string(&self, piece: Piece<'_>) -> Result<Option<Vec<PyModule>>, Refusal> {
+        let made = string_text(piece);
+        let Some(inner) = made else { return listed_modules(piece, &self.declared) };
+        // A name stands for a text that the model has written out.
+        let source = if is_name(inner.text) { self.texts.get(inner.text).cloned() } else { None };
+        let text = source.unwrap_or_else(|| inner.range());
+        let Some(text) = self.quoted(text) else {
+            let why = Refusal::new("a string of modules made from something other than a text", inner.range());
+            return Err(why.remedy("write the text out, makestring('F(1)[+F(1)]'), or the modules behind 'nproduce'"));
+        };
+        modules(Piece::new(text.0, text.1), &self.declared).map(Some)
     }
 
     /// The call of a function of the model that a line is; `None` for any other line.

@@ -2,11 +2,14 @@
 
 use std::ops::Range;
 
-use super::expression::{DICTIONARY, MAX_OPS, NONE, PyExpr, PyOp, plain_name, range_of};
+use super::curves::call_place;
+use super::expression::{
+    APPLY, DICTIONARY, MAX_OPS, NONE, OBJECT, PyExpr, PyOp, is_joined_text, joined_text_refusal, plain_name, range_of,
+};
 use super::refusal::Refusal;
 use super::scope::{RUN, Scope, has_random};
 use super::vectors::gives_vector;
-use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp, is_zero};
+use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, TableFunction, UnaryOp, is_zero};
 
 /// A divisor larger than any number of a model: the remainder of a division by it cuts a number to an integer.
 const CUT: f64 = 1e18;
@@ -18,7 +21,8 @@ const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 pub(super) fn constant_of(e: &PyExpr, scope: &Scope) -> Option<f64> {
     let mut ops = Vec::new();
     emit(e, scope, &mut ops).ok()?;
-    crate::vm::constant_value(&Bytecode { ops, ..Bytecode::default() }).filter(|v| v.is_finite())
+    let code = scope.with_tables(Bytecode { ops, ..Bytecode::default() });
+    crate::vm::constant_value(&code).filter(|v| v.is_finite())
 }
 
 /// Whether a resolved test holds, if it is constant.
@@ -400,7 +404,20 @@ fn emit_call(
             emit(b, scope, ops)?;
             ops.push(Op::Random(RandomFunction::Nran));
         }
+        // A function that a variable holds; one that is missing is reported at this place.
+        (APPLY, [function, x]) => {
+            emit(function, scope, ops)?;
+            emit(x, scope, ops)?;
+            ops.push(Op::Table(TableFunction::Func, call_place(scope, range)));
+        }
         // Values that are no numbers, functions that run as code, and functions that are not known.
+        _ if is_joined_text(&PyExpr::Call(name.to_owned(), args.to_vec(), range.clone())) => {
+            return Err(joined_text_refusal(range.clone()));
+        }
+        _ if name == OBJECT => {
+            let why = Refusal::new("an object where a number is expected", range.clone());
+            return Err(why.remedy("read one of its attributes: p.age"));
+        }
         _ if name == DICTIONARY => {
             let why = Refusal::new("a dictionary '{..}' where a number is expected", range.clone());
             return Err(why.remedy("write the dictionary outside of the productions, and look up its values: d[key]"));

@@ -20,6 +20,10 @@ pub(super) const NONE: f64 = 7.888_609_052_210_118e-31;
 
 const EMPTY: f64 = 3.944_304_526_105_059e-31;
 
+/// The number that stands for the first curve of a model: above those of texts, and with the most curves that are read below 2^24, up to
+/// which whole numbers are exact in single precision.
+pub(super) const FIRST_CURVE: f64 = 16_000_001.0;
+
 /// An expression of the subset of Python that rules may use; each node keeps its place in the text.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum PyExpr {
@@ -134,6 +138,18 @@ pub(super) const IN: &str = "in";
 /// Name that stands for a variable whose value is not known where a value that must be constant is looked for; no scope has it.
 pub(super) const UNKNOWN: &str = "(changes)";
 
+/// Name of the call that stands for a text which is put together when the model runs, `f"{x}"`, `str(x)`; no function has it.
+pub(super) const JOINED_TEXT: &str = "(text)";
+
+/// Name of the call of a function that a variable or a text holds: the function, then its argument. No function has it.
+pub(super) const APPLY: &str = "(apply)";
+
+/// Name of the call that stands for an object: its arguments are calls of its attributes with their values. No function has it.
+pub(super) const OBJECT: &str = "(object)";
+
+/// Prefix of the name of the call that stands for an attribute, `p.age` as `(.)age` of p.
+pub(super) const ATTRIBUTE: &str = "(.)";
+
 /// Name of the call that stands for `{key: value}`, whose arguments are keys and values in turns; no function has it.
 pub(super) const DICTIONARY: &str = "{..}";
 
@@ -157,9 +173,13 @@ pub(super) const OF_NUMBERS: [&str; 28] = [
 
 /// The refusal of a text, or of `None`, where a number is expected.
 pub(super) fn text_refusal(value: f64, range: Range<usize>) -> Refusal {
-    if is_zero(value - NONE) {
+    if is_none(value) {
         let why = Refusal::new("'None' where a number is expected", range);
         return why.remedy("test it with 'is None' before, or begin with a number");
+    }
+    if value >= FIRST_CURVE {
+        let why = Refusal::new("a curve where a number is expected", range);
+        return why.remedy("call it, f(x), or give it to SetGuide, SetContour or Sweep");
     }
     Refusal::new("a text where a number is expected", range)
         .remedy("write the number without quotes; texts can be compared with == and !=, and handed on")
@@ -183,9 +203,38 @@ pub(super) fn constant_name(name: &str) -> Option<f64> {
     })
 }
 
+/// True for the number that stands for `None`.
+pub(super) fn is_none(value: f64) -> bool {
+    is_zero(value - NONE)
+}
+
 /// True for what stands for no item and for a bound that is missing.
 pub(super) fn is_nothing(e: &PyExpr) -> bool {
     matches!(e, PyExpr::Call(name, ..) if name == NOTHING)
+}
+
+/// True for a text that is put together when the model runs.
+pub(super) fn is_joined_text(e: &PyExpr) -> bool {
+    match e {
+        PyExpr::Call(name, args, _) => {
+            name == JOINED_TEXT || (name == "str" && args.len() == 1) || (name == ".format" && !args.is_empty())
+        }
+        PyExpr::Choice(_, a, b) => is_joined_text(a) && is_joined_text(b),
+        _ => false,
+    }
+}
+
+/// The refusal of such a text where its value is needed.
+pub(super) fn joined_text_refusal(range: Range<usize>) -> Refusal {
+    let why = Refusal::new("a text that is put together while the model runs", range);
+    why.remedy(
+        "compare texts that are written out, or hand on a number; messages may only be printed and shown by Label",
+    )
+}
+
+/// True for an object.
+pub(super) fn is_object(e: &PyExpr) -> bool {
+    matches!(e, PyExpr::Call(name, ..) if name == OBJECT)
 }
 
 /// True for a dictionary.
@@ -255,6 +304,18 @@ pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyE
                 names.iter().cloned().zip(values.iter().cloned()).filter(|(n, _)| n != name).unzip();
             let value = Box::new(substitute(value, &others.0, &others.1));
             PyExpr::Each(value, name.clone(), Box::new(sub(list)), range.clone())
+        }
+        // A function that a parameter holds: `f(x)` with another name, or a value, in place of `f`.
+        PyExpr::Call(own, args, range) if names.iter().any(|n| n == own) => {
+            let args = args.iter().map(sub);
+            match names.iter().position(|n| n == own).and_then(|i| values.get(i)) {
+                Some(PyExpr::Name(other, _)) => PyExpr::Call(other.clone(), args.collect(), range.clone()),
+                Some(value @ (PyExpr::Text(..) | PyExpr::Number(_))) => {
+                    let args = std::iter::once(value.clone()).chain(args).collect();
+                    PyExpr::Call(APPLY.to_owned(), args, range.clone())
+                }
+                _ => PyExpr::Call(own.clone(), args.collect(), range.clone()),
+            }
         }
         _ => with_parts(e, &sub),
     }

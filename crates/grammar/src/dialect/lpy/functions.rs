@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::Model;
 use super::expression::{PyExpr, first_call, is_change, is_written_out, of_model, size_with, substitute};
 use super::lines::{Line, block_after};
-use super::parser::{lambda, parse};
+use super::parser::{Lambda, lambda, parse};
 use super::pieces::{FunctionHead, assignment, function_head, is_name};
 use super::refusal::Refusal;
 use super::resolve::{compile, resolve};
@@ -125,7 +125,7 @@ impl FunctionValue<'_> {
                     return Err(Refusal::new("'break' or 'continue' in a function with a value", place));
                 }
                 Statement::TurnEnd | Statement::LoopEnd | Statement::FunctionEnd(..) => {}
-                Statement::Global(_) | Statement::Produce(..) | Statement::Run(_) => {
+                Statement::Stop(_) | Statement::Global(_) | Statement::Produce(..) | Statement::Run(_) => {
                     return Err(Refusal::new("a function that changes the model", self.place.clone()));
                 }
             }
@@ -144,8 +144,13 @@ impl FunctionValue<'_> {
 /// `name = lambda x: value`.
 pub(super) fn own_lambda(piece: Piece<'_>) -> Option<(Piece<'_>, OwnFunction)> {
     let (name, value) = assignment(piece)?;
-    let (params, value) = lambda(value).filter(|_| is_name(name.text))?;
-    Some((name, OwnFunction { params, defaults: Vec::new(), value }))
+    let Lambda { params, defaults, value } = lambda(value).filter(|_| is_name(name.text))?;
+    // Values of parameters that are more than numbers and texts would be read again at each call.
+    let defaults = defaults.into_iter().map(|d| d.map(parse).transpose()).collect::<Result<Vec<_>, _>>().ok()?;
+    if defaults.iter().flatten().any(|e| !is_written_out(e)) {
+        return None;
+    }
+    Some((name, OwnFunction { params, defaults, value }))
 }
 
 impl Model<'_, '_> {
@@ -155,12 +160,8 @@ impl Model<'_, '_> {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
         // A function that rules call: its body stands after the colon or in the block.
         let Some(FunctionHead { params, body }) = function_head(rest) else { return };
-        // Python evaluates them once, where the function is defined.
-        let default = |value: Piece<'_>| {
-            let value = parse(value).and_then(|e| resolve(&e, &self.scope, 0)).ok();
-            value.filter(|e| !has_random(e, &self.scope))
-        };
-        let defaults: Vec<Option<PyExpr>> = params.iter().map(|(_, value)| value.and_then(default)).collect();
+        let defaults: Vec<Option<PyExpr>> =
+            params.iter().map(|(_, value)| value.and_then(|value| self.default_value(value))).collect();
         let params: Vec<String> = params.into_iter().map(|(name, _)| name).collect();
         let inline = [Line { indent: 0, piece: body }];
         let lines = if body.text.is_empty() { block } else { &inline };
@@ -199,6 +200,13 @@ impl Model<'_, '_> {
                 self.scope.refused_functions.insert(name, why);
             }
         }
+    }
+
+    /// The value that a parameter of a function has where a call gives none: Python evaluates it once, where the function is defined.
+    /// `None` for one that cannot be read: a call must give it.
+    pub(super) fn default_value(&self, value: Piece<'_>) -> Option<PyExpr> {
+        let value = parse(value).and_then(|e| resolve(&e, &self.scope, 0)).ok();
+        value.filter(|e| !has_random(e, &self.scope))
     }
 
     /// True for the name of a function that is more than one expression.

@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
+use super::expression::{PyExpr, range_of};
 use super::lines::{Line, after_heading, block_after};
 use super::parser::parse;
-use super::pieces::{assignment, at_semicolons, colon, is_name, is_rule, split};
+use super::pieces::{at_semicolons, colon, is_rule, parameters_of, split};
 use super::refusal::Refusal;
 use super::resolve::compile;
-use super::scope::CURVE;
+use super::scope::arguments;
 use super::statement::{Statement, assigned, renamed};
 use super::strings::{PyModule, modules, spell};
 use super::way::Step;
@@ -43,17 +44,6 @@ impl Model<'_, '_> {
         }
     }
 
-    /// Curves of the model and of `__initialiseContext__`, where the editor of L-Py saves them: `w = pgl.NurbsCurve2D(..)`. A call of one is
-    /// refused as such.
-    pub(super) fn curves(&mut self, list: &[Line<'_>]) {
-        let kinds = ["NurbsCurve2D(", "BezierCurve2D(", "Polyline2D("];
-        for (name, value) in list.iter().filter_map(|line| assignment(line.piece)) {
-            if is_name(name.text) && kinds.iter().any(|kind| value.text.contains(kind)) {
-                self.scope.refused_functions.insert(name.text.to_owned(), CURVE.to_owned());
-            }
-        }
-    }
-
     /// Names that some rule or function declares `global`: they may change from step to step.
     pub(super) fn shared_names(&mut self, list: &[Line<'_>]) {
         for part in list.iter().flat_map(|line| at_semicolons(line.piece)) {
@@ -81,6 +71,10 @@ impl Model<'_, '_> {
             }
             for part in split(names) {
                 let name = part.text.split('(').next().unwrap_or("").trim();
+                if let Some(params) = parameters_of(part) {
+                    let params = params.into_iter().map(|(param, _)| param).collect();
+                    self.module_parameters.insert(name.to_owned(), params);
+                }
                 if !name.is_empty() && !self.declared.iter().any(|d| d == name) {
                     self.declared.push(name.to_owned());
                 }
@@ -326,6 +320,23 @@ impl Model<'_, '_> {
             }
             out.extend(modules(line.piece, &self.declared)?);
         }
-        Ok(out)
+        out.into_iter().map(|m| self.in_declared_order(m)).collect()
+    }
+
+    /// A module with its parameters in the order of the declaration, where they are given by their names: `Leaf(size=2)`.
+    pub(super) fn in_declared_order(&self, module: PyModule) -> Result<PyModule, Refusal> {
+        let is_named = |arg: &PyExpr| matches!(arg, PyExpr::Call(name, ..) if name.ends_with('='));
+        let Some(first) = module.args.iter().find(|arg| is_named(arg)) else { return Ok(module) };
+        let refused = |what: &str| {
+            let name = &module.name;
+            let why =
+                Refusal::new(format!("the module '{name}' with parameters by their names, {what}"), range_of(first));
+            why.remedy("declare their names, module Leaf(size, age), and give each parameter once")
+        };
+        let params =
+            self.module_parameters.get(&module.name).ok_or_else(|| refused("which no 'module' line declares"))?;
+        let args =
+            arguments(params, None, module.args.clone()).ok_or_else(|| refused("which are others than it declares"))?;
+        Ok(PyModule { args, ..module })
     }
 }

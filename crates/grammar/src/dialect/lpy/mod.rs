@@ -5,6 +5,7 @@ mod assignment;
 mod block;
 mod bounds;
 mod color;
+mod curves;
 mod dictionary;
 mod emit;
 mod expression;
@@ -14,6 +15,7 @@ mod imports;
 mod lines;
 mod lists;
 mod loops;
+mod objects;
 mod parser;
 mod pieces;
 mod python;
@@ -69,9 +71,15 @@ struct ProductionLine {
 }
 
 struct Model<'r, 's> {
+    /// The text of the file.
+    text: &'r str,
+    /// Places of the texts in quotes that names of the model stand for.
+    texts: BTreeMap<String, Range<usize>>,
     reader: &'r mut Reader<'s>,
     scope: Scope,
     declared: Vec<String>,
+    /// Names of the parameters of declared modules.
+    module_parameters: BTreeMap<String, Vec<String>>,
     section: Section,
     group: f64,
     /// The model calls `useGroup()`.
@@ -97,6 +105,8 @@ struct Model<'r, 's> {
     bodies: BTreeMap<String, (Vec<String>, Vec<Statement>)>,
     /// Parameters of modules that have been made or met in heads, where the model has lists or vectors as parameters.
     shapes: BTreeMap<String, Vec<Vec<ParamShape>>>,
+    /// Attributes of objects that some line of the model sets.
+    changed_attributes: BTreeSet<String>,
     /// Written shapes of the parameters of modules that have lists or vectors.
     written_shapes: BTreeMap<String, Vec<Vec<ParamShape>>>,
     /// Names of all functions of the model, also of those that stand further down.
@@ -131,16 +141,20 @@ struct Model<'r, 's> {
 }
 
 /// Reads a model of L-Py into the reader's program: sections, rules, and values computed outside of rules.
-pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
+pub(super) fn read<'r>(reader: &'r mut Reader<'_>, text: &'r str) {
     // Remove comments and import aliases, and divide the text into lines.
     reader.description = description(text);
     let plain = imports::without_aliases(&without_comments(text));
     let list: Vec<Line<'_>> = lines(&plain).filter_map(line_of).collect();
     reader.program.length = 1;
+    let source = Some(reader.source);
     let mut model = Model {
+        text,
+        texts: BTreeMap::new(),
         reader,
-        scope: Scope::default(),
+        scope: Scope { source, ..Scope::default() },
         declared: Vec::new(),
+        module_parameters: BTreeMap::new(),
         section: Section::Header,
         group: 0.0,
         uses_groups: plain.contains("useGroup("),
@@ -155,6 +169,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         temporaries: 0,
         bodies: BTreeMap::new(),
         shapes: BTreeMap::new(),
+        changed_attributes: BTreeSet::new(),
         written_shapes: BTreeMap::new(),
         defined: function_names(&list),
         definitions: BTreeMap::new(),
@@ -180,6 +195,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     model.shared_names(&list);
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
+    model.classes(&list);
     model.curves(&list);
     model.declarations(&list);
     model.arities = arities(&plain, &model.declared);
@@ -227,6 +243,14 @@ impl Model<'_, '_> {
         self.reader.session.error_help("L007", message, place, help);
     }
 
+    /// A text in quotes of the file, and where it begins; `None` for a place that is none, or one with a backslash.
+    fn quoted(&self, range: Range<usize>) -> Option<(usize, &str)> {
+        let text = self.text.get(range.clone())?;
+        let quote = text.chars().next().filter(|c| matches!(c, '"' | '\''))?;
+        let inner = text.strip_prefix(quote)?.strip_suffix(quote)?;
+        (!inner.contains(['\\', quote])).then_some((range.start + 1, inner))
+    }
+
     /// Reports L008 for an item that occurs twice; the last one counts, as in L-Py. `help`: what to do about it.
     fn second(&mut self, item: &'static str, piece: Piece<'_>, help: &str) {
         let line = self.reader.line_number(piece.at);
@@ -260,7 +284,8 @@ impl Model<'_, '_> {
     fn set_run_code(&self) {
         let functions = self.scope.run.borrow();
         let called = functions.iter().map(|f| {
-            let code = Bytecode { ops: f.code.clone().unwrap_or_default(), ..Bytecode::default() };
+            let code =
+                self.scope.with_tables(Bytecode { ops: f.code.clone().unwrap_or_default(), ..Bytecode::default() });
             CalledFunction { parameters: f.parameters, code, place: self.reader.place(f.place.clone()) }
         });
         // Nothing has set it before.
@@ -277,6 +302,7 @@ impl Model<'_, '_> {
         self.keep_productions_of_direction();
         self.share_ignored_symbols();
         self.set_run_code();
+        self.reader.program.curves = self.scope.curves.borrow().tables();
         // Values of the model first, wherever they are written, then the function that begins a run.
         append_code(&mut self.start, &self.functions.start);
         let [start, start_each, end_each] =

@@ -5,10 +5,11 @@ use std::ops::Range;
 use osier_base::convert::saturating_index;
 
 use super::expression::{
-    DICTIONARY, FLAT, IN, NOTHING, OF_NUMBERS, PyExpr, PyOp, SLICE, substitute, text_number, text_refusal,
+    ATTRIBUTE, DICTIONARY, FLAT, IN, JOINED_TEXT, NOTHING, OF_NUMBERS, PyExpr, PyOp, SLICE, is_joined_text, is_none,
+    range_of, substitute, text_number, text_refusal,
 };
 use super::lines::{JOINED, masked};
-use super::pieces::{colon, split};
+use super::pieces::{assignment, colon, split};
 use super::refusal::Refusal;
 use super::vectors::AXES;
 use crate::dialect::text::Piece;
@@ -20,7 +21,7 @@ const MAX_DEPTH: usize = 200;
 const MAX_HEIGHT: usize = 500;
 
 /// Methods that read a list or a dictionary; a call of one is that of a function with a point before its name.
-const METHODS: [&str; 6] = ["index", "get", "keys", "values", "items", "copy"];
+const METHODS: [&str; 7] = ["index", "get", "keys", "values", "items", "copy", "format"];
 
 /// Operators and punctuation, longer ones first.
 const SIGNS: [&str; 26] = [
@@ -39,6 +40,8 @@ enum PyTokenKind {
     Number(f64),
     /// A text in quotes, with the number that stands for it.
     Text(f64),
+    /// A text with values of expressions in it, `f"{x}"`.
+    JoinedText,
     Name(String),
     Sign(&'static str),
 }
@@ -48,6 +51,8 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
     let mut out = Vec::new();
     let text = piece.text;
     let mut i = 0;
+    // The letters before the next text make it one that is put together.
+    let mut is_joined = false;
     while let Some(c) = text[i..].chars().next() {
         let at = piece.at + i;
         let rest = &text[i..];
@@ -69,6 +74,17 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             i += n;
         } else if c.is_alphabetic() || c == '_' {
             let n = rest.find(|d: char| !d.is_alphanumeric() && d != '_').unwrap_or(rest.len());
+            // Letters before a text: those of `f"{x}"` make it one that is put together, others change no text of this notation.
+            let is_prefix =
+                n <= 2 && rest[..n].chars().all(|c| "fFrRbBuU".contains(c)) && rest[n..].starts_with(['"', '\'']);
+            if is_prefix {
+                let inner = rest.get(n + 1..).unwrap_or("");
+                let text = inner.split(rest[n..].chars().next().unwrap_or('"')).next().unwrap_or("");
+                let has_value = text.contains(char::from(masked(b'{')));
+                is_joined = rest[..n].contains(['f', 'F']) && has_value;
+                i += n;
+                continue;
+            }
             out.push(PyToken { kind: PyTokenKind::Name(rest[..n].to_owned()), range: at..at + n });
             i += n;
         } else if c == '"' || c == '\'' {
@@ -81,7 +97,9 @@ fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
             let [backslash, double, single] = [b'\\', b'"', b'\''].map(|b| char::from(masked(b)).to_string());
             let text = inner[..n].replace(&(backslash.clone() + &double), &double);
             let text = text.replace(&(backslash + &single), &single).replace(char::from(JOINED), "");
-            out.push(PyToken { kind: PyTokenKind::Text(text_number(&text)), range: at..at + n + 2 });
+            let kind = if is_joined { PyTokenKind::JoinedText } else { PyTokenKind::Text(text_number(&text)) };
+            is_joined = false;
+            out.push(PyToken { kind, range: at..at + n + 2 });
             i += n + 2;
         } else if let Some(sign) = SIGNS.iter().find(|s| rest.starts_with(**s)) {
             out.push(PyToken { kind: PyTokenKind::Sign(sign), range: at..at + sign.len() });
@@ -158,12 +176,25 @@ pub(super) fn parse(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
     }
 }
 
-/// `lambda x, y: e`: parameters and expression.
-pub(super) fn lambda(piece: Piece<'_>) -> Option<(Vec<String>, PyExpr)> {
+/// `lambda x, k=2: e`: parameters, the texts of the values that they have otherwise, and expression.
+pub(super) struct Lambda<'t> {
+    pub params: Vec<String>,
+    pub defaults: Vec<Option<Piece<'t>>>,
+    pub value: PyExpr,
+}
+
+/// Reads a `lambda`; `None` for any other text, and for one whose expression cannot be read.
+pub(super) fn lambda(piece: Piece<'_>) -> Option<Lambda<'_>> {
     let rest = piece.text.strip_prefix("lambda").map(|_| piece.from("lambda".len()))?;
     let c = colon(rest)?;
-    let params: Vec<String> = split(rest.up_to(c).trimmed()).iter().map(|p| p.text.to_owned()).collect();
-    Some((params, parse(rest.from(c + 1).trimmed()).ok()?))
+    let value = parse(rest.from(c + 1).trimmed()).ok()?;
+    let (mut params, mut defaults) = (Vec::new(), Vec::new());
+    for part in split(rest.up_to(c).trimmed()) {
+        let (name, default) = assignment(part).map_or((part, None), |(name, default)| (name, Some(default)));
+        params.push(name.text.to_owned());
+        defaults.push(default);
+    }
+    Some(Lambda { params, defaults, value })
 }
 
 /// `[value for name in list]`; several names take each item apart.
@@ -188,7 +219,7 @@ impl PyParser {
     fn describe(&self, t: &PyToken) -> String {
         match &t.kind {
             PyTokenKind::Number(n) => format!("'{n}' where an operator is expected"),
-            PyTokenKind::Text(_) => "a text where an operator is expected".into(),
+            PyTokenKind::Text(_) | PyTokenKind::JoinedText => "a text where an operator is expected".into(),
             PyTokenKind::Name(n) if matches!(n.as_str(), "for" | "lambda" | "in" | "is" | "yield" | "await") => {
                 format!("'{n}'")
             }
@@ -415,11 +446,24 @@ impl PyParser {
         let from = self.i;
         let mut left = operand(self)?;
         while let Some(op) = self.sign().and_then(operator) {
-            self.check_number(from)?;
+            // `'a' + str(x)` and `'%d' % x` put a text together.
+            let is_text = |e: &PyExpr| is_joined_text(e) || matches!(e, PyExpr::Text(value, _) if !is_none(*value));
+            let joins = is_text(&left) && matches!(op, PyOp::Add | PyOp::Mod);
+            if !joins {
+                self.check_number(from)?;
+            }
             self.i += 1;
             let (right_from, height) = (self.i, self.height);
             let right = operand(self)?;
             self.grow(height)?;
+            if joins && (op == PyOp::Mod || is_text(&right)) {
+                let range = range_of(&left);
+                left = PyExpr::Call(JOINED_TEXT.to_owned(), Vec::new(), range);
+                continue;
+            }
+            if joins {
+                self.check_number(from)?;
+            }
             self.check_number(right_from)?;
             left = PyExpr::Binary(op, Box::new(left), Box::new(right));
         }
@@ -470,7 +514,16 @@ impl PyParser {
         self.height = 1;
         match t.kind {
             PyTokenKind::Number(n) => Ok(PyExpr::Number(n)),
-            PyTokenKind::Text(n) => Ok(PyExpr::Text(n, t.range)),
+            PyTokenKind::Text(n) => {
+                // `'%d'.format(x)` is put together.
+                if self.method().as_deref() == Some(".format") {
+                    self.i += 3;
+                    self.call(JOINED_TEXT.to_owned(), t.range.clone())?;
+                    return Ok(PyExpr::Call(JOINED_TEXT.to_owned(), Vec::new(), t.range));
+                }
+                Ok(PyExpr::Text(n, t.range))
+            }
+            PyTokenKind::JoinedText => Ok(PyExpr::Call(JOINED_TEXT.to_owned(), Vec::new(), t.range)),
             PyTokenKind::Sign("(") => {
                 let e = self.choice()?;
                 // One value in parentheses is that value; with a comma they hold a list.
@@ -537,7 +590,18 @@ impl PyParser {
                     if self.axis().is_some() {
                         return self.indexed(PyExpr::Name(name, t.range));
                     }
-                    if !matches!(name.as_str(), "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m") {
+                    let is_module = matches!(
+                        name.as_str(),
+                        "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m" | "pgl" | "copy"
+                    );
+                    if !is_module && let Some(field) = self.attribute() {
+                        let object = PyExpr::Name(name, t.range.clone());
+                        return self.indexed(PyExpr::Call(field, vec![object], t.range));
+                    }
+                    if !matches!(
+                        name.as_str(),
+                        "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m" | "pgl" | "copy"
+                    ) {
                         return Err(attribute_refusal(&name, self.here()));
                     }
                     self.i += 1;
@@ -693,6 +757,22 @@ impl PyParser {
         AXES.iter().position(|axis| axis == name).map(saturating_index)
     }
 
+    /// Takes an attribute that follows, which is not called: the name of the call that stands for it.
+    fn attribute(&mut self) -> Option<String> {
+        let rest = self.tokens.get(self.i..)?;
+        let (Some(PyTokenKind::Sign(".")), Some(PyTokenKind::Name(field))) =
+            (rest.first().map(|t| &t.kind), rest.get(1).map(|t| &t.kind))
+        else {
+            return None;
+        };
+        if matches!(rest.get(2).map(|t| &t.kind), Some(PyTokenKind::Sign("(" | "."))) {
+            return None;
+        }
+        let name = format!("{ATTRIBUTE}{field}");
+        self.i += 2;
+        Some(name)
+    }
+
     /// Indices and coordinates after a value.
     fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
         let mut out = value;
@@ -702,7 +782,12 @@ impl PyParser {
             let height = self.height;
             // `v.x` is `v[0]`; other attributes are refused where the expression ends.
             if self.sign() == Some(".") {
-                let Some(axis) = self.axis() else { break };
+                let Some(axis) = self.axis() else {
+                    let Some(field) = self.attribute() else { break };
+                    self.grow(height)?;
+                    out = PyExpr::Call(field, vec![out], place);
+                    continue;
+                };
                 self.i += 2;
                 self.grow(height)?;
                 out = PyExpr::Index(Box::new(out), Box::new(PyExpr::Number(f64::from(axis))), place);

@@ -90,7 +90,12 @@ pub(super) fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
     let inner = names.text.strip_prefix('(').and_then(|t| t.strip_suffix(')'));
     let names = inner.map_or(names, |t| Piece::new(names.at + 1, t).trimmed());
     let value = piece.from(i + 1).trimmed();
-    (split(names).iter().all(|p| is_name(p.text)) && !names.text.is_empty() && !value.text.starts_with('='))
+    // One name may take the items that the others leave, `first, *rest = q`.
+    let parts = split(names);
+    let stars = parts.iter().filter(|p| p.text.starts_with('*')).count();
+    let is_target =
+        |p: &Piece<'_>| is_name(p.text) || (parts.len() > 1 && is_name(p.text.trim_start_matches('*').trim()));
+    (stars <= 1 && parts.iter().all(is_target) && !names.text.is_empty() && !value.text.starts_with('='))
         .then_some((names, value))
 }
 

@@ -8,7 +8,7 @@ use super::emit::append_code;
 use super::expression::{PyExpr, first_call, is_dictionary, of_model};
 use super::headings::KEEP_ONE;
 use super::lines::{Line, block_after};
-use super::parser::{lambda, parse};
+use super::parser::{Lambda, lambda, parse};
 use super::pieces::{assignment, heads_block, is_seed, split, statements_of_line};
 use super::refusal::{Refusal, indented_refusal, remedy_of};
 use super::resolve::{compile, is_list_or_vector, resolve};
@@ -98,7 +98,10 @@ impl Model<'_, '_> {
                 }
                 return end;
             }
-            "class" | "try" | "with" | "raise" | "del" => {
+            // Read before; one that cannot be read is refused where an object is made.
+            "class" => return next,
+            "del" if rest.text.contains('[') => {}
+            "try" | "with" | "raise" | "del" => {
                 let why = Refusal::new(format!("'{}' outside of a production", word.text), range);
                 self.refuse(&Refusal { remedy: remedy_of(word.text), ..why });
                 return next;
@@ -162,9 +165,23 @@ impl Model<'_, '_> {
                 }
             }
             let (names, values) = (split(names), split(value));
-            if let ([name], Some((params, body))) = (names.as_slice(), lambda(value)) {
-                self.scope.defaults.remove(name.text);
-                let body = of_model(&body, &params, &self.shared);
+            if names.iter().any(|name| name.text.starts_with('*')) {
+                match assign_statement(piece) {
+                    Ok(statements) => {
+                        for statement in statements {
+                            if let Statement::Assign(name, e) = statement {
+                                self.global(&name, &e, value.range());
+                            }
+                        }
+                    }
+                    Err(why) => self.refuse(&why),
+                }
+                return next;
+            }
+            if let ([name], Some(Lambda { params, defaults, value })) = (names.as_slice(), lambda(value)) {
+                let defaults = defaults.into_iter().map(|d| d.and_then(|d| self.default_value(d))).collect();
+                self.scope.defaults.insert(name.text.to_owned(), defaults);
+                let body = of_model(&value, &params, &self.shared);
                 self.scope.functions.insert(name.text.to_owned(), (params, body));
                 return next;
             }
@@ -233,6 +250,10 @@ impl Model<'_, '_> {
         {
             return;
         }
+        match e {
+            PyExpr::Text(_, place) if !place.is_empty() => self.texts.insert(name.to_owned(), place.clone()),
+            _ => self.texts.remove(name),
+        };
         let is_shared = self.shared.iter().any(|s| s == name);
         let resolved = resolve(e, &self.scope, 0);
         if let Ok(list) = &resolved

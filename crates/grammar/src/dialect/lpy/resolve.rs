@@ -10,15 +10,16 @@ use osier_base::convert::saturating_index;
 use super::dictionary::dictionary_of;
 use super::emit::{constant_of, emit, folded, known_truth};
 use super::expression::{
-    DICTIONARY, FLAT, IN, MAX_OPS, OF_NUMBERS, PyExpr, PyOp, SLICE, UNKNOWN, constant_name, first_call, is_dictionary,
-    is_nothing, plain_name, range_of, size_with, substitute, text_refusal, times_read,
+    ATTRIBUTE, DICTIONARY, FLAT, IN, MAX_OPS, OBJECT, OF_NUMBERS, PyExpr, PyOp, SLICE, UNKNOWN, constant_name,
+    first_call, is_dictionary, is_nothing, is_object, plain_name, range_of, size_with, substitute, text_refusal,
+    times_read,
 };
 use super::lists::{
     combined, first_number, flat, index_of, is_one_of, item, numbers_of_range, one_of, slice, sorted, zipped,
 };
 use super::refusal::Refusal;
 use super::scope::{RUN, RunFunction, Scope, arguments, has_random};
-use super::{dictionary, lists, vectors};
+use super::{curves, dictionary, lists, objects, vectors};
 use crate::code::{Bytecode, Op};
 
 /// Calls of functions of the model within one another that are written in: a function may call itself.
@@ -32,8 +33,9 @@ pub(super) fn compile(e: &PyExpr, scope: &Scope) -> Result<Bytecode, Refusal> {
     let mut code = Bytecode::default();
     emit(&resolved, scope, &mut code.ops)?;
     // A value without variables and random numbers becomes one number.
+    code = scope.with_tables(code);
     if let Some(value) = crate::vm::constant_value(&code) {
-        code.ops = vec![Op::Const(value)];
+        code = Bytecode { ops: vec![Op::Const(value)], ..Bytecode::default() };
     }
     if code.ops.iter().any(|op| matches!(op, Op::Call(_))) {
         code.functions = Some(Arc::clone(&scope.run_code));
@@ -115,6 +117,10 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 }
             }
         }
+        PyExpr::Call(name, args, range) if name == OBJECT => {
+            let args = args.iter().map(|a| resolved_pair(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
+            PyExpr::Call(name.clone(), args, range.clone())
+        }
         PyExpr::Call(name, args, range) => return resolved_call(name, args, range, scope, depth),
         // A change of a list or dictionary, such as `append`, is the new list or dictionary.
         PyExpr::Change(change, args, range) => {
@@ -123,6 +129,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 Some((before, rest)) if is_dictionary(before) => {
                     dictionary::changed(*change, before, rest, scope, range)?
                 }
+                Some((before, rest)) if is_object(before) => objects::with_attribute(before, rest, range)?,
                 Some((before, rest)) => lists::changed(*change, before, rest, scope, range)?,
                 None => return Err(change.refusal(range)),
             }
@@ -151,6 +158,13 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
     })
 }
 
+/// An attribute of an object with its resolved value.
+fn resolved_pair(pair: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr, Refusal> {
+    let PyExpr::Call(field, value, range) = pair else { return resolve(pair, scope, depth) };
+    let value = value.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
+    Ok(PyExpr::Call(field.clone(), value, range.clone()))
+}
+
 /// A resolved operand that must be a number: a text is refused.
 fn as_number(e: PyExpr) -> Result<PyExpr, Refusal> {
     if let PyExpr::Text(value, range) = e { Err(text_refusal(value, range)) } else { Ok(e) }
@@ -173,9 +187,24 @@ fn resolved_call(
     depth: usize,
 ) -> Result<PyExpr, Refusal> {
     let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
+    if let (Some(field), [object]) = (name.strip_prefix(ATTRIBUTE), args.as_slice()) {
+        return objects::attribute(object, field, range);
+    }
+    if let Some(object) = objects::made(name, &args, range, scope) {
+        return object;
+    }
     // Functions of the model hide those of Python with the same name.
     if scope.functions.contains_key(name) {
         return function_value(name, args, range, scope, depth);
+    }
+    if let Some(of_curves) = curves::made(name, &args, range, scope) {
+        return of_curves;
+    }
+    if let Some(call) = curves::applied(name, &args, range, scope) {
+        return call;
+    }
+    if let Some(why) = scope.unreadable.get(name) {
+        return Err(why.clone());
     }
     // Refuse texts where Python takes numbers only.
     if OF_NUMBERS.contains(&name)
@@ -208,6 +237,8 @@ fn resolved_call(
         }
         ("bool", [PyExpr::List(items, _)]) => PyExpr::Number(if items.is_empty() { 0.0 } else { 1.0 }),
         ("list" | "tuple" | ".copy", [list @ PyExpr::List(..)]) => list.clone(),
+        // A copy of a number, a text, a list or a vector is the same value.
+        ("copy" | "deepcopy", [value]) => value.clone(),
         ("dict", _) => dictionary_of(&args, range)?,
         ("isForward", []) => PyExpr::Number(if scope.is_backward { 0.0 } else { 1.0 }),
         (".index", [PyExpr::List(items, _), value]) => index_of(value, items, scope, range)?,
@@ -461,6 +492,11 @@ fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -
     if let Some(items) = vectors::coordinates_of(list) {
         return item(items, index, scope, range);
     }
+    if is_object(list)
+        && let Some(field) = objects::axis_name(index)
+    {
+        return objects::attribute(list, field, range);
+    }
     match list {
         PyExpr::List(items, _) => item(items, index, scope, range),
         PyExpr::Call(name, pairs, _) if name == DICTIONARY => dictionary::value_of(pairs, index, None, scope, range),
@@ -477,7 +513,7 @@ fn indexed(list: &PyExpr, index: &PyExpr, scope: &Scope, range: &Range<usize>) -
 
 /// True for a list or a vector.
 pub(super) fn is_list_or_vector(e: &PyExpr) -> bool {
-    matches!(e, PyExpr::List(..)) || vectors::coordinates_of(e).is_some()
+    matches!(e, PyExpr::List(..)) || vectors::coordinates_of(e).is_some() || is_object(e)
 }
 
 /// False for an expression that is neither list nor vector whatever its names are; it need not be resolved.
@@ -492,9 +528,13 @@ pub(super) fn may_be_list(e: &PyExpr, scope: &Scope) -> bool {
         PyExpr::Call(name, ..) => {
             // `[[]]` is a list over several lists.
             matches!(name.as_str(), "range" | "xrange" | "list" | "tuple" | "reversed" | "sorted" | "divmod")
+                || matches!(name.as_str(), "copy" | "deepcopy")
                 || matches!(name.as_str(), "enumerate" | "zip" | ".keys" | ".values" | ".items" | ".copy" | "[[]]")
                 || vectors::gives_vector(name)
                 || scope.functions.contains_key(name)
+                || name == OBJECT
+                || name == "ParameterSet"
+                || scope.classes.contains_key(name)
         }
         _ => false,
     }

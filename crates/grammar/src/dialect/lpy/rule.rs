@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::expression::{PyExpr, PyOp};
 use super::lines::{Line, block_after};
+use super::objects::object_of;
 use super::parser::parse;
 use super::pieces::{closing, colon, split};
 use super::refusal::Refusal;
@@ -208,6 +209,17 @@ impl Model<'_, '_> {
         }
         let ways = self.ways(&statements);
         let ways = self.settle(ways)?;
+        // The module that stays would have an object that has changed: it must be made anew.
+        let is_kept =
+            |way: &&Way| !way.produced && self.rule_lists.iter().any(|(name, _)| way.changed_objects.contains(name));
+        if let Some(way) = ways.iter().find(is_kept) {
+            let name = self.rule_lists.iter().map(|(name, _)| name).find(|name| way.changed_objects.contains(*name));
+            let name = name.cloned().unwrap_or_default();
+            let range = head.place.span.start as usize..head.place.span.end as usize;
+            let why = Refusal::new(format!("a change of '{name}' on a way that makes no modules"), range);
+            self.refuse(&why.remedy("end each way by 'produce' with the module that holds the object: produce A(p)"));
+            return None;
+        }
         // A way without modules still assigns variables of the model; the next production is tried after it.
         let applied: Vec<&Way> = ways.iter().filter(|w| w.produced || !w.written().is_empty()).collect();
         // A variable that only other ways set has no value: L-Py ends with an error on such a way.
@@ -319,11 +331,16 @@ impl Model<'_, '_> {
             let is_name = chars.next().is_some_and(|c| c.is_alphabetic() || c == '_')
                 && chars.all(|c| c.is_alphanumeric() || c == '_');
             // A list or a vector has a name, and a parameter for each of its items.
-            if let (true, ParamShape::List(n) | ParamShape::Vector(n)) = (is_name, *shape) {
+            if let (true, ParamShape::List(n) | ParamShape::Vector(n) | ParamShape::Object { count: n, .. }) =
+                (is_name, *shape)
+            {
                 let names: Vec<String> = (0..n).map(|k| format!("{} ({k})", name.text)).collect();
                 let items = list(&names);
                 let value = match (*shape, items) {
                     (ParamShape::Vector(_), PyExpr::List(items, range)) => vector(items, range),
+                    (ParamShape::Object { kind, .. }, PyExpr::List(items, range)) => {
+                        object_of(&self.scope.fields(kind), items, &range)
+                    }
                     (_, items) => items,
                 };
                 let of_model = self.scope.lists.insert(name.text.to_owned(), value);

@@ -138,6 +138,7 @@ impl Model<'_, '_> {
                     ops.push(Op::Jump(RETURN));
                 }
                 Statement::Global(names) => declared.extend(names.iter().cloned()),
+                Statement::Stop(_) => ops.push(Op::Stop),
                 Statement::Assign(name, e) => {
                     let code = compile(e, &self.scope)?;
                     append_code(ops, &code.ops);

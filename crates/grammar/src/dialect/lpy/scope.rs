@@ -6,18 +6,17 @@ use std::ops::Range;
 use std::rc::Rc;
 use std::sync::{Arc, OnceLock};
 
+use osier_base::diagnostic::SourceId;
+
+use super::curves::Curves;
 use super::expression::{MAX_OPS, PyExpr, size_with, substitute, times_read, with_parts};
+use super::objects::Class;
 use super::refusal::Refusal;
-use crate::code::{CalledFunction, Op};
+use super::strings::ParamShape;
+use crate::code::{Bytecode, CalledFunction, Op};
 
 /// Prefix of the name of a call that runs the code of a function. No function of a model has such a name, as it holds a blank.
 pub(super) const RUN: &str = "run ";
-
-/// Reason for which calls of curves are refused: curves saved by the editor of L-Py after the model, or made by the model.
-pub(super) const CURVE: &str = "a curve of L-Py, which is not read";
-
-/// Why a call of a function with `global` is refused.
-pub(super) const CHANGES_VALUES: &str = "it changes values of the model";
 
 /// A function that runs as code.
 #[derive(Debug)]
@@ -63,6 +62,14 @@ pub(super) struct Scope {
     pub run: Rc<RefCell<Vec<RunFunction>>>,
     /// The code of these functions, when the model is read.
     pub run_code: Arc<OnceLock<Vec<CalledFunction>>>,
+    /// Curves of the model, and those saved behind it.
+    pub curves: Rc<RefCell<Curves>>,
+    /// Classes of the model whose objects hold values.
+    pub classes: BTreeMap<String, Class>,
+    /// Names of the attributes of the kinds of objects that modules have as parameters.
+    pub kinds: Rc<RefCell<Vec<Vec<String>>>>,
+    /// The text of the model, for places; `None`: a scope without a model.
+    pub source: Option<SourceId>,
     /// The code is that of `StartEach`, which runs before the step: `Q` counts the steps that are completed.
     pub is_before_step: bool,
 }
@@ -99,17 +106,36 @@ impl Scope {
     pub fn refused_call(&self, name: &str, range: Range<usize>) -> Refusal {
         let why = self.refused_functions.get(name).map(String::as_str);
         let remedy = match (name, why) {
-            (_, Some(CURVE)) => {
-                Some("write the curve as a function of the model: def f(x): return .., with 'if' for each of its parts")
-            }
-            (_, Some(CHANGES_VALUES)) => {
-                Some("write its 'global' and its assignments into the production, or into StartEach() or EndEach()")
-            }
             ("makestring", None) => Some("write the modules themselves, behind 'produce' or 'nproduce'"),
             _ => None,
         };
         let why = why.map_or_else(String::new, |why| format!(" ({why})"));
         Refusal { remedy, ..Refusal::new(format!("the function '{name}'{why}"), range) }
+    }
+
+    /// The shape of a parameter that is an object with these attributes.
+    pub fn object_shape(&self, fields: &[String]) -> ParamShape {
+        let kinds = &mut self.kinds.borrow_mut();
+        let kind = kinds.iter().position(|own| own == fields).unwrap_or_else(|| {
+            kinds.push(fields.to_vec());
+            kinds.len() - 1
+        });
+        ParamShape::Object { kind, count: fields.len() }
+    }
+
+    /// The attributes of a kind of objects.
+    pub fn fields(&self, kind: usize) -> Vec<String> {
+        self.kinds.borrow().get(kind).cloned().unwrap_or_default()
+    }
+
+    /// Code with the tables of the curves that it reads, and the places of its calls behind its own.
+    pub fn with_tables(&self, mut code: Bytecode) -> Bytecode {
+        if code.tables.is_none() && code.ops.iter().any(|op| matches!(op, Op::Table(..))) {
+            let curves = self.curves.borrow();
+            code.tables = Some(curves.tables());
+            code.places.extend(curves.call_places.iter().copied());
+        }
+        code
     }
 
     /// Slot of a variable; `None` if it is none, or lies beyond 65,535.

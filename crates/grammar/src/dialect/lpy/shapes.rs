@@ -5,8 +5,9 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::Model;
-use super::expression::PyExpr;
+use super::expression::{PyExpr, is_object, range_of};
 use super::lines::Line;
+use super::objects::{fields_of, values_of};
 use super::pieces::{closing, split};
 use super::refusal::Refusal;
 use super::resolve::{may_be_list, resolve};
@@ -53,6 +54,17 @@ pub(super) fn spread(module: &PyModule, scope: &Scope) -> Result<SpreadModule, R
                 out.shape.push(ParamShape::List(items.len()));
                 out.args.extend(items);
             }
+            Some(object) if is_object(&object) => {
+                let values = values_of(&object).unwrap_or_default();
+                let is_number =
+                    |e: &&PyExpr| !matches!(e, PyExpr::List(..)) && coordinates_of(e).is_none() && !is_object(e);
+                if !values.iter().all(is_number) {
+                    let why = Refusal::new("an object that holds a list, a vector or an object", range_of(arg));
+                    return Err(why.remedy("give each of its items an attribute, or a parameter of the module"));
+                }
+                out.shape.push(scope.object_shape(&fields_of(&object).unwrap_or_default()));
+                out.args.extend(values.into_iter().cloned());
+            }
             other => match other.as_ref().and_then(coordinates_of) {
                 Some(items) => {
                     out.shape.push(ParamShape::Vector(items.len()));
@@ -79,6 +91,7 @@ fn described(shape: &[ParamShape]) -> String {
         ParamShape::Number => "a number".to_owned(),
         ParamShape::List(n) => format!("a list of {n}"),
         ParamShape::Vector(n) => format!("a vector of {n}"),
+        ParamShape::Object { count, .. } => format!("an object of {count} attributes"),
     });
     words.collect::<Vec<_>>().join(", ")
 }
@@ -117,6 +130,9 @@ impl Model<'_, '_> {
         let capitals = ('A'..='Z').map(String::from);
         let mut names: BTreeSet<String> = self.declared.iter().cloned().chain(capitals).collect();
         names.retain(|name| !is_command(name) && !self.defined.contains(name));
+        if !self.scope.classes.is_empty() || list.iter().any(|line| line.piece.text.contains("ParameterSet(")) {
+            self.find_object_shapes(list, &names);
+        }
         for line in list {
             let text = line.piece.text;
             if !LIST_BEGINNINGS.iter().any(|begin| text.contains(begin)) {
@@ -142,7 +158,7 @@ impl Model<'_, '_> {
     }
 
     /// Merges the written shape of parameters with that of earlier modules of the same name and number of parameters.
-    fn note_shape(&mut self, name: &str, shape: Vec<ParamShape>) {
+    pub(super) fn note_shape(&mut self, name: &str, shape: Vec<ParamShape>) {
         let known = self.written_shapes.entry(name.to_owned()).or_default();
         match known.iter_mut().find(|own| own.len() == shape.len()) {
             Some(own) => {
@@ -180,7 +196,11 @@ impl Model<'_, '_> {
         let known = self.shapes.entry(name.to_owned()).or_default();
         let is_same = |own: &[ParamShape]| {
             let is_list = |p: &ParamShape| *p != ParamShape::Number;
-            own.iter().zip(shape).all(|(a, b)| a.count() == b.count() && is_list(a) == is_list(b))
+            let is_object = |p: &ParamShape| matches!(p, ParamShape::Object { .. });
+            own.iter().zip(shape).all(|(a, b)| {
+                let is_kind = a == b || !(is_object(a) || is_object(b));
+                a.count() == b.count() && is_list(a) == is_list(b) && is_kind
+            })
         };
         for own in known.iter() {
             if own.len() == shape.len() && is_same(own) {

@@ -5,13 +5,16 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::Model;
-use super::expression::{PyExpr, PyOp, SLICE, is_change, range_of};
+use super::expression::{PyExpr, PyOp, SLICE, is_change, is_object, range_of};
+use super::objects::COPY_OBJECT;
 use super::refusal::Refusal;
 use super::statement::Statement;
 use super::way::Way;
 
 /// Functions that read lists and keep none of them.
-const READERS: [&str; 21] = [
+const READERS: [&str; 23] = [
+    "copy",
+    "deepcopy",
     "len",
     "sum",
     "min",
@@ -98,9 +101,68 @@ const COPY: &str = "make a copy under another name and change that one: p = list
 impl Model<'_, '_> {
     /// The lists that a statement shares. Refuses a change of a list that the statements of the way have not made, or that has two names.
     pub(super) fn handed_on(&self, statement: &Statement, way: &Way) -> Result<HandedOn, Refusal> {
+        self.check_objects(statement, way)?;
         let Statement::Assign(name, e) = statement else { return Ok(HandedOn::default()) };
         self.check_change(name, e, way)?;
         Ok(HandedOn::new(e))
+    }
+
+    /// Refuses an object with two holders, if some line of the model changes such objects: in Python a change is one for both.
+    fn check_objects(&self, statement: &Statement, way: &Way) -> Result<(), Refusal> {
+        let object = |e: &PyExpr| match e {
+            PyExpr::Name(name, place) => {
+                let value = way.lists.get(name).or_else(|| self.scope.lists.get(name))?;
+                (is_object(value) && self.is_changing(value)).then(|| (name.clone(), place.clone()))
+            }
+            _ => None,
+        };
+        let shared = |name: &str, place: Range<usize>| {
+            let name = name.split(" (").next().unwrap_or(name);
+            let why = Refusal::new(format!("the object '{name}' in two places, of which one may change it"), place);
+            Err(why.remedy(COPY_OBJECT))
+        };
+        match statement {
+            Statement::Assign(name, e) if !is_change(e) => match object(e) {
+                Some((other, place)) if !name.starts_with('(') && other != *name => shared(&other, place),
+                _ => Ok(()),
+            },
+            Statement::Assign(name, e) if way.handed_objects.contains(name) => shared(name, range_of(e)),
+            Statement::Produce(modules, _) => {
+                let mut handed = way.handed_objects.clone();
+                for (name, place) in modules.iter().flat_map(|m| &m.args).filter_map(object) {
+                    if !handed.insert(name.clone()) {
+                        return shared(&name, place);
+                    }
+                }
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Notes the objects that a statement changes or hands on.
+    pub(super) fn note_objects_of(&self, statement: &Statement, way: &mut Way) {
+        let is_held = |name: &String, way: &Way| {
+            way.lists.get(name).or_else(|| self.scope.lists.get(name)).is_some_and(is_object)
+        };
+        match statement {
+            Statement::Assign(name, e) if is_change(e) && is_held(name, way) => {
+                way.changed_objects.insert(name.clone());
+            }
+            Statement::Assign(name, _) => {
+                way.handed_objects.remove(name);
+            }
+            Statement::Produce(modules, _) => {
+                for arg in modules.iter().flat_map(|m| &m.args) {
+                    if let PyExpr::Name(name, _) = arg
+                        && is_held(name, way)
+                    {
+                        way.handed_objects.insert(name.clone());
+                    }
+                }
+            }
+            _ => {}
+        }
     }
 
     fn check_change(&self, name: &str, e: &PyExpr, way: &Way) -> Result<(), Refusal> {
@@ -109,7 +171,10 @@ impl Model<'_, '_> {
             return Ok(());
         }
         let is_of_model = self.is_in_axiom && self.scope.lists.contains_key(name);
-        if is_change && !way.lists.contains_key(name) && !is_of_model {
+        // The object of a head may be changed: the module is made anew.
+        let is_of_head =
+            self.rule_lists.iter().any(|(own, _)| own == name) && self.scope.lists.get(name).is_some_and(is_object);
+        if is_change && !way.lists.contains_key(name) && !is_of_model && !is_of_head {
             return Err(change_refusal(name, "this block has not made", range_of(e), COPY));
         }
         if way.shared_lists.contains(name) || (is_of_model && self.shared_lists.contains(name)) {

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::expression::{PyExpr, exchanged, first_call, is_change, mentions, substitute};
-use super::scope::CHANGES_VALUES;
 use super::strings::PyModule;
 
 /// Variable with the number of the group of productions that is active, which no model can name.
@@ -28,6 +27,8 @@ pub(super) enum Statement {
     While(PyExpr, Vec<Statement>, Range<usize>, u32),
     Break(Range<usize>),
     Continue(Range<usize>),
+    /// `Stop()`: the derivation ends after the present step.
+    Stop(Range<usize>),
     /// Where a `continue` continues in a loop that is written out turn by turn.
     TurnEnd,
     /// Where a `break` continues.
@@ -62,6 +63,7 @@ impl Statement {
             Self::Global(_)
             | Self::Break(_)
             | Self::Continue(_)
+            | Self::Stop(_)
             | Self::TurnEnd
             | Self::LoopEnd
             | Self::FunctionEnd(..)
@@ -259,7 +261,6 @@ pub(super) fn hindrance(statements: &[Statement]) -> Option<&'static str> {
     statements.iter().find_map(|s| match s {
         Statement::If(tests, other) => tests.iter().find_map(|(_, then)| hindrance(then)).or_else(|| hindrance(other)),
         Statement::For(_, _, body, _) | Statement::While(_, body, ..) => hindrance(body),
-        Statement::Global(_) => Some(CHANGES_VALUES),
         Statement::Produce(_, true) => Some("its 'produce' ends the production: write 'nproduce'"),
         _ => None,
     })

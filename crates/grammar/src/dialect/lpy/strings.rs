@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::expression::PyExpr;
 use super::parser::parse;
-use super::pieces::{closing, split};
+use super::pieces::{assignment, closing, is_name, split};
 use super::refusal::Refusal;
 use crate::dialect::text::Piece;
 
@@ -52,7 +52,12 @@ const ALIASES: [(&str, &str); 39] = [
 ];
 
 /// Names of several characters that are known without a declaration. Source: the same.
-const NAMES: [&str; 43] = [
+const NAMES: [&str; 48] = [
+    "SetContour",
+    "SetGuide",
+    "EndGuide",
+    "PositionOnGuide",
+    "Sweep",
     "@Dd",
     "@Di",
     "@D",
@@ -99,16 +104,7 @@ const NAMES: [&str; 43] = [
 ];
 
 /// Commands whose parameters are objects of Python.
-const OBJECTS: [&str; 8] = [
-    "SetContour",
-    "SetGuide",
-    "EndGuide",
-    "Sweep",
-    "PositionOnGuide",
-    "surface",
-    "TextureScale",
-    "TextureTransformation",
-];
+const OBJECTS: [&str; 3] = ["surface", "TextureScale", "TextureTransformation"];
 
 /// Queries whose answers are three numbers.
 pub(super) const QUERIES: [&str; 4] = ["?P", "?H", "?U", "?L"];
@@ -144,6 +140,11 @@ pub(super) enum ParamShape {
     Number,
     List(usize),
     Vector(usize),
+    /// An object: the number of its kind, which has these attributes.
+    Object {
+        kind: usize,
+        count: usize,
+    },
 }
 
 impl ParamShape {
@@ -151,7 +152,7 @@ impl ParamShape {
     pub fn count(self) -> usize {
         match self {
             Self::Number => 1,
-            Self::List(n) | Self::Vector(n) => n,
+            Self::List(n) | Self::Vector(n) | Self::Object { count: n, .. } => n,
         }
     }
 }
@@ -178,6 +179,9 @@ fn name_at(text: &str, declared: &[String]) -> (usize, String) {
     let aliases = ALIASES.iter().map(|(long, short)| (*long, *short));
     // Declared names take part in the search for the longest: `module Fx` hides the F in `Fx`.
     let own = declared.iter().map(|n| (n.as_str(), n.as_str()));
+    // `new` makes a module only with the name of one: the letters alone are three modules.
+    let is_called = |(name, _): &(&str, &str)| text.strip_prefix(*name).is_some_and(|t| t.starts_with('('));
+    let aliases = aliases.chain([("newmodule", "new"), ("new", "new")].into_iter().filter(is_called));
     let known = aliases.chain(NAMES.iter().chain(&OBJECTS).map(|n| (*n, *n))).chain(own);
     let longest = known.filter(|(name, _)| text.starts_with(name)).max_by_key(|(name, _)| name.len());
     match longest {
@@ -243,8 +247,11 @@ fn coordinates(piece: Piece<'_>) -> Vec<Piece<'_>> {
     if parts.len() == 3 { parts } else { vec![piece] }
 }
 
-/// An argument of a module: an expression, or `*list`, which is kept as a call of `*`.
+/// An argument of a module: an expression, or `*list`, which is kept as a call of `*`; `size=2` as a call of `size=`.
 fn argument(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
+    if let Some((name, value)) = assignment(piece).filter(|(name, _)| is_name(name.text)) {
+        return Ok(PyExpr::Call(format!("{}=", name.text), vec![parse(value)?], piece.range()));
+    }
     if piece.text.starts_with("**") {
         let why = Refusal::new("'**', arguments by name", piece.range());
         return Err(why.remedy("write the parameters of the module in their order"));
@@ -280,6 +287,21 @@ pub(super) fn listed_modules(piece: Piece<'_>, declared: &[String]) -> Result<Op
     Ok(Some(out))
 }
 
+/// The module that `new('Leaf', 2)` makes: its name, then its parameters.
+fn new_module(s: &Spelled<'_>, declared: &[String]) -> Result<PyModule, Refusal> {
+    let Some((name, params)) = s.params.as_deref().and_then(<[_]>::split_first) else {
+        return Err(Refusal::new("'new' without the name of a module", s.range.clone()));
+    };
+    let text = name.text.trim_matches(['"', '\'']);
+    let known = name.text.starts_with(['"', '\'']).then(|| name_at(text, declared));
+    let Some((_, name)) = known.filter(|(length, _)| *length == text.len() && !text.is_empty()) else {
+        let why = Refusal::new("'new' of a name that is not written out", s.range.clone());
+        return Err(why.remedy("write the name of a declared module in quotes, new('Leaf', 2), or the module itself"));
+    };
+    let args = params.iter().map(|p| argument(*p)).collect::<Result<Vec<_>, _>>()?;
+    Ok(PyModule { name, args, shape: None, range: s.range.clone() })
+}
+
 /// What stands between two signs that a text begins and ends with.
 fn within(piece: Piece<'_>, open: char, close: char) -> Option<Piece<'_>> {
     let piece = piece.trimmed();
@@ -303,6 +325,9 @@ pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyMod
         return Ok(Vec::new());
     }
     let module = |s: Spelled<'_>| {
+        if s.name == "new" {
+            return new_module(&s, declared);
+        }
         if matches!(s.name.as_str(), "?R" | "?F") {
             return Err(frame_query(&s.name, s.range));
         }

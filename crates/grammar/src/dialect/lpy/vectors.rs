@@ -52,7 +52,7 @@ pub(super) fn function(
     }
     let vectors: Option<Vec<&[PyExpr]>> = args.iter().map(coordinates_of).collect();
     let vectors = vectors.filter(|vectors| !vectors.is_empty())?;
-    if !matches!(name, "len" | "norm" | "normSquared" | "direction" | "dot" | "cross") {
+    if !matches!(name, "len" | "norm" | "normSquared" | "direction" | "dot" | "cross" | "angle") {
         return None;
     }
     // Each coordinate is read twice.
@@ -73,14 +73,29 @@ pub(super) fn function(
             vector(a.iter().map(|c| binary(PyOp::Div, c, &length)).collect(), range.clone())
         }
         ("dot", &[a, b]) if a.len() == b.len() => dot(a, b),
-        ("cross", [[a, b, c], [d, e, f]]) => {
-            // Determinants of the other two coordinates of both.
-            let part = |a, b, c, d| binary(PyOp::Sub, &binary(PyOp::Mul, a, d), &binary(PyOp::Mul, b, c));
-            vector(vec![part(b, c, e, f), part(c, a, f, d), part(a, b, d, e)], range.clone())
+        ("cross", [a, b]) if a.len() == 3 && b.len() == 3 => vector(cross(a, b), range.clone()),
+        // The angle from 0 to pi, in a plane from -pi to pi: its sine is the length of the cross product of both.
+        ("angle", &[a, b]) if a.len() == b.len() && a.len() < 4 => {
+            let sine = match cross(a, b).as_slice() {
+                [one] => one.clone(),
+                all => norm(all),
+            };
+            PyExpr::Call("atan2".to_owned(), vec![sine, dot(a, b)], range.clone())
         }
         _ => return Some(Err(Refusal::new(format!("this call of '{name}'"), range.clone()))),
     };
     Some(Ok(value))
+}
+
+/// The cross product of two vectors of three coordinates; of two coordinates the one that is not zero.
+fn cross(a: &[PyExpr], b: &[PyExpr]) -> Vec<PyExpr> {
+    // Determinants of the other two coordinates of both.
+    let part = |a, b, c, d| binary(PyOp::Sub, &binary(PyOp::Mul, a, d), &binary(PyOp::Mul, b, c));
+    match (a, b) {
+        ([a, b, c], [d, e, f]) => vec![part(b, c, e, f), part(c, a, f, d), part(a, b, d, e)],
+        ([a, b], [d, e]) => vec![part(a, b, d, e)],
+        _ => Vec::new(),
+    }
 }
 
 /// `Vector3()`, `Vector3(x, y, z)`, `Vector3(point)`, `Vector3(plane, z)`.

@@ -54,6 +54,9 @@ pub(super) struct Way {
     pub lists: BTreeMap<String, PyExpr>,
     /// Those of them, and lists of the model, that have two names.
     pub shared_lists: BTreeSet<String>,
+    /// Variables whose objects the way has changed, and those whose objects it has handed on to a module.
+    pub changed_objects: BTreeSet<String>,
+    pub handed_objects: BTreeSet<String>,
     /// Ranges of its variables under its conditions.
     pub bounds: Bounds,
     /// How many functions it has called.

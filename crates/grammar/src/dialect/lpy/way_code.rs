@@ -144,12 +144,18 @@ impl Model<'_, '_> {
     }
 
     /// Code with the places of its loops and the functions that it calls.
-    pub(super) fn bytecode(&self, ops: Vec<Op>) -> Bytecode {
+    pub(super) fn bytecode(&self, mut ops: Vec<Op>) -> Bytecode {
         let has_loops = ops.iter().any(|op| matches!(op, Op::Count(_)));
         let places = if has_loops { self.loop_places.clone() } else { Vec::new() };
         let calls = ops.iter().any(|op| matches!(op, Op::Call(_)));
         let functions = calls.then(|| Arc::clone(&self.scope.run_code));
-        Bytecode { ops, places, functions, ..Bytecode::default() }
+        // Places of calls stand behind those of the loops.
+        for op in &mut ops {
+            if let Op::Table(_, place) = op {
+                *place = place.saturating_add(places.len());
+            }
+        }
+        self.scope.with_tables(Bytecode { ops, places, functions, ..Bytecode::default() })
     }
 
     /// Appends a loop: test, JumpIfZero to its end, body, Jump to the test.

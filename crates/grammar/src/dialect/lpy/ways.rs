@@ -4,13 +4,16 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::Model;
-use super::expression::{PyExpr, first_call, is_change, is_written_out, model_name, range_of};
+use super::expression::{
+    PyExpr, first_call, is_change, is_dictionary, is_joined_text, is_object, is_written_out, model_name, range_of,
+};
+use super::objects::{fields_of, object_of, values_of};
 use super::refusal::Refusal;
 use super::resolve::{compile, is_list_or_vector, may_be_list, resolve};
 use super::scope::{Scope, arguments, has_random};
 use super::shapes::spread;
 use super::shared_lists::HandedOn;
-use super::statement::{Statement, call_in, names_of, read_name, renamed, with_lists, without_call};
+use super::statement::{Statement, call_in, changes, names_of, read_name, renamed, with_lists, without_call};
 use super::strings::PyModule;
 use super::way::{MAX_STEPS, OpenWay, Step, Way, in_way, with_known};
 use crate::code::is_zero;
@@ -35,6 +38,72 @@ const STATEMENT_WORK: usize = 16;
 fn no_value(function: &str, place: Range<usize>) -> Refusal {
     let why = Refusal::new(format!("the function '{function}', which may end without a value"), place);
     why.remedy("end it by 'return' with a value, or call it on a line of its own for the modules that it makes")
+}
+
+/// True for a choice between lists, or between dictionaries, whose items are numbers, texts and lists of them.
+fn is_choice_of_lists(e: &PyExpr) -> bool {
+    fn is_side(e: &PyExpr) -> bool {
+        let is_plain = |e: &PyExpr| is_written_out(e) || is_dictionary(e);
+        match e {
+            PyExpr::Choice(_, a, b) => is_side(a) && is_side(b),
+            PyExpr::Call(_, items, _) if is_dictionary(e) => items.iter().all(is_plain),
+            PyExpr::List(items, _) => items.iter().all(is_plain),
+            _ => false,
+        }
+    }
+    matches!(e, PyExpr::Choice(..)) && is_side(e)
+}
+
+/// True if an expression reads a part whatever its tests give: the part is no side of a choice, and no later operand of `and`, `or`.
+fn always_reads(e: &PyExpr, part: &PyExpr) -> bool {
+    let of = |e: &PyExpr| always_reads(e, part);
+    e == part
+        || match e {
+            PyExpr::Neg(a) | PyExpr::Not(a) | PyExpr::And(a, _) | PyExpr::Or(a, _) | PyExpr::Choice(a, ..) => of(a),
+            PyExpr::Binary(_, a, b) | PyExpr::Index(a, b, _) => of(a) || of(b),
+            PyExpr::Call(_, args, _) | PyExpr::Change(_, args, _) | PyExpr::List(args, _) => args.iter().any(of),
+            PyExpr::Each(_, _, list, _) => of(list),
+            PyExpr::Number(_) | PyExpr::Text(..) | PyExpr::Name(..) => false,
+        }
+}
+
+/// Refuses a call of a function that changes values of the model where only a test decides on the call: it is run before the statement.
+fn check_change_of_values(s: &Statement, call: &PyExpr, function: &str, place: &Range<usize>) -> Result<(), Refusal> {
+    let is_run = match s {
+        Statement::Assign(_, e) | Statement::Run(e) | Statement::Return(Some(e), _) | Statement::For(_, e, _, _) => {
+            always_reads(e, call)
+        }
+        Statement::If(tests, _) => tests.first().is_some_and(|(test, _)| always_reads(test, call)),
+        Statement::Produce(modules, _) => modules.iter().flat_map(|m| &m.args).any(|arg| always_reads(arg, call)),
+        _ => false,
+    };
+    if is_run {
+        return Ok(());
+    }
+    let why = Refusal::new(
+        format!("a call of '{function}', which changes values of the model, behind a test"),
+        place.clone(),
+    );
+    Err(why.remedy("write the call on a line of its own, k = f(), into the block of an 'if'"))
+}
+
+/// Refuses a call of a function that changes values of the model where the production has variables of their names.
+fn check_own_names(
+    globals: &[String],
+    function: &str,
+    place: &Range<usize>,
+    way: &Way,
+    left: &[Statement],
+) -> Result<(), Refusal> {
+    let (assigned, declared) = names_of(left);
+    let is_own = |name: &&String| {
+        let is_set = way.known.contains_key(*name) || way.lists.contains_key(*name) || assigned.contains(name);
+        is_set && !way.globals.contains(name) && !declared.contains(name)
+    };
+    let Some(name) = globals.iter().find(is_own) else { return Ok(()) };
+    let why = format!("a call of '{function}', which changes a '{name}' that this production has, too");
+    let why = Refusal::new(why, place.clone());
+    Err(why.remedy("give the variable of the production another name, or declare it 'global'"))
 }
 
 impl Model<'_, '_> {
@@ -76,9 +145,16 @@ impl Model<'_, '_> {
         }
         // Find the lists that the assignment shares by their names, before lists take the place of names.
         let handed_on = self.handed_on(&statement, &now.way)?;
+        self.note_objects_of(&statement, &mut now.way);
         match with_lists(statement, &now.way.lists) {
             Statement::Pass | Statement::TurnEnd | Statement::LoopEnd => {}
             Statement::Global(names) => now.way.globals.extend(names),
+            Statement::Stop(place) => {
+                let why = Refusal::new("'Stop()' in a production", place);
+                return Err(why.remedy(
+                    "call it in StartEach() or EndEach(), which may test a variable that the production sets",
+                ));
+            }
             // The value of a function that the production calls; else the production ends, which has no value.
             Statement::Return(value, place) => {
                 let end = now.left.iter().rposition(|s| matches!(s, Statement::FunctionEnd(..)));
@@ -135,6 +211,12 @@ impl Model<'_, '_> {
 
     /// Assigns a value or a list to a variable of a way.
     fn assign(&mut self, name: String, e: PyExpr, handed_on: &HandedOn, now: &mut OpenWay) {
+        // A text that is put together has no value here; what needs one is refused where it reads the name.
+        if is_joined_text(&e) {
+            now.way.known.remove(&name);
+            now.way.lists.insert(name, e);
+            return;
+        }
         let list = self.list_of(&e, &now.way).filter(|_| !now.way.globals.contains(&name));
         if let Some(list) = list {
             let mut taken = Vec::new();
@@ -150,12 +232,38 @@ impl Model<'_, '_> {
             now.run_next(taken);
             return;
         }
+        // One of several lists or dictionaries, `p = q[k]`, with the index taken now: it may change before the name is read.
+        if let Some((taken, choice)) = self.one_of_lists(&e, &now.way) {
+            now.way.known.remove(&name);
+            now.way.lists.insert(name, choice);
+            now.run_next(vec![taken]);
+            return;
+        }
         now.way.lists.remove(&name);
         let value = self.known_value(&e, &now.way);
         let e = value.filter(|_| self.calls_function(&e)).map_or(e, PyExpr::Number);
         now.way.known.insert(name.clone(), value);
         now.way.bounds.assign(&name, &e, &self.scope);
         now.way.steps.push(Step::Assign(name, e));
+    }
+
+    /// The choice between lists or dictionaries that an index which is not known gives, and the assignment of the index to a variable of
+    /// this reader; `None` for any other expression.
+    fn one_of_lists(&mut self, e: &PyExpr, way: &Way) -> Option<(Statement, PyExpr)> {
+        let PyExpr::Index(list, index, place) = e else { return None };
+        if matches!(**index, PyExpr::Call(..)) || !may_be_list(list, &self.scope) {
+            return None;
+        }
+        let name = format!("(item {})", self.temporaries);
+        let taken = PyExpr::Name(name.clone(), range_of(index));
+        let mut scope = self.scope_of(way);
+        scope.locals.push(name.clone());
+        let value = resolve(&PyExpr::Index(list.clone(), Box::new(taken), place.clone()), &scope, 0).ok()?;
+        if !is_choice_of_lists(&value) {
+            return None;
+        }
+        self.temporaries += 1;
+        Some((Statement::Assign(name, (**index).clone()), value))
     }
 
     /// The ways after an `if`, the first to try first.
@@ -212,11 +320,33 @@ impl Model<'_, '_> {
         }
         let args = arguments(&params, self.scope.defaults.get(function), args.clone());
         let args = args.ok_or_else(|| Refusal::new(format!("this call of '{function}'"), place.clone()))?;
-        let mut names = names_of(&body).0;
+        let (mut names, globals) = names_of(&body);
+        // Variables of the model that the function changes keep their names.
+        names.retain(|name| !globals.contains(name));
+        if !globals.is_empty() {
+            check_change_of_values(s, &call, function, place)?;
+            check_own_names(&globals, function, place, way, left)?;
+        }
         names.extend(params.iter().cloned());
         let number = self.temporaries;
         self.temporaries += 1;
         let mut own: Vec<String> = names.iter().map(|name| format!("{name} ({number})")).collect();
+        // An object that the function changes is that of the caller, under its name.
+        let mut is_same = vec![false; params.len()];
+        for ((k, param), arg) in params.iter().enumerate().zip(&args) {
+            let value = if let PyExpr::Name(name, _) = arg {
+                way.lists.get(name).or_else(|| self.scope.lists.get(name)).filter(|e| is_object(e)).map(|_| name)
+            } else {
+                None
+            };
+            if let Some(name) = value
+                && changes(&body, param)
+                && let Some(at) = names.iter().position(|n| n == param)
+            {
+                own[at] = name.clone();
+                is_same[k] = true;
+            }
+        }
         // The function reads values of the model where the production has variables of their names.
         let others = self.scope.locals.iter().chain(way.known.keys()).chain(way.lists.keys());
         let others: BTreeSet<&String> =
@@ -241,7 +371,7 @@ impl Model<'_, '_> {
         let result = Some(result).filter(|_| !is_run);
         left.push(Statement::FunctionEnd(result, function.clone(), place.clone()));
         left.extend(body.iter().rev().map(|s| renamed(s, &names, &own)));
-        let set = params.iter().zip(args).map(|(p, value)| {
+        let set = params.iter().zip(args).zip(is_same).filter(|(_, is_same)| !is_same).map(|((p, value), _)| {
             let name = names.iter().position(|n| n == p).and_then(|i| own.get(i)).unwrap_or(p);
             Statement::Assign(name.clone(), value)
         });
@@ -308,6 +438,12 @@ impl Model<'_, '_> {
             Some(PyExpr::List(items, place)) => {
                 let items = items.iter().map(|e| self.kept(e, way, taken)).collect();
                 return PyExpr::List(items, place);
+            }
+            Some(object) if is_object(&object) => {
+                let fields = fields_of(&object).unwrap_or_default();
+                let values = values_of(&object).unwrap_or_default();
+                let values = values.into_iter().map(|e| self.kept(e, way, taken)).collect();
+                return object_of(&fields, values, &range_of(&object));
             }
             Some(PyExpr::Call(kind, items, place)) => {
                 let items = items.iter().map(|e| self.kept(e, way, taken)).collect();

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::frame::TurtleFrame;
+use super::guides::Guide;
 use super::options::TurtleOptions;
 use osier_grammar::{Dialect, DialectSettings, SymbolId};
 
@@ -102,6 +103,15 @@ pub(super) enum DialectCommand {
     /// L-Py: elasticity and direction of the tropism.
     Elasticity,
     Tropism,
+    /// L-Py: begins and ends a generalised cylinder.
+    StartCylinder,
+    EndCylinder,
+    /// L-Py: curves as guide and as contour, and a surface along both.
+    SetGuide,
+    EndGuide,
+    PositionOnGuide,
+    SetContour,
+    Sweep,
     /// A command that changes no geometry.
     Ignored,
     /// L-Py: a command that would change the drawing but has no effect here; L008 warns of it.
@@ -132,6 +142,10 @@ pub(super) struct DialectState {
     pub tropism: DVec3,
     /// L-Py: radius before the scale, which multiplies it where something is drawn.
     pub radius: f64,
+    /// L-Py: the curve that steps follow.
+    pub guide: Option<Guide>,
+    /// L-Py: between `StartGC` and `EndGC`.
+    pub is_in_cylinder: bool,
 }
 
 /// The program whose turtle draws, and the numbers that its file holds.
@@ -171,6 +185,8 @@ impl DialectTurtle {
             elasticity: 0.0,
             tropism: DVec3::Y,
             radius: LPY_RADIUS,
+            guide: None,
+            is_in_cylinder: false,
         }
     }
 
@@ -337,12 +353,18 @@ fn lpy_name(name: &str) -> Option<DialectCommand> {
         "@Ts" => C::Elasticity,
         "@Tp" => C::Tropism,
         "Frame" => C::Frame,
-        "@Gc" | "@Ge" | "InterpolateColors" | "SectionResolution" | "@2D" | "@3D" | "@L" => C::Ignored,
+        "@Gc" => C::StartCylinder,
+        "@Ge" => C::EndCylinder,
+        "SetGuide" => C::SetGuide,
+        "EndGuide" => C::EndGuide,
+        "PositionOnGuide" => C::PositionOnGuide,
+        "SetContour" => C::SetContour,
+        "Sweep" => C::Sweep,
+        "InterpolateColors" | "SectionResolution" | "@2D" | "@3D" | "@L" => C::Ignored,
         "?P" | "?H" | "?L" | "?U" => C::Query(name.chars().nth(1)?),
         _ if name.starts_with("Texture") || name.starts_with('?') => C::Ignored,
         _ if name.starts_with('~') => C::Surface(name.chars().nth(1)?),
-        "EulerAngles" | "LeftReflection" | "UpReflection" | "HeadingReflection" | "@g" | "SetContour" | "SetGuide"
-        | "EndGuide" | "PositionOnGuide" | "Sweep" | "surface" => C::Unsupported,
+        "EulerAngles" | "LeftReflection" | "UpReflection" | "HeadingReflection" | "@g" | "surface" => C::Unsupported,
         _ => return None,
     })
 }

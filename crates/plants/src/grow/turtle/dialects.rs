@@ -234,7 +234,7 @@ impl Turtle<'_> {
     }
 
     /// Character of a module's symbol.
-    fn symbol(&self, m: Module<'_>) -> char {
+    pub(super) fn symbol_of(&self, m: Module<'_>) -> char {
         self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?')
     }
 
@@ -365,13 +365,13 @@ impl Turtle<'_> {
             C::Forward(draws) => {
                 self.close_segment();
                 let length = given.unwrap_or(1.0);
-                if length > 0.0 || !draws {
-                    self.bend();
-                }
                 // A second number is the radius at the end of the segment, with which drawing continues.
-                self.step(length, m, draws, draws);
+                self.lpy_step(length, draws, m);
                 if draws && m.params.len() > 1 {
                     self.set_end_radius(1, m);
+                }
+                if draws {
+                    self.lpy_cylinder_point(m);
                 }
             }
             C::Query(letter) => self.lpy_query(letter),
@@ -445,9 +445,16 @@ impl Turtle<'_> {
                 let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, if i == 2 { 1.0 } else { 0.0 }));
                 self.rare.dialect.tropism = world(x, y, z).normalize_or(DVec3::Y);
             }
+            C::StartCylinder => self.start_lpy_cylinder(m),
+            C::EndCylinder => self.end_lpy_cylinder(m),
+            C::SetGuide => self.set_guide(m),
+            C::EndGuide => self.rare.dialect.guide = None,
+            C::PositionOnGuide => self.set_position_on_guide(m),
+            C::SetContour => self.set_contour(m),
+            C::Sweep => self.sweep(m),
             C::Unsupported => {
                 let message = "this command of L-Py is not supported".to_owned();
-                self.warn("L008", (None, self.symbol(m)), message, "nothing is drawn");
+                self.warn("L008", (None, self.symbol_of(m)), message, "nothing is drawn");
             }
             _ => {}
         }
@@ -499,7 +506,7 @@ impl Turtle<'_> {
 
     /// Turns the frame towards the tropism of L-Py before a step, by the elasticity times the angle between heading and tropism; a heading
     /// against the tropism turns about up.
-    fn bend(&mut self) {
+    pub(super) fn bend(&mut self) {
         let DialectState { elasticity, tropism, .. } = self.rare.dialect;
         if elasticity <= 0.0 {
             return;
@@ -525,39 +532,53 @@ impl Turtle<'_> {
         let step = self.param(m, 1, length);
         let end = (m.params.len() > 2).then(|| 2.0 * self.param(m, 2, LPY_RADIUS) * self.s.scale.abs());
         let first = self.s.width;
-        let bends = self.rare.dialect.elasticity > 0.0 && step > 0.0 && length > 0.0;
+        let is_bent = self.rare.dialect.elasticity > 0.0 || self.rare.dialect.guide.is_some();
+        let has_radii = self.path_radius(m, 0.0).is_some();
+        let is_surface = self.rare.cylinder.contour != 0;
+        let bends = (is_bent || has_radii || is_surface) && step > 0.0 && length > 0.0;
+        if let Some(radius) = self.path_radius(m, 0.0) {
+            self.set_radius(radius, m);
+        }
         let steps = if bends { (length / step).floor() } else { 0.0 };
         if steps > MAX_PATH_STEPS {
             let message = format!("a path of more than {MAX_PATH_STEPS} steps: the rest of it is one step");
-            self.warn("L008", (None, self.symbol(m)), message, "make the steps longer");
+            self.warn("L008", (None, self.symbol_of(m)), message, "make the steps longer");
         }
         let whole = steps.min(MAX_PATH_STEPS);
         let mut done = 0.0;
         while done < whole && !self.halted {
             self.close_segment();
-            self.bend();
-            self.step(step, m, true, true);
+            self.lpy_step(step, true, m);
             done += 1.0;
-            if let Some(last) = end.filter(|last| *last >= 0.0) {
+            if let Some(radius) = self.path_radius(m, done * step / length) {
+                self.set_radius(radius, m);
+            } else if let Some(last) = end.filter(|last| *last >= 0.0) {
                 self.set_width(first + (last - first) * (done * step / length).min(1.0));
             }
+            self.lpy_cylinder_point(m);
         }
         // The rest of the length; all of it without a tropism.
         let rest = length - whole * step;
         if rest > LPY_EPSILON || whole < 1.0 {
             self.close_segment();
             if bends {
-                self.bend();
+                self.lpy_step(rest, true, m);
+            } else {
+                self.step(rest, m, true, true);
             }
-            self.step(rest, m, true, true);
         }
-        if end.is_some() {
+        if let Some(radius) = self.path_radius(m, 1.0) {
+            self.set_radius(radius, m);
+        } else if end.is_some() {
             self.set_end_radius(2, m);
+        }
+        if rest > LPY_EPSILON || whole < 1.0 {
+            self.lpy_cylinder_point(m);
         }
     }
 
     /// Sets the radius of L-Py. A negative one is reported and leaves the present one.
-    fn set_radius(&mut self, radius: f64, m: Module<'_>) {
+    pub(super) fn set_radius(&mut self, radius: f64, m: Module<'_>) {
         if radius < -LPY_EPSILON {
             let message = format!("a radius of {radius:.6} is negative, and is not set");
             let help = "give the radius as a parameter: without one '!' takes 1 away, and the turtle begins with 0.1";

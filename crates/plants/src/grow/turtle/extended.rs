@@ -96,7 +96,7 @@ impl Turtle<'_> {
     }
 
     /// Opens a cylinder that the module begins at this bracket level; an unfinished one there is dropped.
-    fn open_cylinder(&mut self, cylinder: OpenCylinder, m: Module<'_>) {
+    pub(super) fn open_cylinder(&mut self, cylinder: OpenCylinder, m: Module<'_>) {
         let origin = CylinderOrigin { symbol: m.symbol, lineage: m.lineage(), birth: m.birth };
         if let Some(slot) = self.cylinders.last_mut() {
             *slot = Some(OpenCylinder { origin, ..cylinder });
@@ -132,9 +132,9 @@ impl Turtle<'_> {
             return;
         }
         let state = self.rare.cylinder;
-        let closed = self.options.contours.get(&state.contour).is_none_or(|c| c.closed);
-        if state.contour != 0 && !self.options.contours.contains_key(&state.contour) {
-            let known: Vec<String> = self.options.contours.keys().map(u32::to_string).collect();
+        let closed = self.contours.get(&state.contour).is_none_or(|c| c.closed);
+        if state.contour != 0 && !self.contours.contains_key(&state.contour) {
+            let known: Vec<String> = self.contours.keys().map(u32::to_string).collect();
             let list = if known.is_empty() { "none is defined".to_owned() } else { known.join(", ") };
             let message = format!("contour {} is unknown, a circle is drawn", state.contour);
             self.warn("L048", (Some('@'), '#'), message, &format!("known contours: {list}"));
@@ -154,7 +154,7 @@ impl Turtle<'_> {
         let Some(cylinder) = cylinder else { return };
         let Some(first) = cylinder.points.first() else { return };
         let pose = TurtlePose { p: first.p, q: frame_rotation(&first.frame) };
-        let Some((mesh, size)) = cylinder.mesh(&self.options.contours, self.options.twist, pose) else { return };
+        let Some((mesh, size)) = cylinder.mesh(&self.contours, self.options.twist, pose) else { return };
         match self.shape_prototypes.surface(&mut self.builder.protos, "cylinder", mesh) {
             Some(proto) => {
                 self.place_organ(pose, ProtoRange::single(proto), OrganSize { scale: size, petiole: 0.0 }, m)

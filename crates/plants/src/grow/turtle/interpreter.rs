@@ -4,9 +4,10 @@ use glam::DVec3;
 
 use super::builder::{DrawnNode, NodeSite, OrganSize, PlantBuilder, ProtoRange, RawOrgan};
 use super::commands::Command;
-use super::cylinders::{CylinderState, OpenCylinder, TANGENT};
+use super::cylinders::{Contour, CylinderState, OpenCylinder, TANGENT};
 use super::dialect_commands::{DialectState, DialectTurtle, PendingNumber};
 use super::frame::{TurtleFrame, TurtlePose};
+use super::guides::GuideCurve;
 use super::options::TurtleOptions;
 use super::patches::TurtlePatches;
 use super::prototypes::{PolygonPrototype, PrototypeCache, TooManyPrototypes};
@@ -196,7 +197,7 @@ struct OuterSize {
 
 /// The interpreter: its state, the stack of brackets, and what it has drawn.
 pub(super) struct Turtle<'a> {
-    grammar: &'a Grammar,
+    pub(super) grammar: &'a Grammar,
     pub(super) bindings: BindingEvaluator<'a>,
     pub(super) options: &'a TurtleOptions,
     /// The program whose turtle draws, with the settings of its file.
@@ -212,6 +213,10 @@ pub(super) struct Turtle<'a> {
     /// Of each bracket level the cylinder that is open there.
     pub(super) cylinders: Vec<Option<OpenCylinder>>,
     pub(super) patches: TurtlePatches,
+    /// Contours of the scene, and those that models of L-Py make, by their numbers.
+    pub(super) contours: std::collections::BTreeMap<u32, Contour>,
+    /// Curves of L-Py that have been guides.
+    pub(super) guide_curves: std::collections::BTreeMap<u32, GuideCurve>,
     prefix: Prefix,
     /// Axis whose last segment still waits for its end width.
     open_segment: Option<u32>,
@@ -304,6 +309,8 @@ impl<'a> Turtle<'a> {
             polygons: Vec::new(),
             cylinders: vec![None],
             patches: TurtlePatches::new(),
+            contours: options.contours.clone(),
+            guide_curves: std::collections::BTreeMap::new(),
             prefix: Prefix::None,
             open_segment: None,
             default_turn: (math::cos(angle), math::sin(angle)),

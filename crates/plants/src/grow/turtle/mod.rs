@@ -11,6 +11,7 @@ mod dialect_commands;
 mod dialects;
 mod extended;
 mod frame;
+mod guides;
 mod interpreter;
 mod options;
 mod organs;

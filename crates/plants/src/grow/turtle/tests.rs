@@ -496,3 +496,69 @@ fn nothing_is_drawn_behind_a_cut_if_the_view_says_so() {
     // 1 + 2 + 1 are left of 1 + 2 + 3 + 4 + 5 + 1 + 9.
     assert!((length(true) - 25.0).abs() < 1e-4 && (length(false) - 4.0).abs() < 1e-4);
 }
+
+/// Draws an axiom of L-Py with the curves `bend`, a step along x and one along y; `rise`, a step along y and one along x; `path`, along
+/// x; `square`, with corners at 1 and -1; and the function `half`, 1 - x / 2.
+fn draw_lpy(axiom: &str) -> (Plant, Vec<Diagnostic>) {
+    let text = format!(
+        "bend = Polyline2D([(0,0),(1,0),(1,1)])\nrise = Polyline2D([(0,0),(0,1),(1,1)])\npath = Polyline2D([(3,0),(4,0)])\n\
+         square = Polyline2D([(-1,-1),(1,-1),(1,1),(-1,1),(-1,-1)])\nhalf = QuantisedFunction([(0,1),(1,0.5)])\n\
+         Axiom: {axiom}\nderivation length: 0\nproduction:\nendlsystem\n"
+    );
+    let options = TurtleOptions { radii: RadiusModel::Widths, ..Default::default() };
+    try_draw(&text, &options).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn steps_of_lpy_follow_a_guide() {
+    let end = |axiom: &str| tips(&draw_lpy(axiom).0).last().copied().unwrap_or(Vec3::NAN);
+    // The curve, 2 long, is stretched to 4: 2 ahead, which is +Y, then 2 to up, which is +X. Behind its end the turtle goes straight on.
+    near(end("SetGuide(bend,4)F(2)"), [0.0, 2.0, 0.0]);
+    near(end("SetGuide(bend,4)F(2)F(2)"), [2.0, 2.0, 0.0]);
+    near(end("SetGuide(bend,4)F(2)F(2)F(1)"), [3.0, 2.0, 0.0]);
+    near(end("SetGuide(bend,4)nF(4,1)"), [2.0, 2.0, 0.0]);
+    // A step over the corner is its chord, and one over the end goes on in the last direction.
+    near(end("SetGuide(bend,4)F(4)"), [2.0, 2.0, 0.0]);
+    near(end("SetGuide(bend,4)F(3)F(2)"), [3.0, 2.0, 0.0]);
+    // A branch has the guide as it is there; without it the turtle keeps the direction of the curve.
+    let branched = tips(&draw_lpy("SetGuide(bend,4)F(2)[F(1)]F(2)").0);
+    near(branched[0], [2.0, 2.0, 0.0]);
+    near(branched[1], [1.0, 2.0, 0.0]);
+    near(end("SetGuide(bend,4)F(3)EndGuide F(2)"), [3.0, 2.0, 0.0]);
+    near(end("SetGuide(bend,4)PositionOnGuide(3)F(1)"), [0.0, 1.0, 0.0]);
+    // The curve that begins along y turns about up: its x is to the right, -Z.
+    near(end("SetGuide(rise,2,True)F(1)F(1)"), [0.0, 1.0, -1.0]);
+    let (_, told) = draw_lpy("SetGuide(7,2)F(1)SetGuide(bend,0)F(1)");
+    assert_eq!(told.iter().map(|d| d.code).collect::<Vec<_>>(), ["L048", "L041"], "{told:?}");
+}
+
+#[test]
+fn contours_of_lpy_are_swept_along_paths() {
+    // Sizes of the surface along the axes of its space, sorted.
+    let sizes = |axiom: &str| {
+        let (plant, told) = draw_lpy(axiom);
+        assert!(told.iter().all(|d| d.code != "L008"), "{told:?}");
+        let organ = plant.organs.first().expect("a surface");
+        let points = &plant.protos[usize::from(organ.proto)].mesh.points;
+        let low = points.iter().fold(Vec3::INFINITY, |a, p| a.min(*p));
+        let high = points.iter().fold(Vec3::NEG_INFINITY, |a, p| a.max(*p));
+        let mut sizes = ((high - low) * organ.scale).to_array();
+        sizes.sort_unstable_by(f32::total_cmp);
+        Vec3::from(sizes)
+    };
+    // A prism of width 1, twice the radius, and length 2.
+    near(sizes("F(1)Sweep(path,square,2,1,0.5)"), [1.0, 1.0, 2.0]);
+    near(sizes("F(1)SetContour(square)_(0.5)StartGC F(1)F(1)EndGC"), [1.0, 1.0, 2.0]);
+    // The radius falls to a half.
+    let (plant, _) = draw_lpy("F(1)Sweep(path,square,2,1,0.5,half)");
+    let mesh = &plant.protos[usize::from(plant.organs[0].proto)].mesh;
+    let rings = mesh.points.chunks(17).map(|ring| (ring[0] - ring[8]).length() * plant.organs[0].scale);
+    let diagonal = std::f32::consts::SQRT_2;
+    for (ring, wanted) in rings.zip([diagonal, 0.75 * diagonal, 0.5 * diagonal]) {
+        assert!((ring - wanted).abs() < 1e-5, "{ring} is not {wanted}");
+    }
+    // The turtle stays at the beginning of a sweep.
+    near(tips(&draw_lpy("F(1)Sweep(path,square,2,1,0.5)F(1)").0)[0], [0.0, 2.0, 0.0]);
+    // Segments beside StartGC are round.
+    assert!(draw_lpy("SetContour(square)F(1)").1.iter().any(|d| d.code == "L008"));
+}

@@ -1,0 +1,396 @@
+//! Objects of classes that hold values, `ParameterSet(age=0)`: what attributes they have, and what is read and set of them. As a parameter
+//! of a module an object is a number for each of its attributes.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::Model;
+use super::expression::{ATTRIBUTE, OBJECT, PyExpr, is_object, substitute, times_read, with_parts};
+use super::lines::{Line, block_after};
+use super::parser::parse;
+use super::pieces::{FunctionHead, assignment, closing, function_head, is_name, is_rule, split};
+use super::refusal::Refusal;
+use super::scope::{Scope, arguments, has_random};
+use super::strings::{ParamShape, is_command, spell};
+use super::vectors::AXES;
+use crate::dialect::text::Piece;
+
+/// The class of L-Py whose objects have the attributes that they are made with.
+const PARAMETER_SET: &str = "ParameterSet";
+/// Rounds in which modules are looked for that hand on the object of another one. Own: chains of more modules are not known.
+const MAX_ROUNDS: usize = 16;
+
+/// What help says of objects that two modules would share.
+pub(super) const COPY_OBJECT: &str = "hand a copy on: from copy import deepcopy, then deepcopy(p)";
+
+/// A class whose objects hold values: what its `__init__` sets.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Class {
+    params: Vec<String>,
+    defaults: Vec<Option<PyExpr>>,
+    /// Attributes and their values, which may read the parameters and `self`.
+    fields: Vec<(String, PyExpr)>,
+    /// Name of the object within `__init__`.
+    own: String,
+    /// It takes any attributes by name, `**kwd`.
+    takes_any: bool,
+}
+
+/// Name of the call that stands for an attribute and its value in an object.
+fn pair(field: &str, value: PyExpr, range: &Range<usize>) -> PyExpr {
+    PyExpr::Call(format!("{field}="), vec![value], range.clone())
+}
+
+/// Attribute and value of such a call.
+fn parts(pair: &PyExpr) -> Option<(&str, &PyExpr)> {
+    let PyExpr::Call(name, value, _) = pair else { return None };
+    Some((name.strip_suffix('=')?, value.first()?))
+}
+
+/// The values of the attributes of an object.
+pub(super) fn values_of(e: &PyExpr) -> Option<Vec<&PyExpr>> {
+    let PyExpr::Call(name, pairs, _) = e else { return None };
+    (name == OBJECT).then(|| pairs.iter().filter_map(|p| parts(p).map(|(_, value)| value)).collect())
+}
+
+/// The names of the attributes of an object.
+pub(super) fn fields_of(e: &PyExpr) -> Option<Vec<String>> {
+    let PyExpr::Call(name, pairs, _) = e else { return None };
+    (name == OBJECT).then(|| pairs.iter().filter_map(|p| parts(p).map(|(field, _)| field.to_owned())).collect())
+}
+
+/// The object with these attributes and values.
+pub(super) fn object_of(fields: &[String], values: Vec<PyExpr>, range: &Range<usize>) -> PyExpr {
+    let pairs = fields.iter().zip(values).map(|(field, value)| pair(field, value, range)).collect();
+    PyExpr::Call(OBJECT.to_owned(), pairs, range.clone())
+}
+
+/// The refusal of an attribute.
+fn attribute_refusal(field: &str, range: &Range<usize>) -> Refusal {
+    let why = Refusal::new(format!("an attribute '{field}' that this value does not have"), range.clone());
+    why.remedy("set the attribute where the object is made: in __init__, or ParameterSet(age=0)")
+}
+
+/// The value of an attribute of a resolved object.
+pub(super) fn attribute(object: &PyExpr, field: &str, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    match object {
+        PyExpr::Call(name, pairs, _) if name == OBJECT => {
+            let found = pairs.iter().filter_map(parts).find(|(own, _)| *own == field);
+            found.map(|(_, value)| value.clone()).ok_or_else(|| attribute_refusal(field, range))
+        }
+        PyExpr::Choice(test, a, b) if is_object(a) && is_object(b) => {
+            let (a, b) = (attribute(a, field, range)?, attribute(b, field, range)?);
+            Ok(PyExpr::Choice(test.clone(), Box::new(a), Box::new(b)))
+        }
+        _ => Err(attribute_refusal(field, range)),
+    }
+}
+
+/// The attribute that an index stands for: `p.x` is read as `p[0]`.
+pub(super) fn axis_name(index: &PyExpr) -> Option<&'static str> {
+    let PyExpr::Number(k) = index else { return None };
+    AXES.iter().enumerate().find(|(axis, _)| (*axis as f64 - k).abs() <= 0.0).map(|(_, name)| *name)
+}
+
+/// The object after `p.field = value`.
+pub(super) fn with_attribute(object: &PyExpr, args: &[PyExpr], range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let (PyExpr::Call(name, pairs, place), [PyExpr::Call(field, ..), value]) = (object, args) else {
+        return Err(Refusal::new("this change of an object", range.clone()));
+    };
+    let field = field.strip_suffix('=').unwrap_or(field);
+    let mut pairs = pairs.clone();
+    let old = pairs.iter_mut().find(|p| parts(p).is_some_and(|(own, _)| own == field));
+    *old.ok_or_else(|| attribute_refusal(field, range))? = pair(field, value.clone(), range);
+    Ok(PyExpr::Call(name.clone(), pairs, place.clone()))
+}
+
+/// The object that a call with resolved arguments makes; `None` for a call that makes none.
+pub(super) fn made(
+    name: &str,
+    args: &[PyExpr],
+    range: &Range<usize>,
+    scope: &Scope,
+) -> Option<Result<PyExpr, Refusal>> {
+    let any = Class { takes_any: true, ..Class::default() };
+    let class = match scope.classes.get(name) {
+        Some(class) => class.clone(),
+        None if name == PARAMETER_SET => any,
+        None => return None,
+    };
+    Some(class.object(name, args, range, scope))
+}
+
+impl Class {
+    fn object(&self, name: &str, args: &[PyExpr], range: &Range<usize>, scope: &Scope) -> Result<PyExpr, Refusal> {
+        let refused = || Refusal::new(format!("this call of the class '{name}'"), range.clone());
+        let is_known = |arg: &&PyExpr| parts(arg).is_none_or(|(own, _)| self.params.iter().any(|p| p == own));
+        let (known, other): (Vec<&PyExpr>, Vec<&PyExpr>) = args.iter().partition(is_known);
+        if !other.is_empty() && !self.takes_any {
+            return Err(refused().remedy("give it the parameters of its __init__"));
+        }
+        let given = arguments(&self.params, Some(&self.defaults), known.into_iter().cloned().collect());
+        let given = given.ok_or_else(|| refused().remedy("give it the parameters of its __init__"))?;
+        // Each attribute may read the parameters, and attributes before it.
+        let mut fields: Vec<(String, PyExpr)> = Vec::new();
+        for (field, value) in &self.fields {
+            let value = with_own(value, &self.own, &fields);
+            let drawn = |(p, a): (&String, &PyExpr)| has_random(a, scope) && times_read(&value, p) > 1;
+            if self.params.iter().zip(&given).any(drawn) {
+                let why = Refusal::new(format!("a random number as an argument of the class '{name}'"), range.clone());
+                return Err(why.remedy("assign it to a variable first"));
+            }
+            let value = super::resolve::resolve(&substitute(&value, &self.params, &given), scope, 0)?;
+            fields.retain(|(own, _)| own != field);
+            fields.push((field.clone(), value));
+        }
+        for (field, value) in other.into_iter().filter_map(parts) {
+            match fields.iter_mut().find(|(own, _)| own == field) {
+                Some((_, own)) => *own = value.clone(),
+                None => fields.push((field.to_owned(), value.clone())),
+            }
+        }
+        let (names, values): (Vec<String>, Vec<PyExpr>) = fields.into_iter().unzip();
+        Ok(object_of(&names, values, range))
+    }
+}
+
+/// An expression of `__init__` with the values of attributes that it has set before.
+fn with_own(e: &PyExpr, own: &str, fields: &[(String, PyExpr)]) -> PyExpr {
+    if let PyExpr::Call(name, args, _) = e
+        && let (Some(field), [PyExpr::Name(object, _)]) = (name.strip_prefix(ATTRIBUTE), args.as_slice())
+        && object == own
+        && let Some((_, value)) = fields.iter().find(|(known, _)| known == field)
+    {
+        return value.clone();
+    }
+    with_parts(e, &|a| with_own(a, own, fields))
+}
+
+/// `p.field = value` and `p.field += value`: the name of the object, the attribute, and what follows it.
+pub(super) struct AttributeTarget<'t> {
+    pub object: Piece<'t>,
+    pub field: &'t str,
+    /// From the sign on.
+    pub rest: Piece<'t>,
+}
+
+/// The attribute that a line sets; `None` for any other line.
+pub(super) fn attribute_target(piece: Piece<'_>) -> Option<AttributeTarget<'_>> {
+    let dot = piece.text.find('.')?;
+    let object = piece.up_to(dot).trimmed();
+    let after = piece.from(dot + 1);
+    let n = after.text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(after.text.len());
+    let (field, rest) = (after.up_to(n).text, after.from(n).trimmed());
+    let sets = rest.text.find('=').is_some_and(|i| {
+        let sign = rest.text[..i].trim();
+        !rest.text[i..].starts_with("==") && (sign.is_empty() || sign.chars().all(|c| "+-*/%".contains(c)))
+    });
+    (is_name(object.text) && is_name(field) && sets).then_some(AttributeTarget { object, field, rest })
+}
+
+impl Model<'_, '_> {
+    /// Classes of the model whose objects hold values. Others are refused where an object is made.
+    pub(super) fn classes(&mut self, list: &[Line<'_>]) {
+        for (i, line) in
+            list.iter().enumerate().filter(|(_, line)| line.indent == 0 || line.piece.text.starts_with("class "))
+        {
+            let (word, rest) = line.piece.first_word(&[]);
+            if word.text != "class" {
+                continue;
+            }
+            let name = rest.text.split(['(', ':']).next().unwrap_or("").trim().to_owned();
+            match class_of(block_after(list, i, line.indent).0) {
+                Ok(class) => {
+                    self.scope.classes.insert(name, class);
+                }
+                Err(why) => {
+                    let why = format!("line {}: {}", self.reader.line_number(why.range.start), why.construct);
+                    self.scope.refused_functions.insert(name, why);
+                }
+            }
+        }
+        // Attributes that lines other than those of `__init__` set: objects that have one are shared by those who hold them.
+        let targets = list.iter().filter_map(|line| attribute_target(line.piece));
+        self.changed_attributes.extend(targets.filter(|t| t.object.text != "self").map(|t| t.field.to_owned()));
+    }
+
+    /// True for an object of which some line of the model sets an attribute.
+    pub(super) fn is_changing(&self, object: &PyExpr) -> bool {
+        fields_of(object).is_some_and(|fields| fields.iter().any(|field| self.changed_attributes.contains(field)))
+    }
+
+    /// The shape of a parameter whose text makes an object, or a copy of one.
+    pub(super) fn object_shape(&self, text: Piece<'_>, known: &BTreeMap<String, ParamShape>) -> Option<ParamShape> {
+        if let Some(shape) = known.get(text.text) {
+            return Some(*shape);
+        }
+        let open = text.text.find('(')?;
+        let inner = text.from(open + 1);
+        let close = closing(inner.text).filter(|close| close + 1 == inner.text.len())?;
+        let inner = inner.up_to(close).trimmed();
+        let name = text.up_to(open).text.trim();
+        if matches!(name, "deepcopy" | "copy" | "copy.deepcopy" | "copy.copy") {
+            return self.object_shape(inner, known);
+        }
+        let class = self.scope.classes.get(name);
+        if class.is_none() && name != PARAMETER_SET {
+            return None;
+        }
+        let mut fields: Vec<String> =
+            class.iter().flat_map(|c| c.fields.iter().map(|(field, _)| field.clone())).collect();
+        if class.is_none_or(|class| class.takes_any) {
+            let params = class.map_or(&[][..], |class| class.params.as_slice());
+            let named = split(inner).into_iter().filter_map(assignment).map(|(field, _)| field.text.to_owned());
+            for field in named.filter(|field| !params.contains(field)) {
+                if !fields.contains(&field) {
+                    fields.push(field);
+                }
+            }
+        }
+        Some(self.scope.object_shape(&fields))
+    }
+
+    /// Notes the modules to which productions hand on the objects of their heads, as long as new ones are found.
+    pub(super) fn find_object_shapes(&mut self, list: &[Line<'_>], names: &std::collections::BTreeSet<String>) {
+        for _ in 0..MAX_ROUNDS {
+            let before = self.written_shapes.clone();
+            for (i, line) in list.iter().enumerate() {
+                let is_head = is_rule(line.piece);
+                if !is_head && !line.piece.text.contains('(') {
+                    continue;
+                }
+                if !is_head {
+                    // Axioms and functions make modules of objects that their own text makes.
+                    self.note_objects(*line, names, &BTreeMap::new());
+                    continue;
+                }
+                let mut known = self.objects_of_head(line.piece);
+                self.note_objects(*line, names, &known);
+                for inner in block_after(list, i, line.indent).0 {
+                    if let Some((name, value)) = assignment(inner.piece)
+                        && let Some(shape) = self.object_shape(value, &known)
+                    {
+                        known.insert(name.text.to_owned(), shape);
+                    }
+                    self.note_objects(*inner, names, &known);
+                }
+            }
+            if self.written_shapes == before {
+                return;
+            }
+        }
+    }
+
+    /// Parameters of a head that are objects.
+    fn objects_of_head(&self, piece: Piece<'_>) -> BTreeMap<String, ParamShape> {
+        let mut out = BTreeMap::new();
+        let end = ["-->", "-static->"].iter().find_map(|a| piece.text.find(a));
+        let head = piece.up_to(end.or_else(|| super::pieces::colon(piece)).unwrap_or(piece.text.len()));
+        let plain = head.text.replace(['<', '>'], " ");
+        let Ok(spelled) = spell(Piece::new(head.at, &plain), &self.declared) else { return out };
+        for s in spelled {
+            let params = s.params.unwrap_or_default();
+            for (param, shape) in params.iter().zip(self.shape_of(&s.name, params.len())) {
+                if matches!(shape, ParamShape::Object { .. }) {
+                    out.insert(param.text.split(" if ").next().unwrap_or("").trim().to_owned(), shape);
+                }
+            }
+        }
+        out
+    }
+
+    /// Notes the modules of a line that are given objects.
+    fn note_objects(
+        &mut self,
+        line: Line<'_>,
+        names: &std::collections::BTreeSet<String>,
+        known: &BTreeMap<String, ParamShape>,
+    ) {
+        let text = line.piece.text;
+        for name in names.iter().filter(|name| !is_command(name)) {
+            for (i, _) in text.match_indices(name.as_str()) {
+                let before = text.get(..i).and_then(|t| t.chars().next_back());
+                let ends_word = |c: char| c == '_' || c == '.' || c.is_ascii_digit() || c.is_lowercase();
+                let is_word = before.is_some_and(|c| ends_word(c) || (name.len() > 1 && c.is_alphabetic()));
+                let Some(inner) = text.get(i + name.len()..).and_then(|t| t.strip_prefix('(')) else { continue };
+                let Some(end) = closing(inner).filter(|_| !is_word) else { continue };
+                let at = line.piece.at + i + name.len() + 1;
+                let params = split(Piece::new(at, inner.get(..end).unwrap_or("")));
+                let shapes: Vec<Option<ParamShape>> = params.iter().map(|p| self.object_shape(*p, known)).collect();
+                if shapes.iter().any(Option::is_some) {
+                    self.note_shape(name, shapes.into_iter().map(|s| s.unwrap_or(ParamShape::Number)).collect());
+                }
+            }
+        }
+    }
+}
+
+/// Reads the lines of a class: `__init__`, and values of attributes. Functions that describe an object are not needed.
+fn class_of(block: &[Line<'_>]) -> Result<Class, Refusal> {
+    let mut class = Class::default();
+    let mut i = 0;
+    while let Some(line) = block.get(i) {
+        let (inner, next) = block_after(block, i, line.indent);
+        i = next;
+        let (word, rest) = line.piece.first_word(&['(', ':', '=']);
+        match word.text {
+            "pass" => {}
+            "def" => {
+                let name = rest.text.split('(').next().unwrap_or("").trim();
+                if matches!(name, "__str__" | "__repr__") {
+                    continue;
+                }
+                if name != "__init__" {
+                    let why = Refusal::new(format!("the function '{name}' of a class"), line.piece.range());
+                    return Err(why);
+                }
+                init_of(rest, inner, &mut class)?;
+            }
+            _ if line.piece.text.starts_with(['"', '\'']) => {}
+            _ => match assignment(line.piece).filter(|(name, _)| is_name(name.text)) {
+                Some((name, value)) => class.fields.insert(0, (name.text.to_owned(), parse(value)?)),
+                None => return Err(Refusal::new(format!("'{}' in a class", line.piece.text), line.piece.range())),
+            },
+        }
+    }
+    Ok(class)
+}
+
+/// Reads `__init__`: lines `self.name = value`, and `self.__dict__.update(kwd)`.
+fn init_of(head: Piece<'_>, block: &[Line<'_>], class: &mut Class) -> Result<(), Refusal> {
+    let refused = || Refusal::new("this '__init__' of a class", head.range());
+    let FunctionHead { params, body } = function_head(head).ok_or_else(refused)?;
+    let mut params = params.into_iter();
+    class.own = params.next().ok_or_else(refused)?.0;
+    let mut any = String::new();
+    for (name, value) in params {
+        match name.strip_prefix("**") {
+            Some(name) => any = name.to_owned(),
+            None => {
+                class.params.push(name);
+                class.defaults.push(value.map(parse).transpose()?);
+            }
+        }
+    }
+    let inline = [Line { indent: 0, piece: body }];
+    let lines: &[Line<'_>] = if body.text.is_empty() { block } else { &inline };
+    for line in lines {
+        let text: String = line.piece.text.chars().filter(|c| !c.is_whitespace()).collect();
+        if !any.is_empty() && text == format!("{}.__dict__.update({any})", class.own) {
+            class.takes_any = true;
+            continue;
+        }
+        if text == "pass" || text.starts_with(['"', '\'']) || text.starts_with("super(") {
+            continue;
+        }
+        let target = attribute_target(line.piece).filter(|t| t.object.text == class.own);
+        let value = target.as_ref().and_then(|t| t.rest.text.strip_prefix('=').map(|_| t.rest.from(1).trimmed()));
+        let Some((target, value)) = target.zip(value) else {
+            let why = format!("'{}' in the '__init__' of a class", line.piece.text);
+            return Err(Refusal::new(why, line.piece.range()));
+        };
+        class.fields.retain(|(own, _)| own != target.field);
+        class.fields.push((target.field.to_owned(), parse(value)?));
+    }
+    Ok(())
+}
