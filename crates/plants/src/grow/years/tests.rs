@@ -537,7 +537,7 @@ fn crown_lifting_spares_rising_limbs() {
     let mut habit = habit();
     habit.set("clear_stem", &[2.0]).expect("sets");
     habit.set("clear_rate", &[1.0]).expect("sets");
-    // A stem with limbs at 2.2 m: each rises at first, and its end hangs down to 1 m.
+    // A stem with limbs at 2.2 m: each rises at first, and its end hangs down to 0.6 m.
     let mut nodes = vec![(NONE, 0, false, Vec3::Y * 2.2), (0, 0, true, Vec3::Y * 3.0)];
     for k in 0..LIMBS {
         let around = f32::from(k) * math::GOLDEN_ANGLE_F32;
@@ -545,7 +545,7 @@ fn crown_lifting_spares_rising_limbs() {
         let first = u32::try_from(nodes.len()).expect("few");
         nodes.push((0, 1, false, out + Vec3::Y * 2.3));
         nodes.push((first, 1, true, out * 2.0 + Vec3::Y * 2.5));
-        nodes.push((first + 1, 1, true, out * 2.5 + Vec3::Y * 1.0));
+        nodes.push((first + 1, 1, true, out * 2.5 + Vec3::Y * 0.6));
     }
     let mut tree = hand_made(&habit, &nodes);
     tree.axis_ids = (0..=u64::from(LIMBS)).collect();
@@ -562,8 +562,11 @@ fn crown_lifting_spares_rising_limbs() {
 #[test]
 fn a_cut_wakes_dormant_buds() {
     // Most of the crown is cut off, so that what is left has lost more than half of its light.
-    let keep = Keep::Box { min: Vec3::new(-0.8, -1.0, -0.8), max: Vec3::new(0.8, 2.0, 0.8) };
-    let cut = TreeSpec { prunes: vec![Prune { year: 16, every: 0, until: 0, keep }], ..spec(16.0) };
+    let cut_to = |reach: f32| {
+        let keep = Keep::Box { min: Vec3::new(-reach, -1.0, -reach), max: Vec3::new(reach, 2.0, reach) };
+        TreeSpec { prunes: vec![Prune { year: 16, every: 0, until: 0, keep }], ..spec(16.0) }
+    };
+    let cut = cut_to(0.8);
     // On the stem between the clear stem and the cut.
     let woken = |spec: &TreeSpec| {
         let nodes = grow_one(spec).tree.nodes;
@@ -573,7 +576,8 @@ fn a_cut_wakes_dormant_buds() {
     let all = |spec: &TreeSpec| (1..=8).map(|seed| woken(&TreeSpec { seed, ..spec.clone() })).sum::<usize>();
     let (with, without) = (all(&cut), all(&TreeSpec { prunes: Vec::new(), ..cut.clone() }));
     assert!(with > without + 2, "{with} {without}");
-    let grown = grow_one(&TreeSpec { age: 20.0, ..cut });
+    // A tree that keeps its low limbs grows on.
+    let grown = grow_one(&TreeSpec { age: 20.0, ..cut_to(9.0) });
     assert!(grown.died().is_none() && grown.measures().height > 2.0, "{:?}", grown.measures());
 }
 
