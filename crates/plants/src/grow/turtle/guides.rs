@@ -6,6 +6,7 @@ use super::cylinders::{Contour, CurveKind, OpenCylinder};
 use super::dialect_commands::LPY_RADIUS;
 use super::frame::TurtleFrame;
 use super::interpreter::Turtle;
+use osier_base::convert::saturating_index;
 use osier_base::math;
 use osier_grammar::{Module, Spline};
 
@@ -111,10 +112,10 @@ impl Turtle<'_> {
         let key = key_of(id);
         let is_flat = self.grammar.curve_value(id, 0.0).is_some();
         if let Some(curve) = curve.filter(|_| is_flat) {
-            if !self.guide_curves.contains_key(&key) {
-                if let Some(measured) = GuideCurve::new(curve) {
-                    self.guide_curves.insert(key, measured);
-                }
+            if !self.guide_curves.contains_key(&key)
+                && let Some(measured) = GuideCurve::new(curve)
+            {
+                self.guide_curves.insert(key, measured);
             }
             if self.guide_curves.contains_key(&key) {
                 return Some(key);
@@ -210,7 +211,7 @@ impl Turtle<'_> {
         let sides = pieces * MIN_SIDES.div_ceil(pieces);
         self.contours.insert(key, contour);
         self.rare.cylinder.contour = key;
-        self.rare.cylinder.sides = u32::try_from(sides).unwrap_or(u32::MAX).max(self.options.sides);
+        self.rare.cylinder.sides = saturating_index(sides).max(self.options.sides);
         true
     }
 
