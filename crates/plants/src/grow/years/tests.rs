@@ -524,8 +524,11 @@ fn limbs_that_leave_at_wider_angles_stay_lower() {
     let tree = grow_one(&spec).tree;
     let nodes = &tree.nodes;
     let limb_ends = (0..nodes.len()).filter(|i| nodes.grows(*i) && nodes.order[*i] == 1 && nodes.s[*i] > 1.5);
-    let rises: Vec<f64> =
-        limb_ends.map(|i| f64::from(nodes.direction(i).y.clamp(-1.0, 1.0)).asin().to_degrees()).collect();
+    let rise = |i: usize| {
+        let d = nodes.direction(i);
+        math::atan2(f64::from(d.y), f64::from(Vec2::new(d.x, d.z).length())).to_degrees()
+    };
+    let rises: Vec<f64> = limb_ends.map(rise).collect();
     let (mean, spread) = deviation(&rises);
     assert!(rises.len() > 5 && spread > 6.0, "{mean} {spread} {}", rises.len());
 }
