@@ -514,9 +514,14 @@ impl Resolver<'_> {
         if !is_named && !endings.iter().any(|e| reference.to_ascii_lowercase().ends_with(e)) {
             // The name of a preset without its ending, as `osier bake` takes it.
             let mut names = endings.iter().map(|ending| format!("{reference}{ending}"));
-            let help = match names.find(|name| crate::presets::find(name).is_some()) {
-                Some(name) => format!("did you mean the preset \"{name}\"?"),
-                None => format!("expected a file {}", endings.join(", ")),
+            let has_ending = |name: &str| endings.iter().any(|e| name.to_ascii_lowercase().ends_with(e));
+            let help = match (names.find(|name| crate::presets::find(name).is_some()), reference.rsplit_once('#')) {
+                (Some(name), _) => format!("did you mean the preset \"{name}\"?"),
+                // The command line takes `FILE#SYSTEM`; a scene has a key for the system.
+                (None, Some((file, system))) if has_ending(file) && endings.contains(&".ifs") => {
+                    format!("write \"{file}\", and beside it the key system = \"{system}\"")
+                }
+                (None, _) => format!("expected a file {}", endings.join(", ")),
             };
             fail(format!("\"{reference}\" has another ending"), help);
             return None;
