@@ -441,7 +441,7 @@ fn each_fault_of_a_place_is_named_with_its_mend() {
     assert!(status == Some(1) && said.contains("X010") && said.contains("mesh_up"), "{said}");
     let far = scene(dir.path(), "far", &format!("{TREE}[terrain]\nsize = 20\n[[place]]\nat = [30, 0, 0]\n"));
     let (status, said) = osier(&["check", far.to_str().expect("path")]);
-    assert!(status == Some(0) && said.contains("S037") && said.contains("1 plants"), "{said}");
+    assert!(status == Some(0) && said.contains("S037") && said.contains("1 plant of [[place]] stands"), "{said}");
     let scatter = "[terrain]\nsize = 20\n[[scatter]]\nplants = { tree = 1 }\nradius = 5\n";
     let none = scene(dir.path(), "none", &format!("{TREE}{scatter}inner = 8\n"));
     let sets = [("scatter.0.fade=0.3", true), ("scatter.0.max_count=0", false), ("scatter.0.inner=1", false)];

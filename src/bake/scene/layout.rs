@@ -53,7 +53,12 @@ pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<Scene
         s.slope = Some(tan_of_slope(land.normal_at(at.x, at.z)));
     }
     if beyond > 0 {
-        let text = format!("{beyond} plants of [[place]] stand beyond the edge of the terrain or over a hole in it");
+        let who = if beyond == 1 {
+            "1 plant of [[place]] stands".into()
+        } else {
+            format!("{beyond} plants of [[place]] stand")
+        };
+        let text = format!("{who} beyond the edge of the terrain or over a hole in it");
         let help = "move them, or make the terrain larger; they stand at the height of its nearest edge";
         report.push(Diagnostic::about("S037", text).help(help));
     }
