@@ -600,3 +600,24 @@ fn pictures_of_files_that_name_a_material_alike_stay_apart() {
     let color = |file: &str| image::open(out.join(file)).expect("png").to_rgb8().get_pixel(0, 0).0;
     assert_eq!([color(files[0]), color(files[1])], [[200, 20, 20], [20, 20, 200]]);
 }
+
+#[test]
+fn copies_that_shaders_sway_are_turned_and_those_of_a_recorded_motion_are_not() {
+    let dir = tempfile::tempdir().expect("dir");
+    let turns = |motion: &str| {
+        let text = format!(
+            "{}[[place]]\nplant = \"tree\"\ncount = 6\nradius = 20\nindividuals = 1\n[frames]\nend = 2\n\
+             [wind]\nspeed = 4\n[ground]\nshow = false\n[output]\nformats = [\"obj\"]\n",
+            TREE.replacen("[plants.tree]\n", &format!("[plants.tree]\nmotion = \"{motion}\"\n"), 1)
+        );
+        let out = baked(dir.path(), motion, &text);
+        let manifest = fs::read_to_string(out.join("manifest.json")).expect("manifest");
+        let manifest: serde_json::Value = serde_json::from_str(&manifest).expect("JSON");
+        let places = manifest["places"]["tree"].as_array().expect("places").clone();
+        // The first number of a matrix for row vectors: the cosine of the turn.
+        let first: Vec<f64> = places.iter().map(|p| p["matrix"][0].as_f64().expect("number")).collect();
+        first.iter().filter(|x| (**x - first[0]).abs() > 1e-4).count()
+    };
+    assert_eq!(turns("skin"), 0);
+    assert!(turns("static") > 2);
+}
