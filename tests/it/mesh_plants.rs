@@ -217,7 +217,9 @@ fn what_is_wrong_is_told_with_its_place() {
         assert!(all.iter().any(|(c, m)| c == code && m.contains(part)), "{text}: {all:?}");
     }
     assert!(
-        told("[plants.t]\nmesh = \"young-tree.obj\"\n").iter().all(|(code, _)| !["S044", "S045"].contains(&code.as_str())),
+        told("[plants.t]\nmesh = \"young-tree.obj\"\n")
+            .iter()
+            .all(|(code, _)| !["S044", "S045"].contains(&code.as_str())),
         "it stands upright and is in metres"
     );
 }

@@ -396,8 +396,9 @@ fn the_end_of_a_bake_names_the_folders_of_its_results() {
     );
     // A stored state is for the next bake alone.
     let planes = LATTICE.find("[output.wind]").expect("planes");
-    let said = told(&LATTICE[..planes].replace("dx = 0.5\n", "dx = 0.5\nkeep = true\n"));
-    assert!(!said.contains("velocities"), "{said}");
+    let kept = LATTICE[..planes].replace("dx = 0.5\n", "dx = 0.5\nkeep = true\n");
+    let said = told(&format!("{kept}[plants.a]\nspecies = \"birch\"\nage = 1\n"));
+    assert!(said.contains("meshes at rest") && !said.contains("velocities"), "{said}");
     let said = told("[clouds.a]\nifs = \"fern_leaf.ifs\"\npoints = 2000\n[output]\nformats = [\"ply\"]\n");
     assert!(said.contains("(.ply): ") && said.contains("told/cloud\n"), "{said}");
 }
