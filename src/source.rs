@@ -59,7 +59,7 @@ enum TableUse {
 /// The request for the scene of a source: a scene (`.toml`), a grammar in any notation that `osier_grammar` reads,
 /// particle-shapes (`.shapes`), a species (`.species`), a coefficient table (`.ifs`, `.flame`, `.ifs.toml`), or a preset by its
 /// name with or without ending. The content of a file decides before its ending. `FILE#ENTRY` and `FILE:ENTRY` name one
-/// L-system of a file of Fractint. Every source except a scene gets a scene with a single plant or attractor.
+/// L-system of a file of Fractint, or one system of a coefficient table. Every source except a scene gets a scene with a single plant or attractor.
 /// # Errors
 /// `Io` if the source cannot be read, `Input` if it is neither scene nor grammar nor table.
 pub fn find_scene(source: &str, options: &SourceOptions) -> Result<Request> {
@@ -90,9 +90,11 @@ fn find(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Re
         let d = Diagnostic::about("S004", format!("as is \"{form}\", but must be cloud or tree"));
         return Err(d.help("it chooses how a coefficient table is read").into());
     }
-    // `as=` chooses how a table is read and is not a key of a scene.
+    // `as=` chooses how a table is read and is not a key of a scene. What the source itself selects comes first, so that
+    // the overrides of the options prevail.
     let set = options.set.iter().filter(|s| !s.trim_start().starts_with("as=")).cloned();
-    request.set = grammar_keys(&request, options)?.into_iter().chain(set).collect();
+    let selected = std::mem::take(&mut request.set);
+    request.set = selected.into_iter().chain(grammar_keys(&request, options)?).chain(set).collect();
     request.seed = options.seed;
     request.limits = options.limits.clone();
     Ok(request)
@@ -164,6 +166,26 @@ pub fn entry_sources(source: &str, limits: &Limits) -> Result<Vec<String>> {
     Ok(names.iter().map(|n| format!("{source}#{n}")).collect())
 }
 
+/// Names of the systems of a coefficient table, in the order of the file; empty for another file and for a faulty table, whose
+/// errors its readers report.
+pub fn table_systems(path: &Path, bytes: &[u8], limits: &Limits) -> Vec<String> {
+    if !is_coefficient_table(path, bytes) {
+        return Vec::new();
+    }
+    let systems = read::read(&name_of(path), bytes, limits).map(|r| r.0).unwrap_or_default();
+    systems.into_iter().map(|s| s.name).collect()
+}
+
+/// Sources of the systems of a coefficient table that holds several, `FILE#SYSTEM`; `None` for any other file.
+/// # Errors
+/// `Io` if the file cannot be read.
+pub fn system_sources(source: &str, limits: &Limits) -> Result<Option<Vec<String>>> {
+    let path = Path::new(source);
+    let bytes = files::read_input(path, limits.get("text-bytes"), TEXT_FLAG)?;
+    let names = table_systems(path, &bytes, limits);
+    Ok((names.len() > 1).then(|| names.iter().map(|n| format!("{source}#{n}")).collect()))
+}
+
 fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {
     let (source, entry) = split_entry(source);
     let path = Path::new(source);
@@ -178,7 +200,10 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     // The file is read before its folder is opened for references, so that a missing path is reported as a missing file.
     let bytes = files::read_input(path, options.limits.get("text-bytes"), TEXT_FLAG)?;
     let has_ending = |list: &[&str]| list.iter().any(|e| path.extension() == Some(OsStr::new(e)));
+    // Only grammars and tables, which return before this is asked, hold several sources.
+    let is_whole = || entry.map_or(Ok(()), |entry| Err(no_entries(source, entry)));
     if has_ending(&["shapes", "species"]) && options.dialect.is_none() {
+        is_whole()?;
         return Ok(Request { library: Library::new(path, search)?, ..plant_request(&file_stem(path), &name_of(path)) });
     }
     let kind = osier_grammar::detect(&name_of(path), &bytes);
@@ -211,10 +236,12 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     let content = if has_ending(&["toml"]) || is_mesh_or_table || source == "-" { None } else { content_of(&bytes) };
     match content {
         Some(Content::Shapes) => {
+            is_whole()?;
             let request = Request::shapes(&file_stem(path), &name_of(path));
             return Ok(Request { library: Library::new(path, search)?, ..request });
         }
         Some(Content::Species) => {
+            is_whole()?;
             let request = Request::species(&file_stem(path), &name_of(path));
             return Ok(Request { library: Library::new(path, search)?, ..request });
         }
@@ -223,9 +250,10 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     if content == Some(Content::Table) || is_coefficient_table(path, &bytes) {
         let file = name_of(path);
         let short = file.split('.').next().unwrap_or(&file);
-        let request = table_request(&file, short, &bytes, options, table_use);
+        let request = system_request(TableFile { name: short, file: &file, bytes: &bytes }, entry, options, table_use);
         return Ok(Request { library: Library::new(path, search)?, ..request });
     }
+    is_whole()?;
     // Reading it as TOML would report a syntax error; this message names the way to use a mesh.
     if let Some(ending) = path.extension().filter(|e| ["obj", "glb", "gltf"].iter().any(|m| e.eq_ignore_ascii_case(m)))
     {
@@ -280,9 +308,36 @@ fn folder_error(source: &str) -> Error {
     Diagnostic::about("S001", format!("\"{source}\" is a folder, not a scene")).help(help).into()
 }
 
+/// S001 for the entry of a file that holds one source.
+fn no_entries(source: &str, entry: &str) -> Error {
+    let message = format!("\"{source}\" has no entries, but \"{entry}\" was asked for");
+    let help = "leave out the name behind the file: only files of Fractint and coefficient tables hold several systems";
+    Diagnostic::about("S001", message).help(help).into()
+}
+
+/// A coefficient table: the name of its plant or attractor, the name of its file and its content.
+#[derive(Debug, Clone, Copy)]
+struct TableFile<'t> {
+    name: &'t str,
+    file: &'t str,
+    bytes: &'t [u8],
+}
+
+/// The request for a coefficient table, of which `entry` selects a system as the key `system` does.
+fn system_request(table: TableFile<'_>, entry: Option<&str>, options: &SourceOptions, table_use: TableUse) -> Request {
+    let Some(entry) = entry else { return table_request(table, options, table_use) };
+    let value = toml::Value::String(entry.to_owned());
+    // Which system it is decides whether the table is a tree: the entry is known before the request is made.
+    let set = std::iter::once(format!("system={value}")).chain(options.set.iter().cloned()).collect();
+    let request = table_request(table, &SourceOptions { set, ..options.clone() }, table_use);
+    let key = if matches!(request.bare, Some(SingleSource::Tree(_))) { "tree.system" } else { "system" };
+    Request { set: vec![format!("{key}={value}")], ..request }
+}
+
 /// The request for a coefficient table: a tree if its maps name branches, else an attractor. `as=cloud` and `as=tree`
 /// override that, and a picture is always of the attractor.
-fn table_request(file: &str, name: &str, bytes: &[u8], options: &SourceOptions, table_use: TableUse) -> Request {
+fn table_request(table: TableFile<'_>, options: &SourceOptions, table_use: TableUse) -> Request {
+    let TableFile { name, file, bytes } = table;
     // Errors of the table are reported when it is resolved; here it counts as one without branches.
     let systems = read::read(file, bytes, &options.limits).map(|r| r.0).unwrap_or_default();
     let is_set = |v: &str| options.set.iter().any(|s| s.replace(' ', "") == format!("as={v}"));
@@ -392,7 +447,8 @@ fn find_preset(name: &str, options: &SourceOptions, table_use: TableUse) -> Resu
         return Ok(plant_request(stem, preset.name));
     }
     if preset.name.contains(".ifs") {
-        return Ok(table_request(preset.name, stem, preset.text.as_bytes(), options, table_use));
+        let table = TableFile { name: stem, file: preset.name, bytes: preset.text.as_bytes() };
+        return Ok(table_request(table, options, table_use));
     }
     let shown = format!("preset:{}", preset.name);
     if presets::kind(preset) == PresetKind::Mesh {

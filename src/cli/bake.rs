@@ -321,7 +321,11 @@ fn summary(context: &Context, recipe: &Recipe, finished: &FinishedBake<'_>) -> R
         _ => open("anything", format!("meshes at rest: {} files in {}", meshes.len(), shown("obj"))),
     }
     for (folder, program, what) in RESULTS {
-        if files.iter().any(|f| f.0.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))) {
+        // The stored state of a lattice wind, in the folder of its planes, is for the next bake alone.
+        let is_result = |path: &str| {
+            path.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/') && !rest.ends_with(".state"))
+        };
+        if files.iter().any(|f| is_result(&f.0)) {
             open(program, format!("{what}: {}", shown(folder)));
         }
     }
@@ -330,12 +334,15 @@ fn summary(context: &Context, recipe: &Recipe, finished: &FinishedBake<'_>) -> R
 }
 
 /// Folders of a bake with results that are no scene for a viewer, what opens them, and what they hold.
-const RESULTS: [(&str, &str, &str); 6] = [
+const RESULTS: [(&str, &str, &str); 9] = [
     ("stats", "tables", "statistics (.csv, .json) and plots (.svg)"),
     ("maps/deposition", "maps", "catkins at rest per area (.exr)"),
     ("maps/landings", "maps", "all depositions per area (.exr)"),
     ("points", "tables", "points of each frame (.csv)"),
     ("vdb", "volumes", "OpenVDB, a file for each frame"),
+    ("wind", "wind", "velocities on planes (.exr) and in boxes (.vti)"),
+    ("cloud", "points", "points, and instances as points (.ply)"),
+    ("tracks", "records", "binary records of each frame"),
     ("unreal", "Unreal", "assemblies of the plants and their wind"),
 ];
 

@@ -126,6 +126,8 @@ impl Console {
         match error {
             // Errors in files are printed with their source lines.
             Error::Input(report) => self.report(report),
+            // The code stands where that of a diagnostic stands.
+            Error::Export { code, reason } => print_complaint(&format!("error[{code}]"), reason),
             other => self.complain(&other.to_string()),
         }
     }
@@ -135,8 +137,13 @@ impl Console {
         if self.events {
             return events::complaint(text);
         }
-        let _ = writeln!(anstream::stderr(), "\u{1b}[1;31merror\u{1b}[0m: {}", visible(text));
+        print_complaint("error", text);
     }
+}
+
+/// Prints one line on standard error, with `title` in red before it.
+fn print_complaint(title: &str, text: &str) {
+    let _ = writeln!(anstream::stderr(), "\u{1b}[1;31m{title}\u{1b}[0m: {}", visible(text));
 }
 
 /// Replaces invisible characters except line breaks and tabs by visible ones, so that a hostile file name cannot control the

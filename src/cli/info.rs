@@ -7,7 +7,7 @@ use serde_json::json;
 use super::args::Info;
 use super::{Context, SCENE_FLAGS, report};
 use crate::presets::{self, Preset, PresetKind};
-use crate::source::{named_preset, no_such_source};
+use crate::source::{named_preset, no_such_source, table_systems};
 use osier_base::diagnostic::visible;
 use osier_base::files::{MANIFEST, SearchPaths, folder_of, name_of, read_input};
 use osier_base::limits::grouped;
@@ -221,7 +221,7 @@ fn describe_preset(context: &Context, name: &str, preset: &Preset) -> Result<u8>
     Ok(0)
 }
 
-/// Describes a file outside of bakes: its size and hash, extents of a mesh, notation and entries of a grammar.
+/// Describes a file outside of bakes: its size and hash, extents of a mesh, notation and entries of a grammar, systems of a table.
 fn describe_file(context: &Context, path: &Path) -> Result<u8> {
     let bytes = read_input(path, context.limits.get("mesh-bytes"), "--max-mesh-bytes")?;
     let hash = blake3::hash(&bytes).to_hex().to_string();
@@ -259,7 +259,8 @@ fn describe_file(context: &Context, path: &Path) -> Result<u8> {
         FileKind::Grammar(notation) if mesh.is_none() && std::str::from_utf8(&bytes).is_ok() => Some(notation.word()),
         _ => None,
     };
-    let entries = osier_grammar::entries(&file_name, &bytes);
+    let systems = table_systems(path, &bytes, &context.limits);
+    let entries = if systems.is_empty() { osier_grammar::entries(&file_name, &bytes) } else { systems.clone() };
     if context.console.json {
         let value = json!({
             "file": path.display().to_string(), "bytes": bytes.len(), "blake3": hash,
@@ -278,6 +279,9 @@ fn describe_file(context: &Context, path: &Path) -> Result<u8> {
     }
     if let Some(notation) = notation {
         out += &format!("grammar in the notation of {notation}\n");
+    }
+    if !systems.is_empty() {
+        out += "coefficient table with the systems\n";
     }
     for entry in &entries {
         out += &format!("  {}\n", visible(entry));

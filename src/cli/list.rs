@@ -11,7 +11,7 @@ use super::preset_list::{begins_a_word, matching_presets, matching_species};
 use super::{Context, SCENE_FLAGS, knobs, preset_list};
 use crate::recipe::{KeyInfo, TableInfo, options};
 use crate::single_file::endings;
-use crate::source::{entry_sources, find_scene};
+use crate::source::{entry_sources, find_scene, system_sources};
 use osier_base::Result;
 use osier_base::diagnostic::codes::{CODES, Code};
 use osier_base::diagnostic::{Severity, visible};
@@ -92,7 +92,7 @@ pub fn with_entries(mut args: Vec<OsString>) -> Vec<OsString> {
     args
 }
 
-/// Names of the L-systems of files, in the form `FILE#ENTRY` that other commands take.
+/// Names of the L-systems and of the systems of coefficient tables of files, in the form `FILE#ENTRY` that other commands take.
 /// # Errors
 /// Those of [`find_scene`] for what is neither a file nor a preset, `Io` for a file that cannot be read.
 fn entries(context: &Context, files: &[String]) -> Result<Vec<String>> {
@@ -100,6 +100,9 @@ fn entries(context: &Context, files: &[String]) -> Result<Vec<String>> {
     for file in files {
         if !Path::new(file).is_file() {
             find_scene(file, &context.sources)?;
+        } else if let Some(systems) = system_sources(file, &context.limits)? {
+            sources.extend(systems);
+            continue;
         }
         sources.extend(entry_sources(file, &context.limits)?);
     }

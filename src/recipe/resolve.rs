@@ -518,9 +518,14 @@ impl Resolver<'_> {
             // The name of a preset without its ending, as `osier bake` takes it.
             let mut names = endings.iter().map(|ending| format!("{reference}{ending}"));
             let wanted = endings.join(", ");
-            let help = match names.find(|name| crate::presets::find(name).is_some()) {
-                Some(name) => format!("did you mean the preset \"{name}\"?"),
-                None => format!("expected a file {wanted}"),
+            let has_ending = |name: &str| endings.iter().any(|e| name.to_ascii_lowercase().ends_with(e));
+            let help = match (names.find(|name| crate::presets::find(name).is_some()), reference.rsplit_once('#')) {
+                (Some(name), _) => format!("did you mean the preset \"{name}\"?"),
+                // The command line takes `FILE#SYSTEM`; a scene has a key for the system.
+                (None, Some((file, system))) if has_ending(file) && endings.contains(&".ifs") => {
+                    format!("write \"{file}\", and beside it the key system = \"{system}\"")
+                }
+                (None, _) => format!("expected a file {wanted}"),
             };
             fail(format!("\"{reference}\" has another ending than {wanted}"), help);
             return None;
@@ -650,12 +655,30 @@ impl Resolver<'_> {
             ("meshopt", GltfProfile::Web),
             ("triangles", GltfProfile::Engine),
             ("joints", GltfProfile::Engine),
+            ("leaves_mb", GltfProfile::Blender),
         ] {
             if let Some(span) = span_of(root, &["output", "gltf", key]).filter(|_| !keys.profiles.contains(&profile)) {
-                let word = if profile == GltfProfile::Web { "web" } else { "engine" };
+                let word = match profile {
+                    GltfProfile::Blender => "blender",
+                    GltfProfile::Web => "web",
+                    GltfProfile::Engine => "engine",
+                };
                 let text = format!("output.gltf.{key} is for the profile \"{word}\", which is not written");
                 let d = Diagnostic::warning("S007", text, span, "has no effect");
                 self.report.push(d.help(format!("add the profile: [output.gltf] profiles = [\"{word}\"]")));
+            }
+        }
+        // These keys are about the file of a whole scene, which profile "engine" does not write.
+        let is_engine_alone = !keys.profiles.is_empty() && keys.profiles.iter().all(|p| *p == GltfProfile::Engine);
+        for key in ["assets", "skins"] {
+            if let Some(span) = span_of(root, &["output", "gltf", key]).filter(|_| is_engine_alone) {
+                let text = format!(
+                    "output.gltf.{key} does not change the profile \"engine\", which has a file with a skin for each asset"
+                );
+                let d = Diagnostic::warning("S007", text, span, "has no effect");
+                self.report.push(
+                    d.help("leave it out, or add a profile with a file of the whole scene: \"web\", \"blender\""),
+                );
             }
         }
         if keys.channels.is_empty() {

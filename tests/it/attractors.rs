@@ -379,3 +379,55 @@ fn blender_opens_a_crown_of_twenty_thousand_leaves() {
     let [instances, meshes, cut] = figures[..] else { panic!("{line}") };
     assert_eq!((instances, meshes, cut), (20_736, 4, 1), "{line}");
 }
+
+/// A file of two systems, of which the second one is a square that is half as wide.
+const TWO_SYSTEMS: &str = "first {\n .5 0 0 .5 0 0 .34\n .5 0 0 .5 1 0 .33\n .5 0 0 .5 0 1 .33\n}\n\
+     second {\n .5 0 0 .5 0 0 .25\n .5 0 0 .5 1 0 .25\n .5 0 0 .5 0 1 .25\n .5 0 0 .5 1 1 .25\n}\n";
+
+#[test]
+fn a_system_of_a_table_is_named_behind_its_file() {
+    let dir = tempfile::tempdir().expect("dir");
+    let table = dir.path().join("two.ifs");
+    std::fs::write(&table, TWO_SYSTEMS).expect("table");
+    let table = table.to_str().expect("path");
+    let second = format!("{table}#second");
+    let size = ["--set", "picture.width=64", "--set", "picture.height=64", "--set", "picture.points=100000"];
+    let picture = |source: &str, name: &str, more: &[&str]| {
+        std::fs::read(grown(dir.path(), source, name, &[&size[..], more].concat())).expect("picture")
+    };
+    let first = picture(table, "a.png", &[]);
+    let named = picture(&second, "b.png", &[]);
+    assert!(first != named, "the second system is drawn");
+    assert_eq!(named, picture(table, "c.png", &["--set", "system=second"]));
+    assert_eq!(named, picture(&second.replace('#', ":"), "d.png", &[]));
+    // A key prevails over the name behind the file.
+    assert_eq!(first, picture(&second, "e.png", &["--set", "system=first"]));
+
+    let refused = |arguments: &[&str]| {
+        let run = osier(arguments);
+        assert_eq!(run.status.code(), Some(1), "{arguments:?}");
+        String::from_utf8_lossy(&run.stderr).into_owned()
+    };
+    let err = refused(&["check", &format!("{table}#third")]);
+    assert!(err.contains("I001") && err.contains("first, second"), "{err}");
+    // Other files hold one source.
+    let scene = dir.path().join("s.toml");
+    std::fs::write(&scene, "[clouds.a]\nifs = \"two.ifs#second\"\n").expect("scene");
+    let scene = scene.to_str().expect("path");
+    let err = refused(&["check", &format!("{scene}#second")]);
+    assert!(err.contains("S001") && err.contains("has no entries"), "{err}");
+    // In a scene the system is a key of its own.
+    let err = refused(&["check", scene]);
+    assert!(err.contains("system = \"second\""), "{err}");
+
+    // Only plants have places.
+    let placed = dir.path().join("placed.toml");
+    std::fs::write(&placed, "[clouds.a]\nifs = \"two.ifs\"\n[[place]]\nplant = \"a\"\n").expect("scene");
+    let err = refused(&["check", placed.to_str().expect("path")]);
+    assert!(err.contains("there is no plant \"a\"") && err.contains("stand at their own `at`"), "{err}");
+
+    let told = |arguments: &[&str]| String::from_utf8_lossy(&osier(arguments).stdout).into_owned();
+    assert_eq!(told(&["list", table]), format!("{table}#first\n{table}#second\n"));
+    let info = told(&["info", table]);
+    assert!(info.contains("coefficient table") && info.contains("  first\n  second\n"), "{info}");
+}

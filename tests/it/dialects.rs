@@ -1323,6 +1323,20 @@ fn converted_plants_have_no_root_flare_of_their_own() {
 }
 
 #[test]
+fn open_brackets_of_fractint_and_lparser_are_told() {
+    let told = |name: &str, text: &str| read_bytes(name, text.as_bytes(), ReadAs::default()).expect("read").1;
+    let fractint = |rules: &str| told("a.l", &format!("A {{\n Angle 6\n Axiom F\n{rules}}}\n"));
+    let said = fractint(" F=F[+F]F[-F\n");
+    assert!(said.contains("warning[L011]: this successor has 1 '[' without ']'"), "{said}");
+    // Rules of one symbol are one successor.
+    assert_eq!(fractint(" F=F[+F\n F=-F]F\n"), "");
+    let lparser = |axiom: &str| told("a.ls", &format!("3\n20\n10\n{axiom}\nA=F[+A][-A]\n@\n"));
+    let said = lparser("[[A");
+    assert!(said.contains("warning[L011]: this axiom has 2 '[' without ']'"), "{said}");
+    assert_eq!(lparser("[A]"), "");
+}
+
+#[test]
 fn the_program_converts_grammars() {
     let source = format!("{}#Koch1", arg(&folder().join(CURVES)));
     let (text, _) = ends(0, &["convert", &source]);

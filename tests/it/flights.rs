@@ -109,6 +109,8 @@ fn places_beside_the_flight_are_told() {
     }
     let far = told("fence", &wall(6.2));
     assert!(far.contains("S007]: solid \"fence\" is outside of the domain of the flight"), "{far}");
+    let sunk = told("sunk", &wall(2.0).replace("0, 0]\nsize", "-1.2, 0]\nsize"));
+    assert!(sunk.contains("S007]: solid \"fence\" is below the domain of the flight (y from 0.0 m)"), "{sunk}");
     // With a lattice the domain is its box.
     let lattice = "model = \"lattice\"\n[wind.lattice]\ncells = [16, 12, 16]\ndx = 0.5\n";
     let far = told("box", &format!("{lattice}{}", wall(5.0)));

@@ -393,3 +393,25 @@ fn three_and_babylon_load_every_profile_with_the_same_counts() {
         assert_eq!((&report["errors"], &report["warnings"]), (&0.into(), &0.into()), "{line}");
     }
 }
+
+#[test]
+fn keys_of_profiles_that_are_not_written_are_told() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = dir.path().join("s.toml");
+    let warned = |profiles: &str, key: &str| {
+        let text = format!("[plants.a]\nspecies = \"birch\"\nage = 1\n[output.gltf]\nprofiles = [{profiles}]\n{key}\n");
+        std::fs::write(&file, text).expect("scene");
+        let run = Command::new(env!("CARGO_BIN_EXE_osier")).args(["check", file.to_str().expect("path")]).output();
+        String::from_utf8_lossy(&run.expect("osier runs").stderr).into_owned()
+    };
+    for (key, profile) in [("leaves_mb = 5", "\"blender\""), ("assets = true", "\"web\""), ("skins = 2", "\"web\"")] {
+        let name = key.split(' ').next().expect("name");
+        let said = warned("\"engine\"", key);
+        assert!(
+            said.contains(&format!("warning[S007]: output.gltf.{name} ")) && said.contains(profile),
+            "{key}: {said}"
+        );
+        let said = warned(&format!("\"engine\", {profile}"), key);
+        assert!(!said.contains("S007"), "{key}: {said}");
+    }
+}

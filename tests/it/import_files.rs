@@ -450,6 +450,7 @@ fn a_skinned_mesh_stands_as_bound() {
         assert!((*found - Vec3::from_array(wanted)).length() < 1e-4, "{found} {wanted:?}");
     }
     assert_eq!(tree.warnings.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["X016"]);
+    assert!(tree.warnings.to_string().contains("holds a skinned mesh; it is read as bound"), "{}", tree.warnings);
 }
 
 /// A triangle with the material `material`, whose images are `color.png` (0) and `other.png` (1), with two sets of texture coordinates:

@@ -209,6 +209,7 @@ fn what_is_wrong_is_told_with_its_place() {
         ("mesh = \"young-tree.obj\"\n[plants.t.import]\nleaf_pattern = \" | \"", "S003", "names no word"),
         ("mesh = \"young-tree.obj\"\n[plants.t.import]\nspacing = 0", "S004", "spacing is 0"),
         ("mesh = \"young-tree.obj\"\n[plants.t.import]\nmesh_up = \"z\"", "S044", "m along -Z"),
+        ("mesh = \"young-tree.obj\"\n[plants.t.import]\nmesh_scale = 100", "S045", "m large"),
         ("grammar = \"oak.l\"\n[plants.t.import]\nspacing = 1", "S007", "import has no effect"),
     ];
     for (text, code, part) in cases {
@@ -216,8 +217,10 @@ fn what_is_wrong_is_told_with_its_place() {
         assert!(all.iter().any(|(c, m)| c == code && m.contains(part)), "{text}: {all:?}");
     }
     assert!(
-        told("[plants.t]\nmesh = \"young-tree.obj\"\n").iter().all(|(code, _)| code != "S044"),
-        "it stands upright"
+        told("[plants.t]\nmesh = \"young-tree.obj\"\n")
+            .iter()
+            .all(|(code, _)| !["S044", "S045"].contains(&code.as_str())),
+        "it stands upright and is in metres"
     );
 }
 

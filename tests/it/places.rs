@@ -447,7 +447,7 @@ fn each_fault_of_a_place_is_named_with_its_mend() {
     assert!(status == Some(1) && said.contains("X010") && said.contains("mesh_up"), "{said}");
     let far = scene(dir.path(), "far", &format!("{TREE}[terrain]\nsize = 20\n[[place]]\nat = [30, 0, 0]\n"));
     let (status, said) = osier(&["check", far.to_str().expect("path")]);
-    assert!(status == Some(0) && said.contains("S037") && said.contains("1 plants"), "{said}");
+    assert!(status == Some(0) && said.contains("S037") && said.contains("1 plant of [[place]] stands"), "{said}");
     let scatter = "[terrain]\nsize = 20\n[[scatter]]\nplants = { tree = 1 }\nradius = 5\n";
     let none = scene(dir.path(), "none", &format!("{TREE}{scatter}inner = 8\n"));
     let sets = [("scatter.0.fade=0.3", true), ("scatter.0.max_count=0", false), ("scatter.0.inner=1", false)];
@@ -632,4 +632,25 @@ fn vertices_of_a_terrain_have_the_colors_of_its_picture() {
         assert!(found.intersection(&pictured).count() > 10, "{picture}: {found:?}");
         assert!(found.difference(&pictured).count() < 6, "{picture}: {found:?}");
     }
+}
+
+#[test]
+fn copies_that_shaders_sway_are_turned_and_those_of_a_recorded_motion_are_not() {
+    let dir = tempfile::tempdir().expect("dir");
+    let turns = |motion: &str| {
+        let text = format!(
+            "{}[[place]]\nplant = \"tree\"\ncount = 6\nradius = 20\nindividuals = 1\n[frames]\nend = 2\n\
+             [wind]\nspeed = 4\n[ground]\nshow = false\n[output]\nformats = [\"obj\"]\n",
+            TREE.replacen("[plants.tree]\n", &format!("[plants.tree]\nmotion = \"{motion}\"\n"), 1)
+        );
+        let out = baked(dir.path(), motion, &text);
+        let manifest = fs::read_to_string(out.join("manifest.json")).expect("manifest");
+        let manifest: serde_json::Value = serde_json::from_str(&manifest).expect("JSON");
+        let places = manifest["places"]["tree"].as_array().expect("places").clone();
+        // The first number of a matrix for row vectors: the cosine of the turn.
+        let first: Vec<f64> = places.iter().map(|p| p["matrix"][0].as_f64().expect("number")).collect();
+        first.iter().filter(|x| (**x - first[0]).abs() > 1e-4).count()
+    };
+    assert_eq!(turns("skin"), 0);
+    assert!(turns("static") > 2);
 }

@@ -644,3 +644,46 @@ fn a_file_of_single_leaves_is_refused_with_a_smaller_format() {
     assert!(said.contains("more than 2.0 GB") && said.contains(".usdc") && said.contains("--force"), "{said}");
     assert!(!file.exists());
 }
+
+/// A closed tube of 3 m with texture coordinates, as an OBJ whose material is `bark`.
+fn textured_tube() -> String {
+    const SIDES: usize = 6;
+    const RINGS: usize = 9;
+    let mut text = "mtllib tree.mtl\nusemtl bark\n".to_owned();
+    for i in 0..RINGS * SIDES {
+        let (ring, angle) = (i / SIDES, std::f32::consts::TAU * (i % SIDES) as f32 / SIDES as f32);
+        let height = 3.0 * ring as f32 / (RINGS - 1) as f32;
+        text += &format!("v {} {height} {}\n", 0.1 * angle.cos(), 0.1 * angle.sin());
+        text += &format!("vt {} {height}\n", (i % SIDES) as f32 / SIDES as f32);
+    }
+    let face = |corners: &[usize]| {
+        let words: Vec<String> = corners.iter().map(|c| format!("{0}/{0}", c + 1)).collect();
+        format!("f {}\n", words.join(" "))
+    };
+    for i in 0..(RINGS - 1) * SIDES {
+        let next = i / SIDES * SIDES + (i + 1) % SIDES;
+        text += &face(&[i, i + SIDES, next + SIDES, next]);
+    }
+    let top = (RINGS - 1) * SIDES;
+    text + &face(&(0..SIDES).collect::<Vec<_>>()) + &face(&(top..top + SIDES).rev().collect::<Vec<_>>())
+}
+
+/// Pictures of a file keep their size in a prediction, whatever the key `side` of painted bark is.
+#[test]
+fn pictures_of_files_are_predicted_in_their_own_size() {
+    let temp = tempfile::tempdir().expect("temp");
+    let folder = temp.path();
+    image::RgbImage::new(64, 64).save(folder.join("bark.png")).expect("picture");
+    std::fs::write(folder.join("tree.obj"), textured_tube()).expect("tree");
+    std::fs::write(folder.join("tree.mtl"), "newmtl bark\nKd 1 1 1\nmap_Kd bark.png\n").expect("materials");
+    let grown = "species = \"birch\"\nage = 3\nshoot.side = 16\nleaf.side = 16\nbark.texture = \"bark.png\"\n";
+    for (name, plant) in [("mesh", "mesh = \"tree.obj\"\n"), ("bark", grown)] {
+        let file = folder.join(format!("{name}.toml"));
+        std::fs::write(&file, format!("[ground]\nshow = false\n[plants.t]\n{plant}")).expect("scene");
+        let (told, _) = ends(0, &["-q", "bake", arg(&file), "-o", arg(&folder.join(name)), "-n", "--json"]);
+        let told: Value = serde_json::from_str(&told).expect("JSON");
+        let bytes = told["would_make"]["memory"]["pictures"].as_u64().expect("bytes");
+        // The samples of the picture, and a few times as much to encode it.
+        assert!((64 * 64 * 3..64 * 64 * 3 * 20).contains(&bytes), "{name}: {bytes} bytes");
+    }
+}

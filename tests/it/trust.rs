@@ -144,7 +144,7 @@ fn an_empty_result_is_an_error() {
     // A terrain makes triangles, but `grow` leaves it out.
     write(dir.path(), "land.toml", "[terrain]\n");
     let (code, _, said) = run(dir.path(), &["grow", "land.toml", "-o", "x.obj"]);
-    assert!(code == 1 && said.contains("X030") && said.contains("osier bake"), "{code} {said}");
+    assert!(code == 1 && said.contains("error[X030]: ") && said.contains("osier bake"), "{code} {said}");
     for command in [&["check", "none.l"][..], &["bake", "none.l", "-o", "none"]] {
         let (code, _, said) = run(dir.path(), command);
         assert!(code == 1 && said.contains("X030") && !dir.path().join("none").exists(), "{command:?}: {code} {said}");

@@ -378,3 +378,27 @@ fn air_that_was_kept_gives_the_same_bytes() {
         assert_eq!(files(&used), files(&baked(dir.path(), why, &fourth, &[])));
     }
 }
+
+#[test]
+fn the_end_of_a_bake_names_the_folders_of_its_results() {
+    let dir = tempfile::tempdir().expect("dir");
+    let told = |text: &str| {
+        let (scene, out) = (dir.path().join("told.toml"), dir.path().join("told"));
+        std::fs::write(&scene, text).expect("scene");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_osier"));
+        let run = command.arg("bake").arg(&scene).arg("-o").arg(&out).output().expect("osier runs");
+        String::from_utf8_lossy(&run.stdout).into_owned()
+    };
+    let said = told(LATTICE);
+    assert!(
+        said.contains("velocities on planes (.exr) and in boxes (.vti): ") && said.contains("told/wind\n"),
+        "{said}"
+    );
+    // A stored state is for the next bake alone.
+    let planes = LATTICE.find("[output.wind]").expect("planes");
+    let kept = LATTICE[..planes].replace("dx = 0.5\n", "dx = 0.5\nkeep = true\n");
+    let said = told(&format!("{kept}[plants.a]\nspecies = \"birch\"\nage = 1\n"));
+    assert!(said.contains("meshes at rest") && !said.contains("velocities"), "{said}");
+    let said = told("[clouds.a]\nifs = \"fern_leaf.ifs\"\npoints = 2000\n[output]\nformats = [\"ply\"]\n");
+    assert!(said.contains("(.ply): ") && said.contains("told/cloud\n"), "{said}");
+}

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::code::Bytecode;
+use super::compile::check_balance;
 use super::notation::Notation;
 use super::program::{
     ContextElement, FormalModule, IgnoredSymbols, Production, ProductionSet, Program, SuccessorModule,
@@ -32,12 +33,26 @@ pub(super) fn check(session: &mut ParseSession, program: &Program) {
     note_idle_symbols(session, program);
 }
 
-/// Reports what is probably a mistake in a grammar of another program: L030, and in one with parameters L023 and L055.
+/// Reports what is probably a mistake in a grammar of another program: L011, L012 and L030, and in one with parameters L023 and
+/// L055.
 pub(super) fn check_dialect(session: &mut ParseSession, program: &Program, notation: Notation) {
     check_reachability(session, program);
+    // A function of L-Py may open a branch that the production which calls it closes.
+    if notation != Notation::LPy {
+        check_open_brackets(session, program);
+    }
     if notation == Notation::LPy {
         check_arities(session, program);
         check_ignored_contexts(session, program);
+    }
+}
+
+/// L011, L012: brackets that the axiom or a successor opens and leaves open.
+fn check_open_brackets(session: &mut ParseSession, program: &Program) {
+    let successors = program.productions().map(|p| (&p.successor, "successor", Some(p.place)));
+    for (modules, what, place) in std::iter::once((&program.axiom, "axiom", None)).chain(successors) {
+        let Some((first, last)) = modules.first().zip(modules.last()) else { continue };
+        check_balance(session, modules, &program.symbols, what, place.unwrap_or(first.place), last.place);
     }
 }
 

@@ -12,8 +12,8 @@ use crate::bake::scene::plant_layout::{
     Individual, PlantInstance, PlantLayout, next_individual, rotation_about_axis, tan_of_slope,
 };
 use crate::bake::scene::scatter;
-use crate::recipe::scene::HeightDatum;
-use crate::recipe::{Growth, PlaceRecipe, Recipe};
+use crate::recipe::scene::{BarkMotion, HeightDatum};
+use crate::recipe::{Growth, PlaceRecipe, PlantRecipe, Recipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::Names;
@@ -53,7 +53,12 @@ pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<Scene
         s.slope = Some(tan_of_slope(land.normal_at(at.x, at.z)));
     }
     if beyond > 0 {
-        let text = format!("{beyond} plants of [[place]] stand beyond the edge of the terrain or over a hole in it");
+        let who = if beyond == 1 {
+            "1 plant of [[place]] stands".into()
+        } else {
+            format!("{beyond} plants of [[place]] stand")
+        };
+        let text = format!("{who} beyond the edge of the terrain or over a hole in it");
         let help = "move them, or make the terrain larger; they stand at the height of its nearest edge";
         let d = Diagnostic::about("S037", text).help(help);
         report.extend(recipe.places_of_keys.report_at("place", d, "these plants"));
@@ -92,8 +97,8 @@ pub fn lay_out(recipe: &Recipe) -> PlantLayout {
         let spots = spread_copies(recipe.general.seed, index, place, &clear);
         for (copy, spot) in spots.iter().enumerate() {
             let shared = copy % individuals.max(1) as usize;
-            // Copies that share a recorded motion must face the wind alike: they get the same turn about the vertical.
-            let turned_as = if recipe.moves { shared } else { copy };
+            // Copies that face the wind alike get the same turn about the vertical.
+            let turned_as = if faces_wind(recipe, place.plant) { shared } else { copy };
             let transform = copy_transform(recipe.general.seed, index, copy, turned_as, place, *spot);
             // A plant that grows for its place has grown in the directions of the scene: it is neither turned nor scaled.
             let transform = if in_place { Trs { t: transform.t, ..Trs::IDENTITY } } else { transform };
@@ -296,6 +301,13 @@ impl PlacementGrid {
         let points = around.filter_map(|c| self.cells.get(&c)).flatten();
         points.fold(self.side, |d, q| d.min(p.distance(*q)))
     }
+}
+
+/// Whether copies of a plant share a motion that is recorded in the directions of the scene, and so must face its wind alike. A plant
+/// whose motion is left to shaders has none.
+pub(crate) fn faces_wind(recipe: &Recipe, plant: usize) -> bool {
+    let is_static = |p: &PlantRecipe| p.keys.motion == BarkMotion::Static && p.rods.is_none();
+    recipe.moves && !recipe.plants.get(plant).is_some_and(is_static)
 }
 
 /// World transform of one copy of a place. `turned_as`: the copy whose random turn it shares.

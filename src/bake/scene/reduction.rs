@@ -109,15 +109,21 @@ pub fn sample_individuals_of_each_plant(layout: &mut PlantLayout, plants: usize)
     weights
 }
 
-/// Sets the sizes of the images of a reduced plant to those of the full recipe, and removes their pixels.
+/// Sets the sizes of the images of a reduced plant to those of the full recipe, and removes their pixels. Pictures of files, which
+/// are not reduced, keep both.
 pub fn restore_image_sizes(set: &mut MaterialSet, full: &PlantRecipe) {
+    // An imported tree has pictures of its file alone, which may have the names of painted ones.
+    if matches!(full.growth, Growth::Mesh(..)) {
+        return;
+    }
     // The pictures of billboards have one size, which no key sets.
     let has_side = |o: &OrganRecipe| o.mesh.is_none() && o.ifs.is_none() && o.letter != CARD;
     let painted = full.organs.iter().zip(organ_names(full)).filter(|(o, _)| has_side(o));
     let organs = painted.map(|(o, name)| (format!("{}_{name}", full.id), o.keys.side));
-    let barks = [("bark", full.bark.side), ("shoot", full.shoot.side)];
+    let barks = [("bark", full.bark.side), ("shoot", full.shoot.side)].into_iter().zip(&full.bark_pictures);
+    let painted_barks = barks.filter(|(_, pictures)| pictures.is_none()).map(|(bark, _)| bark);
     let sides: Vec<(String, u32)> =
-        organs.chain(barks.map(|(part, side)| (format!("{}_{part}", full.id), side))).collect();
+        organs.chain(painted_barks.map(|(part, side)| (format!("{}_{part}", full.id), side))).collect();
     for image in &mut set.images {
         // Image names begin with that of their part; the longest match wins where one name begins another.
         let part = sides.iter().filter(|(name, _)| image.name.starts_with(name)).max_by_key(|(name, _)| name.len());

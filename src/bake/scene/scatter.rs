@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use crate::bake::BakeContext;
 use crate::bake::assets::species_growth::grows_in_place;
+use crate::bake::scene::layout::faces_wind;
 use crate::bake::scene::plant_layout::{
     PlantInstance, PlantLayout, next_individual, rotation_about_axis, tan_of_slope,
 };
@@ -80,9 +81,10 @@ pub(crate) fn scatter_plants(
             let Some(candidates) = grown.get(rng.pick(&weights)) else { continue };
             let pick = to_usize(rng.below(index(candidates.len(), "individuals of a scatter")?));
             let Some(&individual) = candidates.get(pick) else { continue };
-            // Copies that share a recorded motion must face the wind alike: their turn is drawn from the individual's id.
-            let shared_turn = recipe.moves.then(|| {
-                let seed = layout.individuals.get(individual).map_or(0, |i| u64::from(i.id));
+            // Copies that face the wind alike have a turn that is drawn from the individual's id.
+            let (plant, id) = layout.individuals.get(individual).map_or((0, 0), |i| (i.plant, i.id));
+            let shared_turn = faces_wind(recipe, plant).then(|| {
+                let seed = u64::from(id);
                 Rng::at(recipe.general.seed, &["facing".into(), seed.into()]).range(0.0, std::f64::consts::TAU)
             });
             let (transform, slope) = scattered_transform(land, recipe_entry, spot.at, shared_turn, &mut rng);
@@ -336,7 +338,10 @@ individuals = 2
         };
         let upright = format!("{SCENE}align = 0\n");
         assert!(!facing(&upright), "still copies are turned at random");
-        assert!(facing(&format!("{upright}[frames]\nend = 2\n[wind]\nspeed = 4\n")));
+        let windy = format!("{upright}[frames]\nend = 2\n[wind]\nspeed = 4\n");
+        assert!(facing(&windy));
+        let left_to_shaders = windy.replacen("[plants.tree]\n", "[plants.tree]\nmotion = \"static\"\n", 1);
+        assert!(!facing(&left_to_shaders), "{left_to_shaders}");
     }
 
     #[test]

@@ -146,7 +146,7 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S005", format!("there is no plant \"{}\"", keys.plant), span, "unknown plant");
             self.report.push(match nearest(&keys.plant, declared.iter().copied()) {
                 Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(span, format!("\"{near}\"")),
-                None => d.help(format!("plants of this scene: {}", declared.join(", "))),
+                None => d.help(declared_plants(declared)),
             });
         }
         None
@@ -295,6 +295,14 @@ pub(in crate::recipe) fn why_in_place(keys: &PlaceKeys, plant: &PlantRecipe) -> 
     } else {
         None
     }
+}
+
+/// Help for a name that is no plant of the scene.
+pub(in crate::recipe) fn declared_plants(declared: &[&str]) -> String {
+    if declared.is_empty() {
+        return "the scene has no [plants.NAME]; attractors of [clouds.NAME] and solids stand at their own `at`".into();
+    }
+    format!("plants of this scene: {}", declared.join(", "))
 }
 
 /// The places of a scene without `[[place]]`: one copy of each plant, in a row along +X at 4 m.

@@ -150,6 +150,10 @@ const CENTRED_SHARE: f32 = 0.5;
 /// Reach of a tree behind its foot, as a share of its height, up to which it rises from there. Own: roots and a leaning trunk.
 const BURIED_SHARE: f32 = 0.1;
 
+/// Largest extent of an imported tree, m, above which its unit is not the metre. Own: the tallest living tree has 116 m, a tree of
+/// 3 m in centimetres 300.
+const TALLEST_TREE: f32 = 200.0;
+
 /// Keys and tables of growth and appearance, which have no effect on a plant from a mesh.
 const GROWN: &[&str] = &[
     "grammar",
@@ -689,6 +693,7 @@ impl Resolver<'_> {
         let options = MeshImport { up: import.mesh_up, scale: import.mesh_scale, class: MaterialClass::Bark };
         let mesh = self.import(&file, options, reference.span)?;
         self.check_upright(&mesh, path, reference.span, import.mesh_up);
+        self.check_size(&mesh, path, reference.span);
         Some(((file.shown, mesh), import))
     }
 
@@ -709,6 +714,19 @@ impl Resolver<'_> {
             UpAxis::Y => "the file has Z up: write mesh_up = \"z\" in [plants.NAME.import]",
             UpAxis::Z => "the file has Y up: leave `mesh_up` out of [plants.NAME.import]",
         }));
+    }
+
+    /// Reports S045 for a tree larger than [`TALLEST_TREE`]: its file is in a smaller unit than metres.
+    fn check_size(&mut self, tree: &Imported, path: &str, span: Span) {
+        let side = tree.mesh.bounds().size().max_element();
+        if side <= TALLEST_TREE {
+            return;
+        }
+        let text = format!("{path}.mesh is {side:.0} m large");
+        let d = Diagnostic::warning("S045", text, span, "no tree is as large");
+        self.report.push(d.help(
+            "for a file in centimetres write mesh_scale = 0.01 in [plants.NAME.import], for one in millimetres 0.001",
+        ));
     }
 
     /// Reads the IFS table of a bark's grain; the outer `None` after an error, the inner one without the key.

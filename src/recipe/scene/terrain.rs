@@ -1,6 +1,6 @@
 //! `[terrain]`, generated or read from a file, and `[[scatter]]`.
 
-use super::{ScatterKeys, UpAxis};
+use super::{ScatterKeys, UpAxis, declared_plants};
 use crate::recipe::resolve::Resolver;
 use crate::recipe::resolve::span_of;
 use crate::recipe::scene::plant::MeshImport;
@@ -316,7 +316,7 @@ impl Resolver<'_> {
                     let d = Diagnostic::error("S005", format!("there is no plant \"{name}\""), span, "unknown plant");
                     self.report.push(match nearest(name, declared.iter().copied()) {
                         Some(near) => d.help(format!("did you mean \"{near}\"?")),
-                        None => d.help(format!("plants of this scene: {}", declared.join(", "))),
+                        None => d.help(declared_plants(&declared)),
                     });
                     return None;
                 }

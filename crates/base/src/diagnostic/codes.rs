@@ -145,6 +145,7 @@ pub const CODES: &[Code] = &[
     row("S042", Warning, "no rest shape found for the weight of a rod; its own weight is ignored"),
     row("S043", Warning, "a plant exceeds its budget of rods or leaves; the rest is rigid"),
     row("S044", Warning, "the mesh of a leaf or a tree lies on its side, or a leaf beside its origin"),
+    row("S045", Warning, "the mesh of a tree is larger than any tree: its unit is not the metre"),
     row("X001", Error, "value is not finite"),
     row("X002", Warning, "too many joints; the smallest are merged into their parents"),
     row("X003", Warning, "too many animated nodes; a part of them is written, of growing leaves larger ones"),

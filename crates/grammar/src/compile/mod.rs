@@ -16,6 +16,7 @@ use super::token::{NameTable, ParseSession, SourcePlace, Token, TokenKind, with_
 use osier_base::diagnostic::{Diagnostic, nearest};
 
 pub(super) use items::parse;
+pub(super) use production::check_balance;
 
 /// A place in a list of tokens without line ends.
 pub(super) struct TokenCursor<'t> {

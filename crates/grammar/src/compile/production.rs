@@ -308,7 +308,7 @@ impl HeadCompiler<'_, '_, '_> {
 
 /// Warns about brackets and braces that a successor or the axiom (`what`, at `place`) opens and leaves open. `end`: its last
 /// token.
-pub(super) fn check_balance(
+pub fn check_balance(
     session: &mut ParseSession,
     successor: &[SuccessorModule],
     symbols: &Symbols,

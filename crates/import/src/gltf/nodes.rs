@@ -82,8 +82,11 @@ pub(super) fn flatten(
         }
     }
     if !skinned.is_empty() {
-        let count = skinned.len();
-        context.warn("X016", format_args!("holds {count} skinned meshes; they are read as bound, without their skin"));
+        let what = match skinned.len() {
+            1 => "a skinned mesh; it is".to_owned(),
+            count => format!("{count} skinned meshes; they are"),
+        };
+        context.warn("X016", format_args!("holds {what} read as bound, without the skin"));
     }
     Ok(instances)
 }

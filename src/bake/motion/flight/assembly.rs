@@ -111,8 +111,11 @@ fn start_flight(
         let text = format!(
             "{count} catkins start outside of the domain of the flight: they leave at once, those above it are moved to its top"
         );
-        let help =
-            "enlarge flight.size, which lies around the origin, or place a lattice wind over them with wind.lattice.at";
+        let help = if scene.cell_size.is_some() {
+            "place the lattice wind over them with wind.lattice.at, or enlarge it: wind.lattice.cells"
+        } else {
+            "enlarge flight.size, which lies around the origin, or place a lattice wind over them with wind.lattice.at"
+        };
         let d = Diagnostic::about("S026", text).help(help);
         // A report keeps one warning of a code at a place: without the key, the table may be that of the warning above.
         if recipe.places_of_keys.sets("flight.size") {
@@ -165,6 +168,14 @@ fn warn_of_places_outside(flight: &FlightRecipe, solids: &[Solid], domain: Bound
             let name = &solid.name;
             let text = format!("solid \"{name}\" is outside of the domain of the flight ({place}): no catkin meets it");
             report.push(Diagnostic::about("S007", text).help(help));
+        } else if solid.bounds().max.y <= domain.min.y {
+            let (name, base) = (&solid.name, domain.min.y);
+            let text =
+                format!("solid \"{name}\" is below the domain of the flight (y from {base:.1} m): no catkin meets it");
+            report.push(
+                Diagnostic::about("S007", text)
+                    .help("raise it: `at` is the middle of its base, its y a height of the scene"),
+            );
         }
     }
 }
