@@ -404,8 +404,12 @@ fn a_clip_of_years_opens_in_blender_as_one_object() {
         let plant = meshes.iter().filter_map(Value::as_str).filter(|n| n.contains("bark") || n.contains("leaves"));
         assert_eq!(plant.count(), 2, "{frame}");
         // The tolerances of USD and of shapes that are left out, m. Points of threads are not compared: triangles of less than 5 mm^2, which
-        // on a shoot of 0.1 m are narrower than 0.1 mm; wood that has died thins out to them a frame earlier or later in glTF.
-        assert!(number(frame, "missing") < 0.05 && number(frame, "beyond") < 0.05, "{frame}");
+        // on a shoot of 0.1 m are narrower than 0.1 mm. Wood that falls shrinks to them within a frame in USD, and over the frames between
+        // two shapes in glTF; it has few points.
+        for key in ["missing", "beyond"] {
+            let [most, farthest] = [0, 1].map(|k| frame[key][k].as_f64().expect("a number"));
+            assert!(most < 0.05 && farthest < 0.3, "{frame}");
+        }
         assert!((number(frame, "leaves") - number(frame, "blades")).abs() <= 0.01 * number(frame, "leaves"), "{frame}");
         count += number(frame, "blades");
     }
