@@ -22,6 +22,10 @@ struct FileShares {
 
 /// Bark drawn at more texels is smoother from one to the next.
 const BARK: FileShares = FileShares { color: [0.42, 0.15], normal: [0.22, 0.33], height: [0.95, 0.74] };
+/// Bark of ridges or thick plates.
+const DEEP_BARK: FileShares = FileShares { color: [0.57, 0.22], normal: [0.74, 0.60], height: [1.0, 0.80] };
+/// Depth from which on bark is deep, m: between that of smooth kinds, at most 3 mm, and that of ridges, 6 mm and more.
+const DEEP_BARK_DEPTH: f32 = 0.0045;
 const LEAF: FileShares = FileShares { color: [0.56, 0.38], normal: [0.47, 0.52], height: [0.95, 0.81] };
 const GROUND: FileShares = FileShares { color: [0.09, 0.60], normal: [0.24, 0.70], height: [0.62, 0.93] };
 
@@ -116,6 +120,7 @@ fn sampled_share(image: &Image) -> Option<f64> {
 /// Share of the bytes of the samples that the PNG of a drawn map of `side` texels has; `None` for materials that are not drawn.
 fn drawn_share(kind: MapKind, material: &Material, side: u32) -> Option<f64> {
     let (shares, place) = match material.class {
+        MaterialClass::Bark if material.height_range > DEEP_BARK_DEPTH => (DEEP_BARK, side_fraction(side)),
         MaterialClass::Bark => (BARK, side_fraction(side)),
         MaterialClass::Leaf => (LEAF, side_fraction(side)),
         MaterialClass::Ground => (GROUND, texel_fraction(material, side)),
