@@ -61,7 +61,7 @@ fn the_tables_of_a_scene_are_laid_over_those_of_a_species() {
     let Growth::Species(species) = &recipe.plants[0].growth else { panic!("a species") };
     let habit = &species.habit.habit;
     assert!((habit.clear_stem - 3.5).abs() < 1e-6 && (habit.shoot_rate[5] - 0.2).abs() < 1e-6);
-    assert!((habit.height_max - 20.5).abs() < 1e-6, "that of the table");
+    assert!((habit.height_max - 21.5).abs() < 1e-6, "that of the table");
     let stand = species.stand.as_ref().expect("neighbours");
     assert!((stand.radius - 5.0).abs() < 1e-9 && (stand.until - 50.0).abs() < 1e-9);
     assert!((species.age - 110.0).abs() < 1e-9);
