@@ -2,12 +2,9 @@
 //! stands for each, as for texts, so that parameters hand it on.
 
 use std::ops::Range;
-use std::sync::Arc;
-
-use osier_base::convert::saturating_index;
-use osier_base::diagnostic::Span;
 
 use super::Model;
+use super::curve_table::{Curve, CurveKind, MAX_ALL_POINTS, MAX_CURVES};
 use super::emit::constant_of;
 use super::expression::{APPLY, FIRST_CURVE, PyExpr};
 use super::lines::{Line, block_after};
@@ -18,89 +15,21 @@ use super::resolve::resolve;
 use super::scope::Scope;
 use super::vectors::coordinates_of;
 use crate::dialect::text::Piece;
-use crate::functions::{DataFunction, FunctionTables, Spline, SplineEnds};
-use crate::token::SourcePlace;
 
-/// Most curves of a model; their numbers must be exact in single precision, 2^24.
-const MAX_CURVES: usize = 4_096;
 /// Most points of a curve. Own: the time that a spline of more takes would be noticed.
 const MAX_POINTS: usize = 4_096;
-/// Most points of all curves together: about a second for measuring them.
-const MAX_ALL_POINTS: usize = 65_536;
 /// Most points of a Bézier curve, whose degree is one less: its arithmetic grows with their square.
 const MAX_BEZIER_POINTS: usize = 64;
 
 /// Kinds of curves, whether they lie in a plane, and the names of their points as arguments.
-const KINDS: [(&str, Kind, bool); 6] = [
-    ("NurbsCurve2D", Kind::BSpline, true),
-    ("BezierCurve2D", Kind::Bezier, true),
-    ("Polyline2D", Kind::Lines, true),
-    ("NurbsCurve", Kind::BSpline, false),
-    ("BezierCurve", Kind::Bezier, false),
-    ("Polyline", Kind::Lines, false),
+const KINDS: [(&str, CurveKind, bool); 6] = [
+    ("NurbsCurve2D", CurveKind::BSpline, true),
+    ("BezierCurve2D", CurveKind::Bezier, true),
+    ("Polyline2D", CurveKind::Lines, true),
+    ("NurbsCurve", CurveKind::BSpline, false),
+    ("BezierCurve", CurveKind::Bezier, false),
+    ("Polyline", CurveKind::Lines, false),
 ];
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    BSpline,
-    Bezier,
-    Lines,
-}
-
-#[derive(Debug, Clone, PartialEq)]
-struct Curve {
-    kind: Kind,
-    is_flat: bool,
-    points: Vec<[f64; 3]>,
-}
-
-/// The curves of a model by their numbers.
-#[derive(Debug, Default)]
-pub(super) struct Curves {
-    list: Vec<Curve>,
-    tables: Arc<FunctionTables>,
-    /// Places of calls of functions that a variable holds.
-    pub call_places: Vec<SourcePlace>,
-}
-
-impl Curves {
-    /// The tables with all curves so far.
-    pub fn tables(&self) -> Arc<FunctionTables> {
-        Arc::clone(&self.tables)
-    }
-
-    /// The number that stands for a curve, which is added unless it is known; `None` beyond [`MAX_CURVES`] and [`MAX_ALL_POINTS`].
-    fn number(&mut self, curve: Curve) -> Option<f64> {
-        let at = self.list.iter().position(|known| *known == curve).unwrap_or(self.list.len());
-        let id = FIRST_CURVE + f64::from(saturating_index(at));
-        if at < self.list.len() {
-            return Some(id);
-        }
-        let points: usize = self.list.iter().map(|known| known.points.len()).sum();
-        if at >= MAX_CURVES || points + curve.points.len() > MAX_ALL_POINTS {
-            return None;
-        }
-        let spline = match curve.kind {
-            Kind::BSpline => Spline::new(&curve.points, SplineEnds::Clamped),
-            Kind::Bezier => Spline::bezier(&curve.points),
-            Kind::Lines => Spline::polyline(&curve.points),
-        };
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 2^24")]
-        let key = id as u32;
-        let tables = Arc::make_mut(&mut self.tables);
-        if curve.is_flat {
-            tables.add_function(key, "", DataFunction::of_graph(spline.clone()));
-        }
-        tables.add_curve(key, spline);
-        self.list.push(curve);
-        Some(id)
-    }
-
-    /// True if the number stands for a curve in a plane, which may be called as a function.
-    fn is_function(&self, id: f64) -> bool {
-        self.tables.value(id, 0.0).is_some()
-    }
-}
 
 /// The refusal of a curve, with what is wrong with it.
 fn curve_refusal(name: &str, why: &str, range: &Range<usize>, remedy: &'static str) -> Refusal {
@@ -129,10 +58,10 @@ pub(super) fn made(
     let (_, kind, is_flat) = KINDS.iter().find(|(own, ..)| *own == name)?;
     Some(curve(name, args, range, scope).and_then(|(points, remark)| {
         let points = coordinates(name, &points, *is_flat, range, scope)?;
-        if let Some(why) = remark.filter(|_| *kind == Kind::BSpline) {
+        if let Some(why) = remark.filter(|_| *kind == CurveKind::BSpline) {
             return Err(why);
         }
-        let most = if *kind == Kind::Bezier { MAX_BEZIER_POINTS } else { MAX_POINTS };
+        let most = if *kind == CurveKind::Bezier { MAX_BEZIER_POINTS } else { MAX_POINTS };
         if points.len() < 2 || points.len() > most {
             let why = format!("of {} points", points.len());
             return Err(curve_refusal(name, &why, range, "give it two points or more, up to 64 of a Bezier curve"));
@@ -223,7 +152,7 @@ fn quantised(args: &[PyExpr], range: &Range<usize>, scope: &Scope) -> Result<PyE
             if points.len() < 2 || points.len() > MAX_POINTS {
                 return Err(curve_refusal(name, &format!("of {} points", points.len()), range, "give it two or more"));
             }
-            text_of(Curve { kind: Kind::Lines, is_flat: true, points }, range, scope)
+            text_of(Curve { kind: CurveKind::Lines, is_flat: true, points }, range, scope)
         }
         _ => {
             let help = "give it a curve of a plane, or a list of points: QuantisedFunction([(0,0),(1,2)])";
@@ -308,16 +237,4 @@ impl Model<'_, '_> {
             }
         }
     }
-}
-
-/// Index into [`Curves::call_places`] of a place of the text, for a call of a function that a variable holds.
-pub(super) fn call_place(scope: &Scope, range: &Range<usize>) -> usize {
-    let Some(source) = scope.source else { return usize::MAX };
-    let place = SourcePlace::bare(Span::new(source, range.start, range.end));
-    let places = &mut scope.curves.borrow_mut().call_places;
-    let known = places.iter().position(|own| *own == place);
-    known.unwrap_or_else(|| {
-        places.push(place);
-        places.len() - 1
-    })
 }

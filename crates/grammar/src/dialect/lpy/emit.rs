@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use super::curves::call_place;
 use super::expression::{
     APPLY, DICTIONARY, MAX_OPS, NONE, OBJECT, PyExpr, PyOp, is_joined_text, joined_text_refusal, plain_name, range_of,
 };
@@ -408,7 +407,7 @@ fn emit_call(
         (APPLY, [function, x]) => {
             emit(function, scope, ops)?;
             emit(x, scope, ops)?;
-            ops.push(Op::Table(TableFunction::Func, call_place(scope, range)));
+            ops.push(Op::Table(TableFunction::Func, scope.call_place(range)));
         }
         // Values that are no numbers, functions that run as code, and functions that are not known.
         _ if is_joined_text(&PyExpr::Call(name.to_owned(), args.to_vec(), range.clone())) => {

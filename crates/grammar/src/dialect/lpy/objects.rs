@@ -7,11 +7,12 @@ use std::ops::Range;
 use super::Model;
 use super::expression::{ATTRIBUTE, OBJECT, PyExpr, is_object, substitute, times_read, with_parts};
 use super::lines::{Line, block_after};
+use super::param_shape::{Class, ParamShape};
 use super::parser::parse;
 use super::pieces::{FunctionHead, assignment, closing, function_head, is_name, is_rule, split};
 use super::refusal::Refusal;
 use super::scope::{Scope, arguments, has_random};
-use super::strings::{ParamShape, is_command, spell};
+use super::strings::{is_command, spell};
 use super::vectors::AXES;
 use crate::dialect::text::Piece;
 
@@ -22,19 +23,6 @@ const MAX_ROUNDS: usize = 16;
 
 /// What help says of objects that two modules would share.
 pub(super) const COPY_OBJECT: &str = "hand a copy on: from copy import deepcopy, then deepcopy(p)";
-
-/// A class whose objects hold values: what its `__init__` sets.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Class {
-    params: Vec<String>,
-    defaults: Vec<Option<PyExpr>>,
-    /// Attributes and their values, which may read the parameters and `self`.
-    fields: Vec<(String, PyExpr)>,
-    /// Name of the object within `__init__`.
-    own: String,
-    /// It takes any attributes by name, `**kwd`.
-    takes_any: bool,
-}
 
 /// Name of the call that stands for an attribute and its value in an object.
 fn pair(field: &str, value: PyExpr, range: &Range<usize>) -> PyExpr {

@@ -6,14 +6,14 @@ use std::ops::Range;
 use std::rc::Rc;
 use std::sync::{Arc, OnceLock};
 
-use osier_base::diagnostic::SourceId;
+use osier_base::diagnostic::{SourceId, Span};
 
-use super::curves::Curves;
+use super::curve_table::Curves;
 use super::expression::{MAX_OPS, PyExpr, size_with, substitute, times_read, with_parts};
-use super::objects::Class;
+use super::param_shape::{Class, ParamShape};
 use super::refusal::Refusal;
-use super::strings::ParamShape;
 use crate::code::{Bytecode, CalledFunction, Op};
+use crate::token::SourcePlace;
 
 /// Prefix of the name of a call that runs the code of a function. No function of a model has such a name, as it holds a blank.
 pub(super) const RUN: &str = "run ";
@@ -136,6 +136,18 @@ impl Scope {
             code.places.extend(curves.call_places.iter().copied());
         }
         code
+    }
+
+    /// Index into [`Curves::call_places`] of a place of the text, for a call of a function that a variable holds.
+    pub fn call_place(&self, range: &Range<usize>) -> usize {
+        let Some(source) = self.source else { return usize::MAX };
+        let place = SourcePlace::bare(Span::new(source, range.start, range.end));
+        let places = &mut self.curves.borrow_mut().call_places;
+        let known = places.iter().position(|own| *own == place);
+        known.unwrap_or_else(|| {
+            places.push(place);
+            places.len() - 1
+        })
     }
 
     /// Slot of a variable; `None` if it is none, or lies beyond 65,535.

@@ -8,11 +8,12 @@ use super::Model;
 use super::expression::{PyExpr, is_object, range_of};
 use super::lines::Line;
 use super::objects::{fields_of, values_of};
+use super::param_shape::ParamShape;
 use super::pieces::{closing, split};
 use super::refusal::Refusal;
 use super::resolve::{may_be_list, resolve};
 use super::scope::Scope;
-use super::strings::{ParamShape, PyModule, is_command};
+use super::strings::{PyModule, is_command};
 use super::vectors::{coordinates_of, dimension};
 use crate::dialect::text::Piece;
 

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::expression::PyExpr;
+use super::param_shape::ParamShape;
 use super::parser::parse;
 use super::pieces::{assignment, closing, is_name, split};
 use super::refusal::Refusal;
@@ -132,29 +133,6 @@ pub(super) struct PyModule {
     /// What its parameters were before lists and vectors became numbers; `None`: `args` has them as they are written.
     pub shape: Option<Vec<ParamShape>>,
     pub range: Range<usize>,
-}
-
-/// What a parameter of a module is; of a list or a vector with the number of its items.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ParamShape {
-    Number,
-    List(usize),
-    Vector(usize),
-    /// An object: the number of its kind, which has these attributes.
-    Object {
-        kind: usize,
-        count: usize,
-    },
-}
-
-impl ParamShape {
-    /// How many numbers it has.
-    pub fn count(self) -> usize {
-        match self {
-            Self::Number => 1,
-            Self::List(n) | Self::Vector(n) | Self::Object { count: n, .. } => n,
-        }
-    }
 }
 
 /// True for a command of the turtle, whose parameters are numbers or points.

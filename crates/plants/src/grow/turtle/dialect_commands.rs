@@ -329,6 +329,7 @@ fn lpy(c: char) -> Option<DialectCommand> {
 fn lpy_name(name: &str) -> Option<DialectCommand> {
     use DialectCommand as C;
     Some(match name {
+        // Steps, turns and sizes.
         "nF" => C::Path,
         "@B" | "@b" => C::Forward(true),
         "iRollL" => C::Roll(1.0),
@@ -339,6 +340,7 @@ fn lpy_name(name: &str) -> Option<DialectCommand> {
         "@D" => C::Scale,
         "@Di" => C::ScaleUp,
         "@Dd" => C::ScaleDown,
+        // Positions and directions that are given as points.
         "@M" => C::MoveTo(false),
         "MoveRel" => C::MoveTo(true),
         "LineTo" => C::LineTo { relative: false, turns: false },
@@ -353,6 +355,7 @@ fn lpy_name(name: &str) -> Option<DialectCommand> {
         "@Ts" => C::Elasticity,
         "@Tp" => C::Tropism,
         "Frame" => C::Frame,
+        // Generalised cylinders, and the curves that they follow.
         "@Gc" => C::StartCylinder,
         "@Ge" => C::EndCylinder,
         "SetGuide" => C::SetGuide,

@@ -223,7 +223,7 @@ impl Turtle<'_> {
         }
     }
 
-    /// `EndGC`.
+    /// `EndGC` ends the cylinder.
     pub(super) fn end_lpy_cylinder(&mut self, m: Module<'_>) {
         self.rare.dialect.is_in_cylinder = false;
         self.finish_cylinder(m);

@@ -113,7 +113,7 @@ pub(super) struct RidgePattern {
     counts: [f32; 2],
     /// Ridges by which a family moves aside over the height of a tile.
     climb: f32,
-    /// Of each family.
+    /// Noises of the sideways displacement and the height of each family.
     wander: [FractalNoise; 2],
     bends: [FractalNoise; 2],
     strength: [FractalNoise; 2],
