@@ -54,7 +54,7 @@ const PLAIN_BARK: [f32; 3] = [0.2, 0.12, 0.06];
 
 /// Roughness of a bark of pictures, which do not give it. Own: between the cracks and the ridges of furrowed bark.
 const BARK_ROUGHNESS: f32 = 0.85;
-/// Width of the picture of a bark without the key `tile`, m. Own: as of furrowed bark.
+/// Width of the picture of a bark without the key `tile`, m. Own: what a photograph from near shows of a stem.
 const BARK_TILE: f32 = 0.5;
 
 /// Roughness of surfaces with a texture of a view file, which does not give it. Own: as of leaves.

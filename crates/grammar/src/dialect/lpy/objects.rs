@@ -9,10 +9,10 @@ use super::expression::{ATTRIBUTE, OBJECT, PyExpr, is_object, substitute, times_
 use super::lines::{Line, block_after};
 use super::param_shape::{Class, ParamShape};
 use super::parser::parse;
-use super::pieces::{FunctionHead, assignment, closing, function_head, is_name, is_rule, split};
+use super::pieces::{FunctionHead, assignment, closing, function_head, is_name, is_rule, parameters_of_modules, split};
 use super::refusal::Refusal;
 use super::scope::{Scope, arguments, has_random};
-use super::strings::{is_command, spell};
+use super::strings::spell;
 use super::vectors::AXES;
 use crate::dialect::text::Piece;
 
@@ -294,16 +294,8 @@ impl Model<'_, '_> {
         names: &std::collections::BTreeSet<String>,
         known: &BTreeMap<String, ParamShape>,
     ) {
-        let text = line.piece.text;
-        for name in names.iter().filter(|name| !is_command(name)) {
-            for (i, _) in text.match_indices(name.as_str()) {
-                let before = text.get(..i).and_then(|t| t.chars().next_back());
-                let ends_word = |c: char| c == '_' || c == '.' || c.is_ascii_digit() || c.is_lowercase();
-                let is_word = before.is_some_and(|c| ends_word(c) || (name.len() > 1 && c.is_alphabetic()));
-                let Some(inner) = text.get(i + name.len()..).and_then(|t| t.strip_prefix('(')) else { continue };
-                let Some(end) = closing(inner).filter(|_| !is_word) else { continue };
-                let at = line.piece.at + i + name.len() + 1;
-                let params = split(Piece::new(at, inner.get(..end).unwrap_or("")));
+        for name in names {
+            for params in parameters_of_modules(line.piece, name) {
                 let shapes: Vec<Option<ParamShape>> = params.iter().map(|p| self.object_shape(*p, known)).collect();
                 if shapes.iter().any(Option::is_some) {
                     self.note_shape(name, shapes.into_iter().map(|s| s.unwrap_or(ParamShape::Number)).collect());

@@ -21,6 +21,19 @@ pub(super) fn split(piece: Piece<'_>) -> Vec<Piece<'_>> {
     if piece.text.trim().is_empty() { Vec::new() } else { parts(piece, ',') }
 }
 
+/// The parameters of each module of a name in a text, in order. A longer word is another name, unless it is a row of modules of single
+/// letters.
+pub(super) fn parameters_of_modules<'t>(text: Piece<'t>, name: &'t str) -> impl Iterator<Item = Vec<Piece<'t>>> {
+    text.text.match_indices(name).filter_map(move |(i, _)| {
+        let before = text.text.get(..i)?.chars().next_back();
+        let ends_word = |c: char| c == '_' || c == '.' || c.is_ascii_digit() || c.is_lowercase();
+        let is_word = before.is_some_and(|c| ends_word(c) || (name.len() > 1 && c.is_alphabetic()));
+        let inner = text.text.get(i + name.len()..)?.strip_prefix('(').filter(|_| !is_word)?;
+        let end = closing(inner)?;
+        Some(split(Piece::new(text.at + i + name.len() + 1, inner.get(..end).unwrap_or(""))))
+    })
+}
+
 /// Parts between the separators outside of brackets, at least one.
 fn parts(piece: Piece<'_>, separator: char) -> Vec<Piece<'_>> {
     let mut out = Vec::new();

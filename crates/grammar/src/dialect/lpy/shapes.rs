@@ -9,7 +9,7 @@ use super::expression::{PyExpr, is_object, range_of};
 use super::lines::Line;
 use super::objects::{fields_of, values_of};
 use super::param_shape::ParamShape;
-use super::pieces::{closing, split};
+use super::pieces::{closing, parameters_of_modules, split};
 use super::refusal::Refusal;
 use super::resolve::{may_be_list, resolve};
 use super::scope::Scope;
@@ -140,15 +140,7 @@ impl Model<'_, '_> {
                 continue;
             }
             for name in &names {
-                for (i, _) in text.match_indices(name.as_str()) {
-                    // A longer word is another name, unless it is a row of modules of single letters.
-                    let before = text.get(..i).and_then(|t| t.chars().next_back());
-                    let ends_word = |c: char| c == '_' || c == '.' || c.is_ascii_digit() || c.is_lowercase();
-                    let is_word = before.is_some_and(|c| ends_word(c) || (name.len() > 1 && c.is_alphabetic()));
-                    let Some(inner) = text.get(i + name.len()..).and_then(|t| t.strip_prefix('(')) else { continue };
-                    let Some(end) = closing(inner).filter(|_| !is_word) else { continue };
-                    let at = line.piece.at + i + name.len() + 1;
-                    let params = split(Piece::new(at, inner.get(..end).unwrap_or("")));
+                for params in parameters_of_modules(line.piece, name) {
                     let shape: Vec<ParamShape> = params.iter().map(|p| written_shape(*p)).collect();
                     if shape.iter().any(|p| *p != ParamShape::Number) {
                         self.note_shape(name, shape);

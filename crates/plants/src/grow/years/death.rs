@@ -166,8 +166,8 @@ impl Tree {
         self.fallen += 1;
     }
 
-    /// Removes low branches: side axes of the stem below the clear stem and, in older trees, all branches that hang lower than
-    /// the share of the clear stem that is drawn for their axis.
+    /// Removes low branches: side axes of the stem below the clear stem and, in older trees, what hangs down from any branch below
+    /// [`Self::lift_share`] of the clear stem.
     fn lift_crown(&mut self, season: &Season) {
         let lift = season.clear_stem;
         let highest = if season.year > LIFT_ALL_YEAR { LIFT_ALL_SHARE[1] * lift } else { f32::NEG_INFINITY };

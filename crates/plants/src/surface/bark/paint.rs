@@ -35,6 +35,7 @@ impl BarkNoise {
         let [nx, ny] = spec.plates;
         Self {
             warp: [FractalNoise::new(s(0), [4, 2], 6), FractalNoise::new(s(1), [4, 2], 6)],
+            // Ridges have more noises than fit between two of these seeds.
             relief: ReliefPattern::new(spec, if spec.relief == BarkRelief::Plates { s(2) } else { s(8) }),
             fibre: FractalNoise::new(s(3), [8 * nx, ny], 4),
             coarse: FractalNoise::new(s(4), [6, 6], 5),
