@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::light::LightField;
 use super::season::Season;
+use super::shoots::axis_elevation;
 use super::site::Prune;
 use super::tree::{Bud, CutThrough, Loss, NONE, Purpose, Tree, flag, index_of};
 use osier_base::math::GOLDEN_ANGLE_F32;
@@ -368,10 +369,11 @@ impl Tree {
             }
             nodes.order[i] = nodes.order[i].saturating_sub(down[i]);
             nodes.s[i] += ahead[i];
-            // An axis whose order falls turns to the elevation of its new order.
-            if down[i] > 0 {
+            // An axis whose order falls turns to the elevation of its new order; all its internodes have one order.
+            if down[i] > 0 && nodes.axis[i] != nodes.axis[parent] {
                 let (axis, order) = (nodes.axis[i] as usize, usize::from(nodes.order[i]));
-                self.axis_elevations[axis] = self.axis_elevation(self.axis_ids[axis], order, season);
+                let deviation = self.leaving_deviation(self.axis_ids[axis]);
+                self.axis_elevations[axis] = axis_elevation(deviation, order, season);
             }
         }
     }
