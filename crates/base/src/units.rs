@@ -12,7 +12,7 @@ pub const CUBIC_MILLIMETRE: f64 = 1e-9;
 pub const GIGAPASCAL: f64 = 1e9;
 
 /// One metre a second in millimetres an hour, the unit of rain rates.
-pub const MILLIMETRES_PER_HOUR: f64 = 3.6e6;
+pub const M_PER_S_TO_MM_PER_H: f64 = 3.6e6;
 
 /// Angle in radians: `degrees` times pi / 180.
 #[inline]

@@ -144,7 +144,7 @@ impl<'a> FlattenedAsset<'a> {
         own.filter(|mesh| mesh.points.len() > BATCH)
     }
 
-    /// Ranges of all points, with the asset's transform `world`.
+    /// All points, part by part, in ranges of at most [`BATCH`] points. `world`: transform of the asset.
     pub fn points(&self, world: Trs) -> impl Iterator<Item = PartRange<'_>> {
         self.blocks.iter().flat_map(move |b| b.parts(world)).flat_map(|Part { mesh, trs, toward }| {
             batch_ranges(0..mesh.points.len()).map(move |range| PartRange { mesh, trs, toward, range, base: 0 })

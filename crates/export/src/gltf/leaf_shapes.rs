@@ -42,8 +42,8 @@ const BLENDER_MEMORY_RATIO: usize = 3;
 /// Bytes of a position in the memory of a viewer, whose textures have four numbers, and of Blender.
 const VIEWER_POINT: usize = 16;
 const BLENDER_POINT: usize = 12;
-/// Fewest intervals between shapes for which frames are left out. Own: leaves unfold within a twelfth of a year and give way to others each
-/// year; of a tree of 20 years the area of all, between shapes, is 0.7 of what it is at a frame with 60 shapes, and 0.6 with 30.
+/// Least number of intervals between shapes if frames are left out. Own: leaves unfold within a twelfth of a year. Measured on a tree of
+/// 20 years: halfway between two shapes the area of its leaves falls to 0.7 (60 shapes) or 0.6 (30 shapes) of that at a shape.
 const LEAST_SHAPES: usize = 48;
 /// Most shapes: importers and viewers make an entry of each in lists of all.
 const MOST_SHAPES: usize = 256;

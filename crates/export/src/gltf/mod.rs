@@ -164,7 +164,7 @@ fn estimate(input: &EstimateInput) -> u64 {
                     vertices + triangles + instances * (a.still_copies + standing) * 32
                 }
             };
-            // The file of the scene has tracks for each phase that has a skin, the file of the asset for one.
+            // The file of the scene has one set of tracks for each phase that has a skin, the file of an asset one set.
             let nodes = if grows { 0 } else { a.free_instances.min(most_nodes) };
             let bark = if morphs {
                 tracks::estimate(a.deforming_vertices, a.deforming_meshes, input.frames, &of_profile)

@@ -67,7 +67,7 @@ impl WindJoints {
             // A joint is written if its parent is written and its group exists; else the carrier of
             // its parent moves its geometry.
             let group = match (parent, carrier) {
-                // Continues its parent's chain; any other child begins a chain of the next group.
+                // The joint that continues its parent's chain keeps the parent's group; any other child begins a chain in the next group.
                 (Some(p), Some(c)) if followers.get(p).copied().flatten() == Some(i) => written.groups[usize::from(c)],
                 (Some(_), Some(c)) => written.groups[usize::from(c)] + 1,
                 _ => 0,

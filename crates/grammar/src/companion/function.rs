@@ -61,7 +61,7 @@ fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
             }
             "points:" => {
                 reader.take();
-                function.points = points(reader)?;
+                function.points = read_points(reader)?;
                 // Each sample searches all points: the product bounds the time.
                 function.samples = function.samples.min(MAX_WORK / function.points.len().max(1));
                 return Some(function);
@@ -93,7 +93,7 @@ fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
 }
 
 /// The points after `points:`, one a line, with an optional multiplicity.
-fn points(reader: &mut Reader<'_>) -> Option<Vec<[f64; 2]>> {
+fn read_points(reader: &mut Reader<'_>) -> Option<Vec<[f64; 2]>> {
     let count = reader.count("the number of points")?;
     let mut points = Vec::new();
     for _ in 0..count {

@@ -247,7 +247,7 @@ impl ItemParser<'_> {
     fn action(&mut self, tokens: &[Token], at: SourcePlace) -> Option<(TurtleAction, Option<Bytecode>)> {
         let mut cursor = TokenCursor::new(tokens, at);
         let place = cursor.place();
-        // The first word names the action; some actions take further words.
+        // `rotate` is followed by space and axis, `organ` by a letter or `stalk`, `as` by a symbol; a number may come last.
         let first = self.word(&mut cursor);
         let action = match first.as_str() {
             "forward" => TurtleAction::Forward,

@@ -151,7 +151,7 @@ impl BlockCompiler<'_, '_> {
         let found = cursor.peek().map_or_else(|| "end of block".to_owned(), |t| self.compiler.describe(t));
         let message = format!("unexpected {found}, expected '{{' after '{after}'");
         let help = format!("put the statement in braces: {after} {{ .. }}");
-        // The statement reaches to its semicolon; it is written anew without blanks.
+        // The tokens up to the semicolon, without blanks.
         let mut text = String::new();
         let mut ahead = 0;
         while let Some(t) = cursor.peek_at(ahead) {

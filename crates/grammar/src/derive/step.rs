@@ -110,7 +110,7 @@ impl<'g> Derivation<'g> {
 
     /// Bytes that the next string takes at most: each module as the longest successor of its symbol.
     fn largest_result(&self) -> usize {
-        // A module without parameters, with lineage and birth; every parameter and every end take four more.
+        // Bytes of a module: 2 of its symbol, 8 of its lineage, 4 of its birth, 4 of the end of its parameters; 4 for each parameter.
         let one = |modules: usize, params: usize| 18 * modules + 4 * params;
         let mut longest = vec![0_usize; self.program.symbols.len()];
         for p in &self.program.rules.list {

@@ -50,7 +50,7 @@ impl MeshRaster {
         let [right, up, out] = view;
         let seen = Bounds::of(mesh.points.iter().map(|p| Vec3::new(p.dot(right), p.dot(up), p.dot(out))));
         let (low, high) = (seen.min.truncate(), seen.max.truncate());
-        // The mesh fills the pixels inside of the margin: the size of the mesh over their number is that of a pixel.
+        // The mesh fills the image except for MARGIN pixels on each side: pixel size = mesh size / inner pixels.
         let inner = narrow((pixels - 2 * MARGIN) as f64);
         let margin = (high - low).max(Vec2::splat(1e-4)) * (narrow(MARGIN as f64) / inner);
         // The horizontal quad lies at the mean height of the mesh's area; vertical quads pass through the stem.

@@ -95,7 +95,7 @@ impl Prism {
         let eaves = self.outline.iter().filter(|p| p.x > b.1.x - 1e-6).map(|p| p.y).fold(0.0, f32::max);
         let size = b.1 - b.0;
         let front = |sign: f32| Side {
-            // Seen from outside rows run to the right.
+            // `along` points to the right when the side is seen from outside.
             corner: self.foot + self.depth * (size.x / 2.0 * sign) - self.width * (self.half * sign) + Vec3::Y * eaves,
             along: self.width * (2.0 * self.half * sign),
             down: -Vec3::Y * eaves,

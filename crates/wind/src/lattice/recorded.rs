@@ -160,8 +160,8 @@ impl RecordedWind {
     }
 }
 
-/// Mean of the velocities of frames, the first of which is that of time 0, over the mean factor of the inflow's speed curve; empty
-/// as [`RecordedWind::mean`]. A loop counts without its fade into the frames before time 0.
+/// Mean velocity of each cell divided by the mean factor of the inflow's speed curve. `frames[0]` is at time 0; the cross-fade at
+/// the end of a loop is not applied. Empty if the direction of the inflow varies or its mean factor is near 0.
 fn mean_velocities(frames: &[Vec<[f32; 3]>], fps: f64, inlet: &InletWind) -> Vec<[f32; 3]> {
     let factors: f64 = (0..frames.len()).map(|k| inlet.speed_factor(k as f64 / fps)).sum();
     let has_mean = !inlet.direction_varies() && factors > MIN_MEAN_SPEED * frames.len() as f64;

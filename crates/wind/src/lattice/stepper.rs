@@ -261,8 +261,8 @@ impl StepContext<'_> {
         let seams = bounds.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n));
         // In a domain with too few planes for two seams, they are one.
         let seams: Vec<_> = if n < MIN_CHUNK { std::iter::once(0..n).collect() } else { seams.collect() };
-        // In a pass of two steps the odd step of the seams reads what the even step has left, else what the previous pass has
-        // left.
+        // The odd step of the seams reads the populations of the even step of the same pass if there is one, otherwise those of the
+        // previous pass.
         let (before, ghosts) = if self.pass_kind() == PassKind::EvenAndOdd {
             (intermediate, &ghost_populations[1])
         } else {

@@ -46,7 +46,7 @@ pub(super) fn flatten(points: &[DVec3], triangles: &[[u32; 3]]) -> FlatBlade {
     if let Some(piece) = blade.project(&all) {
         return FlatBlade { pieces: vec![piece], cuts: 0 };
     }
-    let mut waiting = blade.connected_parts(&all);
+    let mut waiting = blade.connected_components(&all);
     let parts = waiting.len();
     // Parts are taken from the end: reverse them, so that pieces keep their order.
     waiting.reverse();
@@ -55,7 +55,7 @@ pub(super) fn flatten(points: &[DVec3], triangles: &[[u32; 3]]) -> FlatBlade {
         match blade.project(&part).or_else(|| blade.embed(&part)) {
             Some(piece) => pieces.push(piece),
             // Each half has fewer triangles, and a single triangle is flat.
-            None => waiting.extend(blade.split(&part).iter().flat_map(|half| blade.connected_parts(half)).rev()),
+            None => waiting.extend(blade.split(&part).iter().flat_map(|half| blade.connected_components(half)).rev()),
         }
     }
     let cuts = pieces.len() - parts;
@@ -122,7 +122,7 @@ impl Flattener<'_> {
     }
 
     /// Groups of triangles that are connected by edges, in the order of their first triangles.
-    fn connected_parts(&self, part: &[usize]) -> Vec<Vec<usize>> {
+    fn connected_components(&self, part: &[usize]) -> Vec<Vec<usize>> {
         let mut of_edge: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
         for k in part {
             undirected_edges(self.triangles[*k]).iter().for_each(|e| of_edge.entry(*e).or_default().push(*k));

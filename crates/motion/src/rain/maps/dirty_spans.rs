@@ -71,8 +71,8 @@ impl DirtySpans {
         Self { heights, normals }
     }
 
-    /// Whether any height may have changed.
-    pub fn any(&self) -> bool {
+    /// Whether any height may have changed; without such a change no normal changes either.
+    pub fn is_dirty(&self) -> bool {
         !self.heights.spans.is_empty()
     }
 }

@@ -182,7 +182,7 @@ impl LeafWaterMaps {
         self.stamps = stamps;
         let decay = self.next_decay_factor(t, params);
         // A dry leaf whose drops rest costs no more than this comparison.
-        if wet_spots.is_empty() && !dirty.any() && !self.damp.contains(&true) {
+        if wet_spots.is_empty() && !dirty.is_dirty() && !self.damp.contains(&true) {
             return;
         }
         let wet_spots = self.wet_spot_stamps(blade, wet_spots, t, params);

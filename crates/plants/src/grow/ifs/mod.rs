@@ -306,7 +306,6 @@ fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -
     // The leaf points where the cut word's own segment would have pointed: the map of the trunk's direction.
     let along = (cut.map.a * (stems.trunk.1 - stems.trunk.0)).try_normalize().unwrap_or(DVec3::Y);
     let mut dir = Vec3::from_array(along.to_array().map(narrow));
-    // The first leaf keeps the direction of growth; the others spread about it.
     if copy > 0 {
         // Normal deviates, clamped at two standard deviations: an isotropic spread about the first leaf.
         let mut part = || narrow(draw.normal().clamp(-2.0, 2.0)) * LEAF_SPREAD;

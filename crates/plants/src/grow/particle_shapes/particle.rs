@@ -109,7 +109,7 @@ pub fn carried(reference: DVec3, from: DVec3, to: DVec3) -> DVec3 {
 }
 
 #[inline]
-fn direction_or(v: DVec3, fallback: DVec3) -> DVec3 {
+fn normalize_or(v: DVec3, fallback: DVec3) -> DVec3 {
     let length = v.length();
     if length > MIN_LENGTH { v / length } else { fallback }
 }
@@ -159,9 +159,9 @@ impl Particle {
             let noise = DVec3::new(draws.normal_by_quantile(), draws.normal_by_quantile(), draws.normal_by_quantile());
             change += noise * (rates.wander * sqrt(dt));
         }
-        self.d = direction_or(self.d + change, self.d);
+        self.d = normalize_or(self.d + change, self.d);
         if rates.coil != 0.0 {
-            self.home = direction_or(self.home + up * dt, self.home);
+            self.home = normalize_or(self.home + up * dt, self.home);
             self.d = rotated(self.d, self.home, rates.coil * dt);
         }
         // The velocity approaches its limit w exponentially; without spread it only falls.

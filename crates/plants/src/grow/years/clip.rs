@@ -63,7 +63,7 @@ impl GrowthRecord {
         }
         let age = narrow(self.span().from.max(self.span().to)).max(0.1);
         let mut builder = AxisBuilder::new(&tree, age, options, plant);
-        let gone = (0..nodes.len()).map(|i| self.is_gone(i)).collect();
+        let gone = (0..nodes.len()).map(|i| self.has_fallen(i)).collect();
         builder.clip = Some(ClipNodes { gone });
         builder.add_axes(None);
         let (sources, at) = (builder.sources, builder.at);

@@ -197,7 +197,7 @@ impl<'a> AxisBuilder<'a> {
     }
 
     /// Whether a node falls before the end of the clip; false without a clip.
-    fn is_gone(&self, i: usize) -> bool {
+    fn has_fallen(&self, i: usize) -> bool {
         self.clip.as_ref().is_some_and(|clip| clip.gone[i])
     }
 
@@ -228,7 +228,7 @@ impl<'a> AxisBuilder<'a> {
                     // At the end of an axis, a branch that is nearly as thick as the node joins the skin as a fork instead of
                     // piercing it.
                     let thick = nodes.r[*other as usize] > FORK_RADIUS * nodes.r[node];
-                    let forks = next.is_none() && thick && !self.is_gone(*other as usize);
+                    let forks = next.is_none() && thick && !self.has_fallen(*other as usize);
                     let fork = if forks { index_of(self.plant.axes.len()) } else { NONE };
                     branches.push(AxisStart { node: *other, fork });
                 }
@@ -250,12 +250,12 @@ impl<'a> AxisBuilder<'a> {
     /// living child that is thick and straight enough. Wood that stands is preferred to wood that falls during a clip.
     fn continuation(&self, children: &Children, node: usize) -> Option<u32> {
         let nodes = &self.tree.nodes;
-        let stays = |c: usize| self.is_gone(c) == self.is_gone(node);
+        let stays = |c: usize| self.has_fallen(c) == self.has_fallen(node);
         let same_state = |c: usize| nodes.lives(c) == nodes.lives(node) && stays(c);
         let is_main = |c: &&u32| nodes.flags[**c as usize] & flag::MAIN != 0;
         // A living axis continues in living wood, a dead one in dead wood: the material changes only between axes.
         let main = children.of(node).iter().filter(is_main).find(|c| same_state(**c as usize));
-        let falling = children.of(node).iter().filter(is_main).find(|c| self.is_gone(**c as usize));
+        let falling = children.of(node).iter().filter(is_main).find(|c| self.has_fallen(**c as usize));
         if main.is_some() || !nodes.lives(node) || nodes.flags[node] & (flag::OPEN | flag::CUT) != 0 {
             return main.or(falling).copied();
         }
@@ -278,7 +278,7 @@ impl<'a> AxisBuilder<'a> {
         let (head, tail) = (start.node as usize, chain.last().copied().unwrap_or(start.node) as usize);
         let carrier = nodes.parent[head] as usize;
         // An axis that falls during the clip has no parent: it must not thicken with one that continues to grow.
-        let breaks_off = self.is_gone(head) && carrier < nodes.len() && !self.is_gone(carrier);
+        let breaks_off = self.has_fallen(head) && carrier < nodes.len() && !self.has_fallen(carrier);
         let on = self.at.get(carrier).copied().filter(|_| !breaks_off);
         let parent = on.and_then(|on| self.plant.axes.get(on.axis as usize));
         // The axis begins on the parent's centreline as the skin has it, from which straight nodes were left out.
@@ -381,7 +381,7 @@ impl<'a> AxisBuilder<'a> {
                 skipped += 1;
                 continue;
             }
-            // Arc lengths of the nodes left out: their shares of the straight piece.
+            // Nodes left out get the arc length of their projection onto the chord, clamped to its ends.
             let chord = way.length();
             for &left_out in &chain[k - skipped..=k] {
                 let part = (nodes.p[left_out as usize] - kept).dot(way) / (chord * chord).max(1e-12);

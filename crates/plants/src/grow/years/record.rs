@@ -161,7 +161,7 @@ impl GrowthRecord {
     }
 
     /// Whether a node has fallen by the end of the record.
-    pub(super) fn is_gone(&self, i: usize) -> bool {
+    pub(super) fn has_fallen(&self, i: usize) -> bool {
         self.fell[i] != STANDS
     }
 
