@@ -51,8 +51,9 @@ use std::sync::Arc;
 
 pub use binding::{Dialect, DialectSettings, TurtleAction, TurtleAxis};
 pub use derive::{
-    AskTurtle, DeriveOptions, DerivedString, Interpretation, Prediction, QueryAnswer, QueryValue, TurtleAnswers,
-    derive, derive_deferred, derive_text, derive_with_queries, interpret, interpret_modules, predict,
+    AskTurtle, DeriveOptions, DerivedString, Interpretation, LastStep, Origin, Prediction, QueryAnswer, QueryValue,
+    TurtleAnswers, derive, derive_deferred, derive_part, derive_text, derive_with_queries, interpret,
+    interpret_modules, predict,
 };
 pub use dialect::{ConvertTo, Converted, FileKind, ReadAs, convert, detect, entries};
 pub use evaluate::BindingEvaluator;

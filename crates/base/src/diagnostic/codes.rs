@@ -107,6 +107,7 @@ pub const CODES: &[Code] = &[
     row("L060", Warning, "beyond a limit of Fractint, whose own reading ends there"),
     row("L061", Error, "the file of another program cannot be read; the message says why"),
     row("L062", Warning, "two L-systems of one name in a file of Fractint"),
+    row("L063", Error, "a part of a step of this grammar cannot be drawn"),
     row("P001", Error, "the source contains nothing visible"),
     row("P002", Error, "the position or direction of the camera is not finite"),
     row("P003", Error, "the picture cannot be encoded"),

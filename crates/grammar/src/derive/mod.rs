@@ -4,6 +4,7 @@ mod depth_first;
 mod expand;
 mod in_order;
 mod independent;
+mod last_step;
 mod matching;
 mod plan;
 mod predict;
@@ -15,6 +16,7 @@ mod text;
 mod weighted_text;
 
 pub use expand::{Interpretation, interpret, interpret_modules};
+pub use last_step::{LastStep, Origin, derive_part};
 pub use predict::{Prediction, predict};
 pub use queries::{AskTurtle, QueryAnswer, QueryValue, TurtleAnswers, derive_with_queries};
 
@@ -78,6 +80,8 @@ pub struct DerivedString {
     /// The string as text, if it was derived as such.
     text: Option<String>,
     count: u64,
+    /// The last step, if only a part of it is drawn.
+    last_step: Option<std::sync::Arc<LastStep>>,
 }
 
 /// The final string, or what derives it again.
@@ -382,6 +386,7 @@ impl<'g> Derivation<'g> {
             deferred: modules.deferred,
             text: modules.text,
             count: modules.count,
+            last_step: None,
         }
     }
 

@@ -121,6 +121,7 @@ impl Derivation<'_> {
             deferred: None,
             text: None,
             count: 0,
+            last_step: None,
         };
         let found = ask(&asked);
         self.string = asked.modules;

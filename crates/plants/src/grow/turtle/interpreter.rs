@@ -11,13 +11,16 @@ use super::guides::GuideCurve;
 use super::options::TurtleOptions;
 use super::patches::TurtlePatches;
 use super::prototypes::{PolygonPrototype, PrototypeCache, TooManyPrototypes};
+use super::step_part::{ModuleGrowth, StepGrowth};
 use super::tropism;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::units::radians;
-use osier_grammar::{BindingEvaluator, Dialect, Grammar, Module, QueryAnswer, QueryValue, TurtleAction, TurtleAnswers};
+use osier_grammar::{
+    BindingEvaluator, Dialect, Grammar, Module, ModuleString, QueryAnswer, QueryValue, TurtleAction, TurtleAnswers,
+};
 use osier_scene::plant::PAINTED;
 
 /// Turns after which the frame is made orthonormal again: 64 turns in double precision drift by some 1e-14.
@@ -204,7 +207,9 @@ pub(super) struct Turtle<'a> {
     pub(super) dialect: DialectTurtle,
     /// A command of LParser that waits for its number.
     pub(super) pending: PendingNumber,
-    commands: Vec<Command>,
+    pub(super) commands: Vec<Command>,
+    /// How far the module that is drawn has grown.
+    pub(super) growth: ModuleGrowth,
     pub(super) symbols: Vec<char>,
     pub(super) s: TurtleState,
     stack: Vec<TurtleState>,
@@ -220,8 +225,9 @@ pub(super) struct Turtle<'a> {
     prefix: Prefix,
     /// Axis whose last segment still waits for its end width.
     open_segment: Option<u32>,
-    /// Cosine and sine of a turn without parameter.
+    /// Cosine and sine of a turn without parameter, and its angle in degrees.
     default_turn: (f64, f64),
+    default_degrees: f64,
     pub(super) angles: AngleCache,
     pub builder: PlantBuilder,
     pub(super) shape_prototypes: PrototypeCache,
@@ -301,6 +307,7 @@ impl<'a> Turtle<'a> {
             dialect,
             pending: PendingNumber::default(),
             commands: (0_u16..).zip(&symbols).map(|(i, c)| command(i, *c)).collect(),
+            growth: ModuleGrowth::WHOLE,
             bindings,
             symbols,
             s,
@@ -314,6 +321,7 @@ impl<'a> Turtle<'a> {
             prefix: Prefix::None,
             open_segment: None,
             default_turn: (math::cos(angle), math::sin(angle)),
+            default_degrees: angle.to_degrees(),
             angles: AngleCache::default(),
             builder: PlantBuilder::default(),
             shape_prototypes: PrototypeCache::default(),
@@ -378,6 +386,24 @@ impl<'a> Turtle<'a> {
         if self.halted { Err(self.grammar.report(list)) } else { Ok(list) }
     }
 
+    /// Interprets one module of a string of whose last step a part is drawn. `index`: of the module of the string that it draws;
+    /// `before`: the string before the last step.
+    pub fn growing_module(&mut self, m: Module<'_>, index: usize, growth: &StepGrowth, before: &ModuleString) {
+        self.removed_steps(index, growth, before);
+        self.growth = growth.modules.get(index).copied().unwrap_or(ModuleGrowth::WHOLE);
+        self.module(m);
+    }
+
+    /// Makes the steps that the last step of the derivation removes, up to the module of this index: they shrink where they were.
+    pub fn removed_steps(&mut self, index: usize, growth: &StepGrowth, before: &ModuleString) {
+        let first = std::mem::replace(&mut self.index, index + 1);
+        let from = growth.removed.partition_point(|removed| removed.at < first);
+        for removed in growth.removed[from..].iter().take_while(|removed| removed.at <= index) {
+            self.growth = growth.of_removed;
+            self.module(before.get(removed.of));
+        }
+    }
+
     /// Interprets one module; modules must come in the order of the string.
     pub fn module(&mut self, m: Module<'_>) {
         if self.halted {
@@ -405,7 +431,7 @@ impl<'a> Turtle<'a> {
                 }
             }
             Prefix::Organ => {
-                let size = self.param(m, 0, 1.0);
+                let size = self.param(m, 0, 1.0) * self.growth.size;
                 self.organ(c, size, m);
             }
             Prefix::Query => self.query(c),
@@ -454,12 +480,16 @@ impl<'a> Turtle<'a> {
         match command {
             Command::Draw | Command::DrawOnly | Command::Move | Command::MoveOnly => {
                 let draws = matches!(command, Command::Draw | Command::DrawOnly);
-                let length = self.param(m, 0, 1.0);
+                let length = self.param(m, 0, 1.0) * self.growth.length;
                 self.step(length, m, draws, matches!(command, Command::Draw | Command::Move));
             }
             Command::Yaw(p) => self.turn(m, p, c, TurtleFrame::yaw),
             Command::Pitch(p) => self.turn(m, p, c, TurtleFrame::pitch),
             Command::Roll(p) => self.turn(m, p, c, TurtleFrame::roll),
+            Command::TurnAround if self.growth.turn < 1.0 => {
+                let (cos, sin) = self.angles.cos_sin(180.0 * self.growth.turn);
+                self.s.frame.yaw(cos, sin);
+            }
             Command::TurnAround => self.s.frame.yaw(-1.0, 0.0),
             // The end of a sub-L-system, else the textbook's `@v`.
             Command::Level => match self.subsystems.pop() {
@@ -473,7 +503,7 @@ impl<'a> Turtle<'a> {
                 let step = if up { self.options.width_increment } else { -self.options.width_increment };
                 let scale = self.s.scale;
                 let width = match m.params.first() {
-                    Some(_) => self.param(m, 0, 0.0) * scale,
+                    Some(_) => self.param(m, 0, 0.0) * scale * self.growth.size,
                     None => self.s.width + step * scale,
                 };
                 self.set_width(width);
@@ -569,9 +599,12 @@ impl<'a> Turtle<'a> {
                 let help = "give the turn a parameter, or the plant an angle: --set angle_deg=90, angle_deg below [plants.NAME.turtle], or a view beside the grammar";
                 self.warn("L045", (None, c), "no angle given, 45 degrees assumed".into(), help);
             }
-            self.default_turn
+            match self.growth.turn {
+                part if part < 1.0 => self.angles.cos_sin(self.default_degrees * part),
+                _ => self.default_turn,
+            }
         } else {
-            let degrees = self.param(m, 0, 0.0);
+            let degrees = self.param(m, 0, 0.0) * self.growth.turn;
             self.angles.cos_sin(degrees)
         };
         f(&mut self.s.frame, cos, if positive { sin } else { -sin });

@@ -137,6 +137,9 @@ pub struct TurtleOptions {
     pub shape_material: MaterialId,
     /// Whether radii come from the string's widths, the pipe model or a taper.
     pub radii: RadiusModel,
+    /// Part of the last step of the derivation that is drawn, above 0 and below 1: what the step changes grows in proportion. `None`: the
+    /// whole step.
+    pub step_part: Option<f64>,
     /// Description of the plant's origin, for manifests.
     pub source: String,
 }
@@ -172,6 +175,7 @@ impl Default for TurtleOptions {
             shoot_radius: 0.008,
             shape_material: 0,
             radii: RadiusModel::Auto,
+            step_part: None,
             source: String::new(),
         }
     }

@@ -1,0 +1,184 @@
+//! A part of the last step of a derivation: how far each module of the final string has grown, so that a plant changes without jumps
+//! from step to step. Own.
+//!
+//! Just after step n the string of step n + 1 looks like that of step n: what a production has made has no size, turns at the level of
+//! its predecessor are 0, and the pieces that a segment is replaced by lie on it. All of that grows to its full value in proportion to
+//! the part. Modules that only change their parameters interpolate them.
+
+use std::ops::Range;
+
+use osier_grammar::{DerivedString, Grammar, LastStep, Module, Origin};
+
+use super::commands::Command;
+
+/// Factors on what a module does while it grows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ModuleGrowth {
+    /// On lengths of steps.
+    pub length: f64,
+    /// On angles.
+    pub turn: f64,
+    /// On widths, and on sizes of organs and shapes.
+    pub size: f64,
+}
+
+impl ModuleGrowth {
+    /// A module that has grown.
+    pub const WHOLE: Self = Self { length: 1.0, turn: 1.0, size: 1.0 };
+}
+
+/// A segment or a move that the last step removes, which shrinks meanwhile.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RemovedStep {
+    /// Index in the final string of the module before which it is.
+    pub at: usize,
+    /// Index in the string before the step.
+    pub of: usize,
+}
+
+/// Growth of all modules of a final string.
+#[derive(Debug)]
+pub(super) struct StepGrowth {
+    /// By module of the final string.
+    pub modules: Vec<ModuleGrowth>,
+    /// In the order of the final string.
+    pub removed: Vec<RemovedStep>,
+    /// Growth of these.
+    pub of_removed: ModuleGrowth,
+}
+
+/// The modules of a final string that one module became in the last step.
+struct Group {
+    /// Index in the string before the step.
+    parent: usize,
+    /// Indices in the final string; empty if the module was removed.
+    range: Range<usize>,
+}
+
+/// The groups of a last step, in the order of the string before it. Modules that the step kept, and those of unknown origin, belong to none.
+fn groups(step: &LastStep) -> Vec<Group> {
+    let mut out: Vec<Group> = Vec::new();
+    // Index of the next module of the string before the step that no module of the final string has come from so far.
+    let mut next = 0;
+    for (j, origin) in step.origins.iter().enumerate() {
+        let (parent, is_made) = match origin {
+            Origin::Made(i) => (*i as usize, true),
+            Origin::Kept(i) => (*i as usize, false),
+            Origin::Unknown => continue,
+        };
+        // Modules before it that nothing was made from.
+        out.extend((next..parent).map(|parent| Group { parent, range: j..j }));
+        next = next.max(parent + 1);
+        match out.last_mut() {
+            Some(group) if is_made && group.parent == parent => group.range.end = j + 1,
+            _ if is_made => out.push(Group { parent, range: j..j + 1 }),
+            _ => {}
+        }
+    }
+    let end = step.origins.len();
+    out.extend((next..step.before.len()).map(|parent| Group { parent, range: end..end }));
+    out
+}
+
+/// What a step of the turtle moves by without a growth, turtle units.
+fn length(m: Module<'_>) -> f64 {
+    m.params.first().map_or(1.0, |x| f64::from(*x))
+}
+
+/// A final string, its last step, and the turtle's command of each symbol.
+struct GrowingString<'a> {
+    grammar: &'a Grammar,
+    derived: &'a DerivedString,
+    step: &'a LastStep,
+    commands: &'a [Command],
+}
+
+impl GrowingString<'_> {
+    /// Whether a module is a segment or a move.
+    fn is_step(&self, m: Module<'_>) -> bool {
+        self.commands.get(usize::from(m.symbol)).is_some_and(|command| command.is_step())
+    }
+
+    /// The module of a group that carries its predecessor on: the only one of the predecessor's symbol and number of parameters.
+    fn heir(&self, group: &Group) -> Option<usize> {
+        let parent = self.step.before.get(group.parent);
+        let is_alike = |j: &usize| {
+            let m = self.derived.modules.get(*j);
+            m.symbol == parent.symbol && m.params.len() == parent.params.len()
+        };
+        let mut alike = group.range.clone().filter(is_alike);
+        let first = alike.next()?;
+        alike.next().is_none().then_some(first)
+    }
+
+    /// Sets the growth of the modules of a group.
+    fn set_growth(&self, group: &Group, growth: &mut StepGrowth) {
+        let (parent, part) = (self.step.before.get(group.parent), self.step.part);
+        let modules = group.range.clone().map(|j| (j, self.derived.modules.get(j)));
+        // Depth of each module within its successor, and the sum of the steps outside of brackets.
+        let mut depths = Vec::with_capacity(group.range.len());
+        let (mut depth, mut sum) = (0_i32, 0.0);
+        for (_, m) in modules.clone() {
+            depth -= i32::from(self.grammar.symbols().get(m.symbol) == ']');
+            depths.push(depth);
+            if depth == 0 && self.is_step(m) {
+                sum += length(m);
+            }
+            depth += i32::from(self.grammar.symbols().get(m.symbol) == '[');
+        }
+        // Steps that replace a step share its length at first: l (1 - part) / sum + part is the factor on each of their own lengths.
+        let replaces = self.is_step(parent) && sum > 0.0;
+        let along = if replaces { (1.0 - part) * length(parent) / sum + part } else { part };
+        let heir = self.heir(group);
+        for ((j, _), depth) in modules.zip(depths) {
+            growth.modules[j] = if depth > 0 {
+                ModuleGrowth { length: part, turn: 1.0, size: part }
+            } else {
+                ModuleGrowth { length: along, turn: part, size: part }
+            };
+            // Its parameters are interpolated.
+            if heir == Some(j) && !self.is_step(parent) {
+                growth.modules[j] = ModuleGrowth::WHOLE;
+            }
+        }
+        if self.is_step(parent) && !replaces {
+            growth.removed.push(RemovedStep { at: group.range.start, of: group.parent });
+        }
+    }
+}
+
+/// Interpolates the parameters of modules that only change these in the last step, apart from segments and moves, whose lengths
+/// [`StepGrowth`] holds. `commands`: by symbol.
+pub(super) fn interpolate_heirs(grammar: &Grammar, derived: &mut DerivedString, commands: &[Command]) {
+    let Some(step) = derived.last_step() else { return };
+    let part = step.part;
+    let string = GrowingString { grammar, derived, step, commands };
+    let change = |group: &Group| {
+        let parent = step.before.get(group.parent);
+        let heir = string.heir(group).filter(|_| !string.is_step(parent) && !parent.params.is_empty())?;
+        Some((heir, parent.params.to_vec()))
+    };
+    let changes: Vec<(usize, Vec<f32>)> = groups(step).iter().filter_map(change).collect();
+    for (heir, old) in changes {
+        derived.interpolate_parameters(heir, &old, part);
+    }
+}
+
+impl StepGrowth {
+    /// How far the modules of a string have grown of whose last step a part is drawn. `commands`: by symbol.
+    pub fn new(grammar: &Grammar, derived: &DerivedString, step: &LastStep, commands: &[Command]) -> Self {
+        let growing = ModuleGrowth { length: step.part, turn: step.part, size: step.part };
+        let of_origin = |origin: &Origin| if *origin == Origin::Unknown { growing } else { ModuleGrowth::WHOLE };
+        let of_removed = ModuleGrowth { length: 1.0 - step.part, ..ModuleGrowth::WHOLE };
+        let mut out = Self { modules: step.origins.iter().map(of_origin).collect(), removed: Vec::new(), of_removed };
+        let string = GrowingString { grammar, derived, step, commands };
+        for group in groups(step) {
+            string.set_growth(&group, &mut out);
+        }
+        // What a cut removes leaves the string with its brackets: it cannot be drawn where it was.
+        if step.before.symbols().iter().any(|s| grammar.symbols().get(*s) == '%') {
+            out.removed.clear();
+        }
+        out
+    }
+}
