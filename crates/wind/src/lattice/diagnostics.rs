@@ -17,7 +17,8 @@ pub(super) struct PlaneDiagnostics {
     pub out_of_range: Option<[usize; 2]>,
     /// Sum of the density less 1.
     pub mass: f64,
-    /// The same with the sign of the parity of x + y + z: nonzero when the sublattices of even and of odd cells decouple.
+    /// Sum of the density less 1, with a sign that alternates with the parity of x + y + z: nonzero when the
+    /// sublattices of even and of odd cells decouple.
     pub checkerboard: f64,
 }
 
@@ -52,7 +53,7 @@ impl<'a> SnapshotTarget<'a> {
 }
 
 impl SnapshotPlane<'_> {
-    /// Fills the halo rows, when all others are written.
+    /// Fills the halo rows, after all other rows are written.
     pub(super) fn fill_halo_rows(&mut self) {
         let row = self.grid.n[0] + 2;
         for y in [0, self.grid.n[1] + 1] {
