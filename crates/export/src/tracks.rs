@@ -28,7 +28,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     pictures_beside: false,
     textures: TextureUse::Unused,
     memory_percent: 0,
-    // Only joints: the number of records that simulations write is unknown before they run.
+    // Only joints are counted: the number of records that simulations write is unknown before they run.
     estimate: |input| input.per_asset(|a| input.frames * a.joints * a.placements * 36),
     open: |job| vec![Box::new(TracksExporter::new(job.folder.clone()))],
 };

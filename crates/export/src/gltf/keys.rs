@@ -19,14 +19,15 @@ pub(super) enum KeyedValues<T> {
     Keys(Vec<usize>, Vec<T>),
 }
 
-/// Keys of positions or scales. `drop_keys`: omit those that LINEAR interpolation restores within [`KEY_TOLERANCE`].
+/// Reduces keys of positions or scales. `drop_keys`: omit those that LINEAR interpolation restores within
+/// [`KEY_TOLERANCE`].
 pub(super) fn reduce_positions(times: &[f32], values: &[Vec3], drop_keys: bool) -> KeyedValues<Vec3> {
     let near = |a: &Vec3, b: &Vec3| (*a - *b).length() <= KEY_TOLERANCE;
     let between = |a: &Vec3, b: &Vec3, t: f32| *a + (*b - *a) * t;
     reduce_keys(times, values, drop_keys, near, between)
 }
 
-/// Keys of rotations: unit quaternions without sign changes.
+/// Reduces keys of rotations to unit quaternions without sign changes.
 pub(super) fn reduce_rotations(times: &[f32], values: &[Quat], drop_keys: bool) -> KeyedValues<Quat> {
     // The error of a rotation is the angle of a^-1 b, rad, the same for q and -q.
     let near = |a: &Quat, b: &Quat| rotation_angle(*a, *b) <= KEY_TOLERANCE;

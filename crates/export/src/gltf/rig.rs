@@ -90,7 +90,8 @@ fn rank_and_keep(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<b
             length[p as usize] += length[i] + skeleton.joints[i].rest.t.length();
         }
     }
-    // Largest rotation from the rest pose over the clip, rad: times the length it turns, about the way that its tips travel, m.
+    // Largest rotation from the rest pose over the clip, rad; times the length of the subtree, it is about the distance
+    // that its tips travel, m.
     let turn =
         |i: usize| poses.iter().fold(0.0_f32, |m, pose| m.max(rotation_angle(skeleton.joints[i].rest.r, pose[i].r)));
     let rank: Vec<f32> = (0..n).map(|i| turn(i) * length[i]).collect();

@@ -23,7 +23,7 @@ pub struct Sweep {
     pub outcome: Vec<String>,
     /// In the order in which they were simulated.
     pub runs: Vec<Run>,
-    /// Runs that an interruption or an error has kept from being simulated, in their order; empty for a whole sweep.
+    /// Runs that were not simulated because of an interruption or an error, in their order; empty for a complete sweep.
     pub missing: Vec<MissingRun>,
     /// Maps at the last frame over the seeds, for each choice of values in the order of [`Sweep::means`].
     pub maps: Vec<Vec<MapStatistics>>,

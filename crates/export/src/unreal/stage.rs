@@ -23,8 +23,9 @@ use osier_base::files::{Names, Output};
 use osier_base::geometry::Bounds;
 use osier_scene::{Joint, Mesh, RiggedPlant, Skeleton, SkinWeights, Trs};
 
-/// Prefix of the properties of an assembly, and of those of its skeleton's wind.
+/// Prefix of the properties of an assembly.
 const ASSEMBLY: &str = "unreal:naniteAssembly";
+/// Prefix of the properties of a skeleton's wind.
 const WIND: &str = "unreal:dynamicWind";
 
 /// Parts of a plant from which its USD file is written.

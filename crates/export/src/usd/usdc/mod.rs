@@ -1,5 +1,5 @@
-//! Crate files (`.usdc`), written as a stream: arrays go to disk when they arrive, the structural sections follow at the end.
-//! In memory stay 8 bytes for each time sample, and the tables. Version 0.8.0, little endian.
+//! Crate files (`.usdc`), written as a stream: arrays go to disk when they arrive, the structural sections follow at
+//! the end. Memory holds only the tables, and 8 bytes for each time sample. Version 0.8.0, little endian.
 //!
 //! Layout of a file: header of 88 bytes (magic, version, offset of the table of contents, reserved), the values, the sections,
 //! the table of contents (number of sections; for each a name of 16 bytes, its offset and its length).
