@@ -248,7 +248,7 @@ impl AssetSize {
         }
         let size = |(i, (asset, (phases, copies))): (usize, (&Asset, (BTreeSet<u32>, u64)))| {
             let weight = weights.get(i).copied().unwrap_or(1);
-            // In a plan `copies` counts those of all individuals that this asset represents.
+            // In a plan, `copies` counts the placements of all individuals that this asset represents.
             let placements = copies.div_ceil(weight.max(1));
             // Copies that stand still share meshes.
             let still_copies = if asset.moves() && frames > 0 { 1 } else { placements.max(1) };

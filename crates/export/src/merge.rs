@@ -25,7 +25,7 @@ const WHITE: [f32; 4] = [1.0; 4];
 /// A range of the points or triangles of a part: of a mesh, or of an instance of a prototype.
 pub(super) struct PartRange<'a> {
     pub mesh: &'a Mesh,
-    /// World from the space of `mesh`: the asset's transform after that of the instance.
+    /// Transform from the space of `mesh` to the world: first that of the instance, then that of the asset.
     pub trs: Trs,
     /// Vector that normals are bent by after the transform, see [`bent_normal`]; zero leaves them unchanged.
     pub toward: Vec3,
@@ -94,7 +94,7 @@ pub(super) struct FlattenedAsset<'a> {
     /// Indices into the scene's materials, each once, in the order of their first use.
     pub materials: Vec<u32>,
     known: BTreeSet<u32>,
-    /// Whether some part has texture coordinates; those of the others are zero.
+    /// Whether some part has texture coordinates; parts that have none get zeros.
     pub has_uvs: bool,
     /// Number of points of all parts, each instance counted.
     pub vertices: u64,

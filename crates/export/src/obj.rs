@@ -286,7 +286,7 @@ fn face(text: &mut TextBuffer, corners: [u32; 3], base: u64, plain: Option<u64>)
     text.put("\n");
 }
 
-/// Writes a material. A colour texture is multiplied by `Kd` in many readers, so `Kd` is white beside it.
+/// Writes a material. Many readers multiply a colour texture by `Kd`, so `Kd` is white if there is a texture.
 /// Ns = 1000 (1 - roughness)^2 is the inverse of what Blender's importer computes.
 fn write_material(text: &mut TextBuffer, scene: &Scene, m: &Material, pictures: &str) {
     let map = m.maps.color.and_then(|i| scene.images.get(i as usize));

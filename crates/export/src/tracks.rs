@@ -74,7 +74,7 @@ impl TracksExporter {
         Self { folder, scene: None, files: BTreeMap::new() }
     }
 
-    /// Appends a frame's records to the file of their table; X001 if its columns are not those of the frames before.
+    /// Appends a frame's records to the file of their table; X001 if the columns differ from those of earlier frames.
     fn append(&mut self, table: &RecordTable, frame: u32) -> Result<()> {
         let name = table.name;
         let columns: Vec<ColumnInfo> = table.columns.iter().map(ColumnInfo::of).collect();

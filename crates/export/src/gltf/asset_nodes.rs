@@ -297,7 +297,7 @@ impl GltfDocument<'_> {
         Ok(())
     }
 
-    /// Name of the target of the shape at index `i` of `frames`: that of its frame.
+    /// Name of the target of the shape at index `i` of `frames`: the name of its frame.
     fn target_name(&self, frames: &[usize], i: usize) -> String {
         let frame = frames.get(i).copied().unwrap_or_default();
         let number = self.input.tracks.numbers.get(frame).copied().unwrap_or_default();
@@ -324,7 +324,7 @@ impl GltfDocument<'_> {
                 Profile::Web => match self.add_prototype_mesh(instancer, proto, label)? {
                     Some(mesh) => {
                         let instancing = self.group_instancing(&group, &Trs::IDENTITY, mesh.cube)?;
-                        // Instances have the dequantization; their node has none.
+                        // The dequantization is in the transforms of the instances, not in that of their node.
                         (Some(StoredMesh { cube: None, ..mesh }), Some(instancing))
                     }
                     None => (None, None),

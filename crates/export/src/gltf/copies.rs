@@ -172,7 +172,8 @@ impl GltfDocument<'_> {
                 }
                 let Some(mesh) = self.add_prototype_mesh(instancer, proto, &label)? else { continue };
                 let name = format!("{}_{}_{}", asset.id, instancer.name, instancer.prototypes[proto].name);
-                // Instances of instances: the transform of each copy after that of each instance, copies x instances in all.
+                // Instances of instances: each instance of the plant, then the transform of each copy; copies x
+                // instances in all.
                 let own: Vec<Trs> = members.iter().map(|i| instancer.transform(&instancer.rest, *i)).collect();
                 let group = InstanceGroup { instancer, state: &instancer.rest, proto, members, label: &label };
                 // All copies in one node, or in as few as the limit allows.

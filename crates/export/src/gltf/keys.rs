@@ -13,7 +13,7 @@ const MAX_GAP: usize = 256;
 /// Values of an animated property at the frames of a clip.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum KeyedValues<T> {
-    /// The same at all frames.
+    /// The value is the same at all frames.
     Constant(T),
     /// Keys: increasing indices of frames, with the first and the last one of the clip, and their values.
     Keys(Vec<usize>, Vec<T>),
@@ -76,7 +76,7 @@ fn reduce_keys<T: Copy + PartialEq>(
     between: impl Fn(&T, &T, f32) -> T,
 ) -> KeyedValues<T> {
     let Some(first) = values.first() else { return KeyedValues::Keys(Vec::new(), Vec::new()) };
-    // Equality first: values that are the same in every bit are constant whatever the profile.
+    // Test equality first: values with the same bits are constant whatever the profile.
     if values.iter().all(|v| v == first || (drop_keys && near(v, first))) {
         return KeyedValues::Constant(*first);
     }

@@ -461,7 +461,7 @@ impl LeafShapes {
     /// The fewest blades that show all runs. `simple`: blades per instancer and prototype.
     fn blades<'a>(&self, runs: &'a [Run], asset: &Asset, simple: &'a [Vec<Mesh>]) -> Vec<Blade<'a>> {
         let mut blades: Vec<Blade<'a>> = Vec::new();
-        // For each instancer and prototype its blades that show no leaf.
+        // For each instancer and prototype, its blades that show no leaf at the moment.
         let mut free: BTreeMap<(usize, usize), FreeBlades> = BTreeMap::new();
         for run in runs {
             let [n, i] = run.id.map(|k| k as usize);

@@ -89,7 +89,7 @@ pub(super) struct MeshSource<'a> {
 }
 
 impl<'a> MeshSource<'a> {
-    /// A mesh without skin and morph targets, in a cube of its own. `label`: asset and element, for errors.
+    /// A mesh without skin and morph targets, with a separate cube. `label`: asset and element, for errors.
     pub(super) fn of(name: &'a str, label: &'a str, mesh: &'a Mesh) -> Self {
         Self { name, label, mesh, geometry: GeometryKind::Mesh, skin: None, shapes: &[], parts: None, cube: None }
     }

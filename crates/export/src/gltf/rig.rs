@@ -74,7 +74,7 @@ impl JointSelection {
         (joints, weights)
     }
 
-    /// Influences of one vertex over the written joints, as [`Self::remap_weights`] has them.
+    /// Influences of one vertex over the written joints, in the form of [`Self::remap_weights`].
     pub(super) fn merge_influences(&self, joints: [u16; 4], weights: [f32; 4]) -> ([u16; 4], [f32; 4]) {
         merge_influences(&self.carrier, joints, weights)
     }

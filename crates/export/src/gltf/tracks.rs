@@ -49,7 +49,7 @@ pub(super) struct ClipTracks {
     pub repeats: bool,
     /// Number of each frame in the clip.
     pub numbers: Vec<u32>,
-    /// In the order of the scene's assets.
+    /// States of each asset, in the order of the scene.
     pub assets: Vec<AssetTracks>,
     /// Most moving instances in a file; if there are more, those with the smallest [`InstanceTrack::key`] are written.
     pub max_moving: usize,
@@ -66,7 +66,7 @@ pub(super) struct AssetTracks {
     pub leaves: Option<LeafShapes>,
     /// For each mesh of the asset in its order; [`MorphFrames::Still`] where it does not deform.
     pub meshes: Vec<MorphFrames>,
-    /// For each curves primitive of the asset; points only.
+    /// Shapes of each curves primitive of the asset; without normals.
     pub curves: Vec<MorphFrames>,
 }
 
@@ -336,7 +336,7 @@ impl MorphKeys {
         kept
     }
 
-    /// Drops all shapes but those of the increasing indices `kept`, and adds `tolerance` to the error.
+    /// Drops all shapes except those at the increasing indices `kept`, and adds `tolerance` to the error.
     fn thin_out(&mut self, kept: &[usize], tolerance: f32) {
         let mut index = 0..;
         self.shapes.retain(|_| index.next().is_some_and(|i: usize| kept.binary_search(&i).is_ok()));

@@ -136,7 +136,7 @@ fn grouped(files: &[FileRecord], clip: Clip) -> Vec<FileEntry> {
 fn numbered(path: &str, tag: &str) -> Option<String> {
     let replaced = |before: char| {
         let wanted = format!("{before}{tag}.");
-        // The last match: a folder or an asset may have the same digits in its name.
+        // Replace the last match: a folder or an asset may have the same digits in its name.
         let at = path.rfind(&wanted)?;
         Some(format!("{}{before}####.{}", &path[..at], &path[at + wanted.len()..]))
     };
@@ -186,7 +186,7 @@ fn map_paths(folders: &[&str], paths: &[&str]) -> BTreeMap<String, String> {
         let mine = folders.contains(&folder) && name.ends_with(".exr");
         mine.then(|| (name.split('.').next().unwrap_or(name).to_owned(), (*path).to_owned()))
     };
-    // Sequences come last: the relief with its water stands in place of the dry one, which has the same name.
+    // Sequences come last: the relief with its water replaces the dry relief, which has the same name.
     let (numbered, constant): (Vec<&str>, Vec<&str>) = paths.iter().copied().partition(|path| path.contains("####"));
     constant.iter().chain(&numbered).filter_map(map).collect()
 }

@@ -113,7 +113,7 @@ impl PovAsset<'_> {
 
     /// Whether the asset may have a target of photons at some frame.
     pub fn has_photon_target(&self) -> bool {
-        // The mesh of a frame is not known yet, so one that varies counts as a possible target.
+        // The mesh of a frame is not known yet, so a mesh that varies counts as a possible target.
         let rains = |m: &MeshObject| m.motion == MeshMotion::Varying || photons::is_all_water(&m.mesh, self.materials);
         if self.photons.is_some() && self.asset.meshes.iter().any(rains) {
             return true;

@@ -22,7 +22,7 @@ pub(super) struct Wind {
     /// Group of each joint, in the order of the skeleton.
     #[serde(rename = "Joints")]
     pub(super) joints: Vec<WindJoint>,
-    /// In the order of their numbers, from the trunk to the twigs.
+    /// Groups in the order of their numbers, from the trunk to the twigs.
     #[serde(rename = "SimulationGroups")]
     pub(super) groups: Vec<WindGroup>,
     #[serde(rename = "bIsGroundCover")]
@@ -72,7 +72,7 @@ impl Wind {
     }
 }
 
-/// Influences of the groups: compliances of their joints divided by that of typical tips.
+/// Influences of the groups: compliances of their joints divided by the compliance of typical tips.
 fn influences(joints: &WindJoints) -> Vec<WindGroup> {
     let parent = |i: usize| joints.skeleton.joints[i].parent.map(|p| p as usize);
     let is_first = |i: usize| parent(i).is_none_or(|p| joints.groups[p] != joints.groups[i]);

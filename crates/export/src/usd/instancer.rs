@@ -64,7 +64,7 @@ pub(super) struct AnimatedInstancer {
     scales: AttrHandle,
     velocities: VelocitySamples,
     angular: VelocitySamples,
-    /// Primvars of the attributes seen so far; those of tracked instances are on their point twin.
+    /// Primvars of the attributes seen so far; the primvars of tracked instances are on their point twin.
     primvars: Vec<AnimatedPrimvar>,
     /// Orientations of the frame before, in the axes of the stage.
     before: Vec<Quat>,
@@ -81,7 +81,7 @@ pub(super) struct AnimatedInstancer {
 pub(super) struct InstanceReducers {
     positions: SampleReducer<Vec3>,
     orientations: SampleReducer<Quat>,
-    /// For instances whose size changes.
+    /// Used only for instances whose size changes.
     scales: SampleReducer<Vec3>,
 }
 

@@ -358,7 +358,7 @@ impl VaryingMesh {
         mesh: &Mesh,
     ) -> Result<Self> {
         let attrs = define_mesh(cx, layer, place, mesh)?;
-        // As many velocities as points, at rest as in every frame.
+        // Velocities must be as many as points, at rest and in every frame.
         let still = vec![[0.0; 3]; mesh.points.len()];
         let path = format!("{}.velocities", place.path);
         let velocities = layer.set_attr(&path, "vector3f[]", UsdArray::Float3(&still).into())?;

@@ -71,7 +71,7 @@ pub(super) fn define_skel_root(
     let animation = define_animation(cx, layer, &format!("{path}/anim"), skeleton, &joints, extent)?;
     let mut parts: Vec<Box<dyn AnimatedPrim>> = vec![Box::new(animation)];
     let mut inner = Names::default();
-    // The two prims beside the meshes take their names first, so that a mesh of that name gets another.
+    // The skeleton and the animation take their names first, so that a mesh of the same name gets another.
     for name in ["skeleton", "anim"] {
         inner.unique(name);
     }
@@ -218,7 +218,7 @@ impl AnimatedPrim for SkelAnimation {
             rest = skeleton.rest_pose();
             &rest
         };
-        // Quaternions keep the sign of the frame before, so that readers interpolate the short way.
+        // Quaternions keep the sign of the frame before, so that readers interpolate along the shorter arc.
         let (t, mut r, s) = animation_channels(cx, pose);
         for (q, before) in r.iter_mut().zip(&self.before) {
             *q = nearest_quat(*q, *before);

@@ -99,7 +99,7 @@ impl<'a> GltfMaterials<'a> {
             return Ok(material);
         };
         let pbr = &given.pbr_metallic_roughness;
-        // The factors multiply the pictures, so they are applied to the pictures and not kept beside them.
+        // The factors multiply the pictures: below, they are applied to the pixels of those that exist.
         let [r, g, b, a] = pbr.base_color_factor.0.map(|v| v.clamp(0.0, 1.0));
         material.base_color = [r, g, b];
         material.roughness = pbr.roughness_factor.0.clamp(0.0, 1.0);

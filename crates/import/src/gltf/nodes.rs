@@ -122,7 +122,7 @@ fn root_nodes(document: &GltfDocument) -> Vec<usize> {
     if let Some(scene) = root.scenes.get(scene) {
         return scene.nodes.iter().map(|n| n.value()).collect();
     }
-    // Without scenes the roots are the nodes that no other node has as its child.
+    // Without scenes the roots are the nodes that are no child of another node.
     let mut is_child = vec![false; root.nodes.len()];
     for child in root.nodes.iter().flat_map(|n| n.children.iter().flatten()) {
         if let Some(flag) = is_child.get_mut(child.value()) {

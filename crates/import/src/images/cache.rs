@@ -166,7 +166,7 @@ impl MapCache {
     }
 }
 
-/// Samples of an 8-bit image; none of one with 16 bits.
+/// Samples of an 8-bit image; empty for a 16-bit image.
 fn bytes(image: &Image) -> &[u8] {
     match &image.pixels {
         Pixels::U8(samples) => samples,

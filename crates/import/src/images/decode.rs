@@ -185,7 +185,7 @@ fn is_complete_png(bytes: &[u8]) -> bool {
     loop {
         let head = |k: usize| bytes.get(at + k..at + k + 4);
         let (Some(length), Some(kind)) = (head(0).and_then(|b| b.try_into().ok()), head(4)) else { return false };
-        // A chunk is its length, type, data and checksum: 12 bytes beside the data.
+        // A chunk is its length, type, data and checksum: 12 bytes besides the data.
         let next = at.saturating_add(12).saturating_add(u32::from_be_bytes(length) as usize);
         if next > bytes.len() {
             return false;

@@ -95,7 +95,7 @@ fn sgi_samples(bytes: &[u8], shape: Shape) -> Option<Vec<u8>> {
     // Alpha is opaque where the file has none.
     let mut out = vec![255_u8; width * height * channels];
     for plane in 0..stored.min(4) {
-        // Of grey with alpha the second plane is alpha.
+        // In grey with alpha, the second plane is alpha.
         let targets: &[usize] = match (stored, plane) {
             (2, 0) => &[0, 1, 2],
             (2, _) => &[3],
@@ -196,7 +196,7 @@ fn targa_samples(bytes: &[u8], shape: Shape) -> Option<Vec<u8>> {
         } else {
             pixel
         };
-        // Rows from the bottom and pixels from the left, unless the descriptor says otherwise.
+        // Rows run from the bottom and pixels from the left, unless the descriptor says otherwise.
         let (x, y) = (i % width, i / width);
         let x = if descriptor & 0x10 != 0 { width - 1 - x } else { x };
         let y = if descriptor & 0x20 != 0 { y } else { height - 1 - y };

@@ -92,7 +92,7 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
     }
     context.limit("vertices", counts.vertices.max(counts.uvs).max(counts.normals))?;
     context.limit("triangles", counts.triangles)?;
-    // Vertices of objects without colours are white beside coloured ones.
+    // Vertices of objects without colours become white if other vertices have colours.
     let lacks_colors = counts.colored != 0 && counts.colored != counts.vertices;
     if lacks_colors && counts.weighted > 0 {
         let (some, all) = (counts.colored, counts.vertices);

@@ -29,7 +29,7 @@ const PARTIAL_SUMS: usize = 8;
 #[derive(Debug)]
 pub(super) struct SnapshotTarget<'a> {
     pub grid: &'a SnapshotLayout,
-    /// m/s of one cell per step.
+    /// Speed of one cell per step, m/s.
     pub speed_unit: f32,
     /// Values of the grid's cells, halo included: velocity, m/s, and density less 1.
     pub values: &'a mut [[f32; 4]],

@@ -73,11 +73,13 @@ pub(super) struct PlaneBoundaryRanges {
 pub(super) struct ExchangeLists {
     pub grid: LatticeGrid,
     pub planes: Vec<PlaneBoundaryRanges>,
-    /// From the buffer of the step before to slots, and to the row halo.
+    /// Copies from the buffer of the previous step to slots.
     pub scatter: Vec<SpanCopy>,
+    /// Copies from the buffer of the previous step to the row halo.
     pub halo: Vec<RowHaloCopy>,
-    /// Copies from the buffer of ghost populations to slots, and to the row halo.
+    /// Copies from the buffer of ghost populations to slots.
     pub ghost_scatter: Vec<SpanCopy>,
+    /// Copies from the buffer of ghost populations to the row halo.
     pub ghost_halo: Vec<RowHaloCopy>,
     /// From slots to the buffer: populations that the step has sent towards boundaries.
     pub gather: Vec<SpanCopy>,
@@ -405,7 +407,7 @@ impl ExchangeBuffers {
     }
 }
 
-/// From the start of the first plane's part to the end of the last one's.
+/// Range of a buffer from the start of the first plane's part to the end of the last plane's part.
 fn range_over_planes(
     planes: &[PlaneBoundaryRanges],
     part: impl Fn(&PlaneBoundaryRanges) -> &Range<usize>,

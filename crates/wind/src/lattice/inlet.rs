@@ -632,7 +632,7 @@ impl WithSimd for InletVelocityKernel<'_> {
 /// sum += c cosine + s sine, element by element.
 #[inline(always)]
 fn accumulate_mode<S: Simd>(simd: S, sum: &mut [f32], c: f32, cosine: &[f32], s: f32, sine: &[f32]) {
-    // Whole registers, then the remaining elements one by one with the same operations.
+    // Process whole registers, then the remaining elements one by one with the same operations.
     let (lanes, rest) = S::as_mut_simd_f32s(sum);
     let ((a, a_rest), (b, b_rest)) = (S::as_simd_f32s(cosine), S::as_simd_f32s(sine));
     let (c_all, s_all) = (F32Lanes::from_scalar(simd, c), F32Lanes::from_scalar(simd, s));

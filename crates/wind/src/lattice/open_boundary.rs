@@ -181,11 +181,13 @@ impl GhostNode {
 }
 
 impl OpenBoundary {
-    /// `ghosts`: by plane, nodes with the same condition side by side. Also returns where each one's populations go.
+    /// `ghosts`: nodes by plane, with nodes of the same condition adjacent. Also returns the slots of each node's
+    /// populations.
     /// # Errors
     /// `Limit` for more nodes than an index of 32 bits counts.
     pub(super) fn new(ghosts: Vec<GhostNode>, planes: usize) -> Result<(Self, Vec<GhostSlots>)> {
-        // Join alike neighbours to runs, which are evaluated in SIMD lanes where their open cells are contiguous.
+        // Join adjacent nodes of the same condition to runs, which are evaluated in SIMD lanes if their open cells are
+        // contiguous.
         let mut runs: Vec<GhostRun> = Vec::new();
         let mut outlet_cells: [Vec<u32>; 6] = std::array::from_fn(|_| Vec::new());
         let (mut inlets, mut last) = (0, None);

@@ -86,7 +86,7 @@ pub struct RecordedWind {
 impl RecordedWind {
     /// Runs a solver that has done no frame through a clip and keeps the velocities of a region.
     /// # Errors
-    /// `Limit` if the recording would take more than `wind-bytes`; those of [`LatticeSolver::advance`].
+    /// `Limit` if the recording would take more than `wind-bytes`; the errors of [`LatticeSolver::advance`].
     pub fn record(
         lattice: &mut LatticeSolver,
         options: RecordingOptions,

@@ -405,7 +405,8 @@ fn warn_of_unresolved_turbulence(inlet: &InletWind, spacing: f64) -> Option<Latt
     (carried < MIN_CARRIED_TURBULENCE).then_some(LatticeWarning { code: "S033", text })
 }
 
-/// Steps per frame: those asked for, or the fewest at which the wind passes no more than [`TARGET_SPEED`] cells per step.
+/// Steps per frame: the requested number, or the fewest at which the wind passes no more than [`TARGET_SPEED`] cells
+/// per step.
 /// `peak`: largest speed of the inflow, m/s.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few, or refused")]
 fn steps_per_frame(

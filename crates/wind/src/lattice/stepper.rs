@@ -355,7 +355,7 @@ impl WithSimd for GhostKernel<'_> {
 /// Planes of a thread with the buffers they fill.
 struct Chunk<'a> {
     planes: PlaneSlices<'a>,
-    /// By plane of `even_planes`.
+    /// Square of the highest speed in the previous step, for each plane of `even_planes`.
     max_speed_squared: &'a mut [f32],
     /// Output of the even step; `None` if the pass has no even step.
     even_output: Option<ExchangeOutput<'a>>,

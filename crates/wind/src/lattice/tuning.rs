@@ -44,7 +44,7 @@ pub(super) const RAMP_STEPS: f32 = 100.0;
 
 /// Steps between two checks of every cell. A check costs about one step; a diverging flow is reported at most this late.
 pub(super) const CHECK_INTERVAL: u64 = 64;
-/// Share of fluid cells that may be clamped in one step before the run counts as diverged.
+/// Share of fluid cells that may be clamped in one step; if more are, the run has diverged.
 pub(super) const MAX_CLAMPED_SHARE: f64 = 0.01;
 /// Allowed density; outside, the flow has diverged: dynamic pressure at the clamped speed
 /// of 0.3 cells per step moves it by 0.15 only.

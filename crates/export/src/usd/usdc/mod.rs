@@ -73,8 +73,8 @@ impl UsdcWriter {
     /// Starts a crate file in `sink`; the pseudo-root is its first spec.
     pub(crate) fn new(sink: Box<dyn ByteSink>) -> Self {
         let mut tokens = Interner::default();
-        // PATHS marks a property by the negated number of its name. 0 has no negative, so number 0 goes to a token that is no
-        // name. The writer of OpenUSD uses the same token.
+        // PATHS marks a property by the negated number of its name. Since 0 cannot be negated, number 0 is given to a
+        // token that is no name. The writer of OpenUSD uses the same token.
         tokens.intern(";-)");
         let mut paths = PathTable::default();
         paths.intern("/");
