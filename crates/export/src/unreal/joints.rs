@@ -24,7 +24,7 @@ pub(super) struct WindJoints {
     pub(super) skeleton: Skeleton,
     /// Simulation group of each written joint.
     pub(super) groups: Vec<usize>,
-    /// For each written joint whether another one of its group follows.
+    /// For each written joint whether another joint of its group follows.
     pub(super) continues: Vec<bool>,
     /// Angle by which each written joint turns under a dynamic pressure of 1 Pa, rad/Pa; 0 for a joint without a branch,
     /// such as a root with several stems.
@@ -124,7 +124,8 @@ fn followers(rig: &RiggedPlant) -> Vec<Option<usize>> {
     }
     let follower = |(p, list): (usize, &Vec<usize>)| {
         let is_root = branch(p).is_none();
-        // The next joint of the same axis comes first. Behind the last one, the thicker half of a fork continues the axis.
+        // The next joint of the same axis comes first. After the last one, the thicker half of a fork continues the
+        // axis.
         if let Some(next) = list.iter().find(|c| !is_root && axis(**c) == axis(p)) {
             return Some(*next);
         }
