@@ -1,7 +1,7 @@
 //! Conversions between integer widths: an error where a count can exceed the target type, infallible where it cannot.
 //!
-//! Files and meshes store indices as `u32`, `u16` or `i32`; memory is counted in `usize`. A conversion that fails reports
-//! what there is too much of and how much of it can be indexed; it never replaces the count by another number.
+//! Files and meshes store indices as `u32`, `u16` or `i32`; memory is counted in `usize`. The error of a failed conversion names
+//! the counted things, their number and the largest number allowed. No count is ever replaced by another number.
 
 use crate::{Error, Result};
 

@@ -1,6 +1,6 @@
-//! Transcendental functions with one set of bits on every machine, and the few vector formulas everybody needs.
+//! Transcendental functions whose results have the same bits on every machine, and common vector formulas.
 //!
-//! The system's `sin` chooses instructions by CPU and changes its last bit with them; these wrap the `libm` crate.
+//! The system's `sin` chooses instructions by CPU, and its last bit changes with them; these functions wrap the `libm` crate.
 
 use glam::{Quat, Vec3};
 
