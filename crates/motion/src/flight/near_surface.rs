@@ -33,7 +33,7 @@ impl<'a> NearSurfaceWind<'a> {
         Self { field, solids, known, blocked: narrow(options.blocking_height), roughness, log_known }
     }
 
-    /// Wind speed along a surface at a distance from it, m, over that at the height at which the field is resolved.
+    /// Wind speed along a surface at a distance from it, m, divided by the speed at the height at which the field is resolved.
     fn share_along(&self, distance: f32) -> f32 {
         if distance >= self.known {
             return 1.0;
@@ -41,7 +41,9 @@ impl<'a> NearSurfaceWind<'a> {
         ln_f32((distance.max(0.0) + self.roughness) / self.roughness) / self.log_known
     }
 
-    /// Where to sample the wind field for a place near the surfaces `near`: out of the unresolved layer of each.
+    /// Position at which the wind field is sampled for a place near the surfaces `near`: moved along their normals out of the
+    /// layers
+    /// that the field does not resolve.
     fn resolved_place(&self, place: Vec3, near: &[Near]) -> Vec3 {
         near.iter().map(|n| n.nearest).fold(place, |at, n| at + n.normal * (self.known - n.distance).max(0.0))
     }
