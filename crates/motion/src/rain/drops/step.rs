@@ -33,7 +33,7 @@ impl RainLeaf {
         result
     }
 
-    /// Substeps in which no drop runs so far that it could pass over another.
+    /// Number of substeps, so many that no drop can run past another within one.
     fn substeps(&self, constants: &StepConstants, step: &LeafStep<'_>) -> u32 {
         let running = |drop: &LeafDrop| {
             let reach = MAX_DROP_SHIFT * drop.head_cap_by_law(&constants.cap_law, step.params).a.max(MIN_CAP_RADIUS);
@@ -85,7 +85,9 @@ impl RainLeaf {
             return;
         }
         let after = drop.tail_count_after(step.h, cap.a, step.params);
-        // A bead is decided at each whole number of caps: the count passes all of them, whatever the time step.
+        // Whether a bead stays is drawn at each whole number of caps that the count passes, so that it does not depend on the
+        // time
+        // step.
         let before = drop.tail_count;
         let mut full = before.floor();
         while full > after.max(1.0) {

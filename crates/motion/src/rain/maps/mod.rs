@@ -106,7 +106,7 @@ pub struct LeafWaterMaps {
     /// One span for each row over all of its texels.
     full: RowSpans,
     scale: f32,
-    /// Half-lives of wetness up to the last frame.
+    /// Number of half-lives of wetness that have passed up to the last frame.
     elapsed_half_lives: f64,
     /// Ratio of the exact decay up to the last frame to that of the maps, whose factors are rounded.
     decay_residual: f64,
@@ -189,7 +189,7 @@ impl LeafWaterMaps {
         self.update(&FrameUpdate { dirty, wet_spots, decay });
     }
 
-    /// The same, but every texel is recomputed with every cap: the reference that [`LeafWaterMaps::advance`] must equal bit for
+    /// As [`LeafWaterMaps::advance`], but recomputes every texel with every cap: the reference that `advance` must equal bit for
     /// bit.
     pub fn advance_full(
         &mut self,
