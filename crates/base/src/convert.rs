@@ -9,7 +9,7 @@ const _: () = assert!(usize::BITS >= 32, "supported targets have addresses of 32
 
 /// Integer types that [`narrow`] converts to, each with the limit that its error message names.
 pub trait IndexType {
-    /// `MAX` of the type, as the `limit` of [`Error::TooMany`].
+    /// Largest value of the type, for the `limit` of [`Error::TooMany`].
     const LARGEST: u64;
 }
 

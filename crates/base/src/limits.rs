@@ -117,7 +117,7 @@ impl Limits {
         self.check_with_help(name, wanted, what, "")
     }
 
-    /// [`Limits::check`] with what helps beside the flag, as a request without a full stop.
+    /// [`Limits::check`] with another remedy than the flag in the message, as a request without a full stop.
     /// # Errors
     /// `Limit` naming the flag that lifts it and the help.
     pub fn check_with_help(&self, name: &str, wanted: u64, what: &str, help: &str) -> Result<()> {

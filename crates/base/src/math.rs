@@ -150,7 +150,7 @@ pub fn rotation_about(axis: Vec3, angle: f32) -> Quat {
 /// Normalised linear interpolation of two rotations along the shorter arc; unlike slerp not of constant angular speed.
 #[inline]
 pub fn nlerp(a: Quat, b: Quat, t: f32) -> Quat {
-    // q and -q are the same rotation; of the two the one on a's hemisphere gives the shorter arc.
+    // q and -q are the same rotation; the one in the hemisphere of `a` gives the shorter arc.
     let b = if a.dot(b) < 0.0 { -b } else { b };
     Quat::from_vec4(glam::Vec4::from(a) * (1.0 - t) + glam::Vec4::from(b) * t).normalize()
 }

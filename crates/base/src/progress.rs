@@ -25,7 +25,7 @@ impl Cancel {
         Arc::clone(&self.signal)
     }
 
-    /// Asks to stop, as the signal of this number would; 0 withdraws the request.
+    /// Asks to stop, like the signal of this number; 0 withdraws the request.
     pub fn request(&self, signal: usize) {
         self.signal.store(signal, Ordering::Relaxed);
     }

@@ -53,7 +53,7 @@ pub trait Disk: Debug + Send + Sync {
         fs::rename(from, to)
     }
 
-    /// Removes a file; of a symbolic link the link, not its target.
+    /// Removes a file. A symbolic link itself is removed, not its target.
     /// # Errors
     /// The error of the system call.
     fn remove(&self, path: &Path) -> io::Result<()> {

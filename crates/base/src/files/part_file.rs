@@ -1,4 +1,4 @@
-//! Files in the making: `.NAME.HOST-PID-N.part` beside the final name, unique per writer and gone when it ends.
+//! Files that are being written: `.NAME.HOST-PID-N.part` in the folder of the final name, one per writer, removed when it ends.
 //!
 //! A writer keeps its part locked until the part is renamed or removed. Process ids alone do not show whether the writer is
 //! still alive: processes in two containers on one machine may have the same id. N counts from a random number, so that no two

@@ -11,7 +11,7 @@ use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
 use osier_base::rng::Rng;
 
-/// A catkin over a step at whose beginning it was airborne.
+/// A catkin that was airborne at the beginning of the step, with its path over the step.
 #[derive(Debug, Clone, Copy)]
 struct SweptCatkin {
     id: u32,

@@ -227,7 +227,7 @@ impl FlightSimulation {
         }
     }
 
-    /// Computes the decay of velocities over a step anew, after the length of the steps has changed.
+    /// Recomputes the decay of velocities over a step after the length of the steps has changed.
     fn renew_velocity_decays(&mut self) {
         let dt = self.time_step();
         for c in &mut self.catkins {

@@ -50,7 +50,8 @@ impl<'a> NearSurfaceWind<'a> {
 
     /// Wind near the surfaces `near`, m/s, computed from `air`, the wind at the resolved place.
     fn slowed(&self, air: Vec3, near: &[Near]) -> Vec3 {
-        // Across the surface a linear decrease to 0, as in a stagnation flow; along it the logarithmic law.
+        // The velocity normal to the surface decreases linearly to 0, as in a stagnation flow; that along the surface follows the
+        // logarithmic law.
         near.iter().map(|n| n.nearest).fold(air, |air, n| {
             let across = n.normal * air.dot(n.normal);
             let share_across = (n.distance / self.blocked).clamp(0.0, 1.0);

@@ -308,8 +308,8 @@ struct CumulativePoint {
     mm: f64,
 }
 
-/// The table of [`DIAMETER_TABLE_SIZE`] diameters, m, at the middles of intervals of equal probability: of the drops that cross a
-/// level area, not of the drops in a volume of air.
+/// The table of [`DIAMETER_TABLE_SIZE`] diameters, m, at the middles of intervals of equal probability. Probabilities are those
+/// among the drops that cross a level area, not among the drops in a volume of air.
 pub(crate) fn diameters_of_equal_probability(params: &RainfallParams) -> Vec<f64> {
     let n = DIAMETER_TABLE_SIZE as f64;
     let [least, most] = DIAMETER_RANGE_MM;

@@ -103,7 +103,7 @@ impl MeanBends {
     /// with the
     /// square of the wind speed, so that gusts add to the mean bend. `before`: bends of the spin-up, which count too.
     fn add_gusts(&mut self, frames: &[ElementBends], before: &BendSum) {
-        /// Largest part of gusts, as a multiple of the static bend. Own: that of gusts as strong as the mean wind.
+        /// Largest mean bend by gusts, as a multiple of the static bend. Own: that by gusts as strong as the mean wind.
         const MOST: f64 = 1.0;
         let part = |i: usize| {
             // Complex regression of the difference d on the static bend m: sum of d conj(m), divided by that of |m|^2.

@@ -115,8 +115,8 @@ pub(crate) const JOINT_FADE: f32 = 1.5;
 /// fading. Lower: accidental gaps between lengths count as classes.
 pub(crate) const CLASS_GAP: f32 = 1.25;
 
-/// Distance, m, by which a leaf may leave the written bark for its simulated place, approached by a hyperbolic tangent:
-/// about the length of its stalk. Larger: leaves float beside twigs that have no joints; smaller: they do not move there.
+/// Largest distance, m, between a leaf and its place on the bark as joints move it, approached by a hyperbolic tangent: about the
+/// length of its stalk. Larger: leaves float beside twigs that have no joints; smaller: leaves of such twigs do not move.
 pub(crate) const MAX_LEAF_OFFSET: f32 = 0.02;
 
 /// Bark points per task: enough work to outweigh the scheduling.

@@ -23,7 +23,7 @@ use osier_scene::plant::NONE;
 pub(super) struct RigidMotion {
     /// Rotation vector, rad, or angular velocity, rad/s.
     pub turn: DVec3,
-    /// Of the origin of plant space, m or m/s.
+    /// Displacement, m, or velocity, m/s, of the origin of plant space.
     pub offset: DVec3,
 }
 

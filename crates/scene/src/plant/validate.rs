@@ -30,7 +30,8 @@ impl std::fmt::Display for Warning {
 
 /// Checks a plant and repairs two faults: nodes of segments shorter than 1e-7 m are dropped (an axis of no length keeps two
 /// nodes, 1 um apart, or 1e-6 of their largest coordinate), and children thicker than 0.95 of their parent at the site are
-/// thinned to that. Returns one warning per kind of repair; radii that grow along an axis, as at the nodes of a culm, are none.
+/// thinned to that. Returns one warning per kind of repair. Radii that grow along an axis, as at the nodes of a culm, are
+/// allowed.
 /// # Errors
 /// X001 for a value that is not finite; `Range` for r <= 0, a frame that is no unit quaternion, a parent that does not
 /// precede its child, an arc length outside its axis, an unknown prototype or fewer than 2 nodes; `Limit` beyond 2e7

@@ -72,7 +72,8 @@ impl RainLeaf {
     }
 
     /// Lets the tail of a sessile drop grow or shrink. Where a tail of full caps begins to shrink, its last cap stays on the leaf as a
-    /// bead with probability [`DropParams::bead_probability`](crate::rain::DropParams::bead_probability). `cap`: of the head.
+    /// bead with probability [`DropParams::bead_probability`](crate::rain::DropParams::bead_probability). `cap`: the cap of its
+    /// head.
     fn resize_tail(
         &self,
         drop: &mut LeafDrop,

@@ -68,7 +68,7 @@ pub struct LeafDrop {
     pub volume: f64,
     /// Attachment while the drop hangs at the margin; `None` for a sessile drop.
     pub pendant: Option<PendantAnchor>,
-    /// Unit tangent along which its footprint is stretched and sheared; of a pendant drop, the direction that it hangs in.
+    /// Unit tangent along which its footprint is stretched and sheared; for a pendant drop, the direction in which it hangs.
     pub axis: DVec3,
     /// Skew as a fraction of the largest, 0 to 1: the load on the contact line relative to its retention.
     pub lean: f64,

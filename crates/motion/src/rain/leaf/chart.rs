@@ -133,8 +133,8 @@ pub(super) fn weld(points: &[DVec3]) -> Vec<u32> {
     (0_u32..).zip(points).map(|(i, p)| *first_at.entry(position(p)).or_insert(i)).collect()
 }
 
-/// Why texture coordinates are not one-to-one; `None` if they are. `corners`: of each triangle; `edges`: welded vertices of each
-/// triangle and the coordinates of its corners.
+/// Reason why texture coordinates are not one-to-one; `None` if they are. `corners`: coordinates of each triangle's corners;
+/// `edges`: welded vertices of each triangle, and the coordinates of its corners.
 fn own_uv_fault(corners: &[[DVec2; 3]], edges: impl Iterator<Item = ([u32; 3], [DVec2; 3])>) -> Option<UvFault> {
     let range = -CHART_SEAM_TOLERANCE..=1.0 + CHART_SEAM_TOLERANCE;
     if !corners.iter().flatten().all(|uv| range.contains(&uv.x) && range.contains(&uv.y)) {

@@ -60,13 +60,13 @@ struct WetSpotStamp {
 /// Number of texel updates by their cause; a texel counts as often as it is updated.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct TexelCounters {
-    /// Heights, by each cap.
+    /// Updates of heights: one for each cap over a texel.
     pub heights: u64,
-    /// Normals, once a frame.
+    /// Updates of normals: at most one per texel and frame.
     pub normals: u64,
-    /// Wetness, by each wet spot.
+    /// Updates of wetness by wet spots: one for each spot over a texel.
     pub wet_spots: u64,
-    /// Wetness, by drying.
+    /// Updates of wetness by drying.
     pub drying: u64,
 }
 

@@ -61,7 +61,8 @@ impl RigidBlade {
         }
     }
 
-    /// Inertia about the centroid, kg m^2, in leaf space. `density`: mass per area, kg/m^2; `scale`: of the leaf.
+    /// Inertia about the centroid, kg m^2, in leaf space. `density`: mass per area, kg/m^2; `scale`: factor on the size of the
+    /// leaf.
     pub fn inertia(&self, density: f64, scale: f64) -> DMat3 {
         let s2 = scale * scale;
         self.inertia * (density * s2 * s2)
