@@ -30,8 +30,7 @@ impl<const N: usize> Keyframes<N> {
     }
 }
 
-/// Value at `x` by linear interpolation, a + (b - a) (x - xa) / (xb - xa), between rows of coordinate and value in ascending
-/// order
+/// Value at `x` by linear interpolation, a + (b - a) (x - xa) / (xb - xa), between rows of coordinate and value in ascending order
 /// of the coordinate; `None` without rows. It multiplies before it divides and differs from [`Keyframes::at`] in the last bits.
 pub fn interpolate(rows: &[[f64; 2]], x: f64) -> Option<f64> {
     let next = rows.partition_point(|row| row[0] <= x);

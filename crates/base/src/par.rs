@@ -75,8 +75,7 @@ pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> 
     }
 }
 
-/// Runs `f` in a new pool of `threads` threads. Without feature `parallel`, or if no pool can be made, it runs on the caller's
-/// thread.
+/// Runs `f` in a new pool of `threads` threads. Without feature `parallel`, or if no pool can be made, it runs on the caller's thread.
 pub fn on_threads<R: Send>(threads: usize, f: impl FnOnce() -> R + Send) -> R {
     #[cfg(feature = "parallel")]
     {

@@ -1,5 +1,4 @@
-//! Streams of random numbers with addresses: every decision draws from a separate stream, so that no draw depends on the order
-//! of work.
+//! Streams of random numbers with addresses: every decision draws from a separate stream, so that no draw depends on the order of work.
 //!
 //! A stream is named by a seed and a path of integers and words; the same address gives the same numbers for ever.
 
@@ -8,8 +7,7 @@ use rand_pcg::rand_core::Rng as _;
 
 use crate::math;
 
-// 2^64 divided by the golden ratio, the increment of splitmix64. It is added because the finalizer maps 0 to 0, and keys and ids
-// may be 0.
+// 2^64 divided by the golden ratio, the increment of splitmix64. It is added because the finalizer maps 0 to 0, and keys and ids may be 0.
 const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
 const MULTIPLIER: u64 = 0xD134_2543_DE82_EF95;
 

@@ -9,8 +9,7 @@ use osier_scene::plant::{Axis, NONE, Plant, Site};
 /// within the parent. Up to the first multiple arc lengths shrink in proportion to the parent's radius, so that the slanted rings
 /// of the collar keep their slant; from there to the second multiple the shift decreases to 0.
 const JUNCTION_REACH: [f32; 2] = [2.0, 5.0];
-/// Greatest fraction of its length that a branch may have within its parent to be shifted; a branch with a greater one has no
-/// collar.
+/// Greatest fraction of its length that a branch may have within its parent to be shifted; a branch with a greater one has no collar.
 const MOST_INSIDE: f32 = 0.9;
 
 /// A point of the skin or an organ, bound to the skeleton.
@@ -43,8 +42,7 @@ pub struct PosedSkin {
 }
 
 /// The skin of a plant in a pose. `points`, `normals`: the skin at rest, with one normal per point or none at all; `bindings`:
-/// one
-/// per point.
+/// one per point.
 pub fn pose_skin(
     plant: &Plant,
     pose: PosedNodes<'_>,

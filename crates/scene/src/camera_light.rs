@@ -146,8 +146,7 @@ impl Fog {
         };
         let share = |y: f32| if y <= 0.0 { 1.0 } else { 1.0 / ((1.0 + y / self.height) * (1.0 + y / self.height)) };
         // The density along the ray integrates to a difference of `below` divided by the slope of the ray, which would be 0 / 0
-        // for
-        // a level ray.
+        // for a level ray.
         let rise = along.y * length;
         let amount = if rise.abs() < 1e-3 * self.height {
             share(from.y) * length

@@ -18,8 +18,7 @@ pub struct Frame {
     /// Values of each field of the scene, `width * height` of them, rows from the top.
     pub fields: Vec<Vec<f32>>,
     /// Velocities of the air, m/s, one list per grid of the scene. A list is empty at frames that do not sample its grid; all
-    /// lists
-    /// may be missing.
+    /// lists may be missing.
     pub air: Vec<Vec<Vec3>>,
     /// Values of each volume of the scene; empty if there are none.
     pub volumes: Vec<VolumeFrame>,
@@ -28,8 +27,7 @@ pub struct Frame {
     /// Tables of single elements such as drops, one row each, in the order of the motions that record them.
     pub records: Vec<RecordTable>,
     /// Tables of single elements for node systems, which read a row as a point with attributes. A table of the same name has the
-    /// same
-    /// columns in all frames.
+    /// same columns in all frames.
     pub point_tables: Vec<RecordTable>,
     /// States of assets at other times of the clip, by asset and phase; only those that were requested.
     pub shifted: BTreeMap<(usize, u32), AssetFrame>,

@@ -165,8 +165,7 @@ impl Scene {
     }
 
     /// Whether each material is on some surface, point or curve of an asset at any frame, parallel to [`Scene::materials`]. Some
-    /// are
-    /// not: every plant has a material of bark, even without thick axes, and one of dead wood, even if it lives.
+    /// are not: every plant has a material of bark, even without thick axes, and one of dead wood, even if it lives.
     pub fn used_materials(&self) -> Vec<bool> {
         let mut used = vec![false; self.materials.len()];
         let mut mark = |id: MaterialId| {

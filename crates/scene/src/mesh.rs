@@ -97,11 +97,9 @@ impl Mesh {
     }
 
     /// For each point, true if all its triangles have no area when the points of the mesh are at `points`, so that the point is
-    /// not
-    /// visible.
+    /// not visible.
     pub fn unseen_points(&self, points: &[Vec3]) -> Vec<bool> {
-        /// Largest width of a triangle whose corners are collinear but for rounding, as a share of their distance from the
-        /// origin.
+        /// Largest width of a triangle whose corners are collinear but for rounding, as a share of their distance from the origin.
         const ROUNDING: f32 = 1e-6;
         let mut unseen = vec![true; points.len()];
         for t in &self.triangles {
@@ -140,8 +138,7 @@ pub enum MeshMotion {
     Still,
     /// By its skin and the asset's skeleton; frames carry poses only.
     Skinned,
-    /// Frames carry new points of the same topology. A skin, if there is one, approximates the motion for formats without vertex
-    /// caches.
+    /// Frames carry new points of the same topology. A skin, if there is one, approximates the motion for formats without vertex caches.
     Deforming,
     /// Frames carry whole meshes, whose numbers of points and triangles change.
     Varying,

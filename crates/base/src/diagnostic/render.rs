@@ -242,8 +242,7 @@ fn visible_lines(text: &str) -> String {
 }
 
 /// Like [`visible`], but keeps every byte offset: a hidden character becomes as many question marks as it has bytes, and a lone
-/// CR
-/// between two lines becomes LF, since the renderer ends lines only at LF.
+/// CR between two lines becomes LF, since the renderer ends lines only at LF.
 fn masked(text: &str) -> String {
     let bytes = text.as_bytes();
     let is_masked = |c: char| is_hidden(c) && !matches!(c, '\n' | '\t' | '\r');

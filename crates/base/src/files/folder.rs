@@ -35,8 +35,7 @@ pub struct FileRecord {
 /// Options of an output folder: what its files depend on, and what may be overwritten.
 #[derive(Debug, Clone)]
 pub struct WriteOptions {
-    /// Everything that the bytes of the files depend on: scene hash, version, options. Files finished under an equal key are
-    /// kept.
+    /// Everything that the bytes of the files depend on: scene hash, version, options. Files finished under an equal key are kept.
     /// An empty key identifies no bytes: every file is written, and files of earlier runs are removed like files of another key.
     pub key: String,
     /// Overwrite files that osier did not write, instead of ending with [`Error::Foreign`].
@@ -185,8 +184,7 @@ impl Folder {
         }
         self.prepare_folder(path.rsplit_once('/').map_or("", |(folder, _)| folder))?;
         // The manifest lists a finished set: before it is written, files of earlier bakes are removed, and before any other file
-        // is
-        // written, the manifest is withdrawn.
+        // is written, the manifest is withdrawn.
         if path == MANIFEST {
             self.check_finished()?;
             self.remove_stale_files()?;
@@ -210,8 +208,7 @@ impl Folder {
     }
 
     /// Checks that this run may write a file of a name. [`Folder::create`] checks it too, but for a file that refers to others
-    /// and
-    /// is written after them, an early check avoids writing these in vain.
+    /// and is written after them, an early check avoids writing these in vain.
     /// # Errors
     /// `Foreign` if a file that osier did not write has the name; `Io`.
     pub fn check_name(&self, path: &str) -> Result<()> {
@@ -287,8 +284,7 @@ impl Folder {
         retry(|| self.disk().sync_dir(self.root())).map_err(|e| Error::io("sync", self.root(), e))
     }
 
-    /// Whether an entry was written under the key of this run. False for the empty key, since entries with it may be of any
-    /// scene.
+    /// Whether an entry was written under the key of this run. False for the empty key, since entries with it may be of any scene.
     fn is_own_key(&self, entry: &JournalEntry) -> bool {
         !self.shared.options.key.is_empty() && entry.key == self.shared.key
     }
@@ -357,8 +353,7 @@ impl Folder {
     }
 
     /// Whether a file has the length of one of these entries of the journal, but the content of none, as after an edit of one
-    /// digit.
-    /// A file of another length is not read.
+    /// digit. A file of another length is not read.
     fn has_other_content(&self, path: &str, entries: &[JournalEntry]) -> bool {
         let length = open_regular(&self.root().join(path), false).and_then(|file| file.metadata()).map(|m| m.len());
         let is_candidate = length.is_ok_and(|length| entries.iter().any(|e| e.bytes == length));
@@ -418,8 +413,7 @@ impl Folder {
     }
 
     /// Error if a bake under another key has replaced or removed files of this run meanwhile, since both manifests would then
-    /// list
-    /// wrong files. Files that someone else removed are reported when a bake is checked against its manifest.
+    /// list wrong files. Files that someone else removed are reported when a bake is checked against its manifest.
     fn check_finished(&self) -> Result<()> {
         let mut state = self.state();
         // Read the journal again: another bake adds its lines to the file, and removes those of this bake when it ends.

@@ -57,8 +57,7 @@ impl Folder {
     }
 
     /// Writes a file from bytes in memory, without a frame number. A file that is already finished is kept; in a plain folder so
-    /// is
-    /// any file with these bytes, whoever wrote it.
+    /// is any file with these bytes, whoever wrote it.
     /// # Errors
     /// As [`Folder::create`].
     pub fn write(&self, path: &str, kind: &'static str, bytes: &[u8]) -> Result<()> {
@@ -68,8 +67,7 @@ impl Folder {
                 out.commit()
             }
             Ok(None) => Ok(()),
-            // A text such as a grammar cannot name its maker, so that a file of an earlier run looks foreign; with equal bytes it
-            // is kept.
+            // A text such as a grammar cannot name its maker, so that a file of an earlier run looks foreign; with equal bytes it is kept.
             Err(Error::Foreign { .. }) if self.keep_equal(path, kind, bytes) => Ok(()),
             Err(refused) => Err(refused),
         }

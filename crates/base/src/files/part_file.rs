@@ -57,8 +57,7 @@ impl PartFile {
                     part.lock = file.try_clone().ok();
                     return Ok((part, file));
                 }
-                // Before the part was locked, another process took it for that of a dead process and removed it: try the next
-                // number.
+                // Before the part was locked, another process took it for that of a dead process and removed it: try the next number.
                 Ok(_) => {}
                 // Another file has this name: it is left to `remove_stale_parts`, and the next number is tried.
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => part.moved = true,

@@ -157,8 +157,7 @@ impl SearchPaths {
     }
 
     /// Sorted names of the regular files in the folder of `from` that end with `ending`, which is in lower case and matches
-    /// either
-    /// case. Empty if the folder is outside the search paths or has more than 10,000 entries.
+    /// either case. Empty if the folder is outside the search paths or has more than 10,000 entries.
     pub fn names_beside(&self, from: &Path, ending: &str) -> Vec<String> {
         const MOST: usize = 10_000;
         let folder = folder_of(from);

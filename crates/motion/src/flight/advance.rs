@@ -121,8 +121,7 @@ impl FlightSimulation {
                 let (way, v) = step(c).full_step(c.v, pull(c, *air, t + dt / 2.0));
                 // Sweep the ball along its displacement: the first contact ends the flight.
                 let path = SweptBall { from: c.x, way, radius: c.radius };
-                // At the start of a flight the relative wind is that at the catkin's position, not the value left by an earlier
-                // flight.
+                // At the start of a flight the relative wind is that at the catkin's position, not the value left by an earlier flight.
                 if std::mem::take(&mut c.begins_flight) {
                     c.flow = *before - c.v.as_vec3();
                 }

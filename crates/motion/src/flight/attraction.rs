@@ -92,8 +92,7 @@ impl FlightSimulation {
     }
 
     /// The nearest cluster member that attracts the catkin `c`, with the square of its distance, m^2; of equally near ones the
-    /// one of
-    /// the lowest index.
+    /// one of the lowest index.
     fn nearest_attractor(&self, c: &Catkin, grid: &NeighbourGrid, reach: f64) -> Option<(f64, u32)> {
         // Search the cells within reach, across periodic sides too; ties in distance go to the lower index, so that the result is
         // unique. Members of a cluster may lie a little beyond a side.

@@ -86,10 +86,8 @@ impl FlightSimulation {
         let x = cluster.as_ref().map_or_else(|| self.catkin(root).x, |c| c.x);
         let members = cluster.map_or_else(|| vec![root], |c| c.members);
         let dt = self.time_step();
-        // Recycling starts at the first whole frame after the exit. At frame rates such as 29.97 times have rounding errors; the
-        // tolerance keeps the end of a frame from counting as part of the next one. A shorter first interval shifts the times of
-        // all
-        // frames.
+        // Recycling starts at the first whole frame after the exit. At frame rates such as 29.97 times have rounding errors; the tolerance
+        // keeps the end of a frame from counting as part of the next one. A shorter first interval shifts the times of all frames.
         let first = self.options.first_interval;
         let frames = ((t + dt - first) * self.options.fps - 1e-6).ceil();
         let back = first + (frames + HIDDEN_FRAMES - 1.0) / self.options.fps;

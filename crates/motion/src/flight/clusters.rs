@@ -116,8 +116,7 @@ impl CatkinCluster {
     }
 
     /// Makes offsets relative to the centre of mass again, and returns the vector that was subtracted from them, m. `mass`: mass
-    /// of the
-    /// member of an index, kg.
+    /// of the member of an index, kg.
     fn recenter(&mut self, mass: impl Fn(u32) -> f64) -> DVec3 {
         let all = self.members.iter().zip(&self.offsets);
         let off = all.fold(DVec3::ZERO, |sum, (id, offset)| sum + *offset * mass(*id)) / self.mass;
@@ -171,8 +170,7 @@ impl CatkinCluster {
         decayed_updraft(self.lift, t - self.lifted)
     }
 
-    /// Joins both clusters to one body. If both are airborne, linear momentum is conserved (\[catkin\] eq. 13); a deposited
-    /// cluster
+    /// Joins both clusters to one body. If both are airborne, linear momentum is conserved (\[catkin\] eq. 13); a deposited cluster
     /// stops the other.
     fn merged_with(self, other: Self, t: f64) -> Self {
         // Conserve momentum: velocities, updrafts and spins average by mass.
@@ -363,8 +361,7 @@ impl FlightSimulation {
     }
 
     /// Translations by whole box sizes from a place to its images: for each periodic side within `reach`, m, of the place there
-    /// is an
-    /// image beyond the opposite side. The first translation is 0.
+    /// is an image beyond the opposite side. The first translation is 0.
     pub(super) fn image_shifts(&self, at: Vec3, reach: f32) -> impl Iterator<Item = Vec3> {
         let (inside, [ex, ez]) = (self.options.inside, self.options.edges);
         let size = inside.size();

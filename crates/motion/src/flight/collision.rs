@@ -43,8 +43,7 @@ impl SweptBall {
     /// Moves the sphere up to the first contact, and returns the end of its path and the surface that stopped it.
     pub fn sweep(&self, solids: &Solids) -> SweepResult {
         // Without contact the whole displacement is free; otherwise push the sphere out of the solids at the contact and classify
-        // the
-        // surface there.
+        // the surface there.
         let (gone, met) = self.trace_free_share(solids);
         if met.is_none() {
             return SweepResult { at: self.from + self.way, contact: None };

@@ -43,8 +43,7 @@ struct BoundingSphere {
 }
 
 /// Offsets in x and y of the neighbouring rows that a cell is tested against. Together with the next cell of its own row they
-/// hold
-/// half of its 26 neighbours, so that every pair of cells is visited once.
+/// hold half of its 26 neighbours, so that every pair of cells is visited once.
 const FORWARD_ROWS: [(i32, i32); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
 /// Airborne catkins sorted into the cells of a uniform grid; cells along z are contiguous in memory.
@@ -99,8 +98,7 @@ impl ContactGrid {
             reach = reach.max(f.reach);
         }
         // Cells are about as wide as the mean spacing, but never narrower than the reach of two spheres, so that contacts occur
-        // in
-        // neighbouring cells only.
+        // in neighbouring cells only.
         let n = self.flyers.len().max(1) as f32;
         let volume = (self.size.x * self.size.y * self.size.z).max(f32::MIN_POSITIVE);
         let side = (2.0 * reach + stray).max(osier_base::math::pow_f32(volume / n, 1.0 / 3.0)).max(1e-3);
@@ -327,8 +325,7 @@ impl FlightSimulation {
         let (end, reach) = (c.x.as_vec3(), c.radius + widest);
         let start = (c.x - c.travel).as_vec3();
         let way = end - start;
-        // Near a periodic side, test the images of the path beyond the opposite side too; members of clusters may lie outside the
-        // box.
+        // Near a periodic side, test the images of the path beyond the opposite side too; members of clusters may lie outside the box.
         for shift in self.image_shifts(end, 2.0 * reach + way.length()) {
             let (start, end) = (start + shift, end + shift);
             let (low, high) = (start.min(end) - Vec3::splat(reach), start.max(end) + Vec3::splat(reach));

@@ -76,8 +76,7 @@ impl FlightSimulation {
     }
 
     /// Slides deposits on walls down, the slower the wetter the wall, or up in an updraft, and evaluates their contacts again.
-    /// Deposits
-    /// on the underside of an overhang detach.
+    /// Deposits on the underside of an overhang detach.
     pub(super) fn slide_down_walls(&mut self, wind: &dyn Wind, t: f64) {
         // Leaders only: members follow their cluster.
         let sliding =
@@ -100,8 +99,7 @@ impl FlightSimulation {
         }
     }
 
-    /// Humidity, 0 to 1, of the face that supports a catkin: that of the solid, or for a height field of any slope that of the
-    /// ground.
+    /// Humidity, 0 to 1, of the face that supports a catkin: that of the solid, or for a height field of any slope that of the ground.
     pub(super) fn face_humidity(&self, c: &Catkin) -> f64 {
         match c.face.and_then(|i| self.solids.list().get(i as usize)) {
             Some(Solid { form: Form::Prism(_) | Form::Shell(_), humidity, .. }) => *humidity,

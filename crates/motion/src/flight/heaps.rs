@@ -216,8 +216,7 @@ impl FlightSimulation {
                         // The part has not moved: without a contact check it cannot join the rest of the cluster again.
                         c.moved_since_check = false;
                     }
-                    // Its path begins here, so that its displacement in the heap does not count as an approach to the rest of the
-                    // cluster.
+                    // Its path begins here, so that its displacement in the heap does not count as an approach to the rest of the cluster.
                     None => (c.state, c.rested, c.travel) = (CatkinState::Airborne, -1.0, DVec3::ZERO),
                 }
             }

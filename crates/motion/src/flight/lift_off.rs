@@ -127,8 +127,7 @@ impl FlightSimulation {
             c.lift_exposure = narrow(-ln(1.0 - Rng::at(seed, &address).unit_f64())).max(f32::MIN_POSITIVE);
         }
         // A catkin deposited within this step has rested for half of it on average. Its `rested` is still negative, since it is
-        // set at
-        // the end of the step.
+        // set at the end of the step.
         let lain = if c.rested < 0.0 { 0.5 * dt } else { dt };
         c.lift_exposure -= narrow(rate * lain);
         c.lift_exposure <= 0.0

@@ -275,8 +275,7 @@ impl FlightSimulation {
     }
 
     /// Moves pending catkins with the plant from which they hang. `carried`: position and velocity of the catkin of an index, or
-    /// `None`
-    /// to leave it unchanged.
+    /// `None` to leave it unchanged.
     pub fn move_pending(&mut self, carried: impl Fn(u32) -> Option<CarriedPoint>) {
         for c in self.catkins.iter_mut().filter(|c| c.state == CatkinState::Pending) {
             if let Some(CarriedPoint { position, velocity }) = carried(c.id) {

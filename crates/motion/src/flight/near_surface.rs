@@ -42,8 +42,7 @@ impl<'a> NearSurfaceWind<'a> {
     }
 
     /// Position at which the wind field is sampled for a place near the surfaces `near`: moved along their normals out of the
-    /// layers
-    /// that the field does not resolve.
+    /// layers that the field does not resolve.
     fn resolved_place(&self, place: Vec3, near: &[Near]) -> Vec3 {
         near.iter().map(|n| n.nearest).fold(place, |at, n| at + n.normal * (self.known - n.distance).max(0.0))
     }

@@ -139,8 +139,7 @@ pub struct FlightParams {
     /// Least height above a surface at which the wind field is resolved, m; below, the logarithmic law is used.
     pub min_resolved_height: f64,
     /// Height above a surface below which the wind normal to it decreases to 0, m; equal to `min_resolved_height` for a wind
-    /// field
-    /// that does not blow through solids.
+    /// field that does not blow through solids.
     pub blocking_height: f64,
     /// Displacement per step above which steps are counted in `FlightStats::long_steps`, m.
     pub longest_step: f64,

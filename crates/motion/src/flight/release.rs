@@ -49,8 +49,7 @@ pub fn sky_starts(sky: &SkyRelease, solids: &Solids) -> Vec<CatkinStart> {
 }
 
 /// Random point on an inflow side for a recycled catkin. `wind`: mean wind, m/s; `edges`: boundary conditions of the sides across
-/// x
-/// and z, of which periodic ones have no inflow; `band`: range of heights as fractions of the height of the box.
+/// x and z, of which periodic ones have no inflow; `band`: range of heights as fractions of the height of the box.
 pub(super) fn inflow_point(
     wind: Vec3,
     inside: Bounds,

@@ -65,8 +65,7 @@ pub struct FlightStats {
     pub flight_time: Option<f64>,
     /// Mean horizontal distance of deposited catkins from their release, m; `None` without any.
     pub flight_distance: Option<f64>,
-    /// Horizontal distances from the release, m, that 10, 50 and 90 % of the deposited catkins do not exceed; `None` without
-    /// deposits.
+    /// Horizontal distances from the release, m, that 10, 50 and 90 % of the deposited catkins do not exceed; `None` without deposits.
     pub distance_quantiles: Option<[f64; 3]>,
     /// Deposited catkins that penetrate a surface by more than 0.1 mm.
     pub penetrations: u64,

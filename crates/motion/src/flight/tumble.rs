@@ -94,8 +94,7 @@ impl TumbleStep {
         for part in 0..self.parts {
             let tuft = c.tuft();
             // The relative wind relaxes towards its steady value minus the glide along the tuft's present axis; the torque is
-            // that of
-            // its mean over the part.
+            // that of its mean over the part.
             let lasting = c.lasting_flow - Vec3::new(tuft.x, 0.0, tuft.z) * (self.glide * fall);
             let lag = c.flow - lasting;
             let flow = lasting + lag * decay.mean;

@@ -39,16 +39,14 @@ pub(crate) const MIN_TRACE_STEP: f32 = 1e-5;
 /// Push-out passes for penetrating spheres, at most; a corner of three faces needs three.
 pub(crate) const MAX_PUSH_OUT_PASSES: u32 = 4;
 
-/// Distance of the centre from a surface that counts as contact, in radii. Larger: deposits cling to walls that they do not
-/// touch.
+/// Distance of the centre from a surface that counts as contact, in radii. Larger: deposits cling to walls that they do not touch.
 pub(crate) const CONTACT_FACTOR: f32 = 1.05;
 
 /// Surfaces whose normal's y is above this (slopes below 60 degrees) count as ground, others as walls.
 pub(crate) const GROUND_NORMAL_Y: f32 = 0.5;
 
 /// Catkins drop straight down from surfaces whose normal has a y below this (overhangs of more than 15 degrees). Lower: they
-/// slide
-/// along the underside of a roof; 0: rounding errors make overhangs of upright walls.
+/// slide along the underside of a roof; 0: rounding errors make overhangs of upright walls.
 pub(crate) const OVERHANG_NORMAL_Y: f32 = -0.26;
 
 /// Penetration below which nothing is pushed out, m.
@@ -101,9 +99,7 @@ pub(crate) const CREEP_SHARE: f64 = 0.3;
 /// Updraft at lift-off, as a fraction of the wind speed in excess of the threshold. Lower: catkins hop; higher: they fly off.
 pub(crate) const UPDRAFT_SHARE: f64 = 0.5;
 
-/// Height that every lift-off reaches in calm air, in radii. Lower: invisible lift-offs are counted, more of them with shorter
-/// time
-/// steps.
+/// Height that every lift-off reaches in calm air, in radii. Lower: invisible lift-offs are counted, more of them with shorter time steps.
 pub(crate) const MIN_HOP: f64 = 2.0;
 
 /// Decay time of the updraft after a lift-off, s. Longer: lifted catkins rise out of sight; shorter: they drop at

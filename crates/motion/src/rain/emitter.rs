@@ -173,8 +173,7 @@ impl RainEmitter {
         self.flux
     }
 
-    /// Rainfall rate at factor 1 of the envelope, m/s: that of the parameters, or the rate that results from a total number of
-    /// drops.
+    /// Rainfall rate at factor 1 of the envelope, m/s: that of the parameters, or the rate that results from a total number of drops.
     pub fn rate(&self) -> f64 {
         self.flux * self.mean_volume
     }

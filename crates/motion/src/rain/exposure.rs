@@ -63,9 +63,7 @@ impl RainExposure {
         };
         let samples = (0..EXPOSURE_SAMPLES).map(|k| {
             let middle = (f64::from(k) + 0.5) / f64::from(EXPOSURE_SAMPLES);
-            // Sizes in the order of the times would correlate the two: from size to size the time advances by three eighths of
-            // the
-            // clip.
+            // Sizes in the order of the times would correlate the two: from size to size the time advances by three eighths of the clip.
             let t = params.duration * (f64::from((3 * k) % EXPOSURE_SAMPLES) + 0.5) / f64::from(EXPOSURE_SAMPLES);
             RainSample { diameter: diameter_at(middle), t }
         });

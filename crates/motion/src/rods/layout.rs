@@ -176,8 +176,7 @@ pub(crate) struct SectionProperties {
     pub s: f64,
     /// Mass of each corner, kg.
     pub mass: f64,
-    /// Indices of the attached bases that replace the first and the second predecessor; [`NONE`] where the predecessor is a free
-    /// section.
+    /// Indices of the attached bases that replace the first and the second predecessor; [`NONE`] where the predecessor is a free section.
     pub base: [u32; 2],
     /// Stiffness, N/m, and rest length, m, of its springs, in the order of [`crate::rods::springs`].
     pub stiffness: [f64; SPRINGS_PER_SECTION],

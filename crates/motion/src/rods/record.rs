@@ -97,8 +97,7 @@ struct DetachedBody {
 }
 
 /// Time, s, at which the `k`-th of `n` substeps of a frame begins; `k` = `n` gives the first substep of the next frame. The end
-/// of
-/// a substep is computed as the beginning of the next, so that rounding puts every time into exactly one substep.
+/// of a substep is computed as the beginning of the next, so that rounding puts every time into exactly one substep.
 fn substep_time(fps: f64, frame: u32, k: u32, n: u32) -> f64 {
     if k < n {
         f64::from(frame) / fps + f64::from(k) * (1.0 / (fps * f64::from(n)))
@@ -320,8 +319,7 @@ impl RodSystem {
                     }
                 }
                 // The body is released in this step, with the velocity of its point of attachment. A weight whose keys have given
-                // it no
-                // mass yet is not released: it stays at its point of attachment.
+                // it no mass yet is not released: it stays at its point of attachment.
                 None if body.mass <= 0.0 && clip.had_mass_before(i, t) => {
                     let (f, (v, spin)) = (self.section_frame(body.section), self.section_rigid_velocity(body.section));
                     let arm = f.matrix() * body.at;

@@ -25,8 +25,7 @@ pub(crate) struct RodInterval {
     pub young: f64,
     /// Shear modulus divided by Young's modulus.
     pub shear: f64,
-    /// Factor by which the prism is widened at constant bending stiffness; its axial stiffness falls with the square of the
-    /// factor.
+    /// Factor by which the prism is widened at constant bending stiffness; its axial stiffness falls with the square of the factor.
     pub spread: f64,
 }
 

@@ -124,8 +124,7 @@ pub struct RodSystem {
     pub(crate) x: Vec<Vector9>,
     pub(crate) v: Vec<Vector9>,
     pub(crate) before: [Vec<Vector9>; 2],
-    /// External forces, N: forces that last until they are cleared, and impulses divided by the step length, which act in one
-    /// step
+    /// External forces, N: forces that last until they are cleared, and impulses divided by the step length, which act in one step
     /// only.
     external_forces: Vec<Vector9>,
     impulse_forces: Vec<Vector9>,

@@ -91,8 +91,7 @@ pub(crate) const PRESSURE_OFFSET: f64 = 0.25;
 pub(crate) const SKIN_FRICTION: f64 = 0.06;
 
 /// Vortex shedding: Strouhal number f w / u, wander of the centre of pressure as a fraction of the blade's extent, and amplitude
-/// of
-/// the fluctuating normal-force coefficient. Higher amplitudes: leaves tremble more at the same wind.
+/// of the fluctuating normal-force coefficient. Higher amplitudes: leaves tremble more at the same wind.
 pub(crate) const STROUHAL_NUMBER: f64 = 0.2;
 pub(crate) const PRESSURE_WANDER: f64 = 0.12;
 pub(crate) const BUFFET_COEFFICIENT: f64 = 0.25;

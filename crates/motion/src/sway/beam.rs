@@ -42,8 +42,7 @@ impl SlopeProfile {
         }
     }
 
-    /// Integral of [`SlopeProfile::at`] from the base to `x`, 0 to 1: the deflection at `x` divided by the length and by the tip
-    /// slope.
+    /// Integral of [`SlopeProfile::at`] from the base to `x`, 0 to 1: the deflection at `x` divided by the length and by the tip slope.
     pub fn integral(&self, x: f64) -> f64 {
         let x = x.clamp(0.0, 1.0);
         // The integral of P = 3 x - 3 x^2 + x^3.

@@ -381,8 +381,7 @@ impl ElementBeam {
             distribute_load(&beam.x, &mut own, f64::from(s - segment.span[0]), *load);
         }
         let mut hung = vec![BranchLoad::default(); beam.x.len()];
-        // Loads of children. The mass of a child that is an element is carried here, but the wind acts on it at the child's own
-        // stations.
+        // Loads of children. The mass of a child that is an element is carried here, but the wind acts on it at the child's own stations.
         for child in &segment.children {
             let (s, load) = (f64::from(segments.list[*child].parent_s - segment.span[0]), segments.list[*child].total);
             distribute_load(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);

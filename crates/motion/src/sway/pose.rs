@@ -133,8 +133,7 @@ impl OrganBindings {
 
     /// Moves organs from `positions`, m, to which joints carry them, towards their places on the posed skeleton, by less than
     /// `MAX_LEAF_OFFSET`, so that a leaf of a twig without joints sways and stays at its twig. Returns their orientations on the
-    /// posed
-    /// skeleton.
+    /// posed skeleton.
     pub fn approach(&self, skeleton: &PosedSkeleton, positions: &mut [Vec3]) -> Vec<Quat> {
         let (places, orientations) = self.at(skeleton);
         for (carried, place) in positions.iter_mut().zip(places) {

@@ -57,8 +57,7 @@ struct MeanBends {
     /// Rate, 1/frame, at which the mean bend of each element sets in, in a clip that starts from rest; empty for other clips.
     onset: Vec<f64>,
     /// For each element, the mean bend that gusts add to its static bend, divided by the static bend, as a complex number (a
-    /// factor
-    /// and a rotation); 0 for none. Empty if mean and oscillation have the same factor, and in clips that start from rest.
+    /// factor and a rotation); 0 for none. Empty if mean and oscillation have the same factor, and in clips that start from rest.
     gusts: Vec<[f64; 2]>,
 }
 
@@ -100,8 +99,7 @@ impl MeanBends {
     }
 
     /// Computes by which multiple of the static bends in the mean wind the recorded bends exceed them in the mean: drag grows
-    /// with the
-    /// square of the wind speed, so that gusts add to the mean bend. `before`: bends of the spin-up, which count too.
+    /// with the square of the wind speed, so that gusts add to the mean bend. `before`: bends of the spin-up, which count too.
     fn add_gusts(&mut self, frames: &[ElementBends], before: &BendSum) {
         /// Largest mean bend by gusts, as a multiple of the static bend. Own: that by gusts as strong as the mean wind.
         const MOST: f64 = 1.0;
@@ -191,8 +189,7 @@ impl BendTrack {
         // Spin-up of one second, 60 steps: the effect of the first force has vanished after it, since only a share k of a force
         // remains from step to step.
         let lead = if clip.from_rest { 0 } else { 60_i64 };
-        // Bends after the last two steps. Frames are interpolated between them, since most frame rates do not divide the rate of
-        // the steps.
+        // Bends after the last two steps. Frames are interpolated between them, since most frame rates do not divide the rate of the steps.
         let mut steps = [rest.clone(), rest.clone()];
         let mut frames = Vec::with_capacity(clip.frames + 1);
         let mut number = -lead;
@@ -247,8 +244,7 @@ impl BendTrack {
     }
 
     /// Simulates the time before frame 0: for a loop, whole clips until two of them end with equal bends; otherwise a few
-    /// seconds.
-    /// Returns the sum of the bends of those seconds, which is empty for a loop.
+    /// seconds. Returns the sum of the bends of those seconds, which is empty for a loop.
     fn spin_up(run: &mut SwaySimulation<'_>, fps: f64, clip: ClipOptions, cancel: &Cancel) -> Result<BendSum> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds")]
         let (frames, most) = match clip.repeats {

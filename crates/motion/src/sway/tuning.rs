@@ -8,10 +8,9 @@ pub(crate) const MIN_HZ: f64 = 0.1;
 pub(crate) const FREQUENCY_SPREAD: f64 = 0.18;
 pub(crate) const MODE_SPLIT: f64 = 0.03;
 
-/// Slope of the tip of a branch under its weight above which its wood is stiffened, and the exponent e of the factor
-/// (slope / limit)^e on the stiffness. Higher slope or lower exponent: long thin limbs swing slowly and far beside neighbours
-/// that
-/// are drawn slightly thicker; lower slope: nothing bends in a breeze; exponent 1: all thin wood bends alike.
+/// Slope of the tip of a branch under its weight above which its wood is stiffened, and the exponent e of the factor (slope /
+/// limit)^e on the stiffness. Higher slope or lower exponent: long thin limbs swing slowly and far beside neighbours that are
+/// drawn slightly thicker; lower slope: nothing bends in a breeze; exponent 1: all thin wood bends alike.
 pub(crate) const SELF_WEIGHT_SLOPE: f64 = 0.02;
 pub(crate) const SELF_WEIGHT_STIFFENING: f64 = 2.0 / 3.0;
 
@@ -79,8 +78,7 @@ pub(crate) const MAX_INERTIAL_ACCELERATION: f64 = 50.0;
 pub(crate) const SECOND_MODE_FORCING: f64 = 0.15;
 
 /// Largest number of repetitions of a looping clip that are simulated as spin-up: in them the effect of the start has decayed for
-/// a
-/// trunk of 0.3 Hz in a clip of 2 s. More: only slower trunks gain.
+/// a trunk of 0.3 Hz in a clip of 2 s. More: only slower trunks gain.
 pub(crate) const MAX_SPIN_UP_CLIPS: u32 = 40;
 
 /// Largest difference of bends between two repetitions of a clip that counts as periodic, rad; it is distributed over the loop.

@@ -54,8 +54,7 @@ impl Default for WoodParams {
 
 impl WoodParams {
     /// Mass of leaves per one-sided area in models in which they swing by themselves, in rain and on rods, kg/m^2. It is at least
-    /// that
-    /// of very thin leaves, since air and drops would accelerate a blade without mass to any speed.
+    /// that of very thin leaves, since air and drops would accelerate a blade without mass to any speed.
     pub fn moving_leaf_mass(&self) -> f64 {
         self.leaf_mass.max(MIN_MOVING_LEAF_MASS)
     }

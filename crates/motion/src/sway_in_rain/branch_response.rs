@@ -147,8 +147,7 @@ impl BranchResponse {
             // The tip is displaced by this arm times its rotation, so that a force at the tip bends the element with this arm.
             let arm = e.length * e.shape.integral(1.0);
             // In the world the stiffness is scale^3 times as large. Moments are computed with arms in plant space, which are
-            // shorter
-            // by the factor scale, so that scale^2 remains.
+            // shorter by the factor scale, so that scale^2 remains.
             let own = if e.tip_compliance > 0.0 { arm / e.tip_compliance } else { 0.0 };
             let stiffness = own * scale * scale;
             // The geometric mean of the frequencies of both directions.

@@ -4,9 +4,8 @@
 /// leaves less far and for a shorter time; lower: leaves sag under their water.
 pub(super) const PETIOLE_HZ: f64 = 4.0;
 /// Bending stiffness of a petiole divided by its torsional stiffness; grooved petioles twist more easily than they bend (S.
-/// Vogel,
-/// "Twist-to-bend ratios and cross-sectional shapes of petioles and stems", Journal of Experimental Botany 43, 1992: 2 to 8).
-/// Higher: drops beside the midrib roll leaves farther.
+/// Vogel, "Twist-to-bend ratios and cross-sectional shapes of petioles and stems", Journal of Experimental Botany 43, 1992: 2 to
+/// 8). Higher: drops beside the midrib roll leaves farther.
 pub(super) const PETIOLE_TWIST_RATIO: f64 = 3.0;
 /// Largest rotation of a leaf by drops and water, rad. Larger: blades swing through their twigs.
 pub(super) const MAX_NOD: f64 = 1.2;

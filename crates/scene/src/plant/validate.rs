@@ -30,8 +30,7 @@ impl std::fmt::Display for Warning {
 
 /// Checks a plant and repairs two faults: nodes of segments shorter than 1e-7 m are dropped (an axis of no length keeps two
 /// nodes, 1 um apart, or 1e-6 of their largest coordinate), and children thicker than 0.95 of their parent at the site are
-/// thinned to that. Returns one warning per kind of repair. Radii that grow along an axis, as at the nodes of a culm, are
-/// allowed.
+/// thinned to that. Returns one warning per kind of repair. Radii that grow along an axis, as at the nodes of a culm, are allowed.
 /// # Errors
 /// X001 for a value that is not finite; `Range` for r <= 0, a frame that is no unit quaternion, a parent that does not
 /// precede its child, an arc length outside its axis, an unknown prototype or fewer than 2 nodes; `Limit` beyond 2e7
@@ -177,8 +176,7 @@ fn kept(plant: &Plant, axis: &Axis) -> Vec<usize> {
     keep
 }
 
-/// Index or number of nodes as axes store it. It fits, since nodes are only removed from a plant whose axes indexed all of them
-/// with u32.
+/// Index or number of nodes as axes store it. It fits, since nodes are only removed from a plant whose axes indexed all of them with u32.
 fn stored_index(n: usize) -> u32 {
     saturating_index(n)
 }

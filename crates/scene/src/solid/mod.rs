@@ -127,8 +127,7 @@ impl Solid {
     }
 
     /// Text of the warning S032 for a mesh that is not closed; `None` for all other solids. `stopped`: the things that its
-    /// surface
-    /// stops although its inside is a guess, such as drops.
+    /// surface stops although its inside is a guess, such as drops.
     pub fn open_mesh_warning(&self, stopped: &str) -> Option<String> {
         let edges = self.open_edges();
         (edges > 0).then(|| {

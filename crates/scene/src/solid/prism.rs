@@ -137,8 +137,7 @@ impl Prism {
     /// Source: M. Cyrus, J. Beck, "Generalized two- and three-dimensional clipping", 1978.
     pub(super) fn meets(&self, [from, to]: [Vec3; 2], slack: f32) -> bool {
         // Split the ends of the segment into coordinates along the width and in the plane of the outline. A point of the segment
-        // is
-        // from + t (to - from), t from 0 to 1.
+        // is from + t (to - from), t from 0 to 1.
         let plane = |p: Vec3| Vec2::new((p - self.foot).dot(self.depth), p.y - self.foot.y);
         let (a, b) = (plane(from), plane(to));
         let (along_a, along_b) = ((from - self.foot).dot(self.width), (to - self.foot).dot(self.width));

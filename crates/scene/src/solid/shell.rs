@@ -68,9 +68,8 @@ impl Shell {
     }
 
     /// True if more than three of the six rays along the axes find the point inside. If all triangles have a common outside, a
-    /// ray
-    /// does so that leaves the surface more often than it enters it (or less often, if the mesh is inside out), so that points in
-    /// the overlap of two boxes are inside. Otherwise an odd number of crossings means inside.
+    /// ray does so that leaves the surface more often than it enters it (or less often, if the mesh is inside out), so that
+    /// points in the overlap of two boxes are inside. Otherwise an odd number of crossings means inside.
     pub(super) fn contains(&self, at: Vec3) -> bool {
         let b = self.bounds;
         if at.cmplt(b.min).any() || at.cmpgt(b.max).any() {

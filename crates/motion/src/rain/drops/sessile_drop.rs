@@ -21,8 +21,7 @@ use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 
 impl RainLeaf {
     /// Advances a sessile drop: it detaches, rests or runs. `cap`: the cap of its head. `attraction`: force of other drops on it,
-    /// in
-    /// leaf space, N.
+    /// in leaf space, N.
     pub(super) fn step_sessile(
         &self,
         drop: &mut LeafDrop,

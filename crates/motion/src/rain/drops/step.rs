@@ -72,8 +72,7 @@ impl RainLeaf {
     }
 
     /// Lets the tail of a sessile drop grow or shrink. Where a tail of full caps begins to shrink, its last cap stays on the leaf as a
-    /// bead with probability [`DropParams::bead_probability`](crate::rain::DropParams::bead_probability). `cap`: the cap of its
-    /// head.
+    /// bead with probability [`DropParams::bead_probability`](crate::rain::DropParams::bead_probability). `cap`: the cap of its head.
     fn resize_tail(
         &self,
         drop: &mut LeafDrop,
@@ -86,9 +85,7 @@ impl RainLeaf {
             return;
         }
         let after = drop.tail_count_after(step.h, cap.a, step.params);
-        // Whether a bead stays is drawn at each whole number of caps that the count passes, so that it does not depend on the
-        // time
-        // step.
+        // Whether a bead stays is drawn at each whole number of caps that the count passes, so that it does not depend on the time step.
         let before = drop.tail_count;
         let mut full = before.floor();
         while full > after.max(1.0) {

@@ -12,8 +12,7 @@ pub(crate) mod veins;
 pub(crate) mod wetness;
 
 /// Number of cells along each side of the grids over texture coordinates: of triangles (point location) and of wetness. On a leaf
-/// of 80 mm a cell is 1.7 mm long, as wide as a small drop; more cells make wetness sharper and each lookup of a triangle
-/// shorter.
+/// of 80 mm a cell is 1.7 mm long, as wide as a small drop; more cells make wetness sharper and each lookup of a triangle shorter.
 pub(crate) const GRID_CELLS: usize = 48;
 
 /// Column and row of the grid cell at texture coordinates, clamped to the grid.

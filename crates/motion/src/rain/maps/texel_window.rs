@@ -61,8 +61,7 @@ impl TexelWindow {
     }
 
     /// Fractional bounds of the columns of [`TILE`] rows from `first` on. They are computed for all rows at once, since the
-    /// processor
-    /// evaluates several square roots together and most windows are narrow.
+    /// processor evaluates several square roots together and most windows are narrow.
     #[inline(always)]
     pub fn tile_row_bounds(&self, first: usize) -> [[f64; 2]; TILE] {
         let mut bounds = [[0.0; TILE]; 2];

@@ -72,8 +72,7 @@ impl DropDetail {
                 let vertices = 95.0 + 55.0 * square_mm;
                 DropMeshSize { vertices, triangles: 1.8 * vertices }
             }
-            // In the coarsest meshes a larger part of the vertices lies on the contact line, which cap and underside do not
-            // share.
+            // In the coarsest meshes a larger part of the vertices lies on the contact line, which cap and underside do not share.
             Self::Distant => {
                 let vertices = 18.0 + 14.0 * square_mm;
                 DropMeshSize { vertices, triangles: 1.8 * vertices - 10.0 }

@@ -198,8 +198,7 @@ impl RodPlantLayout {
         }
     }
 
-    /// Attachment of a leaf. `with_stalk`: adds a rod as its stalk, unless the leaf sits on a petiole axis, which is its stalk
-    /// already.
+    /// Attachment of a leaf. `with_stalk`: adds a rod as its stalk, unless the leaf sits on a petiole axis, which is its stalk already.
     fn attach_leaf(
         &mut self,
         plant: &Plant,

@@ -203,8 +203,7 @@ impl RodPlant {
     }
 
     /// Number of substeps per frame at `fps` frames per second in a wind; 1 if no part of the plant bends. The force of the air
-    /// on
-    /// blades is integrated explicitly, so that steps must also resolve how fast gusts turn the blades.
+    /// on blades is integrated explicitly, so that steps must also resolve how fast gusts turn the blades.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, saturates")]
     pub fn steps_per_frame(&self, fps: f64, wind: Option<&dyn Wind>) -> u32 {
         if self.rods.is_empty() {

@@ -30,8 +30,7 @@ pub struct RigidBlade {
 
 impl RigidBlade {
     /// Integrates over a mesh. A closed mesh has an upper and a lower side, so that half of its area counts. A stalk in the mesh
-    /// counts
-    /// as a part of the blade; if it is a tube, the areas of its faces cancel in the normal.
+    /// counts as a part of the blade; if it is a tube, the areas of its faces cancel in the normal.
     pub fn from_mesh(mesh: &Mesh) -> Self {
         let (mut area, mut first, mut all, mut faces) = (0.0, DVec3::ZERO, DMat3::ZERO, DVec3::ZERO);
         for t in &mesh.triangles {
@@ -61,8 +60,7 @@ impl RigidBlade {
         }
     }
 
-    /// Inertia about the centroid, kg m^2, in leaf space. `density`: mass per area, kg/m^2; `scale`: factor on the size of the
-    /// leaf.
+    /// Inertia about the centroid, kg m^2, in leaf space. `density`: mass per area, kg/m^2; `scale`: factor on the size of the leaf.
     pub fn inertia(&self, density: f64, scale: f64) -> DMat3 {
         let s2 = scale * scale;
         self.inertia * (density * s2 * s2)

@@ -42,8 +42,7 @@ impl RodSystem {
     }
 
     /// Mass damping coefficient, 1/s, of section `i` in the explicit integrators. It is twice that of the implicit integrator, in
-    /// which
-    /// the stiffness part provides half of the damping.
+    /// which the stiffness part provides half of the damping.
     pub(crate) fn explicit_mass_damping(&self, i: usize) -> f64 {
         2.0 * self.dampings[self.tree.sections[i].rod].mass
     }
@@ -215,8 +214,7 @@ impl RodSystem {
     }
 
     /// XPBD projection of a section towards its rest position. The stiffness is k times the mass, so that the section moves by
-    /// the
-    /// share k h^2 / (1 + k h^2).
+    /// the share k h^2 / (1 + k h^2).
     fn project_restoring_spring(&mut self, i: usize, h: f64) {
         let back = self.dampings[self.tree.sections[i].rod].recovery * h * h;
         let share = back / (1.0 + back);
@@ -226,8 +224,7 @@ impl RodSystem {
     }
 
     /// Largest k h^2 / m of all springs in a step of `h` seconds; above [`MAX_GAUSS_SEIDEL_STIFFNESS`] a single pass per step
-    /// lets
-    /// a rod sag.
+    /// lets a rod sag.
     pub fn max_step_stiffness_ratio(&self, h: f64) -> f64 {
         let one = |s: &crate::rods::layout::SectionProperties| {
             s.stiffness.iter().fold(0.0_f64, |m, k| m.max(*k)) * h * h / s.mass

@@ -99,9 +99,8 @@ impl RodSystem {
     }
 
     /// Weights of the present and the preceding state in the BDF2 formula. A first step is implicit Euler (weights 1, 0), whose
-    /// error
-    /// is that of a single step. If a state before the start were assumed instead, velocities would lag by a third of a step
-    /// for ever.
+    /// error is that of a single step. If a state before the start were assumed instead, velocities would lag by a third of a
+    /// step for ever.
     fn bdf_coefficients(&self) -> [f64; 2] {
         if self.history_reset { [1.0, 0.0] } else { [4.0 / 3.0, 1.0 / 3.0] }
     }

@@ -103,8 +103,7 @@ impl RodSystem {
         let reference = self.tree.reference.clone();
         let mut shape = reference.clone();
         // Fixed point for the rest shape X: with springs relaxed at X the rods sag to x_eq(X). X is moved against a damped share
-        // of
-        // the error x_eq - reference, until the sagged shape is the reference shape.
+        // of the error x_eq - reference, until the sagged shape is the reference shape.
         for _ in 0..MAX_EQUILIBRIUM_SOLVES {
             self.set_rest_shape(&shape);
             self.x.copy_from_slice(&reference);

@@ -149,8 +149,7 @@ impl SimulationConstants {
         self.shape.set(row, [arm.x, arm.y, arm.z, s.chord.x, s.chord.y, s.chord.z, element.shape.at(s.middle)]);
         self.rest.set(row, [rest.x, rest.y, rest.z, s.along.x, s.along.y, s.along.z]);
         // rho C A of bark and leaves is twice the drag per squared wind speed. Divided by the mass it is the rate, per unit of
-        // wind
-        // speed, at which drag stops the stretch (the derivative of the drag).
+        // wind speed, at which drag stops the stretch (the derivative of the drag).
         let (bark, leaf) = (AIR_DENSITY * wood.drag * s.load.wood, AIR_DENSITY * wood.leaf_drag * s.load.leaf);
         // If a plant is scaled up, its areas grow with the square of the scale, its masses with the cube, and the slope per force
         // falls with the square: bends by drag stay the same, drag stops motion more slowly, and inertia bends more.

@@ -35,8 +35,7 @@ pub(crate) struct SimulationState {
     /// Rotation from rest and position of each element's base in the plant's space, by columns and by rows.
     carried: Columns<7>,
     bases: Vec<[f64; 7]>,
-    /// Per station: position, position one step ago, and the positions one and two steps ago that it would have on a rigid
-    /// element.
+    /// Per station: position, position one step ago, and the positions one and two steps ago that it would have on a rigid element.
     pub(crate) places: Columns<3>,
     before: Columns<3>,
     rigid: Columns<6>,
