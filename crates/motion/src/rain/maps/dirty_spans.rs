@@ -77,7 +77,7 @@ impl DirtySpans {
     }
 }
 
-/// Marks on segments of rows, each [`TILE`] texels long: a bit per segment, that of the first segment lowest.
+/// Marks on segments of rows, each [`TILE`] texels long: one bit per segment, the lowest bit for the first segment of a row.
 #[derive(Debug, Clone)]
 pub(super) struct DirtyBits {
     side: usize,
