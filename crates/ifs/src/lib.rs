@@ -1,7 +1,8 @@
 //! Iterated function systems: coefficient files, attractors as points and pictures, words, leaves.
 //!
-//! A system is a list of affine maps with weights. [`read`] makes [`Ifs`]s of files, [`weights`] and [`dynamics`] judge
-//! them, [`game`] draws their attractors, [`words`] expands them level by level.
+//! A system is a list of affine maps with weights. [`read`] reads [`Ifs`]s from files, [`weights`] computes
+//! probabilities, [`dynamics`] tests whether systems contract, [`game`] draws their attractors, [`words`] expands them
+//! level by level.
 //!
 //! # Examples
 //! ```
@@ -50,7 +51,7 @@ pub const MAX_COEFFICIENT: f64 = 1e12;
 /// An iterated function system, with what its file says about colours and the picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ifs {
-    /// As written in its file.
+    /// Name as written in the file.
     pub name: String,
     /// 2 or 3; a plane attractor lies in z = 0.
     pub dim: usize,
@@ -87,7 +88,7 @@ pub struct Map {
     pub speed: f64,
     /// Share of its points that are drawn, 0..1.
     pub opacity: f64,
-    /// Factor on radii; `None`: the scale.
+    /// Factor on the radius of a branch; `None`: the map's scale.
     pub radius: Option<f64>,
     /// Branch parameters, where the table gives the map as a branch.
     pub branch: Option<Branch>,

@@ -15,8 +15,8 @@ use osier_base::math;
 /// How the probabilities of the maps follow from the file's weights or from the maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WeightRule {
-    /// The file's column, cumulative columns taken apart, divided by its sum; without one as [`WeightRule::Det`] or, in space,
-    /// [`WeightRule::Moran`].
+    /// The file's column divided by its sum; a column of running sums is turned into differences first. A file without
+    /// a column follows [`WeightRule::Det`] or, in space, [`WeightRule::Moran`].
     File,
     /// The file's column as it is, divided by its sum.
     Raw,
