@@ -10,7 +10,7 @@
 //! // Middle of October at 50 degrees north: full colour. January: bare.
 //! assert!((season_of_day(288, 50.0) - 0.81).abs() < 0.02);
 //! assert!(season_of_day(15, 50.0) >= 1.0 && season_of_day(130, 50.0) < 0.15);
-//! // The southern half of the Earth is half a year apart.
+//! // On the southern hemisphere the seasons are shifted by half a year.
 //! assert!((season_of_day(288 - 183, -50.0) - season_of_day(288, 50.0)).abs() < 0.01);
 //! ```
 //!
@@ -61,11 +61,11 @@ pub fn season_of_time(day: f64, latitude: f64) -> f64 {
 /// Which leaves of a shoot fall first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FallOrder {
-    /// Those at its tip, as of oaks, beeches and ashes.
+    /// The leaves at its tip, as of oaks, beeches and ashes.
     Tips,
-    /// Those at its base, as of birches, poplars and lindens.
+    /// The leaves at its base, as of birches, poplars and lindens.
     Bases,
-    /// In an order that a random number of each leaf decides.
+    /// A random order, drawn for each leaf.
     Random,
 }
 
@@ -81,10 +81,10 @@ pub struct AutumnColor {
 /// Colours of the leaves of an organ over the year, and how they fall.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafHabit {
-    /// Whether the leaves stay on the plant and green; only those of the youngest shoots then change, in spring.
+    /// Whether the leaves stay on the plant and green; then only the leaves of the youngest shoots change, in spring.
     pub evergreen: bool,
-    /// Share of the plant's growth that was its last year: organs that are younger than the youngest by at most that are on shoots of
-    /// the year.
+    /// Share of the plant's growth time that was its last year: organs born within this share before the youngest organ
+    /// belong to the shoots of the year.
     pub last_year: f32,
     /// Linear colour in summer.
     pub green: [f32; 3],

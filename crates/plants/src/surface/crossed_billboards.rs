@@ -41,7 +41,7 @@ struct MeshRaster {
     /// Samples along a side.
     side: usize,
     samples: Vec<Option<BillboardSample>>,
-    /// Number of surfaces hit, hidden ones too, over all samples.
+    /// Number of surfaces hit over all samples, including hidden ones.
     hits: u64,
 }
 
@@ -227,7 +227,7 @@ fn billboard_material(
     name: &str,
     side: u32,
 ) -> SurfaceMaterial {
-    // The cutoff is computed before empty texels take a colour, since it looks at alpha alone.
+    // The cutoff depends on alpha alone, so that it can be computed before empty texels take a colour.
     let cut = coverage_cutoff(&texels, SUPERSAMPLING);
     let sum = texels.iter().fold((Vec3::ZERO, 0.0), |s, t| (s.0 + t.color * t.alpha, s.1 + t.alpha));
     let area_mean = sum.0 / sum.1.max(1e-6);

@@ -49,7 +49,7 @@ struct WordSegment {
 #[derive(Debug)]
 pub(super) struct WordSkeleton {
     raw: Vec<WordAxis>,
-    /// By word, in the order of the expansion.
+    /// Segment of each word, in the order of the expansion.
     segments: Vec<WordSegment>,
 }
 

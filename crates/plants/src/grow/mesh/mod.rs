@@ -185,7 +185,7 @@ struct ClusterSites<'a> {
     graph: &'a SkeletonGraph,
     /// Surface and clusters of each solid piece.
     refined: &'a [(RefinedSurface, Clusters)],
-    /// By node of the graph.
+    /// Site of each node of the graph.
     sites: &'a [ClusterSite],
 }
 

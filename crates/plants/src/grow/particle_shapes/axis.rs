@@ -33,14 +33,14 @@ pub(super) struct ShapeAxis {
     pub level: u8,
     pub forks: u8,
     pub fork: u32,
-    /// Length to which it was to grow, m.
+    /// Length to which the axis was meant to grow, m.
     pub length: f64,
     /// Assumed arc length within its parent, m.
     pub exposed: f64,
     pub end: AxisEnd,
-    /// At least two, from the base to the tip.
+    /// Nodes from the base to the tip, at least two.
     pub nodes: Vec<ShapeNode>,
-    /// Arc lengths of its sites, m, rising.
+    /// Arc lengths at which the axis spawns others, m, in ascending order.
     pub sites: Vec<f64>,
 }
 

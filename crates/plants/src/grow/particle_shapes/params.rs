@@ -21,7 +21,7 @@ impl ByLevel {
         self.0[usize::from(level).min(self.0.len() - 1)]
     }
 
-    /// Whether some level has another value than 0.
+    /// Whether the value of any level differs from 0.
     pub fn any(&self) -> bool {
         self.0.iter().any(|v| *v != 0.0)
     }
@@ -108,7 +108,7 @@ pub struct Motion {
     pub coil: ByLevel,
     /// Angle between target and home direction where `coil` is not 0, rad.
     pub coil_angle: f64,
-    /// Downward acceleration, which grows with the square of the length grown, m/t^2; negative rises.
+    /// Downward acceleration, which grows with the square of the length grown, m/t^2; with negative values axes rise.
     pub gravity: ByLevel,
     /// Rate at which the target direction turns upwards, 1/t.
     pub up: ByLevel,
@@ -166,7 +166,7 @@ pub struct Limits {
     pub length: ByLevel,
     /// Standard deviation of the logarithm of the length of children.
     pub length_deviation: f64,
-    /// Greatest age of an axis, t; `None` for none.
+    /// Greatest age of an axis, t; `None`: no limit.
     pub max_age: Option<f64>,
     /// Shade above which an axis ends; a node casts a shade of 0.2 on its own cell. `None`: no limit.
     pub max_shade: Option<f64>,
@@ -185,7 +185,7 @@ pub struct Limits {
 pub struct Thickness {
     /// Whether radii follow from what an axis bears, from its length or from drawn ratios.
     pub rule: ThicknessRule,
-    /// Radius of root axes at their base, m; `None`: what the tips add up to (pipe model), or 0.02 m.
+    /// Radius of root axes at their base, m; `None`: the radius to which the tips add up (pipe model), or 0.02 m.
     pub base: Option<f64>,
     /// Radius at the tips of all axes, m, above 0.
     pub tip: f64,
@@ -208,7 +208,7 @@ pub enum ThicknessRule {
 /// A ratio of top to bottom radius that an internode may draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WeightedRatio {
-    /// Top radius over bottom radius, above 0, at most 1.
+    /// Top radius divided by bottom radius, above 0, at most 1.
     pub ratio: f64,
     /// Weight of this ratio in the draw; the sum of weights is arbitrary.
     pub weight: f64,

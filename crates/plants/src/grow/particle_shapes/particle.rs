@@ -6,7 +6,7 @@ use super::params::{ShapeParams, Variant};
 use osier_base::math::{cos, exp, sin, sqrt};
 use osier_base::rng::Rng;
 
-/// A shorter vector has no direction.
+/// A vector shorter than this has no direction.
 const MIN_LENGTH: f64 = 1e-9;
 /// The printed equations do not turn a velocity about a direction shorter than this.
 const PAPER_MIN_AXIS: f64 = 1e-6;
@@ -39,9 +39,9 @@ pub struct Particle {
 /// What acts on a particle from outside during a step: rates of change of its target direction, 1/t.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Influence {
-    /// Away from shade, times `light`.
+    /// Turn away from shade, times the rate `light`.
     pub light: DVec3,
-    /// Towards the crown guide, times `attract`; away from or towards solids.
+    /// Turn towards the crown guide, times the rate `attract`, and turn away from or towards solids.
     pub other: DVec3,
 }
 

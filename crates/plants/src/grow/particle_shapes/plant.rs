@@ -1,4 +1,4 @@
-//! From grown axes to a [`Plant`]: canonical order, frames, radii, leaves.
+//! Converts grown axes to a [`Plant`]: canonical order, frames, radii, leaves.
 
 use glam::{Mat3, Quat, Vec3};
 
@@ -15,7 +15,7 @@ use osier_base::math::narrow;
 use osier_base::rng::Rng;
 use osier_scene::plant::{Axis, AxisKind, NONE, Nodes, Plant};
 
-/// Radius of the nodes of an axis until [`set_radii`], m: leaves need the centreline before.
+/// Provisional radius of nodes until [`set_radii`], m: leaves are placed on the centreline before it runs.
 const NO_RADIUS: f32 = 1e-4;
 /// Half width of the tip of a blade, m: a ribbon needs some width up to its end.
 const BLADE_TIP: f64 = 1e-4;

@@ -33,7 +33,7 @@ const MAX_STEP: f64 = 1e12;
 /// Where the next segment is attached.
 #[derive(Debug, Clone, Copy)]
 struct Attachment {
-    /// The axis that the next segment extends; `None`: it opens one.
+    /// The axis that the next segment extends; `None`: the segment opens an axis.
     axis: Option<u32>,
     /// The node that carries a new axis; `None`: it is a root.
     parent: Option<NodeSite>,
@@ -117,7 +117,7 @@ impl<T: Copy> std::ops::DerefMut for Branched<T> {
     }
 }
 
-/// Corners of a polygon. Own: the time to divide one into triangles grows with the square of their number.
+/// Most corners of a polygon. Own: the time to divide one into triangles grows with the square of their number.
 const MAX_CORNERS: usize = 20_000;
 
 /// A polygon between `{` and `}`.
@@ -146,7 +146,7 @@ struct TurtleWarning {
     symbol: (Option<char>, char),
     message: String,
     help: String,
-    /// Where it comes from; `None`: the first place of the symbol.
+    /// Location in the grammar; `None`: the first occurrence of the symbol.
     span: Option<osier_base::diagnostic::Span>,
     count: u64,
 }
@@ -215,7 +215,7 @@ pub(super) struct Turtle<'a> {
     stack: Vec<TurtleState>,
     pub(super) rare: Branched<RareState>,
     polygons: Vec<Polygon>,
-    /// Of each bracket level the cylinder that is open there.
+    /// The open cylinder of each bracket level.
     pub(super) cylinders: Vec<Option<OpenCylinder>>,
     pub(super) patches: TurtlePatches,
     /// Contours of the scene, and those that models of L-Py make, by their numbers.
@@ -237,10 +237,10 @@ pub(super) struct Turtle<'a> {
     max_stack: u64,
     max_nodes: u64,
     max_organs: u64,
-    /// A limit was exceeded or a command is forbidden: nothing more is drawn.
+    /// True once a limit was exceeded or a forbidden command was met: nothing more is drawn.
     pub(super) halted: bool,
     pub sets_widths: bool,
-    /// Brackets open since a `%` behind which nothing is drawn; `None`: everything is drawn.
+    /// Number of open brackets since a `%`, after which nothing is drawn; `None`: everything is drawn.
     cut: Option<usize>,
     /// Index in the string of the module that is drawn.
     pub(super) index: usize,
@@ -340,7 +340,8 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Warns of parameter `i` of a module, which is no usable number (L041), at the place that makes it.
+    /// Warns (L041) that parameter `i` of a module is not a usable number, at the place in the grammar that computes
+    /// it.
     pub(super) fn warn_of_parameter(&mut self, m: Module<'_>, i: usize, message: String, help: &str) {
         let c = self.grammar.symbols().get(m.symbol);
         let known = self.warnings.len();
@@ -391,15 +392,15 @@ impl<'a> Turtle<'a> {
         self.commands.iter().map(|command| command.is_step()).collect()
     }
 
-    /// Interprets one module of a string of whose last step a part is drawn. `index`: of the module of the string that it draws;
-    /// `before`: the string before the last step.
+    /// Interprets one module of a string whose last derivation step is drawn in part. `index`: index in the string of
+    /// the module that `m` draws; `before`: the string before the last step.
     pub fn growing_module(&mut self, m: Module<'_>, index: usize, growth: &StepGrowth, before: &ModuleString) {
         self.removed_steps(index, growth, before);
         self.growth = growth.modules.get(index).copied().unwrap_or(ModuleGrowth::WHOLE);
         self.module(m);
     }
 
-    /// Makes the steps that the last step of the derivation removes, up to the module of this index: they shrink where they were.
+    /// Draws the segments and moves that the last derivation step removes, up to the module of this index: they shrink in place.
     pub fn removed_steps(&mut self, index: usize, growth: &StepGrowth, before: &ModuleString) {
         let first = std::mem::replace(&mut self.index, index + 1);
         let from = growth.removed.partition_point(|removed| removed.at < first);
@@ -474,7 +475,7 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Performs a command that is a single symbol, or notes the prefix of a command of several symbols.
+    /// Performs a command that is a single symbol, or records the prefix of a command of several symbols.
     fn command(&mut self, command: Command, c: char, m: Module<'_>) {
         if command == Command::Nothing {
             return;
@@ -496,7 +497,7 @@ impl<'a> Turtle<'a> {
                 self.s.frame.yaw(cos, sin);
             }
             Command::TurnAround => self.s.frame.yaw(-1.0, 0.0),
-            // The end of a sub-L-system, else the textbook's `@v`.
+            // Ends a sub-L-system if one is open; otherwise acts as the textbook's `@v`.
             Command::Level => match self.subsystems.pop() {
                 Some(OuterSize { scale, width }) => (self.s.scale, self.s.width) = (scale, width),
                 None => self.s.frame.level(),
@@ -658,7 +659,7 @@ impl<'a> Turtle<'a> {
         a.axis.map(|axis| self.builder.site(axis)).or(a.parent)
     }
 
-    /// Leaves the current axis, to which no state returns: an axis is that of one bracket level.
+    /// Leaves the current axis. No saved state returns to it, because an axis belongs to one bracket level.
     fn leave_axis(&mut self) {
         if let Some(axis) = self.s.attachment.axis.take()
             // An axis whose last segment waits for its end width is closed at the end.
@@ -738,7 +739,7 @@ impl<'a> Turtle<'a> {
                 }
             }
         }
-        // A cylinder that is open here is the stem itself.
+        // If a cylinder is open here, it is the stem, and no segment is drawn.
         let is_stem = self.cylinder().is_some();
         // A drawn step extends the current axis. A jump ends it: what is drawn next begins a new axis.
         if draws && !is_stem {
@@ -871,7 +872,8 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Interprets `@D` or `@T` without a further letter; other commands of two letters are ignored then.
+    /// Interprets `@D` or `@T` without a further letter; other commands of two letters are ignored without their second
+    /// letter.
     fn at_command_without_letter(&mut self, first: char, params: &[f32]) {
         let given = params.len();
         let value = |i: usize| params.get(i).map(|v| f64::from(*v)).filter(|v| v.is_finite()).unwrap_or(0.0);
@@ -926,7 +928,8 @@ impl<'a> Turtle<'a> {
                 self.add_elasticity(i, (m.params.len() > 1).then_some(e), sign);
             }
             ('T', 'p') => self.s.frame = self.s.last.with_heading(self.s.frame.h),
-            // The roll since the last segment counts as its own: the tropism of the next one turns on from here.
+            // The roll since the last segment counts as part of that segment: the tropism of the next segment starts
+            // from here.
             ('T', 'f') => self.s.last = self.s.frame,
             ('T', 'x') => self.set_texture(m),
             ('D' | 'T', _) => {

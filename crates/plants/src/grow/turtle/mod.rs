@@ -42,7 +42,7 @@ use osier_grammar::{
 use osier_scene::plant::{NONE, Plant};
 use step_part::StepGrowth;
 
-/// A plant that a turtle drew, with what its grammar says meanwhile.
+/// A plant that a turtle drew, with the warnings and the output of its grammar.
 #[derive(Debug)]
 pub struct Drawing {
     /// The plant, validated.
@@ -137,7 +137,7 @@ pub fn draw(grammar: &Grammar, derived: &DerivedString, options: &TurtleOptions,
     Ok(Drawing { plant, warnings, output })
 }
 
-/// Symbols that L037 names, those that occur most often first.
+/// Number of symbols that L037 names, the most frequent first.
 const NAMED_SYMBOLS: usize = 8;
 
 /// L037 for a string that draws nothing, with the symbols that it consists of.

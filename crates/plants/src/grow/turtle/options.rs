@@ -24,7 +24,7 @@ pub struct Tropism {
     pub intensity: f64,
     /// Susceptibility to bending at the start.
     pub elasticity: f64,
-    /// What `@Ti` without parameter adds.
+    /// Amount that `@Ti` without parameter adds to the elasticity.
     pub step: f64,
     /// Whether it rolls the turtle about its heading instead of turning the heading.
     pub torque: bool,
@@ -79,20 +79,20 @@ pub enum RadiusModel {
 /// State that the turtle starts with, defaults of its commands, and the organs and materials that symbols name.
 #[derive(Debug, Clone)]
 pub struct TurtleOptions {
-    /// Turn without parameter, rad; `None`: 45 degrees, with a warning where it is used.
+    /// Angle of turns without parameter, rad; `None`: 45 degrees, with a warning where it is used.
     pub angle: Option<f64>,
     /// Size of one turtle unit, m.
     pub unit_m: f64,
     /// Diameter at the start, turtle units.
     pub width: f64,
-    /// What `#` and `!` without parameter add and take, turtle units.
+    /// Amount that `#` adds and `!` subtracts without parameter, turtle units.
     pub width_increment: f64,
     /// Colour index at the start, 0..255.
     pub color: u8,
     /// Whether all parts take the colour index from the start; else parts drawn before the first colour command take the
     /// materials of the plant.
     pub painted: bool,
-    /// What `;` and `,` without parameter add and take; indices wrap at 256.
+    /// Amount that `;` adds and `,` subtracts without parameter; indices wrap at 256.
     pub color_increment: u8,
     /// Factor of lengths and widths at the start; commands `@D` change it.
     pub scale: f64,
@@ -122,8 +122,8 @@ pub struct TurtleOptions {
     pub past_cut: bool,
     /// Materials by the number that `@Tx` gives; 0 is no texture.
     pub textures: BTreeMap<u32, MaterialId>,
-    /// For organs with an end point, in the units of their meshes: the turtle moves there once it has placed the organ. After
-    /// other organs it stays.
+    /// End points of organs that have one, in the units of their meshes: the turtle moves there after it has placed the
+    /// organ. After other organs it stays in place.
     pub organ_ends: BTreeMap<char, DVec3>,
     /// Names of the plant's materials, which the indices below refer to.
     pub materials: Vec<String>,

@@ -263,7 +263,7 @@ fn sphere_mesh() -> Mesh {
         }
     }
     let row = SIDES + 1;
-    // Quads between the rings, halved; at the poles, where one edge has no length, only one of both triangles.
+    // Each quad between the rings gives two triangles; at the poles, where one edge has no length, only one of them.
     for ring in 0..=RINGS {
         for i in 0..SIDES {
             let (a, b) = (ring * row + i, (ring + 1) * row + i);

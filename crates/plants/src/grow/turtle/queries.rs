@@ -32,7 +32,7 @@ pub fn derive(
 
 /// Derives the string of a grammar as text, as [`osier_grammar::derive_text`] does; queries are answered as by [`derive()`].
 /// # Errors
-/// Those of [`derive()`]; `Input` with L063 for a part of a step, which a string does not show.
+/// Those of [`derive()`]; `Input` with L063 if a part of a step is requested, which text cannot show.
 pub fn derive_text(
     grammar: &Grammar,
     options: &DeriveOptions,
@@ -52,7 +52,7 @@ pub fn derive_text(
     derive(grammar, options, turtle, limits)
 }
 
-/// Derives a string of whose last step the part `part` is drawn.
+/// Derives a string whose last step is drawn only by the share `part`.
 fn derive_growing(
     grammar: &Grammar,
     options: &DeriveOptions,

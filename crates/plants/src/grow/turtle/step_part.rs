@@ -12,23 +12,23 @@ use osier_grammar::{DerivedString, Grammar, LastStep, Module, Origin};
 /// Factors on what a module does while it grows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ModuleGrowth {
-    /// On lengths of steps.
+    /// Factor on the lengths of steps.
     pub length: f64,
-    /// On angles of turns.
+    /// Factor on angles of turns.
     pub turn: f64,
-    /// On widths, and on sizes of organs and shapes.
+    /// Factor on widths, and on the sizes of organs and shapes.
     pub size: f64,
 }
 
 impl ModuleGrowth {
-    /// A module that has grown.
+    /// Growth of a fully grown module: all factors are 1.
     pub const WHOLE: Self = Self { length: 1.0, turn: 1.0, size: 1.0 };
 }
 
-/// A segment or a move that the last step removes, which shrinks meanwhile.
+/// A segment or a move that the last step removes; it shrinks in the course of the step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RemovedStep {
-    /// Index in the final string of the module before which it is.
+    /// Index in the final string of the module before which the removed step is drawn.
     pub at: usize,
     /// Index in the string before the step.
     pub of: usize,
@@ -37,9 +37,9 @@ pub(super) struct RemovedStep {
 /// Growth of all modules of a final string.
 #[derive(Debug)]
 pub(super) struct StepGrowth {
-    /// By module of the final string.
+    /// Growth of each module of the final string.
     pub modules: Vec<ModuleGrowth>,
-    /// In the order of the final string.
+    /// Steps that the last step of the derivation removes, in the order of the final string.
     pub removed: Vec<RemovedStep>,
     /// Growth of the removed steps.
     pub of_removed: ModuleGrowth,
@@ -56,7 +56,8 @@ struct Group {
 /// The groups of a last step, in the order of the string before it. Modules that the step kept, and those of unknown origin, belong to none.
 fn groups(step: &LastStep) -> Vec<Group> {
     let mut out: Vec<Group> = Vec::new();
-    // Index of the next module of the string before the step that no module of the final string has come from so far.
+    // Index, in the string before the step, of the first module from which no module of the final string has come so
+    // far.
     let mut next = 0;
     for (j, origin) in step.origins.iter().enumerate() {
         let (parent, is_made) = match origin {
@@ -64,7 +65,7 @@ fn groups(step: &LastStep) -> Vec<Group> {
             Origin::Kept(i) => (*i as usize, false),
             Origin::Unknown => continue,
         };
-        // Modules before it that nothing was made from.
+        // Modules before it that have no successor.
         out.extend((next..parent).map(|parent| Group { parent, range: j..j }));
         next = next.max(parent + 1);
         match out.last_mut() {
@@ -78,7 +79,7 @@ fn groups(step: &LastStep) -> Vec<Group> {
     out
 }
 
-/// What a step of the turtle moves by without a growth, turtle units.
+/// Length of a fully grown step of the turtle, turtle units.
 fn length(m: Module<'_>) -> f64 {
     m.params.first().map_or(1.0, |x| f64::from(*x))
 }
@@ -98,7 +99,8 @@ impl GrowingString<'_> {
         self.step_symbols.get(usize::from(m.symbol)).copied().unwrap_or(false)
     }
 
-    /// The module of a group that carries its predecessor on: the only one of the predecessor's symbol and number of parameters.
+    /// The module of a group that continues its predecessor: the only one with the predecessor's symbol and number of
+    /// parameters.
     fn heir(&self, group: &Group) -> Option<usize> {
         let parent = self.step.before.get(group.parent);
         let is_alike = |j: &usize| {
@@ -135,7 +137,7 @@ impl GrowingString<'_> {
             } else {
                 ModuleGrowth { length: along, turn: part, size: part }
             };
-            // Its parameters are interpolated.
+            // The heir is fully grown: its parameters are interpolated instead.
             if heir == Some(j) && !self.is_step(parent) {
                 growth.modules[j] = ModuleGrowth::WHOLE;
             }
@@ -146,8 +148,8 @@ impl GrowingString<'_> {
     }
 }
 
-/// Interpolates the parameters of modules that only change these in the last step, apart from segments and moves, whose lengths
-/// [`StepGrowth`] holds. `step_symbols`: by symbol, whether it is a segment or a move.
+/// Interpolates the parameters of modules that only change these in the last step, apart from segments and moves, whose
+/// lengths [`StepGrowth`] holds. `step_symbols`: for each symbol, whether it is a segment or a move.
 pub(super) fn interpolate_heirs(grammar: &Grammar, derived: &mut DerivedString, step_symbols: &[bool]) {
     let Some(step) = derived.last_step() else { return };
     let part = step.part;
@@ -164,7 +166,7 @@ pub(super) fn interpolate_heirs(grammar: &Grammar, derived: &mut DerivedString, 
 }
 
 impl StepGrowth {
-    /// How far the modules of a string have grown of whose last step a part is drawn. `step_symbols`: by symbol, whether it is a
+    /// Growth of the modules of a string whose last step is drawn in part. `step_symbols`: for each symbol, whether it is a
     /// segment or a move.
     pub fn new(grammar: &Grammar, derived: &DerivedString, step: &LastStep, step_symbols: &[bool]) -> Self {
         let growing = ModuleGrowth { length: step.part, turn: step.part, size: step.part };
@@ -175,7 +177,7 @@ impl StepGrowth {
         for group in groups(step) {
             string.set_growth(&group, &mut out);
         }
-        // What a cut removes leaves the string with its brackets: it cannot be drawn where it was.
+        // A cut (`%`) removes modules together with their brackets, so that they cannot be drawn where they were.
         if step.before.symbols().iter().any(|s| grammar.symbols().get(*s) == '%') {
             out.removed.clear();
         }

@@ -26,7 +26,7 @@ pub struct PoseNow {
     pub p: Vec<Vec3>,
     /// Rotations into plant space, +Y along the axis.
     pub q: Vec<Quat>,
-    /// Radii, m; 0 for nodes that are not there at this time.
+    /// Radii, m; 0 for nodes that do not exist at this time.
     pub r: Vec<f32>,
     /// Leaves, in the order of the organs of [`GrowthClip::plant`].
     pub leaves: Vec<LeafNow>,
@@ -41,7 +41,8 @@ pub struct GrowthClip {
     record: Arc<GrowthRecord>,
     options: PlantOptions,
     sources: Vec<NodeSource>,
-    /// Radius of each node of the plant over that of its source; below 1 where validation made a branch thinner than its parent.
+    /// Radius of each node of the plant divided by that of its source; below 1 where validation made a branch thinner
+    /// than its parent.
     thinning: Vec<f32>,
     slots: Option<LeafSlots>,
 }

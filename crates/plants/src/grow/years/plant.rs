@@ -182,11 +182,11 @@ pub(super) struct AxisBuilder<'a> {
     age: f32,
     options: &'a PlantOptions,
     pub plant: Plant,
-    /// By node of the tree, its place in the plant; no axis if it was not added.
+    /// For each node of the tree, its site in the plant; no axis if it was not added.
     pub at: Vec<NodeSite>,
-    /// Only for a tree that is shown in a clip.
+    /// Set only for a tree that is shown in a clip.
     pub clip: Option<ClipNodes>,
-    /// By node of the plant, the nodes of the tree from which it is posed.
+    /// For each node of the plant, the nodes of the tree from which it is posed.
     pub sources: Vec<NodeSource>,
 }
 
@@ -206,7 +206,7 @@ impl<'a> AxisBuilder<'a> {
         let nodes = &self.tree.nodes;
         let children = Children::new(self.tree);
         self.at = vec![NodeSite { axis: NONE, s: 0.0 }; nodes.len()];
-        // Stems that have still to sprout are not there; a clip shows some as they come out of the ground.
+        // Stems that have not sprouted yet are left out; a clip shows some as they come out of the ground.
         let is_root = |i: &usize| {
             let has_sprouted = self.clip.is_some() || nodes.birth[*i] <= self.age;
             nodes.parent[*i] == NO_NODE && nodes.flags[*i] & flag::FALLEN == 0 && has_sprouted
@@ -470,7 +470,7 @@ impl<'a> TreeFoliage<'a> {
         (bears && area > 0.0).then_some(Self { foliage, mean: MeanLeaf { scale, area } })
     }
 
-    /// Predicted number of organs: leaf area of the tree over that of the mean leaf; checked against the limit.
+    /// Predicted number of organs: leaf area of the tree divided by that of the mean leaf; checked against the limit.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count for a limit")]
     fn expected_count(&self, tree: &Tree) -> u64 {
         (f64::from(tree.measures().leaf_area) / f64::from(self.mean.area)) as u64
@@ -486,8 +486,8 @@ impl<'a> TreeFoliage<'a> {
             }
             let site = at[i];
             let birth = (tree.nodes.birth[i] / age).clamp(0.0, 1.0);
-            // Leaves remain along an internode for `leaf_years`; a rosette stands at every living open tip. In a part of a year those that
-            // come and go are there in part.
+            // Leaves remain along an internode for `leaf_years`; a rosette stands at every living open tip. Within a
+            // year, leaves that unfold or fall are shown in part.
             let shown = tree.share_along(i);
             match self.foliage {
                 Foliage::Needles(_) => self.add_needles(plant, tree, i, site, birth),
@@ -709,7 +709,8 @@ impl<'a> TreeFoliage<'a> {
     }
 }
 
-/// Whether the leaf of an id is among those that are shown, a share of all, 0 to 1; it stays among them in every larger share.
+/// Whether the leaf with this id is shown if a share of all leaves, 0 to 1, is shown; a leaf that is shown is also
+/// shown with every larger share.
 fn is_among(id: u64, share: f32) -> bool {
     share >= 1.0 || Rng::from_key(mix64(&[id, word("share")])).unit_f32() < share
 }

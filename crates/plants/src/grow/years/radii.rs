@@ -4,7 +4,7 @@ use super::season::Season;
 use super::tree::{NONE, Tree, flag};
 use osier_base::math;
 
-/// More than the relative error of a power in single precision and of its inverse.
+/// Margin larger than the relative error of a power in single precision and of its inverse.
 const POWER_ERROR: f32 = 1e-4;
 
 impl Tree {

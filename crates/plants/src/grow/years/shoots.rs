@@ -40,7 +40,7 @@ const TWO_RANKED: f32 = 150.0;
 const TIP_TAPER: f32 = 0.6;
 /// Weakest whorl, as a share of the branches of the strongest.
 const WHORL_LEAST: f32 = 0.35;
-/// Projected directions of a smaller squared length count as zero.
+/// Projected directions whose squared length is below this count as zero.
 pub(super) const LEVEL_EPSILON: f32 = 1e-6;
 
 /// A shoot planned for this year.
@@ -171,8 +171,8 @@ impl Tree {
             let habit = &self.habit;
             let declined = hydraulics(habit, self.nodes.path[i], self.nodes.p[i].y);
             let wanted = (vigour * habit.shoot_rate[order] * season.juvenile * declined).min(habit.shoot_max[order]);
-            // If even the luckiest draw leaves the shoot short, none is drawn. Each draw has its own address, so that skipping
-            // one changes no other.
+            // If even the largest random factor leaves the shoot short, no factor is drawn. Each draw has its own
+            // address, so that skipping one changes no other.
             let luck = 1.0 + LENGTH_DEVIATION[1] * NORMAL_MAX;
             let mut length = 0.0;
             if wanted * luck >= habit.short_shoot {
@@ -376,7 +376,8 @@ impl Tree {
         let alive = f64::from(habit.bud_break[order]);
         let (count, chance, spacing) = if whorled {
             if last && length > LONG_ENOUGH[1] * habit.short_shoot {
-                // Strong leaders make full whorls; the number of branches goes with the root of the relative length.
+                // Strong leaders make full whorls; the number of branches is proportional to the square root of the
+                // relative length.
                 let size = (length / habit.shoot_max[order]).sqrt().clamp(WHORL_LEAST, 1.0);
                 let count = super::habit::whole(habit.whorl[order] * size).clamp(1, 12);
                 (count, alive, std::f32::consts::TAU / f32::from(count))
@@ -423,13 +424,13 @@ pub(super) fn axis_elevation(deviation: f32, order: usize, season: &Season) -> [
     if order == 0 || spread <= 0.0 {
         return [sine, cosine];
     }
-    // The tangent of the angle by which it is lower; to the right angle it never comes.
+    // `lower` is the tangent of the angle by which the axis is lower; the angle therefore stays below 90 degrees.
     let lower = spread * deviation.clamp(-DEVIATION_MAX, DEVIATION_MAX);
     let per_length = 1.0 / (1.0 + lower * lower).sqrt();
     [(sine - lower * cosine) * per_length, ((cosine + lower * sine) * per_length).max(0.0)]
 }
 
-/// The two uniform draws of a pair of independent standard normal draws (Box-Muller), which are computed where they are needed.
+/// Two uniform draws, from which a pair of independent standard normal draws (Box-Muller) is computed only where it is needed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PolarDraw {
     /// Draw of the distance from the origin.
@@ -452,13 +453,13 @@ impl PolarDraw {
         (-2.0 * math::ln_f32(1.0 - self.away)).sqrt()
     }
 
-    /// A bound of [`Self::normal`], at least 0, that needs neither logarithm nor cosine.
+    /// An upper bound of [`Self::normal`], at least 0, that needs neither logarithm nor cosine.
     #[inline]
     fn bound(self) -> f32 {
         self.distance_bound() * self.cosine_bound()
     }
 
-    /// A bound of [`Self::distance`]: its values at a half, 0.86 and 0.98, rounded up, and at the largest draw.
+    /// An upper bound of [`Self::distance`]: its values at a half, 0.86 and 0.98, rounded up, and at the largest draw.
     #[inline]
     fn distance_bound(self) -> f32 {
         if self.away < 0.5 {
@@ -472,7 +473,8 @@ impl PolarDraw {
         }
     }
 
-    /// A bound of the cosine of the angle, at least 0: its values at the ends of sixteenths of a turn, rounded up.
+    /// An upper bound of the cosine of the angle, at least 0: its values at the ends of sixteenths of a turn, rounded
+    /// up.
     #[inline]
     fn cosine_bound(self) -> f32 {
         // The cosine is even about half a turn.
@@ -517,7 +519,7 @@ impl Chance {
     /// The length of a shoot of which `wanted` is the mean; 0 where it is less than `needed`. The normal draw is not computed where it
     /// cannot reach that length.
     pub fn length(self, wanted: f32, needed: f32, draw: &mut Rng) -> f32 {
-        // More than the rounding errors of both sides.
+        // Exceeds 1 by more than the rounding errors of both sides of the comparison.
         const SURE: f32 = 1.0001;
         let falls_short = |normal: f32| wanted * (1.0 + self.deviation * normal) * SURE < needed;
         let draw = PolarDraw::new(draw);
@@ -538,7 +540,7 @@ fn rotation(about: Vec3, angle: f32) -> Quat {
 struct Turns {
     /// Standard deviation of the random turn's components.
     wander: f32,
-    /// Part of the way to the elevation.
+    /// Share of the turn towards the elevation that one internode makes, 0..1.
     rise: f32,
     /// Sine and cosine of the elevation to which the axis turns.
     elevation: [f32; 2],
@@ -556,7 +558,7 @@ impl Turns {
         }
     }
 
-    /// The direction after an internode.
+    /// The direction after one more internode.
     /// Source: d' = normalize(d + wander sqrt(l) N3 + (e - d)(1 - exp(-rate l)) + phototropism l g).
     fn turn(&self, d: Vec3, draw: &mut Rng) -> Vec3 {
         let mut to = d + self.light;

@@ -30,7 +30,7 @@ struct Cone {
 }
 
 impl Cone {
-    /// The cone through two circles. `inscribed`: inradius over circumradius of the polygon.
+    /// The cone through two circles. `inscribed`: inradius divided by circumradius of the polygon.
     fn new(lower: Circle, upper: Circle, inscribed: f32) -> Self {
         // Inscribed radii: the mesh of the parent is a prism within its circles, and the branch must not float above
         // its facets.
@@ -85,7 +85,7 @@ struct ParentTube<'a> {
     base: Circle,
     /// The upper ring of the first segment: 0 with a junction, else 1.
     lowest: usize,
-    /// Inradius over circumradius of the polygon.
+    /// Inradius divided by circumradius of the polygon.
     inscribed: f32,
 }
 
@@ -270,7 +270,8 @@ impl JunctionShape<'_> {
     }
 }
 
-/// Inradius over circumradius of a regular polygon, less 0.2 %, so that the junction does not float above the parent's facets.
+/// Inradius divided by circumradius of a regular polygon, reduced by 0.2 %, so that the junction does not float above
+/// the parent's facets.
 fn inscribed_radius(sides: u32) -> f32 {
     0.998 * math::cos_f32(std::f32::consts::PI / sides as f32)
 }

@@ -34,7 +34,7 @@ pub(super) struct TubeParams {
 pub(super) struct SkinLayout {
     /// Parameters of the tube of each axis, in the plant's order.
     pub params: Vec<TubeParams>,
-    /// In the order of the mesh: by material, then by axis.
+    /// Ranges of all tubes in the order of the mesh: by material, then by axis.
     pub tubes: Vec<TubeRange>,
     /// Consecutive tubes of one material.
     pub subsets: Vec<MaterialRun>,
@@ -184,7 +184,7 @@ fn assign_ranges(
     let wanted: u64 = order.iter().map(|&(_, axis)| size(axis).0).sum();
     let indexed = u64::from(u32::MAX / 4);
     if wanted > options.max_points.min(indexed) {
-        // No flag raises what indices can number.
+        // No flag raises the number of points that 32-bit indices can address.
         let flag = if options.max_points < indexed { "--max-vertices" } else { "" };
         return Err(Error::Limit {
             name: "points of the skin".into(),
