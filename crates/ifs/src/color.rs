@@ -71,7 +71,7 @@ pub struct ColorLabels {
     top: u32,
     /// For each map the factor on the colour coordinate and the value added to it; the last entry is for jumps.
     pull: Vec<(f32, f32)>,
-    /// By map: its effect on the branching order.
+    /// For each map, its effect on the branching order.
     orders: Vec<Branching>,
     lanes: LaneHistory,
 }

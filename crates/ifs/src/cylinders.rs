@@ -181,7 +181,7 @@ impl CylinderCut {
         game.play(0, batches.pool_points() / LANES as u64, &mut pool);
         let bounds = pool.bounds();
         let window = Affine::scaling(window.scale, window.shift);
-        // From table units to pixels, the final map included.
+        // The map from table units to pixels, including the final map.
         let shown = system.last.map_or(window, |l| window.after(&l));
         let AxisScaling { scale, shift } = game.frame();
         let table = Affine::scaling(scale.recip(), -shift / scale);

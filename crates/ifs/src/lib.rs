@@ -48,7 +48,7 @@ use osier_base::diagnostic::Span;
 /// Largest magnitude of a number that readers accept in a file.
 pub const MAX_COEFFICIENT: f64 = 1e12;
 
-/// An iterated function system, with what its file says about colours and the picture.
+/// An iterated function system, with the colours and the picture window that its file states.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ifs {
     /// Name as written in the file.
@@ -80,7 +80,7 @@ pub struct Map {
     pub affine: Affine,
     /// Weight as written; `None` where the file gives none.
     pub weight: Option<f64>,
-    /// Linear RGB of the points that the map makes; `None`: brown for a stem, else one of the default greens.
+    /// Linear RGB of the points that the map makes; `None`: brown for a stem, otherwise one of the default greens.
     pub color: Option<[f32; 3]>,
     /// Place in the palette, 0..1.
     pub coord: f64,

@@ -1,4 +1,4 @@
-//! Counts points of an attractor into the cells of a picture: by cylinders where possible, else by the chaos game.
+//! Counts points of an attractor into the cells of a picture: by cylinders where possible, otherwise by the chaos game.
 
 use std::ops::Range;
 
@@ -40,7 +40,7 @@ impl PixelIndexer {
 
 /// Cells of a picture that count points.
 pub(super) trait CellCounter {
-    /// Labels of the points, if what is counted depends on them.
+    /// Labels of the points, if the counts depend on them.
     fn labels(&self) -> Option<&ColorLabels>;
     /// Counts points in these cells, with the map that made each and its label.
     fn add_each(&mut self, cells: &[u32], maps: &[u32], labels: &[u32]);

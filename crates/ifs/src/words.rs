@@ -64,7 +64,7 @@ pub struct Word {
     pub id: u64,
 }
 
-/// Size, length and branching order of a word: what decides whether it is expanded further.
+/// Size, length and branching order of a word, which decide whether it is expanded further.
 #[derive(Debug, Clone, Copy)]
 struct WordMeasure {
     /// Product of the scales of its letters.
@@ -207,8 +207,8 @@ pub fn expand(
         return Ok(out);
     }
     out.words.push(root);
-    // The words from the trunk to the one that is expanded, each with the number of its maps that are done: words come depth first in
-    // the order of the file, and only those of one branch wait.
+    // The words from the trunk to the one that is expanded, each with the number of maps that have been appended to it.
+    // Words are made depth first in the order of the file, so that only the words of one branch are unfinished.
     let mut branch = vec![OpenWord { word: root, index: 0, key: vary.map_or(0, |v| v.key), done: 0 }];
     let mut next_index = 1_u32;
     while let Some(open) = branch.last_mut() {
@@ -304,7 +304,7 @@ fn varied(map: &Map, key: u64, amount: f64) -> Affine {
 /// Extent of a tree without variation, table units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TreeExtent {
-    /// From the foot of the trunk to the highest end of a word, at least the trunk's length.
+    /// Height of the highest end of a word above the foot of the trunk, at least the trunk's length.
     pub height: f64,
     /// Largest distance of an end of a word from the foot of the trunk along x or z.
     pub half_width: f64,

@@ -228,7 +228,7 @@ impl CrownGrid {
             let step = IVec3::new(k & 1, k >> 1 & 1, k >> 2 & 1);
             let share = |t: f32, step: i32| if step > 0 { t } else { 1.0 - t };
             let weight = share(t.x, step.x) * share(t.y, step.y) * share(t.z, step.z);
-            // The empty cells around the crown serve the leaves at its edge; clamping guards against rounding.
+            // Leaves at the edge of the crown also read the empty cells around it; clamping guards against rounding.
             let corner = (base + step).clamp(IVec3::ZERO, self.size - IVec3::ONE);
             let Some(cell) = self.index(corner).and_then(|i| cells.get(i)) else { continue };
             light.sky += weight * cell.sky;

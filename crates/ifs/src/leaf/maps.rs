@@ -49,7 +49,7 @@ pub fn fields(raster: &LeafRaster, colors: &LeafColors, vein_share: f32) -> Leaf
     // Veins show as ridges of the density: the difference of a narrow and a wide blur.
     let fine = blurred(&log_density(&raster.hits), n, 2.0 * side / 1024.0);
     let wide = blurred(&fine, n, 12.0 * side / 1024.0);
-    // At least a pixel, or small maps would show stairs.
+    // Blur by at least a pixel; otherwise small maps would show stair steps.
     let rib = blurred(&raster.vein, n, (1.2 * side / 1024.0).max(1.0));
     let margin = blurred(&raster.sd, n, (side / 1024.0).max(0.8));
     let rows: Vec<usize> = (0..n).collect();
@@ -106,7 +106,7 @@ struct PaintedPixel {
 /// Paints the pixel `i`: the edge's colour turns into the centre's away from the margin, veins are lighter and sunk.
 fn paint(r: &LeafRaster, c: &LeafColors, i: usize, f: &PixelFields) -> PaintedPixel {
     let PixelFields { side, margin, fine, wide, rib, vein_share: share } = *f;
-    // Outside, colours are those of the nearest pixel of the leaf, so that filtering finds no fringe.
+    // Outside, the colour is that of the leaf's nearest pixel, so that texture filtering shows no fringe.
     let inner = if r.mask.set[i] { i } else { r.nearest.get(i).copied().unwrap_or(0) as usize };
     let sd = r.sd[i];
     let depth = r.sd.get(inner).copied().unwrap_or(0.0).max(0.0);

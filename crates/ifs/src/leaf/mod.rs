@@ -349,7 +349,7 @@ fn veins(paths: &VeinPaths, tips: &[usize], unit: f64) -> Vec<f32> {
     let n = osier_base::math::sqrt(side(loads.len())) as isize;
     let mut out = vec![0.0_f32; loads.len()];
     for (i, load) in loads.iter().enumerate().filter(|(_, l)| **l > 0) {
-        // Width with the square root of the tips served: cross-sections add up (pipe model).
+        // The width grows with the square root of the number of tips served: cross-sections add up (pipe model).
         let share = osier_base::math::sqrt(f64::from(*load) / f64::from(most));
         let radius = (0.7 + 3.6 * share) * unit;
         let strength = osier_base::math::narrow(0.45 + 0.55 * share);

@@ -21,7 +21,8 @@ pub fn rings(field: &[f32], n: usize) -> Vec<Vec<DVec2>> {
             // Edges of the cell in the order of its corners: top, right, bottom, left.
             let edges = [(x, y, 1), (x + 1, y, 0), (x, y + 1, 1), (x, y, 0)];
             for k in 0..4 {
-                // A run of set corners begins at k: the ring enters on the edge before it and leaves behind it.
+                // A run of set corners begins at k: the ring enters the cell on the edge before the run and leaves it
+                // on the edge after the run.
                 if corners[k] && !corners[(k + 3) % 4] {
                     let mut last = k;
                     while corners[(last + 1) % 4] {

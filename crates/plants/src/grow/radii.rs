@@ -176,8 +176,9 @@ fn accumulate_all(plant: &mut Plant, tip: f64, n: f64) -> f64 {
     thickest
 }
 
-/// Radii of one axis before smoothing, from its tip down; returns that of its base. `loads`: arc lengths and n-th powers of what
-/// the axis bears, sorted from the tip; `pow_tip`: n-th power of the tip's radius; `root`: the n-th root.
+/// Radii of one axis before smoothing, from its tip down; returns that of its base. `loads`: arc lengths and n-th
+/// powers of the radii of its branches and leaves, sorted from the tip; `pow_tip`: n-th power of the tip's radius;
+/// `root`: the n-th root.
 fn accumulate(
     plant: &mut Plant,
     axis: usize,

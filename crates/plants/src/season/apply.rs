@@ -14,7 +14,7 @@ use osier_base::rng::{child, word};
 use osier_scene::plant::{Organ, Plant, Proto};
 use osier_scene::{Attribute, AttributeData, LEAF_COLOR};
 
-/// Rotation of a leaf at bud burst towards its shoot, and that of a bud, as shares of the angle between leaf and shoot.
+/// Rotation of a leaf at bud burst, and of a bud, towards the shoot, as shares of the angle between leaf and shoot.
 const YOUNG_LEAN: f32 = 0.7;
 const BUD_LEAN: f32 = 0.6;
 /// Growth of a bud before it bursts, as a share of its length in winter.

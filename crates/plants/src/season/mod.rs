@@ -48,7 +48,7 @@ pub fn season_of_day(day: u16, latitude: f64) -> f64 {
     season_of_time(day.into(), latitude)
 }
 
-/// As [`season_of_day`], at a time in days, with fractions: 365 days more are the same time of the next year.
+/// As [`season_of_day`], at a time in days, with fractions; 365 days later is the same time of the next year.
 pub fn season_of_time(day: f64, latitude: f64) -> f64 {
     let from_equator = latitude.abs().clamp(LATITUDES[0], LATITUDES[1]);
     let turned = if latitude < 0.0 { 0.5 * YEAR } else { 0.0 };
@@ -142,7 +142,7 @@ pub struct LeafLook {
 }
 
 impl LeafLook {
-    /// Green and open: what the leaves of a plant are before a season is applied.
+    /// The look of all leaves before a season is applied: green and open.
     pub const SUMMER: Self = Self { color: LeafColor::Green, shape: LeafShape::Open };
 }
 
@@ -158,7 +158,8 @@ impl LeafHabit {
         self.autumn.get(usize::from(index)).map_or(self.green, |c| c.color)
     }
 
-    /// Mean linear colour of a blade in a step of colour, which for a turning leaf averages veins and what is between them.
+    /// Mean linear colour of a blade in a step of colour, which for a turning leaf is the mean of the veins and the
+    /// blade between them.
     pub fn color(&self, color: LeafColor) -> [f32; 3] {
         match color {
             LeafColor::Green => self.green,

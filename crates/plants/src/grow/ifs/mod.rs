@@ -74,10 +74,10 @@ pub struct TreeOptions {
 /// Source: [zhao-zhang] 2.2: trees as words of contractions of a trunk.
 /// Differs: tapered tubes that bend with their axis in place of joined cylinders; growth cut by size.
 /// # Errors
-/// `Input` with I040 beyond the words allowed; what `plant::validate` refuses.
+/// `Input` with I040 beyond the words allowed; the errors of `plant::validate`.
 pub fn grow(stems: &TreeSystem, plant: (u32, u64), options: &TreeOptions, limits: &Limits) -> Result<Plant> {
     let fine = word_limits(options, limits);
-    // With billboards the expansion stops earlier, at the size that they replace.
+    // With billboards the expansion stops earlier, at the size of the branches that they replace.
     let cut = words::ExpansionLimits { eps: options.cards.as_ref().map_or(fine.eps, |c| c.eps), ..fine };
     let expanded = expand_words(stems, plant, options, &cut)?;
     build_plant(stems, &expanded, plant, TreeSize::new(stems, options), options, |_, _, _| {})
@@ -117,7 +117,7 @@ pub fn expansion_error(d: Diagnostic) -> Error {
     Diagnostic { labels: Vec::new(), ..d }.into()
 }
 
-/// Builds a plant from words: axes, organs and what `more` adds to them, then radii and materials. `plant`: its id and seed.
+/// Builds a plant from words: axes, organs and the additions of `more`, then radii and materials. `plant`: its id and seed.
 fn build_plant(
     stems: &TreeSystem,
     expanded: &Expansion,

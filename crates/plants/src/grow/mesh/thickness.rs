@@ -71,7 +71,7 @@ fn smooth(piece: &WoodPiece, radii: Vec<f32>) -> Vec<f32> {
 /// The triangles of a piece in a bounding volume hierarchy, for rays that measure its thickness.
 struct ThicknessRays {
     tree: CwBvh,
-    /// In the order of the hierarchy's leaves: a corner and both edges from it.
+    /// Triangles in the order of the hierarchy's leaves: a corner and the two edges from it.
     faces: Vec<[Vec3; 3]>,
 }
 

@@ -65,7 +65,7 @@ impl<T: Copy> WoodSearch<T> {
         best
     }
 
-    /// Lower bound of the distance to any bark below a node: distance to its box, less the largest radius in it.
+    /// Lower bound of the distance to any bark below a node: distance to its box minus the largest radius in it.
     fn lower_bound(&self, node: usize, p: Vec3) -> f32 {
         self.boxes.get(node).map_or(f32::INFINITY, |(b, r)| (p.clamp(b.min, b.max) - p).length() - r)
     }

@@ -67,8 +67,8 @@ impl ShapeAxis {
         }
     }
 
-    /// With probability `share`, ends the axis at its last site, where its child continues in its place. The draw is by `seed`
-    /// and id.
+    /// With probability `share`, ends the axis at its last site, where its child continues in its place. The draw
+    /// depends on `seed` and the id of the axis.
     pub fn lose_apex(&mut self, share: f64, seed: u64) {
         let Some(&last) = self.sites.last().filter(|s| share > 0.0 && **s > 0.0) else { return };
         if Rng::at(seed, &[self.id.into(), "apex".into()]).chance(share) {

@@ -26,7 +26,7 @@ const CONTACT_MARGIN: f64 = 0.005;
 /// Attempts to move a particle out of all solids.
 const CONTACT_TRIES: u32 = 4;
 
-/// What all axes of a plant read while they grow.
+/// Inputs that all axes of a plant share while they grow.
 struct Surroundings<'a> {
     params: &'a ShapeParams,
     seed: u64,
@@ -34,7 +34,7 @@ struct Surroundings<'a> {
     guide: Option<CrownGuide>,
 }
 
-/// The axes of a plant, and what was left out or cut.
+/// The axes of a plant, the level that was not grown, and the number of velocities that were cut.
 #[derive(Debug, Default)]
 pub(super) struct GrownShapes {
     /// Parents before their children.
@@ -101,8 +101,8 @@ pub(super) fn grow_axes(params: &ShapeParams, starts: Vec<AxisStart>, plant: (u3
                 }
             }
         }
-        // Buds of all axes of the level start the next one. The nodes that they will have are summed on the way, so that a level
-        // over `max_nodes` is refused before it grows.
+        // Buds of all axes of the level start the next one. The nodes that these will have are summed in the same loop,
+        // so that a level over `max_nodes` is refused before it grows.
         if level + 1 < params.limits.levels {
             let mut predicted = nodes;
             for i in first..out.axes.len() {

@@ -45,7 +45,7 @@ pub struct ShapeMaterials {
 
 /// Grows a plant. `identity`: its id and seed. Returns it validated, with the warnings of its growth.
 /// # Errors
-/// `Range` for a parameter outside its range, `Limit` beyond [`MAX_ITEMS`] nodes, what `plant::validate` refuses.
+/// `Range` for a parameter outside its range, `Limit` beyond [`MAX_ITEMS`] nodes, the errors of `plant::validate`.
 pub fn grow(
     params: &ShapeParams,
     identity: (u32, u64),

@@ -183,7 +183,7 @@ pub struct Limits {
 /// Thickness of axes, set once all of them have grown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Thickness {
-    /// Whether radii follow from what an axis bears, from its length or from drawn ratios.
+    /// Whether radii follow from the branches and leaves of an axis, from its length or from drawn ratios.
     pub rule: ThicknessRule,
     /// Radius of root axes at their base, m; `None`: the radius to which the tips add up (pipe model), or 0.02 m.
     pub base: Option<f64>,
@@ -261,8 +261,8 @@ impl ShapeParams {
         (self.limits.length.at(level) / 16.0).clamp(0.002, 0.05) * self.step
     }
 
-    /// Radius of axes of a level, m, that contact with solids assumes before radii are known: the radius of roots, halved at each
-    /// level, at least that of a tip.
+    /// Radius of axes of a level, m, that is assumed for contact with solids before radii are known: the radius of
+    /// roots, halved at each level, at least that of a tip.
     pub fn assumed_radius(&self, level: u8) -> f64 {
         let base = self.thickness.base.unwrap_or(super::super::radii::Taper::default().base);
         (0..level).fold(base, |r, _| 0.5 * r).max(self.thickness.tip)

@@ -36,7 +36,7 @@ pub struct Particle {
     pub age: f64,
 }
 
-/// What acts on a particle from outside during a step: rates of change of its target direction, 1/t.
+/// External influences on a particle during a step: rates of change of its target direction, 1/t.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Influence {
     /// Turn away from shade, times the rate `light`.

@@ -83,7 +83,7 @@ pub(super) fn rounded_s(grown: &ShapeAxis, s: f64, in_plant: &Axis) -> f32 {
 
 /// Builds the plant of grown axes. `plant`: its id and seed.
 /// # Errors
-/// What `plant::validate` refuses, `TooMany` beyond 2^32 nodes.
+/// The errors of `plant::validate`, `TooMany` beyond 2^32 nodes.
 pub(super) fn build_plant(
     axes: &[ShapeAxis],
     params: &ShapeParams,

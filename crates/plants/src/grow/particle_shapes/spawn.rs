@@ -99,7 +99,7 @@ pub(super) fn sites(params: &ShapeParams, axis: &ShapeAxis, seed: u64) -> Vec<f6
     let spacing = params.spawning.spacing.at(axis.level);
     let mut draws = Rng::at(seed, &[axis.id.into(), "sites".into()]);
     let end = axis.grown_length();
-    // The first site lies behind the bare base, by a random part of a spacing.
+    // The first site lies a random part of a spacing beyond the bare base.
     let mut s = (params.spawning.base.at(axis.level) * axis.length).max(axis.exposed) + spacing * draws.unit_f64();
     let mut sites = Vec::new();
     while s < end {

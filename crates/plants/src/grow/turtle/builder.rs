@@ -246,7 +246,7 @@ impl PlantBuilder {
         self.open.get_mut(axis.open as usize)
     }
 
-    /// The last node of an axis, which carries what is drawn there.
+    /// The last node of an axis, to which branches and organs drawn there are attached.
     pub fn site(&self, axis: u32) -> NodeSite {
         let open = self.axes.get(axis as usize).and_then(|a| self.open.get(a.open as usize));
         NodeSite { axis, s: open.map_or(0.0, |n| n.s) }
@@ -408,7 +408,7 @@ impl PlantBuilder {
         order
     }
 
-    /// Copies the nodes of an axis into those of the plant, from index `first` on; returns the index behind them.
+    /// Copies the nodes of an axis into those of the plant, from index `first` on; returns the index after them.
     fn fill_nodes(&self, nodes: &mut Nodes, first: usize, a: &RawAxis, growth: &mut GrowthClock) -> usize {
         let n = nodes.p.len();
         // For slices of equal length one bounds check per index is enough.
@@ -575,8 +575,9 @@ struct FrameBatch {
     /// Indices of the nodes, of which the first `count` are in use.
     nodes: [u32; BATCH],
     count: usize,
-    /// Direction of the segment that ends at the node (x, y, z), that of the one that begins there, left (x, y, z), and 1 for a node
-    /// between two segments. At the ends of an axis the only direction takes the first place.
+    /// Direction of the segment that ends at the node (x, y, z), direction of the segment that begins there, left
+    /// vector (x, y, z), and 1 for a node between two segments. At the ends of an axis the only direction is stored
+    /// first.
     rows: [[f64; BATCH]; 10],
     /// Frames (x, y, z, w), and the reciprocals of the lengths by which vectors were divided.
     frames: [[f64; BATCH]; 7],
@@ -731,8 +732,8 @@ pub(in crate::grow) fn set_exposed_lengths(plant: &mut Plant) {
         let Some(parent) = plant.axes.get(axis.parent as usize) else { continue };
         let site = plant.frame(parent, axis.parent_s);
         let t = site.q * Vec3::Y;
-        // Distance of a point from the parent's surface: from the line through the site along the parent's tangent,
-        // less the parent's radius.
+        // Distance of a point from the parent's surface: distance from the line through the site along the parent's
+        // tangent minus the parent's radius.
         let away = |p: Vec3| {
             let d = p - site.p;
             (d - t * d.dot(t)).length() - site.r

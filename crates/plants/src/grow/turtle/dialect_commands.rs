@@ -1,4 +1,5 @@
-//! Commands of the turtles of other programs: Fractint, LParser and L-Py. One table for each, and what its commands change.
+//! Commands of the turtles of other programs: Fractint, LParser and L-Py. A table of commands for each, and the state
+//! that they change.
 
 use glam::DVec3;
 
@@ -7,7 +8,7 @@ use super::guides::Guide;
 use super::options::TurtleOptions;
 use osier_grammar::{Dialect, DialectSettings, SymbolId};
 
-/// Colour indices with which the programs begin: white, red and the first one.
+/// Initial colour indices of the programs: white, red and the first index.
 const FRACTINT_COLOR: u8 = 15;
 const LPARSER_COLOR: u8 = 2;
 const LPY_COLOR: u8 = 1;

@@ -64,7 +64,7 @@ impl Turtle<'_> {
             }
             return true;
         }
-        // A number behind a symbol that is not a command is ignored.
+        // A number after a symbol that is not a command is ignored.
         if c == '(' && m.params.is_empty() {
             self.pending.text = Some(String::new());
             return true;
@@ -321,7 +321,8 @@ impl Turtle<'_> {
         let turns: [fn(&mut TurtleFrame, f64, f64); 3] = [TurtleFrame::yaw, TurtleFrame::pitch, TurtleFrame::roll];
         for (k, turn) in (0_u64..).zip(turns) {
             let a = radians(most * (2.0 * self.bindings.draw(m.lineage(), k) - 1.0));
-            // Only the first turn can find an axis whose length is not 1: it normalizes the left vector, the second turn the up vector.
+            // Only the axis of the first turn can have a length other than 1: this turn normalizes the left vector, the
+            // second turn the up vector.
             let axis = self.rare.dialect.up_length.filter(|_| k == 0);
             let (c, s) = about(math::cos(a), math::sin(a), axis);
             turn(&mut self.s.frame, c, s);
@@ -390,7 +391,7 @@ impl Turtle<'_> {
             }
             C::MoveTo(relative) => {
                 self.close_segment();
-                // Unlike those of steps, the lengths of a move by a vector are not scaled.
+                // The length of a move by a vector is not scaled, unlike that of a step.
                 let by = self.target(m, false);
                 self.jump_to(if relative { self.s.p + by } else { by }, m);
             }
@@ -398,7 +399,7 @@ impl Turtle<'_> {
                 self.close_segment();
                 let to = self.target(m, relative);
                 self.line(to, turns, m);
-                // As with `F`, the radius at the end of the line.
+                // A fourth parameter is the radius at the end of the line, as with `F`.
                 if m.params.len() > 3 {
                     self.set_end_radius(3, m);
                 }

@@ -163,7 +163,7 @@ impl Turtle<'_> {
         chord.length() * scale
     }
 
-    /// Turns the heading to the tangent of the guide behind a step, so that organs stand along the curve.
+    /// Turns the heading to the tangent of the guide after a step, so that organs stand along the curve.
     pub(super) fn align_with_guide(&mut self) {
         let Some(guide) = self.rare.dialect.guide else { return };
         let Some(curve) = self.guide_curves.get(&guide.id) else { return };
@@ -180,7 +180,7 @@ impl Turtle<'_> {
         if n <= 0.0 {
             return;
         }
-        // To the left about up, or upwards about left.
+        // Turn to the left about up, or upwards about left.
         if guide.turns_about_up {
             TurtleFrame::yaw(&mut self.s.frame, c / n, s / n);
         } else {
@@ -233,7 +233,8 @@ impl Turtle<'_> {
 
     fn begin_contour_cylinder(&mut self, m: Module<'_>) {
         self.finish_cylinder(m);
-        // Steps are short where a surface bends: its tangents are those of the turtle, its pieces straight.
+        // The model's steps are short where the surface bends, so its tangents are the turtle's headings and its pieces
+        // are nearly straight.
         self.rare.cylinder.tangent = [1.0, 1.0];
         self.open_cylinder(OpenCylinder::new(CurveKind::Hermite, false), m);
         self.cylinder_point(1);
@@ -253,7 +254,8 @@ impl Turtle<'_> {
         }
     }
 
-    /// The factor that a parameter gives the radius at a share of the length: a function of the model, else 1.
+    /// Factor on the radius at a share of the length: the value of the model's function that parameter `i` names;
+    /// `None` without such a function.
     pub(super) fn radius_factor(&mut self, m: Module<'_>, i: usize, share: f64) -> Option<f64> {
         let id = m.params.get(i).map(|_| self.param(m, i, 0.0))?;
         self.grammar.curve_value(id, share)
@@ -301,8 +303,8 @@ impl Turtle<'_> {
         self.align_with_guide();
     }
 
-    /// Radius of a path at a share of its length, if its parameters state one: the radius, multiplied by the function
-    /// if there is one.
+    /// Radius of a path at a share of its length: the third parameter times the function that the fourth one names;
+    /// `None` without such a function.
     pub(super) fn path_radius(&mut self, m: Module<'_>, share: f64) -> Option<f64> {
         let factor = self.radius_factor(m, 3, share)?;
         Some((self.param(m, 2, LPY_RADIUS) * factor).max(0.0))

@@ -444,7 +444,7 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Whether a symbol is cut: a `%`, or a symbol behind one on the same branch. The bracket that closes the branch is not cut.
+    /// Whether a symbol is cut: a `%`, or a symbol after one on the same branch. The bracket that closes the branch is not cut.
     fn is_cut(&mut self, c: char) -> bool {
         match (self.cut, c) {
             (None, '%') if self.dialect.kind.has_cpfg_commands() && self.prefix == Prefix::None => self.cut = Some(0),

@@ -68,7 +68,7 @@ pub fn grow(
 
 /// Interprets a derived string.
 /// # Errors
-/// `Input` with L043 for a command that is not available, L051 beyond a limit; what `plant::validate` refuses.
+/// `Input` with L043 for a command that is not available, L051 beyond a limit; the errors of `plant::validate`.
 /// Source: cpfg's turtle; frame, turns, taper and tropisms as in the lines of each command.
 pub fn draw(grammar: &Grammar, derived: &DerivedString, options: &TurtleOptions, limits: &Limits) -> Result<Drawing> {
     // Interpret every module in order; limits and forbidden commands are reported after the last one.

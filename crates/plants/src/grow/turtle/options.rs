@@ -10,7 +10,7 @@ use crate::grow::radii::{Pipe, Taper};
 use osier_scene::plant::Proto;
 use osier_scene::{MaterialId, Mesh};
 
-/// Key of the organ `stalk` among those of a plant: no letter that a scene could name.
+/// Key of the organ `stalk` among the organs of a plant, a character that no scene can name.
 pub const STALK: char = '\u{e000}';
 
 /// A tropism: a growth response that turns the heading towards a direction before each step.
@@ -72,7 +72,7 @@ pub enum RadiusModel {
     Pipe(Pipe),
     /// A taper along each axis, whatever the string sets.
     Taper(Taper),
-    /// Turtle widths if the string sets any, else this taper.
+    /// Turtle widths if the string sets any, otherwise this taper.
     Hairs(Taper),
 }
 
@@ -106,7 +106,7 @@ pub struct TurtleOptions {
     pub old_tropism: DVec3,
     /// Elasticity of `old_tropism` at the start.
     pub old_elasticity: f64,
-    /// What `_` without a parameter adds to that elasticity.
+    /// Amount that `_` without a parameter adds to that elasticity.
     pub old_increment: f64,
     /// Whether a roll made since the last segment survives a tropism.
     pub tropism_keep_roll: bool,
@@ -118,7 +118,7 @@ pub struct TurtleOptions {
     pub sides: u32,
     /// Whether the cross-sections of generalised cylinders roll with the turtle; else they have the least twist.
     pub twist: bool,
-    /// Whether the part of the final string behind a `%` is drawn, up to the end of its branch.
+    /// Whether the part of the final string from a `%` to the end of its branch is drawn.
     pub past_cut: bool,
     /// Materials by the number that `@Tx` gives; 0 is no texture.
     pub textures: BTreeMap<u32, MaterialId>,

@@ -1,15 +1,15 @@
 //! A part of the last step of a derivation: how far each module of the final string has grown, so that a plant changes without jumps
 //! from step to step. Own.
 //!
-//! Just after step n the string of step n + 1 looks like that of step n: what a production has made has no size, turns at the level of
-//! its predecessor are 0, and the pieces that a segment is replaced by lie on it. All of that grows to its full value in proportion to
-//! the part. Modules that only change their parameters interpolate them.
+//! Just after step n the string of step n + 1 looks like that of step n: new modules have size 0, turns at the level of
+//! their predecessor are 0, and the pieces that replace a segment lie on it. All of that grows to its full value in
+//! proportion to the part. Modules that only change their parameters interpolate them.
 
 use std::ops::Range;
 
 use osier_grammar::{DerivedString, Grammar, LastStep, Module, Origin};
 
-/// Factors on what a module does while it grows.
+/// Factors on the effects of a module while it grows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ModuleGrowth {
     /// Factor on the lengths of steps.

@@ -217,7 +217,7 @@ impl Tree {
         }
     }
 
-    /// Apical control at a node: the weight of its continuation against its side branches and buds.
+    /// Apical control at a node: the weight of its continuation relative to its side branches and buds.
     pub(super) fn control_at(&self, season: &Season, i: usize) -> f32 {
         let control = season.apical_control[usize::from(self.nodes.order[i])];
         apical_share(self.habit.reiterate, control, self.nodes.gathered[i], self.scratch.wood[i])

@@ -74,8 +74,8 @@ impl Tree {
         let mut group = TurningGroup::default();
         for first in (0..count).step_by(WINDOW) {
             window.begin(first, count.min(first + WINDOW), &mut wood);
-            // Internodes of one round do not depend on each other. Those of living branches are computed in lanes, the others one
-            // by one.
+            // Internodes of one round do not depend on each other. Internodes of living branches are computed in SIMD
+            // lanes, the others one by one.
             for round in window.rounds() {
                 for &k in round {
                     let k = usize::from(k);

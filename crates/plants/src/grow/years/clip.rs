@@ -50,7 +50,7 @@ pub struct GrowthClip {
 impl GrowthRecord {
     /// The record as a validated plant that can be posed at any age.
     /// # Errors
-    /// `Limit` for more organs than allowed; what `plant::validate` refuses.
+    /// `Limit` for more organs than allowed; the errors of `plant::validate`.
     pub fn clip(self: &Arc<Self>, options: &PlantOptions, clip: ClipOptions, limits: &Limits) -> Result<GrowthClip> {
         let all = self.wood_of_all();
         let tree = self.tree_of_all(&all);

@@ -159,7 +159,7 @@ impl LeafSlots {
         };
         let mut lives = slots.all_lives(record, options.clip.leaves);
         let [first, last] = record.ages();
-        // Only what is seen between the first and the last frame needs a place.
+        // Only leaves that are visible between the first and the last frame need a place.
         lives.retain(|life| life.unfolds < last && life.falls + FALLING > first);
         slots.share_places(record, lives, options)?;
         Ok(slots)
@@ -236,7 +236,7 @@ impl LeafSlots {
             return [born.clamp(year - 1.0 + SPRING, year - 1.0 + LATEST_SPRING), year - 1.0 + AUTUMN];
         }
         let years = tree.habit.leaf_years.ceil().max(1.0);
-        // Early enough for the leaf before it to be gone at the end of the year.
+        // The new leaf unfolds early enough for the leaf before it to have fallen by the end of the year.
         let unfolds = born.min(year - LEAD);
         let living = record.last_living_year(i);
         // Three ends: the branch dies first; the leaf outlives the record; it falls of age.

@@ -168,8 +168,8 @@ impl Tree {
         self.fallen += 1;
     }
 
-    /// Removes low branches: side axes of the stem below the clear stem and, in older trees, what hangs down from any branch below
-    /// [`Self::lift_share`] of the clear stem.
+    /// Removes low branches: side axes of the stem below the clear stem and, in older trees, side axes that hang down
+    /// from any branch below [`Self::lift_share`] of the clear stem.
     fn lift_crown(&mut self, season: &Season) {
         let lift = season.clear_stem;
         let highest = if season.year > LIFT_ALL_YEAR { LIFT_ALL_SHARE[1] * lift } else { f32::NEG_INFINITY };
@@ -183,7 +183,7 @@ impl Tree {
             }
             let parent = nodes.parent[i] as usize;
             let on_stem = nodes.flags[i] & flag::MAIN == 0 && nodes.order[parent] == 0 && nodes.s[parent] < lift;
-            // Limbs that rise from the stem stay: what hangs from them is cut.
+            // Limbs that rise from the stem stay; axes that hang down from them are removed.
             let sinks = nodes.order[i] > 0 && nodes.p[i].y < nodes.p[parent].y;
             let low = sinks && nodes.p[i].y < highest && nodes.flags[parent] & flag::FALLEN == 0;
             let hangs = low && nodes.p[i].y < lift * self.lift_share(i);
@@ -197,7 +197,7 @@ impl Tree {
         }
     }
 
-    /// Lets what stands on a removed branch fall with it.
+    /// Lets all wood on a removed branch fall with it.
     fn fall_with_carriers(&mut self) {
         for i in 0..self.nodes.len() {
             let carrier = self.nodes.flags.get(self.nodes.parent[i] as usize).copied().unwrap_or(0);
@@ -417,7 +417,7 @@ impl Tree {
         for loss in losses.iter().filter(large) {
             let (mut i, mut count) = (loss.at as usize, 0);
             while i < self.nodes.len() && count < WAKE_AT_CUT {
-                // The light of last year is the sum of what is left and what is lost.
+                // The light of last year is the sum of the remaining and the lost light.
                 let left = if self.nodes.lives(i) { self.nodes.gathered[i] } else { 0.0 };
                 let lost = self.scratch.lost_light[i];
                 if lost <= WAKE_LOSS * (left + lost) {

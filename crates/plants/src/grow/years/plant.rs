@@ -93,7 +93,7 @@ impl PlantOptions {
 impl GrownTree {
     /// The tree as a validated plant, in its own space: the origin is the tree's base.
     /// # Errors
-    /// `Limit` for more organs than allowed; what `plant::validate` refuses.
+    /// `Limit` for more organs than allowed; the errors of `plant::validate`.
     pub fn plant(&self, options: &PlantOptions, limits: &Limits) -> Result<Plant> {
         let mut plant = options.plant_without_axes(self.id, self.seed);
         let leaves = options.foliage.as_ref().and_then(|foliage| TreeFoliage::new(&self.tree, foliage));
@@ -246,8 +246,9 @@ impl<'a> AxisBuilder<'a> {
         }
     }
 
-    /// The child that continues the skin of a node's axis: its continuation while that lives or all is dead, else the thickest
-    /// living child that is thick and straight enough. Wood that stands is preferred to wood that falls during a clip.
+    /// The child that continues the skin of a node's axis: its continuation while that lives or all children are dead,
+    /// otherwise the thickest living child that is thick and straight enough. Wood that stands is preferred to wood
+    /// that falls during a clip.
     fn continuation(&self, children: &Children, node: usize) -> Option<u32> {
         let nodes = &self.tree.nodes;
         let stays = |c: usize| self.has_fallen(c) == self.has_fallen(node);

@@ -14,7 +14,7 @@ const GREENHILL: f32 = 0.788;
 pub(super) struct Season {
     /// Year of the tree's life that grows, from 1.
     pub year: u32,
-    /// For each order, weight of an axis's continuation against its side branches and buds, 0..1.
+    /// For each order, weight of an axis's continuation relative to its side branches and buds, 0..1.
     pub apical_control: PerOrder,
     /// For each order, angle at which a shoot leaves its parent, rad.
     pub angle: PerOrder,

@@ -222,7 +222,7 @@ impl Tree {
         };
         let is_short = shoot.bud.is_some() && shoot.length < self.habit.short_shoot;
 
-        // Internode by internode: turn, slide along what is in the way, add the node and its buds.
+        // Internode by internode: turn, slide along obstacles, add the node and its buds.
         let count = f32::from(shoot.count);
         let length = shoot.length / count;
         let light = self.scratch.cell.get(from).map_or(Vec3::Y, |cell| field.in_cell(*cell).from);
@@ -313,8 +313,8 @@ impl Tree {
         }
     }
 
-    /// Frame of a side shoot's base: turned away from the node by its angle, at the bud's azimuth. `deviation`: of that angle from the
-    /// mean, in standard deviations.
+    /// Frame of a side shoot's base: turned away from the node by its angle, at the bud's azimuth. `deviation`:
+    /// deviation of that angle from the mean, in standard deviations.
     fn leaving_frame(&self, bud: &Bud, order: usize, season: &Season, deviation: f32) -> Quat {
         let q = self.nodes.q[bud.node as usize];
         let d = y_axis(q);
@@ -362,7 +362,7 @@ impl Tree {
     }
 
     /// Adds the buds at the end of a new internode; returns the azimuth from its first to the next node's.
-    /// `length`: of the whole shoot; `t`: place along it.
+    /// `length`: length of the whole shoot, m; `t`: position along it, 0..1.
     fn add_buds(&mut self, node: usize, id: u64, length: f32, t: f32, last: bool) -> f32 {
         let habit = &self.habit;
         let order = usize::from(self.nodes.order[node]);
@@ -414,8 +414,8 @@ fn internodes(length: f32, internode: f32) -> u16 {
     super::habit::whole((length / internode).ceil().max(1.0))
 }
 
-/// Sine and cosine of the elevation that an axis of an order turns to. `deviation`: of the angle at which it leaves its parent from
-/// the mean, in standard deviations.
+/// Sine and cosine of the elevation that an axis of an order turns to. `deviation`: deviation of the angle at which it
+/// leaves its parent from the mean, in standard deviations.
 /// Own: an axis that leaves its parent at a wider angle than others stays lower than they do, by as much; axes near the vertical
 /// keep close to it. With one elevation for all, the limbs of a tree would become parallel.
 pub(super) fn axis_elevation(deviation: f32, order: usize, season: &Season) -> [f32; 2] {

@@ -16,7 +16,7 @@ pub(super) const NONE: u32 = u32::MAX;
 const SEED_LENGTH: f32 = 0.05;
 /// Share of the stems that sprout in the first year if others sprout later. Own.
 const SPROUT_AT_ONCE: f32 = 0.4;
-/// The golden ratio less 1.
+/// The golden ratio minus 1.
 const GOLDEN_SHARE: f32 = 0.618_034;
 
 /// Marks of an internode, as bits of its `flags`.
@@ -113,7 +113,7 @@ columns! {
         r: f32,
         /// r^n, the area of its pipes.
         area: f32,
-        /// Area of pipes that died above, as far as it is kept.
+        /// Area of the pipes of dead wood above that remains in the wood, by `pipe_memory`.
         lost: f32,
         /// Length of the path from the root to its end, m.
         path: f32,
@@ -142,7 +142,8 @@ impl Nodes {
     /// Position of the base of a node's internode, from the tree's base, m.
     #[inline]
     pub fn base(&self, i: usize) -> Vec3 {
-        // The base of a root is not stored: it lies one length behind the root's end.
+        // The base of a root is not stored: it lies the length of the internode below the root's end, along its
+        // direction.
         match self.p.get(self.parent[i] as usize) {
             Some(p) => *p,
             None => self.p[i] - self.direction(i) * self.length[i],
@@ -355,8 +356,8 @@ impl Tree {
     }
 
     /// Adds the seed internode of a stem.
-    /// Own: with `stem_years` some sprout later, and stay stubs until then. Stems stand at golden-angle azimuths, at the distance spread sqrt((i + 0.5) / n), tilted outwards by
-    /// tilt (0.4 + 0.9 U) sqrt((i + 0.5) / n).
+    /// Own: with `stem_years` some sprout later, and stay stubs until then. Stems stand at golden-angle azimuths, at
+    /// the distance spread sqrt((i + 0.5) / n), tilted outwards by tilt (0.4 + 0.9 U) sqrt((i + 0.5) / n).
     fn add_stem(&mut self, i: u16, stems: u16, id: u64) {
         let habit = &self.habit;
         let mut draw = self.draw(id, Purpose::Stem);

@@ -132,9 +132,9 @@ fn dilate(texels: &mut [BillboardTexel], side: usize) {
 }
 
 impl Tuft {
-    /// The tuft as billboards through its middle. `crossed`: three quads, each with a quarter of the texture, else one that
-    /// faces +Z with all of it. The mesh has one material, the returned one, whose images have straight (not premultiplied)
-    /// alpha.
+    /// The tuft as billboards through its middle. `crossed`: three quads, each with a quarter of the texture; otherwise
+    /// one quad that faces +Z, with the whole texture. The mesh has one material, the returned one, whose images have
+    /// straight (not premultiplied) alpha.
     /// Source: own. Hairs are drawn as cylinders with 8 x 8 samples per pixel; the alpha cutoff preserves the covered area.
     pub fn billboards(&self, name: &str, crossed: bool) -> (Mesh, SurfaceMaterial) {
         let (views, pixels) = if crossed { (&VIEWS[..], SIDE / 2) } else { (&VIEWS[..1], SIDE) };

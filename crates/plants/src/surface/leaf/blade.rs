@@ -284,7 +284,8 @@ fn smooth_normals(mesh: &Mesh) -> Vec<Vec3> {
     normals.iter().map(|n| if n.length() > 1e-20 { n.normalize() } else { Vec3::Z }).collect()
 }
 
-/// Tilts the normals of triangles that a sharp wave turned against them until they agree. At most 8 sweeps.
+/// Where a sharp wave has turned triangles away from their vertex normals, tilts these normals until they agree with
+/// the triangles. At most 8 sweeps.
 fn tilt_normals_to_faces(mesh: &mut Mesh) {
     for _ in 0..8 {
         let mut turned = false;

@@ -84,7 +84,7 @@ pub struct BladeSpec {
     pub vein_angle: f32,
     /// Angle by which each half is folded up at the midrib, -1.2..1.2 rad.
     pub fold: f32,
-    /// Angle by which the tip is bent down against the base, -3..3 rad.
+    /// Angle by which the tip is bent down relative to the base, -3..3 rad.
     pub curl: f32,
     /// Height of the waves of the margin, share of the width, 0..0.3.
     pub waviness: f32,

@@ -27,9 +27,9 @@ impl Vein {
 /// Margin and side veins of one side of the flat blade.
 #[derive(Debug, Clone)]
 pub(super) struct BladeHalf {
-    /// From the base to the tip of the blade, both included.
+    /// Points of the margin from the base to the tip of the blade, both included.
     pub margin: Vec<Vec2>,
-    /// From the base to the tip, roots and tips increasing.
+    /// Side veins from the base to the tip; their roots and tips ascend.
     pub veins: Vec<Vein>,
 }
 
@@ -186,7 +186,7 @@ fn lobed(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
 /// Obovate with a rounded tip; `notch`: depth of the bay in it, share of the half width; `aspect`: width divided by
 /// length.
 fn petal(notch: f32, aspect: f32) -> Vec<Vec2> {
-    // The bay ends at the tip of the midrib, so the shoulders beside it stand above that.
+    // The bay ends at the tip of the midrib, so the shoulders on both sides of the bay lie above that tip.
     let rise = notch * 0.5 * aspect;
     let table = [[0.0, 0.0], [0.2, 0.04], [0.42, 0.2], [0.72, 0.42], [0.97, 0.66], [0.93, 0.83]];
     let mut out: Vec<Vec2> = table.iter().map(|&[x, y]| Vec2::new(x, y)).collect();
@@ -427,7 +427,8 @@ fn veins(spec: &BladeSpec, margin: &[Vec2], tips: &[usize], side: f32) -> Vec<Ve
         let y = if matches!(spec.form, LeafForm::Palmate { .. }) { lowest } else { tip.y - tip.x * slope + shift };
         let y = y.clamp(lowest, most.max(lowest));
         let mut vein = Vein { root: Vec2::ZERO, bend: Vec2::ZERO, tip, at };
-        // Straight at first, bent to the tip of the blade near the margin; rooted higher where a bay is in the way.
+        // A vein is straight at first and bends to the tip of the blade near the margin; its root is moved up if the
+        // vein would cross a bay.
         for k in 0..16_u8 {
             let y = (y + 0.012 * spec.length * f32::from(k)).min(most.max(lowest));
             vein.root = Vec2::new(0.0, y);

@@ -83,7 +83,7 @@ struct ParentTube<'a> {
     rings: &'a [Ring],
     /// The circle of the parent's own junction, below its first ring; unused without one.
     base: Circle,
-    /// The upper ring of the first segment: 0 with a junction, else 1.
+    /// Index of the upper ring of the first segment: 0 with a junction, otherwise 1.
     lowest: usize,
     /// Inradius divided by circumradius of the polygon.
     inscribed: f32,
@@ -157,10 +157,10 @@ struct JunctionShape<'a> {
 
 /// Writes the hidden cap, the collar and the rings above it; returns the first point of the uppermost ring.
 /// Each corner of the branch starts where its own line meets the parent, so the collar follows the parent's surface
-/// however obliquely the branch leaves; its widening fades with the third power of the way to the first regular ring. On the
-/// parent's surface the normals lie between those of both surfaces, which hides the crease. The cap is a fan from the collar
-/// to a point below its middle: seen along the branch its corners surround that point, so none of its triangles can turn
-/// over, and it stays inside the parent however that bends.
+/// however obliquely the branch leaves; its widening falls with the third power of the remaining distance to the first
+/// regular ring. On the parent's surface the normals lie between those of both surfaces, which hides the crease. The cap is
+/// a fan from the collar to a point below its middle: seen along the branch its corners surround that point, so none of
+/// its triangles can turn over, and it stays inside the parent however that bends.
 pub(super) fn write_junction(tube: &TubeInputs<'_>, site: &Junction, out: &mut TubeWriter<'_>) -> u32 {
     let (context, Some(first)) = (&tube.context, tube.rings.first()) else { return 0 };
     // The parent's surface, and its segment at the attachment.

@@ -1,4 +1,5 @@
-//! Second pass: numbers of sides, texture offsets and index ranges; what a continuing branch inherits from its parent.
+//! Second pass: numbers of sides, texture offsets and index ranges; also the parameters that a continuing branch
+//! inherits from its parent.
 
 use glam::Vec3;
 

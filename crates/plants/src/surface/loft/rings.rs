@@ -40,7 +40,7 @@ pub(super) struct RingScratch {
     tangents: Vec<Vec3>,
 }
 
-/// What is prescribed for the first ring of a tube.
+/// Prescribed orientation of the first ring of a tube.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FirstRing {
     /// Unit tangent; `None`: the direction of the first segment.

@@ -42,7 +42,7 @@ fn corner_nodes(plant: &Plant, axis: &Axis) -> Vec<usize> {
     let mut corners = vec![first];
     let mut from = first;
     for to in first + 1..last {
-        // The chord to the next node leaves out all nodes between, if none of them is too far beside it.
+        // The chord to the next node leaves out all nodes between, if none of them is too far from it.
         let chord = math::normalize_or(p[to + 1] - p[from], Vec3::Y);
         let misses = |i: usize| (p[i] - p[from]).reject_from_normalized(chord).length_squared() > drift * drift;
         if (from + 1..=to).any(misses) {

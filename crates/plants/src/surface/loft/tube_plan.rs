@@ -298,8 +298,8 @@ impl TubePlanner<'_> {
         Some(t0)
     }
 
-    /// Unit direction of the parent's segment at the attachment. Where the branch leaves from a node of the parent, it is the
-    /// segment ahead if the branch runs forwards, else the one behind.
+    /// Unit direction of the parent's segment at the attachment. Where the branch leaves from a node of the parent, it
+    /// is the segment ahead if the branch runs forwards, otherwise the one behind.
     fn parent_direction(&self, parent: &Axis) -> Vec3 {
         let nodes = self.plant.nodes_of(parent);
         let (p, s) = (&self.plant.nodes.p, &self.plant.nodes.s[nodes.clone()]);

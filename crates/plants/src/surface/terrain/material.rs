@@ -136,7 +136,7 @@ struct TerrainShape {
 }
 
 impl TerrainShape {
-    /// Slopes by central differences; relative heights against a copy smoothed [`SMOOTHING_PASSES`] times.
+    /// Slopes by central differences; relative heights are measured from a copy smoothed [`SMOOTHING_PASSES`] times.
     fn new(land: &Terrain) -> Self {
         let mut broad = land.clone();
         (0..SMOOTHING_PASSES).for_each(|_| broad.smooth_binomial());

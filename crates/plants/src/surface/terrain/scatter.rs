@@ -128,7 +128,8 @@ impl ScatterGrid {
     fn new(land: &Terrain, params: &ScatterParams) -> Self {
         let edge = params.spacing * std::f32::consts::FRAC_1_SQRT_2;
         let last = land.size.map(|length| ((length / edge).ceil() as usize).max(1) - 1);
-        // Only cells that the disc touches are visited; they are numbered as those of the whole terrain, which fixes their draws.
+        // Only cells that the disc touches are visited; they keep their numbers among the cells of the whole terrain,
+        // so that their draws do not depend on the disc.
         let span = |axis: usize| match params.disc {
             None => [0, last[axis]],
             Some(d) => {
@@ -192,7 +193,7 @@ pub fn scatter(
                 return Ok(points);
             }
             let cell = *cell as usize;
-            // One stream per candidate gives its position, its acceptance, and what the caller draws later.
+            // One stream per candidate gives its position, its acceptance, and the later draws of the caller.
             let mut rng = candidate_rng(&cells, key, cell);
             rng.next_u64();
             let at = candidate_position(&cells, land, cell, &mut rng);
