@@ -40,7 +40,7 @@ const STAYS: f32 = f32::INFINITY;
 /// Whether the leaves of a clip follow the seasons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ClipLeaves {
-    /// On species whose leaves live one year they unfold in spring and fall in autumn; leaves of other species
+    /// Leaves unfold in spring and fall in autumn on species whose leaves live one year; leaves of other species
     /// (`leaf_years` above 1) fall at the end of their last year, when new ones have unfolded.
     Seasons,
     /// Crowns are in leaf all year: tips keep their leaves as they grow.
@@ -120,7 +120,7 @@ pub(super) struct LeafSlots {
     /// Size factor of the plant's organ at each place.
     scales: Vec<f32>,
     /// Pose of each place while it waits for its first leaf: that of the plant's organ, of size 0. Because it does not
-    /// move, formats that omit samples which interpolation restores need none for it.
+    /// move, formats that omit samples which interpolation restores write none of it.
     pub waiting: Vec<LeafNow>,
 }
 
