@@ -1,4 +1,4 @@
-//! The last step of a derivation: from which module of the string before it each module of its result was made.
+//! The last step of a derivation: which module of the string before it each module of its result comes from.
 
 use super::{DeriveOptions, DerivedString, derive};
 use crate::grammar::{Grammar, runtime_error};
@@ -8,36 +8,36 @@ use osier_base::Result;
 use osier_base::convert::saturating_index;
 use osier_base::limits::Limits;
 
-/// Modules whose origin may remain unknown before the search for origins ends. Each of them costs a pass over the string before the
-/// step; only decompositions and cut branches leave any.
+/// Limit on the modules whose origin may remain unknown, beyond which the search ends: each of them costs a pass over the
+/// string before the step. Only decompositions and cut branches cause any.
 const MAX_UNKNOWN: usize = 16;
 
-/// A last step of which only a part is drawn.
+/// The last step of a derivation, if only a part of it is drawn.
 #[derive(Debug, Clone)]
 pub struct LastStep {
     /// The string before the step.
     pub before: ModuleString,
     /// Origin of each module of the string after the step.
     pub origins: Vec<Origin>,
-    /// The part that is drawn, above 0 and below 1.
+    /// The fraction of the step that is drawn, above 0 and below 1.
     pub part: f64,
 }
 
 /// Where a module of the string after a step comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Origin {
-    /// It was in the string before the step, with this index.
+    /// The module was in the string before the step, with this index.
     Kept(u32),
-    /// A production made it from the module of this index in the string before the step.
+    /// A production made the module from the one with this index in the string before the step.
     Made(u32),
-    /// It was made in the step by several productions one after the other.
+    /// Several productions, one after the other, made the module in the step.
     Unknown,
 }
 
-/// Derives a grammar to a step of which only the part `part` is drawn: the string has all steps of `options`, and
-/// [`DerivedString::last_step`] tells what the last one did.
+/// Derives a grammar to a step of which only the fraction `part` is drawn: the string has all steps of `options`, and
+/// [`DerivedString::last_step`] describes the last one.
 /// # Errors
-/// Those of [`derive()`]; `Input` with L063 for grammars with queries, and for random numbers drawn as in cpfg.
+/// Errors of [`derive()`]; `Input` with L063 for grammars with queries, and for random numbers drawn as in cpfg.
 pub fn derive_part(grammar: &Grammar, options: &DeriveOptions, part: f64, limits: &Limits) -> Result<DerivedString> {
     if grammar.has_queries() || options.draw_as_cpfg {
         let what = if options.draw_as_cpfg { "random numbers are drawn as in cpfg" } else { "the turtle is queried" };
@@ -46,7 +46,7 @@ pub fn derive_part(grammar: &Grammar, options: &DeriveOptions, part: f64, limits
     }
     let mut derived = derive(grammar, options, limits)?;
     let Some(previous) = derived.steps.checked_sub(1) else { return Ok(derived) };
-    // A derivation that ended before its last step has no part of one.
+    // If the derivation ended before its last step, there is no part to draw.
     if options.steps.is_none_or(|steps| steps != derived.steps) {
         return Ok(derived);
     }
@@ -56,7 +56,8 @@ pub fn derive_part(grammar: &Grammar, options: &DeriveOptions, part: f64, limits
     Ok(derived)
 }
 
-/// The origin of each module of `after`. Both strings are in the order of derivation, so that the search goes ahead in both.
+/// The origin of each module of `after`. Both strings are in the order of derivation, so that the search moves only forward
+/// in both.
 fn origins(grammar: &Grammar, before: &ModuleString, after: &ModuleString) -> Vec<Origin> {
     let mut search = OriginSearch { grammar, before, at: 0, occurrences: Vec::new() };
     let mut unknown = 0;
@@ -68,18 +69,19 @@ fn origins(grammar: &Grammar, before: &ModuleString, after: &ModuleString) -> Ve
     after.iter().map(&mut origin).collect()
 }
 
-/// The place that the search for origins has reached.
+/// State of the search for origins.
 struct OriginSearch<'a> {
     grammar: &'a Grammar,
     before: &'a ModuleString,
-    /// Index in the string before the step.
+    /// Current index in the string before the step.
     at: usize,
-    /// Modules found so far that were made from the module at `at`: their symbols, with the number of each.
+    /// Symbols of the modules found so far that were made from the module at `at`, each with its number.
     occurrences: Vec<(SymbolId, u32)>,
 }
 
 impl OriginSearch<'_> {
-    /// The origin of the next module. It is recognised by its lineage, which is computed from that of the module it was made from.
+    /// The origin of the next module, recognised by its lineage: that of a made module follows from the lineage of its
+    /// parent.
     fn origin(&mut self, m: Module<'_>) -> Origin {
         let code = u64::from(u32::from(self.grammar.symbols().get(m.symbol)));
         let lineage = m.lineage();
@@ -107,13 +109,12 @@ impl OriginSearch<'_> {
 }
 
 impl DerivedString {
-    /// The last step, if only a part of it is drawn.
+    /// The last step; `None` unless only a part of it is drawn.
     pub fn last_step(&self) -> Option<&LastStep> {
         self.last_step.as_deref()
     }
 
-    /// Moves the parameters of module `i`, which must exist, from `old` to their values: the sum of `1 - part` times `old` and `part`
-    /// times the value.
+    /// Interpolates the parameters of module `i`, which must exist: sets each to `(1 - part) * old + part * value`.
     pub fn interpolate_parameters(&mut self, i: usize, old: &[f32], part: f64) {
         let params = self.modules.get(i).params;
         let blend = |(old, new): (&f32, &f32)| (1.0 - part) * f64::from(*old) + part * f64::from(*new);
