@@ -207,7 +207,7 @@ pub(super) struct Turtle<'a> {
     pub(super) dialect: DialectTurtle,
     /// A command of LParser that waits for its number.
     pub(super) pending: PendingNumber,
-    pub(super) commands: Vec<Command>,
+    commands: Vec<Command>,
     /// How far the module that is drawn has grown.
     pub(super) growth: ModuleGrowth,
     pub(super) symbols: Vec<char>,
@@ -384,6 +384,11 @@ impl<'a> Turtle<'a> {
             })
             .collect();
         if self.halted { Err(self.grammar.report(list)) } else { Ok(list) }
+    }
+
+    /// By symbol, whether it draws a segment or moves.
+    pub fn step_symbols(&self) -> Vec<bool> {
+        self.commands.iter().map(|command| command.is_step()).collect()
     }
 
     /// Interprets one module of a string of whose last step a part is drawn. `index`: of the module of the string that it draws;

@@ -77,7 +77,7 @@ pub fn draw(grammar: &Grammar, derived: &DerivedString, options: &TurtleOptions,
     turtle.builder = PlantBuilder::for_modules(derived.module_count());
     let Interpretation { mut warnings, output } = match derived.last_step() {
         Some(step) => {
-            let growth = StepGrowth::new(grammar, derived, step, &turtle.commands);
+            let growth = StepGrowth::new(grammar, derived, step, &turtle.step_symbols());
             let mut draw = |m: Module<'_>, index: usize| turtle.growing_module(m, index, &growth, &step.before);
             let interpreted = interpret_modules(grammar, derived, limits, &mut draw)?;
             turtle.removed_steps(derived.modules.len(), &growth, &step.before);

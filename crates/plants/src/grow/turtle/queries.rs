@@ -66,12 +66,12 @@ fn derive_growing(
         let help = "use a whole number of steps, or `osier convert --to cpfg`";
         return Err(refused(grammar, "a part of a step can be drawn of grammars in the notation of cpfg only", help));
     }
-    let commands = own.commands;
-    interpolate_heirs(grammar, &mut derived, &commands);
+    let step_symbols = own.step_symbols();
+    interpolate_heirs(grammar, &mut derived, &step_symbols);
     Ok(derived)
 }
 
-/// The error L063.
+/// The error L063 for a part of a step.
 fn refused(grammar: &Grammar, message: &str, help: &str) -> Error {
     let place = grammar.place_of(None, 'F');
     grammar.report(vec![Diagnostic::error("L063", message.to_owned(), place, "here").help(help)])

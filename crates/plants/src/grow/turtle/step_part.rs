@@ -9,14 +9,12 @@ use std::ops::Range;
 
 use osier_grammar::{DerivedString, Grammar, LastStep, Module, Origin};
 
-use super::commands::Command;
-
 /// Factors on what a module does while it grows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ModuleGrowth {
     /// On lengths of steps.
     pub length: f64,
-    /// On angles.
+    /// On angles of turns.
     pub turn: f64,
     /// On widths, and on sizes of organs and shapes.
     pub size: f64,
@@ -43,7 +41,7 @@ pub(super) struct StepGrowth {
     pub modules: Vec<ModuleGrowth>,
     /// In the order of the final string.
     pub removed: Vec<RemovedStep>,
-    /// Growth of these.
+    /// Growth of the removed steps.
     pub of_removed: ModuleGrowth,
 }
 
@@ -85,18 +83,19 @@ fn length(m: Module<'_>) -> f64 {
     m.params.first().map_or(1.0, |x| f64::from(*x))
 }
 
-/// A final string, its last step, and the turtle's command of each symbol.
+/// A final string, its last step, and which symbols are segments or moves.
 struct GrowingString<'a> {
     grammar: &'a Grammar,
     derived: &'a DerivedString,
     step: &'a LastStep,
-    commands: &'a [Command],
+    /// By symbol, whether it is a segment or a move.
+    step_symbols: &'a [bool],
 }
 
 impl GrowingString<'_> {
     /// Whether a module is a segment or a move.
     fn is_step(&self, m: Module<'_>) -> bool {
-        self.commands.get(usize::from(m.symbol)).is_some_and(|command| command.is_step())
+        self.step_symbols.get(usize::from(m.symbol)).copied().unwrap_or(false)
     }
 
     /// The module of a group that carries its predecessor on: the only one of the predecessor's symbol and number of parameters.
@@ -148,11 +147,11 @@ impl GrowingString<'_> {
 }
 
 /// Interpolates the parameters of modules that only change these in the last step, apart from segments and moves, whose lengths
-/// [`StepGrowth`] holds. `commands`: by symbol.
-pub(super) fn interpolate_heirs(grammar: &Grammar, derived: &mut DerivedString, commands: &[Command]) {
+/// [`StepGrowth`] holds. `step_symbols`: by symbol, whether it is a segment or a move.
+pub(super) fn interpolate_heirs(grammar: &Grammar, derived: &mut DerivedString, step_symbols: &[bool]) {
     let Some(step) = derived.last_step() else { return };
     let part = step.part;
-    let string = GrowingString { grammar, derived, step, commands };
+    let string = GrowingString { grammar, derived, step, step_symbols };
     let change = |group: &Group| {
         let parent = step.before.get(group.parent);
         let heir = string.heir(group).filter(|_| !string.is_step(parent) && !parent.params.is_empty())?;
@@ -165,13 +164,14 @@ pub(super) fn interpolate_heirs(grammar: &Grammar, derived: &mut DerivedString, 
 }
 
 impl StepGrowth {
-    /// How far the modules of a string have grown of whose last step a part is drawn. `commands`: by symbol.
-    pub fn new(grammar: &Grammar, derived: &DerivedString, step: &LastStep, commands: &[Command]) -> Self {
+    /// How far the modules of a string have grown of whose last step a part is drawn. `step_symbols`: by symbol, whether it is a
+    /// segment or a move.
+    pub fn new(grammar: &Grammar, derived: &DerivedString, step: &LastStep, step_symbols: &[bool]) -> Self {
         let growing = ModuleGrowth { length: step.part, turn: step.part, size: step.part };
         let of_origin = |origin: &Origin| if *origin == Origin::Unknown { growing } else { ModuleGrowth::WHOLE };
         let of_removed = ModuleGrowth { length: 1.0 - step.part, ..ModuleGrowth::WHOLE };
         let mut out = Self { modules: step.origins.iter().map(of_origin).collect(), removed: Vec::new(), of_removed };
-        let string = GrowingString { grammar, derived, step, commands };
+        let string = GrowingString { grammar, derived, step, step_symbols };
         for group in groups(step) {
             string.set_growth(&group, &mut out);
         }

@@ -439,7 +439,7 @@ pub(super) struct PolarDraw {
 }
 
 impl PolarDraw {
-    /// Takes two draws.
+    /// Takes two draws from a stream.
     #[inline]
     pub fn new(draw: &mut Rng) -> Self {
         Self { away: draw.unit_f32(), turn: draw.unit_f32() }
